@@ -7,7 +7,7 @@
     verdict    whether chain and wall can work together, in sentences
     infinite_plate    a thin plate as a dashpot
 
-A wall by hand has three things that are easily left out, each some percent of the force:
+Three things are easily left out of a wall made by hand, each some percent of the force:
 
 1. The residual compliance. Modes left out of a wall answer statically. `wall_of` puts them into an
    oscillator of the same static compliance, and sets Wall.residual_compliance to minus the

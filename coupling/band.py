@@ -17,7 +17,8 @@ from scipy.signal import butter, lfilter
 
 
 class Band(NamedTuple):
-    """What passes: below low_pass, above high_pass [Hz], None for no end; filters of `order`."""
+    """Corner frequencies [Hz] of the low-pass and the high-pass filter, None for no such filter,
+    and their order."""
 
     low_pass: float | None = None
     high_pass: float | None = None
@@ -25,7 +26,8 @@ class Band(NamedTuple):
 
 
 def filtered(band: Band, t: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """y (k, ...) at equal times t (k,) behind the band, at rest at y[0] before."""
+    """Output (k, ...) of the filters for a signal y (k, ...) at equally spaced times t (k,) [s], in
+    the steady state of y[0] before."""
     # corner frequencies [rad/s]: below the first and above the last nothing passes
     corners = [2 * np.pi * end for end in (band.high_pass, band.low_pass) if end is not None]
     if not corners:

@@ -142,7 +142,7 @@ def march_coupled(
 
 
 class ContactForces(NamedTuple):
-    """Of the n contacts, the last one at the wall."""
+    """Indentations and forces of the n contacts, the last one at the wall."""
 
     delta: np.ndarray  # (n,) [m] indentation
     elastic: np.ndarray  # (n,) [N]
@@ -198,8 +198,8 @@ def with_coupled_error(
 
 
 def longest_step(wall: CoupledWall, stiffest: float = 100.0) -> float:
-    """[s] that the Runge-Kutta method keeps stable; raises CouplingError where none is worth it:
-    dampers `stiffest` times as fast as the fastest mode make a march of minutes."""
+    """Longest step [s] for which the Runge-Kutta method is stable. Raises CouplingError for dampers
+    `stiffest` times as fast as the fastest mode, with which a march would take minutes."""
     fastest = wall.omega.max(initial=0.0)
     decay = np.abs(wall.D).max(initial=0.0) and np.linalg.eigvalsh(wall.D)[-1]
     if decay > stiffest * fastest:

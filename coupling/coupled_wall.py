@@ -1,5 +1,5 @@
-"""Walls that independent oscillators cannot stand for: damping that couples the modes, or a force
-that enters through other weights than the displacement is read.
+"""Walls that cannot be written as independent oscillators: damping couples their modes, or the
+force enters through other weights than those by which the displacement is read.
 
     q'' + D q' + diag(omega^2) q = g F,   u_w = h^T q + s F,   g = V^T w_force, h = V^T w_read
 

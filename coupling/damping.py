@@ -69,6 +69,8 @@ def damping_ratios(damping: Damping | None, omega: np.ndarray) -> np.ndarray:
     """
     if damping is None:
         return np.zeros_like(omega)
+
+    # by the coefficients alpha and beta
     if isinstance(damping, RayleighDamping):
         alpha, beta = damping
         if alpha and not omega.all():
@@ -78,8 +80,38 @@ def damping_ratios(damping: Damping | None, omega: np.ndarray) -> np.ndarray:
             )
         with np.errstate(divide="ignore", invalid="ignore"):
             zeta = np.where(omega > 0, alpha / (2 * omega) + beta * omega / 2, 0.0)
+
+    # one ratio for all modes, or one for each
+    elif damping.frequency_hz is None:
+        ratio = np.atleast_1d(np.asarray(damping.ratio, dtype=float))
+        if len(ratio) not in (1, len(omega)):
+            raise CouplingError(
+                f"{len(ratio)} damping ratios were given for {len(omega)} modes; give one, one "
+                f"each, or a table with frequency_hz."
+            )
+        zeta = np.broadcast_to(ratio, omega.shape)
+
+    # a table over frequency
     else:
-        zeta = _modal_ratios(damping, omega)
+        ratio = np.atleast_1d(np.asarray(damping.ratio, dtype=float))
+        table_hz = np.asarray(damping.frequency_hz, dtype=float)
+        if table_hz.shape != ratio.shape or not (np.diff(table_hz) > 0).all():
+            raise CouplingError(
+                f"the damping table has {table_hz.size} frequencies and {ratio.size} ratios; it "
+                f"wants as many of both, frequencies ascending."
+            )
+        if table_hz[0] <= 0:
+            raise CouplingError(f"the damping table starts at {table_hz[0]:g} Hz; start above 0.")
+        if damping.pairing == "interpolate":
+            zeta = np.interp(omega / (2 * np.pi), table_hz, ratio)
+        elif damping.pairing == "nearest":
+            log = np.log(np.maximum(omega, 1e-300) / (2 * np.pi))
+            zeta = ratio[np.abs(log[:, None] - np.log(table_hz)).argmin(axis=1)]
+        else:
+            raise CouplingError(
+                f"pairing is {damping.pairing!r}; it can be 'interpolate' or 'nearest'."
+            )
+
     if not (zeta >= 0).all():
         worst = int(np.argmin(zeta))
         raise CouplingError(
@@ -87,33 +119,6 @@ def damping_ratios(damping: Damping | None, omega: np.ndarray) -> np.ndarray:
             f"a passive wall has ratios >= 0."
         )
     return np.where(omega > 0, zeta, 0.0)
-
-
-def _modal_ratios(damping: ModalDamping, omega: np.ndarray) -> np.ndarray:
-    """zeta (k,) at omega (k,): one for all, one each, or from the table over frequency."""
-    ratio = np.atleast_1d(np.asarray(damping.ratio, dtype=float))
-    if damping.frequency_hz is None:
-        if len(ratio) not in (1, len(omega)):
-            raise CouplingError(
-                f"{len(ratio)} damping ratios were given for {len(omega)} modes; give one, one "
-                f"each, or a table with frequency_hz."
-            )
-        return np.broadcast_to(ratio, omega.shape).copy()
-
-    table_hz = np.asarray(damping.frequency_hz, dtype=float)
-    if table_hz.shape != ratio.shape or not (np.diff(table_hz) > 0).all():
-        raise CouplingError(
-            f"the damping table has {table_hz.size} frequencies and {ratio.size} ratios; it "
-            f"wants as many of both, frequencies ascending."
-        )
-    if table_hz[0] <= 0:
-        raise CouplingError(f"the damping table starts at {table_hz[0]:g} Hz; start above 0.")
-    if damping.pairing == "interpolate":
-        return np.interp(omega / (2 * np.pi), table_hz, ratio)
-    if damping.pairing == "nearest":
-        log = np.log(np.maximum(omega, 1e-300) / (2 * np.pi))
-        return ratio[np.abs(log[:, None] - np.log(table_hz)).argmin(axis=1)]
-    raise CouplingError(f"pairing is {damping.pairing!r}; it can be 'interpolate' or 'nearest'.")
 
 
 def matrix_ratios(D: np.ndarray | None, omega: np.ndarray) -> np.ndarray:

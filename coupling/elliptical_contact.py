@@ -17,14 +17,15 @@ import numpy as np
 
 
 class EllipticalContact(NamedTuple):
-    """What the curvature of a struck surface makes of a sphere's Hertz contact."""
+    """A sphere's Hertz contact on a curved surface, relative to that on a plane."""
 
     stiffness: float  # factor on the constant k of F = k delta^(3/2) of a plane
     axes: float  # a/b of the ellipse
     size: float  # sqrt(a b) over the radius of the contact with a plane under the same force
 
     def longest(self, radius: float) -> float:
-        """a [m], of the radius [m] of the contact with a plane."""
+        """Longer half axis a [m], from the radius [m] of the contact with a plane under the same
+        force."""
         return float(self.size * np.sqrt(self.axes) * radius)
 
 
@@ -32,10 +33,10 @@ PLANE = EllipticalContact(1.0, 1.0, 1.0)
 
 
 def elliptical_contact(sphere_radius: float, curvatures: tuple[float, float]) -> EllipticalContact:
-    """The contact of a sphere of a radius [m] with a surface of principal curvatures [1/m], < 0
-    where concave.
+    """The contact of a sphere of a radius [m] with a surface of two principal curvatures [1/m],
+    negative where it is concave.
 
-    Raises ValueError for a surface that closes around the sphere.
+    Raises ValueError for a hollow that is not wider than the sphere.
     """
     R_inverse = sorted((1 / sphere_radius + curvature for curvature in curvatures), reverse=True)
     if R_inverse[-1] <= 0:

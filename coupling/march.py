@@ -1,4 +1,4 @@
-"""The coupled run: judge the chain and its wall, then march both."""
+"""The coupled run: the verdict on chain and wall, then the march of both."""
 
 from typing import NamedTuple
 
@@ -21,12 +21,12 @@ from dem import (
 
 
 class LongRun(NamedTuple):
-    """What a run does beyond its horizon."""
+    """How the step of a run beyond its horizon is chosen; not varied."""
 
-    energy_error: float = 1e-2  # of the ledger, over the velocity error of the opening; not varied
-    halvings: int = 5  # of the step, to close the ledger; then the best of them is taken
-    # longest stable steps of an opening, some ten impacts: an earlier horizon says nothing of a
-    # step, and made tiny ones
+    energy_error: float = 1e-2  # of the ledger, over the velocity error asked for
+    halvings: int = 5  # of the step, at most, until the ledger closes; then the best of them counts
+    # shortest opening by which a step is chosen, in longest stable steps, some ten impacts: chosen
+    # by a shorter one, steps came out tiny
     opening: float = 30.0
 
 
@@ -92,13 +92,14 @@ def _beyond_horizon(
     run: dict,
     long_run: LongRun = LongRun(),
 ) -> tuple[Trajectory, StepReport]:
-    """A run whose velocities are within error up to the horizon [s], and whose energy is beyond."""
+    """A run whose velocities meet the error up to the horizon [s], and whose energy balance closes
+    beyond it; with the report on its step."""
     duration, n_save = run["duration"], run["n_save"]
     horizon = max(horizon, long_run.opening * stability_limit(chain, wall, v0))
     if horizon >= duration:
         return march_to_error(chain, wall, v0, error=error, **run)
 
-    # the step by the opening alone
+    # the step that the error asks for up to the horizon
     opening = run | {"duration": horizon, "n_save": max(1, round(n_save * horizon / duration))}
     first, report = march_to_error(chain, wall, v0, error=error, **opening)
 

@@ -1,4 +1,4 @@
-"""An infinite plate as a wall: bending waves carry away what the sphere gives, a dashpot's force.
+"""An infinite plate as a wall: its bending waves carry energy away as a dashpot would.
 
     v_w = F / (8 sqrt(D rho h)),   D = E h^3 / 12 (1 - nu^2),   k^4 = rho h omega^2 / D
 
@@ -44,5 +44,6 @@ def group_speed(plate: Plate, omega: float) -> float:
 
 
 def slenderness(plate: Plate, contact_time: float) -> float:
-    """k h of the bending wave whose half period is the contact: Zener's plate has k h << 1."""
+    """k h of the bending wave whose half period is the contact time [s]; Zener's law holds for
+    k h << 1."""
     return wavenumber(plate, np.pi / contact_time) * plate.thickness

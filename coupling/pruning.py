@@ -1,4 +1,4 @@
-"""Wall modes that are not worth their time: what leaving each one out costs, and a smaller wall.
+"""A wall without the modes that hardly matter: the error that leaving out each one would cause.
 
 A mode can be frozen (it hardly moves while the spheres are there: 51 Hz) or made static (it follows
 the force at once: 40 kHz). Its cost is the change of velocity of the last sphere that the missing
@@ -60,13 +60,13 @@ def prune(chain: Chain, wall: Wall, v0: ArrayLike, *, duration: float, error: fl
     options = {"duration": duration, "error": 0.1 * error, "n_save": 20000}
     reference = impact(chain, wall, v0, **options)
 
-    # as many of the cheapest modes as cost the error together, if no costs cancel
+    # as many modes, the least costly first, as cost the error in total if no costs cancel
     order = sorted(mode_costs(chain, wall, reference.trajectory), key=lambda mode: mode.cost)
     total = np.cumsum([mode.cost for mode in order])
     n = int(np.searchsorted(total, error))
 
-    # measured by a second run, a fifth of the modes coming back after each that fails; where the
-    # contact would give way beside static modes no run is tried
+    # the change they make is measured by a second run, and a fifth of them comes back after each
+    # run that misses the error; no run where the contact would be unstable beside static modes
     speed = np.abs(v0).max()
     while n > 0:
         pruned = without(wall, order[:n])

@@ -1,4 +1,4 @@
-"""What is saved of a run: its arrays over time, and the modes of the wall that they belong to."""
+"""The arrays that are saved of a run: those over time, and the wall modes they belong to."""
 
 from pathlib import Path
 

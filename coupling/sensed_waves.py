@@ -1,8 +1,8 @@
-"""Waves in the signal of a sensor: the named waves of its sphere, found again as the sensor shows
-them.
+"""Waves in the signal of a sensor: crests of the waves that are named at its sphere.
 
-A wave presses a bead whichever way it runs: forces have one sign, velocities that of its direction.
-What is searched is the force of a rate and the velocity of a displacement.
+A force has the same sign for a wave of either direction, a velocity that of the direction. A force
+rate is integrated to a force and a displacement differentiated to a velocity before crests are
+sought, since only these have one crest a wave.
 """
 
 from collections.abc import Sequence
@@ -81,8 +81,8 @@ def sensed_waves(
 def _force_or_velocity(
     quantity: str, t: NDArray[np.float64], y: NDArray[np.float64], reach: int
 ) -> NDArray[np.float64]:
-    """What has one crest a wave (k,): the force of a rate by trapezoids, the velocity of a
-    displacement as its slope over `reach` samples to both sides."""
+    """The signal with one crest a wave (k,): of a force rate its integral by trapezoids, of a
+    displacement its slope over `reach` samples to both sides."""
     dt = t[1] - t[0]
     if quantity == "force-rate":
         return np.concatenate([[0.0], np.cumsum(0.5 * dt * (y[1:] + y[:-1]))])

@@ -1,4 +1,4 @@
-"""What the sensors on a chain record of a run, and the waves that each of them shows."""
+"""Signals that the sensors on a chain record, and the waves in them."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -30,7 +30,8 @@ def sensor_record(
     bits: int | None,
     seed: int,
 ) -> SensorRecord:
-    """Signals of the run at a rate [Hz] with steps of so many bits, None of any."""
+    """Signals of a run at a sampling rate [Hz], rounded to `bits` (None: not rounded), with noise
+    from `seed`, and the waves in them."""
     at = instants(run.t, sampling)
     quantities = measured(sensors, run.t, run.x, run.v, run.contact_force)
     y = recorded(sensors, signals(sensors, run.t, quantities, at), bits, seed)

@@ -1,4 +1,4 @@
-"""What sensors on a chain show of a run: contact forces and motions as signals of an instrument.
+"""Sensors on a chain: contact forces and motions of spheres as signals of an instrument.
 
     y = gain * h(t) * s(t),   s = (F_i-1 + F_i) / 2,  its time derivative,  v_i  or  x_i
 

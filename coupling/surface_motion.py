@@ -54,7 +54,8 @@ def _surface_modes(reduced: ReducedModel, modes: ModalWall, index: np.ndarray) -
 
 
 class Shapes(NamedTuple):
-    """Shapes (k, m, 3) on the outer nodes, which of them each wall mode and each mode listed is."""
+    """Shapes (k, m, 3) on the outer nodes; for each wall mode and each listed mode the index of its
+    shape."""
 
     shape: np.ndarray
     of_wall: list[int]  # (n_wall_modes,) -1 where it was left out
@@ -99,5 +100,5 @@ def shown_shapes(
 
 
 def _numbered(mask: np.ndarray) -> np.ndarray:
-    """0, 1, 2 ... where it is true, -1 elsewhere."""
+    """Numbers 0, 1, 2, ... of the True elements of a mask (n,), -1 for the others."""
     return np.where(mask, np.cumsum(mask) - 1, -1)

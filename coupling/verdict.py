@@ -1,11 +1,11 @@
-"""What can be said before the run: will the coupled system work, and what forces to expect; and
-after it, whether the step that was given was too long.
+"""The verdict on chain and wall before a run: whether they can be marched, and forces to expect;
+after a run, whether the step that was given was too long.
 
 Predicted peak force: one sphere on the wall, F = A^(2/5) (5/4 m V^2)^(3/5), which a chain does not
 reach (Hertz; Johnson, Contact Mechanics, sec. 11.4). Contact stiffness there:
 k = dF/d delta = 3/2 A^(2/3) F^(1/3), in series with the residual compliance k / (1 + s k).
-A finite-element body loaded over a patch holds the half-space under it, and so does the Hertz law:
-one of them has to go, and s may come out negative (sec. 3.2 and 3.4).
+A finite-element body loaded over a patch contains the compliance of the half-space under it, and so
+does Hertz' law: it is taken out of the wall, and s may come out negative (sec. 3.2 and 3.4).
 """
 
 from collections.abc import Iterator
@@ -22,8 +22,8 @@ from dem.spheres import hertz_overlap, hertz_stiffness
 class Verdict(NamedTuple):
     """A judgement of a chain and its wall at given velocities.
 
-    possible: the run can start; passive: the wall cannot make energy; predicted_peak_force in N;
-    findings: what forbids the run or makes it wrong; sentences: all of it for a reader.
+    possible: the run can start. passive: the wall cannot make energy. predicted_peak_force in N.
+    findings: reasons why the run is impossible or wrong. sentences: the whole verdict in words.
     """
 
     possible: bool
@@ -155,7 +155,7 @@ def _energy_source(wall: Wall | CoupledWall | None) -> str | None:
 
 
 def large_step_error(error: float | None) -> Iterator[str]:
-    """A sentence on a step given by the user that leaves more than a hundredth."""
+    """A sentence on a step given by the user whose relative error exceeds a hundredth."""
     if error is not None and error > 0.01:
         yield (
             f"The step leaves an error of {error:.2g} in the velocities; take a smaller time.dt, "

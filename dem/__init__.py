@@ -19,8 +19,6 @@ with the contact; `coupling.wall.wall_of` makes one of a reduced model.
 '732 N'
 """
 
-from warnings import warn
-
 from dem.batch import Batch, march_batch
 from dem.chain import RIGID, Chain, Flat, State, row_of_spheres
 from dem.chains import Chains
@@ -68,17 +66,3 @@ __all__ = [
     "with_step_error",
     "yielding",
 ]
-
-FORMER_NAMES = {"Search": "StepSearch"}
-
-
-def __getattr__(name: str):
-    """What has another name now, by its former one, with a DeprecationWarning."""
-    if name not in FORMER_NAMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    warn(
-        f"{__name__}.{name} is {__name__}.{FORMER_NAMES[name]} now.",
-        DeprecationWarning,
-        stacklevel=2,
-    )
-    return globals()[FORMER_NAMES[name]]

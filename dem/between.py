@@ -1,4 +1,4 @@
-"""Runs whose steps do not stop at the samples, which lie on polynomials of the steps.
+"""Runs whose steps do not end at the samples: these are taken from polynomials over the steps.
 
 A step ends with positions and velocities; the forces there give the accelerations, and the
 velocities the rate of the forces, so that four derivatives of every body are known at both ends.
@@ -20,17 +20,19 @@ from dem.trajectory import trajectory as trajectory_of
 def run_between(
     prepared: PreparedChain, state: State, duration: float, dt: float, scheme: Scheme, n_save: int
 ) -> Trajectory:
-    """Trajectory of a prepared chain at n_save + 1 equal times, by steps up to dt that need not end
-    there. They do where few more steps are taken for it, and where forces are not smooth while a
-    contact is closed; see `march`."""
+    """Trajectory of a prepared chain at n_save + 1 equally spaced times, by steps up to dt [s].
+
+    Steps end at these times only where that takes few more of them, and where forces are not smooth
+    while a contact is closed. See `march`.
+    """
     chain, wall = prepared.chain, prepared.wall
 
     # steps that polynomials can follow: modes and leaf springs, which the march moves exactly, by
     # 2.5 of their phase, and dampers
-    rates = np.sqrt(chain.springs[0] / chain.mass)
-    if wall is not None:
-        rates = np.append(rates, wall.omega)
-    fastest = max(rates.max() / 2.5, fastest_decay(prepared, state.v))
+    rates = [0.0] if wall is None else [0.0, *wall.omega]
+    if chain.leaf_stiffness is not None:
+        rates.append(float(np.sqrt((chain.springs[0] / chain.mass).max())))
+    fastest = max(max(rates) / 2.5, fastest_decay(prepared, state.v))
     longest = 1.0 / fastest if fastest > 0.0 else np.inf
     n_steps = int(np.ceil(duration / min(dt, longest) * (1 - 1e-9)))
 
@@ -79,7 +81,7 @@ def run_between(
 
 
 def chain_and_wall(prepared: PreparedChain, arrays: ChainArrays) -> ChainAndWall:
-    """What accelerations and their rates follow from, 0 for what the chain lacks."""
+    """Arrays from which accelerations and their rates follow; 0 for parts that the chain lacks."""
     chain, wall, static, load, damping = prepared
     modal = (np.zeros(0),) * 3
     if static.q.size:

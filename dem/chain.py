@@ -76,17 +76,17 @@ class Chain(NamedTuple):
 
 
 class State(NamedTuple):
-    """Where a march stands; modes q, p are measured from the static state."""
+    """Positions and velocities at an instant; those of modes, q and p, from the static state."""
 
-    x: Array  # (n,)
-    v: Array  # (n,)
-    q: Array  # (n_modes,)
-    p: Array  # (n_modes,)
+    x: Array  # (n,) [m]
+    v: Array  # (n,) [m/s]
+    q: Array  # (n_modes,) [kg^1/2 m]
+    p: Array  # (n_modes,) [kg^1/2 m/s]
     wall: Array  # (4,) u_w, v_w of the modes, displacement of the dashpot, work on the modes
     deepest: Array | None = None  # (n_contacts,) largest overlap so far, of plastic contacts
 
     def reversed(self) -> "State":
-        """The same place with all velocities turned round."""
+        """The same positions with all velocities reversed."""
         wall = self.wall * [1.0, -1.0, 1.0, 1.0]
         return State(self.x, -self.v, self.q, -self.p, wall, self.deepest)
 

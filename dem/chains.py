@@ -74,13 +74,14 @@ class Chains:
 
     @property
     def fit_lanes(self) -> bool:
-        """Whether the lanes know all that these chains have: no yield, friction or dashpot."""
+        """Whether the kernel for chains side by side has all parts of these: no yield, no friction,
+        no dashpot."""
         creeps = np.any(self.arrays.get("mobility", 0.0))
         return not (creeps or self.chain.yield_overlap is not None or self.chain.slides)
 
     @property
     def free(self) -> bool:
-        """Whether there is no wall."""
+        """Whether the last sphere has no wall."""
         return self.wall is None
 
     @property
@@ -117,7 +118,7 @@ class Chains:
         return tuple(np.array(values) for values in zip(*static, strict=True))
 
     def take(self, rows: Array) -> "Chains":
-        """The chains of these rows, without looking at them again."""
+        """The chains of these rows, not validated again."""
         chains = object.__new__(Chains)
         chains.chain, chains.wall, chains.count = self.chain, self.wall, len(rows)
         chains.arrays = {name: values[rows] for name, values in self.arrays.items()}

@@ -1,4 +1,4 @@
-"""Refusals of numbers that no run can start from: not finite, out of range, too many or too few."""
+"""Checks of a run's numbers: finite, in range, as many as needed; raise InvalidChain."""
 
 import math
 from collections.abc import Iterable
@@ -44,7 +44,7 @@ def vector(
 
 
 def spread(name: str, values: object, size: int) -> Array:
-    """(..., size) of one number or one each, behind the leading axes that there are."""
+    """Values (..., size), from one number for all or one each; leading axes stay."""
     try:
         given = np.asarray(values, float)
         return np.broadcast_to(given, (*given.shape[:-1], size))
@@ -53,25 +53,25 @@ def spread(name: str, values: object, size: int) -> Array:
 
 
 def scalar(name: str, value: object, *, at_least: float | None = None) -> None:
-    """One finite number, at least a bound."""
+    """Require one finite number, not below a bound if there is one."""
     lowest = -math.inf if at_least is None else at_least
     if not (isinstance(value, float) and math.isfinite(value) and value >= lowest):
         vector(name, np.atleast_1d(value), 1, at_least=at_least)
 
 
 def above_0(name: str, value: object) -> None:
-    """One finite number above 0."""
+    """Require one finite number above 0."""
     vector(name, np.atleast_1d(value), 1, positive=True)
 
 
 def positive(name: str, value: object, unit: str = "") -> None:
-    """A finite number above 0."""
+    """Require a finite number above 0; the sentence names its unit."""
     if not (isinstance(value, Real) and 0.0 < value < math.inf):
         raise InvalidChain(f"{name} is {value!r}{unit}; it must be finite and above 0")
 
 
 def whole(name: str, value: object, *, at_least: int = 1) -> None:
-    """A whole number."""
+    """Require a whole number, not below a bound."""
     require(
         isinstance(value, Integral) and value >= at_least,
         f"{name} is {value!r}; give a whole number of at least {at_least}",
@@ -79,7 +79,7 @@ def whole(name: str, value: object, *, at_least: int = 1) -> None:
 
 
 def saves(n_save: int, n: int) -> None:
-    """A number of saves of n spheres that memory holds."""
+    """Require a number of saves of n spheres that fits into memory."""
     whole("n_save", n_save)
     require(
         n_save * (n + 4) < MOST_SAVED,

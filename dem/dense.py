@@ -15,7 +15,8 @@ def velocities_between(x: Array, v: Array, a: Array, h: float, n_samples: int) -
 
 
 def values_between(values: Array, n_samples: int) -> Array:
-    """(n_samples + 1,) of values (k,) at equal steps, by the cubic with central slopes."""
+    """Values (n_samples + 1,) at equally spaced instants, from values (k,) at the ends of equal
+    steps, by cubics with central differences as slopes."""
     samples = np.empty(n_samples + 1)
     fill_values(np.ascontiguousarray(values), np.gradient(values), samples)
     return samples

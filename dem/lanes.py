@@ -28,7 +28,7 @@ from dem.stability import refuse_step
 
 
 class LaneRuns(NamedTuple):
-    """What chains marched side by side leave at k samples."""
+    """Chains marched side by side, at k samples."""
 
     v: Array  # (n_chains, k, n_observed)
     wall_force: Array  # (n_chains, k)
@@ -166,7 +166,7 @@ def _packed(values):
 
 
 def _sliced(arrays, blocks):
-    """The same blocks of every array of a tuple of arrays and such tuples."""
+    """A tuple of arrays, and of such tuples, with these blocks of every array alone."""
     return type(arrays)(
         *(_sliced(a, blocks) if isinstance(a, tuple) else a[blocks] for a in arrays)
     )

@@ -1,4 +1,4 @@
-"""What a chain and its wall are to every march, whatever its step."""
+"""A chain and its wall prepared for a march: what does not depend on the step."""
 
 from typing import NamedTuple
 
@@ -18,7 +18,7 @@ class PreparedChain(NamedTuple):
     chain: Chain
     wall: Wall | None
     static: Equilibrium
-    load: Array | None  # (n,) [N] what holds every sphere against its contacts; None for nothing
+    load: Array | None  # (n,) [N] steady forces that balance the contacts at rest; None for none
     damping: Damping | None
 
     @property

@@ -67,7 +67,7 @@ def _weighted(weights, v, a, i):
 
 
 def no_directions(chain: Chain, wall: Wall | None) -> Directions:
-    """Directions of no parameter."""
+    """Zero directions, of no parameter."""
     n, n_contacts = chain.mass.size, chain.A.size
     k = 0 if wall is None else wall.omega.size
     sizes = (n_contacts, n_contacts, n, None, k, k, k)

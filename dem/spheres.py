@@ -19,14 +19,14 @@ def mass(radius: ArrayLike, density: ArrayLike) -> Array:
 
 
 def relative_radius(R1: ArrayLike, R2: ArrayLike = np.inf) -> Array:
-    """R* [m]; `R2 = inf` is a flat."""
+    """Relative radius R* = R1 R2 / (R1 + R2) [m]; R2 = inf is a plane."""
     return 1.0 / (1.0 / np.asarray(R1, float) + 1.0 / np.asarray(R2, float))
 
 
 def contact_modulus(
     E1: ArrayLike, nu1: ArrayLike, E2: ArrayLike = np.inf, nu2: ArrayLike = 0.0
 ) -> Array:
-    """E* [Pa]; `E2 = inf` is rigid."""
+    """Contact modulus E*, 1 / E* = (1 - nu1^2) / E1 + (1 - nu2^2) / E2 [Pa]; E2 = inf is rigid."""
     return 1.0 / ((1.0 - np.square(nu1)) / E1 + (1.0 - np.square(nu2)) / np.asarray(E2, float))
 
 
@@ -47,17 +47,17 @@ def hertz_coefficient(
 
 
 def hertz_overlap(force: ArrayLike, A: ArrayLike) -> Array:
-    """delta = (F / A)^(2/3) [m]."""
+    """Overlap delta = (F / A)^(2/3) [m] of a contact under a force F [N] by Hertz' law."""
     return (np.asarray(force, float) / A) ** (2.0 / 3.0)
 
 
 def hertz_stiffness(overlap: ArrayLike, A: ArrayLike) -> Array:
-    """dF/d delta = 3/2 A delta^(1/2) [N/m]."""
+    """Stiffness dF/d delta = 3/2 A delta^(1/2) [N/m] of a contact at an overlap delta [m]."""
     return 1.5 * np.asarray(A, float) * np.sqrt(overlap)
 
 
 def hertz_energy(force: ArrayLike, A: ArrayLike) -> Array:
-    """2/5 F delta [J] of a contact under a force."""
+    """Elastic energy 2/5 F delta [J] of a contact under a force F [N]."""
     return 0.4 * np.asarray(force, float) * hertz_overlap(force, A)
 
 

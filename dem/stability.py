@@ -1,4 +1,4 @@
-"""The largest step with which a march means anything.
+"""The longest step with which a march is stable.
 
 Wall modes and leaf springs are advanced exactly and set no limit; contacts do, through the linear
 stability interval of the scheme: dt * omega below `stability_interval`.
@@ -19,11 +19,12 @@ from dem.spheres import hertz_overlap, hertz_stiffness
 from dem.walls import Wall
 
 SLIDING = ("verlet", "leapfrog")  # explicit, and never back in time
-BACKWARD = 10.0  # rounding may grow by exp(BACKWARD) in a step back in time
+# exponent of the growth of rounding in a scheme's step back in time, where damping is amplified
+BACKWARD = 10.0
 
 
 class UnstableStep(ValueError):
-    """A step for which the march has no meaning."""
+    """A step so long that the march is unstable."""
 
 
 def marching_scheme(
@@ -42,7 +43,7 @@ def marching_scheme(
 
 
 def refuse_step(prepared: PreparedChain, v0: ArrayLike, dt: float, scheme: Scheme) -> None:
-    """Raise UnstableStep if the contacts or the damping make dt meaningless for the scheme."""
+    """Raise UnstableStep if contacts or damping make the scheme unstable at steps of dt [s]."""
     rate, limit = fastest_rate(prepared, v0), stability_interval(scheme)
     if dt * rate > limit:
         raise UnstableStep(
@@ -72,7 +73,7 @@ def fastest_rate(prepared: PreparedChain, v0: ArrayLike) -> float:
 
 
 def fastest_decay(prepared: PreparedChain, v0: ArrayLike) -> float:
-    """Upper estimate of the largest rate [1/s] at which damping wears motion down."""
+    """Upper estimate of the largest rate [1/s] at which damping reduces a velocity."""
     chain, wall, damping = prepared.chain, prepared.wall, prepared.damping
     rates = [0.0]
     if wall is not None and wall.omega.size:
@@ -133,7 +134,7 @@ def _interval(name):
 def stability_limit(
     chain: Chain, wall: Wall | None, v0: ArrayLike, *, scheme: str | None = None
 ) -> float:
-    """Largest meaningful step [s]; contacts that share a sphere can lower it by up to sqrt(2)."""
+    """Longest stable step [s]; contacts that share a sphere can lower it by up to sqrt(2)."""
     validate(chain, wall, v0)
     method, rate = named_scheme(scheme, chain, wall), fastest_rate(prepare(chain, wall), v0)
     return stability_interval(method) / rate if rate > 0.0 else np.inf

@@ -12,7 +12,7 @@ from dem.walls import Wall, static_compliance
 
 
 class Directions(NamedTuple):
-    """Derivatives by p parameters of what a run is made of."""
+    """Derivatives of a run's inputs by p parameters."""
 
     A: Array  # (n_contacts, p)
     gamma: Array  # (n_contacts, p)

@@ -1,4 +1,4 @@
-"""March a chain and its wall through time with a fixed step, and what comes out of it."""
+"""The march of a chain and its wall with a fixed step, and its trajectory."""
 
 from typing import NamedTuple
 
@@ -26,7 +26,7 @@ from dem.schemes import Scheme
 from dem.stability import UnstableStep, marching_scheme, refuse_step
 from dem.walls import Wall
 
-MOST_MODES = 500  # whose coordinates are saved: 6 MB of a run's usual 3000 instants
+MOST_MODES = 500  # of a wall whose modal coordinates are saved: 6 MB at the usual 3000 instants
 
 
 class Trajectory(NamedTuple):
@@ -62,7 +62,7 @@ class Trajectory(NamedTuple):
 
     @property
     def energy_scale(self) -> float:
-        """[J] what errors of the energy are relative to."""
+        """Energy [J] that errors of the energy are relative to."""
         return float(self.energy_kinetic[0] or np.abs(self.energy_total).max() or 1.0)
 
     @property
@@ -156,7 +156,7 @@ def run(
 
 
 class Marched(NamedTuple):
-    """What a march by equal steps leaves."""
+    """The result of a march by equal steps."""
 
     steps: Steps
     scheme: Scheme
@@ -205,7 +205,7 @@ def equal_steps(duration: float, dt: float, n_save: int) -> Steps:
 
 
 def trajectory(march: Marched, out: Saved, duration: float) -> Trajectory:
-    """What was saved of a march, at equal times."""
+    """The Trajectory of what a march saved at equally spaced times."""
     total, steps = out.energy[:, 10], march.steps
     scale = out.energy[0, 0] or np.abs(total).max() or 1.0
     n_save = total.size - 1

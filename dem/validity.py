@@ -1,7 +1,7 @@
-"""Where the contact law ends: how far a run has left the model that it is a run of.
+"""Limits of the contact law, and how far a run exceeds them.
 
-Hertz' law holds for contacts small beside the spheres, elastic material and impacts slow beside
-sound; a right solution of the equations beyond is no prediction.
+Hertz' law holds for contacts that are small relative to the spheres, elastic material, and impacts
+that are slow relative to sound; beyond, a right solution of the equations is no prediction.
 K. L. Johnson, Contact Mechanics, Cambridge 1985, sec. 4.2, 6.1 (first yield at a pressure of 1.6
 times the yield stress) and 11.4 (quasi-static impacts).
 """
@@ -31,7 +31,7 @@ SLOW = 0.01  # speed over that of sound in a bar
 
 
 class Strain(NamedTuple):
-    """The worst of a run, each beside what the model bears."""
+    """Largest values of a run that the limits of the model are compared with."""
 
     radius_ratio: float  # contact radius over the smaller radius
     pressure: float  # [Pa] at the contact nearest to or farthest beyond first yield

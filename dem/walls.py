@@ -1,4 +1,4 @@
-"""What the chain leans on: a wall that moves by its modes, by a residual compliance, by a dashpot.
+"""Walls of a chain, which move by their modes, by a residual compliance, by a dashpot.
 
 A reduced model becomes one in `coupling/wall.py`; the half-space of the last contact is in the
 contact's stiffness, `dem.Flat`.

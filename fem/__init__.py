@@ -21,10 +21,8 @@ u are the free displacements of a Model, u_mesh = model.T @ u, node after node x
 See examples/own_mesh.py, from a mesh of one's own to an impact.
 """
 
-from warnings import warn
-
 from fem.anisotropic_half_space import indentation_modulus
-from fem.beam import ENDS, BeamEnd, Section, beam, rectangle, section, tube
+from fem.beam import ENDS, BeamEnd, BesideSolid, Section, beam, rectangle, section, tube
 from fem.bending import Bending, Buckled
 from fem.contact_patch import (
     ContactPatch,
@@ -54,7 +52,7 @@ from fem.mechanisms import Loose, loose_bodies
 from fem.mirror import mirrored
 from fem.model import Connections, Held, Model, SwayingTable, joined
 from fem.modes import Modes, held, modes
-from fem.plate import Sheet, TooLarge, mindlin_plate
+from fem.plate import PlateBesideSolid, Sheet, TooLarge, mindlin_plate
 from fem.prestress import FaceForce, Heat, Load, prestressed
 from fem.response import receptance
 from fem.rods import Rod
@@ -68,6 +66,7 @@ __all__ = [
     "ENDS",
     "BeamEnd",
     "Bending",
+    "BesideSolid",
     "BodyMotion",
     "Buckled",
     "Bushing",
@@ -87,6 +86,7 @@ __all__ = [
     "OnSurface",
     "Orthotropic",
     "Pairing",
+    "PlateBesideSolid",
     "RigidBody",
     "Rod",
     "Section",
@@ -133,17 +133,3 @@ __all__ = [
     "target_mac",
     "tube",
 ]
-
-FORMER_NAMES = {"End": "BeamEnd", "Motion": "BodyMotion", "Table": "SwayingTable"}
-
-
-def __getattr__(name: str):
-    """What has another name now, by its former one, with a DeprecationWarning."""
-    if name not in FORMER_NAMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    warn(
-        f"{__name__}.{name} is {__name__}.{FORMER_NAMES[name]} now.",
-        DeprecationWarning,
-        stacklevel=2,
-    )
-    return globals()[FORMER_NAMES[name]]

@@ -1,10 +1,10 @@
 """A model as an Abaqus or CalculiX input deck: elements, materials, constraints, springs, support.
 
-Ties and joints are written as the linear equations they are here, so that another solver builds
-the same matrices: each slave displacement in terms of free ones. A joint's elongation stands on
-two nodes of its own (shifts on one, turns on the other, each as displacements 1 to 3), held to
-the ground by one spring per direction, with a dashpot to a node beside it where the joint has one;
-the motion of its second side on two more. A table sways as one more node, with a spring and a mass.
+Ties and joints are written as linear equations, each slave displacement in terms of free ones, so
+that another solver builds the same matrices. The elongation of a joint is that of two nodes of its
+own (shifts of one, turns of the other, each as displacements 1 to 3), which springs hold to the
+ground, one per direction, with a dashpot to a node beside it where the joint has one; the motion of
+its second side is that of two more nodes. A table is one more node, with a spring and a mass.
 
 The contact is the node CONTACT: its displacement 1 is w^T u, so that a unit force on it loads the
 patch as the chain does. A static step does so, and its answer is the compliance w^T K^-1 w.
@@ -61,7 +61,7 @@ def input_deck(
             nodes[:, inside_out] = nodes[TURNED][:, inside_out]
         deck.elements(kind, label[body], nodes.T)
 
-    # empty rows of T are held; so is what stands on joint nodes and is not free
+    # empty rows of T are held dofs; dofs of the joints' nodes that are not free are held as well
     fixed = np.flatnonzero(np.diff(T.indptr) == 0)
     of_joints = (3 * joint_nodes[:, None] + np.arange(3)).ravel()
     held_dofs = [*fixed, *np.setdiff1d(of_joints, model.free)]
@@ -74,7 +74,7 @@ def input_deck(
         masters = model.free[T.indices[row]]
         deck.equation(_terms([slave, *masters], [-1.0, *T.data[row]]))
 
-    # elongations on springs to the ground
+    # springs to the ground on the elongations
     last, dofs = deck.last_element, model.free[model.elongation]
     for i, (dof, k) in enumerate(zip(dofs, model.stiffness, strict=True), start=1):
         if k > 0:

@@ -37,7 +37,7 @@ Anisotropic = Material | Orthotropic
 
 
 class ForceTable(NamedTuple):
-    """How finely the field of a force is tabulated; values not varied."""
+    """Resolution of the tabulated field of a force; values not varied."""
 
     heights: int = 32  # elevations from the surface to the normal, less one
     around: int = 96  # azimuths
@@ -67,7 +67,7 @@ class HalfSpace(NamedTuple):
 
 
 def half_space(material: Anisotropic, inward: NDArray[np.float64]) -> HalfSpace:
-    """Of a material below a plane of this inward unit normal (3,)."""
+    """The half-space of a material below a plane with this inward unit normal (3,)."""
     axes = np.vstack([spanning(inward), inward])
     bare = HalfSpace(material.elasticity, axes, np.empty((0, 3)), np.empty((0, 3)))
     omega = np.pi * np.arange(N_OMEGA) / N_OMEGA
@@ -147,7 +147,8 @@ def surface_force(
 
 
 def mean_modulus(material: Anisotropic, inward: NDArray[np.float64]) -> float:
-    """2 / mean(h) [Pa]: a round patch presses in as on an isotropic solid of E / (1 - nu^2)."""
+    """2 / mean(h) [Pa]: the E / (1 - nu^2) of an isotropic solid on which a round patch under the
+    same pressure has the same depth."""
     return float(2 / half_space(material, inward).h.mean())
 
 
@@ -172,7 +173,7 @@ def indentation_modulus(material: Anisotropic, inward: NDArray[np.float64]) -> f
 
 
 def _unit_vectors(angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n, 2)"""
+    """Unit vectors (n, 2) at angles (n,) [rad]."""
     return np.column_stack([np.cos(angles), np.sin(angles)])
 
 
@@ -182,7 +183,7 @@ def _azimuths(n: int) -> NDArray[np.float64]:
 
 
 def _turned(Q, R, T, omega: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-    """Q, R and T of m and n turned by omega."""
+    """Q, R and T (..., 3, 3) [Pa] of m and n' , which are kappa and n turned by omega [rad]."""
     cos, sin = np.cos(omega)[..., None, None], np.sin(omega)[..., None, None]
     R_t = np.swapaxes(R, -1, -2)
     return (

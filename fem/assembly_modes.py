@@ -11,7 +11,7 @@ from fem.correlation import RIGID, Target, effective_mass, pair
 from fem.factorisation import Factor
 from fem.mode_field import ModeField
 from fem.model import Model
-from fem.modes import modes
+from fem.modes import Modes, modes, require_accurate
 
 N_MODES = (30, 80)  # the second where the first do not reach all targets
 SHOWN = 12  # modes that are shown without targets
@@ -38,12 +38,24 @@ class AssemblyModes(NamedTuple):
 
 
 def assembly_modes(
-    model: Model, targets: Sequence[Target], factor: Factor | None = None
+    model: Model,
+    targets: Sequence[Target],
+    factor: Factor | None = None,
+    known: Modes | None = None,
 ) -> AssemblyModes:
-    """The lowest modes, the targets among them; the factor is that of K, where it is held."""
+    """The lowest modes, the targets among them; the factor is that of K, where it is held.
+
+    `known` are the lowest modes, at least `N_MODES[0]` of them, where they are there already.
+    Raises ValueError for modes that are lost in the rounding of K.
+    """
+    if known is not None:
+        require_accurate(known, model.K, model.M, 0.0)
     for n_modes in N_MODES:
         n = min(n_modes, model.K.shape[0] - 2)
-        solution = modes(model.K, model.M, n, factor=factor)
+        if known is None:
+            solution = modes(model.K, model.M, n, factor=factor)
+        else:
+            solution = Modes(known.omega[:n], known.phi[:, :n])
         paired = pair(model, solution, targets)
         if np.all(paired.index >= 0):
             break

@@ -1,4 +1,4 @@
-"""What a beam and a plate of bending theory have in common: K, M, the strike, the drawn body."""
+"""The model that a beam and a plate of bending theory become: K, M, the strike, the drawn body."""
 
 from typing import NamedTuple
 
@@ -19,9 +19,10 @@ class Buckled(ValueError):
 
 
 class Bending(NamedTuple):
-    """Deflections and turns of a middle line or plane, held, on the unknowns that stay free.
+    """A beam or plate in its free deflections and turns q (n,).
 
-    Drawn as a body of hexahedra, whose vertices T moves: u (3 m,) = T @ q, vertex after vertex.
+    It is drawn as a body of hexahedra whose vertices move by u (3 m,) = T @ q, x, y, z of vertex
+    after vertex.
     """
 
     K: csc_array  # (n, n) [N/m], with what the axial force adds
@@ -46,7 +47,7 @@ class Bending(NamedTuple):
 
 
 def load_factor(K: csc_array, K_G: csc_array) -> float:
-    """Largest mu of -K_G x = mu K x: the load over that which buckles, 0 where it only pulls."""
+    """Largest mu of -K_G x = mu K x: the load over the buckling load, 0 where it only pulls."""
     inverse, start = LinearOperator(K.shape, factorised(K).solve), np.ones(K.shape[0])
     largest = eigsh(-K_G, 1, K, Minv=inverse, which="LA", v0=start, return_eigenvectors=False)
     return max(float(largest[0]), 0.0)

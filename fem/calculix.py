@@ -26,11 +26,11 @@ class DeckResults(NamedTuple):
 
 
 class Matrices(NamedTuple):
-    """As CalculiX assembled them, on the dofs that it solves for."""
+    """K and M as CalculiX assembled them, on the dofs that it solves for."""
 
     K: csr_matrix  # (n, n) [N/m]
     M: csr_matrix  # (n, n) [kg]
-    dof: NDArray[np.int64]  # (n,) 3 (node - 1) + direction, from 0
+    dof: NDArray[np.int64]  # (n,) 3 (node - 1) + direction, with directions 0, 1, 2
 
 
 def answer(deck: str) -> DeckResults:

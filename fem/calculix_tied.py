@@ -1,9 +1,9 @@
 """A deck of tetrahedra that CalculiX ties by itself: *TIE from surface to surface, *DLOAD.
 
-Nothing here is of our own elements, couplings or contact: a body's touching face is a surface of
-element faces, a screw a *RIGID BODY on springs to the mean motion of what is under it, and the node
-CONTACT moves as the area of the disc does in the mean. Pressure on the disc is a force of 1 N, so
-that its displacement is a compliance.
+It uses none of our elements, couplings or contact functionals: touching faces are surfaces of
+element faces, a screw is a *RIGID BODY on springs to the mean motion of the area under it, and the
+node CONTACT has the mean displacement of the disc. The pressure on the disc is a force of 1 N, so
+that this displacement is a compliance.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -40,8 +40,10 @@ def tied_deck(
     disc: tuple[NDArray[np.int64], NDArray[np.float64]],
     screws: Sequence[Screw] = (),
 ) -> str:
-    """Points (n, 3) [m], cells (m, 10) by body; ties of a slave's triangles (k, 6) to a master's;
-    held nodes; the disc's triangles (k, 6) and the direction (3,) that its pressure pushes in.
+    """The text of a deck for natural frequencies and the compliance of the disc.
+
+    Points (n, 3) [m]; cells (m, 10) by body; ties of a slave's triangles (k, 6) to a master's;
+    held nodes; the disc's triangles (k, 6) and the direction (3,) in which its pressure pushes.
     """
     deck = Deck(per_line=None, terms=1, number="")
     deck.nodes(count(1), points)
@@ -63,7 +65,7 @@ def tied_deck(
         for name, triangles in (("SLAVE", slave), ("MASTER", master)):
             deck.lines.append(f"*SURFACE, NAME={name}{i}, TYPE=ELEMENT")
             deck.lines += [f"{number}, S{side}" for number, side in sides(triangles)]
-        # [m] the tolerance is what faces may miss each other by
+        # tolerance [m]: the distance by which tied faces may lie apart
         deck.lines.append(f"*TIE, NAME=TIE{i}, POSITION TOLERANCE=1e-06, ADJUST=NO")
         deck.lines.append(f"SLAVE{i}, MASTER{i}")
 

@@ -1,8 +1,8 @@
 """Linear constraints by elimination: slave dofs written in others, U = T u, K -> T^T K T.
 
-A constraint states U[slaves] = A U; with an empty A it holds them still. Slaves may lean on dofs
-that are slaves elsewhere (a bracket on a beam that itself stands on a plate); the chain is
-followed until only free dofs remain. Of two constraints on one dof the first holds it.
+A constraint states U[slaves] = A U; with an empty A it holds them still. Slaves may depend on dofs
+that are slaves of another constraint (a bracket on a beam that itself stands on a plate): chains
+are followed until only free dofs remain. Of two constraints on one dof the first one applies.
 """
 
 from collections.abc import Sequence
@@ -29,22 +29,22 @@ class ConstraintReduction(NamedTuple):
 
 
 class Overconstrained(NamedTuple):
-    """Dofs that two constraints ask for, and which of them holds."""
+    """Dofs that two constraints would hold, by the names of these."""
 
-    slaves: NDArray[np.int64]
+    slaves: NDArray[np.int64]  # (n,)
     dropped: str
     kept: str
 
 
 def fixed(slaves: NDArray[np.int64], n_total: int, name: str) -> Constraint:
-    """Dofs that stand still."""
+    """The constraint that holds dofs (n,) still."""
     return Constraint(slaves, csr_matrix((len(slaves), n_total)), name)
 
 
 def claimed(
     n_total: int, constraints: Sequence[Constraint]
 ) -> tuple[list[Constraint], list[Overconstrained]]:
-    """The constraints without the dofs that an earlier one holds, and what was left out of them."""
+    """The constraints without the dofs that an earlier one holds, and which dofs these were."""
     owner, reduced, overconstrained = np.full(n_total, -1), [], []
     for i, c in enumerate(constraints):
         earlier = owner[c.slaves]
@@ -60,7 +60,7 @@ def claimed(
 def eliminated(
     n_total: int, constraints: Sequence[Constraint], *, n_doublings: int = 10
 ) -> ConstraintReduction:
-    """Free dofs when `constraints` hold; chains of up to 2^n_doublings slaves are followed.
+    """T and the free dofs under `constraints`; chains of up to 2^n_doublings slaves are followed.
 
     Raises ValueError when a dof is slave twice or constraints form a circle.
     """

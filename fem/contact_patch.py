@@ -24,7 +24,7 @@ class ContactPatch(NamedTuple):
     w: NDArray[np.float64]  # (n,) u_w = w @ u [1]
     boundary: NDArray[np.int64]  # free dofs of the recovery nodes, those that w reads
     on_mesh: NDArray[np.float64]  # (ndof,) the same functional on the displacements of the mesh
-    spot: Spot  # where, and which way in
+    spot: Spot  # point, inward normal and curvature of the face there
     radius: float  # [m]
     weights: str  # "hertz", "area" or "nodes"
 

@@ -17,7 +17,7 @@ from fem.joints import rigid_motion
 from fem.model import Model
 from fem.modes import Modes
 
-RIGID = 1e-4  # below this share of the highest frequency a mode strains nothing but by rounding
+RIGID = 1e-4  # frequency over the highest one, below which a mode is a rigid-body motion
 MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
 STRAIN = "strain"
 
@@ -102,10 +102,11 @@ def paired(
     *,
     smallest: float = 0.3,
 ) -> Pairing:
-    """The same by the forms of bodies, in the coordinates of the modes.
+    """The targets among modes in the coordinates of the bodies' energies `forms`.
 
-    Of a motion it is the first mode whose share of the energy reaches half of the largest share; of
-    a shape the mode of the largest MAC. No mode fits whose share or MAC is below `smallest`.
+    A target by motion is the first mode whose share of the energy reaches half of the largest one;
+    a target by shape is the mode of the largest MAC. No mode with a share or MAC below `smallest`
+    is paired.
     """
     elastic = modes.omega > RIGID * modes.omega.max()
     character = np.zeros((len(targets), len(modes.omega)))

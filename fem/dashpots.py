@@ -1,4 +1,4 @@
-"""Viscous dampers in the joints: C = sum_j c_j e_j e_j^T on the elongations that springs stand on.
+"""Viscous dampers in the joints: C = sum_j c_j e_j e_j^T on the elongations of the springs.
 
 They couple the undamped modes, each joint all of them, so no modal ratios stand for this C.
 """

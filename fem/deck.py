@@ -108,7 +108,7 @@ class Deck:
         self.lines.append(f"*SOLID SECTION, ELSET={name}, MATERIAL={name}{oriented}")
 
     def step(self, *lines: str) -> None:
-        """What is computed, loaded and printed."""
+        """A step: what is computed, loaded and printed."""
         self.lines += ["*STEP", *lines, "*END STEP"]
 
 

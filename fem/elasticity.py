@@ -2,9 +2,9 @@
 
     K_ij = int sigma(phi_i) : eps(phi_j),    M_ij = int rho phi_i . phi_j
 
-Every body stands on its own here, tetrahedra beside hexahedra: nothing is joined and nothing is
-held. The shape functions come from scikit-fem, the element integrals are batched matrix products
-of their gradients,
+Bodies are separate and free here, in tetrahedra or in hexahedra; `fem.model` joins and holds them.
+The shape functions come from scikit-fem, the element integrals are batched matrix products of
+their gradients,
 
     D_(ic)(jd) = int d_c phi_i d_d phi_j,    K_(ia)(jb) = C_acbd D_(ic)(jd).
 """
@@ -44,7 +44,7 @@ class Structure(NamedTuple):
         return 3 * len(self.points)
 
     def dofs(self, body: str) -> NDArray[np.int64]:
-        """Of all nodes of a body, (n,)."""
+        """Dofs (n,) of all nodes of a body."""
         return self.first[body] + np.arange(self.basis[body].N)
 
     def facets(self, face: str) -> tuple[str, NDArray[np.int64]]:

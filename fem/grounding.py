@@ -17,7 +17,7 @@ from fem.joints import rigid_motion
 
 
 class RigidBody(NamedTuple):
-    """Mass, centre, and the forces |K R| that rigid motions leave, relative to K: rounding."""
+    """Mass, centre, and the forces |K R| under rigid motions relative to K, which are rounding."""
 
     mass: float  # [kg]
     centre: NDArray[np.float64]  # (3,) [m]
@@ -25,7 +25,7 @@ class RigidBody(NamedTuple):
 
 
 def rigid_body(structure: Structure) -> RigidBody:
-    """Of all parts together, before they are joined and held."""
+    """Mass, centre and residual forces of all bodies together, before they are joined and held."""
     R = rigid_motion(structure.points, np.zeros(3))
     inertia = R.T @ (structure.M @ R)
     mass = inertia[0, 0]
@@ -64,7 +64,7 @@ def require_free_joints(
 
 
 def motions_about(centres: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Motions (6 k, 6) of frames at centres (k, 3): where they go, and the turn itself."""
+    """Shifts and turns (6 k, 6) of frames at centres (k, 3) under the six rigid motions."""
     moved = rigid_motion(centres, np.zeros(3)).reshape(-1, 3, 6)
     turned = np.broadcast_to(np.eye(6)[3:], moved.shape)
     return np.concatenate([moved, turned], axis=1).reshape(-1, 6)

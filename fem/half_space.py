@@ -1,4 +1,4 @@
-"""The half-space under a contact patch, as a mesh holds it.
+"""The compliance of the half-space under a contact patch, as a mesh contains it.
 
 A body loaded over a patch contains the local compliance of a half-space, which the Hertz law of
 the contact holds already. Near the patch a mesh coarser than a fraction of its radius gets that
@@ -32,12 +32,14 @@ from fem.model import Model
 class HalfSpaceMesh(NamedTuple):
     """Which elements of the body the half-space is solved on, and how many fields at a time."""
 
-    large: int = 100_000  # dofs of a body from which on the elements near the patch will do
-    reach: float = 30.0  # radii of the patch, of a large body: the mesh errs by 5e-6 of it beyond
-    # of the smallest radius of curvature: 0.3 and 0.8 make a difference of 4e-4 of the compliance
-    # that is left
+    large: int = 100_000  # dofs of a body beyond which only elements near the patch are used
+    # distance from the patch, in its radii, up to which elements of a large body are used: the mesh
+    # error of all others is 5e-6 of the compliance
+    reach: float = 30.0
+    # the same over the smallest radius of curvature of the face: 0.3 and 0.8 change the compliance
+    # that is left by 4e-4
     curved: float = 0.5
-    patches_at_once: int = 32  # for one solution
+    patches_at_once: int = 32  # right-hand sides of one solution
 
 
 def boussinesq(
@@ -100,7 +102,7 @@ def half_spaces_on_mesh(
     within: float = np.inf,
     options: HalfSpaceMesh = HalfSpaceMesh(),
 ) -> list[float]:
-    """The same [m/N] at several patches of one face, for one factorisation."""
+    """`half_space_on_mesh` [m/N] at several patches of one face, by one factorisation."""
     structure, spot = model.structure, patches[0].spot
     if not isinstance(material, Material) and np.isfinite(spot.radii).any():
         raise ValueError(

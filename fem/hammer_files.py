@@ -16,10 +16,10 @@ SYNTHETIC = "SYNTHETIC: computed, not measured"
 
 
 class Responses(NamedTuple):
-    """Frequency responses of one test on common lines."""
+    """Frequency responses of one test at common frequencies."""
 
     frequency_hz: NDArray[np.float64]  # (k,)
-    H: NDArray[np.complex128]  # (n, k)
+    H: NDArray[np.complex128]  # (n, k) response over force, in the unit of the file
     title: str
 
 
@@ -47,7 +47,7 @@ def read_csv(path: Path) -> Responses:
 
 
 def of_data_sets(sets: Sequence[dict]) -> Responses:
-    """Those of data sets 58; raises ValueError where they hold none."""
+    """The responses of data sets 58; raises ValueError where they hold none."""
     sets = [s for s in sets if s["func_type"] == RESPONSE]
     if not sets:
         raise ValueError("no data set 58 with a frequency response")

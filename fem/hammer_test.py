@@ -46,8 +46,8 @@ def with_noise(
 def nearest_modes(
     measured_hz: list[float], expected_hz: dict[int, float], *, farthest: float = 1.5
 ) -> dict[int, int]:
-    """Which measured resonance is which mode {position: mode}: nearest pairs, none used twice, none
-    whose frequencies differ by more than the factor `farthest`."""
+    """Pairs {position of a measured resonance: number of its mode}, the nearest first, each used
+    once, with frequencies within the factor `farthest`."""
     modes = list(expected_hz)
     distance = np.abs(np.log(np.divide.outer(measured_hz, [expected_hz[m] for m in modes])))
     limit = np.log(farthest)

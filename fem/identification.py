@@ -19,8 +19,8 @@ from scipy.signal import find_peaks
 class Identification(NamedTuple):
     """What counts as a peak, how it is fitted, and what is remarked on; values not varied."""
 
-    same: float = 0.005  # of a frequency: two peaks closer than this are one
-    clear: float = 8.0  # standard deviations of noise that a peak has to stand out
+    same: float = 0.005  # relative difference of frequencies below which two peaks are one
+    clear: float = 8.0  # height of a peak above its surroundings, in standard deviations of noise
     band: float = 0.15  # half-width of the fitted band, of the peak's frequency
     fewest_lines: int = 40  # in a fitted band
     largest_order: int = 12  # of the polynomial fitted to a band

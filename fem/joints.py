@@ -43,7 +43,7 @@ class Bushing(NamedTuple):
 
 
 class Side(NamedTuple):
-    """What a joint holds to on one body."""
+    """One side of a joint: the face of a body that it moves with."""
 
     face: str  # "body:face"
     coupling: Literal["rigid", "mean"] = "rigid"
@@ -53,7 +53,7 @@ class Side(NamedTuple):
 
 
 class Joint(NamedTuple):
-    """A bolt, or anything else that six springs stand for, where it sits."""
+    """A bolt or another connection that acts as six springs at one point."""
 
     name: str  # its springs are "name.kx", ...; joints of one name share their stiffnesses
     first: Side

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 POINTS, UNITS, SHAPE, RESPONSE = (15, 2411), 164, 55, 58
 FREQUENCY_RESPONSE = 4  # type of a function in data set 58
 COMPLEX = (3, 7)  # analyses of data set 55 that state a complex eigenvalue
-FEWEST = 3  # displacements that distinguish shapes
+FEWEST = 3  # displacements of a shape: the MAC of fewer hardly tells shapes apart
 
 
 class MeasuredShape(NamedTuple):
@@ -76,7 +76,8 @@ def measured_shape(sets: Sequence[dict], hz: float) -> MeasuredShape:
 
 
 def _of_shapes(shapes: list[dict], hz: float, *, farthest: float = 1.05) -> list[_Reading]:
-    """Of the data set 55 nearest to a frequency, none that is off by more than a factor."""
+    """Displacements of the data set 55 whose frequency is nearest to `hz`, within the factor
+    `farthest`."""
     frequencies = [
         float(abs(s["eig"]) / (2 * np.pi)) if s["analysis_type"] in COMPLEX else float(s["freq"])
         for s in shapes
@@ -104,8 +105,8 @@ def _components(s: dict) -> NDArray[np.complex128]:
 
 
 def _of_responses(sets: Sequence[dict], hz: float, *, band: float = 0.02) -> list[_Reading]:
-    """Of frequency responses at many points to one hammer, or at one point to a roving hammer; from
-    the lines within a share `band` of the frequency, the nearest at least."""
+    """Displacements by frequency responses at many points to hits at one point, or at one point to
+    a roving hammer; from the lines within a share `band` of the frequency, at least the nearest."""
     sets = [s for s in sets if s["type"] == RESPONSE and s["func_type"] == FREQUENCY_RESPONSE]
     if not sets:
         raise ValueError("it has neither shapes (data set 55) nor frequency responses (58)")

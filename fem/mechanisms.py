@@ -1,7 +1,7 @@
 """Bodies that can still move rigidly: mechanisms of the joined and held assembly.
 
-Every body keeps its six rigid motions z, and every joint its elongation and motion; what the
-constraints and springs resist of U = Phi z is E z, and a z with E z = 0 moves bodies at no cost.
+Coordinates z are the six rigid motions of every body, and the elongation and motion of every joint,
+U = Phi z. E z is what constraints and springs resist of it; a z with E z = 0 is a mechanism.
 """
 
 from typing import NamedTuple
@@ -83,5 +83,6 @@ def loose_bodies(
 
 
 def _lengths(size: float) -> NDArray[np.float64]:
-    """What turns a shift and a turn into metres, (6,)."""
+    """Factors (6,) on three shifts and three turns of a body of a size [m] that make both
+    metres."""
     return np.array([1.0, 1.0, 1.0, size, size, size])

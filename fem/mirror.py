@@ -1,7 +1,7 @@
 """A body with mirror planes through the contact, meshed on one side of them only.
 
-The motion normal to a mirror is zero there. K and M are those of the whole body: each mirror
-doubles them, so that energies, forces and modes need no further thought.
+The motion normal to a mirror is zero there. Each mirror doubles K and M, which are then those of
+the whole body, so that energies, forces and modes need no further factor.
 """
 
 from collections.abc import Sequence

@@ -23,7 +23,7 @@ class ModeField(NamedTuple):
 
     @property
     def names(self) -> list[str]:
-        """What each mode is called in the file."""
+        """Names of the modes in the file."""
         rows = zip(self.number, self.frequency_hz, self.target, strict=True)
         return [f"mode {i}: {hz:.4g} Hz{f', {MEASURED} {t}' if t else ''}" for i, hz, t in rows]
 

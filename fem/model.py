@@ -22,10 +22,10 @@ from fem.trace import face_nodes
 
 
 class Held(NamedTuple):
-    """A face on the ground, or on the table: in all directions, as a hinge or as a roller."""
+    """A face held by the ground, or by the table."""
 
-    face: str
-    directions: str = "xyz"
+    face: str  # "body:face"
+    directions: str = "xyz"  # of displacements that are held
 
 
 class SwayingTable(NamedTuple):
@@ -52,17 +52,17 @@ class Connections(NamedTuple):
 
     @property
     def stiffness(self) -> NDArray[np.float64]:
-        """(6 n_joints,) of all springs, rigid ones too."""
+        """Stiffnesses (6 n_joints,) [N/m, N m/rad] of all springs, inf of rigid ones."""
         return np.array([joint.springs for joint in self.joints]).reshape(-1)
 
     @property
     def centres(self) -> NDArray[np.float64]:
-        """(n_joints, 3) [m]"""
+        """Places of the joints (n_joints, 3) [m]."""
         return np.array([joint.centre for joint in self.joints]).reshape(-1, 3)
 
     @property
     def spring(self) -> list[str]:
-        """(6 n_joints,) their names."""
+        """Names "joint.direction" (6 n_joints,) of all springs."""
         return [f"{joint.name}.{direction}" for joint in self.joints for direction in DIRECTIONS]
 
 
@@ -83,7 +83,7 @@ class Model(NamedTuple):
 
     @property
     def K(self) -> csc_matrix:  # noqa: N802  the name of the field
-        """(n, n) with the springs."""
+        """Stiffness (n, n) [N/m] with the springs."""
         if not len(self.elongation):
             return self.K0
         k = np.zeros(self.K0.shape[0])
@@ -127,7 +127,7 @@ def joined(structure: Structure, connections: Connections) -> Model:
             for A, diagonal in zip((K, M), of_sway, strict=True)
         )
 
-    # springs that are neither rigid nor on a dof that a constraint holds
+    # springs of finite stiffness whose elongation no constraint holds
     springs = np.flatnonzero((reduction.free >= n) & (reduction.free < n + len(k)))
     finite = reduction.free[springs] - n
     names = connections.spring

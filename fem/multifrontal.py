@@ -27,7 +27,7 @@ NEITHER = "the stiffness is singular: a part is neither held nor joined; hold it
 
 
 class FrontSettings(NamedTuple):
-    """How dense fronts are worked on; values not varied."""
+    """How dense fronts are factorised; values not varied."""
 
     worth_threads: float = 1e9  # multiplications and additions of an update that threads share
     columns: int = 64  # of a child's update that are added at once
@@ -70,14 +70,14 @@ class Front(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """What is eliminated when."""
+    """The order of elimination, and its fronts."""
 
     order: NDArray[np.int64]  # (n,) unknown at each position
     fronts: list[Front]
 
     @property
     def bytes(self) -> int:
-        """That the factor will take."""
+        """Memory [bytes] that the factor will take."""
         return 8 * sum(front.stored for front in self.fronts)
 
 

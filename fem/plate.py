@@ -96,8 +96,18 @@ class Sheet(NamedTuple):
         return rho * self.thickness, rho * self.thickness**3 / 12
 
 
+class PlateBesideSolid(NamedTuple):
+    """What a solid plate has otherwise than the theory: its clamped edges hold the thickness too.
+
+    As if it were edge nu^2 h shorter there; frequencies and compliances of solids of 8 to 14
+    thicknesses ask for 0.2 to 0.45.
+    """
+
+    edge: float = 0.35
+
+
 class TooLarge(ValueError):
-    """A plate of more wave lengths than there is memory for."""
+    """A plate with more waves along its sides than there is memory for."""
 
 
 def mindlin_plate(
@@ -107,14 +117,22 @@ def mindlin_plate(
     *,
     in_plane: tuple[float, float] = (0.0, 0.0),
     coarser: float = 1.0,
+    beside: PlateBesideSolid | None = None,
     mesh: PlateMesh = PlateMesh(),
 ) -> Bending:
     """A plate with edges "hinged", "clamped" or "free" at x = 0, x = length, y = 0, y = width,
     struck at x, y [m], under forces `in_plane` N_x, N_y [N/m].
 
-    A hinged edge turns about itself alone. Elements are `coarser` times as long as usual.
+    A hinged edge turns about itself alone. Elements are `coarser` times as long as usual; `beside`
+    corrects the theory by what solids have otherwise.
     Raises Buckled for forces that press more than the plate can bear, TooLarge.
     """
+    if beside is not None:
+        shorter = beside.edge * sheet.material.poisson**2 * sheet.thickness
+        left, right, front, back = shorter * (np.array(edges) == "clamped")
+        size = sheet.length - left - right, sheet.width - front - back
+        sheet = sheet._replace(length=float(size[0]), width=float(size[1]))
+        at = (at[0] - left, at[1] - front)
     D, S, nu = sheet.bending_stiffness, sheet.shear_stiffness, sheet.material.poisson
     m, j = sheet.inertia
     N_x, N_y = in_plane

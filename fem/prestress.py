@@ -1,12 +1,12 @@
-"""Static loads first: a structure that forces or heat have stressed, stiffer or softer for it.
+"""Static loads before the impact: the geometric stiffness of a structure under forces or heat.
 
     K u = f + f_T,   sigma = C : (eps(u) - alpha dT 1),
     K_G = int sigma_cd d_c phi_i d_d phi_j  on each of x, y, z,    (K + K_G) phi = omega^2 M phi
 
 f is spread evenly over faces, f_T = int C : alpha dT 1 : eps(v); rods have terms of their own, see
-`fem.rods`. K is that of the shape at rest: displacements are small, forces keep their directions.
-Springs of joints have no length, so that a force through them is no string: what they carry works
-on the turns of the bodies alone.
+`fem.rods`. K is that of the undeformed shape: displacements are small, forces keep their
+directions. Springs of joints have no length and so no K_G of their own, as a string would have;
+the forces that they carry act on the turns of the bodies alone.
 With mu the largest of -K_G x = mu K x the loads are mu of those that buckle the structure.
 Bathe, Finite Element Procedures (2014), sec. 6.3.
 """
@@ -47,7 +47,7 @@ class Heat(NamedTuple):
 
 
 class Load(NamedTuple):
-    """All that a structure bears before it is struck."""
+    """All static loads of a structure before the impact."""
 
     forces: Sequence[FaceForce] = ()
     heat: Mapping[str, Heat] = {}
@@ -93,7 +93,8 @@ def prestressed(model: Model, materials: Mapping[str, Material | Orthotropic], l
 
 
 def buckling_share(K, K_G, factor, *, smallest: float = 1e-3) -> float:
-    """The largest mu of -K_G x = mu K x; 0 below `smallest`, where nothing presses."""
+    """The largest mu of -K_G x = mu K x, which is the load over the buckling load; 0 below
+    `smallest`, where nothing presses."""
     inverse = LinearOperator(K.shape, factor.solve)
     start = np.random.default_rng(0).standard_normal(K.shape[0])
     # of 1 + mu: what only pulls has thousands of mu near 0, which no iteration tells apart; mu is

@@ -7,6 +7,13 @@ Of a large model by projection on the Krylov space
 which one factorisation spans for all frequencies (Feldmann and Freund, IEEE Trans. CAD 14 (1995)
 639); it ends where the residual K u - omega^2 M u - w of the full model is small beside w. Of small
 models, and where the space does not reach, by a factorisation a frequency.
+
+Where a basis of the whole model is there already it serves in place of V. What it misses is
+
+    H - H_V = r^T (K - omega^2 M)^-1 r,    r = w - (K - omega^2 M) u_V
+
+and is measured by r^T K^-1 r, which it exceeds by no more than 1 / (1 - omega^2 / omega_j^2) of the
+lowest mode omega_j that is not in the basis.
 """
 
 from typing import NamedTuple
@@ -15,7 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
-from fem.factorisation import factorised
+from fem.factorisation import Factor, factorised
+from fem.modes import Modes
 from fem.threads import one_thread
 
 
@@ -27,6 +35,7 @@ class KrylovSettings(NamedTuple):
     residual: float = 1e-6  # of w; the receptance, a quadratic form, is off by its square or so
     vectors: int = 200  # at most
     interval: int = 10  # vectors between two looks at the residual
+    missed: float = 1e-7  # of H, r^T K^-1 r: what a basis that is there already may miss
 
 
 def receptance(
@@ -36,16 +45,33 @@ def receptance(
     frequency_hz: NDArray[np.float64],
     *,
     loss_factor: float = 0.0,
+    basis: Modes | None = None,
+    factor: Factor | None = None,
     settings: KrylovSettings = KrylovSettings(),
 ) -> NDArray[np.complex128]:
     """H = w^T (K (1 + i eta) - omega^2 M)^-1 w, (k,) [m/N]: displacement at w per force at w.
 
     Without a loss factor (or on a mode at rest) no bound holds: at a resonance H is as large as
     rounding lets it be, and only its place means anything.
+    basis holds omega (m,) and phi (n, m), diagonal in K and M, and the factor is that of K: the
+    frequencies at which such a basis misses too much are solved as without it.
     """
     omega_squared = (2 * np.pi * np.asarray(frequency_hz, dtype=float)) ** 2
     stiff = 1 + 1j * loss_factor if loss_factor else 1.0
     H = np.full(len(omega_squared), np.nan + 0j)
+
+    # in the basis that is there: phi is diagonal in K and M
+    if basis is not None and factor is not None:
+        q = basis.phi.T @ w / (stiff * basis.omega**2 - omega_squared[:, None])
+        u = basis.phi @ q.T
+        residual = w[:, None] - stiff * (K @ u) + (M @ u) * omega_squared
+        if loss_factor:
+            residual = np.hstack([residual.real, residual.imag])
+        missed = np.sum(residual * factor.solve(residual), axis=0)
+        missed = missed.reshape(-1, len(H)).sum(axis=0)
+        H = np.where(missed < settings.missed * np.abs(w @ u), w @ u + 0j, np.nan)
+        if not np.isnan(H).any():
+            return H
 
     # projected, u = V q: the residual of the full equation decides which frequencies are solved
     n_vectors = settings.vectors if len(w) >= settings.smallest else 0

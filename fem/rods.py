@@ -30,7 +30,7 @@ class Rod(NamedTuple):
 
 
 class Tightened(NamedTuple):
-    """What rods add to a structure."""
+    """Forces and stiffnesses that rods add to a structure."""
 
     f: NDArray[np.float64]  # (ndof,) [N]
     K_G: csr_matrix  # (ndof, ndof) [N/m]
@@ -38,8 +38,8 @@ class Tightened(NamedTuple):
 
 
 def tightened(structure: Structure, rods: Sequence[Rod], *, most_nodes: int = 600) -> Tightened:
-    """Of all rods; raises ValueError for faces without a distance, or with more than `most_nodes`
-    nodes: all nodes of both faces are coupled, 9 (2 n)^2 entries."""
+    """Forces and stiffnesses of all rods. Raises ValueError for faces without a distance, and for
+    more than `most_nodes` nodes on a face: a rod couples all nodes of both, 9 (2 n)^2 entries."""
     n = structure.n_dofs
     f, K_G, K = np.zeros(n), csr_matrix((n, n)), csr_matrix((n, n))
     for rod in rods:

@@ -1,6 +1,6 @@
-"""How far straight edges lie off the curved face, or the curved rim, that they stand for.
+"""Distance of straight edges from the curved face, or the curved rim, that they approximate.
 
-A chord of a length s between tangents that turn by theta leaves of its arc
+The arc over a chord of a length s, whose tangents turn by theta along it, rises above it by
 
     s/2 tan(theta / 4).
 

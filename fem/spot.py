@@ -1,4 +1,4 @@
-"""Where a face is struck: the point, the way in, the tangent plane, and how the face curves."""
+"""The spot where a face is struck: point, inward normal, tangent plane, radii of curvature."""
 
 from typing import NamedTuple
 
@@ -54,7 +54,7 @@ def planar_spot(
     corners, middles = _facets(structure, face)
     points = corners.reshape(3, -1).T
 
-    # the mean normal; facets may turn either way round: all are brought to that of the largest
+    # the mean normal; facets may be numbered either way round: all turned like the largest one
     vectors = area_vectors(corners)
     areas = np.linalg.norm(vectors, axis=1)
     mean = (vectors * np.sign(vectors @ vectors[areas.argmax()])[:, None]).sum(axis=0)
@@ -72,7 +72,7 @@ def planar_spot(
     along = points @ axes.T
     middle = (along.min(axis=0) + along.max(axis=0)) / 2 + np.asarray(at, dtype=float)
     height = points.mean(axis=0) @ normal
-    side = np.sign(np.mean(middles @ normal) - height)  # on which the body is
+    side = np.sign(np.mean(middles @ normal) - height)  # of the plane on which the body lies
     return Spot(middle @ axes + height * normal, side * normal, axes)
 
 

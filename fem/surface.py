@@ -16,7 +16,7 @@ from fem.trace import interpolation, local_coordinates
 
 
 class OnSurface(NamedTuple):
-    """Points of the outside, and how far away those are that they are nearest to."""
+    """Points on the outside of a structure, and their distances from the given points."""
 
     P: csr_matrix  # (3 n, ndof) displacements x, y, z point by point
     distance: NDArray[np.float64]  # (n,) [m]

@@ -1,4 +1,4 @@
-"""Threads of dense products: of many small ones they wait for each other longer than they work.
+"""The number of threads of dense products: threads of many small products mostly wait.
 
 On two cores that others use as well a factor of blocks of some hundred rows took ten times as long
 with two threads as with one.
@@ -11,7 +11,8 @@ from threadpoolctl import ThreadpoolController
 
 
 def one_thread() -> AbstractContextManager:
-    """While it lasts numpy and scipy multiply in one thread; PARDISO keeps its own."""
+    """Lets numpy and scipy multiply in one thread while the context lasts; PARDISO keeps
+    its own."""
     return _pools().limit(limits=1)
 
 

@@ -15,7 +15,7 @@ from fem.sagging import area_vectors
 
 
 class OffFace(ValueError):
-    """A point does not lie on the face on which it is wanted."""
+    """A point lies off the face that it should be on."""
 
 
 def face_nodes(structure: Structure, face: str) -> NDArray[np.int64]:
@@ -30,7 +30,7 @@ def face_nodes(structure: Structure, face: str) -> NDArray[np.int64]:
 
 
 class FaceMean(NamedTuple):
-    """The mean over a face: of the displacements u_n of nodes it is sum_n share_n u_n."""
+    """The mean over a face: the mean displacement is sum_n share_n u_n of its nodes' u_n."""
 
     node: NDArray[np.int64]  # (m,) of the structure
     share: NDArray[np.float64]  # (m,) sum 1
@@ -128,8 +128,8 @@ def trace(
         in_box &= (x >= lower[axis]) & (x <= upper[axis])
     point, facet = np.nonzero(in_box)
 
-    # of each point the cell in which, or nearest to which, it lies: shape functions of the cell's
-    # corners are negative outside
+    # the cell in which each point lies, or the nearest one: shape functions of the cell's corners
+    # are negative outside
     cells = mesh.f2t[0, facets[facet]]
     target = points[point].T[:, :, None]
     X = local_coordinates(basis.mapping, target, cells)

@@ -22,7 +22,7 @@ from scipy.linalg import eigh, null_space
 from scipy.optimize import least_squares
 
 from fem.correlation import BodyForms, Shape, Target, body_forms, paired
-from fem.factorisation import factorised
+from fem.factorisation import Factor, factorised
 from fem.model import Model
 from fem.modes import Modes, modes
 
@@ -92,7 +92,8 @@ def tuning_basis(
     settings: BasisSettings = BasisSettings(),
 ) -> TuningBasis:
     """Project a model of finite springs; takes two solves for modes and one for attachments."""
-    is_turn = np.array([".kr" in name[-4:] for name in model.spring], dtype=bool)
+    # "joint.krx" and the like: the direction is the last word of a spring's name
+    is_turn = np.array([name.rpartition(".")[2].startswith("kr") for name in model.spring], bool)
     unit_stiffness = np.where(is_turn, settings.lever, 1.0)
 
     # modes at both ends of the range, and the static shape of every spring pulled alone
@@ -124,6 +125,36 @@ def _m_orthonormalised(V: NDArray[np.float64], M, dependent: float) -> NDArray[n
     values, rotation = np.linalg.eigh(V.T @ (M @ V))
     independent = values > dependent * values[-1]
     return V @ (rotation[:, independent] / np.sqrt(values[independent]))
+
+
+def rigid_jointed(
+    model: Model, modes: Modes, factor: Factor, n_modes: int, dependent: float = 1e-10
+) -> Modes:
+    """The n_modes lowest modes of the model with all its springs rigid, in the space of `modes`
+    and of the static shapes of the springs.
+
+    omega (k,) and phi (n, k) are diagonal in K and M, and may be Ritz pairs; the factor is that of
+    K. Rigid springs hold the elongations e^T u at zero by forces that act along e alone: to the
+    modes come the static response to each, K^-1 e, and the response to its inertia, K^-1 M K^-1 e.
+    """
+    # what those have beyond the modes: X (n, 2 s), M-orthonormal
+    pulls = np.zeros((len(modes.phi), len(model.elongation)))
+    pulls[model.elongation, range(len(model.elongation))] = 1.0
+    static = factor.solve(pulls)
+    X = np.hstack([static, factor.solve(model.M @ static)])
+    for _ in range(2):  # once leaves rounding of the size of X
+        X -= modes.phi @ (modes.phi.T @ (model.M @ X))
+    X = _m_orthonormalised(X, model.M, dependent)
+
+    # K and the elongations in [phi, X], M being 1; coordinates Z in which no spring elongates
+    cross = modes.phi.T @ (model.K @ X)
+    K = np.block([[np.diag(modes.omega**2), cross], [cross.T, X.T @ (model.K @ X)]])
+    elongation = np.hstack([modes.phi[model.elongation], X[model.elongation]])
+    Z = null_space(elongation / np.linalg.norm(elongation, axis=1, keepdims=True))
+    omega2, q = eigh(Z.T @ K @ Z)
+    q = Z @ q[:, :n_modes]
+    n = len(modes.omega)
+    return Modes(np.sqrt(np.maximum(omega2[:n_modes], 0)), modes.phi @ q[:n] + X @ q[n:])
 
 
 def spectrum(

@@ -4,18 +4,16 @@
     hex_mesh, plate_mesh   hexahedra of the rig, and of a plate refined at a point
     geometry.shapes        bodies to be drawn; geometry.cad: drawn, or read from STEP files
     geometry.touching      which bodies touch, on which faces
-    geometry.joints        what words of a scene pick of them: faces, pairs, places of joints
+    geometry.joints        faces, touching pairs and places of joints that a scene names
     geometry.body_mesh     bodies meshed, faces that touch imprinted on each other
-    geometry.own_mesh      the same of bodies that a mesh file holds, found on their facets
+    geometry.own_mesh      bodies, faces and touching pairs of a mesh file, found on its facets
 
-A mesh is a `skfem.Mesh` with named boundaries, a face is called "body:face". Raises
-InvalidGeometry, one sentence, for dimensions that nobody can build.
+A mesh is a `skfem.Mesh` with named boundaries, a face is called "body:face". Dimensions that
+nobody can build raise InvalidGeometry, with one sentence.
 
 >>> float(boxes(Assembly())["block"].upper[0])  # m, half of its 131.5 mm along the chain
 0.06575
 """
-
-from warnings import warn
 
 from geometry.assembly import (
     PARTS,
@@ -58,17 +56,3 @@ __all__ = [
     "thinned",
     "volume",
 ]
-
-FORMER_NAMES = {"Box": "Cuboid"}
-
-
-def __getattr__(name: str):
-    """What has another name now, by its former one, with a DeprecationWarning."""
-    if name not in FORMER_NAMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    warn(
-        f"{__name__}.{name} is {__name__}.{FORMER_NAMES[name]} now.",
-        DeprecationWarning,
-        stacklevel=2,
-    )
-    return globals()[FORMER_NAMES[name]]

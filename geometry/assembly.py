@@ -36,6 +36,7 @@ class InvalidGeometry(ValueError):
 
 
 def _length(value, provenance: str, description: str):
+    """A dimension [m] with its default, where that comes from, and what it is."""
     return field(
         default=value,
         metadata={"unit": "m", "provenance": provenance, "description": description},
@@ -95,11 +96,11 @@ class Cuboid(NamedTuple):
 class Interface(NamedTuple):
     """Two faces that touch; the slave face lies inside the master face."""
 
-    slave: str  # face names of the mesh, "body:face"
+    slave: str  # "body:face", as the mesh names it
     master: str
     screws: tuple[str, ...]  # faces on the slave side that screws press on
     halves: tuple[str, ...]  # of a sheet: each screw's share of the slave face
-    centres: NDArray[np.float64]  # (n_halves, 3) [m]
+    centres: NDArray[np.float64]  # (n_halves, 3) [m], of the screws on the interface
 
 
 def provenance(name: str) -> str:
@@ -111,7 +112,7 @@ def provenance(name: str) -> str:
 def boxes(assembly: Assembly) -> dict[str, Cuboid]:
     """The cuboid bodies that the assembly is built of, by name."""
     a = assembly
-    # sides, and z of the upper face: the sheets span what lies free between block and support
+    # sides, and z of the upper face; between block and support there are only the sheets
     stacked = {"block": ((a.block_x, a.block_y, a.block_z), a.block_z)}
     top = -a.sheet_free_length
     for name, sides in (
@@ -136,7 +137,7 @@ def sheets(assembly: Assembly) -> dict[str, float]:
 
 
 def screw_z(assembly: Assembly) -> dict[str, float]:
-    """Height of the screws of either joint [m]."""
+    """Height z [m] of the screws of the joints "head" and "foot"."""
     a = assembly
     return {"head": a.head_screw_z, "foot": -a.sheet_free_length - a.foot_screw_z}
 
@@ -198,9 +199,9 @@ def held_faces(
 
 
 def corner_squares(assembly: Assembly, body: str) -> dict[str, tuple[str, float, float]]:
-    """Squares at the corners of a part's upper and lower face, by the name of their face.
+    """Squares at the corners of a part's upper and lower face, by name: "pads", "-z-screws", ...
 
-    Each is the face it lies on and its nearest and farthest distance from both edges [m].
+    Each has the face that it lies on, and its nearest and farthest distance from both edges [m].
     """
     a = assembly
     if body == "plate":
@@ -230,7 +231,7 @@ def screw_cells(assembly: Assembly) -> list[tuple[float, float]]:
 
 
 def _check(a: Assembly) -> None:
-    """Raises InvalidGeometry, with the numbers that do not fit together, for what cannot stand."""
+    """Raises InvalidGeometry, with the numbers in question, for parts that do not fit together."""
     for f in fields(a):
         value = getattr(a, f.name)
         if f.name not in ("parts", "screw_x") and not (isfinite(value) and value > 0):

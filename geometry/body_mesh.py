@@ -2,11 +2,12 @@
 
 Hexahedra for boxes, extruded outlines and tubes, tetrahedra for all else. Elements have the body's
 seed, less where it is bent or thin, and grow away from fine points. Nodes on full cylinders are
-moved out so that the facets enclose the cylinder's volume: chords alone make holes and pins too
-small by 2 pi^2 / (3 n^2) for n edges around.
+moved out so that the facets enclose the cylinder's volume: chords alone make pins too thin and
+holes too small, by 2 pi^2 / (3 n^2) of the volume for n edges around.
 
-How many nodes a mesh will have is foreseen: of quadratic elements of the size s in a body of the
-volume V and the thickness t = 2 V / area,
+The number of nodes is estimated before meshing, so that a mesh that no machine could solve is
+refused at once. For quadratic elements of the size s in a body of the volume V and the thickness
+t = 2 V / area,
 
     n = V / s^3 (inner + outer s / t) + the finer elements around its cylinders
 """
@@ -35,14 +36,14 @@ TRIANGLE, TETRAHEDRON = 2, 4  # gmsh's element types
 
 
 class NodeCount(NamedTuple):
-    """Factors of the number of nodes, measured on bodies of six kinds, at element sizes from a
-    third to all of the default seed."""
+    """Factors of the estimated number of nodes, measured on bodies of six kinds, with elements from
+    a third of the default seed to the default seed."""
 
     inner: Mapping[str, float] = {"hex": 3.9, "tet": 5.5}
     outer: Mapping[str, float] = {"hex": 4.0, "tet": 8.5}
-    on_pin: float = 11.0  # nodes of tetrahedra over area / s^2, of an outer cylinder
-    on_hole: float = 20.0  # the same of a bore
-    most: float = 5e6  # nodes of a body: what no machine at hand solves
+    on_pin: float = 11.0  # nodes of tetrahedra over area / s^2, at an outer cylinder
+    on_hole: float = 20.0  # the same at a bore
+    most: float = 5e6  # nodes of a body beyond which it is refused: no machine at hand solves it
 
 
 COUNT = NodeCount()
@@ -59,12 +60,12 @@ def body_meshes(
     patches: Mapping[str, Patch] | None = None,
     element: str | None = None,
 ) -> dict[str, Mesh]:
-    """A mesh for every body, in metres, to call in the bodies' ``with model(...)``, once.
+    """A mesh for every body, in metres; to be called once inside the bodies' ``with model(...)``.
 
-    Its boundaries are the `named` faces and the `patches` of the body, and "a|b" where it touches
-    another, under the same key in both. `element` "tet" takes tetrahedra for all. Raises
-    InvalidGeometry for a seed that is too fine, ValueError, naming the body, for what gmsh cannot
-    mesh.
+    Boundaries of a mesh are the body's `named` faces and its `patches`, and "a|b" where it touches
+    another body, under the same name in both. `element` = "tet" meshes all in tetrahedra; else what
+    is an extrusion is meshed in hexahedra. Raises InvalidGeometry for a seed that would give too
+    many nodes, and ValueError, naming the body, for what gmsh cannot mesh.
     """
     for body in bodies.values():
         size = sizes.of(body)
@@ -84,7 +85,7 @@ def body_meshes(
             order = (body, imprints, named or {}, size, gap)
             mesh = (None if element == "tet" else hexahedra(*order)) or tetrahedra(*order)
 
-        # discs have their area again, which the polygon of their rim and its fitting took
+        # discs get back their area, which the polygon of the rim and the fitted radius changed
         discs = {key: disc for key, disc in fitting.items() if isinstance(disc, Disc)}
         for key, disc in discs.items():
             _require_edges(mesh, key, disc, body, gap)
@@ -96,15 +97,19 @@ def body_meshes(
 
 
 def _require_edges(mesh: Mesh, name: str, disc: Disc, body: Body, gap: float) -> None:
-    """Raise InvalidGeometry where the rim of a disc, imprinted within the gap of an edge of its
-    face, has bent that edge: the plane side that ends on it is plane no longer."""
+    """Raise InvalidGeometry where the rim of a disc has bent an edge of its face.
+
+    The intersection merges a rim and an edge that are closer than the gap; a plane side that ends
+    on the edge is then no longer plane.
+    """
     nodes = np.unique(mesh.facets[:, mesh.boundaries[name]])
     outer = mesh.facets[:, mesh.boundary_facets()]
     corners = mesh.p[:, outer[:, np.any(np.isin(outer, nodes), axis=0)]]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], axis=0)
     across /= np.linalg.norm(across, axis=0)
 
-    # how far the facets at the disc are off the plane that they are nearly parallel to, 26 degrees
+    # distance of the facets at the disc from the body's plane that they are parallel to within 26
+    # degrees
     planes = [face for face in body.faces if face.normal is not None]
     off = np.array(
         [
@@ -116,7 +121,7 @@ def _require_edges(mesh: Mesh, name: str, disc: Disc, body: Body, gap: float) ->
             for face in planes
         ]
     ).min(axis=0)
-    # above rounding, and below the distance at which an intersection makes edges one
+    # beyond rounding, and up to the distance within which an intersection merges edges
     if np.any((off > 1e-8) & (off < RIM_ROOM.merged * gap)):
         raise InvalidGeometry(
             f'"{name}": a washer of radius {disc.radius:.6g} m at '
@@ -133,7 +138,8 @@ def tetrahedra(
     size: Size,
     gap: float,
 ) -> MeshTet:
-    """The body in straight tetrahedra, with its boundaries."""
+    """The body in straight tetrahedra; boundaries are its imprints `wanted` and its `named`
+    faces."""
     split = imprinted(body, wanted, named, gap)
     mesh_visible([(3, split.tag)], size)
     tags, points, _ = gmsh.model.mesh.getNodes()
@@ -158,7 +164,8 @@ def tetrahedra(
 
 
 def foreseen_nodes(body: Body, size: Size, element: str) -> float:
-    """Nodes of "hex" or "tet" within a factor of 2, without what imprints and fine points add."""
+    """Estimated number of nodes with elements "hex" or "tet", within a factor of 2; imprints and
+    fine points are left out."""
     seed, thickness = size.seed, 2 * body.volume / body.area
     n = body.volume / seed**3 * (COUNT.inner[element] + COUNT.outer[element] * seed / thickness)
     around = 0.0
@@ -179,5 +186,5 @@ def foreseen_nodes(body: Body, size: Size, element: str) -> float:
 
 
 def facet_error(mesh: Mesh, body: Body) -> float:
-    """Relative difference of the mesh's volume from the body's, which straight facets leave."""
+    """Volume of the mesh over that of the body, less 1: the error of its straight facets."""
     return float(Basis(mesh, mesh.elem(), intorder=3).dx.sum() / body.volume - 1)

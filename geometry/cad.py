@@ -29,7 +29,7 @@ UNNAMED = re.compile(r"(open cascade step translator.*|solid|body|compound|=>.*|
 
 
 class CadModel(NamedTuple):
-    """The bodies by name, and the unit that a file gave its lengths in."""
+    """The bodies by name, and the unit of length of the STEP file, None without one."""
 
     bodies: dict[str, Body]
     unit: str | None = None
@@ -37,10 +37,11 @@ class CadModel(NamedTuple):
 
 @contextmanager
 def model(shapes: Mapping[str, Shape], step: Path | None = None) -> Iterator[CadModel]:
-    """Every shape under its name and every solid of the STEP file under the file's.
+    """Bodies of all shapes under their names and of all solids of a STEP file under its names.
 
-    Raises InvalidGeometry for a file without solids, for a name that is in both, and for solids
-    of no volume; ValueError for what gmsh cannot draw.
+    They exist in gmsh's kernel until the context ends. Raises InvalidGeometry for a file without
+    solids, for a name that is in both, and for solids without volume; ValueError for what gmsh
+    cannot draw.
     """
     with session("gmsh could not build the geometry"):
         tags = {name: _solid(shape) for name, shape in shapes.items()}
@@ -97,10 +98,11 @@ def _solid(shape: Shape) -> int:
 
 
 def _imported(step: Path) -> dict[str, int]:
-    """Tags of a STEP file's solids by name, their faces named as the file names them.
+    """Tags of a STEP file's solids by name; their faces get the names that the file gives them.
 
-    A solid bears the last word of its path in the file that says anything; equal names are
-    numbered. Raises InvalidGeometry for a file that cannot be read, holds no solid, or lost some.
+    The name of a solid is the last word of its path in the file that is no translator's default;
+    equal names are numbered. Raises InvalidGeometry for a file that cannot be read, that holds no
+    solid, or of whose solids some could not be read.
     """
     check_step(step)
     try:
@@ -142,13 +144,14 @@ def _imported(step: Path) -> dict[str, int]:
 
 
 def body_of(name: str, tag: int) -> Body:
-    """A volume of the kernel as numbers; raises InvalidGeometry when it has none."""
+    """Volume, centre, inertia, box and faces of a solid in the kernel, by its tag; raises
+    InvalidGeometry for one without volume."""
     occ = gmsh.model.occ
     lower, upper = _bounding_box(3, tag)
     volume = occ.getMass(3, tag)
     faces = gmsh.model.getBoundary([(3, tag)], oriented=False)
     area = sum(occ.getMass(*face) for face in faces)
-    # thinner than 1 um, 2 V / A: a surface drawn twice
+    # a mean thickness 2 V / A below 1 um: a surface that was drawn twice
     if not 2 * volume > 1e-6 * area:
         size = " x ".join(f"{side:.3g}" for side in upper - lower)
         raise InvalidGeometry(
@@ -169,7 +172,7 @@ def body_of(name: str, tag: int) -> Body:
 
 
 def face_of(tag: int) -> Face:
-    """A face of the kernel as numbers."""
+    """Kind, area, centre, normal or axis, radius and box of a face in the kernel, by its tag."""
     kind = KINDS.get(gmsh.model.getType(2, tag), "other")
     _, properties = gmsh.model.getEntityProperties(2, tag)
 
@@ -217,7 +220,7 @@ def face_of(tag: int) -> Face:
 
 
 def distance(point: Sequence[float], face: int) -> float:
-    """Of a point (3,) from the nearest point of a face, by its tag [m]."""
+    """Distance [m] of a point (3,) from a face in the kernel, by its tag."""
     tag = gmsh.model.occ.addPoint(*point)
     nearest, *_ = gmsh.model.occ.getDistance(0, tag, 2, face)
     gmsh.model.occ.remove([(0, tag)])

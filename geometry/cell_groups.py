@@ -1,4 +1,4 @@
-"""Cells of one name, as the files of meshers hold them."""
+"""A named group of cells of a mesh file: the cells of one volume or of one surface."""
 
 from typing import NamedTuple
 

@@ -1,7 +1,7 @@
-"""Bodies of a mesh that somebody else made, as those of a CAD model: faces found on the facets.
+"""Bodies of a user's mesh described like those of a CAD model, their faces found on the facets.
 
-Facets that meet nearly flat are one face. It is a plane where all lie in one, a cylinder or a
-sphere where their corners are as far from an axis or a point, and "other" else.
+Facets that meet at a small angle are one face. It is a plane where all lie in one, a cylinder or a
+sphere where all corners have the same distance from an axis or a point, otherwise "other".
 """
 
 from collections.abc import Mapping
@@ -25,11 +25,14 @@ ROUNDING = 1e-9
 class FaceFinding(NamedTuple):
     """What counts as one face, as a plane, as round; none of the values was varied."""
 
-    smooth: float = np.cos(np.radians(40))  # between normals of neighbours on one curved face
-    flat: float = 1 - 1e-9  # cosine between those of one plane
-    straight: float = 1e-6  # largest spread of the normals' components of a plane face
-    round: float = 1e-3  # of a radius, by which corners may miss their cylinder or sphere
-    strip: float = 4.0  # areas of a curved face's usual strip: a larger one is a plane beside it
+    # least cosine between normals of neighbours on one curved face
+    smooth: float = np.cos(np.radians(40))
+    flat: float = 1 - 1e-9  # the same on a plane
+    straight: float = 1e-6  # largest spread of the normals' components on a plane face
+    round: float = 1e-3  # distance of corners from their cylinder or sphere, over its radius
+    # area of a strip of coplanar facets over the median of a curved face's strips, beyond which it
+    # is a plane that runs into the curved face
+    strip: float = 4.0
 
 
 FINDING = FaceFinding()
@@ -70,7 +73,7 @@ class Skin(NamedTuple):
         return np.array(spread)[face] < FINDING.straight
 
     def on(self, tags) -> "Skin":
-        """The facets of some faces alone."""
+        """The facets of the faces with these tags."""
         mine = np.isin(self.tag, tags)
         return self._replace(**{name: getattr(self, name)[mine] for name in self._fields[1:]})
 
@@ -78,14 +81,18 @@ class Skin(NamedTuple):
 def skins(
     meshes: Mapping[str, Mesh], named: Mapping[str, Mapping[str, NDArray[np.int64]]]
 ) -> dict[str, Skin]:
-    """The outside of every body, its faces numbered from 1 on through all; surfaces with a name,
-    facets by body and name, are faces of their own."""
+    """The outer facets of every body, with tags of the faces that they belong to, from 1 on through
+    all bodies.
+
+    `named` has numbers of facets by body and by surface; a named surface is a face of its own.
+    """
     outsides, last_tag = {}, 0
     for name, mesh in meshes.items():
         number = mesh.boundary_facets()
         corners = mesh.p[:, mesh.facets[:, number]].transpose(2, 1, 0)
         n = corners.shape[1]
-        # area vectors from the diagonals, of a triangle from two sides; turned out of the element
+        # area vectors: half the cross product of the diagonals, of two sides for triangles; turned
+        # away from the element
         across = np.cross(corners[:, 2] - corners[:, 0], corners[:, n - 1] - corners[:, 1]) / 2
         behind = mesh.p[:, mesh.t[:, mesh.f2t[0, number]]].mean(axis=1).T
         inward = np.sum(across * (corners.mean(axis=1) - behind), axis=1) < 0
@@ -104,8 +111,8 @@ def skins(
 
 
 def _faces(skin: Skin, surface: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Which face (0, 1, ...) each facet belongs to, (n,); facets of different named surfaces (n,)
-    are never on one face."""
+    """Number (n,) of the face, from 0, that each facet belongs to; facets with different numbers
+    `surface` (n,) of named surfaces are never on one face."""
     # pairs of facets that have an edge in common
     nodes = skin.mesh.facets[:, skin.number]
     edges = np.sort(np.stack([nodes, np.roll(nodes, -1, axis=0)]), axis=0).reshape(2, -1)
@@ -126,8 +133,8 @@ def _faces(skin: Skin, surface: NDArray[np.int64]) -> NDArray[np.int64]:
     smooth = connected(alike & (cosine > FINDING.smooth))
     strip = connected(alike & (cosine > FINDING.flat))
 
-    # a smooth group that is neither plane nor round may be a fillet and the planes it runs into:
-    # of its flat strips those much larger than usual are taken out as planes
+    # a smooth group that is neither plane nor round may be a fillet with the planes that it runs
+    # into: those of its flat strips that are much larger than the others are planes
     face = smooth.copy()
     for group in range(smooth.max() + 1):
         mine = np.flatnonzero(smooth == group)
@@ -136,21 +143,21 @@ def _faces(skin: Skin, surface: NDArray[np.int64]) -> NDArray[np.int64]:
             area = np.bincount(number, skin.area[mine])
             plane = area[number] > FINDING.strip * np.median(area)
             face[mine[plane]] = smooth.max() + 1 + strip[mine[plane]]
-    # what a plane taken out has cut in two is two faces
+    # a face that such a plane has cut in two becomes two
     return connected(alike & (face[first] == face[second]))
 
 
 class RoundSurface(NamedTuple):
     """A cylinder or a sphere."""
 
-    kind: str
-    centre: Vector  # (3,) [m], of a cylinder on its axis
+    kind: str  # "cylinder" or "sphere"
+    centre: Vector  # (3,) [m], of a cylinder a point on its axis
     radius: float  # m
     axis: Vector | None = None  # (3,) of a cylinder
 
 
 def _curved(skin: Skin, mine: NDArray[np.int64]) -> RoundSurface | None:
-    """The cylinder or sphere that facets lie on, None where they lie on neither."""
+    """The cylinder or sphere on which the facets `mine` lie; None for any other surface."""
     points = np.unique(skin.corners[mine].reshape(-1, 3), axis=0)
     # cylinders first: a single row of facets around one lies on a sphere as well
     cylinder = _cylinder(points, skin.normal[mine] * skin.area[mine, None])
@@ -165,16 +172,16 @@ def _curved(skin: Skin, mine: NDArray[np.int64]) -> RoundSurface | None:
 
 
 def _cylinder(points: NDArray[np.float64], normals: NDArray[np.float64]) -> RoundSurface | None:
-    """The cylinder of least squares of the radii of points (n, 3), None where some are off it;
-    normals (m, 3) weighted by area."""
-    # the axis is the direction that the normals have least of
+    """The cylinder with the least squares of the deviations of the radii of points (n, 3) [m]; None
+    where a point is off it. `normals` (m, 3) of the facets are weighted by area [m^2]."""
+    # first guess of the axis: the direction in which the normals have the smallest components
     _, s, directions = np.linalg.svd(normals, full_matrices=False)
     if s[1] < 1e-6 * s[0]:
         return None
     middle, (u, v, w) = points.mean(axis=0), directions
 
     def radii(x):
-        """Of the points about an axis w + x0 u + x1 v through the middle + x2 u + x3 v."""
+        """Distances of the points from the axis w + x0 u + x1 v through middle + x2 u + x3 v."""
         axis = w + x[0] * u + x[1] * v
         axis = axis / np.linalg.norm(axis)
         return np.linalg.norm(np.cross(points - middle - x[2] * u - x[3] * v, axis), axis=1)
@@ -186,7 +193,7 @@ def _cylinder(points: NDArray[np.float64], normals: NDArray[np.float64]) -> Roun
         lambda x: radii(x) - radii(x).mean(), start, x_scale=[1, 1, size, size], xtol=1e-14
     ).x
     radius = radii(x).mean()
-    # on an arc of a tenth of its radius, 6 degrees, a cylinder is not to be told from a plane
+    # an arc shorter than a tenth of the radius, 6 degrees, could as well be a plane
     if not np.abs(radii(x) - radius).max() < FINDING.round * radius or radius > 10 * size:
         return None
     axis = w + x[0] * u + x[1] * v
@@ -194,14 +201,15 @@ def _cylinder(points: NDArray[np.float64], normals: NDArray[np.float64]) -> Roun
 
 
 def _circle(rho: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Centre c and radius of the circle or sphere nearest to points rho (n, 2 or 3), linear in the
-    unknowns c and d = r^2 - c^2: rho^2 = 2 c rho + d."""
+    """Centre c and radius r of the circle or sphere nearest to points rho (n, 2 or 3) [m], by
+    linear least squares of rho^2 = 2 c rho + d in c and d = r^2 - c^2 (I. Kasa, IEEE Trans.
+    Instrum. Meas. 25 (1976) 8)."""
     (*c, d), *_ = np.linalg.lstsq(np.column_stack([2 * rho, np.ones(len(rho))]), (rho**2).sum(1))
     return np.array(c), float(np.sqrt(max(d + np.dot(c, c), 0.0)))
 
 
 def _unit(axis: Vector) -> Vector:
-    """Of length 1, components that are mere rounding set to 0."""
+    """The axis (3,) with length 1; components that are rounding of a global axis become 0."""
     axis = axis / np.linalg.norm(axis)
     axis[np.abs(axis) < ROUNDING] = 0.0
     return axis
@@ -210,7 +218,7 @@ def _unit(axis: Vector) -> Vector:
 def bodies(
     outsides: Mapping[str, Skin], named: Mapping[str, Mapping[str, NDArray[np.int64]]]
 ) -> dict[str, Body]:
-    """What the meshes hold, in the terms of a CAD model."""
+    """The bodies of the meshes, as those of a CAD model; `named` as in `skins`."""
     described = {}
     for number, (name, skin) in enumerate(outsides.items(), start=1):
         basis = Basis(skin.mesh, skin.mesh.elem(), intorder=3)
@@ -229,12 +237,12 @@ def bodies(
 
 
 def _face(skin: Skin, tag: int, named: Mapping[str, NDArray[np.int64]]) -> Face:
-    """The facets of one face as a plane, a cylinder, a sphere or "other"."""
+    """The face that the facets with a tag make: a plane, a cylinder, a sphere or "other"."""
     mine = np.flatnonzero(skin.tag == tag)
     area, normals = skin.area[mine], skin.normal[mine]
     points = skin.corners[mine].reshape(-1, 3)
     mean = _unit(area @ normals) if np.linalg.norm(area @ normals) > 0 else np.eye(3)[0]
-    # all against their mean: looser than between two neighbours
+    # normals against their mean: they may differ by more than those of two neighbours
     is_plane = bool(np.all(normals @ mean > FINDING.flat - 1e-7))
     curved = None if is_plane else _curved(skin, mine)
     label = (n for n, facets in named.items() if np.isin(skin.number[mine], facets).all())
@@ -264,7 +272,7 @@ def _face(skin: Skin, tag: int, named: Mapping[str, NDArray[np.int64]]) -> Face:
 
 
 def distance(skin: Skin, point, tag: int) -> float:
-    """Of a point from the nearest point of a face, by its tag [m]."""
+    """Distance [m] of a point (3,) from a face, by its tag."""
     return float(away(np.asarray(point, dtype=float), skin.on([tag]).triangles).min())
 
 

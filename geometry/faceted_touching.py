@@ -1,4 +1,4 @@
-"""Where bodies of a mesh touch: facets that look at each other across less than `gap`.
+"""Where bodies of a mesh touch: facets that face each other across less than `gap`.
 
 Of two facets the common area is that of one clipped by the other, projected onto its plane
 (Sutherland and Hodgman, Commun. ACM 17 (1974) 32). Facets of curved faces may be off each other by
@@ -28,12 +28,14 @@ from geometry.touching import (
 
 
 class FacetCloseness(NamedTuple):
-    """Which facets touch, and which of them lie wholly on a partner; none was varied."""
+    """Which facets touch, and which of them lie wholly on the other body; none was varied."""
 
-    facing: float = -0.8  # cosine between normals of facets that touch
-    sagging: float = 0.1  # of a facet's size, by which one of a curved face may miss its partner
-    covered: float = 0.99  # of a facet's area: all of it lies on the partner
-    covered_curved: float = 0.9  # the same of a curved face, where facets lie askew
+    facing: float = -0.8  # cosine between the normals of facets that touch, at most
+    # distance between facets of touching curved faces, over their size: chords of either mesh
+    sagging: float = 0.1
+    # common area over a facet's area from which on all of it counts as lying on the other body
+    covered: float = 0.99
+    covered_curved: float = 0.9  # the same on a curved face, whose facets lie askew to each other
 
 
 FACETS = FacetCloseness()
@@ -42,10 +44,10 @@ FACETS = FacetCloseness()
 class FacetPairs(NamedTuple):
     """Pairs of facets that touch."""
 
-    first: NDArray[np.int64]  # (n,) of the first body's skin
-    second: NDArray[np.int64]  # (n,)
-    area: NDArray[np.float64]  # (n,) [m^2]
-    gap: NDArray[np.float64]  # (n,) [m]
+    first: NDArray[np.int64]  # (n,) index in the first body's skin
+    second: NDArray[np.int64]  # (n,) index in the second body's skin
+    area: NDArray[np.float64]  # (n,) [m^2] in common
+    gap: NDArray[np.float64]  # (n,) [m] between them
 
 
 class Meeting(NamedTuple):
@@ -55,7 +57,8 @@ class Meeting(NamedTuple):
     pairs: dict[str, FacetPairs]  # by the name of the touching pair, "a|b"
 
     def facets(self, name: str, body: str, skin: Skin, *, whole: bool) -> NDArray[np.int64]:
-        """Numbers in its mesh of a body's facets on the partner: those wholly there, or all."""
+        """Numbers, in its mesh, of a body's facets that touch the other body of the pair "a|b":
+        with `whole` those that lie wholly on it, else all."""
         pairs = self.pairs[name]
         mine = pairs.first if name.split("|")[0] == body else pairs.second
         covered = np.bincount(mine, pairs.area, minlength=len(skin.area)) / skin.area
@@ -63,8 +66,8 @@ class Meeting(NamedTuple):
         return skin.number[covered > (wholly if whole else CLOSENESS.fraction)]
 
     def under(self, patch: Patch, skin: Skin) -> NDArray[np.int64]:
-        """Numbers of the facets under a washer, of a bolt's share or in a thread: by their
-        middles."""
+        """Numbers, in its mesh, of the facets whose middles lie under a washer, in a bolt's share
+        or in a thread."""
         face = skin.on(patch.on.tags)
         if isinstance(patch, ThreadBand):
             return face.number[
@@ -73,7 +76,7 @@ class Meeting(NamedTuple):
         if isinstance(patch, Disc):
             off = np.linalg.norm(np.cross(face.middle - patch.centre, patch.normal), axis=1)
             return face.number[off <= patch.radius * np.linalg.norm(patch.normal)]
-        # nearer to this bolt than to the others, and on a partner
+        # nearer to this bolt than to the others, and on another body
         off = np.linalg.norm(face.middle - patch.centre, axis=1)
         others = [np.linalg.norm(face.middle - centre, axis=1) for centre in patch.others]
         nearest = np.all([off <= distance for distance in others] or [off >= 0], axis=0)
@@ -129,11 +132,11 @@ def meeting(skins: Mapping[str, Skin], bodies: Mapping[str, Body], gap: float) -
 
 
 def _facet_pairs(first: Skin, second: Skin, a: Body, b: Body, gap: float) -> FacetPairs:
-    """Facets of the two that face each other and have an area in common."""
-    # of a curved face facets may miss the face itself, of a plane they do not
+    """Facets of two bodies that face each other and have an area in common."""
+    # facets of a curved face lie off the face itself, those of a plane do not
     sag, sag_of_second = (FACETS.sagging * skin.size * ~skin.flat for skin in (first, second))
 
-    # facets in the other body's box, of these all pairs whose spheres meet
+    # facets within the other body's box; of these, all pairs whose enclosing spheres meet
     indices = []
     for skin, sagging, body in ((first, sag, b), (second, sag_of_second, a)):
         within = gap + sagging.max(initial=0.0)
@@ -194,7 +197,7 @@ def clipped_area(polygon: list, knife: list) -> float:
 
 
 def _overlap(first: Skin, second: Skin, names: tuple[str, str], gap: float) -> Overlap | None:
-    """The volume of elements of either body whose middles lie in the other."""
+    """Overlap by the volume of elements whose middles lie in the other body; None without any."""
     volumes, shares = [], []
     for skin, partner in ((first, second), (second, first)):
         volume = np.abs(Basis(skin.mesh, skin.mesh.elem(), intorder=2).dx).sum(axis=1)
@@ -227,7 +230,7 @@ def inside(points: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray
 
 
 def _nearest_miss(first: Skin, second: Skin, names: tuple[str, str]) -> NearMiss:
-    """Where the corners of either body are nearest to the other's facets."""
+    """The smallest distance of a corner of one body from a facet of the other, and its place."""
     best = NearMiss(names, np.inf, np.zeros(3))
     for skin, partner in ((first, second), (second, first)):
         corners = np.unique(skin.corners.reshape(-1, 3), axis=0)

@@ -16,5 +16,5 @@ def facets_of(mesh: Mesh, corners: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def triangles(quads: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Quadrilaterals (n, 4), each in two (2 n, 3)."""
+    """Triangles (2 n, 3) of quadrilaterals (n, 4), each cut along a diagonal."""
     return np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])

@@ -24,7 +24,7 @@ def cell_groups(path: Path) -> tuple[NDArray[np.float64], list[CellGroup]]:
     gmsh cannot read.
     """
     content = path.read_bytes()
-    # anything without this head gmsh would run as a script of its own
+    # gmsh would run a file without this head as a script
     if not content.removeprefix(b"\xef\xbb\xbf").startswith((HEAD, b"$Comments")):
         raise InvalidGeometry("it does not begin with $MeshFormat")
     if END not in content:

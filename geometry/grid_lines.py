@@ -1,11 +1,11 @@
 """Grid lines of boxes, closer where stresses are steep: at a contact, at the edge of an interface.
 
-Away from a stop the element size grows with the distance d up to that of the body, h(d) = s + b d.
-Elements that each are exp(b) times as large as their neighbour do so; within d there are
+From a stop on, the element size grows with the distance d as h(d) = s + b d, up to that of the
+body; neighbouring elements then differ by a factor of exp(b). The number of elements within d is
 
-    n(d) = int dx / h(x) = ln(1 + b d / s) / b,
+    n(d) = int_0^d dx / h(x) = ln(1 + b d / s) / b,
 
-stretched to a whole number between every two stops.
+which is stretched to a whole number between every two stops.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Coordinates = NDArray[np.float64]
-GROWTH = 1.7  # of neighbouring elements away from a contact; not varied
+GROWTH = 1.7  # size of an element over that of its neighbour nearer to a contact; not varied
 
 
 class Stop(NamedTuple):
@@ -41,7 +41,7 @@ def lines_through(stops: Sequence[Stop], size: float) -> Coordinates:
 
 
 def n_cells(stops: Sequence[Stop], size: float) -> int:
-    """How many cells those lines bound."""
+    """Number of cells between the lines of `lines_through`."""
     return sum(_Stretch.between(*pair, size).n_cells for pair in pairwise(stops))
 
 
@@ -54,10 +54,10 @@ def graded(lower: float, upper: float, point: float, fine: float, coarse: float)
 class _Side(NamedTuple):
     """One end of a stretch: elements that grow from `size` with `slope` up to `most`."""
 
-    size: float
-    slope: float
-    most: float
-    length: float  # up to where the other end's elements are as small
+    size: float  # [m] at the stop
+    slope: float  # b
+    most: float  # [m] size of the body's elements
+    length: float  # [m] up to where elements grown from the other end have the same size
 
     @property
     def grown(self) -> float:
@@ -65,13 +65,13 @@ class _Side(NamedTuple):
         return (self.most - self.size) / self.slope if self.slope else 0.0
 
     def cells(self, d):
-        """Cells within the distance d."""
+        """Number of cells within the distance d [m], not whole."""
         graded = min(d, self.grown)
         growing = log1p(self.slope * graded / self.size) / self.slope if graded > 0 else 0.0
         return growing + (d - graded) / self.most
 
     def distance(self, cells):
-        """Inverse of `cells`, of an array."""
+        """Distance [m] within which there are so many cells (k,); inverse of `cells`."""
         n = self.cells(self.grown)
         graded = np.minimum(cells, n)
         growing = self.size * np.expm1(self.slope * graded) / self.slope if self.slope else 0.0
@@ -79,17 +79,17 @@ class _Side(NamedTuple):
 
 
 class _Stretch(NamedTuple):
-    """What stands between two stops."""
+    """The elements between two stops."""
 
-    start: float
-    end: float
+    start: float  # m
+    end: float  # m
     lower: _Side
     upper: _Side
 
     @classmethod
     def between(cls, first: Stop, second: Stop, most: float) -> "_Stretch":
-        """Of elements up to the size `most`; where those of both ends are as large, they meet:
-        s + b x = t + c (length - x)."""
+        """The stretch between two stops with elements up to the size `most` [m]; elements of both
+        ends meet where they have the same size, s + b x = t + c (length - x)."""
         length = second.at - first.at
         s, t = min(first.size, most), min(second.size, most)
         slopes = first.slope + second.slope
@@ -101,7 +101,7 @@ class _Stretch(NamedTuple):
 
     @property
     def shares(self) -> tuple[float, float]:
-        """Cells that either side would have, not whole."""
+        """Number of cells that grow from either end, not whole."""
         return self.lower.cells(self.lower.length), self.upper.cells(self.upper.length)
 
     @property

@@ -1,8 +1,8 @@
-"""Hexahedra of a body that is one outline, extruded: a box, a plate with holes, a tube.
+"""Hexahedra of a body that is an extruded outline: a box, a plate with holes, a tube.
 
-top    =======          a body is one when all its faces are two caps, equal planes across an
-sides  |  ||  |         axis, and sides along it, planes or cylinders; its volume is then the
-base   =======          area of a cap times the height
+top    =======          a body is an extrusion when its faces are two caps, equal planes normal to
+sides  |  ||  |         an axis, and sides along that axis, planes or cylinders; its volume is then
+base   =======          the area of a cap times the height
 
 Everything imprinted on its caps and sides is drawn on the base, which is meshed in quadrilaterals:
 
@@ -10,8 +10,7 @@ Everything imprinted on its caps and sides is drawn on the base, which is meshed
     rings                                     a polar grid
     any other                                 gmsh's triangles joined, and split once more
 
-Copies of them stand above each other in layers, which end where a part of a side that a partner
-touches ends.
+Copies of the base are stacked in layers, which end where an imprint on a side ends.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -36,8 +35,9 @@ from geometry.sizes import Size, mesh_visible, size_at
 from geometry.solids import SAME, Body, Face, Vector, off_axis, parallel
 
 TRIANGLE, QUADRILATERAL = 2, 3  # gmsh's element types
-# gmsh's algorithms for triangles and for joining them to quadrilaterals, the best first; full-quad
-# halves all lines and gives up on one of a single element, which smaller elements avoid
+# gmsh's algorithms for triangles and for joining them to quadrilaterals, the best first. Full-quad
+# halves all lines and fails on a line of a single element, which smaller elements (MeshSizeFactor)
+# avoid
 JOINED = (
     {"Algorithm": 8, "RecombinationAlgorithm": 2},  # frontal for quadrilaterals, simple full-quad
     {"Algorithm": 8, "RecombinationAlgorithm": 2, "MeshSizeFactor": 0.7},
@@ -55,10 +55,10 @@ JOINED = (
 class ExtrusionLimits(NamedTuple):
     """What counts as an extrusion, and as a fair quadrilateral; none was varied."""
 
-    exact: float = 1e-9  # relative, of areas times height and of the volume
-    upright: float = 1e-6  # of a side's normal along the axis
-    filled: float = 1e-6  # relative, of the area of a rectangle and of what should fill it
-    square: float = 0.15  # sine of the sharpest corner, less is left to tetrahedra
+    exact: float = 1e-9  # relative difference of area times height from the volume
+    upright: float = 1e-6  # component of a side's unit normal along the axis
+    filled: float = 1e-6  # relative difference of a rectangle's area from what should fill it
+    square: float = 0.15  # sine of the sharpest corner; a sharper one is left to tetrahedra
 
 
 LIMITS = ExtrusionLimits()
@@ -67,14 +67,14 @@ LIMITS = ExtrusionLimits()
 class Prism(NamedTuple):
     """A body as an extrusion."""
 
-    axis: Vector  # from base to top
+    axis: Vector  # (3,) unit vector from base to top
     height: float  # m
     base: tuple[Face, ...]
     top: tuple[Face, ...]
     sides: tuple[Face, ...]
 
     def heights(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Of points (..., 3) above the base [m]."""
+        """Heights (...) [m] of points (..., 3) above the base."""
         return (points - self.base[0].centre) @ self.axis
 
     def foot(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -86,61 +86,63 @@ class SidePatch(NamedTuple):
     """A part of a side between two heights and two lines along the axis."""
 
     region: Region
-    lower: float  # m
-    upper: float
-    feet: NDArray[np.float64]  # (n, 3) where those lines stand on the base
+    lower: float  # [m] above the base
+    upper: float  # m
+    feet: NDArray[np.float64]  # (n, 3) [m], where those lines meet the base
 
 
 class Imprints(NamedTuple):
-    """What must show in the mesh of a prism."""
+    """Surfaces whose rims must be lines of a prism's mesh, by tag."""
 
-    base: dict[int, Region]  # by tag, on the base or the top
+    base: dict[int, Region]  # on the base or the top
     sides: dict[int, SidePatch]
 
     @property
     def sharp(self) -> list[SidePatch]:
-        """Parts of sides with a singular rim."""
+        """Parts of sides along whose rims stresses are singular."""
         return [patch for patch in self.sides.values() if patch.region.sharp]
 
 
 class BaseMesh(NamedTuple):
-    """A mesh of the base; `parts` are the quadrilaterals of caps and imprints, by their tags."""
+    """A mesh of the base in quadrilaterals."""
 
-    p: NDArray[np.float64]  # (n, 3) on the base [m]
-    quads: NDArray[np.int64]  # (m, 4)
-    parts: dict[int, NDArray[np.int64]]
+    p: NDArray[np.float64]  # (n, 3) [m] nodes on the base
+    quads: NDArray[np.int64]  # (m, 4) their nodes
+    parts: dict[int, NDArray[np.int64]]  # quadrilaterals of caps and imprints, by tag
 
 
 class Layers(NamedTuple):
-    """A base and its copies above each other; node i of layer k has the number i + k n."""
+    """A base of n nodes and its copies above each other; node i of layer k has the number i
+    + k n."""
 
     prism: Prism
     base: BaseMesh
-    edges: NDArray[np.int64]  # (m, 2) around the base
-    under: NDArray[np.int64]  # (m,) tag of the side that stands on each
-    heights: NDArray[np.float64]  # (k,) [m]
+    edges: NDArray[np.int64]  # (m, 2) nodes of the edges around the base
+    under: NDArray[np.int64]  # (m,) tag of the side above each edge
+    heights: NDArray[np.float64]  # (k,) [m] of the layers
 
     def cap(self, part: int, on: int) -> NDArray[np.int64]:
-        """Corners (., 4) of a part of the face `on`, base or top."""
+        """Nodes (m, 4) of the facets of a part of the cap `on`, base or top."""
         below = any(face.tag == on for face in self.prism.base)
         top = 0 if below else (len(self.heights) - 1) * len(self.base.p)
         return self.base.quads[self.base.parts[part]] + top
 
     def wall(self, edges: NDArray[np.int64], lower: float, upper: float) -> NDArray[np.int64]:
-        """Corners (., 4) above edges, from one height to another."""
+        """Nodes (m, 4) of the facets above edges (e, 2) of the base, between two heights [m]."""
         middle = (self.heights[1:] + self.heights[:-1]) / 2
         layers = np.flatnonzero((middle > lower) & (middle < upper))
         low = (edges[None] + layers[:, None, None] * len(self.base.p)).reshape(-1, 2)
         return np.concatenate([low, low[:, ::-1] + len(self.base.p)], axis=1)
 
     def face(self, tag: int) -> NDArray[np.int64]:
-        """Corners (., 4) of a whole face."""
+        """Nodes (m, 4) of the facets of a whole face."""
         if tag in self.base.parts:
             return self.cap(tag, tag)
         return self.wall(self.edges[self.under == tag], 0, self.prism.height)
 
     def patch(self, patch: SidePatch, gap: float) -> NDArray[np.int64]:
-        """Corners (., 4) of a part of a side, given to within the gap."""
+        """Nodes (m, 4) of the facets of a part of a side, whose place is known within the
+        gap [m]."""
         side = next(face for face in self.prism.sides if face.tag == patch.region.on)
         edges = self.edges[self.under == side.tag]
         half_way_up = (patch.lower + patch.upper) / 2 * self.prism.axis
@@ -156,11 +158,9 @@ def hexahedra(
     size: Size,
     gap: float,
 ) -> MeshHex | None:
-    """The body in hexahedra with its boundaries, None where it is no extrusion.
-
-    The same boundaries as of tetrahedra; `wanted` stays as it is, for these.
-    """
-    # the lowest extrusion that can show all imprints, its base meshed
+    """The body in hexahedra with the boundaries that `tetrahedra` gives it; None where it is no
+    extrusion. The surfaces `wanted` are not consumed, so that tetrahedra can still use them."""
+    # the lowest extrusion on which all imprints can be meshed
     for prism in prisms(body):
         marks = imprints(prism, wanted)
         if marks is None:
@@ -179,7 +179,7 @@ def hexahedra(
     quads[turned] = quads[turned][:, ::-1]
     base = base._replace(quads=quads)
 
-    # heights of the layers: stops where imprints on sides end, smaller elements where stresses are
+    # heights of the layers: lines where imprints on sides end, smaller elements where stresses are
     # singular
     stops = [end for patch in marks.sides.values() for end in (patch.lower, patch.upper)]
     sharp: list[float] = []
@@ -194,8 +194,9 @@ def hexahedra(
         lambda z: size_at(size, z + foot, prism.axis, np.add(foot, sharp)),
     )
 
-    # an edge of the rim belongs to one quadrilateral only. The side above it is the one whose
-    # surface holds its ends; of several in one plane or on one cylinder, the nearest face
+    # an edge of the rim belongs to one quadrilateral only; the side above it is the one whose
+    # surface holds both its ends. Where several sides share that plane or cylinder, it is the one
+    # that is nearest to the middle of the edge
     edges = np.sort(quads[:, [[0, 1], [1, 2], [2, 3], [3, 0]]].reshape(-1, 2))
     edges, count = np.unique(edges, axis=0, return_counts=True)
     rim = edges[count == 1]
@@ -216,7 +217,7 @@ def hexahedra(
         under[i] = rivals[int(np.argmin(distances))].tag
     layers = Layers(prism, base, rim, under, heights)
 
-    # what the imprints and the named faces are in the mesh
+    # facets of the imprints and of the named faces
     corners = {}
     for name, regions in wanted.items():
         facets = [
@@ -230,7 +231,7 @@ def hexahedra(
         if selected.body == body.name:
             corners[name] = np.concatenate([layers.face(tag) for tag in selected.tags])
 
-    # the copies of the base, nodes on cylinders moved out to keep the cylinders' volume
+    # copies of the base; nodes on cylinders are moved out to keep the cylinders' volume
     n = len(p)
     points = (p + heights[:, None, None] * prism.axis).reshape(-1, 3)
     cylinders = full_cylinders(body.tag, gap)
@@ -244,7 +245,7 @@ def hexahedra(
 
 
 def _onto(side: Face, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points (n, 3) of chords moved onto the side."""
+    """Points (n, 3) [m] on chords of a side, moved onto it radially if it is a cylinder."""
     if side.axis is None:
         return points
     rho = points - side.on_axis
@@ -253,7 +254,7 @@ def _onto(side: Face, points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def prisms(body: Body) -> Iterator[Prism]:
-    """Every way to see a body as an extrusion, the lowest first."""
+    """All extrusions that a body can be seen as, a box as three, in order of their heights."""
     extrusions = []
     normals = [face.normal for face in body.faces if face.normal is not None]
     for i, axis in enumerate(normals):
@@ -272,8 +273,7 @@ def prisms(body: Body) -> Iterator[Prism]:
         if not (top and base and upright):
             continue
 
-        # two planes of the area volume / height, and sides that reach from one to the other all
-        # along: their corners lie at either end
+        # both caps have the area volume / height, and all corners of the sides lie at either end
         levels = [[f.centre @ axis for f in faces] for faces in (base, top)]
         height = levels[1][0] - levels[0][0]
         if not max(np.ptp(levels[0]), np.ptp(levels[1])) < SAME:
@@ -291,7 +291,7 @@ def prisms(body: Body) -> Iterator[Prism]:
 
 
 def _at_either_end(values: Sequence[float]) -> NDArray[np.bool_]:
-    """Which values (n,) are the lowest or the highest of them."""
+    """(n,) True for values [m] that equal the lowest or the highest one, within `SAME`."""
     lowest, highest = min(values), max(values)
     off = np.minimum(np.abs(np.subtract(values, lowest)), np.abs(np.subtract(values, highest)))
     return off < SAME
@@ -304,8 +304,8 @@ def corners_of(face: int) -> list[int]:
 
 
 def imprints(prism: Prism, wanted: Mapping[str, Sequence[Region]]) -> Imprints | None:
-    """The regions as an extrusion shows them; None when a part on a side is not bounded by two
-    heights and by lines along the axis."""
+    """The regions on caps and sides of an extrusion; None when one on a side is not bounded by two
+    heights and two lines along the axis, since layers cannot end on its rim then."""
     caps = {face.tag for face in prism.base + prism.top}
     base, sides = {}, {}
     for region in (region for regions in wanted.values() for region in regions):
@@ -338,8 +338,11 @@ def base_mesh(prism: Prism, marks: Imprints, size: Size, gap: float) -> BaseMesh
 
 
 def spaced(stops: Sequence[float], size: Callable[[NDArray], NDArray]) -> NDArray[np.float64]:
-    """Points from the first to the last stop through all of them, as far from each other as `size`
-    says: between two stops they divide the integral of 1 / size evenly."""
+    """Ascending points from the lowest to the highest stop [m], through all stops.
+
+    Between two stops they divide the integral of 1 / size evenly, rounded to a whole number; `size`
+    [m] is the distance between points as a function of their places (k,) [m].
+    """
     ordered = np.unique(np.round(stops, 9))
     points = [ordered[:1]]
     for lower, upper in pairwise(ordered):
@@ -361,7 +364,7 @@ def _grid(prism: Prism, marks: Imprints, size: Size) -> BaseMesh | None:
     if not all(parallel(n, u) or parallel(n, v) for n in normals):
         return None
 
-    # from where to where the imprints go along u and v, if they fill that
+    # spans of the imprints along u and v, if they fill the rectangle between these
     boxes = {}
     for tag in marks.base:
         corners = np.array([gmsh.model.getValue(0, corner, []) for corner in corners_of(tag)])
@@ -400,12 +403,12 @@ def _grid(prism: Prism, marks: Imprints, size: Size) -> BaseMesh | None:
 
 
 def _caps(prism: Prism, n: int) -> dict[int, NDArray[np.int64]]:
-    """All n quadrilaterals, as the parts that the base and the top are."""
+    """The parts that base and top are: all n quadrilaterals."""
     return {face.tag: np.arange(n) for face in (*prism.base, *prism.top)}
 
 
 def _structured(rows: int, columns: int) -> NDArray[np.int64]:
-    """Quadrilaterals (., 4) of a grid of points, numbered along the columns first."""
+    """Nodes (m, 4) of the quadrilaterals of a grid of points, which are numbered row by row."""
     ix = np.arange(rows * columns).reshape(rows, columns)
     return np.stack(
         [ix[:-1, :-1].ravel(), ix[1:, :-1].ravel(), ix[1:, 1:].ravel(), ix[:-1, 1:].ravel()], axis=1

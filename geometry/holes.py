@@ -1,8 +1,7 @@
-"""Round holes of bodies, those that go through two bodies at one axis, and shanks in bores: where
-bolts sit.
+"""Places of bolts: round holes of bodies, holes through two bodies about one axis, shanks in bores.
 
-A bore is the cylinder faces of one axis and radius that follow each other without a gap and go
-more than three quarters around: a fillet is none.
+A bore consists of cylinder faces of one axis and radius that join without a gap and go more than
+three quarters around, so that a fillet is none.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,12 +17,13 @@ from geometry.touching import TouchingPair
 
 
 class HoleLimits(NamedTuple):
-    """What counts as a hole and as a thread."""
+    """What counts as a hole and as a thread; angles were not varied."""
 
     hole: float = 0.75 * 2 * pi  # rad around, less is a fillet or a slot's end
     cut: float = 0.45 * 2 * pi  # rad around, of a hole that an edge cuts; less is a fillet
-    # of a bore's radius, that a shank in it may be thinner or off its axis; the depth of a coarse
-    # metric thread is 0.14 (M20) to 0.18 (M6) of it, and CAD draws either of its diameters
+    # difference of the radii of shank and bore, or of their axes, over the bore's radius, at most:
+    # the depth of a coarse metric thread is 0.14 (M20) to 0.18 (M6) of it, and CAD files draw
+    # either of its diameters
     thread: float = 0.2
 
 
@@ -31,7 +31,7 @@ LIMITS = HoleLimits()
 
 
 class Bore(NamedTuple):
-    """A cylindrical face all around: of a hole, or the outside of a pin."""
+    """A cylindrical face that goes all around: the wall of a hole, or the outside of a pin."""
 
     tags: tuple[int, ...]  # of its faces in the CAD model
     radius: float  # m
@@ -111,7 +111,7 @@ def _cylinders(body: Body, hollow: bool) -> list[tuple[Bore, float]]:
 
 
 def _span(face: Face, axis_of: Face) -> tuple[float, float]:
-    """From where to where a face goes along the axis of another [m]."""
+    """Lower and upper end [m] of a cylinder face along the axis of another one."""
     ends = face.on_axis + np.outer(face.along, face.axis) - axis_of.on_axis
     lower, upper = sorted(ends @ axis_of.axis)
     return lower, upper
@@ -138,7 +138,8 @@ def concentric(
 
 
 def _at_plane(body: Body, plane: Face) -> list[tuple[float, Vector]]:
-    """Diameters and centres on a plane of the bores that reach it, or a chamfer below it."""
+    """Diameters [m] and centres (3,) on a plane of the bores that reach it or end at a chamfer
+    below it."""
     candidates: list[tuple[float, float, Vector]] = []
     for bore in bores(body):
         heights = (bore.ends - plane.centre) @ plane.normal

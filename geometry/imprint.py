@@ -1,11 +1,12 @@
-"""Lines drawn on a body's faces before it is meshed: outlines of partners, washers, shares.
+"""A body's faces split along lines before it is meshed, so that elements end on these lines.
 
-A surface that lies on the body splits the faces under it, so that elements end on its rim. Which
-faces of the split body a face or an imprint became, OpenCASCADE's general fuse returns.
+Imprinted are the outlines of bodies that touch it, washers, patches that are struck, and the shares
+of a common face that belong to its bolts. A surface that lies on the body splits the faces under
+it; OpenCASCADE's general fuse returns which faces of the split body each face or imprint became.
 
-    fitted        radii that can be meshed
+    fitted        patches whose rims leave no sliver, which could not be meshed
     regions       surfaces to imprint
-    imprinted     the body, its faces split along them
+    imprinted     the body with its faces split along them
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -23,53 +24,64 @@ from geometry.touching import TouchingPair
 
 
 class RimRoom(NamedTuple):
-    """How near to an edge of its face, or to another rim, the rim of a disc may be drawn."""
+    """How near to an edge of its face, or to another rim, the rim of a disc may come.
 
-    sliver: float = 1 / 6  # of r step^2: twice what a rim is moved out by for its area
-    chord: float = 1 / 32  # of r step^2: cuts off half an element, 2 sqrt(2 r d) = r step / 2
-    # times the gap: an intersection makes edges closer than twice the gap one
+    r is the radius of the disc, step = 2 pi / n the angle of one of the n edges around it. Nearer
+    than these distances, the rim is drawn through the edge instead. Chosen by the reasons given,
+    not varied.
+    """
+
+    # from the rim to an edge beyond it, over r step^2: corners of a polygon of the circle's area
+    # lie r step^2 / 12 outside the circle (`geometry.roundness`); twice that leaves an element
+    sliver: float = 1 / 6
+    # by which the disc reaches over an edge, over r step^2: at d = r step^2 / 32 the edge cuts it
+    # along a chord of 2 sqrt(2 r d) = r step / 2, half an element
+    chord: float = 1 / 32
+    # either way, over the gap that counts as touching: an intersection with a tolerance of twice
+    # the gap merges edges that are closer than that
     merged: float = 4
-    most: float = 1 / 4  # of a radius, however large the gap
+    most: float = 1 / 4  # either way, over r: limits what a large gap would ask for
 
 
 RIM_ROOM = RimRoom()
 
 
 class Disc(NamedTuple):
-    """A round patch on faces of a body: under a washer, around a strike."""
+    """A round patch on plane faces of a body: under a washer, or where the chain strikes."""
 
     on: Selected
     centre: Vector  # (3,) [m]
-    normal: Vector  # of the disc, as of the faces or against it
+    normal: Vector  # (3,) unit vector, along the outward normal of the faces or opposite to it
     radius: float  # m
 
 
 class Share(NamedTuple):
-    """The part of a common face that is nearer to one bolt than to the other bolts on it."""
+    """The part of the common face of two bodies that is nearer to one bolt than to the others."""
 
     on: Selected
-    regions: tuple[int, ...]  # the common face in the CAD model
+    regions: tuple[int, ...]  # tags of the common face's surfaces in the CAD model
     centre: Vector  # (3,) of the bolt [m]
-    others: Sequence[Vector]
+    others: Sequence[Vector]  # (3,) each, of the other bolts [m]
 
 
 class ThreadBand(NamedTuple):
-    """The part of a cylinder's faces between two planes across its axis: of a thread."""
+    """The part of a cylinder's faces between two planes normal to its axis, along which a thread
+    engages."""
 
     on: Selected
-    centre: Vector  # (3,) half-way between the planes [m]
-    axis: Vector
-    length: float  # m
+    centre: Vector  # (3,) on the axis, half-way between the planes [m]
+    axis: Vector  # (3,) unit vector
+    length: float  # m, between the planes
 
 
 Patch = Disc | Share | ThreadBand
 
 
 class Imprinted(NamedTuple):
-    """A body with its faces split: the new volume, and what each name became."""
+    """A body with its faces split."""
 
-    tag: int
-    faces: dict[str, tuple[int, ...]]
+    tag: int  # of the new volume in the CAD model
+    faces: dict[str, tuple[int, ...]]  # tags of the faces that each name consists of now
 
 
 class Region(NamedTuple):
@@ -77,14 +89,15 @@ class Region(NamedTuple):
 
     tag: int
     on: int  # tag of the face
-    sharp: bool = False  # bodies that are tied end on it: stresses are singular along its rim
+    sharp: bool = False  # a tied body ends on this face: stresses are singular along the rim
 
 
 def fitted(body: Body, patches: Mapping[str, Patch], gap: float, around: float) -> dict[str, Patch]:
-    """The body's patches, discs with radii at which their rims of `around` edges can be meshed.
+    """The body's patches by name; discs with radii at which rims of `around` edges can be meshed.
 
-    A rim that would leave a sliver beside an edge of its face, or beside an earlier disc, or cut
-    off less of one than an element, ends on it: `geometry.roundness.rimmed` restores the area.
+    A rim that would leave a sliver beside an edge of its face or beside an earlier disc, or reach
+    over that edge by less than an element, is drawn through it; `geometry.roundness.rimmed`
+    restores the area. `gap` [m] is the distance up to which bodies count as touching.
     """
     occ, room = gmsh.model.occ, RIM_ROOM
     fitting: dict[str, Patch] = {}
@@ -95,8 +108,8 @@ def fitted(body: Body, patches: Mapping[str, Patch], gap: float, around: float) 
             fitting[name] = patch
             continue
 
-        # radii at which the circle touches an edge of its faces, passes through a corner, goes
-        # around a hole that lies in it, or touches a disc before it
+        # critical radii: the circle touches an edge of its faces, passes through a corner, encloses
+        # a hole that lies in it, or touches a disc that was fitted earlier
         radii: list[float] = []
         centre = occ.addPoint(*patch.centre)
         faces = [(2, tag) for tag in patch.on.tags]
@@ -114,7 +127,7 @@ def fitted(body: Body, patches: Mapping[str, Patch], gap: float, around: float) 
         discs = [d for d in fitting.values() if isinstance(d, Disc) and d.on == patch.on]
         radii += [float(np.linalg.norm(patch.centre - d.centre)) - d.radius for d in discs]
 
-        # the nearest of them, where it is too near
+        # the nearest critical radius replaces the radius where it is too near
         ends, r, step = np.array(radii), patch.radius, 2 * pi / around
         inside, outside = (
             min(max(share * r * step**2, room.merged * gap), room.most * r)
@@ -124,7 +137,7 @@ def fitted(body: Body, patches: Mapping[str, Patch], gap: float, around: float) 
         if len(too_near):
             r = too_near[np.argmin(abs(too_near - r))]
             merged = ends[abs(ends - r) < room.merged * gap]
-            if np.ptp(merged) > SAME:  # the rim would bend one edge to the other
+            if np.ptp(merged) > SAME:  # several edges: the intersection would merge them all
                 r = merged.min() - room.merged * gap
             patch = patch._replace(radius=float(r))
         fitting[name] = patch
@@ -134,9 +147,10 @@ def fitted(body: Body, patches: Mapping[str, Patch], gap: float, around: float) 
 def regions(
     body: Body, touching: Sequence[TouchingPair], patches: Mapping[str, Patch], gap: float
 ) -> dict[str, list[Region]]:
-    """What to imprint on a body, by name: where it touches others "a|b", and its patches.
+    """Surfaces to imprint on a body, by name: "a|b" where it touches another one, and its patches.
 
-    Raises InvalidGeometry for a patch that does not lie on its faces.
+    They are new surfaces in the CAD model. Raises InvalidGeometry for a patch that does not lie on
+    its faces.
     """
     occ = gmsh.model.occ
 
@@ -204,7 +218,8 @@ def regions(
 
 
 def _half_plane(face: Face, centre: Vector, partner: Vector, reach: float) -> int:
-    """A rectangle in the plane of a face, from half-way between two points on to the first."""
+    """Tag of a rectangle in the plane of a face, on the side of `centre` of the line half-way to
+    `partner` (3,) [m]: `reach` [m] wide and twice as long."""
     occ = gmsh.model.occ
     away = (partner - centre) / np.linalg.norm(partner - centre)
     along, middle = reach * np.cross(face.normal, away), (centre + partner) / 2
@@ -218,9 +233,10 @@ def _half_plane(face: Face, centre: Vector, partner: Vector, reach: float) -> in
 def imprinted(
     body: Body, wanted: Mapping[str, Sequence[Region]], named: Mapping[str, Selected], gap: float
 ) -> Imprinted:
-    """The body with regions imprinted, and `named` faces followed; the regions are used up.
+    """The body with the regions `wanted` imprinted, and the faces of both `named` and imprints.
 
-    Raises ValueError when an imprint would cut the body.
+    The surfaces of the regions are consumed. Raises ValueError when an imprint would cut the body
+    in pieces.
     """
     occ = gmsh.model.occ
     volume, old = body.tag, {face.tag: [face.tag] for face in body.faces}
@@ -240,7 +256,8 @@ def imprinted(
         split = dict(zip([*old, *tools], surfaces, strict=True))
         old, new = {tag: split[tag] for tag in old}, {tag: split[tag] for tag in tools}
 
-        # gmsh gives faces that stayed whole new tags and forgets them: found by area and centre
+        # faces that nothing split get new tags too, which gmsh does not return: they are the faces
+        # left over, assigned by centre and area
         followed = {tag for tags in old.values() for tag in tags}
         boundary = gmsh.model.getBoundary([(3, volume)], oriented=False)
         forgotten = [tag for _, tag in boundary if tag not in followed]
@@ -262,5 +279,5 @@ def imprinted(
 
 
 def flat(lists: Iterable[Sequence[int]]) -> tuple[int, ...]:
-    """All of several lists, each once."""
+    """The tags of several lists in their order, without repetition."""
     return tuple(dict.fromkeys(tag for tags in lists for tag in tags))

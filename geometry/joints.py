@@ -1,9 +1,9 @@
-"""What the words of an assembly pick: faces, touching pairs, and the places of its joints.
+"""Faces, touching pairs and places of joints that a scene names.
 
 A joint sits where a bolt goes through holes of two bodies about one axis, at points of the plane
-in which two bodies touch, where a shank of one sits in a bore of another, or at holes that the
-ground holds. At each place it holds one named face of either body: under a washer, the bolt's
-share of the common face, the length in common of a thread, or the wall of a hole.
+in which two bodies touch, where a shank of one body sits in a bore of another, or at holes that are
+fixed to the ground. At each place it holds one named face of each body: the disc under a washer,
+the bolt's share of the common face, the engaged length of a thread, or the wall of a hole.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,7 +33,7 @@ class JointWords(NamedTuple):
 
 
 class Words(NamedTuple):
-    """All that a scene picks of its bodies, as text; see `geometry.selectors`."""
+    """All bodies and faces that a scene names, as it writes them (`geometry.selectors`)."""
 
     bodies: Sequence[str] = ()  # patterns that some body must fit
     groups: Mapping[str, str] = {}  # patterns of bodies by the key that messages call them by
@@ -44,19 +44,20 @@ class Words(NamedTuple):
 
 
 class JointPlace(NamedTuple):
-    """A joint at one of its places."""
+    """A joint at one place: one bolt, thread or hole."""
 
     joint: str  # name of the joint
     bodies: tuple[str, ...]  # the first and the second; the first alone is held to the ground
     faces: tuple[str, ...]  # "body:face" of either
     centre: Vector  # (3,) [m]
     axis: Vector  # (3,) of the bolt or hole
-    # of either side the partner's face over whose footprint it moves, None: over all of its own
+    # for each side, the other side's face whose footprint the mean motion is taken over; None: all
+    # of its own face
     over: tuple[str | None, ...] = (None, None)
 
 
 class Picked(NamedTuple):
-    """What the words pick."""
+    """What a scene's words refer to."""
 
     groups: dict[str, list[str]]  # bodies by the key of their pattern
     faces: dict[str, Selected]  # those of the words, and those that joints hold as they are
@@ -70,7 +71,7 @@ class Picked(NamedTuple):
 def picked(
     words: Words, bodies: Mapping[str, Body], touching: Sequence[TouchingPair], gap: float
 ) -> Picked:
-    """All that the words pick; to call in the bodies' ``with model(...)``.
+    """What a scene's words refer to; to be called in the bodies' ``with model(...)``.
 
     Raises InvalidGeometry for words that pick nothing or leave a choice, with what there is.
     """

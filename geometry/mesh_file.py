@@ -1,4 +1,4 @@
-"""Named volumes and surfaces of any mesh file, corners only; what gmsh wrote is read by gmsh.
+"""Named volumes and surfaces of any mesh file, corners of cells only; gmsh reads its own files.
 
 Of what meshio reads, sets of cells carry the names (Abaqus, CalculiX, ...), or the tags that
 scikit-fem writes.

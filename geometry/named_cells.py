@@ -1,4 +1,4 @@
-"""Meshes of named cells, as files have them: the rig's in place of ours, or any bodies'.
+"""Meshes from files of named cells: the rig's in place of a generated one, or of any bodies.
 
 Volumes are named as the bodies ("block", "sheet+y", ...), in gmsh as physical groups. Surfaces may
 be named as the faces ("block:+x", "sheet+y:head", ...); those that are not are looked for where
@@ -31,7 +31,8 @@ class NamedCells(NamedTuple):
 
 
 def rig_mesh(cells: NamedCells, assembly: Assembly, faces: set[str]) -> Mesh:
-    """The rig's mesh, edges straight; raises InvalidGeometry where it cannot stand for ours."""
+    """The rig's mesh with straight edges and its faces named; raises InvalidGeometry for a file
+    that lacks a body or a face of the assembly."""
     wanted = sorted(bodies(assembly))
     names = {g.name for g in cells.groups if g.dimension == 3}
     _require(cells, "volume", set(wanted), names)
@@ -63,8 +64,8 @@ def volumes(cells: NamedCells) -> dict[str, Mesh]:
 
 
 def _corners(cells: NamedCells, body: str) -> NDArray[np.int64]:
-    """Corners (n, 4 or 8) of a body's cells; raises InvalidGeometry for other cells than we compute
-    with."""
+    """Corners (n, 4 or 8) of a body's cells; raises InvalidGeometry for cells that are neither
+    tetrahedra nor hexahedra."""
     groups = [g for g in cells.groups if (g.name, g.dimension) == (body, 3)]
     kinds = sorted({g.corners.shape[1] for g in groups})
     if len(kinds) > 1 or kinds[0] not in KINDS:
@@ -77,11 +78,11 @@ def _corners(cells: NamedCells, body: str) -> NDArray[np.int64]:
 
 
 class _Solid(NamedTuple):
-    """The bodies as one mesh, the cells of each, and where the points of the file are in it."""
+    """The bodies as one mesh."""
 
     mesh: Mesh
-    body: dict[str, NDArray[np.int64]]
-    number: NDArray[np.int64]  # (n_points,) -1 of points that no body uses
+    body: dict[str, NDArray[np.int64]]  # numbers of each body's cells
+    number: NDArray[np.int64]  # (n_points,) node of each point of the file, -1 if no body uses it
 
 
 def _solid(cells: NamedCells, corners: dict[str, NDArray[np.int64]]) -> _Solid:

@@ -1,4 +1,4 @@
-"""Bodies of a mesh that the user brings, and the faces of it that the scene names."""
+"""Bodies of a user's mesh, where they touch, and the faces of it that the scene names."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # these load gmsh
 
 
 class OwnMesh(NamedTuple):
-    """What is in the file, and where its bodies touch; see `geometry.faceted`."""
+    """A user's mesh: its bodies, their outer facets, and where they touch (`geometry.faceted`)."""
 
     skins: dict[str, Skin]
     bodies: dict[str, Body]
@@ -32,8 +32,8 @@ class OwnMesh(NamedTuple):
         patches: Mapping[str, Patch],
         tied: Sequence[tuple[TouchingPair, str]],
     ) -> dict[str, Mesh]:
-        """The meshes with faces, washers and ties (each with the body that follows) as boundaries;
-        raises ValueError where no facets show them."""
+        """The bodies' meshes with named faces, patches and ties as boundaries; of a tie the name of
+        its slave is given. Raises ValueError where no facets lie on one of them."""
         boundaries: dict[str, dict] = {name: {} for name in self.skins}
         for name, selected in named.items():
             boundaries[selected.body][name] = self.skins[selected.body].on(selected.tags).number
@@ -48,7 +48,7 @@ class OwnMesh(NamedTuple):
                 )
             boundaries[body][name] = facets
         for touch, follower in tied:
-            # the body that follows is tied by facets that lie wholly on its partner
+            # the slave is tied by facets that lie wholly on its master
             for body in touch.bodies:
                 boundaries[body][touch.name] = self.meeting.facets(
                     touch.name, body, self.skins[body], whole=body == follower
@@ -66,7 +66,7 @@ class OwnMesh(NamedTuple):
 
 
 def own_mesh(volumes: Mapping[str, Mesh], gap: float) -> OwnMesh:
-    """The bodies that named volumes are; `gap` [m] is the farthest that two touching ones are."""
+    """The bodies of named volumes; `gap` [m] is the distance up to which two of them touch."""
     from geometry.faceted import bodies, skins  # load gmsh
     from geometry.faceted_touching import meeting
 

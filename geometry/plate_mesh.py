@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from skfem import MeshHex
 
-from geometry.grid_lines import graded
+from geometry.grid_lines import graded, lines_through, refined
 
 
 class Extent(NamedTuple):
@@ -28,17 +28,19 @@ def plate_mesh(
     seed: float,
     contact_seed: float,
     struck_y: tuple[float, float] = (0.0, 0.0),
+    end_seed: float | None = None,
 ) -> MeshHex:
     """A plate between x = -thickness and x = 0.
 
     Elements have `contact_seed` [m] at the struck face, at z = 0 and from one to the other of
-    `struck_y` [m], and grow to `seed` away from there.
+    `struck_y` [m], and grow to `seed` away from there; at both ends of y they have `end_seed` [m].
     """
     # along y even elements over what is struck, growing to either side of it
     (lower, upper), (start, end) = extent.y, struck_y
-    below = graded(lower, start, start, contact_seed, seed)[:-1]
     even = np.linspace(start, end, round((end - start) / contact_seed) + 1)
-    above = graded(end, upper, end, contact_seed, seed)[1:]
+    at_end = end_seed or seed
+    below = lines_through([refined(lower, at_end), refined(start, contact_seed)], seed)[:-1]
+    above = lines_through([refined(end, contact_seed), refined(upper, at_end)], seed)[1:]
     lines = (
         # at least two layers of elements through the thickness
         graded(-thickness, 0.0, 0.0, contact_seed, min(seed, thickness / 2)),

@@ -10,7 +10,7 @@ from skfem import Mesh, MeshTet
 
 
 def smallest_quality(mesh: Mesh) -> float:
-    """The worst corner of a mesh of tetrahedra or hexahedra."""
+    """Scaled Jacobian of the worst corner of a mesh of tetrahedra or hexahedra, -1 to 1."""
     # edges (corners, elements, 3, 3) from each corner to its neighbours, all the same way round
     if isinstance(mesh, MeshTet):
         p = mesh.p.T[mesh.t]

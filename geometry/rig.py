@@ -1,4 +1,4 @@
-"""The parametric assembly drawn from shapes, as any other: a body for every part."""
+"""The parametric assembly as shapes to be drawn, a body for every part."""
 
 from geometry.assembly import Assembly, boxes, screw_z, sheets
 from geometry.shapes import Box, Hole, Shape, Slab
@@ -12,7 +12,8 @@ def shapes(assembly: Assembly) -> dict[str, Shape]:
         middle = (box.lower + box.upper) / 2
         solids[name] = Box(tuple(box.upper - box.lower), at=tuple(middle))
 
-    # sheets are drawn in x and z: turned upright, their thickness goes along -y
+    # a sheet's outline is drawn with z as its second axis: turned by 90 degrees about x it stands
+    # upright, and its thickness goes along -y
     half, lower = a.sheet_width / 2, -a.sheet_free_length - a.foot_overlap
     corners = ((-half, lower), (half, lower), (half, a.head_overlap), (-half, a.head_overlap))
     holes = tuple(Hole(2 * a.hole_radius, (x, z)) for z in screw_z(a).values() for x in a.screw_x)

@@ -1,4 +1,4 @@
-"""Words that pick faces of bodies, made to survive a change of the CAD.
+"""Selectors: words for faces of bodies that stay right when dimensions of the CAD model change.
 
     body:+x            all faces in the outermost plane that looks along +x
     body@x,y,z         the face nearest to a point [m]
@@ -38,7 +38,8 @@ class Selected(NamedTuple):
 
 
 def bodies_named(pattern: str, bodies: Iterable[str]) -> list[str]:
-    """Names that a pattern with * fits; raises InvalidGeometry when there is none."""
+    """Names of bodies that match a pattern, in which * stands for any letters; raises
+    InvalidGeometry when there is none."""
     bodies = list(bodies)
     # only * has a meaning, [ and ? are letters
     literal = pattern.replace("[", "[[]").replace("?", "[?]")
@@ -53,7 +54,7 @@ def bodies_named(pattern: str, bodies: Iterable[str]) -> list[str]:
 def touches(
     pattern: str, bodies: Mapping[str, Body], touching: Sequence[TouchingPair]
 ) -> list[TouchingPair]:
-    """The touching pairs that "a|b" fits, either way round; raises InvalidGeometry for none."""
+    """The touching pairs that "a|b" matches, in either order; raises InvalidGeometry for none."""
     sides = pattern.split("|")
     if len(sides) != 2:
         raise InvalidGeometry(f'"{pattern}" must name two bodies, "a|b".')
@@ -72,7 +73,7 @@ def touches(
 
 
 def faces(selector: str, bodies: Mapping[str, Body]) -> Selected:
-    """The faces of one body that a selector picks, inside the bodies' ``with model(...)``.
+    """The faces of one body that a selector names; to be called in the bodies' ``with model(...)``.
 
     Raises InvalidGeometry, with what there is, for one that picks nothing or cannot choose.
     """
@@ -116,7 +117,7 @@ def faces(selector: str, bodies: Mapping[str, Body]) -> Selected:
 
 
 def _nearest(body: Body, selector: str, words: Sequence[str]) -> tuple[int, ...]:
-    """The face nearest to a point, of a bore or shank all its faces."""
+    """Tags of the face nearest to a point; if it belongs to a bore or shank, of all its faces."""
     point = []
     for word in words:
         try:
@@ -141,7 +142,7 @@ def _nearest(body: Body, selector: str, words: Sequence[str]) -> tuple[int, ...]
 
 
 def _outermost(body: Body, selector: str, what: str) -> tuple[int, ...]:
-    """All faces in the outermost plane that looks along "+x", "-y", ..."""
+    """Tags of all faces in the outermost plane whose normal points along "+x", "-y", ..."""
     direction = np.eye(3)["xyz".index(what[1])] * (1 if what[0] == "+" else -1)
     planes = [f for f in body.faces if f.normal is not None and f.normal @ direction > 1 - ALIGNED]
     if not planes:
@@ -157,7 +158,7 @@ def _outermost(body: Body, selector: str, what: str) -> tuple[int, ...]:
 
 
 def _round(body: Body, selector: str, match: re.Match) -> tuple[int, ...]:
-    """Bores or outer cylinders, of the diameters that the selector gives in mm."""
+    """Tags of bores or outer cylinders, of all or of those with the selector's diameters [mm]."""
     cylinders = bores(body, hollow=match[1] == "hole")
     low, high = match["from"] or 0.0, match["to"] or match["from"] or np.inf
     low, high = 1e-3 * float(low) - SAME, 1e-3 * float(high) + SAME

@@ -1,4 +1,4 @@
-"""How many nodes a mesh of the assembly will have, from its dimensions and seeds alone.
+"""Number of nodes that a mesh of the assembly will have, from its dimensions and seeds alone.
 
 Boxes of hexahedra are counted line by line; sheets, and tetrahedra, by the volume that an element
 of the seed fills.

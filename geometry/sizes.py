@@ -1,4 +1,4 @@
-"""Element sizes of a body: a seed, less at fine points, growing away from them."""
+"""Element sizes of a body: its seed, smaller at fine points and growing away from them."""
 
 from collections.abc import Mapping, Sequence
 from math import log, pi
@@ -17,17 +17,17 @@ class ElementGrowth(NamedTuple):
 
     grading: float = 0.35  # growth of the element size per distance from a point or a circle
     steep: float = 0.7  # the same from a line on which a partner ends
-    # at a singular edge of a thick body of more than `coarse` times the default seed the first
-    # element has `sharp` of it, or `sharpest` of the default, and each next one exp(sharply) times
-    # as much: h(d) = first log(3) / 2 + log(3) d; at the default seed the edges leave less than the
-    # rest
+    # singular edges of a thick body with a seed above `coarse` times the default: the first element
+    # has `sharp` times the seed, but at least `sharpest` times the default seed, and each next one
+    # is exp(sharply) times as large, h(d) = first log(3) / 2 + log(3) d. At smaller seeds the edges
+    # cause less error than the rest of the mesh
     sharp: float = 1 / 8
     sharpest: float = 1 / 2
     sharply: float = log(3)
     coarse: float = 2.0
-    # elements along a body's diagonal, and through a thin one, at least: the first six modes of a
-    # free beam, plate, tube and block lie within 0.5 % (hexahedra) and 0.8 % (tetrahedra) of those
-    # on meshes twice as fine
+    # elements along a body's diagonal, and through the thickness of a thin one: with these the
+    # first six modes of a free beam, plate, tube and block lie within 0.5 % (hexahedra) and 0.8 %
+    # (tetrahedra) of those on meshes twice as fine
     across: float = 20
     layers: float = 1 / 2
     across_all: float = 60  # elements along an assembly's diagonal: small bodies need no finer ones
@@ -48,7 +48,7 @@ class Fine(NamedTuple):
 
 
 class Size(NamedTuple):
-    """Of one body [m]."""
+    """Element sizes of one body [m]."""
 
     seed: float
     fine: tuple[Fine, ...] = ()
@@ -64,22 +64,22 @@ class Size(NamedTuple):
 
 
 class Sizes(NamedTuple):
-    """Of the bodies of an assembly, where they are not those by default."""
+    """Element sizes of the bodies of an assembly, as far as they are not the default ones."""
 
     seeds: Mapping[str, float] | None = None  # [m] by body
     fine: Sequence[Fine] = ()
     coarser: float = 1.0  # times all of them, see `Size.times`
 
     def of(self, body: Body) -> Size:
-        """Of one body."""
+        """Element sizes of one body."""
         return size_of(body, (self.seeds or {}).get(body.name), self.fine).times(self.coarser)
 
 
 def size_of(body: Body, seed: float | None = None, fine: Sequence[Fine] = ()) -> Size:
-    """The sizes of a body, its seed the default unless given.
+    """Element sizes of a body, with the default seed unless one is given [m].
 
-    A body bends sharply where a partner that holds it ends, over a length of its thickness: there
-    elements of a thin one are as small.
+    Where a body that holds it ends, a thin body bends within a length of its thickness: there its
+    elements are as small as that.
     """
     usual = default_seed(body)
     seed = seed or usual
@@ -91,8 +91,8 @@ def size_of(body: Body, seed: float | None = None, fine: Sequence[Fine] = ()) ->
 
 
 def default_seeds(bodies: Mapping[str, Body]) -> dict[str, float]:
-    """Of every body of an assembly: small ones, which bend and stretch above all modes of the
-    whole, have elements of a size that counts in the whole."""
+    """Default element size [m] of every body of an assembly. Small bodies, whose own modes lie
+    above those of the whole, get larger elements than they would alone."""
     corners = [corner for body in bodies.values() for corner in (body.lower, body.upper)]
     smallest = float(np.linalg.norm(np.ptp(corners, axis=0))) / GROWTH.across_all
     return {name: default_seed(body, smallest) for name, body in bodies.items()}
@@ -110,7 +110,8 @@ def _thickness(body: Body) -> float:
 def size_at(
     size: Size, x: NDArray[np.float64], axis: Vector, edges: Sequence[float] = ()
 ) -> NDArray[np.float64]:
-    """Sizes along a line of an axis, at its coordinates x [m], partners ending at `edges`."""
+    """Element sizes (k,) [m] at the coordinates x (k,) [m] along an axis; other bodies end at the
+    coordinates `edges`."""
     grown = [f.size + GROWTH.grading * np.abs(x - f.point @ axis) for f in size.fine]
     if size.edge:
         grown += [size.edge + GROWTH.steep * np.abs(x - edge) for edge in edges]
@@ -120,8 +121,8 @@ def size_at(
 
 
 def mesh_visible(entities: Sequence[tuple[int, int]], size: Size) -> None:
-    """Lines, faces and volumes meshed of these entities alone, all others left out; sizes grow away
-    from fine points, from where partners end, and from circles."""
+    """Meshes these entities (dimension, tag) alone, with the lines and faces that bound them; sizes
+    grow away from fine points, from where other bodies end, and from circles."""
     field = gmsh.model.mesh.field
     gmsh.model.mesh.clear()
     gmsh.model.setVisibility(gmsh.model.getEntities(), 0)
@@ -135,7 +136,7 @@ def mesh_visible(entities: Sequence[tuple[int, int]], size: Size) -> None:
     curves = sorted({tag for face in faces for tag in gmsh.model.getAdjacencies(2, face)[1]})
     kind = {tag: gmsh.model.getType(1, tag) for tag in curves}
 
-    # straight lines between parts of one plane: there a partner ends
+    # straight lines between faces of one plane: another body ends there
     lines = []
     if size.edge:
         planes = {tag for tag in faces if gmsh.model.getType(2, tag) == "Plane"}
@@ -152,7 +153,7 @@ def mesh_visible(entities: Sequence[tuple[int, int]], size: Size) -> None:
         radius = 1 / gmsh.model.getCurvature(1, tag, start)[0]
         on_circle[tag] = 2 * pi * radius / size.around
 
-    # the least of all sizes that grow from such a place up to the seed
+    # at every place the smallest of all sizes that grow from these places up to the seed
     fields = []
     for fine in (fine for fine in size.fine if fine.size < size.seed):
         ball = dict(zip(("XCenter", "YCenter", "ZCenter"), fine.point, strict=True))

@@ -1,4 +1,4 @@
-"""What a body and its faces are, as numbers: no CAD kernel is needed to ask them.
+"""Bodies and their faces as numbers, which can be used without the CAD kernel.
 
 Lengths in metres, in global axes. Faces carry the tag that the CAD model knows them by.
 """
@@ -18,10 +18,10 @@ Vector = NDArray[np.float64]  # (3,)
 
 
 class AssemblySize(NamedTuple):
-    """How large an assembly may be before its file is suspected."""
+    """Size of an assembly beyond which its file is taken to be wrong; not varied."""
 
-    largest: float = 30.0  # m: a thousand times as much is in other units
-    # an assembly over its median face: no units change that, a point far off does
+    largest: float = 30.0  # m: structures of millimetres read as metres are larger
+    # size of the assembly over that of its median face: units do not change it, a stray point does
     unlike: float = 500
 
 
@@ -29,7 +29,7 @@ ASSEMBLY_SIZE = AssemblySize()
 
 
 class Face(NamedTuple):
-    """A face; of a plane the normal points out of the body, of a cylinder axis and radius."""
+    """A face of a body; lengths in m."""
 
     tag: int
     kind: str  # "plane", "cylinder", "cone", "sphere", "torus", "other"
@@ -65,15 +65,17 @@ class Body(NamedTuple):
 
     @property
     def extent(self) -> float:
-        """The diagonal of a box of this volume and inertia [m]: turning it changes nothing."""
+        """Diagonal [m] of a box with this volume and inertia; unlike that of the bounding box, it
+        does not change when the body is turned."""
         return float(np.sqrt(6 * np.trace(self.inertia) / self.volume))
 
     def face(self, tag: int) -> Face:
+        """The face with a tag."""
         return next(face for face in self.faces if face.tag == tag)
 
 
 def parallel(u: Vector, v: Vector) -> bool:
-    """Whether two unit vectors lie along one line, either way round."""
+    """Whether two unit vectors point along one line, in the same or in opposite directions."""
     return bool(abs(u @ v) > 1 - ALIGNED)
 
 
@@ -85,7 +87,7 @@ def off_axis(
 
 
 def described(face: Face) -> str:
-    """A face in words: what it is, where it is, which way it looks."""
+    """A face in words: its kind, its place and its direction."""
     at = "[{:.6g}, {:.6g}, {:.6g}] m".format(*(face.centre + 0.0))
     if face.normal is not None:
         return "a plane with its middle at {}, normal [{:.3g}, {:.3g}, {:.3g}]".format(
@@ -98,8 +100,8 @@ def described(face: Face) -> str:
 
 
 def require_size(bodies: Mapping[str, Body]) -> None:
-    """Raise InvalidGeometry for an assembly in other units than its file says, or with a point far
-    off in a damaged one."""
+    """Raise InvalidGeometry for an assembly so large that its file's units are wrong, or that a
+    damaged file has a stray point."""
     sides = np.max([b.upper for b in bodies.values()], axis=0)
     sides = sides - np.min([b.lower for b in bodies.values()], axis=0)
     if sides.max() > ASSEMBLY_SIZE.largest:

@@ -1,4 +1,4 @@
-"""What the text of a STEP file says before a kernel reads it: that it is one, and its unit.
+"""The text of a STEP file: whether it is whole, its unit, and names of solids and faces.
 
 ISO 10303-21 (the file), ISO 10303-41 (units: SI_UNIT with a prefix, CONVERSION_BASED_UNIT).
 """
@@ -48,7 +48,7 @@ def check_step(path: Path) -> None:
 
 
 def n_solids(path: Path) -> int:
-    """Solids that the file describes, however often it places each."""
+    """Number of solids that the file describes; one that it places several times counts once."""
     bare = TEXTS.sub(b"", path.read_bytes())
     return sum(bare.count(b"%s(" % kind.encode()) for kind in SOLIDS)
 
@@ -64,7 +64,8 @@ def unit(path: Path) -> str:
 
 
 def face_names(path: Path) -> list[list[str]]:
-    """Of every solid in the file the names of its faces, "" for none; empty where none has one."""
+    """Names of the faces of every solid in the file, "" for a face without; an empty list where no
+    face has a name."""
     text = path.read_text(encoding="latin-1")
     if not NAMED_FACE.search(text):
         return []
@@ -78,7 +79,7 @@ def face_names(path: Path) -> list[list[str]]:
 
 
 def _faces(inside: str, entities: dict[str, tuple[str, str]]) -> Iterator[str]:
-    """Of a solid, a shell or an oriented shell, in their order."""
+    """Names of the faces of a solid, a shell or an oriented shell, in the order of the file."""
     for number in REFERENCE.findall(inside):
         kind, content = entities.get(number, ("", ""))
         if kind == "ADVANCED_FACE":
@@ -88,7 +89,7 @@ def _faces(inside: str, entities: dict[str, tuple[str, str]]) -> Iterator[str]:
 
 
 def name_solids(path: Path, names: list[str]) -> None:
-    """Names, in their order, in place of those that OpenCASCADE numbers its solids by."""
+    """Writes names, in their order, in place of the numbered ones that OpenCASCADE gives solids."""
     text = path.read_text(encoding="latin-1")
 
     def named(match: re.Match) -> str:

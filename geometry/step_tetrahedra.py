@@ -1,7 +1,7 @@
-"""A STEP file as second-order tetrahedra, body by body, for a program that ties them itself.
+"""A STEP file as second-order tetrahedra, body by body, for a program that ties bodies itself.
 
-Faces that touch are imprinted on both bodies, and meshed on each as it comes: the meshes do not
-match. Elements are as small as `seed` at the rims of the imprints and grow away from them.
+Faces that touch are imprinted on both bodies and meshed on each independently, so that the meshes
+do not match. Elements are smallest at the rims of the imprints and grow away from them.
 """
 
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ ORDER = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]  # of Abaqus' C3D10 among gmsh's nodes
 
 
 class ElementSizes(NamedTuple):
-    """Of elements [m]."""
+    """Element sizes [m]."""
 
     inside: Mapping[str, float]  # by body
     rim: float  # at the edges of touching faces
@@ -47,7 +47,7 @@ class Tetrahedra(NamedTuple):
 
 
 def step_tetrahedra(step: Path, sizes: ElementSizes, patch: StepPatch) -> Tetrahedra:
-    """The solids that `sizes` names; all others only leave their imprint on them.
+    """The solids that `sizes` names, meshed; all others only leave their imprints on them.
 
     Raises ValueError where gmsh cannot read or mesh the file.
     """

@@ -15,8 +15,8 @@ if TYPE_CHECKING:  # loads gmsh
 
 
 class Struck(NamedTuple):
-    """The face that the chain leans on, and the point struck; of a round one its middle, radius and
-    axis."""
+    """The face that the chain strikes, and the point struck; of a round face its centre, radius and
+    axis, of a plane one its normal."""
 
     face: Selected
     point: NDArray[np.float64]  # (3,) [m]
@@ -33,13 +33,13 @@ class Struck(NamedTuple):
 
     @property
     def away(self) -> NDArray[np.float64]:
-        """From the middle or the axis of a round face to the point, (3,) [m]."""
+        """Vector (3,) [m] to the point from the centre of a sphere or the axis of a cylinder."""
         away = self.point - self.centre
         return away if self.axis is None else away - (away @ self.axis) * self.axis
 
     @property
     def outward(self) -> NDArray[np.float64]:
-        """A normal of the face there, (3,) of any length."""
+        """Outward normal (3,) of the face at the point, not of length 1."""
         return self.away if self.normal is None else self.normal
 
     @property
@@ -55,8 +55,8 @@ def nearest(faces: Sequence[Face], body: Body, point: Sequence[float]) -> Face:
 
 
 def struck_at(body: Body, faces: Sequence[Face], first: Face, point: Sequence[float]) -> Struck:
-    """The surface of a plane or round face, with those that go on in it, struck near a point (3,)
-    [m]; of a round one the point is not moved onto it."""
+    """The face `first` and all other faces of the same plane, cylinder or sphere, struck near a
+    point (3,) [m], which is not moved onto a round face."""
     from geometry.selectors import Selected  # loads gmsh
 
     # faces of one surface: a split cylinder or plane is struck as a whole

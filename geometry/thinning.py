@@ -1,8 +1,8 @@
-"""Surfaces of fewer nodes, for drawing: nodes of one cell of a grid become one of them.
+"""Surfaces with fewer nodes, for drawing: of the nodes in one cell of a grid one stays.
 
 Vertex clustering (Rossignac, Borrel, Multi-resolution 3D approximations, 1993) along the mesh:
 nodes of a cell are merged where edges between them join two flat places, or run along the same
-sharp edge. So both sides of a thin sheet, its rims and its corners stay.
+sharp edge, so that both sides of a thin sheet, its rims and its corners stay.
 """
 
 from typing import NamedTuple
@@ -39,8 +39,8 @@ def thinned(
     most: int,
     options: Clustering = CLUSTERING,
 ) -> Thinned:
-    """At most so many of the nodes at points (n, 3), and of faces (k, 3 or 4) those that stay;
-    more where a surface is rough all over."""
+    """At most `most` of the nodes at points (n, 3), and the faces (k, 3 or 4) between them; more
+    nodes where the surface is rough everywhere, since rough places are not merged."""
     n, width = len(points), faces.shape[1]
 
     # means of n n^T over the faces at each node and along each edge

@@ -19,7 +19,7 @@ from geometry.solids import ALIGNED, SAME, Body, Face, off_axis, parallel
 
 
 class Closeness(NamedTuple):
-    """From where on bodies touch, or nearly touch."""
+    """When bodies touch or nearly touch."""
 
     near: float = 1e-3  # m, bodies closer than this that do not touch are reported; not varied
     # of the smaller face: a smaller common area is the rounding of an intersection, and faces whose
@@ -48,14 +48,17 @@ class TouchingPair(NamedTuple):
 
     @property
     def name(self) -> str:
+        """Names of both bodies, "a|b"."""
         return "|".join(self.bodies)
 
     @property
     def area(self) -> float:
+        """Area in common [m^2]."""
         return sum(contact.area for contact in self.contacts)
 
     @property
     def gap(self) -> float:
+        """Largest mean distance of two faces that touch [m]."""
         return max(contact.gap for contact in self.contacts)
 
     def covers(self, body: str) -> Iterator[tuple[str, int]]:
@@ -74,7 +77,7 @@ class NearMiss(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """What a user is to know of it."""
+        """The pair, its distance and where, as a sentence."""
         a, b = self.bodies
         at = "[{:.4g}, {:.4g}, {:.4g}] m".format(*(self.at.round(9) + 0.0))
         if self.distance < SAME:
@@ -138,8 +141,8 @@ def require_apart(neighbours: Neighbours) -> None:
 def neighbours(
     bodies: Mapping[str, Body], gap: float, closeness: Closeness = CLOSENESS
 ) -> Neighbours:
-    """Every pair of bodies that touch across at most `gap` [m], overlap, or nearly touch; to call
-    in the ``with model(...)`` of the bodies."""
+    """Every pair of bodies that touch across at most `gap` [m], overlap, or nearly touch; to be
+    called in the ``with model(...)`` of the bodies."""
     occ = gmsh.model.occ
     touching, misses, overlaps = [], [], []
     for a, b in combinations(bodies.values(), 2):
@@ -188,10 +191,8 @@ def _contacts(a: Body, b: Body, gap: float, closeness: Closeness) -> Iterator[Fa
 
 
 def facing_distance(first: Face, second: Face) -> float | None:
-    """Distance of two faces that look at each other [m], None of two that cannot touch flush.
-
-    0 where only their intersection can say whether they are one surface.
-    """
+    """Distance [m] of two faces that face each other; None for two that cannot touch over an area,
+    0 where only their intersection can tell."""
     if first.kind != second.kind:
         return 0.0 if "other" in (first.kind, second.kind) else None
     if first.normal is not None:

@@ -19,11 +19,10 @@ patch on a half-space: it is still in K, and `coupling.wall.wall_of` takes it of
 '2.50e-07 m/N'
 """
 
-from warnings import warn
-
+from rom.contact_modes import Space, krylov_space
 from rom.craig_bampton import craig_bampton
 from rom.exchange import load_h5, load_mat, load_npz, save_full, save_h5, save_mat, save_npz
-from rom.factorisation import Factorise, ReductionError, Solver, superlu
+from rom.factorisation import Factorise, Pencil, ReductionError, Solver, superlu
 from rom.free_modes import free_modes
 from rom.health import (
     EffectiveMass,
@@ -33,6 +32,7 @@ from rom.health import (
     health,
     is_indefinite,
 )
+from rom.lanczos import no_modes
 from rom.many_contacts import ManyContacts, many_contacts
 from rom.reduced_model import (
     Contact,
@@ -60,10 +60,12 @@ __all__ = [
     "ManyContacts",
     "MassProperties",
     "ModalWall",
+    "Pencil",
     "ReducedModel",
     "ReductionError",
     "Selection",
     "Solver",
+    "Space",
     "Substructure",
     "Surface",
     "craig_bampton",
@@ -73,6 +75,7 @@ __all__ = [
     "full_order",
     "health",
     "is_indefinite",
+    "krylov_space",
     "load_h5",
     "load_mat",
     "load_mtx",
@@ -81,6 +84,7 @@ __all__ = [
     "modal",
     "modal_compliance",
     "modes_alone",
+    "no_modes",
     "receptance",
     "save_full",
     "save_h5",
@@ -90,17 +94,3 @@ __all__ = [
     "substructure",
     "superlu",
 ]
-
-FORMER_NAMES = {"Factor": "Solver"}
-
-
-def __getattr__(name: str):
-    """What has another name now, by its former one, with a DeprecationWarning."""
-    if name not in FORMER_NAMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    warn(
-        f"{__name__}.{name} is {__name__}.{FORMER_NAMES[name]} now.",
-        DeprecationWarning,
-        stacklevel=2,
-    )
-    return globals()[FORMER_NAMES[name]]

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
-from rom.contact_modes import contact_modes, finer_space, static_shapes
+from rom.contact_modes import Space, contact_modes, finer_space, static_shapes
 from rom.factorisation import Factorise, Pencil, ReductionError, Solver, superlu, symmetric
 from rom.floating import pencil
 from rom.health import require_faithful, require_static_response
@@ -42,14 +42,16 @@ def free_modes(
     shift: float | None = None,
     factorise: Factorise = superlu,
     factor: Solver | None = None,
+    space: Space | None = None,
 ) -> ReducedModel:
     """Reduce K, M (n, n) to the free modes selected and the residual vector of the contact
     functional w (n,).
 
     shift [rad^2/s^2], negative, is the sigma of K - sigma M that gets factorised; None takes K
     itself, or where K floats freely a shift of -(omega_1 / 10)^2. factorise(A) returns an object
-    with .solve; with the factor of a K that is held nothing is factorised. Raises ReductionError
-    with one sentence where the result would not be right.
+    with .solve; with the factor of a K that is held nothing is factorised, and the choice "contact"
+    takes its modes from a `space` of this contact. Raises ReductionError with one sentence where
+    the result would not be right.
     """
     K, M = symmetric(K, "K"), symmetric(M, "M")
     w = contact_functional(w, K.shape[0])
@@ -64,8 +66,8 @@ def free_modes(
     stated = None
     if selection.by_contact:
         # those that matter most at the contact, among the Ritz pairs of its Krylov space
-        pairs, r, stated, space = contact_modes(
-            problem, w, retained_modes(problem, supplied), selection
+        pairs, r, stated, finer = contact_modes(
+            problem, w, retained_modes(problem, supplied), selection, space
         )
     elif error is not None:
         # the fewest of the lowest modes whose error bound holds; it is computed for every number
@@ -107,7 +109,7 @@ def free_modes(
     # a model that stands for the full one: modes of the contact bring theirs along
     if selection.finer_hz is not None and not selection.by_contact:
         retained, n_vectors = retained_modes(problem, None), len(pairs.omega)
-        space = finer_space(problem, w, retained, selection.finer_hz, n_vectors).pairs
+        finer = finer_space(problem, w, retained, selection.finer_hz, n_vectors).pairs
 
     # T = [phi, r / |r|_M], r orthogonal to phi in K and M: diagonal matrices, r^T K r / r^T M r in
     # place of an omega^2. Of a structure whose modes are all kept r is rounding and left out; 1e-12
@@ -134,7 +136,7 @@ def free_modes(
         notes={},
         n_residual=n_residual,
         error=stated,
-        finer=None if selection.finer_hz is None else of_modes(*space, w, C),
+        finer=None if selection.finer_hz is None else of_modes(*finer, w, C),
     )
 
     # measured, not trusted: K_r = T^T K T, M_r = T^T M T, and T K_r^-1 w_r solves K u = w

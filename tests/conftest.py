@@ -1,11 +1,41 @@
-"""Before anything loads BLAS: its threads fight over the small blocks of sparse factors."""
+"""Options of the whole run, fixtures that files share.
 
-from os import environ
+`pytest` without a file takes every core and leaves out the tests marked slow, `pytest --all` leaves
+out none; where files are named, all of their tests run in one process.
+"""
+
+from os import environ, sched_getaffinity
 
 import pytest
 
+# before anything loads BLAS: its threads fight over the small blocks of sparse factors
 environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 pytest_plugins = ["signal_guard"]
+MOST_WORKERS = 8  # each holds up to 1 GB
+
+
+def pytest_addoption(parser):
+    """`--all` runs the slow tests too."""
+    parser.addoption("--all", action="store_true", help="run the tests that are marked slow too")
+
+
+@pytest.hookimpl(tryfirst=True)  # before xdist reads the number of workers
+def pytest_cmdline_main(config):
+    """A run of the whole suite, unless its options say otherwise."""
+    option = config.option
+    if config.args_source is not config.ArgsSource.TESTPATHS:
+        return
+    if not (option.all or option.markexpr):
+        option.markexpr = "not slow"
+    if hasattr(config, "workerinput") or option.usepdb or option.collectonly:
+        return
+    if config.pluginmanager.hasplugin("xdist"):
+        if option.numprocesses is None:
+            option.numprocesses = min(len(sched_getaffinity(0)), MOST_WORKERS)
+        if option.dist == "no" and option.numprocesses:
+            # halves of the list in its order: what a file shares is computed once, but for the one
+            # where the halves meet and those that are taken over at the end
+            option.dist = "worksteal"
 
 
 @pytest.fixture(scope="module")

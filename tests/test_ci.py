@@ -66,7 +66,7 @@ def test_every_step_and_job_runs_and_says_how_long_it_took(checkout):
     assert process.returncode == 0, said
     for name in (*STEPS, *JOBS, "processors"):
         assert f"=== {name}: status 0, " in said
-    assert "called python -m pytest\n" in said
+    assert "called python -m pytest --all\n" in said
     assert "called beadwave verify --group contacts --group beams\n" in said
     assert "failed" not in said and not list((checkout / "tmp").iterdir())
 
@@ -76,7 +76,7 @@ def test_all_is_installed_before_anything_runs(checkout):
         process.communicate(timeout=60)
     calls = (checkout / "calls").read_text().splitlines()
     assert calls[:2] == ["called install.sh test", "called install.sh docs,verify"]
-    assert calls.index("called python -m pytest") < calls.index("called build.sh ")
+    assert calls.index("called python -m pytest --all") < calls.index("called build.sh ")
 
 
 @pytest.mark.parametrize(

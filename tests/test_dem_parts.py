@@ -309,6 +309,7 @@ def test_wall_that_takes_no_part_is_rigid_and_one_that_does_is_not():
     assert np.abs(given.wall_x).max() > 0.1
 
 
+@pytest.mark.slow
 def test_stiff_mode_and_residual_spring_are_the_same_compliance():
     # a mode far above the contact's frequency is a spring of compliance phi^2 / omega^2
     mode = Wall(np.array([80.0]), np.zeros(1), np.array([20.0]))
@@ -433,6 +434,7 @@ def test_implicit_schemes_keep_energy_at_any_step(name, law):
         assert run.energy_error < 1e-12
 
 
+@pytest.mark.slow
 def test_implicit_scheme_finds_the_same_trajectory():
     chain = unit_chain(9, 1.5, dissipation="hunt-crossley", gamma=np.full(9, 0.05))
     wall = modal_wall(residual_compliance=0.1)

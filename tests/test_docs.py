@@ -38,6 +38,7 @@ def here(tmp_path, monkeypatch):
     monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", QUICK)
 def test_what_a_page_shows_runs(name):
     COMMANDS_OF.run(COMMANDS_OF.pages()[name])
@@ -109,6 +110,7 @@ def test_formats_name_every_array_of_the_files(tmp_path, monkeypatch):
     assert all(f"`{name}`" in text for name in IMPACT_FILES)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["impact", "own-mesh"])
 def test_a_notebook_runs(name, tmp_path):
     nbclient = pytest.importorskip("nbclient")
@@ -143,6 +145,7 @@ def test_signs_of_a_sentence_mean_nothing_to_markdown_but_its_code_stays():
     assert said == r"a\_b \< 2 and `c_d = 1` \[%\]"
 
 
+@pytest.mark.slow
 def test_the_pages_build_without_a_warning(tmp_path, monkeypatch):
     pytest.importorskip("sphinx")
     pytest.importorskip("myst_nb")

@@ -47,6 +47,19 @@ def test_both_solvers_agree():
 
 
 @pytest.mark.skipif(not has_pardiso(), reason="PARDISO is optional (the extra `fast`)")
+def test_a_solution_is_right_to_rounding_without_refinement():
+    # a chain on a support of 1e-9 of its springs: the residual stays at rounding of its terms, and
+    # a second and a third pass through the factor, which iparm(7) counts, are not paid for
+    K = (spring_chain(2000, held=False) + 1e-9 * eye_array(2000)).tocsc()
+    b = np.random.default_rng(0).normal(size=2000)
+    factor = Pardiso(K)
+    x = factor.solve(b)
+    terms = np.linalg.norm(abs(K) @ abs(x))
+    assert np.linalg.norm(K @ x - b) < 10 * np.finfo(float).eps * terms
+    assert factor._solver.iparm[6] == 0
+
+
+@pytest.mark.skipif(not has_pardiso(), reason="PARDISO is optional (the extra `fast`)")
 def test_the_library_of_the_solver_is_searched_for_once(monkeypatch):
     Pardiso(spring_chain(5))
 

@@ -211,7 +211,7 @@ def test_a_thin_body_is_fine_where_its_partner_ends_and_there_alone(element, hol
 
 
 @pytest.mark.parametrize("element", ["hex", "tet"])
-@pytest.mark.parametrize("finer", [1.0, 0.4])
+@pytest.mark.parametrize("finer", [1.0, pytest.param(0.4, marks=pytest.mark.slow)])
 def test_nodes_are_foreseen_within_a_factor_of_two(element, finer):
     shapes = {
         "block": Box((0.06, 0.05, 0.04)),

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from signal_guard import signals_restored
+
 TESTS = Path(__file__).parent
 
 
@@ -16,11 +18,13 @@ def outcome(tmp_path, text):
     (tmp_path / "test_it.py").write_text(f"import os, signal, subprocess, sys\n{text}")
     environment = os.environ | {"PYTHONPATH": str(TESTS), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
     (tmp_path / "pytest.ini").write_text("[pytest]\n")
-    return subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "signal_guard", "-p", "no:cacheprovider", "."],
-        cwd=tmp_path, env=environment, start_new_session=True,
-        capture_output=True, text=True, timeout=60,
-    )  # fmt: skip
+    command = "-m pytest -q -p signal_guard -p no:cacheprovider .".split()
+    with signals_restored():
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)  # beneath nohup it is ignored, and inherited
+        return subprocess.run(
+            [sys.executable, *command], cwd=tmp_path, env=environment, start_new_session=True,
+            capture_output=True, text=True, timeout=60,
+        )  # fmt: skip
 
 
 LEFT = {

@@ -139,6 +139,7 @@ def test_the_first_call_does_not_count_as_warm():
     assert run.cold > 0.015 > run.warm
 
 
+@pytest.mark.slow
 def test_orders_of_the_schemes_are_stated(case, monkeypatch):
     """Also on a busy machine: no scheme stops at a slow run."""
     monkeypatch.setattr(time, "scheme_rows", partial(scheme_rows, slow=np.inf))

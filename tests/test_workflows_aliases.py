@@ -11,7 +11,7 @@ import dem
 import fem
 import geometry
 import rom
-from workflows.aliases import MOVED_MODULES, MOVED_PACKAGES, present_path
+from workflows.aliases import MOVED_MODULES, MOVED_PACKAGES, RENAMED_CLASSES, present_path
 
 ROOT = Path(__file__).parents[1]
 
@@ -38,11 +38,20 @@ def test_every_former_path_leads_to_a_file(former):
 
 @pytest.mark.parametrize("room", [dem, fem, geometry, rom])
 def test_former_names_of_a_room_give_those_of_today_with_a_warning(room):
-    for former, name in room.FORMER_NAMES.items():
+    for former, name in RENAMED_CLASSES[room.__name__].items():
         with pytest.warns(DeprecationWarning, match=f"{room.__name__}.{former} is .*{name} now"):
             assert getattr(room, former) is getattr(room, name)
     with pytest.raises(AttributeError, match="no attribute 'Serch'"):
         _ = room.Serch
+
+
+@pytest.mark.parametrize("lines", ["import dem\nimport beadwave", "import beadwave\nimport dem"])
+def test_former_names_are_there_in_either_order_of_imports(tmp_path, lines):
+    """A package that was loaded before the finder gets them as well."""
+    code = "\nfrom dem import Search\nassert Search is dem.StepSearch\nprint(dem.__name__)"
+    run = python(lines + code, tmp_path, "-W", "always::DeprecationWarning")
+    assert run.stdout == "dem\n", run.stderr
+    assert "dem.Search is dem.StepSearch now" in run.stderr
 
 
 def test_modules_that_stay_have_no_other_path():

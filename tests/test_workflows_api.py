@@ -183,6 +183,7 @@ def test_a_reduction_of_own_matrices_keeps_their_static_compliance_and_force():
     assert forces[0] / forces[1] == pytest.approx(1, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_a_wall_by_hand_is_that_of_the_scene():
     """What help(coupling) says of the residual compliance, the preload and the surface."""
     K, M, w = springs()

@@ -147,6 +147,7 @@ def test_a_scene_without_an_assembly_has_no_modes(capsys):
     assert "[assembly]" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_killed_render_costs_the_pictures_only(run, monkeypatch, tmp_path, capsys):
     killed = tmp_path / "python"
     killed.write_text("#!/bin/sh\nkill -SEGV $$\n")
@@ -204,6 +205,7 @@ def test_a_foreign_file_is_refused_in_a_sentence(tmp_path):
         resolved(tables, "scene", tmp_path)
 
 
+@pytest.mark.slow
 def test_a_table_of_the_thesis_is_rebuilt_beside_its_numbers(monkeypatch, capsys):
     monkeypatch.setattr(thesis_tables, "TABLE_52", thesis_tables.TABLE_52[::3])
     changes = [f"--set={change}" for change in COARSE]

@@ -1,9 +1,11 @@
 """Scenes whose structure is told in one table."""
 
+import importlib.util
 import json
 import subprocess
 import sys
 from contextlib import nullcontext
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +21,7 @@ from workflows.stages import bending
 from workflows.stages.pipeline import pipeline_of
 
 pytestmark = pytest.mark.usefixtures("shared_cache")
+EXAMPLES = Path(__file__).parents[1] / "examples"
 SHORT = ("time.duration=6e-4", "chain.count=5", "output.spheres=[1, 3]")
 
 
@@ -42,6 +45,28 @@ def test_a_beam_is_the_wall_that_its_matrices_make():
     assert found("reduction").contact.young == table.young
 
 
+def test_the_theory_is_nearer_to_a_solid_than_the_usual_one_and_its_error_holds_the_difference():
+    """A clamped and hinged steel beam beside hexahedra: measured 1.3 times the true error, and 3.4
+    times as near as Cowper's beam that does not bulge."""
+    spec = importlib.util.spec_from_file_location("theory_errors", EXAMPLES / "theory_errors.py")
+    example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    beam = {"thickness": 0.01, "width": 0.015, "length": 0.09, "position": 0.04}
+    rng = np.random.default_rng(0)
+    ends = {"left": "clamped", "right": "hinged"}
+    drawn = example.with_chain("beam", beam | ends, (210e9, 0.3, 7850.0), rng)
+    true, corrected, usual, stated = example.errors(drawn)
+    assert true < 0.7 * usual and corrected < 0.5 * true
+    assert 0.9 < stated / true < 3
+
+
+def test_a_hollow_section_states_no_error_of_the_theory_and_says_why():
+    """It flattens under the sphere, which no beam does: None, not a small number."""
+    hollow = ("beam.width=none", "beam.thickness=none", "beam.diameter=20mm", "beam.bore=10mm")
+    with pytest.raises(ValueError, match="flattens under the sphere"):
+        computed("beam", *SHORT, *hollow)("theory-error")
+
+
 def test_both_reductions_of_a_beam_give_the_same_waves():
     free = computed("beam", *SHORT)("impact").trajectory
     bounded = computed("beam", *SHORT, "reduction.kind=craig-bampton")("impact").trajectory
@@ -57,7 +82,8 @@ def test_a_beam_is_told_with_its_errors_and_its_load(capsys):
     summary = json.loads(capsys.readouterr().out)
     assert 0 < summary["error_estimate"]["reduction"] < 1e-3
     assert 0 < summary["error_estimate"]["mesh"] < 1e-3
-    kGA = 5 * 1.3 / 7.5 * 210e9 / 2.6 * 2e-4
+    assert 1e-3 < summary["error_estimate"]["theory"] < 0.1
+    kGA = fem.rectangle(0.02, 0.01, 0.3).shear_factor * 210e9 / 2.6 * 2e-4
     euler = np.pi**2 * 210e9 * 0.02 * 0.01**3 / 12 / 0.5**2
     assert summary["load_factor"] == pytest.approx(3e3 / (euler / (1 + euler / kGA)), rel=1e-6)
     assert beadwave("modes", "beam", *pressed) == 0
@@ -105,6 +131,7 @@ def test_a_key_of_few_words_that_is_missing_is_asked_for_with_them(key, says, tm
 SMALL = ("plate.length=0.16", "plate.width=0.12", "plate.at=[0.07, 0.05]", "reduction.modes=20")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "changes"), [("slender-beam", ()), ("plate", (*SMALL, *SHORT))])
 def test_the_stated_error_of_the_elements_is_that_against_finer_ones(name, changes):
     """Between 1 and 3 times it; frequencies and waves get better from mesh to mesh."""
@@ -112,8 +139,10 @@ def test_the_stated_error_of_the_elements_is_that_against_finer_ones(name, chang
     found = mesh(chosen, lambda stage: nullcontext())
     errors = {row.parameter: row.error for row in found.tables[0].rows}
     stated = computed(name, *changes)("mesh-error")
-    assert 1 < stated / errors[1.0] < 3 and f"{stated:.1e}" in found.sentences[0]
-    assert errors[1.0] < errors[2.0] and errors[min(errors)] < errors[1.0]
+    rounding = 1e-6  # of two meshes that have converged: what the marches between them differ by
+    assert f"{stated:.1e}" in found.sentences[0]
+    assert errors[1.0] < rounding or 1 < stated / errors[1.0] < 3
+    assert errors[1.0] < errors[2.0] and errors[min(errors)] < max(errors[1.0], rounding)
     first = [row[7] for row in found.tables[1].rows]
     assert first[-2] < 1e-6 and len(first) == 5
     assert found.pictures[0].name == "mesh"

@@ -20,6 +20,7 @@ def quiet(stage):
     return nullcontext()
 
 
+@pytest.mark.slow
 def test_the_first_reflected_wave_does_not_feel_an_axial_force_and_later_ones_do():
     """0.9 of the buckling load either way: 0.8 % of the striker's velocity, and 37 % later."""
     options = AxialForceOptions(shares=(0.9, 0.0, -0.9))
@@ -33,6 +34,7 @@ def test_the_first_reflected_wave_does_not_feel_an_axial_force_and_later_ones_do
     assert pulled["first_mode_hz"] == pytest.approx(1.9**0.5 * free["first_mode_hz"], rel=1e-2)
 
 
+@pytest.mark.slow
 def test_a_solid_beam_lies_at_timoshenkos_waves_and_not_at_euler_bernoullis():
     """A stocky one, as narrow as theory has it, struck beside its middle."""
     short = ("length=0.25", "width=0.01", "thickness=0.02", "position=0.12")

@@ -80,6 +80,7 @@ def test_a_floating_plate_has_the_modes_of_gorman(capsys):
     np.testing.assert_allclose(hz[6:11], unit * np.array(theory.FREE), rtol=3e-3)
 
 
+@pytest.mark.slow
 def test_bolted_plates_run_from_words_to_waves(capsys):
     folder = Path("run")
     fast = ("--set=mesh.scale=2", "--set=reduction.modes=20", "--set=output.samples=501")
@@ -322,6 +323,7 @@ washer = WASHER
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("washer", "free", "rigid"),
     [("0.009", "kx,ky,kz", ["kx", "ky"]), ('"share"', "krx,kz,young", ["krx"])],
@@ -353,6 +355,7 @@ def test_what_modes_do_not_determine_keeps_its_value_and_the_rest_is_fitted_agai
     assert [row["frequency_hz"] for row in rows[:6]] == pytest.approx(hz, rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kz", [1e2, 1e13])
 def test_a_start_outside_of_the_bounds_is_no_obstacle(kz, capsys):
     """Bounds are 1e4 and 1e12 N/m: the fit starts within them."""

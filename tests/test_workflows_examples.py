@@ -44,6 +44,7 @@ def answer(capsys, *arguments):
     return json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 def test_a_gearbox_goes_from_its_step_file_to_waves(capsys):
     """Modes, bolts tuned to the target, reduced model, waves; six bodies of hexahedra."""
     coarse = "--set=mesh.scale=6"
@@ -88,6 +89,7 @@ material = "steel"
 """
 
 
+@pytest.mark.slow
 def test_fourteen_bodies_of_a_step_file_have_modes_within_a_minute_of_two_cores(capsys):
     """It sways slower than on rigid plates, omega^2 = 4 12 EI / L^3 / m, by less than a half.
 
@@ -162,6 +164,7 @@ def test_every_command_takes_a_scene_without_targets_and_says_so(capsys):
     assert summary["energy_error"] < 1e-6 and not summary["modes_hz"]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(which("ccx") is None, reason="CalculiX (Debian: calculix-ccx)")
 @pytest.mark.parametrize(("name", "scale"), [*COARSE.items(), ("mixed.toml", 3.0)])
 def test_calculix_finds_the_same_ten_frequencies(name, scale, capsys):

@@ -35,6 +35,7 @@ def test_a_film_shows_the_impact_frame_by_frame(folder):
     assert min(np.abs(second - first).max() for first, second in pairwise(pictures)) > 50
 
 
+@pytest.mark.slow
 def test_a_film_of_an_upright_chain_shows_it_whole(tmp_path, monkeypatch):
     monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
     changes = [f"--set={change}" for change in (*SMALL, "gravity={}", "chain.count=9")]

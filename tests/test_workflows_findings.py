@@ -1,7 +1,7 @@
 """What all studies share: modules of their folder, templates that say the numbers."""
 
 import sys
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 from jinja2 import UndefinedError
 
+import beadwave
 import workflows.evidence
 from dem.waves.measures import exponent
-from workflows.evidence import catalogue, prose
+from workflows.evidence import catalogue, counted, prose
 from workflows.evidence.accuracy import batch, peers, runs, time, wall_modes
 from workflows.evidence.accuracy.row import AccuracyRow
 from workflows.evidence.prose import rendered
 from workflows.files.scene import scene
+from workflows.report.finding import Finding
 from workflows.report.tables import Table, as_csv, records, short, text
 
 FOLDER = Path(workflows.evidence.__file__).parent
@@ -145,3 +147,55 @@ def test_the_study_of_populations_says_runs_a_second(monkeypatch):
     monkeypatch.setattr(batch, "step_of_median", lambda *_: (1e-6, 1e-4))
     finding = batch.batch(scene("rig-rigid", SHORT), lambda name: nullcontext())
     assert finding.sentences[0].startswith("1,000 runs a second (rkn6, ")
+
+
+def test_what_takes_minutes_is_left_out_by_default_named_and_brought_by_thorough(monkeypatch):
+    class Entry(SimpleNamespace):
+        def loaded(self):
+            return self
+
+        def __call__(self, scene, progress, *, finer=False):
+            return Finding((Table(self.name, ("finer",), ((finer,),)),))
+
+    studies = {
+        "quick": Entry(name="quick", SCENE="rig-rigid"),
+        "cut": Entry(name="cut", SCENE="rig-rigid", THOROUGH={"finer": True}, LEFT_OUT="2 mm"),
+        "long": Entry(name="long", SCENE="rig-rigid", ALONE=True),
+    }
+
+    def chosen(folder, names, option):
+        return {name: studies[name] for name in names or studies}
+
+    monkeypatch.setattr(catalogue, "chosen", chosen)
+    monkeypatch.setattr(catalogue, "catalogue", lambda folder: studies)
+
+    def found(stage="all", **options):
+        return catalogue.accuracy(stage, lambda usual: usual, lambda name: nullcontext(), **options)
+
+    usual, whole = found(), found(thorough=True)
+    assert list(usual) == ["quick", "cut"] and list(whole) == list(studies)
+    assert usual["cut"].tables[0].rows == ((False,),) and whole["cut"].tables[0].rows == ((True,),)
+    assert usual["cut"].sentences == ("Left out of cut: 2 mm; --thorough brings it.",)
+    assert not usual["quick"].sentences and not whole["cut"].sentences
+    assert list(found("long")) == ["long"] and catalogue.accuracy_alone() == ("long",)
+    said = beadwave.accuracy().sentences[-1]
+    assert said == "Left out: the stages long; --stage with the name runs one, --thorough all."
+    assert len(beadwave.accuracy(thorough=True).sentences) == 0
+
+
+def test_from_the_second_piece_on_a_study_says_how_many_are_left_and_how_long(monkeypatch):
+    clock = iter((0.0, 10.0, 16.0))
+    monkeypatch.setattr(counted, "perf_counter", lambda: next(clock))
+    shown, worked = [], []
+
+    @contextmanager
+    def progress(name):
+        shown.append(name)
+        yield
+        worked.append(name)
+
+    for piece in counted.counted((1, 2, 3), progress, "{} mm".format):
+        assert len(shown) == piece == len(worked) + 1  # the stage runs while the piece is worked on
+    assert shown == worked == [
+        "1 mm", "2 mm (2 of 3, about 20 s left)", "3 mm (3 of 3, about 8 s left)",
+    ]  # fmt: skip

@@ -285,6 +285,7 @@ def test_columns_have_quantities_and_units_and_repeats_are_averaged(tmp_path):
     np.testing.assert_allclose(result.y[:, 0], wave, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_design_foresees_the_bars_of_an_inspection(drops, tmp_path):
     item = beadwave.inspect(BEAM, drops[1], find=FIND, bounds=BOUNDS, each="striker.velocity=0.44")
     true = {**TRUTH, "striker.velocity": 0.44}

@@ -9,7 +9,7 @@ from geometry.size import n_nodes
 from geometry.tet_mesh import tet_mesh
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene, memory
-from workflows.scene.size import foreseen_seconds, peak_memory, too_large_mesh
+from workflows.scene.size import RunLimits, foreseen_seconds, peak_memory, too_large_mesh
 
 GB = 1e9
 MESHERS = {"hex": (hex_mesh, ElementHexS2()), "tet": (tet_mesh, ElementTetP2())}
@@ -48,7 +48,7 @@ def test_a_mesh_that_no_memory_holds_is_refused_before_it_is_made(
 ):
     """131.5 mm given as metres once ended in a kill at 21 GB."""
     monkeypatch.setattr("workflows.scene.size.free_memory", lambda: 8 * GB)
-    monkeypatch.setattr("workflows.scene.size.MOST_ELEMENTS", np.inf)
+    monkeypatch.setattr("workflows.scene.size.LIMITS", RunLimits(elements=np.inf))
     with pytest.raises(InvalidScene, match=rf"{words}.* GB of memory, 8 GB are free"):
         scene("rig-rom", (change, f"mesh.element={element}", "unusual=['assembly.block_x']"))
 

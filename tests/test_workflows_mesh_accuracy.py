@@ -41,6 +41,7 @@ def test_a_mesh_that_stands_for_the_limit_has_no_error_of_its_own():
     assert study.row_of(solution._replace(hz=limit), limit).error is None
 
 
+@pytest.mark.slow
 def test_finer_meshes_are_softer_and_the_study_says_by_how_much(monkeypatch):
     """A finer mesh contains the coarser's motions but for the layout of its elements: 0.1 %."""
     monkeypatch.setattr(study, "N_MODES", {"full-tie": 18})
@@ -60,6 +61,7 @@ def test_finer_meshes_are_softer_and_the_study_says_by_how_much(monkeypatch):
     )
 
 
+@pytest.mark.slow
 def test_what_the_block_leaves_is_no_less_than_halving_its_elements_shows():
     """Of an error c h^p with p above 1, halving shows 1 - 2^-p of it, and more is stated."""
     rig = scene("rig-full-tie", ())
@@ -71,6 +73,7 @@ def test_what_the_block_leaves_is_no_less_than_halving_its_elements_shows():
     assert (stated >= (usual / fine - 1)[1:]).all()
 
 
+@pytest.mark.slow
 def test_bodies_of_a_scene_are_meshed_finer_and_finer_and_fall_towards_their_limit():
     """A cantilever's first four modes over mesh.scale; each coarser mesh is stiffer."""
     cantilever = scene("cantilever", ("mesh.scale=2",))

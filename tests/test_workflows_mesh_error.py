@@ -50,7 +50,7 @@ def against(held, finer):
     return float(np.abs(off).max() / np.abs(begun.velocity).max())
 
 
-@pytest.mark.parametrize("scale", [1000, 30, 8, 4])
+@pytest.mark.parametrize("scale", [1000, 30, 8, pytest.param(4, marks=pytest.mark.slow)])
 def test_the_error_stated_of_a_few_elements_is_that_against_many(scale):
     """One to eight of them along a cantilever; measured 1.1, 1.3, 1.3 and 1.9 of the true one."""
     held = pipeline("cantilever", (f"mesh.scale={scale}",))
@@ -81,6 +81,7 @@ def test_a_mesh_that_is_hardly_coarser_tells_no_error(monkeypatch):
         errors.other_mesh(held.scene, whole(held.scene))
 
 
+@pytest.mark.slow
 def test_the_error_stated_of_a_mesh_of_the_users_own_is_that_against_a_finer_one():
     """Hexahedra below, tetrahedra above, each in eight, against each in 64."""
     boxes(Path("boxes.inp"))

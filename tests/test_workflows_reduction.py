@@ -17,6 +17,7 @@ import rom
 from command_line import COARSE_RIG
 from fem.assembly_modes import AssemblyModes
 from fem.factorisation import factorised
+from rom.truncation import LOSS, frequencies, rms, size
 from workflows.files.output_file import OutputFile
 from workflows.files.run_folder import RunFolder
 from workflows.files.scene import scene
@@ -45,6 +46,7 @@ def pipeline(*changes):
     return pipeline_of(scene("rig-rom", (*COARSE, *changes)), lambda name: nullcontext())
 
 
+@pytest.mark.slow
 def test_an_error_picks_the_modes_and_is_met_by_the_full_model():
     """Asked for 1e-3 to 8 kHz; the direct solution of the full model has the last word."""
     run = pipeline("reduction.kind=free-modes", "reduction.error=1e-3", "reduction.to_hz=8000.0")
@@ -59,7 +61,7 @@ def test_an_error_picks_the_modes_and_is_met_by_the_full_model():
 
 
 @pytest.mark.parametrize("kind", ["craig-bampton", "free-modes"])
-def test_modes_and_reduction_of_a_held_assembly_share_one_factor(kind, monkeypatch):
+def test_modes_reduction_mac_and_response_of_a_held_assembly_share_one_factor(kind, monkeypatch):
     """The half-space under the patch, a part of the body struck, is factorised for itself."""
     sizes = []
 
@@ -67,18 +69,23 @@ def test_modes_and_reduction_of_a_held_assembly_share_one_factor(kind, monkeypat
         sizes.append(A.shape[0])
         return factorised(A)
 
-    for module in ("fem", "fem.modes"):
+    for module in ("fem", "fem.modes", "fem.response"):
         monkeypatch.setattr(import_module(module), "factorised", counting)
     changes = ("mesh.scale=2", f"reduction.kind={kind}")
     run = Pipeline(scene("cantilever", changes), Memory(None, verbose=0))
     reduced = run("reduction")
+    run("full-response"), run("mac")
     assert sizes == [run("model").K.shape[0]]
-    assert "factor" not in run._results  # as large as all else together
+    # as large as all else together
+    assert not {"factor", "krylov-space"} & run._results.keys()
     alone = reduction(run.scene, run("model"), run("contact"), run("modes"))
     assert len(sizes) == 2
-    f = np.array([20.0, 3e3, 15e3])
-    answers = [rom.receptance(one, None, f, loss=0.01) for one in (reduced, alone)]
-    np.testing.assert_allclose(answers[0] / answers[1], 1.0, rtol=0, atol=1e-6)
+    # the modes chosen come from two spaces, each with an error below 2e-8; rounding leaves 1e-9 of
+    # a frequency, which a resonance of this loss factor multiplies by 100
+    f = frequencies(20e3)
+    shared, separate = (rom.receptance(one, None, f, loss=LOSS) for one in (reduced, alone))
+    assert max(reduced.error, alone.error) < 2e-8
+    assert rms(shared - separate) < 1e-6 * size(separate)
 
 
 def test_what_floats_or_is_held_softly_has_no_factor_to_share():
@@ -115,6 +122,7 @@ def test_the_structure_under_a_node_is_that_under_a_patch():
     assert whole[0] - local[0] == pytest.approx(whole[1] - local[1], rel=5e-3)
 
 
+@pytest.mark.slow
 def test_the_scheme_of_the_thesis_runs_with_a_warning_and_its_gain(tmp_path):
     thesis = scene("rig-rom", (*COARSE, "patch.weights=thesis"))
     summary = run(pipeline_of(thesis, lambda name: nullcontext()), RunFolder(tmp_path))

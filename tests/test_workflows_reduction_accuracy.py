@@ -48,6 +48,7 @@ def error(printed, method, n):
     return row["error"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["free-modes", "craig-bampton"])
 @pytest.mark.parametrize("measure", ["receptance to 8 kHz", "velocities"])
 def test_modes_and_the_residual_bring_the_error_down(printed, kind, measure):
@@ -57,10 +58,12 @@ def test_modes_and_the_residual_bring_the_error_down(printed, kind, measure):
     assert many < 0.05 * modes_alone  # the static residual is not optional
 
 
+@pytest.mark.slow
 def test_free_modes_with_residual_answer_like_the_full_model(printed):
     assert error(printed, "free-modes + residual: receptance to 8 kHz", 30) < 1e-4
 
 
+@pytest.mark.slow
 def test_the_study_leaves_rows_and_a_picture(printed):
     summary, out = printed
     assert {row["study"] for row in summary["rows"]} == {"reduction"}
@@ -69,6 +72,7 @@ def test_the_study_leaves_rows_and_a_picture(printed):
     assert len((out / "accuracy.csv").read_text().splitlines()) == 1 + len(summary["rows"])
 
 
+@pytest.mark.slow
 def test_the_reference_is_the_full_model_to_its_bound(printed):
     """Said of the direct solutions beside it; a wrong mass or weight would show in percents."""
     (sentence,) = [s for s in printed[0]["findings"] if s.startswith("Errors are relative")]
@@ -108,3 +112,14 @@ def test_a_person_reads_one_table_and_not_its_rows_again():
         assert "leapfrog" in finding.text(both)
         assert "free-modes: velocities" not in finding.text(both)
         assert len(both.tables[0].rows) == 2
+
+
+def test_joined_tables_print_the_rows_of_each_that_prints_any():
+    """Rows of a table without lines of its own were left out beside one that has some."""
+    plain = Table("cases", ("case", "value"), (("plain", 1),))
+    worded = Table("cases", ("case", "value"), (("worded", 2),), (("case", "value"), ("lines", 2)))
+    silent = Table("cases", ("case", "value"), (("silent", 3),), ())
+    both = finding.merged([finding.Finding((table,)) for table in (plain, worded, silent)])
+    assert [row[0] for row in both.tables[0].printed] == ["case", "plain", "lines"]
+    assert [row[0] for row in both.tables[0].rows] == ["plain", "worded", "silent"]
+    assert finding.merged([finding.Finding((plain,))] * 2).tables[0].printed is None

@@ -115,6 +115,7 @@ def test_each_point_states_its_own_error_of_the_reduction(thin):
         assert stated[case] < 3 * alone.reduction
 
 
+@pytest.mark.slow
 def test_each_point_states_its_own_error_of_the_mesh(thin):
     """True is the difference to a run, whose mesh is refined at the point, give or take its own."""
     v, stated = thin.signals()["v"].to_numpy(), thin.columns["error_mesh"]
@@ -278,6 +279,7 @@ beadwave.scan({scene}, grid="5x4", out={out!r}, signals=True, told=told)
 """
 
 
+@pytest.mark.slow
 def test_a_killed_scan_goes_on_with_the_points_that_are_missing(tmp_path, scanned, monkeypatch):
     out, marched = tmp_path / "out", []
     script = KILLED.format(scene=BLOCK, out=str(out))

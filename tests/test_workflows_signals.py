@@ -4,11 +4,12 @@ import re
 import subprocess
 import sys
 from pathlib import Path
-from signal import SIG_IGN, SIGHUP, SIGINT, SIGTERM, signal
+from signal import SIG_DFL, SIG_IGN, SIGHUP, SIGINT, SIGTERM, signal
 from time import sleep
 
 import pytest
 
+from signal_guard import signals_restored
 from workflows.commands import app
 from workflows.commands.signals import Stopped, stopped_by
 
@@ -54,7 +55,10 @@ def ended(number, moment, *command, program=PROGRAM):
     """Exit status and stderr of the program, sent the signal once that holds of its process."""
     start = [sys.executable, "-P", "-c", program, *command]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    with subprocess.Popen(start, **pipes, start_new_session=True) as process:
+    with signals_restored():
+        signal(SIGHUP, SIG_DFL)  # beneath nohup it is ignored, which a child would inherit
+        process = subprocess.Popen(start, **pipes, start_new_session=True)
+    with process:
         assert process.stdout.readline() == "up\n"
         while process.poll() is None and not moment(process):
             sleep(0.005)

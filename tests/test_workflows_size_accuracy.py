@@ -23,6 +23,7 @@ def sizes():
     return study.size(coarse, quiet, times=(1.4, 2.0, 1.0))
 
 
+@pytest.mark.slow
 def test_every_stage_of_every_mesh_is_measured(sizes):
     ours = [row for row in sizes.tables[0].rows if row.method != study.CALCULIX]
     dofs = sorted({row.parameter for row in ours})
@@ -31,11 +32,13 @@ def test_every_stage_of_every_mesh_is_measured(sizes):
     assert [row.parameter for row in ours] == [n for n in dofs for _ in STAGES]
 
 
+@pytest.mark.slow
 def test_the_error_falls_with_the_elements_and_the_finest_mesh_has_none(sizes):
     errors = sizes.tables[1].column("error")
     assert errors[0] > errors[1] > 0 and errors[2] is None
 
 
+@pytest.mark.slow
 def test_exponents_are_told_and_drawn(sizes):
     exponents = {row.stage: row for row in sizes.tables[2].rows}
     assert set(STAGES) <= set(exponents)
@@ -45,6 +48,7 @@ def test_exponents_are_told_and_drawn(sizes):
     assert sizes.pictures[0].png and "growing with the power" in sizes.sentences[0]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(which("ccx") is None, reason="CalculiX is not installed")
 def test_calculix_solves_the_same_deck(sizes):
     assert "CalculiX [s]" in sizes.tables[1].columns
@@ -56,6 +60,7 @@ def test_calculix_solves_the_same_deck(sizes):
     assert abs(stated / ours - 1) < 6e-3  # three digits
 
 
+@pytest.mark.slow
 def test_a_person_sees_a_column_for_each_mesh(sizes):
     heading, *rows = sizes.tables[1].printed
     assert heading == ("unknowns", *sizes.tables[1].column("dofs"), "power")

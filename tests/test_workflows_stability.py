@@ -161,6 +161,7 @@ def test_unknown_case_is_bad_input(capsys, monkeypatch):
     assert "radius" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("stiffness", "changes"),
     [(1e14, ()), (0.0, ("preload.force=0.0", 'reduction.kind="free-modes"'))],

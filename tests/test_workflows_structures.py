@@ -68,6 +68,7 @@ def test_thicker_plates_send_more_back():
     assert np.all(np.diff(column(study, "arr")) > 0.05)
 
 
+@pytest.mark.slow
 def test_the_solid_beam_lies_at_timoshenkos_theory():
     """A beam as wide as high: amplitude ratio, time of flight and fifth frequency."""
     changes = ("beam.width=0.01", "time.duration=1.2e-3")
@@ -79,6 +80,7 @@ def test_the_solid_beam_lies_at_timoshenkos_theory():
     assert off[0] < 0.4 * off[1] and off[0] < 0.01
 
 
+@pytest.mark.slow
 def test_the_solid_plate_lies_at_mindlins_theory():
     """The first reflected wave and the compliance; coarse elements leave a percent in the modes."""
     study = run_study("solid-plate", "plate", options=SolidPlateOptions(scale=1.5))

@@ -52,6 +52,7 @@ def test_a_node_sinks_in_like_1_over_h_and_the_structure_does_not_care():
     assert recovery[-1] == pytest.approx(recovery[-2], rel=0.01)
 
 
+@pytest.mark.slow
 def test_only_the_scheme_of_the_thesis_makes_energy():
     made = study("energy")
     bump = dict(zip(column(made, "wall"), column(made, "bump"), strict=True))
@@ -63,6 +64,7 @@ def test_only_the_scheme_of_the_thesis_makes_energy():
     assert missing[3] > 5 * missing[1] > 0  # the assembly takes more than a large block
 
 
+@pytest.mark.slow
 def test_the_rayleigh_damping_of_the_thesis_is_80_percent_at_51_hz():
     """references: 80 %, 15 %, 4.5 %, 0.53 %."""
     rows = dict(study("damping").tables[0].rows)

@@ -209,16 +209,19 @@ CELLS = {
 
 
 @pytest.mark.parametrize(
-    ("key", "cell"),
-    [*(("chain.radius", cell) for cell in CELLS), ("chain.count", "24 digits")],
+    ("key", "sound", "cells"),
+    [("chain.radius", 0.0127, CELLS), ("chain.count", 5, ["24 digits"])],
+    ids=["chain.radius", "chain.count"],
 )
-def test_a_cell_that_is_no_value_of_its_key_refuses_its_row_alone(key, cell):
-    sound, cell = {"chain.count": 5, "chain.radius": 0.0127}[key], CELLS[cell]
-    Path("cases.csv").write_text(f"{key},contact.coefficient\n{sound},0\n{cell},0\n{sound},0\n")
+def test_a_cell_that_is_no_value_of_its_key_refuses_its_row_alone(key, sound, cells):
+    values = [value for cell in cells for value in (CELLS[cell], sound)]
+    lines = [f"{key},contact.coefficient", f"{sound},0", *(f"{value},0" for value in values)]
+    Path("cases.csv").write_text("\n".join(lines) + "\n")
     result = beadwave.sweep("rig-rigid", SHORT, cases=Cases(table="cases.csv"), out="out")
-    assert result.columns["status"].tolist() == ["done", "refused", "done"]
-    assert key in result.columns["message"][1] and result.columns["message"][1].count("\n") == 0
-    assert len(beadwave.load_sweep("out").columns[key]) == 3
+    assert result.columns["status"].tolist() == ["done"] + ["refused", "done"] * len(cells)
+    messages = result.columns["message"][1::2]
+    assert all(key in message and message.count("\n") == 0 for message in messages)
+    assert len(beadwave.load_sweep("out").columns[key]) == 1 + 2 * len(cells)
 
 
 def test_whole_numbers_above_those_of_a_float_are_rows_beside_fractions():
@@ -294,6 +297,7 @@ def test_a_change_of_a_swept_key_holds_for_the_scene_alone():
     )
 
 
+@pytest.mark.slow
 def test_the_kind_of_a_wall_drops_none_of_its_keys_that_vary():
     Path("cases.csv").write_text(
         "wall.young,wall.poisson,wall.kind\n70 GPa,0.3,half-space\n400 GPa,0.3,half-space\n"
@@ -396,6 +400,7 @@ def counted(monkeypatch):
     return made
 
 
+@pytest.mark.slow
 def test_cases_share_their_reduced_model(counted):
     over = {"wall.cutoff": "5e3,2e4", "striker.velocity": "0.1,0.2"}
     Path("two.toml").write_text(TWO)
@@ -407,6 +412,7 @@ def test_cases_share_their_reduced_model(counted):
     assert result.columns["error_reduction"][0] > 0 and result.columns["error_mesh"][0] > 0
 
 
+@pytest.mark.slow
 def test_springs_of_joints_share_one_reduced_model(counted):
     over = {"joints.bolt.kz": "1e6:1e9:7:log"}
     Path("two.toml").write_text(TWO)
@@ -422,6 +428,7 @@ def test_springs_of_joints_share_one_reduced_model(counted):
         assert result.columns["sphere_5_arr"][i] == pytest.approx(waves.arr, rel=2 * stated)
 
 
+@pytest.mark.slow
 def test_a_rigid_direction_has_a_model_of_its_own(counted):
     over = {"joints.bolt.kz": "1e7,inf"}
     Path("two.toml").write_text(TWO)
@@ -539,6 +546,7 @@ def test_other_cases_of_a_scene_get_a_folder_of_their_own():
     assert beadwave.sweep("rig-rigid", SHORT, cases=first).folder == one.folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["sweep", "run", "impact"])
 def test_a_note_says_that_a_table_was_replaced(command):
     swept = {"striker.velocity": "0.1,0.2"}
@@ -758,6 +766,7 @@ def test_a_killed_sweep_loses_nothing_that_was_done():
 # --- processes ---------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_processes_leave_the_same_table_though_one_is_killed(monkeypatch):
     over = {"chain.count": "4,5,6,7", "striker.velocity": "0.1,0.2"}
     changes = SHORT | {"output.spheres": [1, 3]}

@@ -46,6 +46,8 @@ def silent(name):
 def test_fitted_values_have_a_unit_or_name_the_value_that_they_multiply():
     names = ("head.ky", "joints.cover.krz", "block.young", "materials.steel.density")
     assert [*map(_unit, names)] == ["N/m", "N m/rad", "of the rest's", "of the scene's"]
+    # the direction says what is stiff, not a joint that happens to be called so
+    assert [*map(_unit, ("joints.krx-left.kz", "joints.kr.krz"))] == ["N/m", "N m/rad"]
 
 
 def test_targets_are_hammer_test_modes_or_frequencies_of_ones_own():
@@ -155,6 +157,7 @@ def test_values_to_free_must_be_names(free):
         tune("rig-rom", COARSE, match="1", free=free)
 
 
+@pytest.mark.slow
 def test_a_remark_names_the_undetermined_stiffness_that_would_meet_a_mode():
     """Sheets at a rigid joint, of which the scene has a soft one: there is a least stiffness and
     no largest."""

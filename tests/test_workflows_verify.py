@@ -48,7 +48,7 @@ def test_published_and_exact_numbers_of_chains_are_reached(group):
     assert not [row for row in rows if row.verdict != "within"]
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", [pytest.param("thornton", marks=pytest.mark.slow), "hertz"])
 @pytest.mark.parametrize("dissipation", DAMPED)
 def test_marches_follow_the_formulas_by_another_integrator(law, dissipation):
     """Each law with each damping, walls in turn, some with springs; `verify` has all of them."""
@@ -57,6 +57,7 @@ def test_marches_follow_the_formulas_by_another_integrator(law, dissipation):
     assert row.verdict == "within", row
 
 
+@pytest.mark.slow
 def test_velocities_that_still_converge_are_not_taken_for_amplified_rounding():
     """Linear dampers let forces jump: the ledger closes to rounding long before velocities do."""
     row = row_of(lambda: comparison("thornton", "linear", "free", springs=False))
@@ -79,14 +80,14 @@ def test_lammps_converges_to_our_result(name, monkeypatch):
         "structures",
         "half-spaces",
         "reductions",
-        "full-order",
+        pytest.param("full-order", marks=pytest.mark.slow),
         "pyyeti",
         "exudyn",
-        "second-waves",
+        pytest.param("second-waves", marks=pytest.mark.slow),
         "mean-joints",
         "beams",
-        "gravity",
-        "inspected",
+        pytest.param("gravity", marks=pytest.mark.slow),
+        pytest.param("inspected", marks=pytest.mark.slow),
     ],
 )
 def test_structures_reductions_and_waves_agree_with_what_others_say(group):
@@ -139,6 +140,7 @@ def test_an_error_on_purpose_is_outside(group, error, n_outside, monkeypatch):
     assert sum(row.verdict == "outside" for row in rows) >= n_outside, rows
 
 
+@pytest.mark.slow
 def test_stated_errors_of_steps_are_true_or_larger_where_forces_are_smooth():
     """0.69 at 5 % before yielding contacts were taken for what they are, 1.8 since."""
     rows = honest_steps.points("steps", honest_steps.step_ratios(("none", "hunt-crossley")))
@@ -146,6 +148,7 @@ def test_stated_errors_of_steps_are_true_or_larger_where_forces_are_smooth():
     assert all(row.difference <= row.allowed for row in rows), rows
 
 
+@pytest.mark.slow
 def test_two_sigma_bars_hold_the_truth_as_often_as_they_say():
     """Bars half or twice as long do not."""
     off = np.array([honest_steps.errors_in_bars(seed) for seed in range(50)])

@@ -154,6 +154,7 @@ def standing():
         return usual, tuple(rig_walls.rig_walls(usual, quiet))
 
 
+@pytest.mark.slow
 def test_walls_are_judged_by_the_wave_that_tells_them_apart(own_cache, monkeypatch, tmp_path):
     """The fourth wave of the reduced wall is nearest to 907 Hz'; that of the half-space to 8425.
 
@@ -182,6 +183,7 @@ def lasting(scene, duration):
     return scene.model_copy(update={"time": scene.time.model_copy(update={"duration": duration})})
 
 
+@pytest.mark.slow
 def test_equal_waves_are_no_distance_apart_and_distant_ones_sqrt_2(own_cache):
     usual, setups = standing()
     named = {setup.name: setup for setup in setups}

@@ -1,6 +1,7 @@
-"""Import paths beside the real ones: those of before a module moved, and `beadwave.fem`.
+"""Former import paths and class names, and the packages as `beadwave.fem`, `beadwave.dem`, ...
 
     from coupling.inspection.inversion import inverted    # a former path: warns with the new one
+    dem.Search                                            # a former class name: likewise
     import beadwave.dem                                   # the package `dem`
 
 `import beadwave` and `import workflows` install the finder. A module has one object under all of
@@ -10,7 +11,7 @@ its names, so that classes and compiled functions are never there twice.
 import sys
 from importlib import import_module
 from importlib.abc import Loader, MetaPathFinder
-from importlib.machinery import ModuleSpec
+from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from warnings import warn
 
 ROOMS = ("geometry", "fem", "rom", "dem", "coupling", "workflows")
@@ -96,6 +97,13 @@ MOVED_PACKAGES = {
     "workflows.studies.thesis": "workflows.evidence.thesis",
     "workflows.studies.verify": "workflows.evidence.verify",
 }
+# classes whose name stood for something else as well, by package
+RENAMED_CLASSES = {
+    "dem": {"Search": "StepSearch"},
+    "fem": {"End": "BeamEnd", "Motion": "BodyMotion", "Table": "SwayingTable"},
+    "geometry": {"Box": "Cuboid"},
+    "rom": {"Factor": "Solver"},
+}
 
 
 def present_path(name: str) -> str | None:
@@ -111,11 +119,44 @@ def present_path(name: str) -> str | None:
     return MOVED_PACKAGES[package] + name[len(package) :] if package else None
 
 
+def with_former_names(room) -> None:
+    """Give a package the former names of its classes, each with a DeprecationWarning."""
+
+    def __getattr__(name: str):  # noqa: N807  asked by Python for what a module lacks (PEP 562)
+        present = RENAMED_CLASSES[room.__name__].get(name)
+        if present is None:
+            raise AttributeError(f"module {room.__name__!r} has no attribute {name!r}")
+        warn(
+            f"{room.__name__}.{name} is {room.__name__}.{present} now.",
+            DeprecationWarning,
+            stacklevel=2,
+        )
+        return getattr(room, present)
+
+    room.__getattr__ = __getattr__
+
+
+class RoomLoader(SourceFileLoader):
+    """Loads a package and gives it the former names of its classes."""
+
+    def exec_module(self, module):
+        """Run the package's code, then add the names."""
+        super().exec_module(module)
+        with_former_names(module)
+
+
 class AliasFinder(MetaPathFinder, Loader):
-    """Finds a module by a former path, or as `beadwave.ROOM`."""
+    """Finds a module by a former path, as `beadwave.ROOM`, or a package with former class names."""
 
     def find_spec(self, fullname, path=None, target=None):
         """The spec of an alias; None leaves the name to the other finders."""
+        if fullname in RENAMED_CLASSES:
+            spec = PathFinder.find_spec(fullname, path)
+            # a user's dem.py that stands in the way of the package is none of ours
+            is_package = spec is not None and spec.submodule_search_locations is not None
+            if is_package and type(spec.loader) is SourceFileLoader:
+                spec.loader = RoomLoader(fullname, spec.origin)
+            return spec
         room = fullname.removeprefix("beadwave.")
         if room != fullname and room.split(".")[0] in ROOMS:
             return ModuleSpec(fullname, self, origin=room, is_package=True)
@@ -140,3 +181,5 @@ def install() -> None:
     """Put the finder before all others: the path of a moved package holds modules of that name."""
     if not any(isinstance(finder, AliasFinder) for finder in sys.meta_path):
         sys.meta_path.insert(0, AliasFinder())
+        for name in RENAMED_CLASSES.keys() & sys.modules.keys():
+            with_former_names(sys.modules[name])

@@ -1,4 +1,4 @@
-"""Solitary waves picked from the velocity of one sphere, and what the literature reads off them.
+"""Solitary waves picked from the velocity of one sphere; time of flight and amplitude ratio.
 
 Incident waves are peaks of positive velocity (towards the wall), reflected ones of negative
 velocity. J. Yang, C. Silvestro, D. Khatri, L. De Nardo, C. Daraio, Phys. Rev. E 83 (2011) 046606.
@@ -18,7 +18,7 @@ class Arrival(NamedTuple):
 
     time: float  # [s] of the peak
     peak_velocity: float  # [m/s], negative for a reflected wave
-    width: float  # [s] full width at half maximum, nan if the record cuts it
+    width: float  # [s] full width at half maximum, nan if the record ends within it
     quality: float = float("nan")  # 1: a solitary wave, 0: nothing like it; nan: not judged
 
 
@@ -32,17 +32,19 @@ class WavePair(NamedTuple):
 
 
 def arrivals(t: ArrayLike, v: ArrayLike, *, threshold: float = 0.2) -> list[Arrival]:
-    """Waves in a record v (k,) at equal times t (k,), in order of time.
+    """Waves in the velocity v (k,) [m/s] of a sphere at equally spaced times t (k,) [s], in order
+    of time.
 
-    A wave is a peak of |v| above `threshold` times the largest, the highest between two passages
-    of |v| through that level; its time and height are those of a parabola through three samples.
+    Each stretch in which |v| stays above `threshold` times its largest value is one wave; time
+    and height are those of the parabola through its highest sample and the two beside it.
     """
     t, v = np.asarray(t, float), np.asarray(v, float)
     largest = np.abs(v).max(initial=0.0)
     if largest == 0.0:
         return []
 
-    # runs of samples above the level, of one sign each; no wave is cut by the ends of the record
+    # runs of samples above the level, of one sign each; a crest at either end of the record is no
+    # wave, since what comes before or after it is unknown
     above = np.where(np.abs(v) >= threshold * largest, np.sign(v), 0.0)
     edges = np.flatnonzero(np.diff(above)) + 1
     waves = []
@@ -57,7 +59,8 @@ def arrivals(t: ArrayLike, v: ArrayLike, *, threshold: float = 0.2) -> list[Arri
 
 
 def crest(t: Array, y: Array, k: int) -> tuple[float, float]:
-    """Time and height of the parabola through the samples k - 1, k, k + 1 of y (k,)."""
+    """Time [s] and height of the vertex of the parabola through the samples k - 1, k and k + 1 of
+    y (n,); sample k itself where the three have no maximum."""
     y0, y1, y2 = y[k - 1 : k + 2]
     curvature = y0 - 2.0 * y1 + y2
     if curvature >= 0.0:  # no crest, but a plateau
@@ -68,7 +71,8 @@ def crest(t: Array, y: Array, k: int) -> tuple[float, float]:
 
 
 def peaks(y: ArrayLike, prominence: float) -> list[int]:
-    """Samples where y (k,) has a peak that stands out by `prominence` on both sides."""
+    """Samples where y (n,) has a peak that stands `prominence` above the lowest value on either
+    side, up to the next higher sample or the end of the record."""
     y = np.asarray(y, float)
     tops = np.flatnonzero((y[1:-1] > y[:-2]) & (y[1:-1] >= y[2:])) + 1
     return [int(k) for k in tops if y[k] - max(_foot(y[k::-1]), _foot(y[k:])) >= prominence]
@@ -81,7 +85,8 @@ def _foot(y):
 
 
 def full_width(t: Array, y: Array, k: int) -> float:
-    """Full width [s] at half the height of the crest near sample k of y (k,), nan if cut off."""
+    """Full width [s] at half the height of the crest near sample k of y (n,), between samples by
+    linear interpolation; nan if y does not fall to half on both sides within the record."""
     level = 0.5 * crest(t, y, k)[1]
     below = np.flatnonzero(y < level)
     rising, falling = below[below < k], below[below > k]
@@ -94,7 +99,9 @@ def full_width(t: Array, y: Array, k: int) -> float:
 
 
 def passage(t: Array, v: Array, **options) -> WavePair | None:
-    """Incident wave and the first reflected one after it, None if either is missing."""
+    """First incident wave at a sphere and the first reflected one after it, from its velocity
+    v (k,) [m/s] at times t (k,) [s]; None if either is missing. `options` are those of `arrivals`.
+    """
     waves = arrivals(t, v, **options)
     incident = next((w for w in waves if w.peak_velocity > 0.0), None)
     if incident is None:
@@ -112,19 +119,21 @@ def passage(t: Array, v: Array, **options) -> WavePair | None:
 
 
 def time_of_flight(incident: Arrival, reflected: Arrival) -> float:
-    """Time between the peaks of two arrivals [s]."""
+    """Time of flight TOF [s]: from the peak of the incident wave to that of the reflected one."""
     return reflected.time - incident.time
 
 
 def amplitude_ratio(incident: Arrival, reflected: Arrival) -> float:
-    """|reflected| over incident peak velocity."""
+    """Amplitude ratio ARR of velocities: |reflected| over incident peak velocity, without unit."""
     return abs(reflected.peak_velocity / incident.peak_velocity)
 
 
 def velocity_sum_ratio(v_before: Array, v_after: Array) -> float:
-    """|sum of final| over sum of initial velocities: no measure of loss, 1.36 for 17 elastic beads
-    on a rigid wall (E. Falcon, C. Laroche, S. Fauve, C. Coste, Eur. Phys. J. B 3 (1998) 45); nan
-    where the initial ones cancel."""
+    """|sum of final| over |sum of initial velocities| of spheres (n,), (2.8) of the thesis.
+
+    No measure of loss: 17 elastic beads on a rigid wall give 1.36 (E. Falcon, C. Laroche, S. Fauve,
+    C. Coste, Eur. Phys. J. B 3 (1998) 45). nan where the initial velocities cancel.
+    """
     start = abs(np.sum(v_before))
     if start <= 1e-12 * np.sum(np.abs(v_before)):  # they cancel but for rounding
         return float("nan")
@@ -132,13 +141,17 @@ def velocity_sum_ratio(v_before: Array, v_after: Array) -> float:
 
 
 def energy_restitution(mass: Array, v_before: Array, v_after: Array) -> float:
-    """sqrt of final over initial kinetic energy: 1 without loss."""
+    """Square root of final over initial kinetic energy of spheres of mass (n,) [kg] with velocities
+    (n,) [m/s]: a coefficient of restitution of the chain, 1 without loss."""
     return float(np.sqrt((mass @ np.square(v_after)) / (mass @ np.square(v_before))))
 
 
 def passages(t: Array, v: Array, *, threshold: float = 0.2) -> Array:
-    """(m, 4) time [s] and peak velocity [m/s] of the incident wave and of the first reflected one
-    of `passage` for records v (m, k) at equal times t (k,); nan for a wave that there is not."""
+    """`passage` for many records v (m, k) [m/s] at equally spaced times t (k,) [s], compiled.
+
+    Returns (m, 4): time [s] and peak velocity [m/s] of the incident wave, then of the first
+    reflected one; nan where a wave is missing.
+    """
     waves = np.empty((len(v), 4))
     fill_passages(np.ascontiguousarray(v, float), threshold, waves)
     waves[:, ::2] = t[0] + waves[:, ::2] * (t[1] - t[0])

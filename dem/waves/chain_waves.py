@@ -11,19 +11,21 @@ from dem.waves.tracks import WaveTrack, wave_tracks
 
 
 class ChainWaves(NamedTuple):
-    """Waves along the chain, at the observed spheres, and the impact at the wall, if any."""
+    """Waves along the chain, at the observed spheres, and at the wall."""
 
     tracks: tuple[WaveTrack, ...]
-    labels: dict[int, tuple[Label, ...]]
-    contact: WallContact | None
+    labels: dict[int, tuple[Label, ...]]  # by sphere, counted from 1
+    contact: WallContact | None  # None without a wall
 
 
 def chain_waves(
     run: Trajectory, row: Chain, spheres: Iterable[int], *, at_wall: bool
 ) -> ChainWaves:
-    """Waves of a run, labelled at the spheres (counted from 1), and its collision with the wall."""
+    """Waves of the run of a chain `row`, labelled at the spheres (counted from 1); its collision
+    with the wall if there is one (`at_wall`)."""
     tracks = wave_tracks(run.t, run.v, run.contact_force, row.mass, row.A)
-    # twenty waves of a kind: after a few dozen impacts there are none to name
+    # at most twenty waves each way: after a few dozen impacts the chain moves chaotically, and what
+    # is still tracked is no solitary wave
     tracks = tuple(track for track in tracks if track.number <= 20)
     return ChainWaves(
         tracks,

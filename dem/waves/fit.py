@@ -1,9 +1,12 @@
-"""Waves that overlap in the record of one sphere, taken apart by the shape that each must have.
+"""Overlapping waves in the record of one sphere, separated by a least-squares fit of their shape.
 
     v(t) = v_0 + sum_j  p_j s(c_j (t - t_j)) + d_j S(c_j (t - t_j))
 
-with the velocity s and the displacement S of a solitary wave: p_j passes, d_j stays behind, as in
-a sphere that nobody stops. Least squares over t_j, c_j, p_j, d_j (K. Levenberg, D. Marquardt).
+s is the velocity in a solitary wave and S, from 0 to 1, the displacement (`dem.waves.solitary`).
+p_j [m/s] is the peak of a wave that passes and leaves the sphere at rest; d_j [m/s] is the velocity
+that a wave leaves behind, as in a last sphere that nothing stops. t_j, c_j by the method of
+Levenberg and Marquardt (D. W. Marquardt, J. SIAM 11 (1963) 431), p_j, d_j, v_0 linearly for each
+trial of them (variable projection: G. H. Golub, V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413).
 """
 
 from collections.abc import Iterable, Sequence
@@ -20,20 +23,21 @@ from dem.waves.solitary import ENDS, WIDTH, displacement_shape, velocity_shape
 class WaveFitOptions(NamedTuple):
     """How overlapping waves are fitted; ranges are not on record."""
 
-    pure: float = 0.015  # misfit below which nothing is taken to stay behind
-    reach: float = 1.5  # of the record on either side of a group of waves, in widths
-    largest_group: int = 6  # waves fitted together
+    # rms residual over the largest velocity, below which d_j = 0 is kept
+    pure: float = 0.015
+    reach: float = 1.5  # how much record is fitted on either side of a group of waves, in widths
+    largest_group: int = 6  # waves that are fitted together
     speeds: tuple[float, float] = (0.4, 2.5)  # bounds of the fitted c_j over the guessed one
     shift: float = 1.5  # spheres by which a crest moves at most
-    rounds: int = 60  # of Levenberg and Marquardt
-    step: float = 1e-5  # of the differences that make the Jacobian, in the scaled unknowns
+    rounds: int = 60  # iterations of Levenberg and Marquardt, at most
+    step: float = 1e-5  # of the difference quotients of the Jacobian, in the scaled unknowns z
 
 
 USUAL_FIT = WaveFitOptions()
 
 
 class Guess(NamedTuple):
-    """Where a wave is looked for."""
+    """When a wave passes a sphere by its track, and how fast the sphere then moves."""
 
     time: float  # [s]
     peak_velocity: float  # [m/s]
@@ -41,10 +45,10 @@ class Guess(NamedTuple):
 
 
 class WaveFit(NamedTuple):
-    """Waves found in one stretch of a record, and how well they make it up.
+    """Waves fitted to one stretch of a record, and the misfit of their sum.
 
-    The quality of an arrival is 1 - rms of the residual within a width of it over its peak
-    velocity, at least 0: above 0.95 it is a solitary wave, below 0.7 something else.
+    The quality of an arrival is 1 - (rms of the residual within a width of it) / (its peak
+    velocity), at least 0: above 0.95 it is a solitary wave, below 0.7 something else.
     """
 
     arrivals: tuple[Arrival, ...]
@@ -52,9 +56,9 @@ class WaveFit(NamedTuple):
 
 
 def groups(guesses: Iterable[Guess], options: WaveFitOptions = USUAL_FIT) -> list[list[Guess]]:
-    """Guesses in order of time, those whose stretches of the record overlap in one list.
+    """Guesses in order of time; those whose stretches of the record overlap share a list.
 
-    Lists of more than `largest_group` are parted at their widest gap.
+    A list of more than `largest_group` waves is split at its widest gap, again and again.
     """
     together = []
     for guess in sorted(guesses):
@@ -64,7 +68,7 @@ def groups(guesses: Iterable[Guess], options: WaveFitOptions = USUAL_FIT) -> lis
         else:
             together.append([guess])
 
-    # the queue holds what is still to be parted, in order of time
+    # the queue holds the groups that are still to be split, the earliest last
     small, queue = [], together[::-1]
     while queue:
         group = queue.pop()
@@ -84,7 +88,8 @@ def apart(first: Guess, second: Guess) -> float:
 def fit(
     t: Array, v: Array, guesses: Sequence[Guess], options: WaveFitOptions = USUAL_FIT
 ) -> WaveFit:
-    """Fit of the waves of one group to the record around them."""
+    """Waves of one group fitted to the velocity v (k,) [m/s] at times t (k,) [s] around them; no
+    arrivals and an infinite misfit where the record has too few samples there."""
     reach = options.reach * max(guess.width for guess in guesses)
     window = (t >= guesses[0].time - reach) & (t <= guesses[-1].time + reach)
     if window.sum() < 4 * len(guesses) + 1:
@@ -93,7 +98,7 @@ def fit(
     start = np.array([(g.time, WIDTH / g.width) for g in guesses])
     size = max(np.abs(v).max(), np.finfo(float).tiny)
 
-    # waves that pass alone first, d_j = 0; what stays behind where they do not make up the record
+    # d_j = 0 first; with d_j, twice as many linear unknowns, only where that leaves a misfit
     for with_steps in (False, True):
         shapes = _shapes(t, v, start, with_steps, options)
         weights, residual = _weighted(t, v, shapes, with_steps)
@@ -102,7 +107,8 @@ def fit(
 
     arrivals = []
     for (t_crest, c), (p, d) in zip(shapes, weights, strict=True):
-        # crest of this wave alone; of one that rather leaves its sphere moving, the steepest rise
+        # time and peak: of a wave that passes (|p| > |d|) those of its crest, without the other
+        # waves; of one that leaves its sphere moving, the steepest rise and the velocity it leaves
         a = np.linspace(-ENDS, ENDS, 2401)
         wave = p * velocity_shape(a) + d * displacement_shape(a)
         passes = abs(p) > abs(d)
@@ -118,7 +124,8 @@ def fit(
 
 
 def _weighted(t, v, shapes, with_steps):
-    """p_j, d_j (n, 2) by linear least squares for given t_j, c_j (n, 2), and the residual."""
+    """p_j, d_j (n, 2) [m/s] by linear least squares for given t_j, c_j (n, 2), and the residual
+    (k,) [m/s]."""
     a = shapes[:, 1:] * (t - shapes[:, :1])
     behind = displacement_shape(a) if with_steps else np.zeros((0, len(t)))
     basis = np.vstack([velocity_shape(a), behind, np.ones_like(t)[None]]).T
@@ -128,8 +135,12 @@ def _weighted(t, v, shapes, with_steps):
 
 
 def _shapes(t, v, start, with_steps, options):
-    """t_j, c_j (n, 2) that leave least, with the best p_j, d_j for each trial: Levenberg's and
-    Marquardt's method in z, shifts in spheres and relative changes of speed."""
+    """t_j, c_j (n, 2) [s, spheres/s] with the least sum of squares of the residual, where p_j, d_j
+    are the best ones for each trial.
+
+    Levenberg's and Marquardt's method in z = ((t_j - t_j0) c_j0, (c_j - c_j0) / c_j0), which are
+    shifts in spheres and relative changes of speed.
+    """
     scale = np.column_stack([1.0 / start[:, 1], start[:, 1]])
     z, damping = np.zeros(start.size), 1e-2
 

@@ -1,7 +1,7 @@
-"""Which wave passes a sphere when, how fast it makes it, and how much it looks like a wave.
+"""Which wave passes a sphere at what time, its peak velocity, and its quality as a solitary wave.
 
-A wave that passes alone is measured on the record itself; waves that overlap are taken apart by
-their shape. What a wave must look like there, and when, is known from its track.
+The track of a wave says when it passes and how large it should be. A wave that passes alone is
+measured on the record itself; overlapping waves are separated by a fit of their shape (`fit`).
 """
 
 from collections.abc import Sequence
@@ -17,30 +17,33 @@ from dem.waves.tracks import WaveTrack
 
 
 class LabelOptions(NamedTuple):
-    """When a wave at a sphere is believed; ranges are not on record."""
+    """When a measured or fitted wave is accepted; ranges are not on record."""
 
-    separable: float = 0.6  # widths between crests from which on a fit shares waves out as they are
-    clear: float = 1.5  # widths between crests from which on waves do not touch
-    widest: float = 3.0  # over what a track's force says; a wider crest is that of several waves
-    stays: float = 0.9  # of the crest, left behind by a wave that leaves its sphere moving
+    # distance of two crests, in widths, below which a fit cannot separate them: quality is lowered
+    separable: float = 0.6
+    clear: float = 1.5  # distance of two crests, in widths, beyond which waves do not overlap
+    widest: float = 3.0  # width over that of the track's force; a wider crest is of several waves
+    # velocity at the end of a wave's window over its crest, from which on the wave is taken to
+    # leave its sphere moving
+    stays: float = 0.9
     hidden: int = 3  # contacts before its first pulse at which a track is still looked for
-    # peak of a wave fitted among overlapping ones, over what the force along its track says: larger
-    # ones are waves that cancel each other, a fit without meaning
+    # fitted peak of one of several overlapping waves, over that of the track's force: a larger one
+    # comes of waves that cancel each other in the fit, and means nothing
     shared: float = 2.0
-    single: float = 5.0  # the same of a wave that passes alone: beyond, the crest is another's
+    single: float = 5.0  # the same of a wave that passes alone: beyond it, the crest is another's
 
 
 USUAL_LABELS = LabelOptions()
 
 
 class Label(NamedTuple):
-    """A wave at a sphere; `alone` if it was measured, not taken out of others."""
+    """A wave at a sphere."""
 
     kind: str  # "incident" or "reflected"
-    number: int
-    name: str
+    number: int  # of its track, from 1
+    name: str  # of its track, "reflected 1" for instance
     arrival: Arrival
-    alone: bool
+    alone: bool  # measured on the record; False: separated from overlapping waves by a fit
 
 
 class _Passage(NamedTuple):
@@ -58,10 +61,11 @@ def labels(
     sphere: int,
     options: LabelOptions = USUAL_LABELS,
 ) -> tuple[Label, ...]:
-    """Waves at a sphere (counted from 1) with record v (k,), in order of time.
+    """Waves at a sphere (counted from 1) with velocity v (k,) [m/s] at times t (k,) [s], in order
+    of time.
 
-    The striker's own start is no arrival. The time of a wave that leaves its sphere moving, as the
-    last one does with the first sphere, is that of the steepest rise, its peak what it leaves.
+    The striker's own start is no arrival. A wave that leaves its sphere moving, as the last one
+    does with the first sphere, has the time of its steepest rise and the velocity that it leaves.
     """
     # where and when each track passes the sphere, between its contacts on both sides
     passages = []
@@ -88,7 +92,8 @@ def labels(
             for passage, guesses in zip(members, others, strict=True)
         ]
 
-        # where one of the overlapping waves is far beyond what its track says, all are
+        # if one of the overlapping waves is fitted far larger than its track says, another one
+        # cancels it, and none of the group is to be believed
         cancel = any(
             wave.peak_velocity / passage.guess.peak_velocity > options.shared
             for passage, wave, single in zip(members, waves, alone, strict=False)
@@ -99,7 +104,8 @@ def labels(
                 arrival = _measured(t, v, passage, wave, options)
                 arrival = _credible(passage.guess, arrival, options.single)
             else:
-                # a sum fits any share of crests that are too close: less quality the closer
+                # two crests that nearly coincide can share their sum in any proportion, and the fit
+                # is as good: quality falls with the square of their distance
                 arrival = _credible(passage.guess, wave, 0.0 if cancel else options.shared)
                 closest = min(apart(passage.guess, guess) for guess in guesses)
                 share = min(1.0, closest / options.separable) ** 2
@@ -110,15 +116,16 @@ def labels(
 
 
 def _credible(guess, arrival, bound):
-    """The arrival, or what the track says with quality 0 where both differ by more than the bound
-    (0: always)."""
+    """The arrival if its peak is within a factor `bound` of the track's, else what the track says,
+    with quality 0; bound = 0 accepts none."""
     if bound and 1.0 / bound <= arrival.peak_velocity / guess.peak_velocity <= bound:
         return arrival
     return Arrival(*guess, 0.0)
 
 
 def _measured(t, v, passage, fitted, options):
-    """The crest in the record, or what the fit says where the record has none."""
+    """The crest of a wave that passes alone, on the record between its contacts; the fitted wave
+    where the record has no crest there."""
     guess = passage.guess
     sign = np.sign(guess.peak_velocity)
     margin = 0.7 * guess.width

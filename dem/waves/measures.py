@@ -1,4 +1,4 @@
-"""What the literature reads off waves and the wall they strike: times, speeds, ratios.
+"""Contact time, wave speeds, time of flight and ratios of a chain's impact on a wall.
 
 J. Yang, C. Silvestro, D. Khatri, L. De Nardo, C. Daraio, Phys. Rev. E 83 (2011) 046606;
 J. Yang, C. Silvestro, S. N. Sangiorgio, S. L. Borkowski, E. Ebramzadeh, L. De Nardo, C. Daraio,
@@ -18,23 +18,24 @@ from dem.trajectory import Trajectory
 from dem.waves.arrivals import energy_restitution, velocity_sum_ratio
 from dem.waves.tracks import WaveTrack
 
-CONTACT = 0.01  # of the peak force, where a contact counts as closed
+CONTACT = 0.01  # of the peak force: above it a contact counts as closed; a convention, not varied
 
 
 class ContactTime(NamedTuple):
-    """How long the largest collision with the wall lasts; nan if there is none."""
+    """The largest collision with the wall; nan if there is none."""
 
-    seconds: float
+    seconds: float  # end - start
     start: float  # [s]
-    end: float  # [s], inf if it does not open within the record
-    threshold: float  # [N] above which it counts
+    end: float  # [s], inf if the contact does not open within the record
+    threshold: float  # [N] force above which the contact counts as closed
 
 
 class WallContact(NamedTuple):
-    """A chain's collision with its wall in numbers; nan where the record does not say."""
+    """A chain's collision with its wall; equations of the thesis in brackets; nan where the record
+    ends too early, or no wave reaches the wall."""
 
     contact_time: ContactTime
-    tau_c: float  # (2.5)
+    tau_c: float  # (2.5), dimensionless contact time
     speed_in: float  # [m/s] of the incident wave, mean along the chain
     speed_back: float  # [m/s] of the first reflected one
     travelling_time: float  # [s] (2.6)
@@ -45,14 +46,15 @@ class WallContact(NamedTuple):
 
 
 def exponent(x: ArrayLike, y: ArrayLike) -> float:
-    """p of a power law y ~ x^p, the slope of log y over log x by least squares."""
+    """p of a power law y ~ x^p: the slope of log y (k,) over log x (k,) by least squares."""
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
 
 
 def contact_time(t: ArrayLike, force: ArrayLike, *, threshold: float = CONTACT) -> ContactTime:
-    """ContactTime of the collision with the largest force (k,); above the force at its start.
+    """ContactTime of the collision with the largest force (k,) [N] at times t (k,) [s].
 
-    It counts while the force is above `threshold` times its peak; ends are interpolated.
+    The contact counts as closed while the force exceeds its first value, the preload, by
+    `threshold` times the rise from there to the peak; both ends are interpolated between samples.
     """
     t, F = np.asarray(t, float), np.asarray(force, float)
     k, level = int(F.argmax()), F[0] + threshold * (F.max() - F[0])
@@ -70,22 +72,25 @@ def contact_time(t: ArrayLike, force: ArrayLike, *, threshold: float = CONTACT) 
 
 
 def dimensionless_contact_time(seconds: float, mass: float, speed: float, A_wall: float) -> float:
-    """tau_c of (2.5), T_c = tau_c m^(2/5) V^(-1/5) A_w^(-2/5) with the striker's speed V."""
+    """tau_c of (2.5), T_c = tau_c m^(2/5) V^(-1/5) A_w^(-2/5), for a contact of T_c [s], the mass m
+    [kg] of the last sphere, the striker's speed V [m/s] and Hertz' A_w [N/m^1.5] at the wall."""
     return seconds / (mass**0.4 * speed**-0.2 * A_wall**-0.4)
 
 
 def travelling_time(n: int, radius: float, speed_in: float, speed_back: float) -> float:
-    """(2.6) [s]: through n spheres and back."""
+    """(2.6) [s]: through n spheres of a radius [m] at speed_in [m/s] and back at speed_back."""
     return 2.0 * n * radius * (1.0 / speed_in + 1.0 / speed_back)
 
 
 def force_ratio(incident: float, reflected: float) -> float:
-    """ARR of (2.9): |reflected / incident peak velocity|^(6/5), the ratio of forces."""
+    """ARR of (2.9) by peak velocities [m/s]: |reflected / incident|^(6/5), which is the ratio of
+    contact forces, since F ~ v^(6/5) in a solitary wave."""
     return abs(reflected / incident) ** 1.2
 
 
 def track_speed(track: WaveTrack, radius: Array) -> float:
-    """Speed [m/s] of a track past spheres of radius (n,) [m], the slope through all its pulses."""
+    """Speed [m/s] of a track past spheres of radius (n,) [m]: the slope of place over time by least
+    squares through all its pulses."""
     times = np.array([pulse.time for pulse in track.pulses])
     places = 2.0 * np.cumsum(radius)[[pulse.contact - 1 for pulse in track.pulses]]
     return float(abs(np.polyfit(times - times[0], places, 1)[0]))
@@ -94,17 +99,19 @@ def track_speed(track: WaveTrack, radius: Array) -> float:
 def wall_contact(
     t: Array, v: Array, contact_force: Array, chain: Chain, tracks: Sequence[WaveTrack]
 ) -> WallContact:
-    """WallContact of a chain's run; v (k, n), contact_force (k, n), its `tracks`."""
+    """WallContact of a chain's run by its velocities v (k, n) [m/s] and contact_force (k, n) [N],
+    the last column at the wall, at times t (k,) [s], and by the `tracks` of its waves."""
     n, nan = len(chain.mass), float("nan")
 
-    # the collision; none before a wave is there, whose foot reaches far ahead
+    # no collision before a wave arrives: the foot of a wave presses the wall long before its crest
     rise = (contact_force - contact_force[0]).max(axis=0)
     arrived = rise[-1] > CONTACT * rise.max()
     collision = contact_time(t, contact_force[:, -1] if arrived else np.zeros(len(t)))
     v_striker = float(np.abs(v[0]).max())
     tau_c = dimensionless_contact_time(collision.seconds, chain.mass[-1], v_striker, chain.A[-1])
 
-    # the first wave each way is that of the collision if it is seen within 4 contacts of the wall
+    # the first wave each way belongs to the collision if its track comes within 4 contacts of the
+    # wall; otherwise it began or ended elsewhere in the chain
     first = {
         track.kind: track
         for track in tracks
@@ -115,7 +122,7 @@ def wall_contact(
     speed_back = nan if reflected is None else track_speed(reflected, chain.radius)
     travelling = travelling_time(n, float(np.mean(chain.radius)), speed_in, speed_back)
 
-    # (2.9), mean over the contacts that both pass; forces are what it compares
+    # (2.9) as a ratio of forces, mean over the contacts that both waves pass
     arr = nan
     if incident is not None and reflected is not None:
         force_in = {pulse.contact: pulse.force for pulse in incident.pulses}
@@ -136,15 +143,15 @@ def wall_contact(
 
 
 class WaveEnergy(NamedTuple):
-    """Shares of the striker's energy: on the way, and when the wall is pressed hardest."""
+    """Shares of the striker's kinetic energy while the wave runs, and at the wall's peak force."""
 
-    moving_on_the_way: float  # mean
-    moving_at_the_wall: float
-    last_contact: float  # elastic, at the wall
+    moving_on_the_way: float  # kinetic energy, mean from the third contact to the wall's vicinity
+    moving_at_the_wall: float  # kinetic energy when the wall is pressed hardest
+    last_contact: float  # elastic energy of the contact at the wall, at that instant
 
 
 def wave_energy(run: Trajectory, chain: Chain) -> WaveEnergy:
-    """Of the first wave of a chain before a wall, one of at least eight spheres."""
+    """WaveEnergy of the first wave of a chain of at least eight spheres at a wall."""
     force, energy = run.contact_force, run.energy_kinetic[0]
     k = int(force[:, -1].argmax())
     # from the third contact on the wave has its shape, until it comes near the wall
@@ -157,8 +164,8 @@ def wave_energy(run: Trajectory, chain: Chain) -> WaveEnergy:
 
 
 def leading_share(run: Trajectory, chain: Chain) -> float:
-    """Energy of the leading wave at the end of a run, from the gap behind it on, over the
-    striker's."""
+    """Energy of the leading wave at the end of a run over the striker's: that of all spheres and
+    contacts ahead of the first gap behind the fastest sphere."""
     v, F = run.v[-1], run.contact_force[-1]
     gap = int(v.argmax()) - 1  # contact behind the fastest sphere; on to where no force is left
     while F[gap] > 1e-3 * F.max() and F[gap] >= F[gap - 1]:

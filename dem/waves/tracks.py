@@ -1,9 +1,9 @@
-"""Waves followed through the chain: the incident ones, and those that the wall sends back.
+"""Waves tracked through the chain: incident ones, and those that the wall reflects.
 
-Every collision of two neighbours is a pulse of their contact force. A wave is a track of pulses
-from contact to contact, each one sphere's passing time after the one before; that time follows
-from the pulse's force, and is longer where a gap must close first. Contact i lies between the
-spheres i and i + 1, counted from 1.
+Every collision of two neighbours is a pulse of their contact force. The pulses of one wave follow
+each other from contact to contact, one passing time apart, which is the time that a solitary wave
+of the pulse's force takes over one sphere; it is longer where a gap must close first. Contact i
+lies between the spheres i and i + 1, counted from 1.
 """
 
 from typing import NamedTuple
@@ -16,32 +16,32 @@ from dem.waves.solitary import force, speed, velocity_of_force
 
 
 class TrackOptions(NamedTuple):
-    """When pulses are one wave; ranges are not on record."""
+    """When pulses at successive contacts belong to one wave; ranges are not on record."""
 
-    early: float = 0.7  # before the expected time, in passing times of a sphere for each contact
-    late: float = 5.0  # after the expected time, in passing times of a sphere
-    skipped: int = 3  # contacts at which a track may be hidden in another one
-    shortest: int = 3  # contacts that make a track
+    early: float = 0.7  # passing times for each contact by which a pulse may be too early
+    late: float = 5.0  # passing times by which a pulse may be too late: gaps close first
+    skipped: int = 3  # successive contacts at which a larger wave may hide a wave's pulse
+    shortest: int = 3  # pulses that make a track
 
 
 USUAL_TRACKS = TrackOptions()
 
 
 class Pulse(NamedTuple):
-    """A collision of two neighbours."""
+    """A collision of two neighbours, and the solitary wave of its force."""
 
     time: float  # [s] of the largest force
-    contact: int
+    contact: int  # from 1
     force: float  # [N] largest
     velocity: float  # [m/s] of the spheres in a wave of this force, negative away from the wall
     passing_time: float  # [s] of one sphere in such a wave
 
 
 class WaveTrack(NamedTuple):
-    """A wave along the chain, by its number in order of time at the wall's end, from 1."""
+    """A wave along the chain."""
 
     kind: str  # "incident" or "reflected"
-    number: int
+    number: int  # of its kind, from 1, in order of time at the wall
     pulses: tuple[Pulse, ...]  # in order of time
 
     @property
@@ -51,7 +51,8 @@ class WaveTrack(NamedTuple):
         return self.kind if first else f"{self.kind} {self.number}"
 
     def time_at(self, contact: int) -> float:
-        """When the largest force is at a contact [s]; beyond the ends by the speed there."""
+        """Time [s] at which the wave's force peaks at a contact: interpolated between its pulses,
+        extrapolated beyond the first and last one by their passing times."""
         way = 1 if self.kind == "incident" else -1
         places = np.array([way * pulse.contact for pulse in self.pulses])
         if places[0] <= way * contact <= places[-1]:
@@ -64,15 +65,16 @@ def wave_tracks(
     t: Array, v: Array, contact_force: Array, mass: Array, A: Array, *, threshold: float = 0.03,
     options: TrackOptions = USUAL_TRACKS,
 ) -> tuple[WaveTrack, ...]:  # fmt: skip
-    """Wave tracks in the records v (k, n) and contact_force (k, n_contacts) of all spheres.
+    """Wave tracks in the velocities v (k, n) [m/s] and contact_force (k, n_contacts) [N] of all
+    spheres at times t (k,) [s]; spheres of mass (n,) [kg] with Hertz' A (n_contacts,) [N/m^1.5].
 
-    A pulse counts if the spheres in its wave reach `threshold` of those in the largest one, and a
-    track if it passes three contacts. Incident ones first, then reflected ones, each in order of
-    time at the wall.
+    A pulse counts if spheres in a solitary wave of its force reach `threshold` times the velocity
+    of those in the largest one; a track has at least `options.shortest` pulses. Incident tracks
+    first, then reflected ones, each in order of time at the wall.
     """
     t, v, contact_force = np.asarray(t), np.asarray(v), np.asarray(contact_force)
 
-    # pulses: collisions of neighbours above the threshold; the force at rest is no wave's
+    # pulses: peaks of a contact's force above the threshold, less its force at rest (preload)
     n = len(mass) - 1
     F = contact_force[:, :n] - contact_force[0, :n]
     m = 0.5 * (mass[:-1] + mass[1:])
@@ -83,8 +85,8 @@ def wave_tracks(
         for k in peaks(F[:, i], level[i]):
             if F[k, i] < level[i]:
                 continue
-            # the wave that the sphere makes of it that passes it on: a heavy striker waits for no
-            # other
+            # the wave that this pulse becomes has the mass of the sphere that passes it on, not the
+            # mean of both: a heavy striker would make it too slow
             time, height = crest(t, F[:, i], k)
             way = 1 if v[k, i] + v[k, i + 1] > 0.0 else -1
             m_passing = mass[i + 1] if way > 0 else mass[i]
@@ -95,7 +97,8 @@ def wave_tracks(
     inward = _linked([pulse for pulse in pulses if pulse.velocity > 0.0], 1, options)
     outward = _linked([pulse for pulse in pulses if pulse.velocity < 0.0], -1, options)
 
-    # in order of time at the wall: a reflected track first seen on its way came out of a faster one
+    # in order of time at the wall; a reflected track whose first pulse is away from the wall was
+    # hidden by a faster wave until then, whose passing time leads back to the wall
     fastest = min((track[0].passing_time for track in outward), default=0.0)
     inward.sort(key=lambda track: track[0].time)
     outward.sort(key=lambda track: track[0].time - (len(mass) - track[0].contact) * fastest)
@@ -106,7 +109,7 @@ def wave_tracks(
 
 
 def _linked(pulses, way, options):
-    """Lists of pulses that one wave makes on its way, +1 towards the wall or -1."""
+    """Lists of the pulses of one wave each, in order along its way; +1: to the wall, -1: back."""
     tracks, at_contact = [], {}
     for pulse in pulses:
         at_contact.setdefault(pulse.contact, []).append(pulse)
@@ -115,7 +118,8 @@ def _linked(pulses, way, options):
             track for track in tracks if abs(contact - track[-1].contact) <= 1 + options.skipped
         ]
 
-        # how late a pulse comes after a track's last one, in passing times, where it may be its
+        # every track and pulse that may belong together, by how late the pulse comes, in passing
+        # times: behind the track's last pulse, in its direction, within the contacts it may skip
         offers = []
         for i, track in enumerate(recent):
             for j, pulse in enumerate(candidates):
@@ -126,7 +130,8 @@ def _linked(pulses, way, options):
                 if 1 <= contacts <= 1 + options.skipped and in_time:
                     offers.append((abs(late), i, j))
 
-        # the best pair first, each track and each pulse once; a pulse without a track begins one
+        # pairs in order of |lateness|, each track and each pulse once; a pulse that fits no track
+        # begins one
         extended, matched = set(), set()
         for _, i, j in sorted(offers):
             if i not in extended and j not in matched:

@@ -36,12 +36,12 @@ from workflows.commands.studies import accuracy, run_study, stability, verify
 from workflows.commands.sweeps import scan, sweep
 from workflows.commands.terminal import (
     StageProgress,
+    SummaryPrinter,
     print_files,
     print_lines,
     print_notes,
     print_report,
     print_result,
-    print_summary,
 )
 
 INTERRUPTED = 130
@@ -85,11 +85,13 @@ def run(
     """Run every stage that the scene needs and fill a run folder."""
     from workflows.run.api import run as run_stages
 
+    printer = SummaryPrinter(json=json, quiet=quiet, verbose=verbose)
     with StageProgress(f"run {scene}", quiet=quiet) as progress:
         result = run_stages(
-            scene, changes or (), out=out, overwrite=overwrite, progress=progress.stage
-        )
-    print_summary(result.summary, json, quiet, verbose)
+            scene, changes or (), out=out, overwrite=overwrite, progress=progress.stage,
+            waves_known=printer.waves,
+        )  # fmt: skip
+    printer.whole(result.summary)
     print_notes(result.notes)
     print_lines(f"written: {result.folder}/report.html", json=json, quiet=quiet)
 
@@ -111,11 +113,13 @@ def impact(
     """The coupled run alone, without pictures and report."""
     from workflows.run.api import impact as run_impact
 
+    printer = SummaryPrinter(json=json, quiet=quiet, verbose=verbose)
     with StageProgress(f"impact {scene}", quiet=quiet) as progress:
         result = run_impact(
-            scene, changes or (), rom=rom, out=out, overwrite=overwrite, progress=progress.stage
-        )
-    print_summary(result.summary, json, quiet, verbose)
+            scene, changes or (), rom=rom, out=out, overwrite=overwrite, progress=progress.stage,
+            waves_known=printer.waves,
+        )  # fmt: skip
+    printer.whole(result.summary)
     print_notes(result.notes)
     if out:
         print_lines(f"written: {out}/trajectory.npz", json=json, quiet=quiet)

@@ -1,4 +1,6 @@
-"""Bars of stages on a terminal, filled by how long the stage took the last time."""
+"""Progress bars of stages on a terminal, filled by the time that a stage took in an earlier run."""
+
+import sys
 
 from rich.console import Console
 from rich.progress import Progress, ProgressColumn, Task, TextColumn
@@ -36,4 +38,8 @@ class _Time(ProgressColumn):
 
 def progress(console: Console) -> Progress:
     """A line per stage: name, bar, time."""
-    return Progress(TextColumn("{task.description:>20}"), _Bar(), _Time(), console=console)
+    # a print goes above the bars where it is seen on the same terminal, and to its file otherwise
+    return Progress(
+        TextColumn("{task.description:>20}"), _Bar(), _Time(), console=console,
+        redirect_stdout=sys.stdout.isatty(),
+    )  # fmt: skip

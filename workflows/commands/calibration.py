@@ -5,7 +5,14 @@ from typing import Annotated, Any
 
 import typer
 
-from workflows.commands.options import Changes, Overwrite, Quiet, json_of, scene_names
+from workflows.commands.options import (
+    Changes,
+    Overwrite,
+    Quiet,
+    RequiredScene,
+    json_of,
+    scene_names,
+)
 from workflows.commands.terminal import StageProgress, print_lines
 
 Free = Annotated[
@@ -55,12 +62,7 @@ Starts = Annotated[
 
 
 def calibrate(
-    scene: Annotated[
-        str,
-        typer.Argument(
-            metavar="SCENE", help="A built-in scene or a file.", autocompletion=scene_names
-        ),
-    ],
+    scene: RequiredScene,
     data: Annotated[
         Path, typer.Argument(metavar="DATA", help="Velocities, forces, voltages: .csv, .mat, .uff.")
     ],

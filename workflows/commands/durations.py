@@ -1,4 +1,4 @@
-"""Seconds that stages took, kept beside the cache, so that the next run can say what is left."""
+"""Seconds that stages took, kept beside the cache, for the time left on the next run's bars."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -17,7 +17,7 @@ RIGS = ("None", "rig-rom", "rig-rom-269", "rig-rom-907")  # their scenes; those 
 
 
 class Durations:
-    """Seconds of the stages of a command; an unreadable or read-only file is as good as none."""
+    """Seconds of the stages of a command; a file that cannot be read or written counts as empty."""
 
     def __init__(self, command: str) -> None:
         self._command = command

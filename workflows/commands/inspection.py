@@ -9,10 +9,10 @@ from workflows.commands.options import (
     Changes,
     Overwrite,
     Quiet,
+    RequiredScene,
     StudyFolder,
     dotted_keys,
     json_of,
-    scene_names,
 )
 from workflows.commands.terminal import StageProgress, print_lines, print_report, print_result
 
@@ -43,12 +43,7 @@ Over = Annotated[
 
 
 def inspect(
-    scene: Annotated[
-        str,
-        typer.Argument(
-            metavar="SCENE", help="A built-in scene or a file.", autocompletion=scene_names
-        ),
-    ],
+    scene: RequiredScene,
     data: Annotated[
         list[Path],
         typer.Argument(metavar="DATA...", help="Records of sensors, .csv, one for each impact."),
@@ -89,12 +84,7 @@ def inspect(
 
 
 def design(
-    scene: Annotated[
-        str,
-        typer.Argument(
-            metavar="SCENE", help="A built-in scene or a file.", autocompletion=scene_names
-        ),
-    ],
+    scene: RequiredScene,
     find: Find,
     bounds: Bounds = None,
     over: Over = None,

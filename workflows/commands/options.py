@@ -60,6 +60,10 @@ SceneName = Annotated[
         autocompletion=scene_names,
     ),
 ]
+RequiredScene = Annotated[
+    str,
+    typer.Argument(metavar="SCENE", help="A built-in scene or a file.", autocompletion=scene_names),
+]
 UsualScene = Annotated[
     str | None,
     typer.Argument(

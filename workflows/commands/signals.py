@@ -13,7 +13,7 @@ WORDS = {
     signal.SIGTERM: "terminated",
     signal.SIGHUP: "its terminal is gone",
 }
-AGAIN = 0.5  # s until it is raised once more where a bare `except` of a library swallowed it
+AGAIN = 0.5  # s until Stopped is raised again, where a bare `except` of a library swallowed it
 
 
 class Stopped(BaseException):
@@ -25,7 +25,7 @@ class Stopped(BaseException):
 
 
 class Again:
-    """Raises Stopped from time to time, until somebody hears it."""
+    """Raises Stopped again and again, until the program unwinds."""
 
     def __init__(self, number: int) -> None:
         self.number = number
@@ -46,7 +46,7 @@ def unwind() -> None:
 
 
 def ignore() -> None:
-    """The program is over but for the interpreter's own end."""
+    """Ignore signals from now on: the program has ended but for the interpreter's own clean-up."""
     signal.setitimer(signal.ITIMER_REAL, 0)
     _handle(signal.SIG_IGN)
 
@@ -91,6 +91,7 @@ def _raise(number: int, frame: FrameType | None) -> None:
 
 
 def _silent(unraisable) -> None:
-    """A Stopped that nobody can catch comes again; anything else is printed as usual."""
+    """Hook for exceptions that cannot propagate: a Stopped is raised again later, so nothing is
+    printed; any other exception is printed as usual."""
     if stopped_by(unraisable.exc_value) is None:
         sys.__unraisablehook__(unraisable)

@@ -26,10 +26,14 @@ def accuracy(
         str,
         typer.Option(
             help="time, chain-length, wall-modes, batch, parts, compile, mesh, reduction, size, "
-            "or all.",
+            "peers, or all.",
             autocompletion=stage_names,
         ),
     ] = "all",
+    thorough: Annotated[
+        bool,
+        typer.Option("--thorough", help="Leave nothing out, of one stage or of all: minutes."),
+    ] = False,
     out: StudyFolder = None,
     changes: Changes = None,
     overwrite: Overwrite = False,
@@ -43,7 +47,7 @@ def accuracy(
 
     with StageProgress(f"accuracy {scene}", quiet=quiet) as progress:
         result = measured(
-            scene, changes or (), stage=stage, out=out, overwrite=overwrite,
+            scene, changes or (), stage=stage, thorough=thorough, out=out, overwrite=overwrite,
             progress=progress.stage,
         )  # fmt: skip
     record = finding.record(result, machine=machine()._asdict())

@@ -57,11 +57,12 @@ class StageProgress:
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Show a stage as running, then as done."""
-        expected = self._durations.expected(name)
+        key = name.partition(" (")[0]  # in brackets: how many are left, other each time
+        expected = self._durations.expected(key)
         task = self._bars.add_task(name, total=None, expected=expected) if self._bars else None
         self._running.append(name)
         try:
-            with self._durations.measured(name):
+            with self._durations.measured(key):
                 yield
         finally:
             self._running.remove(name)
@@ -110,7 +111,7 @@ def print_report(report: Any, json: bool, quiet: bool = False) -> None:
 
 
 def print_notes(notes: Iterable[str]) -> None:
-    """Sentences on stderr that a user is to see, whatever is printed."""
+    """Sentences on stderr, with --json and --quiet too."""
     for note in notes:
         print(note, file=sys.stderr)
 
@@ -127,26 +128,46 @@ def print_files(paths: Iterable[Path], json: bool, quiet: bool = False) -> None:
     print_result({"written": names}, f"written: {', '.join(names)}", json, quiet)
 
 
-def print_summary(summary: Summary, json: bool, quiet: bool = False, verbose: bool = False) -> None:
-    """The summary on stdout: JSON for machines, lines for a person; warnings on stderr."""
-    if json:
-        print(summary.text(), end="")
-        return
-    if not quiet:
+class SummaryPrinter:
+    """The summary on stdout, its waves as soon as they are known: lines for a person, or JSON for
+    machines at the end; warnings on stderr."""
+
+    def __init__(self, *, json: bool, quiet: bool, verbose: bool) -> None:
+        self._json, self._quiet, self._verbose = json, quiet, verbose
+        self._printed: set[tuple[str, str]] = set()
+
+    def waves(self, summary: Summary) -> None:
+        """What is known before errors are estimated and pictures drawn."""
+        if not self._json and not self._quiet:
+            from workflows.report.rows import results
+
+            self._print(results(summary))
+
+    def whole(self, summary: Summary) -> None:
+        """What has not been printed yet."""
+        if self._json:
+            print(summary.text(), end="")
+            return
+        if not self._quiet:
+            from workflows.report.rows import details, headline
+
+            rows = list(headline(summary))
+            if self._verbose:
+                rows += details(summary)
+                sentences = (*summary.verdict, *summary.wall_modes_left_out[-1:])
+                rows += [("verdict", sentence) for sentence in sentences]
+                for stage in summary.stages:
+                    cached = "  (kept)" if stage.cached else ""
+                    rows.append((stage.name, f"{stage.seconds:.2f} s{cached}"))
+            self._print(rows)
+        for warning in summary.warnings:
+            print(f"warning: {warning}", file=sys.stderr)
+
+    def _print(self, rows: Iterable[tuple[str, str]]) -> None:
         from textwrap import fill
 
-        from workflows.report.rows import details, headline
-
-        rows = list(headline(summary))
-        if verbose:
-            rows += details(summary)
-            sentences = (*summary.verdict, *summary.wall_modes_left_out[-1:])
-            rows += [("verdict", sentence) for sentence in sentences]
-            for stage in summary.stages:
-                cached = "  (kept)" if stage.cached else ""
-                rows.append((stage.name, f"{stage.seconds:.2f} s{cached}"))
         for label, value in rows:
-            text = fill(f"{label:>{LABEL}}  {value}", LINE, subsequent_indent=" " * (LABEL + 2))
-            print(text.replace(UNBROKEN, " "))
-    for warning in summary.warnings:
-        print(f"warning: {warning}", file=sys.stderr)
+            if (label, value) not in self._printed:
+                text = fill(f"{label:>{LABEL}}  {value}", LINE, subsequent_indent=" " * (LABEL + 2))
+                print(text.replace(UNBROKEN, " "), flush=True)
+                self._printed.add((label, value))

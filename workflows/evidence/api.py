@@ -54,15 +54,17 @@ def accuracy(
     changes: Changes = (),
     *,
     stage: str = "all",
+    thorough: bool = False,
     out: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
 ) -> Finding:
     """Error against run time, beside general-purpose integrators (`beadwave accuracy`).
 
-    `stage` is one of `studies("accuracy")`, or all. Without a scene each study takes the one it is
-    made for. `out` is a folder for table, CSV and pictures, where each stage adds or renews its
-    own. Raises InvalidScene for bad input.
+    `stage` is one of `studies("accuracy")`, or all. What takes minutes is left out: sentences say
+    what, and `thorough` brings it. Without a scene each study takes the one it is made for. `out`
+    is a folder for table, CSV and pictures, where each stage adds or renews its own. Raises
+    InvalidScene for bad input.
     """
     from workflows.evidence import catalogue
     from workflows.evidence.accuracy import folder as files
@@ -73,10 +75,17 @@ def accuracy(
 
     inputs = files_read(scene_of(DEFAULT), scene) if scene is not None else ()
     folder = _folder(out, inputs, overwrite, files.FILES)
-    findings = catalogue.accuracy(stage, scene_of, progress)
+    findings = catalogue.accuracy(stage, scene_of, progress, thorough=thorough)
     if folder:
         files.write(findings, folder)
-    return finding.merged(findings.values())
+    result = finding.merged(findings.values())
+    if stage == "all" and not thorough and (alone := catalogue.accuracy_alone()):
+        sentence = (
+            f"Left out: the stages {', '.join(alone)}; --stage with the name runs one, --thorough "
+            "all."
+        )
+        result = result._replace(sentences=(*result.sentences, sentence))
+    return result
 
 
 def stability(

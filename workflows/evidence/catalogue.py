@@ -1,4 +1,4 @@
-"""The studies, found in their folders: whatever returns what studies of that folder return.
+"""The studies, found in their folders by what their functions return.
 
 A module of `thesis` or `accuracy` has one public function of the scene that returns a `Finding`,
 a module of `stability` one public generator of trials for each case, one of `verify` a generator of
@@ -27,7 +27,7 @@ RETURNED = {
 
 
 class CatalogueEntry(NamedTuple):
-    """Where a study is, and what it shows."""
+    """A study: its module and function, and the line of its docstring in the listing."""
 
     module: str
     function: str
@@ -37,8 +37,8 @@ class CatalogueEntry(NamedTuple):
         """The module, imported."""
         return import_module(self.module)
 
-    def __call__(self, *arguments):
-        return getattr(self.loaded(), self.function)(*arguments)
+    def __call__(self, *arguments, **options):
+        return getattr(self.loaded(), self.function)(*arguments, **options)
 
 
 def catalogue(folder: str) -> dict[str, CatalogueEntry]:
@@ -81,13 +81,34 @@ def usual_scene(name: str) -> str | None:
     return getattr(chosen("thesis", (name,), "study")[name].loaded(), "SCENE", None)
 
 
-def accuracy(stage: str, scene: Callable[[str], Scene], progress: Progress) -> dict[str, Finding]:
-    """The accuracy studies of a stage by name; `scene` gives the scene for a study's usual one."""
+def accuracy(
+    stage: str, scene: Callable[[str], Scene], progress: Progress, *, thorough: bool = False
+) -> dict[str, Finding]:
+    """The accuracy studies of a stage by name; `scene` gives the scene for a study's usual one.
+
+    A module of a study may have THOROUGH, its keyword arguments where all is wanted, and LEFT_OUT,
+    what it does not show without them, which becomes a sentence. One with ALONE = True is left out
+    where all stages run, unless `thorough`.
+    """
     findings = {}
     for name, entry in chosen("accuracy", () if stage == "all" else (stage,), "--stage").items():
+        module = entry.loaded()
+        if stage == "all" and getattr(module, "ALONE", False) and not thorough:
+            continue
         with progress(name):
-            findings[name] = entry(scene(entry.loaded().SCENE), progress)
+            options = getattr(module, "THOROUGH", {}) if thorough else {}
+            finding = entry(scene(module.SCENE), progress, **options)
+        if not thorough and hasattr(module, "LEFT_OUT"):
+            sentence = f"Left out of {name}: {module.LEFT_OUT}; --thorough brings it."
+            finding = finding._replace(sentences=(*finding.sentences, sentence))
+        findings[name] = finding
     return findings
+
+
+def accuracy_alone() -> tuple[str, ...]:
+    """Names of the accuracy studies that run only where they are named, or with `thorough`."""
+    entries = catalogue("accuracy").items()
+    return tuple(name for name, entry in entries if getattr(entry.loaded(), "ALONE", False))
 
 
 def stability(cases: tuple[str, ...], progress: Progress) -> Finding:

@@ -33,22 +33,22 @@ def _environment(folder: Path):
 
 
 def digits(value: float, count: int = 6) -> str:
-    """With `count` significant digits."""
+    """A number as text with `count` significant digits."""
     return f"{value:.{count}g}"
 
 
 def places(value: float, count: int = 0) -> str:
-    """With `count` digits behind the point; no minus zero, a dash for nan."""
+    """A number as text with `count` decimals; no minus zero, a dash for nan."""
     return "-" if isnan(value) else f"{round(value, count) + 0.0:.{count}f}"
 
 
 def power(value: float, count: int = 1) -> str:
-    """With a power of ten and `count` digits behind the point."""
+    """A number as text with a power of ten and `count` decimals."""
     return f"{value:.{count}e}"
 
 
 def signed(value: float, count: int = 0) -> str:
-    """With its sign and `count` digits behind the point."""
+    """A number as text with its sign and `count` decimals."""
     return f"{value:+.{count}f}"
 
 
@@ -58,7 +58,7 @@ def percent(value: float, count: int = 0) -> str:
 
 
 def listed(values: Iterable, word: str = "and") -> str:
-    """a, b and c; `word` stands before the last."""
+    """Words as a list in a sentence, "a, b and c", with `word` before the last."""
     *first, last = map(str, values)
     return f"{', '.join(first)} {word} {last}" if first else last
 
@@ -75,5 +75,5 @@ def only_finite(values: Iterable[float]) -> list[float]:
 
 
 def verdict(holds: bool | None) -> str:
-    """Of a statement; None says that it cannot be judged."""
+    """Words for whether a statement holds; None: it cannot be judged."""
     return "cannot be judged" if holds is None else "holds" if holds else "does not hold"

@@ -1,4 +1,5 @@
-"""The folder that beadwave keeps its own results and notes in, and whether it is to be trusted."""
+"""The cache folder of the user, with results and notes, and the check that only the user can write
+into it."""
 
 from os import environ, geteuid
 from pathlib import Path

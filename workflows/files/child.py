@@ -1,4 +1,4 @@
-"""A module of ours in a process of its own: what crashes or hangs there ends in a status here.
+"""A module of ours run as a child process, so that a crash or a hang there is a status here.
 
 The child imports nothing from the working directory, ends itself when its time is over or whoever
 started it is gone, and dumps no core. What runs in it is
@@ -65,7 +65,7 @@ def _lifeline() -> Iterator[int]:
 
 
 def _end_with_the_parent() -> None:
-    """Wait for the end of the pipe; whatever the module does then is of no use to anybody."""
+    """Wait for the end of the pipe, which comes when the parent ends, and end this process."""
     os.read(0, 1)
     os._exit(1)
 

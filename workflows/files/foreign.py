@@ -18,22 +18,24 @@ from workflows.files.foreign_reader import REFUSED
 
 Result = TypeVar("Result")
 READER = "workflows.files.foreign_reader"
-START, RATE = 8.0, 1e6  # s of work to import a reader, and bytes a second of text at least
-RATES = {"step": 1e5}  # of surfaces that are intersected and healed
-SHARE = 1 / 12  # of a processor that a busy machine leaves at least
+# processor seconds to import a reader, and the fewest bytes that one reads in a second; a reader
+# that takes longer is taken to hang
+START, RATE = 8.0, 1e6
+RATES = {"step": 1e5}  # surfaces of STEP files are intersected and healed
+SHARE = 1 / 12  # of a processor that a busy machine leaves to the reader, at least
 
 
 class Unreadable(ValueError):
-    """A file that its reader crashes on or hangs on; the words say which."""
+    """A file on which its reader crashes or hangs; the message says which."""
 
 
 class Refused(Unreadable):
-    """A file that its reader understands enough to say what is wrong with it."""
+    """A file that its reader refuses, with its reason."""
 
 
 def arrays(kind: str, path: Path, *names: str) -> dict[str, np.ndarray]:
-    """The arrays that a reader of `foreign_reader` finds in a file, of these names where it takes
-    names; raises Unreadable."""
+    """Arrays of a file by the reader `kind` of `foreign_reader`, only those of these names where it
+    takes names; raises Unreadable."""
     return through_child(kind, path, _content, *names)
 
 

@@ -1,7 +1,7 @@
-"""Which folder a run fills, and what it takes the place of.
+"""Which folder a run fills, and what it replaces there.
 
-A folder belongs to what its `scene.toml` says: another scene, or other cases of a sweep, get
-another folder, or a note of what they replace.
+A folder belongs to the scene of its `scene.toml`: another scene, or other cases of a sweep, get
+another folder, or a note on what they replace.
 """
 
 from itertools import count
@@ -21,7 +21,7 @@ class Place(NamedTuple):
 
 
 def place(out: str | Path | None, parent: Path, name: str, scene_toml: str) -> Place:
-    """The folder that was asked for, or one in the parent that nothing else fills."""
+    """The folder `out`, or without one a folder in the parent that no other scene fills."""
     if out:
         return given(Path(out), scene_toml)
     usual, path = parent / name, own_folder(parent, name, scene_toml)
@@ -30,7 +30,7 @@ def place(out: str | Path | None, parent: Path, name: str, scene_toml: str) -> P
 
 
 def given(path: Path, scene_toml: str) -> Place:
-    """The folder that was asked for; the note names a run that gives way."""
+    """The folder that the user named; a note if a run of another scene is replaced there."""
     earlier_toml = _scene(path) if marked(path) else None
     if earlier_toml is None or earlier_toml == scene_toml:
         return Place(path)

@@ -1,4 +1,4 @@
-"""Recorded signals on one even time base, repeats apart."""
+"""Recorded signals at common, equally spaced times, with repeats along an axis of their own."""
 
 from typing import Any, NamedTuple
 
@@ -7,11 +7,12 @@ from numpy.typing import NDArray
 
 SYNTHETIC = "SYNTHETIC: computed, not measured"
 LEAST_SAMPLES = 50
-ROUNDING = 0.3  # of a step: what a time base may be off by printing it with few digits
+# deviation of a time from the even grid, over the step: files print times with few digits
+ROUNDING = 0.3
 
 
 class UnusableRecord(ValueError):
-    """A record that cannot be what it says; one sentence says what was found and what to do."""
+    """A record that cannot be used; one sentence with what was found and what to do."""
 
 
 class Record(NamedTuple):
@@ -21,11 +22,11 @@ class Record(NamedTuple):
     v: NDArray[np.float64]  # (r, k, m) [m/s]
     spheres: tuple[int, ...]  # (m,) counted from 1, ascending
     title: str
-    channels: tuple[Any, ...] | None = None  # what v holds where that is no velocities [SI]
+    channels: tuple[Any, ...] | None = None  # quantities in v, SI; None: velocities
 
 
 class Channel(NamedTuple):
-    """What a column of a record of sensors holds."""
+    """The quantity in one column of a record of sensors."""
 
     sphere: int  # counted from 1
     quantity: str

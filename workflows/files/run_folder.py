@@ -1,8 +1,8 @@
-"""Folders of ours: files complete or absent, and nothing of anybody else's is touched.
+"""Run folders: every file is complete or absent, and files of other origin are never touched.
 
-The marker `.beadwave` of a folder lists what was written into it with its sha256, each line before
-its file appears. What is listed and unchanged is ours to replace and to clear; all else is
-somebody's. A lock on the marker, which ends with its process, keeps two runs apart.
+The marker `.beadwave` of a folder lists the files that were written into it with their sha256, each
+line before its file appears. A run may replace and clear files that are listed and unchanged, no
+others. A lock on the marker, which ends with its process, keeps two runs from one folder.
 """
 
 from collections.abc import Iterable, Iterator
@@ -56,7 +56,8 @@ class Picture(NamedTuple):
 
 
 class RunFolder:
-    """A folder that is written to; `inputs` are never replaced, what is not ours not unasked."""
+    """A folder that is written to. Files of `inputs` are never replaced, those that beadwave did
+    not write only with `overwrite`."""
 
     def __init__(
         self,

@@ -42,18 +42,7 @@ def scene_text(name: str | None) -> SceneText:
     name = DEFAULT if name is None else name
     if name in scenes:
         return SceneText(name, scenes[name], Path.cwd())
-    return SceneText(name, _file_text(name, scenes), Path(name).absolute().parent)
 
-
-def checked_text(name: str) -> SceneText:
-    """The same of a scene alone; raises InvalidScene for a text that is none."""
-    text = scene_text(name)
-    if name not in built_in():
-        completed(Written(name, parsed(text.text, name), text.folder))
-    return text
-
-
-def _file_text(name: str, scenes: dict[str, str]) -> str:
     path = Path(name)
     if path.is_dir() and (path / "scene.toml").is_file():
         raise InvalidScene(f"{name} is a run folder; give its {path / 'scene.toml'}.")
@@ -65,7 +54,7 @@ def _file_text(name: str, scenes: dict[str, str]) -> str:
             raise InvalidScene(
                 f"{name} holds {size:.2g} bytes, a scene up to {MOST_BYTES:.2g}; give a TOML file."
             )
-        return path.read_text(encoding="utf-8-sig")  # some editors put a byte order mark
+        text = path.read_text(encoding="utf-8-sig")  # some editors put a byte order mark
     except FileNotFoundError:
         raise InvalidScene(
             f"no scene {name!r}: neither a file nor a built-in scene has this name; "
@@ -75,6 +64,15 @@ def _file_text(name: str, scenes: dict[str, str]) -> str:
         raise InvalidScene(f"{name} is not a text file in UTF-8; give a scene in TOML.") from None
     except OSError as error:
         raise InvalidScene(f"{name} cannot be read ({error.strerror}); give a TOML file.") from None
+    return SceneText(name, text, path.absolute().parent)
+
+
+def checked_text(name: str) -> SceneText:
+    """The same of a scene alone; raises InvalidScene for a text that is none."""
+    text = scene_text(name)
+    if name not in built_in():
+        completed(Written(name, parsed(text.text, name), text.folder))
+    return text
 
 
 def scene(source: Source = None, changes: Changes = ()) -> Scene:

@@ -1,4 +1,4 @@
-"""Signals that end the program wait for the end of what must not be left half."""
+"""Signals that end the program are deferred while files are replaced."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

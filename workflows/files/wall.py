@@ -1,6 +1,6 @@
 """A reduced model made elsewhere as the wall: wall.file read, and what forbids it.
 
-Refused is what cannot be run; what can, but was probably meant otherwise, is for wall_doubts.
+Models that cannot be run are refused here; for doubtful ones there are warnings (`rom.imported`).
 """
 
 from functools import lru_cache

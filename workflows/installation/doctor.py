@@ -1,4 +1,4 @@
-"""What is installed, what is missing and what that costs, where results are kept."""
+"""The installation: what is there, what is missing and what that rules out, where the cache is."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Arrays with named dimensions and units, for whoever analyses on: xarray."""
+"""Results as xarray datasets: arrays with named dimensions and units."""
 
 from collections.abc import Mapping
 

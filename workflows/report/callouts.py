@@ -1,4 +1,4 @@
-"""Where the names of bodies stand in a picture: beside it, each with a line to its body.
+"""Places of the names of bodies in a picture: beside the bodies, each with a line to its body.
 
 Seen from one direction in parallel projection, points may move towards the eye without moving in
 the picture: lines and names lie before all bodies.

@@ -1,4 +1,4 @@
-"""What a study leaves behind, tables, sentences and pictures: as text, as a record, as files."""
+"""The result of a study, tables, sentences and pictures: as text, as a record, as files."""
 
 from collections.abc import Iterable
 from itertools import chain
@@ -13,7 +13,7 @@ from workflows.scene import InvalidScene, nearest
 
 
 class Finding(NamedTuple):
-    """The first table is the study's own and bears its name; others stand beside it."""
+    """The result of a study; the first table has the study's name, others come after it."""
 
     tables: tuple[Table, ...]
     sentences: tuple[str, ...] = ()
@@ -37,9 +37,13 @@ class Finding(NamedTuple):
 
 
 def merged(findings: Iterable[Finding]) -> Finding:
-    """One finding of several; tables of the same name are joined, the first of all leads."""
-    parts = zip(*findings, strict=True)
-    all_tables, sentences, pictures = (tuple(chain(*part)) for part in parts)
+    """One finding of several: tables of the same name are joined, and the first table leads.
+
+    What is printed of joined tables is what each of them prints, under the headings of the first.
+    """
+    all_tables, sentences, pictures = (
+        tuple(chain(*of_findings)) for of_findings in zip(*findings, strict=True)
+    )
     by_name: dict[str, list[Table]] = {}
     for table in all_tables:
         by_name.setdefault(table.name, []).append(table)
@@ -47,9 +51,12 @@ def merged(findings: Iterable[Finding]) -> Finding:
     joined = []
     for same in by_name.values():
         rows = tuple(chain(*(table.rows for table in same)))
-        # printed lines of all, under the headings of the first
-        printed = [table.printed for table in same if table.printed]
-        lines = (*printed[0][:1], *chain(*(lines[1:] for lines in printed))) if printed else ()
+        # headings and rows of each as it prints them; () of one that prints nothing
+        printed = [lines for table in same if (lines := tables.lines(table))]
+        if all(table.printed is None for table in same):
+            lines = None
+        else:
+            lines = (*printed[0][:1], *chain(*(lines[1:] for lines in printed))) if printed else ()
         joined.append(same[0]._replace(rows=rows, printed=lines))
     return Finding(tuple(joined), sentences, pictures)
 
@@ -69,7 +76,7 @@ def record(finding: Finding, **about: Any) -> dict[str, Any]:
 
 
 def files(name: str) -> tuple[str, str]:
-    """What a study leaves in any case."""
+    """Names of the two files that a study of this name always writes."""
     return f"{name}.csv", f"{name}.json"
 
 

@@ -1,5 +1,5 @@
-"""The first screen of the report page: what strikes what, how the wave answers, the few numbers
-beside it. Its frame is the section `answer` of `page/page.html.jinja`."""
+"""The first screen of the report page: a sentence on chain, wall and first reflected waves, and the
+main numbers beside it. Its frame is the section `answer` of `page/page.html.jinja`."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ def chain_words(scene: Scene) -> str:
 
 
 def wall_words(scene: Scene, summary: Summary) -> str:
-    """What the chain leans on, to the end of the sentence."""
+    """The wall, to the end of the sentence."""
     match scene.wall:
         case None:
             return "with nothing behind it."

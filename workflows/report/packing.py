@@ -35,6 +35,6 @@ def _packed(values: NDArray, kind: str) -> dict[str, Any]:
 
 
 def unpacked(packed: dict[str, Any]) -> NDArray:
-    """The numbers of `floats` or `whole` again."""
+    """The numbers that `floats` or `whole` packed."""
     raw = b64decode(packed["data"])
     return np.frombuffer(raw, f"<{packed['kind']}").reshape(packed["shape"])

@@ -1,4 +1,4 @@
-"""What the page draws and computes with, from the files of a run folder.
+"""Data of the report page's scripts, from the files of a run folder.
 
 The assembly moves as X + s sum_k q_k(t) phi_k(X): outer nodes X and shapes phi_k of the wall's
 modes from `rom.npz`, their coordinates q_k from `trajectory.npz`, in 16 bits, as far as they show;

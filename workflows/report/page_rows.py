@@ -25,7 +25,7 @@ STANDS_FOR = {
 
 
 def context(scene: Scene | None, summary: Summary, data: dict[str, Any]) -> dict[str, Any]:
-    """Everything that the template shows beside summary, scene and data."""
+    """Variables of the page's template beside summary, scene and data."""
     plots = data.get("curves", {}).get("plots", {})
     signals = data.get("signals", {}).get("plots", {})
     signal_words = {
@@ -42,7 +42,7 @@ def context(scene: Scene | None, summary: Summary, data: dict[str, Any]) -> dict
         if place >= 0
     ]
 
-    # values that somebody wrote, by table in the scene's order, and those that nobody did
+    # values that the user wrote, by table in the scene's order, and values by default
     rows = scene_rows(scene, summary) if scene else []
     groups: dict[str, list[dict[str, str]]] = {}
     for row in rows:
@@ -84,7 +84,7 @@ def context(scene: Scene | None, summary: Summary, data: dict[str, Any]) -> dict
 
 
 def view_note(data: dict[str, Any]) -> str:
-    """What is true of the view and what is drawn for the eye."""
+    """A note on the 3-D view: what is to scale, and what is exaggerated."""
     if "assembly" in data:
         n_points, n = data["assembly"]["points"]["shape"][0], data["assembly"]["n_nodes"]
         thinned = f" Drawn with {grouped(n_points)} of {grouped(n)} outer nodes."
@@ -100,7 +100,8 @@ def view_note(data: dict[str, Any]) -> str:
 
 
 def energies(plots: dict[str, Any]) -> list[tuple[str, float, float, float]]:
-    """Of each part: energy at the end [J], its share of the striker's, the largest [J]."""
+    """For each term of the ledger its name, energy at the end [J], share of the striker's energy,
+    and largest value [J]."""
     curves = [(curve["name"], unpacked(curve["values"])) for curve in plots.get("energy", [])]
     if not curves:
         return []

@@ -1,8 +1,8 @@
 """Where each value of a scene comes from, by the comments of the built-in scenes.
 
-A value is its scene's own where it equals that of the built-in scene of the same name, with the
-mark of that scene's comment: thesis, inferred, assumed, or chosen where it has none. What differs
-or stands in another scene is yours, with your comment, what nobody wrote is a default.
+A value that equals that of the built-in scene of the same name has the mark of its comment there:
+thesis, inferred or assumed; chosen, if there is none. A value that differs, or that stands in
+another scene, is the user's, with the user's comment; a value that is not written is a default.
 """
 
 import re
@@ -27,8 +27,8 @@ BY_DEFAULT = ValueSource(kind="default")
 
 
 class Origin(NamedTuple):
-    """What asked for a run: a command that repeats it, the source of each value, and the scene as
-    it was written, comments and all."""
+    """The request for a run: a command that repeats it, the source of each value by its dotted key,
+    and the text of the scene with its comments."""
 
     command: str
     sources: dict[str, ValueSource]

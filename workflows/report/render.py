@@ -1,4 +1,4 @@
-"""Rendered pictures of the assembly and its modes, from `modes.vtu`; run as a process of its own.
+"""Rendered pictures of the assembly and its modes, from `modes.vtu`; run as a child process.
 
     python -m workflows.report.render modes.vtu bodies strike assembly.png modes.png
 
@@ -154,7 +154,7 @@ def modes(grid: pv.DataSet, path: Path, settings: RenderSettings = RenderSetting
 
 
 def ramp(colours: tuple[str, ...], n: int) -> list[str]:
-    """n colours between these."""
+    """n colours, as hexadecimal texts, interpolated between the given ones."""
     ends = np.array([pv.Color(colour).float_rgb for colour in colours])
     places = np.linspace(0, len(colours) - 1, n)
     channels = [np.interp(places, np.arange(len(colours)), channel) for channel in ends.T]
@@ -176,6 +176,7 @@ def _view(plotter: pv.Plotter) -> None:
 
 
 def main(arguments: list[str]) -> None:
+    """Render the pictures that the command line names."""
     field, names, strike, assembly_png, modes_png = arguments
     grid = pv.read(field)
     numbers = [float(number) for number in strike.split(",") if number]

@@ -1,4 +1,4 @@
-"""Frames of a film from the arrays of `workflows.report.film`; run as a process of its own.
+"""Frames of a film from the arrays of `workflows.report.film`; run as a child process.
 
     python -m workflows.report.render_film FOLDER NAME.mp4
 
@@ -113,6 +113,7 @@ def _aim(plotter: pv.Plotter, run: dict) -> None:
 
 
 def main(arguments: list[str]) -> None:
+    """Write the film that the command line names."""
     folder, name = Path(arguments[0]), arguments[1]
     with np.load(folder / "film.npz") as file:
         run = {key: file[key] for key in file.files}

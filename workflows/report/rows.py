@@ -1,4 +1,4 @@
-"""A summary's numbers as a person reads them: label, value with unit, what it is."""
+"""Rows of a summary for the terminal and the page: label, value with unit, meaning."""
 
 from workflows.report.numbers import GLUE, NONE, digits, grouped, percent, si
 from workflows.report.summary import ReductionHealth, SensorWaves, SphereWaves, Summary
@@ -11,11 +11,17 @@ ERRORS = {
         ("reduction", "reduction-error", "full-response", "response", "modes", "contact"),
     ),
     "mesh": ("mesh", ("mesh", "model", "second-mesh", "mesh-error")),
+    "theory": ("theory", ("other-theories", "theory-error")),
 }
 
 
 def headline(summary: Summary) -> list[tuple[str, str]]:
-    """What matters first: frequencies, arrivals, TOF, ARR, errors, seconds."""
+    """The main results: frequencies, arrivals, TOF, ARR, errors, seconds."""
+    return results(summary) + errors_and_seconds(summary)
+
+
+def results(summary: Summary) -> list[tuple[str, str]]:
+    """Of the headline what is known before errors are: frequencies, arrivals, TOF, ARR."""
     rows = [("scene", summary.scene)]
     if summary.modes_hz:
         rows.append(("measured modes, computed", measured_modes(summary)))
@@ -29,7 +35,11 @@ def headline(summary: Summary) -> list[tuple[str, str]]:
             ("amplitude ratio ARR", percent(contact.arr_2_9)),
             ("peak force at the wall", si(summary.peak_wall_force_N, "N")),
         ]
+    return [(label, value) for label, value in rows if value not in ("", NONE)]
 
+
+def errors_and_seconds(summary: Summary) -> list[tuple[str, str]]:
+    """Of the headline what comes last."""
     # relative errors of the observed velocities, and how far the energy balance is from closing
     errors = []
     for label, (name, _) in ERRORS.items():
@@ -38,7 +48,7 @@ def headline(summary: Summary) -> list[tuple[str, str]]:
             errors.append(f"{label} {percent(value, 2)}")
     if summary.energy_error is not None:
         errors.append(f"energy balance {percent(summary.energy_error, 2)}")
-    rows.append(("errors", listed(errors)))
+    rows = [("errors", listed(errors))]
 
     # seconds of the run, and of the three longest stages
     spent = {stage.name: stage.seconds for stage in summary.stages if not stage.cached}
@@ -63,7 +73,7 @@ def measured_modes(summary: Summary) -> str:
 
 
 def arrivals(waves: SphereWaves) -> str:
-    """The waves that pass a sphere."""
+    """Times and peak velocities of the waves that pass a sphere."""
     passing = [
         f"{wave.name or 'unnamed'} {si(wave.time_s, 's')} ({si(wave.peak_velocity_m_s, 'm/s')})"
         for wave in waves.arrivals
@@ -72,7 +82,7 @@ def arrivals(waves: SphereWaves) -> str:
 
 
 def sensed(signal: SensorWaves) -> str:
-    """A sensor's signal in a line."""
+    """Largest value and waves of a sensor's signal, in a line."""
     parts = [f"up to {si(signal.largest, signal.unit)}"]
     if signal.tof_s is not None:
         parts += [f"TOF {si(signal.tof_s, 's')}", f"ARR {percent(signal.arr)}"]
@@ -86,7 +96,7 @@ def run_seconds(summary: Summary) -> float:
 
 
 def details(summary: Summary) -> list[tuple[str, str]]:
-    """All that the headline leaves out."""
+    """All rows that are not in the headline."""
     rows = [
         ("degrees of freedom", grouped(summary.dofs) if summary.dofs else ""),
         ("wall modes", str(summary.n_wall_modes) if summary.n_steps else ""),
@@ -100,7 +110,7 @@ def details(summary: Summary) -> list[tuple[str, str]]:
 
 
 def at_wall(summary: Summary) -> list[tuple[str, str, str]]:
-    """The collision in the measures of the literature: label, value, what it is."""
+    """The collision with the wall, by the quantities of the literature: label, value, meaning."""
     c = summary.wall_contact
     if c is None:
         return []

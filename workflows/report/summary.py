@@ -95,6 +95,7 @@ class ErrorEstimate(BaseModel):
     time: float | None = None
     reduction: float | None = None
     mesh: float | None = None
+    theory: float | None = None  # of a beam or a plate, beside three-dimensional elasticity
 
 
 class ReductionHealth(BaseModel):

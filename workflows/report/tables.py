@@ -12,9 +12,9 @@ LINE = 100  # characters of a printed sentence's lines
 
 
 class Table(NamedTuple):
-    """Rows of numbers and words, kept as CSV and JSON; None is a value that does not exist.
+    """Rows of numbers and words for CSV and JSON; None is a missing value.
 
-    `printed` replaces headings and rows for a person; empty, nothing is printed.
+    `printed` has the headings and rows that are printed instead, () for none.
     """
 
     name: str
@@ -27,16 +27,20 @@ class Table(NamedTuple):
         return tuple(row[self.columns.index(name)] for row in self.rows)
 
 
+def lines(table: Table) -> tuple[tuple, ...]:
+    """Headings and rows that are printed of a table, () for none."""
+    return (table.columns, *table.rows) if table.printed is None else table.printed
+
+
 def aligned_text(columns: tuple[str, ...], rows: Iterable[tuple]) -> str:
     """Rows that are only printed, as `text` prints a table."""
     return text(Table("", columns, tuple(rows)))
 
 
 def text(table: Table) -> str:
-    """Aligned columns, numbers in three digits and flush right, a dash for what does not exist."""
-    lines = (table.columns, *table.rows) if table.printed is None else table.printed
+    """Aligned columns, numbers in three digits and flush right, a dash for a missing value."""
     columns = []
-    for column in zip(*lines, strict=True):
+    for column in zip(*lines(table), strict=True):
         cells = [short(value) for value in column]
         width = max(map(len, cells))
         values = column[1:]  # below the heading
@@ -48,8 +52,8 @@ def text(table: Table) -> str:
 
 
 def short(value: Any, n: int = 3) -> str:
-    """A number in n digits, of more than three the zeros too, a word as it is, nothing as a dash;
-    no power of ten below 1e5."""
+    """A value as text: a number in n digits, without a power of ten below 1e5 and for n > 3 with
+    trailing zeros; a word as it is; a dash for None and nan."""
     if value is None or (isinstance(value, float) and isnan(value)):
         return "-"
     if not isinstance(value, float):
@@ -60,7 +64,8 @@ def short(value: Any, n: int = 3) -> str:
 
 
 def apart(values: Iterable[Any], most_digits: int = 6) -> list[str]:
-    """Values in three digits, or in as many more as tell them apart, up to `most_digits`."""
+    """Values in three digits, or in more where different values would look alike, up to
+    `most_digits`."""
     values = list(values)
     n_different = len({short(value, most_digits) for value in values})
     for n in range(3, most_digits + 1):
@@ -71,7 +76,7 @@ def apart(values: Iterable[Any], most_digits: int = 6) -> list[str]:
 
 
 def as_csv(table: Table) -> str:
-    """Comma-separated, nothing for what does not exist."""
+    """The table as CSV; a missing value is an empty cell."""
     file = StringIO(newline="")
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(table.columns)
@@ -80,7 +85,7 @@ def as_csv(table: Table) -> str:
 
 
 def records(table: Table) -> list[dict[str, Any]]:
-    """A dict for each row; JSON knows no number that is not finite, it is null."""
+    """A dict for each row; numbers that are not finite become None, since JSON has none."""
     return [
         {
             name: None if isinstance(value, float) and not isfinite(value) else value

@@ -112,13 +112,15 @@ def run(
     out: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
+    waves_known: Callable[[Summary], None] = lambda summary: None,
 ) -> Run:
     """Every stage that a scene needs, into a run folder (`beadwave run`).
 
     `out` is the folder, runs/NAME without it. It gets scene.toml, given.toml, summary.json,
     trajectory.npz, figures, report.html, and of an assembly rom.npz, rom.mat, modes.vtu. Files
-    that no run left there are only replaced with `overwrite`. `scene` and `changes` as in
-    `beadwave.scene`.
+    that no run left there are only replaced with `overwrite`. Waves come first: `waves_known` is
+    called with a summary of them, before errors are estimated and pictures drawn. `scene` and
+    `changes` as in `beadwave.scene`.
     Raises InvalidScene for bad input, ValueError where a computation fails.
     """
     chosen = load_scene(scene, changes)
@@ -128,7 +130,8 @@ def run(
     path, notes = place(out, RUNS, chosen.name, toml(chosen))
     folder = RunFolder(path, inputs=files_read(chosen, scene), overwrite=overwrite)
     command = origin("run", chosen, scene, changes)
-    summary = run_stages(pipeline_of(chosen, progress), folder, origin=command)
+    pipeline = pipeline_of(chosen, progress)
+    summary = run_stages(pipeline, folder, origin=command, waves_known=waves_known)
     return _in_folder(chosen, summary, path, notes)
 
 
@@ -140,12 +143,14 @@ def impact(
     out: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
+    waves_known: Callable[[Summary], None] = lambda summary: None,
 ) -> Run:
     """The coupled run alone (`beadwave impact`).
 
     `rom` takes the place of the scene's wall: a file (.npz, .mat, .h5, .mtx) or a reduced model,
     for instance of one's own K, M, w by `beadwave.reduce_matrices`. `out` is a folder for scene,
-    trajectory and summary; without it nothing is written. Raises as `run`.
+    trajectory and summary; without it nothing is written. `waves_known` and what is raised as of
+    `run`.
     """
     wall = () if rom is None else (("wall", {"kind": "rom", "file": str(_file_of(rom))}),)
     changes = (*wall, *each(changes))
@@ -158,7 +163,8 @@ def impact(
     path, notes = given(Path(out), toml(chosen)) if out else Place(None)
     folder = RunFolder(path, inputs=inputs, overwrite=overwrite) if path else None
     pipeline = pipeline_of(chosen, progress)
-    summary = run_impact(pipeline, folder, origin=origin("impact", chosen, scene, changes))
+    command = origin("impact", chosen, scene, changes)
+    summary = run_impact(pipeline, folder, origin=command, waves_known=waves_known)
 
     def read() -> dict[str, NDArray]:
         return arrays(pipeline("impact").trajectory, pipeline("wall"))

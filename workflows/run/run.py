@@ -1,5 +1,6 @@
 """A run: the stages a scene needs, and what each leaves in the run folder as it ends."""
 
+from collections.abc import Callable
 from contextlib import nullcontext
 from datetime import datetime
 from platform import python_version
@@ -32,14 +33,26 @@ FILES = (
 )
 
 
-def run(pipeline: Pipeline, folder: RunFolder, *, origin: Origin = UNKNOWN) -> Summary:
-    """Fill the run folder with all that the scene gives."""
+def run(
+    pipeline: Pipeline,
+    folder: RunFolder,
+    *,
+    origin: Origin = UNKNOWN,
+    waves_known: Callable[[Summary], None] = lambda summary: None,
+) -> Summary:
+    """Fill the run folder with all that the scene gives: waves first, then errors, checks and
+    pictures. `waves_known` is called with a summary that has no errors yet."""
     scene, structure = pipeline.scene, needs_structure(pipeline.scene)
     if scene.chain and not pipeline.kept("impact"):
         require_start(scene)
     with folder.run(toml(scene), FILES) as folder:
         _write_given(folder, origin)
         with two_processes(pipeline, RUN) if structure else nullcontext():
+            # the chain: the impact, and what its sensors record
+            if scene.chain:
+                _write_trajectory(pipeline, folder)
+                waves_known(summary_of(pipeline, origin=origin, with_errors=False))
+
             # the assembly: modes, reduced model, response and pictures, each as soon as it is there
             unrendered: tuple[str, ...] = ()
             if structure:
@@ -63,9 +76,10 @@ def run(pipeline: Pipeline, folder: RunFolder, *, origin: Origin = UNKNOWN) -> S
                 except NoPicture as missing:  # the run stands without them
                     unrendered = (str(missing),)
 
-            # the chain: the impact, its figures, what its sensors record
+            pipeline.release()
+
+            # pictures of the chain
             if scene.chain:
-                _write_trajectory(pipeline, folder)
                 write_pictures(folder, pipeline("figures"))
                 if scene.output.sensors:
                     write_pictures(folder, (pipeline("signals"),))
@@ -77,13 +91,22 @@ def run(pipeline: Pipeline, folder: RunFolder, *, origin: Origin = UNKNOWN) -> S
     return summary
 
 
-def impact(pipeline: Pipeline, folder: RunFolder | None, *, origin: Origin = UNKNOWN) -> Summary:
-    """The coupled run alone; the folder, if any, gets scene, trajectory and summary."""
+def impact(
+    pipeline: Pipeline,
+    folder: RunFolder | None,
+    *,
+    origin: Origin = UNKNOWN,
+    waves_known: Callable[[Summary], None] = lambda summary: None,
+) -> Summary:
+    """The coupled run alone; the folder, if any, gets scene, trajectory and summary. `waves_known`
+    as of `run`."""
     scene = pipeline.scene
     if not pipeline.kept("impact"):
         require_start(scene)
     with folder.run(toml(scene), IMPACT_FILES) if folder else nullcontext() as folder:
         with two_processes(pipeline, IMPACT) if needs_structure(scene) else nullcontext():
+            waves_known(summary_of(pipeline, origin=origin, with_errors=False))
+            pipeline.release()
             summary = summary_of(pipeline, origin=origin)
         if folder:
             _write_given(folder, origin)
@@ -115,9 +138,14 @@ def _write_trajectory(pipeline: Pipeline, folder: RunFolder) -> None:
 
 
 def summary_of(
-    pipeline: Pipeline, warned: tuple[str, ...] = (), origin: Origin = UNKNOWN
+    pipeline: Pipeline,
+    warned: tuple[str, ...] = (),
+    origin: Origin = UNKNOWN,
+    *,
+    with_errors: bool = True,
 ) -> Summary:
-    """The numbers of a run; a stage that the run did not need is left at its absence."""
+    """The numbers of a run, without errors of reduction and mesh where these are not wanted; a
+    stage that the run did not need is left at its absence."""
     scene, structure, numbers = pipeline.scene, needs_structure(pipeline.scene), {}
     sentences = [*warned, *(() if pipeline.keeps else warnings.results_not_kept())]
 
@@ -125,13 +153,14 @@ def summary_of(
         # errors: of the time step, and by a second model each of reduction and mesh
         errors = {"time": pipeline("impact").trajectory.error_estimate}
         doubts: list[str] = []
-        estimated = structure and not isinstance(pipeline("wall"), CoupledWall)
-        for name in ("reduction", "mesh") if estimated else ():
+        estimated = with_errors and structure and not isinstance(pipeline("wall"), CoupledWall)
+        models = ("reduction", "mesh", *(("theory",) if scene.bending else ()))
+        for name in models if estimated else ():
             try:
                 errors[name] = pipeline(f"{name}-error")
                 doubts += warnings.large_model_error(name, errors[name])
             except ValueError as reason:  # the run stands without it
-                doubts.append(f"The error of the {name} could not be estimated: {reason}")
+                doubts += warnings.unknown_model_error(name, reason)
 
         # the march and its waves
         wall, waves, (run, verdict, *_) = pipeline("wall"), pipeline("waves"), pipeline("impact")
@@ -173,7 +202,7 @@ def summary_of(
             "load_factor": modes.load_factor,
             "reduction": health,
         }
-        sentences += [*health.findings, *warnings.overconstrained(modes.overconstrained)]
+        sentences += warnings.of_structure(modes, health)
     elif getattr(scene.wall, "file", None):
         from workflows.files.wall import measured
         from workflows.stages.health import reduction_health

@@ -32,7 +32,7 @@ from workflows.scene.size import room_for_two
 from workflows.stages.pipeline import Pipeline, couples, pipeline_of
 
 IMPACT = ("compilation", "second-mesh")  # in the order in which the second process takes them
-RUN = (*IMPACT, "full-response", "mac", "pictures")
+RUN = (*IMPACT, "pictures")
 PAUSE = 0.05  # s between two looks at what the other process has
 
 
@@ -100,8 +100,6 @@ def _wanted(pipeline: Pipeline, name: str) -> bool:
     """Whether the run will need a stage that is not kept."""
     scene = pipeline.scene
     if not scene.chain and name in IMPACT:
-        return False
-    if name == "mac" and not scene.measured_hz:
         return False
     if name == "compilation" and (couples(scene) or pipeline.kept("impact")):
         return False

@@ -13,7 +13,8 @@ from workflows.scene.units import LENGTH
 
 BODIES = ("block", "sheets", "sheets_support", "support", "plate")
 Names = Annotated[tuple[Literal[BODIES], ...], Field(strict=False)]  # type: ignore[valid-type]
-USUAL = 100.0  # times the dimension of the thesis' rig, or that part of it
+# a dimension is usual between the rig's over this and times this: a mistaken unit is 1000 times off
+USUAL = 100.0
 
 
 class Steel(SceneTable):

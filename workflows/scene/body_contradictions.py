@@ -11,7 +11,7 @@ OF_BODIES = ("bodies", "materials", "ties", "strike", "loads")
 
 
 def of_bodies(scene: Scene) -> Iterator[str]:
-    """What speaks against an assembly of bodies."""
+    """Sentences on contradictions in an assembly of bodies."""
     assembly, bodies = scene.assembly, scene.bodies or {}
 
     # where bodies come from: drawn here, a STEP file, a mesh with named volumes
@@ -79,7 +79,7 @@ def of_bodies(scene: Scene) -> Iterator[str]:
 
 
 def of_bending(scene: Scene) -> Iterator[str]:
-    """What speaks against a beam or a plate."""
+    """Sentences on contradictions in a scene with a beam or a plate."""
     if scene.bending is None:
         return
     body = scene.struck_body  # "beam" or "plate", as its table
@@ -101,7 +101,7 @@ def of_bending(scene: Scene) -> Iterator[str]:
 
 
 def of_the_rig(scene: Scene) -> Iterator[str]:
-    """Tables that need an assembly of bodies, in a scene that has none."""
+    """Sentences on tables that need an assembly of bodies, in a scene without one."""
     for name in (name for name in OF_BODIES if getattr(scene, name) is not None):
         yield (
             f"[{name}] belongs to an assembly of bodies; give [assembly] held = [...] and bodies, "

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from math import isinf
 from pathlib import Path
+from typing import NamedTuple
 
 from workflows.scene import DashpotWall, ModalDampingTable, RayleighDampingTable, RomWall, Scene
 from workflows.scene.body_contradictions import of_bending, of_bodies, of_the_rig
@@ -10,16 +11,25 @@ from workflows.scene.gravity import of_gravity
 from workflows.scene.named_files import unfit
 from workflows.scene.size import too_large
 
-LEAST_YIELD = 1e-6  # pressure over Young's modulus; lead has a thousandth
-SOFTEST = 1e6  # [Pa] Young's modulus of a body of finite elements
-MOST_DAMPED = 1e6  # [s/m] of Hunt and Crossley's law, whose spheres rebound below one
-MOST_SAMPLES = 1e6  # samples of an instrument
+
+class SceneLimits(NamedTuple):
+    """Bounds on combinations of keys, by orders of magnitude beyond real cases; not varied."""
+
+    yield_pressure: float = 1e-6  # over Young's modulus, at least; that of lead is 1e-3
+    young: float = 1e6  # [Pa] of a body of finite elements, at least: rubber
+    damping: float = 1e6  # [s/m] of Hunt and Crossley's law, at most; from 1e3 nothing rebounds
+    samples: float = 1e6  # of an instrument, at most
+
+
+LIMITS = SceneLimits()
 PER_CONTACT = ("coefficient", "stiffness_factor", "yield_pressure")
 
 
 def contradictions(scene: Scene) -> Iterator[str]:
-    """What speaks against the scene, its defaults filled in; nothing for a good one. A reader is
-    shown the first sentence, so that a missing part comes before what follows from it."""
+    """Sentences on what contradicts itself in a scene with all defaults; none for a sound one.
+
+    Only the first one is shown, so that a missing part comes before what follows from it.
+    """
     yield from _missing_parts(scene)
     yield from of_bending(scene)
     if scene.is_general:
@@ -59,7 +69,7 @@ def _missing_parts(scene: Scene) -> Iterator[str]:
 
 
 def _other_surface(scene: Scene) -> Iterator[str]:
-    """A wall of the assembly takes the material of the body struck; its own must be the same."""
+    """A wall made of the assembly has the material of the body struck; a stated one must agree."""
     if not isinstance(scene.wall, RomWall) or scene.wall.file:
         return
     for key, unit in (("young", " Pa"), ("poisson", "")):
@@ -77,9 +87,10 @@ def _of_rig_assembly(scene: Scene) -> Iterator[str]:
     """Moduli, the patch and the joints of the thesis' rig."""
     bodies = {f"assembly.{name}": getattr(table, "young", None) for name, table in scene.assembly}
     for name, young in {"assembly": scene.assembly.young, **bodies}.items():
-        if young is not None and young < SOFTEST:
+        if young is not None and young < LIMITS.young:
             yield (
-                f"{name}.young = {young:g} Pa must be at least {SOFTEST:g} Pa, that of rubber: "
+                f"{name}.young = {young:g} Pa must be at least {LIMITS.young:g} Pa, that of "
+                "rubber: "
                 "softer bodies have too many modes; raise it."
             )
 
@@ -206,7 +217,10 @@ def _of_chain(scene: Scene) -> Iterator[str]:
     yield from of_gravity(scene)
 
     if contact.law == "thornton":
-        lowest, allowed = _lowest(contact.yield_pressure), LEAST_YIELD * _lowest(chain.young)
+        lowest, allowed = (
+            _lowest(contact.yield_pressure),
+            LIMITS.yield_pressure * _lowest(chain.young),
+        )
         if lowest < allowed:
             yield (
                 f"contact.yield_pressure = {lowest:g} Pa must be at least {allowed:g} Pa, a "
@@ -221,10 +235,10 @@ def _of_chain(scene: Scene) -> Iterator[str]:
             yield f'contact.law = "thornton" is not marched with {excluder}; change one of them.'
     largest = contact.coefficient
     largest = max(largest) if isinstance(largest, tuple) else largest
-    if contact.dissipation == "hunt-crossley" and largest > MOST_DAMPED:
+    if contact.dissipation == "hunt-crossley" and largest > LIMITS.damping:
         yield (
             f"contact.coefficient = {largest:g} s/m, allowed with dissipation = "
-            f'"hunt-crossley" is up to {MOST_DAMPED:g} s/m; from some 1000 s/m on nothing '
+            f'"hunt-crossley" is up to {LIMITS.damping:g} s/m; from some 1000 s/m on nothing '
             "rebounds, lower it."
         )
 
@@ -278,8 +292,8 @@ def _of_sensors(scene: Scene) -> Iterator[str]:
             )
     if instrument:
         n = instrument.sampling * scene.time.duration if scene.time else 0.0
-        if not 2 <= n <= MOST_SAMPLES:
+        if not 2 <= n <= LIMITS.samples:
             yield (
                 f"output.instrument.sampling = {instrument.sampling:g} Hz takes {n:.3g} samples in "
-                f"time.duration, allowed are 2 to {MOST_SAMPLES:.0e}; change one of them."
+                f"time.duration, allowed are 2 to {LIMITS.samples:.0e}; change one of them."
             )

@@ -110,7 +110,7 @@ def fallen(scene: "Scene", source: str) -> Striker | None:
 
 
 def of_gravity(scene: "Scene") -> Iterator[str]:
-    """What speaks against the weight and the guides of a scene."""
+    """Sentences on contradictions between weight, guides and the rest of a scene."""
     gravity, guides = scene.gravity, scene.guides
     along = gravity.along if gravity else 0.0
     if along and scene.wall is None and not scene.leaf_springs:

@@ -27,7 +27,7 @@ def _of_machine(proc: Path = Path("/proc")) -> Iterator[float]:
 
 
 def _of_groups(groups: Path = GROUPS, mine: Path = Path("/proc/self/cgroup")) -> Iterator[float]:
-    """What is left in the process's group and in those above it, of version 1 or 2."""
+    """Bytes left in the process's control group and in those above it, of version 1 or 2."""
     for line in _text(mine).splitlines():
         _, controllers, path = line.split(":", 2)
         if controllers not in NAMES:

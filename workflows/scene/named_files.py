@@ -1,4 +1,4 @@
-"""Files that a user names to be read: a pipe would be waited for, a device has no end."""
+"""Checks of files that a user names: a pipe would be waited for, a device would never end."""
 
 from pathlib import Path
 

@@ -1,4 +1,5 @@
-"""Parts of a scene that a command or a study cannot do without: the scene, or InvalidScene."""
+"""Checks that a scene has the parts that a command needs: each returns it or raises
+InvalidScene."""
 
 from workflows.scene.scene import Scene
 from workflows.scene.tables import InvalidScene

@@ -1,10 +1,10 @@
 """The quantity and the usual range of each number of a scene.
 
-The range of a key holds what is built and rolled, and no more than that, so that a length in
-millimetres where metres are needed falls outside. A number outside is refused. A text with a unit
-counts as intended, unless another unit makes it usual: "9 m" for "9 mm". The list `unusual` of a
-scene names keys whose numbers are intended whatever they are; a scene that is written out lists all
-such keys.
+The usual range of a key is that of real structures and no wider, so that a length in millimetres
+where metres are needed falls outside. A number outside is refused. One written with a unit is taken
+as intended, unless another unit would make it usual: "9 m" for "9 mm". The list `unusual` of a
+scene names keys whose numbers are intended, whatever they are; a scene that is written out lists
+all such keys.
 """
 
 from collections.abc import Iterator

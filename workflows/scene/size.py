@@ -1,40 +1,60 @@
-"""Scenes whose run would not end or not fit into memory, refused before anything is computed.
+"""Scenes whose run would not end or would not fit into memory: refused before anything is computed.
 
 A run's peak memory, stage upon stage, of bodies of N_i unknowns, N = sum N_i (bytes):
 
-    LIBRARIES + MATRICES N + FILL sum N_i^(4/3) + 8 N (VECTORS + boundary + modes)
+    libraries + matrices N + fill sum N_i^(4/3) + 8 N (vectors + boundary + modes)
 
-K and M of the parts and of the assembly, and the arrays that they are made from; a factor with its
-fronts as nested dissection fills it in a solid; Lanczos vectors, constraint modes, mode shapes. The
-runs of tests/test_workflows_memory.py, 49 000 to a million unknowns, took from 0.8 times the sum to
-0.95 times it. Their time, from mesh to reduced model on one core,
+for imported packages; K and M of bodies and assembly, and the arrays that they are made from; a
+factor with its fronts, as nested dissection fills it in a solid; Lanczos vectors, constraint modes
+and mode shapes. The runs of tests/test_workflows_memory.py, of 49 000 to a million unknowns, took
+0.8 to 0.95 times as much. The time from mesh to reduced model on one core is
 
-    START + SOLVED N^(4/3)
+    start + solved N^(4/3),
 
-since most of it reads factors: from 0.8 to 1.1 times that of 39 000 and 49 000 unknowns.
+since most of it is spent reading factors; models of 39 000 and 49 000 unknowns took 0.8 to 1.1
+times as long.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib.util import find_spec
 from math import log, pi, prod
+from typing import NamedTuple
 
 from workflows.scene import Scene
 from workflows.scene.memory import free_memory
 
-LIBRARIES, VECTORS = 0.35e9, 40
-MATRICES = {"hex": 11e3, "tet": 6e3}  # hexahedra join an unknown with twice as many
-FILL = {False: 170.0, True: 240.0}  # by our own Cholesky, by PARDISO
-START, SOLVED = 2.0, 1.4e-5  # s, s
-TRAJECTORY = 70  # bytes for each saved instant of a sphere: 31 in a march, then errors and pictures
 
-MOST_STEPS = 1e9  # minutes to hours
-MOST_VALUES = 1e8  # of one saved quantity: 0.8 GB
-MOST_ELEMENTS = 1e5  # a million unknowns, forty times the default
-MOST_MODES = 2000  # of a wall: minutes to find, and a chain notices a few dozen
-LEAST_ERROR = 1e-9  # of a receptance, some digits above rounding
+class RunLimits(NamedTuple):
+    """What a scene may ask for; what asks for more is refused. Chosen by the time that it takes on
+    one core, not varied."""
+
+    steps: float = 1e9  # of a march: minutes to hours
+    values: float = 1e8  # of one saved quantity: 0.8 GB
+    elements: float = 1e5  # of a mesh: a million unknowns, forty times the default
+    modes: int = 2000  # of a wall: minutes to find, while a chain notices a few dozen
+    error: float = 1e-9  # of a receptance, at least: some digits above rounding
+
+
+class RunCosts(NamedTuple):
+    """Coefficients of the memory [bytes] and the time [s] of a run, fitted to the runs
+    named above."""
+
+    libraries: float = 0.35e9  # of the imported packages
+    vectors: int = 40  # Lanczos vectors at a time
+    # of matrices for each unknown; an unknown of hexahedra is coupled to twice as many others
+    matrices: Mapping[str, float] = {"hex": 11e3, "tet": 6e3}
+    # of factors, over N^(4/3): by our own Cholesky (False), by PARDISO (True)
+    fill: Mapping[bool, float] = {False: 170.0, True: 240.0}
+    instant: int = 70  # of a saved instant of a sphere: 31 in a march, then errors and pictures
+    start: float = 2.0  # s
+    solved: float = 1.4e-5  # s, over N^(4/3)
+    growth: float = 1.7  # of neighbouring elements away from the contact (`geometry.grid_lines`)
+
+
+LIMITS = RunLimits()
+COSTS = RunCosts()
 SEEDS = ("seed", "block_seed", "support_seed", "contact_seed")
 SEED_OF = {"block": "block_seed", "sheet": "seed"}  # of the other bodies the support's
-GROWTH = 1.7  # of neighbouring elements away from the contact
 
 
 def too_large(scene: Scene) -> Iterator[str]:
@@ -43,11 +63,12 @@ def too_large(scene: Scene) -> Iterator[str]:
         yield from _too_long(scene)
     reduction = scene.reduction
     if scene.has_structure:
-        if reduction.modes is not None and reduction.modes > MOST_MODES:
-            yield f"reduction.modes = {reduction.modes} must be up to {MOST_MODES}; lower it."
-        if reduction.error is not None and reduction.error < LEAST_ERROR:
+        if reduction.modes is not None and reduction.modes > LIMITS.modes:
+            yield f"reduction.modes = {reduction.modes} must be up to {LIMITS.modes}; lower it."
+        if reduction.error is not None and reduction.error < LIMITS.error:
             yield (
-                f"reduction.error = {reduction.error:g} must be at least {LEAST_ERROR:g}; raise it."
+                f"reduction.error = {reduction.error:g} must be at least {LIMITS.error:g}; "
+                "raise it."
             )
     if scene.assembly is not None and not scene.is_general:
         yield from _too_fine(scene)
@@ -56,20 +77,21 @@ def too_large(scene: Scene) -> Iterator[str]:
 def _too_long(scene: Scene) -> Iterator[str]:
     """Steps and saved instants of the chain."""
     time, values = scene.time, scene.chain.count * scene.output.samples
-    if time.dt is not None and time.duration > MOST_STEPS * time.dt:
+    if time.dt is not None and time.duration > LIMITS.steps * time.dt:
         yield (
             f"time.dt = {time.dt} s makes {time.duration / time.dt:.1e} steps of time.duration = "
-            f"{time.duration} s, allowed are {MOST_STEPS:.0e}; take a longer step or less time."
+            f"{time.duration} s, allowed are {LIMITS.steps:.0e}; take a longer step or less time."
         )
-    if values > MOST_VALUES:
+    if values > LIMITS.values:
         yield (
             f"output.samples = {scene.output.samples} of chain.count = {scene.chain.count} spheres "
-            f"are {values:.1e} values, allowed are {MOST_VALUES:.0e}; lower one of them."
+            f"are {values:.1e} values, allowed are {LIMITS.values:.0e}; lower one of them."
         )
-    elif TRAJECTORY * values > free_memory():
+    elif COSTS.instant * values > free_memory():
         yield (
             f"output.samples = {scene.output.samples} of chain.count = {scene.chain.count} spheres "
-            f"would take {_gigabytes(TRAJECTORY * values)} of memory, {_gigabytes(free_memory())} "
+            f"would take {_gigabytes(COSTS.instant * values)} of memory, "
+            f"{_gigabytes(free_memory())} "
             "are free; lower one of them."
         )
 
@@ -85,30 +107,31 @@ def _too_fine(scene: Scene) -> Iterator[str]:
     )
     block, *below = (prod(sides) for sides in solids)  # [m^3]
 
-    # hexahedra of each seed alone; at the contact they grow by GROWTH from one to the next
+    # hexahedra of each seed alone; at the contact they grow by this factor from one to the next
     length = a.head_overlap + a.sheet_free_length + a.foot_overlap
     elements = {
         "block_seed": block / mesh.block_seed**3,
         "seed": 2 * length * a.sheet_width / mesh.seed**2,
-        "contact_seed": 4 * (1 + log(max(1, mesh.block_seed / mesh.contact_seed), GROWTH)) ** 3,
+        "contact_seed": 4
+        * (1 + log(max(1, mesh.block_seed / mesh.contact_seed), COSTS.growth)) ** 3,
         "support_seed": sum(below) / mesh.support_seed**3,
     }
     for key, number in elements.items():
-        if number > MOST_ELEMENTS:
+        if number > LIMITS.elements:
             yield (
                 f"mesh.{key} = {getattr(mesh, key)} m makes {number:.1e} elements, allowed are "
-                f"{MOST_ELEMENTS:.0e}; take a larger one."
+                f"{LIMITS.elements:.0e}; take a larger one."
             )
 
     # modes of a solid below f: 4/3 pi V f^3 (1/c_L^3 + 2/c_T^3), the first term a tenth (Weyl)
     c_T = (a.young / (2 * (1 + a.poisson)) / a.density) ** 0.5
-    highest = (MOST_MODES * c_T**3 / (4 / 3 * pi * 2.2 * sum((block, *below)))) ** (1 / 3)
+    highest = (LIMITS.modes * c_T**3 / (4 / 3 * pi * 2.2 * sum((block, *below)))) ** (1 / 3)
     for key in ("cutoff", "to_hz"):
         hz = getattr(reduction, key)
         if hz is not None and hz > highest:
             yield (
                 f"reduction.{key} = {hz:g} Hz must be up to {highest:.3g} Hz, below which the "
-                f"assembly has some {MOST_MODES} modes; lower it."
+                f"assembly has some {LIMITS.modes} modes; lower it."
             )
 
     if mesh.file is not None:
@@ -164,21 +187,21 @@ def peak_memory(scene: Scene, nodes: dict[str, float]) -> float:
     """Bytes that a run will hold at most, of bodies with so many nodes."""
     bodies = [3.0 * n for n in nodes.values()]
     n = sum(bodies)
-    fill = FILL[find_spec("pypardiso") is not None] * sum(m ** (4 / 3) for m in bodies)
+    fill = COSTS.fill[find_spec("pypardiso") is not None] * sum(m ** (4 / 3) for m in bodies)
     if scene.is_general:
         strike = scene.strike
         radius, seed = (0.0, 1.0) if strike is None else (strike.radius, strike.size)
     else:
         radius, seed = scene.patch.radius, scene.mesh.contact_seed
-    across = log(1 + (GROWTH - 1) * radius / seed, GROWTH)  # elements of the patch
+    across = log(1 + (COSTS.growth - 1) * radius / seed, COSTS.growth)  # elements of the patch
     boundary = 8 + 3 * pi * across**2
-    vectors = VECTORS + boundary + (scene.reduction.modes or 40)
-    return LIBRARIES + MATRICES[scene.mesh.element] * n + fill + 8 * n * vectors
+    vectors = COSTS.vectors + boundary + (scene.reduction.modes or 40)
+    return COSTS.libraries + COSTS.matrices[scene.mesh.element] * n + fill + 8 * n * vectors
 
 
 def foreseen_seconds(nodes: dict[str, float]) -> float:
     """Seconds of mesh, modes and reduction on one core, within a factor of 2."""
-    return START + SOLVED * (3.0 * sum(nodes.values())) ** (4 / 3)
+    return COSTS.start + COSTS.solved * (3.0 * sum(nodes.values())) ** (4 / 3)
 
 
 def _gigabytes(n_bytes: float) -> str:

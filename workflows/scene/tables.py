@@ -96,14 +96,11 @@ def text_or_table(value: Any) -> str:
     return "text" if isinstance(value, str) else "table"
 
 
-def _shape(value: Any) -> str:
-    return "list" if isinstance(value, list | tuple) else "number"
-
-
 def one_or_each(number) -> Any:
     """A number for all, or a list with one number for each."""
     numbers = Annotated[tuple[number, ...], Field(strict=False, min_length=1), Tag("list")]
-    return Annotated[Annotated[number, Tag("number")] | numbers, Discriminator(_shape)]
+    kind = Discriminator(lambda value: "list" if isinstance(value, list | tuple) else "number")
+    return Annotated[Annotated[number, Tag("number")] | numbers, kind]
 
 
 def _representable(value: float) -> float:
@@ -207,10 +204,14 @@ class Preload(SceneTable):
 
 
 class RigidWall(SceneTable):
+    """A wall that does not move and is not indented."""
+
     kind: Literal["rigid"]
 
 
 class HalfSpaceWall(SceneTable):
+    """A wall that is indented as a half-space of its material, and moves in no other way."""
+
     kind: Literal["half-space"]
     young: Young = 210e9  # [Pa]
     poisson: Poisson = 0.3
@@ -327,8 +328,8 @@ class Mesh(SceneTable):
     element: Literal["hex", "tet"] = "hex"
     seed: Seed = 6e-3  # [m]
     block_seed: Seed = 20e-3  # [m]
-    support_seed: Seed = 24e-3  # [m]
-    contact_seed: Seed = 4e-3  # [m]
+    support_seed: Seed = 60e-3  # [m]
+    contact_seed: Seed = 5e-3  # [m]
     file: str | None = None  # a mesh of one's own, with the names of ours
 
 
@@ -400,6 +401,8 @@ class RayleighDampingTable(SceneTable):
 
 
 class NoDamping(SceneTable):
+    """An undamped wall."""
+
     kind: Literal["none"] = "none"
 
 

@@ -10,6 +10,7 @@ from skfem import Mesh
 import fem
 import fem.tuning
 import geometry
+import rom
 from fem.assembly_modes import AssemblyModes, assembly_modes
 from geometry.named_cells import faces
 from workflows.files.mesh import mesh_of
@@ -160,9 +161,11 @@ def factor(scene: Scene, model: fem.Model) -> fem.Factor | None:
     return fem.held(model.K, model.M)
 
 
-def modes(scene: Scene, model: fem.Model, factor: fem.Factor | None = None) -> AssemblyModes:
-    """The lowest modes, the targets among them."""
-    return assembly_modes(model, targets(scene, model), factor)
+def modes(scene: Scene, model: fem.Model, space: rom.Space | None = None) -> AssemblyModes:
+    """The lowest modes, the targets among them; from the assembly's Krylov space, where it has
+    one."""
+    known = None if space is None else fem.Modes(*space.modes)
+    return assembly_modes(model, targets(scene, model), known=known)
 
 
 def contact(scene: Scene, mesh: Parts, model: fem.Model) -> fem.ContactPatch:

@@ -1,7 +1,7 @@
-"""An assembly by the words of its scene: bodies drawn or read, where they touch, joined, meshed.
+"""From a scene's tables to meshed bodies: drawn or read, where they touch, joined, held, loaded.
 
 drawing     the bodies in the CAD kernel or in the user's mesh, and which of them touch
-words       what the scene picks of them, as text, for `geometry.joints.picked` in one pass
+words       the faces and bodies that the scene names, as text for `geometry.joints.picked`
 parts       the bodies meshed, and what joins, holds and loads them
 """
 
@@ -38,9 +38,9 @@ class Drawing(NamedTuple):
     """The bodies in the CAD kernel or in a mesh, and which of them touch; see `geometry`."""
 
     bodies: dict[str, Body]
-    unit: str | None  # of the file
+    unit: str | None  # of length in the STEP file; None for drawn bodies
     near: Neighbours
-    own: OwnMesh | None = None  # of the user
+    own: OwnMesh | None = None  # the user's mesh, if bodies come from one
 
 
 @contextmanager
@@ -94,7 +94,7 @@ def shapes(scene: Scene) -> dict[str, Shape]:
 
 
 def words(scene: Scene) -> Words:
-    """All that the scene picks of its bodies."""
+    """All faces and bodies that the scene names, as it names them."""
     from geometry.joints import JointWords, Words
 
     faces = {f"held-{i}": hold.on for i, hold in enumerate(scene.assembly.holds, start=1)}
@@ -114,7 +114,7 @@ def words(scene: Scene) -> Words:
                 None if GROUND in joint.partners else second,
                 joint.at,
                 joint.washer if isinstance(joint.washer, float) else None,
-                # a share is drawn on the sides that are rigid, else on the first
+                # a bolt's share is imprinted on the sides that are rigid, else on the first
                 (rigid or (0,)) if joint.washer == SHARE else (),
             )
         )
@@ -129,8 +129,12 @@ def words(scene: Scene) -> Words:
 
 
 def parts(scene: Scene, coarser: float = 1.0) -> Parts:
-    """Bodies meshed each on its own, and what joins and holds them; elements of ours `coarser`
-    times as large as the scene has them."""
+    """Bodies meshed each on its own, and what joins, holds and loads them.
+
+    Elements are `coarser` times as large as in the scene; a mesh of the user's stays as it is.
+    Raises InvalidScene for a body without material, for a patch that lies between two bodies, and
+    for all that `drawing` and `tied_pairs` refuse.
+    """
     with drawing(scene) as layout:
         from geometry.joints import picked
 
@@ -146,7 +150,7 @@ def parts(scene: Scene, coarser: float = 1.0) -> Parts:
         face = struck(scene, bodies, selection.struck) if scene.strike else None
         named = dict(selection.faces)
         if face:
-            # a body that lies on the face there would be struck in its place
+            # another body on the face at the point struck would be struck in its place
             body, radius = face.face.body, scene.strike.radius
             points = around(face.point, face.outward, radius)
             if over := near.over(body, points, bodies, gap):
@@ -157,8 +161,8 @@ def parts(scene: Scene, coarser: float = 1.0) -> Parts:
                 )
             named[STRIKE] = face.face
 
-        # who leads and who follows in a tie, the finer mesh or the smaller body: an order of all
-        # bodies, so that no ties form a circle
+        # master and slave of a tie: the slave has the finer mesh, in a mesh of the user's the
+        # smaller volume. One order of all bodies, so that ties never form a circle
         if layout.own:
             fineness = {name: 1 / body.volume for name, body in bodies.items()}
             followers = [sorted(t.bodies, key=lambda body: fineness[body])[1] for t in ties]
@@ -194,8 +198,11 @@ def parts(scene: Scene, coarser: float = 1.0) -> Parts:
 
 
 def tied_pairs(scene: Scene, layout: Drawing, selection: Picked) -> list[TouchingPair]:
-    """The touching pairs that stay together; raises InvalidScene for one left unsaid, for one that
-    a joint holds as well, and for a body that nothing joins."""
+    """The touching pairs that are tied.
+
+    Raises InvalidScene for a touching pair of which the scene says nothing, for one that is tied
+    and has a joint, and for a body that nothing joins or holds.
+    """
     touching, tied, jointed = layout.near.touching, selection.tied, selection.jointed
     for name in tied.keys() & jointed.keys():
         raise InvalidScene(
@@ -212,7 +219,7 @@ def tied_pairs(scene: Scene, layout: Drawing, selection: Picked) -> list[Touchin
             f"{lines}"
         )
 
-    # a body that touches none, though there are others, and is not held keeps its rigid motions
+    # a body among others that touches none and is not held would keep its rigid motions
     n_holds = len(scene.assembly.holds)
     held = {selection.faces[f"held-{i + 1}"].body for i in range(n_holds)}
     held |= {body for place in selection.joints for body in place.bodies}
@@ -230,7 +237,7 @@ def tied_pairs(scene: Scene, layout: Drawing, selection: Picked) -> list[Touchin
 def _connections(
     scene: Scene, selection: Picked, ties: list[TouchingPair], fineness: dict[str, float]
 ) -> fem.Connections:
-    """What joins and holds the bodies, in the words of `fem`."""
+    """Ties, joints and held faces as `fem` takes them; `fineness` orders masters and slaves."""
     tied = []
     for touch in ties:
         master, slave = sorted(touch.bodies, key=lambda body: fineness[body])
@@ -239,7 +246,7 @@ def _connections(
     joints, tables = [], {joint.name: joint for joint in scene.joints or ()}
     for place in selection.joints:
         table = tables[place.joint]
-        # the faces of a share may miss each other by the gap on either side
+        # the two faces of a bolt's share may lie apart by the gap on either side
         gap = 2 * scene.assembly.gap if table.washer == SHARE else 0.0
         sides = [
             fem.Side(face, coupling, over, gap=gap)
@@ -258,7 +265,8 @@ def _connections(
 
 
 def _load(scene: Scene, selection: Picked) -> fem.Load | None:
-    """All loads of the scene; raises InvalidScene for heat on what has no expansion."""
+    """Forces, rods and heat that act before the impact; raises InvalidScene for heat on a body
+    whose material has no coefficient of expansion."""
     if not scene.loads:
         return None
     forces, rods, heat = [], [], {}
@@ -286,7 +294,7 @@ def _in_mesh(selection: Picked, name: str) -> str:
 
 
 def material(solid: Solid) -> fem.Material | fem.Orthotropic:
-    """What a table of [materials] describes."""
+    """The material of a table of [materials]: isotropic, or orthotropic in its own axes."""
     if solid.is_isotropic:
         return fem.Material(solid.young, solid.poisson, solid.density)
     axes = {} if solid.axes is None else {"axes": solid.axes}

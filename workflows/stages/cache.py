@@ -1,11 +1,7 @@
-"""Results kept between runs: pickles in a folder of the user's own, each with its checksum.
+"""The cache of results between runs: `key` of a result, and pickles in a folder of the user's own.
 
-A result's key is the digest of its stage's name, of what the stage reads of the scene, of the keys
-of the results that it needs, and of the program: the sources that its module reaches, and versions
-(`Pipeline.key` puts them together).
-
-Who can write a pickle can run code in whoever reads it: a folder that belongs to somebody else, or
-that others may write into, is not read.
+Each pickle has a checksum. Whoever can write a pickle can run code as the user who reads it: a
+folder that belongs to somebody else, or that others can write, is not read.
 """
 
 from contextlib import suppress
@@ -27,12 +23,12 @@ from workflows.files.cache_folder import OWN, cache_folder, own_folders
 from workflows.stages.sources import fingerprint
 
 LIBRARIES = ("numpy", "scipy", "numba", "scikit-fem", "gmsh")
-LIMIT = "8G"
+LIMIT = "8G"  # of all results; the oldest ones go first
 SUM = "output.sha256"
 
 
 class CheckedStore(FileSystemStoreBackend):
-    """A checksum beside each result; a result that does not fit its checksum is computed again."""
+    """joblib's store with a checksum beside each result: a damaged result is computed again."""
 
     def dump_item(self, call_id, item, *args, **kwargs):
         """Keep a result, then its checksum."""
@@ -51,7 +47,8 @@ class CheckedStore(FileSystemStoreBackend):
         return super().load_item(call_id, *args, **kwargs)
 
     def get_cached_func_code(self, call_id):
-        """What joblib noted of the function; raises OSError where it is no text."""
+        """Source of the function as joblib kept it; raises OSError, upon which joblib writes it
+        again, where the file is damaged."""
         try:
             return super().get_cached_func_code(call_id)
         except UnicodeDecodeError as error:
@@ -72,7 +69,7 @@ def _digest(path: Path) -> str:
 
 def memory() -> Memory | None:
     """The cache, or None where its folder cannot be used."""
-    # an entry that is damaged or does not fit on the disk is computed again, no need to print why
+    # joblib warns of damaged entries and full disks; the result is computed again, so be silent
     getLogger("joblib").setLevel(ERROR)
     filterwarnings("ignore", module="joblib")
     register_store_backend("checked", CheckedStore)
@@ -82,7 +79,8 @@ def memory() -> Memory | None:
 
 
 def fault() -> str | None:
-    """Why the cache is not used, for a sentence after the folder's name."""
+    """Why the cache cannot be used, as the end of a sentence that begins with the folder; None
+    where it can."""
     try:
         if why := own_folders(cache_folder(), _results()):
             return why
@@ -96,13 +94,24 @@ def _results() -> Path:
     return cache_folder() / f"joblib-{joblib_version}"
 
 
+def key(stage: str, reads: Any, needs: list[str], module: str) -> str:
+    """The key of a stage's result, which changes with everything that the result depends on:
+
+    the name of the stage, and what it reads of the scene
+    the keys of the results that it needs
+    the program: sources that its module depends on (`sources`), and versions of libraries
+    """
+    return digest([stage, reads, needs, *program(module)])
+
+
 def program(*modules: str) -> list[Any]:
-    """What computes, for a key: the sources that these modules reach, and versions."""
+    """The program's part of a key: digest of the sources that these modules depend on, versions."""
     return [fingerprint(*modules), library_versions(("beadwave", *LIBRARIES))]
 
 
 def digest(inputs: Any) -> str:
-    """A key of all that JSON or a text can say of these inputs."""
+    """SHA-256, in hexadecimal digits, of inputs as JSON; what JSON does not know is taken
+    as text."""
     return sha256(dumps(inputs, sort_keys=True, default=str).encode()).hexdigest()
 
 

@@ -1,4 +1,4 @@
-"""The chain of a scene, what it leans on, and the velocities that it starts with."""
+"""The chain of a scene, its wall, and the velocities that it starts with."""
 
 from typing import Any, NamedTuple
 
@@ -19,27 +19,28 @@ from workflows.scene import (
 )
 from workflows.scene.gravity import friction
 
-STEEL = dem.Flat(210e9, 0.3)  # what a wall's file does not say
+STEEL = dem.Flat(210e9, 0.3)  # Pa; material of a wall whose file and scene state none
 
 
 class Start(NamedTuple):
-    """What a run starts from."""
+    """The chain before the impact."""
 
     chain: dem.Chain
     velocity: np.ndarray  # (n,) [m/s]
-    ellipse: coupling.EllipticalContact = coupling.PLANE  # at the wall
-    flat: dem.Flat | None = None  # what the wall is made of
+    ellipse: coupling.EllipticalContact = coupling.PLANE  # of the last sphere on the wall
+    flat: dem.Flat | None = None  # material of the wall at the contact
 
 
 def start(scene: Scene, surface: Any = None) -> Start:
-    """The chain and its velocities before the impact, on the face struck (rom.Contact), if any."""
+    """The chain and its velocities before the impact; `surface` (rom.Contact) is the face struck of
+    a reduced wall, None for other walls."""
     scene = on_surface(scene, surface)
     return Start(chain(scene), initial_velocity(scene), ellipse(scene), flat(scene))
 
 
 def on_surface(scene: Scene, surface: Any) -> Scene:
-    """The scene with a wall of the curvatures, and of the modulus and Poisson's ratio, that the
-    face struck has (rom.Contact or None)."""
+    """The scene whose wall has the curvatures, the modulus and Poisson's ratio of the face struck
+    (rom.Contact or None), as far as these are known."""
     values = {key: getattr(surface, key, None) for key in ("young", "poisson", "curvatures")}
     update = {key: value for key, value in values.items() if value is not None}
     if not update:
@@ -48,7 +49,8 @@ def on_surface(scene: Scene, surface: Any) -> Scene:
 
 
 def ellipse(scene: Scene) -> coupling.EllipticalContact:
-    """The contact of the last sphere with the wall; raises InvalidScene for a hollow too tight."""
+    """The contact of the last sphere with the wall. Raises InvalidScene for a hollow whose radius
+    is not larger than the sphere's, and for a yielding contact on a curved face."""
     curvatures = getattr(scene.wall, "curvatures", None)
     if not curvatures or not any(curvatures):
         return coupling.PLANE
@@ -74,14 +76,19 @@ TOGETHER = {
 
 
 def together(scene: Scene, columns: dict[str, np.ndarray], wall: Any) -> dem.Chains:
-    """Chains that differ in keys of TOGETHER, one value (n_chains,) of `columns` each, behind a
-    wall of their own, or all behind the one that is given. Raises dem.InvalidChain."""
+    """Chains that are marched together. `columns` has the keys in which they differ, of those in
+    TOGETHER, with a value (n_chains,) for each chain.
+
+    Every chain has the wall of its own keys, or all have the one that is given. Raises
+    dem.InvalidChain.
+    """
     for key, values in columns.items():
         table, name = key.split(".")
         varied = {name: np.asarray(values, float)[:, None]}
         scene = scene.model_copy(update={table: getattr(scene, table).model_copy(update=varied)})
     row, v0 = chain(scene), initial_velocity(scene)
-    # a key may matter to no chain, as the coefficient of a contact without dissipation
+    # a varied key may have no effect, as the coefficient of a contact without dissipation: then
+    # the velocities, and not the arrays of the chain, say how many chains there are
     n_chains = max(map(len, columns.values()), default=1)
     v0 = np.array(np.broadcast_to(v0, (n_chains, scene.chain.count)))
     wall = simple_wall(scene) if wall is None else wall
@@ -95,7 +102,7 @@ def _flat(value: Any) -> Any:
 
 
 def chain(scene: Scene) -> dem.Chain:
-    """The spheres, their contacts and what holds them."""
+    """Spheres, contacts, leaf springs, preload, weight and friction of the scene, as arrays."""
     c, contact, leaf = scene.chain, scene.contact, scene.leaf_springs
     along = scene.gravity.along if scene.gravity else 0.0
     row = dem.row_of_spheres(
@@ -126,7 +133,8 @@ def chain(scene: Scene) -> dem.Chain:
 
 
 def dissipation(contact: ContactTable) -> dict[str, Any]:
-    """The law and its coefficients; a coefficient of zero is no law, and costs nothing."""
+    """Law and coefficients of contact damping, as `dem.row_of_spheres` takes them; none for a
+    coefficient of 0, since kernels without damping are faster."""
     gamma = np.asarray(contact.coefficient)
     if contact.dissipation == "none" or not np.any(gamma):
         return {}
@@ -134,7 +142,7 @@ def dissipation(contact: ContactTable) -> dict[str, Any]:
 
 
 def n_falling(scene: Scene) -> int:
-    """Spheres in flight: those that move at the start, up to the first that rests."""
+    """Number of spheres in flight: those from the striker on that move at the start."""
     moving = np.atleast_2d(initial_velocity(scene))[0] != 0.0
     return int(np.append(moving, False).argmin())
 
@@ -150,9 +158,10 @@ def initial_velocity(scene: Scene) -> np.ndarray:
 
 
 def flat(scene: Scene) -> dem.Flat | None:
-    """The wall's material at the contact, infinitely stiff of a rigid wall; None without a wall.
+    """Modulus [Pa] and Poisson's ratio of the wall at the contact, an infinite modulus for a rigid
+    wall; None without a wall.
 
-    Raises InvalidScene for an orthotropic one, unless `on_surface` has set its modulus.
+    Raises InvalidScene for an orthotropic material, unless `on_surface` has set its modulus.
     """
     wall = scene.wall
     if wall is None or isinstance(wall, RigidWall):
@@ -172,7 +181,8 @@ def flat(scene: Scene) -> dem.Flat | None:
 
 
 def wall(scene: Scene, reduction: Any = None) -> dem.Wall | coupling.CoupledWall | None:
-    """What the chain leans on; None for a free chain."""
+    """The wall as the march takes it, of the `reduction` (rom.ReducedModel) if it is a reduced one;
+    None for a free chain."""
     if isinstance(scene.wall, RomWall):
         from workflows.stages.wall import wall_of
 
@@ -181,7 +191,7 @@ def wall(scene: Scene, reduction: Any = None) -> dem.Wall | coupling.CoupledWall
 
 
 def simple_wall(scene: Scene) -> dem.Wall | None:
-    """A wall that no reduced model makes; None for a free chain."""
+    """A wall of the scene's numbers alone, without a reduced model; None for a free chain."""
     match scene.wall:
         case None:
             return None
@@ -197,7 +207,7 @@ def simple_wall(scene: Scene) -> dem.Wall | None:
 
 
 def contact_radius(scene: Scene, start: Start, force: float) -> float:
-    """Radius of the contact at a plane wall [m]."""
+    """Radius [m] of the contact with a plane wall under a force [N], yielded or by Hertz' law."""
     row, table = start.chain, scene.chain
     if row.yield_overlap is not None:
         return float(

@@ -1,5 +1,8 @@
-"""The machine code of an impact, compiled by a brief one: while the assembly is computed where
-there is one, and with a time of its own in any case."""
+"""The compilation of an impact's kernels, by a brief impact of the same kind.
+
+It is a stage so that it runs in the second process while an assembly is computed, and so that its
+time is listed apart from the march's.
+"""
 
 from contextlib import suppress
 
@@ -17,21 +20,20 @@ BRIEF = {"duration": 20e-6, "horizon": 20e-6}  # [s] some steps
 
 
 def compilation(scene: Scene) -> NDArray[np.float64]:
-    """Times (k,) [s] of a brief impact, all of whose functions numba then keeps; none where it is
-    not done."""
+    """Compiles the kernels that the scene's impact needs; returns the times (k,) [s] of the brief
+    impact, empty where there was none."""
     brief = scene.but(time=BRIEF, output={"samples": 5})
     if couples(scene):
         return np.empty(0)
     if needs_structure(scene):
-        # in place of the reduced model one of two modes with all that it has, and some material:
-        # times to compile do not depend on it
+        # a model of two modes with the same fields as the reduced one calls the same kernels
         import rom
         from workflows.stages.wall import wall_of as reduced_wall
 
         K, M = 1e7 * np.array([[2.0, -1.0], [-1.0, 2.0]]), np.eye(2)
         reduced = rom.full_order(K, M, np.array([1.0, 0.0]))
-        # a wall with a residual compliance calls other compiled functions than one without, and a
-        # half-space gives it one; 1e-9 m/N is about that of the block's patch
+        # walls with and without residual compliance call different kernels; the half-space makes
+        # this one have it, 1e-9 m/N is about that of the rig's patch
         contact = reduced.contact._replace(half_space=1e-9)
         wall = reduced_wall(scene, reduced._replace(contact=contact))
         surface = dem.Flat(210e9, 0.3)

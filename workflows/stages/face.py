@@ -1,4 +1,8 @@
-"""A plane face struck at many points: its outline, its contacts, and the walls that these make."""
+"""A plane face struck at many points: its outline, its contact patches, and the walls at them.
+
+Mesh, model and the modes that all points share are computed once; every point adds static
+solutions of its own (`rom.many_contacts`).
+"""
 
 from contextlib import nullcontext
 from functools import cached_property
@@ -31,11 +35,12 @@ from workflows.thesis import HAMMER_TEST_HZ
 class FaceOptions(NamedTuple):
     """Patches and modes of a face that is struck at many points."""
 
-    # of a patch's quadrature, along the radius and around: the half-space takes what they leave
+    # points of a patch's quadrature along its radius and around; the half-space compliance is that
+    # of the same weights on the same mesh, so that their error cancels
     n_radial: int = 8
     n_around: int = 24
-    # times the frequency that errors hold to, up to which all points share modes: on a 4 mm plate,
-    # 2 cost as much as 300 solutions more and save 7 at every point
+    # highest frequency of the modes that all points share, over the one that errors hold up to. On
+    # a 4 mm plate a factor of 2 costs as much as 300 static solutions and saves 7 at every point
     higher: float = 2.0
 
 
@@ -46,14 +51,14 @@ AXES = "xyz"
 class Outline(NamedTuple):
     """A plane face in the two axes that span it, measured from its middle [m]."""
 
-    axes: tuple[str, str]  # names of the axes nearest to them
+    axes: tuple[str, str]  # "x", "y" or "z", the global axes nearest to the two
     lower: NDArray[np.float64]  # (2,)
     upper: NDArray[np.float64]  # (2,)
-    edges: NDArray[np.float64]  # (m, 2, 2) where the face ends, at holes too
+    edges: NDArray[np.float64]  # (m, 2, 2) ends of the mesh's edges along its rim and its holes
 
 
 class Placed(NamedTuple):
-    """Patches on a face, and why there is none at the other points."""
+    """Patches on a face, and why there is none at the other points; both by the point's index."""
 
     patches: dict[int, fem.ContactPatch]
     refused: dict[int, str]
@@ -62,8 +67,9 @@ class Placed(NamedTuple):
 class StruckFace:
     """The face that a scene strikes, of an assembly that is meshed and joined once.
 
-    Of the scene's own mesh unless another is given; outline and modes are kept as stages of a run
-    are. Raises InvalidScene for scenes whose walls differ in more than the point struck.
+    On the scene's mesh unless `mesh` is given. Outline and modes are cached like stages of a run.
+    Raises InvalidScene where points cannot share modes: for a patch of nodes of the mesh, and for
+    joints with dashpots.
     """
 
     def __init__(self, scene: Scene, mesh: Parts | None = None) -> None:
@@ -96,7 +102,7 @@ class StruckFace:
 
     @property
     def begun(self) -> Start:
-        """What a march starts from."""
+        """The chain before the impact, which is the same at all points."""
         surface = self.pipeline("surface") if self.scene.is_general else None
         return start(self.scene, surface)
 
@@ -105,7 +111,7 @@ class StruckFace:
         return self.pipeline("outline")
 
     def placed(self, points: NDArray[np.float64]) -> Placed:
-        """Patches at points (p, 2) [m] from the middle."""
+        """Patches at points (p, 2) [m], measured along the face's axes from its middle."""
         table, patches, refused = self.patch, {}, {}
         for i, at in enumerate(points.tolist()):
             try:
@@ -120,8 +126,8 @@ class StruckFace:
         return Placed(patches, refused)
 
     def walls(self, patches: list[fem.ContactPatch], n_beyond: int) -> Walls:
-        """What the chain leans on at each patch, with up to n_beyond oscillators of it beyond the
-        modes that all share; raises ValueError for what cannot be reduced."""
+        """The wall at each patch: the shared modes and up to `n_beyond` oscillators of its own for
+        what they leave out; raises ValueError for what cannot be reduced."""
         scene, model = self.scene, self.model
         W = csc_array(np.column_stack([patch.w for patch in patches]))
         steel = solid(scene, scene.struck_body)
@@ -132,14 +138,14 @@ class StruckFace:
         return Walls(contacts, np.array(local), self._damping())
 
     def second(self) -> tuple["StruckFace", float]:
-        """The same on another mesh, and how much of the difference to it is the error of this one;
-        raises ValueError where there is none."""
+        """The face on a coarser or finer mesh, and the factor from the difference between the two
+        to the error of this one; raises ValueError where there is no such mesh."""
         mesh, error_share = other_mesh(self.scene, self.pipeline("mesh"))
         return StruckFace(self.scene, mesh), error_share
 
     @property
     def patch(self) -> Any:
-        """The table of the patch: its radius and weights."""
+        """The scene's table with radius and weights of the patch, [strike] or [patch]."""
         return self.scene.strike if self.scene.is_general else self.scene.patch
 
     def _damping(self) -> Damping | None:
@@ -150,7 +156,7 @@ class StruckFace:
 
 
 def outline(scene: Scene, mesh: Parts, model: fem.Model) -> Outline:
-    """Where the face ends that the scene strikes; raises InvalidScene for one that is not plane."""
+    """Outline of the face that the scene strikes; raises InvalidScene if it is not plane."""
     name, structure = struck(scene), model.structure
     if mesh.struck and mesh.struck.radius is not None:
         raise InvalidScene(f"the face {name!r} is round; scan a plane one.")
@@ -162,18 +168,20 @@ def outline(scene: Scene, mesh: Parts, model: fem.Model) -> Outline:
 
 
 def pencil(scene: Scene, model: fem.Model) -> Pencil:
-    """K and M of the assembly with a factor."""
+    """K and M of the assembly, symmetric to the last bit, with a factorisation of K, shifted where
+    the assembly floats."""
     K, M = symmetric(model.K, "K"), symmetric(model.M, "M")
     return floating.pencil(K, M, fem.factorised)
 
 
 def modes(scene: Scene, problem: Pencil) -> EigenPairs:
-    """Those that all points of a face share."""
+    """The modes that all points of a face share, up to `SCAN.higher` times the frequency
+    `to_hz`."""
     return modes_below(problem, SCAN.higher * to_hz(scene))
 
 
 def to_hz(scene: Scene) -> float:
-    """Up to which an error of the reduction holds."""
+    """Frequency [Hz] up to which the error of the reduction holds."""
     return scene.wall.cutoff or scene.reduction.cutoff or scene.reduction.to_hz or TO_HZ
 
 

@@ -1,4 +1,4 @@
-"""The stages that draw: kept like any other result, so that a repeated run draws nothing."""
+"""The stages that draw figures; cached like other results, so that a repeated run draws nothing."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, NamedTuple
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 
 def of_chain(scene: Scene, impact: Impact, waves: ChainWaves) -> tuple[Picture, ...]:
-    """Velocities of the observed spheres with their waves, the chain over time, the ledger."""
+    """Figures of a run: velocities of the observed spheres with their waves, all spheres'
+    velocities over time, and the energy ledger."""
     observed = scene.output.spheres or (1, scene.chain.count)
     return (
         Picture("velocities", velocities(impact.trajectory, observed, waves.labels)),
@@ -30,7 +31,7 @@ def of_chain(scene: Scene, impact: Impact, waves: ChainWaves) -> tuple[Picture, 
 
 
 def velocities(run, observed: Iterable[int], named: dict[int, tuple[Label, ...]]) -> bytes:
-    """Velocities of the observed spheres, one panel each, the waves marked by their names."""
+    """PNG: velocities of the observed spheres, one panel each, waves marked by their numbers."""
     t = 1e3 * run.t
     panels = [
         Panel("", "", f"sphere {sphere}\nvelocity [m/s]",
@@ -62,15 +63,15 @@ def signals(scene: Scene, record: "SensorRecord") -> Picture:
 
 
 class Mark(NamedTuple):
-    """A name above or below a curve."""
+    """A wave's name beside its crest on a curve."""
 
     name: str
-    time: float  # [s]
-    height: float
+    time: float  # [s] of the crest
+    height: float  # of the crest, in the curve's unit; the name is below a negative one
 
 
 def _with_marks(panels: list[Panel], marks: list[list[Mark]], *, sharey: bool = False) -> bytes:
-    """Panels over one time, with marks on each."""
+    """PNG: panels above each other with a common axis of time, the marks of each on it."""
     size = (8, 1.7 + 1 / len(panels))
     figure, axes = plots.drawn(panels, size=size, sharex=True, sharey=sharey)
     for axis, of_panel in zip(axes, marks, strict=True):
@@ -86,14 +87,14 @@ def _with_marks(panels: list[Panel], marks: list[list[Mark]], *, sharey: bool = 
 
 
 def _name(wave: Label | WaveTrack) -> str:
-    """A wave's number, after an i if it is incident."""
+    """Short name of a wave: its number if it is reflected, i, i2, i3, ... if it is incident."""
     if wave.kind == "reflected":
         return str(wave.number)
     return "i" if wave.number == 1 else f"i{wave.number}"
 
 
 def space_time(run, tracks: Iterable[WaveTrack]) -> bytes:
-    """Velocity of every sphere over time, with the waves that were followed."""
+    """PNG: velocity of every sphere over time as a map, with the tracks of the waves."""
     figure, (axis,) = plots.subplots(1, 1, (8, 4.6))
     plots.space_time(axis, run.t, run.v)
     limits = axis.get_xlim(), axis.get_ylim()
@@ -113,7 +114,8 @@ def space_time(run, tracks: Iterable[WaveTrack]) -> bytes:
 
 
 def energies(run) -> bytes:
-    """The ledger over time, changes since the start, and how far it is from closing."""
+    """PNG: terms of the energy ledger over time, as changes since the start, and its
+    closure error."""
     t = 1e3 * run.t
     *terms, (_, total) = ledger(run._asdict())
     lines = [Line(words, t, 1e3 * E, None, i, 1.2) for i, (words, E) in enumerate(terms)]

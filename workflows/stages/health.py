@@ -1,4 +1,4 @@
-"""The health of a reduced model, of an assembly or from a file, as the summary has it."""
+"""Checks of a reduced model and the list of modes, as the summary has them."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from workflows.thesis import HAMMER_TEST
 def reduction_health(
     reduced: rom.ReducedModel, health: rom.Health | None = None
 ) -> ReductionHealth:
-    """The health of a reduced model as the summary has it, measured unless it is given."""
+    """Checks of a reduced model for the summary; computed here unless `health` is given."""
     health, mass = health or rom.health(reduced), reduced.mass
     return ReductionHealth(
         kind=reduced.kind,
@@ -36,7 +36,8 @@ def reduction_health(
 
 
 def modes_found(pipeline: Pipeline) -> tuple[ModeFound, ...]:
-    """The computed modes that are written, with the targets among them."""
+    """The computed modes that the summary lists, with number, frequency, MAC and score of the
+    target that each one is paired with, if any."""
     scene, modes = pipeline.scene, pipeline("modes")
     struck = not scene.is_general or scene.strike is not None
     at_contact = pipeline("participation") if struck else [None] * len(modes.omega)
@@ -51,7 +52,7 @@ def modes_found(pipeline: Pipeline) -> tuple[ModeFound, ...]:
             effective_mass=tuple(modes.effective_mass[j]),
         )
         if target:
-            # counted from 1; a target that stiff joints do not show has no MAC
+            # targets count from 1; one whose shape stiff joints suppress has no MAC
             i = target - 1
             mode = mode.model_copy(
                 update={
@@ -67,7 +68,7 @@ def modes_found(pipeline: Pipeline) -> tuple[ModeFound, ...]:
 
 
 def shape_names(scene: Scene) -> tuple[str | None, ...]:
-    """What the targets look like, in words where there are any."""
+    """Descriptions of the targets' shapes; None for a target by number or by measured shape."""
     if not scene.is_general:
         return tuple(HAMMER_TEST["shape"])
     return tuple(

@@ -1,4 +1,4 @@
-"""The impact: checked before anything is computed, marched, and what it did to the contacts."""
+"""The impact as a stage: the check that it can be run, the coupled march, and the wall pruned."""
 
 from typing import NamedTuple
 
@@ -9,13 +9,14 @@ import dem
 from workflows.scene import InvalidScene, RomWall, Scene
 from workflows.stages.chain import Start, start, wall
 
-PRUNED_AT = 1e-4  # error of the velocities where the scene gives a step instead
+PRUNED_AT = 1e-4  # error of the velocities to prune by where the scene gives a step; the default
 MOST_WORK = 1e10  # steps times spheres, minutes to an hour
 
 
 def require_start(scene: Scene) -> None:
-    """Raise InvalidScene where the chain has no state of rest, the step no meaning or the run no
-    end; of walls that are yet to be reduced where they float under a steady force."""
+    """Raise InvalidScene for a chain without a state of rest, an unstable step, and a run of too
+    many steps; for a reduced wall, which is not there yet, where a steady force presses an assembly
+    without supports."""
     if isinstance(scene.wall, RomWall):
         springs, preload = scene.leaf_springs, scene.preload
         offset = springs.offset if springs and np.max(springs.stiffness) else 0.0
@@ -37,7 +38,7 @@ def require_start(scene: Scene) -> None:
         longest = dem.stability_limit(first.chain, leant_on, first.velocity)
     except (dem.InvalidChain, dem.NoEquilibrium, dem.UnstableStep) as error:
         raise InvalidScene(f"{scene.name}: {str(error).rstrip('.')}.") from None
-    # steps as long as they may be
+    # fewest steps, each at the limit of stability
     steps, n = scene.time.duration / longest, scene.chain.count
     if steps * n > MOST_WORK:
         raise InvalidScene(
@@ -49,7 +50,8 @@ def require_start(scene: Scene) -> None:
 def impact(
     scene: Scene, start: Start, wall: dem.Wall | coupling.CoupledWall | None
 ) -> coupling.Impact:
-    """The coupled run, to the error or at the step that the scene gives."""
+    """The coupled run, to the scene's error or at its step; walls that are not read where they are
+    pushed (CoupledWall) have their error estimated in a second march."""
     time, coupled = scene.time, isinstance(wall, coupling.CoupledWall)
     wanted = {"dt": time.dt} if time.dt is not None else {"error": time.error}
     if time.dt is None and not coupled:
@@ -66,14 +68,17 @@ def impact(
 
 
 class PrunedWall(NamedTuple):
-    """A wall of fewer modes, and what it lacks in sentences."""
+    """A wall of fewer modes, and sentences on the modes left out."""
 
     wall: dem.Wall
     sentences: tuple[str, ...]
 
 
 def pruning(scene: Scene, start: Start, whole_wall: dem.Wall) -> PrunedWall:
-    """The wall without the modes that change the velocities by less than the scene's error."""
+    """The wall without the modes that change velocities by less than the scene's error.
+
+    Raises ValueError for a wall that is not read where it is pushed.
+    """
     if isinstance(whole_wall, coupling.CoupledWall):
         raise ValueError("wall.prune needs a wall that is read where it is pushed; drop the key.")
     time = scene.time

@@ -1,4 +1,4 @@
-"""What the mesh stage hands to the model, of the thesis' rig and of bodies of a scene alike."""
+"""The result of the mesh stage, the same type for the thesis' rig and for the bodies of a scene."""
 
 from typing import NamedTuple
 
@@ -14,15 +14,15 @@ GMSH_NEEDS = (
 
 
 class Parts(NamedTuple):
-    """Bodies and how they are joined and held; a swaying table below is added by the model."""
+    """Meshed bodies, and how they are joined, held, struck and loaded."""
 
-    meshes: dict[str, Mesh]
-    materials: dict[str, fem.Material | fem.Orthotropic]
+    meshes: dict[str, Mesh]  # by body, with named faces
+    materials: dict[str, fem.Material | fem.Orthotropic]  # by body
     connections: fem.Connections
-    struck: Struck | None = None
-    load: fem.Load | None = None  # that it bears before it is struck
+    struck: Struck | None = None  # None: the thesis' rig, or a scene without a strike
+    load: fem.Load | None = None  # static, before the impact
 
     @property
     def nodes(self) -> dict[str, float]:
-        """Corners and middles of edges, by body."""
+        """Number of nodes of quadratic elements by body: corners and middles of edges."""
         return {name: float(m.nvertices + m.nedges) for name, m in self.meshes.items()}

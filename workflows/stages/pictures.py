@@ -1,4 +1,8 @@
-"""The stage that renders, in a process of its own."""
+"""The stage that renders meshes and modes, in a child process.
+
+Where no graphics library is installed, pyvista ends its process with a segmentation fault, which no
+`try` can catch.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,7 +18,7 @@ from workflows.files.child import child
 from workflows.files.run_folder import Picture
 from workflows.scene import Scene
 
-TIME_LIMIT = 120  # s
+TIME_LIMIT = 120  # s, of the child; not varied
 
 
 class NoPicture(RuntimeError):
@@ -22,19 +26,20 @@ class NoPicture(RuntimeError):
 
 
 def pictures(scene: Scene, modes: AssemblyModes, contact: fem.ContactPatch) -> tuple[Picture, ...]:
-    """The meshed assembly and four modes; raises NoPicture where nothing can be rendered."""
+    """Pictures of the meshed assembly with the point struck, and of four modes; raises
+    NoPicture."""
     return _rendered(modes.field, [*contact.spot.point, *contact.spot.inward])
 
 
 def picture_of(meshes: dict[str, Mesh]) -> Picture:
-    """Bodies alone, a colour each; raises NoPicture."""
+    """Picture of the meshes of bodies, each in a colour; raises NoPicture."""
     nothing = np.empty(0)
     return _rendered(field_file.ModeField(meshes, *(nothing,) * 4))[0]
 
 
 def _rendered(modes: field_file.ModeField, strike: Sequence[float] = ()) -> tuple[Picture, ...]:
-    """The pictures of a field, drawn in a process of its own: a broken graphics library may end
-    it."""
+    """Pictures of assembly and modes, rendered by a child; `strike` is the point struck and the
+    direction of the force (6,). Raises NoPicture."""
     with TemporaryDirectory() as folder:
         field = Path(folder) / "modes.vtu"
         field_file.write(field, modes)

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 from joblib import Memory
 
 from workflows.scene import RomWall, Scene
-from workflows.stages.cache import digest, memory, program
+from workflows.stages.cache import key, memory
 
 Progress = Callable[[str], AbstractContextManager]  # of the stage named, while it runs
 
@@ -36,6 +36,9 @@ class Stage(NamedTuple):
     listed: bool = True  # among the times of a run
     passing: bool = False  # so large that it goes once every stage that needs it is there
     after: tuple[str, ...] = ()  # what it goes faster after, a second process may compute it
+    # what it is computed with, handed in after what it needs: its result does not depend on it
+    # but for rounding, so that a change of the contact keeps the modes
+    means: tuple[str, ...] = ()
 
     @property
     def module(self) -> str:
@@ -112,11 +115,18 @@ ASSEMBLY = {
         ".assembly:model", tables_of("assembly", "joints", "table"), ("mesh",), kept=False
     ),
     "tuning-basis": Stage(".assembly:tuning_basis", _targets, ("model",)),
-    "factor": Stage(
-        ".assembly:factor", tables_of(), ("model",), kept=False, listed=False, passing=True
+    "factor": Stage(".assembly:factor", tables_of(), ("model",), kept=False, passing=True),
+    "krylov-space": Stage(
+        ".krylov_space:krylov_space",
+        lambda scene: [_targets(scene), tables_of("reduction", "patch", "strike")(scene)],
+        ("mesh", "model", "factor"),
+        kept=False,
+        passing=True,
     ),
-    "modes": Stage(".assembly:modes", _targets, ("model", "factor")),
-    "mac": Stage(".mac:mac", tables_of(), ("mesh", "model", "modes")),
+    "modes": Stage(".assembly:modes", _targets, ("model",), means=("krylov-space",)),
+    "mac": Stage(
+        ".mac:mac", tables_of(), ("mesh", "model", "modes"), means=("factor", "krylov-space")
+    ),
     "contact": Stage(
         ".assembly:contact", tables_of("patch", "strike"), ("mesh", "model"), kept=False
     ),
@@ -127,10 +137,16 @@ ASSEMBLY = {
     "reduction": Stage(
         ".reduction:reduction",
         tables_of("reduction", "patch", "assembly"),
-        ("model", "contact", "modes", "factor"),
+        ("model", "contact", "modes"),
+        means=("factor", "krylov-space"),
     ),
     "second-mesh": Stage(".errors:second_mesh", COARSE, ("mesh",)),
-    "full-response": Stage(".response:full_response", tables_of(), ("model", "contact")),
+    "full-response": Stage(
+        ".response:full_response",
+        tables_of(),
+        ("model", "contact"),
+        means=("factor", "krylov-space"),
+    ),
     "response": Stage(".response:response", tables_of("damping"), ("full-response", "reduction")),
     "compilation": Stage(
         ".compilation:compilation",
@@ -146,7 +162,14 @@ BENDING = ASSEMBLY | {
     "mac": Stage(".bending:mac", tables_of(), ("modes",), listed=False),
     "contact": Stage(".bending:contact", tables_of(), ("model",), kept=False, listed=False),
     "reduction": Stage(".bending:reduction", tables_of("reduction"), ("model",)),
+    "full-response": Stage(".response:full_response", tables_of(), ("model", "contact")),
     "second-mesh": Stage(".bending:second_mesh", tables_of(*BENT, "reduction"), ()),
+    "other-theories": Stage(".bending:other_theories", tables_of(*BENT, "reduction"), ()),
+    "theory-error": Stage(
+        ".bending:theory_error",
+        lambda scene: [_marched(scene), tables_of("damping")(scene)],
+        ("start", "other-theories", "impact"),
+    ),
 }
 
 IMPACT = {
@@ -227,15 +250,26 @@ class Pipeline:
         """The result of a stage."""
         if name not in self._results:
             self._results[name] = self._timed(name)
-            self._let_go(self._stages[name].needs)
+            self._let_go(self._stages[name].needs + self._stages[name].means)
         return self._results[name]
 
     def _let_go(self, names: tuple[str, ...]) -> None:
         """Of these what is large and no stage needs any more."""
         for name in names:
-            users = {user for user, stage in self._stages.items() if name in stage.needs}
+            users = {
+                user
+                for user, stage in self._stages.items()
+                if name in stage.needs or name in stage.means
+            }
             if self._stages[name].passing and users <= self._results.keys():
                 self._results.pop(name, None)
+
+    def release(self) -> None:
+        """Drop what is so large that nothing holds it beside the next structure; a stage that needs
+        it after all computes it again."""
+        for name in list(self._results):
+            if self._stages[name].passing:
+                del self._results[name]
 
     def _timed(self, name: str) -> Any:
         """The result of a stage, with a report of the seconds that it took without those that it
@@ -276,13 +310,13 @@ class Pipeline:
         """Whether all that the stage needs is kept, or not worth keeping."""
         return all(
             self.kept(need) if self._stages[need].kept else self.ready(need)
-            for need in self._stages[name].needs
+            for need in self._stages[name].needs + self._stages[name].means
         )
 
     def compute(self, name: str) -> Any:
         """Run a stage on the results it needs."""
         stage = self._stages[name]
-        needed = [self(need) for need in stage.needs]
+        needed = [self(need) for need in stage.needs + stage.means]
         for earlier in stage.after:
             self(earlier)
         function = stage.function.split(":")[1]
@@ -294,8 +328,8 @@ class Pipeline:
         """Changes with everything that the stage's result depends on."""
         if name not in self._keys:
             stage = self._stages[name]
-            inputs = [name, stage.reads(self.scene), [self.key(need) for need in stage.needs]]
-            self._keys[name] = digest([*inputs, *program(stage.module)])
+            needs = [self.key(need) for need in stage.needs]
+            self._keys[name] = key(name, stage.reads(self.scene), needs, stage.module)
         return self._keys[name]
 
 

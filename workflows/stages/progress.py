@@ -1,11 +1,11 @@
-"""Where a stage reports that it runs: at the terminal's bars, or nowhere."""
+"""How a stage reports that it runs: a context entered with the stage's name."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 
-Progress = Callable[[str], AbstractContextManager]  # of the stage named, while it runs
+Progress = Callable[[str], AbstractContextManager]  # entered with the stage's name while it runs
 
 
 def quiet(stage: str) -> AbstractContextManager:
-    """Reports nothing."""
+    """A Progress that reports nothing."""
     return nullcontext()

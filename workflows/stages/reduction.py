@@ -37,12 +37,17 @@ class SecondModel(NamedTuple):
 
 
 def jointed(
-    scene: Scene, model: fem.Model, contact: fem.ContactPatch, modes: AssemblyModes
+    scene: Scene,
+    model: fem.Model,
+    contact: fem.ContactPatch,
+    modes: AssemblyModes,
+    factor: fem.Factor | None = None,
+    space: rom.Space | None = None,
 ) -> Jointed:
     """The reduction of many assemblies that differ in the springs of their joints."""
     C = dashpots(scene, model)
     boundary = boundary_of(contact, reading(scene, model), C, model.elongation)
-    reduced = reduction(scene, model, contact, modes, keep=model.elongation)
+    reduced = reduction(scene, model, contact, modes, factor, space, keep=model.elongation)
     names, at = np.array(model.spring), np.searchsorted(boundary, model.elongation)
     places = {name: at[names == name] for name in dict.fromkeys(model.spring)}
     stiffness = dict(zip(model.spring, model.stiffness.tolist(), strict=True))
@@ -55,12 +60,14 @@ def reduction(
     contact: fem.ContactPatch,
     modes: AssemblyModes,
     factor: fem.Factor | None = None,
+    space: rom.Space | None = None,
     *,
     keep: NDArray[np.int64] = NOTHING,
 ) -> rom.ReducedModel:
     """The model in few coordinates at the contact, with the way back to the outer nodes alone.
 
-    The factor is that of K, where it is held. `keep` are further dofs that stay as they are.
+    The factor is that of K, where it is held, and the space one of this contact. `keep` are
+    further dofs that stay as they are.
     """
     # the thesis' scheme reads the wall elsewhere than it pushes
     w_reading, C = reading(scene, model), dashpots(scene, model)
@@ -92,10 +99,12 @@ def reduction(
         with fem.one_thread():
             if craig_bampton:
                 reduced = rom.craig_bampton(
-                    *matrices, boundary, selected, C=C, factor=factor, **solver
+                    *matrices, boundary, selected, C=C, factor=factor, space=space, **solver
                 )
             else:
-                reduced = rom.free_modes(*matrices, selected, C=C, factor=factor, **solver)
+                reduced = rom.free_modes(
+                    *matrices, selected, C=C, factor=factor, space=space, **solver
+                )
     except rom.ReductionError:
         _require_held(scene, modes)
         raise

@@ -22,9 +22,20 @@ class Response(NamedTuple):
     picture: Picture
 
 
-def full_response(scene: Scene, model: fem.Model, contact: fem.ContactPatch) -> NDArray[np.float64]:
-    """Undamped receptance (k,) [m/N] of the full model where the reduced one is checked."""
-    return fem.receptance(model.K, model.M, contact.w, np.array(CHECKED_HZ)).real
+def full_response(
+    scene: Scene,
+    model: fem.Model,
+    contact: fem.ContactPatch,
+    factor: fem.Factor | None = None,
+    space: rom.Space | None = None,
+) -> NDArray[np.float64]:
+    """Undamped receptance (k,) [m/N] of the full model where the reduced one is checked: what the
+    forces left over by the Krylov space say it misses is measured with K, M and the factor of K."""
+    basis = None if space is None else fem.Modes(*space.pairs)
+    H = fem.receptance(
+        model.K, model.M, contact.w, np.array(CHECKED_HZ), basis=basis, factor=factor
+    )
+    return H.real
 
 
 def response(scene: Scene, full: NDArray[np.float64], reduction: rom.ReducedModel) -> Response:

@@ -1,9 +1,8 @@
-"""The thesis' rig in the words of `fem`: what joins its parts, what holds it, and the motions that
-its modes are recognised by.
+"""The thesis' rig: how its bodies are joined and held, and the motions of its measured modes.
 
-full tie:  every touching face follows its neighbour
-screw tie: bolted faces follow their neighbour only under the washers
-wires:     bolted faces are screws of six stiffnesses each, the rest is tied
+full tie:  every touching face is tied to its neighbour
+screw tie: bolted faces are tied to their neighbour only under the washers
+wires:     bolted faces are joined by screws of six stiffnesses each, all others are tied
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,13 +16,13 @@ TARGETS = tuple(fem.BodyMotion(HAMMER_TEST["body"], motion) for motion in HAMMER
 
 
 def full_tie(touching: Sequence[Interface], held: Sequence[str]) -> fem.Connections:
-    """Every touching face follows its neighbour over the whole face."""
+    """Every touching face is tied to its neighbour, over the whole face."""
     ties = [fem.Tie(t.slave, t.master) for t in touching]
     return fem.Connections(ties=ties, held=[fem.Held(face) for face in held])
 
 
 def screw_tie(touching: Sequence[Interface], held: Sequence[str]) -> fem.Connections:
-    """Bolted faces follow their neighbour under the washers, the other faces wholly."""
+    """Bolted faces are tied to their neighbour under the washers, all others wholly."""
     pairs = [(face, t.master) for t in touching for face in (t.screws or (t.slave,))]
     ties = [fem.Tie(*pair) for pair in pairs]
     return fem.Connections(ties=ties, held=[fem.Held(face) for face in held])
@@ -32,9 +31,10 @@ def screw_tie(touching: Sequence[Interface], held: Sequence[str]) -> fem.Connect
 def wires(
     touching: Sequence[Interface], held: Sequence[str], bushings: Mapping[str, fem.Bushing]
 ) -> fem.Connections:
-    """Bolted faces are held by screws, `bushings` by joint; the other faces are tied."""
+    """Bolted faces are joined by screws with stiffnesses `bushings` by joint; others are tied."""
     plain = full_tie([t for t in touching if not len(t.halves)], held)
-    # of each screw a rigid share of the sheet, and the mean motion of what is under it
+    # a screw joins its share of the sheet, which moves rigidly, to the mean motion of the face
+    # below
     screws = []
     for t in touching:
         name = t.slave.split(":")[1]

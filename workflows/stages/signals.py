@@ -1,4 +1,4 @@
-"""What the scene's sensors show of a run, as its instrument records it."""
+"""Signals of the scene's sensors in a run, as its instrument records them."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from workflows.scene import Instrument, Scene
 
 
 def sensors(scene: Scene) -> tuple[Sensor, ...]:
-    """The scene's sensors; a gain that is not known is 1 V per unit."""
+    """The scene's sensors; a sensor of unknown gain has 1 V per unit of its quantity."""
     return tuple(
         Sensor(
             sensor.sphere - 1,
@@ -29,14 +29,14 @@ def sensors(scene: Scene) -> tuple[Sensor, ...]:
 
 
 def record(scene: Scene, impact: Impact, waves: ChainWaves) -> SensorRecord:
-    """What the sensors record of the run."""
+    """Signals of the sensors (k, m) with noise, filters and rounding, and the waves in them."""
     instrument = scene.output.instrument or Instrument()
     settings = instrument.model_dump(include={"sampling", "bits", "seed"})
     return sensor_record(sensors(scene), impact.trajectory, waves.tracks, **settings)
 
 
 def csv_text(scene: Scene, record: SensorRecord) -> str:
-    """The record with a column for each sensor, as `calibrate` reads it."""
+    """The record as CSV, time [s] and a column for each sensor, as `calibrate` reads it."""
     names = [f"sphere {s.sphere} {s.quantity} [{s.unit}]" for s in scene.output.sensors]
     rows = np.column_stack([record.t, record.y])
     lines = [",".join([f"{row[0]:.9g}", *(f"{x:.9g}" for x in row[1:])]) for row in rows]

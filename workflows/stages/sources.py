@@ -1,8 +1,9 @@
-"""Which of our sources a module runs: its own and those of all that it imports among ours.
+"""Which source files of beadwave a module depends on: its own, and those of all modules of ours
+that it imports, directly or not.
 
-Read from the text, without importing anything: a module named in an import statement, at any
-depth, or in a string of its own (what a child process runs), and a data file that stands beside
-the module and is named in it.
+They are read from the text, without importing anything: modules named in import statements, inside
+functions too, or in a string by themselves (what a child process runs), and data files beside the
+module that it names.
 """
 
 import re
@@ -22,7 +23,8 @@ DATA = re.compile(r'"([\w.-]+\.(?:toml|json|csv))"')
 
 @cache
 def fingerprint(*roots: str) -> str:
-    """A digest of every source and data file that these modules run or read."""
+    """SHA-256, in hexadecimal digits, of every source and data file that these modules
+    depend on."""
     content = sha256()
     for name in sorted(modules(*roots)):
         for path in files(name):
@@ -31,7 +33,7 @@ def fingerprint(*roots: str) -> str:
 
 
 def modules(*roots: str) -> set[str]:
-    """These modules and all of ours that they import, and those that these import."""
+    """These modules and all modules of ours that they import, directly or not."""
     reached: set[str] = set()
     to_read = [*roots]
     while to_read:
@@ -44,7 +46,7 @@ def modules(*roots: str) -> set[str]:
 
 @cache
 def imported(module: str) -> frozenset[str]:
-    """Ours among what the module itself imports; a package stands for its `__init__`."""
+    """Modules of ours that a module imports itself; a package stands for its `__init__`."""
     text = _origin(module).read_text(encoding="utf-8")
     names = [name for line in IMPORT.findall(text) for name in _words(line)]
     for package, words in FROM.findall(text):

@@ -24,10 +24,11 @@ MIDDLE = (0.0, 0.0)  # of a plane face
 
 
 class PatchRoom(NamedTuple):
-    """Whether a patch lies on its face, as the CAD model has it."""
+    """Whether a patch lies on its face in the CAD model; not varied."""
 
-    n_rim: int = 16  # points of the rim that are looked at; not varied
-    # radii by which they may be off the face: what is nearer, the patch on the mesh decides
+    n_rim: int = 16  # points of the rim whose distance from the face is measured
+    # distance from the face, over the patch's radius, beyond which a point is off it; the patch on
+    # the mesh decides where it is nearer (fem.trace.OffFace)
     off_face: float = 0.02
 
 
@@ -35,8 +36,12 @@ ROOM = PatchRoom()
 
 
 def struck(scene: Scene, bodies: Mapping[str, Body], selected: Selected) -> Struck:
-    """The face of the CAD model that the scene strikes, of the faces that strike.on picks; raises
-    InvalidScene for one that no Hertz law is known of, or whose point is not given."""
+    """Face and point of the CAD model that the scene strikes, among the faces `selected` by
+    strike.on.
+
+    Raises InvalidScene for a face that is no plane, cylinder or sphere, for one that is not plane
+    and has no point, and for a patch that leaves its face.
+    """
     strike, body = scene.strike, bodies[selected.body]
     faces = [body.face(tag) for tag in selected.tags]
 
@@ -62,7 +67,7 @@ def struck(scene: Scene, bodies: Mapping[str, Body], selected: Selected) -> Stru
             )
         hit = struck_at(body, faces, first, point)
 
-    # of a round face the point is moved onto it, and the patch must be small relative to the radius
+    # round face: the point is moved onto it, and the patch must be small relative to its radius
     if hit.normal is None:
         if np.linalg.norm(hit.away) < 1e-9:
             raise InvalidScene(
@@ -78,8 +83,8 @@ def struck(scene: Scene, bodies: Mapping[str, Body], selected: Selected) -> Stru
             raise _off_face(scene, hit.point)
         return hit
 
-    # of a plane one the patch must lie on it; its middle is left to the mesh: a scan starts from
-    # there, of a face with a hole in its middle too
+    # plane face: the patch must lie on it. Not checked at the middle, the default, where a face
+    # with a hole has nothing: a scan of such a face names no point. The mesh decides there.
     rim = around(hit.point, hit.normal, strike.radius, ROOM.n_rim)
     off = max(min(body.distance(p, tag) for tag in hit.face.tags) for p in rim)
     if off > ROOM.off_face * strike.radius and (strike.point or tuple(strike.at) != MIDDLE):
@@ -90,7 +95,8 @@ def struck(scene: Scene, bodies: Mapping[str, Body], selected: Selected) -> Stru
 def around(
     point: NDArray[np.float64], normal: NDArray[np.float64], radius: float, n: int = 4
 ) -> NDArray[np.float64]:
-    """A point (3,) of a plane and n of the circle around it, (n + 1, 3) [m]."""
+    """A point (3,) of a plane of this normal (3,) and n points of the circle of a radius [m] around
+    it, (n + 1, 3) [m]."""
     angles = 2 * np.pi * np.arange(n) / n
     rim = np.column_stack([np.cos(angles), np.sin(angles)]) @ spanning(normal)
     return point + radius * np.vstack([np.zeros(3), rim])
@@ -106,8 +112,11 @@ def _off_face(scene: Scene, point: NDArray[np.float64]) -> InvalidScene:
 
 
 def surface(scene: Scene, mesh: Parts) -> rom.Contact | None:
-    """What the chain's Hertz law takes of the face struck that the scene does not say; raises
-    InvalidScene for a curved face of an orthotropic material."""
+    """Curvatures of the face struck, and modulus and Poisson's ratio if it is orthotropic: what
+    Hertz' law needs beside the scene; None for the thesis' rig.
+
+    Raises InvalidScene for a curved face of an orthotropic material.
+    """
     if mesh.struck is None:
         return None
     made_of = mesh.materials[mesh.struck.face.body]
@@ -125,8 +134,12 @@ def surface(scene: Scene, mesh: Parts) -> rom.Contact | None:
 def surface_of(
     made_of: fem.Material | fem.Orthotropic, normal: NDArray | None, radii: tuple[float, float]
 ) -> rom.Contact:
-    """Curvatures, modulus and Poisson's ratio of a face; an orthotropic one is like an isotropic
-    one of its indentation modulus and a Poisson's ratio of 0."""
+    """Curvatures (2,) [1/m], modulus [Pa] and Poisson's ratio of a face with a normal (3,) if it is
+    plane and two radii [m].
+
+    An orthotropic face counts as isotropic, with its indentation modulus along the normal and a
+    Poisson's ratio of 0: contact depends on E / (1 - nu^2) alone.
+    """
     if isinstance(made_of, fem.Orthotropic):
         return rom.Contact(young=fem.indentation_modulus(made_of, normal), poisson=0.0)
     curvatures = tuple(1 / radius for radius in radii)
@@ -138,7 +151,8 @@ def surface_of(
 
 
 def patch(scene: Scene, mesh: Parts, model: fem.Model) -> fem.ContactPatch:
-    """What loads and reads the body struck; raises InvalidScene where it leaves the face."""
+    """The patch on the mesh through which the contact force loads the body and its displacement is
+    read; raises InvalidScene where it leaves the face."""
     strike, face, at = scene.strike, mesh.struck, scene.strike.at
     name = f"{face.face.body}:{STRIKE}"
     if face.radius is not None:

@@ -1,4 +1,5 @@
-"""Which computed modes the measured ones are: what a scene says of them, in the words of `fem`."""
+"""How the measured modes of a scene are recognised among the computed ones: by number, by a body's
+motion, or by a measured shape."""
 
 from pathlib import Path
 
@@ -10,12 +11,14 @@ from workflows.files.shapes import measured_shape
 from workflows.scene import InvalidScene, Scene
 from workflows.stages import rig
 
-FARTHEST = 0.05  # of the assembly's size: a measured point farther from its surface is misplaced
+# distance of a measured point from the assembly's surface, over the assembly's size, beyond which
+# axes or units are taken to be wrong; chosen, not varied
+FARTHEST = 0.05
 
 
 def targets(scene: Scene, model: fem.Model) -> tuple[fem.Target, ...]:
-    """What the measured modes of the scene are recognised by; raises InvalidScene for shapes that
-    are not of this assembly."""
+    """What each measured mode of the scene is recognised by; raises InvalidScene for measured
+    shapes with points off the assembly."""
     if not scene.is_general:
         return rig.TARGETS
     recognised: list[fem.Target] = []

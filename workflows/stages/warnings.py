@@ -1,6 +1,10 @@
-"""Warnings of a run: what can be run, but is to be trusted in part or was probably not meant so.
+"""Warnings of a run: scenes that can be run, but whose results are unreliable in part, or that were
+probably not meant so.
 
-Each function yields sentences on the one thing that its name says.
+Each function decides one warning and yields its sentences, none where there is nothing to say. They
+are listed in `of_chain` (the impact and its waves) and `of_structure` (an assembly), which a run
+asks. What a room below finds out by itself comes here as sentences: `coupling.verdict`,
+`dem.validity`, `rom.health`, `rom.imported`.
 """
 
 from __future__ import annotations
@@ -25,25 +29,28 @@ from workflows.stages.cache import fault
 from workflows.stages.chain import Start, contact_radius
 
 if TYPE_CHECKING:  # a run without a reduced model does not load finite elements
+    from fem.assembly_modes import AssemblyModes
     from fem.constraints import Overconstrained
+    from workflows.report.summary import ReductionHealth
 
 CURES = {
     "reduction": "keep more modes (reduction.modes, reduction.to_hz, wall.cutoff)",
     "mesh": "take smaller elements (the seeds of [mesh], or mesh.scale)",
+    "theory": "draw the beam or plate as a body, see solid-beam and solid-plate of `study`",
 }
 
 
 class Thresholds(NamedTuple):
-    """From where on a run is warned of; chosen, not varied."""
+    """Limits beyond which a run has a warning; chosen, not varied."""
 
-    model_error: float = 0.1  # error of the velocities, over the striker's
-    # k h up to which Zener's plate takes the energy of a solid one within a tenth, as the study
-    # wall-thickness shows
+    model_error: float = 0.1  # error of the velocities over the striker's speed
+    # wavenumber times thickness k h, up to which Zener's thin plate absorbs the energy of a solid
+    # one within a tenth (`beadwave study wall-thickness`)
     slender: float = 0.65
-    quality: float = 0.7  # of a wave, below which its numbers are not to be believed
-    unequal: float = 1.25  # ratio of masses from which on waves are not those of equal spheres
-    pressed: float = 0.05  # of the striker's energy, still elastic when the record ends
-    per_wave: int = 5  # samples that show a crest
+    quality: float = 0.7  # of a wave: below it, time and peak are those of overlapping waves
+    unequal: float = 1.25  # ratio of masses beyond which waves are not those of equal spheres
+    pressed: float = 0.05  # elastic energy when the record ends, over the striker's
+    per_wave: int = 5  # samples within the width of a wave that show its crest
 
 
 AT = Thresholds()
@@ -52,7 +59,7 @@ AT = Thresholds()
 def of_chain(
     scene: Scene, start: Start, impact: coupling.Impact, waves: ChainWaves
 ) -> Iterator[str]:
-    """All that a run of the chain and its waves give rise to."""
+    """All warnings on a run of the chain and its waves."""
     run = impact.trajectory
     yield from judged(impact)
     yield from dem.outside(dem.strain(start.chain, scene.chain.young, run.contact_force, run.v))
@@ -68,8 +75,15 @@ def of_chain(
     yield from short_record(scene, start, waves, run)
 
 
+def of_structure(modes: AssemblyModes, health: ReductionHealth) -> Iterator[str]:
+    """All warnings on an assembly and its reduced model."""
+    yield from health.findings
+    yield from overconstrained(modes.overconstrained)
+
+
 def long_contact(scene: Scene, start: Start, run: dem.Trajectory) -> Iterator[str]:
-    """A contact ellipse on a curved face that is not small relative to the sphere."""
+    """A contact ellipse on a curved face whose longer half axis at the peak force is not small
+    relative to the sphere's radius, as Hertz' law assumes."""
     if start.ellipse == coupling.PLANE:
         return
     peak, sphere = float(run.contact_force[:, -1].max()), float(start.chain.radius[-1])
@@ -83,7 +97,7 @@ def long_contact(scene: Scene, start: Start, run: dem.Trajectory) -> Iterator[st
 
 
 def overconstrained(twice: Sequence[Overconstrained]) -> Iterator[str]:
-    """Nodes that two constraints ask for: the first holds them."""
+    """Nodes that two constraints would hold: the first one does."""
     for slaves, face, holder in twice:
         yield (
             f"{len(set(slaves // 3))} nodes of {face} are held by {holder} as well, which alone "
@@ -92,7 +106,7 @@ def overconstrained(twice: Sequence[Overconstrained]) -> Iterator[str]:
 
 
 def results_not_kept() -> Iterator[str]:
-    """A folder for results that cannot be written or trusted."""
+    """A cache folder that cannot be written, or that other users may write."""
     if why := fault():
         yield (
             f"Nothing is kept for the next run, {cache_folder()} {why}; "
@@ -101,7 +115,8 @@ def results_not_kept() -> Iterator[str]:
 
 
 def judged(impact: coupling.Impact) -> Iterator[str]:
-    """Findings of the verdict, and the energy that a wall made that is not passive."""
+    """Findings of the verdict on the wall, and the energy that a wall has made that is not
+    passive."""
     yield from impact.verdict.findings
     gain = impact.energy_gain
     if not impact.verdict.passive:
@@ -112,7 +127,8 @@ def judged(impact: coupling.Impact) -> Iterator[str]:
 
 
 def large_model_error(name: str, error: float) -> Iterator[str]:
-    """A reduction or a mesh whose error shows in the velocities."""
+    """A reduction or a mesh ("reduction" or "mesh") whose relative error of the velocities is
+    large."""
     if error > AT.model_error:
         yield (
             f"The error of the {name} is about {100 * error:.0f} % of the striker's speed: "
@@ -120,8 +136,13 @@ def large_model_error(name: str, error: float) -> Iterator[str]:
         )
 
 
+def unknown_model_error(name: str, reason: Exception) -> Iterator[str]:
+    """A reduction or a mesh without a second model to measure its error by."""
+    yield f"The error of the {name} could not be estimated: {reason}"
+
+
 def beyond_the_horizon(scene: Scene) -> Iterator[str]:
-    """A run that goes on beyond the time up to which its velocities keep the error."""
+    """A run that lasts longer than the horizon up to which its velocities meet the error."""
     time = scene.time
     if time.dt is None and time.duration > time.horizon:
         yield (
@@ -132,7 +153,7 @@ def beyond_the_horizon(scene: Scene) -> Iterator[str]:
 
 
 def shortened_step(scene: Scene) -> Iterator[str]:
-    """Samples to save that lie closer than the step that was given."""
+    """A given step longer than the spacing of the samples, which is then the step taken."""
     spacing, dt = scene.time.duration / (scene.output.samples - 1), scene.time.dt
     if dt is not None and dt > spacing * (1 + 1e-9):
         yield (
@@ -142,7 +163,7 @@ def shortened_step(scene: Scene) -> Iterator[str]:
 
 
 def thick_plate(scene: Scene, run: dem.Trajectory) -> Iterator[str]:
-    """A plate that is not thin against the bending waves of the contact."""
+    """A plate too thick for Zener's law, relative to the bending waves of its contact time."""
     wall = scene.wall
     if not isinstance(wall, DashpotWall) or wall.plate_thickness is None:
         return
@@ -158,7 +179,8 @@ def thick_plate(scene: Scene, run: dem.Trajectory) -> Iterator[str]:
 
 
 def unequal_spheres(start: Start) -> Iterator[str]:
-    """Masses that differ, save the striker's and that of what is fixed to the last sphere."""
+    """Masses that differ between the first and the last sphere; these two may: one is the striker,
+    and to the other one something may be fixed."""
     mass = start.chain.mass[1:-1]
     spread = float(mass.max() / mass.min()) if mass.size else 1.0
     if spread >= AT.unequal:
@@ -170,7 +192,7 @@ def unequal_spheres(start: Start) -> Iterator[str]:
 
 
 def overlapping_waves(waves: ChainWaves) -> Iterator[str]:
-    """Waves of a quality too low to be trusted."""
+    """Waves at the observed spheres whose quality is low."""
     named = [label.arrival for labels in waves.labels.values() for label in labels]
     poor = sum(wave.quality < AT.quality for wave in named)
     if not poor:
@@ -186,7 +208,7 @@ def overlapping_waves(waves: ChainWaves) -> Iterator[str]:
 def short_record(
     scene: Scene, start: Start, waves: ChainWaves, run: dem.Trajectory
 ) -> Iterator[str]:
-    """What the end of the record cuts off, or its samples do not show."""
+    """A record that ends before the impact at the wall is over, or whose samples miss it."""
     if waves.contact is None:
         return
     ends = f"time.duration = {scene.time.duration:g} s ends"
@@ -206,7 +228,7 @@ def short_record(
 
 
 def coarse_samples(scene: Scene, start: Start) -> tuple[str, ...]:
-    """A sentence where a wave passes a sphere between two samples."""
+    """A sentence where samples are farther apart than the width of the striker's wave."""
     row, striker = start.chain, float(np.abs(start.velocity).max())
     spacing = scene.time.duration / (scene.output.samples - 1)
     width = WIDTH / float(solitary.speed(striker, row.mass[: row.A.size], row.A).max())
@@ -220,8 +242,9 @@ def coarse_samples(scene: Scene, start: Start) -> tuple[str, ...]:
 
 
 def unusual_wall_file(wall: RomWall) -> Iterator[str]:
-    """A material that nobody gave, weights that are no average, other units than N/m and kg, loose
-    bodies, a wall that was to float, a half-space larger than what holds it."""
+    """A reduced model from a file whose surface material is not stated, whose weights do not sum to
+    1, whose units are not N/m and kg, whose bodies are loose, which floats, or whose half-space is
+    more compliant than the whole (`rom.imported.unusual`)."""
     from rom.imported import unusual
     from workflows.files.wall import measured
 

@@ -1,4 +1,4 @@
-"""The waves of a run as a stage: followed through the chain, named, and measured at the wall."""
+"""The waves of a run as a stage (`dem.waves`), and as the summary has them."""
 
 import numpy as np
 
@@ -12,14 +12,15 @@ from workflows.stages.chain import Start
 
 
 def waves(scene: Scene, start: Start, impact: Impact) -> ChainWaves:
-    """What the run's trajectory holds of waves."""
+    """Waves along the chain, at the observed spheres and at the wall."""
     return chain_waves(
         impact.trajectory, start.chain, scene.output.spheres, at_wall=scene.wall is not None
     )
 
 
 def sphere_waves(waves: ChainWaves, t, v, sphere: int) -> SphereWaves:
-    """The waves at a sphere with record v (k,); unnamed where the chain is too short for tracks."""
+    """Waves at a sphere (counted from 1) with velocity v (k,) [m/s] at times t (k,) [s]; all peaks,
+    unnamed, where the chain is too short for tracks."""
     labels, pair = waves.labels[sphere], passage(t, v)
     listed = [_arrival(label.arrival, label.name, label.alone) for label in labels]
     return SphereWaves(
@@ -41,7 +42,8 @@ def _arrival(wave: Arrival, name: str | None = None, alone: bool = True) -> Wave
 
 
 def chain_contact(scene: Scene, waves: ChainWaves) -> ChainContact | None:
-    """The impact at the wall in the terms of the thesis' section 2.2.1."""
+    """The impact at the wall by the quantities of the thesis' section 2.2.1, and the speed of every
+    wave; None without a wall."""
     wall = waves.contact
     if wall is None:
         return None

@@ -41,7 +41,7 @@ class HammerRow(BaseModel):
 
 
 class HammerReport(BaseModel):
-    """All resonances of a test."""
+    """The resonances of a hammer test, each beside the mode that it is paired with."""
 
     file: str
     title: str
@@ -60,7 +60,7 @@ class HammerReport(BaseModel):
         return {mode: zeta for mode, zeta in ratios.items() if zeta}
 
     def text(self) -> str:
-        """Aligned lines with remarks."""
+        """A table of the resonances, and remarks on them."""
         head = ("Hz", "half-power", "fit", "mode", "computed Hz", "MAC", "")
         table = []
         for row in self.rows:
@@ -118,8 +118,8 @@ def hammer_test(path: Path, expected_hz: dict[int, float]) -> IdentifiedTest:
 
 
 def recognised(test: IdentifiedTest, pipeline: Pipeline, wanted: Collection[int]) -> IdentifiedTest:
-    """The same, each resonance with the computed mode that its shape has the largest MAC with; the
-    one most like a wanted target's mode has the target's number."""
+    """The test with each resonance paired with the computed mode of the largest MAC with its shape;
+    the resonance most like the mode of a wanted target gets the target's number."""
     report, scene = test.report, pipeline.scene
     model, modes = pipeline("model"), pipeline("modes")
     shapes = [shape(scene, model, report.file, row.frequency_hz) for row in report.rows]
@@ -128,7 +128,7 @@ def recognised(test: IdentifiedTest, pipeline: Pipeline, wanted: Collection[int]
     number = {j: n for n, j in enumerate(modes.index.tolist(), start=1) if n in wanted}
     rows = []
     for i, (row, j) in enumerate(zip(report.rows, mode_of.tolist(), strict=True)):
-        # two resonances may be like one mode: the one more like it has its number
+        # two resonances may resemble one mode: the one of the larger MAC gets its number
         is_mode = i == resonance_of[j] and pairing.index[i] >= 0
         update = {
             "mode": number.get(j) if is_mode else None,

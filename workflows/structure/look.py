@@ -65,7 +65,7 @@ class Look(BaseModel):
     remarks: list[str]
 
     def text(self) -> str:
-        """Aligned lines."""
+        """Tables of bodies, touching pairs and holes, and remarks."""
         unit = f", lengths in {self.unit}" if self.unit else ""
         n = len(self.bodies)
         lines = [f"{self.name}: {n} bod{'y' if n == 1 else 'ies'}{unit}", ""]
@@ -120,7 +120,7 @@ def of_file(path: Path) -> Scene:
 
 def look(scene: Scene, source: str) -> Seen:
     """Bodies, pairs and holes of a scene, from its geometry alone and a mesh as a run has it."""
-    # bores and other findings of the CAD kernel, while its session is open
+    # holes and remarks need the CAD kernel, whose session ends with the context
     with drawing(scene) as geometry:
         holes, starter, meshes = (
             _holes(geometry),
@@ -185,7 +185,7 @@ def _meshes(scene: Scene, geometry: Drawing) -> dict[str, Mesh]:
 
 
 def _holes(geometry: Drawing) -> list[SeenHole]:
-    """Bores of each body, equal ones counted."""
+    """Holes of the bodies, equal ones of a body in one row with their number."""
     from geometry.holes import bores
 
     counts: Counter[tuple] = Counter()

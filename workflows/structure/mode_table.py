@@ -45,7 +45,7 @@ class ModeTable(BaseModel):
     warnings: list[str] = []
 
     def text(self) -> str:
-        """Aligned lines."""
+        """The table as text, with how to read its columns."""
         cells = []
         for row in self.rows:
             at_contact = None if row.participation is None else f"{row.participation:.4f}"

@@ -49,7 +49,7 @@ def freed(scene: Scene, names: Sequence[str]) -> list[TuningParameter]:
 def on_bodies(
     scene: Scene, parameters: Sequence[TuningParameter], bodies: Sequence[str]
 ) -> list[TuningParameter]:
-    """The same, a material's factor with the bodies of this material."""
+    """The parameters, those of a material with the bodies that are made of it."""
     with_bodies = []
     for p in parameters:
         material = None if p.springs else p.name.split(".")[1]
@@ -59,7 +59,7 @@ def on_bodies(
 
 
 def scene_value(scene: Scene, name: str) -> float:
-    """The value that the scene has."""
+    """The scene's value of a parameter by its name: a stiffness [N/m, N m/rad], or a material's."""
     table, entry, key = name.split(".")
     return getattr((scene.springs if table == "joints" else scene.materials)[entry], key)
 

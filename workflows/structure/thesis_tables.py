@@ -70,7 +70,7 @@ class ThesisTable(BaseModel):
     rows: list[TableRow]
 
     def text(self) -> str:
-        """Aligned lines, computed over the thesis'."""
+        """The table as text, computed frequencies above the thesis'."""
         lines = []
         for row in self.rows:
             hz = "".join(f"{'-' if f is None else f'{f:.2f}':>11}" for f in row.modes_hz)

@@ -6,7 +6,7 @@ fitted stiffnesses as a judge.
 
 from collections.abc import Mapping, Sequence
 from time import perf_counter
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import BaseModel
@@ -26,19 +26,28 @@ SHIFT = of_bodies.SHIFT
 STARTS = {"ky": (1e6, *SHIFT[1:]), "kz": (3e7, *SHIFT[1:]), "kt": (1e8, *SHIFT[1:])}
 FACTOR = (1.0, 0.85, 1.15)  # of the block's modulus and density
 TANGENTIAL = ("kx", "kz")  # what "kt" stands for
-DISAGREEMENT = 1e-3  # of the full model and the projection, relative
-LARGEST_MISS = 0.05  # relative: three times what the thesis' own matches miss, table 5.3
+
+
+class FitTolerances(NamedTuple):
+    """Relative errors of frequencies by which a fit is judged; not varied."""
+
+    disagreement: float = 1e-3  # of the full model and the projection
+    largest_miss: float = 0.05  # of a fit: three times what the thesis' own matches miss, table 5.3
+
+
+TOLERANCES = FitTolerances()
 
 
 def _unit(name: str) -> str:
-    """Of a stiffness; of a material's value what it is a factor of."""
+    """Unit of a fitted value: of a stiffness by its direction, the last word of its name; of a
+    material's value, which is a factor, what it multiplies."""
     if name.endswith(of_bodies.MATERIAL):
         return "of the rest's" if name.startswith("block.") else "of the scene's"
-    return "N m/rad" if ".kr" in name else "N/m"
+    return "N m/rad" if name.rpartition(".")[2].startswith("kr") else "N/m"
 
 
 class TuningReport(BaseModel):
-    """A fit: the modes wanted and met, the fitted values, and how far to believe them."""
+    """A fit: frequencies wanted and met, fitted values with their deviations, remarks."""
 
     scene: str
     match: dict[str, float]
@@ -79,15 +88,17 @@ class TuningReport(BaseModel):
         """A sentence on each mode that is missed by more than a fit of it may be."""
         return [
             f"mode {n} of {self.match[n]:g} Hz is missed by {100 * error:+.3g} %, up to "
-            f"{100 * LARGEST_MISS:g} % is a fit; free what moves this mode, or match others."
+            f"{100 * TOLERANCES.largest_miss:g} % is a fit; free what moves this mode, or match "
+            "others."
             for n, error in _misses(self.modes_hz, self.match).items()
         ]
 
 
 def _misses(modes_hz: Mapping[Any, float], match: Mapping[Any, float]) -> dict[Any, float]:
-    """Relative errors of the modes that are no fit, by number; a mode that is nan is none."""
+    """Relative errors, by number, of modes missed by more than `largest_miss`; nan counts
+    as missed."""
     errors = {n: modes_hz[n] / hz - 1 for n, hz in match.items()}
-    return {n: error for n, error in errors.items() if not abs(error) <= LARGEST_MISS}
+    return {n: error for n, error in errors.items() if not abs(error) <= TOLERANCES.largest_miss}
 
 
 def tuned(
@@ -182,8 +193,8 @@ def _remarks(
     confirmed: dict[str, float],
     mac: dict[str, float],
 ) -> list[str]:
-    """How far to believe a fit, in sentences. `of_all` is the fit of all candidates, `unchanged`
-    are keys of the scene that the modes do not determine, with their values."""
+    """Sentences on the reliability of a fit. `of_all` is the fit of all candidates; `unchanged` has
+    the scene's keys, with their values, that the modes do not determine."""
     names, remarks = [p.name for p in fit.parameters], []
     modes = "mode " + ", ".join(map(str, match))
     for key, x in unchanged.items():
@@ -199,8 +210,8 @@ def _remarks(
     contradicted = [
         f"mode {n}"
         for n, hz in match.items()
-        if abs(fit.modes_hz[n - 1] / hz - 1) > DISAGREEMENT
-        and abs(of_all.modes_hz[n - 1] / hz - 1) < DISAGREEMENT / 2
+        if abs(fit.modes_hz[n - 1] / hz - 1) > TOLERANCES.disagreement
+        and abs(of_all.modes_hz[n - 1] / hz - 1) < TOLERANCES.disagreement / 2
     ]
     if contradicted:
         values = [
@@ -215,18 +226,18 @@ def _remarks(
 
     missed = {n: float(fit.modes_hz[n - 1]) / hz - 1 for n, hz in match.items()}
     for n, error in missed.items():
-        if abs(error) > DISAGREEMENT:
+        if abs(error) > TOLERANCES.disagreement:
             remarks.append(f"mode {n} is missed by {100 * error:+.1f} %.")
     has_free_turn = {"head.kz", "head.kry"} <= {p.name for p in candidates}
     conflict = not scene.is_general and {2, 3} <= match.keys() and not has_free_turn
-    if conflict and max(map(abs, missed.values())) > DISAGREEMENT:
+    if conflict and max(map(abs, missed.values())) > TOLERANCES.disagreement:
         remarks.append(
             "Modes 2 and 3 both shear the joints along x: one stiffness for x and z that is soft "
             "enough for mode 2 pulls mode 3 down with it. Free head.kz and head.kry instead."
         )
 
     for i, hz in confirmed.items():
-        if abs(fit.modes_hz[int(i) - 1] / hz - 1) > DISAGREEMENT:
+        if abs(fit.modes_hz[int(i) - 1] / hz - 1) > TOLERANCES.disagreement:
             remarks.append(
                 f"the full model has mode {i} at {hz:.2f} Hz: the projection is inaccurate."
             )
@@ -290,7 +301,7 @@ def freed(names: tuple[str, ...]) -> list[TuningParameter]:
 
 
 def started_from(scene: Scene, p: TuningParameter) -> TuningParameter:
-    """The same, from the value that the scene has where that lies between the bounds."""
+    """The parameter with the scene's value as its start where that lies between the bounds."""
     scale = 1.0 if p.springs else getattr(scene.assembly, p.of)
     before = tuple(value / scale for _, value in scene_values(scene, p))
     start = before[0] if p.lower <= before[0] <= p.upper else p.start

@@ -188,7 +188,7 @@ def load_sweep(folder: str | Path) -> Sweep:
 
 
 def _design(base: Base, cases: Cases) -> Design:
-    """The cases; raises InvalidScene."""
+    """The design that the cases describe; raises InvalidScene."""
     from workflows.sweep import design
 
     # values of a mapping as `--over` takes them; a text, start:stop:n for instance, as it is

@@ -1,4 +1,4 @@
-"""The cases of a sweep by what they share: a wall, and whether their chains march side by side."""
+"""Cases of a sweep in groups that share a wall, and whether their chains march side by side."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -60,11 +60,11 @@ class Group(NamedTuple):
     cases: tuple[int, ...]
 
     def values(self, i: int) -> dict[str, Any]:
-        """All keys of the i-th case of the group."""
+        """Values of all keys in the i-th case of the group."""
         return self.shared | {key: column[i] for key, column in self.columns.items()}
 
     def take(self, rows: list[int]) -> "Group":
-        """Its cases at these rows."""
+        """The group of its cases at these rows alone."""
         columns = {key: tuple(column[i] for i in rows) for key, column in self.columns.items()}
         return Group(self.shared, columns, tuple(self.cases[i] for i in rows))
 

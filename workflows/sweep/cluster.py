@@ -1,4 +1,4 @@
-"""The same tasks on the processes of a Dask cluster: one of this machine, or one by its address.
+"""Tasks of a sweep on the processes of a Dask cluster: of this machine, or by an address.
 
 Dask sends the tasks of a lost worker to another one; a task that ends several workers fails, and
 its cases are rows with that message.
@@ -13,7 +13,7 @@ from functools import partial
 from logging import getLogger
 from os import cpu_count
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 from workflows.scene import InvalidScene
 from workflows.sweep.core.rows import FAILED, Rows, without_result
@@ -21,17 +21,25 @@ from workflows.sweep.march import rows
 from workflows.sweep.models import SharedWall, models, shared_wall
 from workflows.sweep.tasks import Sharing, Task
 
-RETRIES = 2  # of a task whose worker ended
 HERE = "127.0.0.1"
 PATIENCE = "10s"  # to reach a scheduler
-MOST_A_CORE = 64  # processes, each a third of a gigabyte
-RECOUNT = 1.0  # s between counts of the workers: an answer is as long as the list of workers
-AHEAD = 4  # tasks for each thread that are handed over before the first is done
+
+
+class ClusterOptions(NamedTuple):
+    """How tasks are handed to a cluster; chosen, not varied."""
+
+    retries: int = 2  # of a task whose worker ended
+    most_a_core: int = 64  # processes of this machine, each a third of a gigabyte
+    recount: float = 1.0  # s between counts of the workers, each as long as the list of workers
+    ahead: int = 4  # tasks for each thread that are handed over before the first is done
+
+
+OPTIONS = ClusterOptions()
 
 
 def require_processes(where: int | str) -> None:
     """Raise InvalidScene for no process at all, and for more than this machine can start."""
-    allowed = MOST_A_CORE * (cpu_count() or 1)
+    allowed = OPTIONS.most_a_core * (cpu_count() or 1)
     if isinstance(where, int) and not 1 <= where <= allowed:
         raise InvalidScene(
             f"{where} processes; give 1 to {allowed} on this machine, or a scheduler's address."
@@ -40,8 +48,8 @@ def require_processes(where: int | str) -> None:
 
 @contextmanager
 def engine(where: int | str) -> Iterator[Callable]:
-    """What computes tasks on so many processes of this machine, or on the cluster of a scheduler
-    at an address.
+    """A function that computes tasks on `where` processes of this machine, or on the cluster of a
+    scheduler at that address.
 
     Raises InvalidScene for numbers of processes that cannot be, where Dask is not installed, and
     where the scheduler does not answer.
@@ -58,7 +66,7 @@ def engine(where: int | str) -> Iterator[Callable]:
             "processes and clusters need dask.distributed, which is not installed; "
             "./install.sh sweep installs it."
         ) from None
-    dask.config.set({"distributed.scheduler.allowed-failures": RETRIES})
+    dask.config.set({"distributed.scheduler.allowed-failures": OPTIONS.retries})
     if isinstance(where, int):
         # scheduler, workers and dashboard alone to this machine: who reaches them runs code here
         cluster = LocalCluster(
@@ -116,13 +124,13 @@ async def _answer(where: str) -> Any:
 
 
 def on(client: Any) -> Callable[[Iterator[Sharing]], Iterator[list[Rows]]]:
-    """What computes tasks with a Dask client: models once, then walls, then rows, each a future
-    that the next one waits for."""
+    """A function that computes tasks with a Dask client: models once, then walls, then rows, each a
+    future that the next one waits for."""
 
     def run(sharings: Iterator[Sharing]) -> Iterator[list[Rows]]:
         from distributed import as_completed
 
-        submit = partial(client.submit, pure=False, retries=RETRIES)
+        submit = partial(client.submit, pure=False, retries=OPTIONS.retries)
         models_of: dict[str, Any] = {}
         running: dict[Any, Task] = {}
         completed = as_completed([])
@@ -140,7 +148,7 @@ def on(client: Any) -> Callable[[Iterator[Sharing]], Iterator[list[Rows]]]:
                 completed.add(future)
                 while len(running) >= allowed:
                     yield _result(next(completed), running)
-                    if perf_counter() > counted_at + RECOUNT:
+                    if perf_counter() > counted_at + OPTIONS.recount:
                         allowed, counted_at = _handed_over(client), perf_counter()
         while running:
             yield _result(next(completed), running)
@@ -151,7 +159,7 @@ def on(client: Any) -> Callable[[Iterator[Sharing]], Iterator[list[Rows]]]:
 def _handed_over(client: Any) -> int:
     """Tasks to hand over to the present workers; raises CancelledError without a scheduler."""
     try:
-        return AHEAD * max(1, sum(client.nthreads().values()))
+        return OPTIONS.ahead * max(1, sum(client.nthreads().values()))
     except OSError:
         raise CancelledError from None
 

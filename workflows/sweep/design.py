@@ -1,4 +1,4 @@
-"""Which cases a sweep has: grids, lists, samples and tables of values for keys of a scene."""
+"""Designs of a sweep from text: grids, lists, samples and tables of values for keys of a scene."""
 
 import csv
 from collections.abc import Callable, Iterable

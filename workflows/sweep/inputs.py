@@ -1,4 +1,5 @@
-"""What the rows of a table depend on beside scene and cases: files that these name, the program."""
+"""Inputs of a table beside scene and cases: the files that these name, and the program's
+sources."""
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path

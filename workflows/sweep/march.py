@@ -1,4 +1,4 @@
-"""Cases of a group on one wall: side by side where the batch takes them, else one after another."""
+"""The march of a group of cases on one wall: side by side in a batch, or one after another."""
 
 from time import perf_counter
 
@@ -127,7 +127,7 @@ def _one_by_one(
 
 
 def taken(batch: dem.Batch, rows: list[int]) -> dem.Batch:
-    """The chains of a batch at these rows."""
+    """The batch of the chains at these rows alone."""
     names = ("v", "wall_force", "energy_error", "dt", "n_steps", "error_estimate")
     return batch._replace(refused={}, **{name: getattr(batch, name)[rows] for name in names})
 

@@ -21,6 +21,7 @@ FURTHER = {
         ".reduction:jointed",
         tables_of("reduction", "patch", "assembly"),
         ("model", "contact", "modes"),
+        means=("factor", "krylov-space"),
     )
 }
 
@@ -51,8 +52,8 @@ class Models(NamedTuple):
 
 
 class SharedWall(NamedTuple):
-    """What the cases of a group share: the wall, if a reduced model makes it, and errors of that
-    model, in parts of the striker's speed; or why there is none."""
+    """The reduced wall that the cases of a group share, and the errors of its model over the
+    striker's speed; or why there is none."""
 
     wall: dem.Wall | coupling.CoupledWall | None = None
     error_reduction: float = float("nan")
@@ -62,7 +63,7 @@ class SharedWall(NamedTuple):
 
 
 def models_key(source: Source) -> str | None:
-    """The same for sources that share their models; None where none is computed."""
+    """A key that is equal for sources with the same models; None where none is computed."""
     if not needs_structure(source.scene):
         return None
     return "".join(source.pipeline.key(stage) for stage in source.stages)
@@ -78,6 +79,7 @@ def models(source: Source) -> Models | str:
     pipeline, (reduction, second) = source.pipeline, source.stages
     try:
         first = pipeline(reduction)
+        pipeline.release()
         try:
             # None for a mesh that no other one tells the error of
             on_other_mesh = pipeline(second)

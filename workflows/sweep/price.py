@@ -1,4 +1,4 @@
-"""Seconds and memory that a sweep will take, from its first cases."""
+"""Estimate of the seconds and the memory that a sweep takes, by timing its first cases."""
 
 from collections.abc import Sequence
 from time import perf_counter
@@ -36,7 +36,7 @@ class Price(NamedTuple):
     notes: tuple[str, ...] = ()  # why cases are refused, or the first one fails
 
     def table(self) -> Table:
-        """For a person and for machines."""
+        """The price as a table of one row."""
         labels = (
             "cases", "refused", "walls", "reduced models", "reduced models to compute",
             "cases side by side", "seconds a case", "seconds a reduced model", "processes",

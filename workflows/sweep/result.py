@@ -1,4 +1,4 @@
-"""A finished sweep: its table, what it says, and pictures of it."""
+"""A finished sweep: its table, effects of the keys, and pictures."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -105,7 +105,7 @@ class Sweep:
         return picture(name, self._output(name), by_label)
 
     def pictures(self) -> tuple[Picture, ...]:
-        """Those of the main outputs."""
+        """Pictures of the main outputs."""
         return tuple(self.plot(name) for name in self.main)
 
     def _output(self, name: str) -> Array:
@@ -165,14 +165,14 @@ class Sweep:
         return Table("effects", heading, tuple(rows)) if rows else None
 
     def text(self) -> str:
-        """For a person."""
+        """Tables, effects and messages of the sweep as text."""
         counts = ", ".join(f"{n} {status}" for status, n in self.counts().items())
         messages = [f"{n} x {sentence}" for sentence, n in list(self.messages().items())[:5]]
         texts = [tables.text(table) for table in self.found()]
         return "\n\n".join([f"{self.design.n_cases} cases: {counts}", *texts, *messages])
 
     def record(self) -> dict[str, Any]:
-        """For machines: cases by status, and the tables."""
+        """The sweep for JSON: numbers of cases by status, and the tables as records."""
         records = {table.name: tables.records(table) for table in self.found()}
         about = {"cases": self.design.n_cases, "status": self.counts(), "folder": str(self.folder)}
         return {**about, "done": self.counts().get(DONE, 0), **records}

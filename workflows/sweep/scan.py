@@ -50,7 +50,7 @@ Progress = Callable[[int, int], None]  # points done, points in all
 
 
 class ScanOptions(NamedTuple):
-    """Numbers of a scan that were chosen by trial."""
+    """How the walls of a scan are reduced and its waves identified."""
 
     # oscillators of a point beyond the common modes: with 1, 2, 3, 4 and 6 the velocities of
     # spheres of 6 mm that strike a 4 mm plate are off by up to 3e-3, 1e-3, 5e-4, 1e-4 and 8e-5;

@@ -1,4 +1,4 @@
-"""Pieces of a sweep's work: cases computed together, and what tasks share."""
+"""Tasks of a sweep: cases computed together, and the reduced models that tasks share."""
 
 from collections.abc import Iterator
 from math import isfinite
@@ -9,8 +9,8 @@ from workflows.sweep.cases import Base, CheckedGroup, Group, checked, groups
 from workflows.sweep.core.design import Design
 from workflows.sweep.models import Source, models_key
 
-CHUNK = 500  # cases side by side: what a killed sweep loses at the most
-ALONE = 20  # cases one after another, some seconds
+CHUNK = 500  # cases of a task that march side by side: a killed sweep loses at most so many
+ALONE = 20  # cases of a task that march one after another, some seconds
 SPRINGS = ("kx", "ky", "kz", "krx", "kry", "krz")
 
 

@@ -23,6 +23,7 @@ from workflows.scene import InvalidScene, Scene
 from workflows.stages.pipeline import Progress, couples
 
 SCENE = "rig-rom"
+ALONE = True  # ten seconds of one core, which change with the versions of numba and LLVM only
 LONGEST = 600.0  # s for the child, some 30 times what the largest variant of a chain takes
 
 

@@ -10,7 +10,7 @@ from workflows.stages.cache import LIBRARIES, library_versions
 
 
 class Machine(NamedTuple):
-    """Processor, system and versions."""
+    """The machine that a study ran on: processor, system, versions."""
 
     processor: str
     cores: int

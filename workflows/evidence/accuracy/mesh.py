@@ -35,7 +35,8 @@ from workflows.stages.pipeline import Progress
 from workflows.stages.targets import targets
 
 SCENE = "rig-rom"
-SEEDS = (8e-3, 5.66e-3, 4e-3, 2.83e-3, 2e-3)  # [m] ratio sqrt 2
+SEEDS = (11.3e-3, 8e-3, 5.66e-3, 4e-3, 2.83e-3)  # [m] ratio sqrt 2
+FINE = (2e-3,)  # [m] 100 000 unknowns
 FINER = (1.41e-3, 1e-3)  # [m] 190 000 and 350 000 unknowns, where a faster solver is installed
 BLOCK = 8e-3  # [m] elements of the block
 BLOCK_ORDER = 1.0  # that singular edges leave at least
@@ -44,6 +45,8 @@ N_MODES = {"full-tie": 18, "screw-tie": 30}  # that reach mode 4
 SCALES = (4.0, 2.83, 2.0, 1.41, 1.0)  # of the scene's mesh.scale, of any other assembly
 FIRST = tuple(fem.Number(i) for i in range(1, 5))  # of a scene without targets
 TEMPLATE = str(Path(__file__).with_name("_mesh_of_bodies.md"))
+THOROUGH = {"finer": True}
+LEFT_OUT = "elements below 2.8 mm in the sheets of the rig"
 
 
 class MeshSolution(NamedTuple):
@@ -57,14 +60,25 @@ class MeshSolution(NamedTuple):
     quality: float  # smallest scaled Jacobian
 
 
-def mesh(scene: Scene, progress: Progress, *, seeds: tuple[float, ...] | None = None) -> Finding:
-    """Frequencies against the element size; of a beam or a plate with the waves beside."""
+def mesh(
+    scene: Scene,
+    progress: Progress,
+    *,
+    seeds: tuple[float, ...] = SEEDS,
+    finer: bool = False,
+) -> Finding:
+    """Frequencies against the element size; of a beam or a plate with the waves beside.
+
+    `seeds` [m] are those of the rig's sheets, the largest first; `finer` appends FINE, and FINER
+    where PARDISO is installed.
+    """
     if scene.bending is not None:
         return Finding(*of_bending(scene, progress))
     with_assembly(scene)
     if scene.is_general:
         return _of_bodies(scene, progress)
-    seeds = seeds or SEEDS + (FINER if has_pardiso() else ())
+    if finer:
+        seeds += FINE + (FINER if has_pardiso() else ())
     rows, lines, limits, errors = [], [], {}, {}
     for constraint in N_MODES:
         solutions = [rig_solution(scene, constraint, seed, BLOCK, progress) for seed in seeds]

@@ -32,7 +32,7 @@ def seconds_at(rows: Iterable[AccuracyRow], error: float) -> float:
 
 
 class Fastest(NamedTuple):
-    """The method that reaches an error first."""
+    """The method that reaches an error in the least time."""
 
     method: str
     seconds: float

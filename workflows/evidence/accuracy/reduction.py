@@ -47,6 +47,7 @@ from workflows.stages.pipeline import Progress, Stage, pipeline_of, tables_of
 from workflows.stages.reduction import contact_of
 
 SCENE = "rig-rom"
+ALONE = True  # twenty reductions of 50 000 unknowns, each marched against the full model
 KINDS = ("free-modes", "craig-bampton")
 CHOICES = ("contact", "lowest")
 COUNTS = (10, 20, 40, 80, 150)

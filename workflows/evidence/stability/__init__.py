@@ -1,1 +1,1 @@
-"""Stiff and extreme chains and walls, each run held against a finer one."""
+"""Stiff and extreme chains and walls, each run compared with a finer one."""

@@ -49,7 +49,7 @@ def at_rigid_wall(
 
 
 def young() -> Iterator[Trial]:
-    """One modulus for all, 1 MPa to 1 TPa."""
+    """One Young's modulus for all spheres, from 1 MPa to 1 TPa."""
     for E in 10.0 ** np.arange(6, 13):
         yield Trial("young", E, partial(at_rigid_wall, young=E, flat=dem.Flat(E, 0.3)))
 
@@ -72,13 +72,13 @@ def unlike_radii() -> Iterator[Trial]:
 
 
 def radius() -> Iterator[Trial]:
-    """1 um to 1 m."""
+    """One radius for all spheres, from 1 um to 1 m."""
     for R in 10.0 ** np.arange(-6, 1):
         yield Trial("radius", R, partial(at_rigid_wall, radius=R))
 
 
 def striker_speed() -> Iterator[Trial]:
-    """1 um/s to 100 m/s."""
+    """Speeds of the striker from 1 um/s to 100 m/s."""
     for speed in 10.0 ** np.arange(-6, 3):
         yield Trial("striker-speed", speed, partial(at_rigid_wall, speed=speed))
 
@@ -117,7 +117,7 @@ def _vanishing(force: float) -> Outcome:
 
 
 def dissipation() -> Iterator[Trial]:
-    """Each law from none to far beyond critical."""
+    """Each law of contact damping, from none to far beyond critical."""
     for law in ("linear", "linear-clipped", "hunt-crossley"):
         for gamma in (0.0, 1e-3, 1.0, 1e2, 1e4, 1e6, 1e8, 1e12, 1e18):
             run = partial(at_rigid_wall, dissipation=law, gamma=gamma, duration=5e-4)
@@ -125,7 +125,7 @@ def dissipation() -> Iterator[Trial]:
 
 
 def spheres() -> Iterator[Trial]:
-    """2 to 100 000 of them."""
+    """Chains of 2 to 100 000 spheres."""
     for n in (2, 17, 100, 1000, 10_000, 100_000):
         duration = 3e-4 if n > 1000 else 1e-3
         yield Trial("spheres", n, partial(at_rigid_wall, count=n, duration=duration, n_save=10))

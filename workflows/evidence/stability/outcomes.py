@@ -1,4 +1,4 @@
-"""A march to an error held against one of another scheme with a step four times finer."""
+"""A march to an error compared with one of another scheme with a step four times finer."""
 
 from functools import partial
 from typing import NamedTuple

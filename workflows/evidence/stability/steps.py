@@ -48,7 +48,7 @@ def energy_drift(scheme: str, press: float, n_steps: int) -> Outcome:
     kinetic energy at the start; `press` [m] is how far the spring's anchor squeezes the chain.
 
     Contacts that stay closed keep the energy of a nearby system for ever; each that opens or closes
-    knocks it by as much as the step is rough, and the knocks add up like a random walk.
+    changes it by an error of the step, and these changes add up like a random walk.
     """
     first = np.eye(1, 3)[0]
     chain = spheres_of(count=3, leaf_stiffness=1e6 * first, leaf_anchor=press * first)
@@ -61,7 +61,7 @@ def energy_drift(scheme: str, press: float, n_steps: int) -> Outcome:
 
 
 def time_reversal() -> Iterator[Trial]:
-    """There and back again."""
+    """A march forth, velocities reversed, and back: the start is met to rounding and drift."""
     oscillator = dem.one_dof_wall(900.0, 2.0)
     cases = {
         "free": (spheres_of(flat=None), None),

@@ -1,1 +1,1 @@
-"""Figures of the thesis made again, each beside its cure."""
+"""Figures and statements of the thesis computed again, each beside the corrected method."""

@@ -7,6 +7,7 @@ passed the observed spheres, and after.
 
 from typing import NamedTuple
 
+from workflows.evidence.counted import counted
 from workflows.evidence.prose import rendered
 from workflows.evidence.thesis import bent
 from workflows.evidence.thesis.observed_run import Observed
@@ -54,12 +55,11 @@ def axial_force(
     buckling_load = -small / bending.model(pressed).load_factor
 
     cases = []
-    for share in options.shares:
-        with progress(f"{share:g} of the buckling load"):
-            force = share * buckling_load
-            loaded = scene.but(beam={"axial_force": force})
-            run = bent.run(loaded, bent.wall(loaded))
-            cases.append(AxialLoad(share, force, bent.first_mode(loaded), run))
+    for share in counted(options.shares, progress, "{:g} of the buckling load".format):
+        force = share * buckling_load
+        loaded = scene.but(beam={"axial_force": force})
+        run = bent.run(loaded, bent.wall(loaded))
+        cases.append(AxialLoad(share, force, bent.first_mode(loaded), run))
     free = cases[options.shares.index(0.0)]
 
     # velocity differences to the beam without a force

@@ -1,4 +1,4 @@
-"""A chain before beams and plates of one table of the scene: what the studies of them share."""
+"""A chain at a beam or plate of bending theory: functions that the studies of these share."""
 
 import numpy as np
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 import coupling
 import dem
 from coupling.plate import Plate, group_speed
+from workflows.evidence.counted import counted
 from workflows.evidence.prose import rendered
 from workflows.evidence.thesis import plate_sizes, plates
 from workflows.evidence.thesis.collision import Collision, CollisionRun
@@ -80,12 +81,12 @@ class EdgeSeries(NamedTuple):
 
     @property
     def over_far(self) -> NDArray[np.float64]:
-        """ARR over that far away, or over what could just be seen, (k,)."""
+        """ARR (k,) over that at the largest distance, or over the faintest ARR that counts."""
         return self.arr / max(self.far, CollisionRun().faintest_arr)
 
     @property
     def remaining(self) -> NDArray[np.float64]:
-        """What is left of the edge's effect on ARR, (k,), 1 at the edge."""
+        """The edge's effect on ARR (k,) over that at the smallest distance."""
         return (self.arr - self.far) / (self.arr[0] - self.far)
 
     def reach(self, half_space: Collision) -> float:
@@ -144,10 +145,9 @@ def boundary_distance(
         return EdgeSeries(ratio, plate, distance, collisions, options.close)
 
     series = []
-    for ratio in options.ratios:
-        with progress(f"plate, D/t = {ratio:g}"):
-            size = size_of(plates.steel(scene, diameter / ratio))
-            series.append(struck(ratio, size, options.diameters))
+    for ratio in counted(options.ratios, progress, "plate, D/t = {:g}".format):
+        size = size_of(plates.steel(scene, diameter / ratio))
+        series.append(struck(ratio, size, options.diameters))
 
     # one of them again with mesh and modes varied, at a few distances
     base = next(plate for plate in series if plate.ratio == checked)

@@ -1,4 +1,4 @@
-"""The first collision of a chain with its wall: the wave that comes back, what the wall takes.
+"""The first collision of a chain with its wall: the reflected wave, and the wall's energy.
 
 The amplitude ratio of the reflected wave (ARR) is (2.9) of the thesis, velocities to the power 6/5.
 """
@@ -25,7 +25,7 @@ class CollisionRun(NamedTuple):
     n_save: int = 6000  # instants of the record
     per_sphere: float = 4.0  # natural times: to the wall and slowly back past one sphere
     at_wall: float = 10.0  # natural times that the contact with the wall may take
-    faint: float = 0.02  # of the incident wave's velocity: below it there is no reflected one
+    faint: float = 0.02  # of the incident wave's velocity: a fainter reflected wave counts as none
 
     @property
     def faintest_arr(self) -> float:
@@ -34,7 +34,7 @@ class CollisionRun(NamedTuple):
 
 
 class Collision(NamedTuple):
-    """What the first collision does to a chain."""
+    """The first collision of a chain with its wall."""
 
     arr: float  # (2.9) at the observed sphere, 0 where no wave comes back
     lost: float  # share of the striker's energy that the spheres have not when the contact ends

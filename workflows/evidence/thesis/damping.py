@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 import coupling
+from workflows.evidence.counted import counted
 from workflows.evidence.prose import rendered
 from workflows.evidence.thesis.requirements import require_rig
 from workflows.evidence.thesis.schemes import (
@@ -54,13 +55,13 @@ def damping(
     near_by = f"thesis, read {1e3 * radius:g} mm beside"
     opposite = ((-y, z - radius), (-y, z + radius))
     runs = []
-    for name, wall_of in (
+    couplings = (
         ("one functional", lambda: one_functional(scene, body, schemes)),
         (near_by, lambda: of_the_thesis(body, schemes)),
         ("thesis, read at the block's other side", lambda: of_the_thesis(body, schemes, opposite)),
-    ):
-        with progress(name):
-            runs.append(impact_run(scene, name, wall_of(), options.duration, schemes))
+    )
+    for name, wall_of in counted(couplings, progress, lambda pair: pair[0]):
+        runs.append(impact_run(scene, name, wall_of(), options.duration, schemes))
 
     # zeta = (alpha / omega + beta omega) / 2 at the measured modes
     tested = np.array(HAMMER_TEST_HZ)

@@ -15,6 +15,7 @@ import dem
 import fem
 import geometry
 from dem.waves.measures import WaveEnergy, wave_energy
+from workflows.evidence.counted import counted
 from workflows.evidence.prose import rendered
 from workflows.evidence.thesis.observed_run import RecordOptions, round_trip
 from workflows.evidence.thesis.requirements import bare, require_chain, require_rig
@@ -44,7 +45,7 @@ SHARE = "energy [% of the striker's]"
 
 
 class EnergyOptions(NamedTuple):
-    """What the runs are like; not varied."""
+    """The runs and the large block; not varied."""
 
     duration: float = 3e-3  # [s]
     side: float = 0.3  # [m] of the large block
@@ -86,13 +87,12 @@ def energy(scene: Scene, progress: Progress, options: EnergyOptions = EnergyOpti
         "ROM assembly": StruckBody(rig_model, scene.patch.point, scene.patch.radius),
     }
     walls = []
-    for name, body in bodies.items():
-        with progress(name):
-            wall = one_functional(scene, body, schemes)
-            ours = impact_run(scene, "one functional", wall, duration, schemes)
-            wall = of_the_thesis(body, schemes)
-            theirs = impact_run(scene, "thesis", wall, duration, schemes)
-            walls.append(WallInBothSchemes(name, ours, theirs))
+    for name, body in counted(bodies.items(), progress, lambda pair: pair[0]):
+        wall = one_functional(scene, body, schemes)
+        ours = impact_run(scene, "one functional", wall, duration, schemes)
+        wall = of_the_thesis(body, schemes)
+        theirs = impact_run(scene, "thesis", wall, duration, schemes)
+        walls.append(WallInBothSchemes(name, ours, theirs))
     block, assembly = walls
 
     # largest rise of the total energy, what is left of it, largest gap without the wall's part

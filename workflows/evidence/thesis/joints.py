@@ -1,4 +1,4 @@
-"""Why one tangential stiffness cannot meet modes 2 and 3, and what each further freedom buys.
+"""Why one tangential stiffness cannot meet modes 2 and 3, and what further stiffnesses achieve.
 
 With one stiffness for both tangential directions every setting that meets mode 1 lies on one
 curve of mode 3 over mode 2; the hammer test's point (269, 907) Hz lies off it. Each line below is

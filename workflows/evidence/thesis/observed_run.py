@@ -33,7 +33,7 @@ class Setup(NamedTuple):
 
 
 class Observed(NamedTuple):
-    """A run and what it shows at the observed spheres, counted from 1."""
+    """A run with its waves along the chain, at the observed spheres (from 1) and at the wall."""
 
     name: str
     chain: Chain
@@ -57,7 +57,7 @@ class Observed(NamedTuple):
         return next(named, None)
 
     def reflected(self, sphere: int) -> tuple[Label, ...]:
-        """What comes back to a sphere, in order of time."""
+        """Reflected waves at a sphere, in order of time."""
         return tuple(label for label in self.labels[sphere] if label.kind == "reflected")
 
     def largest(self, number: int) -> float:
@@ -113,7 +113,7 @@ def seen(
     spheres: tuple[int, ...],
     options: RecordOptions = RecordOptions(),
 ) -> Observed:
-    """What a run shows; arguments as in `observed`."""
+    """A run that is there, observed; arguments as in `observed`."""
     name, row, _ = setup
     tracks = wave_tracks(run.t, run.v, run.contact_force, row.mass, row.A, threshold=options.faint)
 

@@ -12,8 +12,8 @@ from coupling.plate import Plate, group_speed, shear_speed, wavenumber
 
 
 class PlateSizeRules(NamedTuple):
-    """What a plate is made for; the study wall-thickness varies what follows at D/t = 4, where ARR
-    is 0.316."""
+    """Rules for size and mesh of a plate; the effects named are those that the study wall-thickness
+    prints for D/t = 4, where ARR is 0.316."""
 
     # waves of so many half periods in a contact must not come back from an edge; the plate is
     # `margin` times as wide as these need. A plate 1.5 times as wide changes the ARR by 1.5e-5

@@ -1,4 +1,4 @@
-"""What a sphere sees of several runs: its velocities as a panel, its waves as cells of a table."""
+"""One sphere in several runs: its velocities as a panel, its waves as cells of a table."""
 
 from collections.abc import Iterable
 

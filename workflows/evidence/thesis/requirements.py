@@ -1,4 +1,4 @@
-"""What a scene must have for a study, and what a study takes from it."""
+"""Parts that a scene must have for a study, and values that studies take from it."""
 
 import numpy as np
 
@@ -21,7 +21,7 @@ def bare(scene: Scene, flat: dem.Flat | None = None) -> dem.Chain:
 
 
 def last(value: float | tuple[float, ...]) -> float:
-    """Of the last sphere, where a scene may give one value for all."""
+    """The last sphere's value of a key that has one value for all, or one each."""
     return float(np.atleast_1d(value)[-1])
 
 

@@ -1,4 +1,4 @@
-"""The rig's unknowns: what the thesis states of its experiment, and what each number does to it.
+"""The rig's unknowns: which statements of the thesis hold, as each unknown is varied.
 
 The text gives neither preload, leaf springs, dissipation, the arm's or the wall's mass, nor the
 spheres' radius. Every row changes one of them in the scene and judges the thesis' statements again,
@@ -71,7 +71,7 @@ class Variation(NamedTuple):
 
 
 class RigVariation(NamedTuple):
-    """What a variation shows on each wall by name."""
+    """The runs of a variation by wall, and the verdicts on the statements."""
 
     variation: Variation
     runs: dict[str, Observed]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 import fem
 from fem.trace import trace
+from workflows.evidence.counted import counted
 from workflows.evidence.prose import rendered
 from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
@@ -63,43 +64,42 @@ def singularity(
     y, z = scene.patch.point
 
     meshes = []
-    for seed in options.seeds:
-        with progress(f"contact seed {1e3 * seed:g} mm"):
-            fine = scene.but(mesh={"contact_seed": seed})
-            model = stages.model(fine, stages.mesh(fine))
+    for seed in counted(options.seeds, progress, lambda seed: f"contact seed {1e3 * seed:g} mm"):
+        fine = scene.but(mesh={"contact_seed": seed})
+        model = stages.model(fine, stages.mesh(fine))
 
-            # K u = w for a unit force at the node and for one over the patch
-            node = fem.node_patch(model, STRUCK, [(y, z)])
-            patch = fem.contact_patch(model, STRUCK, (y, z), radius)
-            u = fem.factorised(model.K).solve(np.column_stack([node.w, patch.w]))
-            of_node, of_patch = node.w @ u[:, 0], patch.w @ u[:, 1]
-            half_space = [fem.half_space_on_mesh(model, STRUCK, w, steel) for w in (node, patch)]
+        # K u = w for a unit force at the node and for one over the patch
+        node = fem.node_patch(model, STRUCK, [(y, z)])
+        patch = fem.contact_patch(model, STRUCK, (y, z), radius)
+        u = fem.factorised(model.K).solve(np.column_stack([node.w, patch.w]))
+        of_node, of_patch = node.w @ u[:, 0], patch.w @ u[:, 1]
+        half_space = [fem.half_space_on_mesh(model, STRUCK, w, steel) for w in (node, patch)]
 
-            # the thesis' reading: the mean of two points a radius to either side, between nodes
-            # or not
-            sides = [(y - radius, z), (y + radius, z)]
-            spots = [fem.contact_patch(model, STRUCK, side, options.spot) for side in sides]
-            recovery = sum(spot.w for spot in spots) / 2
+        # the thesis' reading: the mean of two points a radius to either side, between nodes
+        # or not
+        sides = [(y - radius, z), (y + radius, z)]
+        spots = [fem.contact_patch(model, STRUCK, side, options.spot) for side in sides]
+        recovery = sum(spot.w for spot in spots) / 2
 
-            # displacement into the wall along a line through the contact
-            along = np.linspace(-options.profile, options.profile, 321)
-            offsets = np.column_stack([np.zeros_like(along), along, np.zeros_like(along)])
-            P = trace(model.structure, STRUCK, patch.spot.point + offsets)[0::3]
-            profile = (patch.spot.inward[0] * (P @ model.T)) @ u
-            meshes.append(
-                MeshCompliances(
-                    seed=seed,
-                    n_dofs=model.M.shape[0],
-                    node=float(of_node),
-                    recovery=float(recovery @ u[:, 0]),
-                    patch=float(of_patch),
-                    patch_structure=float(of_patch - half_space[1]),
-                    node_structure=float(of_node - half_space[0]),
-                    y=along,
-                    under_node=profile[:, 0],
-                    under_patch=profile[:, 1],
-                )
+        # displacement into the wall along a line through the contact
+        along = np.linspace(-options.profile, options.profile, 321)
+        offsets = np.column_stack([np.zeros_like(along), along, np.zeros_like(along)])
+        P = trace(model.structure, STRUCK, patch.spot.point + offsets)[0::3]
+        profile = (patch.spot.inward[0] * (P @ model.T)) @ u
+        meshes.append(
+            MeshCompliances(
+                seed=seed,
+                n_dofs=model.M.shape[0],
+                node=float(of_node),
+                recovery=float(recovery @ u[:, 0]),
+                patch=float(of_patch),
+                patch_structure=float(of_patch - half_space[1]),
+                node_structure=float(of_node - half_space[0]),
+                y=along,
+                under_node=profile[:, 0],
+                under_patch=profile[:, 1],
             )
+        )
 
     # what the node sinks in by itself: like 1/h it doubles where the element size halves
     sunk = [mesh.node - mesh.patch_structure for mesh in meshes]

@@ -14,6 +14,7 @@ import geometry
 import rom
 from coupling.wall import wall_from_reduced
 from fem.hinged import euler_bernoulli
+from workflows.evidence.counted import counted
 from workflows.evidence.prose import rendered
 from workflows.evidence.thesis import bent
 from workflows.evidence.thesis.observed_run import Observed
@@ -63,30 +64,29 @@ def solid_beam(
         )
 
     rows, figure, worst = [], [], []
-    for factor in options.factors:
+    for factor in counted(options.factors, progress, "{:g} times the scene's thickness".format):
         thickness = factor * scene.beam.thickness
         hinged = scene.but(beam={"thickness": thickness, "left": "hinged", "right": "hinged"})
         beam = hinged.beam
         steel = fem.Material(beam.young, beam.poisson, beam.density)
-        with progress(f"thickness {1e3 * thickness:.3g} mm"):
-            # Timoshenko's beam is the scene's own, Euler and Bernoulli's has 100 modes
-            timoshenko = bending.modes(hinged, bending.model(hinged)).omega
-            thin, phi, residual = euler_bernoulli(
-                beam.length, bending.section(beam), steel, beam.position, 100
-            )
-            solid_omega, wall_of_solid = _solid_wall(hinged, steel, options)
+        # Timoshenko's beam is the scene's own, Euler and Bernoulli's has 100 modes
+        timoshenko = bending.modes(hinged, bending.model(hinged)).omega
+        thin, phi, residual = euler_bernoulli(
+            beam.length, bending.section(beam), steel, beam.position, 100
+        )
+        solid_omega, wall_of_solid = _solid_wall(hinged, steel, options)
 
-            # of the solid, which also twists and stretches, the modes nearest to Timoshenko's
-            nearest = np.abs(solid_omega[:, None] - timoshenko[:N_MODES]).argmin(axis=0)
-            theories = (
-                ("Timoshenko", timoshenko, bent.wall(hinged)),
-                ("Euler-Bernoulli", thin, dem.Wall(thin, np.zeros(len(thin)), phi, residual)),
-                ("solid", solid_omega[nearest], wall_of_solid),
-            )
-            cases = []
-            for theory, omega, wall in theories:
-                run = bent.run(hinged, wall._replace(zeta=np.zeros(len(wall.omega))))
-                cases.append(BeamByTheory(theory, omega[:N_MODES] / (2 * np.pi), run))
+        # of the solid, which also twists and stretches, the modes nearest to Timoshenko's
+        nearest = np.abs(solid_omega[:, None] - timoshenko[:N_MODES]).argmin(axis=0)
+        theories = (
+            ("Timoshenko", timoshenko, bent.wall(hinged)),
+            ("Euler-Bernoulli", thin, dem.Wall(thin, np.zeros(len(thin)), phi, residual)),
+            ("solid", solid_omega[nearest], wall_of_solid),
+        )
+        cases = []
+        for theory, omega, wall in theories:
+            run = bent.run(hinged, wall._replace(zeta=np.zeros(len(wall.omega))))
+            cases.append(BeamByTheory(theory, omega[:N_MODES] / (2 * np.pi), run))
         solid = cases[-1]
 
         # how far both theories are from the solid

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from workflows.evidence.counted import counted
 from workflows.evidence.thesis import bent
 from workflows.files.run_folder import Picture
 from workflows.report.plots import Line, Panel, panels
@@ -59,13 +60,16 @@ def compared(
 ) -> Compared:
     """Of the study of a name: its scenes by the values [m] of a quantity."""
     cases = []
-    for scene, value in zip(scenes, values, strict=True):
-        with progress(f"{quantity} {1e3 * value:.3g} mm"):
-            run = bent.run(scene, bent.wall(scene))
-            seconds = run.contact.contact_time.seconds
-            peak = float(run.trajectory.contact_force[:, -1].max())
-            measures = bent.tof_and_arr(run.contact)
-            cases.append(StructureCase(value, bent.first_mode(scene), seconds, *measures, peak))
+    for scene, value in counted(
+        zip(scenes, values, strict=True),
+        progress,
+        lambda pair: f"{quantity} {1e3 * pair[1]:.3g} mm",
+    ):
+        run = bent.run(scene, bent.wall(scene))
+        seconds = run.contact.contact_time.seconds
+        peak = float(run.trajectory.contact_force[:, -1].max())
+        measures = bent.tof_and_arr(run.contact)
+        cases.append(StructureCase(value, bent.first_mode(scene), seconds, *measures, peak))
     rows = tuple(
         (1e3 * c.value, c.first_mode, 1e6 * c.contact, 1e6 * c.tof, c.arr, c.peak) for c in cases
     )

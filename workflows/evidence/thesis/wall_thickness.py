@@ -12,6 +12,7 @@ import numpy as np
 
 import coupling
 import dem
+from workflows.evidence.counted import counted
 from workflows.evidence.prose import rendered
 from workflows.evidence.thesis import plate_sizes, plates
 from workflows.evidence.thesis.collision import Collision
@@ -52,7 +53,7 @@ class WallThicknessOptions(NamedTuple):
 
 
 class PlateImpact(NamedTuple):
-    """One plate by one model."""
+    """The impact on one plate by one model of it."""
 
     ratio: float  # D/t
     restitution: float  # of one sphere
@@ -91,9 +92,8 @@ def wall_thickness(
         for z in thin
     }
     solid, checks = [], []
-    for ratio in ratios:
-        with progress(f"solid plate, D/t = {ratio:g}"):
-            solid.append(impact(ratio, plates.middle_wall(plate_of(ratio), sizes[ratio])))
+    for ratio in counted(ratios, progress, "solid plate, D/t = {:g}".format):
+        solid.append(impact(ratio, plates.middle_wall(plate_of(ratio), sizes[ratio])))
     for name, factors in options.factors.items():
         with progress(f"D/t = {checked:g}, {name}"):
             wall = plates.middle_wall(plate_of(checked), sizes[checked].scaled(**factors))

@@ -1,4 +1,4 @@
-"""Ten walls before the rig's chain: what each of the thesis' statements about them is worth.
+"""Ten walls before the rig's chain, and whether the thesis' statements about them hold.
 
 Thesis, section 7.2, figures 7.13 to 7.16. The measured waveforms are not in its text, so walls are
 compared with each other, by the distances of `workflows.evidence.thesis.wave_distance`.

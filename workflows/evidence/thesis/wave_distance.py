@@ -1,4 +1,4 @@
-"""How far apart the waves are that two walls send back through the same chain.
+"""Distance of the waves that two walls reflect into the same chain.
 
     D_k(a, b)^2 = sum_s int (v_a - v_b)^2 dt  /  1/2 sum_s int (v_a^2 + v_b^2) dt
 
@@ -41,7 +41,8 @@ def _window(run: Observed, sphere: int, number: int) -> NDArray[np.bool_]:
 
 
 def overall(a: Observed, b: Observed, spheres: tuple[int, ...]) -> float:
-    """The same over all that comes back, from the wall's first touch in run a on."""
+    """The distance of all reflected waves together, from the first contact with the wall in run a
+    on."""
     back = a.trajectory.t > a.contact.contact_time.start
     v, u = (np.concatenate([run.velocity(sphere)[back] for sphere in spheres]) for run in (a, b))
     return float(np.sqrt(np.sum((v - u) ** 2) / (0.5 * np.sum(v**2 + u**2))))
@@ -92,7 +93,7 @@ class Similarity(NamedTuple):
 
     @property
     def ranked(self) -> list[str]:
-        """One-mass walls from the least distance on."""
+        """Names of the one-mass walls in order of their distance, the nearest first."""
         return sorted(self.distance, key=self.distance.get)
 
     @property

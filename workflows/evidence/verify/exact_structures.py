@@ -107,7 +107,7 @@ def _natural_hz(
 
 
 def contact_node() -> Iterator[Comparison]:
-    """A force at a node of the block sinks in like 1/h, by as much as suits the element."""
+    """A force at a node of the block deflects it like 1/h, by a factor of the element's own."""
     compliances = []  # [m/N] of the node at the contact
     for h in (1.6e-3, 0.8e-3, 0.4e-3):
         # grid lines from the contact outwards: two cubes of side h on each side, then larger ones

@@ -1,4 +1,4 @@
-"""Stated errors beside true ones over populations: at least as large, and not by far.
+"""Stated errors beside true ones over populations: at least as large, and not much larger.
 
 Of the ratios of stated to true errors the point of 5 % is to be at least 1, the median at most 10.
 A true error below what its own reference resolves is counted as that.

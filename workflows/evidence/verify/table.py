@@ -1,4 +1,4 @@
-"""Comparisons as a table with its sources and a count, and what of them is wrong."""
+"""Comparisons as a table with sources and a count, and a sentence on rows that are wrong."""
 
 from workflows.evidence.verify.comparisons import VERDICTS, ComparisonRow
 from workflows.report.finding import Finding

@@ -1,1 +1,1 @@
-"""Many cases of a chain: which, what each leaves behind, what the numbers that vary do."""
+"""Numerics of sweeps: designs of cases, rows of the table, effects of the numbers that vary."""

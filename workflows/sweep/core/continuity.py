@@ -1,8 +1,8 @@
-"""One wave over a map: which points of a face have it, by the continuity of its arrival.
+"""One wave over a map: the points of a face that show it, by the continuity of its arrival time.
 
-At each point the first reflected wave above a threshold is picked. Where that wave fades below it a
-later one is picked, and the time jumps there. Two crests of one sign in one record are at least
-0.9 of a wave's width apart (closer ones have one crest), so that at neighbours i and j
+At each point the first reflected wave above a threshold is picked. Where that wave fades below the
+threshold a later one is picked, and the time jumps there. Two crests of one sign in one record are
+at least 0.9 of a wave's width apart (closer ones merge), so that at neighbours i and j
 
     |t_i - t_j| <= same width    is a step along one wave,
     |t_i - t_j| > other width    is a jump to another one,

@@ -1,4 +1,4 @@
-"""Which cases a sweep has: every combination of values, or samples of ranges."""
+"""Designs of a sweep: every combination of values, or samples of ranges."""
 
 from collections.abc import Sequence
 from hashlib import sha256
@@ -28,7 +28,7 @@ class Design(NamedTuple):
 
     @property
     def digest(self) -> str:
-        """Changes with every value of every case."""
+        """SHA-256 of all values of all cases, in hexadecimal digits."""
         return sha256(dumps(self.columns, default=repr).encode()).hexdigest()[:12]
 
     def case(self, i: int) -> dict[str, Any]:
@@ -66,7 +66,10 @@ def combined(axes: Sequence[Axis]) -> Design:
 
 
 def latin_hypercube(axes: Sequence[Axis], n: int, seed: int) -> Design:
-    """n cases, one in each n-th of every range."""
+    """A Latin hypercube of n cases: each of the n equal parts of every range has one of them.
+
+    M. D. McKay, R. J. Beckman, W. J. Conover, Technometrics 21 (1979) 239.
+    """
     from scipy.stats import qmc
 
     unit = qmc.LatinHypercube(len(axes), rng=np.random.default_rng(seed)).random(n)

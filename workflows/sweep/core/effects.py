@@ -10,9 +10,17 @@ import numpy as np
 
 from workflows.sweep.core.design import Design
 
-RESAMPLES = 400  # of the bootstrap: its standard errors are known to 1 / sqrt(2 * 400), 3.5 %
-FEWEST = 16  # samples with a value that indices and rank correlations need
-ALIKE = 1e-5  # of the largest value: outputs that differ by less differ by their own errors
+
+class EffectOptions(NamedTuple):
+    """When effects are stated, and their bootstrap; not varied."""
+
+    resamples: int = 400  # standard errors are known to 1 / sqrt(2 * 400), 3.5 %
+    fewest: int = 16  # samples with a value that indices and rank correlations need
+    # range of an output over its largest value, below which it is the errors of the runs
+    alike: float = 1e-5
+
+
+OPTIONS = EffectOptions()
 Array = np.ndarray
 
 
@@ -39,15 +47,16 @@ def sobol_effects(design: Design, y: Array) -> Effects:
     complete = np.isfinite(outputs).all(axis=0)
     used = int(complete.sum())
     values = outputs[:, complete]
-    if used < FEWEST or np.ptp(values) <= ALIKE * np.abs(values).max():
+    if used < OPTIONS.fewest or np.ptp(values) <= OPTIONS.alike * np.abs(values).max():
         raise ValueError(
             f"{used} of {n} samples have a value in all of their {d + 2} cases, and indices need "
-            f"{FEWEST} whose values differ by more than {ALIKE:g} of the largest; take more "
+            f"{OPTIONS.fewest} whose values differ by more than {OPTIONS.alike:g} of the largest; "
+            "take more "
             "samples or another output."
         )
 
     # standard errors by bootstrap: base samples drawn with replacement
-    draws = np.random.default_rng(0).integers(used, size=(RESAMPLES, used))
+    draws = np.random.default_rng(0).integers(used, size=(OPTIONS.resamples, used))
     resampled = np.stack([_indices(values[:, draw]) for draw in draws])
     return Effects(*_indices(values), *resampled.std(axis=0, ddof=1), used)
 
@@ -67,7 +76,7 @@ def rank_correlations(design: Design, y: Array) -> dict[str, float]:
     from scipy.stats import spearmanr
 
     finite = np.isfinite(y)
-    if finite.sum() < FEWEST or np.ptp(y[finite]) == 0.0:
+    if finite.sum() < OPTIONS.fewest or np.ptp(y[finite]) == 0.0:
         return {}
     return {
         key: float(spearmanr(np.array(values)[finite], y[finite]).statistic)

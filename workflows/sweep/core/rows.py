@@ -26,7 +26,7 @@ class Rows(NamedTuple):
 
 
 def names(spheres: tuple[int, ...]) -> tuple[str, ...]:
-    """Columns of the table behind the keys."""
+    """Names of the table's columns after those of the keys."""
     return (*(f"sphere_{s}_{name}" for s in spheres for name in OF_SPHERE), *RUN)
 
 

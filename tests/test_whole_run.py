@@ -1,0 +1,80 @@
+"""What a run of the whole suite takes and leaves out, on two tests of which one is slow."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import mutants
+
+TESTS = Path(__file__).parent
+PROJECT = """[tool.pytest.ini_options]
+testpaths = ["tests"]
+pythonpath = ["tests"]
+markers = ["slow"]
+"""
+TWO = """import os, pytest
+
+def test_quick():
+    print("worker", os.environ.get("PYTEST_XDIST_WORKER", "none"))
+
+@pytest.mark.slow
+def test_slow():
+    pass
+"""
+
+
+@pytest.fixture
+def pytest_says(tmp_path):
+    """What pytest prints with these options in a project with our conftest."""
+    (tmp_path / "tests").mkdir()
+    (tmp_path / "pyproject.toml").write_text(PROJECT)
+    (tmp_path / "tests" / "test_two.py").write_text(TWO)
+    for name in ("conftest.py", "signal_guard.py"):
+        shutil.copy(TESTS / name, tmp_path / "tests" / name)
+    inherited = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST_")}
+
+    def says(*options):
+        process = subprocess.run(
+            [sys.executable, "-m", "pytest", "-rP", "-p", "no:cacheprovider", *options],
+            cwd=tmp_path, env=inherited, capture_output=True, text=True, timeout=120, check=False,
+        )  # fmt: skip
+        assert process.returncode == 0, process.stdout + process.stderr
+        return process.stdout
+
+    return says
+
+
+def test_the_whole_suite_takes_every_core_and_leaves_out_what_is_slow(pytest_says):
+    said = pytest_says()
+    assert "1 passed" in said and "worker gw" in said
+
+
+def test_all_leaves_out_nothing(pytest_says):
+    said = pytest_says("--all")
+    assert "2 passed" in said and "worker gw" in said
+
+
+def test_a_file_that_is_named_runs_whole_in_one_process(pytest_says):
+    said = pytest_says("tests/test_two.py")
+    assert "2 passed" in said and "worker none" in said
+
+
+@pytest.mark.parametrize("option", ["--pdb", "-pno:xdist", "-n0"])
+def test_one_process_is_enough_where_the_options_want_one(pytest_says, option):
+    said = pytest_says(option)
+    assert "1 passed, 1 deselected" in said and "worker none" in said
+
+
+def test_a_choice_of_marks_is_kept(pytest_says):
+    assert "1 passed, 1 deselected" in pytest_says("-n0", "-m", "slow")
+
+
+def test_the_short_run_has_every_test_that_the_mutants_are_noticed_by():
+    """What it leaves out is none of the share that `tests/mutants.py` measures."""
+    files = {TESTS / f"test_{name}.py" for room in mutants.ROOMS.values() for name in room.tests}
+    assert len(files) > 20
+    assert not [file.name for file in files if "mark.slow" in file.read_text(encoding="utf-8")]
