@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from dem.chain import Chain, validate
 from dem.kernels.arguments import Array
-from dem.kernels.equilibrium import Bearing, rest, static_residual
+from dem.kernels.equilibrium import Bearing, NewtonRoom, rest, static_residual
 from dem.spheres import hertz_overlap, hertz_stiffness
 from dem.walls import Wall, static_compliance
 
@@ -116,12 +116,14 @@ def _balance(chain, n_contacts, steady, compliance):
 
     # 1e-8 of a closed contact's stiffness keeps the tangent regular while contacts are open
     floor = 1e-8 * hertz_stiffness(overlap, A.max(initial=0.0))
-    unbalanced = rest(x[first:], bearing, floor, 500)
+    room = NewtonRoom(np.zeros(n - first + 1), *np.zeros((5, n - first)))
+    unbalanced = rest(x[first:], bearing, floor, 500, room)
     pushed = np.cumsum(stiffness * anchor + steady)
     if not unbalanced <= 1e-9 * carried and n_contacts == n and (pushed[first:] > 0).all():
         # of a long chain: from where the springs' forces at x = 0 would press it
         x[:] = _pressed(A, np.maximum(pushed, 0), max(compliance, 0.0))
-        unbalanced = rest(x[first:], bearing, floor, 500)
+        room = NewtonRoom(np.zeros(n - first + 1), *np.zeros((5, n - first)))
+        unbalanced = rest(x[first:], bearing, floor, 500, room)
     if not unbalanced <= 1e-9 * carried:
         raise NoEquilibrium(
             f"no static state found: {unbalanced:.3g} N of {carried:.3g} N stay unbalanced; "

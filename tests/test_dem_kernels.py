@@ -14,7 +14,14 @@ import dem
 from dem import Wall, dashpot_wall, equilibrium, march, rigid_wall
 from dem.kernels import checks, dense, events, explicit, laws, oscillators, passages
 from dem.kernels.arguments import DASH, IN_WALL, Damping, Motion, Plastic, U, WallModes
-from dem.kernels.equilibrium import Bearing, newton_step, rest, static_residual, static_slope
+from dem.kernels.equilibrium import (
+    Bearing,
+    NewtonRoom,
+    newton_step,
+    rest,
+    static_residual,
+    static_slope,
+)
 from dem.kernels.implicit import (
     Passage,
     closed_share,
@@ -533,12 +540,17 @@ def test_the_fastest_contact_has_all_energy_on_top_of_its_static_force():
 # --- static states -------------------------------------------------------------------------------
 
 
+def room(n):
+    """Zeros that Newton's method for n spheres at rest works on."""
+    return NewtonRoom(np.zeros(n + 1), *np.zeros((5, n)))
+
+
 @pytest.mark.parametrize("compliance", [0.0, 0.3, -0.02])
 def test_newtons_rest_balances_every_sphere(compliance):
     As, stiffness = np.array([1.0, 3.0, 2.0]), np.array([0.2, 0.0, 5.0])
     anchor, steady = np.array([0.4, 0.0, -0.1]), np.array([0.1, 0.0, 0.6])
     x = np.array([0.5, 0.2, 0.1])
-    unbalanced = rest(x, Bearing(As, stiffness, anchor, steady, compliance), 1e-3, 60)
+    unbalanced = rest(x, Bearing(As, stiffness, anchor, steady, compliance), 1e-3, 60, room(x.size))
     d = brentq(lambda d: d + compliance * 2.0 * d**1.5 - x[2], 0, 2) if x[2] > 0 else 0.0
     F = As * np.r_[np.maximum(x[:2] - x[1:], 0), d] ** 1.5
     net = np.r_[0, F[:2]] - F - stiffness * (x - anchor) + steady
@@ -548,7 +560,9 @@ def test_newtons_rest_balances_every_sphere(compliance):
 def test_a_free_chain_rests_between_its_springs():
     stiffness, anchor = np.array([0.5, 0.2]), np.array([1.0, -0.5])
     x = np.array([0.6, 0.1])
-    unbalanced = rest(x, Bearing(np.ones(1), stiffness, anchor, np.zeros(2), 0.0), 1e-3, 60)
+    unbalanced = rest(
+        x, Bearing(np.ones(1), stiffness, anchor, np.zeros(2), 0.0), 1e-3, 60, room(2)
+    )
     F = (x[0] - x[1]) ** 1.5
     assert (
         unbalanced < 1e-14 and np.abs(stiffness * (x - anchor) + [F, -F]).max() < 1e-14 and F > 0.01
@@ -715,7 +729,7 @@ def test_the_slope_of_every_contact_at_rest_is_that_of_its_force(compliance):
 
 def test_a_chain_that_is_at_rest_stays_there():
     x, none = np.array([0.1, 0.2]), np.zeros(2)
-    assert rest(x, Bearing(np.ones(1), none, none, none, 0.0), 1e-3, 60) == 0.0
+    assert rest(x, Bearing(np.ones(1), none, none, none, 0.0), 1e-3, 60, room(2)) == 0.0
     np.testing.assert_array_equal(x, [0.1, 0.2])
 
 

@@ -8,10 +8,8 @@ with contact forces f, leaf springs k to anchors a, and steady forces.
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from dem.kernels.arguments import Array
-from dem.kernels.compiled import ieee, ieee_allocating_march, ieee_entry
+from dem.kernels.compiled import ieee, ieee_entry, ieee_march
 from dem.kernels.laws import hertz_force, hertz_indentation
 
 BEYOND = 0.25  # of the energy's slope at a step's start, that it may rise with at its end
@@ -25,6 +23,18 @@ class Bearing(NamedTuple):
     anchor: Array  # (n,)
     steady: Array  # (n,) forces towards the wall
     compliance: float  # of the wall, behind the n-th contact
+
+
+class NewtonRoom(NamedTuple):
+    """What an iteration works on, zeros at the start; arrays made by compiled code take a quarter
+    of a second to compile."""
+
+    f: Array  # (n + 1,) contact forces
+    r: Array  # (n,) net forces
+    k: Array  # (n,) stiffness of the contacts
+    diagonal: Array  # (n,) of the tangent
+    change: Array  # (n,) of the positions
+    trial: Array  # (n,) positions
 
 
 @ieee_entry
@@ -90,17 +100,15 @@ def add(x: Array, scale: float, change: Array, out: Array) -> None:
         out[i] = x[i] + scale * change[i]
 
 
-@ieee_allocating_march
-def rest(x: Array, bearing: Bearing, floor: float, n_iterations: int) -> float:
+@ieee_march
+def rest(x: Array, bearing: Bearing, floor: float, n_iterations: int, room: NewtonRoom) -> float:
     """Damped Newton for the static state, from x and in place; the net force that is left, out.
 
     `floor` [N/m] keeps the tangent regular while contacts are open; it fades with the net force.
     A step is halved until the potential energy, which is convex, no longer climbs at its end: the
     net force itself may have to grow on the way.
     """
-    n = x.size
-    f, r, k = np.zeros(n + 1), np.zeros(n), np.zeros(n)
-    diagonal, change, trial = np.zeros(n), np.zeros(n), np.zeros(n)
+    f, r, k, diagonal, change, trial = room
     static_residual(x, bearing, f, r)
     norm = math.sqrt(dot(r, r))
     start = norm
