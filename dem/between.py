@@ -29,10 +29,10 @@ def run_between(
 
     # steps that polynomials can follow: modes and leaf springs, which the march moves exactly, by
     # 2.5 of their phase, and dampers
-    rates = np.sqrt(chain.springs[0] / chain.mass)
-    if wall is not None:
-        rates = np.append(rates, wall.omega)
-    fastest = max(rates.max() / 2.5, fastest_decay(prepared, state.v))
+    rates = [0.0] if wall is None else [0.0, *wall.omega]
+    if chain.leaf_stiffness is not None:
+        rates.append(float(np.sqrt((chain.springs[0] / chain.mass).max())))
+    fastest = max(max(rates) / 2.5, fastest_decay(prepared, state.v))
     longest = 1.0 / fastest if fastest > 0.0 else np.inf
     n_steps = int(np.ceil(duration / min(dt, longest) * (1 - 1e-9)))
 

@@ -229,6 +229,70 @@ def test_rounding_that_the_motion_amplifies_is_no_small_error():
         march_to_error(chain, rigid_wall(), v0, **options, search=StepSearch(max_evaluations=1e8))
 
 
+def struck_beam():
+    """Ten spheres pressed to the middle of a hinged steel ruler, which they strike repeatedly."""
+    chain = row_of_spheres(
+        0.00635, 7800.0, 210e9, 0.3, count=10, flat=Flat(210e9, 0.3), preload=2.0
+    )
+    k = np.arange(1.0, 40.0, 2.0)  # modes that move the middle
+    wall = Wall(2 * np.pi * 104.0 * k**2, np.full(k.size, 0.002), np.full(k.size, 3.3))
+    return chain, wall, 0.3 * np.eye(10)[0]
+
+
+def true_error(chain, wall, v0, run, finer=16):
+    exact = march(
+        chain, wall, v0, duration=run.t[-1], dt=run.dt / finer, n_save=run.t.size - 1,
+        scheme=run.scheme,
+    )  # fmt: skip
+    return np.abs(run.v - exact.v).max() / np.abs(v0).max()
+
+
+@pytest.mark.parametrize("error", [1e-2, 1e-3, 1e-4])
+def test_errors_stated_for_motion_that_is_sensitive_hold(error):
+    """Marches that have parted differ by no more than their velocities: of 1e-2 asked, 3e-3 was
+    stated where 0.1 was true."""
+    chain, wall, v0 = struck_beam()
+    run = march_to_error(chain, wall, v0, duration=4.8e-3, error=error, n_save=400).trajectory
+    assert true_error(chain, wall, v0, run) <= run.error_estimate <= error
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_errors_of_linear_dampers_on_contacts_that_yield_hold(seed):
+    """The force jumps, and the scheme does not average it: a single pair is alike by chance."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 6))
+    chain = row_of_spheres(
+        0.0127 * 2 ** rng.uniform(-0.3, 0.3, n), 7800.0, 210e9, 0.3,
+        dissipation=str(rng.choice(["linear", "linear-clipped"])),
+        gamma=rng.uniform(5.0, 20.0, n), yield_overlap=10 ** rng.uniform(-6.3, -5.7),
+    )  # fmt: skip
+    v0, error = np.append(0.31, rng.uniform(-0.1, 0.1, n - 1)), 10 ** rng.uniform(-4, -2)
+    run, report = march_to_error(chain, rigid_wall(), v0, duration=1e-3, error=error, n_save=100)
+    assert report.dt.size >= 2
+    assert true_error(chain, rigid_wall(), v0, run, finer=64) <= run.error_estimate <= error
+
+
+@pytest.mark.parametrize("allowed", [300.0, 1e3, 6e3])
+def test_a_search_that_runs_out_of_evaluations_says_how_far_it_came(allowed):
+    """It once blamed a negative residual compliance, which this wall does not have."""
+    with pytest.raises(UnstableStep, match="is not reached within") as refusal:
+        march_to_error(
+            rig(), rigid_wall(), speeds(), duration=1e-3, error=1e-7, n_save=100,
+            search=StepSearch(max_evaluations=allowed),
+        )  # fmt: skip
+    assert "compliance" not in str(refusal.value)
+
+
+def test_marches_of_one_save_are_compared_at_as_many_instants_as_others():
+    """Two marches of the wrong steps may end alike; the trajectory has the instants asked for."""
+    once, often = (
+        march_to_error(rig(), rigid_wall(), speeds(), duration=1e-3, error=1e-4, n_save=n)
+        for n in (1, StepSearch().instants)
+    )
+    assert once.trajectory.t.tolist() == [0.0, 1e-3] and once.trajectory.v.shape == (2, 9)
+    assert once.step_report.difference[0] == often.step_report.difference[0]
+
+
 def test_an_error_below_rounding_is_refused_before_it_is_searched_for():
     with pytest.raises(UnstableStep, match="rounding alone leaves up to"):
         march_to_error(

@@ -25,7 +25,8 @@ def accuracy(
     stage: Annotated[
         str,
         typer.Option(
-            help="time, chain-length, wall-modes, batch, parts, mesh, reduction, size, or all.",
+            help="time, chain-length, wall-modes, batch, parts, mesh, reduction, size, peers, "
+            "or all.",
             autocompletion=stage_names,
         ),
     ] = "all",

@@ -25,7 +25,7 @@ def costed(call: Callable[[], Any]) -> tuple[Any, Cost]:
         Path("/proc/self/clear_refs").write_text("5")
     started = perf_counter()
     result = call()
-    return result, Cost(perf_counter() - started, _peak("self"))
+    return result, Cost(perf_counter() - started, peak("self"))
 
 
 def cost_of_command(command: list[str], folder: Path) -> Cost | None:
@@ -34,15 +34,15 @@ def cost_of_command(command: list[str], folder: Path) -> Cost | None:
     Its peak is read while it runs, every 20 ms: the system's own figure of an ended process begins
     with what its parent held.
     """
-    started, peak = perf_counter(), None
+    started, largest = perf_counter(), None
     with Popen(command, cwd=folder, stdout=DEVNULL, stderr=DEVNULL) as program:
         while program.poll() is None:
-            peak = _peak(str(program.pid)) or peak
+            largest = peak(str(program.pid)) or largest
             sleep(0.02)
-    return None if program.returncode else Cost(perf_counter() - started, peak)
+    return None if program.returncode else Cost(perf_counter() - started, largest)
 
 
-def _peak(process: str) -> float | None:
+def peak(process: str) -> float | None:
     """VmHWM: the largest resident set [bytes] of a process since its peak was reset."""
     try:
         lines = Path("/proc", process, "status").read_text().splitlines()

@@ -20,7 +20,10 @@ class AccuracyRow(NamedTuple):
     steps: int | None = None
     evaluations: int | None = None  # of all contact forces
     seconds_cold: float | None = None  # the first call in this process
-    setting: float | None = None  # step [s] or tolerance where `parameter` is a size
+    setting: float | None = None  # step [s] or tolerance where `parameter` is a size or a name
+    processor_seconds: float | None = None  # of the processor, warm
+    processor_cold: float | None = None
+    bytes: float | None = None  # largest resident set of the method's own process
 
 
 def table_of(rows: tuple[AccuracyRow, ...], *, printed: bool = True) -> Table:

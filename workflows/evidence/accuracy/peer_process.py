@@ -1,0 +1,273 @@
+"""One method's work in a process of its own: its first call, its later ones, its memory.
+
+python -m workflows.evidence.accuracy.peer_process TASK METHOD SETTING
+
+works in the folder where it is started, on the files that `beside_peers` writes there, and leaves
+RESULT. Its libraries compute in one thread, which the environment it is started in says.
+"""
+
+import sys
+from collections.abc import Callable
+from json import loads
+from pathlib import Path
+from resource import RUSAGE_CHILDREN, getrusage
+from time import perf_counter, process_time
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.linalg import LinearOperator, eigsh
+
+from workflows.evidence.accuracy.cost import peak
+
+RESULT = "result.npz"
+BEADWAVE, SUPERLU, PARDISO, CALCULIX = "beadwave", "scipy, SuperLU", "scipy, PARDISO", "CalculiX"
+MODES, CONDENSATION = "modes", "condensation"
+LAMMPS, EXUDYN = "LAMMPS", "Exudyn"
+# what the search for a setting tries, the coarsest first
+TOLERANCES = tuple(10.0**-k for k in range(2, 12))
+STEPS = tuple(8e-7 / 2**k for k in range(7))  # [s]
+
+
+class RepeatedCalls(NamedTuple):
+    """How often a call is repeated for its warm time, and when a search ends."""
+
+    budget: float = 1.0  # [s] of all repeats; 0.3 and 3 give the same smallest time within 5 %
+    most: int = 20
+    slow: float = 20.0  # [s] of a first call that is not repeated, or followed by a finer setting
+
+
+class Spheres(NamedTuple):
+    """Equal spheres in a row, the first of which moves; the wall is of their material."""
+
+    radius: float  # [m]
+    density: float  # [kg/m^3]
+    young: float  # [Pa]
+    poisson: float
+    count: int
+    speed: float  # [m/s]
+    duration: float  # [s]
+    n_save: int
+
+
+def main(task: str, method: str, setting: float) -> None:
+    """Do a task by a method and write what it finds and what that took to RESULT."""
+    if task == "setting":
+        np.savez(RESULT, value=setting_of_equal_error(method))
+        return
+    call = {MODES: modes, CONDENSATION: condensation}.get(task)
+    call = chain_velocities(method, setting) if call is None else call(method)
+    value, cold, warm = timed_twice(call)
+    # ccx is a child of this process, which holds less than it when it starts it
+    bytes_held = 1024.0 * getrusage(RUSAGE_CHILDREN).ru_maxrss if method == CALCULIX else None
+    np.savez(RESULT, value=value, cold=cold, warm=warm, bytes=bytes_held or peak("self") or np.nan)
+
+
+def timed_twice(
+    call: Callable[[], NDArray], repeats: RepeatedCalls = RepeatedCalls()
+) -> tuple[NDArray, tuple[float, float], tuple[float, float]]:
+    """What a call returns, seconds of the processor and on the clock of its first run, and the
+    smallest of later ones; a slow one is run once, and is its own warm time."""
+
+    def once() -> tuple[NDArray, tuple[float, float]]:
+        processor, clock = _processor_seconds(), perf_counter()
+        value = call()
+        return value, (_processor_seconds() - processor, perf_counter() - clock)
+
+    value, cold = once()
+    warm: list[tuple[float, float]] = []
+    if cold[1] < repeats.slow:
+        while not warm or (
+            len(warm) < repeats.most and sum(clock for _, clock in warm) < repeats.budget
+        ):
+            warm.append(once()[1])
+    return value, cold, min(warm, key=lambda seconds: seconds[1], default=cold)
+
+
+def _processor_seconds() -> float:
+    """Of this process and its ended children."""
+    children = getrusage(RUSAGE_CHILDREN)
+    return process_time() + children.ru_utime + children.ru_stime
+
+
+def modes(method: str) -> Callable[[], NDArray[np.float64]]:
+    """A call that gives the lowest frequencies (k,) [Hz] of K.npz and M.npz."""
+    if method == CALCULIX:
+        from fem.calculix import answer
+
+        deck = Path("deck.inp").read_text(encoding="utf-8")
+        # its deck's static step comes along, for its line of the condensation
+        return lambda: np.append(*_hz_and_compliance(answer(deck)))
+
+    K, M, n_modes = _matrix("K"), _matrix("M"), int(_contact()["n_modes"])
+    if method == BEADWAVE:
+        import fem
+
+        return lambda: fem.modes(K, M, n_modes, factor=fem.held(K, M)).frequency_hz
+    factorise = _factorise(method)
+    return lambda: shift_inverted(K, M, n_modes, factorise(K))[0]
+
+
+def _hz_and_compliance(results) -> tuple[NDArray[np.float64], float]:
+    return results.frequency_hz, results.compliance
+
+
+def condensation(method: str) -> Callable[[], NDArray[np.float64]]:
+    """A call that gives the compliance at the contact of contact.npz [m/N] and fixed-interface
+    frequencies [Hz], (1 + k,), of a Craig-Bampton model.
+
+    The compliance is w_b^T S^-1 w_b with S the model's stiffness at the boundary.
+    """
+    K, M, contact = _matrix("K"), _matrix("M"), _contact()
+    w, b, n_modes = contact["w"], contact["boundary"], int(contact["n_modes"])
+    if method == BEADWAVE:
+        import fem
+        import rom
+
+        selection = rom.Selection(n_modes=n_modes, choice="lowest")
+
+        def ours() -> NDArray[np.float64]:
+            with fem.one_thread():
+                reduced = rom.craig_bampton(K, M, w, b, selection, factorise=fem.factorised)
+            n_b = len(b)
+            compliance = w[b] @ np.linalg.solve(reduced.K[:n_b, :n_b], w[b])
+            hz = np.sqrt(np.sort(np.diag(reduced.K)[n_b:])) / (2 * np.pi)
+            return np.append(compliance, hz)
+
+        return ours
+    factorise, i = _factorise(method), np.setdiff1d(np.arange(len(w)), b)
+
+    def theirs() -> NDArray[np.float64]:
+        # as in a textbook: one factor of K_ii for constraint modes and fixed-interface modes
+        K_ii, K_ib, M_ii = (A.tocsc() for A in (K[:, i][i], K[:, b][i], M[:, i][i]))
+        factor = factorise(K_ii)
+        psi = -factor.solve(K_ib.toarray())
+        S = K[:, b][b].toarray() + K_ib.T @ psi
+        hz, phi = shift_inverted(K_ii, M_ii, n_modes, factor)
+        T = np.zeros((len(w), len(b) + n_modes))
+        T[b, : len(b)], T[i, : len(b)], T[i, len(b) :] = np.eye(len(b)), psi, phi
+        T.T @ (M @ T)  # the reduced mass, which belongs to the work
+        return np.append(w[b] @ np.linalg.solve(S, w[b]), hz)
+
+    return theirs
+
+
+def shift_inverted(K, M, n_modes: int, factor, sigma: float = 0.0):
+    """Frequencies (k,) [Hz], ascending, and mass-normalised shapes (n, k) by scipy's `eigsh`, to
+    rounding, with a factor of K - sigma M."""
+    inverse = LinearOperator(K.shape, matvec=factor.solve)
+    start = np.random.default_rng(0).standard_normal(K.shape[0])
+    squared, phi = eigsh(K, n_modes, M, sigma=sigma, OPinv=inverse, v0=start)
+    order = np.argsort(squared)
+    return np.sqrt(np.maximum(squared[order], 0.0)) / (2 * np.pi), phi[:, order]
+
+
+def _factorise(method: str):
+    if method == PARDISO:
+        from fem.factorisation import Pardiso
+
+        return Pardiso
+    from rom import superlu
+
+    return superlu
+
+
+def _matrix(name: str) -> sp.csc_array:
+    return sp.csc_array(sp.load_npz(f"{name}.npz"))
+
+
+def _contact() -> dict[str, NDArray]:
+    with np.load("contact.npz") as content:
+        return dict(content)
+
+
+def chain_velocities(method: str, setting: float) -> Callable[[], NDArray[np.float64]]:
+    """A call that gives velocities (n_save, n) [m/s] of the spheres in chain.json, at the body in
+    body.npz or without one at a rigid wall; setting is an error, a tolerance or a step [s]."""
+    import dem
+    from workflows.evidence.accuracy import peers
+
+    spheres = Spheres(**loads(Path("chain.json").read_text(encoding="utf-8")))
+    problem = problem_of(spheres, Path("body.npz"))
+    saves = {"duration": spheres.duration, "n_save": spheres.n_save}
+    if method == BEADWAVE:
+        arguments = problem.chain, problem.wall, problem.v0
+        return lambda: dem.march_to_error(*arguments, error=setting, **saves).trajectory.v[1:]
+    if method == LAMMPS:
+        from workflows.evidence.verify import lammps_chain
+
+        row = lammps_chain.LammpsSpheres(*spheres[:4])
+        return lambda: lammps_chain.velocities(row, problem.v0, dt=setting, wall=True, **saves)
+    if method == EXUDYN:
+        from rom import load_npz
+        from workflows.evidence.verify import exudyn_scene
+
+        body = load_npz("body.npz")
+        return lambda: exudyn_scene.velocities(problem.chain, body, problem.v0, dt=setting, **saves)
+    solver, n = peers.peers()[method], spheres.count
+    return lambda: solver(problem, setting).y[1:, n : 2 * n]
+
+
+def problem_of(spheres: Spheres, body: Path):
+    """The chain at the reduced body in a file, or at a rigid wall where there is no such file."""
+    import dem
+    from workflows.evidence.accuracy.peers import Problem
+
+    wall = dem.rigid_wall()
+    if body.exists():
+        from coupling.wall import wall_from_reduced
+        from rom import load_npz
+
+        wall = wall_from_reduced(load_npz(body), half_space=0.0, cutoff_hz=np.inf)
+    flat = dem.Flat(spheres.young, spheres.poisson)
+    chain = dem.row_of_spheres(*spheres[:4], count=spheres.count, flat=flat)
+    v0 = spheres.speed * np.eye(1, spheres.count)[0]
+    observed = np.arange(spheres.count)
+    return Problem(chain, wall, v0, spheres.duration, observed, spheres.n_save)
+
+
+def setting_of_equal_error(method: str, repeats: RepeatedCalls = RepeatedCalls()) -> float:
+    """The setting with which a method's true error is that in truth.npz, at most; the finest one
+    that was tried where none reaches it."""
+    with np.load("truth.npz") as content:
+        truth, wanted, speed = content["v"], float(content["error"]), float(content["speed"])
+    seconds = [0.0]
+
+    def error(setting: float) -> float:
+        started = perf_counter()
+        v = chain_velocities(method, setting)()
+        seconds[0] = perf_counter() - started
+        # an integrator that gives up leaves fewer saves
+        return float(np.abs(v - truth).max() / speed) if len(v) == len(truth) else np.inf
+
+    settings = STEPS if method in (LAMMPS, EXUDYN) else TOLERANCES
+    return equal_error(error, settings, wanted, lambda: seconds[0] > repeats.slow)
+
+
+def equal_error(
+    error: Callable[[float], float],
+    settings: tuple[float, ...],
+    wanted: float,
+    is_slow: Callable[[], bool] = lambda: False,
+) -> float:
+    """The setting whose error is at most `wanted` and nearest to it: the first of the settings that
+    is fine enough, or the point between it and the one before where a power law of both has the
+    error. Where none is fine enough, or runs become slow, the one with the smallest error."""
+    errors: list[float] = []
+    for setting in settings:
+        errors.append(error(setting))
+        if errors[-1] <= wanted or is_slow():
+            break
+    n = len(errors)
+    if errors[-1] > wanted:
+        return settings[int(np.argmin(errors))]
+    if n == 1 or not np.isfinite(errors[-2]) or errors[-1] == 0.0:
+        return settings[n - 1]
+    share = np.log(errors[-2] / wanted) / np.log(errors[-2] / errors[-1])
+    between = float(settings[n - 2] ** (1 - share) * settings[n - 1] ** share)
+    return between if errors[-1] < error(between) <= wanted else settings[n - 1]
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], sys.argv[2], float(sys.argv[3]))
