@@ -70,6 +70,7 @@ def test_modes_damped_beyond_critical(zeta):
     assert np.diff(run.dissipated_wall).min() > -1e-9 * run.energy_total[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("coefficient", [1e-2, 1e2, 1e4, 1e9])
 def test_any_dashpot(coefficient):
     chain, speed = rig(), np.full(9, 0.31)
@@ -79,6 +80,7 @@ def test_any_dashpot(coefficient):
         assert run.v[-1] == pytest.approx(speed, abs=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["linear", "linear-clipped", "hunt-crossley"])
 @pytest.mark.parametrize("gamma", [1e-3, 1.0, 1e4])
 def test_any_damping(law, gamma):

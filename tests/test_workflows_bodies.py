@@ -142,6 +142,7 @@ def test_a_look_at_the_rig_tells_what_it_is_made_of(capsys):
     assert seen["dofs"] == 3 * sum(built("mesh").nodes.values())
 
 
+@pytest.mark.slow
 def test_the_starter_scene_of_a_step_file_has_modes_and_a_reduced_model(step, capsys):
     assert beadwave("look", step, "--scene=start.toml") == 0
     assert beadwave("reduce", "start.toml", "--out=rom.npz", "--set=mesh.scale=2") == 0
@@ -291,6 +292,7 @@ def test_points_of_a_joint_are_refused_with_what_they_lack(at, message):
         scene(tables)
 
 
+@pytest.mark.slow
 def test_a_joint_is_tuned_to_a_target_of_the_scene(capsys):
     """A target computed at kz = 5e7 N/m is met by that stiffness again."""
     reference_scene = written(STACK.replace("HZ", "1000.0"), "reference_scene")

@@ -12,10 +12,11 @@ H = 8e-3 / np.sqrt(2) ** np.arange(5)
 
 
 @pytest.mark.parametrize("order", [1.2, 2.0, 3.9])
-def test_the_limit_and_the_order_of_a_power_law_are_found(order):
+@pytest.mark.parametrize("h", [H, H[::2]], ids=["five meshes", "three of twice the size"])
+def test_the_limit_and_the_order_of_a_power_law_are_found(h, order):
     """Rounding of 50 Hz over the last difference, 1e-5 of it: 1e-9 in the order."""
     f0, c = np.array([50.0, 900.0]), np.array([2e3, 5e4])
-    limit, p = extrapolated(H, f0 + c * H[:, None] ** order)
+    limit, p = extrapolated(h, f0 + c * h[:, None] ** order)
     np.testing.assert_allclose(limit, f0, rtol=1e-9)
     np.testing.assert_allclose(p, order, rtol=1e-6)
 

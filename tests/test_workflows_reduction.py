@@ -161,6 +161,7 @@ def test_pruning_leaves_out_modes_within_the_error(tmp_path):
     assert "wall modes left out" in pruned("pruning").sentences[-1]
 
 
+@pytest.mark.slow
 def test_the_summary_holds_the_health_of_the_reduction(tmp_path):
     rig = pipeline_of(scene("rig-rom", COARSE), lambda name: nullcontext())
     summary = run(rig, RunFolder(tmp_path))
@@ -259,6 +260,7 @@ def test_a_reduction_that_cannot_be_or_would_run_for_hours_is_refused(change, wo
         scene("rig-rom", (change,))
 
 
+@pytest.mark.slow
 def test_the_surface_moves_as_the_full_model_under_the_chain(tmp_path):
     """T_surface K_r^-1 w against T K^-1 w of the written matrices: a static force at the contact,
     which a Craig-Bampton model answers exactly, to the single precision of T_surface."""
@@ -293,6 +295,7 @@ def whole():
     return found._replace(T=None, n_residual=1, contact=contact_of(rig, model, contact))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes",
     [

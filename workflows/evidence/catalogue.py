@@ -26,6 +26,9 @@ RETURNED = {
 }
 
 
+TAKEN = {"thesis": ["scene", "progress"], "accuracy": ["scene", "progress"]}  # first arguments
+
+
 class CatalogueEntry(NamedTuple):
     """A study: its module and function, and the line of its docstring in the listing."""
 
@@ -48,6 +51,9 @@ def catalogue(folder: str) -> dict[str, CatalogueEntry]:
         for node in ast.parse(file.read_text(encoding="utf-8")).body:
             if not isinstance(node, ast.FunctionDef) or node.name.startswith("_"):
                 continue
+            first = [argument.arg for argument in node.args.args[:2]]
+            if first != TAKEN.get(folder, first):
+                continue  # puts a finding together for the study beside it
             if node.returns and ast.unparse(node.returns) == RETURNED[folder]:
                 module = f"{__package__}.{folder}.{file.stem}"
                 shows = (ast.get_docstring(node) or "").partition("\n")[0]

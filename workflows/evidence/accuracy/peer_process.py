@@ -33,7 +33,7 @@ STEPS = tuple(8e-7 / 2**k for k in range(7))  # [s]
 class RepeatedCalls(NamedTuple):
     """How often a call is repeated for its warm time, and when a search ends."""
 
-    budget: float = 1.0  # [s] of all repeats; 0.3 and 3 give the same smallest time within 5 %
+    budget: float = 1.0  # [s] of all repeats; not varied
     most: int = 20
     slow: float = 20.0  # [s] of a first call that is not repeated, or followed by a finer setting
 
