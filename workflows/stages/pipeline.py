@@ -9,7 +9,7 @@ elements alone.
 """
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import suppress
 from hashlib import sha256
 from importlib import import_module
 from importlib.util import resolve_name
@@ -22,8 +22,7 @@ from joblib import Memory
 
 from workflows.scene import RomWall, Scene
 from workflows.stages.cache import key, memory
-
-Progress = Callable[[str], AbstractContextManager]  # of the stage named, while it runs
+from workflows.stages.progress import Progress, quiet
 
 
 class Stage(NamedTuple):
@@ -248,7 +247,7 @@ class Pipeline:
         self,
         scene: Scene,
         memory: Memory,
-        progress: Progress = lambda name: nullcontext(),
+        progress: Progress = quiet,
         further: dict[str, Stage] | None = None,
     ) -> None:
         self.scene = scene

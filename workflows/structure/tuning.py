@@ -17,7 +17,8 @@ from workflows.files.output_file import OutputFile
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, Scene, nearest
 from workflows.scene.bodies import MeasuredMode
-from workflows.stages.pipeline import Pipeline, Progress, pipeline_of
+from workflows.stages.pipeline import Pipeline, pipeline_of
+from workflows.stages.progress import Progress
 from workflows.structure import parameters as of_bodies
 from workflows.thesis import HAMMER_TEST_HZ
 
