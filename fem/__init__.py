@@ -57,6 +57,7 @@ from fem.prestress import FaceForce, Heat, Load, prestressed
 from fem.response import receptance
 from fem.rods import Rod
 from fem.spot import Spot, planar_spot, round_spot
+from fem.stress_error import missed_energy
 from fem.surface import OnSurface, on_surface
 from fem.threads import one_thread
 from fem.trace import face_edges, outer_nodes
@@ -116,6 +117,7 @@ __all__ = [
     "mac",
     "mindlin_plate",
     "mirrored",
+    "missed_energy",
     "modes",
     "node_patch",
     "normal_frame",

@@ -98,7 +98,6 @@ def contact_modes(
     w: np.ndarray,
     retained: EigenPairs,
     selection: Selection,
-    space: Space | None = None,
     options: KrylovOptions = KrylovOptions(),
 ) -> Chosen:
     """The n_modes that matter most for the receptance at the contact up to to_hz, or the fewest
@@ -107,11 +106,10 @@ def contact_modes(
     retained (k,) are modes to keep in any case, the rigid-body ones among them. The error stated
     holds for the modes with the residual vector: the space's bound and what the choice leaves.
     With finer_hz all that they are chosen from stands for the full model up to that frequency.
-    space is one that is there already, of this contact and with the retained modes among its pairs;
-    it is used where it reaches as far as one made here. Raises ReductionError.
+    Raises ReductionError.
     """
     n_modes, error, to_hz = selection.n_modes, selection.error, selection.to_hz
-    n_retained = len(retained.omega)
+    space, n_retained = selection.space, len(retained.omega)
 
     # candidates: Ritz pairs of a space of one vector more than modes are wanted
     n_vectors = 0 if n_modes is None else n_modes + 1 - n_retained

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
-from rom.contact_modes import Space, contact_modes, finer_space, static_shapes
+from rom.contact_modes import contact_modes, finer_space, static_shapes
 from rom.factorisation import Factorise, Solver, superlu, symmetric
 from rom.fixed_interface import (
     FixedInterface,
@@ -41,7 +41,6 @@ def craig_bampton(
     C: ArrayLike | sp.sparray | None = None,
     factorise: Factorise = superlu,
     factor: Solver | None = None,
-    space: Space | None = None,
 ) -> ReducedModel:
     """Reduce K, M (n, n) to the dofs in boundary (b,) and the fixed-interface modes selected.
 
@@ -49,8 +48,7 @@ def craig_bampton(
     positive definite even where K floats, serves constraint modes and fixed-interface modes;
     factorise(A) returns an object with .solve. `factor`, that of a K that is held, replaces it. A
     cutoff and the choice "lowest" are of the fixed-interface modes; "contact" chooses free modes by
-    the contact and keeps what they do inside as fixed-interface modes, from the `space` of this
-    contact where it is there already.
+    the contact and keeps what they do inside as fixed-interface modes.
     Raises ReductionError with one sentence where the result would not be right.
     """
     K, M = symmetric(K, "K"), symmetric(M, "M")
@@ -68,7 +66,7 @@ def craig_bampton(
         # they do inside, and Ritz pairs of K_ii and M_ii make fixed-interface modes of that
         problem, modes = whole_pencil(fixed), selection.modes
         retained = no_modes(len(w)) if modes is None else known_modes(problem, *modes)
-        free, _, stated, finer_pairs = contact_modes(problem, w, retained, selection, space)
+        free, _, stated, finer_pairs = contact_modes(problem, w, retained, selection)
         phi = free.phi
         for c in shares(phi.shape[1]):
             phi[:, c] -= Psi @ phi[b, c]

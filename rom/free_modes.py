@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
-from rom.contact_modes import Space, contact_modes, finer_space, static_shapes
+from rom.contact_modes import contact_modes, finer_space, static_shapes
 from rom.factorisation import Factorise, Pencil, ReductionError, Solver, superlu, symmetric
 from rom.floating import pencil
 from rom.health import require_faithful, require_static_response
@@ -42,16 +42,14 @@ def free_modes(
     shift: float | None = None,
     factorise: Factorise = superlu,
     factor: Solver | None = None,
-    space: Space | None = None,
 ) -> ReducedModel:
     """Reduce K, M (n, n) to the free modes selected and the residual vector of the contact
     functional w (n,).
 
     shift [rad^2/s^2], negative, is the sigma of K - sigma M that gets factorised; None takes K
     itself, or where K floats freely a shift of -(omega_1 / 10)^2. factorise(A) returns an object
-    with .solve; with the factor of a K that is held nothing is factorised, and the choice "contact"
-    takes its modes from a `space` of this contact. Raises ReductionError with one sentence where
-    the result would not be right.
+    with .solve; with the factor of a K that is held nothing is factorised. Raises ReductionError
+    with one sentence where the result would not be right.
     """
     K, M = symmetric(K, "K"), symmetric(M, "M")
     w = contact_functional(w, K.shape[0])
@@ -67,7 +65,7 @@ def free_modes(
     if selection.by_contact:
         # those that matter most at the contact, among the Ritz pairs of its Krylov space
         pairs, r, stated, finer = contact_modes(
-            problem, w, retained_modes(problem, supplied), selection, space
+            problem, w, retained_modes(problem, supplied), selection
         )
     elif error is not None:
         # the fewest of the lowest modes whose error bound holds; it is computed for every number

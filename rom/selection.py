@@ -1,10 +1,13 @@
 """Which modes a reduction keeps."""
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from rom.factorisation import ReductionError
+
+if TYPE_CHECKING:
+    from rom.contact_modes import Space
 
 
 class Selection(NamedTuple):
@@ -16,7 +19,8 @@ class Selection(NamedTuple):
     "contact" those that matter most at the contact up to to_hz (see rom.contact_modes).
     modes = (omega (k,) [rad/s], phi (n, k) mass-normalised) are modes that are already there:
     "lowest" cuts them to the number or cutoff, "contact" keeps them all. With finer_hz the result
-    carries a finer model that stands for the full one up to there.
+    carries a finer model that stands for the full one up to there. space is a Krylov space of this
+    contact that is already there, with those modes among its pairs: "contact" chooses from it.
     """
 
     n_modes: int | None = None
@@ -26,6 +30,7 @@ class Selection(NamedTuple):
     choice: str = "lowest"
     modes: tuple[np.ndarray, np.ndarray] | None = None
     finer_hz: float | None = None
+    space: "Space | None" = None
 
     @property
     def by_contact(self) -> bool:
@@ -35,7 +40,7 @@ class Selection(NamedTuple):
 
 def require_selection(selection: Selection, *, modes_suffice: bool = False) -> None:
     """Raise ReductionError unless the modes are chosen in one way, and in a way that is known."""
-    n_modes, cutoff_hz, error, to_hz, choice, modes, _ = selection
+    n_modes, cutoff_hz, error, to_hz, choice, modes, *_ = selection
     choices = sum(number is not None for number in (n_modes, cutoff_hz, error))
     if choices > 1 or (choices == 0 and not (modes_suffice and modes is not None)):
         raise ReductionError("give one of n_modes, cutoff_hz or error to say which modes to keep.")

@@ -222,7 +222,7 @@ def test_an_error_that_cannot_be_estimated_is_a_warning(monkeypatch):
     def stuck(*_):
         raise ValueError("the coarse mesh is singular.")
 
-    monkeypatch.setattr("workflows.stages.errors.mesh_error", stuck)
+    monkeypatch.setattr("workflows.stages.quantity_errors.error_of_mesh", stuck)
     summary = summary_of(pipeline("output.samples=602"))  # whose mesh error nobody has kept
     assert summary.error_estimate.mesh is None and summary.error_estimate.reduction is not None
     assert any("mesh could not be estimated: the coarse" in words for words in summary.warnings)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from workflows.report.finding import Finding
 from workflows.scene import InvalidScene, Scene, nearest
-from workflows.stages.pipeline import Progress
+from workflows.stages.progress import Progress
 
 RETURNED = {
     "thesis": "Finding",

@@ -10,7 +10,10 @@ ERRORS = {
         "reduction",
         ("reduction", "reduction-error", "full-response", "response", "modes", "contact"),
     ),
-    "mesh": ("mesh", ("mesh", "model", "second-mesh", "mesh-error")),
+    "mesh": (
+        "mesh",
+        ("mesh", "model", "second-mesh", "missed-energy", "quantity-errors", "mesh-error"),
+    ),
     "theory": ("theory", ("other-theories", "theory-error")),
 }
 
@@ -27,15 +30,33 @@ def results(summary: Summary) -> list[tuple[str, str]]:
         rows.append(("measured modes, computed", measured_modes(summary)))
     if summary.load_factor is not None:
         rows.append(("load over buckling load", percent(summary.load_factor)))
-    rows += [(f"waves at sphere {s}", arrivals(waves)) for s, waves in summary.waves.items()]
+    rows += [
+        (f"waves at sphere {s}", arrivals(waves, summary, s)) for s, waves in summary.waves.items()
+    ]
     rows += [(name, sensed(signal)) for name, signal in summary.sensors.items()]
     if contact := summary.wall_contact:
         rows += [
-            ("time of flight TOF", si(contact.tof_s, "s")),
-            ("amplitude ratio ARR", percent(contact.arr_2_9)),
-            ("peak force at the wall", si(summary.peak_wall_force_N, "N")),
+            ("time of flight TOF", with_error(summary, "tof_s", si(contact.tof_s, "s"))),
+            ("amplitude ratio ARR", with_error(summary, "arr_2_9", percent(contact.arr_2_9))),
+            (
+                "peak force at the wall",
+                with_error(summary, "peak_wall_force_N", si(summary.peak_wall_force_N, "N")),
+            ),
         ]
     return [(label, value) for label, value in rows if value not in ("", NONE)]
+
+
+LARGE = 0.05  # relative error from which on it stands out
+
+
+def with_error(summary: Summary, name: str, text: str) -> str:
+    """A value's text with its relative error, where one is known: 607 N +- 0.3 %."""
+    error = next((e for e in summary.errors if e.name == name), None)
+    if error is None or error.total is None or not error.value:
+        return text
+    relative = error.total / abs(error.value)
+    loud = "!" if relative > LARGE else ""
+    return f"{text}{GLUE}±{GLUE}{percent(relative, 2)}{loud}"
 
 
 def errors_and_seconds(summary: Summary) -> list[tuple[str, str]]:
@@ -72,12 +93,15 @@ def measured_modes(summary: Summary) -> str:
     return f"{' / '.join(digits(f, 4) for f in summary.modes_hz.values())} Hz"
 
 
-def arrivals(waves: SphereWaves) -> str:
-    """Times and peak velocities of the waves that pass a sphere."""
-    passing = [
-        f"{wave.name or 'unnamed'} {si(wave.time_s, 's')} ({si(wave.peak_velocity_m_s, 'm/s')})"
-        for wave in waves.arrivals
-    ]
+def arrivals(waves: SphereWaves, summary: Summary, sphere: str) -> str:
+    """Times and peak velocities of the waves that pass a sphere, with their errors."""
+    passing = []
+    for wave in waves.arrivals:
+        name, key = wave.name or "unnamed", f"{sphere}: {wave.name or 'unnamed'}"
+        time = with_error(summary, f"{key}: time_s", si(wave.time_s, "s"))
+        velocity = si(wave.peak_velocity_m_s, "m/s")
+        velocity = with_error(summary, f"{key}: peak_velocity_m_s", velocity)
+        passing.append(f"{name} {time} ({velocity})")
     return listed(passing) or "none"
 
 

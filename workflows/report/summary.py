@@ -89,6 +89,22 @@ class ChainContact(BaseModel):
     trains: tuple[TrackedWave, ...]
 
 
+class NumberError(BaseModel):
+    """A number of the summary with its errors by cause, in its unit; None where one is not known.
+
+    name: its key, of a wave "sphere: wave: key", of a mode "mode i"; total is the sum of those
+    that are known.
+    """
+
+    name: str
+    value: float
+    unit: str
+    time: float | None = None
+    reduction: float | None = None
+    mesh: float | None = None
+    total: float | None = None
+
+
 class ErrorEstimate(BaseModel):
     """Relative errors of the observed velocities by cause; None where nothing estimates one."""
 
@@ -172,6 +188,7 @@ class Summary(BaseModel):
     contact_radius_m: float | None = None
     energy_error: float | None = None
     error_estimate: ErrorEstimate = ErrorEstimate()
+    errors: tuple[NumberError, ...] = ()
     waves: dict[str, SphereWaves] = {}
     sensors: dict[str, SensorWaves] = {}
     wall_contact: ChainContact | None = None
@@ -183,6 +200,10 @@ class Summary(BaseModel):
     warnings: tuple[str, ...] = ()
     versions: dict[str, str] = {}
     sources: dict[str, ValueSource] = {}
+
+    def error(self, name: str) -> float | None:
+        """The whole error of a number by its name in `errors`, in its unit."""
+        return next((e.total for e in self.errors if e.name == name), None)
 
     def text(self) -> str:
         """JSON, indented."""

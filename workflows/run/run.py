@@ -4,6 +4,9 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from datetime import datetime
 from platform import python_version
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 import dem
 from coupling import CoupledWall
@@ -11,7 +14,7 @@ from coupling.saved_run import save_trajectory
 from workflows.files.run_folder import RunFolder, write_pictures
 from workflows.report.provenance import UNKNOWN, Origin
 from workflows.report.report import CAPTIONS, write_report
-from workflows.report.summary import ErrorEstimate, StageTime, Summary
+from workflows.report.summary import ErrorEstimate, NumberError, StageTime, Summary
 from workflows.run.second_process import IMPACT, RUN, two_processes
 from workflows.scene.toml import toml
 from workflows.stages import warnings
@@ -20,6 +23,9 @@ from workflows.stages.chain import contact_radius
 from workflows.stages.impact import require_start
 from workflows.stages.pipeline import Pipeline, needs_structure
 from workflows.stages.waves import chain_contact, sphere_waves
+
+if TYPE_CHECKING:  # loads the finite elements
+    from workflows.stages.quantity_errors import QuantityError
 
 IMPACT_FILES = ("given.toml", "summary.json", "trajectory.npz", "signals.csv")
 FILES = (
@@ -76,6 +82,8 @@ def run(
                 except NoPicture as missing:  # the run stands without them
                     unrendered = (str(missing),)
 
+            if structure and scene.bending is None:
+                pipeline("missed-energy")  # while its shapes are in memory
             pipeline.release()
 
             # pictures of the chain
@@ -106,6 +114,8 @@ def impact(
     with folder.run(toml(scene), IMPACT_FILES) if folder else nullcontext() as folder:
         with two_processes(pipeline, IMPACT) if needs_structure(scene) else nullcontext():
             waves_known(summary_of(pipeline, origin=origin, with_errors=False))
+            if needs_structure(scene) and scene.bending is None:
+                pipeline("missed-energy")  # while its shapes are in memory
             pipeline.release()
             summary = summary_of(pipeline, origin=origin)
         if folder:
@@ -137,6 +147,15 @@ def _write_trajectory(pipeline: Pipeline, folder: RunFolder) -> None:
         folder.write("signals.csv", csv_text(pipeline.scene, pipeline("record")))
 
 
+def _error_of(error: "QuantityError") -> NumberError:
+    """A number's errors as the summary has them."""
+    causes = {cause: getattr(error, cause) for cause in ("time", "reduction", "mesh")}
+    known = {cause: value for cause, value in causes.items() if np.isfinite(value)}
+    return NumberError(
+        name=error.name, value=error.value, unit=error.unit, total=sum(known.values()), **known
+    )
+
+
 def summary_of(
     pipeline: Pipeline,
     warned: tuple[str, ...] = (),
@@ -147,6 +166,7 @@ def summary_of(
     """The numbers of a run, without errors of reduction and mesh where these are not wanted; a
     stage that the run did not need is left at its absence."""
     scene, structure, numbers = pipeline.scene, needs_structure(pipeline.scene), {}
+    number_errors: list[NumberError] = []
     sentences = [*warned, *(() if pipeline.keeps else warnings.results_not_kept())]
 
     if scene.chain:
@@ -161,6 +181,12 @@ def summary_of(
                 doubts += warnings.large_model_error(name, errors[name])
             except ValueError as reason:  # the run stands without it
                 doubts += warnings.unknown_model_error(name, reason)
+
+        if estimated and scene.bending is None:
+            try:
+                number_errors += map(_error_of, pipeline("quantity-errors").quantities)
+            except ValueError:  # said above
+                pass
 
         # the march and its waves
         wall, waves, (run, verdict, *_) = pipeline("wall"), pipeline("waves"), pipeline("impact")
@@ -195,6 +221,27 @@ def summary_of(
         from workflows.stages.health import modes_found, reduction_health
 
         modes, health = pipeline("modes"), reduction_health(pipeline("reduction"))
+        if with_errors and scene.bending is None:
+            missed, hz = pipeline("missed-energy"), modes.omega / (2 * np.pi)
+            for i, relative in enumerate(missed.of_frequencies(modes.omega)):
+                if np.isfinite(relative):
+                    error = float(relative * hz[i])
+                    number_errors.append(
+                        NumberError(
+                            name=f"mode {i + 1}", value=hz[i], unit="Hz", mesh=error, total=error
+                        )
+                    )
+            if missed.of_compliance is not None:
+                value = health.static_compliance_m_per_N - health.half_space_compliance_m_per_N
+                number_errors.append(
+                    NumberError(
+                        name="static_compliance_m_per_N",
+                        value=value,
+                        unit="m/N",
+                        mesh=missed.of_compliance,
+                        total=missed.of_compliance,
+                    )
+                )
         numbers |= {
             "modes_hz": modes.paired_hz,
             "modes": modes_found(pipeline),
@@ -210,6 +257,7 @@ def summary_of(
         numbers["reduction"] = reduction_health(*measured(scene.wall))
 
     return Summary(
+        errors=tuple(number_errors),
         scene=scene.name,
         command=origin.command,
         date=datetime.now().astimezone().isoformat(timespec="seconds"),

@@ -31,7 +31,7 @@ from workflows.files.child import while_open
 from workflows.scene.size import room_for_two
 from workflows.stages.pipeline import Pipeline, couples, pipeline_of
 
-IMPACT = ("compilation", "second-mesh")  # in the order in which the second process takes them
+IMPACT = ("compilation",)  # in the order in which the second process takes them
 RUN = (*IMPACT, "pictures")
 PAUSE = 0.05  # s between two looks at what the other process has
 
@@ -76,12 +76,12 @@ class SecondProcess:
 def two_processes(pipeline: Pipeline, names: tuple[str, ...]) -> Iterator[None]:
     """A second process for these stages, where a core, memory and the cache allow for it.
 
-    BEADWAVE_PROCESSES=1 keeps a run to one process. One stage alone is not worth a second.
+    BEADWAVE_PROCESSES=1 keeps a run to one process. Pictures alone are not worth a second.
     """
     missing = tuple(name for name in names if _wanted(pipeline, name))
     cores = len(sched_getaffinity(0))
     allowed = environ.get("BEADWAVE_PROCESSES") != "1" and cores > 1 and pipeline.keeps
-    if len(missing) < 2 or not allowed or not _have_room(pipeline):
+    if missing in ((), ("pictures",)) or not allowed or not _have_room(pipeline):
         yield
         return
     # threads of MKL that wait for a core spin: each process gets its share

@@ -100,7 +100,11 @@ def second_mesh(scene: Scene, mesh: Parts) -> SecondModel:
     """The assembly on another mesh, reduced the quickest way; raises ValueError where none is."""
     parts, error_share = other_mesh(scene, mesh)
     model = stages.model(scene, parts)
-    contact = stages.contact(scene, parts, model)
+    return SecondModel(wall_model(scene, model, stages.contact(scene, parts, model)), error_share)
+
+
+def wall_model(scene: Scene, model: fem.Model, contact: fem.ContactPatch) -> rom.ReducedModel:
+    """A model at its contact, reduced the quickest way, for a march alone."""
     reduced = rom.free_modes(
         model.K,
         model.M,
@@ -108,9 +112,7 @@ def second_mesh(scene: Scene, mesh: Parts) -> SecondModel:
         rom.Selection(n_modes=N_MODES[0], choice="contact", to_hz=TO_HZ),
         factorise=fem.factorised,
     )
-    return SecondModel(
-        reduced._replace(T=None, contact=contact_of(scene, model, contact)), error_share
-    )
+    return reduced._replace(T=None, contact=contact_of(scene, model, contact))
 
 
 def mesh_error(scene: Scene, start: Start, second: SecondModel, impact: coupling.Impact) -> float:

@@ -9,7 +9,7 @@ elements alone.
 """
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import suppress
 from hashlib import sha256
 from importlib import import_module
 from importlib.util import resolve_name
@@ -22,8 +22,7 @@ from joblib import Memory
 
 from workflows.scene import RomWall, Scene
 from workflows.stages.cache import key, memory
-
-Progress = Callable[[str], AbstractContextManager]  # of the stage named, while it runs
+from workflows.stages.progress import Progress, quiet
 
 
 class Stage(NamedTuple):
@@ -141,6 +140,12 @@ ASSEMBLY = {
         means=("factor", "krylov-space"),
     ),
     "second-mesh": Stage(".errors:second_mesh", COARSE, ("mesh",)),
+    "missed-energy": Stage(
+        ".mesh_error:missed_energy",
+        tables_of("reduction", "patch", "strike"),
+        ("mesh", "model", "modes"),
+        means=("krylov-space",),
+    ),
     "full-response": Stage(
         ".response:full_response",
         tables_of(),
@@ -181,6 +186,11 @@ IMPACT = {
         lambda scene: [_marched(scene), tables_of("damping")(scene)],
         ("start", "second-mesh", "impact"),
     ),
+    "quantity-errors": Stage(
+        ".quantity_errors:quantity_errors",
+        lambda scene: [_marched(scene), tables_of("damping")(scene)],
+        ("start", "missed-energy", "reduction", "impact", "waves"),
+    ),
     "waves": Stage(".waves:waves", _observed, ("start", "impact")),
     "figures": Stage(".figures:of_chain", _observed, ("impact", "waves")),
     "record": Stage(
@@ -198,8 +208,15 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
     wall = Stage(".chain:wall", _wall_reads, needs)
     structure = ASSEMBLY if scene.bending is None else BENDING
     impact = IMPACT
+    if scene.bending is None:
+        of_mesh = IMPACT["mesh-error"]._replace(
+            function=".quantity_errors:error_of_mesh", needs=("quantity-errors",)
+        )
+        impact = impact | {"mesh-error": of_mesh}
+    else:
+        impact = {name: stage for name, stage in impact.items() if name != "quantity-errors"}
     if needs and scene.is_general:
-        impact = IMPACT | {"start": IMPACT["start"]._replace(needs=("surface",))}
+        impact = impact | {"start": IMPACT["start"]._replace(needs=("surface",))}
     if not getattr(scene.wall, "prune", False):
         return {**structure, "wall": wall, **impact}
     walls = {
@@ -230,7 +247,7 @@ class Pipeline:
         self,
         scene: Scene,
         memory: Memory,
-        progress: Progress = lambda name: nullcontext(),
+        progress: Progress = quiet,
         further: dict[str, Stage] | None = None,
     ) -> None:
         self.scene = scene

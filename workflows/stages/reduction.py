@@ -85,7 +85,7 @@ def reduction(
     craig_bampton = scene.reduction.kind == "craig-bampton"
     if not craig_bampton and not selected.by_contact:
         ready = _enough_modes(scene, modes)
-    selected = selected._replace(modes=ready)
+    selected = selected._replace(modes=ready, space=space)
     if craig_bampton and len(boundary) * len(contact.w) > LIMITS.most_values:
         gigabytes = 8e-9 * len(boundary) * len(contact.w)
         raise ValueError(
@@ -99,12 +99,10 @@ def reduction(
         with fem.one_thread():
             if craig_bampton:
                 reduced = rom.craig_bampton(
-                    *matrices, boundary, selected, C=C, factor=factor, space=space, **solver
+                    *matrices, boundary, selected, C=C, factor=factor, **solver
                 )
             else:
-                reduced = rom.free_modes(
-                    *matrices, selected, C=C, factor=factor, space=space, **solver
-                )
+                reduced = rom.free_modes(*matrices, selected, C=C, factor=factor, **solver)
     except rom.ReductionError:
         _require_held(scene, modes)
         raise

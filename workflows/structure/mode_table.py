@@ -12,6 +12,7 @@ from workflows.stages.pipeline import Pipeline
 from workflows.stages.warnings import overconstrained
 
 READING = """\
+mesh error: by which the elements make the frequency too high;
 at contact: participation [kg^-1/2];  score: share of the mode's energy in the motion that
 identifies the measured mode;  MAC: with that mode of stiff joints"""
 LOADED = "The static load is {:.4g} % of the load that buckles it."
@@ -28,6 +29,7 @@ class ModeRow(BaseModel):
     number: int
     frequency_hz: float
     participation: float | None
+    error_percent: float | None = None  # of the mesh: the frequency is too high by as much
     hammer_mode: int | None = None
     hammer_hz: float | None = None
     difference_percent: float | None = None
@@ -49,7 +51,8 @@ class ModeTable(BaseModel):
         cells = []
         for row in self.rows:
             at_contact = None if row.participation is None else f"{row.participation:.4f}"
-            computed = (row.number, f"{row.frequency_hz:.2f}", at_contact)
+            error = None if row.error_percent is None else f"{row.error_percent:.2g} %"
+            computed = (row.number, f"{row.frequency_hz:.2f}", error, at_contact)
             if row.hammer_mode is None:
                 cells.append((*computed, "", "", ""))
                 continue
@@ -57,7 +60,9 @@ class ModeTable(BaseModel):
             measured = f"{row.hammer_mode}: {row.hammer_hz:.5g} Hz ({off:+.1f} %)"
             mac = None if row.mac is None else f"{row.mac:.2f}"
             cells.append((*computed, measured, f"{row.score:.2f}", mac))
-        table = aligned_text(("mode", "Hz", "at contact", "measured", "score", "MAC"), cells)
+        table = aligned_text(
+            ("mode", "Hz", "mesh error", "at contact", "measured", "score", "MAC"), cells
+        )
         legend = READING if any(row.hammer_mode for row in self.rows) else NO_TARGETS
         load = LOADED.format(100 * self.load_factor) if self.load_factor is not None else ""
         shapes = ", ".join(f"{r.hammer_mode}: {r.shape}" for r in self.rows if r.shape)
@@ -71,9 +76,13 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
     struck = not scene.is_general or scene.strike is not None
     participation = np.abs(pipeline("contact").w @ modes.phi) if struck else [None] * len(mac)
     measured = {int(j): i for i, j in enumerate(modes.index) if j >= 0}
+    error = np.full(len(modes.omega), np.nan)
+    if scene.bending is None:
+        error = pipeline("missed-energy").of_frequencies(modes.omega)
     rows = []
     for j, hz in enumerate(modes.omega / (2 * np.pi)):
         row = ModeRow(number=j + 1, frequency_hz=hz, participation=participation[j])
+        row.error_percent = None if np.isnan(error[j]) else 100 * float(error[j])
         if j in measured:
             i = measured[j]
             row.hammer_mode, row.hammer_hz = i + 1, scene.measured_hz[i]

@@ -11,7 +11,8 @@ from workflows.files.run_folder import Picture
 from workflows.report import plots
 from workflows.scene import Joints, JointStiffnesses, Scene
 from workflows.scene.assembly import BODIES
-from workflows.stages.pipeline import Progress, pipeline_of
+from workflows.stages.pipeline import pipeline_of
+from workflows.stages.progress import Progress
 from workflows.structure.tuning import tuned
 from workflows.thesis import HAMMER_TEST_HZ, THESIS
 

@@ -17,7 +17,8 @@ from workflows.files.output_file import OutputFile
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, Scene, nearest
 from workflows.scene.bodies import MeasuredMode
-from workflows.stages.pipeline import Pipeline, Progress, pipeline_of
+from workflows.stages.pipeline import Pipeline, pipeline_of
+from workflows.stages.progress import Progress
 from workflows.structure import parameters as of_bodies
 from workflows.thesis import HAMMER_TEST_HZ
 
@@ -57,6 +58,7 @@ class TuningReport(BaseModel):
     deviation: dict[str, float | None]
     undetermined: dict[str, float | Literal["rigid"]]  # keys of the scene, the values they keep
     mac: dict[str, float]
+    mesh_error_percent: dict[str, float] = {}  # the full model's frequencies are too high by
     between_hz: list[float]
     evaluations: int
     seconds: float
@@ -68,14 +70,16 @@ class TuningReport(BaseModel):
         for i, fitted in self.modes_hz.items():
             frequencies = self.match.get(i), fitted, self.full_order_hz.get(i)
             hz = (None if x is None else f"{x:.2f}" for x in frequencies)
-            modes.append((i, *hz, f"{self.mac[i]:.2f}"))
+            error = self.mesh_error_percent.get(i)
+            of_mesh = None if error is None else f"{error:.2g} %"
+            modes.append((i, *hz, of_mesh, f"{self.mac[i]:.2f}"))
         values = []
         for name, value in self.stiffness.items():
             spread = self.deviation[name]
             text = "not determined by these modes" if spread is None else f"+- {100 * spread:.2g} %"
             values.append((name, f"{value:.5g}", _unit(name), text))
         cost = f"{self.evaluations} evaluations in {self.seconds:.2f} s"
-        head = ("mode", "wanted", "fitted", "full model", "MAC")
+        head = ("mode", "wanted", "fitted", "full model", "mesh error", "MAC")
         return "\n".join(
             [
                 aligned_text(head, modes), "", aligned_text(("value", "fitted", "", ""), values),
@@ -159,6 +163,15 @@ def tuned(
     full = pipeline_of(result, progress)
     confirmed, mac = full("modes").paired_hz, shape_mac(full)
 
+    # what the mesh is worth in these modes, in percent
+    computed = full("modes")
+    of_mesh = full("missed-energy").of_frequencies(computed.omega)
+    mesh_percent = {
+        str(i): 100 * float(of_mesh[j])
+        for i, j in enumerate(computed.index, start=1)
+        if j >= 0 and np.isfinite(of_mesh[j])
+    }
+
     names = [p.name for p in fit.parameters]
     undetermined = [p for p in candidates if p.name not in names]
     unchanged = {key: value for p in undetermined for key, value in scene_values(scene, p)}
@@ -178,7 +191,11 @@ def tuned(
         between_hz=[float(hz) for hz in fit.all_hz if not np.any(np.isclose(hz, fit.modes_hz))],
         evaluations=fit.evaluations,
         seconds=seconds,
-        remarks=_remarks(scene, match, fit, of_all, unchanged, candidates, confirmed, mac),
+        mesh_error_percent=mesh_percent,
+        remarks=[
+            *_remarks(scene, match, fit, of_all, unchanged, candidates, confirmed, mac),
+            *worth_of_the_mesh(scene, match, modes_hz, mesh_percent),
+        ],
     )
     return result, report
 
@@ -248,6 +265,29 @@ def _remarks(
                 "frequency that matches is no proof of the joint."
             )
     return remarks
+
+
+def worth_of_the_mesh(
+    scene: Scene,
+    match: dict[int, float],
+    modes_hz: Mapping[str, float],
+    mesh_percent: Mapping[str, float],
+) -> list[str]:
+    """A sentence where the mesh makes more of a mode than the fit misses, and more than a fit may
+    miss; errors fall with the size of elements to the power 1 at singular edges, 2 or more else."""
+    worst = max((n for n in match if str(n) in mesh_percent), default=None,
+                key=lambda n: mesh_percent[str(n)])  # fmt: skip
+    if worst is None:
+        return []
+    error, missed = mesh_percent[str(worst)], 100 * abs(modes_hz[str(worst)] / match[worst] - 1)
+    if error <= max(missed, 100 * TOLERANCES.disagreement):
+        return []
+    key = "mesh.scale" if scene.is_general else "mesh.seed and mesh.block_seed times"
+    return [
+        f"the mesh makes mode {worst} {error:.2g} % too high, more than the fit misses "
+        f"({missed:.2g} %): the fitted values make up for it. Halve it with {key} "
+        f"{0.6 * (scene.mesh.scale if scene.is_general else 1.0):.2g}, and tune again."
+    ]
 
 
 def usual(match: dict[int, float]) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from workflows.evidence.accuracy.runs import limit, timed
 from workflows.evidence.prose import rendered
 from workflows.report.finding import Finding
 from workflows.scene import Scene
-from workflows.stages.pipeline import Progress
+from workflows.stages.progress import Progress
 
 SCENE = "rig-rigid"
 POPULATION = 8192  # chains

@@ -48,7 +48,7 @@ from workflows.report.tables import Table
 from workflows.scene import Mesh, Scene
 from workflows.scene.parts import with_assembly
 from workflows.stages import assembly as stages
-from workflows.stages.pipeline import Progress
+from workflows.stages.progress import Progress
 from workflows.stages.reduction import boundary_of
 
 SCENE = "rig-rom"

@@ -10,7 +10,7 @@ from workflows.evidence.accuracy.runs import FIXED, limit, peer_rows, reference,
 from workflows.evidence.prose import rendered
 from workflows.report.finding import Finding
 from workflows.scene import Scene
-from workflows.stages.pipeline import Progress
+from workflows.stages.progress import Progress
 
 SCENE = "rig-rigid"
 LENGTHS = (17, 100, 1000, 10000)

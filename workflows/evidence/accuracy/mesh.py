@@ -31,7 +31,7 @@ from workflows.scene import Scene
 from workflows.scene.parts import with_assembly
 from workflows.stages import assembly as stages
 from workflows.stages.errors import COARSER
-from workflows.stages.pipeline import Progress
+from workflows.stages.progress import Progress
 from workflows.stages.targets import targets
 
 SCENE = "rig-rom"

@@ -22,7 +22,8 @@ from workflows.scene import Scene
 from workflows.scene.parts import with_chain
 from workflows.stages import bending
 from workflows.stages.errors import velocities
-from workflows.stages.pipeline import Progress, pipeline_of
+from workflows.stages.pipeline import pipeline_of
+from workflows.stages.progress import Progress
 from workflows.stages.wall import wall_of
 
 TEMPLATE = str(Path(__file__).with_name("_mesh_of_bending.md"))

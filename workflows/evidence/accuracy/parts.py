@@ -8,7 +8,7 @@ from workflows.evidence.accuracy.runs import marched, observed, relative_error, 
 from workflows.evidence.prose import rendered
 from workflows.report.finding import Finding
 from workflows.scene import Scene
-from workflows.stages.pipeline import Progress
+from workflows.stages.progress import Progress
 
 SCENE = "rig-rigid"
 SCHEMES = ("verlet", "suzuki4")

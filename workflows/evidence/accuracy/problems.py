@@ -7,7 +7,8 @@ from workflows.evidence.accuracy.peers import Problem
 from workflows.scene import InvalidScene, Scene
 from workflows.stages.chain import initial_velocity
 from workflows.stages.impact import require_start
-from workflows.stages.pipeline import Progress, pipeline_of
+from workflows.stages.pipeline import pipeline_of
+from workflows.stages.progress import Progress
 
 
 def problem(scene: Scene, progress: Progress) -> Problem:

@@ -43,7 +43,8 @@ from workflows.report.plots import Line, Panel, panels
 from workflows.report.tables import Table
 from workflows.scene import InvalidScene, RomWall, Scene
 from workflows.stages.chain import initial_velocity, on_surface
-from workflows.stages.pipeline import Progress, Stage, pipeline_of, tables_of
+from workflows.stages.pipeline import Stage, pipeline_of, tables_of
+from workflows.stages.progress import Progress
 from workflows.stages.reduction import contact_of
 
 SCENE = "rig-rom"

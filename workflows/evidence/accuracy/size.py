@@ -30,7 +30,7 @@ from workflows.scene import Mesh, Scene
 from workflows.scene.parts import with_assembly
 from workflows.stages import assembly as stages
 from workflows.stages.krylov_space import krylov_space
-from workflows.stages.pipeline import Progress
+from workflows.stages.progress import Progress
 from workflows.stages.reduction import reduction
 
 SCENE = "rig-rom"  # whose mesh no holes keep fine

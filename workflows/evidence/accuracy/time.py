@@ -15,7 +15,7 @@ from workflows.evidence.accuracy.runs import controlled_rows, peer_rows, referen
 from workflows.evidence.prose import rendered
 from workflows.report.finding import Finding
 from workflows.scene import Scene
-from workflows.stages.pipeline import Progress
+from workflows.stages.progress import Progress
 
 SCENE = "rig-rigid"
 

@@ -20,7 +20,7 @@ from workflows.evidence.prose import rendered
 from workflows.report.finding import Finding
 from workflows.scene import Scene
 from workflows.scene.parts import with_wall
-from workflows.stages.pipeline import Progress
+from workflows.stages.progress import Progress
 
 SCENE = "rig-rigid"
 MODES = (0, 1, 10, 50, 150, 500)

@@ -18,7 +18,7 @@ from workflows.report.plots import Line, Panel, panels
 from workflows.report.tables import Table
 from workflows.scene import InvalidScene, Scene
 from workflows.stages import bending
-from workflows.stages.pipeline import Progress
+from workflows.stages.progress import Progress
 
 SCENE = "slender-beam"
 COLUMNS = ("share", "force_N", "first_mode_hz", "tof_us", "arr", "first_wave", "later", "later_ms")

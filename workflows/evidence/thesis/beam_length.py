@@ -5,7 +5,7 @@ from workflows.evidence.thesis import bent
 from workflows.evidence.thesis.structures import StructuresOptions, compared
 from workflows.report.finding import Finding
 from workflows.scene import Scene
-from workflows.stages.pipeline import Progress
+from workflows.stages.progress import Progress
 
 SCENE = "beam"
 

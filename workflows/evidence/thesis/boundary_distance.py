@@ -24,7 +24,7 @@ from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
 from workflows.report.tables import Table
 from workflows.scene import Scene
-from workflows.stages.pipeline import Progress
+from workflows.stages.progress import Progress
 
 FACTORS = {  # of the sizes of a plate's mesh, each varied alone
     "elements halved": {"seed": 0.5, "contact_seed": 0.5},

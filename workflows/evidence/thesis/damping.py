@@ -27,7 +27,7 @@ from workflows.report.plots import Line, Panel, panels
 from workflows.report.tables import Table
 from workflows.scene import Scene
 from workflows.stages import assembly as stages
-from workflows.stages.pipeline import Progress
+from workflows.stages.progress import Progress
 from workflows.thesis import HAMMER_TEST_HZ, THESIS
 
 RAYLEIGH = coupling.RayleighDamping(**THESIS["rayleigh"])  # section 6.2

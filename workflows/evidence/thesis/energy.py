@@ -36,7 +36,7 @@ from workflows.scene import Scene
 from workflows.stages import assembly as stages
 from workflows.stages.assembly import material
 from workflows.stages.chain import initial_velocity
-from workflows.stages.pipeline import Progress
+from workflows.stages.progress import Progress
 
 SHORTEST = 8  # spheres on which a wave takes its shape and keeps it for a while
 WAVE = 0.99366  # of the striker's energy; the rest is the recoil of the first spheres

@@ -19,7 +19,8 @@ from workflows.report.plots import Line, Panel, panels
 from workflows.report.tables import Table
 from workflows.scene import Joints, JointStiffnesses, Scene
 from workflows.scene.parts import with_assembly
-from workflows.stages.pipeline import Progress, pipeline_of
+from workflows.stages.pipeline import pipeline_of
+from workflows.stages.progress import Progress
 from workflows.structure.tuning import at_values, freed, loosened, shape_mac
 from workflows.thesis import HAMMER_TEST_HZ
 

@@ -24,7 +24,7 @@ from workflows.report.plots import Line, Panel, panels
 from workflows.report.tables import Table
 from workflows.scene import HalfSpaceWall, RigidWall, Scene
 from workflows.stages.chain import chain, initial_velocity
-from workflows.stages.pipeline import Progress
+from workflows.stages.progress import Progress
 
 FACTOR = 3.0  # thesis, section 7.2
 CONSTRAINT = 1.6  # contact yield stress over yield stress, K. L. Johnson, sec. 6.1

@@ -22,7 +22,7 @@ from workflows.report.plots import panels
 from workflows.report.tables import Table
 from workflows.scene import HalfSpaceWall, LeafSpringsTable, Preload, Scene
 from workflows.stages.chain import chain, contact_radius, start
-from workflows.stages.pipeline import Progress
+from workflows.stages.progress import Progress
 
 # what the thesis states, sections 6.1, 7.1 and 7.2: reflected waves by sphere within 3 ms, at
 # which spheres waves are separate, the radius of the contact "near 0.3 mm"

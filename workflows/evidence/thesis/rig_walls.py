@@ -7,7 +7,8 @@ from workflows.evidence.thesis.observed_run import Observed, RecordOptions, Setu
 from workflows.files.scene import scene as built_in
 from workflows.scene import HalfSpaceWall, RigidWall, Scene
 from workflows.stages.chain import chain, initial_velocity
-from workflows.stages.pipeline import Progress, pipeline_of
+from workflows.stages.pipeline import pipeline_of
+from workflows.stages.progress import Progress
 
 ONE_DOF_HZ = (269.0, 907.0, 8425.0, 700.0, 240.0)  # thesis, sections 7.2 and 7.3
 ROMS = {"ROM 269": "rig-rom-269", "ROM 907": "rig-rom-907", "ROM all four": "rig-rom"}

@@ -23,7 +23,7 @@ from workflows.scene import Scene
 from workflows.scene.parts import with_assembly
 from workflows.stages import assembly as stages
 from workflows.stages.assembly import material
-from workflows.stages.pipeline import Progress
+from workflows.stages.progress import Progress
 from workflows.stages.rig import STRUCK
 
 COLUMNS = (

@@ -25,7 +25,7 @@ from workflows.report.plots import Line, Panel, panels
 from workflows.report.tables import Table
 from workflows.scene import InvalidScene, Scene
 from workflows.stages import bending
-from workflows.stages.pipeline import Progress
+from workflows.stages.progress import Progress
 
 SCENE = "beam"
 N_MODES = 5  # that the table and the sentences compare

@@ -15,7 +15,8 @@ from workflows.report.plots import Line, Panel, panels
 from workflows.report.tables import Table
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.toml import resolved
-from workflows.stages.pipeline import Progress, pipeline_of
+from workflows.stages.pipeline import pipeline_of
+from workflows.stages.progress import Progress
 
 SCENE = "plate"
 EDGES = ("left", "right", "front", "back")

@@ -20,7 +20,7 @@ from workflows.report.plots import Line, Panel, panels
 from workflows.report.tables import Table
 from workflows.scene import InvalidScene, Scene
 from workflows.stages.chain import initial_velocity
-from workflows.stages.pipeline import Progress
+from workflows.stages.progress import Progress
 
 FIGURE_2_9 = (0.013, 0.07, 0.5)  # [kg] masses of the thesis' figure
 CHANGED = ("radius", "density")  # what reaches a mass

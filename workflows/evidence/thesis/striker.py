@@ -24,7 +24,7 @@ from workflows.report.plots import Line, Panel, panels
 from workflows.report.tables import Table
 from workflows.scene import Scene
 from workflows.stages.chain import initial_velocity
-from workflows.stages.pipeline import Progress
+from workflows.stages.progress import Progress
 
 # share of the energy in the leading wave by the striker's mass over a sphere's, published
 REFERENCE = {0.5: 0.86492, 1.0: 0.99366, 2.0: 0.96120, 5.0: 0.71353, 10.0: 0.48407}

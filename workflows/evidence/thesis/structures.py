@@ -16,7 +16,7 @@ from workflows.files.run_folder import Picture
 from workflows.report.plots import Line, Panel, panels
 from workflows.report.tables import Table
 from workflows.scene import Scene
-from workflows.stages.pipeline import Progress
+from workflows.stages.progress import Progress
 
 COLUMNS = ("mm", "first_mode_hz", "contact_us", "tof_us", "arr", "peak_N")
 

@@ -25,7 +25,7 @@ from workflows.report.plots import Line, Panel, panels
 from workflows.report.tables import Table, short
 from workflows.scene import Scene
 from workflows.stages.chain import initial_velocity
-from workflows.stages.pipeline import Progress
+from workflows.stages.progress import Progress
 
 PUBLISHED = (0.39, 0.47)  # J. Yang et al. (2011): ratios between which the second wave fades out
 EQUAL = 1 / (2**1.5 - 1)  # ratio at which the wall's contact is as stiff as the spheres'

@@ -23,7 +23,7 @@ from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
 from workflows.report.tables import Table
 from workflows.scene import Scene
-from workflows.stages.pipeline import Progress
+from workflows.stages.progress import Progress
 
 NEGLIGIBLE = 5.0  # D/t from which the thesis, after its reference [8], sees no reflected wave
 DEEP_LOSS = 0.05  # of the energy, thesis: what a wall thicker than c T_c takes

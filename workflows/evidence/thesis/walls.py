@@ -36,7 +36,7 @@ from workflows.report.finding import Finding
 from workflows.report.plots import matrix, panels
 from workflows.report.tables import Table
 from workflows.scene import Scene
-from workflows.stages.pipeline import Progress
+from workflows.stages.progress import Progress
 
 NUMBERS = range(1, N_WAVES + 1)  # of reflected waves
 ALIKE = (("ROM 907", 907), ("ROM 269", 700), (HALF_SPACE, 8425))  # walls that the thesis compares

@@ -26,7 +26,8 @@ from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
 from workflows.report.tables import Table, short
 from workflows.scene import Instrument, InvalidScene
-from workflows.stages.pipeline import Pipeline, Progress
+from workflows.stages.pipeline import Pipeline
+from workflows.stages.progress import Progress
 from workflows.sweep.cases import Base
 from workflows.sweep.design import grid, require_free
 

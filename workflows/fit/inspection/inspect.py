@@ -27,7 +27,7 @@ from workflows.fit.inspection import numbers
 from workflows.fit.inspection.structure import VariedScene, structure
 from workflows.fit.records import sensor_of, usable
 from workflows.scene import InvalidScene, Scene
-from workflows.stages.pipeline import Progress
+from workflows.stages.progress import Progress
 from workflows.sweep.cases import Base
 
 STEPS = 4.0  # of the model, in usual ones: leaves 1e-5 of the largest signal

@@ -25,7 +25,8 @@ from workflows.scene import InvalidScene, RomWall, Scene
 from workflows.stages.chain import chain as chain_of
 from workflows.stages.chain import initial_velocity, on_surface, simple_wall
 from workflows.stages.chain import wall as wall_of
-from workflows.stages.pipeline import Pipeline, Progress, needs_structure, pipeline_of
+from workflows.stages.pipeline import Pipeline, needs_structure, pipeline_of
+from workflows.stages.progress import Progress
 from workflows.sweep.cases import Base
 
 DEGREE_BEAM, DEGREE_BODIES = 3, 2  # of the polynomials between walls: beams are computed quickly

@@ -1,0 +1,132 @@
+"""The errors of the single numbers of a run, by cause: TOF, ARR, peak force, arrivals, peaks.
+
+Each cause is a pair of walls: the reduced and the finer model, and the structure on its mesh and
+without what the mesh misses. The chain is marched before both; what a number changes by is its
+error, and a share of what the change of the record could do to it, as a number may stay where it is
+by accident.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+import coupling
+import dem
+import rom
+from dem.waves.chain_waves import ChainWaves, chain_waves
+from workflows.scene import Scene
+from workflows.stages.chain import Start
+from workflows.stages.errors import MARGIN, SHORTER, observed
+from workflows.stages.mesh_error import MissedByMesh
+from workflows.stages.wall import wall_of
+
+
+class QuantityError(NamedTuple):
+    """A number of a run, and its errors by cause in its own unit; nan where one is not known."""
+
+    name: str  # as in the summary, "tof_s"; of a sphere "4: incident: time_s"
+    value: float
+    unit: str
+    time: float
+    reduction: float
+    mesh: float
+
+
+class QuantityErrors(NamedTuple):
+    """Those of a run, and the mesh's in all velocities: relative to the striker's speed."""
+
+    quantities: tuple[QuantityError, ...]
+    mesh: float
+
+
+class QuantityOptions(NamedTuple):
+    """How errors of single numbers are found beside those of whole records."""
+
+    # of what the change of the record could do to a number, added to the number's own change, which
+    # may be zero by accident
+    floor: float = 0.3
+
+
+def quantity_errors(
+    scene: Scene,
+    start: Start,
+    missed: MissedByMesh,
+    reduction: rom.ReducedModel,
+    impact: coupling.Impact,
+    waves: ChainWaves,
+    options: QuantityOptions = QuantityOptions(),
+) -> QuantityErrors:
+    """Changes of every number of the waves between two walls: of the reduced and of the finer
+    model, and of the mesh and without the energy that the mesh misses."""
+    run, speed = impact.trajectory, float(np.abs(start.velocity).max())
+    march = {"duration": float(run.t[-1]), "n_save": len(run.t) - 1}
+    whole = scene.but(wall={"cutoff": None})
+    finer = dem.march(
+        start.chain, wall_of(whole, reduction.finer), start.velocity, dt=run.dt / SHORTER, **march
+    )
+    on_mesh, without = (
+        dem.march(start.chain, wall_of(whole, wall), start.velocity, dt=run.dt, **march)
+        for wall in missed.walls(reduction.contact)
+    )
+    at_wall, spheres = scene.wall is not None, scene.output.spheres
+    numbers = [numbers_of(run, waves)]
+    for other in (finer, on_mesh, without):
+        others = chain_waves(other, start.chain, spheres, at_wall=at_wall)
+        numbers.append(numbers_of(other, others))
+    n = max(1, int(np.searchsorted(run.t, scene.time.horizon, "right")))
+    columns = observed(scene)
+    of_mesh = missed.share * float(np.abs((without.v - on_mesh.v)[:n, columns]).max()) / speed
+    estimate = run.error_estimate or 0.0
+
+    rows = []
+    for name, (value, unit, width, sphere) in numbers[0].items():
+        # what a relative change of the record does to the number: of a time a part of the width of
+        # the wave, of all else as much
+        scale = width if unit == "s" else abs(value)
+        wave = name.rpartition(":")[0]
+        crest = abs(numbers[0][f"{wave}: peak_velocity_m_s"][0]) if wave else speed
+        errors = [estimate * scale * speed / crest]
+        for first, second, a, b, margin in (
+            (numbers[0], numbers[1], run, finer, MARGIN),
+            (numbers[2], numbers[3], on_mesh, without, missed.share),
+        ):
+            record_a, record_b = (
+                r.contact_force[:, -1] if sphere is None else r.v[:, sphere - 1] for r in (a, b)
+            )
+            at = slice(None, n)
+            if sphere is not None:
+                time = numbers[0][f"{wave}: time_s"][0]
+                at = np.abs(run.t - time) <= max(width, run.t[1])
+            largest = float(np.abs(record_a[at]).max(initial=0.0)) or 1.0
+            change = float(np.abs(record_b[at] - record_a[at]).max(initial=0.0)) / largest
+            moved = np.nan
+            if name in first and name in second:
+                moved = abs(second[name][0] - first[name][0])
+            errors.append(margin * (moved + options.floor * change * scale))
+        rows.append(QuantityError(name, value, unit, *errors))
+    return QuantityErrors(tuple(rows), of_mesh)
+
+
+def numbers_of(
+    run: dem.Trajectory, waves: ChainWaves
+) -> dict[str, tuple[float, str, float, int | None]]:
+    """Value, unit, width of the wave [s] and sphere of each number, None of those at the wall."""
+    numbers: dict[str, tuple[float, str, float, int | None]] = {}
+    if (wall := waves.contact) is not None:
+        width = wall.contact_time.seconds
+        numbers["tof_s"] = wall.tof, "s", width, None
+        numbers["arr_2_9"] = wall.arr, "1", width, None
+        numbers["peak_wall_force_N"] = float(run.contact_force[:, -1].max()), "N", width, None
+        numbers["contact_time_s"] = width, "s", width, None
+    for sphere, labels in waves.labels.items():
+        for label in labels:
+            wave, key = label.arrival, f"{sphere}: {label.name or 'unnamed'}"
+            width = wave.width if np.isfinite(wave.width) else 0.0
+            numbers[f"{key}: time_s"] = wave.time, "s", width, sphere
+            numbers[f"{key}: peak_velocity_m_s"] = wave.peak_velocity, "m/s", width, sphere
+    return {name: entry for name, entry in numbers.items() if np.isfinite(entry[0])}
+
+
+def error_of_mesh(scene: Scene, errors: QuantityErrors) -> float:
+    """The mesh's error of all observed velocities, relative to the striker's speed."""
+    return errors.mesh
