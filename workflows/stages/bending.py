@@ -43,7 +43,7 @@ class TheoryShares(NamedTuple):
     """
 
     beam: tuple[float, float] = (1.2, 0.1)
-    plate: tuple[float, float] = (1.2, 2.5)
+    plate: tuple[float, float] = (1.2, 1.5)
 
 
 THEORIES = TheoryShares()
