@@ -78,6 +78,7 @@ class Section(NamedTuple):
     width: float  # [m] across
     thickness: float  # [m] along the chain
     bulge: float = 1.0  # share of the bulge that counts; 0 reads and loads w itself
+    beside: BesideSolid | None = None  # what corrects the theory as solids have it
 
 
 class BeamEnd(NamedTuple):
@@ -144,16 +145,14 @@ def beam(
     *,
     axial_force: float = 0.0,
     coarser: float = 1.0,
-    beside: BesideSolid | None = None,
     mesh: BeamMesh = BeamMesh(),
 ) -> Bending:
     """A beam of a length [m] struck at a position [m] from its first end.
 
     axial_force [N] is positive where it pulls; elements are `coarser` times as long as usual.
-    `beside` corrects the theory by what solids have otherwise.
     Raises Buckled where the force presses more than the beam can bear.
     """
-    clamped = [end == ENDS["clamped"] for end in ends]
+    clamped, beside = [end == ENDS["clamped"] for end in ends], section.beside
     if beside is not None:
         left, right = beside.shorter(section, material) * np.array(clamped)
         length, position = length - left - right, position - left

@@ -28,6 +28,7 @@ from workflows.fit.core.inspection.inversion import (
     sensors_side_by_side,
 )
 from workflows.fit.core.inspection.judgement import Judged
+from workflows.fit.core.inspection.model_errors import BetterModel, widened
 from workflows.fit.core.inspection.profile import Valley, stretch_factor, stretched
 from workflows.fit.core.inspection.search import (
     distinct,
@@ -82,6 +83,44 @@ def whole_line(fit):
     """J (n, p) over the noise, and what the bounds add (p, p), in scales."""
     J = (SHAPES * SOUGHT.scale / NOISE[:, None]).reshape(-1, 6)
     return J, np.diag(SOUGHT.pull * SOUGHT.scale)
+
+
+class Shifted(Linear):
+    """The linear model whose numbers are moved by what stands in place of its system."""
+
+    def __init__(self, shift=0.0):
+        self.shift = shift
+
+    def _replace(self, system):
+        return Shifted(system)
+
+    def signals(self, unknowns, theta, shots):
+        return super().signals(unknowns, theta + self.shift, shots)
+
+
+def test_a_model_error_that_looks_like_a_change_of_numbers_joins_their_bars_by_that_change():
+    """Of a linear model the bias is exact but for the pull of the bounds, less than 1e-3 of it;
+    causes add up in squares, the covariance has them along their direction."""
+    fit = a_fit()._replace(forward=Shifted())
+    inversion = inverted(fit, n_shared=2, begin=TRUTH)
+    shift = np.array([0.02, -0.01, 0.0, 0.0, 0.0, 0.0])
+    wide = widened(fit, inversion, {"theory": [BetterModel(2 * shift, 0.5)]})
+    np.testing.assert_allclose(wide.causes["theory"], np.abs(shift), atol=1e-3 * 0.02)
+    np.testing.assert_allclose(wide.causes["noise"], inversion.uncertainty.two_sigma)
+    squares = inversion.uncertainty.two_sigma**2 + wide.causes["theory"] ** 2
+    np.testing.assert_allclose(wide.uncertainty.two_sigma**2, squares)
+    added = wide.uncertainty.covariance - inversion.uncertainty.covariance
+    assert added[0, 1] == pytest.approx(-0.02 * 0.01 / 4, rel=2e-3)
+    assert max(part.misfit for part in wide.beyond) < 1e-2  # all of it is a change of numbers
+    np.testing.assert_allclose(wide.value, inversion.value)
+
+
+def test_without_a_better_model_bars_are_those_of_the_noise():
+    fit = a_fit()
+    inversion = inverted(fit, n_shared=2, begin=TRUTH)
+    same = widened(fit, inversion, {})
+    np.testing.assert_allclose(same.uncertainty.two_sigma, inversion.uncertainty.two_sigma)
+    assert same.explained == inversion.explained and same.beyond == ()
 
 
 # --- numbers -------------------------------------------------------------------------------------

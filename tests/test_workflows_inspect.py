@@ -89,6 +89,14 @@ def test_thickness_modulus_and_axial_force_come_out_within_their_bars(result):
     assert result[0].report.explained
 
 
+def test_bars_say_what_share_noise_and_each_error_of_the_model_have(result):
+    for row in result[0].report.numbers:
+        assert set(row.bar_by) == {"noise", "mesh", "reduction", "theory"}
+        assert sum(row.bar_by.values()) == pytest.approx(1, abs=1e-9)
+        assert row.bar_by["theory"] > row.bar_by["mesh"]  # elements of order 10 have converged
+    assert "bar by" in result[0].report.text()
+
+
 def test_the_wall_between_others_is_checked_at_the_answer(result):
     report, inner = result[0].report, result[0].found
     assert report.walls > 10 and 0 < report.wall_missed < 0.5  # coefficients of degree 2

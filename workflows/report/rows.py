@@ -101,8 +101,9 @@ def arrivals(waves: SphereWaves, summary: Summary, sphere: str) -> str:
         time = with_error(summary, f"{key}: time_s", si(wave.time_s, "s"))
         velocity = si(wave.peak_velocity_m_s, "m/s")
         velocity = with_error(summary, f"{key}: peak_velocity_m_s", velocity)
-        passing.append(f"{name} {time} ({velocity})")
-    return listed(passing) or "none"
+        # a line may break before the velocity: with errors both are too long for one
+        passing.append(f"{name} {time}".replace(" ", GLUE) + " " + listed([f"({velocity})"]))
+    return ", ".join(passing) or "none"
 
 
 def sensed(signal: SensorWaves) -> str:

@@ -47,7 +47,7 @@ def run(
     waves_known: Callable[[Summary], None] = lambda summary: None,
 ) -> Summary:
     """Fill the run folder with all that the scene gives: waves first, then errors, checks and
-    pictures. `waves_known` is called with a summary that has no errors yet."""
+    pictures. `waves_known` is called with a summary without errors, unless these are kept."""
     scene, structure = pipeline.scene, needs_structure(pipeline.scene)
     if scene.chain and not pipeline.kept("impact"):
         require_start(scene)
@@ -57,7 +57,8 @@ def run(
             # the chain: the impact, and what its sensors record
             if scene.chain:
                 _write_trajectory(pipeline, folder)
-                waves_known(summary_of(pipeline, origin=origin, with_errors=False))
+                if not (structure and pipeline.kept("mesh-error")):
+                    waves_known(summary_of(pipeline, origin=origin, with_errors=False))
 
             # the assembly: modes, reduced model, response and pictures, each as soon as it is there
             unrendered: tuple[str, ...] = ()
@@ -113,7 +114,8 @@ def impact(
         require_start(scene)
     with folder.run(toml(scene), IMPACT_FILES) if folder else nullcontext() as folder:
         with two_processes(pipeline, IMPACT) if needs_structure(scene) else nullcontext():
-            waves_known(summary_of(pipeline, origin=origin, with_errors=False))
+            if not (needs_structure(scene) and pipeline.kept("mesh-error")):
+                waves_known(summary_of(pipeline, origin=origin, with_errors=False))
             if needs_structure(scene) and scene.bending is None:
                 pipeline("missed-energy")  # while its shapes are in memory
             pipeline.release()

@@ -43,7 +43,7 @@ class TheoryShares(NamedTuple):
     """
 
     beam: tuple[float, float] = (1.2, 0.1)
-    plate: tuple[float, float] = (1.2, 2.5)
+    plate: tuple[float, float] = (1.2, 1.5)
 
 
 THEORIES = TheoryShares()
@@ -59,13 +59,14 @@ def model(scene: Scene, coarser: float = 1.0, theory: str = "own") -> fem.Bendin
         if scene.plate is None:
             ends = tuple(fem.BeamEnd(*springs) for springs in table.springs)
             shape = section(table)
+            if theory == "solid":
+                shape = shape._replace(beside=fem.BesideSolid())
             if theory == "usual":
                 nu = table.poisson
                 shape = shape._replace(shear_factor=10 * (1 + nu) / (12 + 11 * nu), bulge=0.0)
             return fem.beam(
                 table.length, shape, made_of, ends, table.position,
                 axial_force=table.axial_force, coarser=coarser,
-                beside=fem.BesideSolid() if theory == "solid" else None,
             )  # fmt: skip
         size = table.length, table.width, table.thickness
         kappa = np.pi**2 / 12 if theory == "usual" else table.shear_factor

@@ -20,7 +20,8 @@ from workflows.files.child import child
 from workflows.report.finding import Finding
 from workflows.report.tables import Table
 from workflows.scene import InvalidScene, Scene
-from workflows.stages.pipeline import Progress, couples
+from workflows.stages.pipeline import couples
+from workflows.stages.progress import Progress
 
 SCENE = "rig-rom"
 ALONE = True  # ten seconds of one core, which change with the versions of numba and LLVM only

@@ -15,6 +15,7 @@ from workflows.fit.core.inspection.answer import answered
 from workflows.fit.core.inspection.fitting import RecordFit
 from workflows.fit.core.inspection.forward import Shot, StructureForward, unknowns
 from workflows.fit.core.inspection.inversion import Inversion
+from workflows.fit.core.inspection.model_errors import widened
 from workflows.fit.core.inspection.reading import (
     alike,
     noise_of,
@@ -24,7 +25,7 @@ from workflows.fit.core.inspection.reading import (
 )
 from workflows.fit.core.parametric_wall import Bounds
 from workflows.fit.inspection import numbers
-from workflows.fit.inspection.structure import VariedScene, structure
+from workflows.fit.inspection.structure import VariedScene, better_models, structure
 from workflows.fit.records import sensor_of, usable
 from workflows.scene import InvalidScene, Scene
 from workflows.stages.progress import Progress
@@ -87,15 +88,21 @@ def inspected(
         except REFUSALS as reason:
             raise InvalidScene(f"{model.scene.name}: {str(reason).rstrip('.')}.") from None
 
+        # bars hold what is known of the model's errors as well as the noise
+        inversion = answer.inversion
+        if not answer.no_wall:
+            better = better_models(answer.fit.forward.system, inversion.value[: len(keys)])
+            inversion = widened(answer.fit, inversion, better)
+
     # where no wall can be computed, the numbers may contradict each other: they are shown unchecked
-    values = answer.inversion.value[:n]
+    values = inversion.value[:n]
     if answer.no_wall:
         result = numbers.put(scene, keys[:n], values)
     else:
         result = numbers.scene_at(base, keys[:n], values)
     return Inspected(
         scene=result,
-        inversion=answer.inversion,
+        inversion=inversion,
         rivals=rivals,
         fit=answer.fit,
         structure=answer.fit.forward.system,

@@ -21,6 +21,7 @@ class NumberRow(BaseModel):
     found: float
     two_sigma: float
     told: str  # "yes", "weakly", "no", "at its bound"
+    bar_by: dict[str, float] = {}  # share of noise and of each model error in the bar's square
 
 
 class InspectionReport(BaseModel):
@@ -48,10 +49,11 @@ class InspectionReport(BaseModel):
     def text(self) -> str:
         """Two tables, and sentences on lines that a terminal holds."""
         n = len(self.records)
+        n_columns = 6 if any(row.bar_by for row in self.numbers) else 5
         misfit = float(np.sqrt(np.mean(np.square(self.misfit))))
         return "\n".join([
             *([SYNTHETIC] if self.synthetic else []),
-            _table(self.numbers, 5), "", _table(self.others, 3), "",
+            _table(self.numbers, n_columns), "", _table(self.others, 3), "",
             f"The model leaves {misfit:.3g} times the noise of {n} record{'s' * (n != 1)}; "
             f"{self.seconds:.1f} s.",
             *(fill(remark, LINE, subsequent_indent="  ") for remark in self.remarks),
@@ -60,12 +62,14 @@ class InspectionReport(BaseModel):
 
 def _table(rows: list[NumberRow], n_columns: int) -> str:
     """The first columns of a table of numbers."""
-    columns = ("number", "found", "two sigma", "bounds", "told")[:n_columns]
+    columns = ("number", "found", "two sigma", "bounds", "told", "bar by")[:n_columns]
     cells = []
     for row in rows:
         name = f"{row.name} [{row.unit}]" if row.unit else row.name
         bounds = "" if row.low is None else f"{row.low:.4g} to {row.high:.4g}"
-        line = (name, f"{row.found:.6g}", f"{row.two_sigma:.2g}", bounds, row.told)
+        causes = sorted(row.bar_by.items(), key=lambda item: -item[1])
+        bar_by = ", ".join(f"{cause} {share:.0%}" for cause, share in causes if share >= 0.01)
+        line = (name, f"{row.found:.6g}", f"{row.two_sigma:.2g}", bounds, row.told, bar_by)
         cells.append(line[:n_columns])
     return text(Table("", columns, tuple(cells)))
 
@@ -94,11 +98,14 @@ def report_of(result: Inspected, records: tuple[Recorded, ...]) -> InspectionRep
             low=p.low if np.isfinite(p.high) else None,
             high=p.high if np.isfinite(p.high) else None,
             told=verdict,
+            bar_by={
+                cause: float((part[i] / bar) ** 2) for cause, part in inversion.causes.items()
+            },
         )
-        for p, x, bar, verdict in zip(
+        for i, (p, x, bar, verdict) in enumerate(zip(
             inversion.parameters, inversion.value, inversion.uncertainty.two_sigma, judged.told,
             strict=True,
-        )
+        ))
     ]  # fmt: skip
     return InspectionReport(
         scene=result.scene.name,

@@ -6,7 +6,8 @@ What the records do not determine lies anywhere between its bounds: a number tha
 has a bar all the same, and lengthens those of others.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -64,6 +65,9 @@ class Inversion(NamedTuple):
     search: SearchResult
     rounded: float = 0.0  # what rounding may add to the mean square, over the noise's
     stretch: float = 1.0  # largest factor on a bar by the profile of the misfit
+    # part (p,) of the bars by noise and by each error of the model, in quadrature
+    causes: Mapping[str, NDArray[np.float64]] = MappingProxyType({})
+    beyond: tuple[RecordPart, ...] = ()  # what the model errors leave at the best numbers, in parts
 
     @property
     def whole_misfit(self) -> float:
@@ -75,16 +79,34 @@ class Inversion(NamedTuple):
         """Whether the residual as a whole, and in every part of a record, may be noise.
 
         The mean square of n samples may exceed 1 by what the noise is uncertain, by what rounding
-        adds, and by standard deviations sqrt(2 c / n) of the mean, c the memory of the residual.
+        adds, by standard deviations sqrt(2 c / n) of the mean, c the memory of the residual, and by
+        what the model errors leave at two bars.
         """
+        return bool(np.all(self.excess <= 4.0 * self._beyond_squares))
+
+    @property
+    def noisy(self) -> bool:
+        """Whether it may be noise alone."""
+        return bool(np.all(self.excess <= 0.0))
+
+    @property
+    def excess(self) -> NDArray[np.float64]:
+        """(1 + parts,) mean square of the residual, as a whole and in each part, above what noise
+        and rounding allow; inf where it is no number."""
         n = self.model.size
-        worst = max(part.misfit for part in self.parts)
-        for misfit, samples in ((self.whole_misfit, n), (worst, n // len(self.parts))):
-            deviation = np.sqrt(2.0 * max(self.memory, 1.0) / max(samples, 1))
-            limit = NOISE_TEST.noise_square + self.rounded + NOISE_TEST.deviations * deviation
-            if not misfit**2 <= limit:
-                return False
-        return True
+        squares = np.array([self.whole_misfit, *(part.misfit for part in self.parts)]) ** 2
+        samples = np.array([n] + [n // len(self.parts)] * len(self.parts))
+        deviation = np.sqrt(2.0 * max(self.memory, 1.0) / np.maximum(samples, 1))
+        limit = NOISE_TEST.noise_square + self.rounded + NOISE_TEST.deviations * deviation
+        return np.nan_to_num(squares - limit, nan=np.inf, posinf=np.inf)
+
+    @property
+    def _beyond_squares(self) -> NDArray[np.float64]:
+        """(1 + parts,) mean squares of what the model errors leave, over the noise's."""
+        if not self.beyond:
+            return np.zeros(1 + len(self.parts))
+        squares = np.array([part.misfit for part in self.beyond]) ** 2
+        return np.append(squares.mean(), squares)
 
     def rivals(self, others: Sequence["Inversion"], n_shared: int) -> tuple["Inversion", ...]:
         """Other answers that leave as little, farther off than their bars from this one and from

@@ -126,6 +126,11 @@ class Judged(NamedTuple):
                 "or the search has missed it (give more --starts or narrower --bounds); do not "
                 "rely on what was found, nor on its bars."
             )
+        elif not inversion.noisy:
+            yield (
+                f"What is left is {misfit:.3g} times the noise, no more than the known errors of "
+                "the model (mesh, reduction, theory) leave; the bars hold these."
+            )
         if inversion.memory > LIMITS.coloured:
             yield (
                 "What is left goes on from sample to sample (its variance is "
