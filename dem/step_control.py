@@ -134,16 +134,16 @@ def march_to_error(
       (With p = 5/4 and a factor of 2: one pair 4 % of such scenes below, two 0.7 %.)
     - Differences above `bounded` count in full, without an order: velocities are bounded. The
       motion is sensitive, and constants scatter more: p is lower by one from there on.
-    - Differences of marches whose ledger closes to rounding count in full as well, the larger one
-      of two: motion that amplifies rounding (beads that rattle between others a hundred times as
-      large) differs by as much at any step. Implicit schemes close the ledger at any step, and
+    - Differences of two marches whose ledgers close to rounding count in full as well, the larger
+      one of two: motion that amplifies rounding (beads that rattle between others a hundred times
+      as large) differs by as much at any step. Implicit schemes close the ledger at any step, and
       where forces jump it may close while velocities converge: there this says nothing.
     - Implicit steps longer than the dampers' time: all may be wrong alike, as their ledger closes
       at any step. The work of the dampers is compared with that of "verlet", which moves them one
       by one, each exactly.
 
     Raises UnstableStep where no march is finite, where the evaluations allowed or rounding forbid
-    the error, where two ledgers in a row close to rounding, and where a step 64 times as short has
+    the error, where such two differ by more than it, and where a step 64 times as short has
     not halved it.
     """
     validate(chain, wall, v0)
@@ -242,7 +242,8 @@ def march_to_error(
         h, H = fine.dt, coarse.dt
         difference = _velocity_difference(coarse, fine, observed, speed)
         walk = search.rounding_walk * EPSILON * (fine.n_steps * evaluations) ** 0.5
-        rounded = not implicit and not jumps and fine.energy_error <= walk
+        closed = max(coarse.energy_error, fine.energy_error) <= walk
+        rounded = not implicit and not jumps and closed
         no_order = rounded or difference > search.bounded
         if difference > search.bounded and not sensitive:
             sensitive, order = True, max(order - 1.0, 1.0)
@@ -277,7 +278,7 @@ def march_to_error(
             break
         # give up where much shorter steps were no better
         longer = [pair for pair in pairs if pair.dt >= 64.0 * h and excess > 0.5 * pair.excess]
-        if rounded and coarse.energy_error <= walk:
+        if rounded:
             longer = pairs[-2:-1]
         if longer:
             raise UnstableStep(

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from skfem import MeshHex
 
-from geometry.grid_lines import graded, lines_through, refined
+from geometry.grid_lines import Stop, graded, lines_through, refined
 
 
 class Extent(NamedTuple):
@@ -38,9 +38,11 @@ def plate_mesh(
     # along y even elements over what is struck, growing to either side of it
     (lower, upper), (start, end) = extent.y, struck_y
     even = np.linspace(start, end, round((end - start) / contact_seed) + 1)
-    at_end = end_seed or seed
-    below = lines_through([refined(lower, at_end), refined(start, contact_seed)], seed)[:-1]
-    above = lines_through([refined(end, contact_seed), refined(upper, at_end)], seed)[1:]
+    ends = [Stop(at) if end_seed is None else refined(at, end_seed) for at in extent.y]
+    struck = refined(start, contact_seed), refined(end, contact_seed)
+    # a mirror in the middle of the strike leaves nothing on its other side
+    below = lines_through([ends[0], struck[0]], seed)[:-1] if start - lower > 1e-12 else []
+    above = lines_through([struck[1], ends[1]], seed)[1:] if upper - end > 1e-12 else []
     lines = (
         # at least two layers of elements through the thickness
         graded(-thickness, 0.0, 0.0, contact_seed, min(seed, thickness / 2)),

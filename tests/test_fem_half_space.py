@@ -21,7 +21,7 @@ from fem import (
 )
 from fem.factorisation import Factor
 from fem.half_space import boussinesq
-from geometry.hex_mesh import graded
+from geometry.grid_lines import graded
 
 STEEL = Material(210e9, 0.3, 7850.0)
 A, B, H = 0.131, 0.099, 0.041  # m

@@ -44,7 +44,7 @@ def test_the_folder_holds_every_file_of_the_contract(run):
         ".beadwave", "report.html",
         "velocities.png", "waves.png", "energies.png", "frequency_response.png",
     }  # fmt: skip
-    if not summary["warnings"]:
+    if not any("rendered" in warning for warning in summary["warnings"]):
         wanted |= {"assembly.png", "modes.png"}
     assert {path.name for path in folder.rglob("*.*")} == wanted
 
@@ -156,8 +156,9 @@ def test_a_killed_render_costs_the_pictures_only(run, monkeypatch, tmp_path, cap
     monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "fresh"))
     assert coarse("run", "--out=out", "--json") == 0
     printed = capsys.readouterr()
-    (warning,) = json.loads(printed.out)["warnings"]
-    assert "could not be rendered" in warning and "libosmesa6" in warning
+    warnings = json.loads(printed.out)["warnings"]
+    (warning,) = (sentence for sentence in warnings if "could not be rendered" in sentence)
+    assert "libosmesa6" in warning
     assert not (tmp_path / "out" / "figures" / "modes.png").exists()
     assert warning in (tmp_path / "out" / "report.html").read_text()
 

@@ -461,7 +461,7 @@ def test_nodes_that_a_tie_and_a_support_both_hold_are_reported(capsys):
 def test_the_rig_of_its_step_file_has_the_modes_of_the_rig(capsys):
     """Both on elements 1.7 times as large; at their own the four modes lie within 0.25 %."""
     assert beadwave("modes", "rig-rom", "--step=rig.step") == 0
-    seeds = {"seed": 6e-3, "block_seed": 20e-3, "support_seed": 24e-3, "contact_seed": 4e-3}
+    seeds = {"seed": 6e-3, "block_seed": 20e-3, "support_seed": 60e-3, "contact_seed": 5e-3}
     coarse = [f"--set=mesh.{key}={1.7 * seed}" for key, seed in seeds.items()]
     text = (Path(__file__).parents[1] / "examples" / "rig.toml").read_text(encoding="utf-8")
     assert len(text.splitlines()) <= 25

@@ -11,7 +11,7 @@ from coupling import RayleighDamping, damping_ratios
 from fem.beam import Section
 from fem.factorisation import factorised
 from fem.hinged import euler_bernoulli, lamb_hz
-from geometry.hex_mesh import graded
+from geometry.grid_lines import graded
 from workflows.evidence.verify.comparisons import Comparison, compared
 from workflows.evidence.verify.exact_reductions import JOHNSON, sphere_on_modes
 

@@ -14,7 +14,7 @@ import numpy as np
 from skfem import MeshHex
 
 import fem
-from geometry.hex_mesh import graded
+from geometry.grid_lines import graded
 from workflows.evidence.verify.comparisons import Comparison, compared
 
 STEEL = fem.Material(210e9, 0.3, 7850.0)
