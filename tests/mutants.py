@@ -130,7 +130,6 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
     ("return to_hz * max(1.05, 1.3 * (1e-3 / error) ** 0.23)", "1.05"): START,
     ("if next_omega <= s[-1] or first <= 0:", "first <= 0"):
         "what is missed of nothing is set to 0",
-    ("if bound <= error or beta == 0:", "0"): "a space that is exhausted has the bound 0",
     ("moved = np.abs(wall.phi) > 1e-9 * np.abs(wall.phi).max()", "1e-09"): FAR,
     ("if n > 5000:", "n > 5000"): "dense matrices of that size are too large for a test",
     ("if n > 5000:", "5000"): "dense matrices of that size are too large for a test",
@@ -171,20 +170,10 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
     ("return np.zeros((problem.K.shape[0], 0))", "0"): SQUARE,
     ("if w @ r <= 1e-14 * compliance:", "w @ r <= 1e-14 * compliance"): SAME,
     ("if w @ r <= 1e-14 * compliance:", "1e-14"): FAR,
-    ("bound = options.converged if error is None else options.share * error",
-     "options.share * error"): SHARED,
     ("n_vectors = 0 if n_modes is None else n_modes + 1 - n_retained", "0"): LOOKS,
     ("return max(1, int(np.count_nonzero(omega > (1 + 1e-9) * limit)))", "1e-09"): FAR,
-    ("if norm <= 1e-12 * _k_norm(static, K @ static):",
-     "norm <= 1e-12 * _k_norm(static, K @ static)"): SAME,
-    ("if norm <= 1e-12 * _k_norm(static, K @ static):", "1e-12"): FAR,
-    ('V, H, v = np.empty((len(w), 2 * options.check), order="F"), np.zeros((0, 0)), rest / norm',
-     "2"):
-        "room that grows where it is full",
-    ("if bound <= error or beta == 0:", "bound <= error"): SAME,
     ("omega = np.append(retained.omega, 1 / np.sqrt(inverse_squared))", "1"):
         "its order alone is read",
-    ("if beta <= options.exhausted * length:", "beta <= options.exhausted * length"): SAME,
     ("missed = phi[n_retained:] ** 2 * (s / others) ** 4"
      " / (squared * (1 + 1j * LOSS) - s**2)", "squared * (1 + 1j * LOSS)"): CONJUGATE,
     ("n = problem.K.shape[0]", "0"): SQUARE,
@@ -461,7 +450,6 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
     ("return abs(total) <= 1e300", "1e+300"): FAR,
     ("for _halving in range(40):", "40"): FAR,
     ("if 3.0 * gap >= top * top:", "3.0 * gap >= top * top"): SAME,
-    ("f, r, k = np.zeros(n + 1), np.zeros(n), np.zeros(n)", "1"): "room that is not used",
 } | {  # how many numbers of lanes there are
     (line, "0"): "there are none, or a register full"
     for line in (

@@ -61,6 +61,7 @@ class MissedByMesh(NamedTuple):
     w: NDArray[np.float64] | None  # (k,) [kg^-1/2] at the contact; None of what is not struck
     n_static: int = 0  # of the highest, that follow the force
     split: SplitMesh | None = None  # of a mesh of few elements
+    unknown: str = ""  # why nothing is known: then there are no shapes
 
     @property
     def share(self) -> float:
@@ -103,7 +104,10 @@ class MissedByMesh(NamedTuple):
         return float(u @ self.energy @ u)
 
     def walls(self, contact: rom.Contact) -> tuple[rom.ReducedModel, rom.ReducedModel]:
-        """The assembly at its contact, as its mesh has it and without what the mesh misses."""
+        """The assembly at its contact, as its mesh has it and without what the mesh misses; raises
+        ValueError where that is not known."""
+        if self.unknown:
+            raise ValueError(self.unknown)
         if self.split is not None:
             return self.split.walls
         elastic = self.omega > 0
@@ -130,7 +134,22 @@ def missed_energy(
     modes: AssemblyModes,
     space: rom.Space | None = None,
 ) -> MissedByMesh:
-    """The assembly's modes, and what its contact moves; the space is that of a held assembly."""
+    """The assembly's modes, and what its contact moves; the space is that of a held assembly. A
+    run stands without what cannot be estimated: the result says why."""
+    try:
+        return energy_of_shapes(scene, mesh, model, modes, space)
+    except ValueError as reason:
+        return MissedByMesh(np.empty(0), np.empty((0, 0)), None, unknown=str(reason))
+
+
+def energy_of_shapes(
+    scene: Scene,
+    mesh: Parts,
+    model: fem.Model,
+    modes: AssemblyModes,
+    space: rom.Space | None = None,
+) -> MissedByMesh:
+    """The same; raises ValueError where a second mesh, or its modes, cannot be had."""
     try:
         contact = stages.contact(scene, mesh, model)
     except (InvalidScene, ValueError):  # nothing is struck
