@@ -143,8 +143,8 @@ def march_to_error(
       by one, each exactly.
 
     Raises UnstableStep where no march is finite, where the evaluations allowed or rounding forbid
-    the error, where such two differ by more than it, and where a step 64 times as short has
-    not halved it.
+    the error, where energies underflow, where such two differ by more than it, and where a step 64
+    times as short has not halved it.
     """
     validate(chain, wall, v0)
     positive("error", error)
@@ -237,6 +237,12 @@ def march_to_error(
         if fine is None:
             step /= search.ratio
             continue
+
+        if 0.0 < fine.energy_scale < np.finfo(float).tiny / EPSILON:
+            raise UnstableStep(
+                f"{target} is not reached: energies of {fine.energy_scale:.1g} J underflow; take "
+                "larger masses, stiffnesses or speeds"
+            )
 
         # velocity error of the fine march
         h, H = fine.dt, coarse.dt

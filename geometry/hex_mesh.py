@@ -37,11 +37,8 @@ class EdgeRefinement(NamedTuple):
     and elements that match across interfaces, the mesh error of rig-rom fell from 4.4 to 0.7 % of
     the striker's speed; other values are not on record."""
 
-    # of the elements' size, of the first one. Of rig-rom with 60 mm in the parts below 1.5 mm and a
-    # growth of 5 left an error of 1.1 % in the waves (38 000 unknowns), 2 mm and 6 left 1.6 %
-    # (37 000), 0.6 mm and 9 left 1.4 % (43 000)
-    size: float = 1 / 40
-    growth: float = 5.0  # of neighbouring elements away from it
+    size: float = 1 / 16  # size of the first element over that of the part's elements
+    growth: float = 3.0  # size of an element over that of its neighbour nearer to the edge
 
 
 class ClampRefinement(NamedTuple):
@@ -55,6 +52,10 @@ class ClampRefinement(NamedTuple):
 
 
 EDGE = EdgeRefinement()
+# of the parts below, whose elements are large. Of rig-rom with 60 mm there 1.5 mm and a growth of 5
+# left an error of 1.1 % in the waves (38 000 unknowns), 2 mm and 6 left 1.6 % (37 000), 0.6 mm and
+# 9 left 1.4 % (43 000)
+EDGE_BELOW = EdgeRefinement(1 / 40, 5.0)
 CLAMP = ClampRefinement()
 SHEETS_ON = {"block": "head", "sheets_support": "foot"}  # part below a sheet's overlap
 # skfem's order of the corners of a hexahedron, from the quadrilateral (0..3) and its copy (4..7)
@@ -148,7 +149,8 @@ def box_stops(
     for i in range(3):
         lower, upper = float(box.lower[i]), float(box.upper[i])
         candidates = [*contact[i]]
-        candidates += [refined(at, EDGE.size * size, EDGE.growth) for at in edges[i]]
+        edge = EDGE if name == "block" else EDGE_BELOW
+        candidates += [refined(at, edge.size * size, edge.growth) for at in edges[i]]
         candidates += [Stop(at) for at in squares[i]]
         inside = [stop for stop in candidates if lower - 1e-9 < stop.at < upper + 1e-9]
         places = {round(stop.at, 9): stop for stop in [Stop(lower), Stop(upper), *reversed(inside)]}

@@ -39,7 +39,7 @@ def modes_hz(*changes):
 def file(tmp_path):
     """Block and sheets as gmsh writes them: named volumes, and one named surface."""
     mesh = hex_mesh(Assembly(parts=("block", "sheets")), seed=0.012, block_seed=0.04,
-                    support_seed=0.03, contact_seed=4e-3, contact_point=(0.03, 0.0),
+                    support_seed=0.03, contact_seed=5e-3, contact_point=(0.03, 0.0),
                     glued=True)  # fmt: skip
     cells, tags, names = [], [], {}
     for group, kind, dim, nodes in (
@@ -59,7 +59,7 @@ def file(tmp_path):
 
 def test_a_mesh_with_our_names_gives_the_same_modes(file):
     np.testing.assert_allclose(
-        modes_hz(*STAGE_1, f"mesh.file={file}"), modes_hz(*STAGE_1), rtol=1e-9
+        modes_hz(*STAGE_1, f"mesh.file={file}"), modes_hz(*STAGE_1), rtol=1e-8
     )
 
 

@@ -13,7 +13,7 @@ from workflows.files.scene import scene
 from workflows.report import finding
 from workflows.stages.progress import quiet
 
-STAGES = ["mesh", "assemble", "factorise", "modes", "reduce"]
+STAGES = ["mesh", "assemble", "factorise", "Krylov space", "modes", "reduce"]
 MB = 1e6
 
 

@@ -47,7 +47,9 @@ def mac(
             if np.all(index >= 0):
                 break
         phi = rigid.phi
-    elif not len(model.elongation) and scene.assembly.constraint != "screw-tie":
+    elif not len(model.elongation) and (
+        scene.is_general or scene.assembly.constraint != "screw-tie"
+    ):
         phi, index = computed.phi, computed.index
     else:
         if scene.is_general:
