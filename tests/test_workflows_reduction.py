@@ -30,6 +30,7 @@ from workflows.stages.chain import chain, initial_velocity, start
 from workflows.stages.health import reduction_health
 from workflows.stages.impact import impact as chain_impact
 from workflows.stages.pipeline import Pipeline, pipeline_of
+from workflows.stages.quantity_errors import velocity_error_of_mesh
 from workflows.stages.reduction import SecondModel, contact_of, reduction, targets_kept
 from workflows.stages.wall import wall_of
 from workflows.structure.export import write_reduced
@@ -76,10 +77,12 @@ def test_modes_reduction_mac_and_response_of_a_held_assembly_share_one_factor(ki
     reduced = run("reduction")
     run("full-response"), run("mac")
     assert sizes == [run("model").K.shape[0]]
+    run("missed-energy")
+    n_factors = len(sizes)
     # as large as all else together
     assert not {"factor", "krylov-space"} & run._results.keys()
     alone = reduction(run.scene, run("model"), run("contact"), run("modes"))
-    assert len(sizes) == 2
+    assert len(sizes) == n_factors + 1
     # the modes chosen come from two spaces, each with an error below 2e-8; rounding leaves 1e-9 of
     # a frequency, which a resonance of this loss factor multiplies by 100
     f = frequencies(20e3)
@@ -228,7 +231,7 @@ def test_an_error_that_cannot_be_estimated_is_a_warning(monkeypatch):
     assert any("mesh could not be estimated: the coarse" in words for words in summary.warnings)
 
 
-@pytest.mark.parametrize("source", ["reduction", "second-mesh"])
+@pytest.mark.parametrize("source", ["reduction", "missed-energy"])
 def test_errors_of_reduction_and_mesh_are_those_up_to_the_horizon(source):
     """Beyond it two runs part whatever the reduction; a run that left there is told no error."""
     held = pipeline("time.duration=1.5e-3", "time.horizon=1e-3", "output.samples=301")
@@ -238,8 +241,9 @@ def test_errors_of_reduction_and_mesh_are_those_up_to_the_horizon(source):
     away = impact._replace(trajectory=run._replace(v=parted))
 
     def error(of):
-        if source == "second-mesh":
-            return error_stages.mesh_error(held.scene, held("start"), model, of)
+        if source == "missed-energy":
+            contact = held("reduction").contact
+            return velocity_error_of_mesh(held.scene, held("start"), model, contact, of)
         return error_stages.reduction_error(held.scene, held("start"), model, of)
 
     assert 0.0 < error(away) == error(impact) < 0.5

@@ -16,7 +16,7 @@ import rom
 from dem.waves.chain_waves import ChainWaves, chain_waves
 from workflows.scene import Scene
 from workflows.stages.chain import Start
-from workflows.stages.errors import MARGIN, SHORTER, observed
+from workflows.stages.errors import MARGIN, SHORTER, observed, velocities
 from workflows.stages.mesh_error import MissedByMesh
 from workflows.stages.wall import wall_of
 
@@ -125,6 +125,22 @@ def numbers_of(
             numbers[f"{key}: time_s"] = wave.time, "s", width, sphere
             numbers[f"{key}: peak_velocity_m_s"] = wave.peak_velocity, "m/s", width, sphere
     return {name: entry for name, entry in numbers.items() if np.isfinite(entry[0])}
+
+
+def velocity_error_of_mesh(
+    scene: Scene,
+    start: Start,
+    missed: MissedByMesh,
+    contact: rom.Contact,
+    impact: coupling.Impact,
+) -> float:
+    """What the mesh leaves in the observed velocities up to the horizon, relative to the striker's
+    speed; raises ValueError where nothing is known."""
+    whole = scene.but(wall={"cutoff": None})
+    on_mesh, without = (
+        velocities(scene, start, wall_of(whole, wall), impact) for wall in missed.walls(contact)
+    )
+    return missed.share * float(np.abs(without - on_mesh).max() / np.abs(start.velocity).max())
 
 
 def error_of_mesh(scene: Scene, errors: QuantityErrors) -> float:

@@ -34,8 +34,9 @@ class Source(NamedTuple):
 
     @property
     def stages(self) -> tuple[str, str]:
-        """Names of the reduction and of that on another mesh."""
-        return ("jointed" if self.springs else "reduction"), "second-mesh"
+        """Names of the reduction and of what tells the error of the mesh."""
+        of_mesh = "missed-energy" if self.scene.bending is None else "second-mesh"
+        return ("jointed" if self.springs else "reduction"), of_mesh
 
     @property
     def pipeline(self) -> Pipeline:
@@ -44,7 +45,7 @@ class Source(NamedTuple):
 
 
 class Models(NamedTuple):
-    """Reduced models of an assembly on its mesh and on another one, as far as that can be made."""
+    """A reduced model of an assembly, and what tells the error of its mesh, if anything does."""
 
     reduction: Any
     second: Any | None
@@ -79,13 +80,12 @@ def models(source: Source) -> Models | str:
     pipeline, (reduction, second) = source.pipeline, source.stages
     try:
         first = pipeline(reduction)
-        pipeline.release()
         try:
-            # None for a mesh that no other one tells the error of
-            on_other_mesh = pipeline(second)
-        except ValueError:
-            on_other_mesh = None
-        reduced = Models(first, on_other_mesh)
+            of_mesh = pipeline(second)
+        except ValueError:  # no other mesh tells the error of this one
+            of_mesh = None
+        pipeline.release()
+        reduced = Models(first, of_mesh)
         if not source.springs:
             return reduced
         usual = Models(reduced.reduction.reduced, reduced.second)
@@ -125,13 +125,20 @@ def _errors(
     if isinstance(reduced_wall, coupling.CoupledWall):
         return nan, nan
     from workflows.stages.errors import mesh_error, reduction_error  # finite elements
+    from workflows.stages.quantity_errors import velocity_error_of_mesh
 
     at_rest = start(scene, models.reduction.contact)
     run = impact(scene, at_rest, reduced_wall)
     of_reduction = reduction_error(scene, at_rest, models.reduction, run)
     if models.second is None:
         return of_reduction, nan
-    return of_reduction, mesh_error(scene, at_rest, models.second, run)
+    if scene.bending is not None:
+        return of_reduction, mesh_error(scene, at_rest, models.second, run)
+    contact = models.reduction.contact
+    try:
+        return of_reduction, velocity_error_of_mesh(scene, at_rest, models.second, contact, run)
+    except ValueError:
+        return of_reduction, nan
 
 
 def sentence(reason: Exception) -> str:
