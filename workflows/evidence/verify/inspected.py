@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 
+import fem
 from workflows.evidence.verify.comparisons import Comparison, compared
 from workflows.files.record import Channel, Recorded
 from workflows.fit.inspection.inspect import InspectionRequest
@@ -128,19 +129,21 @@ def _record(scene: Scene) -> Recorded:
 
 
 def hinged_timoshenko_modes(scene: Scene) -> tuple[Array, Array]:
-    """omega (n,) [rad/s] and phi (n,) = W sin(k p) cos(k h sqrt(nu) / 2) of modes with
-    L / 2 (rho A W^2 + rho I Y^2) = 1: a bent section bulges by nu h^2 / 8 times the curvature where
-    it is struck."""
+    """omega (n,) [rad/s] and phi (n,) = W sin(k p) cos(k e) of modes with
+    L / 2 (rho A W^2 + rho I Y^2) = 1: a bent section bulges by e^2 / 2 = nu (2 h^2 + b^2) / 24
+    times the curvature where it is struck. The shear factor is the section's, compared elsewhere
+    with three-dimensional elasticity."""
     b = scene.beam
     area, second = b.width * b.thickness, b.width * b.thickness**3 / 12.0
-    kappa = 5.0 * (1.0 + b.poisson) / (6.0 + 5.0 * b.poisson)
+    kappa = fem.rectangle(b.width, b.thickness, b.poisson).shear_factor
+    e = np.sqrt(b.poisson * (2.0 * b.thickness**2 + b.width**2) / 12.0)
     shear = kappa * area * b.young / (2.0 * (1.0 + b.poisson))
     M = 0.5 * b.length * b.density * np.diag([area, second])
     modes = []
     for k in np.arange(1, N_WAVES + 1) * np.pi / b.length:
         K = np.array([[shear * k**2, -shear * k], [-shear * k, b.young * second * k**2 + shear]])
         squares, shapes = eigh(0.5 * b.length * K, M)
-        bulged = np.cos(0.5 * k * b.thickness * np.sqrt(b.poisson)) * np.sin(k * b.position)
+        bulged = np.cos(k * e) * np.sin(k * b.position)
         modes += zip(np.sqrt(squares), shapes[0] * bulged, strict=True)
     omega, phi = np.array(modes).T
     return omega, phi
