@@ -34,11 +34,12 @@ from dem.waves.chain_waves import chain_waves
 from geometry.gmsh_session import session
 from workflows.files.scene import scene as load_scene
 from workflows.scene import Scene
-from workflows.stages import assembly, errors
+from workflows.stages import assembly
 from workflows.stages.krylov_space import krylov_space
 from workflows.stages.mesh_error import missed_energy
 from workflows.stages.parts import Parts
 from workflows.stages.pipeline import pipeline_of
+from workflows.stages.quantity_errors import numbers_of
 from workflows.stages.reduction import contact_of
 from workflows.stages.wall import wall_of
 
@@ -239,7 +240,7 @@ def reference(scene: Scene, parts: Parts, points: dict[str, np.ndarray], start, 
         duration=float(run.t[-1]), n_save=len(run.t) - 1, dt=run.dt,
     )  # fmt: skip
     waves = chain_waves(march, start.chain, scene.output.spheres, at_wall=True)
-    numbers = {name: entry[0] for name, entry in errors.numbers_of(march, waves).items()}
+    numbers = {name: entry[0] for name, entry in numbers_of(march, waves).items()}
     compliance = float(np.sum((plain.w / plain.omega) ** 2)) - wall.contact.half_space
     numbers["static_compliance"] = compliance
     return numbers, modes.omega[:20] / (2 * np.pi), shapes(model, modes.phi[:, :20], points)
