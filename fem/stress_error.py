@@ -11,7 +11,8 @@ order, which balance what the stresses s of u leave there (Bank and Weiser, Math
     omega_j^2 is too high by G_jj,  w^T K^-1 w too low by G of u = K^-1 w
 
 t is the mean traction of the two elements at a facet, zero on faces that bear nothing. On faces
-that are tied, bolted or pushed it is the element's own. Functions b vanish where a face is held.
+that are tied, bolted or pushed it is the element's own. Functions b vanish where a face is held or
+moves as a rigid one.
 
 Of a smooth field G is the whole energy missed; of a singular one, h^(2 lambda), functions of the
 next order hold only a part 1 - (2/3)^(4 lambda) of it, 0.6 to 0.7 at held edges and inner corners.
@@ -61,9 +62,9 @@ def missed_energy(
     """G (k, k) [J] of displacements u (n, k) of a model's free dofs.
 
     D (k, k) [rad^2/s^2] are the inertia forces M u D that hold u beside those on faces; of modes
-    diag(omega^2). `bearing` are the faces "body:face" with an unknown traction: tied, bolted,
-    pushed. In elements around a patch that is pushed, what counts is the error of the difference to
-    the half-space.
+    diag(omega^2). `held` are faces that are held or cannot deform. `bearing` are those, as
+    "body:face", with an unknown traction: tied, bolted, pushed. In elements around a patch that is
+    pushed, what counts is the error of the difference to the half-space.
     """
     structure, k = model.structure, u.shape[1]
     G = np.zeros((k, k))
