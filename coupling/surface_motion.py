@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coupling.wall import moving_mask, moving_modes, with_oscillator
+from coupling.reduced_wall import moving_mask, moving_modes, with_oscillator
 from rom import ModalWall, ReducedModel, modal
 
 

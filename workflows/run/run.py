@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
 from datetime import datetime
-from platform import python_version
 from math import isnan
+from platform import python_version
 
 from workflows.files.run_folder import NoPicture, RunFolder, write_pictures
 from workflows.report.provenance import UNKNOWN, Origin
@@ -184,7 +184,7 @@ def summary_of(
                 for mode in numbers["modes"]
             )
     elif getattr(scene.wall, "file", None):
-        from workflows.files.wall import measured
+        from workflows.files.wall_file import measured
         from workflows.stages.health import reduction_health
 
         numbers["reduction"] = reduction_health(*measured(scene.wall))

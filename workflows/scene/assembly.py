@@ -8,7 +8,7 @@ from pydantic import Field, create_model
 from geometry import Assembly
 from workflows.scene.bodies import Compressible, Modulus
 from workflows.scene.quantities import of
-from workflows.scene.tables import Density, SceneTable
+from workflows.scene.scene_table import Density, SceneTable
 from workflows.scene.units import LENGTH
 
 BODIES = ("block", "sheets", "sheets_support", "support", "plate")

@@ -13,11 +13,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
+from workflows.scene.joints import JointStiffnesses
 from workflows.scene.quantities import of
-from workflows.scene.tables import (
+from workflows.scene.scene_table import (
     Density,
     Frequency,
-    JointStiffnesses,
     Number,
     Point,
     Positive,

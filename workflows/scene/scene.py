@@ -19,23 +19,17 @@ from workflows.scene.bodies import (
     Tied,
     fitting,
 )
-from workflows.scene.gravity import Gravity, Guides, Striker
+from workflows.scene.chain import ChainTable, LeafSpringsTable, Preload, Striker
+from workflows.scene.contact import ContactTable
+from workflows.scene.damping import Damping
+from workflows.scene.gravity import Gravity, Guides
+from workflows.scene.joints import Joints, JointStiffnesses
+from workflows.scene.mesh import Standing
+from workflows.scene.reduction import Patch, Reduction
+from workflows.scene.scene_table import SceneTable
 from workflows.scene.sensors import Output
-from workflows.scene.tables import (
-    ChainTable,
-    ContactTable,
-    Damping,
-    Joints,
-    JointStiffnesses,
-    LeafSpringsTable,
-    Patch,
-    Preload,
-    Reduction,
-    SceneTable,
-    Standing,
-    Time,
-    Wall,
-)
+from workflows.scene.time import Time
+from workflows.scene.walls import Wall
 from workflows.thesis import HAMMER_TEST_HZ
 
 LONGEST_NAME = 50  # four bytes a letter and an ending fit in the 255 of a file's name

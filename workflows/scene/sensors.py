@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from workflows.scene.quantities import of
-from workflows.scene.tables import Count, Frequency, Number, Positive, Ratio, SceneTable, si_of
+from workflows.scene.scene_table import Count, Frequency, Number, Positive, Ratio, SceneTable, si_of
 from workflows.scene.units import (
     DISPLACEMENT,
     FORCE,

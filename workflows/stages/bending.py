@@ -26,7 +26,7 @@ from workflows.scene import InvalidScene, Scene
 from workflows.stages.chain import Start
 from workflows.stages.errors import observed, velocities
 from workflows.stages.reduction import SecondModel, selection
-from workflows.stages.wall import wall_of
+from workflows.stages.walls import wall_of
 
 FINER = 2**-0.5  # length of the second mesh's elements over those of the run's, see above
 ORDER = 4.0  # of the mesh error, at least, see above

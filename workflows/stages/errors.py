@@ -34,7 +34,7 @@ from workflows.stages import assembly as stages
 from workflows.stages.chain import Start
 from workflows.stages.parts import Parts
 from workflows.stages.reduction import TO_HZ, SecondModel, contact_of
-from workflows.stages.wall import wall_of
+from workflows.stages.walls import wall_of
 
 COARSER = 2.0  # times the element size
 ORDER = 1.5  # of the mesh's error; see above for what the errors stated are with it

@@ -7,7 +7,8 @@ import numpy as np
 import coupling
 import dem
 from workflows.scene import InvalidScene, RomWall, Scene
-from workflows.stages.chain import Start, start, wall
+from workflows.stages.chain import Start, start
+from workflows.stages.walls import wall_of
 
 PRUNED_AT = 1e-4  # error of the velocities to prune by where the scene gives a step; the default
 MOST_WORK = 1e10  # steps times spheres, minutes to an hour
@@ -32,7 +33,7 @@ def require_start(scene: Scene) -> None:
                 )
         return
 
-    first, leant_on = start(scene), wall(scene)
+    first, leant_on = start(scene), wall_of(scene)
     try:
         dem.require_march(first.chain, leant_on, first.velocity, dt=scene.time.dt)
         longest = dem.stability_limit(first.chain, leant_on, first.velocity)

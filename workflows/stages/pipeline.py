@@ -221,7 +221,9 @@ IMPACT = {
     "record": Stage(
         ".signals:record", tables_of("output"), ("impact", "waves"), kept=False, listed=False
     ),
-    "sensor-numbers": Stage(".signals:sensor_waves", tables_of("output"), ("record",), listed=False),
+    "sensor-numbers": Stage(
+        ".signals:sensor_waves", tables_of("output"), ("record",), listed=False
+    ),
     "signals": Stage(
         ".figures:signals", tables_of("output"), ("record",), kept=False, listed=False
     ),
@@ -231,7 +233,7 @@ IMPACT = {
 def stages_of(scene: Scene) -> dict[str, Stage]:
     """The stages that this scene may need; those of an assembly only where one is struck."""
     needs = ("reduction",) if needs_structure(scene) and scene.chain else ()
-    wall = Stage(".chain:wall", _wall_reads, needs)
+    wall = Stage(".walls:wall_of", _wall_reads, needs)
     structure = ASSEMBLY if scene.bending is None else BENDING
     impact = IMPACT
     if scene.chain and scene.output.sensors:

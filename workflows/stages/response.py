@@ -11,7 +11,7 @@ import rom
 from coupling.contact_response import CHECKED_HZ, ContactResponse, contact_response
 from workflows.files.run_folder import Picture
 from workflows.scene import Scene
-from workflows.stages.wall import damping
+from workflows.stages.damping import damping
 
 
 class Response(NamedTuple):

@@ -19,7 +19,9 @@ from workflows.files.cache_folder import cache_folder
 from workflows.scene import DashpotWall, RomWall, Scene
 from workflows.stages.cache import fault
 
-if TYPE_CHECKING:  # a run whose results are kept loads no chain, one without a structure no elements
+if (
+    TYPE_CHECKING
+):  # a run whose results are kept loads no chain, one without a structure no elements
     import coupling
     import dem
     from dem.waves.chain_waves import ChainWaves
@@ -253,7 +255,7 @@ def unusual_wall_file(wall: RomWall) -> Iterator[str]:
     1, whose units are not N/m and kg, whose bodies are loose, which floats, or whose half-space is
     more compliant than the whole (`rom.imported.unusual`)."""
     from rom.imported import unusual
-    from workflows.files.wall import measured
+    from workflows.files.wall_file import measured
 
     reduced, health = measured(wall)
     missing = [f"wall.{key}" for key in ("young", "poisson") if getattr(wall, key) is None]

@@ -216,7 +216,7 @@ def problem_of(spheres: Spheres, body: Path):
 
     wall = dem.rigid_wall()
     if body.exists():
-        from coupling.wall import wall_from_reduced
+        from coupling.reduced_wall import wall_from_reduced
         from rom import load_npz
 
         wall = wall_from_reduced(load_npz(body), half_space=0.0, cutoff_hz=np.inf)
