@@ -166,12 +166,6 @@ def _nodes(scene: Scene) -> dict[str, float]:
     )
 
 
-def room_for_two(scene: Scene, nodes: dict[str, float] | None = None) -> bool:
-    """Whether two processes that each compute the scene's assembly fit into memory; `nodes` of a
-    mesh that is there."""
-    return 2 * peak_memory(scene, nodes or _nodes(scene)) < free_memory()
-
-
 def too_large_mesh(scene: Scene, name: str, nodes: dict[str, float]) -> Iterator[str]:
     """A sentence on a mesh that is there, by its name and the nodes of its bodies."""
     needed, free = peak_memory(scene, nodes), free_memory()
