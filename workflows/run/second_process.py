@@ -28,6 +28,7 @@ from tempfile import TemporaryDirectory
 from time import perf_counter, sleep
 
 from workflows.files.child import while_open
+from workflows.scene.size import room_for_pictures
 from workflows.stages.pipeline import Pipeline, couples, pipeline_of
 
 IMPACT = ("compilation",)  # in the order in which the second process takes them
@@ -80,7 +81,8 @@ def two_processes(pipeline: Pipeline, names: tuple[str, ...]) -> Iterator[None]:
     missing = tuple(name for name in names if _wanted(pipeline, name))
     cores = len(sched_getaffinity(0))
     allowed = environ.get("BEADWAVE_PROCESSES") != "1" and cores > 1 and pipeline.keeps
-    if not allowed or not (len(missing) > 1 or "compilation" in missing):
+    worth = len(missing) > 1 or "compilation" in missing
+    if not allowed or not worth or not _have_room(pipeline):
         yield
         return
     # threads of MKL that wait for a core spin: each process gets its share
@@ -103,6 +105,17 @@ def _wanted(pipeline: Pipeline, name: str) -> bool:
     if name == "compilation" and (couples(scene) or pipeline.kept("impact")):
         return False
     return not pipeline.kept(name)
+
+
+def _have_room(pipeline: Pipeline) -> bool:
+    """Whether memory holds a second process. What bodies of a scene hold is known once they are
+    meshed, which the run does anyway."""
+    scene = pipeline.scene
+    if scene.bending is not None:
+        return True
+    if scene.is_general:
+        return room_for_pictures(scene, pipeline("mesh").nodes)
+    return scene.mesh.file is None and room_for_pictures(scene)
 
 
 def _taken(folder: Path, name: str) -> bool:

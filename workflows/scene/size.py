@@ -166,6 +166,14 @@ def _nodes(scene: Scene) -> dict[str, float]:
     )
 
 
+def room_for_pictures(scene: Scene, nodes: dict[str, float] | None = None) -> bool:
+    """Whether a process that compiles, and draws the modes, fits into memory beside a run; `nodes`
+    of a mesh that is there."""
+    nodes = nodes or _nodes(scene)
+    drawing = 2 * COSTS.libraries + 8 * 3.0 * sum(nodes.values()) * COSTS.vectors
+    return peak_memory(scene, nodes) + drawing < free_memory()
+
+
 def too_large_mesh(scene: Scene, name: str, nodes: dict[str, float]) -> Iterator[str]:
     """A sentence on a mesh that is there, by its name and the nodes of its bodies."""
     needed, free = peak_memory(scene, nodes), free_memory()
