@@ -15,9 +15,11 @@ where the section bends: eps_x = -z w'' makes eps_z = nu z w'', and
 (Timoshenko and Goodier, sec. 102, less its mean). The point touched, z = h / 2 and y = 0, therefore
 moves by w + (a^2 / 2) w'' with a^2 = nu (2 h^2 + b^2) / 12, to second order the mean of w at the
 two places a to either side of the strike. The contact reads the beam at these places and loads it
-there, with half of the force at each. Timoshenko, Phil. Mag. 41 (1921) 744; Engesser, Zentralbl.
-Bauverw. 11 (1891) 483; Bazant and Cedolin, Stability of Structures (2010), sec. 1.7. Shear factors:
-Hutchinson, J. Appl. Mech. 68 (2001) 87, of a rectangle as wide as it is.
+there, with half of the force at each.
+
+Timoshenko, Phil. Mag. 41 (1921) 744; Engesser, Zentralbl. Bauverw. 11 (1891) 483; Bazant and
+Cedolin, Stability of Structures (2010), sec. 1.7. Shear factors: Hutchinson, J. Appl. Mech. 68
+(2001) 87, of a rectangle as wide as it is.
 """
 
 from typing import NamedTuple
