@@ -106,7 +106,12 @@ def rigid_motion(points: NDArray[np.float64], centre: NDArray[np.float64]) -> ND
 def distributing(
     points: NDArray[np.float64], weights: NDArray[np.float64], centre: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """C = (G^T W G)^-1 G^T W (6, 3 n): rigid motion nearest to displacements of points (RBE3)."""
+    """C (6, 3 n) with q = C u: the rigid motion nearest to the displacements u of points (RBE3).
+
+    q minimises sum_n w_n |u_n - G_n q|^2 over the points (n, 3) with weights w (n,), so that
+    G^T W G q = G^T W u, C = (G^T W G)^-1 G^T W. A force and moment F (6,) at the centre act on the
+    points as C^T F: by virtual work they are in balance with F, and add no stiffness to the face.
+    """
     G = rigid_motion(points, centre)
     GtW = G.T * np.repeat(weights, 3)
     return np.linalg.solve(GtW @ G, GtW)
@@ -115,7 +120,8 @@ def distributing(
 def tie(structure: Structure, pair: Tie, n_total: int) -> Constraint:
     """The nodes of the slave face follow the displacement of the master face.
 
-    Facets of curved faces, and rims, may miss each other by what straight edges leave.
+    The straight edges of both meshes cut curved faces and rims short; the gap allowed includes
+    these distances (`fem.sagging`).
     """
     dofs = face_nodes(structure, pair.slave)
     gap = pair.gap + sagging(structure, pair.slave) + sagging(structure, pair.master)
