@@ -79,7 +79,7 @@ class Store:
         return self._key_of_table() == self._key and has_signals
 
     def notes(self) -> tuple[str, ...]:
-        """A sentence where a table of the same scene and cases does not hold any more."""
+        """A sentence where the table of the same scene and cases is out of date."""
         base = self._folder.base
         if self._key_of_table() in (None, self._key) or not base.ours("scene.toml"):
             return ()
