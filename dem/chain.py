@@ -150,6 +150,7 @@ def row_of_spheres(
             [np.broadcast_to(values, (*lead, values.shape[-1])) for values in (A, A_wall)], axis=-1
         )
 
+    # further fields, one value for each sphere or each contact
     contacts = A.shape[-1]
     sizes = {
         "gamma": contacts, "leaf_stiffness": n, "leaf_anchor": n, "yield_overlap": contacts,
