@@ -26,8 +26,9 @@ class QuantityOptions(NamedTuple):
     """How errors of single numbers are found beside those of whole records."""
 
     # of what the change of the record could do to a number, added to the number's own change, which
-    # may be zero by accident: with none 12 of 360 stated errors were below 0.7 of the true ones,
-    # with 0.1 five, of frequencies alone; with 0.3 peak forces were overstated up to 13 times
+    # may be zero by accident. Of ten structures of `examples/mesh_errors.py` times and amplitudes
+    # were stated down to 0.56 of the true error with none and down to 0.72 with 0.1; with 0.3 peak
+    # forces were stated up to 13 times too large
     floor: float = 0.1
 
 
