@@ -197,14 +197,14 @@ def _read_only(*_):
 
 
 def test_a_file_that_cannot_be_written_is_named(monkeypatch, capsys):
-    monkeypatch.setattr("workflows.run.run.save_trajectory", _read_only)
+    monkeypatch.setattr("workflows.files.run_folder.RunFolder.writing", _read_only)
     assert small("run", "rig-1dof", "--out=out") == 1
     said = capsys.readouterr().err
     assert "there/trajectory.npz: Permission denied; choose" in said and _one_line(said)
 
 
 def test_a_full_disk_is_told_in_one_sentence(monkeypatch, capsys):
-    monkeypatch.setattr("workflows.run.run.save_trajectory", _no_space)
+    monkeypatch.setattr("workflows.files.run_folder.RunFolder.writing", _no_space)
     assert small("run", "rig-1dof", "--out=out") == 1
     said = capsys.readouterr().err
     assert "No space left on device; make room" in said and _one_line(said)

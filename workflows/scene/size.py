@@ -136,7 +136,7 @@ def _too_fine(scene: Scene) -> Iterator[str]:
 
     if mesh.file is not None:
         return
-    nodes = _nodes(scene)
+    nodes = foreseen_nodes(scene)
     needed, free = peak_memory(scene, nodes), free_memory()
     if needed > free:
         body = max(nodes, key=nodes.get).removesuffix("-y").removesuffix("+y")
@@ -151,7 +151,7 @@ def _too_fine(scene: Scene) -> Iterator[str]:
         )
 
 
-def _nodes(scene: Scene) -> dict[str, float]:
+def foreseen_nodes(scene: Scene) -> dict[str, float]:
     """Nodes that the program's own mesh will have, by body."""
     from geometry.size import n_nodes
     from workflows.scene.assembly import assembly
@@ -169,7 +169,7 @@ def _nodes(scene: Scene) -> dict[str, float]:
 def room_for_two(scene: Scene, nodes: dict[str, float] | None = None) -> bool:
     """Whether two processes that each compute the scene's assembly fit into memory; `nodes` of a
     mesh that is there."""
-    return 2 * peak_memory(scene, nodes or _nodes(scene)) < free_memory()
+    return 2 * peak_memory(scene, nodes or foreseen_nodes(scene)) < free_memory()
 
 
 def too_large_mesh(scene: Scene, name: str, nodes: dict[str, float]) -> Iterator[str]:
