@@ -22,7 +22,7 @@ from skfem import Basis
 
 from fem.bending import Buckled
 from fem.constraints import congruent
-from fem.elasticity import ELEMENTS, Structure, scattered, summed
+from fem.elasticity import ELEMENTS, Structure, along_each_axis, scattered, summed
 from fem.factorisation import factorised
 from fem.materials import Material, Orthotropic
 from fem.model import Model
@@ -126,9 +126,9 @@ def _geometric(
 ) -> csr_matrix:
     """K_G of a body displaced by u (ndof,), on the dofs of the structure."""
     basis = structure.basis[body]
-    first, n = structure.first[body], basis.N
+    first = structure.first[body]
     element, order, _ = ELEMENTS[type(basis.mesh)]
-    u_body = u[first : first + n].reshape(-1, 3)
+    u_body = u[first : first + basis.N].reshape(-1, 3)
     C = material.elasticity
     free = np.zeros((3, 3)) if heat is None else heat.expansion * heat.temperature * np.eye(3)
 
@@ -140,8 +140,8 @@ def _geometric(
         stress = np.einsum("acbd,bdkq->ackq", C, strain)
         pulled = np.einsum("cdkq,jdkq->jckq", stress * points.dx, gradient)
         local = np.einsum("ickq,jckq->kij", gradient, pulled, optimize=True)
-        return (scattered(np.kron(local, np.eye(3)), basis.element_dofs[:, cells], n),)
+        return (scattered(local, points.element_dofs, points.N),)
 
     (A,) = summed(np.arange(basis.nelems), of)
-    A = A.tocoo()
+    A = along_each_axis(A).tocoo()
     return csr_matrix((A.data, (A.row + first, A.col + first)), shape=(structure.n_dofs,) * 2)
