@@ -102,6 +102,10 @@ def test_a_step_longer_than_the_samples_lie_apart_is_told(capsys):
 
 
 ASSEMBLY = ("gmsh", "skfem", "pyvista", "meshio", "geometry", "fem", "rom", "scipy.sparse")
+COARSE = (
+    "mesh.seed=0.02", "mesh.block_seed=0.05", "mesh.support_seed=0.1", "mesh.contact_seed=0.012",
+    "patch.radius=0.006", 'assembly.parts=["block","sheets"]', "reduction.modes=8",
+)  # fmt: skip
 SLOW = ("matplotlib", "scipy.optimize", "scipy.signal", "scipy.stats", "scipy.integrate")
 
 
@@ -122,6 +126,32 @@ def loads_nothing_of(absent, *command):
 @pytest.mark.parametrize("name", ["rig-rigid", "free-chain"])
 def test_a_scene_without_an_assembly_loads_nothing_of_one(name, tmp_path):
     loads_nothing_of(ASSEMBLY, "run", name, f"--out={tmp_path}/out")
+
+
+@pytest.mark.parametrize(
+    ("command", "name", "more"),
+    [
+        ("run", "rig-rigid", ()),
+        ("impact", "rig-1dof", ()),
+        ("run", "rig-rom", COARSE),
+    ],
+)
+def test_what_is_kept_loads_neither_the_march_nor_finite_elements(command, name, more, tmp_path):
+    """A run whose results are kept takes a second, of which these libraries would be another."""
+    out = [f"--out={tmp_path}/out"] if command == "run" else []
+    sets = [f"--set={change}" for change in more]
+    assert small(command, name, *sets, *out) == 0
+    heavy = ("skfem", "gmsh", "meshio", "fem", "rom", "coupling", "dem", "numba", "scipy")
+    loads_nothing_of((*heavy, *SLOW), command, name, *sets, *out)
+
+
+def test_what_is_kept_is_among_the_stages_that_are_not_computed(capsys):
+    small("run", "rig-1dof", "--out=first", "--json")
+    first = json.loads(capsys.readouterr().out)["stages"]
+    small("run", "rig-1dof", "--out=second", "--json")
+    second = json.loads(capsys.readouterr().out)["stages"]
+    assert {stage["name"] for stage in first} == {stage["name"] for stage in second}
+    assert not any(stage["cached"] for stage in first) and all(s["cached"] for s in second)
 
 
 @pytest.mark.parametrize("name", ["rig-rigid", "rig-1dof"])

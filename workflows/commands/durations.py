@@ -21,11 +21,17 @@ class Duration(NamedTuple):
 
 
 UNKNOWNS = 40_389.0  # of rig-rom
-# of rig-rom and of its mesh with mesh.scale=0.5, 257 000 unknowns: seconds on a quiet core of 2020,
-# and the power between the two
 RIG = {
-    "mesh": Duration(1.0, UNKNOWNS, 0.8),
+    "mesh": Duration(0.5, UNKNOWNS, 1.0),
     "model": Duration(2.0, UNKNOWNS, 1.0),
+    "factor": Duration(3.2, UNKNOWNS, 1.4),
+    "krylov-space": Duration(4.1, UNKNOWNS, 1.3),
+    "reduction": Duration(2.2, UNKNOWNS, 1.3),
+    "response": Duration(0.7),
+    "mac": Duration(0.6, UNKNOWNS, 1.0),
+    "missed-energy": Duration(4.0, UNKNOWNS, 1.0),
+    "figures": Duration(0.6),
+    "pictures": Duration(5.0, UNKNOWNS, 1.0),
 }
 COMPILATION = Duration(30.0)
 SCENES = ("None", "rig-rom", "rig-rom-269", "rig-rom-907")  # of the rig; others differ

@@ -187,7 +187,7 @@ class SummaryPrinter:
             print(summary.text(), end="")
             return
         if not self._quiet:
-            from workflows.report.rows import details, headline
+            from workflows.report.rows import details, headline, left_out
 
             rows = list(headline(summary))
             if self._verbose:
@@ -197,6 +197,8 @@ class SummaryPrinter:
                 for stage in summary.stages:
                     cached = "  (kept)" if stage.cached else ""
                     rows.append((stage.name, f"{stage.seconds:.2f} s{cached}"))
+            else:
+                rows += left_out(summary)
             self._print(rows)
         for warning in summary.warnings:
             print(f"warning: {warning}", file=sys.stderr)

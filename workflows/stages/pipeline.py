@@ -9,7 +9,7 @@ elements alone.
 """
 
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from hashlib import sha256
 from importlib import import_module
 from importlib.util import resolve_name
@@ -417,7 +417,7 @@ class Pipeline:
             self(earlier)
         function = stage.function.split(":")[1]
         self._computed.add(name)
-        with self._progress(name):
+        with self._progress(name) if stage.listed else nullcontext():
             return getattr(import_module(stage.module), function)(self.scene, *needed)
 
     def key(self, name: str) -> str:

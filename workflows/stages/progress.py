@@ -1,4 +1,4 @@
-"""How stages report that they run: a context entered with a stage's name, and a plan before them."""
+"""How stages report that they run: a context with a stage's name, and before all a plan."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
