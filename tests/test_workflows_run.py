@@ -140,7 +140,7 @@ def test_what_is_kept_loads_neither_the_march_nor_finite_elements(command, name,
     """A run whose results are kept takes a second, of which these libraries would be another."""
     out = [f"--out={tmp_path}/out"] if command == "run" else []
     sets = [f"--set={change}" for change in more]
-    assert small(command, name, *sets, *out) == 0
+    loads_nothing_of((), command, name, *sets, *out)
     heavy = ("skfem", "gmsh", "meshio", "fem", "rom", "coupling", "dem", "numba", "scipy")
     loads_nothing_of((*heavy, *SLOW), command, name, *sets, *out)
 
@@ -150,7 +150,8 @@ def test_what_is_kept_is_among_the_stages_that_are_not_computed(capsys):
     first = json.loads(capsys.readouterr().out)["stages"]
     small("run", "rig-1dof", "--out=second", "--json")
     second = json.loads(capsys.readouterr().out)["stages"]
-    assert {stage["name"] for stage in first} == {stage["name"] for stage in second}
+    names = {stage["name"] for stage in first} - {"compilation"}  # there is nothing to compile for
+    assert names == {stage["name"] for stage in second}
     assert not any(stage["cached"] for stage in first) and all(s["cached"] for s in second)
 
 

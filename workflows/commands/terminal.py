@@ -123,7 +123,7 @@ class StageProgress:
 
     def _tell(self, name: str, expected: float | None) -> None:
         """A line on a stage that is running."""
-        words = [f"beadwave: {name} is running"]
+        words = [f"beadwave: now {name}"]
         if expected and expected > PATIENCE:
             words.append(f"about {expected:.0f} s")
         left = self.left()
