@@ -30,7 +30,7 @@ class Wall(NamedTuple):
 
 
 def rigid_wall() -> Wall:
-    """A wall that does not move."""
+    """A wall that does not move: no modes, no compliance."""
     return Wall(np.zeros(0), np.zeros(0), np.zeros(0))
 
 

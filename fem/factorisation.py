@@ -45,7 +45,11 @@ class PardisoOptions(NamedTuple):
 
 
 class Factor(Protocol):
-    def solve(self, b: NDArray) -> NDArray: ...
+    """A factorised matrix A (n, n)."""
+
+    def solve(self, b: NDArray) -> NDArray:
+        """x of A x = b, (n,) or (n, k)."""
+        ...
 
 
 class Pardiso:
@@ -120,6 +124,8 @@ def factorised(A: csc_matrix, *, recovered: float = 1e-3) -> Factor:
     n, (few, many) = A.shape[0], WORTH_COUNTING
     is_real = np.isrealobj(A.data)
 
+    # the fastest: PARDISO, else Cholesky by nested dissection where minimum degree makes much fill;
+    # SuperLU for thin bodies, and for what has no Cholesky factor
     factor: Factor | None = None
     if n >= WORTH_PARDISO and is_real and has_pardiso():
         factor = Pardiso(A)
@@ -130,6 +136,7 @@ def factorised(A: csc_matrix, *, recovered: float = 1e-3) -> Factor:
                 factor = Cholesky(A, groups)
     factor = factor or _superlu(A)
 
+    # a random x recovered from A x: of a singular A it loses the part in the null space
     x = np.random.default_rng(0).standard_normal(n)
     solution = factor.solve((A @ x).astype(A.dtype))
     if not np.linalg.norm(solution - x) < recovered * np.linalg.norm(x):

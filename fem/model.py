@@ -78,7 +78,7 @@ class Model(NamedTuple):
     stiffness: NDArray[np.float64]  # (n_springs,) [N/m] or [N m/rad]
     spring: tuple[str, ...]  # (n_springs,) "joint.direction", equal for joints of one name
     sway: Sway | None = None  # of a table below, on the last two dofs
-    overconstrained: tuple[Overconstrained, ...] = ()  # what two constraints asked for
+    overconstrained: tuple[Overconstrained, ...] = ()  # dofs that two constraints would hold
     load_factor: float | None = None  # static load over that which buckles it; None: unloaded
 
     @property

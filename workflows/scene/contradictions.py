@@ -85,6 +85,7 @@ def _other_surface(scene: Scene) -> Iterator[str]:
 
 def _of_rig_assembly(scene: Scene) -> Iterator[str]:
     """Moduli, the patch and the joints of the thesis' rig."""
+    # moduli: of the assembly, and of bodies with a material of their own
     bodies = {f"assembly.{name}": getattr(table, "young", None) for name, table in scene.assembly}
     for name, young in {"assembly": scene.assembly.young, **bodies}.items():
         if young is not None and young < LIMITS.young:
@@ -129,6 +130,7 @@ def _of_rig_assembly(scene: Scene) -> Iterator[str]:
         if getattr(scene.wall, "prune", False):
             yield 'patch.weights = "thesis" makes no modes to leave out; drop wall.prune.'
 
+    # a dashpot acts on the elongation of a spring: there must be a spring, and it must give way
     for joint, table in scene.springs.items():
         for key, coefficient in table.dashpots.items():
             name = f"joints.{joint}.c{key[1:]} = {coefficient}"

@@ -26,8 +26,8 @@ SAME = 1e-9  # relative difference of a stated velocity to that of the stated dr
 
 
 class Gravity(SceneTable):
-    """Weight of the spheres; `inclination` of the chain from the horizontal, 90 stands on the wall,
-    0 lies and has none along itself, -90 hangs below the wall."""
+    """Weight of the spheres. `inclination` is the angle of the chain from the horizontal: at 90 it
+    stands on the wall, at 0 it lies and no weight acts along it, at -90 it hangs below the wall."""
 
     inclination: Annotated[float, Field(ge=-90, le=90)] = 90.0  # [degrees]
     acceleration: of(Positive, ACCELERATION, 1, 30) = 9.80665  # [m/s^2]

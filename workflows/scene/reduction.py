@@ -44,7 +44,7 @@ class Patch(SceneTable):
 
     `nodes` takes the mean of the nodes nearest to these points in place of a pressure. "thesis"
     pushes at the node nearest to the point and reads the mean of two others, one radius to either
-    side along y, or of `nodes`: it makes energy, and is there to be compared with.
+    side along y, or of `nodes`. It makes energy out of nothing and serves comparisons alone.
     """
 
     point: Point = (0.03, 0.0)  # y, z from the middle of the face [m]

@@ -41,9 +41,10 @@ EitherJoints = Annotated[
 
 
 class Scene(SceneTable):
-    """A whole run; [assembly] and [mesh] are checked by what the assembly is, see `toml`.
+    """A whole run. [assembly] and [mesh] are of two kinds, the thesis' rig or bodies, and checked
+    accordingly in `toml`.
 
-    `unusual` names the keys whose values lie outside of their usual range and are meant.
+    `unusual` names the keys whose values are intended though they lie outside of their usual range.
     """
 
     name: Annotated[str, Field(pattern=r"^\w[\w.-]*$", max_length=LONGEST_NAME)]
@@ -86,7 +87,7 @@ class Scene(SceneTable):
 
     @property
     def bending(self) -> Beam | BendingPlateTable | None:
-        """The structure of bending theory, one table."""
+        """The table of the structure of bending theory, [beam] or [plate]."""
         return self.beam or self.plate
 
     @property
@@ -109,7 +110,7 @@ class Scene(SceneTable):
         return {joint.name: joint for joint in self.joints or ()}
 
     def stiffness(self, spring: str) -> float:
-        """Of a spring, "joint.direction" [N/m] or [N m/rad]."""
+        """Stiffness [N/m] or [N m/rad] of a spring "joint.direction"."""
         joint, _, direction = spring.rpartition(".")
         return getattr(self.springs[joint], direction)
 
@@ -141,7 +142,7 @@ class Scene(SceneTable):
 
     @property
     def struck_material(self) -> Any:
-        """Its material."""
+        """The material of the struck body."""
         if self.bending is not None:
             return self.bending
         return self.made_of(self.struck_body)

@@ -47,7 +47,7 @@ class InvalidScene(ValueError):
 
 
 def nearest(word: str, words: Iterable[str]) -> str:
-    """A hint at the word of these that is most like this one, or at all of them."""
+    """The end of a message: which of the words is most like this one, or all of them."""
     names = list(words)
     close = get_close_matches(word, names, n=1, cutoff=0.6)
     return f"the nearest known is {close[0]!r}" if close else f"known are {', '.join(names)}"
@@ -69,7 +69,8 @@ class SceneTable(BaseModel):
         return table
 
     def but(self, **values: Any) -> Self:
-        """The same with other values, unchecked; a dict changes keys of the present table."""
+        """A copy with other values, which are not checked; a dict changes keys of the table that is
+        there."""
         update = {}
         for name, value in values.items():
             present = getattr(self, name)
@@ -79,7 +80,8 @@ class SceneTable(BaseModel):
 
 
 def exactly_one(table: Any, *keys: str, default: float) -> Any:
-    """The table with the first key at its default where none is given; two are refused."""
+    """The table, with the first key at its default where none of the keys is given; two are
+    refused."""
     if not isinstance(table, dict):
         return table
     given = [key for key in keys if table.get(key) is not None]

@@ -18,8 +18,9 @@ from workflows.scene.units import (
 class Time(SceneTable):
     """How long, and the error asked for; `dt` replaces the error.
 
-    The velocities are held to `error` until `horizon`. After tens of impacts spheres move
-    chaotically and no step holds an error of theirs: from there on the energy is kept.
+    The velocities meet `error` until `horizon`. After tens of impacts spheres move chaotically, and
+    no step bounds the error of their velocities; from the horizon on the energy alone is
+    controlled.
     """
 
     duration: of(Positive, TIME, 0, 1) = 3e-3  # [s]

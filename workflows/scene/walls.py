@@ -36,7 +36,7 @@ class RigidWall(SceneTable):
 
 
 class HalfSpaceWall(SceneTable):
-    """A wall that is indented as a half-space of its material, and moves in no other way."""
+    """A wall that is indented as a half-space of its material and does not move otherwise."""
 
     kind: Literal["half-space"]
     young: Young = 210e9  # [Pa]
@@ -87,12 +87,13 @@ class DashpotWall(SceneTable):
 class RomWall(SceneTable):
     """A reduced model: of [assembly], or from a file.
 
-    Modes above `cutoff` answer statically; without it, those that the reduction cannot trust.
-    `prune` leaves out modes while the velocities stay within time.error; it costs three runs.
-    `file` is .npz, .mat, .h5 or an Abaqus substructure's .mtx, which does not say where the chain
-    touches: `nodes` does, by their numbers, with the `direction` of the chain (1, 2, 3) and
-    `weights`, else equal ones. `half_space` is the part of the file's static compliance that the
-    Hertz law holds already, where the file does not say.
+    Modes above `cutoff` answer statically; without it, those above the highest mode that the
+    reduction represents. `prune` leaves out modes while the velocities stay within time.error; it
+    costs three runs. `file` is .npz, .mat, .h5 or the .mtx of an Abaqus substructure. An .mtx does
+    not say where the chain touches: `nodes` are the numbers of these nodes, `direction` (1, 2, 3)
+    is the chain's, and `weights` are those of the mean over them, equal without it. `half_space` is
+    the part of the file's static compliance that Hertz' law holds already, for files that do not
+    state it.
     """
 
     kind: Literal["rom"]

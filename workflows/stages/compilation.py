@@ -16,7 +16,7 @@ from workflows.stages.impact import impact
 from workflows.stages.pipeline import couples, needs_structure
 from workflows.stages.walls import wall_of
 
-BRIEF = {"duration": 20e-6, "horizon": 20e-6}  # [s] some steps
+BRIEF = {"duration": 20e-6, "horizon": 20e-6}  # [s] a few steps
 
 
 def compilation(scene: Scene) -> NDArray[np.float64]:

@@ -51,8 +51,8 @@ def require_start(scene: Scene) -> None:
 def impact(
     scene: Scene, start: Start, wall: dem.Wall | coupling.CoupledWall | None
 ) -> coupling.Impact:
-    """The coupled run, to the scene's error or at its step; walls that are not read where they are
-    pushed (CoupledWall) have their error estimated in a second march."""
+    """The coupled run, to the scene's error or at its step. The error of a run at a CoupledWall,
+    which is not read where it is pushed, is estimated by a second march."""
     time, coupled = scene.time, isinstance(wall, coupling.CoupledWall)
     wanted = {"dt": time.dt} if time.dt is not None else {"error": time.error}
     if time.dt is None and not coupled:
