@@ -205,8 +205,8 @@ def test_a_mesh_of_other_size_is_expected_to_take_its_own_time(monkeypatch, tmp_
     finer, power = durations.Durations("run mine"), durations.RIG["factor"].power
     finer.unknowns = 2e5
     assert finer.expected("factor") == pytest.approx(20.0 * 2**power)
-    of_rig = durations.RIG["mesh"]
-    assert finer.expected("mesh") == pytest.approx(
+    of_rig = durations.RIG["model"]
+    assert finer.expected("model") == pytest.approx(
         of_rig.seconds * (2e5 / of_rig.unknowns) ** of_rig.power
     )
 
