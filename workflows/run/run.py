@@ -62,22 +62,25 @@ def run(
                 if not (structure and pipeline.kept("mesh-error")):
                     waves_known(summary_of(pipeline, origin=origin, with_errors=False))
 
-            # the assembly: modes, reduced model, response and pictures, each as soon as it is there
-            unrendered: tuple[str, ...] = ()
+            # the assembly: modes and reduced model, then all that needs its factor and its shapes
             if structure:
-                _write_files(pipeline, folder, "mode-files", "model-files", "response-files")
+                _write_files(pipeline, folder, "mode-files", "model-files")
+                pipeline("full-response")
                 if scene.measured_hz:
                     pipeline("mac")
+                if scene.bending is None:
+                    pipeline("structure-errors")
+            pipeline.release()
+            summary_of(pipeline, origin=origin)  # the errors, before the pictures are waited for
+
+            # pictures, most of them by the second process
+            unrendered: tuple[str, ...] = ()
+            if structure:
+                _write_files(pipeline, folder, "response-files")
                 try:
                     write_pictures(folder, pipeline("pictures"))
                 except NoPicture as missing:  # the run stands without them
                     unrendered = (str(missing),)
-
-            if structure and scene.bending is None:
-                pipeline("structure-errors")  # while its shapes are in memory
-            pipeline.release()
-
-            # pictures of the chain
             if scene.chain:
                 write_pictures(folder, pipeline("figures"))
                 if scene.output.sensors:

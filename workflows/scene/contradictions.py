@@ -55,7 +55,7 @@ def _missing_parts(scene: Scene) -> Iterator[str]:
         if chain is None and getattr(scene, name):
             yield f"[{name}] needs a [chain] that it acts on; add one or drop [{name}]."
     if chain is None and not scene.has_structure:
-        yield "there is none of [chain], [assembly], [beam] and [plate]; add one of them."
+        yield "[chain], [assembly], [beam] and [plate] are all missing; add one of them."
     if chain is None and wall is not None:
         yield "[wall] needs a [chain] that hits it; add one or drop [wall]."
     if isinstance(wall, RomWall) and wall.file is None and not scene.has_structure:

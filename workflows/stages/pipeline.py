@@ -127,9 +127,7 @@ ASSEMBLY = {
     "mac": Stage(
         ".mac:mac", tables_of(), ("mesh", "model", "modes"), means=("factor", "krylov-space")
     ),
-    "contact": Stage(
-        ".assembly:contact", tables_of("patch", "strike"), ("mesh", "model"), kept=False
-    ),
+    "contact": Stage(".assembly:contact", tables_of("patch", "strike"), ("mesh", "model")),
     "surface": Stage(".strike:surface", tables_of(), ("mesh",), listed=False),
     "participation": Stage(
         ".assembly:participation", tables_of(), ("contact", "modes"), listed=False
