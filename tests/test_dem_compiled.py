@@ -72,11 +72,21 @@ def compiled_functions():
     return {value for value in named if isinstance(value, Compiled)}
 
 
-def test_every_compiled_function_of_ours_is_checked():
+def test_the_code_of_every_function_that_python_enters_is_checked():
     assert len(compiled_functions()) > 50
-    assert all(
-        isinstance(f.dispatcher._cache._cache_file, CheckedFile) for f in compiled_functions()
-    )
+    entries = {f for f in compiled_functions() if not f._inner}
+    assert len(entries) > 15
+    assert all(isinstance(f.dispatcher._cache._cache_file, CheckedFile) for f in entries)
+
+
+def test_an_inner_function_makes_no_code_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    inner = njit(error_model="numpy", inner=True)(twice)
+    entry = njit(error_model="numpy")(lambda x: inner(x) + 1.0)
+    assert entry(20.5) == 42.0  # exact: small numbers of halves
+    (variant,) = inner.dispatcher.overloads.values()
+    assert variant.library.get_pointer_to_function(variant.fndesc.llvm_func_name) == 0
+    assert not list(tmp_path.rglob("*twice*.nbc"))
 
 
 def test_an_inner_function_called_from_python_runs_there():

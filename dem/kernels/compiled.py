@@ -23,7 +23,7 @@ class Compiled:
         """The function as numba has it."""
         from dem.kernels.kept_code import dispatcher
 
-        return dispatcher(self.py_func, **self._options)
+        return dispatcher(self.py_func, inner=self._inner, **self._options)
 
     @property
     def _numba_type_(self):
