@@ -37,8 +37,9 @@ class Compiled:
 
 def njit(*, inner: bool = False, **options) -> Callable:
     """A decorator that compiles a function and keeps what was compiled."""
+    options["no_cfunc_wrapper"] = True  # C calls none of them
     if inner:
-        options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+        options["no_cpython_wrapper"] = True
     return lambda function: Compiled(function, inner=inner, **options)
 
 
