@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import coupling
 import fem
 import rom
 from command_line import beadwave
+from coupling.reduced_wall import wall_of
 from workflows.evidence.accuracy.mesh import mesh
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
@@ -276,7 +276,7 @@ def test_the_file_of_a_reduced_beam_is_its_wall(tmp_path):
     assert len(full["mesh_points"]) == 121 * 4
     kept, own = rom.load_npz(tmp_path / "rom.npz"), computed("beam")("reduction")
     assert np.array_equal(kept.w, own.w) and kept.contact.half_space == 0
-    assert np.allclose(coupling.wall.wall_of(kept).omega, coupling.wall.wall_of(own).omega)
+    assert np.allclose(wall_of(kept).omega, wall_of(own).omega)
 
 
 @pytest.mark.parametrize("key", ["thickness", "young", "length", "position"])

@@ -220,8 +220,8 @@ def save_between(
 ) -> None:  # fmt: skip
     """States, forces and energies between the steps h that were marched, at equally spaced times.
 
-    Writes over everything from `ends` on, the chain's modes too. One entry for all of it: four would
-    compile what unpacks and hands over the same arrays once each.
+    Writes over everything from `ends` on, the chain's modes too. One entry for all of it: four
+    would compile what unpacks and hands over the same arrays once each.
     """
     fill_ends(marched, bodies, h, ends)
 

@@ -1,7 +1,7 @@
 """The larger and the smaller of two numbers.
 
-numba compiles Python's `max` and `min` anew for each set of floating-point options of a caller: seven
-variants and 0.2 s in the kernels of an impact, where these two take 0.03 s.
+numba compiles Python's `max` and `min` anew for each set of floating-point options of a caller:
+seven variants and 0.2 s in the kernels of an impact, where these two take 0.03 s.
 """
 
 from dem.kernels.compiled import fastmath_inline

@@ -14,29 +14,12 @@ import coupling
 import dem
 import rom
 from dem.waves.chain_waves import ChainWaves, chain_waves
+from workflows.report.summary import NumberError, QuantityErrors
 from workflows.scene import Scene
 from workflows.stages.chain import Start
 from workflows.stages.errors import MARGIN, SHORTER, observed, velocities
 from workflows.stages.mesh_error import MissedByMesh
-from workflows.stages.wall import wall_of
-
-
-class QuantityError(NamedTuple):
-    """A number of a run, and its errors by cause in its own unit; nan where one is not known."""
-
-    name: str  # as in the summary, "tof_s"; of a sphere "4: incident: time_s"
-    value: float
-    unit: str
-    time: float
-    reduction: float
-    mesh: float
-
-
-class QuantityErrors(NamedTuple):
-    """Those of a run, and the mesh's in all velocities: relative to the striker's speed."""
-
-    quantities: tuple[QuantityError, ...]
-    mesh: float
+from workflows.stages.walls import wall_of
 
 
 class QuantityOptions(NamedTuple):
@@ -85,10 +68,10 @@ def quantity_errors(
         scale = width if unit == "s" else abs(value)
         wave = name.rpartition(":")[0]
         crest = abs(numbers[0][f"{wave}: peak_velocity_m_s"][0]) if wave else speed
-        errors = [estimate * scale * speed / crest]
-        for first, second, a, b, margin in (
-            (numbers[0], numbers[1], run, finer, MARGIN),
-            (numbers[2], numbers[3], on_mesh, without, missed.share),
+        errors = {"time": estimate * scale * speed / crest}
+        for cause, first, second, a, b, margin in (
+            ("reduction", numbers[0], numbers[1], run, finer, MARGIN),
+            ("mesh", numbers[2], numbers[3], on_mesh, without, missed.share),
         ):
             record_a, record_b = (
                 r.contact_force[:, -1] if sphere is None else r.v[:, sphere - 1] for r in (a, b)
@@ -99,11 +82,14 @@ def quantity_errors(
                 at = np.abs(run.t - time) <= max(width, run.t[1])
             largest = float(np.abs(record_a[at]).max(initial=0.0)) or 1.0
             change = float(np.abs(record_b[at] - record_a[at]).max(initial=0.0)) / largest
-            moved = np.nan
             if name in first and name in second:
                 moved = abs(second[name][0] - first[name][0])
-            errors.append(margin * (moved + options.floor * change * scale))
-        rows.append(QuantityError(name, value, unit, *errors))
+                errors[cause] = margin * (moved + options.floor * change * scale)
+        # one that is not finite is not known either
+        known = {cause: error for cause, error in errors.items() if np.isfinite(error)}
+        rows.append(
+            NumberError(name=name, value=value, unit=unit, total=sum(known.values()), **known)
+        )
     return QuantityErrors(tuple(rows), of_mesh)
 
 
