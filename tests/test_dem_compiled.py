@@ -1,5 +1,6 @@
 """Kept machine code: what is damaged or of other sources is compiled again, and says nothing."""
 
+import operator
 import os
 import shutil
 import subprocess
@@ -11,6 +12,8 @@ from types import ModuleType
 
 import numba
 import pytest
+from numba.core.registry import cpu_target
+from numba.core.types import float64
 
 import coupling
 import dem
@@ -87,6 +90,27 @@ def test_an_inner_function_makes_no_code_of_its_own(tmp_path, monkeypatch):
     (variant,) = inner.dispatcher.overloads.values()
     assert variant.library.get_pointer_to_function(variant.fndesc.llvm_func_name) == 0
     assert not list(tmp_path.rglob("*twice*.nbc"))
+
+
+def test_an_operator_on_numbers_is_typed_once_and_a_function_each_time():
+    """The code of `max` depends on the floating-point options of its caller, that of + does not."""
+    numbas, typed = cpu_target.typing_context, []
+
+    class Counting:
+        def resolve_function_type(self, func, args, kws):
+            typed.append(func)
+            return numbas.resolve_function_type(func, args, kws)
+
+    kernels = kept.KernelTyping(Counting())
+    for func, times in ((operator.add, 1), (max, 2)):
+        expected = numbas.resolve_function_type(
+            numbas.resolve_value_type(func), (float64, float64), {}
+        )
+        for _ in range(2):
+            function = numbas.resolve_value_type(func)
+            assert kernels.resolve_function_type(function, (float64, float64), {}) == expected
+        assert len(typed) == times
+        typed.clear()
 
 
 def test_an_inner_function_called_from_python_runs_there():

@@ -98,13 +98,11 @@ class InnerLibrary(JITCodeLibrary):
     calls deep was optimised five times.
     """
 
-    def finalize(self) -> None:
-        """Link what the function calls; leave the rest to the caller."""
-        self._raise_if_finalized()
-        for library in dict.fromkeys(self._linking_libraries):
-            self._reload_init.update(library._reload_init)
-            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
-        self._final_module.verify()
+    def _optimize_final_module(self) -> None:
+        """Nothing: the caller's module is optimised with what is linked here."""
+
+    def _finalize_final_module(self) -> None:
+        """No machine code."""
         self._finalized = True
 
     def get_pointer_to_function(self, name: str) -> int:
