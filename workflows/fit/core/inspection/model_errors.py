@@ -1,34 +1,12 @@
-"""What the known errors of a model do to numbers that are found with it.
+"""The bars of an inspection with the errors of its model that are known."""
 
-A model that is better in one respect (finer elements, more modes, another theory) shows signals
-f + d; records that are like it move the numbers of least squares, to first order, by
+from collections.abc import Mapping, Sequence
 
-    b = (J^T J + B)^-1 J^T d,
-
-J and d over the noise, B the information of the bounds. Nobody knows whether the better model is
-right, so b counts as a bound of a bias: it joins the bars in quadrature, along its direction.
-"""
-
-from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
-
-from workflows.fit.core.calibration.uncertainty import combinations
+from workflows.fit.core import model_errors
 from workflows.fit.core.inspection.fitting import RecordFit
-from workflows.fit.core.inspection.forward import System
 from workflows.fit.core.inspection.information import bounds_information
 from workflows.fit.core.inspection.inversion import Inversion, residual_parts, scales
-
-NOISE = "noise"
-
-
-class BetterModel(NamedTuple):
-    """A model beside the one of a fit, and how much of their difference counts as its error."""
-
-    system: Callable[[NDArray[np.float64]], System]
-    share: float
+from workflows.fit.core.model_errors import TIME, TIME_SHARE, BetterModel
 
 
 def widened(
@@ -37,34 +15,31 @@ def widened(
     """The same with bars that hold the model errors, with the part of each cause in every bar, and
     with what the errors leave of the records at the best numbers.
 
-    `models` are those that are better in what a cause names. Raises what the system raises for
-    values that cannot be marched.
+    `models` are those that are better in what a cause names; smaller steps of time are added here.
+    Raises what a system raises for values that cannot be marched.
     """
-    bars, scale = inversion.uncertainty, scales(inversion.parameters)
     theta = inversion.value[: len(fit.unknowns.parameters)]
-    J = inversion.slopes.reshape(-1, inversion.slopes.shape[-1])
-    H = J.T @ J + bounds_information(inversion.parameters)
-    projection = np.linalg.pinv(H, hermitian=True) @ J.T
 
-    causes, covariance = {NOISE: bars.two_sigma}, bars.covariance.copy()
-    squares = np.zeros_like(inversion.model)
+    def signals(forward):
+        """(S k m,) over the noise, by the gains that were found."""
+        shown = forward.signals(fit.unknowns, theta, fit.shots)
+        return (inversion.gains * shown * fit.weight).ravel()
+
+    of_fit = (inversion.model * fit.weight).ravel()
+    differences = {TIME: [TIME_SHARE * (signals(fit.forward.with_steps(0.5)) - of_fit)]}
     for cause, better in models.items():
-        b = np.zeros((len(better), len(scale)))
-        for i, model in enumerate(better):
-            forward = fit.forward._replace(system=model.system)
-            signals = inversion.gains * forward.signals(fit.unknowns, theta, fit.shots)
-            d = model.share * ((signals - inversion.model) * fit.weight).ravel()
-            moved = projection @ d
-            b[i] = moved * scale
-            squares += ((d - J @ moved) ** 2).reshape(squares.shape)
-        causes[cause] = np.linalg.norm(b, axis=0)
-        covariance += b.T @ b / 4.0
+        differences[cause] = []
+        for model in better:
+            beside = of_fit
+            if model.beside is not None:
+                beside = signals(fit.forward._replace(system=model.beside))
+            shown = signals(fit.forward._replace(system=model.system))
+            differences[cause].append(model.share * (shown - beside))
 
-    in_scales = covariance / np.outer(scale, scale)
-    uncertainty = bars._replace(
-        covariance=covariance,
-        two_sigma=np.sqrt(sum(part**2 for part in causes.values())),
-        combinations=combinations(in_scales, in_scales[:0], np.ones(len(scale), bool)),
-    )
-    beyond = residual_parts(fit, np.sqrt(squares)) if models else ()
-    return inversion._replace(uncertainty=uncertainty, causes=causes, beyond=beyond)
+    J = inversion.slopes.reshape(-1, inversion.slopes.shape[-1])
+    result = model_errors.widened(
+        inversion.uncertainty, scales(inversion.parameters), J, differences,
+        B=bounds_information(inversion.parameters),
+    )  # fmt: skip
+    beyond = residual_parts(fit, result.left.reshape(inversion.model.shape))
+    return inversion._replace(uncertainty=result.uncertainty, causes=result.causes, beyond=beyond)
