@@ -61,16 +61,13 @@ def widened(
     """
     free = np.ones(len(scale), bool) if fixed is None else ~fixed
     J = np.where(free, J, 0.0)
-    values, vectors = np.linalg.eigh(np.zeros((len(scale),) * 2) if B is None else B)
-    pull = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+    B = np.zeros((len(scale),) * 2) if B is None else B
 
     causes, covariance = {NOISE: bars.two_sigma}, bars.covariance.copy()
     squares = np.zeros(len(J))
     for cause, better in differences.items():
-        d = np.array(better).T  # (n, models)
-        known = np.vstack([d, np.zeros((len(scale), d.shape[1]))])
-        moved = np.linalg.lstsq(np.vstack([J, pull]), known, rcond=UNDETERMINED)[0]
-        squares += np.sum((d - J @ moved) ** 2, axis=1)
+        moved, rest = biases(J, np.array(better).T, B)
+        squares += np.sum(rest**2, axis=1)
         b = scale[:, None] * moved
         causes[cause] = np.linalg.norm(b, axis=1)
         covariance += b @ b.T / 4.0
@@ -83,6 +80,18 @@ def widened(
         combinations=combinations(in_scales, np.array(blind).reshape(-1, free.sum()), free),
     )
     return WidenedBars(uncertainty, causes, np.sqrt(squares))
+
+
+def biases(
+    J: NDArray[np.float64], d: NDArray[np.float64], B: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """b = (J^T J + B)^-1 J^T d (p, k) of J (n, p) and d (n, k), and what numbers moved by it leave
+    of d, (n, k)."""
+    values, vectors = np.linalg.eigh(B)
+    pull = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+    rows = np.vstack([J, pull])
+    b = np.linalg.lstsq(rows, np.vstack([d, np.zeros((len(B), d.shape[1]))]), rcond=UNDETERMINED)[0]
+    return b, d - J @ b
 
 
 def shares(causes: Mapping[str, NDArray[np.float64]], i: int) -> dict[str, float]:

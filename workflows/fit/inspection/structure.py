@@ -1,6 +1,6 @@
 """Chain and wall of a scene as functions of numbers in it; a reduced wall between computed ones."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import coupling
 import dem
-from workflows.fit.better_walls import FAILURES, better_walls
+from workflows.fit.better_walls import FAILURES, BetterWall, better_walls
 from workflows.fit.core.inspection.forward import System
 from workflows.fit.core.model_errors import BetterModel
 from workflows.fit.core.parametric_wall import (
@@ -195,15 +195,21 @@ def better_models(model: VariedScene, values: NDArray[np.float64]) -> dict[str, 
     """Models of the same structure at the values (q,) of the keys that are better in one respect,
     by the cause of the error: see `better_walls`."""
     try:
-        walls = better_walls(scene_at(model.base, model.keys, values))
+        return models_of(model, better_walls(scene_at(model.base, model.keys, values)))
     except FAILURES:  # values that no scene may have: the bars name the causes that they hold
         return {}
 
-    def of(wall):
+
+def models_of(
+    model: VariedScene, walls: Mapping[str, Sequence[BetterWall]]
+) -> dict[str, list[BetterModel]]:
+    """The model with better walls in place of its own, at all values of its keys."""
+
+    def before(wall):
         return None if wall is None else model._replace(between=None, fixed=wall)
 
     return {
-        cause: [BetterModel(of(pair.wall), pair.share, of(pair.beside)) for pair in pairs]
+        cause: [BetterModel(before(pair.wall), pair.share, before(pair.beside)) for pair in pairs]
         for cause, pairs in walls.items()
     }
 
