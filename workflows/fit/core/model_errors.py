@@ -5,11 +5,12 @@ shows signals f + d; records that are like it move the numbers of least squares,
 
     b = (J^T J + B)^-1 J^T d,
 
-J and d over the noise, B the information of the bounds. Nobody knows whether the better model is
+J and d over the noise, B the information of the bounds. Beyond the first order b is what a fit to
+f + d moves the numbers by. Nobody knows whether the better model is
 right, so b counts as a bound of a bias: it joins the bars in quadrature, along its direction.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -40,38 +41,26 @@ class WidenedBars(NamedTuple):
     uncertainty: Uncertainty
     # part (p,) of the two-sigma bars by noise and by each error, which join in quadrature
     causes: Mapping[str, NDArray[np.float64]] = MappingProxyType({})
-    left: NDArray[np.float64] | float = 0.0  # (n,) what no numbers take up of the errors
 
 
 def widened(
     bars: Uncertainty,
     scale: NDArray[np.float64],
-    J: NDArray[np.float64],
-    differences: Mapping[str, Sequence[NDArray[np.float64]]],
-    *,
-    B: NDArray[np.float64] | None = None,
+    biases: Mapping[str, NDArray[np.float64]],
     fixed: NDArray[np.bool_] | None = None,
 ) -> WidenedBars:
-    """Bars (p,) of noise with the errors of the model that are known.
+    """Bars of noise with the errors of the model that are known.
 
-    `scale` (p,) is that of the numbers, J (n, p) the derivatives of n samples by numbers in scales,
-    `differences` by cause those of better models (n,), as J over the noise and times the share that
-    counts; B (p, p) the information of the bounds, positive semi-definite. Numbers that are `fixed`
-    (p,) take no part; numbers without a bar stay without one.
+    `scale` (p,) is that of the numbers, `biases` by cause those (p, k) of k better models, in
+    scales. Numbers that are `fixed` (p,) have no part; numbers without a bar stay without one.
     """
-    free = np.ones(len(scale), bool) if fixed is None else ~fixed
-    J = np.where(free, J, 0.0)
-    B = np.zeros((len(scale),) * 2) if B is None else B
-
     causes, covariance = {NOISE: bars.two_sigma}, bars.covariance.copy()
-    squares = np.zeros(len(J))
-    for cause, better in differences.items():
-        moved, rest = biases(J, np.array(better).T, B)
-        squares += np.sum(rest**2, axis=1)
+    for cause, moved in biases.items():
         b = scale[:, None] * moved
         causes[cause] = np.linalg.norm(b, axis=1)
         covariance += b @ b.T / 4.0
 
+    free = np.ones(len(scale), bool) if fixed is None else ~fixed
     in_scales = covariance / np.outer(scale, scale)
     blind = [c.direction[free] for c in bars.combinations if not np.isfinite(c.two_sigma)]
     uncertainty = bars._replace(
@@ -79,19 +68,20 @@ def widened(
         two_sigma=np.sqrt(sum(part**2 for part in causes.values())),
         combinations=combinations(in_scales, np.array(blind).reshape(-1, free.sum()), free),
     )
-    return WidenedBars(uncertainty, causes, np.sqrt(squares))
+    return WidenedBars(uncertainty, causes)
 
 
 def biases(
-    J: NDArray[np.float64], d: NDArray[np.float64], B: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """b = (J^T J + B)^-1 J^T d (p, k) of J (n, p) and d (n, k), and what numbers moved by it leave
-    of d, (n, k)."""
-    values, vectors = np.linalg.eigh(B)
-    pull = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
-    rows = np.vstack([J, pull])
-    b = np.linalg.lstsq(rows, np.vstack([d, np.zeros((len(B), d.shape[1]))]), rcond=UNDETERMINED)[0]
-    return b, d - J @ b
+    J: NDArray[np.float64], d: NDArray[np.float64], B: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """b = (J^T J + B)^-1 J^T d (p, k) in scales: J (n, p) by numbers in scales and d (n, k) of k
+    better models over the noise, B (p, p) the information of the bounds, positive semi-definite."""
+    rows, known = J, d
+    if B is not None:
+        values, vectors = np.linalg.eigh(B)
+        rows = np.vstack([J, np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T])
+        known = np.vstack([d, np.zeros((len(B), d.shape[1]))])
+    return np.linalg.lstsq(rows, known, rcond=UNDETERMINED)[0]
 
 
 def shares(causes: Mapping[str, NDArray[np.float64]], i: int) -> dict[str, float]:

@@ -122,6 +122,9 @@ def widened(
             differences[cause].append(model.share * (shown - beside))
 
     scale = np.array([p.scale for p in fit.parameters])
-    J = (dv * weight[:, None] * scale).reshape(-1, len(scale))
-    result = model_errors.widened(fit.uncertainty, scale, J, differences, fixed=fit.at_bound)
+    J = np.where(fit.at_bound, 0.0, dv * weight[:, None] * scale).reshape(-1, len(scale))
+    biases = {
+        cause: model_errors.biases(J, np.array(better).T) for cause, better in differences.items()
+    }
+    result = model_errors.widened(fit.uncertainty, scale, biases, fit.at_bound)
     return fit._replace(uncertainty=result.uncertainty, causes=result.causes)

@@ -68,7 +68,7 @@ def foreseen(
         causes[NOISE][i] = bars[-1] * scales(unknowns.parameters)
         records[i] = t[ends[np.argmax(bars <= ENOUGH * bars[-1], axis=0)] - 1]
         for cause, better in differences.items():
-            b, _ = biases(slopes[:, i], np.array([d[:, i] for d in better]).T, B)
+            b = biases(slopes[:, i], np.array([d[:, i] for d in better]).T, B)
             causes[cause][i] = np.linalg.norm(b[:n], axis=1) * scales(unknowns.parameters)
     return causes, records
 

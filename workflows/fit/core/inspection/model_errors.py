@@ -2,9 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from workflows.fit.core import model_errors
 from workflows.fit.core.inspection.fitting import RecordFit
-from workflows.fit.core.inspection.information import bounds_information
 from workflows.fit.core.inspection.inversion import Inversion, residual_parts, scales
 from workflows.fit.core.model_errors import TIME, TIME_SHARE, BetterModel
 
@@ -16,30 +17,46 @@ def widened(
     with what the errors leave of the records at the best numbers.
 
     `models` are those that are better in what a cause names; smaller steps of time are added here.
-    Raises what a system raises for values that cannot be marched.
+    The model is fitted to what each of them shows at the best numbers: where numbers move along a
+    valley of the misfit, derivatives at its end told a sixth of it. Raises what a system raises for
+    values that cannot be marched.
     """
-    theta = inversion.value[: len(fit.unknowns.parameters)]
+    scale, n = scales(inversion.parameters), len(fit.unknowns.parameters)
+    theta = inversion.value[:n]
 
     def signals(forward):
-        """(S k m,) over the noise, by the gains that were found."""
-        shown = forward.signals(fit.unknowns, theta, fit.shots)
-        return (inversion.gains * shown * fit.weight).ravel()
+        """(S, k, m) by the gains that were found."""
+        return inversion.gains * forward.signals(fit.unknowns, theta, fit.shots)
 
-    of_fit = (inversion.model * fit.weight).ravel()
-    differences = {TIME: [TIME_SHARE * (signals(fit.forward.with_steps(0.5)) - of_fit)]}
+    differences = {TIME: [(signals(fit.forward.with_steps(0.5)) - inversion.model, TIME_SHARE)]}
     for cause, better in models.items():
         differences[cause] = []
         for model in better:
-            beside = of_fit
+            beside = inversion.model
             if model.beside is not None:
                 beside = signals(fit.forward._replace(system=model.beside))
             shown = signals(fit.forward._replace(system=model.system))
-            differences[cause].append(model.share * (shown - beside))
+            differences[cause].append((shown - beside, model.share))
 
-    J = inversion.slopes.reshape(-1, inversion.slopes.shape[-1])
-    result = model_errors.widened(
-        inversion.uncertainty, scales(inversion.parameters), J, differences,
-        B=bounds_information(inversion.parameters),
-    )  # fmt: skip
-    beyond = residual_parts(fit, result.left.reshape(inversion.model.shape))
+    biases, squares = {}, np.zeros_like(inversion.model)
+    for cause, pairs in differences.items():
+        biases[cause] = np.zeros((len(scale), len(pairs)))
+        for i, (difference, share) in enumerate(pairs):
+            shots = tuple(
+                shot._replace(y=y)
+                for shot, y in zip(fit.shots, inversion.model + difference, strict=True)
+            )
+            moved_fit = fit._replace(shots=shots)
+            moved = moved_fit.solved(theta, about=theta).theta
+            of_model = fit.forward.signals(fit.unknowns, moved, fit.shots)
+            biases[cause][:n, i] = share * (moved - theta) / scale[:n]
+            # gains follow the numbers, in the order of their sensors
+            gains = moved_fit.gains(of_model) - inversion.gains
+            for g in range(len(scale) - n):
+                change = gains[fit.gain == g][0]
+                biases[cause][n + g, i] = share * change / scale[n + g]
+            squares += (share * moved_fit.off(of_model)) ** 2
+
+    result = model_errors.widened(inversion.uncertainty, scale, biases)
+    beyond = residual_parts(fit, np.sqrt(squares))
     return inversion._replace(uncertainty=result.uncertainty, causes=result.causes, beyond=beyond)
