@@ -151,8 +151,7 @@ def _write_trajectory(pipeline: Pipeline, folder: RunFolder) -> None:
 
 def _error_of(error: "QuantityError") -> NumberError:
     """A number's errors as the summary has them."""
-    causes = {cause: getattr(error, cause) for cause in ("time", "reduction", "mesh")}
-    known = {cause: value for cause, value in causes.items() if np.isfinite(value)}
+    known = error.by_cause
     return NumberError(
         name=error.name, value=error.value, unit=error.unit, total=sum(known.values()), **known
     )
@@ -184,9 +183,12 @@ def summary_of(
             except ValueError as reason:  # the run stands without it
                 doubts += warnings.unknown_model_error(name, reason)
 
-        if estimated and scene.bending is None:
+        if estimated:
             try:
-                number_errors += map(_error_of, pipeline("quantity-errors").quantities)
+                quantities = pipeline("quantity-errors")
+                if scene.bending is None:
+                    quantities = quantities.quantities
+                number_errors += map(_error_of, quantities)
             except ValueError:  # said above
                 pass
 
@@ -223,7 +225,9 @@ def summary_of(
         from workflows.stages.health import modes_found, reduction_health
 
         modes, health = pipeline("modes"), reduction_health(pipeline("reduction"))
-        if with_errors and scene.bending is None:
+        if with_errors and scene.bending is not None:
+            number_errors += map(_error_of, pipeline("structure-errors"))
+        elif with_errors:
             missed, hz = pipeline("missed-energy"), modes.omega / (2 * np.pi)
             for i, relative in enumerate(missed.of_frequencies(modes.omega)):
                 if np.isfinite(relative):
