@@ -102,8 +102,8 @@ def context(scene: Scene | None, summary: Summary, data: dict[str, Any]) -> dict
 
 
 def error_causes(summary: Summary) -> tuple[list[str], list[tuple[str, str, list[str]]]]:
-    """Causes of errors that some number has, and of each number its name, its value and its errors
-    by cause, relative."""
+    """Causes of errors that some number has, and of each number with several its name, its value
+    and its errors by cause, relative."""
     causes = [
         cause
         for cause in ("time", "reduction", "mesh", "theory")
@@ -111,9 +111,9 @@ def error_causes(summary: Summary) -> tuple[list[str], list[tuple[str, str, list
     ]
     rows = []
     for error in summary.errors:
-        if not error.value:
-            continue
         by_cause = [getattr(error, cause) for cause in causes]
+        if not error.value or sum(x is not None for x in by_cause) < 2:
+            continue
         shares = [NONE if x is None else percent(x / abs(error.value), 2) for x in by_cause]
         value = percent(error.value) if error.name == "arr_2_9" else si(error.value, error.unit, 4)
         name = NAMES.get(error.name, error.name)
