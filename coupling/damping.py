@@ -16,7 +16,7 @@ UNCOUPLED = 1e-6  # largest normalised off-diagonal modal damping that counts as
 
 
 class ModalDamping(NamedTuple):
-    """Damping ratios of modes: one number for all, or a table over frequency.
+    """Damping ratios of modes: one number for all, one for each, or a table over frequency.
 
     ratio () or (k,); frequency_hz None or (k,) ascending. pairing "interpolate" is linear between
     the entries and constant outside; "nearest" gives each mode the entry nearest on a log scale.

@@ -30,16 +30,26 @@ PER_SPHERE = (
 
 
 class Chain(NamedTuple):
-    """Spheres 1..n from the striker to the wall; the absent parts are None.
+    """Spheres 1..n from the striker to the wall; parts that are absent are None.
 
-    Damping force of a contact: "linear" and "linear-clipped" gamma delta' [N s/m] while it is
-    closed, "hunt-crossley" gamma delta' A delta^(3/2), gamma in [s/m]. Only "linear" can pull.
-    Of a contact with a residual compliance s behind it, delta gives way by 1 / (1 + s k) of the
-    gap, k = 3/2 A delta^(1/2), and the spring hands on as much of the damping force: F has
-    gamma / (1 + s k)^2 of the gap's rate, right to first order in the damping.
-    Beyond its yield overlap a contact follows C. Thornton, J. Appl. Mech. 64 (1997) 383.
-    Under gravity the first n_falling spheres are in flight at the start, just touching: the others
-    do not carry them. Friction of the guides follows Coulomb; the start knows none.
+    Force of a closed contact with overlap delta, elastic force F_el = A delta^(3/2) (Hertz) and
+    rate of approach delta':
+
+        none             F_el
+        linear           F_el + gamma delta'            gamma [N s/m]; may pull at separation
+        linear-clipped   the same, but never below 0
+        hunt-crossley    F_el (1 + gamma delta')        gamma [s/m]; never below 0
+
+    (Hunt and Crossley, J. Appl. Mech. 42 (1975) 440: the damping vanishes with the contact area,
+    so that the force does not jump when the contact closes.) Where the wall has a residual
+    compliance s, contact and spring are in series: delta' is 1 / (1 + s k) of the gap's rate, with
+    the contact's stiffness k = 3/2 A delta^(1/2), and the spring passes on the same share of the
+    damping force, so that gamma acts as gamma / (1 + s k)^2 on the gap's rate. This is right to
+    first order in the damping.
+
+    Beyond its yield overlap a contact follows C. Thornton, J. Appl. Mech. 64 (1997) 383. Under
+    gravity the first n_falling spheres are in flight at the start, just touching: the others do not
+    carry them. Guides act by Coulomb friction, which is zero in the state of rest at the start.
     """
 
     mass: Array  # (n,) [kg]

@@ -1,7 +1,8 @@
 """Limits of the contact law, and how far a run exceeds them.
 
-Hertz' law holds for contacts that are small relative to the spheres, elastic material, and impacts
-that are slow relative to sound; beyond, a right solution of the equations is no prediction.
+Hertz' law holds for contacts that are small relative to the spheres, for elastic material, and for
+impacts that are slow relative to sound. Beyond these limits even an exact solution of the equations
+does not predict an experiment.
 K. L. Johnson, Contact Mechanics, Cambridge 1985, sec. 4.2, 6.1 (first yield at a pressure of 1.6
 times the yield stress) and 11.4 (quasi-static impacts).
 """
@@ -42,7 +43,7 @@ class Strain(NamedTuple):
 def strain(chain: Chain, young: ArrayLike, contact_force: Array, v: Array) -> Strain:
     """Strain of a run; young (n,) [Pa], contact_force (k, n_contacts), v (k, n).
 
-    Contacts that yield by their own law (`yield_overlap`) count for the pressure no more. Raises
+    The pressure is not compared where contacts yield by their own law (`yield_overlap`). Raises
     InvalidChain.
     """
     for name, values in (("young", young), ("contact_force", contact_force), ("v", v)):

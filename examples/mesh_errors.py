@@ -40,7 +40,7 @@ from workflows.stages.mesh_error import missed_energy
 from workflows.stages.parts import Parts
 from workflows.stages.pipeline import pipeline_of
 from workflows.stages.reduction import contact_of
-from workflows.stages.wall import wall_of
+from workflows.stages.walls import wall_of
 
 SCALES = (1.5, 1.0, 0.67)  # of mesh.scale, times that of the structure
 UNKNOWNS = (1.5e3, 3.5e3)  # of a structure at the middle scale, smallest and largest

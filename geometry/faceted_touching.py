@@ -1,8 +1,8 @@
 """Where bodies of a mesh touch: facets that face each other across less than `gap`.
 
 Of two facets the common area is that of one clipped by the other, projected onto its plane
-(Sutherland and Hodgman, Commun. ACM 17 (1974) 32). Facets of curved faces may be off each other by
-what straight edges leave.
+(Sutherland and Hodgman, Commun. ACM 17 (1974) 32). Facets of touching curved faces may be apart
+by the distances of their straight edges from the curve.
 """
 
 from collections.abc import Mapping

@@ -1,7 +1,8 @@
 """Straight facets that enclose the volume of the cylinder they stand for.
 
-Nodes on the cylinder make facets that cut inside it. By Gauss, the volume between a surface and
-the axis, per 2, is the flux of the radial vector rho; scaling all rho by s scales it by s^2:
+Facets between nodes on a cylinder cut inside it and lose volume. By Gauss' theorem twice the volume
+between a surface and the axis is the flux of the radial vector rho through the surface, since
+div rho = 2. Moving all nodes to s rho multiplies it by s^2; equal volumes need
 
     s = sqrt( sum r A / sum |rho . a| )        A of the faces, a of the facets (area vectors)
 """

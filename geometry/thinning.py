@@ -1,4 +1,4 @@
-"""Surfaces with fewer nodes, for drawing: of the nodes in one cell of a grid one stays.
+"""Surfaces with fewer nodes, for drawing: one node stays of those in a cell of a grid.
 
 Vertex clustering (Rossignac, Borrel, Multi-resolution 3D approximations, 1993) along the mesh:
 nodes of a cell are merged where edges between them join two flat places, or run along the same

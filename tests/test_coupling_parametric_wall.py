@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from coupling import CouplingError
-from coupling.wall import wall_from_reduced
+from coupling.reduced_wall import wall_from_reduced
 from dem import Wall
 from rom import Surface, full_order, modal
 from workflows.fit.core.parametric_wall import (

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import coupling
 import fem
 import rom
 from command_line import beadwave
+from coupling.reduced_wall import wall_of
 from workflows.evidence.accuracy.mesh import mesh
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
@@ -21,7 +21,7 @@ from workflows.stages import bending
 from workflows.stages.impact import impact
 from workflows.stages.pipeline import pipeline_of
 from workflows.stages.quantity_errors import numbers_of
-from workflows.stages.wall import wall_of
+from workflows.stages.walls import wall_of as wall_of_scene
 from workflows.stages.waves import waves
 
 pytestmark = pytest.mark.usefixtures("shared_cache")
@@ -69,7 +69,7 @@ def test_errors_of_a_beams_numbers_hold_what_other_theories_change():
     assert all(rows[name].mesh < 1e-3 * rows[name].theory for name in names)
 
     better = bending.other_theories(of.scene)[0].reduced
-    run = impact(of.scene, of("start"), wall_of(of.scene, better))
+    run = impact(of.scene, of("start"), wall_of_scene(of.scene, better))
     of_run = numbers_of(run.trajectory, waves(of.scene, of("start"), run))
     for name in ("tof_s", "arr_2_9", "peak_wall_force_N"):
         assert 0 < abs(of_run[name][0] - rows[name].value) < rows[name].theory
@@ -320,7 +320,7 @@ def test_the_file_of_a_reduced_beam_is_its_wall(tmp_path):
     assert len(full["mesh_points"]) == 121 * 4
     kept, own = rom.load_npz(tmp_path / "rom.npz"), computed("beam")("reduction")
     assert np.array_equal(kept.w, own.w) and kept.contact.half_space == 0
-    assert np.allclose(coupling.wall.wall_of(kept).omega, coupling.wall.wall_of(own).omega)
+    assert np.allclose(wall_of(kept).omega, wall_of(own).omega)
 
 
 @pytest.mark.parametrize("key", ["thickness", "young", "length", "position"])

@@ -268,7 +268,7 @@ def test_without_a_writable_cache_a_run_works_all_the_same(monkeypatch, tmp_path
 
 
 FUNCTION = {
-    "wall": "workflows.stages.chain.wall",
+    "wall": "workflows.stages.walls.wall_of",
     "impact": "workflows.stages.impact.impact",
     "figures": "workflows.stages.figures.of_chain",
 }

@@ -13,7 +13,7 @@ from workflows.scene import InvalidScene, Scene
 from workflows.stages.errors import MARGIN as REDUCTION_SHARE
 from workflows.stages.pipeline import needs_structure, pipeline_of
 from workflows.stages.progress import Progress, quiet
-from workflows.stages.wall import wall_of
+from workflows.stages.walls import wall_of
 
 # share of the difference to another theory in the bars, at least: two bars hold all of it, so that
 # records made with any of the theories are met

@@ -66,7 +66,7 @@ def run(
                 from fem import mode_field
                 from workflows.stages.pictures import NoPicture
                 from workflows.stages.response import save_response
-                from workflows.stages.wall import save
+                from workflows.stages.walls import save
 
                 with folder.writing("modes.vtu") as path:
                     mode_field.write(path, pipeline("modes").field)
@@ -257,7 +257,7 @@ def summary_of(
         }
         sentences += warnings.of_structure(modes, health)
     elif getattr(scene.wall, "file", None):
-        from workflows.files.wall import measured
+        from workflows.files.wall_file import measured
         from workflows.stages.health import reduction_health
 
         numbers["reduction"] = reduction_health(*measured(scene.wall))

@@ -54,7 +54,7 @@ class RunCosts(NamedTuple):
 LIMITS = RunLimits()
 COSTS = RunCosts()
 SEEDS = ("seed", "block_seed", "support_seed", "contact_seed")
-SEED_OF = {"block": "block_seed", "sheet": "seed"}  # of the other bodies the support's
+SEED_OF = {"block": "block_seed", "sheet": "seed"}  # of all other bodies "support_seed"
 
 
 def too_large(scene: Scene) -> Iterator[str]:

@@ -4,11 +4,11 @@ Of every mode with the targets of the same parts on the same mesh, no spring of 
 elongating. A target given by a body's motion is compared on that body; a mode that has drifted from
 its reference keeps its number but loses its MAC.
 
-Rigid joints change K by a low rank: what the springs' elongations allow of the assembly's Krylov
-space and of the static shapes that the springs make when they are pulled is solved in place of the
-whole assembly. Of rig-rom the first twenty frequencies so found are those of the whole to 5e-9, the
-MAC to 4e-7. The thesis' rig with screws as ties has no springs: all touching faces are tied there
-instead, and the whole assembly is solved.
+Rigid joints change K by a low rank. The eigenproblem is therefore not solved on the whole assembly
+but in a small space: the assembly's Krylov space and the static shapes of pulled springs,
+restricted to motions in which no spring elongates. Of rig-rom the first twenty frequencies so found
+are those of the whole to 5e-9, the MAC to 4e-7. The thesis' rig with screws as ties has no springs:
+all touching faces are tied there instead, and the whole assembly is solved.
 """
 
 import numpy as np

@@ -205,7 +205,7 @@ IMPACT = {
 def stages_of(scene: Scene) -> dict[str, Stage]:
     """The stages that this scene may need; those of an assembly only where one is struck."""
     needs = ("reduction",) if needs_structure(scene) and scene.chain else ()
-    wall = Stage(".chain:wall", _wall_reads, needs)
+    wall = Stage(".walls:wall_of", _wall_reads, needs)
     structure = ASSEMBLY if scene.bending is None else BENDING
     impact = IMPACT
     if scene.bending is None:

@@ -19,7 +19,7 @@ from workflows.scene import Scene
 from workflows.stages.chain import Start
 from workflows.stages.errors import MARGIN, SHORTER, observed, velocities
 from workflows.stages.mesh_error import MissedByMesh
-from workflows.stages.wall import wall_of
+from workflows.stages.walls import wall_of
 
 
 class QuantityError(NamedTuple):

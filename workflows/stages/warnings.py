@@ -246,7 +246,7 @@ def unusual_wall_file(wall: RomWall) -> Iterator[str]:
     1, whose units are not N/m and kg, whose bodies are loose, which floats, or whose half-space is
     more compliant than the whole (`rom.imported.unusual`)."""
     from rom.imported import unusual
-    from workflows.files.wall import measured
+    from workflows.files.wall_file import measured
 
     reduced, health = measured(wall)
     missing = [f"wall.{key}" for key in ("young", "poisson") if getattr(wall, key) is None]

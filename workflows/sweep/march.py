@@ -7,8 +7,9 @@ import numpy as np
 import coupling
 import dem
 from workflows.scene import RomWall, Scene
-from workflows.stages.chain import on_surface, simple_wall, start, together
+from workflows.stages.chain import on_surface, start, together
 from workflows.stages.impact import impact, require_start
+from workflows.stages.walls import simple_wall
 from workflows.sweep.cases import CheckedGroup, Group
 from workflows.sweep.core.rows import FAILED, REFUSED, Rows, measured, without_result
 from workflows.sweep.models import FAILURES, SharedWall, sentence

@@ -238,7 +238,7 @@ def nearest_modes(
 
 def selected_modes(wall: Wall, places: NDArray[np.int64]) -> Wall:
     """The modes at these places; all others are one oscillator with the same moments of compliance
-    m_1 = sum phi^2 / omega^2 and m_2 = sum phi^2 / omega^4, see `coupling.wall`."""
+    m_1 = sum phi^2 / omega^2 and m_2 = sum phi^2 / omega^4, see `coupling.reduced_wall`."""
     rest = np.setdiff1d(np.arange(len(wall.omega)), places)
     rest = rest[wall.omega[rest] > 0]
     share = wall.phi[rest] ** 2 / wall.omega[rest] ** 2

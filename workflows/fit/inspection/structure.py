@@ -24,10 +24,10 @@ from workflows.fit.core.parametric_wall import (
 from workflows.fit.inspection.numbers import number, put, scene_at
 from workflows.scene import InvalidScene, RomWall, Scene
 from workflows.stages.chain import chain as chain_of
-from workflows.stages.chain import initial_velocity, on_surface, simple_wall
-from workflows.stages.chain import wall as wall_of
+from workflows.stages.chain import initial_velocity, on_surface
 from workflows.stages.pipeline import Pipeline, needs_structure, pipeline_of
 from workflows.stages.progress import Progress, quiet
+from workflows.stages.walls import simple_wall, wall_of
 from workflows.sweep.cases import Base
 
 DEGREE_BEAM, DEGREE_BODIES = 3, 2  # of the polynomials between walls: beams are computed quickly
