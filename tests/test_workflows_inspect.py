@@ -304,8 +304,9 @@ def test_a_design_foresees_the_bars_of_an_inspection(drops, tmp_path):
     for row in item.report.numbers:
         bar = table.column(f"{row.name} two sigma [{row.unit}]")[3]  # sphere 5
         by_noise = table.column(f"{row.name} noise in its square")[3]
-        # the same model and errors, linearised at the truth and at what was found
-        assert bar / row.two_sigma == pytest.approx(1.0, abs=0.25)
+        # the same errors of the model, here by derivatives, there by fits: along the valley of
+        # thickness, modulus and force these move the numbers up to twice as far
+        assert 0.4 < bar / row.two_sigma < 1.3
         # the noise of one record is known to some ten per cent
         assert 0.6 < np.sqrt(by_noise / row.bar_by["noise"]) * bar / row.two_sigma < 1.5
     assert (tmp_path / "design" / "design.csv").is_file()

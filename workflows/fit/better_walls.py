@@ -15,9 +15,10 @@ from workflows.stages.pipeline import needs_structure, pipeline_of
 from workflows.stages.progress import Progress, quiet
 from workflows.stages.walls import wall_of
 
-# share of the difference to another theory in the bars, at least: two bars hold all of it, so that
-# records made with any of the theories are met
-OTHER_THEORY = 0.5
+# share of the difference to another theory in the bars, at least, so that records made with any of
+# the theories are met: with 0.5 two bars hold all of it, and 6 % of 80 numbers of records made with
+# the usual one lay farther off, at most by 2.25 bars
+OTHER_THEORY = 0.6
 FAILURES = (InvalidScene, ValueError, ArithmeticError, np.linalg.LinAlgError)  # of one wall
 
 
