@@ -85,6 +85,8 @@ def march_coupled(
         lost = [contacts.damping @ contacts.approach, p @ drag]
         return np.concatenate([v, net / chain.mass, p, p_rate, lost])
 
+    # rounding limits the tolerance; steps stay below the stability limit of the fastest mode or
+    # damper, which the error control alone would meet again and again
     t = np.linspace(0, duration, n_save + 1)
     tolerance = max(error, 1e-13)
     solution = solve_ivp(

@@ -150,6 +150,7 @@ def row_of_spheres(
             [np.broadcast_to(values, (*lead, values.shape[-1])) for values in (A, A_wall)], axis=-1
         )
 
+    # further fields, one value for each sphere or each contact
     contacts = A.shape[-1]
     sizes = {
         "gamma": contacts, "leaf_stiffness": n, "leaf_anchor": n, "yield_overlap": contacts,
@@ -161,7 +162,9 @@ def row_of_spheres(
     factor = spread("stiffness_factor", stiffness_factor, contacts)
     further = ", ".join(name for name in Chain._fields if name not in ("mass", "radius", "A"))
     for name in fields:
-        require(name in Chain._fields, f"{name!r} is no part of a chain; take one of {further}")
+        require(
+            name in Chain._fields, f"{name!r} is no field of a dem.Chain; take one of {further}"
+        )
     chain = Chain(mass(R, rho), R.copy(), A * factor, **fields)
     if all(np.ndim(values) < 2 for values in chain):  # `Chains` looks at those of a batch
         validate(chain, None if flat is None else rigid_wall(), np.zeros(n))
@@ -170,8 +173,11 @@ def row_of_spheres(
 
 def validate(chain: Chain, wall: Wall | None, v0: ArrayLike) -> None:
     """Raise InvalidChain with one sentence if anything is missing, not finite or out of range."""
-    require(isinstance(chain, Chain), "the chain is none; give a dem.Chain")
-    require(wall is None or isinstance(wall, Wall), "the wall is none; give a dem.Wall or None")
+    require(isinstance(chain, Chain), f"the chain is a {type(chain).__name__}; give a dem.Chain")
+    require(
+        wall is None or isinstance(wall, Wall),
+        f"the wall is a {type(wall).__name__}; give a dem.Wall, or None for a free chain",
+    )
     arrays(chain, PER_SPHERE)
     n = np.size(chain.mass)
     n_contacts = n - 1 if wall is None else n

@@ -49,14 +49,21 @@ def strain(chain: Chain, young: ArrayLike, contact_force: Array, v: Array) -> St
     for name, values in (("young", young), ("contact_force", contact_force), ("v", v)):
         if not np.isfinite(values).all():
             raise InvalidChain(f"{name} of the run has values that are not finite; march it anew")
+
+    # each contact at its largest force: relative radius R, the smaller sphere, the softer material
     young = np.broadcast_to(np.asarray(young, float), chain.mass.shape)
     peak = np.asarray(contact_force).max(axis=0, initial=0.0)
     R = radii_of_contacts(chain.radius)
     R, smaller, E = (values[: peak.size] for values in (R, _lesser(chain.radius), _lesser(young)))
     E_star = modulus_of_contact(chain.A, R)
+
+    # first yield lies below the surface where p0 = 1.6 Y (Johnson, sec. 6.1); Y / E is that of a
+    # hard steel, so that a warning holds for any softer one
     yielding = FIRST_YIELD * YIELD_STRAIN * E
     pressure = max_pressure(peak, R, E_star) * (chain.yield_overlap is None)
     worst = int((pressure / yielding).argmax()) if peak.size else None
+
+    # c = sqrt(E / rho) of a bar, rho from mass and radius
     sound = np.sqrt(young / (chain.mass / (4.0 / 3.0 * np.pi * chain.radius**3)))
     if chain.yield_overlap is None:
         a = contact_radius(peak, R, E_star)

@@ -299,10 +299,10 @@ def compared(scene: Scene) -> list[tuple[str, float, float, float]]:
             true = abs(computed[j] / hz_limit[j] - 1)
             if true > 2 * of_hz[j] / hz_limit[j]:
                 rows.append(("frequency", k, float(relative[j]), true))
-        table = {
-            q.name: (q.value, q.mesh, q.time + q.reduction)
-            for q in pipeline("quantity-errors").quantities
-        }
+        table = {}
+        for q in pipeline("quantity-errors").quantities:
+            mesh, time, reduction = np.array([q.mesh, q.time, q.reduction], float)  # None is nan
+            table[q.name] = q.value, mesh, time + reduction
         health = pipeline("reduction")
         compliance = float(np.sum((missed.w / missed.omega) ** 2)) - health.contact.half_space
         table["static_compliance"] = compliance, missed.of_compliance, 0.0

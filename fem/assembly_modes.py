@@ -50,6 +50,8 @@ def assembly_modes(
     """
     if known is not None:
         require_accurate(known, model.K, model.M, 0.0)
+
+    # first few modes, then more if targets are missing
     for n_modes in N_MODES:
         n = min(n_modes, model.K.shape[0] - 2)
         if known is None:
@@ -66,6 +68,8 @@ def assembly_modes(
     index = np.arange(last) if last else elastic[:SHOWN]
     target = np.zeros(len(solution.omega), dtype=int)
     target[paired.index[paired.index >= 0]] = np.flatnonzero(paired.index >= 0) + 1
+
+    # shapes at the vertices of the bodies, in single precision, for pictures
     structure = model.structure
     u = (model.T @ solution.phi[:, index]).astype(np.float32)
     corners = [structure.first[body] + b.nodal_dofs.T for body, b in structure.basis.items()]

@@ -199,6 +199,8 @@ def face_of(tag: int) -> Face:
         upper=upper,
         name=gmsh.model.getEntityName(2, tag).split("/")[-1],
     )
+
+    # sphere and cylinder: hollow where the normal out of the body points inwards
     if kind == "sphere":
         centre, radius = properties[:3], properties[3]
         return face._replace(

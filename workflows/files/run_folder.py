@@ -55,6 +55,10 @@ class Picture(NamedTuple):
         return f"<picture {self.name}, {len(self.png)} bytes of PNG>"
 
 
+class NoPicture(RuntimeError):
+    """Pictures could not be rendered; the message says what to install."""
+
+
 class RunFolder:
     """A folder that is written to. Files of `inputs` are never replaced, those that beadwave did
     not write only with `overwrite`."""

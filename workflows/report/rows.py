@@ -12,9 +12,17 @@ ERRORS = {
     ),
     "mesh": (
         "mesh",
-        ("mesh", "model", "second-mesh", "missed-energy", "quantity-errors", "mesh-error"),
+        (
+            "mesh",
+            "model",
+            "second-mesh",
+            "missed-energy",
+            "quantity-errors",
+            "mesh-error",
+            "structure-errors",
+        ),
     ),
-    "theory": ("theory", ("other-theories", "theory-error", "structure-errors")),
+    "theory": ("theory", ("other-theories", "theory-error")),
 }
 LARGE = 0.05  # relative error from which on it stands out
 # rows with an error of their own: the name of their number in the summary's table of errors

@@ -155,7 +155,6 @@ def impact(
     wall = () if rom is None else (("wall", {"kind": "rom", "file": str(_file_of(rom))}),)
     changes = (*wall, *each(changes))
     chosen = with_chain(load_scene(scene, changes))
-    from coupling.saved_run import arrays
     from workflows.run.run import impact as run_impact
     from workflows.stages.pipeline import pipeline_of
 
@@ -167,6 +166,8 @@ def impact(
     summary = run_impact(pipeline, folder, origin=command, waves_known=waves_known)
 
     def read() -> dict[str, NDArray]:
+        from coupling.saved_run import arrays  # kept results load no march
+
         return arrays(pipeline("impact").trajectory, pipeline("wall"))
 
     return Run(chosen, summary, path, notes, read, lambda: pipeline("figures"))

@@ -166,10 +166,12 @@ def _nodes(scene: Scene) -> dict[str, float]:
     )
 
 
-def room_for_two(scene: Scene, nodes: dict[str, float] | None = None) -> bool:
-    """Whether two processes that each compute the scene's assembly fit into memory; `nodes` of a
-    mesh that is there."""
-    return 2 * peak_memory(scene, nodes or _nodes(scene)) < free_memory()
+def room_for_pictures(scene: Scene, nodes: dict[str, float] | None = None) -> bool:
+    """Whether a process that compiles, and draws the modes, fits into memory beside a run; `nodes`
+    of a mesh that is there."""
+    nodes = nodes or _nodes(scene)
+    drawing = 2 * COSTS.libraries + 8 * 3.0 * sum(nodes.values()) * COSTS.vectors
+    return peak_memory(scene, nodes) + drawing < free_memory()
 
 
 def too_large_mesh(scene: Scene, name: str, nodes: dict[str, float]) -> Iterator[str]:

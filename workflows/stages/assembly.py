@@ -53,6 +53,7 @@ def mesh(scene: Scene, coarser: float = 1.0) -> Parts:
             whole = geometry.hex_mesh(dimensions, **sizes, glued=table.constraint == "full-tie")
     meshes = geometry.by_body(whole)
 
+    # joints as the scene has them
     match table.constraint:
         case "full-tie":
             connections = rig.full_tie(touching, held)

@@ -61,6 +61,7 @@ def model(scene: Scene, coarser: float = 1.0, theory: str = "own") -> fem.Bendin
             shape = section(table)
             if theory == "solid":
                 shape = shape._replace(beside=fem.BesideSolid())
+            # Cowper's factor of a rectangle (J. Appl. Mech. 33 (1966) 335), no bulge
             if theory == "usual":
                 nu = table.poisson
                 shape = shape._replace(shear_factor=10 * (1 + nu) / (12 + 11 * nu), bulge=0.0)
@@ -69,6 +70,7 @@ def model(scene: Scene, coarser: float = 1.0, theory: str = "own") -> fem.Bendin
                 axial_force=table.axial_force, coarser=coarser,
             )  # fmt: skip
         size = table.length, table.width, table.thickness
+        # Mindlin's factor, of the cut-off of thickness-shear waves
         kappa = np.pi**2 / 12 if theory == "usual" else table.shear_factor
         sheet = fem.Sheet(*size, made_of, kappa)
         return fem.mindlin_plate(

@@ -11,14 +11,16 @@ import rom
 from dem.waves.chain_waves import ChainWaves
 from fem.assembly_modes import AssemblyModes
 from fem.correlation import RIGID
+from workflows.report.summary import NumberError, QuantityErrors
 from workflows.scene import Scene
 from workflows.stages.chain import Start
+from workflows.stages.errors import mesh_error
 from workflows.stages.quantity_errors import (
     MarchedPair,
-    QuantityError,
     marched,
     numbers_with_errors,
     of_reduction,
+    with_errors,
 )
 from workflows.stages.reduction import SecondModel
 
@@ -33,7 +35,7 @@ def quantity_errors(
     impact: coupling.Impact,
     waves: ChainWaves,
     others: tuple[SecondModel, ...] = (),
-) -> tuple[QuantityError, ...]:
+) -> QuantityErrors:
     """TOF, ARR, peak force, arrivals and peaks with their errors; `others` are those of other
     theories."""
     pairs = {"reduction": (of_reduction(scene, start, reduction, impact),)}
@@ -43,7 +45,8 @@ def quantity_errors(
                 MarchedPair(impact.trajectory, marched(scene, start, m.reduced, impact), m.left)
                 for m in models
             )
-    return numbers_with_errors(scene, start, impact, waves, pairs)
+    numbers = numbers_with_errors(scene, start, impact, waves, pairs)
+    return QuantityErrors(numbers, mesh_error(scene, start, second, impact))
 
 
 def structure_errors(
@@ -52,7 +55,7 @@ def structure_errors(
     reduction: rom.ReducedModel,
     second: SecondModel,
     others: tuple[SecondModel, ...] = (),
-) -> tuple[QuantityError, ...]:
+) -> tuple[NumberError, ...]:
     """The frequencies [Hz] and the static compliance [m/N] with their errors of mesh and theory.
 
     Modes of two models are paired by their order among the elastic ones of the reduced models,
@@ -78,9 +81,9 @@ def structure_errors(
         for cause, theirs, model in models:
             moved = abs(theirs[j] / own[j] - 1) if len(theirs) == len(own) else np.nan
             errors[cause] += model.left * moved * omega / (2 * np.pi)
-        rows.append(QuantityError(f"mode {i + 1}", omega / (2 * np.pi), "Hz", **errors))
+        rows.append(with_errors(f"mode {i + 1}", omega / (2 * np.pi), "Hz", errors))
 
     s, errors = compliance(reduction), dict.fromkeys(causes, 0.0)
     for cause, _, model in models:
         errors[cause] += model.left * abs(compliance(model.reduced) - s)
-    return (*rows, QuantityError("static_compliance_m_per_N", s, "m/N", **errors))
+    return (*rows, with_errors("static_compliance_m_per_N", s, "m/N", errors))

@@ -112,6 +112,8 @@ def chain(scene: Scene) -> dem.Chain:
         gravity=along,
         n_falling=n_falling(scene) if along and leaf is None else 0,
     )
+
+    # the wall's face may be curved; the preload's arm moves with the last sphere
     row.A[-1] *= ellipse(scene).stiffness
     if scene.preload:
         last = np.arange(c.count) == c.count - 1

@@ -39,6 +39,8 @@ def mac(
     if not scene.measured_hz:
         return np.empty((len(computed.omega), 0))
     stiff, sought = model, targets(scene, model)
+
+    # springs: modes of the small space in which no spring elongates, as many as reach all targets
     if len(model.elongation) and factor is not None and space is not None:
         for n_modes in N_MODES:
             with fem.one_thread():
@@ -47,10 +49,14 @@ def mac(
             if np.all(index >= 0):
                 break
         phi = rigid.phi
+
+    # no springs: the joints are rigid already
     elif not len(model.elongation) and (
         scene.is_general or scene.assembly.constraint != "screw-tie"
     ):
         phi, index = computed.phi, computed.index
+
+    # an assembly that floats, or the thesis' screw ties: the whole with rigid joints is solved
     else:
         if scene.is_general:
             joints = [joint._replace(springs=fem.Bushing()) for joint in mesh.connections.joints]

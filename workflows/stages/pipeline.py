@@ -126,9 +126,7 @@ ASSEMBLY = {
     "mac": Stage(
         ".mac:mac", tables_of(), ("mesh", "model", "modes"), means=("factor", "krylov-space")
     ),
-    "contact": Stage(
-        ".assembly:contact", tables_of("patch", "strike"), ("mesh", "model"), kept=False
-    ),
+    "contact": Stage(".assembly:contact", tables_of("patch", "strike"), ("mesh", "model")),
     "surface": Stage(".strike:surface", tables_of(), ("mesh",), listed=False),
     "participation": Stage(
         ".assembly:participation", tables_of(), ("contact", "modes"), listed=False
@@ -153,6 +151,25 @@ ASSEMBLY = {
         means=("factor", "krylov-space"),
     ),
     "response": Stage(".response:response", tables_of("damping"), ("full-response", "reduction")),
+    "structure-numbers": Stage(
+        ".health:structure_numbers",
+        tables_of("targets"),
+        ("modes", "reduction", "participation"),
+        listed=False,
+    ),
+    "structure-errors": Stage(
+        ".health:structure_errors",
+        tables_of(),
+        ("modes", "missed-energy", "structure-numbers"),
+        listed=False,
+    ),
+    "mode-files": Stage(".structure_files:mode_files", tables_of(), ("modes",), listed=False),
+    "model-files": Stage(
+        ".structure_files:model_files", tables_of("damping"), ("reduction",), listed=False
+    ),
+    "response-files": Stage(
+        ".structure_files:response_files", tables_of(), ("response",), listed=False
+    ),
     "compilation": Stage(
         ".compilation:compilation",
         lambda scene: [environ.get("NUMBA_CACHE_DIR"), tables_of("damping", *START)(scene)],
@@ -192,9 +209,18 @@ IMPACT = {
         ("start", "missed-energy", "reduction", "impact", "waves"),
     ),
     "waves": Stage(".waves:waves", _observed, ("start", "impact")),
+    "chain-numbers": Stage(
+        ".chain_numbers:chain_numbers", _marched, ("start", "wall", "impact", "waves"), listed=False
+    ),
+    "chain-files": Stage(
+        ".chain_numbers:chain_files", tables_of("output"), ("impact", "wall"), listed=False
+    ),
     "figures": Stage(".figures:of_chain", _observed, ("impact", "waves")),
     "record": Stage(
         ".signals:record", tables_of("output"), ("impact", "waves"), kept=False, listed=False
+    ),
+    "sensor-numbers": Stage(
+        ".signals:sensor_waves", tables_of("output"), ("record",), listed=False
     ),
     "signals": Stage(
         ".figures:signals", tables_of("output"), ("record",), kept=False, listed=False
@@ -208,6 +234,17 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
     wall = Stage(".walls:wall_of", _wall_reads, needs)
     structure = ASSEMBLY if scene.bending is None else BENDING
     impact = IMPACT
+    if scene.chain and scene.output.sensors:
+        files = IMPACT["chain-files"]
+        impact = impact | {"chain-files": files._replace(needs=(*files.needs, "record"))}
+    shown = (
+        *(("chain-files", "chain-numbers") if scene.chain else ()),
+        *(("model-files", "response-files", "structure-numbers") if needs_structure(scene) else ()),
+    )
+    page = Stage(
+        ".page:data", lambda scene: [scene.name, tables_of("output")(scene)], shown, listed=False
+    )
+    impact = impact | {"page": page}
     if scene.bending is None:
         of_mesh = IMPACT["mesh-error"]._replace(
             function=".quantity_errors:error_of_mesh", needs=("quantity-errors",)

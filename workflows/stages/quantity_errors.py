@@ -15,37 +15,12 @@ import coupling
 import dem
 import rom
 from dem.waves.chain_waves import ChainWaves, chain_waves
+from workflows.report.summary import NumberError, QuantityErrors
 from workflows.scene import Scene
 from workflows.stages.chain import Start
 from workflows.stages.errors import MARGIN, SHORTER, observed, velocities
 from workflows.stages.mesh_error import MissedByMesh
 from workflows.stages.walls import wall_of
-
-
-class QuantityError(NamedTuple):
-    """A number of a run, and its errors by cause in its own unit; nan where one is not known."""
-
-    name: str  # as in the summary, "tof_s"; of a sphere "4: incident: time_s"
-    value: float
-    unit: str
-    time: float = np.nan
-    reduction: float = np.nan
-    mesh: float = np.nan
-    theory: float = np.nan  # of a beam or a plate
-
-    @property
-    def by_cause(self) -> dict[str, float]:
-        """Those that are known."""
-        causes = ("time", "reduction", "mesh", "theory")
-        errors = {cause: float(getattr(self, cause)) for cause in causes}
-        return {cause: error for cause, error in errors.items() if np.isfinite(error)}
-
-
-class QuantityErrors(NamedTuple):
-    """Those of a run, and the mesh's in all velocities: relative to the striker's speed."""
-
-    quantities: tuple[QuantityError, ...]
-    mesh: float
 
 
 class QuantityOptions(NamedTuple):
@@ -123,7 +98,7 @@ def numbers_with_errors(
     waves: ChainWaves,
     pairs: Mapping[str, Sequence[MarchedPair]],
     options: QuantityOptions = QuantityOptions(),
-) -> tuple[QuantityError, ...]:
+) -> tuple[NumberError, ...]:
     """Every number of the waves with its errors: of the time step, and by cause the sum of those
     of its pairs."""
     run, speed = impact.trajectory, float(np.abs(start.velocity).max())
@@ -159,8 +134,14 @@ def numbers_with_errors(
                 if name in first and name in second:
                     moved = abs(second[name][0] - first[name][0])
                 errors[cause] += share * (moved + options.floor * change * scale)
-        rows.append(QuantityError(name, value, unit, **errors))
+        rows.append(with_errors(name, value, unit, errors))
     return tuple(rows)
+
+
+def with_errors(name: str, value: float, unit: str, errors: Mapping[str, float]) -> NumberError:
+    """A number with its errors by cause, in its unit; one that is not finite is not known."""
+    known = {cause: float(error) for cause, error in errors.items() if np.isfinite(error)}
+    return NumberError(name=name, value=value, unit=unit, total=sum(known.values()), **known)
 
 
 def numbers_of(

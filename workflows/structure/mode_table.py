@@ -81,7 +81,7 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
     if scene.bending is None:
         error = pipeline("missed-energy").of_frequencies(modes.omega)
     else:
-        errors = {e.name: sum(e.by_cause.values()) / e.value for e in pipeline("structure-errors")}
+        errors = {e.name: e.relative for e in pipeline("structure-errors")}
         error = [errors.get(f"mode {i + 1}", np.nan) for i in range(len(modes.omega))]
     rows = []
     for j, hz in enumerate(modes.omega / (2 * np.pi)):

@@ -70,6 +70,8 @@ def engine(where: int | str) -> Iterator[Callable]:
             "./install.sh sweep installs it."
         ) from None
     dask.config.set({"distributed.scheduler.allowed-failures": OPTIONS.retries})
+
+    # processes of this machine
     if isinstance(where, int):
         # scheduler, workers and dashboard alone to this machine: who reaches them runs code here
         cluster = LocalCluster(
@@ -78,6 +80,8 @@ def engine(where: int | str) -> Iterator[Callable]:
         with cluster, Client(cluster) as client, _while_it_runs():
             yield on(client)
         return
+
+    # a scheduler: its address is looked at, then the scheduler is asked for its identity
     if not fullmatch(ADDRESS, where):
         raise InvalidScene(
             f"--scheduler {where} is no address; give scheme, host and port of a running Dask "

@@ -228,6 +228,7 @@ def _write_signals(path: Path, parts: list[Path], table: Any, spheres: tuple[int
         ("time", "time", t, "s", "time since the striker starts"),
         ("sphere", "sphere", np.array(spheres), "1", "counted from the striker"),
     ]
+    # numeric columns of the table beside the signals
     for key in table.column_names:
         values = table[key].to_numpy()
         if (key != "status" and values.dtype.kind == "f") or key == "case":
