@@ -148,6 +148,19 @@ def details(summary: Summary) -> list[tuple[str, str]]:
     return [row for row in rows if not left_out & set(row)]
 
 
+def left_out(summary: Summary) -> list[tuple[str, str]]:
+    """What the headline leaves out, and the options that bring it."""
+    groups = [
+        *(["contact, wave speeds, restitution"] if summary.wall_contact else []),
+        *(["reduced model"] if summary.reduction else []),
+        "seconds of each stage",
+    ]
+    rows = [("more by --verbose", listed(groups))]
+    if any(error.unit == "Hz" for error in summary.errors):
+        rows.append(("by beadwave modes", listed(["error of each frequency", "MAC"])))
+    return rows
+
+
 def at_wall(summary: Summary) -> list[tuple[str, str, str]]:
     """The collision with the wall, by the quantities of the literature: label, value, meaning."""
     c = summary.wall_contact
