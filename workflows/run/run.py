@@ -126,9 +126,9 @@ def _error_stages(scene: Scene) -> tuple[str, ...]:
     if not needs_structure(scene):
         return ()
     of_models = ("reduction-error", "mesh-error") if scene.chain else ()
-    if scene.bending is None:
-        return ("structure-errors", *of_models)
-    return (*of_models, "theory-error") if scene.chain else ()
+    if scene.bending is not None and scene.chain:
+        of_models = (*of_models, "theory-error", "quantity-errors")
+    return ("structure-errors", *of_models)
 
 
 def _require_start(pipeline: Pipeline) -> None:
