@@ -243,6 +243,23 @@ def test_bars_fill_with_the_time_that_was_expected():
     assert re.search(r"waves .* 0\.\d s", written.getvalue())
 
 
+def test_the_seconds_of_a_stage_that_has_ended_stand_still():
+    from io import StringIO
+
+    from rich.console import Console
+
+    from workflows.commands.bars import progress
+
+    clock = [0.0]
+    bars = progress(Console(file=StringIO(), width=79, get_time=lambda: clock[0]))
+    ended = bars.add_task("mesh", total=None, expected=None, left=lambda: None)
+    clock[0] = 3.0
+    bars.update(ended, total=1, completed=1)
+    clock[0] = 60.0
+    bars.console.print(bars.get_renderable())
+    assert re.search(r"mesh .* 3\.0 s", bars.console.file.getvalue())
+
+
 def test_a_stage_says_one_line_where_nobody_watches_a_terminal(monkeypatch, capfd):
     """One that ends within a second says nothing."""
     monkeypatch.setattr(terminal, "PATIENCE", 0.05)

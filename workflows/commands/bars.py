@@ -28,7 +28,9 @@ class _Time(ProgressColumn):
 
     def render(self, task: Task) -> Text:
         expected, elapsed = task.fields["expected"], task.elapsed or 0.0
-        if task.finished or not expected:
+        if task.finished:  # `elapsed` runs on
+            return Text(f"{task.finished_time or 0.0:.1f} s")
+        if not expected:
             return Text(f"{elapsed:.1f} s")
         left = task.fields["left"]()
         # the end of the command only where it is not that of the stage
