@@ -20,7 +20,7 @@ from workflows.stages import sources
 assert Path(sources.__file__).is_relative_to(Path.cwd()), sources.__file__
 
 def digest(module):
-    for cached in (sources.fingerprint, sources.imported):
+    for cached in (sources.fingerprint, sources.digest, sources.imported):
         cached.cache_clear()
     return sources.fingerprint(module)
 

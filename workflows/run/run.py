@@ -11,10 +11,12 @@ from workflows.report.provenance import UNKNOWN, Origin
 from workflows.report.report import CAPTIONS, write_report
 from workflows.report.summary import ErrorEstimate, NumberError, StageTime, Summary
 from workflows.run.second_process import IMPACT, RUN, two_processes
+from workflows.scene import Scene
 from workflows.scene.toml import toml
 from workflows.stages import warnings
 from workflows.stages.cache import LIBRARIES, library_versions
 from workflows.stages.pipeline import Pipeline, needs_structure
+from workflows.stages.progress import Planned, unplanned
 
 IMPACT_FILES = ("given.toml", "summary.json", "trajectory.npz", "signals.csv")
 FILES = (
@@ -33,6 +35,7 @@ def run(
     folder: RunFolder,
     *,
     origin: Origin = UNKNOWN,
+    planned: Planned = unplanned,
     waves_known: Callable[[Summary], None] = lambda summary: None,
 ) -> Summary:
     """Fill the run folder with all that the scene gives: waves first, then errors, checks and
@@ -42,6 +45,17 @@ def run(
     with folder.run(toml(scene), FILES) as folder:
         _write_given(folder, origin)
         with two_processes(pipeline, RUN) if structure else nullcontext():
+            files = ("mode-files", "model-files", "response-files", "pictures")
+            planned(
+                pipeline.plan(
+                    *(("chain-files", "chain-numbers") if scene.chain else ()),
+                    *(files if structure else ()),
+                    *(("mac",) if structure and scene.measured_hz else ()),
+                    *_error_stages(scene),
+                    *(("figures",) if scene.chain else ()),
+                )
+            )
+
             # the chain: the impact, and what its sensors record
             if scene.chain:
                 _write_files(pipeline, folder, "chain-files")
@@ -84,6 +98,7 @@ def impact(
     folder: RunFolder | None,
     *,
     origin: Origin = UNKNOWN,
+    planned: Planned = unplanned,
     waves_known: Callable[[Summary], None] = lambda summary: None,
 ) -> Summary:
     """The coupled run alone; the folder, if any, gets scene, trajectory and summary. `waves_known`
@@ -92,6 +107,7 @@ def impact(
     _require_start(pipeline)
     with folder.run(toml(scene), IMPACT_FILES) if folder else nullcontext() as folder:
         with two_processes(pipeline, IMPACT) if needs_structure(scene) else nullcontext():
+            planned(pipeline.plan("chain-numbers", *_error_stages(scene)))
             if not (needs_structure(scene) and pipeline.kept("mesh-error")):
                 waves_known(summary_of(pipeline, origin=origin, with_errors=False))
             if needs_structure(scene) and scene.bending is None:
@@ -103,6 +119,16 @@ def impact(
             _write_files(pipeline, folder, "chain-files")
             folder.write("summary.json", summary.text())
     return summary
+
+
+def _error_stages(scene: Scene) -> tuple[str, ...]:
+    """The stages that estimate errors of this scene's structure."""
+    if not needs_structure(scene):
+        return ()
+    of_models = ("reduction-error", "mesh-error") if scene.chain else ()
+    if scene.bending is not None and scene.chain:
+        of_models = (*of_models, "theory-error", "quantity-errors")
+    return ("structure-errors", *of_models)
 
 
 def _require_start(pipeline: Pipeline) -> None:
@@ -157,7 +183,7 @@ def summary_of(
             except ValueError as reason:  # the run stands without it
                 sentences += warnings.unknown_model_error(name, reason)
 
-        if estimated and scene.bending is None:
+        if estimated:
             with suppress(ValueError):  # said above
                 number_errors += pipeline("quantity-errors").quantities
 
@@ -172,7 +198,7 @@ def summary_of(
     # the assembly, or a wall from a file
     if structure:
         of_structure = pipeline("structure-numbers")
-        if with_errors and scene.bending is None:
+        if with_errors:
             number_errors += pipeline("structure-errors")
         numbers |= of_structure.numbers
         sentences += of_structure.warnings

@@ -136,7 +136,7 @@ def _too_fine(scene: Scene) -> Iterator[str]:
 
     if mesh.file is not None:
         return
-    nodes = _nodes(scene)
+    nodes = foreseen_nodes(scene)
     needed, free = peak_memory(scene, nodes), free_memory()
     if needed > free:
         body = max(nodes, key=nodes.get).removesuffix("-y").removesuffix("+y")
@@ -151,7 +151,7 @@ def _too_fine(scene: Scene) -> Iterator[str]:
         )
 
 
-def _nodes(scene: Scene) -> dict[str, float]:
+def foreseen_nodes(scene: Scene) -> dict[str, float]:
     """Nodes that the program's own mesh will have, by body."""
     from geometry.size import n_nodes
     from workflows.scene.assembly import assembly
@@ -169,7 +169,7 @@ def _nodes(scene: Scene) -> dict[str, float]:
 def room_for_pictures(scene: Scene, nodes: dict[str, float] | None = None) -> bool:
     """Whether a process that compiles, and draws the modes, fits into memory beside a run; `nodes`
     of a mesh that is there."""
-    nodes = nodes or _nodes(scene)
+    nodes = nodes or foreseen_nodes(scene)
     drawing = 2 * COSTS.libraries + 8 * 3.0 * sum(nodes.values()) * COSTS.vectors
     return peak_memory(scene, nodes) + drawing < free_memory()
 
