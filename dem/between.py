@@ -8,8 +8,8 @@ import numpy as np
 
 from dem.chain import State
 from dem.kernels.arguments import ChainArrays, Motion, Steps
-from dem.kernels.between import Between, fill_between, mend_events, save_between
-from dem.kernels.ends import ChainAndWall, empty_step_ends, fill_ends
+from dem.kernels.between import Between, save_between
+from dem.kernels.ends import ChainAndWall, empty_step_ends
 from dem.prepared import PreparedChain
 from dem.schemes import Scheme
 from dem.stability import fastest_decay
@@ -49,28 +49,20 @@ def run_between(
     if few or prepared.static.q.size > MOST_MODES or not smooth:
         return run(prepared, state, duration, dt, scheme, n_save)
 
-    # march, with everything saved at the end of every step, and the derivatives there
+    # march, with everything saved at the end of every step, then sample; the modes of the march
+    # serve as room for those of a sample
     march = marched(prepared, state, Steps(duration / n_steps, n_steps, 1), scheme, speeds=True)
-    arrays, h = march.arrays, march.steps.h
-    bodies, ends = chain_and_wall(prepared, arrays), empty_step_ends(march.saved)
-    fill_ends(march.saved, bodies, h, ends)
-
-    # samples on the polynomials of degree 7, then what contacts do that open or close in a step
-    k, n = n_save + 1, arrays.mass.size
-    (x, v), (q, p), (slow, slopes) = (
-        np.empty((2, k, states.x.shape[1])) for states in (ends.spheres, ends.modes, ends.slow)
-    )
-    fill_between(ends.spheres, h, x, v)
-    fill_between(ends.modes, h, q, p)
-    fill_between(ends.slow, h, slow, slopes)
-    samples = Between(x, v, q, p, slow)
-    mend_events(ends.gaps, h, bodies, samples)
-
-    # forces and energies at the samples; the modes of the march serve as room for those of a sample
+    k, n, n_modes = n_save + 1, chain.mass.size, prepared.static.q.size
+    samples = Between(
+        *np.empty((2, k, n)), *np.empty((2, k, n_modes)), *np.empty((2, k, 4))
+    )  # fmt: skip
     saved = room_for(k, prepared)
     final = march.final._replace(q=march.final.q.copy(), p=march.final.p.copy())
     snapshot = Motion(np.empty(n), np.empty(n), np.zeros(n + 1), np.empty(4), np.zeros(3))
-    save_between(h, snapshot, arrays, samples, saved)
+    save_between(
+        march.steps.h, march.saved, chain_and_wall(prepared, march.arrays),
+        empty_step_ends(march.saved), samples, snapshot, march.arrays, saved,
+    )  # fmt: skip
     sampled = trajectory_of(march._replace(final=final), saved, duration)
 
     # the energy error is that of the march, not of the polynomials

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from dem.kernels.arguments import Array
-from dem.kernels.checks import first_outside
 
 SMALLEST, LARGEST = 5e-324, 1.7976931348623157e308  # of all positive numbers
 MOST_SAVED = 5e8  # spheres times saves: 12 GB
@@ -35,8 +34,8 @@ def vector(
     if values.shape != (size,):
         raise InvalidChain(f"{name} has shape {values.shape}; give {size} numbers")
     lowest = SMALLEST if positive else -LARGEST if at_least is None else at_least
-    i = first_outside(values, lowest)
-    if i >= 0:
+    if size and not (lowest <= values.min() and values.max() < math.inf):  # never so with a NaN
+        i = int(np.argmin((lowest <= values) & (values < math.inf)))
         bound = "" if lowest == -LARGEST else f" and at least {lowest:g}"
         allowed = "finite" + (" and above 0" if positive else bound)
         raise InvalidChain(f"{name}[{i}] is {values[i]:g}; it must be {allowed}")

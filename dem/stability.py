@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 
 from dem.chain import Chain, validate
 from dem.checks import InvalidChain
-from dem.kernels.checks import fastest_contact
 from dem.kernels.laws import HUNT_CROSSLEY
 from dem.prepared import PreparedChain, prepare
 from dem.schemes import SCHEMES, Scheme, named_scheme
@@ -66,13 +65,17 @@ def fastest_rate(prepared: PreparedChain, v0: ArrayLike) -> float:
     """Upper estimate of the largest contact frequency [rad/s]: all kinetic energy in one contact,
     on top of the static force. Wall modes faster than the contact act on it as springs."""
     chain, wall = prepared.chain, prepared.wall
-    omega = phi = np.zeros(0)
+    mass, A = np.asarray(chain.mass, float), np.asarray(chain.A, float)
+    if not A.size:
+        return 0.0
+    stiffness = hertz_stiffness(_deepest(prepared, v0), A)
+    inverse = 1.0 / mass
+    pair = inverse[: A.size].copy()
+    pair[: mass.size - 1] += inverse[1:]
     if wall is not None and wall.omega.size:
-        order = np.argsort(wall.omega)
-        omega, phi = wall.omega[order], wall.phi[order]
-    energy = 0.5 * float(np.dot(chain.mass, np.square(v0)))
-    arrays = (np.asarray(values, float) for values in (chain.mass, chain.A, prepared.pressed))
-    return fastest_contact(*arrays, energy, omega, phi)
+        bodies = wall.omega**2 <= stiffness[-1] * inverse[-1]
+        pair[-1] += np.square(wall.phi[bodies]).sum()
+    return float(np.sqrt((stiffness * pair).max()))
 
 
 def fastest_decay(prepared: PreparedChain, v0: ArrayLike) -> float:

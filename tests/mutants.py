@@ -47,7 +47,7 @@ ROOMS = {
     "kernels": Room(
         ("dem/kernels/laws.py", "dem/kernels/explicit.py", "dem/kernels/events.py",
          "dem/kernels/implicit.py", "dem/kernels/dense.py", "dem/kernels/passages.py",
-         "dem/kernels/checks.py", "dem/kernels/equilibrium.py", "dem/kernels/ledger.py",
+         "dem/kernels/equilibrium.py", "dem/kernels/ledger.py",
          "dem/kernels/modes.py", "dem/kernels/oscillators.py", "dem/kernels/ends.py",
          "dem/kernels/between.py", "dem/kernels/lanes.py", "dem/kernels/sensitivities.py"),
         ("dem_kernels", "dem_ends", "dem_lanes", "dem_sensitivities"),

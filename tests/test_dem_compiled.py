@@ -1,5 +1,6 @@
 """Kept machine code: what is damaged or of other sources is compiled again, and says nothing."""
 
+import operator
 import os
 import shutil
 import subprocess
@@ -11,6 +12,8 @@ from types import ModuleType
 
 import numba
 import pytest
+from numba.core.registry import cpu_target
+from numba.core.types import float64
 
 import coupling
 import dem
@@ -72,11 +75,42 @@ def compiled_functions():
     return {value for value in named if isinstance(value, Compiled)}
 
 
-def test_every_compiled_function_of_ours_is_checked():
+def test_the_code_of_every_function_that_python_enters_is_checked():
     assert len(compiled_functions()) > 50
-    assert all(
-        isinstance(f.dispatcher._cache._cache_file, CheckedFile) for f in compiled_functions()
-    )
+    entries = {f for f in compiled_functions() if not f._inner}
+    assert len(entries) > 10
+    assert all(isinstance(f.dispatcher._cache._cache_file, CheckedFile) for f in entries)
+
+
+def test_an_inner_function_makes_no_code_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    inner = njit(error_model="numpy", inner=True)(twice)
+    entry = njit(error_model="numpy")(lambda x: inner(x) + 1.0)
+    assert entry(20.5) == 42.0  # exact: small numbers of halves
+    (variant,) = inner.dispatcher.overloads.values()
+    assert variant.library.get_pointer_to_function(variant.fndesc.llvm_func_name) == 0
+    assert not list(tmp_path.rglob("*twice*.nbc"))
+
+
+def test_an_operator_on_numbers_is_typed_once_and_a_function_each_time():
+    """The code of `max` depends on the floating-point options of its caller, that of + does not."""
+    numbas, typed = cpu_target.typing_context, []
+
+    class Counting:
+        def resolve_function_type(self, func, args, kws):
+            typed.append(func)
+            return numbas.resolve_function_type(func, args, kws)
+
+    kernels = kept.KernelTyping(Counting())
+    for func, times in ((operator.add, 1), (max, 2)):
+        expected = numbas.resolve_function_type(
+            numbas.resolve_value_type(func), (float64, float64), {}
+        )
+        for _ in range(2):
+            function = numbas.resolve_value_type(func)
+            assert kernels.resolve_function_type(function, (float64, float64), {}) == expected
+        assert len(typed) == times
+        typed.clear()
 
 
 def test_an_inner_function_called_from_python_runs_there():
@@ -103,11 +137,11 @@ def test_compiled_code_calls_its_own_folder_and_the_kernels_alone():
 
 FORCE = """
 import numpy as np
-from dem.kernels.equilibrium import Bearing, static_residual
-f, r = np.zeros(2), np.zeros(1)
+from dem.kernels.equilibrium import Bearing, NewtonRoom, rest
+room = NewtonRoom(np.zeros(2), *np.zeros((5, 1)))
 bearing = Bearing(np.ones(1), np.zeros(1), np.zeros(1), np.zeros(1), 0.0)
-static_residual(np.array([4.0]), bearing, f, r)
-print(f[1])
+rest(np.array([4.0]), bearing, 0.0, 0, room)
+print(room.f[1])
 """
 
 

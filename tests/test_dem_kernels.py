@@ -3,6 +3,7 @@ differential equations by scipy, and whole chains by `workflows.evidence.verify.
 as plain Python here, which compiles nothing: other tests see that numba makes the same of them."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,8 +12,9 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 import dem
-from dem import Wall, dashpot_wall, equilibrium, march, rigid_wall
-from dem.kernels import checks, dense, events, explicit, laws, oscillators, passages
+from dem import InvalidChain, Wall, dashpot_wall, equilibrium, march, rigid_wall
+from dem.checks import vector
+from dem.kernels import dense, events, explicit, laws, oscillators, passages
 from dem.kernels.arguments import DASH, IN_WALL, Damping, Motion, Plastic, U, WallModes
 from dem.kernels.equilibrium import (
     Bearing,
@@ -34,6 +36,7 @@ from dem.kernels.implicit import (
 )
 from dem.kernels.modes import push_modes, shift_modes
 from dem.schemes import SCHEMES, hurwitz_zeta
+from dem.stability import fastest_rate
 from known_models import speeds, unit_chain
 from workflows.evidence.verify.formulas import at_rest
 from workflows.evidence.verify.formulas import motion as by_formulas
@@ -519,12 +522,18 @@ def test_samples_lie_in_the_steps_that_they_fall_into():
         assert near(line[k], value, 1e-10)
 
 
-def test_numbers_are_checked_one_by_one():
-    values = np.array([1.0, 2.0, 0.5])
-    assert checks.first_outside(values, 0.5) == -1 and checks.first_outside(values, 0.6) == 2
-    for bad in (np.inf, np.nan, -np.inf):
-        assert checks.first_outside(np.array([1.0, bad, 3.0]), -9.0) == 1
-    assert checks.weighted_square(values, np.array([1.0, -2.0, 4.0])) == 1 + 8 + 8
+@pytest.mark.parametrize("bad", [np.inf, np.nan, -np.inf])
+def test_the_first_number_that_is_not_finite_is_named(bad):
+    with pytest.raises(InvalidChain, match=rf"^speeds\[1\] is {bad:g}; it must be finite$"):
+        vector("speeds", [1.0, bad, bad], 3)
+
+
+def test_a_number_at_its_bound_is_allowed_and_one_below_is_named():
+    assert vector("gamma", [1.0, 2.0, 0.5], 3, at_least=0.5)[2] == 0.5
+    with pytest.raises(InvalidChain, match=r"^gamma\[2\] is 0.5; .* at least 0.6"):
+        vector("gamma", [1.0, 2.0, 0.5], 3, at_least=0.6)
+    with pytest.raises(InvalidChain, match=r"^mass\[0\] is 0; it must be finite and above 0"):
+        vector("mass", [0.0, 2.0], 2, positive=True)
 
 
 def test_the_fastest_contact_has_all_energy_on_top_of_its_static_force():
@@ -534,7 +543,9 @@ def test_the_fastest_contact_has_all_energy_on_top_of_its_static_force():
     depth = (2.5 * 0.7 / As) ** 0.4 + (force / As) ** (2 / 3)
     k = 1.5 * As * np.sqrt(depth)
     exact = np.sqrt(max(k[0] * 1.5, k[1] * (0.5 + 0.36 + 0.64)))
-    assert near(checks.fastest_contact(mass, As, force, 0.7, omega, phi), exact)
+    chain, wall = SimpleNamespace(mass=mass, A=As), SimpleNamespace(omega=omega, phi=phi)
+    prepared = SimpleNamespace(chain=chain, wall=wall, pressed=force)
+    assert near(fastest_rate(prepared, [np.sqrt(1.4), 0.0]), exact)
 
 
 # --- static states -------------------------------------------------------------------------------

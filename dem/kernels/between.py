@@ -25,11 +25,22 @@ from dem.kernels.arguments import (
     V,
     WallModes,
 )
-from dem.kernels.compiled import fastmath_entry, fastmath_inline, fastmath_march
-from dem.kernels.ends import CONTACTS, DASHPOT, GUIDES, WALL, ChainAndWall, Ends, Gaps
+from dem.kernels.compiled import fastmath_inline, fastmath_march
+from dem.kernels.ends import (
+    CONTACTS,
+    DASHPOT,
+    GUIDES,
+    WALL,
+    ChainAndWall,
+    Ends,
+    Gaps,
+    StepEnds,
+    fill_ends,
+)
 from dem.kernels.events import crossing
 from dem.kernels.ledger import save
 from dem.kernels.modes import modal_energy
+from dem.kernels.numbers import larger, smaller
 
 NEAR = 0.7  # of a step: a contact that closed no longer ago still bends the next step's motion
 
@@ -42,6 +53,7 @@ class Between(NamedTuple):
     q: Array
     p: Array
     slow: Array  # (k, 4) energies lost and the way of a dashpot
+    slow_rate: Array  # (k, 4) their rates
 
 
 @fastmath_inline
@@ -82,12 +94,12 @@ def mixed(
     return even + odd + h * h * h * (weights[3] * j[i, b] - sign * mirrored[3] * j[i + 1, b])
 
 
-@fastmath_entry
+@fastmath_inline
 def fill_between(ends: Ends, h: float, x: Array, v: Array) -> None:
     """Positions and velocities of bodies at equal instants (n, m) of steps h."""
     steps, samples = ends.x.shape[0] - 1, x.shape[0] - 1
     for k in range(samples + 1):
-        i = min(k * steps // samples, steps - 1)
+        i = k * steps // samples if k < samples else steps - 1
         s = (k * steps - i * samples) / samples
         weights, mirrored = early(s), early(1.0 - s)
         slope, mirrored_slope = early_slopes(s), early_slopes(1.0 - s)
@@ -108,14 +120,14 @@ class Touch(NamedTuple):
 def unfollowed(z: float, at: float, bend: float) -> tuple[float, float]:
     """What u, u'' = tau^(3/2) + bend tau^(5/2) with tau = z - at > 0, differs at z in (0, 1) from
     the polynomial that agrees with it at both ends, and the derivative of that."""
-    u0, u1 = risen(max(-at, 0.0), bend), risen(1.0 - at, bend)
+    u0, u1 = risen(larger(-at, 0.0), bend), risen(1.0 - at, bend)
     w, d = early(z), early_slopes(z)
     value = -(w[0] * u0[0] + w[1] * u0[1] + w[2] * u0[2] + w[3] * u0[3])
     slope = -(d[0] * u0[0] + d[1] * u0[1] + d[2] * u0[2] + d[3] * u0[3])
     w, d = early(1.0 - z), early_slopes(1.0 - z)
     value -= w[0] * u1[0] - w[1] * u1[1] + w[2] * u1[2] - w[3] * u1[3]
     slope += d[0] * u1[0] - d[1] * u1[1] + d[2] * u1[2] - d[3] * u1[3]
-    u = risen(max(z - at, 0.0), bend)
+    u = risen(larger(z - at, 0.0), bend)
     return value + u[0], slope + u[1]
 
 
@@ -144,17 +156,17 @@ def touch(h: float, i: int, k: int, c: int, gaps: Gaps) -> Touch:
         at = -g0 / r0
         fall = r0 + curvature * at
         if fall > 0.0:
-            at = min(max(at - 0.5 * curvature * at * at / fall, -1.0), 0.0)
+            at = smaller(larger(at - 0.5 * curvature * at * at / fall, -1.0), 0.0)
         slope = r0 + curvature * at
     else:
         at, slope = 0.0, 0.0
-    return Touch(at, max(slope, 0.0), curvature)
+    return Touch(at, larger(slope, 0.0), curvature)
 
 
 @fastmath_inline
 def move(k: int, c: int, dx: float, dv: float, bodies: ChainAndWall, moved: Between) -> None:
     """The bodies of contact c at the k-th sample, by an impulse."""
-    x, v, q, p, _ = moved
+    x, v, q, p, _, _ = moved
     inverse_mass, phi = bodies.inverse_mass, bodies.phi
     x[k, c] -= inverse_mass[c] * dx
     v[k, c] -= inverse_mass[c] * dv
@@ -167,7 +179,7 @@ def move(k: int, c: int, dx: float, dv: float, bodies: ChainAndWall, moved: Betw
             p[k, m] += phi[m] * dv
 
 
-@fastmath_entry
+@fastmath_inline
 def mend_events(gaps: Gaps, h: float, bodies: ChainAndWall, moved: Between) -> None:
     """Correct the spheres and modes in `moved` by what contacts do that open or close in a step:
     their true motion u'' = (r tau)^(3/2) takes the place of its own polynomial."""
@@ -181,9 +193,9 @@ def mend_events(gaps: Gaps, h: float, bodies: ChainAndWall, moved: Between) -> N
                 if slope == 0.0:
                     continue
                 sign = 1.0 if closes else -1.0
-                bend = min(max(0.75 * curvature / slope, -1.0), 1.0)
+                bend = smaller(larger(0.75 * curvature / slope, -1.0), 1.0)
                 size = bodies.A[c] * h * h * slope * math.sqrt(slope)
-                size *= 1.0 + max(sign * bodies.gamma[c] * slope / h, -1.0)
+                size *= 1.0 + larger(sign * bodies.gamma[c] * slope / h, -1.0)
                 for k in range(-(-i * samples // steps), (i + 1) * samples // steps + 1):
                     s = (k * steps - i * samples) / samples
                     dx, dv = unfollowed(s if closes else 1.0 - s, at, bend)
@@ -203,16 +215,30 @@ def place_modes(k: int, rows: Between, wall: Array, modes: WallModes | None) -> 
 
 @fastmath_march
 def save_between(
-    h: float, snapshot: Motion, chain: ChainArrays, rows: Between, saved: Saved
-) -> None:
-    """Forces and energies at the samples; `snapshot` and the chain's modes are written over."""
-    wall, ledger, slow = snapshot.wall, snapshot.ledger, rows.slow
-    for k in range(rows.x.shape[0]):
+    h: float, marched: Saved, bodies: ChainAndWall, ends: StepEnds, samples: Between,
+    snapshot: Motion, chain: ChainArrays, saved: Saved,
+) -> None:  # fmt: skip
+    """States, forces and energies between the steps h that were marched, at equally spaced times.
+
+    Writes over everything from `ends` on, the chain's modes too. One entry for all of it: four
+    would compile what unpacks and hands over the same arrays once each.
+    """
+    fill_ends(marched, bodies, h, ends)
+
+    # samples on the polynomials of degree 7, then what contacts do that open or close in a step
+    fill_between(ends.spheres, h, samples.x, samples.v)
+    fill_between(ends.modes, h, samples.q, samples.p)
+    fill_between(ends.slow, h, samples.slow, samples.slow_rate)
+    mend_events(ends.gaps, h, bodies, samples)
+
+    # forces and energies at the samples
+    wall, ledger, modes, slow = snapshot.wall, snapshot.ledger, chain.modes, samples.slow
+    for k in range(samples.x.shape[0]):
         for i in range(snapshot.x.size):
-            snapshot.x[i], snapshot.v[i] = rows.x[k, i], rows.v[k, i]
-        place_modes(k, rows, wall, chain.modes)
+            snapshot.x[i], snapshot.v[i] = samples.x[k, i], samples.v[k, i]
+        place_modes(k, samples, wall, modes)
         wall[DASH] = slow[k, DASHPOT]
-        wall[WORK] = modal_energy(chain.modes)[0]
+        wall[WORK] = modal_energy(modes)[0]
         ledger[IN_CONTACTS], ledger[IN_WALL] = slow[k, CONTACTS], slow[k, WALL]
         ledger[IN_GUIDES] = slow[k, GUIDES]
         save(k, h, snapshot, chain, saved, chain.mobility)

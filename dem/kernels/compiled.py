@@ -23,7 +23,7 @@ class Compiled:
         """The function as numba has it."""
         from dem.kernels.kept_code import dispatcher
 
-        return dispatcher(self.py_func, **self._options)
+        return dispatcher(self.py_func, inner=self._inner, **self._options)
 
     @property
     def _numba_type_(self):
@@ -37,8 +37,9 @@ class Compiled:
 
 def njit(*, inner: bool = False, **options) -> Callable:
     """A decorator that compiles a function and keeps what was compiled."""
+    options["no_cfunc_wrapper"] = True  # C calls none of them
     if inner:
-        options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+        options["no_cpython_wrapper"] = True
     return lambda function: Compiled(function, inner=inner, **options)
 
 

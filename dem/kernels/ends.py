@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dem.kernels.arguments import Array, Saved
-from dem.kernels.compiled import fastmath_entry, fastmath_inline
+from dem.kernels.compiled import fastmath_inline
 
 CONTACTS, WALL, GUIDES, DASHPOT = range(4)  # of StepEnds.slow; the first three are energies lost
 
@@ -73,94 +73,85 @@ def empty_step_ends(saved: Saved) -> StepEnds:
 
 
 @fastmath_inline
-def accelerate(k: int, saved: Saved, bodies: ChainAndWall, ends: StepEnds) -> float:
-    """Accelerations of spheres and modes; that of the modes' wall comes out."""
-    x, force, n = saved.x, saved.force, saved.x.shape[1]
-    count = bodies.A.size
-    previous = 0.0  # force between the spheres i - 1 and i
-    for i in range(n):
-        force_behind = force[k, i] if i < count else 0.0
-        leaf_force = bodies.leaf[i] * (x[k, i] - bodies.rest[i])
-        push = previous - force_behind + bodies.load[i] - leaf_force
-        ends.spheres.a[k, i] = bodies.inverse_mass[i] * push
-        previous = force_behind
-    modes, wall = ends.modes, 0.0
-    for m in range(bodies.phi.size):
-        q = saved.modes[k, m] - bodies.static[m]
-        a = bodies.phi[m] * (previous - bodies.rest_force) - bodies.stiffness[m] * q
-        a -= bodies.decay[m] * saved.speeds[k, m]
-        modes.x[k, m], modes.a[k, m] = q, a
-        wall += bodies.phi[m] * a
-    return wall
-
-
-@fastmath_inline
-def approach(k: int, wall_a: float, saved: Saved, bodies: ChainAndWall, ends: StepEnds) -> None:
-    """Overlaps with their derivatives, the rates of the forces, and what the dampers take."""
-    x, v, a, n = saved.x, saved.v, ends.spheres.a, saved.x.shape[1]
-    power, rate = 0.0, 0.0
-    for i in range(bodies.A.size):
-        inner = i < n - 1
-        gap = x[k, i] - (x[k, i + 1] if inner else saved.wall[k, 0])
-        w = v[k, i] - (v[k, i + 1] if inner else saved.wall[k, 1])
-        bend = a[k, i] - (a[k, i + 1] if inner else wall_a)
-        s = 0.0 if inner else bodies.residual
-        d = max(gap - s * saved.force[k, i], 0.0)
-        root, A, gamma = math.sqrt(d), bodies.A[i], bodies.gamma[i]
-        stiffness = 1.5 * A * root
-        stiffness /= 1.0 + s * stiffness
-        elastic, elastic_rate = A * d * root, stiffness * w
-        share = 1.0 + gamma * w
-        if share > 0.0:
-            ends.force_rate[k, i] = elastic_rate * share + gamma * elastic * bend
-            power += gamma * elastic * w * w
-            rate += gamma * w * (2.0 * bend * elastic + w * elastic_rate)
-        else:  # the damper takes all of the force
-            ends.force_rate[k, i] = 0.0
-            power -= elastic * w
-            rate -= elastic_rate * w + elastic * bend
-        ends.gaps.overlap[k, i], ends.gaps.rate[k, i], ends.gaps.bend[k, i] = gap, w, bend
-    ends.slow.v[k, CONTACTS], ends.slow.a[k, CONTACTS] = power, rate
-
-
-@fastmath_inline
-def jerk(k: int, saved: Saved, bodies: ChainAndWall, ends: StepEnds) -> None:
-    """Rates of the accelerations of spheres and modes; what the wall takes."""
-    slow, count, modes = ends.slow, bodies.A.size, ends.modes
-    previous = 0.0  # rate of the force between the spheres i - 1 and i
-    for i in range(saved.x.shape[1]):
-        rate_behind = ends.force_rate[k, i] if i < count else 0.0
-        push = previous - rate_behind - bodies.leaf[i] * saved.v[k, i]
-        ends.spheres.j[k, i] = bodies.inverse_mass[i] * push
-        previous = rate_behind
-    u, power, rate = 0.0, 0.0, 0.0
-    for m in range(bodies.phi.size):
-        p, a, decay = saved.speeds[k, m], modes.a[k, m], bodies.decay[m]
-        modes.j[k, m] = bodies.phi[m] * previous - decay * a - bodies.stiffness[m] * p
-        u += bodies.phi[m] * saved.modes[k, m]
-        power += decay * p * p
-        rate += 2.0 * decay * p * a
-    if bodies.mobility > 0.0:
-        force = saved.force[k, count - 1]
-        slow.x[k, DASHPOT] = saved.wall[k, 0] - u
-        slow.v[k, DASHPOT] = bodies.mobility * force
-        slow.a[k, DASHPOT] = bodies.mobility * previous
-        power += bodies.mobility * force * force
-        rate += 2.0 * bodies.mobility * force * previous
-    slow.v[k, WALL], slow.a[k, WALL] = power, rate
-
-
-@fastmath_entry
 def fill_ends(saved: Saved, bodies: ChainAndWall, h: float, ends: StepEnds) -> None:
     """Derivatives at the ends of steps h, from what a march has saved there, into `ends`."""
-    slow, steps = ends.slow, saved.x.shape[0] - 1
-    for k in range(steps + 1):
-        wall_a = accelerate(k, saved, bodies, ends)
-        approach(k, wall_a, saved, bodies, ends)
-        jerk(k, saved, bodies, ends)
+    # names for arrays: each field that is read hands the compiler the whole tuple once more
+    x, v, force, wall, energy, q, p = saved
+    inverse_mass, A, gamma, load, leaf, rest, phi, stiffness, decay, static, s, mobility, f_rest = (
+        bodies
+    )
+    spheres, modes, slow, gaps, force_rate = ends
+    a, j, q_off, a_modes, j_modes = spheres.a, spheres.j, modes.x, modes.a, modes.j
+    lost, lost_v, lost_a, lost_j = slow
+    overlap, approach, bend = gaps
+    n, count, n_modes, last = x.shape[1], A.size, phi.size, x.shape[0] - 1
+    for k in range(last + 1):
+        # accelerations of spheres and modes, and that of the modes' wall
+        previous = 0.0  # force between the spheres i - 1 and i
+        for i in range(n):
+            behind = force[k, i] if i < count else 0.0
+            push = previous - behind + load[i] - leaf[i] * (x[k, i] - rest[i])
+            a[k, i] = inverse_mass[i] * push
+            previous = behind
+        wall_a = 0.0
+        for m in range(n_modes):
+            q_off[k, m] = q[k, m] - static[m]
+            acceleration = phi[m] * (previous - f_rest) - stiffness[m] * q_off[k, m]
+            a_modes[k, m] = acceleration - decay[m] * p[k, m]
+            wall_a += phi[m] * a_modes[k, m]
+
+        # overlaps with their derivatives, the rates of the forces, and what the dampers take
+        power, rate = 0.0, 0.0
+        for i in range(count):
+            if i < n - 1:
+                gap, w = x[k, i] - x[k, i + 1], v[k, i] - v[k, i + 1]
+                w_rate, series = a[k, i] - a[k, i + 1], 0.0
+            else:
+                gap, w = x[k, i] - wall[k, 0], v[k, i] - wall[k, 1]
+                w_rate, series = a[k, i] - wall_a, s
+            d = gap - series * force[k, i]
+            d = d if d > 0.0 else 0.0
+            tangent = 1.5 * A[i] * math.sqrt(d)
+            tangent /= 1.0 + series * tangent
+            elastic, elastic_rate = A[i] * d * math.sqrt(d), tangent * w
+            share = 1.0 + gamma[i] * w
+            if share > 0.0:
+                force_rate[k, i] = elastic_rate * share + gamma[i] * elastic * w_rate
+                power += gamma[i] * elastic * w * w
+                rate += gamma[i] * w * (2.0 * w_rate * elastic + w * elastic_rate)
+            else:  # the damper takes all of the force
+                force_rate[k, i] = 0.0
+                power -= elastic * w
+                rate -= elastic_rate * w + elastic * w_rate
+            overlap[k, i], approach[k, i], bend[k, i] = gap, w, w_rate
+        lost_v[k, CONTACTS], lost_a[k, CONTACTS] = power, rate
+
+        # rates of the accelerations of spheres and modes, and what the wall takes
+        previous = 0.0  # rate of the force between the spheres i - 1 and i
+        for i in range(n):
+            behind = force_rate[k, i] if i < count else 0.0
+            j[k, i] = inverse_mass[i] * (previous - behind - leaf[i] * v[k, i])
+            previous = behind
+        u, power, rate = 0.0, 0.0, 0.0
+        for m in range(n_modes):
+            speed, acceleration = p[k, m], a_modes[k, m]
+            jerk = phi[m] * previous - decay[m] * acceleration - stiffness[m] * speed
+            j_modes[k, m] = jerk
+            u += phi[m] * q[k, m]
+            power += decay[m] * speed * speed
+            rate += 2.0 * decay[m] * speed * acceleration
+        if mobility > 0.0:
+            pushing = force[k, count - 1]
+            lost[k, DASHPOT] = wall[k, 0] - u
+            lost_v[k, DASHPOT] = mobility * pushing
+            lost_a[k, DASHPOT] = mobility * previous
+            power += mobility * pushing * pushing
+            rate += 2.0 * mobility * pushing * previous
+        lost_v[k, WALL], lost_a[k, WALL] = power, rate
         for i in range(3):
-            slow.x[k, i] = saved.energy[k, 5 + i]
-    for k in range(steps + 1):
-        first, last = max(k - 1, 0), min(k + 1, steps)
+            lost[k, i] = energy[k, 5 + i]
+
+    for k in range(last + 1):
+        first, end = k - 1 if k > 0 else 0, k + 1 if k < last else last
         for i in range(4):
-            slow.j[k, i] = (slow.a[last, i] - slow.a[first, i]) / ((last - first) * h)
+            lost_j[k, i] = (lost_a[end, i] - lost_a[first, i]) / ((end - first) * h)

@@ -9,8 +9,9 @@ import math
 from typing import NamedTuple
 
 from dem.kernels.arguments import Array
-from dem.kernels.compiled import ieee, ieee_entry, ieee_march
+from dem.kernels.compiled import ieee, ieee_march
 from dem.kernels.laws import hertz_force, hertz_indentation
+from dem.kernels.numbers import larger
 
 BEYOND = 0.25  # of the energy's slope at a step's start, that it may rise with at its end
 
@@ -37,7 +38,7 @@ class NewtonRoom(NamedTuple):
     trial: Array  # (n,) positions
 
 
-@ieee_entry
+@ieee
 def static_residual(x: Array, bearing: Bearing, f: Array, r: Array) -> None:
     """Net force on every sphere at rest into r, contact forces into f."""
     A, stiffness, anchor = bearing.A, bearing.stiffness, bearing.anchor
@@ -45,7 +46,7 @@ def static_residual(x: Array, bearing: Bearing, f: Array, r: Array) -> None:
     f[n] = 0.0
     for i in range(A.size):
         if i < n - 1:
-            d = max(x[i] - x[i + 1], 0.0)
+            d = larger(x[i] - x[i + 1], 0.0)
         else:
             d = hertz_indentation(x[i], A[i], bearing.compliance)
         f[i + 1] = hertz_force(d, A[i])
@@ -59,7 +60,7 @@ def static_slope(x: Array, A: Array, compliance: float, k: Array) -> None:
     n = x.size
     for i in range(A.size):
         if i < n - 1:
-            k[i] = 1.5 * A[i] * math.sqrt(max(x[i] - x[i + 1], 0.0))
+            k[i] = 1.5 * A[i] * math.sqrt(larger(x[i] - x[i + 1], 0.0))
         else:
             hertz = 1.5 * A[i] * math.sqrt(hertz_indentation(x[i], A[i], compliance))
             k[i] = hertz / (1.0 + compliance * hertz)
@@ -102,7 +103,8 @@ def add(x: Array, scale: float, change: Array, out: Array) -> None:
 
 @ieee_march
 def rest(x: Array, bearing: Bearing, floor: float, n_iterations: int, room: NewtonRoom) -> float:
-    """Damped Newton for the static state, from x and in place; the net force that is left, out.
+    """Damped Newton for the static state, from x and in place, with the contact forces there into
+    `room`; the net force that is left, out.
 
     `floor` [N/m] keeps the tangent regular while contacts are open; it fades with the net force.
     A step is halved until the potential energy, which is convex, no longer climbs at its end: the
@@ -134,4 +136,5 @@ def rest(x: Array, bearing: Bearing, floor: float, n_iterations: int, room: Newt
         stalled = norm < 1e-12 * start and trial_norm > 0.5 * norm
         add(trial, 0.0, change, x)
         norm = trial_norm
+    static_residual(x, bearing, f, r)
     return norm

@@ -24,6 +24,7 @@ from dem.kernels.arguments import (
 from dem.kernels.compiled import fastmath_inline, ieee
 from dem.kernels.laws import HUNT_CROSSLEY, plastic_indentation, plastic_loss
 from dem.kernels.modes import push_modes, shift_modes
+from dem.kernels.numbers import larger, smaller
 
 
 @ieee
@@ -39,8 +40,8 @@ def zeta_sums(theta: float, correction: Correction) -> tuple[float, float, float
         s5 = s5 * z + tail[1, k]
         s7 = s7 * z + tail[2, k]
     for i in range(b.size):
-        s = max(c[i] - theta, 0.0)
-        e = max(c[i] - theta + 1.0, 0.0)
+        s = larger(c[i] - theta, 0.0)
+        e = larger(c[i] - theta + 1.0, 0.0)
         this_step = b[i] * s * math.sqrt(s)
         next_step = b[i] * e * math.sqrt(e)
         s3 += this_step + next_step
@@ -92,7 +93,7 @@ def missed_impulse(
     closes = slope > 0.0
     z3, z5, z7 = zeta_sums(theta if closes else 1.0 - theta, correction)
     bend = 0.75 * curvature / abs(slope)
-    bend = min(max(bend, -1.0), 1.0)  # a grazing contact has no slope to speak of
+    bend = smaller(larger(bend, -1.0), 1.0)  # a grazing contact has no slope to speak of
     size = A * dt * abs(slope) * math.sqrt(abs(slope))
     lever = 1.0 - theta
     impulse = -(z3 + bend * z5)
@@ -152,7 +153,7 @@ def correct_events(
             continue
         impulse, shift, rate = missed_impulse(coefficient, dt, g0, r0, g1, r1, correction)
         if damping is not None and damping.law == HUNT_CROSSLEY:
-            factor = max(damping.gamma[i] * rate, -1.0)
+            factor = larger(damping.gamma[i] * rate, -1.0)
             motion.ledger[IN_CONTACTS] += factor * impulse * rate
             impulse *= 1.0 + factor
             shift *= 1.0 + factor
@@ -169,13 +170,13 @@ def correct_events(
 @ieee
 def peak(dt: float, g0: float, r0: float, g1: float, r1: float) -> float:
     """Largest overlap of the cubic between the overlaps g0, g1 with the rates r0, r1."""
-    highest = max(g0, g1)
+    highest = larger(g0, g1)
     if r0 > 0.0 and r1 < 0.0:
         r0 *= dt
         c2 = 3.0 * (g1 - g0) - 2.0 * r0 - r1 * dt
         c3 = 2.0 * (g0 - g1) + r0 + r1 * dt
-        t = r0 / (math.sqrt(max(c2 * c2 - 3.0 * c3 * r0, 0.0)) - c2)
-        highest = max(highest, g0 + t * (r0 + t * (c2 + t * c3)))
+        t = r0 / (math.sqrt(larger(c2 * c2 - 3.0 * c3 * r0, 0.0)) - c2)
+        highest = larger(highest, g0 + t * (r0 + t * (c2 + t * c3)))
     return highest
 
 

@@ -46,13 +46,30 @@ def march(
     and modes in place. Ends early, and says after how many saves, when a state is not finite.
     """
     (a, b), (dt, n_save, stride) = fractions, steps
+    x, v, wall = motion.x, motion.v, motion.wall
     stale = n_save >= 0  # a literal True would compile what takes it once more
     for k in range(n_save + 1):
         for _step in range(stride if k > 0 else 0):
             if correction is not None or chain.plastic is not None:
-                keep(motion, start)
-            stale = take_step(dt, stale, a, b, motion, chain)
-            stale |= corrected(dt, motion, start, chain, correction)
+                for i in range(x.size):
+                    start.x[i], start.v[i] = x[i], v[i]
+                for i in range(wall.size):
+                    start.wall[i] = wall[i]
+
+            # the forces of a kick serve the next one too where nothing has moved between them
+            for i in range(b.size):
+                kick = b[i] * dt
+                drift = a[i] * dt if i < a.size else 0.0
+                flow(i, kick, drift, stale, motion, chain, chain.bare, chain.damping)
+                stale = drift != 0.0 or (stale and kick == 0.0)
+
+            # what the scheme missed at contacts that opened or closed, and those that yielded
+            if correction is not None:
+                if crossed(motion, start, chain.A, chain.offset, chain.plastic):
+                    correct_events(
+                        dt, motion, start, chain, correction, chain.damping, chain.plastic
+                    )
+                    stale = True
             stale |= yield_contacts(dt, motion, start, chain, chain.plastic)
         if not save(k, dt, snapshot, chain, saved, chain.mobility):
             return k
@@ -60,38 +77,31 @@ def march(
 
 
 @fastmath_inline
-def take_step(
-    dt: float, stale: bool, a: Array, b: Array, motion: Motion, chain: ChainArrays
-) -> bool:
-    """Kick b[0], drift a[0], kick b[1], ..., kick b[-1]; are the forces stale at the end?"""
-    for i in range(b.size):
-        kick = b[i] * dt
-        drift = a[i] * dt if i < a.size else 0.0
-        flow(i, kick, drift, stale, motion, chain, chain.bare)
-        stale = drift != 0.0 or (stale and kick == 0.0)
-    return stale
-
-
-@fastmath_inline
 def flow(
     k: int, kick: float, drift: float, stale: bool, motion: Motion, chain: ChainArrays,
-    bare: tuple | None,
+    bare: tuple | None, damping: Damping | None,
 ) -> None:  # fmt: skip
-    """Kick, then the k-th drift."""
-    if bare is not None:
-        if kick != 0.0:
-            flow_bare(k, kick, drift, stale, motion, chain)
-        else:
-            coast(k, drift, motion, chain)
-        return
+    """Kick, then the k-th drift; forces are computed anew where positions moved.
+
+    Dampers act between two halves of the elastic kick, those of even and odd contacts in a
+    symmetric turn.
+    """
     if kick != 0.0:
-        kick_all(kick, stale, motion, chain, chain.damping)
-    coast(k, drift, motion, chain)
-
-
-@fastmath_inline
-def coast(k: int, drift: float, motion: Motion, chain: ChainArrays) -> None:
-    """The k-th drift, of spheres and modes."""
+        if bare is not None:
+            flow_bare(k, kick, drift, stale, motion, chain)
+            return
+        if stale:
+            sphere_forces(motion.x, chain.A, motion.f, chain.plastic)
+        if damping is None:
+            pull_wall(kick, stale, motion, chain)
+            push(kick, motion, chain, chain.friction, chain.modes)
+        else:
+            pull_wall(0.5 * kick, stale, motion, chain)
+            push(0.5 * kick, motion, chain, chain.friction, chain.modes)
+            for first, share in ((0, 0.5), (1, 1.0), (0, 0.5)):
+                damp_contacts(first, share * kick, motion, chain, damping)
+            pull_wall(0.5 * kick, chain.mobility is not None, motion, chain)
+            push(0.5 * kick, motion, chain, chain.friction, chain.modes)
     if drift != 0.0:
         drift_spheres(k, drift, motion.x, motion.v, chain.leaf)
         drift_modes(k, 0.0, motion.wall, chain.modes)
@@ -115,26 +125,6 @@ def drift_spheres(k: int, dt: float, x: Array, v: Array, leaf: LeafSprings | Non
 
 
 @fastmath_inline
-def kick_all(
-    kick: float, stale: bool, motion: Motion, chain: ChainArrays, damping: Damping | None
-) -> None:
-    """Kick of a chain with all parts: damping between two halves of the elastic kick, dampers of
-    even and odd contacts in a symmetric turn. Forces are computed anew where positions moved."""
-    if stale:
-        sphere_forces(motion.x, chain.A, motion.f, chain.plastic)
-    if damping is None:
-        pull_wall(kick, stale, motion, chain)
-        push(kick, motion, chain, chain.friction)
-        return
-    pull_wall(0.5 * kick, stale, motion, chain)
-    push(0.5 * kick, motion, chain, chain.friction)
-    for first, share in ((0, 0.5), (1, 1.0), (0, 0.5)):
-        damp_contacts(first, share * kick, motion, chain, damping)
-    pull_wall(0.5 * kick, chain.mobility is not None, motion, chain)
-    push(0.5 * kick, motion, chain, chain.friction)
-
-
-@fastmath_inline
 def pull_wall(kick: float, stale: bool, motion: Motion, chain: ChainArrays) -> None:
     """Force at the wall, computed anew if positions moved or a dashpot creeps behind it."""
     n = motion.x.size
@@ -145,14 +135,18 @@ def pull_wall(kick: float, stale: bool, motion: Motion, chain: ChainArrays) -> N
 
 
 @fastmath_inline
-def push(kick: float, motion: Motion, chain: ChainArrays, friction: Array | None) -> None:
+def push(
+    kick: float, motion: Motion, chain: ChainArrays, friction: Array | None,
+    modes: WallModes | None,
+) -> None:  # fmt: skip
     """Impulse of the elastic forces and the load on spheres and modes."""
     v, f, minv = motion.v, motion.f, chain.inverse_mass
     if friction is None:
         push_spheres(v, kick, f, minv, chain.load)
     else:
         motion.ledger[IN_GUIDES] += slide_spheres(v, kick, f, minv, chain.load, friction)
-    kick_modes(kick, motion.f[motion.x.size], motion.wall, chain.modes)
+    if modes is not None:
+        push_modes(kick * (f[v.size] - modes.rest_force), motion.wall, modes)
 
 
 @fastmath
@@ -164,13 +158,6 @@ def push_spheres(v: Array, dt: float, f: Array, minv: Array, load: Array | None)
     else:
         for i in range(v.size):
             v[i] += dt * minv[i] * (f[i] - f[i + 1] + load[i])
-
-
-@fastmath_inline
-def kick_modes(kick: float, force: float, wall: Array, modes: WallModes | None) -> None:
-    """Impulse of the force at the wall beyond that at rest, on the modes."""
-    if modes is not None:
-        push_modes(kick * (force - modes.rest_force), wall, modes)
 
 
 @fastmath_inline
@@ -289,27 +276,3 @@ def kick_and_drift_modes(
     else:
         push_wall(impulse, modes.square, wall)
         drift_modes(k, impulse, wall, modes)
-
-
-# --- after the step ------------------------------------------------------------------------------
-
-
-@fastmath_inline
-def keep(motion: Motion, start: Motion) -> None:
-    """Copy the state to `start`."""
-    for i in range(motion.x.size):
-        start.x[i] = motion.x[i]
-        start.v[i] = motion.v[i]
-    for i in range(motion.wall.size):
-        start.wall[i] = motion.wall[i]
-
-
-@fastmath_inline
-def corrected(
-    dt: float, motion: Motion, start: Motion, chain: ChainArrays, correction: Correction | None
-) -> bool:
-    """Add what the last step missed at contacts that opened or closed; was there any?"""
-    if correction is None or not crossed(motion, start, chain.A, chain.offset, chain.plastic):
-        return False
-    correct_events(dt, motion, start, chain, correction, chain.damping, chain.plastic)
-    return True

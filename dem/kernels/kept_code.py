@@ -14,9 +14,13 @@ from contextlib import suppress
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
+from typing import ClassVar
 
 import numba
 from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+from numba.core.types import Array, BaseTuple, Boolean, Number, unliteral
 
 LENGTH = sha256().digest_size
 PREFIX = "code-"
@@ -86,9 +90,108 @@ class CheckedCache(FunctionCache):
         )
 
 
-def dispatcher(function: Callable, **options) -> Callable:
-    """What compiles the function for the arguments that it is called with, and keeps the code."""
-    compiled = numba.njit(**options)(function)
+class InnerLibrary(JITCodeLibrary):
+    """The intermediate code of a function that compiled ones alone call.
+
+    LLVM optimises the caller's module with all that it calls. numba also optimises each callee for
+    itself, with its own callees, and makes machine code of it, which nobody enters: a function four
+    calls deep was optimised five times.
+    """
+
+    def _optimize_final_module(self) -> None:
+        """Nothing: the caller's module is optimised with what is linked here."""
+
+    def _finalize_final_module(self) -> None:
+        """No machine code."""
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """0, as of any symbol without machine code."""
+        self._ensure_finalized()
+        return 0
+
+    @property
+    def codegen(self) -> "InnerLibrary":
+        """What numba tells the function's environment (the Python objects of its exceptions)."""
+        return self
+
+    def set_env(self, name: str, environment: object) -> None:
+        """Nothing: no machine code has a place for it, and none here raises an exception."""
+
+
+class KernelTyping:
+    """numba's typing context, which types an operator on numbers and arrays of them once.
+
+    numba asks some ten templates about each `+` and `[ ]` of a function, those of strings and lists
+    among them: a fifth of the compilation.
+    """
+
+    signatures: ClassVar[dict] = {}  # of a context, an operator and types of its arguments
+
+    def __init__(self, context) -> None:
+        self._context = context
+
+    def __getattr__(self, name: str):
+        return getattr(self._context, name)
+
+    def _once(self, resolve: Callable, operator: object, *arguments):
+        """What `resolve` gives for the operator; only that on numbers and arrays is kept, which
+        numba writes itself: other code depends on the flags of the function that calls it."""
+        if not all(map(is_numeric, arguments)):
+            return resolve()
+        key = self._context, operator, arguments
+        if key not in self.signatures:
+            self.signatures[key] = resolve()
+        return self.signatures[key]
+
+    def resolve_function_type(self, func, args, kws):
+        """The signature of a function for these types of arguments."""
+
+        def resolve():
+            return self._context.resolve_function_type(func, args, kws)
+
+        operator = getattr(func, "typing_key", func)
+        if getattr(operator, "__module__", None) != "_operator":
+            return resolve()
+        return self._once(resolve, operator, *args)
+
+    def resolve_setitem(self, target, index, value):
+        """The signature of target[index] = value."""
+
+        def resolve():
+            return self._context.resolve_setitem(target, index, value)
+
+        return self._once(resolve, "setitem", target, index, value)
+
+
+def is_numeric(type_) -> bool:
+    """Is it the type of a number, of a tuple of numbers or of an array?"""
+    if isinstance(type_, BaseTuple):
+        return all(map(is_numeric, type_))
+    return isinstance(unliteral(type_), Number | Boolean | Array)
+
+
+class EntryCompiler(Compiler):
+    """numba's pipeline with `KernelTyping`."""
+
+    def __init__(self, typingctx, *arguments) -> None:
+        super().__init__(KernelTyping(typingctx), *arguments)
+
+
+class InnerCompiler(EntryCompiler):
+    """The same into an `InnerLibrary`."""
+
+    def __init__(self, typingctx, targetctx, library, *arguments) -> None:
+        library = InnerLibrary(targetctx.codegen(), "inner")
+        super().__init__(typingctx, targetctx, library, *arguments)
+
+
+def dispatcher(function: Callable, *, inner: bool, **options) -> Callable:
+    """What compiles the function for the arguments that it is called with, and keeps the code; of
+    an inner one its caller's code is kept."""
+    if inner:
+        return numba.njit(pipeline_class=InnerCompiler, **options)(function)
+    compiled = numba.njit(pipeline_class=EntryCompiler, **options)(function)
     if compiled is not function:  # as it is where NUMBA_DISABLE_JIT is set
         with suppress(RuntimeError):  # no folder takes code: each start compiles anew
             compiled._cache = CheckedCache(function)

@@ -17,6 +17,7 @@ import math
 
 from dem.kernels.arguments import DASH, IN_WALL, Array, Damping, Motion, Plastic, U
 from dem.kernels.compiled import fastmath, fastmath_entry, fastmath_inline, ieee_entry, ieee_inline
+from dem.kernels.numbers import larger, smaller
 
 NONE, LINEAR, LINEAR_CLIPPED, HUNT_CROSSLEY = range(4)
 STOPPED = 1e4  # damping rate times step beyond which nothing of the motion is left to stop
@@ -40,7 +41,7 @@ def hertz_indentation(gap: float, A: float, s: float) -> float:
     e = s * A
     y = math.sqrt(gap)
     if e > 0.0:
-        y = min(y, (gap / e) ** (1.0 / 3.0))
+        y = smaller(y, (gap / e) ** (1.0 / 3.0))
     elif e < 0.0:
         top = -2.0 / (3.0 * e)
         if 3.0 * gap >= top * top:
@@ -51,7 +52,7 @@ def hertz_indentation(gap: float, A: float, s: float) -> float:
         change = (gap - y * y * (1.0 + e * y)) / (y * (2.0 + 3.0 * e * y))
         y += change
         if e < 0.0:
-            y = min(y, 0.999999 * top)  # Newton's step may leap over the fold
+            y = smaller(y, 0.999999 * top)  # Newton's step may leap over the fold
         if abs(change) <= 1e-15 * y:
             break
     return y * y
@@ -61,7 +62,7 @@ def hertz_indentation(gap: float, A: float, s: float) -> float:
 def wall_indentation(gap: float, A: float, residual: float | None) -> float:
     """Overlap at the wall, whose residual compliance may take some of the gap."""
     if residual is None:
-        return max(gap, 0.0)
+        return larger(gap, 0.0)
     return hertz_indentation(gap, A, residual)
 
 
@@ -72,14 +73,14 @@ def plastic_force(i: int, d: float, A: Array, plastic: Plastic) -> float:
     limit = plastic.limit[i]
     if d > plastic.top[i]:
         return hertz_force(limit, A[i]) * (1.0 + 1.5 * (d - limit) / limit)
-    return hertz_force(max(d - plastic.crater[i], 0.0), plastic.coefficient[i])
+    return hertz_force(larger(d - plastic.crater[i], 0.0), plastic.coefficient[i])
 
 
 @fastmath
 def plastic_indentation(gap: float, A: Array, residual: float | None, plastic: Plastic) -> float:
     """delta of  delta + s F(delta) = gap  at the last contact, by bisection."""
     if residual is None or gap <= 0.0:
-        return max(gap, 0.0)
+        return larger(gap, 0.0)
     last = A.size - 1
     low, high = 0.0, gap
     if residual < 0.0:
@@ -143,7 +144,7 @@ def dashpot_indentation(
     z = 1.0 / y + 0.5 * mobility * A * dt / (1.0 + 1.5 * e * y)
     for _ in range(60):
         change = (target - 2.0 * z - 3.0 * e * math.log(z)) / (2.0 + 3.0 * e / z)
-        z = max(z + change, 0.1 * z)  # the logarithm ends at 0
+        z = larger(z + change, 0.1 * z)  # the logarithm ends at 0
         if abs(change) <= 1e-15 * z:
             break
     return 1.0 / (z * z)

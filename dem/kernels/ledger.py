@@ -33,6 +33,7 @@ from dem.kernels.laws import (
     wall_indentation,
 )
 from dem.kernels.modes import modal_energy
+from dem.kernels.numbers import larger, smaller
 
 
 @fastmath_inline
@@ -52,7 +53,7 @@ def total_forces(
         w = v[i] - (v[i + 1] if i < n - 1 else wall[V])
         gap = x[i] - (x[i + 1] if i < n - 1 else wall[U] + wall[DASH] + chain.offset)
         if plastic is None:
-            d = max(gap, 0.0) if i < n - 1 else wall_indentation(gap, A[i], residual)
+            d = larger(gap, 0.0) if i < n - 1 else wall_indentation(gap, A[i], residual)
             force = hertz_force(d, A[i])
         else:
             d = gap if i < n - 1 else plastic_indentation(gap, A, residual, plastic)
@@ -63,9 +64,9 @@ def total_forces(
             spring = 0.5 * residual * force * force
         if damping is not None:
             c = damper(i, i == n - 1, force, A, residual, damping, plastic)
-            extra = w * min(c, STOPPED / (dt * damping.inverse_mass[i]))
+            extra = w * smaller(c, STOPPED / (dt * damping.inverse_mass[i]))
             if damping.law != LINEAR:
-                extra = max(extra, -force)
+                extra = larger(extra, -force)
             force += extra
         motion.f[i + 1] = force
     return contact, spring

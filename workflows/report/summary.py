@@ -109,7 +109,15 @@ class NumberError(BaseModel):
     time: float | None = None
     reduction: float | None = None
     mesh: float | None = None
+    theory: float | None = None  # of a beam or a plate
     total: float | None = None
+
+    @property
+    def relative(self) -> float | None:
+        """The whole error over the value; None where one is not known, or the value is zero."""
+        if self.total is None or not self.value:
+            return None
+        return self.total / abs(self.value)
 
 
 class QuantityErrors(NamedTuple):
@@ -235,6 +243,10 @@ class Summary(BaseModel):
     def error(self, name: str) -> float | None:
         """The whole error of a number by its name in `errors`, in its unit."""
         return next((e.total for e in self.errors if e.name == name), None)
+
+    def relative_error(self, name: str) -> float | None:
+        """The same over the number's value."""
+        return next((e.relative for e in self.errors if e.name == name), None)
 
     def text(self) -> str:
         """JSON, indented."""

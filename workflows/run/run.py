@@ -126,9 +126,9 @@ def _error_stages(scene: Scene) -> tuple[str, ...]:
     if not needs_structure(scene):
         return ()
     of_models = ("reduction-error", "mesh-error") if scene.chain else ()
-    if scene.bending is None:
-        return ("structure-errors", *of_models)
-    return (*of_models, "theory-error") if scene.chain else ()
+    if scene.bending is not None and scene.chain:
+        of_models = (*of_models, "theory-error", "quantity-errors")
+    return ("structure-errors", *of_models)
 
 
 def _require_start(pipeline: Pipeline) -> None:
@@ -183,7 +183,7 @@ def summary_of(
             except ValueError as reason:  # the run stands without it
                 sentences += warnings.unknown_model_error(name, reason)
 
-        if estimated and scene.bending is None:
+        if estimated:
             with suppress(ValueError):  # said above
                 number_errors += pipeline("quantity-errors").quantities
 
@@ -198,7 +198,7 @@ def summary_of(
     # the assembly, or a wall from a file
     if structure:
         of_structure = pipeline("structure-numbers")
-        if with_errors and scene.bending is None:
+        if with_errors:
             number_errors += pipeline("structure-errors")
         numbers |= of_structure.numbers
         sentences += of_structure.warnings

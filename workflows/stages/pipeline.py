@@ -252,7 +252,20 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
         )
         impact = impact | {"mesh-error": of_mesh}
     else:
-        impact = {name: stage for name, stage in impact.items() if name != "quantity-errors"}
+        # of hollow and of open sections no other theory is known, see `bending.other_theories`
+        compared = scene.plate is not None or not (scene.beam.bore or scene.beam.area)
+        theories = ("other-theories",) if compared else ()
+        of_waves = IMPACT["quantity-errors"]._replace(
+            function=".bending_errors:quantity_errors",
+            needs=("start", "reduction", "second-mesh", "impact", "waves", *theories),
+        )
+        of_modes = Stage(
+            ".bending_errors:structure_errors",
+            tables_of(),
+            ("modes", "reduction", "second-mesh", *theories),
+        )
+        impact = impact | {"quantity-errors": of_waves}
+        structure = structure | {"structure-errors": of_modes}
     if needs and scene.is_general:
         impact = impact | {"start": IMPACT["start"]._replace(needs=("surface",))}
     if not getattr(scene.wall, "prune", False):

@@ -2,7 +2,8 @@
 
 A variant is a function for one tuple of argument types. Types are inferred through calls, so a
 function is compiled in the middle of its caller: its own seconds are without those of what it
-calls. LLVM optimises a function for itself and once more within each of its callers.
+calls. LLVM optimises a function that compiled ones alone call within those that Python enters,
+whose seconds hold that.
 """
 
 import json
