@@ -1,7 +1,7 @@
 """A reduced model as the wall of a chain, and the coupled run. SI units.
 
-    coupling.wall.wall_of    rom.ReducedModel -> dem.Wall: its modes, its residual compliance
-    impact     (chain, wall, v0, duration=..., error=...): judged, then marched
+    reduced_wall.wall_of    rom.ReducedModel -> dem.Wall: its modes, its residual compliance
+    impact     (chain, wall, v0, duration=..., error=...): the march, after its verdict
     prune      the same wall without the modes that do not matter
     rayleigh, ModalDamping, RayleighDamping    damping for wall_of
     verdict    whether chain and wall can work together, in sentences
@@ -19,12 +19,12 @@ Three things are easily left out of a wall made by hand, each some percent of th
 3. The surface. `flat` of dem.row_of_spheres is what the body struck is made of; without it the
    flat is rigid.
 
-    import coupling.wall  # loads rom, which other walls need not
+    import coupling.reduced_wall  # loads rom, which other walls need not
 
     row = dem.row_of_spheres(0.0127, 7800.0, 210e9, 0.3, count=17, preload=15.0,
                              flat=dem.Flat(210e9, 0.3))
     row.mass[-1] += 0.134
-    wall = coupling.wall.wall_of(reduced)
+    wall = coupling.reduced_wall.wall_of(reduced)
     result = coupling.impact(row, wall, [0.31] + 16 * [0.0], duration=3e-3, error=1e-4)
     result.trajectory.contact_force[:, -1].max()
 

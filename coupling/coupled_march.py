@@ -2,8 +2,9 @@
 
     m x'' = forces of the neighbours,   q'' + D q' + diag(omega^2) q = g F,   F = F(x_n - h^T q)
 
-by an adaptive Runge-Kutta method of order 8 over spheres and modes at once: slow, and independent
-of the splitting in dem. Hairer, Norsett and Wanner, Solving ODE I (1993), II.5.
+by an adaptive Runge-Kutta method of order 8 over spheres and modes at once: slower than the
+splittings of dem, which it shares no code with, so that each verifies the other. Hairer, Norsett
+and Wanner, Solving ODE I (1993), II.5.
 """
 
 import math
@@ -22,8 +23,8 @@ CLIPPED = {"linear-clipped", "hunt-crossley"}
 
 
 class EnergyGain(NamedTuple):
-    """Energy made out of nothing over a run, relative to that of the striker: at most, at the end,
-    and the time [s] of the largest."""
+    """Energy that a run has made out of nothing, over the striker's: its largest value, that at the
+    end, and the time [s] of the largest."""
 
     largest: float
     final: float
@@ -84,6 +85,8 @@ def march_coupled(
         lost = [contacts.damping @ contacts.approach, p @ drag]
         return np.concatenate([v, net / chain.mass, p, p_rate, lost])
 
+    # rounding limits the tolerance; steps stay below the stability limit of the fastest mode or
+    # damper, which the error control alone would meet again and again
     t = np.linspace(0, duration, n_save + 1)
     tolerance = max(error, 1e-13)
     solution = solve_ivp(

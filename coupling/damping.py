@@ -16,7 +16,7 @@ UNCOUPLED = 1e-6  # largest normalised off-diagonal modal damping that counts as
 
 
 class ModalDamping(NamedTuple):
-    """Damping ratios of modes: one number for all, or a table over frequency.
+    """Damping ratios of modes: one number for all, one for each, or a table over frequency.
 
     ratio () or (k,); frequency_hz None or (k,) ascending. pairing "interpolate" is linear between
     the entries and constant outside; "nearest" gives each mode the entry nearest on a log scale.
@@ -56,7 +56,7 @@ def rayleigh(
     if alpha < 0 or beta < 0:
         raise CouplingError(
             f"damping ratios {zeta_1:g} at {frequency_1_hz:g} Hz and {zeta_2:g} at "
-            f"{frequency_2_hz:g} Hz want alpha={alpha:.3g}, beta={beta:.3g}; a negative one feeds "
+            f"{frequency_2_hz:g} Hz need alpha={alpha:.3g}, beta={beta:.3g}; a negative one feeds "
             f"energy into other modes; use modal ratios instead."
         )
     return RayleighDamping(float(alpha), float(beta))
@@ -97,8 +97,8 @@ def damping_ratios(damping: Damping | None, omega: np.ndarray) -> np.ndarray:
         table_hz = np.asarray(damping.frequency_hz, dtype=float)
         if table_hz.shape != ratio.shape or not (np.diff(table_hz) > 0).all():
             raise CouplingError(
-                f"the damping table has {table_hz.size} frequencies and {ratio.size} ratios; it "
-                f"wants as many of both, frequencies ascending."
+                f"the damping table has {table_hz.size} frequencies and {ratio.size} ratios; give "
+                f"as many of both, frequencies ascending."
             )
         if table_hz[0] <= 0:
             raise CouplingError(f"the damping table starts at {table_hz[0]:g} Hz; start above 0.")

@@ -1,7 +1,7 @@
 """Walls of one structure struck at many points: modes in common, oscillators of each for the rest.
 
-The same wall as `coupling.wall` makes of a reduced model, u_w = sum phi_j q_j + s F, where the
-oscillators beyond the common modes are those of `rom.ManyContacts`, and s is minus the
+The same wall as `coupling.reduced_wall` makes of a reduced model, u_w = sum phi_j q_j + s F, where
+the oscillators beyond the common modes are those of `rom.ManyContacts`, and s is minus the
 half-space's compliance.
 """
 

@@ -31,8 +31,9 @@ class LongRun(NamedTuple):
 
 
 class Impact(NamedTuple):
-    """A coupled run: trajectory, the judgement before it, how its step was found (None for a given
-    step and for a CoupledWall), and the energy made of nothing (a passive wall: rounding)."""
+    """A coupled run: trajectory, the verdict before it, how its step was found (None for a given
+    step and for a CoupledWall), and the energy that it made out of nothing, which is rounding at a
+    passive wall."""
 
     trajectory: Trajectory
     verdict: Verdict

@@ -94,7 +94,8 @@ def without(wall: Wall, left_out: ArrayLike) -> Wall:
 
 
 def mode_costs(chain: Chain, wall: Wall, run: Trajectory) -> tuple[LeftOut, ...]:
-    """What leaving out each mode would cost, by the cheaper way, from the wall force of a run."""
+    """What leaving out each mode would cost, frozen or static, whichever costs less, estimated from
+    the wall force of a run."""
     # the velocity that a displacement held for a step makes, relative to the striker's
     F = run.contact_force[:, -1]
     h = run.t[1] - run.t[0]

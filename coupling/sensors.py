@@ -1,23 +1,32 @@
-"""Sensors on a chain: contact forces and motions of spheres as signals of an instrument.
+"""Sensors on a chain: signals of contact forces and motions of spheres, and the waves in them.
 
     y = gain * h(t) * s(t),   s = (F_i-1 + F_i) / 2,  its time derivative,  v_i  or  x_i
 
-A bead with a sensor inside measures the mean F of its two contact forces: C. Daraio, V. F.
-Nesterenko, E. B. Herbold, S. Jin, Phys. Rev. E 72 (2005) 016603. Forces and displacements count
-from the state that the run starts from, as those of a zeroed amplifier. All but `recorded` is
-linear in the run: derivatives by parameters may be passed in its place, along further axes.
+with the impulse response h of the instrument's band. A bead with a sensor inside measures the mean
+F of its two contact forces: C. Daraio, V. F. Nesterenko, E. B. Herbold, S. Jin, Phys. Rev. E 72
+(2005) 016603. Forces and displacements count from the state that the run starts from, as those of
+an amplifier set to zero. All but `recorded` is linear in the run, so that derivatives by parameters
+may take the run's place, along further axes.
+
+A further quantity needs: its case in `measured`; what of it has one crest a wave in
+`sensed_waves`; its keys and units in `workflows/scene/sensors.py` and `units.py` (GAINS).
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+import dem
 from coupling.band import Band, filtered
+from coupling.errors import CouplingError
+from dem.waves.labels import Label, labels
+from dem.waves.tracks import WaveTrack
 
-UNITS = {"force": "N", "force-rate": "N/s", "velocity": "m/s", "displacement": "m"}
+QUANTITIES = ("force", "force-rate", "velocity", "displacement")  # N, N/s, m/s, m
 NO_BAND = Band()
 
 
@@ -26,7 +35,7 @@ class Sensor(NamedTuple):
     the unit of its quantity."""
 
     sphere: int  # counted from 0, as in a run's columns
-    quantity: str  # one of UNITS
+    quantity: str  # one of QUANTITIES
     gain: float = 1.0
     band: Band = NO_BAND
     noise: float = 0.0  # rms over the largest value of the signal, of a synthetic record
@@ -41,18 +50,26 @@ def measured(
     contact_force: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """(k, m, ...) the quantities of m sensors at the instants t (k,) of a run or of its
-    derivatives: x, v (k, n, ...), contact_force (k, n or n - 1, ...)."""
+    derivatives: x, v (k, n, ...), contact_force (k, n or n - 1, ...).
+
+    Raises CouplingError for a quantity that is none of QUANTITIES.
+    """
     quantities = []
     for sensor in sensors:
         i = sensor.sphere
-        if sensor.quantity == "velocity":
-            quantities.append(v[:, i])
-        elif sensor.quantity == "displacement":
-            quantities.append(x[:, i] - x[0, i])
-        elif sensor.quantity == "force":
-            quantities.append(mean_force(contact_force, i))
-        else:  # the slope of a spline, as smooth as the force itself
-            quantities.append(CubicSpline(t, mean_force(contact_force, i))(t, 1))
+        match sensor.quantity:
+            case "velocity":
+                quantities.append(v[:, i])
+            case "displacement":
+                quantities.append(x[:, i] - x[0, i])
+            case "force":
+                quantities.append(mean_force(contact_force, i))
+            case "force-rate":  # the slope of a spline through the force
+                quantities.append(CubicSpline(t, mean_force(contact_force, i))(t, 1))
+            case unknown:
+                raise CouplingError(
+                    f"a sensor of {unknown!r} is unknown; take one of {', '.join(QUANTITIES)}."
+                )
     return np.stack(quantities, axis=1)
 
 
@@ -110,3 +127,118 @@ def quantised(
     range has no steps."""
     step = np.where(range_ > 0, range_, 1.0) / 2.0 ** (bits - 1)
     return np.clip(np.round(y / step), -(2.0 ** (bits - 1)), 2.0 ** (bits - 1) - 1) * step
+
+
+class CrestSearch(NamedTuple):
+    """Where a wave's crest is sought, in widths of the wave; not varied."""
+
+    top: float = 0.15  # to both sides of the crest, through which a parabola is laid
+    early: float = 0.7  # before the wave's time
+    late: float = 1.3  # behind it: a band delays what it shows
+
+
+class SensedWave(NamedTuple):
+    """A wave as a sensor shows it: the crest of the force or velocity in the signal's unit, times s
+    where the sensor shows its rate, over s where its integral."""
+
+    name: str
+    time: float  # [s]
+    height: float
+
+
+def sensed_waves(
+    sensor: Sensor,
+    t: NDArray[np.float64],
+    y: NDArray[np.float64],
+    named: Sequence[Label],
+    search: CrestSearch = CrestSearch(),
+) -> tuple[SensedWave, ...]:
+    """The waves named at the sensor's sphere that have a crest of their own in its signal (k,).
+
+    A crest at the end of what is searched belongs to another wave, or to none.
+    """
+    if not named:
+        return ()
+    times = [label.arrival.time for label in named]
+    midways = [-np.inf, *(0.5 * (a + b) for a, b in pairwise(times)), np.inf]
+    dt, signal, waves = t[1] - t[0], np.sign(sensor.gain) * y, []
+    for label, (start, end) in zip(named, pairwise(midways), strict=True):
+        time, velocity, width, _ = label.arrival
+        if not np.isfinite(width):
+            continue
+
+        # one crest a wave, positive in either direction
+        reach = max(1, round(search.top * width / dt))  # samples
+        direction = 1.0 if sensor.quantity.startswith("force") else np.sign(velocity)
+        shape = direction * _force_or_velocity(sensor.quantity, t, signal, reach)
+
+        # the highest sample near the wave's time, no nearer to another wave's
+        low, high = max(time - search.early * width, start), min(time + search.late * width, end)
+        inside = np.flatnonzero((t > low) & (t < high))
+        if not len(inside):
+            continue
+        k = inside[shape[inside].argmax()]
+        if k - reach <= inside[0] or k + reach >= inside[-1] or shape[k] <= 0.0:
+            continue
+
+        # a parabola through the top, between samples and less of the noise
+        top = slice(k - reach, k + reach + 1)
+        a, b, c = np.polyfit(t[top] - t[k], shape[top], 2)
+        if a >= 0.0:
+            continue
+        crest, height = float(t[k] - 0.5 * b / a), float(direction * (c - 0.25 * b * b / a))
+        waves.append(SensedWave(label.name, crest, height))
+    return tuple(waves)
+
+
+def _force_or_velocity(
+    quantity: str, t: NDArray[np.float64], y: NDArray[np.float64], reach: int
+) -> NDArray[np.float64]:
+    """The signal with one crest a wave (k,): of a force rate its integral by trapezoids, of a
+    displacement its slope over `reach` samples to both sides."""
+    dt = t[1] - t[0]
+    if quantity == "force-rate":
+        return np.concatenate([[0.0], np.cumsum(0.5 * dt * (y[1:] + y[:-1]))])
+    if quantity == "displacement":
+        ends = np.pad(y, reach, mode="edge")
+        return (ends[2 * reach :] - ends[: -2 * reach]) / (2 * reach * dt)
+    return y
+
+
+def flight(waves: Sequence[SensedWave]) -> tuple[float | None, float | None]:
+    """Time [s] from the incident to the first reflected wave and the ratio of their heights; None
+    where the sensor does not show both."""
+    by_name = {wave.name: wave for wave in waves}
+    incident, reflected = (by_name.get(name) for name in ("incident", "reflected 1"))
+    if incident is None or reflected is None:
+        return None, None
+    return reflected.time - incident.time, abs(reflected.height / incident.height)
+
+
+class SensorRecord(NamedTuple):
+    """Signals (k, m) at the instrument's instants t (k,) [s], and the waves that each shows."""
+
+    t: NDArray[np.float64]
+    y: NDArray[np.float64]
+    waves: tuple[tuple[SensedWave, ...], ...]
+
+
+def sensor_record(
+    sensors: Sequence[Sensor],
+    run: dem.Trajectory,
+    tracks: Sequence[WaveTrack],
+    *,
+    sampling: float,
+    bits: int | None,
+    seed: int,
+) -> SensorRecord:
+    """Signals of a run at a sampling rate [Hz], rounded to `bits` (None: not rounded), with noise
+    from `seed`, and the waves in them."""
+    at = instants(run.t, sampling)
+    quantities = measured(sensors, run.t, run.x, run.v, run.contact_force)
+    y = recorded(sensors, signals(sensors, run.t, quantities, at), bits, seed)
+    waves = []
+    for sensor, signal in zip(sensors, y.T, strict=True):
+        named = labels(tracks, run.t, run.v[:, sensor.sphere], sensor.sphere + 1)
+        waves.append(sensed_waves(sensor, at, signal, named))
+    return SensorRecord(at, y, tuple(waves))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coupling.wall import moving_mask, moving_modes, with_oscillator
+from coupling.reduced_wall import moving_mask, moving_modes, with_oscillator
 from rom import ModalWall, ReducedModel, modal
 
 
@@ -22,7 +22,8 @@ class SurfaceModes(NamedTuple):
 def wall_modes(
     reduced: ReducedModel, omega: np.ndarray, phi: np.ndarray, *, cutoff_hz: float | None = None
 ) -> SurfaceModes:
-    """Shapes of the modes with omega and phi (k,) of the wall that the model was made into."""
+    """Shapes of the wall's modes, which are known by their omega [rad/s] and phi [kg^-1/2] (k,);
+    `cutoff_hz` is that with which the wall was made of the model."""
     weights = reduced.contact.weights_read
     if weights is not None and cutoff_hz is None:
         cutoff_hz = np.inf
@@ -74,9 +75,9 @@ class Moved(NamedTuple):
 def shown_shapes(
     reduced: ReducedModel, frequency_hz: Sequence[float], moved: Moved | None
 ) -> Shapes:
-    """Shapes of the wall's modes that show in a run, and of the modes listed that are none of
-    them; those that together move no node by more than a thousandth of the largest displacement
-    are left out."""
+    """Shapes of the wall's modes that are visible in a run, and of listed modes that are not among
+    them. The smallest modes are left out as long as together they move no node by more than a
+    thousandth of the largest displacement."""
     listed = structure_modes(reduced, np.array(frequency_hz))
     exists = listed.omega > 0
     if moved is None:

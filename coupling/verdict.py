@@ -47,8 +47,10 @@ def largest_monotone_force(residual: float, contact_coefficient: float) -> float
 def predicted_peak_force(chain: Chain, v0: ArrayLike, A: ArrayLike) -> np.ndarray:
     """Largest forces [N] at contacts of coefficients A [N/m^1.5], steady forces included.
 
-    The smaller of that of one sphere with all of the difference in velocity, by Hertz times 1.03
-    (Falcon: a column of spheres reaches 1.024 of it), and that of one contact with all the energy.
+    The smaller of two bounds: the force of one sphere that meets the contact with the whole
+    difference of velocities, F = A^(2/5) (5/4 m V^2)^(3/5), times 1.03 (a column of spheres reaches
+    1.024 of it: E. Falcon et al., Eur. Phys. J. B 3 (1998) 45); and the force at which one contact
+    holds all kinetic energy E = 2/5 F delta, F = A^(2/5) (5/2 E)^(3/5).
     """
     v0, mass, A = np.asarray(v0, dtype=float), np.asarray(chain.mass), np.asarray(A, dtype=float)
     swing = v0.max(initial=0.0) - v0.min(initial=0.0)
@@ -77,7 +79,22 @@ def verdict(chain: Chain, wall: Wall | CoupledWall | None, v0: ArrayLike) -> Ver
             f"{force:.3g} N, since the residual compliance is {s:.3g} m/N; lower the "
             f"cutoff frequency or load a larger patch."
         )
-    energy_source = _energy_source(wall)
+    energy_source = None
+    if isinstance(wall, CoupledWall):
+        from rom import is_indefinite  # scipy.sparse, for a tenth of a second
+
+        if not wall.reciprocal:
+            energy_source = (
+                "The force enters through other weights than the displacement is read, so the "
+                "wall is not passive and will generate energy; use one contact functional for both."
+            )
+        elif is_indefinite(wall.D):
+            energy_source = "The wall's damping is negative."
+    elif wall is not None and not (np.all(wall.zeta >= 0) and wall.mobility >= 0):
+        energy_source = (
+            f"The wall has a damping ratio of {np.min(wall.zeta, initial=0.0):.3g} and a mobility "
+            f"of {wall.mobility:.3g}; both must be >= 0, or it generates energy."
+        )
     if energy_source:
         findings.append(energy_source)
     if n_modes and not np.any(_reading(wall)):
@@ -113,10 +130,12 @@ def verdict(chain: Chain, wall: Wall | CoupledWall | None, v0: ArrayLike) -> Ver
 def _contact_frequency(
     chain: Chain, wall: Wall | CoupledWall | None, v0: ArrayLike, stiffness: float
 ) -> float:
-    """Largest circular frequency [rad/s] of the contacts at their peak forces, k / reduced mass;
-    stiffness [N/m] is that of the last one at the wall.
+    """Largest circular frequency [rad/s] of the contacts at their peak forces; stiffness [N/m] is
+    that of the last one at the wall.
 
-    Neighbours share a sphere: a Gershgorin bound of the symmetrised contact matrix.
+    The gaps g_i between neighbours obey g'' = -B k g with B_ii = 1/m_i + 1/m_{i+1} and
+    B_i,i+1 = -1/m_{i+1}, as neighbouring contacts share a sphere. Gershgorin's theorem bounds the
+    eigenvalues of the symmetric sqrt(k) B sqrt(k) by the largest sum of a row.
     """
     inverse, A = 1 / np.asarray(chain.mass), np.asarray(chain.A)
     between = A[: len(inverse) - 1]
@@ -133,25 +152,6 @@ def _contact_frequency(
 def _reading(wall: Wall | CoupledWall) -> np.ndarray:
     """Weights (k,) [kg^-1/2] by which the modes are read at the contact."""
     return wall.reading if isinstance(wall, CoupledWall) else wall.phi
-
-
-def _energy_source(wall: Wall | CoupledWall | None) -> str | None:
-    """Why a wall is not passive, in a sentence; None where it is."""
-    if isinstance(wall, CoupledWall):
-        if not wall.reciprocal:
-            return (
-                "The force enters through other weights than the displacement is read, so the "
-                "wall is not passive and will generate energy; use one contact functional for both."
-            )
-        from rom import is_indefinite  # scipy.sparse, for a tenth of a second
-
-        return "The wall's damping is negative." if is_indefinite(wall.D) else None
-    if wall is None or (np.all(wall.zeta >= 0) and wall.mobility >= 0):
-        return None
-    return (
-        f"The wall has a damping ratio of {np.min(wall.zeta, initial=0.0):.3g} and a mobility of "
-        f"{wall.mobility:.3g}; both must be >= 0, or it generates energy."
-    )
 
 
 def large_step_error(error: float | None) -> Iterator[str]:

@@ -9,7 +9,7 @@
 
 Velocities and forces are positive towards the wall; sphere 1 is the striker. A Wall has omega (n,)
 [rad/s], zeta (n,), phi (n,) [kg^-1/2] and residual_compliance [m/N], a massless spring in series
-with the contact; `coupling.wall.wall_of` makes one of a reduced model.
+with the contact; `coupling.reduced_wall.wall_of` makes one of a reduced model.
 
 >>> import numpy as np
 >>> chain = row_of_spheres(0.0127, 7800.0, 210e9, 0.3, count=5)

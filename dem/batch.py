@@ -68,8 +68,10 @@ class BatchSearch(NamedTuple):
     pilot_share: float = 0.95  # of the pilots that are to keep pilot_error
     pilot_error: float = 0.6  # estimate over the error asked for
     pilot_bounds: tuple[float, float] = (0.25, 3.0)  # times longer, by one round of pilots
-    settled: tuple[float, float] = (0.6, 1.6)  # times longer: not worth another round
-    chaotic: float = 1e-2  # difference beyond which a chain, if it keeps its energy, says nothing
+    settled: tuple[float, float] = (0.6, 1.6)  # times longer: no further round of pilots
+    # velocity difference beyond which a pilot that keeps its energy counts as chaotic: then the
+    # difference says nothing about the step
+    chaotic: float = 1e-2
 
     # steps H of the coarse march over those h of the fine one
     first_ratio: float = 4.0  # of the first pair: the coarse march adds a quarter of the cost
@@ -155,11 +157,14 @@ def march_batch(
 def _march_to_error(chains, error, request, search=USUAL_SEARCH):
     """Every chain to the error by steps of its own, judged by its own marches.
 
-    First steps are the same share of the period of each chain's fastest contact, the share that
-    the chains of a pilot need. A chain that misses the error is marched by shorter steps, beside
-    the same coarse march where little is missing, else beside its last one. Chains that do not get
-    there are left to `march_to_error`, except those that make far more than the error of rounding:
-    no step mends that.
+    Each chain is marched twice, by fine steps h and coarse steps H. Its error is estimated from the
+    difference of the two by Richardson's extrapolation, e = |v_h - v_H| / ((H / h)^p - 1).
+
+    The first steps are the same share of the period of each chain's fastest contact, found with the
+    chains of a pilot. A chain that misses the error is marched by shorter steps, beside the same
+    coarse march where few more are needed, else beside its last one. Chains that do not reach the
+    error this way are left to `march_to_error`, except those in which rounding alone grows far
+    beyond the error: no step mends that.
     """
     method = SCHEMES[request.scheme]
     count, k = chains.count, request.n_save + 1
@@ -235,12 +240,14 @@ def _march_to_error(chains, error, request, search=USUAL_SEARCH):
         difference = _velocity_difference(fine.v, coarse_v, speed[rows])
         refined = ~np.isnan(coarse_difference)
 
-        # falling faster than any scheme here, it is small by chance: of chains sensitive to all
+        # a difference that has fallen faster than any scheme's is small by chance, as happens in
+        # sensitive chains: it counts as if it had fallen by the fastest order
         fallen = coarse_difference / (coarse_steps / coarser_steps) ** search.fastest_order
         difference = np.where(fallen < np.inf, np.maximum(difference, fallen), difference)
 
-        # estimate e = difference / ((H/h)^p - 1): p is assumed for a first pair, and below the one
-        # that two differences show. Differences that hardly fall count in full and more
+        # estimate e = difference / ((H/h)^p - 1). For the first pair p is assumed; later it is the
+        # order that two differences show, less a caution. Where differences hardly fall p is small
+        # and e larger than the difference
         with np.errstate(divide="ignore", invalid="ignore"):
             fall = np.log(coarse_difference / difference)
             order = np.nan_to_num(fall / np.log(coarse_steps / coarser_steps), nan=0.0)
@@ -249,9 +256,9 @@ def _march_to_error(chains, error, request, search=USUAL_SEARCH):
         ratio = fine.n_steps / coarse_steps
         estimate = difference / (ratio**order - 1.0)
 
-        # of refined chains also what they make of rounding: the same march from velocities changed
-        # by a random walk of the roundings of all evaluations. Of alternating sign: of one sign, it
-        # would be a mere scale of speeds
+        # of refined chains also the effect of rounding: the same march from velocities changed by
+        # the length of a random walk of the roundings of all evaluations. The changes alternate in
+        # sign, since changes of one sign would only scale all speeds
         again = np.flatnonzero(refined)
         if again.size:
             evaluations = fine.n_steps[again] * method.evaluations
@@ -282,8 +289,8 @@ def _march_to_error(chains, error, request, search=USUAL_SEARCH):
         if not missed.size:
             break
 
-        # the others: a little finer beside the same coarse march where that is near enough, else
-        # four times as fine beside the fine march
+        # next pairs of the others: a finer march beside the same coarse one where few more steps
+        # should do, else one of `first_ratio` times the steps beside the fine march
         shorter = (search.error_margin * excess[missed]) ** (1.0 / search.step_order)
         shorter = np.maximum(shorter, 1.15)
         same = ~refined[missed] & (ratio[missed] * shorter <= search.largest_ratio)

@@ -30,16 +30,26 @@ PER_SPHERE = (
 
 
 class Chain(NamedTuple):
-    """Spheres 1..n from the striker to the wall; the absent parts are None.
+    """Spheres 1..n from the striker to the wall; parts that are absent are None.
 
-    Damping force of a contact: "linear" and "linear-clipped" gamma delta' [N s/m] while it is
-    closed, "hunt-crossley" gamma delta' A delta^(3/2), gamma in [s/m]. Only "linear" can pull.
-    Of a contact with a residual compliance s behind it, delta gives way by 1 / (1 + s k) of the
-    gap, k = 3/2 A delta^(1/2), and the spring hands on as much of the damping force: F has
-    gamma / (1 + s k)^2 of the gap's rate, right to first order in the damping.
-    Beyond its yield overlap a contact follows C. Thornton, J. Appl. Mech. 64 (1997) 383.
-    Under gravity the first n_falling spheres are in flight at the start, just touching: the others
-    do not carry them. Friction of the guides follows Coulomb; the start knows none.
+    Force of a closed contact with overlap delta, elastic force F_el = A delta^(3/2) (Hertz) and
+    rate of approach delta':
+
+        none             F_el
+        linear           F_el + gamma delta'            gamma [N s/m]; may pull at separation
+        linear-clipped   the same, but never below 0
+        hunt-crossley    F_el (1 + gamma delta')        gamma [s/m]; never below 0
+
+    (Hunt and Crossley, J. Appl. Mech. 42 (1975) 440: the damping vanishes with the contact area,
+    so that the force does not jump when the contact closes.) Where the wall has a residual
+    compliance s, contact and spring are in series: delta' is 1 / (1 + s k) of the gap's rate, with
+    the contact's stiffness k = 3/2 A delta^(1/2), and the spring passes on the same share of the
+    damping force, so that gamma acts as gamma / (1 + s k)^2 on the gap's rate. This is right to
+    first order in the damping.
+
+    Beyond its yield overlap a contact follows C. Thornton, J. Appl. Mech. 64 (1997) 383. Under
+    gravity the first n_falling spheres are in flight at the start, just touching: the others do not
+    carry them. Guides act by Coulomb friction, which is zero in the state of rest at the start.
     """
 
     mass: Array  # (n,) [kg]
@@ -140,6 +150,7 @@ def row_of_spheres(
             [np.broadcast_to(values, (*lead, values.shape[-1])) for values in (A, A_wall)], axis=-1
         )
 
+    # further fields, one value for each sphere or each contact
     contacts = A.shape[-1]
     sizes = {
         "gamma": contacts, "leaf_stiffness": n, "leaf_anchor": n, "yield_overlap": contacts,
@@ -151,7 +162,9 @@ def row_of_spheres(
     factor = spread("stiffness_factor", stiffness_factor, contacts)
     further = ", ".join(name for name in Chain._fields if name not in ("mass", "radius", "A"))
     for name in fields:
-        require(name in Chain._fields, f"{name!r} is no part of a chain; take one of {further}")
+        require(
+            name in Chain._fields, f"{name!r} is no field of a dem.Chain; take one of {further}"
+        )
     chain = Chain(mass(R, rho), R.copy(), A * factor, **fields)
     if all(np.ndim(values) < 2 for values in chain):  # `Chains` looks at those of a batch
         validate(chain, None if flat is None else rigid_wall(), np.zeros(n))
@@ -160,8 +173,11 @@ def row_of_spheres(
 
 def validate(chain: Chain, wall: Wall | None, v0: ArrayLike) -> None:
     """Raise InvalidChain with one sentence if anything is missing, not finite or out of range."""
-    require(isinstance(chain, Chain), "the chain is none; give a dem.Chain")
-    require(wall is None or isinstance(wall, Wall), "the wall is none; give a dem.Wall or None")
+    require(isinstance(chain, Chain), f"the chain is a {type(chain).__name__}; give a dem.Chain")
+    require(
+        wall is None or isinstance(wall, Wall),
+        f"the wall is a {type(wall).__name__}; give a dem.Wall, or None for a free chain",
+    )
     arrays(chain, PER_SPHERE)
     n = np.size(chain.mass)
     n_contacts = n - 1 if wall is None else n

@@ -49,7 +49,7 @@ class Chains:
             for name, (values, axes) in fields.items()
         }
 
-        # the first and the last chain in full, of the others only what arrays can tell at once
+        # the first and the last chain are checked in full, the others as far as whole arrays can be
         for i in {0, self.count - 1}:
             validate(*self[i])
         bad = [name for name, values in self.arrays.items() if not np.isfinite(values).all()]

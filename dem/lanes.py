@@ -1,6 +1,7 @@
 """Chains of a batch in the lanes of vector registers: packed into blocks, marched by threads.
 
-A block holds LANES chains; the last one is filled up with the batch's last chain.
+A block holds LANES chains, one in each lane of a register, so that one instruction advances the
+same sphere of all of them; the last block is filled up with the batch's last chain.
 """
 
 from concurrent.futures import ThreadPoolExecutor

@@ -1,13 +1,22 @@
 """Symmetric splittings of a chain into drift (free flight, leaf springs, wall modes: exact) and
 kick (contacts), each a list of fractions of the step.
 
-A step is kick b[0], drift a[0], kick b[1], ..., kick b[-1], a palindrome; schemes that start with
-a drift have b[0] = 0. Three kinds differ in what they need to keep their order:
-"nystrom" a kick that depends on positions alone (no contact damping, no dashpot wall),
-"exact" the exact flow of the kick (no contact damping),
-"composed" nothing, being made of symmetric drift-kick-drift steps,
-"implicit" nothing either: b are fractions of the step, in each of which contacts act with their
-mean force; energy is kept to rounding at any step, at the price of Newton iterations.
+    H = A + B,   exp(h (A + B)) ~ exp(b_0 h B) exp(a_0 h A) exp(b_1 h B) ... exp(b_m h B)
+
+with the flow A of a drift and B of a kick. Each factor is the exact flow of a Hamiltonian, so the
+step is symplectic: without damping its energy error stays bounded instead of growing with time.
+Equal fractions read from either end (a palindrome) make the step reversible in time and its order
+even. The first fractions of each list are those of the papers; the middle one follows from the sum
+1. Beyond order 2 some fractions are negative (Suzuki): steps back in time, which amplify damping.
+
+Schemes that start with a drift have b[0] = 0. Four kinds differ in what keeps their order:
+"nystrom"   a kick that depends on positions alone (no contact damping, no dashpot wall): then
+            [B, [B, [B, A]]] = 0, and fewer order conditions need to be met
+"exact"     the exact flow of the kick (no contact damping)
+"composed"  no condition: they are made of symmetric drift-kick-drift steps
+"implicit"  no condition: b are fractions of the step, in each of which contacts act with their
+            mean force over the move, (W(d_1) - W(d_0)) / (d_1 - d_0) of the contact's energy W; so
+            energy is kept to rounding at any step, at the price of Newton iterations
 
 [1] S. Blanes, P. C. Moan, J. Comput. Appl. Math. 142 (2002) 313, tables 2 and 3.
 [2] M. Suzuki, Phys. Lett. A 146 (1990) 319.
@@ -44,7 +53,7 @@ class Scheme(NamedTuple):
 
 
 def _palindrome(half, n):
-    """The first terms of a palindrome of n terms with sum 1, completed."""
+    """(n,) fractions with sum 1 that read the same from either end, from the first of them."""
     half = np.array(half)
     rest = 1.0 - 2.0 * half.sum()
     middle = [rest] if n == 2 * half.size + 1 else [rest / 2, rest / 2]
@@ -52,7 +61,8 @@ def _palindrome(half, n):
 
 
 def _composition(gamma, n):
-    """Drift-kick-drift steps of the fractions gamma, neighbouring drifts merged."""
+    """Fractions a, b of n drift-kick-drift steps over gamma_i h, whose first are given; the half
+    drifts of neighbours are merged: a_i = (gamma_i-1 + gamma_i) / 2."""
     b = _palindrome(gamma, n)
     a = 0.5 * np.concatenate([b[:1], b[1:] + b[:-1], b[-1:]])
     return a, b
@@ -95,8 +105,12 @@ _KAHAN_LI8 = _composition([
 # fmt: on
 
 
-def _hurwitz(p, a):
-    """zeta(-p, a) for a > 0 (Euler-Maclaurin from ten terms on)."""
+def hurwitz_zeta(p, a):
+    """zeta(-p, a) of Hurwitz, the continuation of sum_k (a + k)^p, for a > 0.
+
+    Ten terms of the sum, the rest by the formula of Euler and Maclaurin, whose Bernoulli numbers
+    B_2k / (2k)! are those of the loop.
+    """
     head = sum((a + k) ** p for k in range(10))
     a = a + 10
     tail = -(a ** (p + 1)) / (p + 1) + a**p / 2
@@ -107,23 +121,31 @@ def _hurwitz(p, a):
     return head + tail
 
 
-def _zeta_tail(b, nodes, degree=14):
-    """(3, degree + 1) polynomials in 2 theta - 1, highest power first, of
-    sum b zeta(-p, 2 + nodes - theta) for p = 3/2, 5/2, 7/2."""
-    z = np.cos(np.pi * (np.arange(32) + 0.5) / 32)
-    a = 2.0 + nodes[:, None] - 0.5 * (z + 1.0)
-    sums = [b @ _hurwitz(p, a) for p in (1.5, 2.5, 3.5)]
-    return np.array([np.polynomial.Polynomial.fit(z, s, degree, [-1, 1]).coef[::-1] for s in sums])
+def _scheme(name, order, a, b, kind, degree=14):
+    """The scheme with the fractions a, b, and its correction for contacts that open or close.
 
-
-def _scheme(name, order, a, b, kind):
+    Such a contact has a force of powers p = 3/2, 5/2, 7/2 of the time since it closed, at the
+    fraction theta of a step. The scheme's kicks sum this force at their nodes t, where the exact
+    impulse is its integral; the difference is, as in the formula of Euler and Maclaurin for a
+    singular end, a sum of Hurwitz zeta functions, sum_i b_i zeta(-p, t_i - theta) (J. N. Lyness, B.
+    W. Ninham, Math. Comput. 21 (1967) 162). Kernels add its terms of two steps themselves
+    (`dem.kernels.events`) and take the rest, sum_i b_i zeta(-p, 2 + t_i - theta), from polynomials
+    of 2 theta - 1, fitted here at Chebyshev points.
+    """
     if kind == "implicit":
         return Scheme(name, order, a, b, kind, None)
     if b.size < a.size:
         b = np.concatenate([[0.0], b, [0.0]])
     nodes = np.concatenate([[0.0], np.cumsum(a)])
-    correction = Correction(b, nodes, _zeta_tail(b, nodes)) if order > 2 else None
-    return Scheme(name, order, a, b, kind, correction)
+    if order == 2:
+        return Scheme(name, order, a, b, kind, None)
+
+    z = np.cos(np.pi * (np.arange(32) + 0.5) / 32)
+    distance = 2.0 + nodes[:, None] - 0.5 * (z + 1.0)
+    sums = [b @ hurwitz_zeta(p, distance) for p in (1.5, 2.5, 3.5)]
+    # (3, degree + 1), highest power first
+    tail = np.array([np.polynomial.Polynomial.fit(z, s, degree, [-1, 1]).coef[::-1] for s in sums])
+    return Scheme(name, order, a, b, kind, Correction(b, nodes, tail))
 
 
 SCHEMES = {

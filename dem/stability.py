@@ -1,7 +1,10 @@
 """The longest step with which a march is stable.
 
-Wall modes and leaf springs are advanced exactly and set no limit; contacts do, through the linear
-stability interval of the scheme: dt * omega below `stability_interval`.
+Wall modes and leaf springs are advanced exactly and set no limit. Contacts do: for a linear contact
+x'' = -omega^2 x a step is a matrix S(dt omega) with determinant 1, whose powers stay bounded while
+|trace S| < 2 (Hairer, Lubich and Wanner, Geometric Numerical Integration (2006), ch. I). The
+largest dt omega up to which this holds is the scheme's `stability_interval`, 2 for Verlet's. omega
+is that of the stiffest contact at the largest force it can reach (`fastest_rate`).
 """
 
 from functools import cache
@@ -61,7 +64,7 @@ def refuse_step(prepared: PreparedChain, v0: ArrayLike, dt: float, scheme: Schem
 
 def fastest_rate(prepared: PreparedChain, v0: ArrayLike) -> float:
     """Upper estimate of the largest contact frequency [rad/s]: all kinetic energy in one contact,
-    on top of the static force. Wall modes faster than the contact itself are springs to it."""
+    on top of the static force. Wall modes faster than the contact act on it as springs."""
     chain, wall = prepared.chain, prepared.wall
     omega = phi = np.zeros(0)
     if wall is not None and wall.omega.size:

@@ -2,7 +2,10 @@
 
     f_{i-1} - f_i - k_i (x_i - a_i) + m_i g = 0,     f_i = A_i d_i^(3/2),     preload on the last
 
-A column that leans on a wall is summed from its top; Newton's method finds everything else.
+A column that leans on a wall is statically determinate: each contact carries all that is above it.
+All other states are found by Newton's method. Contacts that are open have no stiffness, so that the
+tangent would be singular; a small stiffness is added to it, which changes the path of the
+iterations and not their end.
 """
 
 from typing import NamedTuple

@@ -247,6 +247,7 @@ def chain_arrays(prepared: PreparedChain, state: State, scheme: Scheme, h: float
     implicit = scheme.kind == "implicit"
     spans = h * (scheme.b if implicit else scheme.a)
 
+    # each sphere on its leaf spring is an undamped oscillator about its static position
     leaf = None
     if chain.leaf_stiffness is not None and np.any(chain.leaf_stiffness):
         omega = np.sqrt(chain.leaf_stiffness / chain.mass)
@@ -258,6 +259,7 @@ def chain_arrays(prepared: PreparedChain, state: State, scheme: Scheme, h: float
             _step_responses(omega, undamped, spans) if implicit else None,
         )
 
+    # modes move about their static displacements, so that a chain at rest stays so to rounding
     modes = None
     if state.q.size:
         arrays = (state.q.copy(), state.p.copy(), wall.phi, wall.omega, static.q)
@@ -278,6 +280,7 @@ def chain_arrays(prepared: PreparedChain, state: State, scheme: Scheme, h: float
             plastic.top[i] = top
             _, plastic.coefficient[i], plastic.crater[i] = plastic_loss(limit[i], top, chain.A[i])
 
+    # absent parts are None, and compiled out; a bare chain takes the shortest kernel
     friction = np.asarray(chain.friction, float) if chain.slides else None
     bare = all(array is None for array in (load, leaf, damping, plastic, friction))
     return ChainArrays(

@@ -1,7 +1,8 @@
 """Limits of the contact law, and how far a run exceeds them.
 
-Hertz' law holds for contacts that are small relative to the spheres, elastic material, and impacts
-that are slow relative to sound; beyond, a right solution of the equations is no prediction.
+Hertz' law holds for contacts that are small relative to the spheres, for elastic material, and for
+impacts that are slow relative to sound. Beyond these limits even an exact solution of the equations
+does not predict an experiment.
 K. L. Johnson, Contact Mechanics, Cambridge 1985, sec. 4.2, 6.1 (first yield at a pressure of 1.6
 times the yield stress) and 11.4 (quasi-static impacts).
 """
@@ -42,20 +43,27 @@ class Strain(NamedTuple):
 def strain(chain: Chain, young: ArrayLike, contact_force: Array, v: Array) -> Strain:
     """Strain of a run; young (n,) [Pa], contact_force (k, n_contacts), v (k, n).
 
-    Contacts that yield by their own law (`yield_overlap`) count for the pressure no more. Raises
+    The pressure is not compared where contacts yield by their own law (`yield_overlap`). Raises
     InvalidChain.
     """
     for name, values in (("young", young), ("contact_force", contact_force), ("v", v)):
         if not np.isfinite(values).all():
             raise InvalidChain(f"{name} of the run has values that are not finite; march it anew")
+
+    # each contact at its largest force: relative radius R, the smaller sphere, the softer material
     young = np.broadcast_to(np.asarray(young, float), chain.mass.shape)
     peak = np.asarray(contact_force).max(axis=0, initial=0.0)
     R = radii_of_contacts(chain.radius)
     R, smaller, E = (values[: peak.size] for values in (R, _lesser(chain.radius), _lesser(young)))
     E_star = modulus_of_contact(chain.A, R)
+
+    # first yield lies below the surface where p0 = 1.6 Y (Johnson, sec. 6.1); Y / E is that of a
+    # hard steel, so that a warning holds for any softer one
     yielding = FIRST_YIELD * YIELD_STRAIN * E
     pressure = max_pressure(peak, R, E_star) * (chain.yield_overlap is None)
     worst = int((pressure / yielding).argmax()) if peak.size else None
+
+    # c = sqrt(E / rho) of a bar, rho from mass and radius
     sound = np.sqrt(young / (chain.mass / (4.0 / 3.0 * np.pi * chain.radius**3)))
     if chain.yield_overlap is None:
         a = contact_radius(peak, R, E_star)

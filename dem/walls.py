@@ -1,7 +1,9 @@
-"""Walls of a chain, which move by their modes, by a residual compliance, by a dashpot.
+"""What the last sphere of a chain hits: `Wall`, and the walls that closed formulas give.
 
-A reduced model becomes one in `coupling/wall.py`; the half-space of the last contact is in the
-contact's stiffness, `dem.Flat`.
+    u_w = sum_j phi_j q_j + s F + mobility * integral of F dt
+
+A wall of a reduced model is made by `coupling.reduced_wall`. How far a half-space of the wall's
+material is indented is part of the contact's stiffness, see `dem.Flat`.
 """
 
 from typing import NamedTuple
@@ -28,7 +30,7 @@ class Wall(NamedTuple):
 
 
 def rigid_wall() -> Wall:
-    """A wall that does not move."""
+    """A wall that does not move: no modes, no compliance."""
     return Wall(np.zeros(0), np.zeros(0), np.zeros(0))
 
 

@@ -23,7 +23,7 @@ from workflows.stages import bending
 from workflows.stages.impact import impact
 from workflows.stages.pipeline import pipeline_of
 from workflows.stages.signals import csv_text, record
-from workflows.stages.wall import wall_of
+from workflows.stages.walls import wall_of
 from workflows.stages.waves import waves
 
 NOISE = 0.003  # of the largest force

@@ -40,7 +40,7 @@ from workflows.stages.mesh_error import missed_energy
 from workflows.stages.parts import Parts
 from workflows.stages.pipeline import pipeline_of
 from workflows.stages.reduction import contact_of
-from workflows.stages.wall import wall_of
+from workflows.stages.walls import wall_of
 
 SCALES = (1.5, 1.0, 0.67)  # of mesh.scale, times that of the structure
 UNKNOWNS = (1.5e3, 3.5e3)  # of a structure at the middle scale, smallest and largest
@@ -299,10 +299,10 @@ def compared(scene: Scene) -> list[tuple[str, float, float, float]]:
             true = abs(computed[j] / hz_limit[j] - 1)
             if true > 2 * of_hz[j] / hz_limit[j]:
                 rows.append(("frequency", k, float(relative[j]), true))
-        table = {
-            q.name: (q.value, q.mesh, q.time + q.reduction)
-            for q in pipeline("quantity-errors").quantities
-        }
+        table = {}
+        for q in pipeline("quantity-errors").quantities:
+            mesh, time, reduction = np.array([q.mesh, q.time, q.reduction], float)  # None is nan
+            table[q.name] = q.value, mesh, time + reduction
         health = pipeline("reduction")
         compliance = float(np.sum((missed.w / missed.omega) ** 2)) - health.contact.half_space
         table["static_compliance"] = compliance, missed.of_compliance, 0.0

@@ -25,8 +25,9 @@ from typing import NamedTuple
 import numpy as np
 
 import dem
-from workflows.stages.chain import simple_wall, start, together
+from workflows.stages.chain import start, together
 from workflows.stages.impact import impact
+from workflows.stages.walls import simple_wall
 from workflows.sweep.cases import Base, base_of, checked, groups
 from workflows.sweep.core.design import Design
 from workflows.sweep.march import observed, rows

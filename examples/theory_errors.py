@@ -27,13 +27,13 @@ import dem
 import fem
 import geometry
 import rom
-from coupling.wall import wall_from_reduced
+from coupling.reduced_wall import wall_from_reduced
 from workflows.files.scene import scene
 from workflows.scene import Scene
 from workflows.stages import bending
 from workflows.stages.errors import observed, velocities
 from workflows.stages.pipeline import pipeline_of
-from workflows.stages.wall import wall_of
+from workflows.stages.walls import wall_of
 
 MATERIALS = ((210e9, 0.3, 7850.0), (70e9, 0.33, 2700.0), (3.2e9, 0.38, 1190.0), (110e9, 0.22, 7e3))
 STRUCK = "plate:+x"

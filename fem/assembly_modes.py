@@ -1,4 +1,4 @@
-"""The lowest modes of an assembly, as many as reach its targets, and which of them those are."""
+"""The lowest modes of an assembly, enough to contain its targets, and which modes these are."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from fem.mode_field import ModeField
 from fem.model import Model
 from fem.modes import Modes, modes, require_accurate
 
-N_MODES = (30, 80)  # the second where the first do not reach all targets
+N_MODES = (30, 80)  # the second number if the first modes do not contain all targets
 SHOWN = 12  # modes that are shown without targets
 
 
@@ -28,7 +28,7 @@ class AssemblyModes(NamedTuple):
     effective_mass: NDArray[np.float64]  # (k, 3) share of the mass along x, y, z
     field: ModeField  # all up to the highest target, or the lowest ones where there are none
     load_factor: float | None = None  # static load over that which buckles it; None where unloaded
-    overconstrained: tuple[Overconstrained, ...] = ()  # what two constraints asked for
+    overconstrained: tuple[Overconstrained, ...] = ()  # dofs that two constraints would hold
 
     @property
     def paired_hz(self) -> dict[str, float]:
@@ -50,6 +50,8 @@ def assembly_modes(
     """
     if known is not None:
         require_accurate(known, model.K, model.M, 0.0)
+
+    # first few modes, then more if targets are missing
     for n_modes in N_MODES:
         n = min(n_modes, model.K.shape[0] - 2)
         if known is None:
@@ -66,6 +68,8 @@ def assembly_modes(
     index = np.arange(last) if last else elastic[:SHOWN]
     target = np.zeros(len(solution.omega), dtype=int)
     target[paired.index[paired.index >= 0]] = np.flatnonzero(paired.index >= 0) + 1
+
+    # shapes at the vertices of the bodies, in single precision, for pictures
     structure = model.structure
     u = (model.T @ solution.phi[:, index]).astype(np.float32)
     corners = [structure.first[body] + b.nodal_dofs.T for body, b in structure.basis.items()]

@@ -8,10 +8,15 @@ works on the whole slope w', as Engesser has it and as K_G of a solid does: a hi
 P_E / (1 + P_E / kappa G A), P_E = pi^2 E I / L^2. Haringx' theory, where N stands across the turned
 section, differs by the square of P_E / kappa G A.
 w is the mean deflection of a section. The chain touches the middle of its surface, which bulges
-where the section bends, u_z = w - nu w'' / 2 (z^2 - y^2 - (h^2 - b^2) / 12) (Timoshenko and
-Goodier, sec. 102, less its mean): there it moves by nu (2 h^2 + b^2) / 24 times the curvature less
-than w, and a force on it bends the beam by that much less. Both are the mean of w at
-+- sqrt(nu (2 h^2 + b^2) / 12) from the strike, which is what is read and loaded.
+where the section bends: eps_x = -z w'' makes eps_z = nu z w'', and
+
+    u_z = w + nu w'' / 2 (z^2 - y^2 - (h^2 - b^2) / 12)
+
+(Timoshenko and Goodier, sec. 102, less its mean). The point touched, z = h / 2 and y = 0, therefore
+moves by w + (a^2 / 2) w'' with a^2 = nu (2 h^2 + b^2) / 12, to second order the mean of w at the
+two places a to either side of the strike. The contact reads the beam at these places and loads it
+there, with half of the force at each.
+
 Timoshenko, Phil. Mag. 41 (1921) 744; Engesser, Zentralbl. Bauverw. 11 (1891) 483; Bazant and
 Cedolin, Stability of Structures (2010), sec. 1.7. Shear factors: Hutchinson, J. Appl. Mech. 68
 (2001) 87, of a rectangle as wide as it is.
@@ -40,13 +45,16 @@ class BeamMesh(NamedTuple):
 
 
 class BesideSolid(NamedTuple):
-    """What a solid has otherwise than the theory, measured on solids of `examples/theory_errors.py`
-    with width / thickness from 0.5 to 3 and nu from 0.15 to 0.4.
+    """How a solid beam differs from the theory, fitted to solids of `examples/theory_errors.py`
+    with width / thickness b / h from 0.5 to 3 and nu from 0.15 to 0.4.
 
-    With x = ln(b / h) a solid gives way by (local_0 + local_1 x + local_2 x^2 + (of_poisson +
-    of_both x) (nu - 0.3)) / E h less under the sphere, its half-space taken off; the fit is within
-    0.08 / E h. A clamped end holds the sections' width and thickness too: as if the beam were
-    clamp nu^2 sqrt(b h) shorter there, right to a tenth of that.
+    Under the sphere a solid, its half-space taken off, is stiffer than the theory. Its compliance
+    is smaller, with x = ln(b / h), by
+
+        (local_0 + local_1 x + local_2 x^2 + (of_poisson + of_both x) (nu - 0.3)) / E h,
+
+    a fit that holds within 0.08 / E h. A clamped end also hinders the strain across the section,
+    which acts as if the beam were clamp nu^2 sqrt(b h) shorter there, within a tenth of that.
     """
 
     local_0: float = 0.734
@@ -57,7 +65,7 @@ class BesideSolid(NamedTuple):
     clamp: float = 0.26
 
     def stiffer(self, section: "Section", material: Material) -> float:
-        """Compliance [m/N] that the theory has more than the solid under the sphere."""
+        """Compliance [m/N] by which the theory exceeds the solid under the sphere."""
         x = np.log(np.clip(section.width / section.thickness, 0.5, 3.0))
         nu = material.poisson - 0.3
         local = self.local_0 + self.local_1 * x + self.local_2 * x**2
@@ -78,7 +86,7 @@ class Section(NamedTuple):
     width: float  # [m] across
     thickness: float  # [m] along the chain
     bulge: float = 1.0  # share of the bulge that counts; 0 reads and loads w itself
-    beside: BesideSolid | None = None  # what corrects the theory as solids have it
+    beside: BesideSolid | None = None  # corrections of the theory towards solids
 
 
 class BeamEnd(NamedTuple):

@@ -1,4 +1,9 @@
-"""Values on finer and finer meshes extrapolated to elements of size 0, f(h) = f_0 + c h^p."""
+"""Values on finer and finer meshes extrapolated to elements of size 0, f(h) = f_0 + c h^p.
+
+Three meshes in the ratio r = h_1 / h_2 = h_2 / h_3 determine the three unknowns (Richardson):
+
+    r^p = (f_1 - f_2) / (f_2 - f_3),    f_0 = f_3 - (f_2 - f_3) / (r^p - 1)
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,10 +14,11 @@ def extrapolated(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """f_0 (m,) and p (m,) of f = f_0 + c h^p by sizes h (k,), values f (k, m).
 
-    Takes three sizes, each half of the one before: of k >= 5 in the ratio sqrt 2 every second up to
-    the finest, of k = 3 in the ratio 2 all. Where they give no order within `orders`, that of clamp
-    lines with singular stress and that of smooth modes by quadratic elements, f_0 is the last value
-    and p is nan.
+    Sizes fall from mesh to mesh. Three of them are used, each half of the one before: all of k = 3
+    sizes in the ratio 2, or every second one of the last five of k >= 5 sizes in the ratio sqrt 2.
+    `orders` are the lowest and the highest order to be expected: that of singular stress at clamp
+    lines, and that of smooth modes with quadratic elements. Where p lies outside, f_0 is the value
+    on the finest mesh and p is nan.
     """
     h, f = (h[-5::2], f[-5::2]) if len(h) > 3 else (h, f)
     coarse, middle, fine = f
@@ -25,6 +31,9 @@ def extrapolated(
 
 
 def off(hz: NDArray[np.float64], limit: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Relative errors (k,) of the frequencies of a mesh; nan where they are the limit themselves,
-    since no order of convergence was found."""
+    """Relative errors (k,) of the frequencies hz (k,) of a mesh against their limits (k,).
+
+    nan where both are equal: no order of convergence was found, so that the finest mesh stands for
+    the limit.
+    """
     return np.where(hz == limit, np.nan, hz / limit - 1)

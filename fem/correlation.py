@@ -162,7 +162,9 @@ def target_mac(
 
 
 def effective_mass(model: Model, phi: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Share (k, 3) of the total mass that each mode (n, k) carries along x, y and z."""
+    """Share (k, 3) of the total mass that each mode phi_k of phi (n, k), mass-normalised, carries
+    along x, y and z: (phi_k^T M e)^2 / e^T M e, with e a unit shift of the whole structure. Those
+    of all modes add up to 1, less the share of mass at dofs that are held."""
     structure = model.structure
     R = rigid_motion(structure.points, np.zeros(3))[:, :3]
     inertia = structure.M @ R

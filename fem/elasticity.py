@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import coo_matrix, csr_matrix, eye_array, kron
 from skfem import (
     Basis,
     Element,
@@ -123,13 +123,18 @@ def _matrices(basis: Basis, material) -> tuple[csr_matrix, csr_matrix]:
     C = material.elasticity.transpose(1, 3, 0, 2).reshape(9, 9)
 
     def of(cells: NDArray[np.int64]) -> tuple[csr_matrix, csr_matrix]:
-        points_K = Basis(basis.mesh, element, intorder=order_K, elements=cells)
-        points_M = Basis(basis.mesh, element, intorder=order_M, elements=cells)
-        K, M = _element_stiffness(points_K, C), _element_mass(points_M, material.density)
-        dofs = basis.element_dofs[:, cells]
-        return scattered(K, dofs, basis.N), scattered(M, dofs, basis.N)
+        points = Basis(basis.mesh, element, intorder=order_K, elements=cells)
+        K = _element_stiffness(points, C)
+        if order_M != order_K:
+            points = Basis(basis.mesh, element, intorder=order_M, elements=cells)
+        M = _element_mass(points, material.density)
+        return (
+            scattered(K, basis.element_dofs[:, cells], basis.N),
+            scattered(M, points.element_dofs, points.N),
+        )
 
-    return summed(np.arange(basis.nelems), of)
+    K, M = summed(np.arange(basis.nelems), of)
+    return K, along_each_axis(M)
 
 
 def _element_stiffness(basis: Basis, C: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -144,10 +149,16 @@ def _element_stiffness(basis: Basis, C: NDArray[np.float64]) -> NDArray[np.float
 
 
 def _element_mass(basis: Basis, density: float) -> NDArray[np.float64]:
-    """int rho phi_i phi_j dV of elements, the same along x, y and z, (n_elements, 3 n, 3 n)."""
+    """int rho phi_i phi_j dV of elements, the same along x, y and z, (n_elements, n, n)."""
     phi = np.stack([np.broadcast_to(np.asarray(p[0]), basis.dx.shape) for p in basis.basis])
     P = phi.transpose(1, 0, 2)
-    return np.kron((P * density * basis.dx[:, None]) @ P.transpose(0, 2, 1), np.eye(3))
+    return (P * density * basis.dx[:, None]) @ P.transpose(0, 2, 1)
+
+
+def along_each_axis(A: csr_matrix) -> csr_matrix:
+    """A (n, n) of nodes as the matrix (3 n, 3 n) of their displacements along x, y and z, which it
+    does not couple."""
+    return csr_matrix(kron(A, eye_array(3), format="csr"))
 
 
 def summed(

@@ -37,6 +37,8 @@ def read_csv(path: Path) -> Responses:
     header, *lines = path.read_text(encoding="utf-8-sig").splitlines() or [""]
     if not any(line.strip() for line in lines):
         raise ValueError("no lines below the header")
+    if any(";" in line for line in lines):
+        raise ValueError("semicolons between its values, commas and decimal points are needed")
     table = np.loadtxt(lines, delimiter=",", ndmin=2)
     if table.shape[1] < 3 or table.shape[1] % 2 == 0:
         raise ValueError(f"{table.shape[1]} columns, an odd number from 3 on is needed")

@@ -4,9 +4,15 @@ The damping of every peak is found twice: by the half-power bandwidth (thesis, a
 
     zeta = (f2 - f1) / (2 f_n),    |H(f1)| = |H(f2)| = |H(f_n)| / sqrt(2),
 
-and by a least-squares complex-frequency fit of a band around it (Peeters et al., Shock and
-Vibration 11 (2004) 395, as in sdypy-EMA). Where the two disagree, where a peak is weak or where
-two are close, a sentence says so.
+and by a least-squares complex-frequency fit of a band around it, with polynomials in
+z = exp(-i omega dt),
+
+    H(omega) = B(z) / A(z),   A(z_j) = 0:   z_j = exp(-lambda_j dt),
+    lambda_j = -zeta_j omega_j +- i omega_j sqrt(1 - zeta_j^2),
+
+whose equations A H = B are linear in the coefficients (Peeters et al., Shock and Vibration 11
+(2004) 395, as in sdypy-EMA). Where the two disagree, where a peak is weak or where two are close, a
+sentence says so.
 """
 
 from typing import NamedTuple
@@ -132,7 +138,9 @@ def half_power_bandwidth(
 ) -> tuple[float, float]:
     """Frequency of a peak [Hz] and its bandwidth f2 - f1 [Hz]; nan where a flank does not fall.
 
-    The peak is the top of the parabola through 1/|H|^2, which is exact for a light single mode.
+    Near the peak of one light mode 1/|H|^2 ~ (omega^2 - omega_n^2)^2 + (2 zeta omega_n omega)^2 is
+    a parabola in the frequency: its lowest point is the peak, and where it has doubled are f1 and
+    f2.
     """
     i = int(np.clip(peak, 1, len(f) - 2))
     inverse = 1 / amplitude[i - 1 : i + 2] ** 2
@@ -166,10 +174,11 @@ def complex_frequency_fit(
     f_peak: float,
     options: Identification = Identification(),
 ) -> tuple[float, float]:
-    """Frequency [Hz] and damping ratio of the pole nearest to a peak, by least squares in the
-    complex frequency; nan where too few orders have one.
+    """Frequency [Hz] and damping ratio of the pole nearest to a peak, by the fit of A(z), B(z) in a
+    band around it; nan where too few orders have such a pole.
 
-    The median over polynomial orders, of the poles that lie within a hundredth of the peak.
+    Orders above the number of modes fit the noise with poles of their own, which move from order to
+    order. So the median is taken over all orders, of the poles within a hundredth of the peak.
     """
     from sdypy.EMA import Model
 

@@ -106,7 +106,12 @@ def rigid_motion(points: NDArray[np.float64], centre: NDArray[np.float64]) -> ND
 def distributing(
     points: NDArray[np.float64], weights: NDArray[np.float64], centre: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """C = (G^T W G)^-1 G^T W (6, 3 n): rigid motion nearest to displacements of points (RBE3)."""
+    """C (6, 3 n) with q = C u: the rigid motion nearest to the displacements u of points (RBE3).
+
+    q minimises sum_n w_n |u_n - G_n q|^2 over the points (n, 3) with weights w (n,), so that
+    G^T W G q = G^T W u, C = (G^T W G)^-1 G^T W. A force and moment F (6,) at the centre act on the
+    points as C^T F: by virtual work they are in balance with F, and add no stiffness to the face.
+    """
     G = rigid_motion(points, centre)
     GtW = G.T * np.repeat(weights, 3)
     return np.linalg.solve(GtW @ G, GtW)
@@ -115,7 +120,8 @@ def distributing(
 def tie(structure: Structure, pair: Tie, n_total: int) -> Constraint:
     """The nodes of the slave face follow the displacement of the master face.
 
-    Facets of curved faces, and rims, may miss each other by what straight edges leave.
+    The straight edges of both meshes cut curved faces and rims short; the gap allowed includes
+    these distances (`fem.sagging`).
     """
     dofs = face_nodes(structure, pair.slave)
     gap = pair.gap + sagging(structure, pair.slave) + sagging(structure, pair.master)
@@ -160,15 +166,16 @@ def mean_sides(
     *,
     last: float = 1e-4,
 ) -> list[Constraint]:
-    """B U = C u of all mean sides (RBE3), solved for six dofs of each, none of those `claimed` by
-    other constraints; dofs of the face keep the matrices sparse.
+    """B U = C u of all mean sides (RBE3) as constraints that give six slave dofs of each side, none
+    of those `claimed` by other constraints, by the others. Slaves are dofs of the faces where
+    possible, which keeps the matrices sparse.
 
-    Sides whose faces have dofs in common are solved for together. Of two mean sides of one joint
-    the motion q of the second is written in dofs of its face, q = C u: to solve for six of these
-    instead multiplies entries of K by the square of their number, 1e3 and more, and rigid motions
-    of a small body then drown in the rounding. `last` is the pivoting weight of dofs that follow a
-    face only where all else of it is held; not varied.
-    Raises ValueError where too few dofs of a face are unclaimed.
+    Sides whose faces have dofs in common are solved for together. Where both sides of a joint are
+    means, the slaves of the second side are its motion, q = C u. Six dofs of the face as slaves
+    would multiply entries of K by the square of the number of nodes, 1e3 and more, in which the
+    rigid motions of a small body are lost by rounding. `last` is the weight in the pivoting of dofs
+    that become slaves only where all others of the face are held; not varied. Raises ValueError
+    where too few dofs of a face are unclaimed.
     """
     couplings = [c for c in _couplings(structure, joints) if c.side.coupling == "mean"]
     if not couplings:

@@ -110,6 +110,8 @@ def _of_responses(sets: Sequence[dict], hz: float, *, band: float = 0.02) -> lis
     sets = [s for s in sets if s["type"] == RESPONSE and s["func_type"] == FREQUENCY_RESPONSE]
     if not sets:
         raise ValueError("it has neither shapes (data set 55) nor frequency responses (58)")
+
+    # by reciprocity a roving hammer with one accelerometer measures the same shape
     response, reference = (
         [(int(s[f"{end}_node"]), int(s[f"{end}_dir"])) for s in sets] for end in ("rsp", "ref")
     )
@@ -122,6 +124,8 @@ def _of_responses(sets: Sequence[dict], hz: float, *, band: float = 0.02) -> lis
         raise ValueError("its responses have different numbers of lines")
     if not f.min() <= hz <= f.max():
         raise ValueError(f"its responses from {f.min():g} to {f.max():g} Hz do not hold {hz:g} Hz")
+
+    # near a resonance H ~ phi phi_ref^* / (..): one shape at all lines, the first singular vector
     lines = np.flatnonzero(np.abs(f / hz - 1) <= band)
     lines = lines if len(lines) else [int(np.abs(f - hz).argmin())]
     H = np.array([np.asarray(s["data"], dtype=complex)[lines] for s in sets])

@@ -1,7 +1,8 @@
 """Bodies that can still move rigidly: mechanisms of the joined and held assembly.
 
 Coordinates z are the six rigid motions of every body, and the elongation and motion of every joint,
-U = Phi z. E z is what constraints and springs resist of it; a z with E z = 0 is a mechanism.
+U = Phi z. E z are the violations of all constraints and the elongations of all springs; a z with
+E z = 0 costs neither force nor energy and is a mechanism. The singular values of E tell.
 """
 
 from typing import NamedTuple
@@ -34,8 +35,9 @@ def loose_bodies(
     """Bodies that can move rigidly, and how; of an assembly that nothing holds at all only those
     that move relative to the others.
 
-    A motion is free whose singular value of E is below `free` of the largest; a body stands still
-    that moves less than `moving` of a mechanism's largest motion. Neither was varied.
+    A motion counts as free if its singular value of E is below `free` times the largest one; a body
+    counts as at rest if it moves less than `moving` times the largest motion of the mechanism.
+    Neither was varied.
     Raises ValueError as `joined` does.
     """
     n, k = structure.n_dofs, connections.stiffness

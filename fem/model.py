@@ -15,7 +15,7 @@ from fem.constraints import (
     eliminated,
     fixed,
 )
-from fem.elasticity import Structure, block_diagonal
+from fem.elasticity import Structure
 from fem.grounding import require_free_joints
 from fem.joints import DIRECTIONS, Joint, Tie, mean_sides, rigid_sides, tie
 from fem.trace import face_nodes
@@ -78,7 +78,7 @@ class Model(NamedTuple):
     stiffness: NDArray[np.float64]  # (n_springs,) [N/m] or [N m/rad]
     spring: tuple[str, ...]  # (n_springs,) "joint.direction", equal for joints of one name
     sway: Sway | None = None  # of a table below, on the last two dofs
-    overconstrained: tuple[Overconstrained, ...] = ()  # what two constraints asked for
+    overconstrained: tuple[Overconstrained, ...] = ()  # dofs that two constraints would hold
     load_factor: float | None = None  # static load over that which buckles it; None: unloaded
 
     @property
@@ -117,24 +117,22 @@ def joined(structure: Structure, connections: Connections) -> Model:
         moving = table.mass + along_x @ structure.M @ along_x
         sway = Sway(float((2 * np.pi * table.frequency_hz) ** 2 * moving), table.mass)
 
-    # K and M of all dofs U: nothing stands on elongations and mean motions yet
-    between = [0.0] * (2 * len(k))
-    K, M = structure.K, structure.M
-    if between or sway:
-        of_sway = ([sway.stiffness] * 2, [sway.mass] * 2) if sway else ([], [])
-        K, M = (
-            block_diagonal([A, csr_matrix(diags_array([*between, *diagonal]))])
-            for A, diagonal in zip((K, M), of_sway, strict=True)
-        )
+    # K and M of the dofs of the mesh; nothing stands on elongations and mean motions yet
+    T = reduction.T[:n].tocsr()
+    K, M = congruent(T, structure.K), congruent(T, structure.M)
+    if sway is not None:
+        of_sway = reduction.T[-2:]
+        K = (K + sway.stiffness * (of_sway.T @ of_sway)).tocsc()
+        M = (M + sway.mass * (of_sway.T @ of_sway)).tocsc()
 
     # springs of finite stiffness whose elongation no constraint holds
     springs = np.flatnonzero((reduction.free >= n) & (reduction.free < n + len(k)))
     finite = reduction.free[springs] - n
     names = connections.spring
     return Model(
-        congruent(reduction.T, K),
-        congruent(reduction.T, M),
-        reduction.T[:n].tocsr(),
+        K,
+        M,
+        T,
         reduction.free,
         structure,
         springs,

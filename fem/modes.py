@@ -1,4 +1,13 @@
-"""Natural frequencies and mode shapes, K phi = omega^2 M phi, by shift-inverted Lanczos."""
+"""Natural frequencies and mode shapes, K phi = omega^2 M phi, by shift-inverted Lanczos.
+
+    (K - sigma M)^-1 M phi = theta phi,    omega^2 = sigma + 1 / theta
+
+The eigenvalues omega^2 nearest to the shift sigma have the largest theta, which Lanczos' method
+finds first; each step costs one solution with the factor of K - sigma M. Without a floating part
+sigma = 0. A floating K is singular, so sigma lies below zero, and the rigid motions R have by far
+the largest theta: they are found by inverse iteration, and P = I - R R^T M keeps them out of the
+Krylov space. T. Ericsson, A. Ruhe, Math. Comput. 35 (1980) 1251.
+"""
 
 from typing import NamedTuple
 
@@ -17,14 +26,13 @@ SHIFT_HZ = 5.0  # of the shift: below the lowest elastic mode
 class ModeAccuracy(NamedTuple):
     """What rounding leaves of modes, and how far they are solved for; values not varied."""
 
-    rounding: float = (
-        200 * np.finfo(float).eps
-    )  # of K's largest eigenvalue: what a zero one becomes
-    converged: float = 1e-11  # residual of an eigenvalue: rounding takes a sixth more solutions
-    lost: float = (
-        1e-2  # residual of a mode over its eigenvalue less the shift: refused from here on
-    )
-    inverse_iterations: int = 3  # of each rigid motion
+    # over K's largest eigenvalue: how large rounding makes an eigenvalue that is zero
+    rounding: float = 200 * np.finfo(float).eps
+    # relative residual of an eigenvalue; to ask for rounding itself takes a sixth more solutions
+    converged: float = 1e-11
+    # residual of a mode over its eigenvalue less the shift, from which on modes are refused
+    lost: float = 1e-2
+    inverse_iterations: int = 3  # for each rigid motion
 
 
 class Modes(NamedTuple):
@@ -40,8 +48,11 @@ class Modes(NamedTuple):
 
 
 def held(K, M) -> Factor | None:
-    """The factor of K itself; None for what floats or is held so softly, its lowest mode being
-    below SHIFT_HZ, that the elastic modes of a stiff part would drown in it."""
+    """The factor of K itself; None where K floats, or where its lowest mode lies below SHIFT_HZ.
+
+    Beside such a soft mode, the elastic modes of a stiff part would be lost in the rounding of
+    K^-1; `modes` then takes a shift instead.
+    """
     try:
         factor = factorised(K)
     except Singular:
@@ -132,7 +143,8 @@ def require_accurate(
 
 
 def _rounded_zero(K, M, rounding: float) -> float:
-    """What rounding makes of a zero eigenvalue [rad^2/s^2]."""
+    """How large rounding makes an eigenvalue that is zero [rad^2/s^2]: `rounding` times an estimate
+    of the largest one by K_ii / M_ii."""
     k, m = K.diagonal(), M.diagonal()
     return float(rounding * np.quantile(k[m > 0] / m[m > 0], 0.99))
 
@@ -140,7 +152,8 @@ def _rounded_zero(K, M, rounding: float) -> float:
 def _lowest(
     R, M, factor: Factor, rng: np.random.Generator, n_iterations: int
 ) -> NDArray[np.float64]:
-    """Nearly the lowest motion (n,) beyond R, by inverse iteration; mass-normalised."""
+    """Approximately the lowest mode (n,) M-orthogonal to R, by inverse iteration from a random
+    start; mass-normalised."""
     x = rng.standard_normal(M.shape[0])
     for _ in range(n_iterations):
         x = _deflated(R, M, factor, M @ x)

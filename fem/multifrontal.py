@@ -112,7 +112,7 @@ class Cholesky:
             F22 = np.zeros((len(front.boundary),) * 2, order="F")
             for child in front.children:
                 boundary, at_once = fronts[child].boundary, settings.columns
-                _extend_add(front, (F11, F21, F22), boundary, updates.pop(child), at_once)
+                extend_add(front, (F11, F21, F22), boundary, updates.pop(child), at_once)
 
             # L11 L11^T = F11; two halves that nothing joins have no unknowns between them
             updates[i] = F22
@@ -183,7 +183,7 @@ def plan(groups: Groups) -> Plan:
     return Plan(np.argsort(rank[group], kind="stable"), fronts)
 
 
-def _extend_add(
+def extend_add(
     front: Front, blocks: tuple, boundary: NDArray[np.int64], U: NDArray, at_once: int
 ) -> None:
     """Add a child's update U, on its boundary, to F11, F21 and F22 of its parent, in place; lower

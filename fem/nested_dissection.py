@@ -87,7 +87,8 @@ def nested_dissection(
         if len(X) > options.worth_flow:
             side = _least_separator(sub, side, options.band)
 
-        # the larger half first: what it leaves waits for less of the smaller one
+        # the larger half first: its update is kept in memory while the smaller half is eliminated,
+        # which takes less memory than the other way round
         halves = sorted((np.flatnonzero(side == half) for half in (0, 1)), key=len, reverse=True)
         if not len(halves[1]):
             domains.append(Domain(sub.vertices, ()))

@@ -20,13 +20,14 @@ the solid under pressure of wave number k gives way by
     W = (1 - nu) / (2 G k) (sinh^2 x / (sinh x cosh x + x) + cosh^2 x / (sinh x cosh x - x)),
 
 x = k h / 2; by 1 / (D k^4) + 6 (1 - nu) / (5 G h k^2) for small k, (1 - nu) / (G k) for large. The
-theory's own, P^2 (1 / (D k^4) + 1 / (kappa G h k^2)) with P = 1 - (k b)^2 / 10 of Hertz' weights,
-is the same for small k under a disc of
+theory's own W, P^2 (1 / (D k^4) + 1 / (kappa G h k^2)) with P = 1 - (k b)^2 / 10 of Hertz' weights,
+agrees with it for small k if the disc has the radius
 
     (b / h)^2 = 5 / (6 kappa (1 - nu)) - 1,
 
-0.6 thicknesses of steel. What it has too much at larger k is finite and taken off as `half_space`:
-the compliance left is that of the solid less the half-space, whatever b.
+0.6 thicknesses for steel. At larger k the theory's W exceeds the layer's; the integral of the
+excess is finite and is subtracted as `half_space`. What remains is the compliance of the solid less
+that of the half-space, independent of b.
 Mindlin, J. Appl. Mech. 18 (1951) 31; kappa: Stephen, J. Sound Vib. 202 (1997) 539; the layer:
 Sneddon, Fourier Transforms (1951), sec. 54.
 """
@@ -97,10 +98,11 @@ class Sheet(NamedTuple):
 
 
 class PlateBesideSolid(NamedTuple):
-    """What a solid plate has otherwise than the theory: its clamped edges hold the thickness too.
+    """How a solid plate differs from the theory: a clamped edge also hinders the strain across the
+    thickness.
 
-    As if it were edge nu^2 h shorter there; frequencies and compliances of solids of 8 to 14
-    thicknesses ask for 0.2 to 0.45.
+    This acts as if the plate were edge nu^2 h shorter there. Fitted to single frequencies and
+    compliances of solids 8 to 14 thicknesses long, `edge` is 0.2 to 0.45.
     """
 
     edge: float = 0.35
@@ -228,10 +230,11 @@ def mindlin_plate(
 
 
 def beyond_the_solid(sheet: Sheet) -> float:
-    """Compliance [m/N] that the disc has more than a layer of the solid less its half-space.
+    """Compliance [m/N] by which the theory under a disc exceeds a layer of the solid less its
+    half-space.
 
     The integral over wave numbers k (in 1 / thickness) of the theory's compliance under Hertz'
-    pressure, less that of the layer beyond the half-space, G k W / (1 - nu) - 1.
+    pressure, minus what the layer has beyond the half-space, G k W / (1 - nu) - 1.
     """
     nu, b = sheet.material.poisson, sheet.patch_radius / sheet.thickness
 

@@ -22,7 +22,7 @@ from skfem import Basis
 
 from fem.bending import Buckled
 from fem.constraints import congruent
-from fem.elasticity import ELEMENTS, Structure, scattered, summed
+from fem.elasticity import ELEMENTS, Structure, along_each_axis, scattered, summed
 from fem.factorisation import factorised
 from fem.materials import Material, Orthotropic
 from fem.model import Model
@@ -77,11 +77,14 @@ def prestressed(model: Model, materials: Mapping[str, Material | Orthotropic], l
         spread[mean.node] = np.outer(mean.share, force.force * along / np.linalg.norm(along))
         f += spread.ravel()
     for body, heat in load.heat.items():
-        f[structure.dofs(body)] += _thermal(structure.basis[body], materials[body], heat)
+        f[structure.dofs(body)] += thermal_load(structure.basis[body], materials[body], heat)
 
     factor = factorised(K)
     u = model.T @ factor.solve(model.T.T @ (f + rods.f))
-    bodies = [_geometric(structure, b, u, materials[b], load.heat.get(b)) for b in structure.basis]
+    bodies = [
+        geometric_stiffness(structure, b, u, materials[b], load.heat.get(b))
+        for b in structure.basis
+    ]
     K_G = congruent(model.T, sum(bodies, rods.K_G))
     mu = buckling_share(K, K_G, factor)
     if mu >= 1:
@@ -93,12 +96,13 @@ def prestressed(model: Model, materials: Mapping[str, Material | Orthotropic], l
 
 
 def buckling_share(K, K_G, factor, *, smallest: float = 1e-3) -> float:
-    """The largest mu of -K_G x = mu K x, which is the load over the buckling load; 0 below
-    `smallest`, where nothing presses."""
+    """The largest mu of -K_G x = mu K x, which is the load over the buckling load; 0 where it is
+    below `smallest`, since then nothing presses."""
     inverse = LinearOperator(K.shape, factor.solve)
     start = np.random.default_rng(0).standard_normal(K.shape[0])
-    # of 1 + mu: what only pulls has thousands of mu near 0, which no iteration tells apart; mu is
-    # off by the square of the residual
+    # the largest eigenvalue of K - K_G is 1 + mu. Asked for mu itself, a structure that is only
+    # pulled has thousands of values near 0, which no iteration tells apart. The error of mu is the
+    # square of the residual
     with one_thread():
         largest = eigsh(
             K - K_G, 1, K, Minv=inverse, which="LA", v0=start, tol=1e-4, ncv=40,
@@ -108,7 +112,7 @@ def buckling_share(K, K_G, factor, *, smallest: float = 1e-3) -> float:
     return mu if mu > smallest else 0.0
 
 
-def _thermal(basis: Basis, material, heat: Heat) -> NDArray[np.float64]:
+def thermal_load(basis: Basis, material, heat: Heat) -> NDArray[np.float64]:
     """int sigma_T : grad v of a body that may not expand, (n,) [N]."""
     element, order, _ = ELEMENTS[type(basis.mesh)]
     scalar = Basis(basis.mesh, element, intorder=order)
@@ -121,14 +125,14 @@ def _thermal(basis: Basis, material, heat: Heat) -> NDArray[np.float64]:
     return f.ravel()
 
 
-def _geometric(
+def geometric_stiffness(
     structure: Structure, body: str, u: NDArray[np.float64], material, heat: Heat | None
 ) -> csr_matrix:
     """K_G of a body displaced by u (ndof,), on the dofs of the structure."""
     basis = structure.basis[body]
-    first, n = structure.first[body], basis.N
+    first = structure.first[body]
     element, order, _ = ELEMENTS[type(basis.mesh)]
-    u_body = u[first : first + n].reshape(-1, 3)
+    u_body = u[first : first + basis.N].reshape(-1, 3)
     C = material.elasticity
     free = np.zeros((3, 3)) if heat is None else heat.expansion * heat.temperature * np.eye(3)
 
@@ -140,8 +144,8 @@ def _geometric(
         stress = np.einsum("acbd,bdkq->ackq", C, strain)
         pulled = np.einsum("cdkq,jdkq->jckq", stress * points.dx, gradient)
         local = np.einsum("ickq,jckq->kij", gradient, pulled, optimize=True)
-        return (scattered(np.kron(local, np.eye(3)), basis.element_dofs[:, cells], n),)
+        return (scattered(local, points.element_dofs, points.N),)
 
     (A,) = summed(np.arange(basis.nelems), of)
-    A = A.tocoo()
+    A = along_each_axis(A).tocoo()
     return csr_matrix((A.data, (A.row + first, A.col + first)), shape=(structure.n_dofs,) * 2)

@@ -8,12 +8,13 @@ which one factorisation spans for all frequencies (Feldmann and Freund, IEEE Tra
 639); it ends where the residual K u - omega^2 M u - w of the full model is small beside w. Of small
 models, and where the space does not reach, by a factorisation a frequency.
 
-Where a basis of the whole model is there already it serves in place of V. What it misses is
+A basis of the whole model that is known already takes the place of V. Its error is
 
-    H - H_V = r^T (K - omega^2 M)^-1 r,    r = w - (K - omega^2 M) u_V
+    H - H_V = r^T (K - omega^2 M)^-1 r,    r = w - (K - omega^2 M) u_V.
 
-and is measured by r^T K^-1 r, which it exceeds by no more than 1 / (1 - omega^2 / omega_j^2) of the
-lowest mode omega_j that is not in the basis.
+It is estimated by r^T K^-1 r. Since r has no part in the modes of the basis, the error is at most
+1 / (1 - omega^2 / omega_j^2) times this estimate, with the lowest mode omega_j outside of the
+basis.
 """
 
 from typing import NamedTuple

@@ -3,10 +3,11 @@
     c = x_2 - x_1,  L = |c|,  t = c / L,        B = C_2 - C_1,  C_i u the mean of u over face i,
     f = -N B^T t,   K_G = N / L B^T (1 - t t^T) B,   K = k B^T t t^T B
 
-A rod is tightened until its tension is N, whatever the faces give way by, and locked there: from
-then on it has its own stiffness k = E A / L. Its force turns with it as a string's does. Where a
-rod passes through what it presses, its K_G and that of the pressed bodies cancel but for bending
-between its ends, which makes it a tendon that touches nothing on its way.
+A rod is tightened until its tension is N, however far the faces yield, and then locked: from there
+on it has its own stiffness k = E A / L. Its force turns with it, as that of a string. The model is
+that of a tendon which touches nothing between its ends. Where a rod passes through the bodies that
+it presses, its K_G and theirs cancel but for their bending between its ends, on which it acts as if
+it had play in its hole.
 """
 
 from collections.abc import Sequence

@@ -145,7 +145,7 @@ def trace(
     candidates = corners[:, :, facet]
     miss = 1e-5 * np.ptp(candidates, axis=1).max(axis=0)
     distance = np.full(len(points), np.inf)
-    np.minimum.at(distance, point, _facet_distances(candidates, points[point].T) - miss)
+    np.minimum.at(distance, point, facet_distances(candidates, points[point].T) - miss)
     if np.any(distance > gap):
         worst = int(np.argmax(distance))
         raise OffFace(
@@ -158,7 +158,7 @@ def trace(
     )
 
 
-def _facet_distances(
+def facet_distances(
     corners: NDArray[np.float64], points: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Distances (n,) [m] of points (3, n) to plane facets (3, 3 or 4, n): to the plane where the

@@ -214,8 +214,9 @@ def tune(
 
         ln(f_i(x) / target_i),    regularisation (x_j - x_j(start)).
 
-    The second, a weak pull, decides what the targets leave open. `deviation` is the standard
-    deviation of ln(value) for the relative `frequency_error`.
+    The second residuals pull weakly towards the start and so decide what the targets leave open.
+    `deviation` is the standard deviation of ln(value), from the covariance (J^T J)^-1
+    frequency_error^2 with the Jacobian J of the first residuals.
     """
     start, lower, upper = (
         np.log([getattr(p, key) for p in parameters]) for key in ("start", "lower", "upper")
@@ -255,8 +256,9 @@ def tune(
             )  # fmt: skip
         x = min(fits, key=lambda fit: fit.cost).x
 
-    # covariance of ln(value) over the largest deviations that count as determined; where the data
-    # say nothing, the bounds do: a value evenly likely within them
+    # covariance of ln(value), relative to the largest deviations that count as determined. Bounds
+    # stand for what the data do not say: a value evenly distributed within them has a standard
+    # deviation of their distance over sqrt(12)
     error, J = residual(x)[:n_targets] / frequency_error, jacobian(x)[:n_targets] / frequency_error
     prior = np.subtract(upper, lower) / np.sqrt(12)
     limit = np.minimum(settings.unseen * prior, settings.vague)
@@ -292,10 +294,11 @@ def determined(
 
     Backward elimination, one parameter at a time. A direction that was rigid, or stiffer than its
     bounds, stays so if the other parameters alone meet the targets as closely (likelihood ratio,
-    two standard deviations), even where the fit is definite near its solution: a bolt soft along
-    its axis lets a part tilt at the frequency at which one soft across it lets the part slide.
-    While a combination is undetermined, the least determined parameter without which the targets
-    are still met leaves the fit; where each is needed, the least determined of all.
+    two standard deviations). This holds even where the covariance is finite, since a fit may have
+    two solutions: a bolt that is soft along its axis lets a part tilt at the same frequency at
+    which one that is soft across it lets the part slide. As long as some combination is
+    undetermined, one parameter leaves the fit: the least determined of those without which the
+    targets are still met, or of all where each is needed.
     """
     while parameters:
         uncertainty = dict(zip([p.name for p in parameters], fit.uncertainty, strict=True))

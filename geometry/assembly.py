@@ -287,6 +287,8 @@ def _check_sheets(a: Assembly) -> None:
         raise InvalidGeometry(
             f"hole_radius = {a.hole_radius} m must be below washer_radius = {a.washer_radius} m."
         )
+
+    # washers lie within the overlap, and within the part of the sheet that belongs to their screw
     for joint, z in screw_z(a).items():
         lower, upper = washer_z_range(a, joint)
         if z - a.washer_radius <= lower or z + a.washer_radius >= upper:
@@ -301,6 +303,7 @@ def _check_sheets(a: Assembly) -> None:
                 f"[{lower:.6g}, {upper:.6g}] m of the sheet (sheet_width = {a.sheet_width} m)."
             )
 
+    # sheets end where the parts end that they are bolted to
     limits = [("sheet_width", a.sheet_width, "block_x", a.block_x)]
     limits += [("head_overlap", a.head_overlap, "block_z", a.block_z)]
     if "sheets_support" in a.parts:

@@ -23,7 +23,9 @@ from geometry.step_file import check_step, face_names, n_solids, name_solids, un
 # gmsh's names of surfaces, and ours
 KINDS = {"Plane": "plane", "Cylinder": "cylinder", "Cone": "cone", "Sphere": "sphere"}
 KINDS |= {"Torus": "torus"}
-FORBIDDEN = re.compile(r"[^\w.+-]+")  # in a name: what a selector or a table's key would trip over
+FORBIDDEN = re.compile(
+    r"[^\w.+-]+"
+)  # in a name: letters that have a meaning in selectors or in keys of tables
 # words of a solid's path in a STEP file that name no solid: those of translators, numbers
 UNNAMED = re.compile(r"(open cascade step translator.*|solid|body|compound|=>.*|\d*)", re.I)
 
@@ -197,6 +199,8 @@ def face_of(tag: int) -> Face:
         upper=upper,
         name=gmsh.model.getEntityName(2, tag).split("/")[-1],
     )
+
+    # sphere and cylinder: hollow where the normal out of the body points inwards
     if kind == "sphere":
         centre, radius = properties[:3], properties[3]
         return face._replace(

@@ -1,8 +1,8 @@
 """Where bodies of a mesh touch: facets that face each other across less than `gap`.
 
 Of two facets the common area is that of one clipped by the other, projected onto its plane
-(Sutherland and Hodgman, Commun. ACM 17 (1974) 32). Facets of curved faces may be off each other by
-what straight edges leave.
+(Sutherland and Hodgman, Commun. ACM 17 (1974) 32). Facets of touching curved faces may be apart
+by the distances of their straight edges from the curve.
 """
 
 from collections.abc import Mapping
@@ -93,6 +93,7 @@ def meeting(skins: Mapping[str, Skin], bodies: Mapping[str, Body], gap: float) -
     """Every pair of bodies that touch across at most `gap` [m], overlap, or nearly touch."""
     touching, misses, overlaps, facet_pairs = [], [], [], {}
     for a, b in combinations(skins, 2):
+        # boxes too far apart leave nothing to look for
         within = CLOSENESS.near + gap
         if np.any(bodies[a].lower - within > bodies[b].upper) or np.any(
             bodies[b].lower - within > bodies[a].upper
@@ -119,6 +120,7 @@ def meeting(skins: Mapping[str, Skin], bodies: Mapping[str, Body], gap: float) -
                 distance = float(pairs.area[mine] @ pairs.gap[mine] / area)
             contacts.append(FaceContact((int(first), int(second)), area, distance, (), flush))
 
+        # bodies that touch or overlap do not miss each other
         overlap = _overlap(skins[a], skins[b], (a, b), gap)
         if overlap:
             overlaps.append(overlap)

@@ -1,8 +1,14 @@
 """Facets of a mesh found by their corners."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
-from skfem import Mesh
+
+if TYPE_CHECKING:  # see `hex_mesh`
+    from skfem import Mesh
 
 
 def facets_of(mesh: Mesh, corners: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -1,6 +1,7 @@
 """Meshes that gmsh wrote, read by gmsh itself: named groups of cells, corners only.
 
-Every version of the format, every order of elements, groups that overlap, cells in no group.
+Files may have any version of the format, elements of any order, groups that overlap, and cells in
+no group.
 """
 
 from collections import defaultdict

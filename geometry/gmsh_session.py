@@ -53,8 +53,8 @@ def failing(failure: str) -> Iterator[None]:
 
 @contextmanager
 def silent() -> Iterator[None]:
-    """Sends what is printed to the process's standard output nowhere: OpenCASCADE reports its
-    transfers there, whatever the options of gmsh are."""
+    """Discards what is printed to the process's standard output: OpenCASCADE reports its transfers
+    there, whatever the options of gmsh are."""
     output = os.dup(1)
     with open(os.devnull, "wb") as nowhere:
         os.dup2(nowhere.fileno(), 1)

@@ -106,9 +106,11 @@ class _Stretch(NamedTuple):
 
     @property
     def n_cells(self) -> int:
+        """Number of cells: the sum of both shares, rounded, at least one."""
         return max(1, round(sum(self.shares)))
 
     def lines(self) -> Coordinates:
+        """Grid lines [m] from start to end, both included: the shares stretched to whole cells."""
         first, second = self.shares
         place = np.linspace(0.0, first + second, self.n_cells + 1)
         below = self.start + self.lower.distance(np.minimum(place, first))

@@ -12,12 +12,13 @@ quadrilaterals form an O-grid: hole -> washer -> the screw's rectangle of the ov
     +-----------------+  <- clamp line
 """
 
+from __future__ import annotations
+
 from itertools import pairwise
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from skfem import MeshHex
 
 from geometry.assembly import (
     Assembly,
@@ -30,6 +31,9 @@ from geometry.assembly import (
 )
 from geometry.grid_lines import Coordinates, Stop, lines_through, refined
 from geometry.naming import named
+
+if TYPE_CHECKING:  # half a second, which a scene that is only read does not pay
+    from skfem import MeshHex
 
 
 class EdgeRefinement(NamedTuple):
@@ -78,6 +82,8 @@ def hex_mesh(
     parts below, `contact_seed` at `contact_point` (y, z from the middle of the block's +x face);
     without a contact seed the block is meshed evenly.
     """
+    from skfem import MeshHex
+
     a = assembly
     pieces = {}
     for name in boxes(a):

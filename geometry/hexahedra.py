@@ -356,6 +356,7 @@ def spaced(stops: Sequence[float], size: Callable[[NDArray], NDArray]) -> NDArra
 
 def _grid(prism: Prism, marks: Imprints, size: Size) -> BaseMesh | None:
     """Base mesh of a rectangle on which all imprints are rectangles along its sides."""
+    # a rectangle: one base, one top, four plane sides along two directions u and v
     normals = [face.normal for face in prism.sides]
     if len(prism.base) + len(prism.top) + len(normals) != 6 or any(n is None for n in normals):
         return None
@@ -394,6 +395,7 @@ def _grid(prism: Prism, marks: Imprints, size: Size) -> BaseMesh | None:
     p = off + x.reshape(-1, 1) * u + y.reshape(-1, 1) * v
     quads = _structured(*x.shape)
 
+    # each imprint is made of the quadrilaterals whose middles lie in its rectangle
     middle = p[quads].mean(axis=1) @ np.array([u, v]).T
     parts = {}
     for tag, box in boxes.items():
@@ -476,6 +478,7 @@ def _joined(prism: Prism, marks: Imprints, size: Size, gap: float) -> BaseMesh |
     }
     visible = sorted({t for surfaces in pieces.values() for t in surfaces})
 
+    # algorithms one after the other; triangles left over cannot be extruded to hexahedra
     for options in JOINED:
         try:
             with failing("no quadrilaterals"), mesh_options({"RecombineAll": 1, **options}):

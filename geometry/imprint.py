@@ -162,6 +162,7 @@ def regions(
             occ.translate([(2, tag)], *(off * face.normal))
         return copies
 
+    # where other bodies touch: the common surfaces of each pair of faces
     imprints: dict[str, list[Region]] = {}
     for touch in (touch for touch in touching if body.name in touch.bodies):
         side = touch.bodies.index(body.name)
@@ -172,6 +173,7 @@ def regions(
             for _, tag in copied(contact.regions, face)
         ]
 
+    # patches: the parts of a share, a band or a disc that lie on the faces
     for name, patch in patches.items():
         if patch.on.body != body.name:
             continue
@@ -243,6 +245,7 @@ def imprinted(
     tools = [region.tag for imprint in wanted.values() for region in imprint]
     new: dict[int, list[int]] = {}
     if tools:
+        # the general fuse of body, faces and imprints; `became` lists what each of them turned into
         with boolean_tolerance(2 * gap):
             pieces, became = occ.fragment([(3, body.tag)], [(2, tag) for tag in [*old, *tools]])
         occ.synchronize()

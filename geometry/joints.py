@@ -187,6 +187,8 @@ def _place_threads(
     """Adds the threads of a joint, numbered on from those before; how many there are now."""
     firsts, seconds = (bodies_named(side, bodies) for side in (joint.first, joint.second))
     pairs = {frozenset(pair): pair for pair in product(firsts, seconds) if len({*pair}) == 2}
+
+    # a shank in a bore of each pair of bodies; several cylinders in common leave a choice
     threads = []
     for pair in pairs.values():
         in_pair = engaged(*(bodies[name] for name in pair))
@@ -212,6 +214,7 @@ def _place_threads(
             "each other, or give at = [[x, y, z], ...] and washer."
         )
 
+    # both bodies hold the engaged length of their cylinder; the thread joins the touching pair
     for i, thread in enumerate(threads, start=n_before + 1):
         names = [f"{joint.name}-{i}-{body}" for body in thread.bodies]
         for name, body, tags in zip(names, thread.bodies, thread.tags, strict=True):

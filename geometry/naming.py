@@ -3,12 +3,13 @@
 Faces are found by where their facets lie, so that any mesher's mesh gets the same names.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from skfem import Mesh
 
 from geometry.assembly import (
     SIDES,
@@ -21,7 +22,10 @@ from geometry.assembly import (
     washer_z_range,
 )
 
-AnyMesh = TypeVar("AnyMesh", bound=Mesh)
+if TYPE_CHECKING:  # see `hex_mesh`
+    from skfem import Mesh
+
+AnyMesh = TypeVar("AnyMesh", bound="Mesh")
 Test = Callable[[NDArray[np.float64]], NDArray[np.bool_]]  # of corners (3, corners, facets)
 TOLERANCE = 1e-7  # m
 

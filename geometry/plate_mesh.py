@@ -6,12 +6,16 @@
 x / |________________________| y   body "plate", faces "plate:-x" .. "plate:+z"
 """
 
-from typing import NamedTuple
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from skfem import MeshHex
 
 from geometry.grid_lines import Stop, graded, lines_through, refined
+
+if TYPE_CHECKING:  # see `hex_mesh`
+    from skfem import MeshHex
 
 
 class Extent(NamedTuple):
@@ -35,6 +39,8 @@ def plate_mesh(
     Elements have `contact_seed` [m] at the struck face, at z = 0 and from one to the other of
     `struck_y` [m], and grow to `seed` away from there; at both ends of y they have `end_seed` [m].
     """
+    from skfem import MeshHex
+
     # along y even elements over what is struck, growing to either side of it
     (lower, upper), (start, end) = extent.y, struck_y
     even = np.linspace(start, end, round((end - start) / contact_seed) + 1)

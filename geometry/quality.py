@@ -5,12 +5,20 @@ inside out: 1 for a box, sqrt(2) times that for a tetrahedron, 1 for the regular
 P. Knupp, SIAM J. Sci. Comput. 23 (2001) 193.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
-from skfem import Mesh, MeshTet
+
+if TYPE_CHECKING:  # see `hex_mesh`
+    from skfem import Mesh
 
 
 def smallest_quality(mesh: Mesh) -> float:
     """Scaled Jacobian of the worst corner of a mesh of tetrahedra or hexahedra, -1 to 1."""
+    from skfem import MeshTet
+
     # edges (corners, elements, 3, 3) from each corner to its neighbours, all the same way round
     if isinstance(mesh, MeshTet):
         p = mesh.p.T[mesh.t]

@@ -4,12 +4,17 @@ The new vertices are the middles of edges, of quadrilaterals and of hexahedra, s
 functions of the first mesh are among those of the second where elements are parallelepipeds.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from skfem import Mesh
 
 from geometry.facets import facets_of
+
+if TYPE_CHECKING:  # see `hex_mesh`
+    from skfem import Mesh
 
 
 def refined(mesh: Mesh, times: int = 1) -> Mesh:

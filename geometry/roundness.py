@@ -1,7 +1,8 @@
 """Straight facets that enclose the volume of the cylinder they stand for.
 
-Nodes on the cylinder make facets that cut inside it. By Gauss, the volume between a surface and
-the axis, per 2, is the flux of the radial vector rho; scaling all rho by s scales it by s^2:
+Facets between nodes on a cylinder cut inside it and lose volume. By Gauss' theorem twice the volume
+between a surface and the axis is the flux of the radial vector rho through the surface, since
+div rho = 2. Moving all nodes to s rho multiplies it by s^2; equal volumes need
 
     s = sqrt( sum r A / sum |rho . a| )        A of the faces, a of the facets (area vectors)
 """
@@ -48,6 +49,7 @@ def full_cylinders(volume: int, gap: float) -> list[RoundFaces]:
     A face that a partner imprinted may have the partner's surface, off by the gap [m], and point
     the opposite way.
     """
+    # faces of one cylinder: equal axes and radii, up to what imprints of partners are off
     boundary = [tag for _, tag in gmsh.model.getBoundary([(3, volume)], oriented=False)]
     faces = {tag: face_of(tag) for tag in boundary}
     groups: list[list[Face]] = []
@@ -61,6 +63,8 @@ def full_cylinders(volume: int, gap: float) -> list[RoundFaces]:
         ]
         own_group[0].append(face) if own_group else groups.append([face])
 
+    # of these the cylinders whose neighbours are all planes across the axis: only in such planes do
+    # nodes of the rim stay when they move out along the radius
     cylinders = []
     for group in groups:
         tags = {face.tag for face in group}
@@ -78,6 +82,7 @@ def enclosing(
     """Points (n, 3) with the nodes on cylinders moved out; corners (m, 3) of the facets by face."""
     moved = p.copy()
     for cylinder in cylinders:
+        # s^2 = sum r A / sum |rho . a|, with the mean rho of each facet, as rho is linear on it
         facets = np.concatenate([corners[face.tag] for face in cylinder.faces])
         nodes = np.unique(facets)
         axis, on_axis = cylinder.faces[0].axis, cylinder.faces[0].on_axis
@@ -109,6 +114,7 @@ def rimmed(
 
     over the edges that are not between two that stay. A disc that its face cuts off stays whole.
     """
+    # nodes of the disc on its rim, in the order of their angles
     normal = disc.normal / np.linalg.norm(disc.normal)
     nodes = np.unique(mesh.facets[:, mesh.boundaries[name]])
     rho = mesh.p[:, nodes].T - disc.centre
@@ -122,6 +128,7 @@ def rimmed(
     if step.max() > RIM.open * 2 * pi / edges:
         return mesh
 
+    # nodes that stay: on facets out of the disc's plane, and on rims of neighbours
     outer = mesh.facets[:, mesh.boundary_facets()]
     height = normal @ mesh.p - normal @ mesh.p[:, nodes[0]]
     aside = outer[:, np.any(np.abs(height[outer]) > SAME, axis=0)]
@@ -129,6 +136,10 @@ def rimmed(
     free = ~np.isin(nodes, np.concatenate([aside.ravel(), *shared]))
     corners = mesh.elem().doflocs[: mesh.t.shape[0]].T
     volume = mesh.mapping().detDF(corners)
+
+    # the polygon's area over radius^2 / 2 is a s^2 + b s: edges between two nodes that move, and
+    # between one that moves and one that stays. Nodes that flatten an element stay, the others move
+    # again
     while free.any():
         ahead = np.roll(free, -1)
         a = np.sin(step[free & ahead]).sum()

@@ -98,6 +98,8 @@ def faces(selector: str, bodies: Mapping[str, Body]) -> Selected:
         raise InvalidGeometry(
             f'"{selector}" fits {_listed(names)}; it must pick faces of one body, name it.'
         )
+
+    # the faces of that body: nearest to a point, outermost, of a name in the CAD, round
     body = bodies[names[0]]
     if point:
         tags = _nearest(body, selector, point.groups()[1:])

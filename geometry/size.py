@@ -1,7 +1,7 @@
 """Number of nodes that a mesh of the assembly will have, from its dimensions and seeds alone.
 
-Boxes of hexahedra are counted line by line; sheets, and tetrahedra, by the volume that an element
-of the seed fills.
+Nodes of boxes of hexahedra are counted along their grid lines; those of sheets and of tetrahedra
+are estimated from the volume over that of an element of the seed.
 """
 
 from collections.abc import Mapping

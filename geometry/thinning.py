@@ -1,4 +1,4 @@
-"""Surfaces with fewer nodes, for drawing: of the nodes in one cell of a grid one stays.
+"""Surfaces with fewer nodes, for drawing: one node stays of those in a cell of a grid.
 
 Vertex clustering (Rossignac, Borrel, Multi-resolution 3D approximations, 1993) along the mesh:
 nodes of a cell are merged where edges between them join two flat places, or run along the same
@@ -9,8 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 
 class Clustering(NamedTuple):
@@ -41,6 +39,9 @@ def thinned(
 ) -> Thinned:
     """At most `most` of the nodes at points (n, 3), and the faces (k, 3 or 4) between them; more
     nodes where the surface is rough everywhere, since rough places are not merged."""
+    from scipy.sparse import coo_matrix  # a quarter of a second, see `hex_mesh`
+    from scipy.sparse.csgraph import connected_components
+
     n, width = len(points), faces.shape[1]
 
     # means of n n^T over the faces at each node and along each edge

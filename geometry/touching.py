@@ -174,7 +174,8 @@ def neighbours(
 
 
 def _contacts(a: Body, b: Body, gap: float, closeness: Closeness) -> Iterator[FaceContact]:
-    """Pairs of faces with an area in common, by OpenCASCADE's intersection of copies of them."""
+    """Pairs of faces with an area in common, found by OpenCASCADE's intersection of their
+    copies."""
     occ = gmsh.model.occ
     for first, second in product(a.faces, b.faces):
         distance = facing_distance(first, second) if _boxes_meet(first, second, gap) else None

@@ -11,7 +11,7 @@
 
 A ReducedModel holds K (r, r) [N/m], M (r, r) [kg], C (r, r) [N s/m] or None, and w (r,): the wall
 is read as u_w = w @ q [m] and loaded by w F. `contact.half_space` [m/N] is the compliance of the
-patch on a half-space: it is still in K, and `coupling.wall.wall_of` takes it off.
+patch on a half-space: it is still in K, and `coupling.reduced_wall.wall_of` takes it off.
 
 >>> import numpy as np
 >>> reduced = full_order(np.array([[4e6]]), np.array([[0.1]]), [1.0])

@@ -232,11 +232,11 @@ def krylov_space(
     elastic, rigid = retained.omega > 0, retained.phi[:, retained.omega == 0]
     participation = retained.phi.T @ loads
     static = attachment_modes(problem, loads, rigid)
-    compliance = _k_norms(static, K @ static)
+    compliance = np.sqrt(np.maximum(np.einsum("ij,ij->j", static, K @ static), 0.0))
     static -= retained.phi[:, elastic] @ (
         participation[elastic] / retained.omega[elastic, None] ** 2
     )
-    block, R = _k_orthonormalised(static, K @ static, K, 1e-12 * compliance)
+    block, R = _k_orthonormalised(static, static.T @ (K @ static), K, 1e-12 * compliance)
     participation = participation[:, 0]
     if not block.shape[1]:
         return Space(retained, 0.0, to_hz, np.zeros(len(retained.omega)))
@@ -254,15 +254,18 @@ def krylov_space(
         if len(retained.omega):
             X -= retained.phi @ (retained.phi.T @ (M @ X))
             forces = K @ X
-        lengths, projection = _k_norms(X, forces), 0.0
-        for _ in range(2):
-            h = V[:, :m].T @ forces
-            X -= V[:, :m] @ h
-            forces = K @ X
-            projection = projection + h
+        # lengths in K, zero where rounding makes the square negative
+        lengths = np.sqrt(np.maximum(np.einsum("ij,ij->j", X, forces), 0.0))
+        first = V[:, :m].T @ forces
+        X -= V[:, :m] @ first
+        forces = K @ X
+        second = V[:, :m].T @ forces
+        gram_X = X.T @ forces - second.T @ second  # of what the second time leaves of X
+        X -= V[:, :m] @ second
+        projection = first + second
         H = np.pad(H, (0, block.shape[1]))
         H[:, last], H[last, :] = projection, projection.T
-        block, R = _k_orthonormalised(X, forces, K, options.exhausted * lengths)
+        block, R = _k_orthonormalised(X, gram_X, K, options.exhausted * lengths)
         exhausted = block.shape[1] == 0  # the space holds all that these loads can move
         if not exhausted and (m < n_vectors or m % options.check >= len(R) > 0):
             continue
@@ -305,29 +308,23 @@ def krylov_space(
     return Space(EigenPairs(np.where(omega == 0, 0, quotients), phi), float(bound), to_hz, residual)
 
 
-def _k_norms(X: np.ndarray, forces: np.ndarray) -> np.ndarray:
-    """Lengths (l,) of the columns of X (n, l) in K, from forces = K X; 0 where rounding makes the
-    square negative."""
-    return np.sqrt(np.maximum(np.einsum("ij,ij->j", X, forces), 0.0))
-
-
 def _k_orthonormalised(
-    X: np.ndarray, forces: np.ndarray, K: sp.csc_array, smallest: np.ndarray
+    X: np.ndarray, G: np.ndarray, K: sp.csc_array, smallest: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Q (n, j) with Q^T K Q = 1 and R (j, l) with X = Q R, j the rank of X (n, l); forces = K X.
+    """Q (n, j) with Q^T K Q = 1 and R (j, l) with X = Q R, j the rank of X (n, l); G = X^T K X.
 
     Columns no longer than `smallest` (l,) in K are rounding and count as zero.
     """
     R = np.eye(X.shape[1])
-    for _ in range(2):  # the first time leaves rounding over the smallest eigenvalue
-        G = X.T @ forces
+    for again in (False, True):  # the first time leaves rounding over the smallest eigenvalue
+        if again:
+            G, smallest = X.T @ (K @ X), np.zeros(X.shape[1])
         lengths = np.sqrt(np.maximum(np.diag(G), 0.0))
         scale = np.where(lengths > smallest, lengths, np.inf)
         size, U = np.linalg.eigh(G / np.outer(scale, scale))
         size, U = size[size > 1e-12], U[:, size > 1e-12]
         X = X @ (U / scale[:, None] / np.sqrt(size))
         R = (np.sqrt(size)[:, None] * U.T * np.where(np.isinf(scale), 0.0, scale)) @ R
-        smallest, forces = np.zeros(X.shape[1]), K @ X
     return X, R
 
 

@@ -38,6 +38,12 @@ def pytest_cmdline_main(config):
             option.dist = "worksteal"
 
 
+@pytest.fixture(autouse=True)
+def no_lines_of_progress(monkeypatch):
+    """Which stages take over a second, and say so in a line on stderr, depends on the machine."""
+    monkeypatch.setattr("workflows.commands.terminal.PATIENCE", 1e4)
+
+
 @pytest.fixture(scope="module")
 def cache(tmp_path_factory):
     """A cache of results that the tests of a file share."""

@@ -63,9 +63,9 @@ ROOMS = {
         ("fem_joints", "fem_patch", "fem_mechanisms", "fem_half_space"),
     ),
     "coupling": Room(
-        ("coupling/wall.py", "coupling/damping.py", "coupling/coupled_march.py",
+        ("coupling/reduced_wall.py", "coupling/damping.py", "coupling/coupled_march.py",
          "coupling/verdict.py", "coupling/pruning.py", "workflows/fit/core/parametric_wall.py",
-         "coupling/band.py", "coupling/sensors.py", "coupling/sensed_waves.py",
+         "coupling/band.py", "coupling/sensors.py",
          "coupling/elliptical_contact.py", "coupling/radiation.py"),
         ("coupling_damping", "coupling_judged", "coupling_parametric_wall", "coupling_sensors",
          "coupling_elliptical", "coupling_radiation", "coupling_pruning"),

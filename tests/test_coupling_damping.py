@@ -6,7 +6,7 @@ import pytest
 import dem
 from coupling import CoupledWall, CouplingError, ModalDamping, RayleighDamping, damping_ratios
 from coupling.damping import couples_modes, matrix_ratios, modal_coupling, rayleigh
-from coupling.wall import (
+from coupling.reduced_wall import (
     coupled_wall,
     damping_matrix,
     moving_mask,

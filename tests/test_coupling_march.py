@@ -17,7 +17,7 @@ from coupling import (
     march_coupled,
     verdict,
 )
-from coupling.wall import coupled_wall, wall_from_reduced, wall_of
+from coupling.reduced_wall import coupled_wall, wall_from_reduced, wall_of
 from known_models import steel_bar
 from rom import Contact, Selection, craig_bampton, free_modes, full_order
 

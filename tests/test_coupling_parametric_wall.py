@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from coupling import CouplingError
-from coupling.wall import wall_from_reduced
+from coupling.reduced_wall import wall_from_reduced
 from dem import Wall
 from rom import Surface, full_order, modal
 from workflows.fit.core.parametric_wall import (
@@ -51,6 +51,28 @@ def test_a_wall_between_computed_ones_is_the_computed_one_there():
     assert between.residual_compliance / true.residual_compliance == pytest.approx(1.0, rel=1e-4)
     compliance = [np.sum(w.phi**2 / w.omega**2) for w in (between, true)]
     assert compliance[0] / compliance[1] == pytest.approx(1.0, rel=2e-4)
+
+
+def test_walls_that_leave_out_no_mode_do_not_spoil_those_between():
+    """Walls of 12 or 13 modes, the last of which joins the rest: its frequency is interpolated
+    between those that have one. Twelve modes stay those of the closed form."""
+    rng = np.random.default_rng(0)
+
+    def varied(theta):
+        computed = hinged(theta, int(rng.choice([12, 13])))
+        wall, omega = computed.wall, computed.wall.omega
+        rest = wall._replace(
+            omega=np.append(omega, 10 * omega.max()),
+            zeta=np.append(wall.zeta, 0.0),
+            phi=np.append(wall.phi, 0.0),
+        )
+        return Computed(rest, computed.shapes)
+
+    between = made(of=varied)
+    for theta in design(BOX, 3, seed=1):
+        wall, true = between(theta), hinged(theta, 13).wall
+        np.testing.assert_allclose(wall.omega[:8], true.omega[:8], rtol=2e-3)
+        assert wall.omega[-1] > 0.5 * true.omega[-1]
 
 
 def test_each_degree_is_missed_by_less_and_the_left_out_walls_say_so():

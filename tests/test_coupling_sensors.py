@@ -6,14 +6,17 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, freqs
 
 from coupling.band import Band, filtered
-from coupling.sensed_waves import _force_or_velocity, flight, sensed_waves
+from coupling.errors import CouplingError
 from coupling.sensors import (
     Sensor,
+    _force_or_velocity,
+    flight,
     instants,
     mean_force,
     measured,
     quantised,
     recorded,
+    sensed_waves,
     signals,
 )
 from dem import march_to_error, rigid_wall, row_of_spheres
@@ -297,3 +300,9 @@ def test_bits_reach_from_minus_the_range_to_one_step_below_it():
     top = 1 / (1 - 2.0**-2)
     np.testing.assert_allclose(both[:, 1], quantised(y / 9.0, 3, np.array([top]))[:, 0])
     assert both[-1, 1] == pytest.approx(1.0)
+
+
+def test_a_sensor_of_an_unknown_quantity_is_refused():
+    still = np.zeros((4, 2))
+    with pytest.raises(CouplingError, match=r"'force_rate' is unknown; take one of force, force-"):
+        measured([Sensor(0, "force_rate")], np.arange(4.0), still, still, still)

@@ -33,7 +33,7 @@ from dem.kernels.implicit import (
     workspace,
 )
 from dem.kernels.modes import push_modes, shift_modes
-from dem.schemes import SCHEMES, _hurwitz
+from dem.schemes import SCHEMES, hurwitz_zeta
 from known_models import speeds, unit_chain
 from workflows.evidence.verify.formulas import at_rest
 from workflows.evidence.verify.formulas import motion as by_formulas
@@ -332,7 +332,7 @@ def test_zeta_sums_are_those_of_hurwitz_over_all_nodes_behind_the_crossing(name)
     b, c = correction.weights, correction.nodes
     for theta in (0.07, 0.5, 0.93):
         away = np.where(c > theta, c - theta, c - theta + 1)
-        exact = [b @ [_hurwitz(p, a) for a in away] for p in (1.5, 2.5, 3.5)]
+        exact = [b @ [hurwitz_zeta(p, a) for a in away] for p in (1.5, 2.5, 3.5)]
         # the polynomials of degree 14 miss 8.7e-12; rounding moves that by less than 1e-13
         np.testing.assert_allclose(events.zeta_sums(theta, correction), exact, rtol=0, atol=1e-11)
 

@@ -6,7 +6,7 @@ import scipy.sparse as sp
 
 from coupling import ModalDamping
 from coupling.many_contacts import walls_of
-from coupling.wall import wall_from_reduced
+from coupling.reduced_wall import wall_from_reduced
 from known_models import steel_bar
 from rom import full_order, many_contacts, modal, receptance, superlu
 from rom.factorisation import symmetric

@@ -16,7 +16,7 @@ import beadwave
 import coupling
 import dem
 import rom
-from coupling.wall import wall_of
+from coupling.reduced_wall import wall_of
 from workflows.commands.app import COMMANDS, main
 from workflows.stages.chain import chain, initial_velocity
 

@@ -114,7 +114,7 @@ def test_a_file_that_cannot_be_written_is_refused_before_anything_is_computed(
 
 
 def test_hdf5_without_its_reader_is_refused_before_anything_is_computed(monkeypatch, capsys):
-    monkeypatch.setattr("workflows.files.wall.find_spec", lambda name: None)
+    monkeypatch.setattr("workflows.files.wall_file.find_spec", lambda name: None)
     assert coarse("reduce", "--out=rom.h5") == 2
     assert "install.sh h5" in capsys.readouterr().err
 

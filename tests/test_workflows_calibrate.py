@@ -20,7 +20,7 @@ from workflows.fit.core.calibration.judgement import on_held_out
 from workflows.fit.core.calibration.search import decisive
 from workflows.scene import InvalidScene
 from workflows.scene.toml import resolved, toml
-from workflows.stages.chain import wall
+from workflows.stages.walls import wall_of
 
 SPHERES = (1, 4)
 SETTING = experiment.Twin(frequency=700.0, noise=0.0, repeats=1, before=2e-5, seed=3)
@@ -47,7 +47,7 @@ def rig():
 @pytest.fixture(scope="module")
 def clean(rig):
     made_by = experiment.truth(rig, SETTING)
-    return experiment.clean(rig, wall(rig), SETTING, made_by)
+    return experiment.clean(rig, wall_of(rig), SETTING, made_by)
 
 
 @pytest.fixture(scope="module")
@@ -58,14 +58,14 @@ def data(clean):
 @pytest.fixture(scope="module")
 def result(rig, data):
     request = CalibrationRequest(instrument=SETTING.instrument, starts=2)
-    return calibrated(rig, wall(rig), data, "data.csv", request)
+    return calibrated(rig, wall_of(rig), data, "data.csv", request)
 
 
 @pytest.fixture(scope="module")
 def plain(rig):
     """The instrument's view of the rig with contacts as in the scene, and another wall."""
     made_by = experiment.Truth(np.ones(6), 800.0)
-    return experiment.clean(rig, wall(rig), SETTING, made_by)
+    return experiment.clean(rig, wall_of(rig), SETTING, made_by)
 
 
 FEW = "contact.3,striker,trigger,wall.frequency"
@@ -73,7 +73,7 @@ FEW = "contact.3,striker,trigger,wall.frequency"
 
 def refused(rig, data, sentence, **request):
     with pytest.raises(InvalidScene, match=sentence) as error:
-        calibrated(rig, wall(rig), data, "data.csv", CalibrationRequest(**request))
+        calibrated(rig, wall_of(rig), data, "data.csv", CalibrationRequest(**request))
     assert "\n" not in str(error.value)
 
 
@@ -120,7 +120,7 @@ def test_a_sphere_held_out_is_predicted(rig, plain):
     factor of the geometry; without a fit it is 100 times more."""
     data = experiment.measured(plain, SETTING)
     request = CalibrationRequest(instrument=SETTING.instrument, hold_out=(1,), free=FEW)
-    report = calibrated(rig, wall(rig), data, "data.csv", request).report
+    report = calibrated(rig, wall_of(rig), data, "data.csv", request).report
     assert set(report.misfit_m_s) == {"4"}
     assert report.held_out_m_s["1"] < 0.05 * report.start_misfit_m_s["4"]
 
@@ -143,7 +143,7 @@ def test_a_misfit_like_the_noise_decides_only_where_enough_is_measured(result):
 def test_two_stages_leave_the_chain_as_the_first_waves_gave_it(rig, plain):
     data = experiment.measured(plain, SETTING)
     request = CalibrationRequest(instrument=SETTING.instrument, two_stage=True, starts=1, free=FEW)
-    stages = calibrated(rig, wall(rig), data, "data.csv", request).report.stages
+    stages = calibrated(rig, wall_of(rig), data, "data.csv", request).report.stages
     assert [stage["name"] for stage in stages] == ["chain, first waves", "wall, all waves"]
     assert stages[1]["parameters"] == ("wall.frequency",)
 
@@ -153,7 +153,7 @@ def test_noise_that_may_hide_swapped_contacts_is_reported(rig, plain):
     is enough."""
     request = CalibrationRequest(instrument=SETTING.instrument, free=FEW)
     loud, low = (
-        calibrated(rig, wall(rig), experiment.measured(plain, s), "", request)
+        calibrated(rig, wall_of(rig), experiment.measured(plain, s), "", request)
         for s in (SETTING._replace(noise=5e-3), SETTING._replace(noise=1e-3, repeats=10))
     )
     assert loud.report.noise_m_s == pytest.approx(5e-3, rel=0.1)
@@ -168,7 +168,7 @@ def test_noise_is_told_from_a_model_that_cannot_explain_the_data(rig, plain):
     bent = noisy._replace(v=noisy.v * (1 + 0.05 * np.sin(2e4 * noisy.t)[:, None]))
     request = CalibrationRequest(instrument=SETTING.instrument, starts=1, free=FEW)
     valid, bad = (
-        calibrated(rig, wall(rig), x, "data.csv", request).report.remarks for x in (noisy, bent)
+        calibrated(rig, wall_of(rig), x, "data.csv", request).report.remarks for x in (noisy, bent)
     )
     assert not any("does not explain" in remark for remark in valid)
     assert any("does not explain" in remark for remark in bad)
@@ -180,10 +180,10 @@ def test_bars_of_repeats_hold_the_truth(rig, plain):
     setting, made_by = SETTING._replace(noise=1e-3, repeats=4), experiment.Truth(np.ones(6), 800.0)
     request = CalibrationRequest(instrument=setting.instrument, starts=1, free=FEW)
     data = experiment.measured(plain, setting)
-    first = calibrated(rig, wall(rig), data, "data.csv", request)
+    first = calibrated(rig, wall_of(rig), data, "data.csv", request)
     pairs = zip(first.fit.parameters, first.fit.value, strict=True)
     start = tuple(p._replace(start=float(x)) for p, x in pairs)
-    known_rig = parameters.rig(rig, wall(rig), setting.before)
+    known_rig = parameters.rig(rig, wall_of(rig), setting.before)
     inside = Repeats(known_rig, setting, None, plain, start).fitted(range(1, 25))
     true_values = np.array([made_by.of(p, setting, rig) for p in start])
     assert np.mean(np.abs(inside[:, 0] - true_values) <= inside[:, 1]) >= 0.8
@@ -205,14 +205,14 @@ def test_swapped_columns_are_refused(rig, data):
 
 
 def test_columns_beside_the_striker_are_told_by_the_order_of_their_waves(rig):
-    second = experiment.clean(small(output={"spheres": [2, 5]}), wall(rig), SETTING,
+    second = experiment.clean(small(output={"spheres": [2, 5]}), wall_of(rig), SETTING,
                              experiment.truth(rig, SETTING))  # fmt: skip
     pair = experiment.measured(second, SETTING)
     refused(rig, pair._replace(v=pair.v[:, :, ::-1]), "sphere 2 and sphere 5 are swapped")
     refused(rig, pair._replace(v=-pair.v), "sphere 2 and sphere 5 have the wrong sign")
     late = pair._replace(t=pair.t[170:] - pair.t[170], v=pair.v[:, 170:])
     request = CalibrationRequest(free="trigger", instrument=SETTING.instrument)
-    assert calibrated(rig, wall(rig), late, "", request).report.parameters[0].name == "trigger"
+    assert calibrated(rig, wall_of(rig), late, "", request).report.parameters[0].name == "trigger"
 
 
 def test_a_sphere_that_the_chain_lacks_is_refused(rig, data):
@@ -240,13 +240,13 @@ def test_waves_beyond_the_range_and_offsets_are_reported(rig, plain, data):
     noisy = experiment.measured(plain, SETTING._replace(noise=1e-3, repeats=4))
     request = CalibrationRequest(free="trigger", instrument=SETTING.instrument)
     for valid in (noisy, data):
-        remarks = calibrated(rig, wall(rig), valid, "", request).report.remarks
+        remarks = calibrated(rig, wall_of(rig), valid, "", request).report.remarks
         assert not any("beyond the instrument" in r or "at rest" in r for r in remarks)
     for bad, sentence in (
         (noisy._replace(v=np.minimum(noisy.v, [1.0, 0.15])), "Sphere 4 stays at 0.15 m/s"),
         (noisy._replace(v=noisy.v + [0.0, 0.02]), "Sphere 4 begins at 0.02"),
     ):
-        remarks = calibrated(rig, wall(rig), bad, "", request).report.remarks
+        remarks = calibrated(rig, wall_of(rig), bad, "", request).report.remarks
         assert remarks[0].startswith(sentence)
 
 
@@ -256,7 +256,7 @@ def test_a_record_may_begin_long_before_the_blow(rig, plain):
     v = np.concatenate([still, data.v], axis=1)
     early = data._replace(t=np.arange(v.shape[1]) * 1e-6, v=v)
     request = CalibrationRequest(free=FEW, instrument=SETTING.instrument, starts=1)
-    result = calibrated(rig, wall(rig), early, "", request)
+    result = calibrated(rig, wall_of(rig), early, "", request)
     assert result.report.trigger_s == pytest.approx(8e-4 + SETTING.before, abs=2e-7)
     assert result.fit.value[-1] == pytest.approx(800.0, rel=1e-3)
 
@@ -264,7 +264,7 @@ def test_a_record_may_begin_long_before_the_blow(rig, plain):
 def test_a_late_trigger_is_reported_and_undone(rig, data):
     late = data._replace(t=data.t[45:] - data.t[45], v=data.v[:, 45:])
     request = CalibrationRequest(free="trigger", instrument=SETTING.instrument)
-    report = calibrated(rig, wall(rig), late, "data.csv", request).report
+    report = calibrated(rig, wall_of(rig), late, "data.csv", request).report
     assert any("the trigger came late" in remark for remark in report.remarks)
     trigger = report.parameters[0].found
     assert trigger == pytest.approx(SETTING.before - 4.5e-5, abs=1e-5)
@@ -277,14 +277,14 @@ def test_a_record_that_begins_after_the_blow_is_refused(rig, data):
 def test_repeats_with_shifted_triggers_are_reported_and_undone(rig, clean):
     shifted = experiment.measured(clean, SETTING._replace(repeats=5, jitter=1e-5))
     request = CalibrationRequest(free="trigger", instrument=SETTING.instrument)
-    report = calibrated(rig, wall(rig), shifted, "data.csv", request).report
+    report = calibrated(rig, wall_of(rig), shifted, "data.csv", request).report
     assert any("shifted against each other" in remark for remark in report.remarks)
 
 
 def test_a_column_of_another_sphere_is_flagged(rig, data):
     wrong = data._replace(spheres=(1, 6))
     request = CalibrationRequest(free="trigger", instrument=SETTING.instrument)
-    remarks = calibrated(rig, wall(rig), wrong, "data.csv", request).report.remarks
+    remarks = calibrated(rig, wall_of(rig), wrong, "data.csv", request).report.remarks
     assert any("Sphere 6 does not look like the model" in remark for remark in remarks)
 
 
@@ -357,7 +357,7 @@ def test_noise_does_not_lead_beside_the_answer():
     twenty parameters stay within five sigma all but once in 10^5."""
     thesis = scene("rig-1dof")
     result, _ = experiment.twin_run(
-        thesis, wall(thesis), experiment.Twin(seed=6), CalibrationRequest()
+        thesis, wall_of(thesis), experiment.Twin(seed=6), CalibrationRequest()
     )
     for row in result.report.parameters:
         assert abs(row.found - row.truth) <= 2.5 * row.two_sigma, row.name
@@ -368,7 +368,7 @@ def test_three_lasers_give_seventeen_contacts_and_the_wall_without_noise():
     """0.1 % is asked for; the steps of model and data leave 1e-5."""
     thesis = scene("rig-1dof")
     setting = experiment.Twin(noise=0.0, repeats=1, seed=1)
-    result, _ = experiment.twin_run(thesis, wall(thesis), setting, CalibrationRequest())
+    result, _ = experiment.twin_run(thesis, wall_of(thesis), setting, CalibrationRequest())
     rows = [row for row in result.report.parameters if row.name != "trigger"]
     assert thesis.output.spheres == (1, 4, 14) and len(rows) == 19
     for row in rows:

@@ -16,6 +16,7 @@ from workflows.commands.app import COMMANDS, app, main
 from workflows.commands.examples import EXAMPLES
 from workflows.evidence.catalogue import catalogue
 from workflows.files.scene import built_in
+from workflows.stages.progress import Plan
 
 ROOT = Path(__file__).parents[1]
 SHORT = ("--set=chain.count=4", "--set=output.spheres=[1]", "--set=time.duration=0.2 ms")
@@ -167,9 +168,11 @@ def test_a_stage_tells_the_next_time_how_long_it_takes(monkeypatch, tmp_path):
     clock = iter((10.0, 17.0, 20.0, 20.4))
     monkeypatch.setattr(durations, "perf_counter", lambda: next(clock))
     known = durations.Durations("run mine")
-    assert known.expected("march") is None and known.expected("compilation") == 30.0
-    assert known.expected("modes") is None, "nobody has run this scene"
-    assert durations.Durations("run None").expected("modes") == 12.0
+    assert known.expected("march") is None
+    assert known.expected("compilation") == durations.COMPILATION.seconds
+    assert known.expected("factor") is None, "nobody has run this scene"
+    rig = durations.RIG["factor"].seconds
+    assert durations.Durations("run None").expected("factor") == rig
     for stage in ("march", "brief"):
         with known.measured(stage):
             pass
@@ -180,13 +183,47 @@ def test_a_stage_tells_the_next_time_how_long_it_takes(monkeypatch, tmp_path):
 
 
 def test_a_slow_machine_raises_what_is_expected_of_the_next_stage(monkeypatch):
-    clock = iter((0.0, 12.0))
+    quiet = durations.RIG["model"].seconds
+    clock = iter((0.0, 4 * quiet))
     monkeypatch.setattr(durations, "perf_counter", lambda: next(clock))
     known = durations.Durations("run None")
-    with known.measured("mesh"):  # 3 s where it is quiet
+    with known.measured("model"):
         pass
-    assert known.expected("modes") == 48.0
-    assert known.in_words("modes") == "modes is running, about 48 s on a first run"
+    assert known.expected("factor") == pytest.approx(4 * durations.RIG["factor"].seconds)
+
+
+def test_a_mesh_of_other_size_is_expected_to_take_its_own_time(monkeypatch, tmp_path):
+    """The last run's seconds, and those of the rig for a scene that nobody has run, go with the
+    unknowns as the stage does."""
+    (tmp_path / "cache").mkdir()
+    clock = iter((0.0, 20.0))
+    monkeypatch.setattr(durations, "perf_counter", lambda: next(clock))
+    known = durations.Durations("run mine")
+    known.unknowns = 1e5
+    with known.measured("factor"):
+        pass
+    finer, power = durations.Durations("run mine"), durations.RIG["factor"].power
+    finer.unknowns = 2e5
+    assert finer.expected("factor") == pytest.approx(20.0 * 2**power)
+    of_rig = durations.RIG["model"]
+    assert finer.expected("model") == pytest.approx(
+        of_rig.seconds * (2e5 / of_rig.unknowns) ** of_rig.power
+    )
+
+
+def test_the_time_to_the_end_is_that_of_the_slower_process(monkeypatch):
+    progress = terminal.StageProgress("run None")
+    assert progress.left() is None
+    monkeypatch.setattr(terminal, "perf_counter", lambda: 100.0)
+    seconds = {name: durations.RIG[name].seconds for name in ("factor", "krylov-space")}
+    progress.planned(Plan(("compilation", "factor", "krylov-space"), ("compilation",)))
+    compilation = durations.COMPILATION.seconds
+    assert progress.left() == pytest.approx(max(sum(seconds.values()), compilation))
+    monkeypatch.setattr(terminal, "perf_counter", lambda: 100.0 + compilation)
+    assert progress.left() == pytest.approx(sum(seconds.values()))
+    with progress.stage("factor"):
+        pass
+    assert progress.left() == pytest.approx(seconds["krylov-space"], rel=1e-6)
 
 
 def test_bars_fill_with_the_time_that_was_expected():
@@ -198,27 +235,54 @@ def test_bars_fill_with_the_time_that_was_expected():
 
     written = StringIO()
     bars = progress(Console(file=written, width=79))
-    known = bars.add_task("modes", total=None, expected=40.0)
+    known = bars.add_task("modes", total=None, expected=40.0, left=lambda: 95.0)
     bars.tasks[known].start_time = bars.get_time() - 10.0
-    bars.add_task("waves", total=None, expected=None)
+    bars.add_task("waves", total=None, expected=None, left=lambda: None)
     bars.console.print(bars.get_renderable())
-    assert re.search(r"modes .* 25 %, about 30 s left", written.getvalue())
+    assert re.search(r"modes .* 25 %, 30 s left, 95 s to the end", written.getvalue())
     assert re.search(r"waves .* 0\.\d s", written.getvalue())
 
 
-def test_a_long_command_says_one_line_where_nobody_watches_a_terminal(monkeypatch, capfd):
+def test_the_seconds_of_a_stage_that_has_ended_stand_still():
+    from io import StringIO
+
+    from rich.console import Console
+
+    from workflows.commands.bars import progress
+
+    clock = [0.0]
+    bars = progress(Console(file=StringIO(), width=79, get_time=lambda: clock[0]))
+    ended = bars.add_task("mesh", total=None, expected=None, left=lambda: None)
+    clock[0] = 3.0
+    bars.update(ended, total=1, completed=1)
+    clock[0] = 60.0
+    bars.console.print(bars.get_renderable())
+    assert re.search(r"mesh .* 3\.0 s", bars.console.file.getvalue())
+
+
+def test_a_stage_says_one_line_where_nobody_watches_a_terminal(monkeypatch, capfd):
+    """One that ends within a second says nothing."""
     monkeypatch.setattr(terminal, "PATIENCE", 0.05)
     for quiet in (False, True):
-        said = ""
+        lines = []
         with terminal.StageProgress("run rig-rom", quiet=quiet) as progress:
-            with progress.stage("modes"):
-                time.sleep(0.3)
-                while not (quiet or said):  # on a busy machine it comes later
-                    time.sleep(0.01)
-                    said += capfd.readouterr().err
-        said += capfd.readouterr().err
-        line = "beadwave: modes is running, about 12 s on a first run; --quiet drops this line.\n"
-        assert said == ("" if quiet else line)
+            progress.planned(Plan(("factor", "krylov-space"), (), durations.UNKNOWNS))
+            for n, stage in enumerate(("factor", "krylov-space"), start=1):
+                with progress.stage(stage):
+                    time.sleep(0.3)
+                    while not quiet and len(lines) < n:  # on a busy machine it comes later
+                        time.sleep(0.01)
+                        lines += capfd.readouterr().err.splitlines()
+            with progress.stage("waves"):
+                pass
+        lines += capfd.readouterr().err.splitlines()
+        if quiet:
+            assert lines == []
+            continue
+        first, second = lines
+        hint = "; --quiet drops these lines"
+        assert re.fullmatch(rf"beadwave: now factor, about \d+ s, \d+ s to the end{hint}\.", first)
+        assert re.fullmatch(r"beadwave: now krylov-space, about \d+ s\.", second)
 
 
 def test_a_missing_hammer_file_is_told_before_anything_is_loaded(beadwave, monkeypatch):

@@ -12,13 +12,14 @@ import dem
 import fem
 import geometry
 import rom
-from coupling.wall import wall_from_reduced
+from coupling.reduced_wall import wall_from_reduced
 from dem.waves.arrivals import arrivals
 from workflows.files.scene import scene
 from workflows.stages.cache import memory
-from workflows.stages.chain import chain, initial_velocity, simple_wall
+from workflows.stages.chain import chain, initial_velocity
 from workflows.stages.pipeline import Pipeline
 from workflows.stages.rig import STRUCK
+from workflows.stages.walls import simple_wall
 
 COARSE = (
     "mesh.seed=0.012",

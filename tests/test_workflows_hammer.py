@@ -73,6 +73,7 @@ def test_measured_damping_reaches_the_scene_only_when_all_four_are_known(csv):
         ("none.csv", None, "does not exist"),
         ("empty.csv", "", "no lines below the header"),
         ("words.csv", "f,re,im\na,b,c\n", "no frequency responses"),
+        ("excel.csv", "f;re;im\n1,5;2,5;3\n", "semicolons between its values, commas and decimal"),
         ("two.csv", "f,re\n1,2\n2,3\n", "2 columns"),
         ("short.csv", "f,re,im\n" + "".join(f"{i},1,0\n" for i in range(9)), "at least 40"),
         ("nan.csv", "f,re,im\n" + "".join(f"{i},nan,0\n" for i in range(60)), "NaN"),

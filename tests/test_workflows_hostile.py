@@ -178,8 +178,8 @@ def test_an_archive_that_promises_too_much_is_refused(shape, tmp_path, capfd):
 
 def test_a_note_of_any_type_is_read(capfd):
     """Another program writes plain numbers where notes of ours were text."""
-    from workflows.files.wall import loaded
-    from workflows.scene.tables import RomWall
+    from workflows.files.wall_file import loaded
+    from workflows.scene import RomWall
 
     np.savez("plain.npz", **WALL, provenance='{"maker": 3, "mass_kg": 2.5}')
     reduced = loaded(RomWall(kind="rom", file="plain.npz"))

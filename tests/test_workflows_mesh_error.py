@@ -17,7 +17,7 @@ from workflows.files.scene import scene
 from workflows.stages import assembly, errors
 from workflows.stages.pipeline import pipeline_of
 from workflows.stages.reduction import TO_HZ, contact_of
-from workflows.stages.wall import wall_of
+from workflows.stages.walls import wall_of
 
 pytestmark = pytest.mark.usefixtures("shared_cache")
 

@@ -23,11 +23,12 @@ from coupling.surface_motion import wall_modes
 from workflows.files.scene import scene as load
 from workflows.report import report
 from workflows.report.first_screen import chain_words
-from workflows.report.numbers import si
+from workflows.report.numbers import figures, si
 from workflows.report.page_data import PageLimits, page_data, upwards
 from workflows.report.page_rows import scene_rows
 from workflows.report.provenance import sources
 from workflows.report.report import harmless_json
+from workflows.report.rows import error_words
 from workflows.report.summary import Summary
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -105,6 +106,32 @@ def test_the_page_opens_without_complaint_and_fits(rig, opened, scheme, width):
     assert page.locator(".chart canvas").count() >= 5
     background = page.evaluate("getComputedStyle(document.body).backgroundColor")
     assert (sum(map(int, re.findall(r"\d+", background))) < 200) == (scheme == "dark")
+
+
+def test_errors_stand_beside_their_numbers_and_large_ones_are_marked(rig):
+    """On the first screen and in the tables; the coarse rig has modes that are off by a tenth."""
+    html = (rig / "report.html").read_text(encoding="utf-8")
+    first, tables = html.split('<section id="impact">')
+    summary = Summary.model_validate_json((rig / "summary.json").read_text(encoding="utf-8"))
+    for name, value in (
+        ("tof_s", si(summary.wall_contact.tof_s, "s")),
+        ("peak_wall_force_N", si(summary.peak_wall_force_N, "N")),
+    ):
+        words = error_words(summary.relative_error(name))
+        for place in (first, tables):
+            assert re.search(rf'{re.escape(value)} <span class="error[^>]*>{words}<', place)
+    mode = summary.modes[0]
+    words = error_words(summary.relative_error(f"mode {mode.number}"))
+    cells = (
+        rf"{figures(mode.frequency_hz)}</td>\s*<td class=.number.> <span class=.error[^>]*>{words}"
+    )
+    assert re.search(cells, tables)
+
+    marked = re.findall(r'<span class="error large">([^<]*)', tables)
+    listed = [summary.relative_error(f"mode {mode.number}") for mode in summary.modes]
+    large = [error_words(error) for error in listed if error is not None and error > 0.05]
+    assert large and set(large) <= set(marked)
+    assert all(mark.endswith("!") for mark in large)
 
 
 @needs_browser

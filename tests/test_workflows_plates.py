@@ -18,8 +18,9 @@ from workflows.report.finding import write
 from workflows.report.tables import records
 from workflows.scene import InvalidScene
 from workflows.scene.toml import resolved
-from workflows.stages.chain import start, wall
+from workflows.stages.chain import start
 from workflows.stages.impact import impact
+from workflows.stages.walls import wall_of
 from workflows.stages.warnings import thick_plate
 
 RISE = 164e-6  # s, the chain's contact with a half-space of its steel
@@ -128,7 +129,7 @@ def test_a_first_collision_ends_where_the_force_does_though_an_echo_strikes_hard
 def test_a_run_on_a_plate_too_thick_for_zener_says_so(thickness, warned):
     """k h = 0.35 and 0.99 for the contact's 164 us."""
     rig = scene("rig-half-space", ("wall.kind=dashpot", f"wall.plate_thickness={thickness}"))
-    sentences = list(thick_plate(rig, impact(rig, start(rig), wall(rig)).trajectory))
+    sentences = list(thick_plate(rig, impact(rig, start(rig), wall_of(rig)).trajectory))
     assert any("k h = 0.99" in sentence for sentence in sentences) == warned
     assert any("thick relative to" in sentence for sentence in sentences) == warned
 

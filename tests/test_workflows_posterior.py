@@ -13,7 +13,7 @@ from workflows.fit.calibration.folder import write
 from workflows.fit.calibration.posterior import with_posterior
 from workflows.fit.core.calibration.posterior import Sampling, posterior
 from workflows.scene.toml import resolved
-from workflows.stages.chain import wall
+from workflows.stages.walls import wall_of
 
 SETTING = experiment.Twin(noise=1e-3, repeats=4, jitter=1e-6, before=2e-5, seed=3)
 
@@ -39,7 +39,7 @@ def rig():
 @pytest.fixture(scope="module")
 def data(rig):
     made_by = experiment.Truth(np.ones(6), 800.0)
-    return experiment.measured(experiment.clean(rig, wall(rig), SETTING, made_by), SETTING)
+    return experiment.measured(experiment.clean(rig, wall_of(rig), SETTING, made_by), SETTING)
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def result(rig, data):
     request = CalibrationRequest(
         free="striker,wall.frequency", instrument=SETTING.instrument, starts=1
     )
-    return calibrated(rig, wall(rig), data, "data.csv", request)
+    return calibrated(rig, wall_of(rig), data, "data.csv", request)
 
 
 def test_samples_of_a_chain_have_the_quantiles_of_its_bars(tmp_path, result):

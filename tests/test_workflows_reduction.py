@@ -32,7 +32,7 @@ from workflows.stages.impact import impact as chain_impact
 from workflows.stages.pipeline import Pipeline, pipeline_of
 from workflows.stages.quantity_errors import velocity_error_of_mesh
 from workflows.stages.reduction import SecondModel, contact_of, reduction, targets_kept
-from workflows.stages.wall import wall_of
+from workflows.stages.walls import wall_of
 from workflows.structure.export import write_reduced
 
 pytestmark = pytest.mark.usefixtures("shared_cache")

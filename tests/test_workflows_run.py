@@ -102,6 +102,10 @@ def test_a_step_longer_than_the_samples_lie_apart_is_told(capsys):
 
 
 ASSEMBLY = ("gmsh", "skfem", "pyvista", "meshio", "geometry", "fem", "rom", "scipy.sparse")
+COARSE = (
+    "mesh.seed=0.02", "mesh.block_seed=0.05", "mesh.support_seed=0.1", "mesh.contact_seed=0.012",
+    "patch.radius=0.006", 'assembly.parts=["block","sheets"]', "reduction.modes=8",
+)  # fmt: skip
 SLOW = ("matplotlib", "scipy.optimize", "scipy.signal", "scipy.stats", "scipy.integrate")
 
 
@@ -122,6 +126,33 @@ def loads_nothing_of(absent, *command):
 @pytest.mark.parametrize("name", ["rig-rigid", "free-chain"])
 def test_a_scene_without_an_assembly_loads_nothing_of_one(name, tmp_path):
     loads_nothing_of(ASSEMBLY, "run", name, f"--out={tmp_path}/out")
+
+
+@pytest.mark.parametrize(
+    ("command", "name", "more"),
+    [
+        ("run", "rig-rigid", ()),
+        ("impact", "rig-1dof", ()),
+        ("run", "rig-rom", COARSE),
+    ],
+)
+def test_what_is_kept_loads_neither_the_march_nor_finite_elements(command, name, more, tmp_path):
+    """A run whose results are kept takes a second, of which these libraries would be another."""
+    out = [f"--out={tmp_path}/out"] if command == "run" else []
+    sets = [f"--set={change}" for change in more]
+    loads_nothing_of((), command, name, *sets, *out)
+    heavy = ("skfem", "gmsh", "meshio", "fem", "rom", "coupling", "dem", "numba", "scipy")
+    loads_nothing_of((*heavy, *SLOW), command, name, *sets, *out)
+
+
+def test_what_is_kept_is_among_the_stages_that_are_not_computed(capsys):
+    small("run", "rig-1dof", "--out=first", "--json")
+    first = json.loads(capsys.readouterr().out)["stages"]
+    small("run", "rig-1dof", "--out=second", "--json")
+    second = json.loads(capsys.readouterr().out)["stages"]
+    names = {stage["name"] for stage in first} - {"compilation"}  # there is nothing to compile for
+    assert names == {stage["name"] for stage in second}
+    assert not any(stage["cached"] for stage in first) and all(s["cached"] for s in second)
 
 
 @pytest.mark.parametrize("name", ["rig-rigid", "rig-1dof"])
@@ -197,14 +228,14 @@ def _read_only(*_):
 
 
 def test_a_file_that_cannot_be_written_is_named(monkeypatch, capsys):
-    monkeypatch.setattr("workflows.run.run.save_trajectory", _read_only)
+    monkeypatch.setattr("workflows.files.run_folder.RunFolder.writing", _read_only)
     assert small("run", "rig-1dof", "--out=out") == 1
     said = capsys.readouterr().err
     assert "there/trajectory.npz: Permission denied; choose" in said and _one_line(said)
 
 
 def test_a_full_disk_is_told_in_one_sentence(monkeypatch, capsys):
-    monkeypatch.setattr("workflows.run.run.save_trajectory", _no_space)
+    monkeypatch.setattr("workflows.files.run_folder.RunFolder.writing", _no_space)
     assert small("run", "rig-1dof", "--out=out") == 1
     said = capsys.readouterr().err
     assert "No space left on device; make room" in said and _one_line(said)
@@ -268,7 +299,7 @@ def test_without_a_writable_cache_a_run_works_all_the_same(monkeypatch, tmp_path
 
 
 FUNCTION = {
-    "wall": "workflows.stages.chain.wall",
+    "wall": "workflows.stages.walls.wall_of",
     "impact": "workflows.stages.impact.impact",
     "figures": "workflows.stages.figures.of_chain",
 }

@@ -18,7 +18,7 @@ import rom
 from beadwave import InvalidScene
 from command_line import beadwave as command
 from coupling import ModalDamping
-from coupling.wall import wall_from_reduced
+from coupling.reduced_wall import wall_from_reduced
 from rom.contact_modes import finer_space
 from rom.reduced_model import of_modes
 from workflows.stages import face

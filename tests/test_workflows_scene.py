@@ -13,9 +13,10 @@ from workflows.scene import InvalidScene
 from workflows.scene.assembly import BODIES
 from workflows.scene.toml import resolved, toml
 from workflows.stages.assembly import material
-from workflows.stages.chain import flat, wall
+from workflows.stages.chain import flat
+from workflows.stages.damping import damping_law
 from workflows.stages.impact import require_start
-from workflows.stages.wall import damping_law
+from workflows.stages.walls import wall_of
 
 MINIMAL = {
     "name": "minimal",
@@ -152,9 +153,9 @@ def test_a_plate_is_the_dashpot_of_its_material_and_thickness():
     """Zener's 8 sqrt(D rho h): steel, 5 mm, by hand D = 210e9 * 1.25e-7 / (12 * 0.91) = 2403.8."""
     result = scene("rig-rigid", ("wall.kind=dashpot", "wall.plate_thickness=5e-3"))
     assert result.wall.density == 7850.0
-    assert 1 / wall(result).mobility == pytest.approx(8 * (2403.85 * 39.25) ** 0.5, rel=1e-5)
+    assert 1 / wall_of(result).mobility == pytest.approx(8 * (2403.85 * 39.25) ** 0.5, rel=1e-5)
     bare = scene("rig-rigid", ("wall={kind='dashpot', coefficient=2457.0}",))
-    assert 1 / wall(bare).mobility == pytest.approx(2457.0)
+    assert 1 / wall_of(bare).mobility == pytest.approx(2457.0)
 
 
 @pytest.mark.parametrize(

@@ -93,9 +93,11 @@ def test_a_stage_is_computed_by_one_process_only(tmp_path):
 
 def test_a_second_process_waits_for_what_its_stage_needs(rig, two):
     pipeline = pipeline_of(rig, lambda name: nullcontext())
-    assert all(map(pipeline.ready, ("second-mesh", "compilation", "full-response")))
+    assert all(map(pipeline.ready, ("second-mesh", "compilation")))
     assert not pipeline.ready("pictures") and not pipeline.ready("response")
     pipeline("modes")
+    assert not pipeline.ready("pictures")
+    pipeline("contact")
     assert pipeline.ready("pictures") and not pipeline.ready("response")
 
 

@@ -20,7 +20,7 @@ from workflows.stages import sources
 assert Path(sources.__file__).is_relative_to(Path.cwd()), sources.__file__
 
 def digest(module):
-    for cached in (sources.fingerprint, sources.imported):
+    for cached in (sources.fingerprint, sources.digest, sources.imported):
         cached.cache_clear()
     return sources.fingerprint(module)
 
@@ -56,7 +56,7 @@ def test_an_edit_of_any_module_that_a_stage_reaches_changes_its_key(tmp_path):
     assert done.stdout.strip() == "0", "a key imported what it is to do without"
 
 
-@pytest.mark.parametrize("module", ["workflows.stages.wall", "workflows.files.wall"])
+@pytest.mark.parametrize("module", ["workflows.stages.walls", "workflows.files.wall_file"])
 def test_what_builds_a_wall_is_among_the_sources_of_the_wall(module):
     assert module in sources.modules("workflows.stages.chain")
 

@@ -9,7 +9,8 @@ import pytest
 import beadwave
 import dem
 from beadwave import Cases
-from workflows.stages.chain import simple_wall, start
+from workflows.stages.chain import start
+from workflows.stages.walls import simple_wall
 from workflows.sweep.cases import base_of
 
 WHERE = spec_from_file_location(

@@ -860,8 +860,8 @@ def silent():
         ("tcp://", "does not answer"),
         ("ws://", "does not answer"),
         ("ucx://", "does not answer"),
-        ("no-such-scheme://", "does not answer"),
-        ("tcp://[", "does not answer"),
+        ("no-such-scheme://", "is no address"),
+        ("tcp://[", "is no address"),
     ],
 )
 def test_an_address_without_a_scheduler_is_refused_in_a_sentence(
@@ -873,6 +873,12 @@ def test_an_address_without_a_scheduler_is_refused_in_a_sentence(
     said = capfd.readouterr().err
     assert said.startswith(f"beadwave: --scheduler {scheme}{silent} {says}")
     assert said.count("\n") == 1 and not Path("out").exists()
+
+
+@pytest.mark.parametrize("address", ["localhost", "tcp://host:port", "tcp://a b:8786", "8786"])
+def test_an_address_without_host_and_port_is_refused_before_it_is_tried(address):
+    with pytest.raises(InvalidScene, match=r"is no address; give scheme, host and port"):
+        beadwave.sweep("rig-rigid", SHORT, cases={"striker.velocity": "0.1,0.2"}, on=address)
 
 
 @pytest.mark.parametrize(
@@ -1027,6 +1033,14 @@ def test_numbers_on_a_terminal_tell_the_cases_apart():
             else next(line for line in lines if line[0] == "sphere_4_tof_s")[1:]
         )
         assert len(set(shown)) == len(shown) > 2
+
+
+@pytest.mark.parametrize(("mark", "name"), [(";", "semicolons"), ("\t", "tabs")])
+def test_cases_that_no_commas_separate_are_refused_with_what_does(tmp_path, mark, name):
+    file = tmp_path / "cases.csv"
+    file.write_text(f"striker.velocity{mark}preload.force\n0.1{mark}5\n")
+    with pytest.raises(InvalidScene, match=f"has {name} between its values; write commas"):
+        beadwave.sweep("rig-rigid", SHORT, cases=Cases(table=file))
 
 
 def test_a_table_is_read_by_others(tmp_path):

@@ -9,8 +9,9 @@ from command_line import beadwave
 from dem import rigid_wall
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
-from workflows.stages.chain import contact_radius, start, wall
+from workflows.stages.chain import contact_radius, start
 from workflows.stages.impact import impact
+from workflows.stages.walls import wall_of
 
 PRESSURE = 1.6e9  # Pa
 ALONE = ("chain.count=1", "output.spheres=[1]", "time.duration=0.4e-3", "time.error=1e-6")
@@ -48,7 +49,7 @@ def test_a_pressure_that_is_never_reached_changes_nothing():
     hertz = scene("rig-half-space", ("chain.count=5", "output.spheres=[1]", "time.dt=5e-7"))
     law = {"law": "thornton", "yield_pressure": (1e12,) * 5}
     plastic = hertz.model_copy(update={"contact": hertz.contact.model_copy(update=law)})
-    one, two = (impact(s, start(s), wall(s)).trajectory for s in (hertz, plastic))
+    one, two = (impact(s, start(s), wall_of(s)).trajectory for s in (hertz, plastic))
     assert np.abs(two.v - one.v).max() < 1e-6 * 0.31  # two schemes at one step
     assert two.dissipated_contact.max() == 0.0
     assert radius(plastic, 100.0) == pytest.approx(radius(hertz, 100.0))

@@ -18,13 +18,13 @@ import rom
 from rom.imported import Limits, sound
 from workflows.commands.app import main
 from workflows.files.scene import scene
-from workflows.files.wall import loaded
+from workflows.files.wall_file import loaded
 from workflows.run.run import impact
 from workflows.scene import InvalidScene
 from workflows.scene.toml import resolved, toml
 from workflows.stages.chain import flat
-from workflows.stages.chain import wall as wall_of
 from workflows.stages.pipeline import Pipeline, pipeline_of
+from workflows.stages.walls import wall_of
 from workflows.stages.warnings import unusual_wall_file
 
 RUN = ("wall.kind=rom", "time.duration=3e-4", "output.samples=301")
@@ -238,7 +238,7 @@ def test_a_run_solves_for_the_modes_of_a_file_once(tmp_path, monkeypatch, ground
 
 def test_a_wall_of_too_many_coordinates_is_refused(tmp_path, monkeypatch):
     small = partial(sound, limits=Limits(n_coordinates=5))
-    monkeypatch.setattr("workflows.files.wall.sound", small)
+    monkeypatch.setattr("workflows.files.wall_file.sound", small)
     with pytest.raises(InvalidScene, match="has 6 coordinates, allowed are 5; reduce it further"):
         refused(tmp_path, "large.npz")
 

@@ -6,7 +6,9 @@
     wall with a dashpot  d(gap)/dt = -mobility F                           `dashpot_indentation`
     dampers              F + c d',  c = gamma or gamma F                       `damping_impulse`
 
-A of two bodies is `dem.spheres.hertz_coefficient`. K. L. Johnson, Contact Mechanics, Cambridge
+A further damping law starts here: its number beside HUNT_CROSSLEY, its impulse in
+`damping_impulse`; CONTRIBUTING names the other places. A of two bodies is
+`dem.spheres.hertz_coefficient`. K. L. Johnson, Contact Mechanics, Cambridge
 1985, chap. 4; C. Thornton, J. Appl. Mech. 64 (1997) 383; K. H. Hunt, F. R. E. Crossley, J. Appl.
 Mech. 42 (1975) 440.
 """

@@ -100,7 +100,7 @@ def fit(
 
     # d_j = 0 first; with d_j, twice as many linear unknowns, only where that leaves a misfit
     for with_steps in (False, True):
-        shapes = _shapes(t, v, start, with_steps, options)
+        shapes = least_squares_shapes(t, v, start, with_steps, options)
         weights, residual = _weighted(t, v, shapes, with_steps)
         if np.sqrt(np.mean(residual**2)) < options.pure * size:
             break
@@ -134,7 +134,7 @@ def _weighted(t, v, shapes, with_steps):
     return np.resize([*weight[:-1], *np.zeros(len(a))], 2 * len(a)).reshape(2, -1).T, residual
 
 
-def _shapes(t, v, start, with_steps, options):
+def least_squares_shapes(t, v, start, with_steps, options):
     """t_j, c_j (n, 2) [s, spheres/s] with the least sum of squares of the residual, where p_j, d_j
     are the best ones for each trial.
 

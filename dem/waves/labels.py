@@ -92,8 +92,8 @@ def labels(
             for passage, guesses in zip(members, others, strict=True)
         ]
 
-        # if one of the overlapping waves is fitted far larger than its track says, another one
-        # cancels it, and none of the group is to be believed
+        # a wave that is fitted far larger than its track is cancelled by another one of the group,
+        # so that no wave of the group can be trusted
         cancel = any(
             wave.peak_velocity / passage.guess.peak_velocity > options.shared
             for passage, wave, single in zip(members, waves, alone, strict=False)
@@ -116,8 +116,8 @@ def labels(
 
 
 def _credible(guess, arrival, bound):
-    """The arrival if its peak is within a factor `bound` of the track's, else what the track says,
-    with quality 0; bound = 0 accepts none."""
+    """The arrival if its peak is within a factor `bound` of the track's, else the time and peak of
+    the track itself with quality 0; bound = 0 accepts no arrival."""
     if bound and 1.0 / bound <= arrival.peak_velocity / guess.peak_velocity <= bound:
         return arrival
     return Arrival(*guess, 0.0)

@@ -89,7 +89,7 @@ def run(
     with StageProgress(f"run {scene}", quiet=quiet) as progress:
         result = run_stages(
             scene, changes or (), out=out, overwrite=overwrite, progress=progress.stage,
-            waves_known=printer.waves,
+            planned=progress.planned, waves_known=printer.waves,
         )  # fmt: skip
     printer.whole(result.summary)
     print_notes(result.notes)
@@ -117,7 +117,7 @@ def impact(
     with StageProgress(f"impact {scene}", quiet=quiet) as progress:
         result = run_impact(
             scene, changes or (), rom=rom, out=out, overwrite=overwrite, progress=progress.stage,
-            waves_known=printer.waves,
+            planned=progress.planned, waves_known=printer.waves,
         )  # fmt: skip
     printer.whole(result.summary)
     print_notes(result.notes)

@@ -7,7 +7,7 @@ from rich.progress import Progress, ProgressColumn, Task, TextColumn
 from rich.progress_bar import ProgressBar
 from rich.text import Text
 
-WIDTH = 24  # characters of a bar
+WIDTH = 20  # characters of a bar
 FULLEST = 0.97  # of a bar whose stage still runs
 
 
@@ -24,16 +24,21 @@ class _Bar(ProgressColumn):
 
 
 class _Time(ProgressColumn):
-    """Seconds so far, and those that are left."""
+    """Seconds so far, and those that are left of the stage and of the command."""
 
     def render(self, task: Task) -> Text:
         expected, elapsed = task.fields["expected"], task.elapsed or 0.0
-        if task.finished or not expected:
+        if task.finished:  # `elapsed` runs on
+            return Text(f"{task.finished_time or 0.0:.1f} s")
+        if not expected:
             return Text(f"{elapsed:.1f} s")
+        left = task.fields["left"]()
+        # the end of the command only where it is not that of the stage
+        of_all = f", {left:.0f} s to the end" if left and left > expected - elapsed + 1 else ""
         if elapsed > expected:
-            return Text(f"{elapsed:.0f} s, longer than foreseen")
+            return Text(f"{elapsed:.0f} s{of_all or ', longer than foreseen'}")
         share = 100 * min(elapsed / expected, FULLEST)
-        return Text(f"{share:2.0f} %, about {expected - elapsed:.0f} s left")
+        return Text(f"{share:2.0f} %, {expected - elapsed:.0f} s left{of_all}")
 
 
 def progress(console: Console) -> Progress:

@@ -1,19 +1,43 @@
-"""Seconds that stages took, kept beside the cache, for the time left on the next run's bars."""
+"""Seconds that stages take: those of an earlier run, kept beside the cache, or those of the thesis'
+rig, scaled to the unknowns of the mesh."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from json import dumps, loads
 from pathlib import Path
 from time import perf_counter
+from typing import NamedTuple
 
 NAME = "durations.json"
 SHORTEST = 1.0  # s of a stage that is recorded
-COMPILATION = {"compilation": 30.0}  # s on a quiet core of 2020, until a run has measured its own
+
+
+class Duration(NamedTuple):
+    """How long a stage takes."""
+
+    seconds: float
+    unknowns: float | None = None  # of the mesh; None where there is none, or it is not known
+    power: float = 0.0  # of the unknowns, which the seconds grow with
+
+
+UNKNOWNS = 40_389.0  # of rig-rom
+# Processor seconds of one core, without compilation, and the power between these and the seconds
+# with all seeds times 0.7, 62 607 unknowns. Those of a factor grow towards the power 4/3.
 RIG = {
-    "mesh": 3.0, "modes": 12.0, "reduction": 12.0, "second-mesh": 6.0, "full-response": 6.0,
-    "pictures": 6.0,
-}  # fmt: skip
-RIGS = ("None", "rig-rom", "rig-rom-269", "rig-rom-907")  # their scenes; those of others differ
+    "mesh": Duration(0.5),
+    "model": Duration(2.1, UNKNOWNS, 0.96),
+    "factor": Duration(3.2, UNKNOWNS, 0.87),
+    "krylov-space": Duration(4.1, UNKNOWNS, 0.86),
+    "modes": Duration(0.2, UNKNOWNS, 1.35),
+    "reduction": Duration(2.2, UNKNOWNS, 0.87),
+    "response": Duration(0.7),
+    "mac": Duration(0.6, UNKNOWNS, 0.99),
+    "pictures": Duration(3.2),
+    "missed-energy": Duration(4.0, UNKNOWNS, 1.42),
+    "figures": Duration(0.6),
+}
+COMPILATION = Duration(16.0)  # from an empty cache
+SCENES = ("None", "rig-rom", "rig-rom-269", "rig-rom-907")  # of the rig; others differ
 
 
 class Durations:
@@ -21,29 +45,42 @@ class Durations:
 
     def __init__(self, command: str) -> None:
         self._command = command
-        self._defaults = COMPILATION | (RIG if command.rpartition(" ")[2] in RIGS else {})
+        self._is_rig = command.rpartition(" ")[2] in SCENES
         self._foreseen = self._measured = 0.0  # s of the stages that this command has ended
+        self.unknowns: float | None = None  # of this command's mesh, once they are known
 
     def expected(self, stage: str) -> float | None:
-        """Seconds that the stage took the last time, times the factor by which the stages of this
-        command have been slower than then, if they were; None without a last time."""
-        last = self._last(stage)
+        """Seconds that the stage took the last time, for as many unknowns as there are now, times
+        the factor by which the stages of this command have been slower than then, if they were;
+        None where nothing is known."""
+        seconds = self._last(stage)
         slower = max(1.0, self._measured / max(self._foreseen, SHORTEST))
-        return last and last * slower
+        return seconds and seconds * slower
 
-    def in_words(self, stage: str) -> str:
-        """The same as a sentence on a stage that is running."""
-        seconds = self.expected(stage)
-        if not seconds:
-            return f"{stage} is running"
-        when = "as the last time" if stage in self._recorded() else "on a first run"
-        return f"{stage} is running, about {seconds:.0f} s {when}"
+    def left(self, stages: Iterable[str]) -> float:
+        """Seconds that these stages will take, as far as they are known."""
+        return sum(self.expected(stage) or 0.0 for stage in stages)
 
     def _last(self, stage: str) -> float | None:
-        return self._recorded().get(stage) or self._defaults.get(stage)
+        """Seconds on a machine as fast as the last time's."""
+        usual = COMPILATION if stage == "compilation" else RIG.get(stage)
+        recorded = self._recorded().get(stage)
+        if recorded is None:
+            recorded = usual
+            # of a mesh that nobody has run the rig's are all that there is
+            if usual is None or not (usual.unknowns is None or self._is_rig or self.unknowns):
+                return None
+        if recorded.unknowns and self.unknowns:
+            power = usual.power if usual else 0.0
+            return recorded.seconds * (self.unknowns / recorded.unknowns) ** power
+        return recorded.seconds
 
-    def _recorded(self) -> dict[str, float]:
-        return _all_recorded().get(self._command, {})
+    def _recorded(self) -> dict[str, Duration]:
+        with suppress(KeyError, TypeError, AttributeError):  # none, or of another version
+            return {
+                stage: Duration(*entry) for stage, entry in _file_content()[self._command].items()
+            }
+        return {}
 
     @contextmanager
     def measured(self, stage: str) -> Iterator[None]:
@@ -56,8 +93,9 @@ class Durations:
         # the folder is made by the cache, with its own mode, or not at all
         if seconds <= SHORTEST or not self._command or not _file().parent.is_dir():
             return
-        commands = _all_recorded()
-        commands.setdefault(self._command, {})[stage] = round(seconds, 1)
+        commands = _file_content()
+        recorded = commands.setdefault(self._command, {})
+        recorded[stage] = [round(seconds, 1), self.unknowns]
         with suppress(OSError):
             from workflows.files.whole_file import writing_file
 
@@ -71,8 +109,8 @@ def _file() -> Path:
     return cache_folder() / NAME
 
 
-def _all_recorded() -> dict[str, dict[str, float]]:
-    """Seconds by command and stage."""
+def _file_content() -> dict[str, dict]:
+    """Seconds and unknowns by command and stage."""
     with suppress(OSError, ValueError):
         commands = loads(_file().read_text(encoding="utf-8"))
         if isinstance(commands, dict):

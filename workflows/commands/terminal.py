@@ -1,5 +1,4 @@
-"""Progress of a command on the terminal, and the printing of its result; a pipe gets the result
-only."""
+"""Progress of a command on stderr, bars on a terminal and lines in a pipe; its result on stdout."""
 
 from __future__ import annotations
 
@@ -8,72 +7,85 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Timer
+from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from workflows.commands.durations import Durations
 
 if TYPE_CHECKING:
     from workflows.report.summary import Summary
+    from workflows.stages.progress import Plan
 
 LABEL = 35  # characters of a label
 LINE = 80  # of a line
 UNBROKEN = "\u00a0"
-PATIENCE = 10.0  # s without a word where stderr is no terminal
+PATIENCE = 1.0  # s that a stage runs before a line says so where stderr is no terminal
 
 
 class StageProgress:
-    """A bar per stage on a terminal; elsewhere a line after ten seconds; nothing with `quiet`.
+    """A bar per stage on a terminal; elsewhere a line for each that takes over a second; nothing
+    with `quiet`.
 
     `command` names what runs: how long its stages took tells the next time how long they will.
     """
 
     def __init__(self, command: str = "", *, quiet: bool = False) -> None:
-        watched = sys.stderr.isatty()
         self._durations = Durations(command)
         self._bars = None
-        if watched and not quiet:
+        if sys.stderr.isatty() and not quiet:
             from rich.console import Console
 
             from workflows.commands.bars import progress
 
             self._bars = progress(Console(file=sys.stderr))
-        self._timer = None if watched or quiet else Timer(PATIENCE, self._tell)
-        self._running: list[str] = []
+        self._tells = self._bars is None and not quiet
+        self._told = False
+        self._running: dict[str, float] = {}  # stages, and when each began
+        self._ended: set[str] = set()
+        self._plan: Plan | None = None
+        self._planned_at = 0.0
 
     def __enter__(self) -> StageProgress:
         if self._bars:
             self._bars.start()
-        if self._timer:
-            self._timer.daemon = True
-            self._timer.start()
         return self
 
     def __exit__(self, *_) -> None:
-        if self._timer:
-            self._timer.cancel()
         if self._bars:
             self._bars.stop()
+
+    def planned(self, plan: Plan) -> None:
+        """What the command is about to compute, from which the time to its end is foreseen."""
+        self._plan, self._planned_at = plan, perf_counter()
+        self._durations.unknowns = plan.unknowns
+
+    def left(self) -> float | None:
+        """[s] to the end of the plan, of the slower of its two processes; None without a plan, or
+        where nothing is known of its stages."""
+        if self._plan is None:
+            return None
+        now, plan = perf_counter(), self._plan
+        ended = self._ended | self._running.keys()
+        left = self._durations.left(
+            name for name in plan.stages if name not in ended and name not in plan.beside
+        )
+        for name, began in self._running.items():
+            left += max(0.0, (self._durations.expected(name) or 0.0) - (now - began))
+        beside = self._durations.left(name for name in plan.beside if name not in self._ended)
+        return max(left, beside - (now - self._planned_at)) or None
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Show a stage as running, then as done."""
         key = name.partition(" (")[0]  # in brackets: how many are left, other each time
         expected = self._durations.expected(key)
-        task = self._bars.add_task(name, total=None, expected=expected) if self._bars else None
-        self._running.append(name)
-        try:
-            with self._durations.measured(key):
-                yield
-        finally:
-            self._running.remove(name)
-        if self._bars:
-            self._bars.update(task, total=1, completed=1)
+        with self._shown(name, expected), self._durations.measured(key):
+            yield
+        self._ended.add(key)
 
     @contextmanager
     def counted(self, name: str) -> Iterator[Callable[[int, int], None]]:
         """Show work that says how many of its pieces are done, and of how many."""
-        task = self._bars.add_task(name, total=None, expected=None) if self._bars else None
-        self._running.append(name)
         n_before: int | None = None  # pieces of an earlier run, which cost no time now
 
         def count(n_done: int, n: int) -> None:
@@ -86,14 +98,40 @@ class StageProgress:
                 description = f"{name}: {n_done} of {n}"
                 self._bars.update(task, expected=expected, description=description)
 
-        yield count
-        self._running.remove(name)
+        with self._shown(name, None) as task:
+            yield count
+
+    @contextmanager
+    def _shown(self, name: str, expected: float | None) -> Iterator[int | None]:
+        """A bar, whose number comes out, or a line after a second."""
+        task, timer = None, None
+        if self._bars:
+            task = self._bars.add_task(name, total=None, expected=expected, left=self.left)
+        elif self._tells:
+            timer = Timer(PATIENCE, self._tell, (name, expected))
+            timer.daemon = True
+            timer.start()
+        self._running[name] = perf_counter()
+        try:
+            yield task
+        finally:
+            self._running.pop(name, None)
+            if timer:
+                timer.cancel()
         if self._bars:
             self._bars.update(task, total=1, completed=1)
 
-    def _tell(self) -> None:
-        text = self._durations.in_words(self._running[-1] if self._running else "the command")
-        print(f"beadwave: {text}; --quiet drops this line.", file=sys.stderr)
+    def _tell(self, name: str, expected: float | None) -> None:
+        """A line on a stage that is running."""
+        words = [f"beadwave: now {name}"]
+        if expected and expected > PATIENCE:
+            words.append(f"about {expected:.0f} s")
+        left = self.left()
+        if left and left > max(expected or 0.0, PATIENCE):
+            words.append(f"{left:.0f} s to the end")
+        hint = "" if self._told else "; --quiet drops these lines"
+        self._told = True
+        print(f"{', '.join(words)}{hint}.", file=sys.stderr, flush=True)
 
 
 def print_result(content: dict, text: str, json: bool, quiet: bool = False) -> None:
@@ -149,7 +187,7 @@ class SummaryPrinter:
             print(summary.text(), end="")
             return
         if not self._quiet:
-            from workflows.report.rows import details, headline
+            from workflows.report.rows import details, headline, left_out
 
             rows = list(headline(summary))
             if self._verbose:
@@ -159,6 +197,8 @@ class SummaryPrinter:
                 for stage in summary.stages:
                     cached = "  (kept)" if stage.cached else ""
                     rows.append((stage.name, f"{stage.seconds:.2f} s{cached}"))
+            else:
+                rows += left_out(summary)
             self._print(rows)
         for warning in summary.warnings:
             print(f"warning: {warning}", file=sys.stderr)

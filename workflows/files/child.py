@@ -1,4 +1,4 @@
-"""A module of ours run as a child process, so that a crash or a hang there is a status here.
+"""A module of ours run in a child process: if it crashes or hangs, this process gets a status.
 
 The child imports nothing from the working directory, ends itself when its time is over or whoever
 started it is gone, and dumps no core. What runs in it is

@@ -16,9 +16,9 @@ from workflows.scene import InvalidScene
 from workflows.scene.named_files import require_file
 
 HAMMER = "give a hammer test as .csv or .uff"
-CSV = "CSV wants frequency_hz, re_1, im_1, ... below a header line"
+CSV = "a CSV needs frequency_hz, re_1, im_1, ... below a header line"
 UFF = (
-    "a universal file wants data sets 58; shapes alone (data set 55) are targets of modes and "
+    "a universal file needs data sets 58; shapes alone (data set 55) are targets of modes and "
     "tune: [[targets]] with hz and shape = the file"
 )
 

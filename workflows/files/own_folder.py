@@ -45,7 +45,7 @@ def own_folder(parent: Path, name: str, scene_toml: str) -> Path:
     """NAME in the parent, or the first of NAME-2, NAME-3, ... that no other scene's files fill."""
 
     def is_free(path: Path) -> bool:
-        """Whether it is absent, or ours with this very scene, or with none yet."""
+        """Whether the folder is absent, or one of ours that holds this scene or none yet."""
         if not lexists(path):
             return True
         ours = marked(path) or (path.is_dir() and not any(path.iterdir()))

@@ -75,7 +75,7 @@ def equidistant(t: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def stacked(t: NDArray[np.float64], columns) -> tuple[tuple, NDArray[np.float64]]:
-    """What the columns hold, in order, and their values (r, k, m)."""
+    """What the m columns hold, in order, and their values (r, k, m) in r repeats at k times."""
     repeats_of: dict[Any, list] = {}
     for key, values in columns:
         if not np.isfinite(values).all():

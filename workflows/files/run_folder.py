@@ -55,6 +55,10 @@ class Picture(NamedTuple):
         return f"<picture {self.name}, {len(self.png)} bytes of PNG>"
 
 
+class NoPicture(RuntimeError):
+    """Pictures could not be rendered; the message says what to install."""
+
+
 class RunFolder:
     """A folder that is written to. Files of `inputs` are never replaced, those that beadwave did
     not write only with `overwrite`."""
@@ -76,10 +80,11 @@ class RunFolder:
 
     @contextmanager
     def run(self, scene_toml: str, files: Iterable[str] = ()) -> Iterator["RunFolder"]:
-        """Where a run of this scene writes these files; what an earlier one left goes at its end.
+        """The folder into which a run of this scene writes these files.
 
-        Over files of ours that is a folder inside, so that they stay until then; else this one,
-        which a refused run leaves as it was.
+        Where an earlier run has left files, it is a new folder inside of this one, whose files
+        replace the earlier ones when the run has ended. Otherwise it is this folder itself; a run
+        that is refused leaves it as it was.
         """
         is_new, has_marker = not lexists(self.path), lexists(self.path / MARKER)
         same = self.ours("scene.toml") and _text(self.path / "scene.toml") == scene_toml
@@ -104,7 +109,8 @@ class RunFolder:
 
     @contextmanager
     def _inside_of(self) -> Iterator["RunFolder"]:
-        """A folder in this one, gone at the end; what a killed run left of its own goes first."""
+        """A folder in this one that is removed at the end; those of killed runs are removed
+        first."""
         for path in self.path.glob(f"{NEW}*"):
             process = path.name.removeprefix(NEW)
             if process.isdecimal() and not runs(int(process)):
@@ -138,15 +144,38 @@ class RunFolder:
 
     @contextmanager
     def renewed(self, *files: str) -> Iterator["RunFolder"]:
-        """The same for a result without a resolved scene: what is not written again goes."""
+        """The folder for a result without a resolved scene: at the end, files of ours that were not
+        written again are removed."""
         with self.held(*files):
             yield self
             self.clear(self._noted().keys() - self._written)
 
     def require(self, *files: str) -> None:
         """Raise InvalidScene where the folder cannot be one, or one of these files is not ours."""
-        checked_folder(self.path)
-        _require_own(self.path)
+        path = checked_folder(self.path)
+
+        # no folder of the system, no home, none whose marker would be waited for (a pipe), leads to
+        # another file (a link) or is of other origin
+        place = path.resolve()
+        if str(place) in SYSTEM:
+            raise InvalidScene(
+                f"--out {path} is a folder of the system; choose one for the run alone."
+            )
+        if lexists(path / MARKER) and not marked(path):
+            kind = "a symbolic link" if islink(path / MARKER) else "no ordinary file"
+            raise InvalidScene(
+                f"--out {path} holds {MARKER}, which is {kind}; remove it or choose another folder."
+            )
+        if not all(fullmatch(LINE, line) for line in (_text(path / MARKER) or "").splitlines()):
+            raise InvalidScene(
+                f"--out {path} holds {MARKER}, which beadwave did not write; remove it or choose "
+                "another folder."
+            )
+        if place == Path(expanduser("~")).resolve() and not marked(path):
+            raise InvalidScene(
+                f"--out {path} is your home folder; choose one in it for the run alone."
+            )
+
         for folder in {(self.path / name).parent for name in files}:
             checked_folder(folder)
         for name in files:
@@ -192,18 +221,18 @@ class RunFolder:
             (self.path / name).unlink()
 
     def _clearable(self, names: Iterable[str]) -> list[str]:
-        """Of these names what is ours and no input."""
+        """Those of these names that are files of ours and no inputs."""
         return [
             name for name in names
             if self.ours(name) and not among(self.path / name, self._inputs)
         ]  # fmt: skip
 
     def keep(self, names: Iterable[str]) -> None:
-        """Take files of an earlier run for those of this one."""
+        """Count files of an earlier run as written by this one, so that they stay."""
         self._written.update(names)
 
     def leave(self, names: Iterable[str]) -> None:
-        """Take files for none of this run's: they go at its end."""
+        """Count files as not written by this run, so that they are removed at its end."""
         self._written.difference_update(names)
 
     def find(self, name: str) -> Path:
@@ -294,26 +323,6 @@ def checked_folder(path: Path) -> Path:
 def marked(folder: Path) -> bool:
     """Whether beadwave filled the folder: its marker is an ordinary file."""
     return isfile(folder / MARKER) and not islink(folder / MARKER)
-
-
-def _require_own(path: Path) -> None:
-    """Raise InvalidScene for a folder that is no run's: of the system, the user's home, or one
-    whose marker would be waited for (a pipe), lead to another file (a link) or is not ours."""
-    place = path.resolve()
-    if str(place) in SYSTEM:
-        raise InvalidScene(f"--out {path} is a folder of the system; choose one for the run alone.")
-    if lexists(path / MARKER) and not marked(path):
-        kind = "a symbolic link" if islink(path / MARKER) else "no ordinary file"
-        raise InvalidScene(
-            f"--out {path} holds {MARKER}, which is {kind}; remove it or choose another folder."
-        )
-    if not all(fullmatch(LINE, line) for line in (_text(path / MARKER) or "").splitlines()):
-        raise InvalidScene(
-            f"--out {path} holds {MARKER}, which beadwave did not write; remove it or choose "
-            "another folder."
-        )
-    if place == Path(expanduser("~")).resolve() and not marked(path):
-        raise InvalidScene(f"--out {path} is your home folder; choose one in it for the run alone.")
 
 
 def _text(path: Path) -> str | None:

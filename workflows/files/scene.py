@@ -107,7 +107,8 @@ def completed(written: Written) -> Scene:
     scene = resolved(written.tables, written.name, written.folder)
     if not isinstance(scene.wall, RomWall) or scene.wall.file is None:
         return scene
-    from workflows.files.wall import with_surface  # only a wall from a file pays for the reader
+    # only a wall from a file pays for the reader
+    from workflows.files.wall_file import with_surface
 
     try:
         return scene.model_copy(update={"wall": with_surface(scene.wall)})

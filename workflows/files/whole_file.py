@@ -25,7 +25,7 @@ def writing_file(path: Path) -> Iterator[Path]:
 
 
 def clear_parts(*folders: Path) -> None:
-    """Remove what processes that are gone left half written."""
+    """Remove unfinished files of processes that have ended."""
     for folder in folders:
         for draft in folder.glob(f"{PART}*"):
             writer = match(rf"{escape(PART)}(\d+)-", draft.name)

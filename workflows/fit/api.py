@@ -92,6 +92,7 @@ def calibrate(
     """
     _require_possible(posterior, options)
     file = Path(data)
+    from workflows.fit.better_walls import better_walls
     from workflows.fit.calibration.calibrate import calibrated
     from workflows.fit.calibration.folder import FILES, write
     from workflows.fit.records import measured as record
@@ -102,8 +103,9 @@ def calibrate(
     folder = _folder(out, (*files_read(start, scene), file), overwrite)
     with _renewed(folder, FILES):
         start, wall = _with_wall(start, pipeline_of(start, progress))
+        better = better_walls(start, progress)
         with progress("calibration"):
-            result = calibrated(start, wall, measured, file.name, request)
+            result = calibrated(start, wall, measured, file.name, request, better)
         result = _sampled(result, posterior, request.seed, progress)
         if folder:
             write(result, folder)
@@ -131,6 +133,7 @@ def twin(
     options  of the calibration, as in `calibrate`
     """
     _require_possible(posterior, options)
+    from workflows.fit.better_walls import better_walls
     from workflows.fit.calibration import twin as experiment
     from workflows.fit.calibration.folder import TWIN_FILES, write, write_data
     from workflows.stages.pipeline import pipeline_of
@@ -141,8 +144,9 @@ def twin(
     coverage = None
     with _renewed(folder, TWIN_FILES):
         start, wall = _with_wall(start, pipeline_of(start, progress))
+        better = better_walls(start, progress)
         with progress("calibration"):
-            result, data = experiment.twin_run(start, wall, setting, request)
+            result, data = experiment.twin_run(start, wall, setting, request, better)
         result = _sampled(result, posterior, setting.seed, progress)
         if runs:
             with progress(f"{runs} repeats"):

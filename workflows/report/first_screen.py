@@ -6,9 +6,11 @@ from pathlib import Path
 import numpy as np
 
 from workflows.report.numbers import NONE, digits, grouped, percent, si
-from workflows.report.rows import measured_modes, run_seconds
+from workflows.report.rows import ERROR_OF, measured_modes, run_seconds
 from workflows.report.summary import Summary
 from workflows.scene import DashpotWall, HalfSpaceWall, OneDofWall, RigidWall, RomWall, Scene
+
+MODES = "measured modes, computed"
 
 
 def chain_words(scene: Scene) -> str:
@@ -63,8 +65,9 @@ def waves_words(summary: Summary) -> str:
     return f"The first wave passes {', '.join(passing)}."
 
 
-def facts(summary: Summary) -> list[tuple[str, str]]:
-    """The few numbers beside the answer."""
+def facts(summary: Summary) -> list[tuple[str, str, float | None]]:
+    """The few numbers beside the answer, each with its relative error where one is known, several
+    with the largest of theirs."""
     rows = []
     if contact := summary.wall_contact:
         speed_in, speed_back = contact.speed_in_m_s, contact.speed_back_m_s
@@ -78,8 +81,11 @@ def facts(summary: Summary) -> list[tuple[str, str]]:
             ("peak force at the wall", si(summary.peak_wall_force_N, "N")),
         ]
     if summary.modes_hz:
-        rows.append(("measured modes, computed", measured_modes(summary)))
+        rows.append((MODES, measured_modes(summary)))
     seconds = run_seconds(summary)
     spent = f"{digits(seconds)} s" if seconds >= 0.01 else "none, results were kept"
     rows.append(("computing time", spent))
-    return [(label, value) for label, value in rows if value not in (NONE, "")]
+    errors = {label: summary.relative_error(name) for label, name in ERROR_OF.items()}
+    of_modes = (summary.relative_error(f"mode {m.number}") for m in summary.modes if m.target)
+    errors[MODES] = max((error for error in of_modes if error is not None), default=None)
+    return [(label, x, errors.get(label)) for label, x in rows if x not in (NONE, "")]

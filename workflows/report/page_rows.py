@@ -5,10 +5,18 @@ from typing import Any
 import numpy as np
 
 from workflows.report.first_screen import chain_words, facts, wall_words, waves_words
-from workflows.report.numbers import grouped, si
+from workflows.report.numbers import GLUE, NONE, grouped, percent, si
 from workflows.report.packing import unpacked
 from workflows.report.provenance import flat
-from workflows.report.rows import at_wall, budget, reduction_rows, sensed
+from workflows.report.rows import (
+    ERROR_OF,
+    LARGE,
+    at_wall,
+    budget,
+    error_words,
+    reduction_rows,
+    sensed,
+)
 from workflows.report.summary import Summary
 from workflows.scene import Scene
 from workflows.scene.quantities import entries
@@ -22,6 +30,8 @@ STANDS_FOR = {
     "dashpot": "The wall is a dashpot without a shape: slab and piston stand for it.",
     "rom": "The wall is a reduced model without a surface: slab and coil stand for it.",
 }
+NAMES = {name: label for label, name in ERROR_OF.items()}
+WAVE_NAMES = {": time_s": ", time", ": peak_velocity_m_s": ", peak velocity"}
 
 
 def context(scene: Scene | None, summary: Summary, data: dict[str, Any]) -> dict[str, Any]:
@@ -74,6 +84,14 @@ def context(scene: Scene | None, summary: Summary, data: dict[str, Any]) -> dict
         "worst_target": max((abs(m.frequency_hz / m.target_hz - 1) for m in targets), default=0),
         "has_mac": any(mode.mac is not None for mode in summary.modes),
         "shown_modes": shown_modes,
+        # errors, beside their numbers and by cause
+        "relative_error": summary.relative_error,
+        "error_of": ERROR_OF,
+        "large_error": LARGE,
+        "error_words": error_words,
+        "has_mode_errors": any(summary.relative_error(f"mode {m.number}") for m in summary.modes),
+        "has_wave_errors": any(error.name.endswith(": time_s") for error in summary.errors),
+        "error_causes": error_causes(summary),
         # the other tables
         "at_wall": at_wall(summary),
         "budget": budget(summary),
@@ -81,6 +99,29 @@ def context(scene: Scene | None, summary: Summary, data: dict[str, Any]) -> dict
         "scene_groups": groups,
         "defaults": [row for row in rows if row["kind"] == "default"],
     }
+
+
+def error_causes(summary: Summary) -> tuple[list[str], list[tuple[str, str, list[str]]]]:
+    """Causes of errors that some number has, and of each number with several its name, its value
+    and its errors by cause, relative."""
+    causes = [
+        cause
+        for cause in ("time", "reduction", "mesh", "theory")
+        if any(getattr(error, cause) is not None for error in summary.errors)
+    ]
+    rows = []
+    for error in summary.errors:
+        by_cause = [getattr(error, cause) for cause in causes]
+        if not error.value or sum(x is not None for x in by_cause) < 2:
+            continue
+        shares = [NONE if x is None else percent(x / abs(error.value), 2) for x in by_cause]
+        value = percent(error.value) if error.name == "arr_2_9" else si(error.value, error.unit, 4)
+        name = NAMES.get(error.name, error.name)
+        for key, words in WAVE_NAMES.items():
+            if name.endswith(key):
+                name = f"sphere {name.removesuffix(key)}{words}"
+        rows.append((name, value.removesuffix(f"{GLUE}1"), shares))
+    return causes, rows
 
 
 def view_note(data: dict[str, Any]) -> str:

@@ -41,12 +41,13 @@ CAPTIONS = {
 }
 
 
-def write_report(folder: RunFolder) -> Path:
-    """Write the page from what the folder holds; raises InvalidScene without a summary."""
-    return folder.write("report.html", page(folder.path, require_summary(folder.path)))
+def write_report(folder: RunFolder, data: dict[str, Any] | None = None) -> Path:
+    """Write the page from what the folder holds; raises InvalidScene without a summary. `data` of
+    its scripts are read from the folder unless they are there already."""
+    return folder.write("report.html", page(folder.path, require_summary(folder.path), data))
 
 
-def page(folder: Path, summary: Summary) -> str:
+def page(folder: Path, summary: Summary, data: dict[str, Any] | None = None) -> str:
     """The page of a run folder: `page/page.html.jinja` filled in, `first_screen.py` says what comes
     first."""
     from jinja2 import Environment  # only who writes a page pays
@@ -57,7 +58,7 @@ def page(folder: Path, summary: Summary) -> str:
     except InvalidScene:  # it, or a file that it names, is gone
         scene = None
     scene_toml = folder / "scene.toml"
-    data = page_data(folder, summary)
+    data = page_data(folder, summary) if data is None else data
 
     # pictures in few colours, in the page itself
     pictures = {}

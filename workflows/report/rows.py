@@ -12,9 +12,26 @@ ERRORS = {
     ),
     "mesh": (
         "mesh",
-        ("mesh", "model", "second-mesh", "missed-energy", "quantity-errors", "mesh-error"),
+        (
+            "mesh",
+            "model",
+            "second-mesh",
+            "missed-energy",
+            "quantity-errors",
+            "mesh-error",
+            "structure-errors",
+        ),
     ),
     "theory": ("theory", ("other-theories", "theory-error")),
+}
+LARGE = 0.05  # relative error from which on it stands out
+# rows with an error of their own: the name of their number in the summary's table of errors
+ERROR_OF = {
+    "time of flight TOF": "tof_s",
+    "amplitude ratio ARR": "arr_2_9",
+    "peak force at the wall": "peak_wall_force_N",
+    "contact time": "contact_time_s",
+    "static compliance of the structure": "static_compliance_m_per_N",
 }
 
 
@@ -35,28 +52,24 @@ def results(summary: Summary) -> list[tuple[str, str]]:
     ]
     rows += [(name, sensed(signal)) for name, signal in summary.sensors.items()]
     if contact := summary.wall_contact:
-        rows += [
-            ("time of flight TOF", with_error(summary, "tof_s", si(contact.tof_s, "s"))),
-            ("amplitude ratio ARR", with_error(summary, "arr_2_9", percent(contact.arr_2_9))),
-            (
-                "peak force at the wall",
-                with_error(summary, "peak_wall_force_N", si(summary.peak_wall_force_N, "N")),
-            ),
-        ]
+        of_wall = {
+            "time of flight TOF": si(contact.tof_s, "s"),
+            "amplitude ratio ARR": percent(contact.arr_2_9),
+            "peak force at the wall": si(summary.peak_wall_force_N, "N"),
+        }
+        rows += [(label, with_error(summary, ERROR_OF[label], x)) for label, x in of_wall.items()]
     return [(label, value) for label, value in rows if value not in ("", NONE)]
-
-
-LARGE = 0.05  # relative error from which on it stands out
 
 
 def with_error(summary: Summary, name: str, text: str) -> str:
     """A value's text with its relative error, where one is known: 607 N +- 0.3 %."""
-    error = next((e for e in summary.errors if e.name == name), None)
-    if error is None or error.total is None or not error.value:
-        return text
-    relative = error.total / abs(error.value)
-    loud = "!" if relative > LARGE else ""
-    return f"{text}{GLUE}±{GLUE}{percent(relative, 2)}{loud}"
+    relative = summary.relative_error(name)
+    return text if relative is None else f"{text}{GLUE}{error_words(relative)}"
+
+
+def error_words(relative: float) -> str:
+    """A relative error beside its number, a large one with an exclamation mark."""
+    return f"±{GLUE}{percent(relative, 2)}{'!' if relative > LARGE else ''}"
 
 
 def errors_and_seconds(summary: Summary) -> list[tuple[str, str]]:
@@ -130,8 +143,22 @@ def details(summary: Summary) -> list[tuple[str, str]]:
     ]
     rows += [(label, value) for label, value, _ in at_wall(summary)]
     rows += reduction_rows(summary.reduction) if summary.reduction else []
+    rows = [(label, with_error(summary, ERROR_OF.get(label, ""), value)) for label, value in rows]
     left_out = {label for label, _ in headline(summary)} | {"", NONE}
     return [row for row in rows if not left_out & set(row)]
+
+
+def left_out(summary: Summary) -> list[tuple[str, str]]:
+    """What the headline leaves out, and the options that bring it."""
+    groups = [
+        *(["contact, wave speeds, restitution"] if summary.wall_contact else []),
+        *(["reduced model"] if summary.reduction else []),
+        "seconds of each stage",
+    ]
+    rows = [("more by --verbose", listed(groups))]
+    if any(error.unit == "Hz" for error in summary.errors):
+        rows.append(("by beadwave modes", listed(["error of each frequency", "MAC"])))
+    return rows
 
 
 def at_wall(summary: Summary) -> list[tuple[str, str, str]]:

@@ -1,4 +1,11 @@
-"""What a run found, as other programs read it: `summary.json`."""
+"""What a run found, as other programs read it: `summary.json`.
+
+The named tuples are results of stages that a summary is put together from. They stand here, and not
+beside the stages that compute them, so that a run whose results are kept loads no march and no
+finite elements to read them.
+"""
+
+from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict
 
@@ -102,7 +109,39 @@ class NumberError(BaseModel):
     time: float | None = None
     reduction: float | None = None
     mesh: float | None = None
+    theory: float | None = None  # of a beam or a plate
     total: float | None = None
+
+    @property
+    def relative(self) -> float | None:
+        """The whole error over the value; None where one is not known, or the value is zero."""
+        if self.total is None or not self.value:
+            return None
+        return self.total / abs(self.value)
+
+
+class QuantityErrors(NamedTuple):
+    """Errors of the single numbers of a run, and the mesh's in all velocities: relative to the
+    striker's speed."""
+
+    quantities: tuple[NumberError, ...]
+    mesh: float
+
+
+class ChainNumbers(NamedTuple):
+    """The chain and its wall in the summary."""
+
+    numbers: dict[str, Any]  # fields of the summary by name
+    warnings: tuple[str, ...]
+    time_error: float | None  # of the march: relative, of the observed velocities
+    coupled: bool  # the wall is read elsewhere than it is pushed, and has no error of its model
+
+
+class StructureNumbers(NamedTuple):
+    """The assembly and its reduced model in the summary."""
+
+    numbers: dict[str, Any]  # fields of the summary by name
+    warnings: tuple[str, ...]
 
 
 class ErrorEstimate(BaseModel):
@@ -204,6 +243,10 @@ class Summary(BaseModel):
     def error(self, name: str) -> float | None:
         """The whole error of a number by its name in `errors`, in its unit."""
         return next((e.total for e in self.errors if e.name == name), None)
+
+    def relative_error(self, name: str) -> float | None:
+        """The same over the number's value."""
+        return next((e.relative for e in self.errors if e.name == name), None)
 
     def text(self) -> str:
         """JSON, indented."""

@@ -25,7 +25,7 @@ from workflows.scene import InvalidScene, Scene
 from workflows.scene.named_files import require_file
 from workflows.scene.parts import with_chain
 from workflows.scene.toml import toml
-from workflows.stages.progress import Progress, quiet
+from workflows.stages.progress import Planned, Progress, quiet, unplanned
 
 if TYPE_CHECKING:
     import xarray
@@ -112,6 +112,7 @@ def run(
     out: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
+    planned: Planned = unplanned,
     waves_known: Callable[[Summary], None] = lambda summary: None,
 ) -> Run:
     """Every stage that a scene needs, into a run folder (`beadwave run`).
@@ -119,8 +120,9 @@ def run(
     `out` is the folder, runs/NAME without it. It gets scene.toml, given.toml, summary.json,
     trajectory.npz, figures, report.html, and of an assembly rom.npz, rom.mat, modes.vtu. Files
     that no run left there are only replaced with `overwrite`. Waves come first: `waves_known` is
-    called with a summary of them, before errors are estimated and pictures drawn. `scene` and
-    `changes` as in `beadwave.scene`.
+    called with a summary of them, before errors are estimated and pictures drawn. `progress` is
+    entered with the name of every stage that is computed, `planned` called before with those that
+    will be. `scene` and `changes` as in `beadwave.scene`.
     Raises InvalidScene for bad input, ValueError where a computation fails.
     """
     chosen = load_scene(scene, changes)
@@ -131,7 +133,7 @@ def run(
     folder = RunFolder(path, inputs=files_read(chosen, scene), overwrite=overwrite)
     command = origin("run", chosen, scene, changes)
     pipeline = pipeline_of(chosen, progress)
-    summary = run_stages(pipeline, folder, origin=command, waves_known=waves_known)
+    summary = run_stages(pipeline, folder, origin=command, planned=planned, waves_known=waves_known)
     return _in_folder(chosen, summary, path, notes)
 
 
@@ -143,19 +145,19 @@ def impact(
     out: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
+    planned: Planned = unplanned,
     waves_known: Callable[[Summary], None] = lambda summary: None,
 ) -> Run:
     """The coupled run alone (`beadwave impact`).
 
     `rom` takes the place of the scene's wall: a file (.npz, .mat, .h5, .mtx) or a reduced model,
     for instance of one's own K, M, w by `beadwave.reduce_matrices`. `out` is a folder for scene,
-    trajectory and summary; without it nothing is written. `waves_known` and what is raised as of
-    `run`.
+    trajectory and summary; without it nothing is written. `progress`, `planned`, `waves_known`
+    and what is raised as of `run`.
     """
     wall = () if rom is None else (("wall", {"kind": "rom", "file": str(_file_of(rom))}),)
     changes = (*wall, *each(changes))
     chosen = with_chain(load_scene(scene, changes))
-    from coupling.saved_run import arrays
     from workflows.run.run import impact as run_impact
     from workflows.stages.pipeline import pipeline_of
 
@@ -164,9 +166,11 @@ def impact(
     folder = RunFolder(path, inputs=inputs, overwrite=overwrite) if path else None
     pipeline = pipeline_of(chosen, progress)
     command = origin("impact", chosen, scene, changes)
-    summary = run_impact(pipeline, folder, origin=command, waves_known=waves_known)
+    summary = run_impact(pipeline, folder, origin=command, planned=planned, waves_known=waves_known)
 
     def read() -> dict[str, NDArray]:
+        from coupling.saved_run import arrays  # kept results load no march
+
         return arrays(pipeline("impact").trajectory, pipeline("wall"))
 
     return Run(chosen, summary, path, notes, read, lambda: pipeline("figures"))

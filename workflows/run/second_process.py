@@ -28,11 +28,11 @@ from tempfile import TemporaryDirectory
 from time import perf_counter, sleep
 
 from workflows.files.child import while_open
-from workflows.scene.size import room_for_two
+from workflows.scene.size import room_for_pictures
 from workflows.stages.pipeline import Pipeline, couples, pipeline_of
 
 IMPACT = ("compilation",)  # in the order in which the second process takes them
-RUN = (*IMPACT, "pictures")
+RUN = (*IMPACT, "pictures", "response", "figures")
 PAUSE = 0.05  # s between two looks at what the other process has
 
 
@@ -76,12 +76,13 @@ class SecondProcess:
 def two_processes(pipeline: Pipeline, names: tuple[str, ...]) -> Iterator[None]:
     """A second process for these stages, where a core, memory and the cache allow for it.
 
-    BEADWAVE_PROCESSES=1 keeps a run to one process. Pictures alone are not worth a second.
+    BEADWAVE_PROCESSES=1 keeps a run to one process. One picture is not worth a second.
     """
     missing = tuple(name for name in names if _wanted(pipeline, name))
     cores = len(sched_getaffinity(0))
     allowed = environ.get("BEADWAVE_PROCESSES") != "1" and cores > 1 and pipeline.keeps
-    if missing in ((), ("pictures",)) or not allowed or not _have_room(pipeline):
+    worth = len(missing) > 1 or "compilation" in missing
+    if not allowed or not worth or not _have_room(pipeline):
         yield
         return
     # threads of MKL that wait for a core spin: each process gets its share
@@ -99,7 +100,7 @@ def two_processes(pipeline: Pipeline, names: tuple[str, ...]) -> Iterator[None]:
 def _wanted(pipeline: Pipeline, name: str) -> bool:
     """Whether the run will need a stage that is not kept."""
     scene = pipeline.scene
-    if not scene.chain and name in IMPACT:
+    if not scene.chain and name in (*IMPACT, "figures"):
         return False
     if name == "compilation" and (couples(scene) or pipeline.kept("impact")):
         return False
@@ -107,14 +108,14 @@ def _wanted(pipeline: Pipeline, name: str) -> bool:
 
 
 def _have_room(pipeline: Pipeline) -> bool:
-    """Whether memory holds the structure twice. What bodies of a scene hold is known once they are
+    """Whether memory holds a second process. What bodies of a scene hold is known once they are
     meshed, which the run does anyway."""
     scene = pipeline.scene
     if scene.bending is not None:
         return True
     if scene.is_general:
-        return room_for_two(scene, pipeline("mesh").nodes)
-    return scene.mesh.file is None and room_for_two(scene)
+        return room_for_pictures(scene, pipeline("mesh").nodes)
+    return scene.mesh.file is None and room_for_pictures(scene)
 
 
 def _taken(folder: Path, name: str) -> bool:

@@ -1,31 +1,16 @@
 """What a run is made of: tables of keys, read from TOML, checked before anything is computed."""
 
+from workflows.scene.chain import LeafSpringsTable, Preload
+from workflows.scene.contact import ContactTable
+from workflows.scene.damping import Damping, ModalDampingTable, NoDamping, RayleighDampingTable
+from workflows.scene.joints import Joints, JointStiffnesses
+from workflows.scene.mesh import Mesh
+from workflows.scene.reduction import Patch, Reduction
 from workflows.scene.scene import Scene
+from workflows.scene.scene_table import InvalidScene, Positive, SceneTable, nearest
 from workflows.scene.sensors import Instrument, Output, SensorTable
-from workflows.scene.tables import (
-    ContactTable,
-    Damping,
-    DashpotWall,
-    HalfSpaceWall,
-    InvalidScene,
-    Joints,
-    JointStiffnesses,
-    LeafSpringsTable,
-    Mesh,
-    ModalDampingTable,
-    NoDamping,
-    OneDofWall,
-    Patch,
-    Positive,
-    Preload,
-    RayleighDampingTable,
-    Reduction,
-    RigidWall,
-    RomWall,
-    SceneTable,
-    Time,
-    nearest,
-)
+from workflows.scene.time import Time
+from workflows.scene.walls import DashpotWall, HalfSpaceWall, OneDofWall, RigidWall, RomWall
 
 __all__ = [
     "ContactTable",

@@ -8,12 +8,12 @@ from pydantic import Field, create_model
 from geometry import Assembly
 from workflows.scene.bodies import Compressible, Modulus
 from workflows.scene.quantities import of
-from workflows.scene.tables import Density, SceneTable
+from workflows.scene.scene_table import Density, SceneTable
 from workflows.scene.units import LENGTH
 
 BODIES = ("block", "sheets", "sheets_support", "support", "plate")
 Names = Annotated[tuple[Literal[BODIES], ...], Field(strict=False)]  # type: ignore[valid-type]
-# a dimension is usual between the rig's over this and times this: a mistaken unit is 1000 times off
+# largest usual ratio of a dimension to the rig's, either way; a mistaken unit makes it 1000
 USUAL = 100.0
 
 

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from workflows.scene.quantities import of
-from workflows.scene.tables import (
+from workflows.scene.scene_table import (
     Density,
     Number,
     Positive,

@@ -13,11 +13,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
+from workflows.scene.joints import JointStiffnesses
 from workflows.scene.quantities import of
-from workflows.scene.tables import (
+from workflows.scene.scene_table import (
     Density,
     Frequency,
-    JointStiffnesses,
     Number,
     Point,
     Positive,
@@ -173,8 +173,8 @@ LOADS = {  # keys that a kind of load needs, and keys that it may have besides
 
 
 class StaticLoad(SceneTable):
-    """What the assembly bears before it is struck: a force on a face, a body that is warmer than it
-    was made, by the expansion of its material, or a rod in tension between two faces.
+    """A static load before the strike: a force on a face, a body that is warmer than when it was
+    made and expands, or a rod in tension between two faces.
 
     `force` pushes along `direction`, without one into the plane face `on`; names with * are all
     that fit. `stiffness` is the rod's own.
@@ -311,7 +311,8 @@ class Strike(SceneTable):
 
     @property
     def point(self) -> tuple[float, ...] | None:
-        """The point whose nearest is struck; None for one told from the middle of a plane face."""
+        """The point whose nearest point on the face is struck; None where the place is given
+        from the middle of a plane face."""
         return self.at if len(self.at) == 3 else None
 
     @property

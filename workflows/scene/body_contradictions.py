@@ -39,7 +39,7 @@ def of_bodies(scene: Scene) -> Iterator[str]:
         if scene.mesh.scale != 1.0 or scene.mesh.element != "hex":
             yield "[mesh] is beside assembly.mesh, which has all elements; drop it."
 
-    # what they are made of
+    # materials
     materials = scene.materials or {}
     named = {"assembly": assembly.material}
     named |= {f"bodies.{name}": body.material for name, body in bodies.items()}
@@ -56,7 +56,7 @@ def of_bodies(scene: Scene) -> Iterator[str]:
     if assembly.file and assembly.material is None and not bodies:
         yield "assembly.material is missing; name the material of the bodies in the file."
 
-    # what they stand on, and where they are struck
+    # supports, and the place struck
     if assembly.held is None and scene.floats:
         yield (
             'assembly.held is missing; name the faces on the ground, as ["foot:-z"], or write '

@@ -55,7 +55,7 @@ def _missing_parts(scene: Scene) -> Iterator[str]:
         if chain is None and getattr(scene, name):
             yield f"[{name}] needs a [chain] that it acts on; add one or drop [{name}]."
     if chain is None and not scene.has_structure:
-        yield "there is none of [chain], [assembly], [beam] and [plate]; add one of them."
+        yield "[chain], [assembly], [beam] and [plate] are all missing; add one of them."
     if chain is None and wall is not None:
         yield "[wall] needs a [chain] that hits it; add one or drop [wall]."
     if isinstance(wall, RomWall) and wall.file is None and not scene.has_structure:
@@ -85,6 +85,7 @@ def _other_surface(scene: Scene) -> Iterator[str]:
 
 def _of_rig_assembly(scene: Scene) -> Iterator[str]:
     """Moduli, the patch and the joints of the thesis' rig."""
+    # moduli: of the assembly, and of bodies with a material of their own
     bodies = {f"assembly.{name}": getattr(table, "young", None) for name, table in scene.assembly}
     for name, young in {"assembly": scene.assembly.young, **bodies}.items():
         if young is not None and young < LIMITS.young:
@@ -129,6 +130,7 @@ def _of_rig_assembly(scene: Scene) -> Iterator[str]:
         if getattr(scene.wall, "prune", False):
             yield 'patch.weights = "thesis" makes no modes to leave out; drop wall.prune.'
 
+    # a dashpot acts on the elongation of a spring: there must be a spring, and it must give way
     for joint, table in scene.springs.items():
         for key, coefficient in table.dashpots.items():
             name = f"joints.{joint}.c{key[1:]} = {coefficient}"

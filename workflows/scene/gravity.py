@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import Field, model_validator
 
+from workflows.scene.chain import Striker
 from workflows.scene.quantities import of
-from workflows.scene.tables import (
-    DashpotWall,
+from workflows.scene.scene_table import (
     InvalidScene,
     NonNegative,
     Positive,
-    RomWall,
     SceneTable,
     one_or_each,
 )
-from workflows.scene.units import ACCELERATION, FORCE, LENGTH, VELOCITY
+from workflows.scene.units import ACCELERATION, FORCE
+from workflows.scene.walls import DashpotWall, RomWall
 
 if TYPE_CHECKING:
     from workflows.scene.scene import Scene
@@ -26,8 +26,8 @@ SAME = 1e-9  # relative difference of a stated velocity to that of the stated dr
 
 
 class Gravity(SceneTable):
-    """Weight of the spheres; `inclination` of the chain from the horizontal, 90 stands on the wall,
-    0 lies and has none along itself, -90 hangs below the wall."""
+    """Weight of the spheres. `inclination` is the angle of the chain from the horizontal: at 90 it
+    stands on the wall, at 0 it lies and no weight acts along it, at -90 it hangs below the wall."""
 
     inclination: Annotated[float, Field(ge=-90, le=90)] = 90.0  # [degrees]
     acceleration: of(Positive, ACCELERATION, 1, 30) = 9.80665  # [m/s^2]
@@ -56,21 +56,6 @@ class Guides(SceneTable):
         if (self.coefficient is None) == (self.force is None):
             raise ValueError("needs either coefficient or force in N: give one of them")
         return self
-
-
-class Striker(SceneTable):
-    """The first sphere arrives with a `velocity`, or falls on the others from a height `drop` along
-    the chain; they rest."""
-
-    velocity: of(Positive, VELOCITY, 0, 100) | None = None  # [m/s] towards the wall
-    drop: of(Positive, LENGTH, 0, 2) | None = None  # [m]
-
-    @model_validator(mode="before")
-    @classmethod
-    def _one_measure(cls, table: Any) -> Any:
-        if isinstance(table, dict) and table.get("velocity") is table.get("drop") is None:
-            raise ValueError("needs velocity in m/s, or drop in m under [gravity]: add one of them")
-        return table
 
 
 def friction(scene: "Scene", mass: Any) -> Any:

@@ -27,23 +27,22 @@ def _of_machine(proc: Path = Path("/proc")) -> Iterator[float]:
 
 
 def _of_groups(groups: Path = GROUPS, mine: Path = Path("/proc/self/cgroup")) -> Iterator[float]:
-    """Bytes left in the process's control group and in those above it, of version 1 or 2."""
+    """Bytes left in the process's control group and in those above it, of version 1 or 2: limit
+    less use, and the cached files that the system gives back on demand."""
     for line in _text(mine).splitlines():
         _, controllers, path = line.split(":", 2)
         if controllers not in NAMES:
             continue
+        limit_file, used_file, cached = NAMES[controllers]
         root = groups / controllers
         group = root / path.lstrip("/")
         for folder in (group, *group.parents):
-            if folder.is_relative_to(root):
-                yield from _left(folder, *NAMES[controllers])
-
-
-def _left(folder: Path, limit: str, used: str, cached: str) -> Iterator[float]:
-    limit_text, used_text = _text(folder / limit).strip(), _text(folder / used).strip()
-    if limit_text.isdigit() and used_text.isdigit():
-        stat = dict(line.split() for line in _text(folder / "memory.stat").splitlines())
-        yield float(limit_text) - float(used_text) + float(stat.get(cached, 0))
+            if not folder.is_relative_to(root):
+                continue
+            limit, used = _text(folder / limit_file).strip(), _text(folder / used_file).strip()
+            if limit.isdigit() and used.isdigit():  # "max" stands for no limit
+                stat = dict(line.split() for line in _text(folder / "memory.stat").splitlines())
+                yield float(limit) - float(used) + float(stat.get(cached, 0))
 
 
 def _of_limits() -> Iterator[float]:

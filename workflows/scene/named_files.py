@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from workflows.scene.tables import InvalidScene
+from workflows.scene.scene_table import InvalidScene
 
 
 def unfit(path: Path) -> str | None:

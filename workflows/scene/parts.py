@@ -2,7 +2,7 @@
 InvalidScene."""
 
 from workflows.scene.scene import Scene
-from workflows.scene.tables import InvalidScene
+from workflows.scene.scene_table import InvalidScene
 
 
 def with_chain(scene: Scene) -> Scene:

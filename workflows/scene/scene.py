@@ -19,23 +19,17 @@ from workflows.scene.bodies import (
     Tied,
     fitting,
 )
-from workflows.scene.gravity import Gravity, Guides, Striker
+from workflows.scene.chain import ChainTable, LeafSpringsTable, Preload, Striker
+from workflows.scene.contact import ContactTable
+from workflows.scene.damping import Damping
+from workflows.scene.gravity import Gravity, Guides
+from workflows.scene.joints import Joints, JointStiffnesses
+from workflows.scene.mesh import Standing
+from workflows.scene.reduction import Patch, Reduction
+from workflows.scene.scene_table import SceneTable
 from workflows.scene.sensors import Output
-from workflows.scene.tables import (
-    ChainTable,
-    ContactTable,
-    Damping,
-    Joints,
-    JointStiffnesses,
-    LeafSpringsTable,
-    Patch,
-    Preload,
-    Reduction,
-    SceneTable,
-    Standing,
-    Time,
-    Wall,
-)
+from workflows.scene.time import Time
+from workflows.scene.walls import Wall
 from workflows.thesis import HAMMER_TEST_HZ
 
 LONGEST_NAME = 50  # four bytes a letter and an ending fit in the 255 of a file's name
@@ -47,9 +41,10 @@ EitherJoints = Annotated[
 
 
 class Scene(SceneTable):
-    """A whole run; [assembly] and [mesh] are checked by what the assembly is, see `toml`.
+    """A whole run. [assembly] and [mesh] are of two kinds, the thesis' rig or bodies, and checked
+    accordingly in `toml`.
 
-    `unusual` names the keys whose values lie outside of their usual range and are meant.
+    `unusual` names the keys whose values are intended though they lie outside of their usual range.
     """
 
     name: Annotated[str, Field(pattern=r"^\w[\w.-]*$", max_length=LONGEST_NAME)]
@@ -92,7 +87,7 @@ class Scene(SceneTable):
 
     @property
     def bending(self) -> Beam | BendingPlateTable | None:
-        """The structure of bending theory, one table."""
+        """The table of the structure of bending theory, [beam] or [plate]."""
         return self.beam or self.plate
 
     @property
@@ -115,7 +110,7 @@ class Scene(SceneTable):
         return {joint.name: joint for joint in self.joints or ()}
 
     def stiffness(self, spring: str) -> float:
-        """Of a spring, "joint.direction" [N/m] or [N m/rad]."""
+        """Stiffness [N/m] or [N m/rad] of a spring "joint.direction"."""
         joint, _, direction = spring.rpartition(".")
         return getattr(self.springs[joint], direction)
 
@@ -147,7 +142,7 @@ class Scene(SceneTable):
 
     @property
     def struck_material(self) -> Any:
-        """Its material."""
+        """The material of the struck body."""
         if self.bending is not None:
             return self.bending
         return self.made_of(self.struck_body)

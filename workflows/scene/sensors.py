@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from workflows.scene.quantities import of
-from workflows.scene.tables import Count, Frequency, Number, Positive, Ratio, SceneTable, si_of
+from workflows.scene.scene_table import Count, Frequency, Number, Positive, Ratio, SceneTable, si_of
 from workflows.scene.units import (
     DISPLACEMENT,
     FORCE,
@@ -46,7 +46,7 @@ class SensorTable(SceneTable):
     @model_validator(mode="before")
     @classmethod
     def _units(cls, table: Any) -> Any:
-        """Those of gain and range follow from the quantity."""
+        """The units of gain and range follow from the quantity."""
         if not isinstance(table, dict) or str(table.get("quantity", "force")) not in KINDS:
             return table
         quantity, gain = str(table.get("quantity", "force")), table.get("gain")
@@ -65,12 +65,13 @@ class SensorTable(SceneTable):
 
     @property
     def unit(self) -> str:
-        """Of the signal."""
+        """Unit of the signal."""
         return (KINDS[self.quantity] if self.gain is None else VOLTAGE).unit
 
 
 class Instrument(SceneTable):
-    """What takes the signals of all sensors at once; `seed` draws the noise of computed records."""
+    """The instrument that records all sensors at once; `seed` is that of the noise of computed
+    records."""
 
     sampling: of(Positive, FREQUENCY, 1e3, 1e9) = 1e6  # [Hz]
     bits: Annotated[int, Field(ge=2, le=24)] | None = None  # over -range to range

@@ -54,7 +54,7 @@ class RunCosts(NamedTuple):
 LIMITS = RunLimits()
 COSTS = RunCosts()
 SEEDS = ("seed", "block_seed", "support_seed", "contact_seed")
-SEED_OF = {"block": "block_seed", "sheet": "seed"}  # of the other bodies the support's
+SEED_OF = {"block": "block_seed", "sheet": "seed"}  # of all other bodies "support_seed"
 
 
 def too_large(scene: Scene) -> Iterator[str]:
@@ -136,7 +136,7 @@ def _too_fine(scene: Scene) -> Iterator[str]:
 
     if mesh.file is not None:
         return
-    nodes = _nodes(scene)
+    nodes = foreseen_nodes(scene)
     needed, free = peak_memory(scene, nodes), free_memory()
     if needed > free:
         body = max(nodes, key=nodes.get).removesuffix("-y").removesuffix("+y")
@@ -151,7 +151,7 @@ def _too_fine(scene: Scene) -> Iterator[str]:
         )
 
 
-def _nodes(scene: Scene) -> dict[str, float]:
+def foreseen_nodes(scene: Scene) -> dict[str, float]:
     """Nodes that the program's own mesh will have, by body."""
     from geometry.size import n_nodes
     from workflows.scene.assembly import assembly
@@ -166,10 +166,12 @@ def _nodes(scene: Scene) -> dict[str, float]:
     )
 
 
-def room_for_two(scene: Scene, nodes: dict[str, float] | None = None) -> bool:
-    """Whether two processes that each compute the scene's assembly fit into memory; `nodes` of a
-    mesh that is there."""
-    return 2 * peak_memory(scene, nodes or _nodes(scene)) < free_memory()
+def room_for_pictures(scene: Scene, nodes: dict[str, float] | None = None) -> bool:
+    """Whether a process that compiles, and draws the modes, fits into memory beside a run; `nodes`
+    of a mesh that is there."""
+    nodes = nodes or foreseen_nodes(scene)
+    drawing = 2 * COSTS.libraries + 8 * 3.0 * sum(nodes.values()) * COSTS.vectors
+    return peak_memory(scene, nodes) + drawing < free_memory()
 
 
 def too_large_mesh(scene: Scene, name: str, nodes: dict[str, float]) -> Iterator[str]:

@@ -130,7 +130,7 @@ def parsed(text: str, source: str) -> dict[str, Any]:
         raise InvalidScene(f"{source} is not TOML: {str(error).rstrip('.')}; correct it.") from None
     except RecursionError:
         raise InvalidScene(f"{source} has brackets nested too deeply; a scene has two.") from None
-    except ValueError:  # of Python's, on whole numbers of thousands of digits
+    except ValueError:  # raised by Python for whole numbers of thousands of digits
         raise InvalidScene(f"{source} holds a whole number that is too long; shorten it.") from None
 
 
@@ -143,7 +143,7 @@ def changed(tables: dict[str, Any], changes: Iterable[Change]) -> dict[str, Any]
             raise InvalidScene(f"the key {key!r} is not dotted words; write chain.count.")
         tables = _with(tables, path, value, key)
 
-        # a key that was listed as unusual was so with the value before this change
+        # a key listed as unusual was intended with its former value, not with this one
         unusual = tables.get("unusual")
         if isinstance(unusual, list):
             tables = {**tables, "unusual": [name for name in unusual if name != key]}

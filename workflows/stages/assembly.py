@@ -53,6 +53,7 @@ def mesh(scene: Scene, coarser: float = 1.0) -> Parts:
             whole = geometry.hex_mesh(dimensions, **sizes, glued=table.constraint == "full-tie")
     meshes = geometry.by_body(whole)
 
+    # joints as the scene has them
     match table.constraint:
         case "full-tie":
             connections = rig.full_tie(touching, held)
@@ -86,8 +87,8 @@ def model(scene: Scene, mesh: Parts) -> fem.Model:
 
 
 def _require_kept(scene: Scene, structure: fem.Structure, connections: fem.Connections) -> None:
-    """Raise InvalidScene for a body that can move; an assembly that floats may move in the
-    directions too that its joints leave free, k = 0."""
+    """Raise InvalidScene for a body that can move. An assembly that floats may also move in the
+    directions in which its joints are free, k = 0."""
     loose = fem.loose_bodies(structure, connections)
     if not loose:
         return
@@ -99,7 +100,7 @@ def _require_kept(scene: Scene, structure: fem.Structure, connections: fem.Conne
         for key in fem.DIRECTIONS
     }
     free = [key for key, value in k.items() if value == 0]
-    # would it be kept if those directions were stiff? then k = 0 is what lets it go
+    # free directions made rigid: a body that is held then is released by k = 0 alone
     closed = [
         joint._replace(springs=fem.Bushing(*(value or np.inf for value in joint.springs)))
         for joint in connections.joints

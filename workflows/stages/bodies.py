@@ -138,6 +138,7 @@ def parts(scene: Scene, coarser: float = 1.0) -> Parts:
     with drawing(scene) as layout:
         from geometry.joints import picked
 
+        # what the scene's words pick, and what every body is made of
         bodies, near, gap = layout.bodies, layout.near, scene.assembly.gap
         selection = picked(words(scene), bodies, near.touching, gap)
         for name in bodies:
@@ -189,6 +190,8 @@ def parts(scene: Scene, coarser: float = 1.0) -> Parts:
                 element="tet" if scene.mesh.element == "tet" else None,
             )
             fineness = {n: mesh.nelements / bodies[n].volume for n, mesh in meshes.items()}
+
+    # nodes of quadratic elements: a mesh that does not fit into memory is refused before assembly
     nodes = {name: float(m.nvertices + m.nedges) for name, m in meshes.items()}
     for sentence in too_large_mesh(scene, "the mesh of [assembly]", nodes):
         raise InvalidScene(f"{scene.name}: {sentence}")

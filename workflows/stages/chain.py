@@ -1,4 +1,4 @@
-"""The chain of a scene, its wall, and the velocities that it starts with."""
+"""The chain of a scene, and the velocities that it starts with. Its wall is in `walls`."""
 
 from typing import Any, NamedTuple
 
@@ -7,17 +7,9 @@ import numpy as np
 import coupling
 import dem
 from dem import spheres
-from workflows.scene import (
-    ContactTable,
-    DashpotWall,
-    HalfSpaceWall,
-    InvalidScene,
-    OneDofWall,
-    RigidWall,
-    RomWall,
-    Scene,
-)
+from workflows.scene import ContactTable, InvalidScene, RigidWall, RomWall, Scene
 from workflows.scene.gravity import friction
+from workflows.stages.walls import simple_wall
 
 STEEL = dem.Flat(210e9, 0.3)  # Pa; material of a wall whose file and scene state none
 
@@ -120,6 +112,8 @@ def chain(scene: Scene) -> dem.Chain:
         gravity=along,
         n_falling=n_falling(scene) if along and leaf is None else 0,
     )
+
+    # the wall's face may be curved; the preload's arm moves with the last sphere
     row.A[-1] *= ellipse(scene).stiffness
     if scene.preload:
         last = np.arange(c.count) == c.count - 1
@@ -178,32 +172,6 @@ def flat(scene: Scene) -> dem.Flat | None:
         STEEL.young if wall.young is None else wall.young,
         STEEL.poisson if wall.poisson is None else wall.poisson,
     )
-
-
-def wall(scene: Scene, reduction: Any = None) -> dem.Wall | coupling.CoupledWall | None:
-    """The wall as the march takes it, of the `reduction` (rom.ReducedModel) if it is a reduced one;
-    None for a free chain."""
-    if isinstance(scene.wall, RomWall):
-        from workflows.stages.wall import wall_of
-
-        return wall_of(scene, reduction)
-    return simple_wall(scene)
-
-
-def simple_wall(scene: Scene) -> dem.Wall | None:
-    """A wall of the scene's numbers alone, without a reduced model; None for a free chain."""
-    match scene.wall:
-        case None:
-            return None
-        case OneDofWall(frequency=frequency, mass=mass, damping_ratio=ratio):
-            return dem.one_dof_wall(frequency, mass, ratio)
-        case DashpotWall(coefficient=None, plate_thickness=thickness, density=density):
-            return dem.plate_wall(scene.wall.young, scene.wall.poisson, density, thickness)
-        case DashpotWall(coefficient=coefficient):
-            return dem.dashpot_wall(coefficient)
-        case RigidWall() | HalfSpaceWall():
-            return dem.rigid_wall()
-    raise NotImplementedError(f"no wall is made of wall.kind = {scene.wall.kind!r} here")
 
 
 def contact_radius(scene: Scene, start: Start, force: float) -> float:

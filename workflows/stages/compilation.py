@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 import dem
 from workflows.scene import Scene
 from workflows.stages.chain import start
-from workflows.stages.chain import wall as wall_of
 from workflows.stages.impact import impact
 from workflows.stages.pipeline import couples, needs_structure
+from workflows.stages.walls import wall_of
 
-BRIEF = {"duration": 20e-6, "horizon": 20e-6}  # [s] some steps
+BRIEF = {"duration": 20e-6, "horizon": 20e-6}  # [s] a few steps
 
 
 def compilation(scene: Scene) -> NDArray[np.float64]:
@@ -28,14 +28,13 @@ def compilation(scene: Scene) -> NDArray[np.float64]:
     if needs_structure(scene):
         # a model of two modes with the same fields as the reduced one calls the same kernels
         import rom
-        from workflows.stages.wall import wall_of as reduced_wall
 
         K, M = 1e7 * np.array([[2.0, -1.0], [-1.0, 2.0]]), np.eye(2)
         reduced = rom.full_order(K, M, np.array([1.0, 0.0]))
         # walls with and without residual compliance call different kernels; the half-space makes
         # this one have it, 1e-9 m/N is about that of the rig's patch
         contact = reduced.contact._replace(half_space=1e-9)
-        wall = reduced_wall(scene, reduced._replace(contact=contact))
+        wall = wall_of(scene, reduced._replace(contact=contact))
         surface = dem.Flat(210e9, 0.3)
     else:
         wall, surface = wall_of(scene), None

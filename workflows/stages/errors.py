@@ -1,4 +1,4 @@
-"""What the reduction and the mesh leave of error in the waves, by a second run for each.
+"""Errors of the waves by the reduction and by the mesh, each from a second run.
 
 The reduction's is the difference to a run with the finer model that the reduction carries along.
 The mesh's is extrapolated from the difference to a mesh with elements twice as large, those that
@@ -6,10 +6,11 @@ thickness and bores bound too: of an error e = c h^p,
 
     e(2 h) - e(h) = (2^p - 1) e(h),    e(h) - e(h / 2^k) = (1 - 2^-kp) e(h).
 
-Of a user's own mesh there is no coarser one, of some bodies none that is markedly coarser, and of a
-small mesh it would be too poor to compare with: there every element is split in eight instead, if
-that is affordable; of the smallest meshes in 64 or 512, since a few elements miss more than half of
-the motion. Elements that are split evenly converge with the order 1 at singular edges.
+Some meshes have no coarser one to compare with: a user's own mesh, bodies whose elements are
+bounded by their shape, and small meshes, of which a coarser one would be too poor. There every
+element is split in eight instead, if that is affordable; in the smallest meshes in 64 or 512, since
+a few elements miss more than half of the motion. Elements that are split evenly converge with the
+order 1 at singular edges.
 
 Stresses are singular where a face ends on another; meshes refined there converge faster than the
 order 1 that singular edges leave on even ones, and slower than the 4 of smooth modes. With the
@@ -34,7 +35,7 @@ from workflows.stages import assembly as stages
 from workflows.stages.chain import Start
 from workflows.stages.parts import Parts
 from workflows.stages.reduction import TO_HZ, SecondModel, contact_of
-from workflows.stages.wall import wall_of
+from workflows.stages.walls import wall_of
 
 COARSER = 2.0  # times the element size
 ORDER = 1.5  # of the mesh's error; see above for what the errors stated are with it
@@ -47,11 +48,11 @@ class SecondMeshChoice(NamedTuple):
 
     even_order: float = 1.0  # of the error of a mesh whose elements are parted evenly
     fewer: float = 1.5  # times the elements of a body in a mesh that is markedly coarser
-    # largest share of all elements in bodies whose second mesh is hardly coarser, that still shows
-    # the error of the mesh
+    # share of all elements in bodies whose second mesh is hardly coarser, up to which the second
+    # mesh still shows the error
     unseen: float = 0.3
-    small: float = 1.6e4  # unknowns of a finer mesh that takes a second
-    afforded: float = 6e4  # and as many as take as long as a run
+    small: float = 1.6e4  # unknowns of a finer mesh that is solved in a second
+    afforded: float = 6e4  # unknowns of one that takes as long as the run
 
 
 CHOICE = SecondMeshChoice()

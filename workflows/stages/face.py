@@ -24,11 +24,11 @@ from workflows.scene import InvalidScene, ModalDampingTable, Scene
 from workflows.stages import assembly as stages
 from workflows.stages.assembly import solid, struck
 from workflows.stages.chain import Start, start
+from workflows.stages.damping import damping_law
 from workflows.stages.errors import other_mesh
 from workflows.stages.parts import Parts
 from workflows.stages.pipeline import Pipeline, Stage, pipeline_of, tables_of
 from workflows.stages.reduction import TO_HZ
-from workflows.stages.wall import damping_law
 from workflows.thesis import HAMMER_TEST_HZ
 
 

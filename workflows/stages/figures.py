@@ -16,7 +16,7 @@ from workflows.report.plots import Line, Panel
 from workflows.scene import Scene
 
 if TYPE_CHECKING:
-    from coupling.sensor_record import SensorRecord  # scipy's filters, a second
+    from coupling.sensors import SensorRecord  # scipy's filters, a second
 
 
 def of_chain(scene: Scene, impact: Impact, waves: ChainWaves) -> tuple[Picture, ...]:

@@ -1,12 +1,30 @@
-"""Checks of a reduced model and the list of modes, as the summary has them."""
+"""Checks of a reduced model, the list of modes and their errors, as the summary has them.
+
+They are stages of their own since they are small beside the modes and the model that they are made
+from: a run whose results are kept loads neither of these.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 import rom
-from workflows.report.summary import ModeFound, ReductionHealth
+from workflows.report.summary import (
+    ModeFound,
+    NumberError,
+    ReductionHealth,
+    StructureNumbers,
+)
 from workflows.scene import Scene
-from workflows.stages.pipeline import Pipeline
+from workflows.stages import warnings
 from workflows.thesis import HAMMER_TEST
+
+if TYPE_CHECKING:  # the health of a wall from a file loads no finite elements
+    from fem.assembly_modes import AssemblyModes
+    from workflows.stages.mesh_error import MissedByMesh
 
 
 def reduction_health(
@@ -35,36 +53,71 @@ def reduction_health(
     )
 
 
-def modes_found(pipeline: Pipeline) -> tuple[ModeFound, ...]:
-    """The computed modes that the summary lists, with number, frequency, MAC and score of the
-    target that each one is paired with, if any."""
-    scene, modes = pipeline.scene, pipeline("modes")
-    struck = not scene.is_general or scene.strike is not None
-    at_contact = pipeline("participation") if struck else [None] * len(modes.omega)
-    mac = pipeline("mac") if len(modes.index) and pipeline.kept("mac") else None
+def structure_numbers(
+    scene: Scene,
+    modes: AssemblyModes,
+    reduction: rom.ReducedModel,
+    participation: NDArray[np.float64],
+) -> StructureNumbers:
+    """Numbers and warnings of an assembly. Of the computed modes those that the summary lists, with
+    the score of the target that each one is paired with, if any; their MAC comes later."""
     listed = []
     for number, target in zip(modes.field.number, modes.field.target, strict=True):
         j = number - 1
         mode = ModeFound(
             number=number,
             frequency_hz=modes.omega[j] / (2 * np.pi),
-            participation=at_contact[j],
+            participation=participation[j],
             effective_mass=tuple(modes.effective_mass[j]),
         )
         if target:
-            # targets count from 1; one whose shape stiff joints suppress has no MAC
-            i = target - 1
+            i = target - 1  # targets count from 1
             mode = mode.model_copy(
                 update={
                     "target": int(target),
                     "target_hz": scene.measured_hz[i],
                     "shape": shape_names(scene)[i],
                     "score": float(modes.score[i]),
-                    "mac": None if mac is None or not np.isfinite(mac[j, i]) else float(mac[j, i]),
                 }
             )
         listed.append(mode)
-    return tuple(listed)
+    health = reduction_health(reduction)
+    numbers = {
+        "modes_hz": modes.paired_hz,
+        "modes": tuple(listed),
+        "dofs": modes.n_dofs,
+        "load_factor": modes.load_factor,
+        "reduction": health,
+    }
+    return StructureNumbers(numbers, tuple(warnings.of_structure(modes, health)))
+
+
+def structure_errors(
+    scene: Scene, modes: AssemblyModes, missed: MissedByMesh, structure: StructureNumbers
+) -> tuple[NumberError, ...]:
+    """What the mesh leaves of error in the frequencies and in the static compliance, as far as it
+    is known."""
+    errors = []
+    hz = modes.omega / (2 * np.pi)
+    for i, relative in enumerate(missed.of_frequencies(modes.omega)):
+        if np.isfinite(relative):
+            error = float(relative * hz[i])
+            errors.append(
+                NumberError(name=f"mode {i + 1}", value=hz[i], unit="Hz", mesh=error, total=error)
+            )
+    if missed.of_compliance is not None:
+        health = structure.numbers["reduction"]
+        value = health.static_compliance_m_per_N - health.half_space_compliance_m_per_N
+        errors.append(
+            NumberError(
+                name="static_compliance_m_per_N",
+                value=value,
+                unit="m/N",
+                mesh=missed.of_compliance,
+                total=missed.of_compliance,
+            )
+        )
+    return tuple(errors)
 
 
 def shape_names(scene: Scene) -> tuple[str | None, ...]:

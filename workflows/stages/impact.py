@@ -7,7 +7,8 @@ import numpy as np
 import coupling
 import dem
 from workflows.scene import InvalidScene, RomWall, Scene
-from workflows.stages.chain import Start, start, wall
+from workflows.stages.chain import Start, start
+from workflows.stages.walls import wall_of
 
 PRUNED_AT = 1e-4  # error of the velocities to prune by where the scene gives a step; the default
 MOST_WORK = 1e10  # steps times spheres, minutes to an hour
@@ -32,7 +33,7 @@ def require_start(scene: Scene) -> None:
                 )
         return
 
-    first, leant_on = start(scene), wall(scene)
+    first, leant_on = start(scene), wall_of(scene)
     try:
         dem.require_march(first.chain, leant_on, first.velocity, dt=scene.time.dt)
         longest = dem.stability_limit(first.chain, leant_on, first.velocity)
@@ -50,8 +51,8 @@ def require_start(scene: Scene) -> None:
 def impact(
     scene: Scene, start: Start, wall: dem.Wall | coupling.CoupledWall | None
 ) -> coupling.Impact:
-    """The coupled run, to the scene's error or at its step; walls that are not read where they are
-    pushed (CoupledWall) have their error estimated in a second march."""
+    """The coupled run, to the scene's error or at its step. The error of a run at a CoupledWall,
+    which is not read where it is pushed, is estimated by a second march."""
     time, coupled = scene.time, isinstance(wall, coupling.CoupledWall)
     wanted = {"dt": time.dt} if time.dt is not None else {"error": time.error}
     if time.dt is None and not coupled:

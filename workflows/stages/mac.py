@@ -4,11 +4,11 @@ Of every mode with the targets of the same parts on the same mesh, no spring of 
 elongating. A target given by a body's motion is compared on that body; a mode that has drifted from
 its reference keeps its number but loses its MAC.
 
-Rigid joints change K by a low rank: what the springs' elongations allow of the assembly's Krylov
-space and of the static shapes that the springs make when they are pulled is solved in place of the
-whole assembly. Of rig-rom the first twenty frequencies so found are those of the whole to 5e-9, the
-MAC to 4e-7. The thesis' rig with screws as ties has no springs: all touching faces are tied there
-instead, and the whole assembly is solved.
+Rigid joints change K by a low rank. The eigenproblem is therefore not solved on the whole assembly
+but in a small space: the assembly's Krylov space and the static shapes of pulled springs,
+restricted to motions in which no spring elongates. Of rig-rom the first twenty frequencies so found
+are those of the whole to 5e-9, the MAC to 4e-7. The thesis' rig with screws as ties has no springs:
+all touching faces are tied there instead, and the whole assembly is solved.
 """
 
 import numpy as np
@@ -39,6 +39,8 @@ def mac(
     if not scene.measured_hz:
         return np.empty((len(computed.omega), 0))
     stiff, sought = model, targets(scene, model)
+
+    # springs: modes of the small space in which no spring elongates, as many as reach all targets
     if len(model.elongation) and factor is not None and space is not None:
         for n_modes in N_MODES:
             with fem.one_thread():
@@ -47,10 +49,14 @@ def mac(
             if np.all(index >= 0):
                 break
         phi = rigid.phi
+
+    # no springs: the joints are rigid already
     elif not len(model.elongation) and (
         scene.is_general or scene.assembly.constraint != "screw-tie"
     ):
         phi, index = computed.phi, computed.index
+
+    # an assembly that floats, or the thesis' screw ties: the whole with rigid joints is solved
     else:
         if scene.is_general:
             joints = [joint._replace(springs=fem.Bushing()) for joint in mesh.connections.joints]

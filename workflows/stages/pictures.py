@@ -15,14 +15,10 @@ import fem
 from fem import mode_field as field_file
 from fem.assembly_modes import AssemblyModes
 from workflows.files.child import child
-from workflows.files.run_folder import Picture
+from workflows.files.run_folder import NoPicture, Picture
 from workflows.scene import Scene
 
 TIME_LIMIT = 120  # s, of the child; not varied
-
-
-class NoPicture(RuntimeError):
-    """The pictures could not be rendered; the message says what to install."""
 
 
 def pictures(scene: Scene, modes: AssemblyModes, contact: fem.ContactPatch) -> tuple[Picture, ...]:

@@ -9,7 +9,7 @@ elements alone.
 """
 
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from hashlib import sha256
 from importlib import import_module
 from importlib.util import resolve_name
@@ -21,8 +21,9 @@ from typing import Any, NamedTuple
 from joblib import Memory
 
 from workflows.scene import RomWall, Scene
+from workflows.scene.size import foreseen_nodes
 from workflows.stages.cache import key, memory
-from workflows.stages.progress import Progress, quiet
+from workflows.stages.progress import Plan, Progress, quiet
 
 
 class Stage(NamedTuple):
@@ -126,9 +127,7 @@ ASSEMBLY = {
     "mac": Stage(
         ".mac:mac", tables_of(), ("mesh", "model", "modes"), means=("factor", "krylov-space")
     ),
-    "contact": Stage(
-        ".assembly:contact", tables_of("patch", "strike"), ("mesh", "model"), kept=False
-    ),
+    "contact": Stage(".assembly:contact", tables_of("patch", "strike"), ("mesh", "model")),
     "surface": Stage(".strike:surface", tables_of(), ("mesh",), listed=False),
     "participation": Stage(
         ".assembly:participation", tables_of(), ("contact", "modes"), listed=False
@@ -153,6 +152,25 @@ ASSEMBLY = {
         means=("factor", "krylov-space"),
     ),
     "response": Stage(".response:response", tables_of("damping"), ("full-response", "reduction")),
+    "structure-numbers": Stage(
+        ".health:structure_numbers",
+        tables_of("targets"),
+        ("modes", "reduction", "participation"),
+        listed=False,
+    ),
+    "structure-errors": Stage(
+        ".health:structure_errors",
+        tables_of(),
+        ("modes", "missed-energy", "structure-numbers"),
+        listed=False,
+    ),
+    "mode-files": Stage(".structure_files:mode_files", tables_of(), ("modes",), listed=False),
+    "model-files": Stage(
+        ".structure_files:model_files", tables_of("damping"), ("reduction",), listed=False
+    ),
+    "response-files": Stage(
+        ".structure_files:response_files", tables_of(), ("response",), listed=False
+    ),
     "compilation": Stage(
         ".compilation:compilation",
         lambda scene: [environ.get("NUMBA_CACHE_DIR"), tables_of("damping", *START)(scene)],
@@ -192,9 +210,18 @@ IMPACT = {
         ("start", "missed-energy", "reduction", "impact", "waves"),
     ),
     "waves": Stage(".waves:waves", _observed, ("start", "impact")),
+    "chain-numbers": Stage(
+        ".chain_numbers:chain_numbers", _marched, ("start", "wall", "impact", "waves"), listed=False
+    ),
+    "chain-files": Stage(
+        ".chain_numbers:chain_files", tables_of("output"), ("impact", "wall"), listed=False
+    ),
     "figures": Stage(".figures:of_chain", _observed, ("impact", "waves")),
     "record": Stage(
         ".signals:record", tables_of("output"), ("impact", "waves"), kept=False, listed=False
+    ),
+    "sensor-numbers": Stage(
+        ".signals:sensor_waves", tables_of("output"), ("record",), listed=False
     ),
     "signals": Stage(
         ".figures:signals", tables_of("output"), ("record",), kept=False, listed=False
@@ -205,16 +232,40 @@ IMPACT = {
 def stages_of(scene: Scene) -> dict[str, Stage]:
     """The stages that this scene may need; those of an assembly only where one is struck."""
     needs = ("reduction",) if needs_structure(scene) and scene.chain else ()
-    wall = Stage(".chain:wall", _wall_reads, needs)
+    wall = Stage(".walls:wall_of", _wall_reads, needs)
     structure = ASSEMBLY if scene.bending is None else BENDING
     impact = IMPACT
+    if scene.chain and scene.output.sensors:
+        files = IMPACT["chain-files"]
+        impact = impact | {"chain-files": files._replace(needs=(*files.needs, "record"))}
+    shown = (
+        *(("chain-files", "chain-numbers") if scene.chain else ()),
+        *(("model-files", "response-files", "structure-numbers") if needs_structure(scene) else ()),
+    )
+    page = Stage(
+        ".page:data", lambda scene: [scene.name, tables_of("output")(scene)], shown, listed=False
+    )
+    impact = impact | {"page": page}
     if scene.bending is None:
         of_mesh = IMPACT["mesh-error"]._replace(
             function=".quantity_errors:error_of_mesh", needs=("quantity-errors",)
         )
         impact = impact | {"mesh-error": of_mesh}
     else:
-        impact = {name: stage for name, stage in impact.items() if name != "quantity-errors"}
+        # of hollow and of open sections no other theory is known, see `bending.other_theories`
+        compared = scene.plate is not None or not (scene.beam.bore or scene.beam.area)
+        theories = ("other-theories",) if compared else ()
+        of_waves = IMPACT["quantity-errors"]._replace(
+            function=".bending_errors:quantity_errors",
+            needs=("start", "reduction", "second-mesh", "impact", "waves", *theories),
+        )
+        of_modes = Stage(
+            ".bending_errors:structure_errors",
+            tables_of(),
+            ("modes", "reduction", "second-mesh", *theories),
+        )
+        impact = impact | {"quantity-errors": of_waves}
+        structure = structure | {"structure-errors": of_modes}
     if needs and scene.is_general:
         impact = impact | {"start": IMPACT["start"]._replace(needs=("surface",))}
     if not getattr(scene.wall, "prune", False):
@@ -299,12 +350,26 @@ class Pipeline:
         kept = self._stages[name].kept
         result = self._kept(name, self.key(name), self) if kept else self.compute(name)
         seconds = perf_counter() - started - (self._spent - spent)
+        if kept and name not in self._computed:
+            self._report_behind(name)
         if self._stages[name].listed:
             self._spent += seconds
             computed = name in self._computed
             reported = seconds if computed or elsewhere is None else elsewhere
+            # what was reported as not even read has been read now
+            self.reports = [r for r in self.reports if r.name != name or not r.cached]
             self.reports.append(StageReport(name, reported, not computed and elsewhere is None))
         return result
+
+    def _report_behind(self, name: str) -> None:
+        """Report the stages that a kept result was made of, which this run does not even read."""
+        for need in self._stages[name].needs:
+            stage = self._stages[need]
+            reported = {report.name for report in self.reports}
+            if stage.kept and need not in reported and need not in self._results:
+                self._report_behind(need)
+                if stage.listed:
+                    self.reports.append(StageReport(need, 0.0, True))
 
     def _meanwhile(self) -> bool:
         """Compute a stage that neither process computes yet; False where there is none."""
@@ -323,6 +388,31 @@ class Pipeline:
         """Whether the stage need not be computed."""
         return name in self._results or self._kept.check_call_in_cache(name, self.key(name), self)
 
+    def plan(self, *names: str) -> Plan:
+        """What these results have to be computed from, in the order in which it will be."""
+        missing: list[str] = []
+
+        def visit(name: str) -> None:
+            stage = self._stages[name]
+            if name in missing or name in self._results or (stage.kept and self.kept(name)):
+                return
+            for need in stage.needs + stage.means + stage.after:
+                visit(need)
+            missing.append(name)
+
+        for name in names:
+            visit(name)
+        beside = [] if self.beside is None else [name for name in missing if self.beside.has(name)]
+        return Plan(tuple(missing), tuple(beside), self._unknowns() if "mesh" in missing else None)
+
+    def _unknowns(self) -> float | None:
+        """Of the mesh, foreseen for the thesis' rig; None where it has to be meshed to be known."""
+        if "mesh" in self._results:
+            return 3.0 * sum(self._results["mesh"].nodes.values())
+        if self.scene.bending is not None or self.scene.own_mesh or self.scene.is_general:
+            return None
+        return 3.0 * sum(foreseen_nodes(self.scene).values())
+
     def ready(self, name: str) -> bool:
         """Whether all that the stage needs is kept, or not worth keeping."""
         return all(
@@ -338,7 +428,7 @@ class Pipeline:
             self(earlier)
         function = stage.function.split(":")[1]
         self._computed.add(name)
-        with self._progress(name):
+        with self._progress(name) if stage.listed else nullcontext():
             return getattr(import_module(stage.module), function)(self.scene, *needed)
 
     def key(self, name: str) -> str:

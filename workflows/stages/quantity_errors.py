@@ -6,6 +6,7 @@ error, and a share of what the change of the record could do to it, as a number 
 by accident.
 """
 
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,29 +15,12 @@ import coupling
 import dem
 import rom
 from dem.waves.chain_waves import ChainWaves, chain_waves
+from workflows.report.summary import NumberError, QuantityErrors
 from workflows.scene import Scene
 from workflows.stages.chain import Start
 from workflows.stages.errors import MARGIN, SHORTER, observed, velocities
 from workflows.stages.mesh_error import MissedByMesh
-from workflows.stages.wall import wall_of
-
-
-class QuantityError(NamedTuple):
-    """A number of a run, and its errors by cause in its own unit; nan where one is not known."""
-
-    name: str  # as in the summary, "tof_s"; of a sphere "4: incident: time_s"
-    value: float
-    unit: str
-    time: float
-    reduction: float
-    mesh: float
-
-
-class QuantityErrors(NamedTuple):
-    """Those of a run, and the mesh's in all velocities: relative to the striker's speed."""
-
-    quantities: tuple[QuantityError, ...]
-    mesh: float
+from workflows.stages.walls import wall_of
 
 
 class QuantityOptions(NamedTuple):
@@ -47,6 +31,15 @@ class QuantityOptions(NamedTuple):
     floor: float = 0.3
 
 
+class MarchedPair(NamedTuple):
+    """Two runs that differ in their walls alone, and the share of their difference that is an
+    error."""
+
+    first: dem.Trajectory
+    second: dem.Trajectory
+    share: float
+
+
 def quantity_errors(
     scene: Scene,
     start: Start,
@@ -54,57 +47,101 @@ def quantity_errors(
     reduction: rom.ReducedModel,
     impact: coupling.Impact,
     waves: ChainWaves,
-    options: QuantityOptions = QuantityOptions(),
 ) -> QuantityErrors:
     """Changes of every number of the waves between two walls: of the reduced and of the finer
     model, and of the mesh and without the energy that the mesh misses."""
-    run, speed = impact.trajectory, float(np.abs(start.velocity).max())
-    march = {"duration": float(run.t[-1]), "n_save": len(run.t) - 1}
-    whole = scene.but(wall={"cutoff": None})
-    finer = dem.march(
-        start.chain, wall_of(whole, reduction.finer), start.velocity, dt=run.dt / SHORTER, **march
-    )
     on_mesh, without = (
-        dem.march(start.chain, wall_of(whole, wall), start.velocity, dt=run.dt, **march)
-        for wall in missed.walls(reduction.contact)
+        marched(scene, start, wall, impact) for wall in missed.walls(reduction.contact)
     )
-    at_wall, spheres = scene.wall is not None, scene.output.spheres
-    numbers = [numbers_of(run, waves)]
-    for other in (finer, on_mesh, without):
-        others = chain_waves(other, start.chain, spheres, at_wall=at_wall)
-        numbers.append(numbers_of(other, others))
-    n = max(1, int(np.searchsorted(run.t, scene.time.horizon, "right")))
-    columns = observed(scene)
+    pairs = {
+        "reduction": (of_reduction(scene, start, reduction, impact),),
+        "mesh": (MarchedPair(on_mesh, without, missed.share),),
+    }
+    run, speed = impact.trajectory, float(np.abs(start.velocity).max())
+    n, columns = instants(scene, run), observed(scene)
     of_mesh = missed.share * float(np.abs((without.v - on_mesh.v)[:n, columns]).max()) / speed
-    estimate = run.error_estimate or 0.0
+    return QuantityErrors(numbers_with_errors(scene, start, impact, waves, pairs), of_mesh)
+
+
+def marched(
+    scene: Scene,
+    start: Start,
+    reduced: rom.ReducedModel,
+    impact: coupling.Impact,
+    shorter: int = 1,
+) -> dem.Trajectory:
+    """The impact before another wall, at its instants, by steps so many times as short."""
+    run = impact.trajectory
+    return dem.march(
+        start.chain, wall_of(scene.but(wall={"cutoff": None}), reduced), start.velocity,
+        dt=run.dt / shorter, duration=float(run.t[-1]), n_save=len(run.t) - 1,
+    )  # fmt: skip
+
+
+def of_reduction(
+    scene: Scene, start: Start, reduction: rom.ReducedModel, impact: coupling.Impact
+) -> MarchedPair:
+    """The run, and the same before the finer model."""
+    finer = marched(scene, start, reduction.finer, impact, SHORTER)
+    return MarchedPair(impact.trajectory, finer, MARGIN)
+
+
+def instants(scene: Scene, run: dem.Trajectory) -> int:
+    """Instants of a run up to the scene's horizon."""
+    return max(1, int(np.searchsorted(run.t, scene.time.horizon, "right")))
+
+
+def numbers_with_errors(
+    scene: Scene,
+    start: Start,
+    impact: coupling.Impact,
+    waves: ChainWaves,
+    pairs: Mapping[str, Sequence[MarchedPair]],
+    options: QuantityOptions = QuantityOptions(),
+) -> tuple[NumberError, ...]:
+    """Every number of the waves with its errors: of the time step, and by cause the sum of those
+    of its pairs."""
+    run, speed = impact.trajectory, float(np.abs(start.velocity).max())
+    at_wall, spheres = scene.wall is not None, scene.output.spheres
+    numbers = {id(run): numbers_of(run, waves)}
+    for pair in (pair for of_cause in pairs.values() for pair in of_cause):
+        for other in (pair.first, pair.second):
+            if id(other) not in numbers:
+                others = chain_waves(other, start.chain, spheres, at_wall=at_wall)
+                numbers[id(other)] = numbers_of(other, others)
+    n, estimate, of_run = instants(scene, run), run.error_estimate or 0.0, numbers[id(run)]
 
     rows = []
-    for name, (value, unit, width, sphere) in numbers[0].items():
+    for name, (value, unit, width, sphere) in of_run.items():
         # what a relative change of the record does to the number: of a time a part of the width of
         # the wave, of all else as much
         scale = width if unit == "s" else abs(value)
         wave = name.rpartition(":")[0]
-        crest = abs(numbers[0][f"{wave}: peak_velocity_m_s"][0]) if wave else speed
-        errors = [estimate * scale * speed / crest]
-        for first, second, a, b, margin in (
-            (numbers[0], numbers[1], run, finer, MARGIN),
-            (numbers[2], numbers[3], on_mesh, without, missed.share),
-        ):
-            record_a, record_b = (
-                r.contact_force[:, -1] if sphere is None else r.v[:, sphere - 1] for r in (a, b)
-            )
-            at = slice(None, n)
-            if sphere is not None:
-                time = numbers[0][f"{wave}: time_s"][0]
-                at = np.abs(run.t - time) <= max(width, run.t[1])
-            largest = float(np.abs(record_a[at]).max(initial=0.0)) or 1.0
-            change = float(np.abs(record_b[at] - record_a[at]).max(initial=0.0)) / largest
-            moved = np.nan
-            if name in first and name in second:
-                moved = abs(second[name][0] - first[name][0])
-            errors.append(margin * (moved + options.floor * change * scale))
-        rows.append(QuantityError(name, value, unit, *errors))
-    return QuantityErrors(tuple(rows), of_mesh)
+        crest = abs(of_run[f"{wave}: peak_velocity_m_s"][0]) if wave else speed
+        errors = dict.fromkeys(pairs, 0.0) | {"time": estimate * scale * speed / crest}
+        for cause, of_cause in pairs.items():
+            for a, b, share in of_cause:
+                record_a, record_b = (
+                    r.contact_force[:, -1] if sphere is None else r.v[:, sphere - 1] for r in (a, b)
+                )
+                at = slice(None, n)
+                if sphere is not None:
+                    time = of_run[f"{wave}: time_s"][0]
+                    at = np.abs(run.t - time) <= max(width, run.t[1])
+                largest = float(np.abs(record_a[at]).max(initial=0.0)) or 1.0
+                change = float(np.abs(record_b[at] - record_a[at]).max(initial=0.0)) / largest
+                first, second, moved = numbers[id(a)], numbers[id(b)], np.nan
+                if name in first and name in second:
+                    moved = abs(second[name][0] - first[name][0])
+                errors[cause] += share * (moved + options.floor * change * scale)
+        rows.append(with_errors(name, value, unit, errors))
+    return tuple(rows)
+
+
+def with_errors(name: str, value: float, unit: str, errors: Mapping[str, float]) -> NumberError:
+    """A number with its errors by cause, in its unit; one that is not finite is not known."""
+    known = {cause: float(error) for cause, error in errors.items() if np.isfinite(error)}
+    return NumberError(name=name, value=value, unit=unit, total=sum(known.values()), **known)
 
 
 def numbers_of(

@@ -79,7 +79,8 @@ def reduction(
         )
     boundary = boundary_of(contact, w_reading, C, keep)
 
-    # modes that are there are kept in any case, which those that the contact chooses among are not
+    # modes that were computed already: where the contact chooses, the measured ones are kept in any
+    # case and all others compete; a free-modes model of the lowest takes them all
     selected = selection(scene)
     ready = targets_kept(modes) if selected.by_contact else None
     craig_bampton = scene.reduction.kind == "craig-bampton"
@@ -134,10 +135,12 @@ def reduction(
 def boundary_of(
     contact: fem.ContactPatch, w_reading, C, keep: NDArray[np.int64] = NOTHING
 ) -> NDArray[np.int64]:
-    """Dofs (b,) that a Craig-Bampton model keeps as they are."""
-    # w reads x alone: y and z of its nodes would only be constraint modes to solve for
+    """Dofs (b,) that a Craig-Bampton model keeps as they are: those that w reads or loads, those
+    with dashpots, and `keep`."""
+    # w reads x alone: y and z of its nodes would add constraint modes that nothing loads
     boundary = np.flatnonzero(contact.w if w_reading is None else contact.w + w_reading)
-    damped = NOTHING if C is None else np.flatnonzero(C.diagonal())  # modes answer slowly to it
+    # dashpots on the boundary, since a damper force converges slowly with the number of modes
+    damped = NOTHING if C is None else np.flatnonzero(C.diagonal())
     return np.union1d(boundary, np.union1d(damped, keep))
 
 
@@ -192,8 +195,9 @@ def selection(scene: Scene) -> rom.Selection:
 def targets_kept(
     modes: AssemblyModes,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """The modes measured, which stay whatever the contact says."""
-    # a motion that nothing holds may bear two of the characters that the modes are found by
+    """omega (k,) and phi (n, k) of the measured modes, which are kept however little the contact
+    moves them; None without any."""
+    # one computed mode may be the partner of two targets, as a motion that nothing holds
     index = np.unique(modes.index[modes.index >= 0])
     if not len(modes.index):
         return None
@@ -203,7 +207,7 @@ def targets_kept(
 def _enough_modes(
     scene: Scene, modes: AssemblyModes
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """The modes that were computed, where they are as many as the reduction takes."""
+    """omega and phi of the modes that were computed, if they are as many as the reduction takes."""
     table, n_modes = scene.reduction, len(modes.omega)
     below = table.cutoff is not None and 2 * np.pi * table.cutoff < modes.omega[-1]
     enough = below or (table.modes is not None and table.modes <= n_modes)
@@ -211,7 +215,8 @@ def _enough_modes(
 
 
 def reading(scene: Scene, model: fem.Model) -> NDArray[np.float64] | None:
-    """w (n,) that reads the wall where the thesis' scheme does so elsewhere than it pushes."""
+    """w (n,) by which the thesis' scheme reads the wall, at other nodes than it pushes; None for
+    one functional of both."""
     patch = scene.patch
     if patch is None or patch.weights != "thesis":
         return None
@@ -229,7 +234,8 @@ def mass_captured(model: fem.Model, reduced: rom.ReducedModel, along: NDArray[np
 def contact_of(scene: Scene, model: fem.Model, contact: fem.ContactPatch) -> rom.Contact:
     """The material that is struck, and the half-space that the Hertz law holds once more."""
     steel = solid(scene, scene.struck_body)
-    if reading(scene, model) is not None:  # reads far from the node it loads, and takes nothing off
+    # the thesis' scheme reads outside of the local dent, so that there is nothing to subtract
+    if reading(scene, model) is not None:
         local = 0.0
     else:
         local = fem.half_space_on_mesh(model, struck(scene), contact, steel)

@@ -11,7 +11,7 @@ import rom
 from coupling.contact_response import CHECKED_HZ, ContactResponse, contact_response
 from workflows.files.run_folder import Picture
 from workflows.scene import Scene
-from workflows.stages.wall import damping
+from workflows.stages.damping import damping
 
 
 class Response(NamedTuple):
@@ -28,8 +28,9 @@ def full_response(
     factor: fem.Factor | None = None,
     space: rom.Space | None = None,
 ) -> NDArray[np.float64]:
-    """Undamped receptance (k,) [m/N] of the full model where the reduced one is checked: what the
-    forces left over by the Krylov space say it misses is measured with K, M and the factor of K."""
+    """Undamped receptance (k,) [m/N] of the full model at the frequencies where the reduced one is
+    checked: by the Krylov space where its residual forces bound the error, else by a solution each
+    (`fem.receptance`)."""
     basis = None if space is None else fem.Modes(*space.pairs)
     H = fem.receptance(
         model.K, model.M, contact.w, np.array(CHECKED_HZ), basis=basis, factor=factor

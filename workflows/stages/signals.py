@@ -4,9 +4,7 @@ import numpy as np
 
 from coupling import Impact
 from coupling.band import Band
-from coupling.sensed_waves import flight
-from coupling.sensor_record import SensorRecord, sensor_record
-from coupling.sensors import Sensor
+from coupling.sensors import Sensor, SensorRecord, flight, sensor_record
 from dem.waves.chain_waves import ChainWaves
 from workflows.files.record import SYNTHETIC
 from workflows.report.summary import SensedArrival, SensorWaves

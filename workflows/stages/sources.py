@@ -27,9 +27,17 @@ def fingerprint(*roots: str) -> str:
     depend on."""
     content = sha256()
     for name in sorted(modules(*roots)):
-        for path in files(name):
-            content.update(f"{name} {path.name}\n".encode() + path.read_bytes())
+        content.update(digest(name))
     return content.hexdigest()
+
+
+@cache
+def digest(module: str) -> bytes:
+    """SHA-256 of a module's source and data files, read once for all that depend on it."""
+    content = sha256()
+    for path in files(module):
+        content.update(f"{module} {path.name}\n".encode() + path.read_bytes())
+    return content.digest()
 
 
 def modules(*roots: str) -> set[str]:

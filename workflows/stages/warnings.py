@@ -15,23 +15,20 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-import coupling
-import dem
-from coupling.verdict import large_step_error
-from dem.validity import SMALL_CONTACT
-from dem.waves import solitary
-from dem.waves.chain_waves import ChainWaves
-from dem.waves.measures import contact_time
-from dem.waves.solitary import WIDTH
 from workflows.files.cache_folder import cache_folder
 from workflows.scene import DashpotWall, RomWall, Scene
 from workflows.stages.cache import fault
-from workflows.stages.chain import Start, contact_radius
 
-if TYPE_CHECKING:  # a run without a reduced model does not load finite elements
+if (
+    TYPE_CHECKING
+):  # a run whose results are kept loads no chain, one without a structure no elements
+    import coupling
+    import dem
+    from dem.waves.chain_waves import ChainWaves
     from fem.assembly_modes import AssemblyModes
     from fem.constraints import Overconstrained
     from workflows.report.summary import ReductionHealth
+    from workflows.stages.chain import Start
 
 CURES = {
     "reduction": "keep more modes (reduction.modes, reduction.to_hz, wall.cutoff)",
@@ -60,6 +57,9 @@ def of_chain(
     scene: Scene, start: Start, impact: coupling.Impact, waves: ChainWaves
 ) -> Iterator[str]:
     """All warnings on a run of the chain and its waves."""
+    import dem
+    from coupling.verdict import large_step_error
+
     run = impact.trajectory
     yield from judged(impact)
     yield from dem.outside(dem.strain(start.chain, scene.chain.young, run.contact_force, run.v))
@@ -84,7 +84,11 @@ def of_structure(modes: AssemblyModes, health: ReductionHealth) -> Iterator[str]
 def long_contact(scene: Scene, start: Start, run: dem.Trajectory) -> Iterator[str]:
     """A contact ellipse on a curved face whose longer half axis at the peak force is not small
     relative to the sphere's radius, as Hertz' law assumes."""
-    if start.ellipse == coupling.PLANE:
+    from coupling import PLANE
+    from dem.validity import SMALL_CONTACT
+    from workflows.stages.chain import contact_radius
+
+    if start.ellipse == PLANE:
         return
     peak, sphere = float(run.contact_force[:, -1].max()), float(start.chain.radius[-1])
     half = start.ellipse.longest(contact_radius(scene, start, peak))
@@ -164,6 +168,9 @@ def shortened_step(scene: Scene) -> Iterator[str]:
 
 def thick_plate(scene: Scene, run: dem.Trajectory) -> Iterator[str]:
     """A plate too thick for Zener's law, relative to the bending waves of its contact time."""
+    import coupling
+    from dem.waves.measures import contact_time
+
     wall = scene.wall
     if not isinstance(wall, DashpotWall) or wall.plate_thickness is None:
         return
@@ -229,9 +236,11 @@ def short_record(
 
 def coarse_samples(scene: Scene, start: Start) -> tuple[str, ...]:
     """A sentence where samples are farther apart than the width of the striker's wave."""
+    from dem.waves import solitary
+
     row, striker = start.chain, float(np.abs(start.velocity).max())
     spacing = scene.time.duration / (scene.output.samples - 1)
-    width = WIDTH / float(solitary.speed(striker, row.mass[: row.A.size], row.A).max())
+    width = solitary.WIDTH / float(solitary.speed(striker, row.mass[: row.A.size], row.A).max())
     if not spacing > width:
         return ()
     return (
@@ -246,7 +255,7 @@ def unusual_wall_file(wall: RomWall) -> Iterator[str]:
     1, whose units are not N/m and kg, whose bodies are loose, which floats, or whose half-space is
     more compliant than the whole (`rom.imported.unusual`)."""
     from rom.imported import unusual
-    from workflows.files.wall import measured
+    from workflows.files.wall_file import measured
 
     reduced, health = measured(wall)
     missing = [f"wall.{key}" for key in ("young", "poisson") if getattr(wall, key) is None]

@@ -3,12 +3,12 @@
 import rom
 from fem.abaqus import input_deck
 from workflows.files.output_file import OutputFile
-from workflows.files.wall import require_reader
+from workflows.files.wall_file import require_reader
 from workflows.scene import InvalidScene
 from workflows.stages import bodies
 from workflows.stages.assembly import dashpots
 from workflows.stages.pipeline import Pipeline
-from workflows.stages.wall import save
+from workflows.stages.walls import save
 
 FORMATS = (".npz", ".mat", ".h5")
 FULL_FORMATS = (".mat", ".npz")

@@ -18,9 +18,9 @@ from workflows.report import plots
 from workflows.report.plots import Line, Panel
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, ModalDampingTable, Scene
+from workflows.stages.damping import damping_law
 from workflows.stages.pipeline import Pipeline
 from workflows.stages.targets import shape
-from workflows.stages.wall import damping_law
 from workflows.structure.mode_table import NO_TARGETS
 from workflows.structure.tuning import targets
 

@@ -29,7 +29,8 @@ class ModeRow(BaseModel):
     number: int
     frequency_hz: float
     participation: float | None
-    error_percent: float | None = None  # of the mesh: the frequency is too high by as much
+    # of the mesh, by which the frequency is too high; of a beam or a plate of mesh and theory
+    error_percent: float | None = None
     hammer_mode: int | None = None
     hammer_hz: float | None = None
     difference_percent: float | None = None
@@ -43,6 +44,7 @@ class ModeTable(BaseModel):
 
     scene: str
     rows: list[ModeRow]
+    error_of: str = "mesh error"
     load_factor: float | None = None  # static load over that which buckles the structure
     warnings: list[str] = []
 
@@ -61,7 +63,7 @@ class ModeTable(BaseModel):
             mac = None if row.mac is None else f"{row.mac:.2f}"
             cells.append((*computed, measured, f"{row.score:.2f}", mac))
         table = aligned_text(
-            ("mode", "Hz", "mesh error", "at contact", "measured", "score", "MAC"), cells
+            ("mode", "Hz", self.error_of, "at contact", "measured", "score", "MAC"), cells
         )
         legend = READING if any(row.hammer_mode for row in self.rows) else NO_TARGETS
         load = LOADED.format(100 * self.load_factor) if self.load_factor is not None else ""
@@ -76,9 +78,11 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
     struck = not scene.is_general or scene.strike is not None
     participation = np.abs(pipeline("contact").w @ modes.phi) if struck else [None] * len(mac)
     measured = {int(j): i for i, j in enumerate(modes.index) if j >= 0}
-    error = np.full(len(modes.omega), np.nan)
     if scene.bending is None:
         error = pipeline("missed-energy").of_frequencies(modes.omega)
+    else:
+        errors = {e.name: e.relative for e in pipeline("structure-errors")}
+        error = [errors.get(f"mode {i + 1}", np.nan) for i in range(len(modes.omega))]
     rows = []
     for j, hz in enumerate(modes.omega / (2 * np.pi)):
         row = ModeRow(number=j + 1, frequency_hz=hz, participation=participation[j])
@@ -94,6 +98,7 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
     return ModeTable(
         scene=scene.name,
         rows=rows,
+        error_of="mesh error" if scene.bending is None else "error",
         load_factor=modes.load_factor,
         warnings=list(overconstrained(modes.overconstrained)),
     )

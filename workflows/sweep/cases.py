@@ -25,7 +25,7 @@ class Base(NamedTuple):
 
     def with_values(self, values: dict[str, Any]) -> Scene:
         """The scene of one case; raises InvalidScene."""
-        # a kind first: to switch it drops the other keys of its table
+        # the kind of a table first, since to change it drops the other keys of the table
         ordered = sorted(values.items(), key=lambda pair: not pair[0].endswith(".kind"))
         tables = changed(self.written.tables, ordered)
         return with_chain(completed(self.written._replace(tables=tables)))
@@ -36,7 +36,7 @@ class Base(NamedTuple):
             return float(text)
         except ValueError:
             value: Any = self.with_values({key: text})
-        # down the scene that holds the text, which has read its unit
+        # the value in the scene, which has read the unit of the text
         for name in key.split("."):
             value = value.get(name) if isinstance(value, dict) else getattr(value, name, None)
         if isinstance(value, bool) or not isinstance(value, int | float):

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from functools import partial
 from logging import getLogger
 from os import cpu_count
+from re import fullmatch
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -23,6 +24,8 @@ from workflows.sweep.tasks import Sharing, Task
 
 HERE = "127.0.0.1"
 PATIENCE = "10s"  # to reach a scheduler
+# scheme (tcp without one), host, an IPv6 one in brackets, and port; inproc is of this process
+ADDRESS = r"((tcp|tls|ws|wss|ucx)://)?(\[[\da-fA-F:]+\]|[^\s:/\[\]]+):\d{1,5}|inproc://.+"
 
 
 class ClusterOptions(NamedTuple):
@@ -67,6 +70,8 @@ def engine(where: int | str) -> Iterator[Callable]:
             "./install.sh sweep installs it."
         ) from None
     dask.config.set({"distributed.scheduler.allowed-failures": OPTIONS.retries})
+
+    # processes of this machine
     if isinstance(where, int):
         # scheduler, workers and dashboard alone to this machine: who reaches them runs code here
         cluster = LocalCluster(
@@ -75,6 +80,13 @@ def engine(where: int | str) -> Iterator[Callable]:
         with cluster, Client(cluster) as client, _while_it_runs():
             yield on(client)
         return
+
+    # a scheduler: its address is looked at, then the scheduler is asked for its identity
+    if not fullmatch(ADDRESS, where):
+        raise InvalidScene(
+            f"--scheduler {where} is no address; give scheme, host and port of a running Dask "
+            "scheduler, tcp://host:8786 for example."
+        )
     try:
         with ThreadPoolExecutor(1) as aside:  # a notebook has an event loop of its own
             aside.submit(run_loop, _answer(where)).result()
@@ -169,7 +181,7 @@ def _rows(task: Task, shared: SharedWall) -> list[Rows]:
 
 
 def _result(future: Any, running: dict[Any, Task]) -> list[Rows]:
-    """Rows of a task; of one that ended its workers, rows that say so."""
+    """Rows of a task; for a task whose workers ended, rows with that message."""
     task = running.pop(future)
     try:
         return future.result()

@@ -110,6 +110,11 @@ def table(path: Path) -> Design:
             f"--cases {path} has {len(lines)} lines; give a line of keys and one for each case."
         )
     keys = [cell.strip() for cell in lines[0]]
+    if len(keys) == 1 and (mark := next((mark for mark in (";", "\t") if mark in keys[0]), "")):
+        name = "semicolons" if mark == ";" else "tabs"
+        raise InvalidScene(
+            f"--cases {path} has {name} between its values; write commas, and decimal points."
+        )
     for key in keys:
         _require_key(key, f"--cases {path}")
     if len(set(keys)) < len(keys):

@@ -26,7 +26,7 @@ class Inputs:
         self.key = digest([contents, *program(module, *every_stage())])
 
     def require_unchanged(self, *, by_content: bool = False) -> None:
-        """Raise ValueError for a file that is another by now; `by_content` reads also those whose
+        """Raise ValueError for a file that has changed; `by_content` reads also those whose
         size and times are the same."""
         for path, first_content in self._contents.items():
             stamp = _stamp(path)

@@ -7,8 +7,9 @@ import numpy as np
 import coupling
 import dem
 from workflows.scene import RomWall, Scene
-from workflows.stages.chain import on_surface, simple_wall, start, together
+from workflows.stages.chain import on_surface, start, together
 from workflows.stages.impact import impact, require_start
+from workflows.stages.walls import simple_wall
 from workflows.sweep.cases import CheckedGroup, Group
 from workflows.sweep.core.rows import FAILED, REFUSED, Rows, measured, without_result
 from workflows.sweep.models import FAILURES, SharedWall, sentence
@@ -44,6 +45,7 @@ def _side_by_side(
     checked: CheckedGroup, group: Group, shared: SharedWall, signals: bool
 ) -> list[Rows]:
     """Cases in one march; where it fails as a whole, its halves, down to the case that fails."""
+    # an invalid case fails the whole batch: its halves are tried, so that only that case is lost
     scene, started = checked.scene, perf_counter()
     spheres = scene.output.spheres
     columns = {key: np.array(values, float) for key, values in group.columns.items()}
@@ -87,6 +89,7 @@ def _side_by_side(
             return finished
         group, batch = group.take(marched), taken(batch, marched)
 
+    # waves, forces and errors of the cases that were marched
     table = measured(
         spheres, batch.t, batch.v, batch.wall_force,
         energy_error=batch.energy_error, error_time=batch.error_estimate,

@@ -8,9 +8,10 @@ import numpy as np
 import coupling
 import dem
 from workflows.scene import InvalidScene, RomWall, Scene
-from workflows.stages.chain import start, wall
+from workflows.stages.chain import start
 from workflows.stages.impact import impact
 from workflows.stages.pipeline import Pipeline, Stage, needs_structure, pipeline_of, tables_of
+from workflows.stages.walls import wall_of
 
 FAILURES = (
     dem.InvalidChain, dem.NoEquilibrium, dem.UnstableStep, coupling.CouplingError, InvalidScene,
@@ -89,7 +90,7 @@ def models(source: Source) -> Models | str:
         if not source.springs:
             return reduced
         usual = Models(reduced.reduction.reduced, reduced.second)
-        errors = _errors(source.scene, wall(source.scene, usual.reduction), usual)
+        errors = _errors(source.scene, wall_of(source.scene, usual.reduction), usual)
         return reduced._replace(errors=errors)
     except FAILURES as reason:
         return sentence(reason)
@@ -104,12 +105,12 @@ def shared_wall(scene: Scene, source: Source, models: Models | str | None) -> Sh
         return SharedWall()
     try:
         if models is None:
-            return SharedWall(wall(scene, None))
+            return SharedWall(wall_of(scene, None))
         if source.springs:
             springs = {name: scene.stiffness(name) for name in source.springs}
             reduced = models.reduction.with_stiffness(springs)
-            return SharedWall(wall(scene, reduced), *models.errors, surface=reduced.contact)
-        reduced_wall = wall(scene, models.reduction)
+            return SharedWall(wall_of(scene, reduced), *models.errors, surface=reduced.contact)
+        reduced_wall = wall_of(scene, models.reduction)
         errors = _errors(scene, reduced_wall, models)
         return SharedWall(reduced_wall, *errors, surface=models.reduction.contact)
     except FAILURES as reason:

@@ -26,7 +26,7 @@ class Price(NamedTuple):
     refused: int
     walls: int
     models: int  # reduced models of assemblies
-    models_missing: int  # of these, not kept from earlier
+    models_missing: int  # of these, those that are not in the cache
     side_by_side: int  # cases that the batch takes
     seconds_case: float
     seconds_model: float

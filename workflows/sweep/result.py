@@ -179,8 +179,8 @@ class Sweep:
 
 
 def _of_points(columns: dict[str, Array]) -> Iterator[str]:
-    """Sentences on the points of a scan with large errors, with none of the mesh, and with another
-    reflected wave than those around."""
+    """Sentences on the points of a scan whose errors are large, whose error of the mesh is unknown,
+    and whose reflected wave is not that of the points around."""
     has_result = columns["status"] == DONE
     n = has_result.sum()
     for source, cure in CURES.items():

@@ -324,7 +324,22 @@ def _one_reflected_wave(
 
     # counted along the grid, not in metres: neighbours are a step apart in both directions
     steps = np.column_stack([np.unique(axis, return_inverse=True)[1] for axis in points.T])
-    widths = _incident_widths(face, options)
+
+    # full width at half maximum [s] of the first wave at each sphere, before a rigid wall: the
+    # incident wave does not depend on the wall. The striker has none: its width is that at the next
+    # sphere
+    scene, at_rest = face.scene, face.begun
+    run = dem.march_to_error(
+        at_rest.chain, dem.rigid_wall(), at_rest.velocity, duration=scene.time.duration,
+        error=options.width_error, n_save=options.width_samples,
+    ).trajectory  # fmt: skip
+    widths, width = {}, np.inf
+    for sphere in range(scene.chain.count, 0, -1):
+        waves = arrivals(run.t, run.v[:, sphere - 1])
+        of_incident = (wave.width for wave in waves if wave.peak_velocity > 0)
+        width = next((value for value in of_incident if np.isfinite(value)), width)
+        widths[sphere] = width
+
     for sphere, of_wave in names.items():
         time = columns[of_wave[0]]
         blank = np.isfinite(time) & ~same_wave(steps, time, widths[sphere])
@@ -336,21 +351,3 @@ def _one_reflected_wave(
             for message, is_blank in zip(columns["message"], blank, strict=True)
         ]
     return columns
-
-
-def _incident_widths(face: StruckFace, options: ScanOptions) -> dict[int, float]:
-    """Full width at half maximum [s] of the first wave at each sphere, before a rigid wall: the
-    incident wave does not depend on the wall."""
-    scene, at_rest = face.scene, face.begun
-    run = dem.march_to_error(
-        at_rest.chain, dem.rigid_wall(), at_rest.velocity, duration=scene.time.duration,
-        error=options.width_error, n_save=options.width_samples,
-    ).trajectory  # fmt: skip
-    # the striker has no incident wave: its width is that at the next sphere
-    widths, width = {}, np.inf
-    for sphere in range(scene.chain.count, 0, -1):
-        waves = arrivals(run.t, run.v[:, sphere - 1])
-        of_incident = (wave.width for wave in waves if wave.peak_velocity > 0)
-        width = next((value for value in of_incident if np.isfinite(value)), width)
-        widths[sphere] = width
-    return widths

@@ -79,7 +79,7 @@ class Store:
         return self._key_of_table() == self._key and has_signals
 
     def notes(self) -> tuple[str, ...]:
-        """A sentence where a table of the same scene and cases does not hold any more."""
+        """A sentence where the table of the same scene and cases is out of date."""
         base = self._folder.base
         if self._key_of_table() in (None, self._key) or not base.ours("scene.toml"):
             return ()
@@ -117,8 +117,13 @@ class Store:
             rows = pq.read_table(base.path / TABLE, filters=[("status", "==", DONE)])
             cases = rows["case"].to_numpy()
             if self._signals:
+                import h5netcdf
+
+                with h5netcdf.File(base.path / SIGNALS, "r") as file:
+                    series = {name: file[name][:][cases] for name in ("v", "wall_force")}
+                    series["t"] = file["time"][:]
                 with base.writing(f"{self._prefix}kept.npz") as path:
-                    np.savez(path, cases=cases, **_read_signals(base.path / SIGNALS, cases))
+                    np.savez(path, cases=cases, **series)
             with base.writing(f"{self._prefix}kept.parquet") as path:
                 pq.write_table(rows, path)
 
@@ -223,6 +228,7 @@ def _write_signals(path: Path, parts: list[Path], table: Any, spheres: tuple[int
         ("time", "time", t, "s", "time since the striker starts"),
         ("sphere", "sphere", np.array(spheres), "1", "counted from the striker"),
     ]
+    # numeric columns of the table beside the signals
     for key in table.column_names:
         values = table[key].to_numpy()
         if (key != "status" and values.dtype.kind == "f") or key == "case":
@@ -240,12 +246,3 @@ def _write_signals(path: Path, parts: list[Path], table: Any, spheres: tuple[int
             with np.load(part) as arrays:
                 for i, case in enumerate(arrays["cases"]):
                     v[case], force[case] = arrays["v"][i], arrays["wall_force"][i]
-
-
-def _read_signals(path: Path, cases: np.ndarray) -> dict[str, np.ndarray]:
-    """Signals of these cases, as a part has them."""
-    import h5netcdf
-
-    with h5netcdf.File(path, "r") as file:
-        series = {name: file[name][:][cases] for name in ("v", "wall_force")}
-        return {"t": file["time"][:], **series}

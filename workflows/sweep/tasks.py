@@ -64,7 +64,7 @@ def source_of(checked_group: CheckedGroup, design: Design) -> Source:
     except InvalidScene:
         return Source(scene)
 
-    # springs that are text, infinite or nan need a model each
+    # springs whose value is text, infinite or nan need a model each
     springs = tuple(key.removeprefix("joints.") for key in keys)
     stiffness = [k for key in keys for k in design.columns[key]]
     stiffness += [usual.stiffness(spring) for spring in springs]

@@ -24,7 +24,7 @@ from workflows.stages import bending
 from workflows.stages.errors import velocities
 from workflows.stages.pipeline import pipeline_of
 from workflows.stages.progress import Progress
-from workflows.stages.wall import wall_of
+from workflows.stages.walls import wall_of
 
 TEMPLATE = str(Path(__file__).with_name("_mesh_of_bending.md"))
 FACTORS = (2.83, 2.0, 1.41, 1.0, bending.FINER, 0.5)  # of the elements' length

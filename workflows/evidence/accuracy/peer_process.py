@@ -97,8 +97,13 @@ def modes(method: str) -> Callable[[], NDArray[np.float64]]:
         from fem.calculix import answer
 
         deck = Path("deck.inp").read_text(encoding="utf-8")
-        # its deck's static step comes along, for its line of the condensation
-        return lambda: np.append(*_hz_and_compliance(answer(deck)))
+
+        def frequencies_and_compliance() -> NDArray[np.float64]:
+            # its deck's static step comes along, for its line of the condensation
+            results = answer(deck)
+            return np.append(results.frequency_hz, results.compliance)
+
+        return frequencies_and_compliance
 
     K, M, n_modes = _matrix("K"), _matrix("M"), int(_contact()["n_modes"])
     if method == BEADWAVE:
@@ -107,10 +112,6 @@ def modes(method: str) -> Callable[[], NDArray[np.float64]]:
         return lambda: fem.modes(K, M, n_modes, factor=fem.held(K, M)).frequency_hz
     factorise = _factorise(method)
     return lambda: shift_inverted(K, M, n_modes, factorise(K))[0]
-
-
-def _hz_and_compliance(results) -> tuple[NDArray[np.float64], float]:
-    return results.frequency_hz, results.compliance
 
 
 def condensation(method: str) -> Callable[[], NDArray[np.float64]]:
@@ -216,7 +217,7 @@ def problem_of(spheres: Spheres, body: Path):
 
     wall = dem.rigid_wall()
     if body.exists():
-        from coupling.wall import wall_from_reduced
+        from coupling.reduced_wall import wall_from_reduced
         from rom import load_npz
 
         wall = wall_from_reduced(load_npz(body), half_space=0.0, cutoff_hz=np.inf)

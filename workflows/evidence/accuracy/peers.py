@@ -86,6 +86,7 @@ def damped(force, approach, gamma, law):
 @njit(error_model="numpy", fastmath=True)
 def rate_into(y, out, spheres, modes, residual, springs, damping, mobility):
     """Write y' to out; `wall` and `speed` are the displacement and velocity at the contact."""
+    # u_w = sum phi_j q_j + u_d, its rate without the dashpot's
     n = spheres.shape[1]
     wall = 0.0
     speed = 0.0
@@ -95,6 +96,8 @@ def rate_into(y, out, spheres, modes, residual, springs, damping, mobility):
             speed += modes[0, j] * y[2 * n + modes.shape[1] + j]
     if mobility is not None:
         wall += y[y.size - 1]
+
+    # m_i x_i'' = F_(i-1) - F_i - k_i (x_i - a_i) + P_i, from the striker to the wall
     F_left = 0.0  # of the contact that pushes the sphere on
     for i in range(n):
         gap = y[i] - (y[i + 1] if i < n - 1 else wall)
@@ -112,7 +115,8 @@ def rate_into(y, out, spheres, modes, residual, springs, damping, mobility):
         out[i] = y[n + i]
         out[n + i] = spheres[0, i] * total
         F_left = force
-    # F_left is now the force at the wall
+
+    # q'' = phi F - omega^2 q - 2 zeta omega q', u_d' = mobility F; F_left is now the wall's force
     if modes is not None:
         k = modes.shape[1]
         for j in range(k):

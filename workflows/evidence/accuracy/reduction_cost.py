@@ -13,14 +13,14 @@ import coupling
 import dem
 import fem
 import rom
-from coupling.wall import wall_from_reduced
+from coupling.reduced_wall import wall_from_reduced
 from fem.assembly_modes import AssemblyModes
 from fem.shared_solutions import SharedSolutions
 from workflows.evidence.accuracy.runs import least_seconds
 from workflows.scene import Scene
 from workflows.stages.chain import chain, initial_velocity
+from workflows.stages.damping import damping
 from workflows.stages.reduction import selection, targets_kept
-from workflows.stages.wall import damping
 
 ERROR = 1e-4  # of the reduction, and of the marches that are compared
 

@@ -31,8 +31,9 @@ def settled(
 ) -> Outcome:
     """A run to an error, its true error against a finer one, and where it left the model's range.
 
-    An energy error counts as a hundredth of it in the velocities, so that a hundred times `error`
-    is allowed. The search for the step is given 1e9 evaluations of all contacts and modes.
+    An energy error counts as a hundredth of its size as an error of the velocities, so that it may
+    be a hundred times `error`. The search for the step is given 1e9 evaluations of all contacts and
+    modes.
     """
     size = chain.mass.size + (0 if wall is None else wall.omega.size)
     run = dem.march_to_error(

@@ -21,7 +21,7 @@ def step() -> Iterator[Trial]:
 
 
 def _at_share_of_limit(scheme: str, share: float) -> Outcome:
-    """The true error, which the run's own estimate must not fall below by more than half."""
+    """The true error of a run; it may be at most twice the error that the run estimates."""
     chain, wall, v0 = spheres_of(), dem.rigid_wall(), striker_velocity()
     limit_of = "verlet" if scheme == "energy2" else scheme  # an implicit scheme has no limit
     dt = share * dem.stability_limit(chain, wall, v0, scheme=limit_of)

@@ -10,7 +10,7 @@ from workflows.scene import InvalidScene, Scene
 from workflows.scene.parts import with_chain
 from workflows.stages import bending
 from workflows.stages.chain import chain, initial_velocity
-from workflows.stages.wall import wall_of
+from workflows.stages.walls import wall_of
 
 
 def require(scene: Scene, table: str) -> None:

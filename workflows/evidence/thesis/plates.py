@@ -13,7 +13,7 @@ import fem
 import geometry
 import rom
 from coupling.plate import Plate
-from coupling.wall import wall_from_reduced
+from coupling.reduced_wall import wall_from_reduced
 from workflows.evidence.thesis import collision as collisions
 from workflows.evidence.thesis.collision import Collision
 from workflows.evidence.thesis.plate_sizes import PlateSizes

@@ -14,7 +14,7 @@ import dem
 import fem
 import rom
 from coupling.coupled_march import EnergyGain
-from coupling.wall import coupled_wall, wall_from_reduced
+from coupling.reduced_wall import coupled_wall, wall_from_reduced
 from workflows.scene import Scene
 from workflows.stages.assembly import material
 from workflows.stages.chain import chain, initial_velocity

@@ -12,7 +12,7 @@ import dem
 import fem
 import geometry
 import rom
-from coupling.wall import wall_from_reduced
+from coupling.reduced_wall import wall_from_reduced
 from fem.hinged import euler_bernoulli
 from workflows.evidence.counted import counted
 from workflows.evidence.prose import rendered

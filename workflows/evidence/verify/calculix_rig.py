@@ -1,8 +1,8 @@
-"""The rig by another hand from its STEP file: gmsh's tetrahedra, tied and solved by CalculiX.
+"""The rig solved independently from its STEP file: gmsh's tetrahedra, tied and solved by CalculiX.
 
-Nothing of our meshes, elements, ties or contact is in theirs. Both sides state the error that
-their mesh leaves by one of elements twice as large, as a run states that of its waves; they are
-to differ by no more than both together.
+It shares no mesh, element, tie or contact with our model. Each side states the error of its mesh,
+estimated from one with elements twice as large as a run does; the results may differ by no more
+than the sum of both.
 """
 
 from collections.abc import Iterator

@@ -6,7 +6,7 @@ import numpy as np
 
 import dem
 import rom
-from coupling.wall import wall_from_reduced
+from coupling.reduced_wall import wall_from_reduced
 from workflows.evidence.verify.comparisons import Comparison, compared, require_module
 from workflows.evidence.verify.exudyn_scene import velocities
 from workflows.files.scene import scene

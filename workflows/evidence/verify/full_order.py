@@ -10,10 +10,10 @@ import fem
 import rom
 from workflows.evidence.verify.comparisons import Comparison
 from workflows.files.scene import scene
+from workflows.stages.damping import damping
 from workflows.stages.impact import impact
 from workflows.stages.pipeline import Pipeline, pipeline_of
 from workflows.stages.progress import quiet
-from workflows.stages.wall import damping
 
 RIG = ("mesh.seed=0.01", "mesh.block_seed=0.035", "mesh.support_seed=0.1", "mesh.contact_seed=0.01",
        "time.error=1e-6")  # fmt: skip
@@ -28,7 +28,7 @@ def full_order() -> Iterator[Comparison]:
     full = rom.full_order(K, M, reduced("contact").w)
     full = full._replace(contact=reduced("reduction").contact)
     law = damping(reduced.scene.damping, full)
-    wall = coupling.wall.wall_of(full, damping=law, cutoff_hz=np.inf)
+    wall = coupling.reduced_wall.wall_of(full, damping=law, cutoff_hz=np.inf)
     yield _waves(
         f"cantilever, waves of all {model.K.shape[0]} modes [V]", reduced,
         impact(reduced.scene, reduced("start"), wall).trajectory.v,

@@ -7,7 +7,7 @@ equations
     (kappa G A k^2 - rho A omega^2) W - kappa G A k Y = 0
     -kappa G A k W + (E I k^2 + kappa G A - rho I omega^2) Y = 0
 
-The surface that is struck bulges by nu h^2 / 8 w'' (S. P. Timoshenko, J. N. Goodier, Theory of
+The surface that is struck bulges by nu (2 h^2 + b^2) / 24 w'' (Timoshenko and Goodier, Theory of
 Elasticity, sec. 102). No wall, no kernel and no reduction of ours is in them; white noise of a
 fixed seed is added.
 """

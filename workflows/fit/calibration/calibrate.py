@@ -4,7 +4,9 @@ Data that cannot be what it says (units, sign, order of the columns, time base, 
 before anything is fitted; what is doubtful is fitted and told in a sentence.
 """
 
+from collections.abc import Mapping, Sequence
 from time import perf_counter
+from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -13,9 +15,10 @@ import coupling
 import dem
 import dem.spheres
 from workflows.files.record import Record
+from workflows.fit.better_walls import BetterWall
 from workflows.fit.calibration import parameters as free_parameters
 from workflows.fit.calibration.report import CalibrationReport, report_of
-from workflows.fit.core.calibration.calibration import CalibrationResult, calibrate
+from workflows.fit.core.calibration.calibration import CalibrationResult, calibrate, widened
 from workflows.fit.core.calibration.forward import ChainForward
 from workflows.fit.core.calibration.judgement import on_held_out
 from workflows.fit.core.calibration.parameters import Rig
@@ -39,6 +42,7 @@ from workflows.fit.core.calibration.signals import (
     noise_of_mean,
 )
 from workflows.fit.core.columns import beyond, require_columns
+from workflows.fit.core.model_errors import BetterModel
 from workflows.fit.records import sensor_of, usable
 from workflows.scene import InvalidScene, OneDofWall, Scene
 from workflows.scene.sensors import KINDS
@@ -83,9 +87,15 @@ class Calibrated(NamedTuple):
 
 @usable()
 def calibrated(
-    scene: Scene, wall: dem.Wall | None, measured: Record, source: str, request: CalibrationRequest
+    scene: Scene,
+    wall: dem.Wall | None,
+    measured: Record,
+    source: str,
+    request: CalibrationRequest,
+    better: Mapping[str, Sequence[BetterWall]] = MappingProxyType({}),
 ) -> Calibrated:
-    """The scene fitted to the record; raises InvalidScene for data or requests that cannot be."""
+    """The scene fitted to the record, with bars that hold noise, the step of time, and what walls
+    that are `better` change; raises InvalidScene for data or requests that cannot be."""
     began = perf_counter()
 
     # what is free: unknown names are refused before anything is marched
@@ -151,8 +161,19 @@ def calibrated(
     except (dem.InvalidChain, dem.NoEquilibrium, coupling.CouplingError) as error:
         raise InvalidScene(f"{source}: {str(error).rstrip('.')}.") from None
 
-    # the spheres held out are predicted, and all is reported
+    # bars hold what is known of the model's errors as well as the noise
     forward = ChainForward(rig, fit.parameters, signals, filters)
+
+    def rig_before(wall):
+        return None if wall is None else free_parameters.rig(scene, wall, trigger)
+
+    models = {
+        cause: [BetterModel(rig_before(w.wall), w.share, rig_before(w.beside)) for w in walls]
+        for cause, walls in better.items()
+    }
+    fit = widened(fit, forward, models)
+
+    # the spheres held out are predicted, and all is reported
     left_out = {}
     if held_out:
         others = ChainForward(rig, fit.parameters, all_signals.only(held_out), filters)

@@ -10,6 +10,7 @@ from workflows.files.record import SYNTHETIC, Record
 from workflows.fit.core.calibration.calibration import CalibrationResult
 from workflows.fit.core.calibration.judgement import SHARES, combinations, identifiable, remarks
 from workflows.fit.core.calibration.signals import Signals
+from workflows.fit.core.model_errors import LEAST_SHARE, NOISE, bar_by_words, shares
 from workflows.report.tables import LINE, aligned_text
 from workflows.scene import OneDofWall, Scene
 
@@ -28,6 +29,7 @@ class ParameterRow(BaseModel):
     low: float | None = None
     median: float | None = None
     high: float | None = None
+    bar_by: dict[str, float] = {}  # share of noise and of each model error in the bar's square
 
 
 class PosteriorSummary(BaseModel):
@@ -78,6 +80,8 @@ class CalibrationReport(BaseModel):
         head = ["parameter", "start", "found", "two sigma"]
         head += ["2.3 %", "97.7 %"] if sampled else []
         head += ["identifiable", "truth"] if has_truth else ["identifiable"]
+        widened = any(1.0 - row.bar_by.get(NOISE, 1.0) >= LEAST_SHARE for row in self.parameters)
+        head += ["bar by"] if widened else []
         cells = []
         for row in self.parameters:
             name = f"{row.name} [{row.unit}]" if row.unit else row.name
@@ -90,6 +94,8 @@ class CalibrationReport(BaseModel):
             line.append(row.identifiable)
             if has_truth:
                 line.append(None if row.truth is None else f"{row.truth:.6g}")
+            if widened:
+                line.append(bar_by_words(row.bar_by))
             cells.append(tuple(line))
 
         def signal(name: str) -> str:
@@ -140,7 +146,9 @@ def report_of(
     # a parameter at its bound has no bar, nor has one that the data does not determine
     rows = []
     bars = np.where(fit.at_bound, np.inf, fit.uncertainty.two_sigma)
-    for p, x, bar, at_bound in zip(fit.parameters, fit.value, bars, fit.at_bound, strict=True):
+    for i, (p, x, bar, at_bound) in enumerate(
+        zip(fit.parameters, fit.value, bars, fit.at_bound, strict=True)
+    ):
         row = ParameterRow(
             name=p.name,
             unit=p.unit,
@@ -148,6 +156,7 @@ def report_of(
             found=float(x),
             two_sigma=float(bar) if np.isfinite(bar) else None,
             identifiable="at its bound" if at_bound else identifiable(p, x, bar),
+            bar_by={} if at_bound else shares(fit.causes, i),
         )
         rows.append(row)
 

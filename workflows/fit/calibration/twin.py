@@ -5,8 +5,10 @@ fitted: another scheme marches it at an error of 1e-8 and a higher rate, the ins
 acts on that, and noise and trigger are added to its samples.
 """
 
+from collections.abc import Mapping, Sequence
 from textwrap import fill
 from time import perf_counter
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +16,7 @@ from pydantic import BaseModel
 
 import dem
 from workflows.files.record import SYNTHETIC, Record
+from workflows.fit.better_walls import BetterWall
 from workflows.fit.calibration import parameters as free_parameters
 from workflows.fit.calibration.calibrate import Calibrated, CalibrationRequest, calibrated
 from workflows.fit.core.calibration.coverage import Repeats, refitted
@@ -127,13 +130,17 @@ def measured(signals: Clean, twin: Twin, run: int = 0) -> Record:
 
 
 def twin_run(
-    scene: Scene, wall: dem.Wall | None, twin: Twin, request: CalibrationRequest
+    scene: Scene,
+    wall: dem.Wall | None,
+    twin: Twin,
+    request: CalibrationRequest,
+    better: Mapping[str, Sequence[BetterWall]] = MappingProxyType({}),
 ) -> tuple[Calibrated, Record]:
     """The experiment made and calibrated; the report holds the truth beside what was found."""
     true_rig = truth(scene, twin)
     data = measured(clean(scene, wall, twin, true_rig), twin)
     request = request._replace(instrument=twin.instrument)
-    result = calibrated(scene, wall, data, "twin (synthetic)", request)
+    result = calibrated(scene, wall, data, "twin (synthetic)", request, better)
     rows = result.report.parameters
     for row, p in zip(rows, result.fit.parameters, strict=True):
         row.truth = true_rig.of(p, twin, scene)

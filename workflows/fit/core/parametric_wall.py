@@ -175,14 +175,20 @@ def parametric_wall(
     selected = [
         selected_modes(computed.wall, p[common]) for computed, p in zip(walls, places, strict=True)
     ]
+    n = len(selected[0].omega)
     values = np.array([quantities(wall) for wall in selected])
+
+    # a wall that leaves out no mode has no frequency of the rest, which takes no part there: with
+    # one ten times as high as those of the other walls polynomials went below zero between them
+    rest = values[:, 2 * n - 1] > 0
+    if rest.any():
+        values[~rest, n - 1] = np.median(values[rest, n - 1])
 
     # least squares, and each wall by the polynomials of the others: e_i / (1 - h_ii)
     A = polynomials(box.unit(numbers), degrees)
     coefficients, *_ = np.linalg.lstsq(A, values, rcond=None)
     leverage = np.sum(np.linalg.qr(A)[0] ** 2, axis=1)
     left_out = values - (values - A @ coefficients) / np.maximum(1.0 - leverage, 1e-3)[:, None]
-    n = len(selected[0].omega)
     errors = left_out_errors(values, left_out, n)
     return ParametricWall(box, degrees, coefficients, n, errors, len(walls))
 
@@ -232,7 +238,7 @@ def nearest_modes(
 
 def selected_modes(wall: Wall, places: NDArray[np.int64]) -> Wall:
     """The modes at these places; all others are one oscillator with the same moments of compliance
-    m_1 = sum phi^2 / omega^2 and m_2 = sum phi^2 / omega^4, see `coupling.wall`."""
+    m_1 = sum phi^2 / omega^2 and m_2 = sum phi^2 / omega^4, see `coupling.reduced_wall`."""
     rest = np.setdiff1d(np.arange(len(wall.omega)), places)
     rest = rest[wall.omega[rest] > 0]
     share = wall.phi[rest] ** 2 / wall.omega[rest] ** 2

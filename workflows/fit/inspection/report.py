@@ -7,6 +7,7 @@ from pydantic import BaseModel
 
 from workflows.files.record import SYNTHETIC, Recorded
 from workflows.fit.core.inspection.judgement import Judged
+from workflows.fit.core.model_errors import bar_by_words, shares
 from workflows.fit.inspection.inspect import Inspected
 from workflows.report.tables import LINE, Table, text
 
@@ -67,9 +68,10 @@ def _table(rows: list[NumberRow], n_columns: int) -> str:
     for row in rows:
         name = f"{row.name} [{row.unit}]" if row.unit else row.name
         bounds = "" if row.low is None else f"{row.low:.4g} to {row.high:.4g}"
-        causes = sorted(row.bar_by.items(), key=lambda item: -item[1])
-        bar_by = ", ".join(f"{cause} {share:.0%}" for cause, share in causes if share >= 0.01)
-        line = (name, f"{row.found:.6g}", f"{row.two_sigma:.2g}", bounds, row.told, bar_by)
+        line = (
+            name, f"{row.found:.6g}", f"{row.two_sigma:.2g}", bounds, row.told,
+            bar_by_words(row.bar_by),
+        )  # fmt: skip
         cells.append(line[:n_columns])
     return text(Table("", columns, tuple(cells)))
 
@@ -98,9 +100,7 @@ def report_of(result: Inspected, records: tuple[Recorded, ...]) -> InspectionRep
             low=p.low if np.isfinite(p.high) else None,
             high=p.high if np.isfinite(p.high) else None,
             told=verdict,
-            bar_by={
-                cause: float((part[i] / bar) ** 2) for cause, part in inversion.causes.items()
-            },
+            bar_by=shares(inversion.causes, i),
         )
         for i, (p, x, bar, verdict) in enumerate(zip(
             inversion.parameters, inversion.value, inversion.uncertainty.two_sigma, judged.told,

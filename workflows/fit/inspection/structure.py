@@ -1,7 +1,6 @@
 """Chain and wall of a scene as functions of numbers in it; a reduced wall between computed ones."""
 
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
@@ -11,8 +10,9 @@ from numpy.typing import NDArray
 
 import coupling
 import dem
+from workflows.fit.better_walls import FAILURES, BetterWall, better_walls
 from workflows.fit.core.inspection.forward import System
-from workflows.fit.core.inspection.model_errors import BetterModel
+from workflows.fit.core.model_errors import BetterModel
 from workflows.fit.core.parametric_wall import (
     Bounds,
     Computed,
@@ -24,19 +24,14 @@ from workflows.fit.core.parametric_wall import (
 from workflows.fit.inspection.numbers import number, put, scene_at
 from workflows.scene import InvalidScene, RomWall, Scene
 from workflows.stages.chain import chain as chain_of
-from workflows.stages.chain import initial_velocity, on_surface, simple_wall
-from workflows.stages.chain import wall as wall_of
-from workflows.stages.errors import MARGIN as REDUCTION_SHARE
+from workflows.stages.chain import initial_velocity, on_surface
 from workflows.stages.pipeline import Pipeline, needs_structure, pipeline_of
 from workflows.stages.progress import Progress, quiet
+from workflows.stages.walls import simple_wall, wall_of
 from workflows.sweep.cases import Base
 
 DEGREE_BEAM, DEGREE_BODIES = 3, 2  # of the polynomials between walls: beams are computed quickly
-# share of the difference to another theory in the bars, at least: two bars hold all of it, so that
-# records made with any of the theories are met
-OTHER_THEORY = 0.5
 CHAINS = 16  # chains that are cached: many runs differ in the wall alone
-FAILURES = (InvalidScene, ValueError, ArithmeticError, np.linalg.LinAlgError)  # of one wall
 
 
 class KeyedChains(NamedTuple):
@@ -197,37 +192,25 @@ def _wall_between(base: Base, keys: tuple[str, ...], box: Bounds, degree: int) -
 
 
 def better_models(model: VariedScene, values: NDArray[np.float64]) -> dict[str, list[BetterModel]]:
-    """Models of the same structure at the values (q,) of the keys that are better in one respect:
-    "mesh", "reduction", and "theory" of a beam or a plate; without those that cannot be computed,
-    none where the scene builds no structure."""
-    walls = {}
-    with suppress(*FAILURES):  # the bars name the causes that they hold
-        scene = scene_at(model.base, model.keys, values)
-        if not needs_structure(scene):
-            return {}
-        whole = scene.but(wall={"cutoff": None})
-        if scene.bending:
-            from workflows.stages import bending
+    """Models of the same structure at the values (q,) of the keys that are better in one respect,
+    by the cause of the error: see `better_walls`."""
+    try:
+        return models_of(model, better_walls(scene_at(model.base, model.keys, values)))
+    except FAILURES:  # values that no scene may have: the bars name the causes that they hold
+        return {}
 
-            reduced = bending.reduction(scene, bending.model(scene))
-            walls["reduction"] = [(wall_of(whole, reduced.finer), REDUCTION_SHARE)]
-            second = bending.second_mesh(scene)
-            walls["mesh"] = [(wall_of(scene, second.reduced), second.left)]
-            walls["theory"] = [
-                (wall_of(scene, other.reduced), max(other.left, OTHER_THEORY))
-                for other in bending.other_theories(scene)
-            ]
-        else:
-            of = pipeline_of(scene, quiet)
-            reduced = of("reduction")
-            walls["reduction"] = [(wall_of(whole, reduced.finer), REDUCTION_SHARE)]
-            missed = of("missed-energy")
-            walls["mesh"] = [(wall_of(whole, missed.walls(reduced.contact)[1]), missed.share)]
+
+def models_of(
+    model: VariedScene, walls: Mapping[str, Sequence[BetterWall]]
+) -> dict[str, list[BetterModel]]:
+    """The model with better walls in place of its own, at all values of its keys."""
+
+    def before(wall):
+        return None if wall is None else model._replace(between=None, fixed=wall)
+
     return {
-        cause: [
-            BetterModel(model._replace(between=None, fixed=wall), share) for wall, share in better
-        ]
-        for cause, better in walls.items()
+        cause: [BetterModel(before(pair.wall), pair.share, before(pair.beside)) for pair in pairs]
+        for cause, pairs in walls.items()
     }
 
 

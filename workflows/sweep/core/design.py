@@ -23,7 +23,7 @@ class Design(NamedTuple):
 
     @property
     def n_cases(self) -> int:
-        """How many cases there are."""
+        """Number of cases."""
         return len(next(iter(self.columns.values())))
 
     @property

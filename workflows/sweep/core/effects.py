@@ -37,8 +37,8 @@ class Effects(NamedTuple):
 def sobol_effects(design: Design, y: Array) -> Effects:
     """First-order and total indices of y (n_cases,), nan where a case has none.
 
-    Raises ValueError for other designs, and where too few cases have a value, or all one that
-    differs by no more than the errors of a run.
+    Raises ValueError for other designs, where too few cases have a value, and where the values
+    differ by no more than the errors of a run.
     """
     n, d = design.base, len(design.keys)
     if design.kind != "sobol":

@@ -6,19 +6,22 @@ by Gauss-Newton steps in a trust region (M. A. Branch, T. F. Coleman, Y. Li, SIA
 (1999) 1) with the exact derivatives of the discrete model.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
 from coupling.errors import CouplingError
-from workflows.fit.core.calibration.fitting import WindowFit
+from workflows.fit.core import model_errors
+from workflows.fit.core.calibration.fitting import WindowFit, weights
 from workflows.fit.core.calibration.forward import ChainForward
 from workflows.fit.core.calibration.parameters import Parameter, Rig, coordinates, values
 from workflows.fit.core.calibration.scan import Scan
 from workflows.fit.core.calibration.search import CoarseToFine, FitStage, Options
 from workflows.fit.core.calibration.signals import Filter, Signals
 from workflows.fit.core.calibration.uncertainty import Uncertainty, uncertainty
+from workflows.fit.core.model_errors import TIME, TIME_SHARE, BetterModel
 
 NO_FILTER = Filter()
 USUAL = Options()
@@ -42,6 +45,8 @@ class CalibrationResult(NamedTuple):
     starts: int
     stages: tuple[FitStage, ...]
     scan: Scan | None
+    # part (p,) of the bars by noise and by each error of the model, in quadrature
+    causes: Mapping[str, np.ndarray] = MappingProxyType({})
 
 
 def calibrate(
@@ -88,3 +93,38 @@ def calibrate(
         stages=tuple(search.stages),
         scan=search.scan,
     )
+
+
+def widened(
+    fit: CalibrationResult, forward: ChainForward, models: Mapping[str, Sequence[BetterModel]]
+) -> CalibrationResult:
+    """The same with bars that hold the errors of its model, and with the part of each in them.
+
+    `models` are rigs that are better in what a cause names; smaller steps of time are added here.
+    """
+    weight = weights(forward.signals.spread)
+
+    def velocities(forward):
+        """(k m,) at what was found, weighted."""
+        return (forward.velocities(fit.value) * weight).ravel()
+
+    def of(rig):
+        return ChainForward(rig, fit.parameters, forward.signals, forward.filters)
+
+    of_fit, dv = forward.velocities_and_sensitivities(fit.value)
+    of_fit = (of_fit * weight).ravel()
+    differences = {TIME: [TIME_SHARE * (velocities(forward.with_steps(0.5)) - of_fit)]}
+    for cause, better in models.items():
+        differences[cause] = []
+        for model in better:
+            beside = of_fit if model.beside is None else velocities(of(model.beside))
+            shown = velocities(of(model.system))
+            differences[cause].append(model.share * (shown - beside))
+
+    scale = np.array([p.scale for p in fit.parameters])
+    J = np.where(fit.at_bound, 0.0, dv * weight[:, None] * scale).reshape(-1, len(scale))
+    biases = {
+        cause: model_errors.biases(J, np.array(better).T) for cause, better in differences.items()
+    }
+    result = model_errors.widened(fit.uncertainty, scale, biases, fit.at_bound)
+    return fit._replace(uncertainty=result.uncertainty, causes=result.causes)

@@ -11,6 +11,7 @@ from workflows.fit.core.calibration.calibration import CalibrationResult
 from workflows.fit.core.calibration.parameters import Parameter
 from workflows.fit.core.calibration.search import decisive
 from workflows.fit.core.calibration.signals import Signals
+from workflows.fit.core.model_errors import NOISE
 
 if TYPE_CHECKING:
     from workflows.fit.core.calibration.posterior import Posterior  # loads the sampler
@@ -123,7 +124,7 @@ def _on_misfit(fit: CalibrationResult, noise: float | None, repeats: int) -> Ite
     if fit.step_error > LIMITS.blurred * misfit:
         yield (
             f"The model's own step error reaches {1e3 * fit.step_error:.2g} mm/s beside a misfit "
-            f"of {1e3 * misfit:.2g} mm/s: the bars do not hold it."
+            f"of {1e3 * misfit:.2g} mm/s; the bars hold what it does to the parameters."
         )
 
 
@@ -152,9 +153,10 @@ def on_posterior(posterior: Posterior, fit: CalibrationResult, *, seed: int, sec
             "fewer parameters, or those that the data determines."
         )
 
-    # parameters without a bar, or whose bar ends elsewhere than the samples do
+    # parameters without a bar, or whose bar by noise ends elsewhere than the samples do
     low, _, high = posterior.quantiles(SHARES)
-    bars = np.where(fit.at_bound, np.inf, fit.uncertainty.two_sigma)
+    of_noise = fit.causes.get(NOISE, fit.uncertainty.two_sigma)
+    bars = np.where(fit.at_bound, np.inf, of_noise)
     off = np.maximum(np.abs(fit.value - bars - low), np.abs(fit.value + bars - high))
     unlike = [
         p.name

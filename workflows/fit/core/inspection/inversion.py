@@ -174,7 +174,7 @@ def inverted(
         bounds_information(parameters),
     )  # fmt: skip
 
-    # half the step: the change is the error of the model that the bars do not hold
+    # half the step: the change is the error of the model's march
     finer = fit.forward.with_steps(0.5).signals(fit.unknowns, theta, fit.shots)
     return Inversion(
         parameters=parameters,

@@ -210,5 +210,6 @@ class Judged(NamedTuple):
         if self.inversion.step_error > 1.0:
             yield (
                 "The step of the model is seen in the signals by up to "
-                f"{self.inversion.step_error:.2g} times the noise: the bars do not hold it."
+                f"{self.inversion.step_error:.2g} times the noise; the bars hold what it does "
+                "to the numbers."
             )

@@ -1,34 +1,13 @@
-"""What the known errors of a model do to numbers that are found with it.
+"""The bars of an inspection with the errors of its model that are known."""
 
-A model that is better in one respect (finer elements, more modes, another theory) shows signals
-f + d; records that are like it move the numbers of least squares, to first order, by
-
-    b = (J^T J + B)^-1 J^T d,
-
-J and d over the noise, B the information of the bounds. Nobody knows whether the better model is
-right, so b counts as a bound of a bias: it joins the bars in quadrature, along its direction.
-"""
-
-from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from workflows.fit.core.calibration.uncertainty import combinations
+from workflows.fit.core import model_errors
 from workflows.fit.core.inspection.fitting import RecordFit
-from workflows.fit.core.inspection.forward import System
-from workflows.fit.core.inspection.information import bounds_information
 from workflows.fit.core.inspection.inversion import Inversion, residual_parts, scales
-
-NOISE = "noise"
-
-
-class BetterModel(NamedTuple):
-    """A model beside the one of a fit, and how much of their difference counts as its error."""
-
-    system: Callable[[NDArray[np.float64]], System]
-    share: float
+from workflows.fit.core.model_errors import TIME, TIME_SHARE, BetterModel
 
 
 def widened(
@@ -37,34 +16,47 @@ def widened(
     """The same with bars that hold the model errors, with the part of each cause in every bar, and
     with what the errors leave of the records at the best numbers.
 
-    `models` are those that are better in what a cause names. Raises what the system raises for
+    `models` are those that are better in what a cause names; smaller steps of time are added here.
+    The model is fitted to what each of them shows at the best numbers: where numbers move along a
+    valley of the misfit, derivatives at its end told a sixth of it. Raises what a system raises for
     values that cannot be marched.
     """
-    bars, scale = inversion.uncertainty, scales(inversion.parameters)
-    theta = inversion.value[: len(fit.unknowns.parameters)]
-    J = inversion.slopes.reshape(-1, inversion.slopes.shape[-1])
-    H = J.T @ J + bounds_information(inversion.parameters)
-    projection = np.linalg.pinv(H, hermitian=True) @ J.T
+    scale, n = scales(inversion.parameters), len(fit.unknowns.parameters)
+    theta = inversion.value[:n]
 
-    causes, covariance = {NOISE: bars.two_sigma}, bars.covariance.copy()
-    squares = np.zeros_like(inversion.model)
+    def signals(forward):
+        """(S, k, m) by the gains that were found."""
+        return inversion.gains * forward.signals(fit.unknowns, theta, fit.shots)
+
+    differences = {TIME: [(signals(fit.forward.with_steps(0.5)) - inversion.model, TIME_SHARE)]}
     for cause, better in models.items():
-        b = np.zeros((len(better), len(scale)))
-        for i, model in enumerate(better):
-            forward = fit.forward._replace(system=model.system)
-            signals = inversion.gains * forward.signals(fit.unknowns, theta, fit.shots)
-            d = model.share * ((signals - inversion.model) * fit.weight).ravel()
-            moved = projection @ d
-            b[i] = moved * scale
-            squares += ((d - J @ moved) ** 2).reshape(squares.shape)
-        causes[cause] = np.linalg.norm(b, axis=0)
-        covariance += b.T @ b / 4.0
+        differences[cause] = []
+        for model in better:
+            beside = inversion.model
+            if model.beside is not None:
+                beside = signals(fit.forward._replace(system=model.beside))
+            shown = signals(fit.forward._replace(system=model.system))
+            differences[cause].append((shown - beside, model.share))
 
-    in_scales = covariance / np.outer(scale, scale)
-    uncertainty = bars._replace(
-        covariance=covariance,
-        two_sigma=np.sqrt(sum(part**2 for part in causes.values())),
-        combinations=combinations(in_scales, in_scales[:0], np.ones(len(scale), bool)),
-    )
-    beyond = residual_parts(fit, np.sqrt(squares)) if models else ()
-    return inversion._replace(uncertainty=uncertainty, causes=causes, beyond=beyond)
+    biases, squares = {}, np.zeros_like(inversion.model)
+    for cause, pairs in differences.items():
+        biases[cause] = np.zeros((len(scale), len(pairs)))
+        for i, (difference, share) in enumerate(pairs):
+            shots = tuple(
+                shot._replace(y=y)
+                for shot, y in zip(fit.shots, inversion.model + difference, strict=True)
+            )
+            moved_fit = fit._replace(shots=shots)
+            moved = moved_fit.solved(theta, about=theta).theta
+            of_model = fit.forward.signals(fit.unknowns, moved, fit.shots)
+            biases[cause][:n, i] = share * (moved - theta) / scale[:n]
+            # gains follow the numbers, in the order of their sensors
+            gains = moved_fit.gains(of_model) - inversion.gains
+            for g in range(len(scale) - n):
+                change = gains[fit.gain == g][0]
+                biases[cause][n + g, i] = share * change / scale[n + g]
+            squares += (share * moved_fit.off(of_model)) ** 2
+
+    result = model_errors.widened(inversion.uncertainty, scale, biases)
+    beyond = residual_parts(fit, np.sqrt(squares))
+    return inversion._replace(uncertainty=result.uncertainty, causes=result.causes, beyond=beyond)

@@ -29,7 +29,8 @@ def loaded(wall: RomWall) -> rom.ReducedModel:
 
 
 def measured(wall: RomWall) -> WallFile:
-    """The same with its health, found once while the file stays the same."""
+    """The reduced model of wall.file and its health, read again only where the file has changed;
+    raises InvalidScene where it is none, or no wall."""
     path = Path(wall.file)
     if path.suffix not in ENDINGS:
         raise InvalidScene(f"wall.file = {wall.file!r} must end in {', '.join(ENDINGS)}.")
@@ -42,7 +43,18 @@ def measured(wall: RomWall) -> WallFile:
 
 @lru_cache(maxsize=1)
 def _measured(path: Path, wall: RomWall, stamp: tuple[int, int, int]) -> WallFile:
-    reduced = _read(path, wall)
+    # text and archives of numpy are parsed here, all else in a child
+    try:
+        if path.suffix == ".mtx":
+            reduced = of_substructure(path, wall)
+        elif path.suffix == ".npz":
+            reduced = rom.load_npz(path)
+        else:
+            reduced = through_child("reduced", path, rom.load_npz)
+    except (rom.ReductionError, Refused) as error:
+        raise InvalidScene(f"wall.file: {str(error).rstrip('.')}.") from None
+    except Unreadable as error:
+        raise InvalidScene(f"wall.file: {path}: {error}; write it anew.") from None
     try:
         health = sound(reduced)
     except rom.ReductionError as error:
@@ -72,21 +84,9 @@ def _shown(value: float | tuple[float, ...]) -> str:
     return str(list(value)) if isinstance(value, tuple) else f"{value:g}"
 
 
-def _read(path: Path, wall: RomWall) -> rom.ReducedModel:
-    """The model of a file; text and archives of numpy are parsed here, all else in a child."""
-    try:
-        if path.suffix == ".mtx":
-            return _substructure(path, wall)
-        if path.suffix == ".npz":
-            return rom.load_npz(path)
-        return through_child("reduced", path, rom.load_npz)
-    except (rom.ReductionError, Refused) as error:
-        raise InvalidScene(f"wall.file: {str(error).rstrip('.')}.") from None
-    except Unreadable as error:
-        raise InvalidScene(f"wall.file: {path}: {error}; write it anew.") from None
-
-
-def _substructure(path: Path, wall: RomWall) -> rom.ReducedModel:
+def of_substructure(path: Path, wall: RomWall) -> rom.ReducedModel:
+    """The model of an Abaqus substructure, loaded and read at wall.nodes with wall.weights of sum
+    1; raises InvalidScene where these keys do not fit the file, ReductionError for the file."""
     coordinates = rom.substructure(path).coordinates
     if not wall.nodes:
         first = ", ".join(map(str, sorted({node for node, _ in coordinates})[:6]))

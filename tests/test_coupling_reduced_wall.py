@@ -20,7 +20,7 @@ from coupling import (
     rayleigh,
     verdict,
 )
-from coupling.wall import (
+from coupling.reduced_wall import (
     coupled_wall,
     damping_matrix,
     moving_mask,

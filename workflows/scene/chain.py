@@ -1,0 +1,73 @@
+"""[chain], [striker], [leaf_springs] and [preload]: the spheres, what moves and what holds them.
+
+[gravity] and [guides] are in `gravity`.
+"""
+
+from typing import Annotated, Any
+
+from pydantic import Field, model_validator
+
+from workflows.scene.quantities import of
+from workflows.scene.scene_table import (
+    Count,
+    Density,
+    NonNegative,
+    Number,
+    Poisson,
+    Positive,
+    Radius,
+    SceneTable,
+    Velocity,
+    Young,
+    one_or_each,
+)
+from workflows.scene.units import (
+    FORCE,
+    LENGTH,
+    MASS,
+    STIFFNESS,
+    VELOCITY,
+)
+
+
+class ChainTable(SceneTable):
+    """Spheres in a row, the striker first: scalars, or one value per sphere.
+
+    A key that ends in a type alone, as `radius`, has no default: the scene states it.
+    """
+
+    count: Count
+    radius: one_or_each(Radius)  # [m]
+    density: one_or_each(Density)  # [kg/m^3]
+    young: one_or_each(Young)  # [Pa]
+    poisson: one_or_each(Poisson)
+    initial_velocity: Annotated[tuple[Velocity, ...], Field(strict=False)] | None = None  # [m/s]
+
+
+class Striker(SceneTable):
+    """The first sphere arrives with a `velocity`, or falls on the others from a height `drop` along
+    the chain; they rest."""
+
+    velocity: of(Positive, VELOCITY, 0, 100) | None = None  # [m/s] towards the wall
+    drop: of(Positive, LENGTH, 0, 2) | None = None  # [m]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_measure(cls, table: Any) -> Any:
+        if isinstance(table, dict) and table.get("velocity") is table.get("drop") is None:
+            raise ValueError("needs velocity in m/s, or drop in m under [gravity]: add one of them")
+        return table
+
+
+class LeafSpringsTable(SceneTable):
+    """A spring from each sphere to the ground; `offset` moves its anchor towards the wall."""
+
+    stiffness: one_or_each(of(NonNegative, STIFFNESS)) = 0.0  # [N/m]
+    offset: one_or_each(of(Number, LENGTH, 0, 0.1)) = 0.0  # [m]
+
+
+class Preload(SceneTable):
+    """A steady force on the last sphere, towards the wall, by an arm that moves with the sphere."""
+
+    force: of(NonNegative, FORCE, 0, 1e6) = 0.0  # [N]
+    mass: of(NonNegative, MASS, 0, 50) = 0.0  # [kg] of the arm

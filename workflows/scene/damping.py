@@ -1,0 +1,52 @@
+"""[damping]: that of the modes of a reduced wall."""
+
+from typing import Annotated, Literal
+
+from pydantic import Discriminator, Field, model_validator
+
+from workflows.scene.quantities import of
+from workflows.scene.scene_table import (
+    Frequency,
+    NonNegative,
+    Ratio,
+    SceneTable,
+    one_or_each,
+)
+from workflows.scene.units import (
+    RATE,
+    TIME,
+)
+
+
+class ModalDampingTable(SceneTable):
+    """A ratio for all modes, or one for each of the hammer test: others take the nearest one's."""
+
+    kind: Literal["modal"]
+    ratio: one_or_each(Ratio) = 0.0
+
+
+class RayleighDampingTable(SceneTable):
+    """C = alpha M + beta K, by its coefficients or by the ratios of two frequencies."""
+
+    kind: Literal["rayleigh"]
+    alpha: of(NonNegative, RATE) = 0.0  # [1/s]
+    beta: of(NonNegative, TIME) = 0.0  # [s]
+    frequency: Annotated[tuple[Frequency, Frequency], Field(strict=False)] | None = None  # [Hz]
+    ratio: Annotated[tuple[Ratio, Ratio], Field(strict=False)] | None = None
+
+    @model_validator(mode="after")
+    def _one_way(self) -> "RayleighDampingTable":
+        if (self.frequency is None) != (self.ratio is None):
+            raise ValueError("frequency and ratio belong together, two values each: add the other")
+        if self.frequency and (self.alpha or self.beta):
+            raise ValueError("alpha and beta follow from frequency and ratio: keep one of the two")
+        return self
+
+
+class NoDamping(SceneTable):
+    """An undamped wall."""
+
+    kind: Literal["none"] = "none"
+
+
+Damping = Annotated[ModalDampingTable | RayleighDampingTable | NoDamping, Discriminator("kind")]

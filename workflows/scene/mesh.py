@@ -1,0 +1,32 @@
+"""[mesh] and [table] of the thesis' rig."""
+
+from typing import Literal
+
+from workflows.scene.quantities import of
+from workflows.scene.scene_table import (
+    Frequency,
+    Positive,
+    SceneTable,
+    Seed,
+)
+from workflows.scene.units import (
+    MASS,
+)
+
+
+class Mesh(SceneTable):
+    """Quadratic elements; `seed` is their size in the sheets, `contact_seed` at the patch."""
+
+    element: Literal["hex", "tet"] = "hex"
+    seed: Seed = 6e-3  # [m]
+    block_seed: Seed = 20e-3  # [m]
+    support_seed: Seed = 60e-3  # [m]
+    contact_seed: Seed = 5e-3  # [m]
+    file: str | None = None  # a mesh of one's own, with the names of ours
+
+
+class Standing(SceneTable):
+    """A table below, swaying along x and y; `frequency` with the assembly on it."""
+
+    frequency: Frequency  # [Hz]
+    mass: of(Positive, MASS, 1e-3, 1e6)  # [kg] of the table alone

@@ -1,0 +1,53 @@
+"""[reduction] and [patch]: which modes a reduced model has, and where the chain touches it."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from workflows.scene.quantities import of
+from workflows.scene.scene_table import (
+    Count,
+    Limit,
+    Point,
+    Positive,
+    SceneTable,
+    exactly_one,
+)
+from workflows.scene.units import (
+    LENGTH,
+)
+
+
+class Reduction(SceneTable):
+    """Modes kept: a number, all below `cutoff`, or as many as an `error` asks for.
+
+    `error` is that of the receptance at the contact, relative rms up to `to_hz`, else 20 kHz.
+    `choice` says which: "contact" those that a force at the contact moves most up to `to_hz`,
+    beside the four of the hammer test; "lowest" in the order of their frequencies.
+    """
+
+    kind: Literal["craig-bampton", "free-modes"] = "craig-bampton"
+    choice: Literal["contact", "lowest"] = "contact"  # a cutoff takes the lowest
+    modes: Count | None = None
+    cutoff: Limit | None = None  # [Hz]
+    error: Annotated[float, Field(gt=0, lt=1)] | None = None
+    to_hz: Limit | None = None  # [Hz]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_measure(cls, table: Any) -> Any:
+        return exactly_one(table, "modes", "cutoff", "error", default=40)
+
+
+class Patch(SceneTable):
+    """Where the last sphere touches the block's +x face, and how the face is averaged there.
+
+    `nodes` takes the mean of the nodes nearest to these points in place of a pressure. "thesis"
+    pushes at the node nearest to the point and reads the mean of two others, one radius to either
+    side along y, or of `nodes`. It makes energy out of nothing and serves comparisons alone.
+    """
+
+    point: Point = (0.03, 0.0)  # y, z from the middle of the face [m]
+    radius: of(Positive, LENGTH) = 2e-3  # [m]
+    weights: Literal["hertz", "area", "thesis"] = "hertz"
+    nodes: Annotated[tuple[Point, ...], Field(strict=False, min_length=1)] | None = None  # y, z [m]

@@ -1,0 +1,143 @@
+"""What every table of a scene is made of: a pydantic model, types of numbers with their units.
+
+The tables stand in the files of their names: `chain`, `contact`, `walls`, `joints`, `bodies`,
+`bending` ([beam], [plate]), `mesh`, `reduction`, `damping`, `time`, `sensors` ([output]),
+`gravity`, `assembly`. An absent table is an absent part of the scene.
+
+To add a key, add a field to its table: `of(number, KIND, low, high)` reads a text with a unit and
+gives the usual range, a default makes the key optional. `--set`, units, sweeps and the TOML of a
+scene follow from the field. Keys that replace each other are listed in `toml.INSTEAD`, rules
+between tables in `contradictions`. Nothing here loads a solver.
+"""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+from math import isfinite
+from typing import Annotated, Any, Self
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    model_validator,
+)
+
+from workflows.scene.quantities import of
+from workflows.scene.units import (
+    DASHPOT,
+    DENSITY,
+    FREQUENCY,
+    LENGTH,
+    PRESSURE,
+    STIFFNESS,
+    TURN_DASHPOT,
+    TURN_STIFFNESS,
+    VELOCITY,
+    Kind,
+    NoSuchQuantity,
+    in_si,
+)
+
+
+class InvalidScene(ValueError):
+    """One sentence: the key, the value found, the value allowed, what to do."""
+
+
+def nearest(word: str, words: Iterable[str]) -> str:
+    """The end of a message: which of the words is most like this one, or all of them."""
+    names = list(words)
+    close = get_close_matches(word, names, n=1, cutoff=0.6)
+    return f"the nearest known is {close[0]!r}" if close else f"known are {', '.join(names)}"
+
+
+class SceneTable(BaseModel):
+    """A table that takes its own keys and nothing else."""
+
+    model_config = ConfigDict(
+        strict=True, frozen=True, extra="forbid", allow_inf_nan=False, validate_default=True
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known_keys(cls, table: Any) -> Any:
+        for key in table if isinstance(table, dict) else ():
+            if key not in cls.model_fields:
+                raise ValueError(f"unknown key {key!r}, {nearest(key, cls.model_fields)}")
+        return table
+
+    def but(self, **values: Any) -> Self:
+        """A copy with other values, which are not checked; a dict changes keys of the table that is
+        there."""
+        update = {}
+        for name, value in values.items():
+            present = getattr(self, name)
+            nested = isinstance(value, dict) and isinstance(present, SceneTable)
+            update[name] = present.but(**value) if nested else value
+        return self.model_copy(update=update)
+
+
+def exactly_one(table: Any, *keys: str, default: float) -> Any:
+    """The table, with the first key at its default where none of the keys is given; two are
+    refused."""
+    if not isinstance(table, dict):
+        return table
+    given = [key for key in keys if table.get(key) is not None]
+    if len(given) > 1:
+        raise ValueError(f"{' and '.join(given)} exclude each other: keep one of them")
+    return table if given else {**table, keys[0]: default}
+
+
+def text_or_table(value: Any) -> str:
+    """Tag of a value that is a name, or a table that says more."""
+    return "text" if isinstance(value, str) else "table"
+
+
+def one_or_each(number) -> Any:
+    """A number for all, or a list with one number for each."""
+    numbers = Annotated[tuple[number, ...], Field(strict=False, min_length=1), Tag("list")]
+    kind = Discriminator(lambda value: "list" if isinstance(value, list | tuple) else "number")
+    return Annotated[Annotated[number, Tag("number")] | numbers, kind]
+
+
+def _representable(value: float) -> float:
+    """Products and powers of numbers of this size stay finite."""
+    if value and isfinite(value) and not SMALLEST <= abs(value) <= LARGEST:
+        raise ValueError(
+            f"{value:g} must be 0 or between {SMALLEST:g} and {LARGEST:g} in size: change it"
+        )
+    return value
+
+
+SMALLEST, LARGEST = 1e-18, 1e18  # of any number of a scene
+Number = Annotated[float, AfterValidator(_representable)]
+Positive = Annotated[Number, Field(gt=0)]
+NonNegative = Annotated[Number, Field(ge=0)]
+Ratio = Annotated[float, Field(ge=0, lt=1)]
+Poisson = Annotated[float, Field(gt=-1, le=0.5)]
+JointStiffness = Annotated[float, Field(ge=0, allow_inf_nan=True), AfterValidator(_representable)]
+Count = Annotated[int, Field(ge=1, le=1_000_000)]
+Length = of(Number, LENGTH)
+Point = Annotated[tuple[Length, Length], Field(strict=False)]
+Density = of(Positive, DENSITY, 20, 25e3)  # foam to osmium
+Young = of(Positive, PRESSURE, 5e5, 2e12)  # soft rubber to diamond
+Radius = of(Positive, LENGTH, 1e-6, 0.25)
+YieldPressure = of(Positive, PRESSURE, 1e4, 1e11)
+Velocity = of(Number, VELOCITY, 0, 100)
+Frequency = of(Positive, FREQUENCY, 0.1, 1e7)
+Limit = of(Positive, FREQUENCY)
+Spring = of(JointStiffness, STIFFNESS)
+TurnSpring = of(JointStiffness, TURN_STIFFNESS)
+Dashpot = of(NonNegative, DASHPOT)
+TurnDashpot = of(NonNegative, TURN_DASHPOT)
+Seed = of(Positive, LENGTH, 1e-6, 0.25)
+
+
+def si_of(key: str, value: Any, kind: Kind) -> Any:
+    """A number in SI of a text with a unit of the kind; raises ValueError with the key."""
+    try:
+        return in_si(value, kind) if isinstance(value, str) else value
+    except NoSuchQuantity as error:
+        raise ValueError(f"{key}: {error}") from None

@@ -1,0 +1,34 @@
+"""[time]: how long a run lasts, and its error or its step."""
+
+from typing import Annotated, Any
+
+from pydantic import Field, model_validator
+
+from workflows.scene.quantities import of
+from workflows.scene.scene_table import (
+    Positive,
+    SceneTable,
+    exactly_one,
+)
+from workflows.scene.units import (
+    TIME,
+)
+
+
+class Time(SceneTable):
+    """How long, and the error asked for; `dt` replaces the error.
+
+    The velocities meet `error` until `horizon`. After tens of impacts spheres move chaotically, and
+    no step bounds the error of their velocities; from the horizon on the energy alone is
+    controlled.
+    """
+
+    duration: of(Positive, TIME, 0, 1) = 3e-3  # [s]
+    horizon: of(Positive, TIME, 0, 10) = 10e-3  # [s]
+    error: Annotated[float, Field(ge=1e-12, lt=1)] | None = None  # above rounding
+    dt: of(Positive, TIME) | None = None  # [s]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_measure(cls, table: Any) -> Any:
+        return exactly_one(table, "error", "dt", default=1e-4)

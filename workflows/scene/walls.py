@@ -1,0 +1,115 @@
+"""[wall]: one table for each kind of wall.
+
+What the march makes of them is in `workflows.stages.walls`.
+"""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, model_validator
+
+from workflows.scene.quantities import of
+from workflows.scene.scene_table import (
+    Count,
+    Density,
+    Frequency,
+    Limit,
+    NonNegative,
+    Number,
+    Poisson,
+    Positive,
+    Ratio,
+    SceneTable,
+    Young,
+)
+from workflows.scene.units import (
+    COMPLIANCE,
+    DASHPOT,
+    LENGTH,
+    MASS,
+)
+
+
+class RigidWall(SceneTable):
+    """A wall that does not move and is not indented."""
+
+    kind: Literal["rigid"]
+
+
+class HalfSpaceWall(SceneTable):
+    """A wall that is indented as a half-space of its material and does not move otherwise."""
+
+    kind: Literal["half-space"]
+    young: Young = 210e9  # [Pa]
+    poisson: Poisson = 0.3
+
+
+class OneDofWall(SceneTable):
+    """A mass on a spring and a dashpot; young and poisson are those of the surface struck."""
+
+    kind: Literal["1dof"]
+    frequency: Frequency  # [Hz]
+    mass: of(Positive, MASS, 1e-6, 1e5)  # [kg]
+    damping_ratio: Ratio = 0.0
+    young: Young = 210e9  # [Pa]
+    poisson: Poisson = 0.3
+
+
+class DashpotWall(SceneTable):
+    """A wall whose velocity is the force over `coefficient`, as an infinite thin plate (Zener).
+
+    Of a plate, `plate_thickness` h makes the coefficient 8 sqrt(D density h), with the bending
+    stiffness D = young h^3 / 12 (1 - poisson^2).
+    """
+
+    kind: Literal["dashpot"]
+    coefficient: of(Positive, DASHPOT) | None = None  # [N s/m]
+    plate_thickness: of(Positive, LENGTH, 1e-6, 0.5) | None = None  # [m]
+    density: Density | None = None  # [kg/m^3] of the plate
+    young: Young = 210e9  # [Pa]
+    poisson: Poisson = 0.3
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_measure(cls, table: Any) -> Any:
+        """A plate's, with the density of steel unless it has its own, or a bare coefficient's."""
+        if not isinstance(table, dict):
+            return table
+        plate, bare = (table.get(key) is not None for key in ("plate_thickness", "coefficient"))
+        if plate and bare:
+            raise ValueError("coefficient and plate_thickness exclude each other: keep one of them")
+        if not plate and not bare:
+            raise ValueError("needs coefficient in N s/m, or plate_thickness in m: add one of them")
+        if bare and table.get("density") is not None:
+            raise ValueError("density belongs to plate_thickness, not to coefficient: drop it")
+        return {"density": 7850.0, **table} if plate else table
+
+
+class RomWall(SceneTable):
+    """A reduced model: of [assembly], or from a file.
+
+    Modes above `cutoff` answer statically; without it, those above the highest mode that the
+    reduction represents. `prune` leaves out modes while the velocities stay within time.error; it
+    costs three runs. `file` is .npz, .mat, .h5 or the .mtx of an Abaqus substructure. An .mtx does
+    not say where the chain touches: `nodes` are the numbers of these nodes, `direction` (1, 2, 3)
+    is the chain's, and `weights` are those of the mean over them, equal without it. `half_space` is
+    the part of the file's static compliance that Hertz' law holds already, for files that do not
+    state it.
+    """
+
+    kind: Literal["rom"]
+    file: str | None = None
+    nodes: Annotated[tuple[Count, ...], Field(strict=False, min_length=1)] | None = None
+    direction: Annotated[int, Field(ge=1, le=3)] = 1
+    weights: Annotated[tuple[Number, ...], Field(strict=False, min_length=1)] | None = None
+    half_space: of(NonNegative, COMPLIANCE, 1e-15, 1e-4) | None = None  # [m/N]
+    cutoff: Limit | None = None  # [Hz]
+    prune: bool = False
+    young: Young | None = None  # [Pa] of the surface struck; of [assembly] it is the block's own
+    poisson: Poisson | None = None
+    # principal ones of the face struck [1/m], < 0 hollow; of [assembly] they are its own
+    curvatures: Annotated[tuple[Number, Number], Field(strict=False)] | None = None
+
+
+Wall = Annotated[
+    RigidWall | HalfSpaceWall | OneDofWall | DashpotWall | RomWall, Discriminator("kind")
+]

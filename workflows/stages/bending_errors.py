@@ -1,0 +1,89 @@
+"""The errors of the single numbers of a beam or a plate, by cause: reduction, mesh, theory.
+
+Each cause is a second model beside the run's own: the finer reduced one, the one on shorter
+elements, and those of other theories of bending, whose shares add up.
+"""
+
+import numpy as np
+
+import coupling
+import rom
+from dem.waves.chain_waves import ChainWaves
+from fem.assembly_modes import AssemblyModes
+from fem.correlation import RIGID
+from workflows.report.summary import NumberError, QuantityErrors
+from workflows.scene import Scene
+from workflows.stages.chain import Start
+from workflows.stages.errors import mesh_error
+from workflows.stages.quantity_errors import (
+    MarchedPair,
+    marched,
+    numbers_with_errors,
+    of_reduction,
+    with_errors,
+)
+from workflows.stages.reduction import SecondModel
+
+SAME_MODE = 5e-3  # relative, of a mode's frequency and that which the reduced model has
+
+
+def quantity_errors(
+    scene: Scene,
+    start: Start,
+    reduction: rom.ReducedModel,
+    second: SecondModel,
+    impact: coupling.Impact,
+    waves: ChainWaves,
+    others: tuple[SecondModel, ...] = (),
+) -> QuantityErrors:
+    """TOF, ARR, peak force, arrivals and peaks with their errors; `others` are those of other
+    theories."""
+    pairs = {"reduction": (of_reduction(scene, start, reduction, impact),)}
+    for cause, models in (("mesh", (second,)), ("theory", others)):
+        if models:
+            pairs[cause] = tuple(
+                MarchedPair(impact.trajectory, marched(scene, start, m.reduced, impact), m.left)
+                for m in models
+            )
+    numbers = numbers_with_errors(scene, start, impact, waves, pairs)
+    return QuantityErrors(numbers, mesh_error(scene, start, second, impact))
+
+
+def structure_errors(
+    scene: Scene,
+    modes: AssemblyModes,
+    reduction: rom.ReducedModel,
+    second: SecondModel,
+    others: tuple[SecondModel, ...] = (),
+) -> tuple[NumberError, ...]:
+    """The frequencies [Hz] and the static compliance [m/N] with their errors of mesh and theory.
+
+    Modes of two models are paired by their order among the elastic ones of the reduced models,
+    where these have as many; a mode that the reduced model lacks has no row.
+    """
+
+    def elastic(reduced):
+        """(k,) [rad/s] rising."""
+        omega = np.sort(rom.modal(reduced).omega)
+        return omega[omega > RIGID * omega.max()]
+
+    def compliance(reduced):
+        return rom.static_compliance(reduced) - (reduced.contact.half_space or 0.0)
+
+    causes = {"mesh": (second,), **({"theory": others} if others else {})}
+    models = [(cause, elastic(m.reduced), m) for cause, of in causes.items() for m in of]
+    own, rows = elastic(reduction), []
+    for i, omega in enumerate(modes.omega):
+        j = int(np.abs(own - omega).argmin())
+        if abs(own[j] - omega) > SAME_MODE * omega:
+            continue
+        errors = dict.fromkeys(causes, 0.0)
+        for cause, theirs, model in models:
+            moved = abs(theirs[j] / own[j] - 1) if len(theirs) == len(own) else np.nan
+            errors[cause] += model.left * moved * omega / (2 * np.pi)
+        rows.append(with_errors(f"mode {i + 1}", omega / (2 * np.pi), "Hz", errors))
+
+    s, errors = compliance(reduction), dict.fromkeys(causes, 0.0)
+    for cause, _, model in models:
+        errors[cause] += model.left * abs(compliance(model.reduced) - s)
+    return (*rows, with_errors("static_compliance_m_per_N", s, "m/N", errors))

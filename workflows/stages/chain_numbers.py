@@ -1,0 +1,72 @@
+"""What the summary says of the chain: its numbers and warnings, and the files of its arrays.
+
+They are stages of their own since they are small beside the march that they are made from: a run
+whose results are kept loads neither the march nor the libraries that its types belong to.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+import coupling
+import dem
+from coupling.saved_run import save_trajectory
+from dem.waves.chain_waves import ChainWaves
+from workflows.report.summary import ChainNumbers
+from workflows.scene import Scene
+from workflows.stages import warnings
+from workflows.stages.chain import Start, contact_radius
+from workflows.stages.waves import chain_contact, sphere_waves
+
+if TYPE_CHECKING:
+    from coupling.sensor_record import SensorRecord  # scipy's filters, a second
+
+
+def chain_numbers(
+    scene: Scene,
+    start: Start,
+    wall: dem.Wall | coupling.CoupledWall | None,
+    impact: coupling.Impact,
+    waves: ChainWaves,
+) -> ChainNumbers:
+    """Numbers and warnings of a march and its waves."""
+    run, verdict, *_ = impact
+    numbers = {
+        "n_wall_modes": 0 if wall is None else len(wall.omega),
+        "dt_s": run.dt,
+        "n_steps": run.n_steps,
+        "energy_error": run.energy_error,
+        "verdict": (*verdict.sentences, *dem.yielding(start.chain, run)),
+        "waves": {str(s): sphere_waves(waves, run.t, run.v[:, s - 1], s) for s in waves.labels},
+        "wall_contact": chain_contact(scene, waves),
+    }
+    if wall is not None:
+        peak = float(run.contact_force[:, -1].max())
+        radius = start.ellipse.size * contact_radius(scene, start, peak)
+        numbers |= {"peak_wall_force_N": peak, "contact_radius_m": radius}
+    return ChainNumbers(
+        numbers,
+        tuple(warnings.of_chain(scene, start, impact, waves)),
+        run.error_estimate,
+        isinstance(wall, coupling.CoupledWall),
+    )
+
+
+def chain_files(
+    scene: Scene,
+    impact: coupling.Impact,
+    wall: dem.Wall | coupling.CoupledWall | None,
+    record: SensorRecord | None = None,
+) -> dict[str, bytes]:
+    """Content of trajectory.npz, and of signals.csv where sensors record, by name."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "trajectory.npz")
+        save_trajectory(path, impact.trajectory, wall)
+        files = {path.name: path.read_bytes()}
+    if record is not None:
+        from workflows.stages.signals import csv_text
+
+        files["signals.csv"] = csv_text(scene, record).encode()
+    return files

@@ -1,0 +1,32 @@
+"""The damping law of a scene's wall, from its [damping]."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import coupling
+from workflows.scene import Damping, ModalDampingTable, RayleighDampingTable
+from workflows.thesis import HAMMER_TEST_HZ
+
+if TYPE_CHECKING:
+    import rom
+
+
+def damping(table: Damping, reduced: "rom.ReducedModel") -> coupling.Damping | None:
+    """Damping law of a scene's table; ratios measured in the hammer test apply to the computed
+    modes that are paired with it, else to those nearest to the thesis' frequencies."""
+    return damping_law(table, reduced.contact.modes_hz or HAMMER_TEST_HZ)
+
+
+def damping_law(table: Damping, hammer_modes_hz: Sequence[float]) -> coupling.Damping | None:
+    """Damping law of a scene's table for hammer-test modes at these frequencies [Hz]; None for no
+    damping."""
+    match table:
+        case RayleighDampingTable(frequency=(f1, f2), ratio=(zeta1, zeta2)):
+            return coupling.rayleigh(f1, zeta1, f2, zeta2)
+        case RayleighDampingTable(alpha=alpha, beta=beta):
+            return coupling.RayleighDamping(alpha, beta)
+        case ModalDampingTable(ratio=float(ratio)):
+            return coupling.ModalDamping(ratio)
+        case ModalDampingTable(ratio=ratio):
+            return coupling.ModalDamping(ratio, hammer_modes_hz, "nearest")
+    return None

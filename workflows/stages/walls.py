@@ -1,0 +1,73 @@
+"""The wall of a scene, by its kind, as the march takes it.
+
+A wall of a few numbers is made by its constructor in `dem.walls`, a reduced model (of the scene's
+structure, or of `wall.file`) by `coupling.reduced_wall`. To add a kind of wall, add its table to
+`workflows.scene.walls` and its case to `simple_wall`.
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import coupling
+import dem
+from workflows.scene import (
+    Damping,
+    DashpotWall,
+    HalfSpaceWall,
+    OneDofWall,
+    RigidWall,
+    RomWall,
+    Scene,
+)
+from workflows.stages.damping import damping
+
+if TYPE_CHECKING:
+    import rom  # simple walls do without it and without what it loads
+
+
+def wall_of(
+    scene: Scene, reduction: "rom.ReducedModel | None" = None
+) -> dem.Wall | coupling.CoupledWall | None:
+    """The wall as the march takes it; None for a free chain.
+
+    With wall.kind = "rom" it is that of the `reduction`, or of `wall.file` where that is None, with
+    the scene's damping and its modes up to the scene's cutoff [Hz]. Raises InvalidScene for a file
+    that is no wall, coupling.CouplingError for a badly conditioned model.
+    """
+    if not isinstance(scene.wall, RomWall):
+        return simple_wall(scene)
+    from coupling import reduced_wall
+    from workflows.files.wall_file import measured
+
+    reduced, modes = reduction, None
+    if reduction is None:
+        reduced, health = measured(scene.wall)
+        modes = health.modes
+    law, cutoff = damping(scene.damping, reduced), scene.wall.cutoff
+    return reduced_wall.wall_of(reduced, damping=law, cutoff_hz=cutoff, modes=modes)
+
+
+def simple_wall(scene: Scene) -> dem.Wall | None:
+    """A wall of the scene's numbers alone, without a reduced model; None for a free chain."""
+    match scene.wall:
+        case None:
+            return None
+        case OneDofWall(frequency=frequency, mass=mass, damping_ratio=ratio):
+            return dem.one_dof_wall(frequency, mass, ratio)
+        case DashpotWall(coefficient=None, plate_thickness=thickness, density=density):
+            return dem.plate_wall(scene.wall.young, scene.wall.poisson, density, thickness)
+        case DashpotWall(coefficient=coefficient):
+            return dem.dashpot_wall(coefficient)
+        case RigidWall() | HalfSpaceWall():
+            return dem.rigid_wall()
+    raise NotImplementedError(f"no wall is made of wall.kind = {scene.wall.kind!r} here")
+
+
+def save(path: Path, reduced: "rom.ReducedModel", table: Damping) -> None:
+    """Write a reduced model as .npz, .mat or .h5, by the ending, with the matrix of the scene's
+    damping."""
+    import rom
+    from coupling import reduced_wall
+
+    write = {".npz": rom.save_npz, ".mat": rom.save_mat, ".h5": rom.save_h5}[path.suffix]
+    write(path, reduced, C_damping=reduced_wall.damping_matrix(reduced, damping(table, reduced)))
