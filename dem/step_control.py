@@ -1,21 +1,28 @@
-"""The step from the error asked for: pairs of marches by steps H > h, and what they differ by.
+"""The step from the error asked for: marches by steps H > h, and what they differ by.
 
-A step in which the force of a contact sets in as t^a misses an impulse of order h^(a + 1). These
-contacts govern the error of a chain, whatever order its scheme has on smooth forces:
-
-    p = 5/2   Hertz' law, dampers in proportion to its force          a = 3/2
-    p = 2     stiffness that jumps: yield, the creep of a dashpot     a = 1
-    p = 1     force that jumps: the linear dampers                    a = 0
-
-(what the schemes mend of it: `event_order`).
-An error C h^p makes two marches differ by C (H^p - h^p). The constant scatters from step to step,
-with the phase of the contacts in their steps, so the larger one of the last two pairs counts, times
-one safety factor:
+An error C h^p makes two marches differ by C (H^p - h^p), so that of the march by h is
 
     e = safety h^p max |v_h - v_H| / (H^p - h^p)
 
-(L. F. Richardson; E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I,
-2nd ed., sec. II.4). What two marches cannot show is treated apart, see `march_to_error`.
+over the coarser marches by H (L. F. Richardson; E. Hairer, S. P. Norsett, G. Wanner, Solving
+Ordinary Differential Equations I, 2nd ed., sec. II.4). A step in which the force of a contact sets
+in as t^a misses an impulse of order h^(a + 1), and these contacts govern the error of a chain,
+whatever order its scheme has on smooth forces:
+
+    p = 5/2   Hertz' law, a = 3/2; yield, most of it at the peak of the overlap, where a = 2
+    p = 3/2   force that jumps and is averaged over the step (implicit schemes); dampers in
+              proportion to the contact's force, where they exceed it
+    p = 1     force that jumps, a = 0
+
+With p = 3 for Hertz' law and 2 for yield, pairs of steps in the ratio of 4 to 6 stated too little
+for the first and too much for the second: of 698 scenes 13 below, now 5.
+
+Where forces jump or contacts yield, C depends on the phase of the event in its step and scatters
+down to nothing: one pair may be alike by chance (steps of 2 h and h share their ends, and both
+missed 1.35e-6 where they differed by 1.6e-7). There C is the largest of three coarser marches of
+different phases, which cost less than a finer one: with two of them 9 of 434 such scenes are below,
+with three 3. What marches cannot show is treated
+apart, see `march_to_error`.
 """
 
 import math
@@ -72,19 +79,23 @@ class StepSearch(NamedTuple):
     energy_error: float | None = None  # to which the ledger closes; None: error / 100
     max_evaluations: float | None = None  # of all contacts; None: what takes about a minute
 
-    # stated error over what the largest constant says. Of 240 scenes 4 are below; with 2, and with
-    # orders lower by 1/2 of damped and by 1/4 of implicit marches, 2 are, but stated errors are
-    # thirteen times the true ones in the median
-    safety: float = 1.8
-    # H/h of a first pair. 2: the coarse march costs half of the fine one and twice as many smooth
-    # scenes are below; 5: marches of the coarse step show less, forces that jump cost a tenth more
+    # stated error over what the largest constant says. Of 698 scenes 5 are below; with 1.8, 10 at
+    # orders 3 and 2 of contacts, and medians of stated over true errors above ten
+    safety: float = 1.5
+    # coarser marches, by steps up to ratio^2 h, that are compared where constants scatter. 2: twice
+    # as many such scenes are below; 4: a quarter dearer
+    constants: int = 3
+    # H/h of a first pair; further coarse marches take steps from 2 ratio h down by a fifth each.
+    # 2: first pairs cost more; 2.5 and 3 leave as many smooth scenes below
     ratio: float = 4.0
+    # H/h from which on a march is compared: those of like steps have like errors; not varied
+    like: float = 1.4
     # first H times the fastest contact's rate, over the stability interval and error^(1/order).
     # 1.5: a tenth dearer; 1.9 to 2.1 alike; 2.5: first pairs are often repeated
     boldness: float = 2.0
-    # the next step aims so much below the errors, which scatter; costs are within a tenth
-    velocity_margin: float = 1.5  # from 1 to 2
-    energy_margin: float = 2.0  # from 1.6 to 3
+    # the next step aims so much below the energy error; from 1.6 to 3 costs are within a tenth.
+    # The velocity error needs none, its safety is enough: with 1.4 or 2 costs are the same or more
+    margin: float = 2.0
     # instants at least at which velocities are compared. Where they are few, two marches are alike
     # by chance: three of the four smooth scenes that were below had one or ten
     instants: int = 100
@@ -130,8 +141,7 @@ def march_to_error(
     A coarse march comes first; its ledger sets the step of the next, which is compared with it.
     Where the pair does not do, finer marches follow. Beyond the estimate above:
 
-    - Forces that jump: constants scatter down to nothing, and the first pair never suffices.
-      (With p = 5/4 and a factor of 2: one pair 4 % of such scenes below, two 0.7 %.)
+    - Forces that jump: the first pair never suffices, it is too coarse to tell.
     - Differences above `bounded` count in full, without an order: velocities are bounded. The
       motion is sensitive, and constants scatter more: p is lower by one from there on.
     - Differences of two marches whose ledgers close to rounding count in full as well, the larger
@@ -161,22 +171,23 @@ def march_to_error(
     state = start(prepared, v0)
     observed = columns(observed, chain.mass.size)
     speed = float(np.abs(v0).max()) or 1.0
-    order = event_order(prepared, method)
-    jumps = order < 2.0
-    energy_order = min(method.order, 4.0 if order > 2.0 else 3.0)  # by which ledgers close
+    order = event_order(prepared, method, speed)
+    jumps = prepared.damping is not None and chain.dissipation.startswith("linear")
+    scatters = jumps or chain.slides or chain.yield_overlap is not None
+    energy_order = min(method.order, 3.0 if scatters else 4.0)  # by which ledgers close
     energy_error = search.energy_error or max(1e-2 * error, 1e-12)
     allowed = search.max_evaluations or 2e10 / (chain.mass.size + prepared.static.q.size)
     allowed = allowed / 20 if implicit else allowed  # Newton iterations
     thinned = -(-search.instants // n_save)  # instants compared over those saved
     n_compared = n_save * thinned
     pairs: list[MarchPair] = []
-    spent, sensitive = 0.0, False
+    spent, unstable, sensitive = 0.0, 0, False
     target = f"error {error:g} over {duration:g} s"
 
     def attempt(step, n_save):
         """The march by steps up to `step`, None where it is unstable; raises UnstableStep where it
         would cost too much or be lost in rounding."""
-        nonlocal spent
+        nonlocal spent, unstable
         ahead = duration / step * evaluations
         if not spent + ahead <= allowed:
             so_far = ""
@@ -184,10 +195,10 @@ def march_to_error(
                 velocity, energy = pairs[-1].estimate, pairs[-1].energy_error
                 so_far = f", dt = {pairs[-1].dt:.3g} s leaves {velocity:.3g} in velocity, "
                 so_far += f"{energy:.3g} in energy"
-            elif coarse is None and spent > 0.0:
-                so_far = (
-                    ", no march stayed finite (a negative residual compliance may be too large)"
-                )
+            elif unstable:
+                so_far = f", {unstable} marches did not stay finite"
+                if wall is not None and wall.residual_compliance < 0.0:
+                    so_far += " (the wall's negative residual compliance may be too large)"
             raise UnstableStep(
                 f"{target} is not reached within {allowed:.2g} evaluations{so_far}; the next "
                 f"march, with dt = {step:.3g} s, takes {ahead:.2g}: ask for a larger error, for "
@@ -199,6 +210,7 @@ def march_to_error(
             march = run_between(prepared, state, duration, step, method, n_save)
         except UnstableStep:
             spent += ahead
+            unstable += 1
             return None
         spent += march.n_steps * evaluations
         return march
@@ -226,13 +238,13 @@ def march_to_error(
     # its ledger sets the next step
     shorter = search.ratio
     if not implicit:
-        excess = search.energy_margin * coarse.energy_error / energy_error
+        excess = search.margin * coarse.energy_error / energy_error
         shorter = excess ** (1.0 / energy_order)
-        shorter = min(max(shorter, 1.4), 1.5 * search.ratio)  # a pair of like steps says nothing
-    step = coarse.dt / shorter
+        shorter = min(max(shorter, search.like), 1.5 * search.ratio)
+    step, coarser = coarse.dt / shorter, [coarse]
 
     while True:
-        last = bool(pairs) or not jumps  # whether the pair may do
+        last = bool(pairs) or not jumps  # whether the march may do
         fine = attempt(*((step, n_compared) if last else shared_saves(step)))
         if fine is None:
             step /= search.ratio
@@ -244,22 +256,6 @@ def march_to_error(
                 "larger masses, stiffnesses or speeds"
             )
 
-        # velocity error of the fine march
-        h, H = fine.dt, coarse.dt
-        difference = _velocity_difference(coarse, fine, observed, speed)
-        walk = search.rounding_walk * EPSILON * (fine.n_steps * evaluations) ** 0.5
-        closed = max(coarse.energy_error, fine.energy_error) <= walk
-        rounded = not implicit and not jumps and closed
-        no_order = rounded or difference > search.bounded
-        if difference > search.bounded and not sensitive:
-            sensitive, order = True, max(order - 1.0, 1.0)
-        alone = search.safety * difference / (1.0 if no_order else (H / h) ** order - 1.0)
-        estimate = alone
-        if pairs:
-            fall = 1.0 if no_order else (h / pairs[-1].dt) ** order
-            estimate = max(alone, pairs[-1].alone * fall)
-        velocity = estimate / error
-
         # energy error, over the one asked for or over what rounding leaves if that is more: of sums
         # much larger than the motion, and of every part of every step
         energy = fine.energy_error / energy_error
@@ -267,6 +263,45 @@ def march_to_error(
             largest = max(np.abs(entry).max() for entry in fine.ledger) / fine.energy_scale
             rounding = EPSILON * (4.0 * largest + fine.n_steps * evaluations)
             energy = min(energy, fine.energy_error / rounding)
+
+        # difference from the nearest coarser march: whether the error has an order
+        h = fine.dt
+        unlike = [march for march in coarser if march.dt >= search.like * h * (1.0 - 1e-9)]
+        nearest = min(unlike, key=lambda march: march.dt)
+        difference = _velocity_difference(nearest, fine, observed, speed)
+        walk = search.rounding_walk * EPSILON * (fine.n_steps * evaluations) ** 0.5
+        closed = max(nearest.energy_error, fine.energy_error) <= walk
+        rounded = not implicit and not jumps and closed
+        no_order = rounded or difference > search.bounded
+        if difference > search.bounded and not sensitive:
+            sensitive, order = True, max(order - 1.0, 1.0)
+
+        # velocity error, from a constant for each coarser march. Where constants scatter and the
+        # error would do, further coarse marches sample them, by steps of other phases
+        constants = []
+        wanted = search.constants if scatters and last and not no_order else 1
+        H = 2.0 * search.ratio * h
+        while True:
+            for coarse in unlike[len(constants) :]:
+                d = _velocity_difference(coarse, fine, observed, speed)
+                constants.append(d / ((coarse.dt / h) ** order - 1.0))
+            alone = search.safety * (difference if no_order else max(constants))
+            near = sum(march.dt <= search.ratio**2 * h for march in unlike)
+            if near >= wanted or max(alone / error, energy) > 1.0:
+                break
+            if H < search.like * h:
+                # the saves leave no room for other steps: the difference counts in full, of a
+                # second pair (of a single one 0.18 of an error was stated)
+                alone, last = max(alone, search.safety * difference), bool(pairs)
+                break
+            dt, n_shared = shared_saves(H)
+            dt, H = min(dt, duration / n_shared), 0.8 * H
+            if all(abs(march.dt / dt - 1.0) > 0.1 for march in [fine, *unlike]):
+                coarse = attempt(dt, n_shared)
+                if coarse is not None and coarse.dt >= search.like * h:
+                    unlike.append(coarse)
+        estimate = max(alone, pairs[-1].alone) if no_order and pairs else alone
+        velocity = estimate / error
 
         # implicit steps that do not resolve the dampers
         unresolved = implicit and prepared.damping is not None
@@ -294,17 +329,17 @@ def march_to_error(
                 "larger error or for less time"
             )
 
-        # the next step, likely to do; beside the same coarse march where little is missing
+        # the next step, likely to do
         shorter = 2.0 if jumps else 1.15
         if velocity > 1.0 and no_order:
             shorter = search.ratio
         elif velocity > 1.0:
-            shorter = max(shorter, (search.velocity_margin * alone / error) ** (1.0 / order))
+            shorter = max(shorter, (alone / error) ** (1.0 / order))
         if energy > 1.0:
-            shorter = max(shorter, (search.energy_margin * energy) ** (1.0 / energy_order))
+            shorter = max(shorter, (search.margin * energy) ** (1.0 / energy_order))
         step = h / min(shorter, search.ratio**2)
-        if jumps or H > 2.0 * search.ratio * step:
-            coarse = fine
+        # a march that is off by more than `bounded` shows no constant
+        coarser = [fine] if difference > search.bounded else [*unlike, fine]
 
     report = StepReport(
         np.array([pair.dt for pair in pairs]),
@@ -319,19 +354,21 @@ def march_to_error(
     return Controlled(fine._replace(error_estimate=estimate), report)
 
 
-def event_order(prepared: PreparedChain, method: Scheme) -> float:
+def event_order(prepared: PreparedChain, method: Scheme, speed: float) -> float:
     """Order p of what a step misses of a contact that opens, closes or yields in it.
 
     The explicit schemes correct Hertz contacts after the step, which leaves order 7/2 of the march
-    and 5/2 of samples between its steps: 3 is taken. The implicit ones average a force that jumps,
-    which leaves 3/2.
+    and 5/2 of samples between its steps. Dampers in proportion to the contact's force exceed it
+    where gamma times the largest speed [m/s] is above 1; they decay faster than the contact opens,
+    and orders of 1.4 to 2 were measured.
     """
-    chain, wall = prepared.chain, prepared.wall
-    order = 3.0
-    if chain.yield_overlap is not None or (wall is not None and wall.mobility > 0.0):
-        order = 2.0
-    if prepared.damping is not None and chain.dissipation.startswith("linear"):
-        order = 1.5 if method.kind == "implicit" else 1.0
+    chain = prepared.chain
+    order = 2.5
+    if prepared.damping is not None:
+        if chain.dissipation.startswith("linear"):
+            order = 1.5 if method.kind == "implicit" else 1.0
+        elif prepared.damping.gamma.max() * speed > 1.0:
+            order = 1.5
     return min(order, method.order)
 
 
@@ -354,7 +391,7 @@ def with_step_error(
     )  # fmt: skip
     speed = float(np.abs(v0).max()) or 1.0
     difference = _velocity_difference(trajectory, finer, np.arange(chain.mass.size), speed)
-    order = event_order(prepare(chain, wall), SCHEMES[trajectory.scheme])
+    order = event_order(prepare(chain, wall), SCHEMES[trajectory.scheme], speed)
     estimate = USUAL_SEARCH.safety * difference / (1.0 - 0.5**order)
     return trajectory._replace(error_estimate=estimate)
 

@@ -4,6 +4,7 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import dem
 
@@ -29,3 +30,19 @@ def test_an_error_stated_a_hundred_times_too_small_is_noticed(monkeypatch):
 
     monkeypatch.setattr(dem, "march_to_error", boasting)
     assert EXAMPLE.trial(run).ratio < 0.02 * honest.ratio
+
+
+@pytest.mark.parametrize("scene", [57, 138])
+def test_marches_of_yielding_contacts_that_are_alike_by_chance_state_no_small_error(scene):
+    """Steps of 2 h and h share their ends; of two alone 0.07 and 0.6 of the true error came."""
+    run = EXAMPLE.small(np.random.default_rng([11, scene]))
+    assert run.forces == "yield"
+    assert EXAMPLE.trial(run).ratio >= 1.0
+
+
+@pytest.mark.parametrize("scene", [71, 326])
+def test_errors_of_dampers_that_exceed_the_contact_force_hold(scene):
+    """Their order is below that of Hertz' law: with p = 3 a tenth and a fifth were stated."""
+    run = EXAMPLE.extreme(np.random.default_rng([21, scene]))
+    assert (run.chain.gamma * np.abs(run.v0).max() > 1.0).all()
+    assert EXAMPLE.trial(run).ratio >= 1.0
