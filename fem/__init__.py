@@ -45,7 +45,7 @@ from fem.dashpots import dashpots
 from fem.elasticity import Structure, assemble
 from fem.factorisation import Factor, factorised
 from fem.grounding import RigidBody, rigid_body
-from fem.half_space import half_space_on_mesh, half_spaces_on_mesh
+from fem.half_space import half_space_fields, half_space_on_mesh, half_spaces_on_mesh
 from fem.joints import DIRECTIONS, Bushing, Joint, Side, Tie, normal_frame
 from fem.materials import Material, Orthotropic
 from fem.mechanisms import Loose, loose_bodies
@@ -57,7 +57,7 @@ from fem.prestress import FaceForce, Heat, Load, prestressed
 from fem.response import receptance
 from fem.rods import Rod
 from fem.spot import Spot, planar_spot, round_spot
-from fem.stress_error import missed_energy
+from fem.stress_error import Pushed, missed_energy
 from fem.surface import OnSurface, on_surface
 from fem.threads import one_thread
 from fem.trace import face_edges, outer_nodes
@@ -88,6 +88,7 @@ __all__ = [
     "Orthotropic",
     "Pairing",
     "PlateBesideSolid",
+    "Pushed",
     "RigidBody",
     "Rod",
     "Section",
@@ -108,6 +109,7 @@ __all__ = [
     "effective_mass",
     "face_edges",
     "factorised",
+    "half_space_fields",
     "half_space_on_mesh",
     "half_spaces_on_mesh",
     "held",

@@ -124,7 +124,8 @@ def _matrices(basis: Basis, material) -> tuple[csr_matrix, csr_matrix]:
 
     def of(cells: NDArray[np.int64]) -> tuple[csr_matrix, csr_matrix]:
         points = Basis(basis.mesh, element, intorder=order_K, elements=cells)
-        K = _element_stiffness(points, C)
+        gradient = np.stack([phi[0].grad for phi in points.basis])  # (i, c, cell, point)
+        K = element_stiffness(gradient, gradient, points.dx, C)
         if order_M != order_K:
             points = Basis(basis.mesh, element, intorder=order_M, elements=cells)
         M = _element_mass(points, material.density)
@@ -137,15 +138,22 @@ def _matrices(basis: Basis, material) -> tuple[csr_matrix, csr_matrix]:
     return K, along_each_axis(M)
 
 
-def _element_stiffness(basis: Basis, C: NDArray[np.float64]) -> NDArray[np.float64]:
-    """K_(ia)(jb) = C_acbd D_(ic)(jd) of elements, (n_elements, 3 n, 3 n); C (9, 9) from (c, d) to
-    (a, b)."""
-    gradient = np.stack([phi[0].grad for phi in basis.basis])  # (i, c, cell, point)
-    n, dim = gradient.shape[:2]
-    G = gradient.transpose(2, 0, 1, 3).reshape(basis.nelems, n * dim, -1)
-    D = ((G * basis.dx[:, None]) @ G.transpose(0, 2, 1)).reshape(-1, n, dim, n, dim)
+def element_stiffness(
+    test: NDArray[np.float64],
+    trial: NDArray[np.float64],
+    dx: NDArray[np.float64],
+    C: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """K_(ia)(jb) = C_acbd D_(ic)(jd) of elements, (n_elements, 3 m, 3 n), of gradients (m or n, c,
+    cell, point) and weights (cell, point); C (9, 9) from (c, d) to (a, b)."""
+    m, dim, n_cells, _ = test.shape
+    n = len(trial)
+    first, second = (
+        g.transpose(2, 0, 1, 3).reshape(n_cells, len(g) * dim, -1) for g in (test, trial)
+    )
+    D = ((first * dx[:, None]) @ second.transpose(0, 2, 1)).reshape(-1, m, dim, n, dim)
     K = D.transpose(0, 1, 3, 2, 4).reshape(-1, dim * dim) @ C
-    return K.reshape(-1, n, n, dim, dim).transpose(0, 1, 3, 2, 4).reshape(-1, n * dim, n * dim)
+    return K.reshape(-1, m, n, dim, dim).transpose(0, 1, 3, 2, 4).reshape(-1, m * dim, n * dim)
 
 
 def _element_mass(basis: Basis, density: float) -> NDArray[np.float64]:

@@ -15,7 +15,7 @@ Boussinesq's solution: Johnson, Contact Mechanics (1985), eq. 3.18, for a force 
     u_z = (1 + nu) P / (2 pi E) (z^2 / R^3 + 2 (1 - nu) / R).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -103,6 +103,37 @@ def half_spaces_on_mesh(
     options: HalfSpaceMesh = HalfSpaceMesh(),
 ) -> list[float]:
     """`half_space_on_mesh` [m/N] at several patches of one face, by one factorisation."""
+    compliances = []
+    for field in half_space_fields(
+        model, face, patches, material, mirrors=mirrors, within=within, options=options
+    ):
+        some = patches[len(compliances) : len(compliances) + field.u.shape[1]]
+        w = np.column_stack([patch.on_mesh[field.dofs] for patch in some])
+        compliances += (w * field.u).sum(axis=0).tolist()
+    return compliances
+
+
+class HalfSpaceField(NamedTuple):
+    """A half-space under patches, solved on elements of the body that is struck."""
+
+    body: str
+    cells: NDArray[np.int64]  # the elements
+    ends: NDArray[np.int64]  # facets on which they end, beside the struck face
+    dofs: NDArray[np.int64]  # (n,) of the structure
+    u: NDArray[np.float64]  # (n, m) [m] by a unit force on each of m patches
+
+
+def half_space_fields(
+    model: Model,
+    face: str,
+    patches: Sequence[ContactPatch],
+    material: Material | Orthotropic,
+    *,
+    mirrors: Sequence[str] = (),
+    within: float = np.inf,
+    options: HalfSpaceMesh = HalfSpaceMesh(),
+) -> Iterator[HalfSpaceField]:
+    """The displacements whose compliance `half_space_on_mesh` is, of a few patches at a time."""
     structure, spot = model.structure, patches[0].spot
     if not isinstance(material, Material) and np.isfinite(spot.radii).any():
         raise ValueError(
@@ -138,7 +169,6 @@ def half_spaces_on_mesh(
 
     K = structure.K[free]
     factor = factorised(K[:, free].tocsc()) if len(free) else None
-    compliances = []
     for start in range(0, len(patches), options.patches_at_once):
         group = patches[start : start + options.patches_at_once]
         w, u = np.column_stack([patch.on_mesh for patch in group]), []
@@ -159,10 +189,9 @@ def half_spaces_on_mesh(
             u.append(exact[node, prescribed % 3])
         u = np.column_stack(u)
 
-        # w^T u, u prescribed and K u = w on the free dofs
-        compliance = (w[prescribed] * u).sum(axis=0)
+        # K u = w on the free dofs
+        u_free = np.empty((0, len(group)))
         if factor:
             u_free = factor.solve(w[free] - K[:, prescribed] @ u)
-            compliance += (w[free] * u_free).sum(axis=0)
-        compliances += compliance.tolist()
-    return compliances
+        where = np.concatenate([prescribed, free])
+        yield HalfSpaceField(body, cells, outside, where, np.concatenate([u, u_free]))

@@ -17,19 +17,22 @@ def bar(kind, n, sides=(0.1, 0.02, 0.02)):
 
 
 def stated(model, modes):
-    G = fem.missed_energy(model, {"bar": STEEL}, modes.phi, ["bar:foot"])
-    return np.diag(G) / (2 * modes.omega**2)
+    D, foot = np.diag(modes.omega**2), [fem.Held("bar:foot")]
+    return np.diag(fem.missed_energy(model, {"bar": STEEL}, modes.phi, D, foot)) / (
+        2 * modes.omega**2
+    )
 
 
 @pytest.mark.parametrize(("kind", "n"), [(MeshHex, (6, 1, 1)), (MeshTet, (6, 1, 1))])
 def test_the_error_of_frequencies_is_that_against_a_finer_mesh(kind, n):
-    """A clamped bar; hexahedra four times as fine stand for the truth."""
+    """A clamped bar; hexahedra four times as fine stand for the truth. Functions of the next order
+    hold 0.6 of the energy at the held edges."""
     model = bar(kind, n)
     modes = fem.modes(model.K, model.M, 4)
     finer = bar(MeshHex, (24, 4, 4))
     true = modes.frequency_hz / fem.modes(finer.K, finer.M, 4).frequency_hz - 1
     ratio = stated(model, modes) / true
-    assert np.all(ratio > 0.7) and np.all(ratio < 2.5), ratio
+    assert np.all(ratio > 0.4) and np.all(ratio < 1.7), ratio
 
 
 @pytest.mark.parametrize("kind", [MeshHex, MeshTet])
@@ -45,7 +48,7 @@ def test_stresses_that_elements_hold_exactly_miss_no_energy(kind):
     y = y - 0.01
     u = np.column_stack([-x * y, x**2 / 2, 0 * x]).reshape(-1, 1)
     energy = float((u.T @ (model.K @ u))[0, 0])
-    G = fem.missed_energy(model, {"bar": material}, u, ["bar:ends"])
+    G = fem.missed_energy(model, {"bar": material}, u, np.zeros((1, 1)), bearing=["bar:ends"])
     assert abs(G[0, 0]) < 1e-8 * energy
 
 
@@ -66,4 +69,29 @@ def test_a_sharp_inner_corner_does_not_hide_its_error():
     modes = fem.modes(coarse.K, coarse.M, 3)
     apart = modes.frequency_hz / fem.modes(fine.K, fine.M, 3).frequency_hz - 1
     ratio = stated(coarse, modes) / (apart / (1 - 3**-1.09))
-    assert np.all(ratio > 0.7) and np.all(ratio < 3), ratio
+    assert np.all(ratio > 0.4) and np.all(ratio < 1.7), ratio
+
+
+def test_of_a_push_only_what_is_not_the_half_space_is_missed():
+    """A patch much smaller than the elements, on a thick bar; elements three times as fine leave a
+    fifth of the error. Without the half-space 5 times as much is stated."""
+
+    def pushed(n):
+        axes = (np.linspace(0, side, m + 1) for side, m in zip((0.1, 0.04, 0.04), n, strict=True))
+        mesh = MeshHex.init_tensor(*axes).with_boundaries(
+            {"foot": lambda x: x[0] == 0, "top": lambda x: x[2] > 0.0399999}
+        )
+        structure = fem.assemble({"bar": mesh}, {"bar": STEEL})
+        model = fem.joined(structure, fem.Connections(held=[fem.Held("bar:foot")]))
+        patch = fem.contact_patch(model, "bar:top", (0.02, 0.0), 2e-3)
+        u = fem.factorised(model.K).solve(patch.w)
+        local = fem.half_space_on_mesh(model, "bar:top", patch, STEEL)
+        return model, patch, u, float(patch.w @ u) - local
+
+    model, patch, u, compliance = pushed((5, 2, 2))
+    field = next(fem.half_space_fields(model, "bar:top", [patch], STEEL))
+    common = model, {"bar": STEEL}, u[:, None], np.zeros((1, 1)), [fem.Held("bar:foot")]
+    G = fem.missed_energy(*common, pushed=fem.Pushed(np.ones(1), field))[0, 0]
+    true = (pushed((15, 6, 6))[3] - compliance) / 0.8
+    assert 0.5 < G / true < 1.7, G / true
+    assert fem.missed_energy(*common)[0, 0] > 2.5 * G
