@@ -1,4 +1,5 @@
-"""`beadwave accuracy`, `stability`, `verify` and `study`: the commands on evidence."""
+"""`beadwave accuracy`, `stability`, `verify` and `study`: the commands on evidence, whose studies are
+modules of `workflows.evidence`."""
 
 from pathlib import Path
 from typing import Annotated

@@ -76,7 +76,7 @@ class SecondProcess:
 def two_processes(pipeline: Pipeline, names: tuple[str, ...]) -> Iterator[None]:
     """A second process for these stages, where a core, memory and the cache allow for it.
 
-    BEADWAVE_PROCESSES=1 keeps a run to one process. One picture is not worth a second.
+    BEADWAVE_PROCESSES=1 keeps a run to one process. None is started for a single picture.
     """
     missing = tuple(name for name in names if _wanted(pipeline, name))
     cores = len(sched_getaffinity(0))
@@ -108,8 +108,8 @@ def _wanted(pipeline: Pipeline, name: str) -> bool:
 
 
 def _have_room(pipeline: Pipeline) -> bool:
-    """Whether memory holds a second process. What bodies of a scene hold is known once they are
-    meshed, which the run does anyway."""
+    """Whether memory holds a second process. The number of nodes of bodies is known only once they
+    are meshed, which the run does anyway."""
     scene = pipeline.scene
     if scene.bending is not None:
         return True
