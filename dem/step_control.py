@@ -22,8 +22,10 @@ error; with the orders above 5 do.
 Where forces jump or contacts yield, C depends on the phase of the event in its step and scatters
 down to nothing: one pair may be alike by chance (steps of 2 h and h share their ends, and both
 missed 1.35e-6 where they differed by 1.6e-7). There C is the largest of three coarser marches of
-different phases, which cost less than a finer one: with two of them 9 of 434 such scenes state less than their true
-error, with three 3. What marches cannot show is treated apart, see `march_to_error`.
+different phases, which cost less than a finer one: with two of them 9 of 434 such scenes state less
+than their true error, with three 3. What marches cannot show is treated apart, see
+`march_to_error`. Of 2000 other scenes (`python examples/step_errors.py 2000 57`) 1.25 % state less
+than their true error: 0.7 % of those with smooth forces, 3.8 % of those whose contacts yield.
 """
 
 import math

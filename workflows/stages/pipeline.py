@@ -372,8 +372,9 @@ class Pipeline:
                     self.reports.append(StageReport(need, 0.0, True))
 
     def _meanwhile(self) -> bool:
-        """Compute a stage that neither process computes yet; False where there is none."""
-        name = self.beside.taken()
+        """Compute a stage that neither process computes yet; False where there is none. What needs
+        the stage that is waited for is not ready, and would compute it here as well."""
+        name = self.beside.taken(self.ready)
         if name is not None:
             with suppress(Exception):  # raised again where the stage is needed
                 self(name)
