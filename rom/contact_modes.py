@@ -85,7 +85,8 @@ def converged(residual: np.ndarray, tolerance: float) -> int:
 
 class Chosen(NamedTuple):
     """Modes, the static response (n,) to the contact force beyond them, the relative rms error of
-    the receptance that both leave, and all Ritz pairs that the modes were chosen from."""
+    the receptance that both leave, and pairs that stand for the full model where finer_hz asks for
+    it."""
 
     pairs: EigenPairs
     residual: np.ndarray
@@ -126,11 +127,11 @@ def contact_modes(
             problem, w, retained, bound, reach_hz, n_vectors, options=options
         )
         finer = pairs
-    phi = pairs.phi.T @ w
+    participation = pairs.phi.T @ w
 
     # the choice: the retained ones, then the others by their weight; n is where the error is met
-    order = _ranked(pairs.omega, phi, n_retained, to_hz)
-    errors = bound + _residual_errors(pairs.omega[order], phi[order], to_hz)
+    order = _ranked(pairs.omega, participation, n_retained, to_hz)
+    errors = bound + _residual_errors(pairs.omega[order], participation[order], to_hz)
     if error is not None:
         n_modes = max(int(np.argmax(errors <= error)), n_retained)
     n = min(n_modes, len(order))
@@ -141,7 +142,7 @@ def contact_modes(
     # residual vector as the sum of the modes left out: the static response less the modes kept
     # would lose digits
     weights = np.zeros(len(order))
-    weights[order[n:]] = phi[order[n:]] / pairs.omega[order[n:]] ** 2
+    weights[order[n:]] = participation[order[n:]] / pairs.omega[order[n:]] ** 2
     residual = pairs.phi @ weights
     modes = EigenPairs(pairs.omega[chosen], pairs.phi[:, chosen])
     return Chosen(modes, residual, float(errors[n]), finer)
@@ -250,7 +251,7 @@ def krylov_space(
         last = slice(len(H), m)
         inertia = M @ block
         X = attachment_modes(problem, np.asfortranarray(inertia), rigid)
-        forces = inertia  # K X, which the second time is computed
+        forces = inertia  # K X by definition; computed after a projection
         if len(retained.omega):
             X -= retained.phi @ (retained.phi.T @ (M @ X))
             forces = K @ X
@@ -260,14 +261,15 @@ def krylov_space(
         X -= V[:, :m] @ first
         forces = K @ X
         second = V[:, :m].T @ forces
-        gram_X = X.T @ forces - second.T @ second  # of what the second time leaves of X
+        gram_X = X.T @ forces - second.T @ second  # X^T K X after the second projection
         X -= V[:, :m] @ second
         projection = first + second
         H = np.pad(H, (0, block.shape[1]))
         H[:, last], H[last, :] = projection, projection.T
         block, R = _k_orthonormalised(X, gram_X, K, options.exhausted * lengths)
         exhausted = block.shape[1] == 0  # the space holds all that these loads can move
-        if not exhausted and (m < n_vectors or m % options.check >= len(R) > 0):
+        # the bound is looked at every `check` vectors or so
+        if not exhausted and (m < n_vectors or m % options.check >= len(R)):
             continue
 
         # the bound, and where modes are wanted those that have converged

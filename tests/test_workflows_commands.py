@@ -182,6 +182,40 @@ def test_a_stage_tells_the_next_time_how_long_it_takes(monkeypatch, tmp_path):
     assert known.expected("march") is None
 
 
+@pytest.mark.parametrize(
+    "content",
+    [
+        '{"run mine": []}',
+        '{"run mine": 3}',
+        '{"run mine": {"march": "ab"}}',
+        '{"run mine": {"march": {"seconds": 3}}}',
+        '{"run mine": {"march": [1e999, 1]}}',
+        "[" * 100_000,
+    ],
+)
+def test_durations_of_another_shape_count_as_none(monkeypatch, tmp_path, content):
+    (tmp_path / "cache").mkdir()
+    file = tmp_path / "cache" / durations.NAME
+    file.write_text(content)
+    clock = iter((10.0, 17.0))
+    monkeypatch.setattr(durations, "perf_counter", lambda: next(clock))
+    known = durations.Durations("run mine")
+    assert known.expected("march") is None
+    with known.measured("march"):
+        pass
+    assert known.expected("march") == 7.0
+
+
+def test_a_command_runs_with_its_stderr_closed(tmp_path):
+    done = subprocess.run(
+        ["sh", "-c", f'"{sys.executable}" -m workflows impact nonsense 2>&-'],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 2 and done.stdout == ""
+
+
 def test_a_slow_machine_raises_what_is_expected_of_the_next_stage(monkeypatch):
     quiet = durations.RIG["model"].seconds
     clock = iter((0.0, 4 * quiet))

@@ -10,6 +10,7 @@ from workflows.files.run_folder import RunFolder
 from workflows.files.scene import scene
 from workflows.run import second_process
 from workflows.run.run import impact
+from workflows.scene import InvalidScene
 from workflows.stages.pipeline import pipeline_of
 
 COARSE = (
@@ -89,6 +90,23 @@ def test_what_another_process_does_not_finish_is_computed_by_the_run(rig, two, t
 
 def test_a_stage_is_computed_by_one_process_only(tmp_path):
     assert [second_process._taken(tmp_path, "modes") for _ in range(3)] == [True, False, False]
+
+
+def test_what_needs_the_stage_that_is_waited_for_is_not_computed_meanwhile(tmp_path):
+    nobody = second_process.SecondProcess(tmp_path, None, ("figures", "pictures"))
+    assert nobody.taken(lambda name: name == "pictures") == "pictures"
+    assert nobody.taken(lambda name: False) is None and nobody.has("figures")
+
+
+@pytest.mark.parametrize("number", ["0", "x", "-1"])
+def test_a_number_of_processes_other_than_one_or_two_is_refused(rig, two, monkeypatch, number):
+    monkeypatch.setenv("BEADWAVE_PROCESSES", number)
+    pipeline = pipeline_of(rig, lambda name: nullcontext())
+    with (
+        pytest.raises(InvalidScene, match=f"BEADWAVE_PROCESSES = '{number}' must be 1 or 2"),
+        second_process.two_processes(pipeline, second_process.RUN),
+    ):
+        pass
 
 
 def test_a_second_process_waits_for_what_its_stage_needs(rig, two):

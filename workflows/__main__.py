@@ -1,6 +1,7 @@
 """`python -m workflows` is the `beadwave` command."""
 
 import gc
+import os
 import sys
 from collections.abc import Callable
 
@@ -8,6 +9,8 @@ from collections.abc import Callable
 def main() -> None:
     """Run the command and end the process: signals stay ignored until the interpreter is gone. A
     signal while the program still loads is as quiet as later."""
+    if sys.stderr is None:  # closed by the shell: print would write to stdout instead
+        sys.stderr = open(os.devnull, "w")
     try:
         from workflows.commands import signals
 

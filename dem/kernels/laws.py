@@ -7,10 +7,11 @@
     dampers              F + c d',  c = gamma or gamma F                       `damping_impulse`
 
 A further damping law starts here: its number beside HUNT_CROSSLEY, its impulse in
-`damping_impulse`; CONTRIBUTING names the other places. A of two bodies is
-`dem.spheres.hertz_coefficient`. K. L. Johnson, Contact Mechanics, Cambridge
-1985, chap. 4; C. Thornton, J. Appl. Mech. 64 (1997) 383; K. H. Hunt, F. R. E. Crossley, J. Appl.
-Mech. 42 (1975) 440.
+`damping_impulse`. An elastic law has a force, an energy (0.4 A d^(5/2) of Hertz') and a stiffness
+(1.5 A d^(1/2)), each of which stands in several kernels. CONTRIBUTING names the other places of
+both. A of two bodies is `dem.spheres.hertz_coefficient`. K. L. Johnson, Contact Mechanics,
+Cambridge 1985, chap. 4; C. Thornton, J. Appl. Mech. 64 (1997) 383; K. H. Hunt, F. R. E. Crossley,
+J. Appl. Mech. 42 (1975) 440.
 """
 
 import math

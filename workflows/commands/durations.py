@@ -4,6 +4,7 @@ rig, scaled to the unknowns of the mesh."""
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from json import dumps, loads
+from math import isfinite
 from pathlib import Path
 from time import perf_counter
 from typing import NamedTuple
@@ -76,11 +77,8 @@ class Durations:
         return recorded.seconds
 
     def _recorded(self) -> dict[str, Duration]:
-        with suppress(KeyError, TypeError, AttributeError):  # none, or of another version
-            return {
-                stage: Duration(*entry) for stage, entry in _file_content()[self._command].items()
-            }
-        return {}
+        stages = _file_content().get(self._command, {})
+        return {stage: Duration(*entry) for stage, entry in stages.items()}
 
     @contextmanager
     def measured(self, stage: str) -> Iterator[None]:
@@ -109,10 +107,25 @@ def _file() -> Path:
     return cache_folder() / NAME
 
 
-def _file_content() -> dict[str, dict]:
-    """Seconds and unknowns by command and stage."""
-    with suppress(OSError, ValueError):
-        commands = loads(_file().read_text(encoding="utf-8"))
-        if isinstance(commands, dict):
-            return commands
-    return {}
+def _file_content() -> dict[str, dict[str, list]]:
+    """Seconds and unknowns by command and stage; without what is of another version or damaged."""
+    commands: object = {}
+    with suppress(OSError, ValueError, RecursionError):
+        if _file().is_file():  # a pipe would block
+            commands = loads(_file().read_text(encoding="utf-8"))
+
+    def is_number(value: object) -> bool:
+        return isinstance(value, int | float) and isfinite(value)
+
+    return {
+        command: {
+            stage: entry
+            for stage, entry in stages.items()
+            if isinstance(entry, list)
+            and len(entry) == 2
+            and is_number(entry[0])
+            and (entry[1] is None or is_number(entry[1]))
+        }
+        for command, stages in (commands.items() if isinstance(commands, dict) else ())
+        if isinstance(stages, dict)
+    }

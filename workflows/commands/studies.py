@@ -1,4 +1,7 @@
-"""`beadwave accuracy`, `stability`, `verify` and `study`: the commands on evidence."""
+"""`beadwave accuracy`, `stability`, `verify` and `study`, the commands on evidence.
+
+Their studies are modules of `workflows.evidence`.
+"""
 
 from pathlib import Path
 from typing import Annotated

@@ -86,7 +86,7 @@ def run(
                 if scene.output.sensors:
                     write_pictures(folder, (pipeline("signals"),))
 
-            # the errors of its models, the waves, the warnings
+            # once more, with pictures that are missing
             summary = summary_of(pipeline, unrendered, origin)
         folder.write("summary.json", summary.text())
         write_report(folder, pipeline("page"))

@@ -28,6 +28,7 @@ from tempfile import TemporaryDirectory
 from time import perf_counter, sleep
 
 from workflows.files.child import while_open
+from workflows.scene import InvalidScene
 from workflows.scene.size import room_for_pictures
 from workflows.stages.pipeline import Pipeline, couples, pipeline_of
 
@@ -48,9 +49,10 @@ class SecondProcess:
         """Whether the stage may be there."""
         return name in self._theirs
 
-    def taken(self) -> str | None:
-        """A stage that nobody has begun, and that now is ours; None where there is none."""
-        return next((name for name in sorted(self._theirs) if self._take(name)), None)
+    def taken(self, ready: Callable[[str], bool]) -> str | None:
+        """A stage that nobody has begun, is ready, and now is ours; None where there is none."""
+        names = sorted(self._theirs)
+        return next((name for name in names if ready(name) and self._take(name)), None)
 
     def seconds(self, name: str, meanwhile: Callable[[], bool]) -> float | None:
         """What a stage took there, once it has ended; None where it is ours to compute.
@@ -76,11 +78,16 @@ class SecondProcess:
 def two_processes(pipeline: Pipeline, names: tuple[str, ...]) -> Iterator[None]:
     """A second process for these stages, where a core, memory and the cache allow for it.
 
-    BEADWAVE_PROCESSES=1 keeps a run to one process. One picture is not worth a second.
+    Raises InvalidScene for BEADWAVE_PROCESSES that is not 1 or 2; 1 keeps a run to one process. None is started for a single picture.
     """
+    processes = environ.get("BEADWAVE_PROCESSES") or "2"
+    if processes not in ("1", "2"):
+        raise InvalidScene(
+            f"BEADWAVE_PROCESSES = {processes!r} must be 1 or 2; set it so, or leave it out."
+        )
     missing = tuple(name for name in names if _wanted(pipeline, name))
     cores = len(sched_getaffinity(0))
-    allowed = environ.get("BEADWAVE_PROCESSES") != "1" and cores > 1 and pipeline.keeps
+    allowed = processes == "2" and cores > 1 and pipeline.keeps
     worth = len(missing) > 1 or "compilation" in missing
     if not allowed or not worth or not _have_room(pipeline):
         yield
@@ -108,8 +115,8 @@ def _wanted(pipeline: Pipeline, name: str) -> bool:
 
 
 def _have_room(pipeline: Pipeline) -> bool:
-    """Whether memory holds a second process. What bodies of a scene hold is known once they are
-    meshed, which the run does anyway."""
+    """Whether memory holds a second process. The number of nodes of bodies is known only once they
+    are meshed, which the run does anyway."""
     scene = pipeline.scene
     if scene.bending is not None:
         return True

@@ -230,7 +230,7 @@ IMPACT = {
 
 
 def stages_of(scene: Scene) -> dict[str, Stage]:
-    """The stages that this scene may need; those of an assembly only where one is struck."""
+    """The stages that a run of this scene may ask for; what it never asks for costs nothing."""
     needs = ("reduction",) if needs_structure(scene) and scene.chain else ()
     wall = Stage(".walls:wall_of", _wall_reads, needs)
     structure = ASSEMBLY if scene.bending is None else BENDING
@@ -372,8 +372,9 @@ class Pipeline:
                     self.reports.append(StageReport(need, 0.0, True))
 
     def _meanwhile(self) -> bool:
-        """Compute a stage that neither process computes yet; False where there is none."""
-        name = self.beside.taken()
+        """Compute a stage that neither process computes yet; False where there is none. What needs
+        the stage that is waited for is not ready, and would compute it here as well."""
+        name = self.beside.taken(self.ready)
         if name is not None:
             with suppress(Exception):  # raised again where the stage is needed
                 self(name)
@@ -403,10 +404,12 @@ class Pipeline:
         for name in names:
             visit(name)
         beside = [] if self.beside is None else [name for name in missing if self.beside.has(name)]
-        return Plan(tuple(missing), tuple(beside), self._unknowns() if "mesh" in missing else None)
+        meshed = "mesh" in missing or "mesh" in self._results
+        return Plan(tuple(missing), tuple(beside), self._unknowns() if meshed else None)
 
     def _unknowns(self) -> float | None:
-        """Of the mesh, foreseen for the thesis' rig; None where it has to be meshed to be known."""
+        """Unknowns of the mesh: counted, or foreseen for the thesis' rig; None where bodies have to
+        be meshed first."""
         if "mesh" in self._results:
             return 3.0 * sum(self._results["mesh"].nodes.values())
         if self.scene.bending is not None or self.scene.own_mesh or self.scene.is_general:
@@ -452,6 +455,6 @@ def _result(name: str, key: str, pipeline: Pipeline) -> Any:
 
 
 def every_stage() -> list[str]:
-    """The modules of all stages that some scene has."""
+    """The modules of the stages in the three tables."""
     tables = (ASSEMBLY, BENDING, IMPACT)
     return sorted({stage.module for stages in tables for stage in stages.values()})
