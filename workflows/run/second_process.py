@@ -78,7 +78,8 @@ class SecondProcess:
 def two_processes(pipeline: Pipeline, names: tuple[str, ...]) -> Iterator[None]:
     """A second process for these stages, where a core, memory and the cache allow for it.
 
-    Raises InvalidScene for BEADWAVE_PROCESSES that is not 1 or 2; 1 keeps a run to one process. None is started for a single picture.
+    None is started for a single picture. BEADWAVE_PROCESSES=1 keeps a run to one process; raises
+    InvalidScene where it is neither 1 nor 2.
     """
     processes = environ.get("BEADWAVE_PROCESSES") or "2"
     if processes not in ("1", "2"):
