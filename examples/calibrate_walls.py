@@ -109,10 +109,10 @@ def calibrated(start: Scene, true: Scene, wall: str):
     else:
         better = bending.other_theories(true)[WALLS.index(wall)].reduced
     run = impact(true, of("start"), wall_of(true, better))
-    shown = record(true, run, waves(true, of("start"), run))
+    recorded = record(true, run, waves(true, of("start"), run))
     with TemporaryDirectory() as folder:
         file = Path(folder) / "record.csv"
-        file.write_text(csv_text(true, shown))
+        file.write_text(csv_text(true, recorded))
         return beadwave.calibrate(start, file, free="contacts,striker,trigger", starts=2).report
 
 

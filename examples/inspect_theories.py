@@ -100,10 +100,10 @@ def inspected(start: Scene, true: Scene, theory: str):
     of = pipeline_of(true, lambda name: nullcontext())
     other = bending.other_theories(true)[THEORIES.index(theory)]
     run = impact(true, of("start"), wall_of(true, other.reduced))
-    shown = record(true, run, waves(true, of("start"), run))
+    recorded = record(true, run, waves(true, of("start"), run))
     with TemporaryDirectory() as folder:
         file = Path(folder) / "record.csv"
-        file.write_text(csv_text(true, shown))
+        file.write_text(csv_text(true, recorded))
         bounds = ",".join(
             f"{key}={0.85 * number(start, key)}:{1.15 * number(start, key)}" for key in FIND
         )

@@ -204,11 +204,11 @@ KINDS = (box, plate, l_profile, t_profile, u_profile, tube, tied, bolted, bracke
 
 
 def structure(seed: int, number: int, folder: Path) -> Scene:
-    """The structure of this number, with so many unknowns as are drawn too."""
+    """The structure of this number, with a random number of unknowns."""
     kind, rng = KINDS[number % len(KINDS)], np.random.default_rng([seed, number])
-    drawn = kind(rng, folder)
-    drawn["assembly"] = {**drawn["assembly"], "material": str(rng.choice(["steel", "aluminium"]))}
-    scene = load_scene({**CHAIN, **drawn, "name": f"{kind.__name__}-{number}"})
+    tables = kind(rng, folder)
+    tables["assembly"] = {**tables["assembly"], "material": str(rng.choice(["steel", "aluminium"]))}
+    scene = load_scene({**CHAIN, **tables, "name": f"{kind.__name__}-{number}"})
     n, wanted = 3 * sum(assembly.mesh(scene).nodes.values()), np.exp(rng.uniform(*np.log(UNKNOWNS)))
     return scene.but(mesh={"scale": float((n / wanted) ** (1 / 3))})
 

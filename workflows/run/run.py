@@ -45,11 +45,11 @@ def run(
     with folder.run(toml(scene), FILES) as folder:
         _write_given(folder, origin)
         with two_processes(pipeline, RUN) if structure else nullcontext():
-            files = ("mode-files", "model-files", "response-files", "pictures")
+            of_structure = ("mode-files", "model-files", "response-files", "pictures")
             planned(
                 pipeline.plan(
                     *(("chain-files", "chain-numbers") if scene.chain else ()),
-                    *(files if structure else ()),
+                    *(of_structure if structure else ()),
                     *(("mac",) if structure and scene.measured_hz else ()),
                     *_error_stages(scene),
                     *(("figures",) if scene.chain else ()),
