@@ -13,7 +13,7 @@ trap 'rm -rf "$code"' EXIT
 
 tests=(tests/test_rom_{reduction,parts,reduced_model}.py
     tests/test_fem_{factorisation,beam,elasticity,materials,patch,joints}.py
-    tests/test_coupling_{damping,fit,wall}.py tests/test_dem_{ends,kernels}.py
+    tests/test_coupling_{damping,fit,reduced_wall}.py tests/test_dem_{ends,kernels}.py
     tests/test_dem_damping.py::test_velocities_are_those_of_an_independent_stiff_integrator)
 found='import numpy; print(*numpy.show_config(mode="dicts")["SIMD Extensions"].get("found", []))'
 instructions=$("$python" -c "$found")
