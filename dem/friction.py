@@ -2,15 +2,17 @@
 
     1/E* = (1-nu1^2)/E1 + (1-nu2^2)/E2,     1/G* = (2-nu1)/(4 G1) + (2-nu2)/(4 G2)
 
-The contact under any history is in `dem.kernels.tangential`. K. L. Johnson, Contact Mechanics,
-Cambridge 1985, sec. 7.2 and 7.4.
+The contact under any history is in `dem.kernels.tangential`; elements of joints, Jenkins' and
+Iwan's, are in `dem.kernels.sliders`. K. L. Johnson, Contact Mechanics, Cambridge 1985, sec. 7.2
+and 7.4.
 """
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dem.checks import above_0, scalar
+from dem.checks import above_0, require, scalar
 from dem.kernels.arguments import Array
+from dem.kernels.sliders import Segalman, Sliders
 from dem.kernels.tangential import SpringCells, SpringRow, TangentialLaw
 from dem.spheres import contact_modulus, contact_radius, relative_radius
 
@@ -45,9 +47,13 @@ def tangential_law(
     return TangentialLaw(G, c, float(relative_radius(R1, R2)), **options)
 
 
-def open_row(capacity: int = 256) -> SpringRow:
+def open_row(capacity: int = 1024) -> SpringRow:
     """A contact that has not closed yet, with room for so many nodes; half of them are used before
-    any are merged."""
+    any are merged.
+
+    Merges change the force of an oblique impact by 4000 steps by up to 2e-6 of its largest (4e-5
+    with room for 256, 1e-5 with 512), and the velocity after it by 2e-6.
+    """
     state = np.zeros(7)
     state[1] = 1.0  # the pressure is that of the elastic law
     return SpringRow(np.zeros(capacity), np.zeros(capacity), np.zeros(1, np.int64), state)
@@ -97,3 +103,25 @@ def contact_of_load(law: TangentialLaw, coefficient: float, load: float) -> tupl
     E_star = law.bound * law.modulus / coefficient
     a = float(contact_radius(load, law.radius, E_star))
     return a, a * a / law.radius
+
+
+def iwan_law(force: float, stiffness: float, exponent: float, beta: float) -> Segalman:
+    """Sliders of an Iwan element from Segalman's four parameters (J. Appl. Mech. 72 (2005) 752):
+    force [N] of gross slip, stiffness [N/m] without slip, chi > -1, beta >= 0. Raises InvalidChain.
+    """
+    above_0("iwan force", force)
+    above_0("iwan stiffness", stiffness)
+    scalar("iwan beta", beta, at_least=0.0)
+    scalar("iwan exponent", exponent)
+    require(exponent > -1.0, f"iwan exponent is {exponent:g}; it must be above -1")
+    b = beta + (exponent + 1.0) / (exponent + 2.0)
+    last = force * (1.0 + beta) / (stiffness * b)
+    density = force * (exponent + 1.0) / (last ** (exponent + 2.0) * b)
+    return Segalman(exponent, density, force * beta / (last * b), last)
+
+
+def sliders_at_rest(law: Segalman, capacity: int = 64) -> Sliders:
+    """An Iwan element that has not moved yet, with room for capacity - 2 reversals."""
+    sliders = Sliders(np.zeros(capacity), np.zeros(capacity), np.array([2]))
+    sliders.s[1] = law.last
+    return sliders

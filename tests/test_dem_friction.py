@@ -37,9 +37,9 @@ GROSS = float(gross_slip(LAW, D))
 GROSS_LOOP = 12497.175e-9  # J, of the force +- mu P
 
 
-def pressed(load_moves=(), capacity=256):
+def pressed(load_moves=()):
     """A row under the load, moved on, and room beside it."""
-    row, room = open_row(capacity), open_row(capacity)
+    row, room = open_row(), open_row()
     slide(row, room, LAW, D, 1.0, 0.0)
     for way in load_moves:
         slide(row, room, LAW, D, 1.0, way)

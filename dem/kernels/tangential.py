@@ -41,8 +41,8 @@ class TangentialLaw(NamedTuple):
     modulus: float  # G* [Pa]
     bound: float  # c = mu E* / G*: the displacement that slips, over the overlap of the spring
     radius: float  # [m] relative
-    # of the largest bound: nodes are merged that lie closer to a line. An oblique impact by 4000
-    # steps ends with 20 to 60 nodes and a force off by 2e-6 (1e-5: 2e-5; 1e-7: 2e-7, 100 nodes)
+    # of the largest bound: nodes that lie closer to a line are merged, once half of the room is
+    # full; doubled until they fit. The room decides, 1e-8 to 1e-5 differ by less than a factor of 2
     tolerance: float = 1e-6
 
 
