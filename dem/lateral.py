@@ -2,10 +2,13 @@
 
 Directions t1, t2 lie in the wall and n points into it, t2 = n x t1. Friction leaves the motion
 along the chain alone (Cattaneo and Mindlin take both problems as uncoupled), so that it follows
-from that motion: the march along the chain is repeated for its steps alone, and the overlap of the
-last contact between them is a polynomial. The error of a lateral march by steps h is that of order 2,
-    e = safety |v_h - v_H| / ((H/h)^2 - 1),
-from a coarser one by H, of the centre's velocity and of the turn's at the surface.
+from that motion: the march along the chain is repeated for the ends of its steps, and a polynomial
+is the overlap of the last contact between them. A march across by steps h is of order 2, and errs
+by
+
+    e = safety |v_h - v_H| / ((H/h)^2 - 1)
+
+beside a coarser one by H, in the velocity of the centre and that of the turn at the surface.
 """
 
 import math
@@ -15,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dem.chain import Chain
-from dem.checks import InvalidChain, positive, require, scalar, vector
+from dem.checks import positive, require, scalar, vector
 from dem.friction import open_cells, open_row, stick_stiffness
 from dem.kernels.arguments import Array, Steps
 from dem.kernels.lateral import Across, Pressing, SavedAcross, Sphere, Springs, march_across
@@ -228,8 +231,8 @@ def march_lateral(
         trajectory.t,
         saved.u @ frame,
         saved.v @ frame,
-        np.stack([-turned[:, 1], turned[:, 0]], axis=1),
-        np.stack([-spun[:, 1], spun[:, 0]], axis=1),
+        np.stack([0.0 - turned[:, 1], turned[:, 0]], axis=1),
+        np.stack([0.0 - spun[:, 1], spun[:, 0]], axis=1),
         saved.force @ frame,
         saved.slip @ frame,
         saved.stick,
