@@ -110,10 +110,10 @@ def press(
     row: SpringRow | None, room: SpringRow | None, cells: SpringCells | None,
 ) -> None:  # fmt: skip
     """Move the contact on, and its force (n_directions,) [N] with it."""
-    if cells is None:
+    if row is not None:
         slide(row, room, law, d, q, way[0])
         force[0] = tangential_force(row, law)
-    else:
+    if cells is not None:
         slide_cells(cells, law, d, q, way[0], way[1])
         force[0], force[1] = cell_force(cells, law, 0), cell_force(cells, law, 1)
 
@@ -123,9 +123,12 @@ def contact_state(
     law: TangentialLaw, row: SpringRow | None, cells: SpringCells | None
 ) -> tuple[float, float, float]:
     """Share of the area that sticks, stored energy [J], friction's heat so far [J]."""
-    if cells is None:
-        return row.state[STICK], stored_energy(row, law), row.state[HEAT]
-    return cells.state[STICK], cell_energy(cells, law), cells.state[HEAT]
+    stick, stored, heat = 0.0, 0.0, 0.0
+    if row is not None:
+        stick, stored, heat = row.state[STICK], stored_energy(row, law), row.state[HEAT]
+    if cells is not None:
+        stick, stored, heat = cells.state[STICK], cell_energy(cells, law), cells.state[HEAT]
+    return stick, stored, heat
 
 
 @ieee_march
