@@ -130,11 +130,17 @@ def test_friction_leaves_the_motion_along_the_chain_alone(tmp_path):
 
 def test_a_chain_pressed_on_the_wall_keeps_its_last_sphere_at_rest_across(capsys):
     """Nothing moves a guided chain across: friction has nothing to do."""
-    beadwave("impact", "rig-half-space", "--json", "--set=friction.coefficient=0.3",
-             "--set=arm.stiffness=1e6", "--set=preload.force=20", "--set=time.duration=1e-3")  # fmt: skip
+    pressed = ("friction.coefficient=0.3", "arm.stiffness=1e6", "preload.force=20")
+    sets = [f"--set={change}" for change in (*pressed, "time.duration=1e-3")]
+    beadwave("impact", "rig-half-space", "--json", *sets)
     across = json.loads(capsys.readouterr().out)["friction"]
     assert across["dissipated_J"] == 0.0 and across["velocity_m_s"] == [0.0, 0.0]
     assert across["surface_velocity_ratio"] is None
+
+
+def test_a_sweep_refuses_keys_that_its_table_does_not_show(capsys):
+    assert beadwave("sweep", "oblique-sphere", "--over=friction.coefficient=0.1,0.2") == 2
+    assert "friction.coefficient moves the last sphere across" in capsys.readouterr().err
 
 
 def test_unlike_materials_are_told(capsys):
