@@ -65,6 +65,14 @@ def quantity_errors(
     return QuantityErrors(numbers_with_errors(scene, start, impact, waves, pairs), of_mesh)
 
 
+def time_errors(
+    scene: Scene, start: Start, impact: coupling.Impact, waves: ChainWaves
+) -> tuple[NumberError, ...]:
+    """Errors of every number of the waves where the wall is no model of a structure: those of the
+    time step alone."""
+    return numbers_with_errors(scene, start, impact, waves, {})
+
+
 def marched(
     scene: Scene,
     start: Start,
@@ -101,8 +109,8 @@ def numbers_with_errors(
     pairs: Mapping[str, Sequence[MarchedPair]],
     options: QuantityOptions = QuantityOptions(),
 ) -> tuple[NumberError, ...]:
-    """Every number of the waves with its errors: of the time step, and by cause the sum of those
-    of its pairs."""
+    """Every number of the waves with its errors: of the time step and of the instants that are
+    kept, and by cause the sum of those of its pairs."""
     run, speed = impact.trajectory, float(np.abs(start.velocity).max())
     at_wall, spheres = scene.wall is not None, scene.output.spheres
     numbers = {id(run): numbers_of(run, waves)}
@@ -113,6 +121,14 @@ def numbers_with_errors(
                 numbers[id(other)] = numbers_of(other, others)
     n, estimate, of_run = instants(scene, run), run.error_estimate or 0.0, numbers[id(run)]
 
+    # read from every second instant: what lies between the instants of the record costs a third of
+    # this change, its error falling with their distance squared; the rest is for instants that lie
+    # luckily. Without it the time of flight of `rig-rigid` was stated 24 times too well, 0.03 us
+    sparse = run._replace(t=run.t[::2], v=run.v[::2], contact_force=run.contact_force[::2])
+    read_sparsely = numbers_of(
+        sparse, chain_waves(sparse, start.chain, spheres, at_wall=at_wall)
+    )
+
     rows = []
     for name, (value, unit, width, sphere) in of_run.items():
         # what a relative change of the record does to the number: of a time a part of the width of
@@ -120,7 +136,9 @@ def numbers_with_errors(
         scale = width if unit == "s" else abs(value)
         wave = name.rpartition(":")[0]
         crest = abs(of_run[f"{wave}: peak_velocity_m_s"][0]) if wave else speed
-        errors = dict.fromkeys(pairs, 0.0) | {"time": estimate * scale * speed / crest}
+        between = abs(read_sparsely[name][0] - value) if name in read_sparsely else 0.0
+        errors = dict.fromkeys(pairs, 0.0)
+        errors["time"] = estimate * scale * speed / crest + between
         for cause, of_cause in pairs.items():
             for a, b, share in of_cause:
                 record_a, record_b = (
@@ -157,10 +175,13 @@ def numbers_of(
         numbers["arr_2_9"] = wall.arr, "1", width, None
         numbers["peak_wall_force_N"] = float(run.contact_force[:, -1].max()), "N", width, None
         numbers["contact_time_s"] = width, "s", width, None
+    widths = [label.arrival.width for labels in waves.labels.values() for label in labels]
+    widest = max(filter(np.isfinite, widths), default=float(run.t[-1]))
     for sphere, labels in waves.labels.items():
         for label in labels:
             wave, key = label.arrival, f"{sphere}: {label.name or 'unnamed'}"
-            width = wave.width if np.isfinite(wave.width) else 0.0
+            # a sphere that flies off keeps its velocity: its wave has no width of its own
+            width = wave.width if np.isfinite(wave.width) else widest
             numbers[f"{key}: time_s"] = wave.time, "s", width, sphere
             numbers[f"{key}: peak_velocity_m_s"] = wave.peak_velocity, "m/s", width, sphere
     return {name: entry for name, entry in numbers.items() if np.isfinite(entry[0])}
