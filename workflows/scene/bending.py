@@ -4,6 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from workflows.scene.named_materials import with_numbers
 from workflows.scene.quantities import of
 from workflows.scene.scene_table import (
     Density,
@@ -12,6 +13,7 @@ from workflows.scene.scene_table import (
     SceneTable,
     Spring,
     TurnSpring,
+    YieldStress,
     text_or_table,
 )
 from workflows.scene.units import AREA, FORCE, IN_PLANE, LENGTH, PRESSURE, SECOND_MOMENT
@@ -54,9 +56,11 @@ class Beam(SceneTable):
     area: of(Positive, AREA, 1e-9, 10) | None = None  # [m^2]
     second_moment: of(Positive, SECOND_MOMENT, 1e-18, 10) | None = None  # [m^4]
     shear_factor: Annotated[float, Field(gt=0, le=1.2)] | None = None  # of the section's shape
+    material: str | None = None  # a name of `named_materials`
     young: Modulus  # [Pa]
     poisson: Compressible = 0.3
     density: Density  # [kg/m^3]
+    yield_stress: YieldStress | None = None  # [Pa], of a warning alone
     left: EndOfBeam
     right: EndOfBeam
     position: Size  # [m]
@@ -78,6 +82,11 @@ class Beam(SceneTable):
         (shift, turn), (other_shift, other_turn) = self.springs
         n_turns = (shift > 0) + (other_shift > 0)
         return n_turns == 0 or (n_turns == 1 and turn == 0 and other_turn == 0)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_named_material(cls, table: Any) -> Any:
+        return with_numbers(table)
 
     @model_validator(mode="after")
     def _one_section(self) -> "Beam":
@@ -127,9 +136,11 @@ class BendingPlateTable(SceneTable):
     width: Size  # [m] along y
     thickness: Side  # [m]
     shear_factor: Annotated[float, Field(gt=0, le=1.2)] | None = None  # 5 / (6 - poisson)
+    material: str | None = None  # a name of `named_materials`
     young: Modulus  # [Pa]
     poisson: Compressible = 0.3
     density: Density  # [kg/m^3]
+    yield_stress: YieldStress | None = None  # [Pa], of a warning alone
     left: Edge
     right: Edge
     front: Edge
@@ -153,6 +164,11 @@ class BendingPlateTable(SceneTable):
         """Whether the plate can move as a rigid body: one hinged edge lets it turn."""
         supported = [edge for edge in self.edges if edge != "free"]
         return not supported or supported == ["hinged"]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_named_material(cls, table: Any) -> Any:
+        return with_numbers(table)
 
     @model_validator(mode="after")
     def _struck_inside(self) -> "BendingPlateTable":

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
+from workflows.scene.named_materials import with_numbers
 from workflows.scene.quantities import of
 from workflows.scene.scene_table import (
     Count,
@@ -18,6 +19,7 @@ from workflows.scene.scene_table import (
     Radius,
     SceneTable,
     Velocity,
+    YieldStress,
     Young,
     one_or_each,
 )
@@ -33,15 +35,23 @@ from workflows.scene.units import (
 class ChainTable(SceneTable):
     """Spheres in a row, the striker first: scalars, or one value per sphere.
 
-    A key that ends in a type alone, as `radius`, has no default: the scene states it.
+    A key that ends in a type alone, as `radius`, has no default: the scene states it, or the
+    `material` that it names.
     """
 
     count: Count
     radius: one_or_each(Radius)  # [m]
+    material: one_or_each(str) | None = None  # a name of `named_materials`
     density: one_or_each(Density)  # [kg/m^3]
     young: one_or_each(Young)  # [Pa]
     poisson: one_or_each(Poisson)
+    yield_stress: one_or_each(YieldStress) | None = None  # [Pa], of a warning alone
     initial_velocity: Annotated[tuple[Velocity, ...], Field(strict=False)] | None = None  # [m/s]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_named_material(cls, table: Any) -> Any:
+        return with_numbers(table)
 
 
 class Striker(SceneTable):

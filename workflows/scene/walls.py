@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, model_validator
 
+from workflows.scene.named_materials import with_numbers
 from workflows.scene.quantities import of
 from workflows.scene.scene_table import (
     Count,
@@ -19,6 +20,7 @@ from workflows.scene.scene_table import (
     Positive,
     Ratio,
     SceneTable,
+    YieldStress,
     Young,
 )
 from workflows.scene.units import (
@@ -39,8 +41,15 @@ class HalfSpaceWall(SceneTable):
     """A wall that is indented as a half-space of its material and does not move otherwise."""
 
     kind: Literal["half-space"]
+    material: str | None = None  # a name of `named_materials`
     young: Young = 210e9  # [Pa]
     poisson: Poisson = 0.3
+    yield_stress: YieldStress | None = None  # [Pa], of a warning alone
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_named_material(cls, table: Any) -> Any:
+        return with_numbers(table, ("young", "poisson", "yield_stress"))
 
 
 class OneDofWall(SceneTable):
@@ -50,8 +59,15 @@ class OneDofWall(SceneTable):
     frequency: Frequency  # [Hz]
     mass: of(Positive, MASS, 1e-6, 1e5)  # [kg]
     damping_ratio: Ratio = 0.0
+    material: str | None = None  # a name of `named_materials`
     young: Young = 210e9  # [Pa]
     poisson: Poisson = 0.3
+    yield_stress: YieldStress | None = None  # [Pa], of a warning alone
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_named_material(cls, table: Any) -> Any:
+        return with_numbers(table, ("young", "poisson", "yield_stress"))
 
 
 class DashpotWall(SceneTable):
@@ -67,6 +83,8 @@ class DashpotWall(SceneTable):
     density: Density | None = None  # [kg/m^3] of the plate
     young: Young = 210e9  # [Pa]
     poisson: Poisson = 0.3
+    material: str | None = None  # of the plate, a name of `named_materials`
+    yield_stress: YieldStress | None = None  # [Pa], of a warning alone
 
     @model_validator(mode="before")
     @classmethod
@@ -74,6 +92,9 @@ class DashpotWall(SceneTable):
         """A plate's, with the density of steel unless it has its own, or a bare coefficient's."""
         if not isinstance(table, dict):
             return table
+        bare = table.get("coefficient") is not None
+        numbers = ("young", "poisson", "yield_stress", *(() if bare else ("density",)))
+        table = with_numbers(table, numbers)
         plate, bare = (table.get(key) is not None for key in ("plate_thickness", "coefficient"))
         if plate and bare:
             raise ValueError("coefficient and plate_thickness exclude each other: keep one of them")

@@ -210,7 +210,7 @@ IMPACT = {
         ("start", "missed-energy", "reduction", "impact", "waves"),
     ),
     "time-errors": Stage(
-        ".quantity_errors:time_errors", _marched, ("start", "impact", "waves"), listed=False
+        ".number_errors:time_errors", _marched, ("start", "impact", "waves"), listed=False
     ),
     "waves": Stage(".waves:waves", _observed, ("start", "impact")),
     "chain-numbers": Stage(
