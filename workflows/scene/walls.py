@@ -42,8 +42,8 @@ class HalfSpaceWall(SceneTable):
 
     kind: Literal["half-space"]
     material: str | None = None  # a name of `named_materials`
-    young: Young = 210e9  # [Pa]
-    poisson: Poisson = 0.3
+    young: Young = 210e9  # [Pa] Young's modulus
+    poisson: Poisson = 0.3  # Poisson's ratio
     yield_stress: YieldStress | None = None  # [Pa], of a warning alone
 
     @model_validator(mode="before")
@@ -56,12 +56,12 @@ class OneDofWall(SceneTable):
     """A mass on a spring and a dashpot; young and poisson are those of the surface struck."""
 
     kind: Literal["1dof"]
-    frequency: Frequency  # [Hz]
+    frequency: Frequency  # [Hz] natural frequency
     mass: of(Positive, MASS, 1e-6, 1e5)  # [kg]
-    damping_ratio: Ratio = 0.0
+    damping_ratio: Ratio = 0.0  # over the critical one
     material: str | None = None  # a name of `named_materials`
-    young: Young = 210e9  # [Pa]
-    poisson: Poisson = 0.3
+    young: Young = 210e9  # [Pa] Young's modulus
+    poisson: Poisson = 0.3  # Poisson's ratio
     yield_stress: YieldStress | None = None  # [Pa], of a warning alone
 
     @model_validator(mode="before")
@@ -78,11 +78,12 @@ class DashpotWall(SceneTable):
     """
 
     kind: Literal["dashpot"]
-    coefficient: of(Positive, DASHPOT) | None = None  # [N s/m]
-    plate_thickness: of(Positive, LENGTH, 1e-6, 0.5) | None = None  # [m]
+    coefficient: of(Positive, DASHPOT) | None = None  # [N s/m] force over velocity
+    # [m] of an infinite plate, in place of the coefficient
+    plate_thickness: of(Positive, LENGTH, 1e-6, 0.5) | None = None
     density: Density | None = None  # [kg/m^3] of the plate
-    young: Young = 210e9  # [Pa]
-    poisson: Poisson = 0.3
+    young: Young = 210e9  # [Pa] Young's modulus
+    poisson: Poisson = 0.3  # Poisson's ratio
     material: str | None = None  # of the plate, a name of `named_materials`
     yield_stress: YieldStress | None = None  # [Pa], of a warning alone
 
@@ -126,7 +127,7 @@ class RomWall(SceneTable):
     cutoff: Limit | None = None  # [Hz]
     prune: bool = False
     young: Young | None = None  # [Pa] of the surface struck; of [assembly] it is the block's own
-    poisson: Poisson | None = None
+    poisson: Poisson | None = None  # Poisson's ratio
     # principal ones of the face struck [1/m], < 0 hollow; of [assembly] they are its own
     curvatures: Annotated[tuple[Number, Number], Field(strict=False)] | None = None
 
