@@ -28,15 +28,15 @@ if TYPE_CHECKING:
 class Friction(SceneTable):
     """Friction of the last sphere at the wall, exact under any history (Cattaneo and Mindlin)."""
 
-    coefficient: Annotated[NonNegative, Field(le=10)]
+    coefficient: Annotated[NonNegative, Field(le=10)]  # tangential over normal force where it slips
 
 
 class Arm(SceneTable):
     """Holds the last sphere across the chain: springs at rest in the static state; inf clamps."""
 
     stiffness: one_or_each(Spring) = 0.0  # [N/m] across, or [t1, t2]
-    rotation: TurnSpring = 0.0  # [N m/rad]
-    inertia: of(NonNegative, INERTIA, 0, 10) = 0.0  # [kg m^2] besides the sphere's
+    rotation: TurnSpring = 0.0  # [N m/rad] against turns about t1 and t2
+    inertia: of(NonNegative, INERTIA, 0, 10) = 0.0  # [kg m^2] besides the sphere's own
 
 
 def arm_stiffness(arm: Arm | None) -> np.ndarray:
