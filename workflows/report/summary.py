@@ -144,6 +144,26 @@ class StructureNumbers(NamedTuple):
     warnings: tuple[str, ...]
 
 
+class FrictionNumbers(BaseModel):
+    """The last sphere across the chain, under friction at the wall; vectors along t1 and t2.
+
+    The first two are of the contact at its peak force; surface_velocity_ratio: velocity of the
+    sphere's surface at the contact, end over start, None where it starts at rest; dt_s and
+    error_estimate: step of the march across, and its error relative to the largest speed at the
+    start.
+    """
+
+    stick_stiffness_N_m: float
+    gross_slip_m: float
+    peak_friction_N: float
+    velocity_m_s: tuple[float, float]
+    spin_rad_s: tuple[float, float]
+    surface_velocity_ratio: float | None = None
+    dissipated_J: float
+    dt_s: float
+    error_estimate: float
+
+
 class ErrorEstimate(BaseModel):
     """Relative errors of the observed velocities by cause; None where nothing estimates one."""
 
@@ -231,6 +251,7 @@ class Summary(BaseModel):
     waves: dict[str, SphereWaves] = {}
     sensors: dict[str, SensorWaves] = {}
     wall_contact: ChainContact | None = None
+    friction: FrictionNumbers | None = None
     reduction: ReductionHealth | None = None
     verdict: tuple[str, ...] = ()
     wall_modes_left_out: tuple[str, ...] = ()

@@ -22,6 +22,7 @@ from workflows.scene.bodies import (
 from workflows.scene.chain import ChainTable, LeafSpringsTable, Preload, Striker
 from workflows.scene.contact import ContactTable
 from workflows.scene.damping import Damping
+from workflows.scene.friction import Arm, Friction
 from workflows.scene.gravity import Gravity, Guides
 from workflows.scene.joints import Joints, JointStiffnesses
 from workflows.scene.mesh import Standing
@@ -57,6 +58,8 @@ class Scene(SceneTable):
     gravity: Gravity | None = None
     guides: Guides | None = None
     preload: Preload | None = None
+    friction: Friction | None = None
+    arm: Arm | None = None
     wall: Wall | None = None
     beam: Beam | None = None
     plate: BendingPlateTable | None = None
