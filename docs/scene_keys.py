@@ -13,14 +13,12 @@ PAGE = Path(__file__).with_name("scene-keys.md")
 HEAD = """# Scene keys
 
 Every key of a scene, by table, written from the tables themselves. `beadwave scene --key
-chain.radius` prints one entry, `--key chain` those of a table. NAME is a name of yours, N the number
-of a row from 1. A number with a unit may be written as text with any unit of its kind
+chain.radius` prints one entry, `--key chain` those of a table. NAME is a name of yours, N the
+number of a row from 1. A number with a unit may be written as text with any unit of its kind
 (`"12.7 mm"`); outside its usual range it needs its unit, or its key in `unusual`.
 
 """
-COLUMNS = "| key | values | usual size | default | |\\n|---|---|---|---|---|\\n".replace(
-    "\\n", "\n"
-)
+COLUMNS = "| key | values | usual size | default | example | |\n|---|---|---|---|---|---|\n"
 
 
 def page() -> str:

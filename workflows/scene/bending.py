@@ -56,14 +56,12 @@ class Beam(SceneTable):
     area: of(Positive, AREA, 1e-9, 10) | None = None  # [m^2] of any section
     # [m^4] of the section, with area
     second_moment: of(Positive, SECOND_MOMENT, 1e-18, 10) | None = None
-    shear_factor: Annotated[float, Field(gt=0, le=1.2)] | None = (
-        None  # Timoshenko's; without it, that of the section's shape
-    )
+    shear_factor: Annotated[float, Field(gt=0, le=1.2)] | None = None  # by default of its shape
     material: str | None = None  # a named material, in place of its numbers
     young: Modulus  # [Pa] Young's modulus
     poisson: Compressible = 0.3  # Poisson's ratio
     density: Density  # [kg/m^3] mass over volume
-    yield_stress: YieldStress | None = None  # [Pa] where it yields; serves a warning alone
+    yield_stress: YieldStress | None = None  # [Pa] for a warning
     left: EndOfBeam  # how that end or edge is held
     right: EndOfBeam  # how that end or edge is held
     position: Size  # [m] of the strike from the left end
@@ -138,14 +136,12 @@ class BendingPlateTable(SceneTable):
     length: Size  # [m] along x
     width: Size  # [m] along y
     thickness: Side  # [m] along the chain
-    shear_factor: Annotated[float, Field(gt=0, le=1.2)] | None = (
-        None  # Mindlin's; without it, 5 / (6 - poisson)
-    )
+    shear_factor: Annotated[float, Field(gt=0, le=1.2)] | None = None  # by default 5 / (6 - nu)
     material: str | None = None  # a named material, in place of its numbers
     young: Modulus  # [Pa] Young's modulus
     poisson: Compressible = 0.3  # Poisson's ratio
     density: Density  # [kg/m^3] mass over volume
-    yield_stress: YieldStress | None = None  # [Pa] where it yields; serves a warning alone
+    yield_stress: YieldStress | None = None  # [Pa] for a warning
     left: Edge  # how that end or edge is held
     right: Edge  # how that end or edge is held
     front: Edge  # how that edge is held
