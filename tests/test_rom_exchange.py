@@ -107,7 +107,7 @@ def test_damping_stands_beside_the_matrices_for_others_to_read(tmp_path):
 
 
 @pytest.mark.parametrize("ending", ["npz", "mat"])
-def test_a_model_without_dashpots_is_written_with_a_zero_C_and_read_without(tmp_path, ending):
+def test_a_model_without_dashpots_is_written_with_zero_damping_and_read_without(tmp_path, ending):
     path = tmp_path / f"rom.{ending}"
     write, read = {"npz": (save_npz, load_npz), "mat": (save_mat, load_mat)}[ending]
     write(path, small_model())
