@@ -1,12 +1,17 @@
 """The arrays that are saved of a run: those over time, and the wall modes they belong to."""
 
+from __future__ import annotations
+
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from coupling.coupled_wall import CoupledWall
 from dem import Trajectory, Wall
-from dem.lateral import LateralTrajectory
+
+if TYPE_CHECKING:  # a run without friction loads no motion across
+    from dem.lateral import LateralTrajectory
 
 
 def save_trajectory(
