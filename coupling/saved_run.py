@@ -38,6 +38,9 @@ def arrays(
     saved = {name: a for name, a in fields if isinstance(a, np.ndarray) and len(a) == k and a.size}
     if lateral is not None:
         saved |= {name: a for name, a in lateral._asdict().items() if isinstance(a, np.ndarray)}
+        if lateral.cycle is not None:
+            fields = lateral.cycle._asdict().items()
+            saved |= {f"cycle_{name}": a for name, a in fields if isinstance(a, np.ndarray)}
         saved["energy_total"] = trajectory.energy_total + lateral.energy
     if trajectory.wall_q.size:
         reading = wall.reading if isinstance(wall, CoupledWall) else wall.phi

@@ -24,6 +24,7 @@ from dem.kernels.arguments import Array, Steps
 from dem.kernels.lateral import Across, Pressing, SavedAcross, Sphere, Springs, march_across
 from dem.kernels.oscillators import oscillator_propagator
 from dem.kernels.tangential import (
+    HEAT,
     TangentialLaw,
     cell_force,
     slide,
@@ -464,5 +465,7 @@ def periodic_state(body: Body, overlap: float, motion: WallMotion) -> tuple[Acro
         error,
         float(np.hypot(*((state.u - before.u) @ frame))),
     )
+    # slip and heat count from the striker on
     state.slip[:] = 0.0
+    (springs.row if springs.cells is None else springs.cells).state[HEAT] = 0.0
     return state, springs, cycle
