@@ -129,6 +129,7 @@ def test_a_scene_without_an_assembly_loads_nothing_of_one(name, tmp_path):
     loads_nothing_of(ASSEMBLY, "run", name, f"--out={tmp_path}/out")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "name", "more"),
     [

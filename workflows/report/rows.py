@@ -139,7 +139,7 @@ def sensed(signal: SensorWaves) -> str:
     """Largest value and waves of a sensor's signal, in a line."""
     parts = [f"up to {si(signal.largest, signal.unit)}"]
     if signal.tof_s is not None:
-        parts += [f"TOF {si(signal.tof_s, 's')}", f"ARR {percent(signal.arr)}"]
+        parts += [f"echo delay {si(signal.tof_s, 's')}", f"echo ratio {percent(signal.arr)}"]
     return listed(parts)
 
 

@@ -40,12 +40,12 @@ class ChainTable(SceneTable):
     """
 
     count: Count  # number of spheres, the striker included
-    radius: one_or_each(Radius)  # [m] of the spheres
-    material: one_or_each(str) | None = None  # a name of `named_materials`
-    density: one_or_each(Density)  # [kg/m^3]
+    radius: one_or_each(Radius)  # [m] radius of the spheres
+    material: one_or_each(str) | None = None  # a named material, or one for each sphere
+    density: one_or_each(Density)  # [kg/m^3] mass over volume
     young: one_or_each(Young)  # [Pa] Young's modulus
     poisson: one_or_each(Poisson)  # Poisson's ratio
-    yield_stress: one_or_each(YieldStress) | None = None  # [Pa], of a warning alone
+    yield_stress: one_or_each(YieldStress) | None = None  # [Pa] for a warning
     # [m/s] of every sphere, in place of [striker]
     initial_velocity: Annotated[tuple[Velocity, ...], Field(strict=False)] | None = None
 

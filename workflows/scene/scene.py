@@ -50,7 +50,9 @@ class Scene(SceneTable):
     `unusual` names the keys whose values are intended though they lie outside of their usual range.
     """
 
+    # of the scene; by default that of its file
     name: Annotated[str, Field(pattern=r"^\w[\w.-]*$", max_length=LONGEST_NAME)]
+    # keys whose values are intended, outside of their usual range
     unusual: Annotated[tuple[str, ...], Field(strict=False)] | None = None
     chain: ChainTable | None = None
     striker: Striker | None = None
