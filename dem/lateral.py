@@ -82,6 +82,7 @@ class LateralSearch(NamedTuple):
     """How the step of a lateral march is searched for; of 40 random oblique impacts none was off by
     more than its stated error."""
 
+    dt: float | None = None  # [s] a step that is given, in place of an error
     safety: float = 2.0  # stated error over what the difference says: orders of 2 to 2.5 were seen
     phase: float = 0.2  # of the stiffest contact with the sphere, a first step; not varied
     most_steps: float = 3e8  # about a minute to ten
@@ -172,16 +173,15 @@ def march_lateral(
     *,
     motion: WallMotion | None = None,
     error: float | None = None,
-    dt: float | None = None,
     search: LateralSearch = USUAL_LATERAL_SEARCH,
 ) -> LateralTrajectory:
     """The last sphere across the chain, at the instants of the trajectory along it.
 
-    `error` is relative to the largest speed at the start, across or along; with `dt` [s] instead,
-    that step is taken and its error estimated by twice the step. Moves along one line are exact in
-    the contact, others take cells. Where the wall has a `motion`, all is periodic before the
-    striker. Raises InvalidChain for a chain whose contact has no such law,
-    UnstableStep where the error takes too many steps.
+    `error` is relative to the largest speed at the start, across or along; without it `search.dt`
+    is the step [s] of the coarser of two marches, which state the error of the finer. Moves along
+    one line are exact in the contact, others take cells. Where the wall has a `motion`, all is
+    periodic before the striker. Raises InvalidChain for a chain whose contact has no such law,
+    UnstableStep where the error takes too many steps, or no state is periodic.
     """
     require(
         chain.yield_overlap is None and chain.dissipation in ("none", "hunt-crossley"),
@@ -192,7 +192,10 @@ def march_lateral(
         simple and wall.residual_compliance == 0.0 and not chain.slides,
         "friction at the wall takes a rigid wall or one of one mode, and no guides; change them",
     )
-    require((error is None) != (dt is None), "give either error or dt to say how finely to march")
+    dt = search.dt
+    require(
+        (error is None) != (dt is None), "give either error or search.dt to say how finely to march"
+    )
     positive("inertia", last.inertia, " kg m^2")
     velocity = vector("lateral velocity", last.velocity, 2)
     stiffness = np.asarray(last.arm_stiffness, float)

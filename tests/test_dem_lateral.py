@@ -73,9 +73,15 @@ def test_errors_fall_with_the_square_of_the_step():
         chain, dem.rigid_wall(), [0.1], duration=2e-4, error=1e-9, n_save=100
     ).trajectory
     body = last(chain, [speed_at(2.0), 0.0])
-    ample = LateralSearch(capacity=60_000)
     runs = [
-        march_lateral(chain, dem.rigid_wall(), [0.1], along, body, dt=dt, search=ample)
+        march_lateral(
+            chain,
+            dem.rigid_wall(),
+            [0.1],
+            along,
+            body,
+            search=LateralSearch(dt=dt, capacity=60_000),
+        )
         for dt in (4e-7, 2e-7, 1e-7, 1.25e-8)
     ]
     exact = surface(runs[-1])[0]
@@ -248,7 +254,8 @@ def test_a_contact_that_sticks_makes_the_sphere_a_linear_oscillator():
         u = run.cycle.sphere_t[:, 0]
         expected = 1e-7 * gain * np.cos(2.0 * np.pi * frequency * run.cycle.t)
         np.testing.assert_allclose(u, expected, atol=2e-5 * np.abs(expected).max())
-        assert run.cycle.energy < 1e-8 * k_t * 1e-14  # slip of the rim, as 1 over the coefficient
+        # the rim slips, as 1 over the coefficient
+        assert run.cycle.energy < 1e-6 * k_t * np.ptp(run.cycle.slip) ** 2
 
 
 def test_the_work_of_the_wall_in_a_period_is_the_heat_of_friction():

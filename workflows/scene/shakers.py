@@ -23,16 +23,17 @@ class Shaker(SceneTable):
     """Moves the wall by amplitude cos(2 pi frequency t + phase), t = 0 when the striker arrives."""
 
     name: Annotated[str, Field(pattern=r"^\w[\w-]*$", max_length=50)]
-    on: str  # "wall"
-    at: Point | None = None  # of a face; a wall moves as a whole
-    direction: str | Annotated[tuple[Number, Number, Number], Field(strict=False)]  # or an axis
-    frequency: Frequency  # [Hz]
-    displacement: of(Positive, DISPLACEMENT, 0, 0.1) | None = None  # [m] amplitude
-    velocity: of(Positive, VELOCITY, 0, 10) | None = None  # [m/s] amplitude
+    on: str  # what it moves: "wall", all of a wall of a few numbers
+    at: Point | None = None  # [m] on a face; with on = "wall" there is none
+    # "y", "z", or a vector in their plane, which is that of the wall
+    direction: str | Annotated[tuple[Number, Number, Number], Field(strict=False)]
+    frequency: Frequency  # [Hz] of its motion; several shakers have a common period
+    displacement: of(Positive, DISPLACEMENT, 0, 0.1) | None = None  # [m] amplitude of the wall's
+    velocity: of(Positive, VELOCITY, 0, 10) | None = None  # [m/s] amplitude of the wall's
     acceleration: of(Positive, ACCELERATION, 0, 1e5) | None = None  # [m/s^2] amplitude
-    force: of(Positive, FORCE, 0, 1e5) | None = None  # [N] amplitude
-    stinger: of(Positive, STIFFNESS) | None = None  # [N/m] between shaker and structure
-    phase: Annotated[float, Field(ge=-360, le=360)] = 0.0  # [degrees]
+    force: of(Positive, FORCE, 0, 1e5) | None = None  # [N] amplitude; not of a wall
+    stinger: of(Positive, STIFFNESS) | None = None  # [N/m] to a structure; not of a wall
+    phase: Annotated[float, Field(ge=-360, le=360)] = 0.0  # [degrees] when the striker arrives
 
     @property
     def vector(self) -> np.ndarray:

@@ -47,9 +47,11 @@ INSTEAD = {
     "reduction.modes": {"cutoff", "error"},
     "reduction.cutoff": {"modes", "error"},
     "reduction.error": {"modes", "cutoff"},
+    "shakers.NAME.displacement": {"velocity", "acceleration", "force"},
+    "shakers.NAME.velocity": {"displacement", "acceleration", "force"},
+    "shakers.NAME.acceleration": {"displacement", "velocity", "force"},
+    "shakers.NAME.force": {"displacement", "velocity", "acceleration"},
 }
-
-SHAKER_AMPLITUDES = {"displacement", "velocity", "acceleration", "force"}
 
 
 def resolved(tables: dict[str, Any], source: str, folder: Path = Path()) -> Scene:
@@ -168,10 +170,8 @@ def _pair(change: Change) -> tuple[str, Any]:
 
 def instead_of(key: str) -> set[str]:
     """The keys of its table that a dotted key takes the place of."""
-    table, last = key.partition(".")[0], key.rpartition(".")[2]
-    if table == "shakers" and last in SHAKER_AMPLITUDES:
-        return SHAKER_AMPLITUDES - {last}
-    return INSTEAD.get(key, set())
+    words = key.split(".")
+    return INSTEAD.get(f"shakers.NAME.{words[-1]}" if words[0] == "shakers" else key, set())
 
 
 def undoes(later: str, earlier: str) -> bool:

@@ -13,7 +13,13 @@ import numpy as np
 import coupling
 import dem
 from dem.friction import gross_slip, stick_stiffness, tangential_law
-from dem.lateral import LastSphere, LateralTrajectory, WallMotion, march_lateral
+from dem.lateral import (
+    LastSphere,
+    LateralSearch,
+    LateralTrajectory,
+    WallMotion,
+    march_lateral,
+)
 from dem.spheres import hertz_overlap, mass
 from workflows.report.summary import ChainNumbers, FrictionNumbers
 from workflows.scene import Scene
@@ -35,7 +41,7 @@ def friction(
 ) -> LateralTrajectory:
     """The march across the chain, to the scene's error or at its step."""
     time = scene.time
-    wanted = {"error": time.error} if time.dt is None else {"dt": time.dt}
+    wanted = {"error": time.error} if time.dt is None else {"search": LateralSearch(dt=time.dt)}
     return march_lateral(
         start.chain,
         wall,
