@@ -247,7 +247,10 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
         impact = impact | {
             "friction": Stage(
                 ".friction:friction",
-                lambda scene: [_marched(scene), tables_of("friction", "arm", "striker")(scene)],
+                lambda scene: [
+                    _marched(scene),
+                    tables_of("friction", "arm", "shakers", "striker")(scene),
+                ],
                 ("start", "wall", "impact"),
             ),
             "chain-files": files._replace(

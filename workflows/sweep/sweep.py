@@ -27,7 +27,7 @@ from workflows.sweep.tasks import Sharing, sharings
 # keep a core busy
 AT_ONCE = 2
 FIXED = ("name", "output.", "unusual")  # keys that the table's columns depend on
-ACROSS = ("friction.", "arm.", "striker.tangential_velocity")  # keys without a column
+ACROSS = ("friction.", "arm.", "shakers.", "striker.tangential_velocity")  # keys without a column
 Engine = Callable[[Iterator[Sharing]], Iterator[list[Rows]]]
 Progress = Callable[[int, int], None]  # cases done, cases in all
 
