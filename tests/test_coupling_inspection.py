@@ -211,7 +211,7 @@ def test_two_places_on_a_symmetric_beam_are_told_as_two_answers():
     place = (Parameter("position", "shared", 0.1, 0.06, 0.24, 0.004),)
     fit = problem_of((0.11,), place, struck_at)
     ends = searched(fit, n_shared=1, starts=12, seed=0).ends
-    answers = [inverted(fit, n_shared=1, begin=end.theta, gains=["gain"]) for end in ends]
+    answers = [inverted(fit, n_shared=1, begin=end.point, gains=["gain"]) for end in ends]
     (rival,) = answers[0].rivals(answers[1:], 1)
     both = np.sort([answers[0].value[0], rival.value[0]])
     np.testing.assert_allclose(both, [0.11, LENGTH - 0.11], rtol=2e-3)

@@ -8,7 +8,6 @@ import pytest
 from scipy.stats import multivariate_t
 
 from dem import InvalidChain
-from workflows.fit.core.calibration.fitting import Solution
 from workflows.fit.core.calibration.growing_windows import (
     SWAPS,
     GrowingWindows,
@@ -25,6 +24,7 @@ from workflows.fit.core.calibration.posterior import (
 )
 from workflows.fit.core.calibration.scan import IMPOSSIBLE, local_minima, scanned
 from workflows.fit.core.calibration.uncertainty import noise_along
+from workflows.fit.core.least_squares import Solution
 
 K, M = 60, 2
 RNG = np.random.default_rng(11)

@@ -15,7 +15,6 @@ import coupling
 import dem
 import dem.spheres
 from workflows.files.record import Record
-from workflows.fit.better_walls import BetterWall
 from workflows.fit.calibration import parameters as free_parameters
 from workflows.fit.calibration.report import CalibrationReport, report_of
 from workflows.fit.core.calibration.calibration import CalibrationResult, calibrate, widened
@@ -42,7 +41,7 @@ from workflows.fit.core.calibration.signals import (
     noise_of_mean,
 )
 from workflows.fit.core.columns import beyond, require_columns
-from workflows.fit.core.model_errors import BetterModel
+from workflows.fit.core.model_errors import BetterModel, with_systems
 from workflows.fit.records import sensor_of, usable
 from workflows.scene import InvalidScene, OneDofWall, Scene
 from workflows.scene.sensors import KINDS
@@ -92,7 +91,7 @@ def calibrated(
     measured: Record,
     source: str,
     request: CalibrationRequest,
-    better: Mapping[str, Sequence[BetterWall]] = MappingProxyType({}),
+    better: Mapping[str, Sequence[BetterModel]] = MappingProxyType({}),
 ) -> Calibrated:
     """The scene fitted to the record, with bars that hold noise, the step of time, and what walls
     that are `better` change; raises InvalidScene for data or requests that cannot be."""
@@ -164,13 +163,7 @@ def calibrated(
     # bars hold what is known of the model's errors as well as the noise
     forward = ChainForward(rig, fit.parameters, signals, filters)
 
-    def rig_before(wall):
-        return None if wall is None else free_parameters.rig(scene, wall, trigger)
-
-    models = {
-        cause: [BetterModel(rig_before(w.wall), w.share, rig_before(w.beside)) for w in walls]
-        for cause, walls in better.items()
-    }
+    models = with_systems(better, lambda wall: free_parameters.rig(scene, wall, trigger))
     fit = widened(fit, forward, models)
 
     # the spheres held out are predicted, and all is reported

@@ -16,7 +16,6 @@ from pydantic import BaseModel
 
 import dem
 from workflows.files.record import SYNTHETIC, Record
-from workflows.fit.better_walls import BetterWall
 from workflows.fit.calibration import parameters as free_parameters
 from workflows.fit.calibration.calibrate import Calibrated, CalibrationRequest, calibrated
 from workflows.fit.core.calibration.coverage import Repeats, refitted
@@ -28,6 +27,7 @@ from workflows.fit.core.calibration.instrument import (
     repeated,
 )
 from workflows.fit.core.calibration.parameters import Parameter
+from workflows.fit.core.model_errors import BetterModel
 from workflows.report.tables import LINE, aligned_text
 from workflows.scene import InvalidScene, OneDofWall, Scene
 from workflows.stages.chain import chain, initial_velocity
@@ -134,7 +134,7 @@ def twin_run(
     wall: dem.Wall | None,
     twin: Twin,
     request: CalibrationRequest,
-    better: Mapping[str, Sequence[BetterWall]] = MappingProxyType({}),
+    better: Mapping[str, Sequence[BetterModel]] = MappingProxyType({}),
 ) -> tuple[Calibrated, Record]:
     """The experiment made and calibrated; the report holds the truth beside what was found."""
     true_rig = truth(scene, twin)

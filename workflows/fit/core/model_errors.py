@@ -10,9 +10,9 @@ f + d moves the numbers by. Nobody knows whether the better model is
 right, so b counts as a bound of a bias: it joins the bars in quadrature, along its direction.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,12 +27,64 @@ LEAST_SHARE = 0.01  # of a cause in the square of a bar, from which on a table n
 UNDETERMINED = 1e-12  # of the largest singular value: directions below take no bias
 
 
+class Forward(Protocol):
+    """A model of signals that can be marched otherwise."""
+
+    def with_steps(self, factor: float) -> "Forward":
+        """The same with time steps so many times as long."""
+
+    def with_system(self, system: object) -> "Forward":
+        """The same with another chain and wall."""
+
+
 class BetterModel(NamedTuple):
     """A model beside the one of a fit, and how much of their difference counts as its error."""
 
-    system: object  # what the forward model of a fit marches, or a function that gives it
+    system: object  # what the forward model of a fit marches, a function that gives it, or a wall
     share: float
     beside: object | None = None  # the poorer of the pair; None is the model of the fit
+
+
+class ModelChange(NamedTuple):
+    """What signals change by in a better model, and how much of that counts as an error."""
+
+    signals: NDArray[np.float64]
+    share: float
+
+
+def with_systems(
+    models: Mapping[str, Sequence[BetterModel]], system: Callable[[object], object]
+) -> dict[str, list[BetterModel]]:
+    """The models by cause with `system(x)` in place of x, as a rig in place of its wall."""
+    return {
+        cause: [
+            BetterModel(
+                system(model.system),
+                model.share,
+                None if model.beside is None else system(model.beside),
+            )
+            for model in better
+        ]
+        for cause, better in models.items()
+    }
+
+
+def changes(
+    forward: Forward,
+    usual: NDArray[np.float64],
+    shown: Callable[[Forward], NDArray[np.float64]],
+    models: Mapping[str, Sequence[BetterModel]],
+) -> dict[str, list[ModelChange]]:
+    """By cause what better models change in the signals that `shown` computes of a forward model:
+    smaller steps of time, and each of the models. `usual` is shown(forward)."""
+    by_cause = {TIME: [ModelChange(shown(forward.with_steps(0.5)) - usual, TIME_SHARE)]}
+    for cause, better in models.items():
+        by_cause[cause] = []
+        for model in better:
+            poorer = usual if model.beside is None else shown(forward.with_system(model.beside))
+            change = shown(forward.with_system(model.system)) - poorer
+            by_cause[cause].append(ModelChange(change, model.share))
+    return by_cause
 
 
 class WidenedBars(NamedTuple):

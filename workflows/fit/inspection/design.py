@@ -13,17 +13,17 @@ import dem
 from coupling.band import Band
 from coupling.sensors import Sensor
 from workflows.files.run_folder import Picture
-from workflows.fit.better_walls import BetterWall, better_walls
-from workflows.fit.core.calibration.parameters import Parameter
+from workflows.fit.better_walls import better_walls
+from workflows.fit.core.calibration.parameters import Parameter, ends
 from workflows.fit.core.inspection.foreseen import foreseen, trigger
 from workflows.fit.core.inspection.forward import StructureForward, unknowns
 from workflows.fit.core.inspection.judgement import LIMITS
 from workflows.fit.core.inspection.reading import USUAL_NOISE
-from workflows.fit.core.model_errors import NOISE
+from workflows.fit.core.model_errors import NOISE, BetterModel, with_systems
 from workflows.fit.core.parametric_wall import Bounds
 from workflows.fit.inspection import numbers
 from workflows.fit.inspection.inspect import STEPS
-from workflows.fit.inspection.structure import VariedScene, models_of, structure
+from workflows.fit.inspection.structure import VariedScene, structure
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
 from workflows.report.tables import Table, short
@@ -42,7 +42,7 @@ class CandidateWalls(NamedTuple):
     """The scene with its walls, and those that are better in one respect."""
 
     model: VariedScene
-    better: Mapping[str, Sequence[BetterWall]]
+    better: Mapping[str, Sequence[BetterModel]]
 
 
 class CandidateChain(NamedTuple):
@@ -115,7 +115,7 @@ def _candidate(
 
     try:
         if wall not in walls:
-            box = Bounds(*(np.array([getattr(p, end) for p in nearby]) for end in ("low", "high")))
+            box = Bounds(*ends(nearby))
             model = structure(base, keys, box, n, lambda name: nullcontext())
             model = model.through(theta) if model.between else model
             walls[wall] = CandidateWalls(model, better_walls(scene))
@@ -125,7 +125,8 @@ def _candidate(
         forward = StructureForward(model, sensors, step)
         causes, records = foreseen(
             forward, unknowns(sought, per_record, [trigger()]), theta, t,
-            noise=noise, unknown_gain=unknown_gain, models=models_of(model, walls[wall].better),
+            noise=noise, unknown_gain=unknown_gain,
+            models=with_systems(walls[wall].better, model.behind),
         )  # fmt: skip
     except (coupling.CouplingError, dem.InvalidChain, dem.NoEquilibrium) as reason:
         raise InvalidScene(f"{scene.name}: {str(reason).rstrip('.')}.") from None

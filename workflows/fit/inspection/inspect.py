@@ -8,7 +8,7 @@ import numpy as np
 import coupling
 import dem
 from workflows.files.record import Recorded
-from workflows.fit.core.calibration.parameters import Parameter
+from workflows.fit.core.calibration.parameters import Parameter, ends
 from workflows.fit.core.calibration.plausibility import require_samples
 from workflows.fit.core.columns import beyond, require_columns
 from workflows.fit.core.inspection.answer import answered
@@ -79,7 +79,7 @@ def inspected(
     if twice := next((key for key in keys if keys.count(key) > 1), None):
         raise InvalidScene(f"{twice} is found for all records and for --each; name it once.")
 
-    box = Bounds(*(np.array([getattr(p, end) for p in shared]) for end in ("low", "high")))
+    box = Bounds(*ends(shared))
     model = structure(base, keys, box, n, progress)
     with progress("inversion"):
         fit, gains, noise_known = problem(model, records, shared, per_record)

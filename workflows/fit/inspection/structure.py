@@ -1,6 +1,6 @@
 """Chain and wall of a scene as functions of numbers in it; a reduced wall between computed ones."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 import coupling
 import dem
-from workflows.fit.better_walls import FAILURES, BetterWall, better_walls
+from workflows.fit.better_walls import FAILURES, better_walls
 from workflows.fit.core.inspection.forward import System
-from workflows.fit.core.model_errors import BetterModel
+from workflows.fit.core.model_errors import BetterModel, with_systems
 from workflows.fit.core.parametric_wall import (
     Bounds,
     Computed,
@@ -74,6 +74,10 @@ class VariedScene(NamedTuple):
         """The same walls behind the chain of another scene."""
         rows = _keyed_chains(base, scene, self.keys, self.surface)
         return self._replace(scene=scene, base=base, rows=rows)
+
+    def behind(self, wall: dem.Wall | coupling.CoupledWall) -> "VariedScene":
+        """The same chain before this wall, whatever the values of its keys."""
+        return self._replace(between=None, fixed=wall)
 
     def within(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> "VariedScene":
         """The same with walls computed between narrower bounds (n,) of the first keys, where
@@ -195,23 +199,10 @@ def better_models(model: VariedScene, values: NDArray[np.float64]) -> dict[str, 
     """Models of the same structure at the values (q,) of the keys that are better in one respect,
     by the cause of the error: see `better_walls`."""
     try:
-        return models_of(model, better_walls(scene_at(model.base, model.keys, values)))
+        walls = better_walls(scene_at(model.base, model.keys, values))
     except FAILURES:  # values that no scene may have: the bars name the causes that they hold
         return {}
-
-
-def models_of(
-    model: VariedScene, walls: Mapping[str, Sequence[BetterWall]]
-) -> dict[str, list[BetterModel]]:
-    """The model with better walls in place of its own, at all values of its keys."""
-
-    def before(wall):
-        return None if wall is None else model._replace(between=None, fixed=wall)
-
-    return {
-        cause: [BetterModel(before(pair.wall), pair.share, before(pair.beside)) for pair in pairs]
-        for cause, pairs in walls.items()
-    }
+    return with_systems(walls, model.behind)
 
 
 def computed(scene: Scene) -> Computed:

@@ -16,12 +16,19 @@ from coupling.errors import CouplingError
 from workflows.fit.core import model_errors
 from workflows.fit.core.calibration.fitting import WindowFit, weights
 from workflows.fit.core.calibration.forward import ChainForward
-from workflows.fit.core.calibration.parameters import Parameter, Rig, coordinates, values
+from workflows.fit.core.calibration.parameters import (
+    Parameter,
+    Rig,
+    at_bound,
+    coordinates,
+    scales,
+    values,
+)
 from workflows.fit.core.calibration.scan import Scan
 from workflows.fit.core.calibration.search import CoarseToFine, FitStage, Options
 from workflows.fit.core.calibration.signals import Filter, Signals
 from workflows.fit.core.calibration.uncertainty import Uncertainty, uncertainty
-from workflows.fit.core.model_errors import TIME, TIME_SHARE, BetterModel
+from workflows.fit.core.model_errors import BetterModel
 
 NO_FILTER = Filter()
 USUAL = Options()
@@ -72,15 +79,13 @@ def calibrate(
     start = forward.velocities(forward.start)
 
     # parameters at a bound are fixed there: the covariance is that of the others
-    low, high = (np.array([getattr(p, b) for p in fit.parameters]) for b in ("low", "high"))
-    margin = 1e-6 * (high - low)
-    at_bound = (theta - low <= margin) | (high - theta <= margin)
+    fixed = at_bound(fit.parameters, theta)
     residual, J = (model - v) * fit.weights, dv * fit.weights[:, None]
     return CalibrationResult(
         parameters=fit.parameters,
         value=theta,
-        at_bound=at_bound,
-        uncertainty=uncertainty(fit.parameters, residual, J, at_bound),
+        at_bound=fixed,
+        uncertainty=uncertainty(fit.parameters, residual, J, fixed),
         data=v,
         model=model,
         start=start,
@@ -104,27 +109,17 @@ def widened(
     """
     weight = weights(forward.signals.spread)
 
-    def velocities(forward):
+    def shown(forward):
         """(k m,) at what was found, weighted."""
         return (forward.velocities(fit.value) * weight).ravel()
 
-    def of(rig):
-        return ChainForward(rig, fit.parameters, forward.signals, forward.filters)
-
     of_fit, dv = forward.velocities_and_sensitivities(fit.value)
-    of_fit = (of_fit * weight).ravel()
-    differences = {TIME: [TIME_SHARE * (velocities(forward.with_steps(0.5)) - of_fit)]}
-    for cause, better in models.items():
-        differences[cause] = []
-        for model in better:
-            beside = of_fit if model.beside is None else velocities(of(model.beside))
-            shown = velocities(of(model.system))
-            differences[cause].append(model.share * (shown - beside))
-
-    scale = np.array([p.scale for p in fit.parameters])
+    by_cause = model_errors.changes(forward, (of_fit * weight).ravel(), shown, models)
+    scale = scales(fit.parameters)
     J = np.where(fit.at_bound, 0.0, dv * weight[:, None] * scale).reshape(-1, len(scale))
     biases = {
-        cause: model_errors.biases(J, np.array(better).T) for cause, better in differences.items()
+        cause: model_errors.biases(J, np.array([c.share * c.signals for c in changes]).T)
+        for cause, changes in by_cause.items()
     }
     result = model_errors.widened(fit.uncertainty, scale, biases, fit.at_bound)
     return fit._replace(uncertainty=result.uncertainty, causes=result.causes)

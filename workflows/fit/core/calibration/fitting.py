@@ -7,14 +7,14 @@ scale counts as a misfit of PRIOR of the fastest sphere.
 
 from collections.abc import Iterator
 from itertools import combinations
-from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from dem import InvalidChain, NoEquilibrium
+from workflows.fit.core import least_squares
 from workflows.fit.core.calibration.forward import ChainForward
-from workflows.fit.core.calibration.parameters import coordinates, slopes, values
+from workflows.fit.core.calibration.parameters import coordinates, ends, slopes, values
+from workflows.fit.core.least_squares import Solution, rms
 
 PRIOR = 3e-5  # rms of a parameter one scale off its start, over the fastest sphere
 CONVERGED = 1e-10  # relative fall of the misfit, or step, at which a fit ends
@@ -23,24 +23,13 @@ CLOSE = 4  # contacts between the ends of a cycle of three, at most
 DISTINCT = 0.1  # scales between two contacts below which a swap changes nothing
 
 
-class Solution(NamedTuple):
-    """Where a fit ended: z (p,), rms misfit of the windows [m/s], model runs, whether it converged
-    before its largest number of runs."""
-
-    z: np.ndarray
-    misfit: float
-    evaluations: int
-    converged: bool
-
-
 class WindowFit:
     """Data, weights and model; a problem is these on windows (k, m) with free parameters (p,)."""
 
     def __init__(self, forward: ChainForward) -> None:
         self.forward, self.parameters = forward, forward.parameters
         self.data, self.weights = forward.signals.v, weights(forward.signals.spread)
-        ends = (np.array([getattr(p, b) for p in self.parameters]) for b in ("low", "high"))
-        self.low, self.high = (coordinates(self.parameters, end) for end in ends)
+        self.low, self.high = (coordinates(self.parameters, end) for end in ends(self.parameters))
         self.largest = float(np.abs(self.data).max())
 
     def residual(self, z: np.ndarray, windows: np.ndarray) -> np.ndarray:
@@ -77,29 +66,12 @@ class WindowFit:
         parameters that are not free stay. With a prior, a weak spring pulls each to its start."""
         if not free.any():
             return Solution(z, self.misfit(z, windows), 0, True)
-        low, high, start = self.low[free], self.high[free], z[free]
         spring = PRIOR * self.largest * np.sqrt(windows.sum()) if prior else 0.0
-
-        def full(x):
-            """z (p,) of the free coordinates x; the others stay."""
-            z_full = z.copy()
-            z_full[free] = x
-            return z_full
-
-        def residual(x):
-            return np.concatenate([self.residual(full(x), windows), spring * (x - start)])
-
-        def jacobian(x):
-            J = self.jacobian(full(x), windows)[:, free]
-            return np.vstack([J, spring * np.eye(len(x))])
-
-        margin = 1e-9 * (high - low)
-        solution = least_squares(
-            residual, np.clip(start, low + margin, high - margin), jacobian, bounds=(low, high),
-            xtol=tolerance, ftol=tolerance, gtol=1e-15, max_nfev=max_runs,
+        return least_squares.solved(
+            lambda z: self.residual(z, windows), lambda z: self.jacobian(z, windows),
+            z, free, (self.low, self.high), np.full(len(z), spring), z,
+            max_runs=max_runs, tolerance=tolerance,
         )  # fmt: skip
-        misfit = rms(solution.fun[: windows.sum()])
-        return Solution(full(solution.x), misfit, solution.nfev, solution.status > 0)
 
     def swapped(
         self, z: np.ndarray, free: np.ndarray, windows: np.ndarray, *, cycles: bool = False
@@ -136,8 +108,3 @@ def weights(spread: np.ndarray) -> np.ndarray:
     if not np.all(np.isfinite(spread)) or spread.min(initial=np.inf) <= 0.0:
         return np.ones(len(spread))
     return np.sqrt(np.mean(spread**2)) / np.maximum(spread, 0.1 * spread.max())
-
-
-def rms(residual: np.ndarray) -> float:
-    """Root mean square; 0 for an empty array."""
-    return float(np.sqrt(np.mean(residual**2))) if residual.size else 0.0

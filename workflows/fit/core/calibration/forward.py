@@ -65,6 +65,10 @@ class ChainForward:
         """The same model with other steps, in usual ones."""
         return ChainForward(self.rig, self.parameters, self.signals, self.filters, steps)
 
+    def with_system(self, system: Rig) -> "ChainForward":
+        """The same model of another rig, whose steps are its own usual ones."""
+        return ChainForward(system, self.parameters, self.signals, self.filters, self.steps)
+
     def of_velocities(self) -> "ChainForward":
         """The same model with the velocities of the sensors' spheres."""
         signals = self.signals._replace(channels=None)

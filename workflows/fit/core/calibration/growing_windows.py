@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workflows.fit.core.calibration.fitting import Solution, WindowFit
+from workflows.fit.core.calibration.fitting import WindowFit
+from workflows.fit.core.least_squares import Solution
 
 
 class Swaps(NamedTuple):
@@ -53,7 +54,7 @@ class GrowingWindows:
             enough = max(goal, self.enough(int(window.sum())))
             best, more = self.swapped(step, free, window, enough, prior=prior)
             runs += step.evaluations + more
-            z = best.z
+            z = best.point
         return z, best.misfit, runs
 
     def swapped(
@@ -74,7 +75,7 @@ class GrowingWindows:
                 break
 
             # the most promising swaps to first order, each fitted
-            guesses = self.fit.swapped(best.z, free, window, cycles=cycles)
+            guesses = self.fit.swapped(best.point, free, window, cycles=cycles)
             trial, more = best, len(guesses)
             for guess, z in guesses[: self.swaps.tried]:
                 if guess > self.swaps.worse * best.misfit:

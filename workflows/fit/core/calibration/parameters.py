@@ -13,6 +13,7 @@ from dem import Chain, Wall
 from dem.sensitivities import Directions
 
 OF_WALL = ("frequency", "mass", "damping")
+AT_BOUND = 1e-6  # of the bounds' distance: parameters nearer to a bound lie at it
 RATIOS = ("contact", "preload", "striker", "frequency", "mass", "gain")  # > 0, by factors
 
 
@@ -61,6 +62,23 @@ def slopes(parameters: Sequence[Parameter], theta: np.ndarray) -> np.ndarray:
         x * p.relative if p.kind in RATIOS else p.scale
         for p, x in zip(parameters, theta, strict=True)
     ])  # fmt: skip
+
+
+def scales(parameters: Sequence[Parameter]) -> np.ndarray:
+    """Scale of each parameter, (p,): a change that counts as large."""
+    return np.array([p.scale for p in parameters])
+
+
+def ends(parameters: Sequence[Parameter]) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper bounds (p,)."""
+    return tuple(np.array([getattr(p, end) for p in parameters]) for end in ("low", "high"))
+
+
+def at_bound(parameters: Sequence[Parameter], value: np.ndarray) -> np.ndarray:
+    """(p,) whether each value (p,) lies at one of its bounds; never where a bound is infinite."""
+    low, high = ends(parameters)
+    margin = AT_BOUND * (high - low)
+    return np.isfinite(margin) & ((value - low <= margin) | (high - value <= margin))
 
 
 class Rig(NamedTuple):

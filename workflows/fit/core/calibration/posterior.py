@@ -24,6 +24,7 @@ from dem import InvalidChain, NoEquilibrium
 from workflows.fit.core.calibration.calibration import CalibrationResult
 from workflows.fit.core.calibration.fitting import weights
 from workflows.fit.core.calibration.forward import ChainForward
+from workflows.fit.core.calibration.parameters import ends, scales
 from workflows.fit.core.calibration.uncertainty import noise_along
 
 
@@ -83,9 +84,7 @@ class LogPosterior:
         self, forward: ChainForward, fit: CalibrationResult, steps: float = SAMPLING.steps
     ) -> None:
         self.forward, self.answer = forward.with_steps(steps), fit.value
-        self.low, self.high = (
-            np.array([getattr(p, end) for p in fit.parameters]) for end in ("low", "high")
-        )
+        self.low, self.high = ends(fit.parameters)
         self.weights = weights(forward.signals.spread)
 
         # by longer steps: the model's own error at the answer is taken off
@@ -93,7 +92,7 @@ class LogPosterior:
         self.offset = residual - self._weighted_velocities(fit.value)
 
         # J = U s V^T in scales; W = U (along) U^T + I / mean_noise
-        scale = np.array([p.scale for p in fit.parameters])
+        scale = scales(fit.parameters)
         J = forward.velocities_and_sensitivities(fit.value)[1] * self.weights[:, None] * scale
         self.U, s, Vt = np.linalg.svd(J.reshape(residual.size, -1), full_matrices=False)
         noise = noise_along(self.U.reshape(*residual.shape, -1), residual)

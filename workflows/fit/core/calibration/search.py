@@ -13,11 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workflows.fit.core.calibration.fitting import WindowFit, rms
+from workflows.fit.core.calibration.fitting import WindowFit
 from workflows.fit.core.calibration.growing_windows import GrowingWindows
 from workflows.fit.core.calibration.parameters import Parameter
 from workflows.fit.core.calibration.scan import Scan, scanned
 from workflows.fit.core.calibration.signals import first_waves_end
+from workflows.fit.core.least_squares import rms
 
 
 class Options(NamedTuple):
@@ -255,7 +256,7 @@ class CoarseToFine:
             self.coarse.solved(begin, self.of_wall, everything, max_runs=8, tolerance=1e-3)
             for begin in begins
         ]
-        z = min(trials, key=lambda solution: solution.misfit).z
+        z = min(trials, key=lambda solution: solution.misfit).point
         everything = np.ones_like(self.fine.data, bool)
         return self._polished("wall, all waves", z, self.of_wall, everything, began), scan
 
@@ -275,9 +276,9 @@ class CoarseToFine:
             ends = self._window_ends(0.5, t[-1, 0])
             windows = [(t <= end) | (t <= self.first_waves) for end in ends]
             z_grown, misfit, _ = self.growing.on_windows(z, self.every, windows, 0.0)
-            best = best if best.misfit <= misfit else best._replace(z=z_grown, misfit=misfit)
+            best = best if best.misfit <= misfit else best._replace(point=z_grown, misfit=misfit)
         everything = np.ones_like(self.fine.data, bool)
-        return self._polished("all, all waves", best.z, self.every, everything, began)
+        return self._polished("all, all waves", best.point, self.every, everything, began)
 
     def _window_ends(self, share: float, last: float) -> np.ndarray:
         """Ends [s] of windows that grow, from a share of the time since before the first touch."""
@@ -291,7 +292,7 @@ class CoarseToFine:
         """z (p,) of a fit with the fine model, noted as a stage."""
         fit = self.fine.solved(z, free, windows, max_runs=self.tuning.fine_runs)
         self._note(name, free, fit.misfit, fit.evaluations, began, fit.converged)
-        return fit.z
+        return fit.point
 
     def _note(self, name, free, misfit, evaluations, began, converged) -> None:
         names = tuple(p.name for p, f in zip(self.parameters, free, strict=True) if f)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workflows.fit.core.calibration.parameters import Parameter
+from workflows.fit.core.calibration.parameters import Parameter, scales
 
 LEAST_SHARE = 0.3  # of a parameter in a combination, from which on the text names it
 LEAST_SPECTRUM = 0.2  # of the noise that a fit is taken to leave at any frequency, at least
@@ -63,7 +63,7 @@ def uncertainty(
     `prior` (p, p) is the information in scales that is known besides the data, one over a variance:
     with it every parameter is determined.
     """
-    scale = np.array([p.scale for p in parameters])
+    scale = scales(parameters)
     free = ~np.asarray(fixed)
     J_free = (J * scale)[:, :, free]
     p = J_free.shape[2]

@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from workflows.fit.core.inspection.fitting import RecordFit
-from workflows.fit.core.inspection.forward import IMPOSSIBLE
 from workflows.fit.core.inspection.inversion import Inversion, inverted, profiled
 from workflows.fit.core.inspection.judgement import LIMITS
 from workflows.fit.core.inspection.search import searched
+from workflows.fit.core.least_squares import IMPOSSIBLE
 
 ROUNDS = 3  # of walls computed at the answer, at most
 
@@ -36,7 +36,7 @@ def answered(
     for end in search.ends:
         end_fit = fit._replace(forward=search.forward)
         model, moved, no_wall = end_fit.forward.system, None, ""
-        inversion = inverted(end_fit, begin=end.theta, n_shared=n_shared, gains=gains)
+        inversion = inverted(end_fit, begin=end.point, n_shared=n_shared, gains=gains)
         for _ in range(ROUNDS if model.between else 0):
             try:
                 model = model.through(inversion.value[: len(model.keys)])

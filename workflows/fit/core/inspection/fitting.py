@@ -19,24 +19,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
-from workflows.fit.core.calibration.fitting import rms
-from workflows.fit.core.inspection.forward import IMPOSSIBLE, Shot, StructureForward, Unknowns
+from workflows.fit.core import least_squares
+from workflows.fit.core.inspection.forward import Shot, StructureForward, Unknowns
+from workflows.fit.core.least_squares import IMPOSSIBLE, Solution, rms
 
 HUGE = 1e3  # residual over the noise that stands for a run that is impossible
 LEAST_ROUNDING = 1e-3  # share of the noise's square below which exp(..) has long vanished
-MARGIN = 1e-9  # of the bounds' distance: least_squares must begin strictly inside
-
-
-class Fitted(NamedTuple):
-    """Where a fit ended: theta (p,), rms of the residual over the noise, runs of the model, and
-    whether it converged before its largest number of runs."""
-
-    theta: NDArray[np.float64]
-    misfit: float
-    evaluations: int
-    converged: bool
 
 
 class RecordFit(NamedTuple):
@@ -123,7 +112,7 @@ class RecordFit(NamedTuple):
         max_runs: int = 40,
         tolerance: float = 1e-9,
         about: NDArray[np.float64] | None = None,
-    ) -> Fitted:
+    ) -> Solution:
         """The least misfit from theta (p,) on, over the numbers that the records depend on.
 
         `max_runs` of the model at most; ends where misfit or step fall by less than `tolerance`,
@@ -131,27 +120,12 @@ class RecordFit(NamedTuple):
         of the bounds.
         """
         scale, (low, high) = self.unknowns.scale, self.unknowns.ends()
-        free = np.unique([*self.unknowns.of_system.ravel(), *self.unknowns.trigger])
-        centre = (self.unknowns.centre if about is None else about) / scale
-        pull = np.diag(self.unknowns.pull * scale)[:, free]
-        margin = MARGIN * (high - low)
-        start = np.clip(theta, low + margin, high - margin)
-
-        def full(x):
-            """theta (p,) of the free numbers x in scales; the others stay."""
-            theta = start.copy()
-            theta[free] = x * scale[free]
-            return theta
-
-        def residual(x):
-            return np.concatenate([self.residual(full(x)), pull @ (x - centre[free])])
-
-        solution = least_squares(
-            residual,
-            start[free] / scale[free],
-            lambda x: np.vstack([self.jacobian(full(x))[:, free], pull]),
-            bounds=(low[free] / scale[free], high[free] / scale[free]),
-            xtol=tolerance, ftol=tolerance, gtol=1e-15, max_nfev=max_runs,
+        free = np.zeros(len(scale), bool)
+        free[self.unknowns.of_system] = free[self.unknowns.trigger] = True
+        centre = self.unknowns.centre if about is None else about
+        solution = least_squares.solved(
+            lambda z: self.residual(z * scale), lambda z: self.jacobian(z * scale),
+            theta / scale, free, (low / scale, high / scale),
+            self.unknowns.pull * scale, centre / scale, max_runs=max_runs, tolerance=tolerance,
         )  # fmt: skip
-        misfit = rms(solution.fun[: self.data.size])
-        return Fitted(full(solution.x), misfit, solution.nfev, solution.status > 0)
+        return solution._replace(point=solution.point * scale)

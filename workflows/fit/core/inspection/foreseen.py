@@ -5,12 +5,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from workflows.fit.core.calibration.parameters import Parameter
+from workflows.fit.core.calibration.parameters import Parameter, scales
 from workflows.fit.core.inspection.forward import Shot, StructureForward, Unknowns
 from workflows.fit.core.inspection.information import bars_over_time, bounds_information
-from workflows.fit.core.inspection.inversion import GAIN_SCALE, scales
+from workflows.fit.core.inspection.inversion import GAIN_SCALE
 from workflows.fit.core.inspection.reading import TRIGGER_REACH, TRIGGER_SCALE
-from workflows.fit.core.model_errors import NOISE, TIME, TIME_SHARE, BetterModel, biases
+from workflows.fit.core.model_errors import NOISE, BetterModel, biases, changes
 
 INSTANTS = 80  # record lengths at which bars are computed
 ENOUGH = 2.0  # times the bar of the whole record: a record that is long enough has no longer one
@@ -39,19 +39,11 @@ def foreseen(
     rms = noise * np.maximum(np.abs(signals[0]).max(axis=0), 1e-300)
     signals, slopes = signals[0] / rms, slopes[0] / rms[:, None]
 
-    # what better models change, over the noise
     def shown(forward):
+        """(k, m) over the noise."""
         return forward.signals(unknowns, theta, [shot])[0] / rms
 
-    differences = {TIME: [TIME_SHARE * (shown(forward.with_steps(0.5)) - signals)]}
-    for cause, better in models.items():
-        differences[cause] = []
-        for model in better:
-            beside = signals
-            if model.beside is not None:
-                beside = shown(forward._replace(system=model.beside))
-            change = shown(forward._replace(system=model.system)) - beside
-            differences[cause].append(model.share * change)
+    by_cause = changes(forward, signals, shown, models)
 
     # an unknown gain is one more number, without bounds
     if unknown_gain:
@@ -61,14 +53,15 @@ def foreseen(
     B[:n, :n] = bounds_information(unknowns.parameters)
 
     ends = np.unique(np.linspace(len(t) / INSTANTS, len(t), INSTANTS).astype(int))
-    causes = {cause: np.zeros((m, n)) for cause in (NOISE, *differences)}
+    causes = {cause: np.zeros((m, n)) for cause in (NOISE, *by_cause)}
     records = np.zeros((m, n))
     for i in range(m):
         bars = bars_over_time(slopes[None, :, i, None], B, ends)[:, :n]
         causes[NOISE][i] = bars[-1] * scales(unknowns.parameters)
         records[i] = t[ends[np.argmax(bars <= ENOUGH * bars[-1], axis=0)] - 1]
-        for cause, better in differences.items():
-            b = biases(slopes[:, i], np.array([d[:, i] for d in better]).T, B)
+        for cause, of_cause in by_cause.items():
+            differences = np.array([change.share * change.signals[:, i] for change in of_cause])
+            b = biases(slopes[:, i], differences.T, B)
             causes[cause][i] = np.linalg.norm(b[:n], axis=1) * scales(unknowns.parameters)
     return causes, records
 

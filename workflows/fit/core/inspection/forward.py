@@ -17,12 +17,10 @@ from numpy.typing import NDArray
 
 from coupling.errors import CouplingError
 from coupling.sensors import Sensor, measured, signals
-from dem import Chain, InvalidChain, NoEquilibrium, Trajectory, UnstableStep, Wall, march
-from workflows.fit.core.calibration.parameters import Parameter
+from dem import Chain, Trajectory, Wall, march
+from workflows.fit.core.calibration.parameters import Parameter, ends, scales
 from workflows.fit.core.inspection.information import UNIFORM
 
-# what values of the numbers may be answered with: a run that is impossible, not an error
-IMPOSSIBLE = (CouplingError, InvalidChain, NoEquilibrium, UnstableStep)
 SHARED, OWN = "shared", "own"  # kinds of numbers: of all records, of each
 DIFFERENCE = 1e-5  # step of a difference quotient, in scales
 FEW_STEPS = 10_000  # of all runs together: below, threads would cost more than they save
@@ -55,13 +53,11 @@ class Unknowns(NamedTuple):
     @property
     def scale(self) -> NDArray[np.float64]:
         """(p,) scale of each number: a change that counts as large."""
-        return np.array([p.scale for p in self.parameters])
+        return scales(self.parameters)
 
     def ends(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Lower and upper bounds (p,)."""
-        return tuple(
-            np.array([getattr(p, end) for p in self.parameters]) for end in ("low", "high")
-        )
+        return ends(self.parameters)
 
     @property
     def centre(self) -> NDArray[np.float64]:
@@ -110,7 +106,10 @@ class StructureForward(NamedTuple):
 
     def narrowed(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> "StructureForward":
         """The same with a system made for shared numbers between these ends, and no others."""
-        system = self.within(low, high)
+        return self.with_system(self.within(low, high))
+
+    def with_system(self, system: Callable[[NDArray[np.float64]], System]) -> "StructureForward":
+        """The same of another structure."""
         return self._replace(system=system)
 
     def with_steps(self, factor: float) -> "StructureForward":

@@ -14,16 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupling.errors import CouplingError
-from workflows.fit.core.calibration.fitting import rms
-from workflows.fit.core.calibration.parameters import Parameter
+from workflows.fit.core.calibration.parameters import Parameter, at_bound, scales
 from workflows.fit.core.calibration.uncertainty import Uncertainty, uncertainty
 from workflows.fit.core.inspection.fitting import RecordFit
 from workflows.fit.core.inspection.information import bounds_information
 from workflows.fit.core.inspection.profile import stretched
 from workflows.fit.core.inspection.search import SearchResult, searched
+from workflows.fit.core.least_squares import rms
 
 GAIN_SCALE = 0.1  # of a gain: a change that counts as large
-AT_BOUND = 1e-6  # of the bounds' distance: numbers nearer to a bound lie at it
 
 
 class ResidualTest(NamedTuple):
@@ -147,7 +146,7 @@ def inverted(
     else:
         search = SearchResult((fit.solved(begin),), 1, fit.forward)
     fit = fit._replace(forward=search.forward)
-    theta = search.fitted.theta
+    theta = search.fitted.point
     signals, by_theta = fit.forward.jacobian(fit.unknowns, theta, fit.shots)
 
     # the gains that followed theta count as numbers of their own from here on
@@ -200,22 +199,10 @@ def profiled(fit: RecordFit, inversion: Inversion, n_shared: int) -> Inversion:
     return inversion._replace(uncertainty=bars, stretch=stretch)
 
 
-def scales(parameters: Sequence[Parameter]) -> NDArray[np.float64]:
-    """Scale of each parameter, (p,)."""
-    return np.array([p.scale for p in parameters])
-
-
 def sensors_side_by_side(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """(k, S m, ...) of values (S, k, m, ...): every sensor of every record is a column."""
     moved = np.moveaxis(values, 0, 1)
     return moved.reshape(moved.shape[0], -1, *values.shape[3:])
-
-
-def at_bound(parameters: Sequence[Parameter], value: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(p,) whether each value (p,) lies at one of its bounds; never where a bound is infinite."""
-    low, high = (np.array([getattr(p, end) for p in parameters]) for end in ("low", "high"))
-    margin = AT_BOUND * (high - low)
-    return np.isfinite(margin) & ((value - low <= margin) | (high - value <= margin))
 
 
 def residual_parts(fit: RecordFit, residual: NDArray[np.float64]) -> tuple[RecordPart, ...]:

@@ -5,9 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from workflows.fit.core.calibration.parameters import scales
 from workflows.fit.core.inspection.fitting import RecordFit
 from workflows.fit.core.inspection.information import bars_over_time, bounds_information, felt_from
-from workflows.fit.core.inspection.inversion import Inversion, scales
+from workflows.fit.core.inspection.inversion import Inversion
 from workflows.fit.core.parametric_wall import ParametricWall
 
 AT_BOUND = "at its bound"

@@ -5,9 +5,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from workflows.fit.core import model_errors
+from workflows.fit.core.calibration.parameters import scales
 from workflows.fit.core.inspection.fitting import RecordFit
-from workflows.fit.core.inspection.inversion import Inversion, residual_parts, scales
-from workflows.fit.core.model_errors import TIME, TIME_SHARE, BetterModel
+from workflows.fit.core.inspection.inversion import Inversion, residual_parts
+from workflows.fit.core.model_errors import BetterModel
 
 
 def widened(
@@ -28,33 +29,23 @@ def widened(
         """(S, k, m) by the gains that were found."""
         return inversion.gains * forward.signals(fit.unknowns, theta, fit.shots)
 
-    differences = {TIME: [(signals(fit.forward.with_steps(0.5)) - inversion.model, TIME_SHARE)]}
-    for cause, better in models.items():
-        differences[cause] = []
-        for model in better:
-            beside = inversion.model
-            if model.beside is not None:
-                beside = signals(fit.forward._replace(system=model.beside))
-            shown = signals(fit.forward._replace(system=model.system))
-            differences[cause].append((shown - beside, model.share))
-
+    by_cause = model_errors.changes(fit.forward, inversion.model, signals, models)
     biases, squares = {}, np.zeros_like(inversion.model)
-    for cause, pairs in differences.items():
-        biases[cause] = np.zeros((len(scale), len(pairs)))
-        for i, (difference, share) in enumerate(pairs):
+    for cause, changes in by_cause.items():
+        biases[cause] = np.zeros((len(scale), len(changes)))
+        for i, (change, share) in enumerate(changes):
             shots = tuple(
                 shot._replace(y=y)
-                for shot, y in zip(fit.shots, inversion.model + difference, strict=True)
+                for shot, y in zip(fit.shots, inversion.model + change, strict=True)
             )
             moved_fit = fit._replace(shots=shots)
-            moved = moved_fit.solved(theta, about=theta).theta
+            moved = moved_fit.solved(theta, about=theta).point
             of_model = fit.forward.signals(fit.unknowns, moved, fit.shots)
             biases[cause][:n, i] = share * (moved - theta) / scale[:n]
             # gains follow the numbers, in the order of their sensors
             gains = moved_fit.gains(of_model) - inversion.gains
             for g in range(len(scale) - n):
-                change = gains[fit.gain == g][0]
-                biases[cause][n + g, i] = share * change / scale[n + g]
+                biases[cause][n + g, i] = share * gains[fit.gain == g][0] / scale[n + g]
             squares += (share * moved_fit.off(of_model)) ** 2
 
     result = model_errors.widened(inversion.uncertainty, scale, biases)

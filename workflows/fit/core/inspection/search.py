@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from workflows.fit.core.calibration.fitting import rms
-from workflows.fit.core.inspection.fitting import HUGE, Fitted, RecordFit
-from workflows.fit.core.inspection.forward import IMPOSSIBLE, StructureForward
+from workflows.fit.core.inspection.fitting import HUGE, RecordFit
+from workflows.fit.core.inspection.forward import StructureForward
+from workflows.fit.core.least_squares import IMPOSSIBLE, Solution, rms
 
 MISFIT = attrgetter("misfit")
 RISE = 0.3  # of the largest signal: the level at which a first wave has arrived
@@ -81,12 +81,12 @@ USUAL = CandidateSearch()
 class SearchResult(NamedTuple):
     """The valleys that are left, the best first, and the model that they were found with."""
 
-    ends: tuple[Fitted, ...]
+    ends: tuple[Solution, ...]
     starts: int  # candidates that were followed
     forward: StructureForward
 
     @property
-    def fitted(self) -> Fitted:
+    def fitted(self) -> Solution:
         """The best."""
         return self.ends[0]
 
@@ -130,7 +130,7 @@ def searched(
         if result is None:
             continue
         results.append(result)
-        if _explains(fit._replace(forward=result.forward), result.fitted.theta, 0, options):
+        if _explains(fit._replace(forward=result.forward), result.fitted.point, 0, options):
             break
     return min(results, key=lambda result: result.fitted.misfit)
 
@@ -175,7 +175,7 @@ def along_record(
     squares = [np.sum(first_window.off(model[:, :n]) ** 2) for model in models]
     thetas = [possible[i] for i in np.argsort(squares, kind="stable")[:starts]]
 
-    candidates: list[Fitted] = []
+    candidates: list[Solution] = []
     root, box = None, (low, high)
     n_explained, on_track = 0, False  # samples of the last window, and whether it was explained
     retries, narrowings = 0, options.narrowings if fit.forward.within else 0
@@ -188,7 +188,7 @@ def along_record(
             residual = window.residual(theta).reshape(window.data.shape)
             explains = not is_last and is_noise(residual, n_explained, window.rounded, options)
             # one that explains the window counts as converged: it is not fitted
-            candidate = Fitted(theta, rms(residual), 1, explains)
+            candidate = Solution(theta, rms(residual), 1, explains)
             (explaining if explains else others).append(candidate)
 
         # of the others the nearest are fitted; of a crowd those that are apart from each other,
@@ -207,7 +207,7 @@ def along_record(
         ends = distinct(
             window, [end for end in ends if end.misfit <= largest], n_shared, options.same
         )
-        explained = _explains(window, ends[0].theta, n_explained, options)
+        explained = _explains(window, ends[0].point, n_explained, options)
 
         # the best does not explain the window: it has grown too fast. Take half of the new samples,
         # and more draws from what the last window leaves open
@@ -225,7 +225,7 @@ def along_record(
 
         # what the window leaves open, and walls between narrower bounds where it is little
         candidates, on_track = ends, explained
-        root = posterior_root(window, candidates[0].theta)
+        root = posterior_root(window, candidates[0].point)
         inner = narrower_bounds(record_fit, candidates, root, n_shared, options)
         volume, volume_now = (float(np.prod(b[1] - b[0])) for b in (inner, box))
         if narrowings and volume < options.narrower * volume_now:
@@ -236,7 +236,7 @@ def along_record(
         n_explained, n = n, min(n_samples, touch + int(np.ceil(options.growth * (n - touch))))
 
     # the best candidates to all records, with the triggers that the others need
-    begins = [with_triggers(fit, end.theta) for end in ends[: options.ends]]
+    begins = [with_triggers(fit, end.point) for end in ends[: options.ends]]
     ends = sorted((fit.solved(theta, tolerance=options.fine) for theta in begins), key=MISFIT)
     hopeful = [end for end in ends if end.misfit <= options.hopeless * ends[0].misfit]
     return SearchResult(tuple(distinct(fit, hopeful, n_shared, options.same)), starts, fit.forward)
@@ -249,26 +249,28 @@ def _one_record(fit: RecordFit, record: int, options: CandidateSearch) -> Record
     return fit.of_shots([record], stride)._replace(forward=forward)
 
 
-def _refitted(window: RecordFit, end: Fitted, is_last: bool, options: CandidateSearch) -> Fitted:
+def _refitted(
+    window: RecordFit, end: Solution, is_last: bool, options: CandidateSearch
+) -> Solution:
     """A candidate fitted to the window, to the bottom of its valley where that is the last; as it
     was where its model cannot run."""
     steps = options.last_steps if is_last else options.steps
     tolerance = options.fine if is_last else options.rough
     with suppress(*IMPOSSIBLE):
         if end.misfit < HUGE:
-            return window.solved(end.theta, max_runs=steps, tolerance=tolerance, about=end.theta)
+            return window.solved(end.point, max_runs=steps, tolerance=tolerance, about=end.point)
     return end
 
 
 def distinct(
-    fit: RecordFit, ends: Sequence[Fitted], n_shared: int, distance: float
-) -> list[Fitted]:
+    fit: RecordFit, ends: Sequence[Solution], n_shared: int, distance: float
+) -> list[Solution]:
     """Those that are no double of one before them: farther off than the distance, in widths of the
     bounds, in at least one number of the structure."""
     low, high = fit.unknowns.ends()
-    chosen: list[Fitted] = []
+    chosen: list[Solution] = []
     for end in ends:
-        distances = [np.abs((end.theta - c.theta) / (high - low))[:n_shared].max() for c in chosen]
+        distances = [np.abs((end.point - c.point) / (high - low))[:n_shared].max() for c in chosen]
         if min(distances, default=1.0) > distance:
             chosen.append(end)
     return chosen
@@ -310,7 +312,7 @@ def posterior_root(window: RecordFit, theta: NDArray[np.float64]) -> NDArray[np.
 
 def narrower_bounds(
     fit: RecordFit,
-    candidates: Sequence[Fitted],
+    candidates: Sequence[Solution],
     root: NDArray[np.float64],
     n_shared: int,
     options: CandidateSearch = USUAL,
@@ -318,7 +320,7 @@ def narrower_bounds(
     """Lower and upper bounds (n_shared,) that hold the candidates and what is left open around
     them; root (p, p) is that of the covariance."""
     low, high = (end[:n_shared] for end in fit.unknowns.ends())
-    thetas = np.array([end.theta[:n_shared] for end in candidates])
+    thetas = np.array([end.point[:n_shared] for end in candidates])
     reach = options.reach * np.linalg.norm(root[:n_shared], axis=1)
     reach = np.maximum(reach, 0.5 * options.least_width * (high - low))
     lower, upper = (thetas - reach).min(axis=0), (thetas + reach).max(axis=0)
@@ -327,7 +329,7 @@ def narrower_bounds(
 
 def with_draws(
     fit: RecordFit,
-    candidates: Sequence[Fitted],
+    candidates: Sequence[Solution],
     root: NDArray[np.float64],
     count: int,
     rng: np.random.Generator,
@@ -335,7 +337,7 @@ def with_draws(
 ) -> list[NDArray[np.float64]]:
     """theta (p,) of the candidates, and draws around them in turn until they are `count`; draws
     beyond the bounds are thrown away, at most four times as many as are wanted are made."""
-    thetas = [end.theta for end in candidates]
+    thetas = [end.point for end in candidates]
     low, high = fit.unknowns.ends()
     for i in range(4 * (count - len(candidates))):
         theta = thetas[i % len(candidates)] + options.wider * root @ rng.standard_normal(len(root))
