@@ -10,36 +10,21 @@ from scipy.signal import freqz_sos, sosfilt
 import dem
 import dem.sensitivities
 from coupling.errors import CouplingError
-from workflows.fit.core.calibration import signals as laid
-from workflows.fit.core.calibration.fitting import (
+from workflows.fit import signals as laid
+from workflows.fit.forward import NO_FILTER, ChainForward, refined
+from workflows.fit.least_squares import (
     CLOSE,
-    IMPOSSIBLE,
+    IMPOSSIBLE_RESIDUAL,
     PRIOR,
     WindowFit,
+    rms,
     three_cycles,
     weights,
 )
-from workflows.fit.core.calibration.forward import NO_FILTER, ChainForward, refined
-from workflows.fit.core.calibration.instrument import (
-    OVERSAMPLED,
-    Clean,
-    Twin,
-    clean_signals,
-    repeated,
-    shown,
-)
-from workflows.fit.core.calibration.parameters import (
-    Parameter,
-    Rig,
-    coordinates,
-    directions,
-    rig_at,
-    slopes,
-    values,
-)
-from workflows.fit.core.calibration.signals import Filter, Signals, aligned, lag_of, noise_of_mean
-from workflows.fit.core.calibration.uncertainty import lags_that_count, noise_along, uncertainty
-from workflows.fit.core.least_squares import rms
+from workflows.fit.parameter import Parameter, Rig, coordinates, directions, rig_at, slopes, values
+from workflows.fit.signals import Filter, Signals, aligned, lag_of, noise_of_mean
+from workflows.fit.twin import OVERSAMPLED, Clean, Twin, clean_signals, repeated, shown
+from workflows.fit.uncertainty import lags_that_count, noise_along, uncertainty
 
 KINDS = (
     "contact", "preload", "dissipation", "striker", "trigger", "frequency", "mass", "damping",
@@ -221,7 +206,7 @@ def test_the_jacobian_is_that_of_the_residual():
 def test_an_impossible_run_has_a_huge_residual():
     fit = a_fit()
     z = coordinates(fit.parameters, [1.0, 55.0, 1.0])
-    worst = IMPOSSIBLE * np.abs(fit.data).max()
+    worst = IMPOSSIBLE_RESIDUAL * np.abs(fit.data).max()
     np.testing.assert_array_equal(fit.residual(z, EVERYTHING), np.full(len(T), worst))
     assert fit.misfit(z, EVERYTHING) == pytest.approx(worst)
 
@@ -384,7 +369,7 @@ def test_noise_of_a_few_samples_has_no_lags(k):
 
 
 def test_a_combination_is_named_by_its_largest_components():
-    from workflows.fit.core.calibration.uncertainty import Combination
+    from workflows.fit.uncertainty import Combination
 
     item = Combination(np.array([-0.6, 0.1, 0.5, 0.0, -0.3]), 1.0)
     assert item.text(parameters_of((1,) * 5)) == "0.60 p0 - 0.50 p2 + 0.30 p4"

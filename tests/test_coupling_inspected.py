@@ -8,28 +8,7 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from coupling.errors import CouplingError
-from workflows.fit.core.calibration.parameters import Parameter, at_bound
-from workflows.fit.core.calibration.uncertainty import uncertainty
-from workflows.fit.core.inspection.fitting import HUGE, RecordFit
-from workflows.fit.core.inspection.forward import Shot, StructureForward, durations, unknowns
-from workflows.fit.core.inspection.information import (
-    bars_over_time,
-    bounds_information,
-    covariance,
-    felt_from,
-)
-from workflows.fit.core.inspection.inversion import (
-    Inversion,
-    RecordPart,
-    inverted,
-    memory,
-    residual_parts,
-    sensors_side_by_side,
-)
-from workflows.fit.core.inspection.judgement import Judged
-from workflows.fit.core.inspection.model_errors import widened
-from workflows.fit.core.inspection.profile import Valley, stretch_factor, stretched
-from workflows.fit.core.inspection.search import (
+from workflows.fit.candidates import (
     distinct,
     is_noise,
     narrower_bounds,
@@ -37,8 +16,30 @@ from workflows.fit.core.inspection.search import (
     with_draws,
     with_triggers,
 )
-from workflows.fit.core.least_squares import Solution
-from workflows.fit.core.model_errors import BetterModel
+from workflows.fit.forward import Shot, StructureForward, durations, unknowns
+from workflows.fit.inversion import (
+    Inversion,
+    RecordPart,
+    inverted,
+    memory,
+    residual_parts,
+    sensors_side_by_side,
+    widened,
+)
+from workflows.fit.judgement import Judged
+from workflows.fit.least_squares import HUGE, RecordFit, Solution
+from workflows.fit.model_errors import BetterModel
+from workflows.fit.parameter import Parameter, at_bound
+from workflows.fit.uncertainty import (
+    Valley,
+    bars_over_time,
+    bounds_information,
+    covariance,
+    felt_from,
+    stretch_factor,
+    stretched,
+    uncertainty,
+)
 
 T = np.arange(0.0, 240.0)
 SHARED = (

@@ -6,12 +6,13 @@ import pytest
 import dem
 from coupling import CouplingError
 from coupling.sensors import Sensor, recorded
-from workflows.fit.core.calibration.parameters import Parameter
-from workflows.fit.core.inspection.fitting import RecordFit
-from workflows.fit.core.inspection.forward import Shot, StructureForward, System, unknowns
-from workflows.fit.core.inspection.information import bars_over_time, bounds_information, felt_from
-from workflows.fit.core.inspection.inversion import inverted, profiled
-from workflows.fit.core.inspection.search import rise, searched
+from workflows.fit.candidates import searched
+from workflows.fit.forward import Shot, StructureForward, System, unknowns
+from workflows.fit.inversion import inverted, profiled
+from workflows.fit.least_squares import RecordFit
+from workflows.fit.parameter import Parameter
+from workflows.fit.signals import rise
+from workflows.fit.uncertainty import bars_over_time, bounds_information, felt_from
 
 LENGTH, WIDTH, DENSITY, AT = 0.3, 0.04, 2700.0, 0.12
 BUCKLING = 70e9 * WIDTH * 0.012**3 / 12 * np.pi**2 / LENGTH**2  # N, of the middle of the bounds

@@ -1,12 +1,13 @@
 """Walls of the same structure that are better in one respect: what a fit knows of its model's
-errors."""
+errors.
+"""
 
 from collections.abc import Mapping
 from contextlib import suppress
 
 import numpy as np
 
-from workflows.fit.core.model_errors import BetterModel
+from workflows.fit.model_errors import BetterModel
 from workflows.scene import InvalidScene, Scene
 from workflows.stages.errors import MARGIN as REDUCTION_SHARE
 from workflows.stages.pipeline import needs_structure, pipeline_of
