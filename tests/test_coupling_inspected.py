@@ -34,7 +34,6 @@ from workflows.fit.uncertainty import (
     Valley,
     bars_over_time,
     bounds_information,
-    covariance,
     felt_from,
     stretch_factor,
     stretched,
@@ -261,7 +260,6 @@ def test_bars_over_time_are_those_of_all_samples_so_far_and_of_the_bounds():
         J = slopes[:, :end].reshape(-1, 6)
         exact = np.linalg.inv(J.T @ J + B)
         np.testing.assert_allclose(bars, 2 * np.sqrt(np.diag(exact)), rtol=1e-9)
-        np.testing.assert_allclose(covariance(slopes[:, :end], B), exact, rtol=1e-8, atol=1e-12)
 
 
 def test_a_number_is_felt_once_its_lone_bar_is_a_share_of_its_bounds():

@@ -7,10 +7,10 @@ import dem
 from coupling import CouplingError
 from coupling.sensors import Sensor, recorded
 from workflows.fit.candidates import searched
-from workflows.fit.forward import Shot, StructureForward, System, unknowns
+from workflows.fit.forward import Shot, StructureForward, unknowns
 from workflows.fit.inversion import inverted, profiled
 from workflows.fit.least_squares import RecordFit
-from workflows.fit.parameter import Parameter
+from workflows.fit.parameter import Parameter, Rig
 from workflows.fit.signals import rise
 from workflows.fit.uncertainty import bars_over_time, bounds_information, felt_from
 
@@ -42,10 +42,10 @@ def system(values, wall=hinged):
     h, E, share, speed = values
     flat = dem.Flat(E, 0.33)
     chain = dem.row_of_spheres(0.00953, 7800.0, 210e9, 0.3, count=9, flat=flat)
-    return System(chain, wall(h, E, share), np.r_[speed, np.zeros(8)])
+    return Rig(chain, wall(h, E, share), np.r_[speed, np.zeros(8)])
 
 
-STEP = 4 * dem.sensitivities.usual_step(*system([*TRUTH, SPEEDS.max()]))
+STEP = 4 * system([*TRUTH, SPEEDS.max()]).step
 
 
 def sought(speeds=(0.3, 0.45)):

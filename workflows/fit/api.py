@@ -54,9 +54,9 @@ class Calibration:
     def plot(self, name: str | None = None) -> Picture:
         """signals, parameters, correlation, scan or posterior; the first without a name."""
 
-        from workflows.fit.folder import calibration_drawn
+        from workflows.fit.figures import calibration_pictures
 
-        return picture_named(calibration_drawn(self.found), name)
+        return picture_named(calibration_pictures(self.found), name)
 
     def __repr__(self) -> str:
         texts = (self.report.text(), self.coverage.text() if self.coverage else "")
@@ -223,9 +223,9 @@ class Inspection:
 
     def plot(self, name: str | None = None) -> Picture:
         """signals, numbers or length; the first without a name."""
-        from workflows.fit.folder import inspection_drawn
+        from workflows.fit.figures import inspection_pictures
 
-        return picture_named(inspection_drawn(self.found, self.report), name)
+        return picture_named(inspection_pictures(self.found, self.report), name)
 
     def __repr__(self) -> str:
         return self.report.text()

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-import coupling
 import dem
 import dem.spheres
 from workflows.files.record import Record
@@ -31,7 +30,7 @@ from workflows.fit.plausibility import (
     require_samples,
     unlike_the_model,
 )
-from workflows.fit.record import sensor_of, usable
+from workflows.fit.record import marched, sensor_of, usable
 from workflows.fit.report import CalibrationReport, calibration_report
 from workflows.fit.scaling import Scaled, scaled
 from workflows.fit.sensed import Channels
@@ -96,13 +95,12 @@ def calibrated(
     free = scene_parameters.usual(scene) if request.free is None else request.free
     names = tuple(name.strip() for name in free.split(","))
     names = tuple(n for n in names if n != "trigger" or request.trigger == "fit")
-    limits = scene_parameters.bounds(request.bounds)
+    limits = scene_parameters.limits_of(request.bounds, scene_parameters.plain_number)
     scene_parameters.parameters(scene, names, 0.0, {})
 
     # the record: samples beside the time [s] within which the stiffest contact moves, then sizes
     rig = scene_parameters.rig(scene, wall, 0.0)
-    step = dem.sensitivities.usual_step(rig.chain, rig.wall, rig.v0)
-    time_scale = dem.sensitivities.STEPS_PER_TIME_SCALE * step
+    time_scale = rig.time_scale
     require_samples(measured.t, time_scale)
     in_velocities = _in_velocities(scene, rig, measured)
     measured, remarks = in_velocities.record, list(in_velocities.remarks)
@@ -130,10 +128,8 @@ def calibrated(
     remarks += on_repeats(repeats)
     all_signals = repeats.signals._replace(channels=channels)
     filters = filters_of(request.band, request.instrument, measured.t, time_scale)
-    try:
+    with marched(source):
         trigger, doubts = _first_touch(scene, wall, all_signals, filters, request)
-    except coupling.CouplingError as error:
-        raise InvalidScene(f"{source}: {str(error).rstrip('.')}.") from None
     remarks += doubts
 
     # the fit
@@ -150,10 +146,8 @@ def calibrated(
         scan=_scanned_frequencies(scene, names, request),
         noise=noise,
     )
-    try:
+    with marched(source):
         fit = calibrate(rig, parameters, signals, filters, options)
-    except (dem.InvalidChain, dem.NoEquilibrium, coupling.CouplingError) as error:
-        raise InvalidScene(f"{source}: {str(error).rstrip('.')}.") from None
 
     # bars hold what is known of the model's errors as well as the noise
     forward = ChainForward(rig, fit.parameters, signals, filters)

@@ -9,8 +9,6 @@ import numpy as np
 from joblib import Memory
 from numpy.typing import NDArray
 
-import coupling
-import dem
 from coupling.band import Band
 from coupling.sensors import Sensor
 from workflows.files.run_folder import Picture
@@ -21,9 +19,10 @@ from workflows.fit.inspect import STEPS
 from workflows.fit.inversion import GAIN_SCALE
 from workflows.fit.judgement import INSPECTION_LIMITS
 from workflows.fit.model_errors import NOISE, BetterModel, biases, changes, with_systems
-from workflows.fit.parameter import Parameter, ends, scales
+from workflows.fit.parameter import Parameter, ends, scales, trigger
 from workflows.fit.parametric_wall import Bounds
-from workflows.fit.plausibility import TRIGGER_REACH, TRIGGER_SCALE, USUAL_NOISE
+from workflows.fit.plausibility import USUAL_NOISE
+from workflows.fit.record import marched
 from workflows.fit.structure import VariedScene, structure
 from workflows.fit.uncertainty import bars_over_time, bounds_information
 from workflows.report.finding import Finding
@@ -115,7 +114,7 @@ def _candidate(
         sensors = tuple(Sensor(i - 1, "force") for i in spheres)
         noise, unknown_gain = USUAL_NOISE, True
 
-    try:
+    with marched(scene.name):
         if wall not in walls:
             box = Bounds(*ends(nearby))
             model = structure(base, keys, box, n, lambda name: nullcontext())
@@ -123,15 +122,13 @@ def _candidate(
             walls[wall] = CandidateWalls(model, better_walls(scene))
         model = walls[wall].model.of(scene, base)
         t = np.arange(int(scene.time.duration * instrument.sampling)) / instrument.sampling
-        step = STEPS * dem.sensitivities.usual_step(*model(theta))
+        step = STEPS * model(theta).step
         forward = StructureForward(model, sensors, step)
         causes, records = foreseen(
-            forward, unknowns(sought, per_record, [trigger()]), theta, t,
+            forward, unknowns(sought, per_record, [trigger("trigger", 0.0)]), theta, t,
             noise=noise, unknown_gain=unknown_gain,
             models=with_systems(walls[wall].better, model.behind),
         )  # fmt: skip
-    except (coupling.CouplingError, dem.InvalidChain, dem.NoEquilibrium) as reason:
-        raise InvalidScene(f"{scene.name}: {str(reason).rstrip('.')}.") from None
     squares = {cause: part[:, :n] ** 2 for cause, part in causes.items()}
     whole = sum(squares.values())
     return CandidateChain(values, spheres, np.sqrt(whole), squares[NOISE] / whole, records[:, :n])
@@ -267,8 +264,3 @@ def foreseen(
             b = biases(slopes[:, i], differences.T, B)
             causes[cause][i] = np.linalg.norm(b[:n], axis=1) * scales(unknowns.parameters)
     return causes, records
-
-
-def trigger() -> Parameter:
-    """The first touch at 0, as loosely known as that of a record."""
-    return Parameter("trigger", "trigger", 0.0, -TRIGGER_REACH, TRIGGER_REACH, TRIGGER_SCALE, "s")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workflows.files.record import SYNTHETIC
+from workflows.files.run_folder import Picture
 from workflows.report.plots import (
     COLOURS,
     Line,
@@ -20,22 +21,24 @@ from workflows.report.plots import (
     residual_pairs,
     subplots,
 )
-from workflows.report.plots import legend as name_curves
 
 if TYPE_CHECKING:
+    from workflows.fit.calibrate import Calibrated
     from workflows.fit.inspect import Inspected
     from workflows.fit.report import InspectionReport
 
 
 CORNER = 4  # parameters in the picture of a posterior, the least determined ones
+MOST_RECORDS = 6  # in a picture of signals
 WIDE = 5.0  # largest misfit of a scan over its least, from which on the axis is logarithmic
 
 
-def calibration_pictures(fit, t, report, posterior=None) -> dict[str, bytes]:
-    """Name to PNG; t (k,) [s] of the signals."""
-    face = "SYNTHETIC: computed, not measured" if report.synthetic else ""
+def calibration_pictures(result: Calibrated) -> tuple[Picture, ...]:
+    """Signals, parameters, correlation, and the scan and posterior where there are any."""
+    fit, report, posterior = result.fit, result.report, result.posterior
+    face = SYNTHETIC if report.synthetic else ""
     images = {
-        "signals": fitted_signals(t, fit, report, face),
+        "signals": fitted_signals(result.signals.t, fit, report, face),
         "parameters": parameters(report, face),
         "correlation": correlation(fit, face),
     }
@@ -43,7 +46,7 @@ def calibration_pictures(fit, t, report, posterior=None) -> dict[str, bytes]:
         images["scan"] = scan(report, face)
     if posterior is not None and posterior.long_enough:
         images["posterior"] = corner(fit, posterior, report.parameters, face)
-    return images
+    return tuple(Picture(name, png) for name, png in images.items())
 
 
 def fitted_signals(t, fit, report, face: str) -> bytes:
@@ -73,7 +76,7 @@ def fitted_signals(t, fit, report, face: str) -> bytes:
         lower.set_ylabel(residual_words)
         frame(upper)
         frame(lower)
-    name_curves(panels[0][0], "above")
+    legend(panels[0][0], "above")
     lower.set_xlabel("time [ms]")
     return png(figure, face)
 
@@ -91,7 +94,7 @@ def scan(report, face: str) -> bytes:
     axis.axvline(row.found, color=COLOURS[1], linewidth=1, label=f"found {row.found:.4g} Hz")
     start = f"start {row.start:.4g} Hz"
     axis.axvline(row.start, color="0.5", linestyle="--", linewidth=1, label=start)
-    name_curves(axis)
+    legend(axis)
     return png(figure, face)
 
 
@@ -115,7 +118,7 @@ def parameters(report, face: str) -> bytes:
         panel.set_xlabel("contact (the last one at the wall)")
         panel.ticklabel_format(axis="y", useOffset=False)
         panel.set_ylabel("stiffness over the scene's")
-        name_curves(panel, "above")
+        legend(panel, "above")
         frame(panel)
 
     # the trigger is a time on a clock, without a size of its own
@@ -232,17 +235,14 @@ def _few_ticks(axis) -> None:
     axis.set_tick_params(labelsize=8)
 
 
-MOST_RECORDS = 6  # in a picture of signals
-
-
-def inspection_pictures(result: Inspected, report: InspectionReport) -> dict[str, bytes]:
-    """Name to PNG."""
+def inspection_pictures(result: Inspected, report: InspectionReport) -> tuple[Picture, ...]:
+    """Signals, numbers, and bars over the records' length."""
     face = SYNTHETIC if report.synthetic else ""
-    return {
-        "signals": recorded_signals(result, report, face),
-        "numbers": numbers(report, face),
-        "length": by_length(report, face),
-    }
+    return (
+        Picture("signals", recorded_signals(result, report, face)),
+        Picture("numbers", numbers(report, face)),
+        Picture("length", by_length(report, face)),
+    )
 
 
 def recorded_signals(result: Inspected, report: InspectionReport, face: str) -> bytes:

@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 
 from coupling.errors import CouplingError
 from coupling.sensors import Sensor, measured, signals
-from dem import Chain, Trajectory, Wall, march
-from dem.sensitivities import STEPS_PER_TIME_SCALE, march_with_sensitivities, usual_step
+from dem import Trajectory, march
+from dem.sensitivities import march_with_sensitivities
 from workflows.fit.parameter import UNIFORM, Parameter, Rig, directions, ends, rig_at, scales
 from workflows.fit.sensed import require_summable, sensed, with_gains
 from workflows.fit.signals import Filter, Signals
@@ -50,9 +50,7 @@ class ChainForward:
         self.signals, self.filters, self.steps = signals, filters, steps
         self.start = np.array([p.start for p in parameters])
         first = rig_at(rig, self.parameters, self.start)
-        usual = usual_step(first.chain, first.wall, first.v0)
-        self.time_scale = STEPS_PER_TIME_SCALE * usual  # [s]
-        self.dt = steps * usual
+        self.time_scale, self.dt = first.time_scale, steps * first.step  # [s]
         earliest = min([p.low for p in parameters if p.kind == "trigger"], default=rig.trigger)
         self.duration = signals.t[-1] - earliest + 2 * self.dt
         if signals.channels:
@@ -156,14 +154,6 @@ DIFFERENCE = 1e-5  # step of a difference quotient, in scales
 FEW_STEPS = 10_000  # of all runs together: below, threads would cost more than they save
 
 
-class System(NamedTuple):
-    """What is marched: chain, wall, velocities (n,) [m/s] before the impact."""
-
-    chain: Chain
-    wall: Wall | None
-    v0: NDArray[np.float64]
-
-
 class Shot(NamedTuple):
     """One record: signals y (k, m) of m sensors over equal times t (k,) [s], their noise (m,)."""
 
@@ -229,7 +219,7 @@ def unknowns(
 class StructureForward(NamedTuple):
     """The model of an inspection; `system` takes the values (q,) that a record has."""
 
-    system: Callable[[NDArray[np.float64]], System]
+    system: Callable[[NDArray[np.float64]], Rig]
     sensors: tuple[Sensor, ...]
     dt: float  # [s]
     within: Callable[[NDArray[np.float64], NDArray[np.float64]], Callable] | None = None
@@ -238,7 +228,7 @@ class StructureForward(NamedTuple):
         """The same with a system made for shared numbers between these ends, and no others."""
         return self.with_system(self.within(low, high))
 
-    def with_system(self, system: Callable[[NDArray[np.float64]], System]) -> "StructureForward":
+    def with_system(self, system: Callable[[NDArray[np.float64]], Rig]) -> "StructureForward":
         """The same of another structure."""
         return self._replace(system=system)
 
@@ -310,9 +300,11 @@ class StructureForward(NamedTuple):
         with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
             return list(pool.map(self._run, systems, lengths))
 
-    def _run(self, system: System, duration: float) -> Trajectory:
+    def _run(self, system: Rig, duration: float) -> Trajectory:
         n = int(np.ceil(duration / self.dt))
-        return march(*system, duration=n * self.dt, dt=self.dt, n_save=n)
+        return march(
+            system.chain, system.wall, system.v0, duration=n * self.dt, dt=self.dt, n_save=n
+        )
 
     def _sensed(
         self, runs: Sequence[Trajectory], at: NDArray[np.float64], order: int = 0

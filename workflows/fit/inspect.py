@@ -5,8 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-import coupling
-import dem
 from workflows.files.record import Recorded
 from workflows.fit import scene_parameters
 from workflows.fit.candidates import searched
@@ -25,14 +23,13 @@ from workflows.fit.plausibility import (
     rounding,
     trigger_of,
 )
-from workflows.fit.record import sensor_of, usable
+from workflows.fit.record import marched, sensor_of, usable
 from workflows.fit.structure import VariedScene, better_models, structure
 from workflows.scene import InvalidScene, Scene
 from workflows.stages.progress import Progress
 from workflows.sweep.cases import Base
 
 STEPS = 4.0  # of the model, in usual ones: leaves 1e-5 of the largest signal
-REFUSALS = (coupling.CouplingError, dem.InvalidChain, dem.NoEquilibrium)  # of values of a scene
 
 
 class InspectionRequest(NamedTuple):
@@ -83,10 +80,8 @@ def inspected(
     model = structure(base, keys, box, n, progress)
     with progress("inversion"):
         fit, gains, noise_known = problem(model, records, shared, per_record)
-        try:
+        with marched(model.scene.name):
             answer, rivals = answered(fit, n, gains, starts=request.starts, seed=request.seed)
-        except REFUSALS as reason:
-            raise InvalidScene(f"{model.scene.name}: {str(reason).rstrip('.')}.") from None
 
         # bars hold what is known of the model's errors as well as the noise
         inversion = answer.inversion
@@ -129,13 +124,12 @@ def problem(
     gain_of_sensor = np.array([gains.index(name) if name else -1 for _, name in pairs])
     gain_known = gain_of_sensor < 0
 
-    # the step, and the time [s] within which the stiffest contact moves
+    # the rig of the smallest step
     starts = [np.array([p.start for p in (*shared, *of_record)]) for of_record in per_record]
-    try:
-        step = min(dem.sensitivities.usual_step(*model(values)) for values in starts)
-    except REFUSALS as reason:
-        raise InvalidScene(f"{model.scene.name}: {str(reason).rstrip('.')}.") from None
-    time_scale = dem.sensitivities.STEPS_PER_TIME_SCALE * step
+    with marched(model.scene.name):
+        rigs = [model(values) for values in starts]
+    stiffest = min(rigs, key=lambda rig: rig.step)
+    step, time_scale = stiffest.step, stiffest.time_scale
     within = model.within if model.between else None
     forward = StructureForward(model, sensors, STEPS * step, within)
 

@@ -10,10 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from dem import Chain, Wall
-from dem.sensitivities import Directions
+from dem.sensitivities import STEPS_PER_TIME_SCALE, Directions, usual_step
 
 OF_WALL = ("frequency", "mass", "damping")
 UNIFORM = 12.0  # the variance of a uniform distribution is its width squared over this
+TRIGGER_REACH = 1e-4  # [s] bounds of a trigger to either side of its estimate
+TRIGGER_SCALE = 3e-6  # [s] a change of a trigger that counts as large
 AT_BOUND = 1e-6  # of the bounds' distance: parameters nearer to a bound lie at it
 RATIOS = ("contact", "preload", "striker", "frequency", "mass", "gain")  # > 0, by factors
 
@@ -39,6 +41,12 @@ class Parameter(NamedTuple):
     def relative(self) -> float:
         """Its scale over its start, for one that is varied by factors."""
         return self.scale / self.start
+
+
+def trigger(name: str, estimate: float) -> Parameter:
+    """The first touch on a record's clock, about its estimate [s]."""
+    low, high = estimate - TRIGGER_REACH, estimate + TRIGGER_REACH
+    return Parameter(name, "trigger", estimate, low, high, TRIGGER_SCALE, "s")
 
 
 def coordinates(parameters: Sequence[Parameter], theta: np.ndarray) -> np.ndarray:
@@ -83,13 +91,23 @@ def at_bound(parameters: Sequence[Parameter], value: np.ndarray) -> np.ndarray:
 
 
 class Rig(NamedTuple):
-    """Chain, wall and impact that the parameters start from."""
+    """What is marched: chain, wall and impact."""
 
     chain: Chain
     wall: Wall | None
     v0: np.ndarray  # (n,) [m/s] before the impact
     damping: np.ndarray | None = None  # (d, k) derivative of the wall's zeta by each damping ratio
     trigger: float = 0.0  # [s] first touch on the record's clock
+
+    @property
+    def step(self) -> float:
+        """Usual step of time of a march [s]."""
+        return usual_step(self.chain, self.wall, self.v0)
+
+    @property
+    def time_scale(self) -> float:
+        """Time within which the stiffest contact moves [s]."""
+        return STEPS_PER_TIME_SCALE * self.step
 
 
 def rig_at(rig: Rig, parameters: tuple[Parameter, ...], theta: np.ndarray) -> Rig:

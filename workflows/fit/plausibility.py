@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workflows.files.record import Record, Recorded, UnusableRecord
-from workflows.fit.parameter import Parameter
+from workflows.fit.parameter import Parameter, trigger
 from workflows.fit.signals import Aligned, Filter, Signals, noise_between_waves, rise
 
 
@@ -207,8 +207,6 @@ def first_touch(text: str, estimate: float, t: np.ndarray) -> float:
     return trigger
 
 
-TRIGGER_REACH = 1e-4  # [s] bounds of a trigger to either side of its estimate
-TRIGGER_SCALE = 3e-6  # [s] a change of a trigger that counts as large
 RESOLVED = 1e-4  # of the largest signal: noise below this is below what the model resolves
 USUAL_NOISE = 0.01  # of the largest signal, taken where a record does not show its noise
 LEVELS = 4096  # of 12 bits: a record of no more different values has been rounded by its instrument
@@ -256,8 +254,7 @@ def trigger_of(record: Recorded, model: np.ndarray, name: str) -> Parameter:
     """When the chain is first touched on the record's clock, by the rise of its first wave beside
     that of the model (k, m)."""
     estimate = rise(record.t, record.y) - rise(record.t - record.t[0], model)
-    low, high = estimate - TRIGGER_REACH, estimate + TRIGGER_REACH
-    return Parameter(name, "trigger", estimate, low, high, TRIGGER_SCALE, "s")
+    return trigger(name, estimate)
 
 
 def noise_of(record: Recorded, time_scale: float) -> tuple[np.ndarray, bool]:

@@ -21,7 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupling.band import Band
+from coupling.errors import CouplingError
 from coupling.sensors import Sensor
+from dem import InvalidChain, NoEquilibrium
 from workflows.files import record_formats
 from workflows.files.foreign import arrays
 from workflows.files.record import (
@@ -51,6 +53,15 @@ def usable() -> Iterator[None]:
         yield
     except UnusableRecord as error:
         raise InvalidScene(str(error)) from None
+
+
+@contextmanager
+def marched(name: str) -> Iterator[None]:
+    """What cannot be marched of a scene or file of this name raised as InvalidScene."""
+    try:
+        yield
+    except (CouplingError, InvalidChain, NoEquilibrium) as reason:
+        raise InvalidScene(f"{name}: {str(reason).rstrip('.')}.") from None
 
 
 def recorded(path: Path) -> Recorded:

@@ -13,7 +13,7 @@ from workflows.fit.chain_fit import CalibrationResult
 from workflows.fit.judgement import SHARES, Judged, combinations, identifiable, remarks
 from workflows.fit.model_errors import LEAST_SHARE, NOISE, bar_by_words, shares
 from workflows.fit.signals import Signals
-from workflows.report.tables import LINE, Table, aligned_text, text
+from workflows.report.tables import LINE, aligned_text
 from workflows.scene import OneDofWall, Scene
 
 if TYPE_CHECKING:
@@ -53,6 +53,18 @@ class PosteriorSummary(BaseModel):
     shares: tuple[float, float, float] = SHARES  # of low, median and high
 
 
+def _page(report: CalibrationReport | InspectionReport, *lines: str) -> str:
+    """What a terminal shows of a report: its face, tables and sums, and sentences."""
+    face = [SYNTHETIC] if report.synthetic else []
+    remarks = (fill(remark, LINE, subsequent_indent="  ") for remark in report.remarks)
+    return "\n".join([*face, *lines, *remarks])
+
+
+def _with_unit(row: ParameterRow | NumberRow) -> str:
+    """Name and unit of a row."""
+    return f"{row.name} [{row.unit}]" if row.unit else row.name
+
+
 class CalibrationReport(BaseModel):
     """What was fitted, what came out, and how far to believe it."""
 
@@ -89,9 +101,8 @@ class CalibrationReport(BaseModel):
         head += ["bar by"] if widened else []
         cells = []
         for row in self.parameters:
-            name = f"{row.name} [{row.unit}]" if row.unit else row.name
             bar = None if row.two_sigma is None else f"{row.two_sigma:.2g}"
-            line = [name, f"{row.start:.5g}", f"{row.found:.6g}", bar]
+            line = [_with_unit(row), f"{row.start:.5g}", f"{row.found:.6g}", bar]
             if sampled:
                 line += [
                     None if x is None else f"{x - row.found:+.2g}" for x in (row.low, row.high)
@@ -120,12 +131,10 @@ class CalibrationReport(BaseModel):
             f"{signal(n):>16} misfit {misfit(n, x)}, held out" for n, x in self.held_out_m_s.items()
         ]
         runs = sum(stage["evaluations"] for stage in self.stages)
-        return "\n".join([
-            *([SYNTHETIC] if self.synthetic else []),
-            aligned_text(tuple(head), cells), "", *misfits, "",
+        return _page(
+            self, aligned_text(tuple(head), cells), "", *misfits, "",
             f"{runs} model runs in {self.seconds:.2f} s",
-            *(fill(remark, LINE, subsequent_indent="  ") for remark in self.remarks),
-        ])  # fmt: skip
+        )  # fmt: skip
 
 
 def calibration_report(
@@ -234,13 +243,11 @@ class InspectionReport(BaseModel):
         n = len(self.records)
         n_columns = 6 if any(row.bar_by for row in self.numbers) else 5
         misfit = float(np.sqrt(np.mean(np.square(self.misfit))))
-        return "\n".join([
-            *([SYNTHETIC] if self.synthetic else []),
-            _table(self.numbers, n_columns), "", _table(self.others, 3), "",
+        return _page(
+            self, _table(self.numbers, n_columns), "", _table(self.others, 3), "",
             f"The model leaves {misfit:.3g} times the noise of {n} record{'s' * (n != 1)}; "
             f"{self.seconds:.1f} s.",
-            *(fill(remark, LINE, subsequent_indent="  ") for remark in self.remarks),
-        ])  # fmt: skip
+        )  # fmt: skip
 
 
 def _table(rows: list[NumberRow], n_columns: int) -> str:
@@ -248,14 +255,13 @@ def _table(rows: list[NumberRow], n_columns: int) -> str:
     columns = ("number", "found", "two sigma", "bounds", "told", "bar by")[:n_columns]
     cells = []
     for row in rows:
-        name = f"{row.name} [{row.unit}]" if row.unit else row.name
         bounds = "" if row.low is None else f"{row.low:.4g} to {row.high:.4g}"
         line = (
-            name, f"{row.found:.6g}", f"{row.two_sigma:.2g}", bounds, row.told,
+            _with_unit(row), f"{row.found:.6g}", f"{row.two_sigma:.2g}", bounds, row.told,
             bar_by_words(row.bar_by),
         )  # fmt: skip
         cells.append(line[:n_columns])
-    return text(Table("", columns, tuple(cells)))
+    return aligned_text(columns, cells)
 
 
 def inspection_report(result: Inspected, records: tuple[Recorded, ...]) -> InspectionReport:

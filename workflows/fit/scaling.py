@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dem.sensitivities import march_with_sensitivities, usual_step
+from dem.sensitivities import march_with_sensitivities
 from dem.waves.arrivals import peaks
 from workflows.files.record import Record, UnusableRecord
 from workflows.fit.parameter import Parameter, Rig
@@ -55,7 +55,7 @@ def scaled(
     # of each sensor's sphere
     run = march_with_sensitivities(
         rig.chain, rig.wall, rig.v0, duration=t[-1] - t[0],
-        dt=usual_step(rig.chain, rig.wall, rig.v0), observed=bare.observed,
+        dt=rig.step, observed=bare.observed,
     )  # fmt: skip
     model = sensed(run, rig, bare, (), t - t[0])[0]
     speed = np.abs(run.v[:, [sensor.sphere for sensor in bare.sensors]]).max(axis=0)

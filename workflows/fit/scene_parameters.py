@@ -1,6 +1,7 @@
 """Parameters by the names that a user gives them: what `calibrate --free` may name of a chain and
 its wall, and the keys of a scene that `inspect` and `design` find."""
 
+from collections.abc import Callable
 from math import isfinite
 from typing import Any, NamedTuple
 
@@ -10,6 +11,7 @@ import coupling
 import dem
 from workflows.fit.forward import OWN, SHARED
 from workflows.fit.parameter import RATIOS, Parameter, Rig
+from workflows.fit.parameter import trigger as first_touch
 from workflows.scene import (
     InvalidScene,
     ModalDampingTable,
@@ -42,8 +44,6 @@ RATIO = Range(0.0, 0.5, 0.01)  # damping ratio
 LOSS_START = 0.05  # [s/m] where the scene has none
 PRELOAD_START = 1.0  # [N] where the scene has none
 RATIO_START = 0.01  # where the scene has none
-TRIGGER_REACH = 1e-4  # [s] to either side of the estimate
-TRIGGER_SCALE = 3e-6  # [s] a change that counts as large
 
 # what --bounds may say at most
 SMALLEST = 1e-3  # of the start, of a parameter that is varied by factors; its inverse the largest
@@ -159,8 +159,7 @@ def _named(scene: Scene, name: str, trigger: float) -> list[Parameter]:
     if name == "striker" and scene.striker:
         return by_factors("striker", scene.striker.velocity, SPEED_RANGE, "m/s")
     if name == "trigger":
-        low, high = trigger - TRIGGER_REACH, trigger + TRIGGER_REACH
-        return [Parameter(name, "trigger", trigger, low, high, TRIGGER_SCALE, "s")]
+        return [first_touch(name, trigger)]
     if isinstance(wall, OneDofWall) and name == "wall.frequency":
         return by_factors("frequency", wall.frequency, FACTOR, "Hz")
     if isinstance(wall, OneDofWall) and name == "wall.mass":
@@ -195,23 +194,34 @@ def _named(scene: Scene, name: str, trigger: float) -> list[Parameter]:
     raise InvalidScene(f"--free {name!r} is not known here, {nearest(name, NAMES)}{remedy}.")
 
 
-def bounds(text: str | None) -> dict[str, tuple[float, float]]:
-    """{"contacts": (0.5, 2.0)} of "contacts=0.5:2,wall.frequency=50:2000"."""
-    limits_by_key = {}
+def limits_of(
+    text: str | None, value: Callable[[str, str], float]
+) -> dict[str, tuple[float, float]]:
+    """{"contacts": (0.5, 2.0)} of "contacts=0.5:2,wall.frequency=50:2000"; `value` makes a number
+    of a key and the text of an end. Raises InvalidScene."""
+    limits: dict[str, tuple[float, float]] = {}
     for item in text.split(",") if text else ():
-        key, _, limits = item.partition("=")
-        low, _, high = limits.partition(":")
-        if key.strip() in limits_by_key:
-            raise InvalidScene(f"--bounds names {key.strip()} twice; drop one.")
-        try:
-            limits_by_key[key.strip()] = (float(low), float(high))
-        except ValueError:
-            raise InvalidScene(
-                f"--bounds {item} is not key=low:high; write contacts=0.5:2."
-            ) from None
-        if not (isfinite(float(low)) and isfinite(float(high)) and float(low) < float(high)):
+        key, _, ends = (part.strip() for part in item.partition("="))
+        texts = [end.strip() for end in ends.split(":")]
+        if key in limits:
+            raise InvalidScene(f"--bounds names {key} twice; drop one.")
+        if len(texts) != 2 or not all(texts):
+            raise InvalidScene(f"--bounds {item} is not key=low:high; write contacts=0.5:2.")
+        low, high = (value(key, end) for end in texts)
+        if not (isfinite(low) and isfinite(high) and low < high):
             raise InvalidScene(f"--bounds {item} must be finite and grow; write contacts=0.5:2.")
-    return limits_by_key
+        limits[key] = low, high
+    return limits
+
+
+def plain_number(key: str, text: str) -> float:
+    """A number without a unit; raises InvalidScene."""
+    try:
+        return float(text)
+    except ValueError:
+        raise InvalidScene(
+            f"--bounds {key}={text} is not key=low:high; write contacts=0.5:2."
+        ) from None
 
 
 def calibrated_scene(
@@ -260,16 +270,7 @@ SPEED = "striker.velocity"
 def shared(base: Base, find: str, bounds: str | None) -> tuple[Parameter, ...]:
     """The numbers to find, "a.b,c.d", within their bounds, "a.b=1mm:2mm"; raises InvalidScene."""
     keys = listed("--find", find)
-    limits: dict[str, tuple[float, float]] = {}
-    for item in bounds.split(",") if bounds else ():
-        key, _, ends = (text.strip() for text in item.partition("="))
-        low_text, colon, high_text = ends.partition(":")
-        if not colon or key in limits:
-            raise InvalidScene(f"--bounds {item} is not key=low:high, once; write it so.")
-        low, high = base.number(key, low_text.strip()), base.number(key, high_text.strip())
-        if not (isfinite(low) and isfinite(high) and low < high):
-            raise InvalidScene(f"--bounds {item} must be finite and grow; turn or change them.")
-        limits[key] = low, high
+    limits = limits_of(bounds, base.number)
     if unknown := next((key for key in limits if key not in keys), None):
         raise InvalidScene(
             f"--bounds {unknown} is not among the numbers to find; add it to --find."

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 import coupling
 import dem
 from workflows.fit.better_walls import FAILURES, better_walls
-from workflows.fit.forward import System
 from workflows.fit.model_errors import BetterModel, with_systems
+from workflows.fit.parameter import Rig
 from workflows.fit.parametric_wall import (
     Bounds,
     Computed,
@@ -53,7 +53,7 @@ class VariedScene(NamedTuple):
     between: ParametricWall | None = None  # the reduced wall, where keys change it
     fixed: dem.Wall | None = None  # the reduced wall, where none does
 
-    def __call__(self, values: NDArray[np.float64]) -> System:
+    def __call__(self, values: NDArray[np.float64]) -> Rig:
         """What is marched; raises CouplingError for values that no scene may have."""
         try:
             if self.rows is None:
@@ -66,7 +66,7 @@ class VariedScene(NamedTuple):
                 wall = self.between(values[list(self.of_wall)])
             else:
                 wall = self.fixed if isinstance(scene.wall, RomWall) else simple_wall(scene)
-            return System(chain, wall, initial_velocity(scene))
+            return Rig(chain, wall, initial_velocity(scene))
         except InvalidScene as reason:
             raise coupling.CouplingError(str(reason)) from None
 

@@ -170,12 +170,6 @@ def bounds_information(parameters: Sequence[Parameter]) -> NDArray[np.float64]:
     return np.diag([UNIFORM * (p.scale / (p.high - p.low)) ** 2 for p in parameters])
 
 
-def covariance(slopes: NDArray[np.float64], B: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Covariance (p, p) of numbers in scales by slopes (..., p) over the noise."""
-    J = slopes.reshape(-1, slopes.shape[-1])
-    return np.linalg.pinv(J.T @ J + B, hermitian=True)
-
-
 def bars_over_time(
     slopes: NDArray[np.float64], B: NDArray[np.float64], ends: NDArray[np.int64]
 ) -> NDArray[np.float64]:
