@@ -10,9 +10,12 @@ order, which balance what the stresses s of u leave there (Bank and Weiser, Math
     G_ij = sum_e r_i^T k^-1 r_j
     omega_j^2 is too high by G_jj,  w^T K^-1 w too low by G of u = K^-1 w
 
-t is the mean traction of the two elements at a facet, zero on faces that bear nothing. On faces
-that are tied, bolted or pushed it is the element's own. Functions b vanish where a face is held or
-moves as a rigid one.
+t is a mean of the tractions t_1 and t_2 of the two elements at a facet, of two bodies' where these
+are tied, and zero on faces that bear nothing. Each element takes a share of the jump t_2 - t_1 in
+proportion to its stiffness times its height h over the facet, which makes the sum of energies,
+share^2 / h, least: with a half each, slivers of 4 um beside elements of 6 mm made a frequency's
+error 34 times too large in the median, with these shares 5. On faces that are bolted or pushed t is
+the element's own. Functions b vanish where a face is held or moves as a rigid one.
 
 Of a smooth field G is the whole energy missed; of a singular one, h^(2 lambda), functions of the
 next order hold only a part 1 - (2/3)^(4 lambda) of it, 0.6 to 0.7 at held edges and inner corners.
@@ -30,8 +33,11 @@ from skfem import Basis, Element, FacetBasis, Mesh, MeshHex
 
 from fem.elasticity import ELEMENTS, element_stiffness
 from fem.half_space import HalfSpaceField
+from fem.joints import Tie
 from fem.materials import Material, Orthotropic
 from fem.model import Held, Model
+from fem.sagging import sagging
+from fem.trace import located
 
 
 class Pushed(NamedTuple):
@@ -55,6 +61,7 @@ def missed_energy(
     D: NDArray[np.float64],
     held: Sequence[Held] = (),
     bearing: Collection[str] = (),
+    ties: Sequence[Tie] = (),
     *,
     pushed: Pushed | None = None,
     options: MissedEnergyOptions = MissedEnergyOptions(),
@@ -63,27 +70,23 @@ def missed_energy(
 
     D (k, k) [rad^2/s^2] are the inertia forces M u D that hold u beside those on faces; of modes
     diag(omega^2). `held` are faces that are held or cannot deform. `bearing` are those, as
-    "body:face", with an unknown traction: tied, bolted, pushed. In elements around a patch that is
+    "body:face", with an unknown traction: bolted, pushed. In elements around a patch that is
     pushed, what counts is the error of the difference to the half-space.
     """
     structure, k = model.structure, u.shape[1]
     G = np.zeros((k, k))
     for body, basis in structure.basis.items():
         mesh, material = basis.mesh, materials[body]
-        choice = next(choice for kind, choice in ELEMENTS.items() if isinstance(mesh, kind))
-        element, order = choice[0], 5 if isinstance(mesh, MeshHex) else 4
-        C = material.elasticity.transpose(1, 3, 0, 2).reshape(9, 9)  # (c, d) to (a, b), as in K
-        at_dofs = model.T[structure.dofs(body)] @ u
+        element, C, order = element_of(mesh), stiffness_of(material), 4 + isinstance(mesh, MeshHex)
         field = pushed.half_space if pushed is not None and pushed.half_space.body == body else None
+        local = at_elements(basis, model.T[structure.dofs(body)] @ u)
         if field is not None:  # as one displacement more
-            half_space = np.zeros((len(at_dofs), 1))
+            half_space = np.zeros((basis.N, 1))
             half_space[field.dofs - structure.first[body]] = field.u
-            at_dofs = np.column_stack([at_dofs, half_space])
-        m = at_dofs.shape[1]
+            local = np.concatenate([local, at_elements(basis, half_space)], axis=3)
+        m = local.shape[3]
         inertia_of = np.zeros((m, m), np.float32)
         inertia_of[:k, :k] = D
-        local = at_dofs.astype(np.float32).reshape(-1, 3, m)
-        local = local[basis.element_dofs[0::3].T // 3]  # (cell, function, x y z, m)
         n_cells, n = local.shape[:2]
         n_lacking = len(lacking_functions(mesh, np.zeros((3, 1)))[0])
         residual = np.zeros((n_cells, n_lacking, 3, m), np.float32)
@@ -97,11 +100,45 @@ def missed_energy(
         for facets, signs in ((inside, (1, -1)), (bears, (1,))):
             for some in shares(facets, options.at_once):
                 sides = [FacetSide.of(mesh, some, side, order) for side in range(len(signs))]
-                t = sum(side.traction(element, C, local) for side in sides) / len(sides)
+                t = sides[0].traction(element, C, local)
+                if len(sides) == 2:
+                    share = sides[0].height / (sides[0].height + sides[1].height)
+                    t += share[:, None, None] * (sides[1].traction(element, C, local) - t)
                 t.reshape(*t.shape[:2], 3, m)[np.isin(some, ends), :, :, k:] = 0.0
                 for sign, side in zip(signs, sides, strict=True):
                     b = lacking_functions(mesh, side.X)[0].transpose(1, 0, 2).astype(np.float32)
                     np.add.at(residual, side.cells, sign * (b @ t).reshape(len(b), -1, 3, m))
+        # on a face that is tied the mean of both bodies' tractions, at points of this one; where it
+        # does not meet the other, its own
+        for pair in ties:
+            for face, opposite in ((pair.slave, pair.master), (pair.master, pair.slave)):
+                if face.partition(":")[0] != body:
+                    continue
+                partner, facets = opposite.partition(":")[0], structure.facets(face)[1]
+                across = structure.basis[partner]
+                u_across = at_elements(across, model.T[structure.dofs(partner)] @ u)
+                of_partner = element_of(across.mesh), stiffness_of(materials[partner])
+                beyond = FacetSide.of(across.mesh, structure.facets(opposite)[1], 0, order)
+                kh_across = np.zeros(across.nelems)
+                kh_across[beyond.cells] = np.trace(of_partner[1]) * beyond.height
+                gap = pair.gap + sagging(structure, face) + sagging(structure, opposite)
+                for some in shares(facets, options.at_once):
+                    side = FacetSide.of(mesh, some, 0, order)
+                    t = side.traction(element, C, local[..., :k])
+                    points = mesh.mapping().F(side.X, tind=side.cells).reshape(3, -1).T
+                    place = located(structure, opposite, points, gap=gap)
+                    meets = np.flatnonzero(place.distance <= gap)
+                    area = side.area.reshape(3, -1, 1)[:, meets]
+                    cells, X = place.cells[meets], place.X[:, meets, None]
+                    beyond = FacetSide(across.mesh, cells, X, area)
+                    mean = t.reshape(len(points), -1)
+                    kh = np.repeat(np.trace(C) * side.height, side.X.shape[2])[meets]
+                    share = kh / (kh + kh_across[cells])
+                    t_across = beyond.traction(*of_partner, u_across)[:, 0]
+                    mean[meets] += share[:, None] * (t_across - mean[meets])
+                    b = lacking_functions(mesh, side.X)[0].transpose(1, 0, 2).astype(np.float32)
+                    moments = (b @ mean.reshape(t.shape)).reshape(len(b), -1, 3, k)
+                    np.add.at(residual[..., :k], side.cells, moments)
         for sign, i in ((1, 0), (-1, 1)):  # of the half-space, where it ends, its own
             if field is not None and len(some := ends[np.isin(mesh.f2t[i, ends], field.cells)]):
                 side = FacetSide.of(mesh, some, i, order)
@@ -145,6 +182,21 @@ def missed_energy(
     return (G + G.T) / 2
 
 
+def element_of(mesh: Mesh) -> Element:
+    """The quadratic element of a mesh's cells."""
+    return next(choice[0] for kind, choice in ELEMENTS.items() if isinstance(mesh, kind))
+
+
+def stiffness_of(material: Material | Orthotropic) -> NDArray[np.float64]:
+    """C (9, 9) from (c, d) to (a, b), as in K."""
+    return material.elasticity.transpose(1, 3, 0, 2).reshape(9, 9)
+
+
+def at_elements(basis: Basis, u: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Displacements u (n, k) of a body's dofs in its elements, (cell, function, x y z, k)."""
+    return u.astype(np.float32).reshape(len(u) // 3, 3, -1)[basis.element_dofs[0::3].T // 3]
+
+
 def shares(numbers: NDArray[np.int64], size: int) -> list[NDArray[np.int64]]:
     """The numbers (n,) in shares of at most so many; none of no numbers."""
     return [numbers[first : first + size] for first in range(0, len(numbers), size)]
@@ -157,6 +209,15 @@ class FacetSide(NamedTuple):
     cells: NDArray[np.int64]  # (m,) the elements
     X: NDArray[np.float64]  # (3, m, points) of a rule, in their coordinates
     area: NDArray[np.float64]  # (3, m, points) [m^2] times the rule's weights, out of side 0
+
+    @property
+    def height(self) -> NDArray[np.float64]:
+        """Of the elements (m,) [m] over their facets: volume over area, of tetrahedra three times
+        as much."""
+        X = self.mesh.elem().refdom.p.mean(axis=1)[:, None]
+        volume = np.abs(self.mesh.mapping().detDF(X, tind=self.cells))[:, 0]
+        area = np.linalg.norm(self.area.sum(axis=2), axis=0)
+        return volume / area if isinstance(self.mesh, MeshHex) else volume / (2 * area)
 
     @classmethod
     def of(cls, mesh: Mesh, facets: NDArray[np.int64], side: int, order: int) -> "FacetSide":

@@ -204,15 +204,16 @@ def energy_of_shapes(
             pushed = fem.Pushed(force, next(fields))
 
     connections, load = mesh.connections, mesh.load
-    faces = {face for t in connections.ties for face in (t.slave, t.master)}
     sides = [side for j in connections.joints for side in (j.first, j.second) if side]
     rigid = {side.face for side in sides if side.coupling == "rigid" and np.isinf(side.within)}
-    faces |= {side.face for side in sides} - rigid
+    faces = {side.face for side in sides} - rigid
     still = [*connections.held, *(fem.Held(face) for face in sorted(rigid))]
     if load is not None:
         faces |= {force.face for force in load.forces}
         faces |= {face for rod in load.rods for face in rod[:2]}
-    G = fem.missed_energy(model, mesh.materials, phi, D, still, faces, pushed=pushed)
+    G = fem.missed_energy(
+        model, mesh.materials, phi, D, still, faces, connections.ties, pushed=pushed
+    )
     static_from = KrylovOptions().reach * 2 * np.pi * max(TO_HZ, scene.reduction.to_hz or 0.0)
     return MissedByMesh(
         omega,
