@@ -47,6 +47,13 @@ class Pushed(NamedTuple):
     half_space: HalfSpaceField  # under a unit force
 
 
+class MissedEnergy(NamedTuple):
+    """The strain energy that elements miss, in all and where."""
+
+    G: NDArray[np.float64]  # (k, k) [J]
+    of_cells: dict[str, NDArray[np.float64]]  # by body (cells, k) [J], whose sum is G's diagonal
+
+
 class MissedEnergyOptions(NamedTuple):
     """How energies are summed."""
 
@@ -65,7 +72,7 @@ def missed_energy(
     *,
     pushed: Pushed | None = None,
     options: MissedEnergyOptions = MissedEnergyOptions(),
-) -> NDArray[np.float64]:
+) -> MissedEnergy:
     """G (k, k) [J] of displacements u (n, k) of a model's free dofs.
 
     D (k, k) [rad^2/s^2] are the inertia forces M u D that hold u beside those on faces; of modes
@@ -74,7 +81,7 @@ def missed_energy(
     pushed, what counts is the error of the difference to the half-space.
     """
     structure, k = model.structure, u.shape[1]
-    G = np.zeros((k, k))
+    G, of_cells = np.zeros((k, k)), {}
     for body, basis in structure.basis.items():
         mesh, material = basis.mesh, materials[body]
         element, C, order = element_of(mesh), stiffness_of(material), 4 + isinstance(mesh, MeshHex)
@@ -156,6 +163,8 @@ def missed_energy(
                 for axis in map("xyz".index, face.directions):
                     np.logical_or.at(still[..., axis], side.cells, moves.T)
 
+        of_cells[body] = np.zeros((n_cells, k))
+
         # what inertia and stresses leave inside the elements, and the errors that balance it all
         for cells in shares(np.arange(n_cells), options.at_once):
             at = Basis(mesh, element, intorder=order, elements=cells)
@@ -179,7 +188,8 @@ def missed_energy(
             diagonal[still[cells].reshape(len(cells), -1)] *= options.still
             error = np.linalg.solve(stiffness, r)
             G += r.reshape(-1, k).T @ error.reshape(-1, k)
-    return (G + G.T) / 2
+            of_cells[body][cells] = np.sum(r * error, axis=1)
+    return MissedEnergy((G + G.T) / 2, of_cells)
 
 
 def element_of(mesh: Mesh) -> Element:
