@@ -50,8 +50,13 @@ class Pushed(NamedTuple):
 class MissedEnergy(NamedTuple):
     """The strain energy that elements miss, in all and where."""
 
-    G: NDArray[np.float64]  # (k, k) [J]
-    of_cells: dict[str, NDArray[np.float64]]  # by body (cells, k) [J], whose sum is G's diagonal
+    of_bodies: dict[str, NDArray[np.float64]]  # (k, k) [J] by body
+    of_cells: dict[str, NDArray[np.float64]]  # (cells, k) [J] by body, whose sum is G's diagonal
+
+    @property
+    def G(self) -> NDArray[np.float64]:  # noqa: N802  the symbol of the literature
+        """Of all bodies (k, k) [J]."""
+        return sum(self.of_bodies.values())
 
 
 class MissedEnergyOptions(NamedTuple):
@@ -81,7 +86,7 @@ def missed_energy(
     pushed, what counts is the error of the difference to the half-space.
     """
     structure, k = model.structure, u.shape[1]
-    G, of_cells = np.zeros((k, k)), {}
+    of_bodies, of_cells = {}, {}
     for body, basis in structure.basis.items():
         mesh, material = basis.mesh, materials[body]
         element, C, order = element_of(mesh), stiffness_of(material), 4 + isinstance(mesh, MeshHex)
@@ -163,7 +168,7 @@ def missed_energy(
                 for axis in map("xyz".index, face.directions):
                     np.logical_or.at(still[..., axis], side.cells, moves.T)
 
-        of_cells[body] = np.zeros((n_cells, k))
+        G, of_cells[body] = np.zeros((k, k)), np.zeros((n_cells, k))
 
         # what inertia and stresses leave inside the elements, and the errors that balance it all
         for cells in shares(np.arange(n_cells), options.at_once):
@@ -189,7 +194,8 @@ def missed_energy(
             error = np.linalg.solve(stiffness, r)
             G += r.reshape(-1, k).T @ error.reshape(-1, k)
             of_cells[body][cells] = np.sum(r * error, axis=1)
-    return MissedEnergy((G + G.T) / 2, of_cells)
+        of_bodies[body] = (G + G.T) / 2
+    return MissedEnergy(of_bodies, of_cells)
 
 
 def element_of(mesh: Mesh) -> Element:

@@ -24,7 +24,7 @@ class CauseOptions(NamedTuple):
     large: float = 0.05  # relative error from which on a cause is given
     inner: float = 50.0  # degrees by which faces turn inwards at a sharp edge; those of bores less
     singular: float = 1.0  # order of the error at singular edges, 2 lambda of the sharpest
-    smooth: float = 2.0  # elsewhere: of quadratic elements 4, less while they are few
+    smooth: float = 1.5  # elsewhere: of quadratic elements 4, less while they are few
     finest: float = 0.3  # times mesh.scale, below which a mesh has forty times the unknowns
 
 
@@ -144,16 +144,19 @@ def explanation(scene: Scene, relative: float, cause: Cause) -> str:
     """Why the mesh's relative error of a number is large, and what helps; "" of a small one."""
     if not relative > OPTIONS.large:
         return ""
-    why = (
-        f"{100 * cause.share:.0f} % of the mesh's error of {100 * relative:.2g} % arises {cause.place}"
-    )
-    order = OPTIONS.singular if cause.singular else OPTIONS.smooth
-    times = (OPTIONS.large / relative) ** (1 / order)
+    why = f"{100 * cause.share:.0f} % of the mesh's error of {100 * relative:.2g} % "
+    why += f"arises {cause.place}"
+    times = size_for(OPTIONS.large, relative, cause)
     if scene.own_mesh:
         return f"{why}; take elements {times:.2g} times as large there."
     if times < OPTIONS.finest and cause.remedy:
         return f"{why}, where smaller elements help little; {cause.remedy} does."
     return f"{why}; {refinement(scene, times)} would bring it below {100 * OPTIONS.large:.0f} %."
+
+
+def size_for(wanted: float, relative: float, cause: Cause) -> float:
+    """Times the size of elements that brings a relative error to the one wanted."""
+    return (wanted / relative) ** (1 / (OPTIONS.singular if cause.singular else OPTIONS.smooth))
 
 
 def refinement(scene: Scene, times: float) -> str:
