@@ -63,6 +63,9 @@ class MissedEnergyOptions(NamedTuple):
     """How energies are summed."""
 
     at_once: int = 1000  # elements or facets that are computed at a time, 100 MB of 60 shapes
+    # length over thickness of hexahedra from which on functions along them are orthogonal to
+    # constants and slopes. For all, tubes were stated at 0.3 of what they are for none
+    slender: float = 5.0
     still: float = 1e8  # times its own stiffness: a function that is zero on a held face
 
 
@@ -100,8 +103,26 @@ def missed_energy(
         inertia_of = np.zeros((m, m), np.float32)
         inertia_of[:k, :k] = D
         n_cells, n = local.shape[:2]
-        n_lacking = len(lacking_functions(mesh, np.zeros((3, 1)))[0])
+        n_lacking = 19 if isinstance(mesh, MeshHex) else 10
         residual = np.zeros((n_cells, n_lacking, 3, m), np.float32)
+
+        # functions that would move a held face
+        still = np.zeros((n_cells, n_lacking, 3), bool)
+        vanish = np.full((3, n_cells), 3, np.int8)  # at X = 0 (1), at X = 1 (2), at both (3)
+        if isinstance(mesh, MeshHex):
+            corners, at_1 = mesh.p[:, mesh.t], mesh.elem().refdom.p > 0.5
+            along = [corners[:, end].mean(axis=1) - corners[:, ~end].mean(axis=1) for end in at_1]
+            length = np.linalg.norm(along, axis=1)
+            vanish[length > options.slender * length.min(axis=0)] = 0
+        for face in held:
+            if face.face.partition(":")[0] == body:
+                side = FacetSide.of(mesh, structure.facets(face.face)[1], 0, order)
+                across = np.ptp(side.X, axis=2).argmin(axis=0)  # the face in local coordinates
+                at_1 = side.X[across, np.arange(len(across)), 0] > 0.5
+                np.bitwise_or.at(vanish, (across, side.cells), 1 + at_1.astype(np.int8))
+                moves = np.abs(side.lacking(vanish)).max(axis=2).T > 1e-6
+                for axis in map("xyz".index, face.directions):
+                    np.logical_or.at(still[..., axis], side.cells, moves.T)
 
         # tractions at facets: of both sides where two elements meet, of one where something bears
         names = [name.partition(":")[2] for name in bearing if name.partition(":")[0] == body]
@@ -118,7 +139,7 @@ def missed_energy(
                     t += share[:, None, None] * (sides[1].traction(element, C, local) - t)
                 t.reshape(*t.shape[:2], 3, m)[np.isin(some, ends), :, :, k:] = 0.0
                 for sign, side in zip(signs, sides, strict=True):
-                    b = lacking_functions(mesh, side.X)[0].transpose(1, 0, 2).astype(np.float32)
+                    b = side.lacking(vanish)
                     np.add.at(residual, side.cells, sign * (b @ t).reshape(len(b), -1, 3, m))
         # on a face that is tied the mean of both bodies' tractions, at points of this one; where it
         # does not meet the other, its own
@@ -148,25 +169,16 @@ def missed_energy(
                     share = kh / (kh + kh_across[cells])
                     t_across = beyond.traction(*of_partner, u_across)[:, 0]
                     mean[meets] += share[:, None] * (t_across - mean[meets])
-                    b = lacking_functions(mesh, side.X)[0].transpose(1, 0, 2).astype(np.float32)
+                    b = side.lacking(vanish)
                     moments = (b @ mean.reshape(t.shape)).reshape(len(b), -1, 3, k)
                     np.add.at(residual[..., :k], side.cells, moments)
         for sign, i in ((1, 0), (-1, 1)):  # of the half-space, where it ends, its own
             if field is not None and len(some := ends[np.isin(mesh.f2t[i, ends], field.cells)]):
                 side = FacetSide.of(mesh, some, i, order)
                 t = side.traction(element, C, local[..., k:])
-                b = lacking_functions(mesh, side.X)[0].transpose(1, 0, 2).astype(np.float32)
+                b = side.lacking(vanish)
                 moments = sign * (b @ t).reshape(len(b), -1, 3, 1)
                 np.add.at(residual[..., k:], side.cells, moments)
-
-        # functions that would move a held face
-        still = np.zeros((n_cells, n_lacking, 3), bool)
-        for face in held:
-            if face.face.partition(":")[0] == body:
-                side = FacetSide.of(mesh, structure.facets(face.face)[1], 0, order)
-                moves = np.abs(lacking_functions(mesh, side.X)[0]).max(axis=2) > 1e-9
-                for axis in map("xyz".index, face.directions):
-                    np.logical_or.at(still[..., axis], side.cells, moves.T)
 
         G, of_cells[body] = np.zeros((k, k)), np.zeros((n_cells, k))
 
@@ -175,10 +187,11 @@ def missed_energy(
             at = Basis(mesh, element, intorder=order, elements=cells)
             phi = np.stack([np.broadcast_to(np.asarray(f[0]), at.dx.shape) for f in at.basis])
             gradient = np.stack([f[0].grad for f in at.basis])
-            b, db = lacking_functions(mesh, at.X)
-            db = np.einsum("dcep,bdp->bcep", at.mapping.invDF(at.X, tind=cells), db)
+            X = np.broadcast_to(at.X[:, None], (3, *at.dx.shape))
+            b, db = lacking_functions(mesh, X, vanish[:, cells])
+            db = np.einsum("dcep,bdep->bcep", at.mapping.invDF(at.X, tind=cells), db)
             K = element_stiffness(db, gradient, at.dx, C).astype(np.float32)
-            M = (material.density * b * at.dx[:, None]) @ phi.transpose(1, 2, 0)
+            M = (material.density * b * at.dx).transpose(1, 0, 2) @ phi.transpose(1, 2, 0)
             u_e = local[cells]
             inertia = M.astype(np.float32) @ (u_e @ inertia_of).reshape(len(cells), n, 3 * m)
             r = residual[cells] + inertia.reshape(len(cells), -1, 3, m)
@@ -257,6 +270,12 @@ class FacetSide(NamedTuple):
         outward = np.einsum("dm,dmp->m", p.mean(axis=1) - first, area)
         return cls(mesh, cells, X, np.sign(outward)[:, None] * area * weights)
 
+    def lacking(self, vanish: NDArray[np.int8]) -> NDArray[np.float32]:
+        """The functions (m, b, points) that the elements lack, of which (3, cells) end at a face
+        that is held, along X, Y and Z."""
+        b = lacking_functions(self.mesh, self.X, vanish[:, self.cells])[0]
+        return b.transpose(1, 0, 2).astype(np.float32)
+
     def traction(
         self, element: Element, C: NDArray[np.float64], u: NDArray[np.float32]
     ) -> NDArray[np.float32]:
@@ -275,21 +294,42 @@ class FacetSide(NamedTuple):
 
 
 def lacking_functions(
-    mesh: Mesh, X: NDArray[np.float64]
+    mesh: Mesh, X: NDArray[np.float64], vanish: NDArray[np.int8]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Functions (b, ...) of the next order that quadratic elements lack, at X (3, ...) in them, and
-    their gradients (b, 3, ...).
+    """Functions (b, ...) of the next order that quadratic elements lack, at X (3, m, points) in
+    elements, and their gradients (b, 3, m, points).
 
     In tetrahedra cubes: one of each edge, one of each face. In hexahedra those of the edges, and
-    products of two and of three parabolas, which the 20 nodes lack.
+    products of two and of three parabolas, which the 20 nodes lack; `vanish` (3, m) says at which
+    ends of the element they do so, at X = 0 (1), X = 1 (2), both (3) or none (0). Tractions of
+    neighbours differ by constants and slopes, which the elements' own functions balance together:
+    cubes and parabolas along slender elements that vanish at both ends would take it for an error,
+    those for none are orthogonal to it, those for one end to what else vanishes there. Of
+    `rig-rom`, whose elements are twenty times as long as thick at its edges, the others stated
+    twice as much.
     """
     one = np.ones_like(X[0])
     if isinstance(mesh, MeshHex):
         x = 2 * X - 1
         lines = [((1 - x) / 2, -one), ((1 + x) / 2, one)]
         lines = [[(value[i], slope) for i in range(3)] for value, slope in lines]
-        square = [(1 - x[i] ** 2, -4 * x[i]) for i in range(3)]
-        cube = [(x[i] * (1 - x[i] ** 2), 2 - 6 * x[i] ** 2) for i in range(3)]
+        # Legendre's polynomials, Jacobi's from a held end, parabola and cube between two of them
+        square, cube = [], []
+        for i in range(3):
+            end = vanish[i][:, None]
+            sign = np.where(end == 2, -1.0, 1.0)
+            r = np.where(end == 2, 1 - X[i], X[i])
+            kinds = [end == 0, end == 3]
+            squares = [1 / 3 - x[i] ** 2, 1 - x[i] ** 2], [-4 * x[i], -4 * x[i]]
+            cubes = (
+                [x[i] * (3 / 5 - x[i] ** 2), x[i] * (1 - x[i] ** 2)],
+                [6 / 5 - 6 * x[i] ** 2, 2 - 6 * x[i] ** 2],
+            )
+            value = np.select(kinds, squares[0], r - 4 / 3 * r**2)
+            square.append((value, np.select(kinds, squares[1], sign * (1 - 8 / 3 * r))))
+            value = np.select(kinds, cubes[0], r - 10 / 3 * r**2 + 5 / 2 * r**3)
+            slope = sign * (1 - 20 / 3 * r + 15 / 2 * r**2)
+            cube.append((value, np.select(kinds, cubes[1], slope)))
         along = [(cube, first, second) for first in lines for second in lines]
         across = [(one_line, square, square) for one_line in lines]
         axes = [(i, *(j for j in range(3) if j != i)) for i in range(3)]
