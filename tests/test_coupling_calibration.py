@@ -52,6 +52,7 @@ def blank(spheres=(0, 3)):
     return Signals(T, np.zeros((len(T), m)), spheres, np.full(m, np.nan))
 
 
+@pytest.mark.slow
 def test_derivatives_hold_through_trigger_and_filters():
     """Central differences of order 4 over 1e-4 of a scale: 1e-16 / 1e-4 of rounding, and what a
     contact that opens has in its second derivative; 1e-6 is asked for."""

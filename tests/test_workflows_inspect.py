@@ -129,6 +129,7 @@ def test_bars_shrink_with_the_records_length_and_the_force_is_told_last(result):
     assert expected["beam.thickness"] < 1.2e-3 < expected["beam.axial_force"]
 
 
+@pytest.mark.slow
 def test_records_of_the_first_wave_alone_do_not_tell_the_axial_force(tmp_path):
     files = measured(tmp_path, speeds=(0.4,), **{"time.duration": 1.1e-3})
     result = beadwave.inspect(BEAM, files, find=FIND, bounds=BOUNDS, each="striker.velocity=0.4",
@@ -140,6 +141,7 @@ def test_records_of_the_first_wave_alone_do_not_tell_the_axial_force(tmp_path):
     assert "beam.axial_force" in repr(result)
 
 
+@pytest.mark.slow
 def test_a_beam_that_is_held_otherwise_is_told_by_what_is_left(tmp_path):
     files = measured(tmp_path, speeds=(0.4,), **{"beam.left": "clamped", "beam.density": 4000.0})
     asked = {"find": "beam.axial_force", "bounds": "beam.axial_force=-30kN:5kN"}

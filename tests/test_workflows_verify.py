@@ -125,6 +125,7 @@ def wrong_weight(monkeypatch):
     monkeypatch.setattr(dem.Chain, "steady", property(lambda chain: 1.0001 * right(chain)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("group", "error", "n_outside"),
     [

@@ -62,7 +62,7 @@ class Sweep:
 
     @property
     def main(self) -> tuple[str, ...]:
-        """The outputs that are drawn unasked: TOF and ARR of the last sphere, the wall's force."""
+        """What is drawn unasked: echo delay and ratio at the last sphere, the wall's force."""
         waves = [name for name in self.outputs if name.endswith(MAIN)]
         return (*waves[-len(MAIN) :], *(n for n in self.outputs if n == "wall_peak_force_N"))
 
