@@ -47,6 +47,14 @@ class Pushed(NamedTuple):
     half_space: HalfSpaceField  # under a unit force
 
 
+class Faces(NamedTuple):
+    """Faces that are not free of traction."""
+
+    held: Sequence[Held] = ()  # held, or moving as rigid ones
+    bearing: Collection[str] = ()  # "body:face" with an unknown traction: bolted, pushed
+    ties: Sequence[Tie] = ()
+
+
 class MissedEnergy(NamedTuple):
     """The strain energy that elements miss, in all and where."""
 
@@ -74,9 +82,7 @@ def missed_energy(
     materials: Mapping[str, Material | Orthotropic],
     u: NDArray[np.float64],
     D: NDArray[np.float64],
-    held: Sequence[Held] = (),
-    bearing: Collection[str] = (),
-    ties: Sequence[Tie] = (),
+    faces: Faces = Faces(),
     *,
     pushed: Pushed | None = None,
     options: MissedEnergyOptions = MissedEnergyOptions(),
@@ -84,8 +90,7 @@ def missed_energy(
     """G (k, k) [J] of displacements u (n, k) of a model's free dofs.
 
     D (k, k) [rad^2/s^2] are the inertia forces M u D that hold u beside those on faces; of modes
-    diag(omega^2). `held` are faces that are held or cannot deform. `bearing` are those, as
-    "body:face", with an unknown traction: bolted, pushed. In elements around a patch that is
+    diag(omega^2).In elements around a patch that is
     pushed, what counts is the error of the difference to the half-space.
     """
     structure, k = model.structure, u.shape[1]
@@ -114,7 +119,7 @@ def missed_energy(
             along = [corners[:, end].mean(axis=1) - corners[:, ~end].mean(axis=1) for end in at_1]
             length = np.linalg.norm(along, axis=1)
             vanish[length > options.slender * length.min(axis=0)] = 0
-        for face in held:
+        for face in faces.held:
             if face.face.partition(":")[0] == body:
                 side = FacetSide.of(mesh, structure.facets(face.face)[1], 0, order)
                 across = np.ptp(side.X, axis=2).argmin(axis=0)  # the face in local coordinates
@@ -125,7 +130,7 @@ def missed_energy(
                     np.logical_or.at(still[..., axis], side.cells, moves.T)
 
         # tractions at facets: of both sides where two elements meet, of one where something bears
-        names = [name.partition(":")[2] for name in bearing if name.partition(":")[0] == body]
+        names = [name.partition(":")[2] for name in faces.bearing if name.partition(":")[0] == body]
         named = [np.asarray((mesh.boundaries or {}).get(name, ()), int) for name in names]
         inside = np.flatnonzero(mesh.f2t[1] >= 0)
         bears = np.unique(np.concatenate([np.empty(0, int), *named]))
@@ -143,7 +148,7 @@ def missed_energy(
                     np.add.at(residual, side.cells, sign * (b @ t).reshape(len(b), -1, 3, m))
         # on a face that is tied the mean of both bodies' tractions, at points of this one; where it
         # does not meet the other, its own
-        for pair in ties:
+        for pair in faces.ties:
             for face, opposite in ((pair.slave, pair.master), (pair.master, pair.slave)):
                 if face.partition(":")[0] != body:
                     continue

@@ -18,7 +18,7 @@ def bar(kind, n, sides=(0.1, 0.02, 0.02)):
 
 def stated(model, modes):
     D, foot = np.diag(modes.omega**2), [fem.Held("bar:foot")]
-    return np.diag(fem.missed_energy(model, {"bar": STEEL}, modes.phi, D, foot).G) / (
+    return np.diag(fem.missed_energy(model, {"bar": STEEL}, modes.phi, D, fem.Faces(foot)).G) / (
         2 * modes.omega**2
     )
 
@@ -48,7 +48,9 @@ def test_stresses_that_elements_hold_exactly_miss_no_energy(kind):
     y = y - 0.01
     u = np.column_stack([-x * y, x**2 / 2, 0 * x]).reshape(-1, 1)
     energy = float((u.T @ (model.K @ u))[0, 0])
-    G = fem.missed_energy(model, {"bar": material}, u, np.zeros((1, 1)), bearing=["bar:ends"]).G
+    G = fem.missed_energy(
+        model, {"bar": material}, u, np.zeros((1, 1)), fem.Faces(bearing=["bar:ends"])
+    ).G
     assert abs(G[0, 0]) < 1e-8 * energy
 
 
@@ -90,7 +92,7 @@ def test_of_a_push_only_what_is_not_the_half_space_is_missed():
 
     model, patch, u, compliance = pushed((5, 2, 2))
     field = next(fem.half_space_fields(model, "bar:top", [patch], STEEL))
-    common = model, {"bar": STEEL}, u[:, None], np.zeros((1, 1)), [fem.Held("bar:foot")]
+    common = model, {"bar": STEEL}, u[:, None], np.zeros((1, 1)), fem.Faces([fem.Held("bar:foot")])
     G = fem.missed_energy(*common, pushed=fem.Pushed(np.ones(1), field)).G[0, 0]
     true = (pushed((15, 6, 6))[3] - compliance) / 0.8
     assert 0.5 < G / true < 1.7, G / true
@@ -121,7 +123,7 @@ def test_two_bodies_tied_face_to_face_miss_what_one_body_misses():
     ):
         modes = fem.modes(model.K, model.M, 3)
         D = np.diag(modes.omega**2)
-        missed = fem.missed_energy(model, of, modes.phi, D, [fem.Held(foot)], (), ties)
+        missed = fem.missed_energy(model, of, modes.phi, D, fem.Faces([fem.Held(foot)], (), ties))
         G.append(np.diag(missed.G) / modes.omega**2)
         np.testing.assert_allclose(sum(e.sum(axis=0) for e in missed.of_cells.values()),
                                    np.diag(missed.G))  # fmt: skip

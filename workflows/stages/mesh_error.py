@@ -235,7 +235,7 @@ def energy_of_shapes(
         faces |= {force.face for force in load.forces}
         faces |= {face for rod in load.rods for face in rod[:2]}
     missed = fem.missed_energy(
-        model, mesh.materials, phi, D, still, faces, connections.ties, pushed=pushed
+        model, mesh.materials, phi, D, fem.Faces(still, faces, connections.ties), pushed=pushed
     )
     G = sum(
         of_body * (1.0 if isinstance(mesh.meshes[body], MeshHex) else OPTIONS.of_tetrahedra)
