@@ -90,8 +90,8 @@ def missed_energy(
     """G (k, k) [J] of displacements u (n, k) of a model's free dofs.
 
     D (k, k) [rad^2/s^2] are the inertia forces M u D that hold u beside those on faces; of modes
-    diag(omega^2).In elements around a patch that is
-    pushed, what counts is the error of the difference to the half-space.
+    diag(omega^2). In elements around a patch that is pushed, what counts is the error of the
+    difference to the half-space.
     """
     structure, k = model.structure, u.shape[1]
     of_bodies, of_cells = {}, {}
