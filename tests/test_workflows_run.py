@@ -52,7 +52,7 @@ CONTRACT = {
 }  # fmt: skip
 BESIDE = {
     "verdict", "reduction", "wall_modes_left_out", "wall_contact", "command", "date", "modes",
-    "seconds", "sensors", "sources", "load_factor", "errors",
+    "seconds", "sensors", "sources", "load_factor", "errors", "friction",
 }  # fmt: skip
 
 

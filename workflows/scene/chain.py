@@ -57,11 +57,13 @@ class ChainTable(SceneTable):
 
 class Striker(SceneTable):
     """The first sphere arrives with a `velocity`, or falls on the others from a height `drop` along
-    the chain; they rest."""
+    the chain; they rest. A chain of one sphere under [friction] may have a velocity across it."""
 
     velocity: of(Positive, VELOCITY, 0, 100) | None = None  # [m/s] towards the wall
     # [m] height along the chain from which it falls, under [gravity]
     drop: of(Positive, LENGTH, 0, 2) | None = None
+    # [m/s] along t1 and t2 of the wall, of a chain of one sphere under [friction]
+    tangential_velocity: Annotated[tuple[Velocity, Velocity], Field(strict=False)] | None = None
 
     @model_validator(mode="before")
     @classmethod
