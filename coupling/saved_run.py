@@ -1,12 +1,17 @@
 """The arrays that are saved of a run: those over time, and the wall modes they belong to."""
 
+from __future__ import annotations
+
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from coupling.coupled_wall import CoupledWall
 from dem import Trajectory, Wall
-from dem.lateral import LateralTrajectory
+
+if TYPE_CHECKING:  # a run without friction loads no motion across
+    from dem.lateral import LateralTrajectory
 
 
 def save_trajectory(
@@ -33,6 +38,9 @@ def arrays(
     saved = {name: a for name, a in fields if isinstance(a, np.ndarray) and len(a) == k and a.size}
     if lateral is not None:
         saved |= {name: a for name, a in lateral._asdict().items() if isinstance(a, np.ndarray)}
+        if lateral.cycle is not None:
+            fields = lateral.cycle._asdict().items()
+            saved |= {f"cycle_{name}": a for name, a in fields if isinstance(a, np.ndarray)}
         saved["energy_total"] = trajectory.energy_total + lateral.energy
     if trajectory.wall_q.size:
         reading = wall.reading if isinstance(wall, CoupledWall) else wall.phi

@@ -5,7 +5,7 @@ import pytest
 
 import dem
 from dem.friction import stick_stiffness, tangential_law
-from dem.lateral import LastSphere, LateralSearch, march_lateral
+from dem.lateral import LastSphere, LateralSearch, WallMotion, march_lateral
 
 R, E, NU, RHO = 0.0127, 210e9, 0.3, 7800.0
 STEEL = dem.Flat(E, NU)
@@ -73,9 +73,15 @@ def test_errors_fall_with_the_square_of_the_step():
         chain, dem.rigid_wall(), [0.1], duration=2e-4, error=1e-9, n_save=100
     ).trajectory
     body = last(chain, [speed_at(2.0), 0.0])
-    ample = LateralSearch(capacity=60_000)
     runs = [
-        march_lateral(chain, dem.rigid_wall(), [0.1], along, body, dt=dt, search=ample)
+        march_lateral(
+            chain,
+            dem.rigid_wall(),
+            [0.1],
+            along,
+            body,
+            search=LateralSearch(dt=dt, capacity=60_000),
+        )
         for dt in (4e-7, 2e-7, 1e-7, 1.25e-8)
     ]
     exact = surface(runs[-1])[0]
@@ -220,3 +226,78 @@ def test_what_has_no_tangential_law_is_refused(chain, arm, sentence):
     body = last(sphere(), [0.1, 0.0], **arm)
     with pytest.raises(dem.InvalidChain, match=sentence):
         march_lateral(chain, dem.rigid_wall(), [0.1], along, body, error=1e-4)
+
+
+# --- a wall that moves ----------------------------------------------------------------------------
+
+
+def shaken(amplitude, frequency, *, mu=0.2, load=100.0, error=1e-5, duration=None, **arm):
+    """A sphere pressed on a wall that moves, and nothing that strikes."""
+    amplitude, frequency = np.atleast_2d(amplitude), np.atleast_1d(frequency)
+    motion = WallMotion(amplitude, frequency, np.zeros(frequency.size))
+    chain = sphere(preload=load)
+    duration = motion.period if duration is None else duration
+    along = dem.march(chain, dem.rigid_wall(), [0.0], duration=duration, dt=2e-5, n_save=256)
+    body = last(chain, [0.0, 0.0], mu, **{"arm_rotation": np.inf} | arm)
+    run = march_lateral(chain, dem.rigid_wall(), [0.0], along, body, motion=motion, error=error)
+    return run, chain, body
+
+
+def test_a_contact_that_sticks_makes_the_sphere_a_linear_oscillator():
+    """u = k_t / (k + k_t - m omega^2) w for so much friction that nothing slips."""
+    k = 2e6
+    for frequency in (100.0, 1500.0, 6000.0):
+        run, chain, body = shaken([1e-7, 0.0], frequency, mu=1e4, arm_stiffness=np.full(2, k))
+        d = (100.0 / chain.A[0]) ** (2.0 / 3.0)
+        k_t = float(stick_stiffness(body.law, np.sqrt(R * d)))
+        gain = k_t / (k + k_t - chain.mass[0] * (2.0 * np.pi * frequency) ** 2)
+        u = run.cycle.sphere_t[:, 0]
+        expected = 1e-7 * gain * np.cos(2.0 * np.pi * frequency * run.cycle.t)
+        np.testing.assert_allclose(u, expected, atol=2e-5 * np.abs(expected).max())
+        # the rim slips, as 1 over the coefficient
+        assert run.cycle.energy < 1e-6 * k_t * np.ptp(run.cycle.slip) ** 2
+
+
+def test_the_work_of_the_wall_in_a_period_is_the_heat_of_friction():
+    """Of a sphere on an arm that slips in part; and the march that follows is one period more."""
+    run, _, _ = shaken([2e-6, 0.0], 1000.0, arm_stiffness=np.full(2, 1e7))
+    heat = run.dissipated_friction[-1]
+    assert heat == pytest.approx(run.cycle.energy, rel=1e-5)
+    assert run.work_shaker[-1] == pytest.approx(heat, rel=1e-4)
+    assert np.abs(run.energy - run.energy[0]).max() < 1e-4 * heat
+    assert run.cycle.periodicity_error < 1e-8
+
+
+def test_a_sphere_that_nothing_holds_follows_the_wall():
+    """It moves as the wall does, but for the contact's give."""
+    run, _, _ = shaken([1e-6, 0.0], 100.0)
+    motion = 1e-6 * np.cos(2.0 * np.pi * 100.0 * run.cycle.t)
+    off = run.cycle.sphere_t[:, 0] - motion
+    assert np.ptp(off) < 3e-3 * np.ptp(motion)
+    assert run.cycle.drift < 1e-9 * 1e-6
+
+
+def test_two_frequencies_have_a_period_together_and_a_period_of_its_own_each():
+    motion = WallMotion(np.eye(2) * 1e-7, np.array([100.0, 150.0]), np.zeros(2))
+    assert motion.period == pytest.approx(0.02)
+    run, _, _ = shaken([[1e-7, 0.0], [1e-7, 0.0]], [100.0, 150.0], arm_stiffness=np.full(2, 2e6))
+    assert run.cycle.t[0] == pytest.approx(-0.02)
+    assert run.cycle.periodicity_error < 1e-8
+    with pytest.raises(dem.InvalidChain, match="no common period"):
+        _ = WallMotion(np.eye(2), np.array([100.0, 141.42135]), np.zeros(2)).period
+
+
+def test_a_circular_motion_rubs_alike_in_both_directions():
+    """y and z a quarter of a period apart, clamped sphere: the size of the force is constant where
+    all slips, mu P, to what 256 cells leave."""
+    amplitude = 1e-5
+    motion = WallMotion(amplitude * np.eye(2), np.array([50.0, 50.0]), np.array([0.0, np.pi / 2]))
+    chain = sphere(preload=100.0)
+    along = dem.march(chain, dem.rigid_wall(), [0.0], duration=0.02, dt=2e-5, n_save=200)
+    body = last(chain, [0.0, 0.0], arm_stiffness=np.full(2, np.inf), arm_rotation=np.inf)
+    run = march_lateral(chain, dem.rigid_wall(), [0.0], along, body, motion=motion, error=1e-4)
+    size = np.hypot(*run.cycle.friction_force.T)
+    np.testing.assert_allclose(size, 20.0, rtol=1e-3)
+    # the force lags behind the slip by no more than the springs' give
+    work = run.cycle.energy
+    assert work == pytest.approx(20.0 * 2.0 * np.pi * amplitude, rel=2e-2)

@@ -11,11 +11,11 @@ import beadwave
 from command_line import beadwave as command
 from workflows.files.record import Channel
 from workflows.files.scene import scene
-from workflows.fit.core.inspection.reading import noise_of, rounding
-from workflows.fit.core.parametric_wall import Bounds
-from workflows.fit.inspection.numbers import number, per_record, put, shared, usual_each
-from workflows.fit.inspection.structure import VariedScene, structure
-from workflows.fit.records import recorded, sensor_of
+from workflows.fit.parametric_wall import Bounds
+from workflows.fit.plausibility import noise_of, rounding
+from workflows.fit.record import recorded, sensor_of
+from workflows.fit.scene_parameters import number, per_record, put, shared, usual_each
+from workflows.fit.structure import VariedScene, structure
 from workflows.scene import InvalidScene
 from workflows.stages.pipeline import pipeline_of
 from workflows.stages.signals import csv_text
@@ -167,7 +167,7 @@ def test_an_answer_without_a_wall_is_shown_and_not_explained(drops, monkeypatch)
 
 def _through(one, values, computed):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("workflows.fit.inspection.structure.computed", computed)
+        patch.setattr("workflows.fit.structure.computed", computed)
         return THROUGH(one, values)
 
 

@@ -80,7 +80,9 @@ class SavedAcross(NamedTuple):
     force: Array
     slip: Array
     stick: Array  # (k,) share of the contact's area
-    energy: Array  # (k, 5) [J] lateral, of rotation, of the arm, of the contact, friction's heat
+    # (k, 6) [J] lateral, of rotation, of the arm, of the contact, friction's heat, work of the
+    # wall's motion on the contact
+    energy: Array
 
 
 @ieee
@@ -143,7 +145,7 @@ def march_across(
     """
     h, n_save, stride = steps
     u, v, psi, spin, force, slip = state
-    n, R = u.size, sphere.radius
+    n, R, work = u.size, sphere.radius, 0.0
     for k in range(n_save + 1):
         for i in range(stride if k > 0 else 0):
             step = (k - 1) * stride + i
@@ -160,7 +162,9 @@ def march_across(
                 psi[j] = turn[0, 0] * psi[j] + turn[1, 0] * turning
                 way = u[j] + R * psi[j] - start
                 if wall is not None:
-                    way -= wall[step + 1, j] - wall[step, j]
+                    moved = wall[step + 1, j] - wall[step, j]
+                    way -= moved
+                    work -= 0.5 * moved * force[j]
                 slip[j] += way
                 way1, way2 = (way, 0.0) if j == 0 else (way1, way)
 
@@ -170,6 +174,8 @@ def march_across(
             for j in range(n):
                 v[j] -= 0.5 * h * sphere.inverse_mass[j] * force[j]
                 spin[j] -= 0.5 * h * sphere.inverse_inertia * R * force[j]
+                if wall is not None:
+                    work -= 0.5 * (wall[step + 1, j] - wall[step, j]) * force[j]
         if k == 0:
             d, q = pressed(0.0, pressing)
             press(law, d, q, (0.0, 0.0), force, springs.row, springs.room, springs.cells)
@@ -188,6 +194,7 @@ def march_across(
             energy[2] += 0.5 * sphere.stiffness[j] * u[j] * u[j]
             energy[2] += 0.5 * sphere.turn_stiffness * psi[j] * psi[j]
         stick, energy[3], energy[4] = contact_state(law, springs.row, springs.cells)
+        energy[5] = work
         saved.stick[k] = stick
         if not abs(energy[0] + energy[1] + energy[2] + energy[3] + energy[4]) <= 1e300:
             return k

@@ -14,6 +14,7 @@ DIMENSIONS = {
     "sphere_t": ("time", "across"), "sphere_t_v": ("time", "across"),
     "sphere_rotation": ("time", "across"), "sphere_spin": ("time", "across"),
     "friction_force": ("time", "across"), "slip": ("time", "across"),
+    "wall_t": ("time", "across"),
 }  # fmt: skip
 UNITS = {
     "t": "s",
@@ -32,6 +33,7 @@ UNITS = {
     "friction_force": "N",
     "slip": "m",
     "stick_share": "1",
+    "wall_t": "m",
 }
 WORDS = {
     "x": "displacement towards the wall", "v": "velocity towards the wall",
@@ -42,6 +44,7 @@ WORDS = {
     "sphere_rotation": "turn of the last sphere about t1, t2", "sphere_spin": "its rate",
     "friction_force": "tangential force of the last sphere on the wall, along t1, t2",
     "slip": "displacement of the sphere's surface relative to the wall, along t1, t2",
+    "wall_t": "displacement of the wall along t1, t2",
     "stick_share": "share of the contact's area that sticks",
 }  # fmt: skip
 
@@ -50,7 +53,12 @@ def of_trajectory(arrays: Mapping[str, NDArray[np.float64]]) -> xarray.Dataset:
     """A trajectory over time [s], spheres and contacts numbered from 1; energies in J."""
     k, variables = len(arrays["t"]), {}
     for name, values in arrays.items():
-        if name != "t" and values.shape[:1] == (k,) and values.ndim < 3:
+        if (
+            name != "t"
+            and not name.startswith("cycle_")
+            and values.shape[:1] == (k,)
+            and values.ndim < 3
+        ):
             dimensions = DIMENSIONS.get(name, ("time", f"{name}_column")[: values.ndim])
             about = {"units": UNITS.get(name, "J")}
             if name in WORDS:

@@ -71,6 +71,8 @@ def results(summary: Summary) -> list[tuple[str, str]]:
             ("spin about t1 and t2", listed([si(x, "rad/s") for x in across.spin_rad_s])),
             ("surface velocity, end over start", NONE if back is None else digits(back, 4)),
             ("heat of friction", si(across.dissipated_J, "J")),
+            ("loop of a period", friction_loop(across)),
+            ("contact when the wave comes", contact_state(across)),
         ]
     return [(label, value) for label, value in rows if value not in ("", NONE)]
 
@@ -240,6 +242,22 @@ def budget(summary: Summary) -> list[tuple[str, str, str]]:
     if rest:
         rows.append(("everything else", "", digits(rest)))
     return rows
+
+
+def friction_loop(across: FrictionNumbers) -> str:
+    """Energy and amplitudes of a period before the striker; none of a wall at rest."""
+    if across.loop_energy_J is None:
+        return ""
+    amplitudes = (si(across.loop_tangential_N, "N"), si(across.loop_displacement_m, "m"))
+    return listed([si(across.loop_energy_J, "J"), *(f"±{GLUE}{x}" for x in amplitudes)])
+
+
+def contact_state(across: FrictionNumbers) -> str:
+    """What the contact does when the wave comes, and the first shaker's phase then."""
+    if across.state_at_impact is None or across.phase_at_wall_deg is None:
+        return ""
+    parts = [across.state_at_impact, f"{percent(across.stick_share_at_impact)} of the area sticks"]
+    return listed([*parts, f"at {digits(across.phase_at_wall_deg)}°"])
 
 
 def friction_rows(across: FrictionNumbers) -> list[tuple[str, str]]:

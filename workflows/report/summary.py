@@ -111,6 +111,7 @@ class NumberError(BaseModel):
     mesh: float | None = None
     theory: float | None = None  # of a beam or a plate
     total: float | None = None
+    why: str = ""  # where the mesh's error comes from if it is large, and what helps
 
     @property
     def relative(self) -> float | None:
@@ -150,7 +151,10 @@ class FrictionNumbers(BaseModel):
     The first two are of the contact at its peak force; surface_velocity_ratio: velocity of the
     sphere's surface at the contact, end over start, None where it starts at rest; dt_s and
     error_estimate: step of the march across, and its error relative to the largest speed at the
-    start.
+    start. Where shakers move the wall: loop of a period before the striker, its energy and its
+    amplitudes (half of peak to peak), how far the force is from periodic and how far the sphere
+    drifts in a period; what the contact does when the wave reaches it ("stick", "partial slip",
+    "gross slip", "open"; at the start where nothing strikes), and the first shaker's phase then.
     """
 
     stick_stiffness_N_m: float
@@ -162,6 +166,14 @@ class FrictionNumbers(BaseModel):
     dissipated_J: float
     dt_s: float
     error_estimate: float
+    loop_energy_J: float | None = None
+    loop_tangential_N: float | None = None
+    loop_displacement_m: float | None = None
+    periodicity_error: float | None = None
+    drift_m: float | None = None
+    state_at_impact: str | None = None
+    stick_share_at_impact: float | None = None
+    phase_at_wall_deg: float | None = None
 
 
 class ErrorEstimate(BaseModel):

@@ -34,7 +34,7 @@ class Friction(SceneTable):
 class Arm(SceneTable):
     """Holds the last sphere across the chain: springs at rest in the static state; inf clamps."""
 
-    stiffness: one_or_each(Spring) = 0.0  # [N/m] across, or [t1, t2]
+    stiffness: one_or_each(Spring) = 0.0  # [N/m] across the chain, or along [t1, t2]
     rotation: TurnSpring = 0.0  # [N m/rad] against turns about t1 and t2
     inertia: of(NonNegative, INERTIA, 0, 10) = 0.0  # [kg m^2] besides the sphere's own
 

@@ -34,6 +34,13 @@ EXAMPLES: dict[str, Any] = {
     "chain.count": 17, "chain.radius": "12.7 mm", "chain.initial_velocity": [0.3, 0.0, 0.0],
     "material": "steel", "young": "210 GPa", "poisson": 0.3, "density": 7850.0,
     "yield_stress": "355 MPa", "chain.material": "bearing-steel",
+    "striker.tangential_velocity": [0.1, 0.0], "friction.coefficient": 0.2,
+    "arm.stiffness": "2 MN/m", "arm.rotation": 1e4, "arm.inertia": 1e-4,
+    "shakers.NAME.name": "shaker", "shakers.NAME.on": "wall", "shakers.NAME.at": [0.0, 0.0],
+    "shakers.NAME.direction": "y", "shakers.NAME.frequency": 100.0,
+    "shakers.NAME.displacement": "20 um", "shakers.NAME.velocity": "10 mm/s",
+    "shakers.NAME.acceleration": 8.0, "shakers.NAME.force": "20 N",
+    "shakers.NAME.stinger": "1 MN/m", "shakers.NAME.phase": 90.0,
     "striker.velocity": 0.31, "striker.drop": "5 mm",
     "contact.law": "hertz", "contact.yield_pressure": "1.6 GPa", "contact.coefficient": 0.1,
     "contact.stiffness_factor": 1.2, "leaf_springs.stiffness": "1 kN/m",
@@ -251,7 +258,8 @@ def _usual(quantity: Quantity | None) -> str:
 
 def _example(key: str, annotation: Any, default: Any) -> Any:
     """A value that the key may have: of EXAMPLES, its first word, or its default."""
-    for name in (key, key.rpartition(".")[2]):
+    full = key if "." in key else f"scene.{key}"
+    for name in (full, key.rpartition(".")[2]):
         if name in EXAMPLES:
             value = EXAMPLES[name]
             pair = _values(annotation).startswith("list of 2: number")

@@ -30,6 +30,7 @@ from workflows.scene.named_materials import NAMED, NUMBERS
 from workflows.scene.reduction import Patch, Reduction
 from workflows.scene.scene_table import SceneTable
 from workflows.scene.sensors import Output
+from workflows.scene.shakers import Shaker
 from workflows.scene.time import Time
 from workflows.scene.walls import Wall
 from workflows.thesis import HAMMER_TEST_HZ
@@ -62,6 +63,7 @@ class Scene(SceneTable):
     preload: Preload | None = None
     friction: Friction | None = None
     arm: Arm | None = None
+    shakers: Annotated[tuple[Shaker, ...], Several] | None = None
     wall: Wall | None = None
     beam: Beam | None = None
     plate: BendingPlateTable | None = None

@@ -54,10 +54,13 @@ def friction_loop(run, lateral: "LateralTrajectory", coefficient: float) -> byte
     axis = int(np.ptp(lateral.slip, axis=0).argmax())
     force, slip = lateral.friction_force[:, axis], 1e6 * lateral.slip[:, axis]
     bound, t = coefficient * np.maximum(run.contact_force[:, -1], 0.0), 1e3 * run.t
-    name = f"t{axis + 1}"
+    name, loops = f"t{axis + 1}", [Line(None, slip, force, "-", 0, 1.2)]
+    if lateral.cycle is not None:
+        loop = lateral.cycle
+        before = (1e6 * loop.slip[:, axis], loop.friction_force[:, axis])
+        loops = [Line("a period before", *before, "--", 1, 1.2), loops[0]._replace(name="the run")]
     panels = [
-        Panel("", f"slip along {name} [um]", f"friction along {name} [N]",
-              [Line(None, slip, force, "-", 0, 1.2)]),
+        Panel("", f"slip along {name} [um]", f"friction along {name} [N]", loops, legend="above"),
         Panel("", "time [ms]", "force [N]",
               [Line(f"friction, {name}", t, force, "-", 0, 1.2),
                Line("its bound", t, bound, "--", 1, 1.0), Line(None, t, -bound, "--", 1, 1.0)],

@@ -13,7 +13,13 @@ import numpy as np
 import coupling
 import dem
 from dem.friction import gross_slip, stick_stiffness, tangential_law
-from dem.lateral import LastSphere, LateralTrajectory, march_lateral
+from dem.lateral import (
+    LastSphere,
+    LateralSearch,
+    LateralTrajectory,
+    WallMotion,
+    march_lateral,
+)
 from dem.spheres import hertz_overlap, mass
 from workflows.report.summary import ChainNumbers, FrictionNumbers
 from workflows.scene import Scene
@@ -25,6 +31,8 @@ if TYPE_CHECKING:
     from coupling.sensor_record import SensorRecord  # scipy's filters, a second
     from dem.waves.chain_waves import ChainWaves
 
+ARRIVED = 0.01  # of a wave's rise of force, at which it has reached the wall; not varied
+ALL_STICKS = 0.999  # share of the area from which the contact sticks; not varied
 COUPLED = 0.01  # of Dundurs' constant: from there on the neglected coupling is reported; not varied
 
 
@@ -33,9 +41,26 @@ def friction(
 ) -> LateralTrajectory:
     """The march across the chain, to the scene's error or at its step."""
     time = scene.time
-    wanted = {"error": time.error} if time.dt is None else {"dt": time.dt}
+    wanted = {"error": time.error} if time.dt is None else {"search": LateralSearch(dt=time.dt)}
     return march_lateral(
-        start.chain, wall, start.velocity, impact.trajectory, last_sphere(scene, start), **wanted
+        start.chain,
+        wall,
+        start.velocity,
+        impact.trajectory,
+        last_sphere(scene, start),
+        motion=wall_motion(scene),
+        **wanted,
+    )
+
+
+def wall_motion(scene: Scene) -> WallMotion | None:
+    """The motion that the shakers give to the wall; None without any."""
+    if not scene.shakers:
+        return None
+    return WallMotion(
+        np.array([shaker.amplitude * shaker.vector[1:] for shaker in scene.shakers]),
+        np.array([shaker.frequency for shaker in scene.shakers]),
+        np.radians([shaker.phase for shaker in scene.shakers]),
     )
 
 
@@ -82,7 +107,34 @@ def friction_numbers(
         dissipated_J=float(lateral.dissipated_friction[-1]),
         dt_s=lateral.dt,
         error_estimate=lateral.error_estimate,
+        **(cycle_numbers(scene, impact.trajectory, lateral) if lateral.cycle else {}),
     )
+
+
+def cycle_numbers(
+    scene: Scene, run: dem.Trajectory, lateral: LateralTrajectory
+) -> dict[str, float | str | None]:
+    """Fields of `FrictionNumbers` of the periodic state, and of the instant at which a wave reaches
+    the wall: when its force first differs from that at rest by a hundredth of its rise."""
+    cycle = lateral.cycle
+    force = run.contact_force[:, -1]
+    rise = np.abs(force - force[0])
+    struck = bool(run.energy_kinetic[0] > 0.0) and rise.max() > 0.0
+    at = int((rise >= ARRIVED * rise.max()).argmax()) if struck else 0
+    stick = float(lateral.stick_share[at])
+    states = {"open": force[at] <= 0.0, "gross slip": stick == 0.0, "stick": stick > ALL_STICKS}
+    shaker = scene.shakers[0]
+    phase = (360.0 * shaker.frequency * float(run.t[at]) + shaker.phase) % 360.0
+    return {
+        "loop_energy_J": cycle.energy,
+        "loop_tangential_N": float(0.5 * np.ptp(cycle.friction_force[:, cycle.axis])),
+        "loop_displacement_m": float(0.5 * np.ptp(cycle.slip[:, cycle.axis])),
+        "periodicity_error": cycle.periodicity_error,
+        "drift_m": cycle.drift,
+        "state_at_impact": next((name for name, is_so in states.items() if is_so), "partial slip"),
+        "stick_share_at_impact": stick,
+        "phase_at_wall_deg": phase if struck else None,
+    }
 
 
 def chain_numbers(
@@ -98,12 +150,15 @@ def chain_numbers(
     along = of_chain.chain_numbers(scene, start, wall, impact, waves)
     run = impact.trajectory
     total = run.energy_total + lateral.energy
-    scale = float(run.energy_kinetic[0] + lateral.energy_lateral[0]) or 1.0
+    scale = float(run.energy_kinetic[0] + lateral.energy_lateral[0])
+    scale = scale or float(np.abs(total).max()) or 1.0
     open_ledger = float(np.abs(total - total[0]).max()) / scale
     numbers = {
         "energy_error": max(along.numbers["energy_error"], open_ledger),
         "friction": friction_numbers(scene, start, impact, lateral),
     }
+    if not start.velocity.any():  # what moves spheres at rest is rounding
+        numbers["waves"] = {}
     time_error = None if along.time_error is None else along.time_error + lateral.error_estimate
     return along._replace(
         numbers=along.numbers | numbers,
