@@ -5,8 +5,8 @@ import pytest
 
 from geometry import InvalidGeometry
 from geometry.cad import model
-from geometry.imprint import Disc, Share, ThreadBand
 from geometry.joints import JointWords, Words, picked
+from geometry.patches import Disc, Share, ThreadBand
 from geometry.shapes import Cylinder, Hole, Slab
 from geometry.touching import neighbours
 
