@@ -297,9 +297,10 @@ class Pipeline:
         progress: Progress = quiet,
         further: dict[str, Stage] | None = None,
     ) -> None:
-        self.scene = scene = scene.written_out
+        self.scene = scene
+        self._whole = whole = scene.written_out  # what stages read
         self.reports: list[StageReport] = []
-        self._stages = stages_of(scene) | (further or {})
+        self._stages = stages_of(whole) | (further or {})
         self._results: dict[str, Any] = {}
         self._keys: dict[str, str] = {}
         self._computed: set[str] = set()
@@ -427,14 +428,14 @@ class Pipeline:
         function = stage.function.split(":")[1]
         self._computed.add(name)
         with self._progress(name) if stage.listed else nullcontext():
-            return getattr(import_module(stage.module), function)(self.scene, *needed)
+            return getattr(import_module(stage.module), function)(self._whole, *needed)
 
     def key(self, name: str) -> str:
         """Changes with everything that the stage's result depends on."""
         if name not in self._keys:
             stage = self._stages[name]
             needs = [self.key(need) for need in stage.needs]
-            self._keys[name] = key(name, stage.reads(self.scene), needs, stage.module)
+            self._keys[name] = key(name, stage.reads(self._whole), needs, stage.module)
         return self._keys[name]
 
 
