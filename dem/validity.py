@@ -36,15 +36,27 @@ class Strain(NamedTuple):
 
     radius_ratio: float  # contact radius over the smaller radius
     pressure: float  # [Pa] at the contact nearest to or farthest beyond first yield
-    yield_pressure: float  # [Pa] there, if the spheres were of hardened steel's yield strain
+    yield_pressure: float  # [Pa] of first yield there
+    contact: str  # which one that is, in words
+    yield_stress: float | None  # [Pa] of its softer side; None: of hardened steel's yield strain
     speed_ratio: float  # largest speed over the speed of sound
 
 
-def strain(chain: Chain, young: ArrayLike, contact_force: Array, v: Array) -> Strain:
+def strain(
+    chain: Chain,
+    young: ArrayLike,
+    contact_force: Array,
+    v: Array,
+    *,
+    yield_stress: ArrayLike | None = None,
+    of_wall: tuple[float, float] | None = None,
+) -> Strain:
     """Strain of a run; young (n,) [Pa], contact_force (k, n_contacts), v (k, n).
 
-    The pressure is not compared where contacts yield by their own law (`yield_overlap`). Raises
-    InvalidChain.
+    yield_stress (n,) [Pa] of the spheres, and `of_wall` young [Pa] and yield stress of the wall;
+    where they are None or nan, those of a hard material, so that a warning holds for any softer
+    one. The pressure is not compared where contacts yield by their own law (`yield_overlap`).
+    Raises InvalidChain.
     """
     for name, values in (("young", young), ("contact_force", contact_force), ("v", v)):
         if not np.isfinite(values).all():
@@ -54,12 +66,17 @@ def strain(chain: Chain, young: ArrayLike, contact_force: Array, v: Array) -> St
     young = np.broadcast_to(np.asarray(young, float), chain.mass.shape)
     peak = np.asarray(contact_force).max(axis=0, initial=0.0)
     R = radii_of_contacts(chain.radius)
-    R, smaller, E = (values[: peak.size] for values in (R, _lesser(chain.radius), _lesser(young)))
+    R, smaller = (values[: peak.size] for values in (R, _lesser(chain.radius)))
     E_star = modulus_of_contact(chain.A, R)
 
-    # first yield lies below the surface where p0 = 1.6 Y (Johnson, sec. 6.1); Y / E is that of a
-    # hard steel, so that a warning holds for any softer one
-    yielding = FIRST_YIELD * YIELD_STRAIN * E
+    # first yield lies below the surface where p0 = 1.6 Y (Johnson, sec. 6.1), Y of the softer side
+    stated = np.full(len(young), np.nan) if yield_stress is None else np.asarray(yield_stress)
+    stated = np.broadcast_to(stated.astype(float), chain.mass.shape)
+    E_wall, Y_wall = of_wall or (np.inf, np.nan)
+    stated, of_all = np.append(stated, Y_wall), np.append(young, E_wall)
+    Y = np.where(np.isnan(stated), YIELD_STRAIN * of_all, stated)
+    softer = np.where(Y[1:] < Y[:-1], np.arange(1, Y.size), np.arange(Y.size - 1))[: peak.size]
+    yielding = FIRST_YIELD * Y[softer]
     pressure = max_pressure(peak, R, E_star) * (chain.yield_overlap is None)
     worst = int((pressure / yielding).argmax()) if peak.size else None
 
@@ -73,6 +90,8 @@ def strain(chain: Chain, young: ArrayLike, contact_force: Array, v: Array) -> St
         float((a / smaller).max(initial=0.0)),
         0.0 if worst is None else float(pressure[worst]),
         np.inf if worst is None else float(yielding[worst]),
+        "" if worst is None else place(worst, chain.mass.size),
+        None if worst is None or np.isnan(stated[softer[worst]]) else float(stated[softer[worst]]),
         float((np.abs(v).max(axis=0) / sound).max()),
     )
 
@@ -92,10 +111,14 @@ def outside(strain: Strain) -> tuple[str, ...]:
             "stiffer material."
         )
     if strain.pressure > strain.yield_pressure:
+        limit = f"the {strain.yield_pressure:.3g} Pa at which "
+        if strain.yield_stress is None:
+            limit += "even hardened steel would yield"
+        else:
+            limit += f"its softer side yields, 1.6 times {strain.yield_stress:.3g} Pa"
         sentences.append(
-            f"The contact pressure reaches {strain.pressure:.3g} Pa, above the "
-            f"{strain.yield_pressure:.3g} Pa at which even hardened steel would yield; the elastic "
-            "contact is too stiff there."
+            f"The pressure of the contact {strain.contact} reaches "
+            f"{strain.pressure:.3g} Pa, above {limit}; the elastic contact is too stiff there."
         )
     if strain.speed_ratio > SLOW:
         sentences.append(
@@ -103,6 +126,13 @@ def outside(strain: Strain) -> tuple[str, ...]:
             f"static contact law requires less than {SLOW:g}; reduce the striker's velocity."
         )
     return tuple(sentences)
+
+
+def place(contact: int, n_spheres: int) -> str:
+    """Words for a contact, counted from 0."""
+    if contact == n_spheres - 1:
+        return "at the wall"
+    return f"of spheres {contact + 1} and {contact + 2}"
 
 
 def yielding(row: Chain, run: Trajectory) -> tuple[str, ...]:
@@ -114,7 +144,7 @@ def yielding(row: Chain, run: Trajectory) -> tuple[str, ...]:
     worst, n = int(ratio.argmax()), ratio.size
     if not ratio[worst] > 1.0:
         return ("No contact yields.",)
-    where = "at the wall" if worst == len(row.mass) - 1 else f"of spheres {worst + 1}, {worst + 2}"
+    where = place(worst, len(row.mass))
     return (
         f"{(ratio > 1.0).sum()} of {n} contacts yield; the one {where} most, pressed to "
         f"{ratio[worst]:.3g} times the {first[worst]:.3g} N at which it starts to.",

@@ -40,9 +40,9 @@ from workflows.scene import Scene
 from workflows.stages import assembly
 from workflows.stages.krylov_space import krylov_space
 from workflows.stages.mesh_error import MissedByMesh
+from workflows.stages.number_errors import numbers_of
 from workflows.stages.parts import Parts
 from workflows.stages.pipeline import pipeline_of
-from workflows.stages.quantity_errors import numbers_of
 from workflows.stages.reduction import TO_HZ, contact_of
 from workflows.stages.walls import wall_of
 

@@ -19,8 +19,8 @@ from workflows.files.scene import scene
 from workflows.scene import InvalidScene
 from workflows.stages import bending
 from workflows.stages.impact import impact
+from workflows.stages.number_errors import numbers_of
 from workflows.stages.pipeline import pipeline_of
-from workflows.stages.quantity_errors import numbers_of
 from workflows.stages.walls import wall_of as wall_of_scene
 from workflows.stages.waves import waves
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from beadwave import impact
 from command_line import beadwave
 from workflows.files.scene import scene
 from workflows.stages import cache
@@ -499,3 +500,26 @@ def test_a_record_that_ends_too_early_is_told(duration, told, capsys):
     assert told in capsys.readouterr().err
     contact = json.loads(Path("out/summary.json").read_text())["wall_contact"]
     assert (contact["contact_time_s"] is None) == (duration < 1e-4)
+
+
+@pytest.mark.parametrize("scene", ["rig-rigid", "rig-1dof"])
+def test_the_errors_of_numbers_hold_against_a_finer_march_and_record(scene):
+    # twenty times as many instants and steps of a hundredth of the error: what is left of it is
+    # a thousandth of that of the first run
+    coarse, fine = (
+        impact(scene, changes).summary
+        for changes in ({}, {"time.error": 1e-8, "output.samples": 60001})
+    )
+    exact = {number.name: number.value for number in fine.errors}
+    assert len(exact) >= 14
+    for number in coarse.errors:
+        assert number.total > 0
+        assert abs(number.value - exact[number.name]) <= number.total, number
+
+
+def test_a_file_holds_each_wave_once_with_its_error(tmp_path, capsys):
+    # a structure's waves are printed before their errors are known: to stderr where stdout is none
+    assert beadwave("impact", "cantilever", "--set=mesh.scale=3", "--out=out") == 0
+    printed, told = capsys.readouterr()
+    assert printed.count("time of flight TOF") == 1 and "±" in printed
+    assert told.count("time of flight TOF") == 1 and "±" not in told

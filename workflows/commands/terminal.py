@@ -167,8 +167,9 @@ def print_files(paths: Iterable[Path], json: bool, quiet: bool = False) -> None:
 
 
 class SummaryPrinter:
-    """The summary on stdout, its waves as soon as they are known: lines for a person, or JSON for
-    machines at the end; warnings on stderr."""
+    """The summary on stdout: lines for a person, or JSON for machines; warnings on stderr. Waves
+    are printed as soon as they are known as well: where stdout is no terminal to stderr, so that a
+    file holds each number once, with its error."""
 
     def __init__(self, *, json: bool, quiet: bool, verbose: bool) -> None:
         self._json, self._quiet, self._verbose = json, quiet, verbose
@@ -179,7 +180,10 @@ class SummaryPrinter:
         if not self._json and not self._quiet:
             from workflows.report.rows import results
 
-            self._print(results(summary))
+            if sys.stdout.isatty():
+                self._print(results(summary))
+            else:
+                print(*map(_row, results(summary)), sep="\n", file=sys.stderr, flush=True)
 
     def whole(self, summary: Summary) -> None:
         """What has not been printed yet."""
@@ -204,10 +208,15 @@ class SummaryPrinter:
             print(f"warning: {warning}", file=sys.stderr)
 
     def _print(self, rows: Iterable[tuple[str, str]]) -> None:
-        from textwrap import fill
+        for row in rows:
+            if row not in self._printed:
+                print(_row(row), flush=True)
+                self._printed.add(row)
 
-        for label, value in rows:
-            if (label, value) not in self._printed:
-                text = fill(f"{label:>{LABEL}}  {value}", LINE, subsequent_indent=" " * (LABEL + 2))
-                print(text.replace(UNBROKEN, " "), flush=True)
-                self._printed.add((label, value))
+
+def _row(row: tuple[str, str]) -> str:
+    """A label and its value, wrapped between parts."""
+    from textwrap import fill
+
+    text = fill(f"{row[0]:>{LABEL}}  {row[1]}", LINE, subsequent_indent=" " * (LABEL + 2))
+    return text.replace(UNBROKEN, " ")

@@ -59,7 +59,7 @@ def run(
             # the chain: the impact, and what its sensors record
             if scene.chain:
                 _write_files(pipeline, folder, "chain-files")
-                if not (structure and pipeline.kept("mesh-error")):
+                if structure and not pipeline.kept("mesh-error"):
                     waves_known(summary_of(pipeline, origin=origin, with_errors=False))
 
             # the assembly: modes and reduced model, then all that needs its factor and its shapes
@@ -108,7 +108,7 @@ def impact(
     with folder.run(toml(scene), IMPACT_FILES) if folder else nullcontext() as folder:
         with two_processes(pipeline, IMPACT) if needs_structure(scene) else nullcontext():
             planned(pipeline.plan("chain-numbers", *_error_stages(scene)))
-            if not (needs_structure(scene) and pipeline.kept("mesh-error")):
+            if needs_structure(scene) and not pipeline.kept("mesh-error"):
                 waves_known(summary_of(pipeline, origin=origin, with_errors=False))
             if needs_structure(scene) and scene.bending is None:
                 pipeline("structure-errors")  # while its shapes are in memory
@@ -186,6 +186,8 @@ def summary_of(
         if estimated:
             with suppress(ValueError):  # said above
                 number_errors += pipeline("quantity-errors").quantities
+        if not structure:
+            number_errors += pipeline("time-errors")
 
         # the march and its waves
         numbers |= chain.numbers | {"error_estimate": ErrorEstimate(**errors)}

@@ -4,6 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from workflows.scene.named_materials import with_numbers
 from workflows.scene.quantities import of
 from workflows.scene.scene_table import (
     Density,
@@ -12,6 +13,7 @@ from workflows.scene.scene_table import (
     SceneTable,
     Spring,
     TurnSpring,
+    YieldStress,
     text_or_table,
 )
 from workflows.scene.units import AREA, FORCE, IN_PLANE, LENGTH, PRESSURE, SECOND_MOMENT
@@ -48,19 +50,22 @@ class Beam(SceneTable):
 
     length: Size  # [m]
     width: Side | None = None  # [m]
-    thickness: Side | None = None  # [m]
-    diameter: Side | None = None  # [m]
+    thickness: Side | None = None  # [m] along the chain
+    diameter: Side | None = None  # [m] of a round section
     bore: of(Annotated[Number, Field(ge=0)], LENGTH, 1e-5, 2) = 0.0  # [m] inner diameter
-    area: of(Positive, AREA, 1e-9, 10) | None = None  # [m^2]
-    second_moment: of(Positive, SECOND_MOMENT, 1e-18, 10) | None = None  # [m^4]
+    area: of(Positive, AREA, 1e-9, 10) | None = None  # [m^2] of any section
+    # [m^4] of the section, with area
+    second_moment: of(Positive, SECOND_MOMENT, 1e-18, 10) | None = None
     shear_factor: Annotated[float, Field(gt=0, le=1.2)] | None = None  # of the section's shape
-    young: Modulus  # [Pa]
-    poisson: Compressible = 0.3
+    material: str | None = None  # a name of `named_materials`
+    young: Modulus  # [Pa] Young's modulus
+    poisson: Compressible = 0.3  # Poisson's ratio
     density: Density  # [kg/m^3]
-    left: EndOfBeam
-    right: EndOfBeam
-    position: Size  # [m]
-    axial_force: Force = 0.0  # [N]
+    yield_stress: YieldStress | None = None  # [Pa], of a warning alone
+    left: EndOfBeam  # how that end or edge is held
+    right: EndOfBeam  # how that end or edge is held
+    position: Size  # [m] of the strike from the left end
+    axial_force: Force = 0.0  # [N] > 0 pulls
 
     @property
     def loads(self) -> dict[str, float]:
@@ -78,6 +83,11 @@ class Beam(SceneTable):
         (shift, turn), (other_shift, other_turn) = self.springs
         n_turns = (shift > 0) + (other_shift > 0)
         return n_turns == 0 or (n_turns == 1 and turn == 0 and other_turn == 0)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_named_material(cls, table: Any) -> Any:
+        return with_numbers(table)
 
     @model_validator(mode="after")
     def _one_section(self) -> "Beam":
@@ -125,18 +135,20 @@ class BendingPlateTable(SceneTable):
 
     length: Size  # [m] along x
     width: Size  # [m] along y
-    thickness: Side  # [m]
+    thickness: Side  # [m] along the chain
     shear_factor: Annotated[float, Field(gt=0, le=1.2)] | None = None  # 5 / (6 - poisson)
-    young: Modulus  # [Pa]
-    poisson: Compressible = 0.3
+    material: str | None = None  # a name of `named_materials`
+    young: Modulus  # [Pa] Young's modulus
+    poisson: Compressible = 0.3  # Poisson's ratio
     density: Density  # [kg/m^3]
-    left: Edge
-    right: Edge
-    front: Edge
-    back: Edge
+    yield_stress: YieldStress | None = None  # [Pa], of a warning alone
+    left: Edge  # how that end or edge is held
+    right: Edge  # how that end or edge is held
+    front: Edge  # how that edge is held
+    back: Edge  # how that edge is held
     at: Annotated[tuple[Size, Size], Field(strict=False)]  # x, y [m] from the corner
-    in_plane_x: ForcePerWidth = 0.0  # [N/m]
-    in_plane_y: ForcePerWidth = 0.0  # [N/m]
+    in_plane_x: ForcePerWidth = 0.0  # [N/m] > 0 pulls
+    in_plane_y: ForcePerWidth = 0.0  # [N/m] > 0 pulls
 
     @property
     def loads(self) -> dict[str, float]:
@@ -153,6 +165,11 @@ class BendingPlateTable(SceneTable):
         """Whether the plate can move as a rigid body: one hinged edge lets it turn."""
         supported = [edge for edge in self.edges if edge != "free"]
         return not supported or supported == ["hinged"]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_named_material(cls, table: Any) -> Any:
+        return with_numbers(table)
 
     @model_validator(mode="after")
     def _struck_inside(self) -> "BendingPlateTable":

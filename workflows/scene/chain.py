@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
+from workflows.scene.named_materials import with_numbers
 from workflows.scene.quantities import of
 from workflows.scene.scene_table import (
     Count,
@@ -18,6 +19,7 @@ from workflows.scene.scene_table import (
     Radius,
     SceneTable,
     Velocity,
+    YieldStress,
     Young,
     one_or_each,
 )
@@ -33,15 +35,24 @@ from workflows.scene.units import (
 class ChainTable(SceneTable):
     """Spheres in a row, the striker first: scalars, or one value per sphere.
 
-    A key that ends in a type alone, as `radius`, has no default: the scene states it.
+    A key that ends in a type alone, as `radius`, has no default: the scene states it, or the
+    `material` that it names.
     """
 
-    count: Count
-    radius: one_or_each(Radius)  # [m]
+    count: Count  # number of spheres, the striker included
+    radius: one_or_each(Radius)  # [m] of the spheres
+    material: one_or_each(str) | None = None  # a name of `named_materials`
     density: one_or_each(Density)  # [kg/m^3]
-    young: one_or_each(Young)  # [Pa]
-    poisson: one_or_each(Poisson)
-    initial_velocity: Annotated[tuple[Velocity, ...], Field(strict=False)] | None = None  # [m/s]
+    young: one_or_each(Young)  # [Pa] Young's modulus
+    poisson: one_or_each(Poisson)  # Poisson's ratio
+    yield_stress: one_or_each(YieldStress) | None = None  # [Pa], of a warning alone
+    # [m/s] of every sphere, in place of [striker]
+    initial_velocity: Annotated[tuple[Velocity, ...], Field(strict=False)] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_named_material(cls, table: Any) -> Any:
+        return with_numbers(table)
 
 
 class Striker(SceneTable):
@@ -49,7 +60,8 @@ class Striker(SceneTable):
     the chain; they rest."""
 
     velocity: of(Positive, VELOCITY, 0, 100) | None = None  # [m/s] towards the wall
-    drop: of(Positive, LENGTH, 0, 2) | None = None  # [m]
+    # [m] height along the chain from which it falls, under [gravity]
+    drop: of(Positive, LENGTH, 0, 2) | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -62,12 +74,14 @@ class Striker(SceneTable):
 class LeafSpringsTable(SceneTable):
     """A spring from each sphere to the ground; `offset` moves its anchor towards the wall."""
 
-    stiffness: one_or_each(of(NonNegative, STIFFNESS)) = 0.0  # [N/m]
-    offset: one_or_each(of(Number, LENGTH, 0, 0.1)) = 0.0  # [m]
+    # [N/m] of the spring from each sphere to the ground
+    stiffness: one_or_each(of(NonNegative, STIFFNESS)) = 0.0
+    # [m] by which the anchor is moved towards the wall
+    offset: one_or_each(of(Number, LENGTH, 0, 0.1)) = 0.0
 
 
 class Preload(SceneTable):
     """A steady force on the last sphere, towards the wall, by an arm that moves with the sphere."""
 
-    force: of(NonNegative, FORCE, 0, 1e6) = 0.0  # [N]
+    force: of(NonNegative, FORCE, 0, 1e6) = 0.0  # [N] on the last sphere, towards the wall
     mass: of(NonNegative, MASS, 0, 50) = 0.0  # [kg] of the arm

@@ -29,8 +29,9 @@ class Gravity(SceneTable):
     """Weight of the spheres. `inclination` is the angle of the chain from the horizontal: at 90 it
     stands on the wall, at 0 it lies and no weight acts along it, at -90 it hangs below the wall."""
 
-    inclination: Annotated[float, Field(ge=-90, le=90)] = 90.0  # [degrees]
-    acceleration: of(Positive, ACCELERATION, 1, 30) = 9.80665  # [m/s^2]
+    # [degrees] of the chain from the horizontal, wall at the lower end
+    inclination: Annotated[float, Field(ge=-90, le=90)] = 90.0
+    acceleration: of(Positive, ACCELERATION, 1, 30) = 9.80665  # [m/s^2] of the fall
 
     @property
     def along(self) -> float:
@@ -48,8 +49,9 @@ class Guides(SceneTable):
     """Coulomb friction of the guides of the spheres: a `coefficient` of the weight across the
     chain, or a `force` on each sphere that slides. The chain starts from rest without it."""
 
-    coefficient: Annotated[NonNegative, Field(le=10)] | None = None
-    force: one_or_each(of(NonNegative, FORCE, 0, 1e3)) | None = None  # [N]
+    coefficient: Annotated[NonNegative, Field(le=10)] | None = None  # of friction at the guides
+    # [N] of friction on a sphere, in place of the coefficient
+    force: one_or_each(of(NonNegative, FORCE, 0, 1e3)) | None = None
 
     @model_validator(mode="after")
     def _one_measure(self) -> "Guides":

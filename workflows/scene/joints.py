@@ -15,18 +15,18 @@ class JointStiffnesses(SceneTable):
     cx to crz are dashpots beside the springs [N s/m], [N m s/rad]; a rigid direction takes none.
     """
 
-    kx: Spring = float("inf")
-    ky: Spring = float("inf")
-    kz: Spring = float("inf")
-    krx: TurnSpring = float("inf")
-    kry: TurnSpring = float("inf")
-    krz: TurnSpring = float("inf")
-    cx: Dashpot = 0.0
-    cy: Dashpot = 0.0
-    cz: Dashpot = 0.0
-    crx: TurnDashpot = 0.0
-    cry: TurnDashpot = 0.0
-    crz: TurnDashpot = 0.0
+    kx: Spring = float("inf")  # [N/m] along x
+    ky: Spring = float("inf")  # [N/m] along y
+    kz: Spring = float("inf")  # [N/m] along z
+    krx: TurnSpring = float("inf")  # [N m/rad] about x
+    kry: TurnSpring = float("inf")  # [N m/rad] about y
+    krz: TurnSpring = float("inf")  # [N m/rad] about z
+    cx: Dashpot = 0.0  # [N s/m] dashpot along x
+    cy: Dashpot = 0.0  # [N s/m] dashpot along y
+    cz: Dashpot = 0.0  # [N s/m] dashpot along z
+    crx: TurnDashpot = 0.0  # [N m s/rad] about x
+    cry: TurnDashpot = 0.0  # [N m s/rad] about y
+    crz: TurnDashpot = 0.0  # [N m s/rad] about z
 
     @property
     def dashpots(self) -> dict[str, float]:

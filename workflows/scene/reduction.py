@@ -26,12 +26,14 @@ class Reduction(SceneTable):
     beside the four of the hammer test; "lowest" in the order of their frequencies.
     """
 
+    # modes of the structure with its contact held, or free
     kind: Literal["craig-bampton", "free-modes"] = "craig-bampton"
     choice: Literal["contact", "lowest"] = "contact"  # a cutoff takes the lowest
-    modes: Count | None = None
-    cutoff: Limit | None = None  # [Hz]
+    modes: Count | None = None  # number of modes kept
+    cutoff: Limit | None = None  # [Hz] modes below it are kept
+    # of the receptance at the contact, which decides how many modes are kept
     error: Annotated[float, Field(gt=0, lt=1)] | None = None
-    to_hz: Limit | None = None  # [Hz]
+    to_hz: Limit | None = None  # [Hz] up to which the error and the choice count; 20 kHz
 
     @model_validator(mode="before")
     @classmethod
@@ -48,6 +50,6 @@ class Patch(SceneTable):
     """
 
     point: Point = (0.03, 0.0)  # y, z from the middle of the face [m]
-    radius: of(Positive, LENGTH) = 2e-3  # [m]
-    weights: Literal["hertz", "area", "thesis"] = "hertz"
+    radius: of(Positive, LENGTH) = 2e-3  # [m] of the loaded patch
+    weights: Literal["hertz", "area", "thesis"] = "hertz"  # how the face is averaged over the patch
     nodes: Annotated[tuple[Point, ...], Field(strict=False, min_length=1)] | None = None  # y, z [m]

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from workflows.scene.bending import Beam, BendingPlateTable
 from workflows.scene.bodies import (
@@ -24,6 +24,7 @@ from workflows.scene.damping import Damping
 from workflows.scene.gravity import Gravity, Guides
 from workflows.scene.joints import Joints, JointStiffnesses
 from workflows.scene.mesh import Standing
+from workflows.scene.named_materials import NAMED, NUMBERS
 from workflows.scene.reduction import Patch, Reduction
 from workflows.scene.scene_table import SceneTable
 from workflows.scene.sensors import Output
@@ -72,6 +73,29 @@ class Scene(SceneTable):
     damping: Damping | None = None
     time: Time | None = None
     output: Output | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _named_materials(cls, tables: Any) -> Any:
+        """The tables with a [materials.NAME] for each name of `named_materials` that a body, or the
+        assembly, is made of and that the scene does not describe itself."""
+        if not isinstance(tables, dict):
+            return tables
+        bodies, materials = tables.get("bodies"), tables.get("materials")
+        of_bodies = bodies.values() if isinstance(bodies, dict) else ()
+        names = [
+            table.get("material")
+            for table in (tables.get("assembly"), *of_bodies)
+            if isinstance(table, dict)
+        ]
+        named = {
+            name: {key: getattr(NAMED[name], key) for key in NUMBERS}
+            for name in names
+            if isinstance(name, str) and name in NAMED
+        }
+        if not named or not isinstance(materials, dict | None):
+            return tables
+        return {**tables, "materials": named | (materials or {})}
 
     @property
     def n_contacts(self) -> int:

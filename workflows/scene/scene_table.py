@@ -125,6 +125,7 @@ Density = of(Positive, DENSITY, 20, 25e3)  # foam to osmium
 Young = of(Positive, PRESSURE, 5e5, 2e12)  # soft rubber to diamond
 Radius = of(Positive, LENGTH, 1e-6, 0.25)
 YieldPressure = of(Positive, PRESSURE, 1e4, 1e11)
+YieldStress = of(Positive, PRESSURE, 1e5, 2e10)
 Velocity = of(Number, VELOCITY, 0, 100)
 Frequency = of(Positive, FREQUENCY, 0.1, 1e7)
 Limit = of(Positive, FREQUENCY)

@@ -34,12 +34,13 @@ class SensorTable(SceneTable):
     not known, which sensors of the same name share. `noise` is of records that are computed.
     """
 
-    sphere: Count
+    sphere: Count  # number of the sphere that carries the sensor
+    # what is measured
     quantity: Literal["force", "force-rate", "velocity", "displacement"] = "force"
     gain: Number | str | None = None  # [V/N], [V s/N], [V s/m] or [V/m]
     low_pass: Frequency | None = None  # [Hz] Butterworth, as high_pass
     high_pass: Frequency | None = None  # [Hz]
-    order: Annotated[int, Field(ge=1, le=8)] = 4
+    order: Annotated[int, Field(ge=1, le=8)] = 4  # of the filters
     range: Positive | None = None  # [V] or the quantity's unit; none: the signal's largest value
     noise: Ratio = 0.0  # rms over the signal's largest value
 
@@ -75,13 +76,15 @@ class Instrument(SceneTable):
 
     sampling: of(Positive, FREQUENCY, 1e3, 1e9) = 1e6  # [Hz]
     bits: Annotated[int, Field(ge=2, le=24)] | None = None  # over -range to range
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0  # of the noise
 
 
 class Output(SceneTable):
     """Spheres observed (1 = striker), how many instants are written, and what sensors show."""
 
+    # numbers of the spheres whose waves are reported
     spheres: Annotated[tuple[Count, ...], Field(strict=False)] = ()
+    # number of instants that are kept, over the duration
     samples: Annotated[int, Field(ge=2, le=1_000_000)] = 3001
     sensors: Annotated[tuple[SensorTable, ...], Field(strict=False, min_length=1)] | None = None
     instrument: Instrument | None = None

@@ -23,10 +23,10 @@ class Time(SceneTable):
     controlled.
     """
 
-    duration: of(Positive, TIME, 0, 1) = 3e-3  # [s]
-    horizon: of(Positive, TIME, 0, 10) = 10e-3  # [s]
+    duration: of(Positive, TIME, 0, 1) = 3e-3  # [s] of the run
+    horizon: of(Positive, TIME, 0, 10) = 10e-3  # [s] up to which errors count
     error: Annotated[float, Field(ge=1e-12, lt=1)] | None = None  # above rounding
-    dt: of(Positive, TIME) | None = None  # [s]
+    dt: of(Positive, TIME) | None = None  # [s] a fixed step, in place of an error
 
     @model_validator(mode="before")
     @classmethod

@@ -37,6 +37,10 @@ INSTEAD = {
     "time.error": {"dt"},
     "wall.coefficient": {"plate_thickness", "density"},
     "wall.plate_thickness": {"coefficient"},
+    **{
+        f"{table}.material": {"young", "poisson", "density", "yield_stress"}
+        for table in ("chain", "wall", "beam", "plate")
+    },
     "beam.thickness": {"diameter", "bore", "area", "second_moment"},
     "beam.width": {"diameter", "bore", "area", "second_moment"},
     "beam.diameter": {"width", "thickness", "area", "second_moment"},

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, model_validator
 
+from workflows.scene.named_materials import with_numbers
 from workflows.scene.quantities import of
 from workflows.scene.scene_table import (
     Count,
@@ -19,6 +20,7 @@ from workflows.scene.scene_table import (
     Positive,
     Ratio,
     SceneTable,
+    YieldStress,
     Young,
 )
 from workflows.scene.units import (
@@ -39,19 +41,33 @@ class HalfSpaceWall(SceneTable):
     """A wall that is indented as a half-space of its material and does not move otherwise."""
 
     kind: Literal["half-space"]
-    young: Young = 210e9  # [Pa]
-    poisson: Poisson = 0.3
+    material: str | None = None  # a name of `named_materials`
+    young: Young = 210e9  # [Pa] Young's modulus
+    poisson: Poisson = 0.3  # Poisson's ratio
+    yield_stress: YieldStress | None = None  # [Pa], of a warning alone
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_named_material(cls, table: Any) -> Any:
+        return with_numbers(table, ("young", "poisson", "yield_stress"))
 
 
 class OneDofWall(SceneTable):
     """A mass on a spring and a dashpot; young and poisson are those of the surface struck."""
 
     kind: Literal["1dof"]
-    frequency: Frequency  # [Hz]
+    frequency: Frequency  # [Hz] natural frequency
     mass: of(Positive, MASS, 1e-6, 1e5)  # [kg]
-    damping_ratio: Ratio = 0.0
-    young: Young = 210e9  # [Pa]
-    poisson: Poisson = 0.3
+    damping_ratio: Ratio = 0.0  # over the critical one
+    material: str | None = None  # a name of `named_materials`
+    young: Young = 210e9  # [Pa] Young's modulus
+    poisson: Poisson = 0.3  # Poisson's ratio
+    yield_stress: YieldStress | None = None  # [Pa], of a warning alone
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_named_material(cls, table: Any) -> Any:
+        return with_numbers(table, ("young", "poisson", "yield_stress"))
 
 
 class DashpotWall(SceneTable):
@@ -62,11 +78,14 @@ class DashpotWall(SceneTable):
     """
 
     kind: Literal["dashpot"]
-    coefficient: of(Positive, DASHPOT) | None = None  # [N s/m]
-    plate_thickness: of(Positive, LENGTH, 1e-6, 0.5) | None = None  # [m]
+    coefficient: of(Positive, DASHPOT) | None = None  # [N s/m] force over velocity
+    # [m] of an infinite plate, in place of the coefficient
+    plate_thickness: of(Positive, LENGTH, 1e-6, 0.5) | None = None
     density: Density | None = None  # [kg/m^3] of the plate
-    young: Young = 210e9  # [Pa]
-    poisson: Poisson = 0.3
+    young: Young = 210e9  # [Pa] Young's modulus
+    poisson: Poisson = 0.3  # Poisson's ratio
+    material: str | None = None  # of the plate, a name of `named_materials`
+    yield_stress: YieldStress | None = None  # [Pa], of a warning alone
 
     @model_validator(mode="before")
     @classmethod
@@ -74,6 +93,9 @@ class DashpotWall(SceneTable):
         """A plate's, with the density of steel unless it has its own, or a bare coefficient's."""
         if not isinstance(table, dict):
             return table
+        bare = table.get("coefficient") is not None
+        numbers = ("young", "poisson", "yield_stress", *(() if bare else ("density",)))
+        table = with_numbers(table, numbers)
         plate, bare = (table.get(key) is not None for key in ("plate_thickness", "coefficient"))
         if plate and bare:
             raise ValueError("coefficient and plate_thickness exclude each other: keep one of them")
@@ -105,7 +127,7 @@ class RomWall(SceneTable):
     cutoff: Limit | None = None  # [Hz]
     prune: bool = False
     young: Young | None = None  # [Pa] of the surface struck; of [assembly] it is the block's own
-    poisson: Poisson | None = None
+    poisson: Poisson | None = None  # Poisson's ratio
     # principal ones of the face struck [1/m], < 0 hollow; of [assembly] they are its own
     curvatures: Annotated[tuple[Number, Number], Field(strict=False)] | None = None
 

@@ -15,13 +15,8 @@ from workflows.report.summary import NumberError, QuantityErrors
 from workflows.scene import Scene
 from workflows.stages.chain import Start
 from workflows.stages.errors import mesh_error
-from workflows.stages.quantity_errors import (
-    MarchedPair,
-    marched,
-    numbers_with_errors,
-    of_reduction,
-    with_errors,
-)
+from workflows.stages.number_errors import MarchedPair, numbers_with_errors, with_errors
+from workflows.stages.quantity_errors import marched, of_reduction
 from workflows.stages.reduction import SecondModel
 
 SAME_MODE = 5e-3  # relative, of a mode's frequency and that which the reduced model has

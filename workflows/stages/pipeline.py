@@ -204,6 +204,9 @@ IMPACT = {
         lambda scene: [_marched(scene), tables_of("damping")(scene)],
         ("start", "missed-energy", "reduction", "impact", "waves"),
     ),
+    "time-errors": Stage(
+        ".number_errors:time_errors", _marched, ("start", "impact", "waves"), listed=False
+    ),
     "waves": Stage(".waves:waves", _observed, ("start", "impact")),
     "chain-numbers": Stage(
         ".chain_numbers:chain_numbers", _marched, ("start", "wall", "impact", "waves"), listed=False

@@ -10,7 +10,7 @@ asks. What a room below finds out by itself comes here as sentences: `coupling.v
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from math import ceil, isnan
+from math import ceil, isnan, nan
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -53,6 +53,24 @@ class Thresholds(NamedTuple):
 AT = Thresholds()
 
 
+def strain(scene: Scene, start: Start, run: dem.Trajectory) -> dem.Strain:
+    """How far a run goes beyond Hertz' law, by the materials of the chain and of the face struck;
+    a rigid wall does not yield."""
+    import dem
+
+    struck = scene.wall
+    if isinstance(struck, RomWall):
+        struck = scene.struck_material if scene.has_structure and struck.file is None else None
+    young, yield_stress = getattr(struck, "young", None), getattr(struck, "yield_stress", None)
+    if isinstance(young, tuple):  # orthotropic
+        young = min(young)
+    of_wall = None if young is None else (young, nan if yield_stress is None else yield_stress)
+    return dem.strain(
+        start.chain, scene.chain.young, run.contact_force, run.v,
+        yield_stress=scene.chain.yield_stress, of_wall=of_wall,
+    )  # fmt: skip
+
+
 def of_chain(
     scene: Scene, start: Start, impact: coupling.Impact, waves: ChainWaves
 ) -> Iterator[str]:
@@ -62,7 +80,7 @@ def of_chain(
 
     run = impact.trajectory
     yield from judged(impact)
-    yield from dem.outside(dem.strain(start.chain, scene.chain.young, run.contact_force, run.v))
+    yield from dem.outside(strain(scene, start, run))
     yield from long_contact(scene, start, run)
     yield from large_step_error(run.error_estimate)
     yield from beyond_the_horizon(scene)

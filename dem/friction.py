@@ -1,0 +1,127 @@
+"""Friction between a sphere and what it touches: the contact's law, empty contacts, closed forms.
+
+    1/E* = (1-nu1^2)/E1 + (1-nu2^2)/E2,     1/G* = (2-nu1)/(4 G1) + (2-nu2)/(4 G2)
+
+The contact under any history is in `dem.kernels.tangential`; elements of joints, Jenkins' and
+Iwan's, are in `dem.kernels.sliders`. K. L. Johnson, Contact Mechanics, Cambridge 1985, sec. 7.2
+and 7.4.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dem.checks import above_0, require, scalar
+from dem.kernels.arguments import Array
+from dem.kernels.sliders import Segalman, Sliders
+from dem.kernels.tangential import SpringCells, SpringRow, TangentialLaw
+from dem.spheres import contact_modulus, contact_radius, relative_radius
+
+
+def tangential_modulus(E1: float, nu1: float, E2: float = np.inf, nu2: float = 0.0) -> float:
+    """G* [Pa], such that a contact of radius a that sticks has the stiffness 2 a G*; E2 = inf is
+    rigid."""
+    G1, G2 = E1 / (2.0 * (1.0 + nu1)), E2 / (2.0 * (1.0 + nu2))
+    return 4.0 / ((2.0 - nu1) / G1 + (2.0 - nu2) / G2)
+
+
+def tangential_law(
+    coefficient: float,
+    R1: float,
+    E1: float,
+    nu1: float,
+    R2: float = np.inf,
+    E2: float = np.inf,
+    nu2: float = 0.0,
+    **options: float,
+) -> TangentialLaw:
+    """Law of the contact of two spheres, or of one with a flat (R2 = inf), rigid for E2 = inf.
+
+    `coefficient` is that of friction, radii are in m, moduli in Pa; `options` are further fields of
+    the law. Raises InvalidChain.
+    """
+    scalar("friction coefficient", coefficient, at_least=0.0)
+    for name, value in (("R1", R1), ("E1", E1)):
+        above_0(name, value)
+    G = tangential_modulus(E1, nu1, E2, nu2)
+    c = coefficient * float(contact_modulus(E1, nu1, E2, nu2)) / G
+    return TangentialLaw(G, c, float(relative_radius(R1, R2)), **options)
+
+
+def open_row(capacity: int = 1024) -> SpringRow:
+    """A contact that has not closed yet, with room for so many nodes; half of them are used before
+    any are merged.
+
+    Merges change the force of an oblique impact by 4000 steps by up to 2e-6 of its largest (4e-5
+    with room for 256, 1e-5 with 512), and the velocity after it by 2e-6.
+    """
+    state = np.zeros(7)
+    state[1] = 1.0  # the pressure is that of the elastic law
+    return SpringRow(np.zeros(capacity), np.zeros(capacity), np.zeros(1, np.int64), state)
+
+
+def open_cells(n_cells: int = 256) -> SpringCells:
+    """A contact in two directions that has not closed yet.
+
+    Along one direction under constant load, 256 cells give the force to 1e-5 of itself, and the
+    energy of a loop at a quarter of gross slip to 2e-3 of itself (6e-6 of the loop at gross slip).
+    """
+    state = np.zeros(7)
+    state[1] = 1.0
+    return SpringCells(np.zeros((n_cells + 1, 2)), state)
+
+
+def stick_stiffness(law: TangentialLaw, a: ArrayLike) -> Array:
+    """2 a G* [N/m] of a contact of radius a [m] that sticks all over (R. D. Mindlin, J. Appl. Mech.
+    16 (1949) 259)."""
+    return 2.0 * np.asarray(a) * law.modulus
+
+
+def gross_slip(law: TangentialLaw, overlap: ArrayLike) -> Array:
+    """Displacement [m] from the state without any at which the whole contact slips; overlap [m]."""
+    return law.bound * np.asarray(overlap)
+
+
+def loop_energy(law: TangentialLaw, mu_P: float, amplitude: float, a: float) -> float:
+    """Energy [J] of a cycle of the tangential force +-amplitude under constant load, up to
+    amplitude = mu P [N] (Johnson, 7.57); a is the contact's radius [m].
+
+    36/5 (mu P)^2 / k [1 - (1 - q)^(5/3) - 5/6 q (1 + (1 - q)^(2/3))],   q = Q*/mu P,   k = 2 a G*
+    """
+    q, k = amplitude / mu_P, float(stick_stiffness(law, a))
+    bracket = 1.0 - (1.0 - q) ** (5.0 / 3.0) - 5.0 / 6.0 * q * (1.0 + (1.0 - q) ** (2.0 / 3.0))
+    return 7.2 * mu_P**2 / k * bracket
+
+
+def loop_amplitude(law: TangentialLaw, mu_P: float, amplitude: float, a: float) -> float:
+    """Displacement [m] at the tips of such a cycle: 3 mu P / 2 k [1 - (1 - q)^(2/3)]."""
+    q, k = amplitude / mu_P, float(stick_stiffness(law, a))
+    return 1.5 * mu_P / k * (1.0 - (1.0 - q) ** (2.0 / 3.0))
+
+
+def contact_of_load(law: TangentialLaw, coefficient: float, load: float) -> tuple[float, float]:
+    """Radius [m] and overlap [m] of a contact under a normal load [N] by Hertz' law."""
+    E_star = law.bound * law.modulus / coefficient
+    a = float(contact_radius(load, law.radius, E_star))
+    return a, a * a / law.radius
+
+
+def iwan_law(force: float, stiffness: float, exponent: float, beta: float) -> Segalman:
+    """Sliders of an Iwan element from Segalman's four parameters (J. Appl. Mech. 72 (2005) 752):
+    force [N] of gross slip, stiffness [N/m] without slip, chi > -1, beta >= 0. Raises InvalidChain.
+    """
+    above_0("iwan force", force)
+    above_0("iwan stiffness", stiffness)
+    scalar("iwan beta", beta, at_least=0.0)
+    scalar("iwan exponent", exponent)
+    require(exponent > -1.0, f"iwan exponent is {exponent:g}; it must be above -1")
+    b = beta + (exponent + 1.0) / (exponent + 2.0)
+    last = force * (1.0 + beta) / (stiffness * b)
+    density = force * (exponent + 1.0) / (last ** (exponent + 2.0) * b)
+    return Segalman(exponent, density, force * beta / (last * b), last)
+
+
+def sliders_at_rest(law: Segalman, capacity: int = 64) -> Sliders:
+    """An Iwan element that has not moved yet, with room for capacity - 2 reversals."""
+    sliders = Sliders(np.zeros(capacity), np.zeros(capacity), np.array([2]))
+    sliders.s[1] = law.last
+    return sliders

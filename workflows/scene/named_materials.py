@@ -1,0 +1,81 @@
+"""Materials that a scene may name, `material = "steel"`, in place of their numbers.
+
+Numbers beside the name replace its own. Each is of one common grade; a structure's own grade,
+temper and batch differ by some per cent in stiffness and by much more in yield stress.
+"""
+
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+
+class NamedMaterial(NamedTuple):
+    """Numbers of a grade at room temperature, and where they stand."""
+
+    young: float  # [Pa]
+    poisson: float
+    density: float  # [kg/m^3]
+    yield_stress: float  # [Pa] in uniaxial loading
+    source: str
+
+
+NAMED = {
+    "steel": NamedMaterial(
+        210e9, 0.3, 7850.0, 355e6,
+        "structural steel S355: EN 1993-1-1, 3.2.6 and table 3.1; density EN 1991-1-1",
+    ),
+    "bearing-steel": NamedMaterial(
+        203e9, 0.3, 7830.0, 2030e6,
+        "balls of AISI 52100 (100Cr6), hardened to 60 HRC and more: makers' data sheets, "
+        "29.5e6 psi, 0.283 lb/in^3, 295 000 psi",
+    ),
+    "aluminium-6082": NamedMaterial(
+        70e9, 0.3, 2700.0, 260e6,
+        "EN AW-6082 T6, profiles of 5 to 25 mm: EN 755-2; elasticity EN 1999-1-1, 3.2.5",
+    ),
+    "titanium": NamedMaterial(
+        114e9, 0.33, 4430.0, 830e6,
+        "Ti-6Al-4V (grade 5), annealed bar: ASM Aerospace Specification Metals, MTP644",
+    ),
+    "brass": NamedMaterial(
+        97e9, 0.31, 8490.0, 124e6,
+        "free-cutting brass UNS C36000, annealed: Copper Development Association; half-hard rods "
+        "yield at 310e6 Pa",
+    ),
+    "glass": NamedMaterial(
+        70e9, 0.2, 2500.0, 2000e6,
+        "soda-lime float glass: EN 572-1; it cracks before it yields, the yield stress is a third "
+        "of its Knoop hardness of 6 GPa",
+    ),
+    "pmma": NamedMaterial(
+        3.3e9, 0.37, 1190.0, 110e6,
+        "cast acrylic sheet: Roehm, PLEXIGLAS GS 233, technical information 211-1, ISO 527 and 604",
+    ),
+}  # fmt: skip
+NUMBERS = ("young", "poisson", "density", "yield_stress")
+
+
+def named_material(name: str) -> NamedMaterial:
+    """The material of a name, with spaces or hyphens; raises ValueError for one that is not
+    known."""
+    try:
+        return NAMED[name.strip().lower().replace(" ", "-")]
+    except KeyError:
+        known = ", ".join(NAMED)
+        raise ValueError(
+            f"material = {name!r} is not known, there are {known}; take one of them, or give "
+            "young, poisson and density"
+        ) from None
+
+
+def with_numbers(table: Any, numbers: Iterable[str] = NUMBERS) -> Any:
+    """A table with the numbers of the `material` that it names, where it gives none itself; of a
+    list of names a list of numbers."""
+    name = table.get("material") if isinstance(table, dict) else None
+    if isinstance(name, list | tuple) and name and all(isinstance(n, str) for n in name):
+        each = [named_material(n) for n in name]
+        of_name = {key: [getattr(material, key) for material in each] for key in numbers}
+    elif isinstance(name, str):
+        of_name = {key: getattr(named_material(name), key) for key in numbers}
+    else:
+        return table
+    return of_name | {key: value for key, value in table.items() if value is not None}
