@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 
 import coupling
-from geometry import PARTS
 from workflows.files.scene import built_in, scene, scene_text
 from workflows.scene import InvalidScene
-from workflows.scene.assembly import BODIES
 from workflows.scene.toml import resolved, toml
 from workflows.stages.assembly import material
 from workflows.stages.chain import flat
@@ -267,10 +265,6 @@ def test_rayleigh_damping_by_two_frequencies_has_their_ratios():
     table = scene("rig-rom", RAYLEIGH).damping
     zeta = coupling.damping_ratios(damping_law(table, []), 2 * np.pi * np.array([51.0, 8425.0]))
     np.testing.assert_allclose(zeta, [0.8, 0.0053], rtol=1e-12)
-
-
-def test_bodies_of_a_scene_are_the_parts_of_the_geometry():
-    assert BODIES == PARTS  # typed twice: a scene without an assembly loads no geometry
 
 
 @pytest.mark.parametrize("key", ["assembly.young", "assembly.block.young"])

@@ -402,7 +402,7 @@ class MeasuredMode(SceneTable):
     motion: str | None = None
     number: Annotated[int, Field(ge=1, le=200)] | None = None
     shape: str | None = None
-    name: str | None = None  # what tables call it; body and motion
+    title: str | None = None  # what tables call it; body and motion
 
     @model_validator(mode="after")
     def _one_identity(self) -> "MeasuredMode":

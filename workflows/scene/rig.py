@@ -247,7 +247,7 @@ def as_bodies(scene: Scene) -> Scene:
     hz = {target.number: target.hz for target in scene.targets or ()}
     rows = zip(HAMMER_TEST["hz"], HAMMER_TEST["motion"], HAMMER_TEST["shape"], strict=True)
     targets = tuple(
-        MeasuredMode(hz=hz.get(i, measured), body=HAMMER_TEST["body"], motion=motion, name=shape)
+        MeasuredMode(hz=hz.get(i, measured), body=HAMMER_TEST["body"], motion=motion, title=shape)
         for i, (measured, motion, shape) in enumerate(rows, start=1)
     )
 
