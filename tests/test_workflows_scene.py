@@ -10,7 +10,7 @@ import coupling
 from workflows.files.scene import built_in, scene, scene_text
 from workflows.scene import InvalidScene
 from workflows.scene.toml import resolved, toml
-from workflows.stages.assembly import material
+from workflows.stages.assembly import solid
 from workflows.stages.chain import flat
 from workflows.stages.damping import damping_law
 from workflows.stages.impact import require_start
@@ -276,7 +276,7 @@ def test_an_assembly_softer_than_rubber_is_refused(key):
 @pytest.mark.parametrize("changes", [(), ("assembly.block.young=70e9", "assembly.poisson=0.2")])
 def test_the_chain_touches_the_material_that_the_block_is_meshed_with(changes):
     result = scene("rig-rom", changes)
-    block = material(result.assembly, "block")
+    block = solid(result, "block")
     assert flat(result) == (block.young, block.poisson)
     same = scene("rig-rom", (*changes, f"wall.young={block.young}"))
     assert flat(same) == flat(result)
