@@ -7,6 +7,7 @@ import fem
 import fem.tuning
 import rom
 from fem.assembly_modes import AssemblyModes, assembly_modes
+from fem.model import Constrained, constrained
 from workflows.scene import InvalidScene, Scene
 from workflows.stages import bodies, strike
 from workflows.stages.parts import STRIKE, Parts
@@ -24,8 +25,9 @@ def model(scene: Scene, mesh: Parts) -> fem.Model:
     structure = fem.assemble(mesh.meshes, mesh.materials)
     below = scene.table and fem.SwayingTable(scene.table.frequency, scene.table.mass)
     connections = mesh.connections._replace(table=below)
-    _require_kept(scene, structure, connections)
-    joined = fem.joined(structure, connections)
+    constraints = constrained(structure, connections)
+    _require_kept(scene, structure, connections, constraints)
+    joined = fem.joined(structure, connections, constraints)
     if mesh.load is None:
         return joined
     try:
@@ -34,10 +36,15 @@ def model(scene: Scene, mesh: Parts) -> fem.Model:
         raise InvalidScene(f"{scene.name}: loads: {str(why).rstrip('.')}.") from None
 
 
-def _require_kept(scene: Scene, structure: fem.Structure, connections: fem.Connections) -> None:
+def _require_kept(
+    scene: Scene,
+    structure: fem.Structure,
+    connections: fem.Connections,
+    constraints: Constrained,
+) -> None:
     """Raise InvalidScene for a body that can move. An assembly that floats may also move in the
     directions in which its joints are free, k = 0."""
-    loose = fem.loose_bodies(structure, connections)
+    loose = fem.loose_bodies(structure, connections, constraints)
     if not loose:
         return
     body, motions = loose[0]
