@@ -45,12 +45,16 @@ class Drawing(NamedTuple):
 
 
 @contextmanager
-def drawing(scene: Scene, coarser: float = 1.0) -> Iterator[Drawing]:
-    """The scene's bodies; raises InvalidScene for what cannot be drawn, read, picked or joined."""
+def drawing(scene: Scene, coarser: float = 1.0, *, lines: bool = True) -> Iterator[Drawing]:
+    """The scene's bodies, without `lines` in the CAD kernel even where grid lines are prescribed;
+    raises InvalidScene for what cannot be drawn, read, picked or joined."""
     table = scene.assembly
     try:
         # a mesh: the user's, or between the grid lines that the scene prescribes
-        volumes = volumes_of(Path(table.mesh)) if table.mesh else lined(scene, coarser)
+        if table.mesh:
+            volumes = volumes_of(Path(table.mesh))
+        else:
+            volumes = lined(scene, coarser) if lines else {}
         if volumes:
             own = own_mesh(volumes, table.gap)
             require_size(own.bodies)

@@ -15,7 +15,7 @@ from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.size import foreseen_seconds, peak_memory
 from workflows.scene.toml import resolved
-from workflows.stages.bodies import Drawing, drawing
+from workflows.stages.bodies import Drawing, drawing, lined
 from workflows.stages.strike import around
 
 STEEL = {"young": 210e9, "poisson": 0.3, "density": 7850.0}
@@ -121,7 +121,7 @@ def look(scene: Scene, source: str) -> Seen:
     """Bodies, pairs and holes of a scene, from its geometry alone and a mesh as a run has it."""
     scene = scene.written_out
     # holes and remarks need the CAD kernel, whose session ends with the context
-    with drawing(scene) as geometry:
+    with drawing(scene, lines=False) as geometry:
         holes, starter, meshes = (
             _holes(geometry),
             _starter(geometry, Path(source)),
@@ -166,6 +166,8 @@ def _meshes(scene: Scene, geometry: Drawing) -> dict[str, Mesh]:
     """Meshes of the bodies, as a run has them but for what is struck, held and bolted."""
     if geometry.own:
         return {name: skin.mesh for name, skin in geometry.own.skins.items()}
+    if meshes := lined(scene):
+        return meshes
     from geometry.body_mesh import body_meshes
     from geometry.sizes import Sizes, default_seeds
 
