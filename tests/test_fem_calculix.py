@@ -107,6 +107,7 @@ def test_a_screw_is_calculix_rigid_body_and_its_springs():
 SPRINGS = tuple(f"joints.head.{k}" for k in ("kx=1e9", "ky=6.6e5", "kz=2.5e7", "kry=100.0"))
 
 
+@pytest.mark.slow
 def test_a_table_dashpots_and_the_contact_are_in_the_deck():
     """The table's two slow modes, and the static compliance at the contact by CalculiX's solver."""
     sizes = ("mesh.seed=20e-3", "mesh.block_seed=50e-3", "mesh.contact_seed=50e-3")
@@ -124,6 +125,7 @@ def test_a_table_dashpots_and_the_contact_are_in_the_deck():
     assert theirs.compliance == pytest.approx(compliance, rel=PRINTED, abs=0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("of", "springs"), [("rig-full-tie", ()), ("rig-rom", SPRINGS)])
 def test_calculix_finds_the_same_ten_frequencies(of, springs):
     sizes = ("mesh.seed=10e-3", "mesh.block_seed=35e-3", "mesh.contact_seed=35e-3")

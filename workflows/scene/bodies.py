@@ -87,7 +87,7 @@ class Solid(SceneTable):
     young: one_or_each(Modulus)  # [Pa]
     poisson: one_or_each(Ratio12)
     density: Density  # [kg/m^3]
-    yield_stress: YieldStress | None = None  # [Pa], of a warning alone
+    yield_stress: YieldStress | None = None  # [Pa] for a warning
     shear: Three | None = None  # [Pa]
     axes: Annotated[tuple[Vector, Vector], Field(strict=False)] | None = None
     expansion: Annotated[float, Field(gt=-1e-3, lt=1e-3)] | None = None  # [1/K] of its length
@@ -122,8 +122,8 @@ class Ringed(SceneTable):
     to the circle of a washer, and on to the rectangle."""
 
     washer: Size  # [m] radius
-    lower: Point  # corners, x, y in its plane [m]
-    upper: Point
+    lower: Point  # [m] its lower left corner, x, y in its plane
+    upper: Point  # [m] its upper right corner
 
 
 class Holes(SceneTable):
@@ -137,9 +137,9 @@ class Holes(SceneTable):
 class Line(SceneTable):
     """A grid line, the size of the elements beside it and that of each next one over it."""
 
-    at: Place  # [m]
-    size: Size | None = None  # [m]; the body's
-    growth: Annotated[float, Field(gt=1, le=100)] = 1.7
+    at: Place  # [m] where the line is
+    size: Size | None = None  # [m] of the elements beside it; the body's seed
+    growth: Annotated[float, Field(gt=1, le=100)] = 1.7  # size of each next element over its own
 
 
 EitherLine = Annotated[
@@ -161,9 +161,9 @@ class LinesTable(SceneTable):
 class Under(SceneTable):
     """Parts of a plane face: discs of a radius, or rectangles, around points of it."""
 
-    at: Annotated[tuple[Place3, ...], Field(strict=False, min_length=1)]  # [m]
-    radius: Size | None = None  # [m]
-    # along the two global axes that span the face [m]
+    at: Annotated[tuple[Place3, ...], Field(strict=False, min_length=1)]  # [m] middles
+    radius: Size | None = None  # [m] of discs
+    # [m] of rectangles, along the two global axes that span the face
     sides: Annotated[tuple[Size, Size], Field(strict=False)] | None = None
 
     @model_validator(mode="after")
@@ -367,7 +367,8 @@ class Strike(SceneTable):
     at: Annotated[tuple[Place, ...], Field(strict=False, min_length=2, max_length=3)] = (0.0, 0.0)
     radius: of(Positive, LENGTH) = 2e-3  # [m] of the patch
     weights: Literal["hertz", "area", "thesis"] = "hertz"
-    nodes: Annotated[tuple[Point, ...], Field(strict=False, min_length=1)] | None = None  # [m]
+    # [m] points from the middle of the face whose nearest nodes are read
+    nodes: Annotated[tuple[Point, ...], Field(strict=False, min_length=1)] | None = None
     seed: Seed | None = None  # [m] of the elements there; twice the radius
 
     @property

@@ -139,7 +139,7 @@ def _dimension(default: Any, provenance: str, description: str) -> tuple[Any, An
 RigTable = create_model(
     "RigTable",
     __base__=_Rig,
-    __doc__="Dimensions of the rig in metres, its materials, how its parts are joined and held.",
+    __doc__="Dimensions of the thesis' rig: in metres; its materials, ties and supports.",
     **{name: _dimension(*values) for name, values in DIMENSIONS.items()},
 )
 
