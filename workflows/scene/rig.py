@@ -180,7 +180,7 @@ class Cuboid(NamedTuple):
 
 def as_bodies(scene: Scene) -> Scene:
     """The scene of a rig, written in bodies and what joins, holds and strikes them."""
-    a, patch, cuboids = scene.assembly, scene.patch, boxes(scene.assembly)
+    a, mesh, patch, cuboids = scene.assembly, scene.mesh, scene.patch, boxes(scene.assembly)
     sheets = list(SIDES) if "sheets" in a.parts else []
     below = [name for name in cuboids if name != "block"]
 
@@ -251,7 +251,7 @@ def as_bodies(scene: Scene) -> Scene:
         for i, (measured, motion, shape) in enumerate(rows, start=1)
     )
 
-    own = scene.mesh.file
+    own = mesh.file
     bodies = {
         name: BodyTable(material=part, **({} if own else _drawn(scene, name)))
         for name, part in part_of.items()
@@ -264,9 +264,11 @@ def as_bodies(scene: Scene) -> Scene:
             "bodies": bodies,
             "ties": tuple(ties) or None,
             "joints": tuple(joints) or None,
-            "strike": Strike(on=STRUCK, at=patch.point, seed=scene.mesh.contact_seed, **strike),
+            "strike": Strike(on=STRUCK, at=patch.point, seed=mesh.contact_seed, **strike),
             "targets": targets,
-            "mesh": Meshing(element=scene.mesh.element) if not own else Meshing(),
+            "mesh": Meshing()
+            if own
+            else Meshing(element=scene.mesh.element, scale=scene.mesh.scale),
             "patch": None,
         }
     )
