@@ -79,8 +79,12 @@ class WallMotion(NamedTuple):
 
 
 class LateralSearch(NamedTuple):
-    """How the step of a lateral march is searched for; of 40 random oblique impacts none was off by
-    more than its stated error."""
+    """How the step of a lateral march is searched for.
+
+    Of 500 random impacts (load, damping, arm, coefficient, angle; as of the test of random impacts)
+    2 were off by more than is stated along and across, by 1.5 at the most; the median stated 2.2
+    times its error. Ledgers closed to 0.25 of the error in the median, to 6 of it at the most.
+    """
 
     dt: float | None = None  # [s] a step that is given, in place of an error
     safety: float = 2.0  # stated error over what the difference says: orders of 2 to 2.5 were seen

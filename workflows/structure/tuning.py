@@ -17,6 +17,7 @@ from workflows.files.output_file import OutputFile
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, Scene, nearest
 from workflows.scene.bodies import MeasuredMode
+from workflows.stages.mesh_causes import OPTIONS as OF_CAUSES
 from workflows.stages.mesh_causes import Cause, refinement, size_for
 from workflows.stages.pipeline import Pipeline, pipeline_of
 from workflows.stages.progress import Progress
@@ -300,6 +301,11 @@ def worth_of_the_mesh(
         return [f"{sentence} Tune again with {refinement(scene, 0.5)}."]
     wanted = max(missed, min(100 * tolerances.of_mesh, error / 2))
     times = size_for(wanted, error, cause)
+    if times < OF_CAUSES.finest and cause.remedy:
+        return [
+            f"{sentence} It arises {cause.place}, where smaller elements help little: take "
+            f"{cause.remedy}, or {refinement(scene, OF_CAUSES.finest)}, and tune again."
+        ]
     return [
         f"{sentence} Bring it to {wanted:.2g} % with {refinement(scene, times)}, and tune again."
     ]
