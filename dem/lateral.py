@@ -223,7 +223,7 @@ def march_lateral(
     k = np.array([stiffness[int(np.abs(line).argmax())]]) if straight else stiffness
 
     contact = pressing(chain, wall, v0, trajectory, search.chunk)
-    body = Body(chain, last, k, frame, 1e-5 if error is None else error, search)
+    body = MarchedSphere(chain, last, k, frame, 1e-5 if error is None else error, search)
     speed = max(float(np.abs(v0).max()), float(np.hypot(*velocity)))
     if motion is not None:
         speed = max(speed, float(np.abs(motion.speed).max()))
@@ -289,7 +289,7 @@ def march_lateral(
     )
 
 
-class Body(NamedTuple):
+class MarchedSphere(NamedTuple):
     """The last sphere as it is marched: in one direction along a line, or in two."""
 
     chain: Chain
@@ -398,7 +398,9 @@ class Cycle(NamedTuple):
         return int(np.ptp(self.slip, axis=0).argmax())
 
 
-def periodic_state(body: Body, overlap: float, motion: WallMotion) -> tuple[Across, Springs, Cycle]:
+def periodic_state(
+    body: MarchedSphere, overlap: float, motion: WallMotion
+) -> tuple[Across, Springs, Cycle]:
     """State and contact that the wall's motion has become periodic in, at its phase of t = 0.
 
     The motion is ramped up over some periods from a contact that was pressed and never sheared.
