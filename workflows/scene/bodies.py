@@ -117,11 +117,60 @@ class PlateTable(SceneTable):
     thickness: Size  # [m]
 
 
+class Ringed(SceneTable):
+    """A rectangle around a hole, between grid lines, that two rings of elements fill: from the hole
+    to the circle of a washer, and on to the rectangle."""
+
+    washer: Size  # [m] radius
+    lower: Point  # [m] its lower left corner, x, y in its plane
+    upper: Point  # [m] its upper right corner
+
+
 class Holes(SceneTable):
     """Round holes through a plate."""
 
     diameter: Size  # [m]
     at: Annotated[tuple[Point, ...], Field(strict=False, min_length=1)]  # x, y in its plane [m]
+    rings: Annotated[tuple[Ringed, ...], Field(strict=False)] | None = None  # one a hole
+
+
+class Line(SceneTable):
+    """A grid line, the size of the elements beside it and that of each next one over it."""
+
+    at: Place  # [m] where the line is
+    size: Size | None = None  # [m] of the elements beside it; the body's seed
+    growth: Annotated[float, Field(gt=1, le=100)] = 1.7  # size of each next element over its own
+
+
+EitherLine = Annotated[
+    Annotated[Place, Tag("number")] | Annotated[Line, Tag("table")],
+    Discriminator(lambda value: "number" if isinstance(value, int | float | str) else "table"),
+]
+LinesAlong = Annotated[tuple[EitherLine, ...], Field(strict=False)]
+
+
+class LinesTable(SceneTable):
+    """Grid lines that the hexahedra of a box or a rectangular plate must have, along its own axes;
+    between them elements are as large as its seed."""
+
+    x: LinesAlong = ()
+    y: LinesAlong = ()
+    z: LinesAlong = ()
+
+
+class Under(SceneTable):
+    """Parts of a plane face: discs of a radius, or rectangles, around points of it."""
+
+    at: Annotated[tuple[Place3, ...], Field(strict=False, min_length=1)]  # [m] middles
+    radius: Size | None = None  # [m] of discs
+    # [m] of rectangles, along the two global axes that span the face
+    sides: Annotated[tuple[Size, Size], Field(strict=False)] | None = None
+
+    @model_validator(mode="after")
+    def _one_form(self) -> "Under":
+        if (self.radius is None) == (self.sides is None):
+            raise ValueError("under needs the radius of discs or the sides of rectangles: give one")
+        return self
 
 
 class CylinderTable(SceneTable):
@@ -141,6 +190,7 @@ class BodyTable(SceneTable):
     plate: PlateTable | None = None
     cylinder: CylinderTable | None = None
     holes: Holes | None = None
+    lines: LinesTable | None = None
     at: Place3 | None = None  # [m]
     turn: Vector | None = None  # [degrees] about the global x, then y, then z
 
@@ -156,6 +206,8 @@ class BodyTable(SceneTable):
             raise ValueError(f"{' and '.join(given)} exclude each other: keep one of them")
         if self.holes and not self.plate:
             raise ValueError("holes belong to a plate: drop them, or draw a plate")
+        if self.lines and not (self.box or self.plate):
+            raise ValueError("lines belong to a box or a plate: drop them, or draw one")
         if not given and (self.at or self.turn):
             raise ValueError("at and turn place a body drawn here: add box, plate or cylinder")
         return self
@@ -211,9 +263,10 @@ class StaticLoad(SceneTable):
 
 
 class Hold(SceneTable):
-    """A face on the ground, in some directions: "z" is a roller."""
+    """A face, or parts of it, on the ground in some directions: "z" is a roller."""
 
     on: str
+    under: Under | None = None
     directions: Annotated[str, Field(pattern="^[xyz]{1,3}$")] = "xyz"
 
 
@@ -237,6 +290,10 @@ class General(SceneTable):
         """Where bodies that are not drawn come from."""
         return self.step or self.mesh
 
+    def written_out(self, scene: Any) -> Any:
+        """The scene, which is written in bodies already."""
+        return scene
+
     @property
     def holds(self) -> tuple[Hold, ...]:
         """What is held, in tables."""
@@ -252,9 +309,10 @@ class Meshing(SceneTable):
 
 
 class Tied(SceneTable):
-    """Pairs of touching bodies that stay together where they touch."""
+    """Pairs of touching bodies that stay together where they touch, or under parts of that."""
 
     between: Pair
+    under: Under | None = None
 
 
 class Bolts(JointStiffnesses):
@@ -298,12 +356,19 @@ class Bolts(JointStiffnesses):
 class Strike(SceneTable):
     """Where the last sphere touches: a plane face, and a point from its middle along the two global
     axes that span it; or a plane, a cylinder or a sphere, and the point of it that is nearest to
-    [x, y, z]. "body@x,y,z" of a round face tells both."""
+    [x, y, z]. "body@x,y,z" of a round face tells both.
+
+    `nodes` takes the mean of the nodes nearest to these points of a plane face in place of a
+    pressure. "thesis" pushes at the node nearest to the point and reads the mean of two others, one
+    radius to either side along the first axis, or of `nodes`. It makes energy out of nothing and
+    serves comparisons alone."""
 
     on: Annotated[str, Field(pattern=r"^[^:@*#]+[:@].+$")]
     at: Annotated[tuple[Place, ...], Field(strict=False, min_length=2, max_length=3)] = (0.0, 0.0)
     radius: of(Positive, LENGTH) = 2e-3  # [m] of the patch
-    weights: Literal["hertz", "area"] = "hertz"
+    weights: Literal["hertz", "area", "thesis"] = "hertz"
+    # [m] points from the middle of the face whose nearest nodes are read
+    nodes: Annotated[tuple[Point, ...], Field(strict=False, min_length=1)] | None = None
     seed: Seed | None = None  # [m] of the elements there; twice the radius
 
     @property
@@ -338,6 +403,7 @@ class MeasuredMode(SceneTable):
     motion: str | None = None
     number: Annotated[int, Field(ge=1, le=200)] | None = None
     shape: str | None = None
+    title: str | None = None  # what tables call it; body and motion
 
     @model_validator(mode="after")
     def _one_identity(self) -> "MeasuredMode":

@@ -22,6 +22,7 @@ class Mesh(SceneTable):
     block_seed: Seed = 20e-3  # [m]
     support_seed: Seed = 60e-3  # [m]
     contact_seed: Seed = 5e-3  # [m]
+    scale: Positive = 1.0  # factor on all sizes of elements
     file: str | None = None  # a mesh of one's own, with the names of ours
 
 

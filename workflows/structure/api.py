@@ -256,7 +256,7 @@ def tune(
         from workflows.structure.hammer import applied, hammer_test, recognised
 
         test = hammer_test(Path(hammer), wanted)
-        if chosen.is_general and has_shapes(Path(hammer)):
+        if not chosen.of_dimensions and has_shapes(Path(hammer)):
             test = recognised(test, pipeline_of(chosen, progress), wanted)
         chosen, wanted = applied(chosen, test.report, match)
 
@@ -326,7 +326,7 @@ def hammer(
     with progress("identification"):
         wanted = dict(enumerate(chosen.measured_hz, start=1))
         test = hammer_test(path, wanted)
-    if chosen.is_general and has_shapes(path):
+    if not chosen.of_dimensions and has_shapes(path):
         test = recognised(test, pipeline_of(chosen, progress), wanted)
     with progress("picture"):
         result = HammerTest(test.report, picture(test))
