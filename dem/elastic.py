@@ -70,6 +70,14 @@ class ElasticLaw(NamedTuple):
             return hertz_energy(force, self.A)
         return self.A * self._each(laws.shape_energy, self.overlap(force))
 
+    def hertz(self, force: ArrayLike) -> Array:
+        """A [N/m^1.5] of the Hertz contact that has the same overlap under a force [N], 1 N where
+        it is 0: for what is known of Hertz contacts alone, as the shape of their waves."""
+        if self.shape is None:
+            return self.A
+        force = np.where(np.asarray(force, float) > 0.0, force, 1.0)
+        return force / self.overlap(force) ** 1.5
+
     def overlap_of_energy(self, energy: ArrayLike) -> Array:
         """Overlap [m] at which a contact holds an energy [J], to 1e-3 of it, and above."""
         if self.shape is None:

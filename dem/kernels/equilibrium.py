@@ -24,7 +24,7 @@ class Bearing(NamedTuple):
     anchor: Array  # (n,)
     steady: Array  # (n,) forces towards the wall
     compliance: float  # of the wall, behind the n-th contact
-    shape: Shape | None  # of the contacts' force; None: Hertz
+    shape: Shape | None = None  # of the contacts' force; None: Hertz
 
 
 class NewtonRoom(NamedTuple):

@@ -56,7 +56,7 @@ class Slopes(NamedTuple):
     load: Array
     offset: Array
     rest_force: Array
-    exponent: Array | None  # of a power law
+    exponent: Array | None = None  # of a power law
 
 
 class SphereDerivatives(NamedTuple):
@@ -93,15 +93,15 @@ class DerivativeRecord(NamedTuple):
 
 @fastmath
 def contact(
-    gap: float, rate: float, rig: SensitivityRig, shape: Shape | None, s: float, i: int, f: Array
-) -> None:
+    gap: float, rate: float, stiffnesses: Array, gammas: Array, shape: Shape | None, s: float,
+    i: int, f: Array,
+) -> None:  # fmt: skip
     """Force of one contact and its derivatives into column i of f."""
-    gamma = rig.gamma[i]
-    d = max(gap, 0.0) if s == 0.0 else elastic_indentation(i, gap, s, rig.A, shape)
+    A, gamma = stiffnesses[i], gammas[i]
+    d = max(gap, 0.0) if s == 0.0 else elastic_indentation(i, gap, s, stiffnesses, shape)
     if shape is not None:
-        shaped_contact(d, rate, rig.A[i], gamma, s, i, shape.exponent, shape.table, f)
+        shaped_contact(d, rate, A, gamma, s, i, shape.exponent, shape.table, f)
         return
-    A = rig.A[i]
     root = math.sqrt(d)
     soft = 1.0 / (1.0 + 1.5 * s * A * root)
     loss = gamma * rate * soft * soft
@@ -151,13 +151,13 @@ def contacts(
     n = x.size
     for i in range(rig.A.size):
         if i < n - 1:
-            contact(x[i] - x[i + 1], v[i] - v[i + 1], rig, shape, 0.0, i, f)
+            contact(x[i] - x[i + 1], v[i] - v[i + 1], rig.A, rig.gamma, shape, 0.0, i, f)
         else:
             u, w = 0.0, 0.0
             for j in range(phi.size):
                 u += phi[j] * z[0, j]
                 w += phi[j] * z[1, j]
-            contact(x[i] - u - rig.offset, v[i] - w, rig, shape, rig.residual, i, f)
+            contact(x[i] - u - rig.offset, v[i] - w, rig.A, rig.gamma, shape, rig.residual, i, f)
 
 
 @fastmath_inline
