@@ -1,24 +1,47 @@
 """The arrays that are saved of a run: those over time, and the wall modes they belong to."""
 
+from __future__ import annotations
+
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from coupling.coupled_wall import CoupledWall
 from dem import Trajectory, Wall
 
-
-def save_trajectory(path: Path, trajectory: Trajectory, wall: Wall | CoupledWall | None) -> None:
-    """Write every array of a trajectory over its saved times, and the modes of the wall."""
-    np.savez_compressed(path, **arrays(trajectory, wall))
+if TYPE_CHECKING:  # a run without friction loads no motion across
+    from dem.lateral import LateralTrajectory
 
 
-def arrays(trajectory: Trajectory, wall: Wall | CoupledWall | None) -> dict[str, np.ndarray]:
+def save_trajectory(
+    path: Path,
+    trajectory: Trajectory,
+    wall: Wall | CoupledWall | None,
+    lateral: LateralTrajectory | None = None,
+) -> None:
+    """Write every array of a trajectory over its saved times, the modes of the wall, and the motion
+    across the chain where there is one."""
+    np.savez_compressed(path, **arrays(trajectory, wall, lateral))
+
+
+def arrays(
+    trajectory: Trajectory,
+    wall: Wall | CoupledWall | None,
+    lateral: LateralTrajectory | None = None,
+) -> dict[str, np.ndarray]:
     """What is saved of a run, by name: every array over the saved times, and frequencies and
-    participations of the modes whose coordinates are among them."""
+    participations of the modes whose coordinates are among them. energy_total is that of both
+    motions, along the chain and across it."""
     k = len(trajectory.t)
     fields = trajectory._asdict().items()
     saved = {name: a for name, a in fields if isinstance(a, np.ndarray) and len(a) == k and a.size}
+    if lateral is not None:
+        saved |= {name: a for name, a in lateral._asdict().items() if isinstance(a, np.ndarray)}
+        if lateral.cycle is not None:
+            fields = lateral.cycle._asdict().items()
+            saved |= {f"cycle_{name}": a for name, a in fields if isinstance(a, np.ndarray)}
+        saved["energy_total"] = trajectory.energy_total + lateral.energy
     if trajectory.wall_q.size:
         reading = wall.reading if isinstance(wall, CoupledWall) else wall.phi
         saved |= {"wall_omega": wall.omega, "wall_phi": reading}

@@ -23,11 +23,11 @@ import numpy as np
 import dem
 from coupling.sensors import Sensor, measured, recorded, signals
 from workflows.files.record import Channel, Recorded
-from workflows.fit.core.inspection.inversion import Inversion, inverted, profiled
-from workflows.fit.core.parametric_wall import Bounds
-from workflows.fit.inspection.inspect import InspectionRequest, inspected, problem
-from workflows.fit.inspection.numbers import per_record, shared
-from workflows.fit.inspection.structure import computed, structure
+from workflows.fit.inspect import InspectionRequest, inspected, problem
+from workflows.fit.inversion import Inversion, inverted, profiled
+from workflows.fit.parametric_wall import Bounds
+from workflows.fit.scene_parameters import per_record, shared
+from workflows.fit.structure import computed, structure
 from workflows.stages.chain import chain
 from workflows.stages.progress import quiet
 from workflows.sweep.cases import Base, base_of

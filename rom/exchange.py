@@ -37,7 +37,7 @@ K [N/m], M [kg], C and C_damping [N s/m] where q is a displacement [m], else by 
 w [1]; F [N] along the chain's travel. The first n_boundary q are displacements, coordinates names
 all. Outer nodes: u = T_surface q [m], rows x, y, z of node 1, then of node 2, ...; surface_points
 (m x 3) [m]; surface_faces count nodes from 1, surface_body numbers the body of each node by
-surface_bodies. C, C_damping and T_surface stand where known."""
+surface_bodies. C is of dashpots, zeros without them; C_damping and T_surface stand where known."""
 BROKEN = (OSError, ValueError, TypeError, KeyError, EOFError, BadZipFile, MatReadError, zlib.error)
 
 
@@ -145,8 +145,11 @@ def save_full(path: str | Path, matrices: Mapping[str, sp.sparray | np.ndarray])
 
 
 def _fields(reduced: ReducedModel, C_damping: ArrayLike | None) -> dict[str, object]:
-    """What is written of a model, by its name in the file; what is not known is left out."""
+    """What is written of a model, by its name in the file; without dashpots C is zero, what else is
+    not known is left out."""
     fields = {name: getattr(reduced, name) for name in ("K", "M", "C", "w", "T")}
+    if reduced.C is None:
+        fields["C"] = np.zeros_like(reduced.K)
     fields["C_damping"] = C_damping
     surface = reduced.surface
     if surface:  # nodes and bodies are counted from 1
@@ -262,6 +265,8 @@ def _read(content: Mapping[str, object], path: str | Path, w: ArrayLike | None) 
         A = getattr(reduced, name)
         if A is not None and A.shape != (r, r):
             raise ReductionError(f"{path}: {name} is {A.shape[0]} x {A.shape[1]}, K is {r} x {r}.")
+    if reduced.C is not None and not reduced.C.any():  # no dashpots
+        reduced = reduced._replace(C=None)
     for name in ("n_boundary", "n_residual"):
         if not 0 <= getattr(reduced, name) <= r:
             raise ReductionError(

@@ -32,7 +32,7 @@ from typing import NamedTuple
 import pytest
 
 ROOT = Path(__file__).parents[1]
-FIT = "workflows/fit/core/"
+FIT = "workflows/fit/"
 LOADED = ("numba", "scipy.optimize", "scipy.signal", "scipy.sparse.linalg", "skfem")
 
 
@@ -64,24 +64,20 @@ ROOMS = {
     ),
     "coupling": Room(
         ("coupling/reduced_wall.py", "coupling/damping.py", "coupling/coupled_march.py",
-         "coupling/verdict.py", "coupling/pruning.py", "workflows/fit/core/parametric_wall.py",
+         "coupling/verdict.py", "coupling/pruning.py", "workflows/fit/parametric_wall.py",
          "coupling/band.py", "coupling/sensors.py",
          "coupling/elliptical_contact.py", "coupling/radiation.py"),
         ("coupling_damping", "coupling_judged", "coupling_parametric_wall", "coupling_sensors",
          "coupling_elliptical", "coupling_radiation", "coupling_pruning"),
     ),
     "calibration": Room(
-        (FIT + "calibration/fitting.py", FIT + "calibration/uncertainty.py",
-         FIT + "calibration/parameters.py", FIT + "calibration/signals.py",
-         FIT + "calibration/forward.py", FIT + "calibration/instrument.py",
-         FIT + "calibration/sensed.py", FIT + "calibration/impulse.py",
-         FIT + "calibration/posterior.py", FIT + "calibration/scan.py",
-         FIT + "calibration/growing_windows.py"),
+        (FIT + "least_squares.py", FIT + "uncertainty.py", FIT + "parameter.py",
+         FIT + "signals.py", FIT + "forward.py", FIT + "twin.py", FIT + "sensed.py",
+         FIT + "scaling.py", FIT + "posterior.py", FIT + "windows.py"),
         ("coupling_fit", "coupling_sensed", "coupling_target", "coupling_posterior"),
     ),
     "inspection": Room(
-        (FIT + "inspection/fitting.py", FIT + "inspection/information.py",
-         FIT + "inspection/inversion.py", FIT + "inspection/profile.py"),
+        (FIT + "least_squares.py", FIT + "uncertainty.py", FIT + "inversion.py"),
         ("coupling_inspected",),
     ),
 }  # fmt: skip

@@ -5,19 +5,13 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 import dem
-from workflows.fit.core.calibration.calibration import calibrate, widened
-from workflows.fit.core.calibration.forward import ChainForward
-from workflows.fit.core.calibration.parameters import Parameter, Rig
-from workflows.fit.core.calibration.search import CoarseToFine, Options
-from workflows.fit.core.calibration.signals import (
-    Filter,
-    Signals,
-    aligned,
-    first_waves_end,
-    noise_between_waves,
-)
-from workflows.fit.core.calibration.uncertainty import uncertainty
-from workflows.fit.core.model_errors import BetterModel
+from workflows.fit.chain_fit import calibrate, widened
+from workflows.fit.forward import ChainForward
+from workflows.fit.model_errors import BetterModel
+from workflows.fit.parameter import Parameter, Rig
+from workflows.fit.signals import Filter, Signals, aligned, first_waves_end, noise_between_waves
+from workflows.fit.uncertainty import uncertainty
+from workflows.fit.windows import CoarseToFine, Options
 
 N = 6
 T = np.arange(0, 6e-4, 1e-6)
@@ -52,6 +46,7 @@ def blank(spheres=(0, 3)):
     return Signals(T, np.zeros((len(T), m)), spheres, np.full(m, np.nan))
 
 
+@pytest.mark.slow
 def test_derivatives_hold_through_trigger_and_filters():
     """Central differences of order 4 over 1e-4 of a scale: 1e-16 / 1e-4 of rounding, and what a
     contact that opens has in its second derivative; 1e-6 is asked for."""

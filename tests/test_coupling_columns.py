@@ -9,7 +9,7 @@ import dem
 from coupling.sensors import Sensor, measured, signals
 from dem.sensitivities import STEPS_PER_TIME_SCALE, usual_step
 from workflows.files.record import UnusableRecord
-from workflows.fit.core.columns import beyond, require_columns
+from workflows.fit.columns import beyond, require_columns
 
 
 class Case(NamedTuple):

@@ -10,36 +10,21 @@ from scipy.signal import freqz_sos, sosfilt
 import dem
 import dem.sensitivities
 from coupling.errors import CouplingError
-from workflows.fit.core.calibration import signals as laid
-from workflows.fit.core.calibration.fitting import (
+from workflows.fit import signals as laid
+from workflows.fit.forward import NO_FILTER, ChainForward, refined
+from workflows.fit.least_squares import (
     CLOSE,
-    IMPOSSIBLE,
+    IMPOSSIBLE_RESIDUAL,
     PRIOR,
     WindowFit,
     rms,
     three_cycles,
     weights,
 )
-from workflows.fit.core.calibration.forward import NO_FILTER, ChainForward, refined
-from workflows.fit.core.calibration.instrument import (
-    OVERSAMPLED,
-    Clean,
-    Twin,
-    clean_signals,
-    repeated,
-    shown,
-)
-from workflows.fit.core.calibration.parameters import (
-    Parameter,
-    Rig,
-    coordinates,
-    directions,
-    rig_at,
-    slopes,
-    values,
-)
-from workflows.fit.core.calibration.signals import Filter, Signals, aligned, lag_of, noise_of_mean
-from workflows.fit.core.calibration.uncertainty import lags_that_count, noise_along, uncertainty
+from workflows.fit.parameter import Parameter, Rig, coordinates, directions, rig_at, slopes, values
+from workflows.fit.signals import Filter, Signals, aligned, lag_of, noise_of_mean
+from workflows.fit.twin import OVERSAMPLED, Clean, Twin, clean_signals, repeated, shown
+from workflows.fit.uncertainty import lags_that_count, noise_along, uncertainty
 
 KINDS = (
     "contact", "preload", "dissipation", "striker", "trigger", "frequency", "mass", "damping",
@@ -165,8 +150,8 @@ def test_a_fit_of_a_linear_model_is_its_least_squares(kind):
     A, b = J[:300, 0], fit.data[:300, 0]
     exact = np.linalg.lstsq(A[:, :2], b - 0.7 * A[:, 2], rcond=None)[0]
     # the fit ends where its misfit falls by 1e-10: 1e-8 of parameters, as a misfit is flat there
-    np.testing.assert_allclose(values(fit.parameters, result.z), [*exact, 0.7], rtol=1e-7)
-    residual = A @ values(fit.parameters, result.z) - b
+    np.testing.assert_allclose(values(fit.parameters, result.point), [*exact, 0.7], rtol=1e-7)
+    residual = A @ values(fit.parameters, result.point) - b
     assert result.misfit == pytest.approx(np.sqrt(np.mean(residual**2)), rel=1e-9)
     assert result.converged and result.evaluations > 0
     assert not fit.solved(start, free, window, max_runs=1).converged
@@ -184,9 +169,9 @@ def test_a_fit_with_a_prior_is_held_by_weak_springs():
     A = np.vstack([J[:, 0] * scales, spring * np.eye(3)])
     b = np.concatenate([fit.data[:, 0], spring * start])
     # the fit ends where its misfit falls by 1e-10, here 1e-9 from the solution
-    np.testing.assert_allclose(result.z, np.linalg.lstsq(A, b, rcond=None)[0], rtol=1e-8)
+    np.testing.assert_allclose(result.point, np.linalg.lstsq(A, b, rcond=None)[0], rtol=1e-8)
     free = fit.solved(start, np.ones(3, bool), EVERYTHING)
-    assert np.abs(result.z - free.z).max() > 1e-7
+    assert np.abs(result.point - free.point).max() > 1e-7
 
 
 def test_a_fit_begins_within_its_bounds():
@@ -195,7 +180,7 @@ def test_a_fit_begins_within_its_bounds():
     fit.low, fit.high = true - 3, true + 3
     for start in (fit.low, fit.low - 1, fit.high, fit.high + 1):
         result = fit.solved(start, np.ones(3, bool), EVERYTHING)
-        np.testing.assert_allclose(result.z, true, rtol=1e-6)
+        np.testing.assert_allclose(result.point, true, rtol=1e-6)
 
 
 def test_a_fit_ends_at_its_bounds():
@@ -204,7 +189,7 @@ def test_a_fit_ends_at_its_bounds():
     result = fit.solved(coordinates(fit.parameters, [1.0, 1.0, 1.0]), np.ones(3, bool), EVERYTHING)
     bounds = ([0.1] * 3, [1.2, 60, 60])
     exact = lsq_linear(J[:, 0], fit.data[:, 0], bounds).x
-    np.testing.assert_allclose(values(fit.parameters, result.z), exact, rtol=1e-4)
+    np.testing.assert_allclose(values(fit.parameters, result.point), exact, rtol=1e-4)
 
 
 def test_the_jacobian_is_that_of_the_residual():
@@ -221,7 +206,7 @@ def test_the_jacobian_is_that_of_the_residual():
 def test_an_impossible_run_has_a_huge_residual():
     fit = a_fit()
     z = coordinates(fit.parameters, [1.0, 55.0, 1.0])
-    worst = IMPOSSIBLE * np.abs(fit.data).max()
+    worst = IMPOSSIBLE_RESIDUAL * np.abs(fit.data).max()
     np.testing.assert_array_equal(fit.residual(z, EVERYTHING), np.full(len(T), worst))
     assert fit.misfit(z, EVERYTHING) == pytest.approx(worst)
 
@@ -384,7 +369,7 @@ def test_noise_of_a_few_samples_has_no_lags(k):
 
 
 def test_a_combination_is_named_by_its_largest_components():
-    from workflows.fit.core.calibration.uncertainty import Combination
+    from workflows.fit.uncertainty import Combination
 
     item = Combination(np.array([-0.6, 0.1, 0.5, 0.0, -0.3]), 1.0)
     assert item.text(parameters_of((1,) * 5)) == "0.60 p0 - 0.50 p2 + 0.30 p4"

@@ -6,12 +6,13 @@ import pytest
 import dem
 from coupling import CouplingError
 from coupling.sensors import Sensor, recorded
-from workflows.fit.core.calibration.parameters import Parameter
-from workflows.fit.core.inspection.fitting import RecordFit
-from workflows.fit.core.inspection.forward import Shot, StructureForward, System, unknowns
-from workflows.fit.core.inspection.information import bars_over_time, bounds_information, felt_from
-from workflows.fit.core.inspection.inversion import inverted, profiled
-from workflows.fit.core.inspection.search import rise, searched
+from workflows.fit.candidates import searched
+from workflows.fit.forward import Shot, StructureForward, unknowns
+from workflows.fit.inversion import inverted, profiled
+from workflows.fit.least_squares import RecordFit
+from workflows.fit.parameter import Parameter, Rig
+from workflows.fit.signals import rise
+from workflows.fit.uncertainty import bars_over_time, bounds_information, felt_from
 
 LENGTH, WIDTH, DENSITY, AT = 0.3, 0.04, 2700.0, 0.12
 BUCKLING = 70e9 * WIDTH * 0.012**3 / 12 * np.pi**2 / LENGTH**2  # N, of the middle of the bounds
@@ -41,10 +42,10 @@ def system(values, wall=hinged):
     h, E, share, speed = values
     flat = dem.Flat(E, 0.33)
     chain = dem.row_of_spheres(0.00953, 7800.0, 210e9, 0.3, count=9, flat=flat)
-    return System(chain, wall(h, E, share), np.r_[speed, np.zeros(8)])
+    return Rig(chain, wall(h, E, share), np.r_[speed, np.zeros(8)])
 
 
-STEP = 4 * dem.sensitivities.usual_step(*system([*TRUTH, SPEEDS.max()]))
+STEP = 4 * system([*TRUTH, SPEEDS.max()]).step
 
 
 def sought(speeds=(0.3, 0.45)):
@@ -211,7 +212,7 @@ def test_two_places_on_a_symmetric_beam_are_told_as_two_answers():
     place = (Parameter("position", "shared", 0.1, 0.06, 0.24, 0.004),)
     fit = problem_of((0.11,), place, struck_at)
     ends = searched(fit, n_shared=1, starts=12, seed=0).ends
-    answers = [inverted(fit, n_shared=1, begin=end.theta, gains=["gain"]) for end in ends]
+    answers = [inverted(fit, n_shared=1, begin=end.point, gains=["gain"]) for end in ends]
     (rival,) = answers[0].rivals(answers[1:], 1)
     both = np.sort([answers[0].value[0], rival.value[0]])
     np.testing.assert_allclose(both, [0.11, LENGTH - 0.11], rtol=2e-3)

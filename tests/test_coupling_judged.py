@@ -19,7 +19,7 @@ from coupling.verdict import (
 from dem import Wall
 from known_models import speeds, unit_chain
 from workflows.evidence.verify.formulas import motion as by_formulas
-from workflows.fit.core.parametric_wall import left_out_errors, selected_modes
+from workflows.fit.parametric_wall import left_out_errors, selected_modes
 
 OMEGA, ZETA, PHI = np.array([0.7, 3.0]), np.array([0.1, 0.3]), np.array([-0.5, 0.4])
 

@@ -7,7 +7,7 @@ from coupling import CouplingError
 from coupling.reduced_wall import wall_from_reduced
 from dem import Wall
 from rom import Surface, full_order, modal
-from workflows.fit.core.parametric_wall import (
+from workflows.fit.parametric_wall import (
     Bounds,
     Computed,
     design,

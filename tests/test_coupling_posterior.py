@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from workflows.fit.core.calibration.calibration import calibrate
-from workflows.fit.core.calibration.forward import NO_FILTER, ChainForward
-from workflows.fit.core.calibration.parameters import Parameter, Rig
-from workflows.fit.core.calibration.posterior import LogPosterior, Sampling, posterior, sampled
-from workflows.fit.core.calibration.search import Options
-from workflows.fit.core.calibration.signals import Signals
+from workflows.fit.chain_fit import calibrate
+from workflows.fit.forward import NO_FILTER, ChainForward
+from workflows.fit.parameter import Parameter, Rig
+from workflows.fit.posterior import LogPosterior, Sampling, posterior, sampled
+from workflows.fit.signals import Signals
+from workflows.fit.windows import Options
 
 pytest.importorskip("emcee", reason="the posterior is optional (the extra `posterior`)")
 
@@ -54,9 +54,7 @@ def fitted(monkeypatch, *, low=-10.0):
     signals = Signals(T, v, (0,), np.array([np.nan]))
     parameters = [Parameter(f"p{i}", "damping", 0.0, low, 10.0, 0.1, "", i) for i in range(3)]
     forward = Linear(parameters, signals)
-    monkeypatch.setattr(
-        "workflows.fit.core.calibration.calibration.ChainForward", lambda *_: forward
-    )
+    monkeypatch.setattr("workflows.fit.chain_fit.ChainForward", lambda *_: forward)
     options = Options(staged=False, starts=1)
     return forward, calibrate(forward.rig, parameters, signals, options=options)
 

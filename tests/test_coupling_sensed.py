@@ -7,13 +7,13 @@ import dem
 from coupling.band import Band
 from coupling.errors import CouplingError
 from coupling.sensors import Sensor, measured, signals
-from workflows.fit.core.calibration.calibration import calibrate
-from workflows.fit.core.calibration.forward import ChainForward
-from workflows.fit.core.calibration.impulse import incident_impulse
-from workflows.fit.core.calibration.parameters import Parameter, Rig
-from workflows.fit.core.calibration.search import Options
-from workflows.fit.core.calibration.sensed import Channels
-from workflows.fit.core.calibration.signals import Signals
+from workflows.fit.chain_fit import calibrate
+from workflows.fit.forward import ChainForward
+from workflows.fit.parameter import Parameter, Rig
+from workflows.fit.scaling import incident_impulse
+from workflows.fit.sensed import Channels
+from workflows.fit.signals import Signals
+from workflows.fit.windows import Options
 
 N, SPEED, TRIGGER = 8, 0.3, 30e-6
 V0 = SPEED * (np.arange(N) == 0)

@@ -8,14 +8,9 @@ import pytest
 from scipy.stats import multivariate_t
 
 from dem import InvalidChain
-from workflows.fit.core.calibration.fitting import Solution
-from workflows.fit.core.calibration.growing_windows import (
-    SWAPS,
-    GrowingWindows,
-)
-from workflows.fit.core.calibration.impulse import incident_impulse
-from workflows.fit.core.calibration.parameters import Parameter
-from workflows.fit.core.calibration.posterior import (
+from workflows.fit.least_squares import Solution
+from workflows.fit.parameter import Parameter
+from workflows.fit.posterior import (
     FREEDOM,
     LogPosterior,
     Posterior,
@@ -23,8 +18,9 @@ from workflows.fit.core.calibration.posterior import (
     reflected,
     student_proposals,
 )
-from workflows.fit.core.calibration.scan import IMPOSSIBLE, local_minima, scanned
-from workflows.fit.core.calibration.uncertainty import noise_along
+from workflows.fit.scaling import incident_impulse
+from workflows.fit.uncertainty import noise_along
+from workflows.fit.windows import IMPOSSIBLE, SWAPS, GrowingWindows, local_minima, scanned
 
 K, M = 60, 2
 RNG = np.random.default_rng(11)

@@ -43,6 +43,7 @@ def alone(chain, wall, v0, i, **options):
     return march(single, wall, v0[i], **options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["free", "rigid", "shared", "own"])
 def test_batch_is_the_chains_one_by_one(kind):
     count, n = 37, 7

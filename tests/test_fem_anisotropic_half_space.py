@@ -66,6 +66,7 @@ def block(material, n):
     return joined(structure, Connections(held=[Held("block:base")]))
 
 
+@pytest.mark.slow
 def test_compliance_beyond_the_half_space_of_an_orthotropic_block_does_not_depend_on_the_patch():
     """As little as of a block of steel, where the local part alone goes as one over the radius."""
     spread = {}

@@ -111,6 +111,7 @@ def bolted(structure, assembly, table=None):
     return joined(structure, how._replace(table=table))
 
 
+@pytest.mark.slow
 def test_a_table_dashpots_and_the_contact_are_in_the_deck():
     """The table's two slow modes, and the static compliance at the contact by CalculiX's solver."""
     assembly = Assembly()
@@ -131,6 +132,7 @@ def tied(structure, assembly):
     return joined(structure, full_tie(interfaces(assembly), held_faces(assembly)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("join", "n_parts"), [(tied, 2), (bolted, 5)])
 def test_calculix_finds_the_same_ten_frequencies(join, n_parts):
     assembly = Assembly(parts=PARTS[:n_parts])

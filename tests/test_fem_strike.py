@@ -86,6 +86,7 @@ def bar():
     return joined(whole, Connections(held=[Held("bar:ends")]))
 
 
+@pytest.mark.slow
 def test_on_a_round_bar_the_patch_does_not_matter_once_the_half_space_is_off(bar):
     """To 1 % of what is left, 2e-4 of the half-space's own, up to patches of R/12."""
     where = (0.04, 0.001, 0.002), np.zeros(3), R, np.array([0, 0, 1.0])

@@ -93,6 +93,7 @@ def by_calculix(mesh, ties=(), screws=()):
     return answer(deck)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(which("ccx") is None, reason="the independent code is not installed")
 def test_calculix_ties_the_tetrahedra_to_what_our_tied_hexahedra_are(tmp_path):
     """Frequencies and the compliance of a pressed disc, by meshes that have nothing in common: the
@@ -107,6 +108,7 @@ def test_calculix_ties_the_tetrahedra_to_what_our_tied_hexahedra_are(tmp_path):
     assert loose.frequency_hz[0] < 0.95 * hz[0]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(which("ccx") is None, reason="the independent code is not installed")
 def test_a_screw_is_a_rigid_body_of_calculix_on_springs_to_the_mean_motion_under_it(tmp_path):
     """Any of the six halved moves one of the ten frequencies by more than 1 %."""

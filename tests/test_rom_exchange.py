@@ -106,7 +106,17 @@ def test_damping_stands_beside_the_matrices_for_others_to_read(tmp_path):
     assert load_mat(tmp_path / "rom.mat").C is None
 
 
-@pytest.mark.parametrize("ending", ["mat", "npz"])
+@pytest.mark.parametrize("ending", ["npz", "mat"])
+def test_a_model_without_dashpots_is_written_with_zero_damping_and_read_without(tmp_path, ending):
+    path = tmp_path / f"rom.{ending}"
+    write, read = {"npz": (save_npz, load_npz), "mat": (save_mat, load_mat)}[ending]
+    write(path, small_model())
+    stored = loadmat(path) if ending == "mat" else np.load(path)
+    assert stored["C"].shape == stored["K"].shape and not stored["C"].any()
+    assert read(path).C is None
+
+
+@pytest.mark.parametrize("ending", ["npz", "mat"])
 def test_matrices_of_the_whole_come_back_sparse(tmp_path, ending):
     K, w = sp.random_array((50, 50), density=0.1, rng=1, format="csc"), np.arange(50.0)
     path = tmp_path / f"full.{ending}"

@@ -64,15 +64,15 @@ def test_a_former_path_gives_the_same_module_and_names_the_new_one(tmp_path):
         "import beadwave\n"
         "from coupling.inspection import inversion as before\n"
         "from coupling.parametric_wall import ParametricWall\n"
-        "from workflows.fit.core.inspection import inversion as today\n"
-        "from workflows.fit.core import parametric_wall\n"
+        "from workflows.fit import inversion as today\n"
+        "from workflows.fit import parametric_wall\n"
         "assert before is today and ParametricWall is parametric_wall.ParametricWall\n"
-        "path = 'workflows.fit.core.inspection.inversion'\n"
+        "path = 'workflows.fit.inversion'\n"
         "assert today.__spec__.name == today.__name__ == path\n",
         tmp_path, "-W", "always::DeprecationWarning",
     )  # fmt: skip
     assert run.returncode == 0, run.stderr
-    assert "coupling.parametric_wall is workflows.fit.core.parametric_wall now." in run.stderr
+    assert "coupling.parametric_wall is workflows.fit.parametric_wall now." in run.stderr
 
 
 def test_the_rooms_are_there_as_parts_of_beadwave_and_are_the_same_modules(tmp_path):

@@ -132,6 +132,7 @@ def test_modes_stand_beside_the_hammer_test(run, capsys):
     assert "907 Hz" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_modes_of_tied_parts_are_their_own_reference(run, capsys):
     assert coarse("modes", "--set=assembly.constraint=full-tie", "--json") == 0
     rows = json.loads(capsys.readouterr().out)["rows"]

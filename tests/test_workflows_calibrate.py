@@ -11,13 +11,13 @@ from workflows.commands import app as cli
 from workflows.files.record import SYNTHETIC, csv_text
 from workflows.files.run_folder import RunFolder
 from workflows.files.scene import scene
-from workflows.fit.calibration import parameters
-from workflows.fit.calibration import twin as experiment
-from workflows.fit.calibration.calibrate import CalibrationRequest, calibrated
-from workflows.fit.calibration.folder import write
-from workflows.fit.core.calibration.coverage import Repeats
-from workflows.fit.core.calibration.judgement import on_held_out
-from workflows.fit.core.calibration.search import decisive
+from workflows.fit import scene_parameters as parameters
+from workflows.fit import twin as experiment
+from workflows.fit.calibrate import CalibrationRequest, calibrated
+from workflows.fit.folder import write_calibration
+from workflows.fit.judgement import on_held_out
+from workflows.fit.twin import Repeats
+from workflows.fit.windows import decisive
 from workflows.scene import InvalidScene
 from workflows.scene.toml import resolved, toml
 from workflows.stages.walls import wall_of
@@ -89,7 +89,7 @@ def test_the_known_rig_is_found_through_the_instrument(rig, result):
 
 
 def test_the_scene_that_comes_out_is_marked_and_runs(tmp_path, result):
-    write(result, RunFolder(tmp_path))
+    write_calibration(result, RunFolder(tmp_path))
     text = (tmp_path / "scene.toml").read_text()
     assert text.startswith(f"# {SYNTHETIC}\n# contact 1 = ") and "calibrated to data.csv" in text
     again = scene(str(tmp_path / "scene.toml"))
@@ -100,7 +100,7 @@ def test_the_scene_that_comes_out_is_marked_and_runs(tmp_path, result):
 
 
 def test_everything_written_says_synthetic(tmp_path, result):
-    write(result, RunFolder(tmp_path))
+    write_calibration(result, RunFolder(tmp_path))
     for name in ("scene.toml", "parameters.csv", "signals.csv"):
         assert (tmp_path / name).read_text().startswith(f"# {SYNTHETIC}"), name
     assert '"synthetic": true' in (tmp_path / "report.json").read_text()

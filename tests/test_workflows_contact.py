@@ -49,6 +49,7 @@ def answer(radius, seed):
     return rom.static_compliance(reduced) - local, peak, np.array(times)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("radius", "seed"), [(1e-3, 4e-3), (8e-3, 2e-3)])
 def test_patch_and_mesh_at_the_contact_do_not_matter(radius, seed):
     """Allowed 1 % and 0.2 %; measured 7e-5, 2e-5 and 4e-6 for 1 to 8 mm and 4 to 1 mm."""

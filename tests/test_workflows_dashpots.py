@@ -31,6 +31,7 @@ def damped(tmp_path_factory):
         yield Pipeline(scene("rig-rom", (*COARSE, *DAMPED)), memory(), lambda name: nullcontext())
 
 
+@pytest.mark.slow
 def test_the_reduced_response_holds_the_dashpots(damped):
     """Against direct solutions of K + i omega C - omega^2 M; without C they differ by 10 times."""
     model, w, reduced = damped("model"), damped("contact").w, damped("reduction")

@@ -11,11 +11,11 @@ import beadwave
 from command_line import beadwave as command
 from workflows.files.record import Channel
 from workflows.files.scene import scene
-from workflows.fit.core.inspection.reading import noise_of, rounding
-from workflows.fit.core.parametric_wall import Bounds
-from workflows.fit.inspection.numbers import number, per_record, put, shared, usual_each
-from workflows.fit.inspection.structure import VariedScene, structure
-from workflows.fit.records import recorded, sensor_of
+from workflows.fit.parametric_wall import Bounds
+from workflows.fit.plausibility import noise_of, rounding
+from workflows.fit.record import recorded, sensor_of
+from workflows.fit.scene_parameters import number, per_record, put, shared, usual_each
+from workflows.fit.structure import VariedScene, structure
 from workflows.scene import InvalidScene
 from workflows.stages.pipeline import pipeline_of
 from workflows.stages.signals import csv_text
@@ -129,6 +129,7 @@ def test_bars_shrink_with_the_records_length_and_the_force_is_told_last(result):
     assert expected["beam.thickness"] < 1.2e-3 < expected["beam.axial_force"]
 
 
+@pytest.mark.slow
 def test_records_of_the_first_wave_alone_do_not_tell_the_axial_force(tmp_path):
     files = measured(tmp_path, speeds=(0.4,), **{"time.duration": 1.1e-3})
     result = beadwave.inspect(BEAM, files, find=FIND, bounds=BOUNDS, each="striker.velocity=0.4",
@@ -140,6 +141,7 @@ def test_records_of_the_first_wave_alone_do_not_tell_the_axial_force(tmp_path):
     assert "beam.axial_force" in repr(result)
 
 
+@pytest.mark.slow
 def test_a_beam_that_is_held_otherwise_is_told_by_what_is_left(tmp_path):
     files = measured(tmp_path, speeds=(0.4,), **{"beam.left": "clamped", "beam.density": 4000.0})
     asked = {"find": "beam.axial_force", "bounds": "beam.axial_force=-30kN:5kN"}
@@ -165,7 +167,7 @@ def test_an_answer_without_a_wall_is_shown_and_not_explained(drops, monkeypatch)
 
 def _through(one, values, computed):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("workflows.fit.inspection.structure.computed", computed)
+        patch.setattr("workflows.fit.structure.computed", computed)
         return THROUGH(one, values)
 
 

@@ -57,6 +57,7 @@ def file(tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_a_mesh_with_our_names_gives_the_same_modes(file):
     np.testing.assert_allclose(
         modes_hz(*STAGE_1, f"mesh.file={file}"), modes_hz(*STAGE_1), rtol=1e-8
@@ -202,6 +203,7 @@ def test_a_file_that_is_no_mesh_is_refused(tmp_path, text, sentence):
         modes_hz(f"mesh.file={path}")
 
 
+@pytest.mark.slow
 def test_a_table_adds_its_two_slow_modes(file):
     plain = modes_hz(*STAGE_1)
     on_table = modes_hz(*STAGE_1, "table.frequency=6.5", "table.mass=1000.0")

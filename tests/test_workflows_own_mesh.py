@@ -86,6 +86,7 @@ def meshes(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_a_plate_of_gmsh_has_the_modes_of_one_drawn(meshes, capsys):
     """Tied, by elements of either order; bolts whose washers end on element edges leave more."""
     outline = f"[[0, 0], [{SIDES[0]}, 0], [{SIDES[0]}, {SIDES[1]}], [0, {SIDES[1]}]]"

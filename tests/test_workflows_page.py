@@ -230,6 +230,7 @@ EDGES = """() => {
 }"""  # where what is drawn begins and ends
 
 
+@pytest.mark.slow
 @needs_browser
 @pytest.mark.parametrize("scene, width", [("rig-rom", 1280), ("rig-rom", 400), ("beam", 1280)])
 def test_all_that_moves_stays_in_the_view_and_fills_it(scene, width, rig, opened, tmp_path):
@@ -264,6 +265,7 @@ def processor_seconds():
     return sum(times.user + times.system for times in spent)
 
 
+@pytest.mark.slow
 @needs_browser
 def test_one_core_draws_ten_frames_a_second_in_software(rig, opened):
     """By processor time, which other jobs on the machine do not take."""
@@ -277,6 +279,7 @@ def test_one_core_draws_ten_frames_a_second_in_software(rig, opened):
     assert frames > 0 and processor_seconds() - spent < 0.1 * frames
 
 
+@pytest.mark.slow
 @needs_browser
 def test_a_page_leaves_time_for_sixty_frames_a_second(rig, opened):
     """What the browser's main thread spends on a frame; a graphics card does the rest beside it."""
@@ -311,6 +314,7 @@ def test_the_curves_are_saved_as_they_were_run(rig, opened, tmp_path):
         np.testing.assert_allclose(table[:, 1:], run["v"][:, [0, 3, 13]], atol=1e-7)
 
 
+@pytest.mark.slow
 @needs_browser
 def test_without_webgl_the_still_pictures_stand_in(rig, browser, opened):
     page = opened(rig)

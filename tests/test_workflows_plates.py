@@ -75,6 +75,7 @@ def test_edges_that_answer_within_the_contact_are_felt():
     assert abs(plates.rebound(rig, small) / zener - 1) > 0.1
 
 
+@pytest.mark.slow
 def test_thinner_plates_send_less_back_and_take_more():
     finding = study("wall-thickness")
     for model in ("infinite (Zener)", "solid"):
@@ -95,6 +96,7 @@ def test_modes_beyond_those_kept_answer_at_once():
     assert more == pytest.approx(base, abs=2e-4)
 
 
+@pytest.mark.slow
 def test_a_clamped_edge_stiffens_the_plate_until_it_is_out_of_reach():
     """Beyond the bending waves' reach the plate is the infinite one, within 3 % as above."""
     rig, finding = scene("rig-half-space"), study("boundary-distance")

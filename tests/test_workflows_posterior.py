@@ -6,12 +6,11 @@ import pytest
 from workflows.commands import app as cli
 from workflows.files.record import csv_text
 from workflows.files.run_folder import RunFolder
-from workflows.fit.calibration import posterior as calibration_posterior
-from workflows.fit.calibration import twin as experiment
-from workflows.fit.calibration.calibrate import CalibrationRequest, calibrated
-from workflows.fit.calibration.folder import write
-from workflows.fit.calibration.posterior import with_posterior
-from workflows.fit.core.calibration.posterior import Sampling, posterior
+from workflows.fit import posterior as calibration_posterior
+from workflows.fit import twin as experiment
+from workflows.fit.calibrate import CalibrationRequest, calibrated
+from workflows.fit.folder import write_calibration
+from workflows.fit.posterior import Sampling, posterior, with_posterior
 from workflows.scene.toml import resolved
 from workflows.stages.walls import wall_of
 
@@ -59,7 +58,7 @@ def test_samples_of_a_chain_have_the_quantiles_of_its_bars(tmp_path, result):
         ends = np.array([row.found - row.low, row.high - row.found])
         np.testing.assert_allclose(ends, row.two_sigma, rtol=0.16)
     assert "2.3 %" in sampled.report.text() and "effective samples" in sampled.report.remarks[-1]
-    write(sampled, RunFolder(tmp_path))
+    write_calibration(sampled, RunFolder(tmp_path))
     fixed = np.load(tmp_path / "posterior.npz")
     assert fixed["samples"].shape[1] == 2 and fixed["synthetic"]
     assert (tmp_path / "figures" / "posterior.png").stat().st_size > 10_000
@@ -75,7 +74,7 @@ def test_a_posterior_of_too_few_samples_is_told_and_not_shown(tmp_path, result, 
     assert report.remarks[-1].startswith("The posterior is not shown: 8 steps of 24 walkers")
     assert "2.3 %" not in report.text()
     with RunFolder(tmp_path).renewed() as folder:
-        write(short, folder)
+        write_calibration(short, folder)
     assert not (tmp_path / "posterior.npz").exists()
 
 

@@ -116,6 +116,7 @@ def test_the_boundary_of_the_reduction_holds_what_the_contact_reads():
     np.testing.assert_array_equal(reduced.w[: reduced.n_boundary], contact.w[contact.w != 0])
 
 
+@pytest.mark.slow
 def test_the_structure_under_a_node_is_that_under_a_patch():
     """A node's compliance is another one, what it has beyond the half-space is the same."""
     node, patch = pipeline("patch.nodes=[[0.03, 0.0]]")("reduction"), pipeline()("reduction")
@@ -135,6 +136,7 @@ def test_the_scheme_of_the_thesis_runs_with_a_warning_and_its_gain(tmp_path):
     assert len(summary.verdict) > 2
 
 
+@pytest.mark.slow
 def test_the_thesis_reads_beside_the_node_that_it_pushes():
     wall = pipeline("patch.weights=thesis")("wall")
     assert isinstance(wall, coupling.CoupledWall) and not wall.reciprocal
@@ -190,6 +192,7 @@ def test_the_parts_are_weighed_and_no_joint_grounds_them():
     assert health.fixed_interface_hz[0] == pytest.approx(51, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_wall_of_too_few_modes_is_told_with_what_to_do():
     """With a cutoff of 60 Hz the block hardly moves within 3 ms; once a number alone said so."""
     summary = summary_of(pipeline("wall.cutoff=60.0", "time.duration=3e-3"))
@@ -198,6 +201,7 @@ def test_a_wall_of_too_few_modes_is_told_with_what_to_do():
     assert not any("error of the" in words for words in summary_of(pipeline()).warnings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -211,6 +215,7 @@ def test_a_reduction_that_fails_names_the_keys_of_the_scene(changes, words):
         pipeline(*changes)("reduction")
 
 
+@pytest.mark.slow
 def test_a_boundary_too_large_for_memory_is_refused_before_it_is_solved_for(monkeypatch):
     """A contact seed of 10 um under a patch of 2 mm once filled the memory for minutes."""
     monkeypatch.setattr(reductions, "LIMITS", reductions.LIMITS._replace(most_values=1e4))

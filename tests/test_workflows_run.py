@@ -52,7 +52,7 @@ CONTRACT = {
 }  # fmt: skip
 BESIDE = {
     "verdict", "reduction", "wall_modes_left_out", "wall_contact", "command", "date", "modes",
-    "seconds", "sensors", "sources", "load_factor", "errors",
+    "seconds", "sensors", "sources", "load_factor", "errors", "friction",
 }  # fmt: skip
 
 
@@ -129,6 +129,7 @@ def test_a_scene_without_an_assembly_loads_nothing_of_one(name, tmp_path):
     loads_nothing_of(ASSEMBLY, "run", name, f"--out={tmp_path}/out")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "name", "more"),
     [

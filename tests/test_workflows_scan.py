@@ -57,6 +57,7 @@ def scanned(tmp_path_factory):
     return beadwave.scan(BLOCK, grid="5x4", out=out, signals=True)
 
 
+@pytest.mark.slow
 def test_a_point_is_its_single_run_within_the_errors_stated(scanned):
     v = scanned.signals()["v"].to_numpy()
     for case in (0, 7, 13):
@@ -91,6 +92,7 @@ def thin(tmp_path_factory):
     return beadwave.scan(PLATE, grid="4x2", out=out, signals=True)
 
 
+@pytest.mark.slow
 def test_each_point_states_its_own_error_of_the_reduction(thin):
     """True is the difference to a model of the point alone that holds all moments up to 20 kHz."""
     struck = face.StruckFace(scan.struck_scene(base_of(PLATE, ()), None))
@@ -235,6 +237,7 @@ def meshed(path, thickness):
     meshio.Mesh(block.p.T, cells, cell_sets=sets).write(path)
 
 
+@pytest.mark.slow
 def test_a_scan_is_computed_anew_once_its_mesh_is_another(tmp_path, monkeypatch):
     monkeypatch.setattr(scan, "PART", 1)
     monkeypatch.setattr("workflows.sweep.api._draw", lambda *_: None)

@@ -8,7 +8,7 @@ from scipy.io import savemat
 
 import beadwave
 from workflows.files.record import Record
-from workflows.fit.records import measured
+from workflows.fit.record import measured
 from workflows.scene import InvalidScene
 
 WALL = {"kind": "1dof", "frequency": 900.0, "mass": 0.8, "young": 30e9, "poisson": 0.2}

@@ -123,6 +123,7 @@ def test_shapes_of_data_set_55_find_their_modes(known):
     assert index == TARGETS and np.all(score > 0.98) and np.all(score < 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("roving", [False, True])
 def test_responses_at_many_points_tell_the_shapes_of_their_peaks(known, roving):
     points, shapes, omega = known

@@ -115,6 +115,7 @@ def test_every_library_that_is_opened_by_name_has_its_package():
     assert set(shared_libraries.OPENED) <= shared_libraries.LIBRARIES.keys()
 
 
+@pytest.mark.slow
 def test_doctor_names_the_package_or_the_search_for_it(tmp_path, absent, monkeypatch):
     absent |= {"libatomic.so.1", "libshelf.so.3"}
     wheel(tmp_path, "player", {"player/node": elf(["libatomic.so.1", "libshelf.so.3"])})

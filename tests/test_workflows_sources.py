@@ -43,6 +43,7 @@ def test_imports_are_those_that_a_parser_finds():
         assert graph.find_modules_directly_imported_by(module) <= sources.imported(module), module
 
 
+@pytest.mark.slow
 def test_an_edit_of_any_module_that_a_stage_reaches_changes_its_key(tmp_path):
     for room in sources.ROOMS:
         copytree(ROOT / room, tmp_path / room, ignore=lambda *_: ["__pycache__"])

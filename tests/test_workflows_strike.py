@@ -92,6 +92,7 @@ def write_cut(path, hollow):
         gmsh.write(str(path))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("hollow", "sign", "top"), [(False, 1, R), (True, -1, -R / 2)])
 def test_balls_and_seats_of_a_step_file_are_struck(hollow, sign, top):
     write_cut("cut.step", hollow)

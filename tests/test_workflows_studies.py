@@ -41,6 +41,7 @@ def column(finding, name):
     return finding.tables[0].column(name)
 
 
+@pytest.mark.slow
 def test_a_node_sinks_in_like_1_over_h_and_the_structure_does_not_care():
     """Issue's bound for the node 1.8 per halving; for what the patch leaves 1 %, measured 1e-4."""
     sunk = study("singularity")

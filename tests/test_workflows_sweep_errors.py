@@ -46,6 +46,7 @@ def test_an_outlier_of_a_table_states_its_own_error(tmp_path):
     assert result.columns["dt_s"][16] < 0.4 * result.columns["dt_s"][17]
 
 
+@pytest.mark.slow
 def test_a_case_whose_run_is_refused_is_refused_in_a_sweep():
     over = {"striker.velocity": "0.25,9", "chain.radius": "1.9mm,13mm"}
     result = beadwave.sweep("rig-1dof", cases=over, out="out")
@@ -61,6 +62,7 @@ def test_a_case_whose_run_is_refused_is_refused_in_a_sweep():
         assert ("error 0.0001 is not reached" in says) == bad
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("i", [2, 4, 7])
 def test_random_rows_state_at_least_half_of_their_error(i):
     """Of the trial's populations: an outlier, a sample and walls."""

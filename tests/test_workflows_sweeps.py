@@ -324,6 +324,7 @@ PARTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", PARTS)
 def test_cases_side_by_side_are_the_runs_alone(part):
     scene, changes, over = PARTS[part]
@@ -439,6 +440,7 @@ def test_a_rigid_direction_has_a_model_of_its_own(counted):
 # --- each case once ----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_sweep_that_was_stopped_goes_on(monkeypatch):
     monkeypatch.setattr(tasks, "CHUNK", 4)
     over = {"striker.velocity": "0.1:1:20"}
@@ -465,6 +467,7 @@ def test_a_sweep_that_was_stopped_goes_on(monkeypatch):
     assert computed == [] and again.design.n_cases == 20
 
 
+@pytest.mark.slow
 def test_failed_cases_stay_until_again_recomputes_them(monkeypatch):
     own, marched, over = dem.march_batch, [], {"striker.velocity": "0.1:0.7:7"}
 
@@ -603,6 +606,7 @@ def test_cases_side_by_side_need_no_observed_sphere():
     assert np.abs(peaks - 1.0).max() < 1e-4  # errors of both
 
 
+@pytest.mark.slow
 def test_springs_with_units_have_models_of_their_own(counted):
     Path("two.toml").write_text(TWO)
     result = beadwave.sweep("two.toml", cases={"joints.bolt.kz": ["1e7 N/m"]}, out="out")
@@ -654,6 +658,7 @@ def test_the_files_of_cases_are_those_of_the_scene_and_those_of_every_value(tmp_
     assert result == [tmp_path / name for name in names]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("named_by", NAMED_BY)
 def test_a_table_is_computed_anew_once_the_file_of_a_wall_is_another(named_by):
     wall_of("a.npz", 2e8), wall_of("b.npz", 3e7)
@@ -908,6 +913,7 @@ def test_processes_of_a_sweep_listen_to_this_machine_alone():
 # --- what outputs depend on --------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_sobol_indices_are_those_of_the_power_law():
     """A chain on a half-space of its own material, nothing else: ln TOF = c + 0.4 ln m - 0.4 ln A
     - 0.2 ln V, with m ~ R^3 rho and A ~ R^(1/2): R^1, rho^0.4, V^-0.2."""
@@ -1016,6 +1022,7 @@ def test_axes_are_logarithmic_for_values_spaced_by_factors():
     assert _spacing(np.geomspace(1, 10, 20)) == _spacing(np.array([1.0, 100.0])) == ""
 
 
+@pytest.mark.slow
 def test_numbers_on_a_terminal_tell_the_cases_apart():
     assert apart([0.00034304, 0.000343, np.nan, 0.00034]) == [
         "0.00034304", "0.00034300", "-", "0.00034000",

@@ -58,6 +58,7 @@ def hz(*order):
     return stages(*order)("modes").omega / (2 * pi)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("more", "changes", "n_free"),
     [
@@ -110,6 +111,7 @@ def test_the_parts_of_a_step_file_have_the_modes_of_the_drawn_ones():
     np.testing.assert_allclose(read[6:12], drawn[6:12], rtol=2e-3)
 
 
+@pytest.mark.slow
 def test_a_mesh_of_one_s_own_has_the_thread_of_the_drawn_bodies():
     """The nut within the stud's length, both in tetrahedra with 16 edges around."""
     with session(), silent():

@@ -74,12 +74,14 @@ def test_a_tuned_scene_meets_its_modes_in_the_full_model():
     assert result.joints.head.kx == np.inf
 
 
+@pytest.mark.slow
 def test_mac_is_the_same_in_tune_and_modes():
     result, report = tuned(scene("rig-rom", COARSE), {1: 52.0}, (), silent)
     rows = mode_table(pipeline_of(result, silent)).rows
     assert report.mac == {str(row.hammer_mode): row.mac for row in rows if row.hammer_mode}
 
 
+@pytest.mark.slow
 def test_a_remark_explains_why_one_tangential_stiffness_misses_modes_2_and_3():
     free = ("head.ky", "head.kt")
     result, report = tuned(scene("rig-rom", COARSE), targets("1,2,3"), free, silent)
@@ -111,6 +113,7 @@ def test_a_joint_of_an_absent_part_is_not_tuned(parts, free):
         tuned(scene("rig-rom", (f"assembly.parts={parts}",)), targets("1"), (free,), silent)
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_scene_that_reads_back(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     arguments = ["tune", "--match=1,2", "--json", *(f"--set={change}" for change in COARSE)]
@@ -132,6 +135,7 @@ def test_a_block_with_its_own_steel_keeps_the_values_that_are_not_tuned():
     assert loose.assembly.block.density == rig.assembly.block.density
 
 
+@pytest.mark.slow
 def test_a_stiffness_that_the_modes_do_not_determine_keeps_its_value():
     rig = scene("rig-rom", COARSE)
     result, report = tuned(rig, targets("2"), ("head.ky", "head.kt"), silent)
@@ -139,6 +143,7 @@ def test_a_stiffness_that_the_modes_do_not_determine_keeps_its_value():
     assert report.remarks[0] == "head.ky is not determined by mode 2: it stays 503650."
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("match", "free"), [("2", "head.ky"), ("3", "foot.ky")])
 def test_where_nothing_is_determined_no_scene_is_written(
     match, free, tmp_path, monkeypatch, capsys
@@ -177,6 +182,7 @@ def test_a_stiffness_starts_from_the_value_of_its_scene():
     assert young.start * rig.assembly.young == pytest.approx(rig.assembly.block.young, rel=1e-15)
 
 
+@pytest.mark.slow
 def test_no_remark_advises_to_free_a_stiffness_that_is_free():
     """Three springs cannot take mode 2 above mode 3."""
     free = ("head.ky", "head.kz", "head.kry")
@@ -197,6 +203,7 @@ def test_a_gross_miss_is_a_failure_and_writes_no_scene(tmp_path, monkeypatch, ca
     assert told.err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_a_tuned_scene_is_judged_by_what_it_was_tuned_to():
     result, _ = tuned(scene("rig-rom", COARSE), {1: 53.0, 2: 269.0}, ("head.ky", "head.kz"), silent)
     assert result.measured_hz == (53.0, 269.0, 907.0, 8425.0)

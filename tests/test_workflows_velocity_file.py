@@ -5,8 +5,7 @@ import pytest
 from scipy.io import savemat
 
 from workflows.files.record import SYNTHETIC, Channel, Record, csv_text
-from workflows.fit.records import measured, recorded
-from workflows.fit.velocities import record
+from workflows.fit.record import measured, record, recorded
 from workflows.scene import InvalidScene
 
 T = np.arange(80) * 1e-6

@@ -38,7 +38,7 @@ def pair(ours, theirs, **options):
     return compared("x", ours, theirs, **{"allowed": 1e-3, "source": "a book", **options})
 
 
-QUICK = ("solitary-wave", "contacts", "chain-and-wall")
+QUICK = ("solitary-wave", "contacts", "chain-and-wall", "friction")
 
 
 @pytest.mark.parametrize("group", QUICK)
@@ -125,6 +125,7 @@ def wrong_weight(monkeypatch):
     monkeypatch.setattr(dem.Chain, "steady", property(lambda chain: 1.0001 * right(chain)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("group", "error", "n_outside"),
     [

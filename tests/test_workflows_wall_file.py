@@ -243,6 +243,7 @@ def test_a_wall_of_too_many_coordinates_is_refused(tmp_path, monkeypatch):
         refused(tmp_path, "large.npz")
 
 
+@pytest.mark.slow
 def test_a_wall_comes_the_same_through_every_format(tmp_path):
     model = rom.full_order(*chain_of_masses(), np.eye(6)[0])
     for ending, save in (("npz", rom.save_npz), ("mat", rom.save_mat)):

@@ -116,6 +116,7 @@ def test_a_yielding_contact_is_softer_and_the_factor_three_stiffer():
     assert lost[:2] == [0.0, 0.0] and lost[2] > lost[3] > lost[4] > 5.0
 
 
+@pytest.mark.slow
 def test_pressure_is_larger_between_spheres_than_at_a_wall_of_their_steel():
     """references.md, section 4: the wall's peak is 1.9439 of the chain's at the same material,
     2.2384 at a rigid wall; p goes with (F E*^2 / R^2)^(1/3), R half and E* the same between
@@ -254,6 +255,7 @@ def test_the_soft_walls_wave_fades_though_a_stiff_walls_wave_follows():
     assert critical([cases[0], cases[3]], faded=0.005) is None
 
 
+@pytest.mark.slow
 def test_curves_differ_on_paper_without_colour():
     """In grey: the same two curves, in other dashes or markers, are another picture."""
     x = np.linspace(1.0, 2.0, 20)

@@ -25,7 +25,7 @@ MOVED_MODULES = {
     "coupling.formulas": "workflows.evidence.verify.formulas",
     "coupling.lammps_chain": "workflows.evidence.verify.lammps_chain",
     "coupling.observed_run": "workflows.evidence.thesis.observed_run",
-    "coupling.parametric_wall": "workflows.fit.core.parametric_wall",
+    "coupling.parametric_wall": "workflows.fit.parametric_wall",
     "coupling.peers": "workflows.evidence.accuracy.peers",
     "coupling.plate_sizes": "workflows.evidence.thesis.plate_sizes",
     "coupling.records.formats": "workflows.files.record_formats",
@@ -66,10 +66,31 @@ MOVED_MODULES = {
     "workflows.api.studies": "workflows.evidence.api",
     "workflows.api.sweeps": "workflows.sweep.api",
     "workflows.api.tuning": "workflows.structure.api",
-    "workflows.calibration.channels": "workflows.fit.calibration.calibrate",
-    "workflows.files.records": "workflows.fit.records",
-    "workflows.files.velocities": "workflows.fit.velocities",
+    "workflows.calibration.channels": "workflows.fit.calibrate",
+    "workflows.files.records": "workflows.fit.record",
+    "workflows.files.velocities": "workflows.fit.record",
     "workflows.files.wall": "workflows.files.wall_file",
+    "workflows.fit.calibration.parameters": "workflows.fit.scene_parameters",
+    "workflows.fit.core.calibration.calibration": "workflows.fit.chain_fit",
+    "workflows.fit.core.calibration.coverage": "workflows.fit.twin",
+    "workflows.fit.core.calibration.fitting": "workflows.fit.least_squares",
+    "workflows.fit.core.calibration.growing_windows": "workflows.fit.windows",
+    "workflows.fit.core.calibration.impulse": "workflows.fit.scaling",
+    "workflows.fit.core.calibration.instrument": "workflows.fit.twin",
+    "workflows.fit.core.calibration.parameters": "workflows.fit.parameter",
+    "workflows.fit.core.calibration.scan": "workflows.fit.windows",
+    "workflows.fit.core.calibration.search": "workflows.fit.windows",
+    "workflows.fit.core.inspection.answer": "workflows.fit.inspect",
+    "workflows.fit.core.inspection.fitting": "workflows.fit.least_squares",
+    "workflows.fit.core.inspection.foreseen": "workflows.fit.design",
+    "workflows.fit.core.inspection.information": "workflows.fit.uncertainty",
+    "workflows.fit.core.inspection.model_errors": "workflows.fit.inversion",
+    "workflows.fit.core.inspection.profile": "workflows.fit.uncertainty",
+    "workflows.fit.core.inspection.reading": "workflows.fit.plausibility",
+    "workflows.fit.core.inspection.search": "workflows.fit.candidates",
+    "workflows.fit.inspection.numbers": "workflows.fit.scene_parameters",
+    "workflows.fit.records": "workflows.fit.record",
+    "workflows.fit.velocities": "workflows.fit.record",
     "workflows.pipeline.run": "workflows.run.run",
     "workflows.pipeline.second_process": "workflows.run.second_process",
     "workflows.pipeline.wall": "workflows.stages.walls",
@@ -95,6 +116,11 @@ MOVED_PACKAGES = {
     "coupling.work_precision": "workflows.evidence.accuracy",
     "workflows.assembly": "workflows.structure",
     "workflows.calibration": "workflows.fit.calibration",
+    "workflows.fit.calibration": "workflows.fit",
+    "workflows.fit.core": "workflows.fit",
+    "workflows.fit.core.calibration": "workflows.fit",
+    "workflows.fit.core.inspection": "workflows.fit",
+    "workflows.fit.inspection": "workflows.fit",
     "workflows.inspection": "workflows.fit.inspection",
     "workflows.pipeline": "workflows.stages",
     "workflows.results": "workflows.report",
@@ -118,12 +144,17 @@ def present_path(name: str) -> str | None:
 
     >>> present_path("coupling.sweep.design")
     'workflows.sweep.core.design'
+    >>> present_path("coupling.calibration.fitting")
+    'workflows.fit.least_squares'
     """
-    if name in MOVED_MODULES:
-        return MOVED_MODULES[name]
-    holding = [package for package in MOVED_PACKAGES if f"{name}.".startswith(f"{package}.")]
-    package = max(holding, key=len, default="")
-    return MOVED_PACKAGES[package] + name[len(package) :] if package else None
+    path = MOVED_MODULES.get(name)
+    if path is None:
+        holding = [package for package in MOVED_PACKAGES if f"{name}.".startswith(f"{package}.")]
+        package = max(holding, key=len, default="")
+        path = MOVED_PACKAGES[package] + name[len(package) :] if package else None
+
+    # a module may have moved more than once
+    return path and (present_path(path) or path)
 
 
 def with_former_names(room) -> None:

@@ -15,14 +15,15 @@ class ChainWaves(NamedTuple):
 
     tracks: tuple[WaveTrack, ...]
     labels: dict[int, tuple[Label, ...]]  # by sphere, counted from 1
-    contact: WallContact | None  # None without a wall
+    contact: WallContact | None  # None without a wall, and of spheres at rest
 
 
 def chain_waves(
     run: Trajectory, row: Chain, spheres: Iterable[int], *, at_wall: bool
 ) -> ChainWaves:
     """Waves of the run of a chain `row`, labelled at the spheres (counted from 1); its collision
-    with the wall if there is one (`at_wall`)."""
+    with the wall if there is one (`at_wall`) and a sphere moves."""
+    at_wall = at_wall and bool(run.v[0].any())
     A = row.elastic.hertz(run.contact_force.max(axis=0, initial=0.0))
     tracks = wave_tracks(run.t, run.v, run.contact_force, row.mass, A)
     # at most twenty waves each way: after a few dozen impacts the chain moves chaotically, and what

@@ -30,8 +30,7 @@ from workflows.files.mesh import volumes_of
 from workflows.files.scene import built_in, scene, scene_text
 from workflows.files.shapes import measured_shape
 from workflows.files.wall_file import loaded
-from workflows.fit.records import recorded
-from workflows.fit.velocities import record
+from workflows.fit.record import record, recorded
 from workflows.scene import InvalidScene, RomWall
 from workflows.stages.bodies import drawing
 from workflows.stages.impact import require_start

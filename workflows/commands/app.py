@@ -137,14 +137,35 @@ def scenes(json: json_of("{scenes: [{name, shows}]}") = False) -> None:
 
 def scene(
     name: Annotated[
-        str, typer.Argument(help="A built-in scene, or a TOML file.", autocompletion=scene_names)
-    ],
-    json: json_of("its tables as written; inf as text") = False,
+        str | None,
+        typer.Argument(help="A built-in scene, or a TOML file.", autocompletion=scene_names),
+    ] = None,
+    key: Annotated[
+        str | None,
+        typer.Option(
+            "--key",
+            help="Explain a key, or all keys of a table, in place of a scene: bodies.NAME.box.",
+        ),
+    ] = None,
+    json: json_of("its tables as written, inf as text; with --key {keys: [{key, ...}]}") = False,
 ) -> None:
-    """Print a scene as commented TOML."""
+    """Print a scene as commented TOML, or what a key of scenes is."""
     from workflows.files.scene import checked_text, tables
 
-    if json:
+    if key is not None:
+        from workflows.scene.reference import entries_of
+
+        entries = entries_of(key)
+        text = "\n\n".join(entry.text() for entry in entries)
+        print_result({"keys": [entry._asdict() for entry in entries]}, text, json)
+    elif name is None:
+        from workflows.scene import InvalidScene
+
+        raise InvalidScene(
+            "scene needs a NAME or a --key; `beadwave scenes` lists the built-in scenes, write "
+            "--key chain.radius for what a key is."
+        )
+    elif json:
         print_result(tables(name), "", json)
     else:
         print(checked_text(name).text, end="")

@@ -130,7 +130,7 @@ def scan(
     quiet: Quiet = False,
     json: json_of("{cases, status, folder, outputs: [...]}") = False,
 ) -> None:
-    """The chain over a face: TOF, ARR and force as a map."""
+    """The chain over a face: echo delay, echo ratio and force as a map."""
     from workflows.sweep.api import scan as compute
 
     with StageProgress(f"scan {scene}", quiet=quiet) as progress, progress.stage(f"{grid} points"):

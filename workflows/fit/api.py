@@ -18,11 +18,10 @@ from workflows.stages.progress import Progress, quiet
 if TYPE_CHECKING:
     import xarray
 
-    from workflows.fit.calibration.calibrate import Calibrated
-    from workflows.fit.calibration.report import CalibrationReport
-    from workflows.fit.calibration.twin import Coverage
-    from workflows.fit.inspection.inspect import Inspected
-    from workflows.fit.inspection.report import InspectionReport
+    from workflows.fit.calibrate import Calibrated
+    from workflows.fit.inspect import Inspected
+    from workflows.fit.report import CalibrationReport, InspectionReport
+    from workflows.fit.twin import Coverage
     from workflows.report.finding import Finding
     from workflows.stages.pipeline import Pipeline
 
@@ -54,9 +53,10 @@ class Calibration:
 
     def plot(self, name: str | None = None) -> Picture:
         """signals, parameters, correlation, scan or posterior; the first without a name."""
-        from workflows.fit.calibration.folder import drawn
 
-        return picture_named(drawn(self.found), name)
+        from workflows.fit.figures import calibration_pictures
+
+        return picture_named(calibration_pictures(self.found), name)
 
     def __repr__(self) -> str:
         texts = (self.report.text(), self.coverage.text() if self.coverage else "")
@@ -93,22 +93,22 @@ def calibrate(
     _require_possible(posterior, options)
     file = Path(data)
     from workflows.fit.better_walls import better_walls
-    from workflows.fit.calibration.calibrate import calibrated
-    from workflows.fit.calibration.folder import FILES, write
-    from workflows.fit.records import measured as record
+    from workflows.fit.calibrate import calibrated
+    from workflows.fit.folder import CALIBRATION_FILES, write_calibration
+    from workflows.fit.record import measured as record
     from workflows.stages.pipeline import pipeline_of
 
     start = with_chain(load_scene(scene, changes))
     measured, request = record(file), _request(options)
     folder = _folder(out, (*files_read(start, scene), file), overwrite)
-    with _renewed(folder, FILES):
+    with _renewed(folder, CALIBRATION_FILES):
         start, wall = _with_wall(start, pipeline_of(start, progress))
         better = better_walls(start, progress)
         with progress("calibration"):
             result = calibrated(start, wall, measured, file.name, request, better)
         result = _sampled(result, posterior, request.seed, progress)
         if folder:
-            write(result, folder)
+            write_calibration(result, folder)
     return Calibration(result.scene, result.report, result)
 
 
@@ -127,15 +127,15 @@ def twin(
     """A known rig makes SYNTHETIC data, and a calibration has to find it again (`beadwave twin`).
 
     rig      of {scatter, frequency, noise, sampling, instrument, repeats, jitter, seed}: the known
-             rig and its instrument; see workflows.fit.calibration.twin.Twin for units and defaults;
+             rig and its instrument; see workflows.fit.twin.Twin for units and defaults;
              measured are the spheres of output.spheres
     runs     repeats of the whole experiment, that count how often the bars hold the truth
     options  of the calibration, as in `calibrate`
     """
     _require_possible(posterior, options)
+    from workflows.fit import twin as experiment
     from workflows.fit.better_walls import better_walls
-    from workflows.fit.calibration import twin as experiment
-    from workflows.fit.calibration.folder import TWIN_FILES, write, write_data
+    from workflows.fit.folder import TWIN_FILES, write_calibration, write_data
     from workflows.stages.pipeline import pipeline_of
 
     start = with_chain(load_scene(scene, changes))
@@ -154,7 +154,7 @@ def twin(
             result.report.coverage = coverage.model_dump()
         if folder:
             write_data(folder, data, coverage)
-            write(result, folder)
+            write_calibration(result, folder)
     return Calibration(result.scene, result.report, result, coverage)
 
 
@@ -162,7 +162,7 @@ def _require_possible(posterior: bool, options: dict[str, Any]) -> None:
     """Raise InvalidScene for a posterior that cannot be sampled."""
     if not posterior:
         return
-    from workflows.fit.calibration.posterior import require_sampler
+    from workflows.fit.posterior import require_sampler
 
     require_sampler()
     if options.get("two_stage"):
@@ -173,7 +173,7 @@ def _require_possible(posterior: bool, options: dict[str, Any]) -> None:
 
 def _request(options: dict[str, Any]):
     """The options of a calibration; raises InvalidScene for a name that is none."""
-    from workflows.fit.calibration.calibrate import CalibrationRequest
+    from workflows.fit.calibrate import CalibrationRequest
     from workflows.scene import nearest
 
     for name in options:
@@ -186,7 +186,7 @@ def _sampled(result: Calibrated, posterior: bool, seed: int, progress: Progress)
     """With samples of the posterior, where they are wanted."""
     if not posterior:
         return result
-    from workflows.fit.calibration.posterior import with_posterior
+    from workflows.fit.posterior import with_posterior
 
     with progress("posterior"):
         return with_posterior(result, seed)
@@ -223,9 +223,9 @@ class Inspection:
 
     def plot(self, name: str | None = None) -> Picture:
         """signals, numbers or length; the first without a name."""
-        from workflows.fit.inspection.folder import drawn
+        from workflows.fit.figures import inspection_pictures
 
-        return picture_named(drawn(self.found, self.report), name)
+        return picture_named(inspection_pictures(self.found, self.report), name)
 
     def __repr__(self) -> str:
         return self.report.text()
@@ -253,23 +253,23 @@ def inspect(
 
     `out` gets scene, tables and pictures. Raises InvalidScene for bad input.
     """
-    from workflows.fit.core.inspection.reading import called_apart
-    from workflows.fit.inspection.folder import FILES, write
-    from workflows.fit.inspection.inspect import InspectionRequest, inspected
-    from workflows.fit.inspection.report import report_of
-    from workflows.fit.records import recorded
+    from workflows.fit.folder import INSPECTION_FILES, write_inspection
+    from workflows.fit.inspect import InspectionRequest, inspected
+    from workflows.fit.plausibility import called_apart
+    from workflows.fit.record import recorded
+    from workflows.fit.report import inspection_report
     from workflows.sweep.cases import base_of
 
     files = [Path(file) for file in ([data] if isinstance(data, str | Path) else data)]
     base = base_of(scene, changes)
     start = with_chain(base.with_values({}))
     folder = _folder(out, (*files_read(start, scene), *files), overwrite)
-    with _renewed(folder, FILES):
+    with _renewed(folder, INSPECTION_FILES):
         records = called_apart(tuple(recorded(file) for file in files))
         result = inspected(base, records, InspectionRequest(**options), progress)
-        report = report_of(result, records)
+        report = inspection_report(result, records)
         if folder:
-            write(result, report, folder)
+            write_inspection(result, report, folder)
     return Inspection(result.scene, report, result)
 
 
@@ -290,7 +290,7 @@ def design(
     `over` varies the chain, as in a sweep: ["chain.count=9,17", "striker.velocity=0.2:0.5:4"].
     `out` is a folder for the table (CSV, JSON) and the picture. Raises InvalidScene for bad input.
     """
-    from workflows.fit.inspection.design import designed
+    from workflows.fit.design import designed
     from workflows.report import finding
     from workflows.sweep.cases import base_of
 

@@ -11,6 +11,10 @@ from workflows.report.tables import Table
 DIMENSIONS = {
     "t": ("time",), "x": ("time", "sphere"), "v": ("time", "sphere"),
     "contact_force": ("time", "contact"), "wall_q": ("time", "mode"),
+    "sphere_t": ("time", "across"), "sphere_t_v": ("time", "across"),
+    "sphere_rotation": ("time", "across"), "sphere_spin": ("time", "across"),
+    "friction_force": ("time", "across"), "slip": ("time", "across"),
+    "wall_t": ("time", "across"),
 }  # fmt: skip
 UNITS = {
     "t": "s",
@@ -22,12 +26,26 @@ UNITS = {
     "wall_q": "kg^0.5 m",
     "wall_omega": "rad/s",
     "wall_phi": "kg^-0.5",
+    "sphere_t": "m",
+    "sphere_t_v": "m/s",
+    "sphere_rotation": "rad",
+    "sphere_spin": "rad/s",
+    "friction_force": "N",
+    "slip": "m",
+    "stick_share": "1",
+    "wall_t": "m",
 }
 WORDS = {
     "x": "displacement towards the wall", "v": "velocity towards the wall",
     "contact_force": "force of sphere i on its neighbour or the wall, pushing",
     "wall_x": "displacement of the wall, without its static part", "wall_v": "its velocity",
     "wall_q": "coordinate of a mode of the wall, mass-normalised",
+    "sphere_t": "displacement of the last sphere along t1, t2", "sphere_t_v": "its velocity",
+    "sphere_rotation": "turn of the last sphere about t1, t2", "sphere_spin": "its rate",
+    "friction_force": "tangential force of the last sphere on the wall, along t1, t2",
+    "slip": "displacement of the sphere's surface relative to the wall, along t1, t2",
+    "wall_t": "displacement of the wall along t1, t2",
+    "stick_share": "share of the contact's area that sticks",
 }  # fmt: skip
 
 
@@ -35,7 +53,12 @@ def of_trajectory(arrays: Mapping[str, NDArray[np.float64]]) -> xarray.Dataset:
     """A trajectory over time [s], spheres and contacts numbered from 1; energies in J."""
     k, variables = len(arrays["t"]), {}
     for name, values in arrays.items():
-        if name != "t" and values.shape[:1] == (k,) and values.ndim < 3:
+        if (
+            name != "t"
+            and not name.startswith("cycle_")
+            and values.shape[:1] == (k,)
+            and values.ndim < 3
+        ):
             dimensions = DIMENSIONS.get(name, ("time", f"{name}_column")[: values.ndim])
             about = {"units": UNITS.get(name, "J")}
             if name in WORDS:

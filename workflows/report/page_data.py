@@ -26,9 +26,18 @@ LEDGER = {
     "dissipated_contact": "lost in contacts",
     "dissipated_wall": "lost in the wall",
     "dissipated_guides": "lost in the guides",
+    "energy_lateral": "last sphere, kinetic across",
+    "energy_rotation": "last sphere, rotation",
+    "energy_arm": "arm, across",
+    "energy_tangential": "contact at the wall, tangential",
+    "dissipated_friction": "heat of friction",
+    "work_shaker": "less work of the shakers",
     "work_preload": "less work of the preload",
     "work_gravity": "less work of the weight",
 }
+
+
+KINETIC = ("energy_kinetic", "energy_lateral", "energy_rotation")
 
 
 class PageLimits(NamedTuple):
@@ -183,13 +192,13 @@ def upwards(scene: Scene, direction: Sequence[float]) -> list[float]:
 
 
 def ledger(run: dict[str, NDArray]) -> list[tuple[str, NDArray]]:
-    """Energies [J] by name, changes since the start but for the kinetic one, and their sum."""
+    """Energies [J] by name, changes since the start but for kinetic ones, and their sum."""
     changes = []
     for name, words in LEDGER.items():
         if name not in run:  # of a folder that an earlier version wrote
             continue
         sign = -1.0 if name.startswith("work") else 1.0
-        change = sign * (run[name] - (0.0 if name == "energy_kinetic" else run[name][0]))
+        change = sign * (run[name] - (0.0 if name in KINETIC else run[name][0]))
         if np.any(change):
             changes.append((words, change))
     return [*changes, ("sum", sum(values for _, values in changes))]

@@ -1,7 +1,13 @@
 """Rows of a summary for the terminal and the page: label, value with unit, meaning."""
 
 from workflows.report.numbers import GLUE, NONE, digits, grouped, percent, si
-from workflows.report.summary import ReductionHealth, SensorWaves, SphereWaves, Summary
+from workflows.report.summary import (
+    FrictionNumbers,
+    ReductionHealth,
+    SensorWaves,
+    SphereWaves,
+    Summary,
+)
 
 # each error of a run: its field of the summary's estimate, the stages whose seconds it pays for
 ERRORS = {
@@ -58,6 +64,16 @@ def results(summary: Summary) -> list[tuple[str, str]]:
             "peak force at the wall": si(summary.peak_wall_force_N, "N"),
         }
         rows += [(label, with_error(summary, ERROR_OF[label], x)) for label, x in of_wall.items()]
+    if across := summary.friction:
+        back = across.surface_velocity_ratio
+        rows += [
+            ("velocity across, t1 and t2", listed([si(x, "m/s") for x in across.velocity_m_s])),
+            ("spin about t1 and t2", listed([si(x, "rad/s") for x in across.spin_rad_s])),
+            ("surface velocity, end over start", NONE if back is None else digits(back, 4)),
+            ("heat of friction", si(across.dissipated_J, "J")),
+            ("loop of a period", friction_loop(across)),
+            ("contact when the wave comes", contact_state(across)),
+        ]
     return [(label, value) for label, value in rows if value not in ("", NONE)]
 
 
@@ -123,7 +139,7 @@ def sensed(signal: SensorWaves) -> str:
     """Largest value and waves of a sensor's signal, in a line."""
     parts = [f"up to {si(signal.largest, signal.unit)}"]
     if signal.tof_s is not None:
-        parts += [f"TOF {si(signal.tof_s, 's')}", f"ARR {percent(signal.arr)}"]
+        parts += [f"echo delay {si(signal.tof_s, 's')}", f"echo ratio {percent(signal.arr)}"]
     return listed(parts)
 
 
@@ -142,6 +158,7 @@ def details(summary: Summary) -> list[tuple[str, str]]:
         ("steps", grouped(summary.n_steps) if summary.n_steps else ""),
     ]
     rows += [(label, value) for label, value, _ in at_wall(summary)]
+    rows += friction_rows(summary.friction) if summary.friction else []
     rows += reduction_rows(summary.reduction) if summary.reduction else []
     rows = [(label, with_error(summary, ERROR_OF.get(label, ""), value)) for label, value in rows]
     left_out = {label for label, _ in headline(summary)} | {"", NONE}
@@ -225,6 +242,32 @@ def budget(summary: Summary) -> list[tuple[str, str, str]]:
     if rest:
         rows.append(("everything else", "", digits(rest)))
     return rows
+
+
+def friction_loop(across: FrictionNumbers) -> str:
+    """Energy and amplitudes of a period before the striker; none of a wall at rest."""
+    if across.loop_energy_J is None:
+        return ""
+    amplitudes = (si(across.loop_tangential_N, "N"), si(across.loop_displacement_m, "m"))
+    return listed([si(across.loop_energy_J, "J"), *(f"±{GLUE}{x}" for x in amplitudes)])
+
+
+def contact_state(across: FrictionNumbers) -> str:
+    """What the contact does when the wave comes, and the first shaker's phase then."""
+    if across.state_at_impact is None or across.phase_at_wall_deg is None:
+        return ""
+    parts = [across.state_at_impact, f"{percent(across.stick_share_at_impact)} of the area sticks"]
+    return listed([*parts, f"at {digits(across.phase_at_wall_deg)}°"])
+
+
+def friction_rows(across: FrictionNumbers) -> list[tuple[str, str]]:
+    """The contact at the wall across the chain."""
+    return [
+        ("tangential stiffness, all sticks", si(across.stick_stiffness_N_m, "N/m")),
+        ("displacement at gross slip", si(across.gross_slip_m, "m")),
+        ("peak force of friction", si(across.peak_friction_N, "N")),
+        ("time step across the chain", si(across.dt_s, "s")),
+    ]
 
 
 def reduction_rows(health: ReductionHealth) -> list[tuple[str, str]]:

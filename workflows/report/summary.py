@@ -144,6 +144,37 @@ class StructureNumbers(NamedTuple):
     warnings: tuple[str, ...]
 
 
+class FrictionNumbers(BaseModel):
+    """The last sphere across the chain, under friction at the wall; vectors along t1 and t2.
+
+    The first two are of the contact at its peak force; surface_velocity_ratio: velocity of the
+    sphere's surface at the contact, end over start, None where it starts at rest; dt_s and
+    error_estimate: step of the march across, and its error relative to the largest speed at the
+    start. Where shakers move the wall: loop of a period before the striker, its energy and its
+    amplitudes (half of peak to peak), how far the force is from periodic and how far the sphere
+    drifts in a period; what the contact does when the wave reaches it ("stick", "partial slip",
+    "gross slip", "open"; at the start where nothing strikes), and the first shaker's phase then.
+    """
+
+    stick_stiffness_N_m: float
+    gross_slip_m: float
+    peak_friction_N: float
+    velocity_m_s: tuple[float, float]
+    spin_rad_s: tuple[float, float]
+    surface_velocity_ratio: float | None = None
+    dissipated_J: float
+    dt_s: float
+    error_estimate: float
+    loop_energy_J: float | None = None
+    loop_tangential_N: float | None = None
+    loop_displacement_m: float | None = None
+    periodicity_error: float | None = None
+    drift_m: float | None = None
+    state_at_impact: str | None = None
+    stick_share_at_impact: float | None = None
+    phase_at_wall_deg: float | None = None
+
+
 class ErrorEstimate(BaseModel):
     """Relative errors of the observed velocities by cause; None where nothing estimates one."""
 
@@ -231,6 +262,7 @@ class Summary(BaseModel):
     waves: dict[str, SphereWaves] = {}
     sensors: dict[str, SensorWaves] = {}
     wall_contact: ChainContact | None = None
+    friction: FrictionNumbers | None = None
     reduction: ReductionHealth | None = None
     verdict: tuple[str, ...] = ()
     wall_modes_left_out: tuple[str, ...] = ()

@@ -171,7 +171,8 @@ def impact(
     def read() -> dict[str, NDArray]:
         from coupling.saved_run import arrays  # kept results load no march
 
-        return arrays(pipeline("impact").trajectory, pipeline("wall"))
+        lateral = pipeline("friction") if chosen.friction else None
+        return arrays(pipeline("impact").trajectory, pipeline("wall"), lateral)
 
     return Run(chosen, summary, path, notes, read, lambda: pipeline("figures"))
 

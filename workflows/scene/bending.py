@@ -31,7 +31,7 @@ class EndSprings(SceneTable):
     """Springs of a beam's end to the ground; inf is rigid."""
 
     shift: Spring  # [N/m] across the beam
-    turn: TurnSpring = 0.0  # [N m/rad]
+    turn: TurnSpring = 0.0  # [N m/rad] against rotation
 
 
 EndOfBeam = Annotated[
@@ -48,24 +48,24 @@ class Beam(SceneTable):
     and second_moment. `position` is from the left end; axial_force > 0 pulls, < 0 presses.
     """
 
-    length: Size  # [m]
-    width: Side | None = None  # [m]
+    length: Size  # [m] between its ends
+    width: Side | None = None  # [m] of a rectangular section
     thickness: Side | None = None  # [m] along the chain
     diameter: Side | None = None  # [m] of a round section
-    bore: of(Annotated[Number, Field(ge=0)], LENGTH, 1e-5, 2) = 0.0  # [m] inner diameter
+    bore: of(Annotated[Number, Field(ge=0)], LENGTH, 1e-5, 2) = 0.0  # [m] inner diameter of a tube
     area: of(Positive, AREA, 1e-9, 10) | None = None  # [m^2] of any section
     # [m^4] of the section, with area
     second_moment: of(Positive, SECOND_MOMENT, 1e-18, 10) | None = None
-    shear_factor: Annotated[float, Field(gt=0, le=1.2)] | None = None  # of the section's shape
-    material: str | None = None  # a name of `named_materials`
+    shear_factor: Annotated[float, Field(gt=0, le=1.2)] | None = None  # by default of its shape
+    material: str | None = None  # a named material, in place of its numbers
     young: Modulus  # [Pa] Young's modulus
     poisson: Compressible = 0.3  # Poisson's ratio
-    density: Density  # [kg/m^3]
-    yield_stress: YieldStress | None = None  # [Pa], of a warning alone
+    density: Density  # [kg/m^3] mass over volume
+    yield_stress: YieldStress | None = None  # [Pa] for a warning
     left: EndOfBeam  # how that end or edge is held
     right: EndOfBeam  # how that end or edge is held
     position: Size  # [m] of the strike from the left end
-    axial_force: Force = 0.0  # [N] > 0 pulls
+    axial_force: Force = 0.0  # [N] along the beam, > 0 pulls
 
     @property
     def loads(self) -> dict[str, float]:
@@ -136,19 +136,19 @@ class BendingPlateTable(SceneTable):
     length: Size  # [m] along x
     width: Size  # [m] along y
     thickness: Side  # [m] along the chain
-    shear_factor: Annotated[float, Field(gt=0, le=1.2)] | None = None  # 5 / (6 - poisson)
-    material: str | None = None  # a name of `named_materials`
+    shear_factor: Annotated[float, Field(gt=0, le=1.2)] | None = None  # by default 5 / (6 - nu)
+    material: str | None = None  # a named material, in place of its numbers
     young: Modulus  # [Pa] Young's modulus
     poisson: Compressible = 0.3  # Poisson's ratio
-    density: Density  # [kg/m^3]
-    yield_stress: YieldStress | None = None  # [Pa], of a warning alone
+    density: Density  # [kg/m^3] mass over volume
+    yield_stress: YieldStress | None = None  # [Pa] for a warning
     left: Edge  # how that end or edge is held
     right: Edge  # how that end or edge is held
     front: Edge  # how that edge is held
     back: Edge  # how that edge is held
-    at: Annotated[tuple[Size, Size], Field(strict=False)]  # x, y [m] from the corner
-    in_plane_x: ForcePerWidth = 0.0  # [N/m] > 0 pulls
-    in_plane_y: ForcePerWidth = 0.0  # [N/m] > 0 pulls
+    at: Annotated[tuple[Size, Size], Field(strict=False)]  # [m] x, y of the strike, from the corner
+    in_plane_x: ForcePerWidth = 0.0  # [N/m] along x, > 0 pulls
+    in_plane_y: ForcePerWidth = 0.0  # [N/m] along y, > 0 pulls
 
     @property
     def loads(self) -> dict[str, float]:

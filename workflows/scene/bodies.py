@@ -87,7 +87,7 @@ class Solid(SceneTable):
     young: one_or_each(Modulus)  # [Pa]
     poisson: one_or_each(Ratio12)
     density: Density  # [kg/m^3]
-    yield_stress: YieldStress | None = None  # [Pa], of a warning alone
+    yield_stress: YieldStress | None = None  # [Pa] for a warning
     shear: Three | None = None  # [Pa]
     axes: Annotated[tuple[Vector, Vector], Field(strict=False)] | None = None
     expansion: Annotated[float, Field(gt=-1e-3, lt=1e-3)] | None = None  # [1/K] of its length

@@ -40,12 +40,12 @@ class ChainTable(SceneTable):
     """
 
     count: Count  # number of spheres, the striker included
-    radius: one_or_each(Radius)  # [m] of the spheres
-    material: one_or_each(str) | None = None  # a name of `named_materials`
-    density: one_or_each(Density)  # [kg/m^3]
+    radius: one_or_each(Radius)  # [m] radius of the spheres
+    material: one_or_each(str) | None = None  # a named material, or one for each sphere
+    density: one_or_each(Density)  # [kg/m^3] mass over volume
     young: one_or_each(Young)  # [Pa] Young's modulus
     poisson: one_or_each(Poisson)  # Poisson's ratio
-    yield_stress: one_or_each(YieldStress) | None = None  # [Pa], of a warning alone
+    yield_stress: one_or_each(YieldStress) | None = None  # [Pa] for a warning
     # [m/s] of every sphere, in place of [striker]
     initial_velocity: Annotated[tuple[Velocity, ...], Field(strict=False)] | None = None
 
@@ -57,11 +57,13 @@ class ChainTable(SceneTable):
 
 class Striker(SceneTable):
     """The first sphere arrives with a `velocity`, or falls on the others from a height `drop` along
-    the chain; they rest."""
+    the chain; they rest. A chain of one sphere under [friction] may have a velocity across it."""
 
     velocity: of(Positive, VELOCITY, 0, 100) | None = None  # [m/s] towards the wall
     # [m] height along the chain from which it falls, under [gravity]
     drop: of(Positive, LENGTH, 0, 2) | None = None
+    # [m/s] along t1 and t2 of the wall, of a chain of one sphere under [friction]
+    tangential_velocity: Annotated[tuple[Velocity, Velocity], Field(strict=False)] | None = None
 
     @model_validator(mode="before")
     @classmethod

@@ -7,8 +7,10 @@ from typing import NamedTuple
 
 from workflows.scene import DashpotWall, ModalDampingTable, RayleighDampingTable, RomWall, Scene
 from workflows.scene.body_contradictions import of_bending, of_bodies, of_the_rig
+from workflows.scene.friction import of_friction
 from workflows.scene.gravity import of_gravity
 from workflows.scene.named_files import unfit
+from workflows.scene.shakers import of_shakers
 from workflows.scene.size import too_large
 
 
@@ -51,7 +53,7 @@ def contradictions(scene: Scene) -> Iterator[str]:
 
 def _missing_parts(scene: Scene) -> Iterator[str]:
     chain, wall = scene.chain, scene.wall
-    for name in ("gravity", "guides"):
+    for name in ("gravity", "guides", "friction", "arm", "shakers"):
         if chain is None and getattr(scene, name):
             yield f"[{name}] needs a [chain] that it acts on; add one or drop [{name}]."
     if chain is None and not scene.has_structure:
@@ -217,6 +219,8 @@ def _of_chain(scene: Scene) -> Iterator[str]:
                 "0 there; give a value for each contact, or drop it."
             )
     yield from of_gravity(scene)
+    yield from of_friction(scene)
+    yield from of_shakers(scene)
 
     if contact.law == "thornton":
         lowest, allowed = (
@@ -253,7 +257,8 @@ def _of_chain(scene: Scene) -> Iterator[str]:
 
     if chain.initial_velocity is not None and scene.striker:
         yield "chain.initial_velocity replaces [striker]; drop one of them."
-    if scene.striker is None and not any(chain.initial_velocity or ()):
+    at_rest = scene.striker is None and not any(chain.initial_velocity or ())
+    if at_rest and not scene.shakers:
         yield "nothing moves; add [striker] velocity or chain.initial_velocity."
     spheres = scene.output.spheres
     if spheres and max(spheres) > chain.count:

@@ -22,17 +22,20 @@ class ModalDampingTable(SceneTable):
     """A ratio for all modes, or one for each of the hammer test: others take the nearest one's."""
 
     kind: Literal["modal"]
-    ratio: one_or_each(Ratio) = 0.0  # modal damping ratio
+    # modal damping ratio, of all modes or of each of the hammer test
+    ratio: one_or_each(Ratio) = 0.0
 
 
 class RayleighDampingTable(SceneTable):
     """C = alpha M + beta K, by its coefficients or by the ratios of two frequencies."""
 
     kind: Literal["rayleigh"]
-    alpha: of(NonNegative, RATE) = 0.0  # [1/s] of M
-    beta: of(NonNegative, TIME) = 0.0  # [s] of K
-    frequency: Annotated[tuple[Frequency, Frequency], Field(strict=False)] | None = None  # [Hz]
-    ratio: Annotated[tuple[Ratio, Ratio], Field(strict=False)] | None = None  # modal damping ratio
+    alpha: of(NonNegative, RATE) = 0.0  # [1/s] factor of M
+    beta: of(NonNegative, TIME) = 0.0  # [s] factor of K
+    # [Hz] two frequencies, in place of alpha and beta
+    frequency: Annotated[tuple[Frequency, Frequency], Field(strict=False)] | None = None
+    # damping ratios at these two frequencies
+    ratio: Annotated[tuple[Ratio, Ratio], Field(strict=False)] | None = None
 
     @model_validator(mode="after")
     def _one_way(self) -> "RayleighDampingTable":

@@ -31,7 +31,7 @@ class Gravity(SceneTable):
 
     # [degrees] of the chain from the horizontal, wall at the lower end
     inclination: Annotated[float, Field(ge=-90, le=90)] = 90.0
-    acceleration: of(Positive, ACCELERATION, 1, 30) = 9.80665  # [m/s^2] of the fall
+    acceleration: of(Positive, ACCELERATION, 1, 30) = 9.80665  # [m/s^2] of gravity
 
     @property
     def along(self) -> float:
@@ -49,7 +49,8 @@ class Guides(SceneTable):
     """Coulomb friction of the guides of the spheres: a `coefficient` of the weight across the
     chain, or a `force` on each sphere that slides. The chain starts from rest without it."""
 
-    coefficient: Annotated[NonNegative, Field(le=10)] | None = None  # of friction at the guides
+    # coefficient of friction at the guides
+    coefficient: Annotated[NonNegative, Field(le=10)] | None = None
     # [N] of friction on a sphere, in place of the coefficient
     force: one_or_each(of(NonNegative, FORCE, 0, 1e3)) | None = None
 

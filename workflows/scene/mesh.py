@@ -28,5 +28,5 @@ class Mesh(SceneTable):
 class Standing(SceneTable):
     """A table below, swaying along x and y; `frequency` with the assembly on it."""
 
-    frequency: Frequency  # [Hz]
+    frequency: Frequency  # [Hz] of its sway, with the assembly on it
     mass: of(Positive, MASS, 1e-3, 1e6)  # [kg] of the table alone

@@ -77,7 +77,7 @@ def entries(
             continue
 
         # a number, or numbers at any depth of a list
-        quantity = _quantity(type(table), name)
+        quantity = quantity_of(type(table), name)
         if quantity and value is not None and not isinstance(value, str):
             yield from _numbers(".".join(key), value, below, quantity)
 
@@ -92,7 +92,7 @@ def _numbers(key: str, value: Any, written: Any, quantity: Quantity) -> Iterator
 
 
 @cache
-def _quantity(table: type[BaseModel], name: str) -> Quantity | None:
+def quantity_of(table: type[BaseModel], name: str) -> Quantity | None:
     """The quantity in the annotation of a field, at any depth of its unions and tuples."""
     field = table.model_fields[name]
     annotations: list[Any] = [*field.metadata, field.annotation]

@@ -28,7 +28,8 @@ class Reduction(SceneTable):
 
     # modes of the structure with its contact held, or free
     kind: Literal["craig-bampton", "free-modes"] = "craig-bampton"
-    choice: Literal["contact", "lowest"] = "contact"  # a cutoff takes the lowest
+    # contact: modes that a force there moves most; lowest: by frequency
+    choice: Literal["contact", "lowest"] = "contact"
     modes: Count | None = None  # number of modes kept
     cutoff: Limit | None = None  # [Hz] modes below it are kept
     # of the receptance at the contact, which decides how many modes are kept
@@ -49,7 +50,8 @@ class Patch(SceneTable):
     side along y, or of `nodes`. It makes energy out of nothing and serves comparisons alone.
     """
 
-    point: Point = (0.03, 0.0)  # y, z from the middle of the face [m]
+    point: Point = (0.03, 0.0)  # [m] y, z from the middle of the face
     radius: of(Positive, LENGTH) = 2e-3  # [m] of the loaded patch
     weights: Literal["hertz", "area", "thesis"] = "hertz"  # how the face is averaged over the patch
-    nodes: Annotated[tuple[Point, ...], Field(strict=False, min_length=1)] | None = None  # y, z [m]
+    # [m] y, z of points whose nearest nodes are averaged, without a pressure
+    nodes: Annotated[tuple[Point, ...], Field(strict=False, min_length=1)] | None = None

@@ -22,6 +22,7 @@ from workflows.scene.bodies import (
 from workflows.scene.chain import ChainTable, LeafSpringsTable, Preload, Striker
 from workflows.scene.contact import ContactTable
 from workflows.scene.damping import Damping
+from workflows.scene.friction import Arm, Friction
 from workflows.scene.gravity import Gravity, Guides
 from workflows.scene.joints import Joints, JointStiffnesses
 from workflows.scene.mesh import Standing
@@ -29,6 +30,7 @@ from workflows.scene.named_materials import NAMED, NUMBERS
 from workflows.scene.reduction import Patch, Reduction
 from workflows.scene.scene_table import SceneTable
 from workflows.scene.sensors import Output
+from workflows.scene.shakers import Shaker
 from workflows.scene.time import Time
 from workflows.scene.walls import Wall
 from workflows.thesis import HAMMER_TEST_HZ
@@ -48,7 +50,9 @@ class Scene(SceneTable):
     `unusual` names the keys whose values are intended though they lie outside of their usual range.
     """
 
+    # of the scene; by default that of its file
     name: Annotated[str, Field(pattern=r"^\w[\w.-]*$", max_length=LONGEST_NAME)]
+    # keys whose values are intended, outside of their usual range
     unusual: Annotated[tuple[str, ...], Field(strict=False)] | None = None
     chain: ChainTable | None = None
     striker: Striker | None = None
@@ -57,6 +61,9 @@ class Scene(SceneTable):
     gravity: Gravity | None = None
     guides: Guides | None = None
     preload: Preload | None = None
+    friction: Friction | None = None
+    arm: Arm | None = None
+    shakers: Annotated[tuple[Shaker, ...], Several] | None = None
     wall: Wall | None = None
     beam: Beam | None = None
     plate: BendingPlateTable | None = None

@@ -37,12 +37,14 @@ class SensorTable(SceneTable):
     sphere: Count  # number of the sphere that carries the sensor
     # what is measured
     quantity: Literal["force", "force-rate", "velocity", "displacement"] = "force"
-    gain: Number | str | None = None  # [V/N], [V s/N], [V s/m] or [V/m]
-    low_pass: Frequency | None = None  # [Hz] Butterworth, as high_pass
-    high_pass: Frequency | None = None  # [Hz]
-    order: Annotated[int, Field(ge=1, le=8)] = 4  # of the filters
-    range: Positive | None = None  # [V] or the quantity's unit; none: the signal's largest value
-    noise: Ratio = 0.0  # rms over the signal's largest value
+    # [V/N], [V s/N], [V s/m] or [V/m]; or a name of one to be found
+    gain: Number | str | None = None
+    low_pass: Frequency | None = None  # [Hz] of a Butterworth filter
+    high_pass: Frequency | None = None  # [Hz] of a Butterworth filter
+    order: Annotated[int, Field(ge=1, le=8)] = 4  # order of the filters
+    # [V] or the quantity's unit; without it, the signal's largest value
+    range: Positive | None = None
+    noise: Ratio = 0.0  # root mean square over the signal's largest value
 
     @model_validator(mode="before")
     @classmethod
@@ -74,9 +76,9 @@ class Instrument(SceneTable):
     """The instrument that records all sensors at once; `seed` is that of the noise of computed
     records."""
 
-    sampling: of(Positive, FREQUENCY, 1e3, 1e9) = 1e6  # [Hz]
-    bits: Annotated[int, Field(ge=2, le=24)] | None = None  # over -range to range
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0  # of the noise
+    sampling: of(Positive, FREQUENCY, 1e3, 1e9) = 1e6  # [Hz] of all channels
+    bits: Annotated[int, Field(ge=2, le=24)] | None = None  # of the converter, over -range to range
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0  # of the noise of computed records
 
 
 class Output(SceneTable):

@@ -47,6 +47,10 @@ INSTEAD = {
     "reduction.modes": {"cutoff", "error"},
     "reduction.cutoff": {"modes", "error"},
     "reduction.error": {"modes", "cutoff"},
+    "shakers.NAME.displacement": {"velocity", "acceleration", "force"},
+    "shakers.NAME.velocity": {"displacement", "acceleration", "force"},
+    "shakers.NAME.acceleration": {"displacement", "velocity", "force"},
+    "shakers.NAME.force": {"displacement", "velocity", "acceleration"},
 }
 
 
@@ -164,12 +168,18 @@ def _pair(change: Change) -> tuple[str, Any]:
     return key.strip(), value_of(text.strip())
 
 
+def instead_of(key: str) -> set[str]:
+    """The keys of its table that a dotted key takes the place of."""
+    words = key.split(".")
+    return INSTEAD.get(f"shakers.NAME.{words[-1]}" if words[0] == "shakers" else key, set())
+
+
 def undoes(later: str, earlier: str) -> bool:
     """Whether setting one dotted key undoes the setting of another: the same key, a table and a
     key in it, or a key in whose stead it stands."""
     first, second = later.split("."), earlier.split(".")
     shorter = min(len(first), len(second))
-    excludes = first[:-1] == second[:-1] and second[-1] in INSTEAD.get(later, ())
+    excludes = first[:-1] == second[:-1] and second[-1] in instead_of(later)
     return excludes or first[:shorter] == second[:shorter]
 
 
@@ -201,7 +211,7 @@ def _with(table: dict[str, Any], path: list[str], value: Any, key: str) -> dict[
     first, *rest = path
     if not rest:
         other_kind = first == "kind" and key != "reduction.kind" and table.get("kind") != value
-        excluded = table.keys() if other_kind else INSTEAD.get(key, ())
+        excluded = table.keys() if other_kind else instead_of(key)
         return {**{name: x for name, x in table.items() if name not in excluded}, first: value}
 
     # a table in a list, by its name

@@ -54,6 +54,7 @@ DASHPOT = Kind("dashpot", "N s/m", ("N s/mm",))
 TURN_DASHPOT = Kind("dashpot of a turn", "N m s/rad")
 COMPLIANCE = Kind("compliance", "m/N", ("mm/N",))
 AREA = Kind("area", "m^2", ("mm^2", "cm^2"))
+INERTIA = Kind("moment of inertia", "kg m^2", ("g mm^2", "kg mm^2"))
 SECOND_MOMENT = Kind("second moment of area", "m^4", ("mm^4", "cm^4"))
 RATE = Kind("rate", "1/s")
 SLOWNESS = Kind("loss per velocity", "s/m")
@@ -68,7 +69,7 @@ GAINS = {
 KINDS = (
     LENGTH, MASS, TIME, FREQUENCY, VELOCITY, FORCE, PRESSURE, DENSITY, STIFFNESS, TURN_STIFFNESS,
     DASHPOT, TURN_DASHPOT, COMPLIANCE, SLOWNESS, FORCE_RATE, VOLTAGE, AREA, SECOND_MOMENT,
-    ACCELERATION, *GAINS.values(),
+    ACCELERATION, INERTIA, *GAINS.values(),
 )  # fmt: skip
 
 PREFIXES = {"n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -2, "d": -1, "k": 3, "M": 6, "G": 9}

@@ -41,10 +41,10 @@ class HalfSpaceWall(SceneTable):
     """A wall that is indented as a half-space of its material and does not move otherwise."""
 
     kind: Literal["half-space"]
-    material: str | None = None  # a name of `named_materials`
+    material: str | None = None  # a named material, in place of its numbers
     young: Young = 210e9  # [Pa] Young's modulus
     poisson: Poisson = 0.3  # Poisson's ratio
-    yield_stress: YieldStress | None = None  # [Pa], of a warning alone
+    yield_stress: YieldStress | None = None  # [Pa] for a warning
 
     @model_validator(mode="before")
     @classmethod
@@ -57,12 +57,12 @@ class OneDofWall(SceneTable):
 
     kind: Literal["1dof"]
     frequency: Frequency  # [Hz] natural frequency
-    mass: of(Positive, MASS, 1e-6, 1e5)  # [kg]
-    damping_ratio: Ratio = 0.0  # over the critical one
-    material: str | None = None  # a name of `named_materials`
+    mass: of(Positive, MASS, 1e-6, 1e5)  # [kg] of the mass on its spring
+    damping_ratio: Ratio = 0.0  # damping over the critical one
+    material: str | None = None  # a named material, in place of its numbers
     young: Young = 210e9  # [Pa] Young's modulus
     poisson: Poisson = 0.3  # Poisson's ratio
-    yield_stress: YieldStress | None = None  # [Pa], of a warning alone
+    yield_stress: YieldStress | None = None  # [Pa] for a warning
 
     @model_validator(mode="before")
     @classmethod
@@ -84,8 +84,8 @@ class DashpotWall(SceneTable):
     density: Density | None = None  # [kg/m^3] of the plate
     young: Young = 210e9  # [Pa] Young's modulus
     poisson: Poisson = 0.3  # Poisson's ratio
-    material: str | None = None  # of the plate, a name of `named_materials`
-    yield_stress: YieldStress | None = None  # [Pa], of a warning alone
+    material: str | None = None  # a named material, in place of the numbers of the plate
+    yield_stress: YieldStress | None = None  # [Pa] for a warning
 
     @model_validator(mode="before")
     @classmethod
@@ -119,14 +119,17 @@ class RomWall(SceneTable):
     """
 
     kind: Literal["rom"]
-    file: str | None = None
+    file: str | None = None  # a reduced model: .npz, .mat, .h5, .mtx
+    # numbers of the nodes of an .mtx that the chain touches
     nodes: Annotated[tuple[Count, ...], Field(strict=False, min_length=1)] | None = None
-    direction: Annotated[int, Field(ge=1, le=3)] = 1
+    direction: Annotated[int, Field(ge=1, le=3)] = 1  # of the chain in an .mtx: 1, 2, 3 are x, y, z
+    # of the mean over the nodes of an .mtx; equal without them
     weights: Annotated[tuple[Number, ...], Field(strict=False, min_length=1)] | None = None
-    half_space: of(NonNegative, COMPLIANCE, 1e-15, 1e-4) | None = None  # [m/N]
-    cutoff: Limit | None = None  # [Hz]
-    prune: bool = False
-    young: Young | None = None  # [Pa] of the surface struck; of [assembly] it is the block's own
+    # [m/N] compliance of the file that Hertz' law holds already
+    half_space: of(NonNegative, COMPLIANCE, 1e-15, 1e-4) | None = None
+    cutoff: Limit | None = None  # [Hz] modes above it answer statically
+    prune: bool = False  # leave out modes while velocities stay within time.error; three runs
+    young: Young | None = None  # [Pa] Young's modulus of the surface struck; of [assembly] its own
     poisson: Poisson | None = None  # Poisson's ratio
     # principal ones of the face struck [1/m], < 0 hollow; of [assembly] they are its own
     curvatures: Annotated[tuple[Number, Number], Field(strict=False)] | None = None

@@ -159,6 +159,8 @@ def initial_velocity(scene: Scene) -> np.ndarray:
     """Velocity of each sphere at the start, (n,) [m/s]."""
     if scene.chain.initial_velocity is not None:
         return np.array(scene.chain.initial_velocity)
+    if scene.striker is None:  # a wall that shakers move, and nothing strikes
+        return np.zeros(scene.chain.count)
     velocity = np.asarray(scene.striker.velocity, float)
     start = np.zeros((*velocity.shape[:-1], scene.chain.count))
     start[..., :1] = velocity

@@ -22,6 +22,7 @@ from workflows.stages.waves import chain_contact, sphere_waves
 
 if TYPE_CHECKING:
     from coupling.sensor_record import SensorRecord  # scipy's filters, a second
+    from dem.lateral import LateralTrajectory
 
 
 def chain_numbers(
@@ -59,11 +60,14 @@ def chain_files(
     impact: coupling.Impact,
     wall: dem.Wall | coupling.CoupledWall | None,
     record: SensorRecord | None = None,
+    *,
+    lateral: LateralTrajectory | None = None,
 ) -> dict[str, bytes]:
-    """Content of trajectory.npz, and of signals.csv where sensors record, by name."""
+    """Content of trajectory.npz, with the motion across the chain where there is one, and of
+    signals.csv where sensors record, by name."""
     with TemporaryDirectory() as folder:
         path = Path(folder, "trajectory.npz")
-        save_trajectory(path, impact.trajectory, wall)
+        save_trajectory(path, impact.trajectory, wall, lateral)
         files = {path.name: path.read_bytes()}
     if record is not None:
         from workflows.stages.signals import csv_text

@@ -17,6 +17,7 @@ from workflows.scene import Scene
 
 if TYPE_CHECKING:
     from coupling.sensors import SensorRecord  # scipy's filters, a second
+    from dem.lateral import LateralTrajectory
 
 
 def of_chain(scene: Scene, impact: Impact, waves: ChainWaves) -> tuple[Picture, ...]:
@@ -26,8 +27,48 @@ def of_chain(scene: Scene, impact: Impact, waves: ChainWaves) -> tuple[Picture, 
     return (
         Picture("velocities", velocities(impact.trajectory, observed, waves.labels)),
         Picture("waves", space_time(impact.trajectory, waves.tracks)),
-        Picture("energies", energies(impact.trajectory)),
+        Picture("energies", energies(impact.trajectory._asdict())),
     )
+
+
+def of_friction(
+    scene: Scene, impact: Impact, waves: ChainWaves, lateral: "LateralTrajectory"
+) -> tuple[Picture, ...]:
+    """Figures of a run with friction: beside `of_chain`'s the force over the slip, and over time
+    friction beside its bound and the share of the contact that sticks."""
+    across = {k: a for k, a in lateral._asdict().items() if isinstance(a, np.ndarray)}
+    run = impact.trajectory
+    both = run._asdict() | across | {"energy_total": run.energy_total + lateral.energy}
+    observed = scene.output.spheres or (1, scene.chain.count)
+    return (
+        Picture("velocities", velocities(run, observed, waves.labels)),
+        Picture("waves", space_time(run, waves.tracks)),
+        Picture("energies", energies(both)),
+        Picture("friction", friction_loop(run, lateral, scene.friction.coefficient)),
+    )
+
+
+def friction_loop(run, lateral: "LateralTrajectory", coefficient: float) -> bytes:
+    """PNG: tangential force over slip, and over time beside its bound mu F, with the share of the
+    contact's area that sticks; along the direction in which the surface moves most."""
+    axis = int(np.ptp(lateral.slip, axis=0).argmax())
+    force, slip = lateral.friction_force[:, axis], 1e6 * lateral.slip[:, axis]
+    bound, t = coefficient * np.maximum(run.contact_force[:, -1], 0.0), 1e3 * run.t
+    name, loops = f"t{axis + 1}", [Line(None, slip, force, "-", 0, 1.2)]
+    if lateral.cycle is not None:
+        loop = lateral.cycle
+        before = (1e6 * loop.slip[:, axis], loop.friction_force[:, axis])
+        loops = [Line("a period before", *before, "--", 1, 1.2), loops[0]._replace(name="the run")]
+    panels = [
+        Panel("", f"slip along {name} [um]", f"friction along {name} [N]", loops, legend="above"),
+        Panel("", "time [ms]", "force [N]",
+              [Line(f"friction, {name}", t, force, "-", 0, 1.2),
+               Line("its bound", t, bound, "--", 1, 1.0), Line(None, t, -bound, "--", 1, 1.0)],
+              legend="above"),
+        Panel("", "time [ms]", "share that sticks",
+              [Line(None, t, lateral.stick_share, "-", 2, 1.2)]),
+    ]  # fmt: skip
+    return plots.panels(panels, size=(8, 2.4))
 
 
 def velocities(run, observed: Iterable[int], named: dict[int, tuple[Label, ...]]) -> bytes:
@@ -113,14 +154,14 @@ def space_time(run, tracks: Iterable[WaveTrack]) -> bytes:
     return plots.png(figure)
 
 
-def energies(run) -> bytes:
+def energies(run: dict[str, np.ndarray]) -> bytes:
     """PNG: terms of the energy ledger over time, as changes since the start, and its
     closure error."""
-    t = 1e3 * run.t
-    *terms, (_, total) = ledger(run._asdict())
+    t = 1e3 * run["t"]
+    *terms, (_, total) = ledger(run)
     lines = [Line(words, t, 1e3 * E, None, i, 1.2) for i, (words, E) in enumerate(terms)]
     lines.append(Line("sum", t, 1e3 * total, "--", "black", 1.0))
-    gap = (run.energy_total - run.energy_total[0]) / max(run.energy_kinetic[0], 1e-300)
+    gap = (run["energy_total"] - run["energy_total"][0]) / max(run["energy_kinetic"][0], 1e-300)
     power = int(np.floor(np.log10(np.abs(gap).max(initial=0.0) or 1.0)))
     closure = f"closure error\n[1e{power} of the\nstriker's]"
     panels = [

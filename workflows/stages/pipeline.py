@@ -251,6 +251,28 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
     if scene.chain and scene.output.sensors:
         files = IMPACT["chain-files"]
         impact = impact | {"chain-files": files._replace(needs=(*files.needs, "record"))}
+    if scene.chain and scene.friction:
+        files, numbers = impact["chain-files"], impact["chain-numbers"]
+        further = files.needs[2:]
+        impact = impact | {
+            "friction": Stage(
+                ".friction:friction",
+                lambda scene: [
+                    _marched(scene),
+                    tables_of("friction", "arm", "shakers", "striker")(scene),
+                ],
+                ("start", "wall", "impact"),
+            ),
+            "chain-files": files._replace(
+                function=".friction:chain_files", needs=("impact", "wall", "friction", *further)
+            ),
+            "chain-numbers": numbers._replace(
+                function=".friction:chain_numbers", needs=(*numbers.needs, "friction")
+            ),
+            "figures": impact["figures"]._replace(
+                function=".figures:of_friction", needs=("impact", "waves", "friction")
+            ),
+        }
     shown = (
         *(("chain-files", "chain-numbers") if scene.chain else ()),
         *(("model-files", "response-files", "structure-numbers") if needs_structure(scene) else ()),

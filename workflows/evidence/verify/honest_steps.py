@@ -17,11 +17,11 @@ from dem.spheres import time_scale
 from rom.truncation import frequencies
 from workflows.evidence.verify.comparisons import Comparison
 from workflows.evidence.verify.random_scenes import LAWS, WALLS, scene
-from workflows.fit.core.calibration.calibration import calibrate
-from workflows.fit.core.calibration.forward import ChainForward
-from workflows.fit.core.calibration.parameters import Parameter, Rig
-from workflows.fit.core.calibration.search import Options
-from workflows.fit.core.calibration.signals import Signals
+from workflows.fit.chain_fit import calibrate
+from workflows.fit.forward import ChainForward
+from workflows.fit.parameter import Parameter, Rig
+from workflows.fit.signals import Signals
+from workflows.fit.windows import Options
 
 LEAST, MOST = 1.0, 10.0  # the 5 % point and the median of stated over true errors
 FLOOR = 1e-10  # a true error below it is counted as it: the references resolve no less

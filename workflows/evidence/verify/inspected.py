@@ -22,8 +22,8 @@ from scipy.linalg import eigh
 import fem
 from workflows.evidence.verify.comparisons import Comparison, compared
 from workflows.files.record import Channel, Recorded
-from workflows.fit.inspection.inspect import InspectionRequest
-from workflows.fit.inspection.inspect import inspected as inspection
+from workflows.fit.inspect import InspectionRequest
+from workflows.fit.inspect import inspected as inspection
 from workflows.scene import Scene
 from workflows.stages.progress import quiet
 from workflows.sweep.cases import base_of

@@ -1,0 +1,201 @@
+"""The last sphere across the chain: it moves and turns, an arm holds it, friction acts at the wall.
+
+    m u'' + k u = -T,     I psi'' + kappa psi = -R T,     dU = du + R dpsi - dw
+
+in each direction along the wall: u of the centre, psi the turn by which the contact's point of the
+sphere moves as by u / R, w of the wall. T is the tangential force of the contact, whose overlap
+the march along the chain gives: friction leaves that motion alone. Each step is a half kick by T,
+the exact motion of sphere and arm without T, the new T, another half kick: order 2 (Stormer and
+Verlet), and the error of T's onset as t^(3/2) is of order 5/2.
+"""
+
+from typing import NamedTuple
+
+from dem.kernels.arguments import Array, Steps
+from dem.kernels.compiled import ieee, ieee_march
+from dem.kernels.numbers import larger
+from dem.kernels.tangential import (
+    HEAT,
+    STICK,
+    SpringCells,
+    SpringRow,
+    TangentialLaw,
+    cell_energy,
+    cell_force,
+    slide,
+    slide_cells,
+    stored_energy,
+    tangential_force,
+)
+
+
+class Sphere(NamedTuple):
+    """The sphere and what holds it, in n_directions of 1 or 2; held fast where it is clamped."""
+
+    inverse_mass: Array  # (n_directions,) [1/kg]; 0 where the arm clamps
+    inverse_inertia: float  # [1/(kg m^2)]; 0 where the arm clamps
+    radius: float  # [m]
+    stiffness: Array  # (n_directions,) [N/m] of the arm; 0 where it clamps
+    turn_stiffness: float  # [N m/rad] of the arm; 0 where it clamps
+    swing: Array  # (4, n_directions) what u and v become in a step, see `oscillators.propagator`
+    turn: Array  # (4, 1) the same of psi and its rate
+
+
+class Pressing(NamedTuple):
+    """Overlap of the contact along the chain, at the ends of equal steps."""
+
+    overlap: Array  # (k,) [m]
+    rate: Array  # (k,) [m/s]
+    bend: Array  # (k,) [m/s^2] its second derivative
+    step: float  # [s]
+    gamma: float  # [s/m] of Hunt and Crossley's damping
+
+
+class Across(NamedTuple):
+    """The state across the chain, (n_directions,) each, changed in place."""
+
+    u: Array  # [m]
+    v: Array  # [m/s]
+    psi: Array  # [rad]
+    spin: Array  # [rad/s]
+    force: Array  # [N] of the contact, T
+    slip: Array  # [m] of the bodies at the contact, U
+
+
+class Springs(NamedTuple):
+    """The contact: a row and room beside it in one direction, cells in two; None for the other."""
+
+    row: SpringRow | None
+    room: SpringRow | None
+    cells: SpringCells | None
+
+
+class SavedAcross(NamedTuple):
+    """States at k saves."""
+
+    u: Array  # (k, n_directions), as those below
+    v: Array
+    psi: Array
+    spin: Array
+    force: Array
+    slip: Array
+    stick: Array  # (k,) share of the contact's area
+    # (k, 6) [J] lateral, of rotation, of the arm, of the contact, friction's heat, work of the
+    # wall's motion on the contact
+    energy: Array
+
+
+@ieee
+def pressed(t: float, pressing: Pressing) -> tuple[float, float]:
+    """Overlap [m] at t and the total pressure over the elastic one: the polynomial of degree 5 that
+    agrees with value, slope and bend at both ends of a step; it errs by h^6 d^(6) / 46080."""
+    d, r, b, h = pressing.overlap, pressing.rate, pressing.bend, pressing.step
+    k = min(int(t / h), d.size - 2)
+    s = t / h - k
+    p = 1.0 - s
+    p3, s3 = p * p * p, s * s * s
+    overlap = p3 * ((1.0 + s * (3.0 + 6.0 * s)) * d[k] + s * (1.0 + 3.0 * s) * h * r[k])
+    overlap += s3 * ((1.0 + p * (3.0 + 6.0 * p)) * d[k + 1] - p * (1.0 + 3.0 * p) * h * r[k + 1])
+    overlap += 0.5 * h * h * s * s * p * p * (p * b[k] + s * b[k + 1])
+    if pressing.gamma == 0.0:
+        return overlap, 1.0
+    rate = 30.0 * s * s * p * p * (d[k + 1] - d[k]) / h
+    rate += p * p * (1.0 + s * (2.0 - 15.0 * s)) * r[k]
+    rate += s * s * (1.0 + p * (2.0 - 15.0 * p)) * r[k + 1]
+    rate += 0.5 * h * s * p * (p * (2.0 - 5.0 * s) * b[k] - s * (2.0 - 5.0 * p) * b[k + 1])
+    return overlap, larger(1.0 + pressing.gamma * rate, 0.0)
+
+
+@ieee
+def press(
+    law: TangentialLaw, d: float, q: float, way: tuple[float, float], force: Array,
+    row: SpringRow | None, room: SpringRow | None, cells: SpringCells | None,
+) -> None:  # fmt: skip
+    """Move the contact on, and its force (n_directions,) [N] with it."""
+    if row is not None:
+        slide(row, room, law, d, q, way[0])
+        force[0] = tangential_force(row, law)
+    if cells is not None:
+        slide_cells(cells, law, d, q, way[0], way[1])
+        force[0], force[1] = cell_force(cells, law, 0), cell_force(cells, law, 1)
+
+
+@ieee
+def contact_state(
+    law: TangentialLaw, row: SpringRow | None, cells: SpringCells | None
+) -> tuple[float, float, float]:
+    """Share of the area that sticks, stored energy [J], friction's heat so far [J]."""
+    stick, stored, heat = 0.0, 0.0, 0.0
+    if row is not None:
+        stick, stored, heat = row.state[STICK], stored_energy(row, law), row.state[HEAT]
+    if cells is not None:
+        stick, stored, heat = cells.state[STICK], cell_energy(cells, law), cells.state[HEAT]
+    return stick, stored, heat
+
+
+@ieee_march
+def march_across(
+    state: Across, sphere: Sphere, pressing: Pressing, law: TangentialLaw, springs: Springs,
+    wall: Array | None, steps: Steps, saved: SavedAcross,
+) -> int:  # fmt: skip
+    """March the sphere across the chain; changes the state and the springs.
+
+    `wall` (n_steps + 1, n_directions) [m] is its displacement at the ends of the steps, None at
+    rest. Ends early, and says after how many saves, where a state is not finite.
+    """
+    h, n_save, stride = steps
+    u, v, psi, spin, force, slip = state
+    n, R, work = u.size, sphere.radius, 0.0
+    for k in range(n_save + 1):
+        for i in range(stride if k > 0 else 0):
+            step = (k - 1) * stride + i
+            way1, way2 = 0.0, 0.0
+            for j in range(n):
+                # half a kick, then sphere and arm move without the contact's force
+                w = v[j] - 0.5 * h * sphere.inverse_mass[j] * force[j]
+                turning = spin[j] - 0.5 * h * sphere.inverse_inertia * R * force[j]
+                start = u[j] + R * psi[j]
+                swing, turn = sphere.swing, sphere.turn
+                v[j] = swing[2, j] * u[j] + swing[3, j] * w
+                u[j] = swing[0, j] * u[j] + swing[1, j] * w
+                spin[j] = turn[2, 0] * psi[j] + turn[3, 0] * turning
+                psi[j] = turn[0, 0] * psi[j] + turn[1, 0] * turning
+                way = u[j] + R * psi[j] - start
+                if wall is not None:
+                    moved = wall[step + 1, j] - wall[step, j]
+                    way -= moved
+                    work -= 0.5 * moved * force[j]
+                slip[j] += way
+                way1, way2 = (way, 0.0) if j == 0 else (way1, way)
+
+            # the contact at the end of the step, and the other half of the kick
+            d, q = pressed((step + 1) * h, pressing)
+            press(law, d, q, (way1, way2), force, springs.row, springs.room, springs.cells)
+            for j in range(n):
+                v[j] -= 0.5 * h * sphere.inverse_mass[j] * force[j]
+                spin[j] -= 0.5 * h * sphere.inverse_inertia * R * force[j]
+                if wall is not None:
+                    work -= 0.5 * (wall[step + 1, j] - wall[step, j]) * force[j]
+        if k == 0:
+            d, q = pressed(0.0, pressing)
+            press(law, d, q, (0.0, 0.0), force, springs.row, springs.room, springs.cells)
+
+        # states and energies
+        energy = saved.energy[k]
+        energy[0], energy[1], energy[2] = 0.0, 0.0, 0.0
+        for j in range(n):
+            saved.u[k, j], saved.v[k, j] = u[j], v[j]
+            saved.psi[k, j], saved.spin[k, j] = psi[j], spin[j]
+            saved.force[k, j], saved.slip[k, j] = force[j], slip[j]
+            if sphere.inverse_mass[j] > 0.0:
+                energy[0] += 0.5 * v[j] * v[j] / sphere.inverse_mass[j]
+            if sphere.inverse_inertia > 0.0:
+                energy[1] += 0.5 * spin[j] * spin[j] / sphere.inverse_inertia
+            energy[2] += 0.5 * sphere.stiffness[j] * u[j] * u[j]
+            energy[2] += 0.5 * sphere.turn_stiffness * psi[j] * psi[j]
+        stick, energy[3], energy[4] = contact_state(law, springs.row, springs.cells)
+        energy[5] = work
+        saved.stick[k] = stick
+        if not abs(energy[0] + energy[1] + energy[2] + energy[3] + energy[4]) <= 1e300:
+            return k
+    return n_save

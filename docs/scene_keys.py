@@ -1,0 +1,70 @@
+"""Puts every key of a scene into docs/scene-keys.md, a table for each table of a scene.
+
+python docs/scene_keys.py
+"""
+
+from itertools import groupby
+from pathlib import Path
+
+from workflows.scene.named_materials import NAMED
+from workflows.scene.reference import KeyEntry, scene_keys
+
+PAGE = Path(__file__).with_name("scene-keys.md")
+HEAD = """# Scene keys
+
+Every key of a scene, by table, written from the tables themselves. `beadwave scene --key
+chain.radius` prints one entry, `--key chain` those of a table. NAME is a name of yours, N the
+number of a row from 1. A number with a unit may be written as text with any unit of its kind
+(`"12.7 mm"`); outside its usual range it needs its unit, or its key in `unusual`.
+
+"""
+COLUMNS = "| key | values | usual size | default | example | |\n|---|---|---|---|---|---|\n"
+
+
+def page() -> str:
+    """The page's text."""
+    tables = groupby(scene_keys(), lambda entry: entry.key.partition(".")[0])
+    return HEAD + "\n".join(_table(name, [*entries]) for name, entries in tables) + _materials()
+
+
+def _table(name: str, entries: list[KeyEntry]) -> str:
+    """A table of a scene; a single key at the top has no table around it."""
+    title = f"## {name}" if entries[0].key == name and len(entries) == 1 else f"## [{name}]"
+    return f"{title}\n\n{COLUMNS}{''.join(map(_row, entries))}"
+
+
+def _row(entry: KeyEntry) -> str:
+    key = f"`{entry.key}`" + (f" [{entry.unit}]" if entry.unit else "")
+    words = "; ".join(
+        text
+        for text in (
+            entry.meaning,
+            f"replaces {', '.join(entry.replaces)}" if entry.replaces else "",
+            f"of {entry.of}" if entry.of else "",
+        )
+        if text
+    )
+    default, example = (f"`{text}`" if text else "" for text in (entry.default, entry.example))
+    cells = (key, entry.values, entry.usual, default, example, words)
+    return f"| {' | '.join(cell.replace('|', '&#124;') for cell in cells)} |\n"
+
+
+def _materials() -> str:
+    """The materials that have a name."""
+    rows = "".join(
+        f"| `{name}` | {m.young / 1e9:g} | {m.poisson:g} | {m.density:g} | "
+        f"{m.yield_stress / 1e6:g} | {m.source} |\n"
+        for name, m in NAMED.items()
+    )
+    return (
+        '\n## Materials by name\n\n`material = "steel"` in [chain], [wall], [beam], [plate], '
+        "[assembly] and [bodies.NAME] stands for these numbers; numbers beside it replace its own. "
+        "Of a chain, a list names one for each sphere. The yield stress serves a warning alone: a "
+        "contact is judged by its softer side.\n\n"
+        "| material | young [GPa] | poisson | density [kg/m^3] | yield_stress [MPa] | source |\n"
+        f"|---|---|---|---|---|---|\n{rows}"
+    )
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

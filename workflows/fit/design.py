@@ -1,0 +1,266 @@
+"""Which sphere to watch, in which chain, at which velocity: bars before anything is measured, by a
+run of the model and its derivatives."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import nullcontext
+from typing import Any, NamedTuple
+
+import numpy as np
+from joblib import Memory
+from numpy.typing import NDArray
+
+from coupling.band import Band
+from coupling.sensors import Sensor
+from workflows.files.run_folder import Picture
+from workflows.fit import scene_parameters
+from workflows.fit.better_walls import better_walls
+from workflows.fit.forward import Shot, StructureForward, Unknowns, unknowns
+from workflows.fit.inspect import STEPS
+from workflows.fit.inversion import GAIN_SCALE
+from workflows.fit.judgement import INSPECTION_LIMITS
+from workflows.fit.model_errors import NOISE, BetterModel, biases, changes, with_systems
+from workflows.fit.parameter import Parameter, ends, scales, trigger
+from workflows.fit.parametric_wall import Bounds
+from workflows.fit.plausibility import USUAL_NOISE
+from workflows.fit.record import marched
+from workflows.fit.structure import VariedScene, structure
+from workflows.fit.uncertainty import bars_over_time, bounds_information
+from workflows.report.finding import Finding
+from workflows.report.plots import Line, Panel, panels
+from workflows.report.tables import Table, short
+from workflows.scene import Instrument, InvalidScene
+from workflows.stages.pipeline import Pipeline
+from workflows.stages.progress import Progress
+from workflows.sweep.cases import Base
+from workflows.sweep.design import grid, require_free
+
+NEAR = 0.01  # of the bounds' distance: walls are computed as far to either side of the scene's
+MOST_CASES = 200
+MOST_CURVES = 8  # in a picture
+
+
+class CandidateWalls(NamedTuple):
+    """The scene with its walls, and those that are better in one respect."""
+
+    model: VariedScene
+    better: Mapping[str, Sequence[BetterModel]]
+
+
+class CandidateChain(NamedTuple):
+    """One chain: the spheres that may be watched, and what each would tell."""
+
+    values: dict[str, Any]  # of the keys that are varied
+    spheres: tuple[int, ...]  # from 2 on
+    bars: NDArray[np.float64]  # (m, n) two-sigma of the numbers, in SI units
+    by_noise: NDArray[np.float64]  # (m, n) share of the noise in their squares
+    records: NDArray[np.float64]  # (m, n) [s] after the first touch that are long enough
+
+
+def designed(
+    base: Base, find: str, bounds: str | None, over: Iterable[str], progress: Progress
+) -> Finding:
+    """Bars of each number by each sphere, case by case; raises InvalidScene."""
+    sought = scene_parameters.shared(base, find, bounds)
+    scene_parameters.require_possible(base, sought)
+    over = tuple(over)
+    cases = [{}]
+    if over:
+        grid_of_cases = grid(over, base.number)
+        require_free(grid_of_cases, base.given)
+        cases = [grid_of_cases.case(i) for i in range(grid_of_cases.n_cases)]
+    if len(cases) > MOST_CASES:
+        raise InvalidScene(f"--over makes {len(cases)} cases, up to {MOST_CASES} are looked at.")
+    with progress("design"):
+        walls: dict[str, CandidateWalls] = {}  # several cases share one: it is computed once
+        chains = [_candidate(base, case, sought, walls) for case in cases]
+    return _finding(sought, chains)
+
+
+def _candidate(
+    base: Base,
+    values: dict[str, Any],
+    sought: tuple[Parameter, ...],
+    walls: dict[str, CandidateWalls],
+) -> CandidateChain:
+    """Bars of the numbers by each sphere of a chain; adds its wall to the walls. Raises
+    InvalidScene."""
+    base = scene_parameters.changed_base(base, values)
+    scene = base.with_values({})
+    n = len(sought)
+
+    # walls within a little of the scene's values
+    nearby = []
+    for p in sought:
+        value, reach = scene_parameters.number(scene, p.name), NEAR * (p.high - p.low)
+        nearby.append(p._replace(start=value, low=value - reach, high=value + reach))
+    each = scene_parameters.usual_each(scene, ",".join(p.name for p in sought))
+    per_record = scene_parameters.per_record(base, each, 1)
+    keys = tuple(p.name for p in (*sought, *per_record[0]))
+    theta = np.array([p.start for p in (*nearby, *per_record[0])])
+    wall = Pipeline(scene, Memory(None, verbose=0)).key("wall")
+
+    # the scene's first sensor on every sphere but the striker, its noise over the largest signal
+    spheres = tuple(range(2, scene.chain.count + 1))
+    instrument = scene.output.instrument or Instrument()
+    if scene.output.sensors:
+        like = scene.output.sensors[0]
+        band = Band(like.low_pass, like.high_pass, like.order)
+        sensors = tuple(Sensor(i - 1, like.quantity, band=band) for i in spheres)
+        bits = instrument.bits
+        rounding = 2.0 ** (1 - bits) / np.sqrt(12.0) if bits else 0.0
+        noise = float(np.hypot(like.noise or USUAL_NOISE, rounding))
+        unknown_gain = isinstance(like.gain, str)
+    else:
+        sensors = tuple(Sensor(i - 1, "force") for i in spheres)
+        noise, unknown_gain = USUAL_NOISE, True
+
+    with marched(scene.name):
+        if wall not in walls:
+            box = Bounds(*ends(nearby))
+            model = structure(base, keys, box, n, lambda name: nullcontext())
+            model = model.through(theta) if model.between else model
+            walls[wall] = CandidateWalls(model, better_walls(scene))
+        model = walls[wall].model.of(scene, base)
+        t = np.arange(int(scene.time.duration * instrument.sampling)) / instrument.sampling
+        step = STEPS * model(theta).step
+        forward = StructureForward(model, sensors, step)
+        causes, records = foreseen(
+            forward, unknowns(sought, per_record, [trigger("trigger", 0.0)]), theta, t,
+            noise=noise, unknown_gain=unknown_gain,
+            models=with_systems(walls[wall].better, model.behind),
+        )  # fmt: skip
+    squares = {cause: part[:, :n] ** 2 for cause, part in causes.items()}
+    whole = sum(squares.values())
+    return CandidateChain(values, spheres, np.sqrt(whole), squares[NOISE] / whole, records[:, :n])
+
+
+def _finding(sought: tuple[Parameter, ...], chains: list[CandidateChain]) -> Finding:
+    """Table of all bars, the best and worst sphere of each chain, a panel and a sentence for each
+    number."""
+    units = [f"{p.name} two sigma [{p.unit}]" if p.unit else f"{p.name} two sigma" for p in sought]
+    by_noise = [f"{p.name} noise in its square" for p in sought]
+    lengths = [f"{p.name} record [s]" for p in sought]
+    columns = (*chains[0].values, "sphere", *units, *by_noise, *lengths)
+    rows = tuple(
+        (*chain.values.values(), sphere, *map(float, np.concatenate(numbers_of_sphere)))
+        for chain in chains
+        for sphere, *numbers_of_sphere in zip(
+            chain.spheres, chain.bars, chain.by_noise, chain.records, strict=True
+        )
+    )
+
+    printed: list[tuple] = [
+        (*chains[0].values, "number", "best sphere", "two sigma", "of bounds", "by noise",
+         "worst sphere", "two sigma", "record [ms]")
+    ]  # fmt: skip
+    for chain in chains:
+        for i, p in enumerate(sought):
+            best, worst = int(chain.bars[:, i].argmin()), int(chain.bars[:, i].argmax())
+            printed.append((
+                *chain.values.values(), p.name, chain.spheres[best], float(chain.bars[best, i]),
+                float(chain.bars[best, i] / (p.high - p.low)),
+                f"{chain.by_noise[best, i]:.0%}", chain.spheres[worst],
+                float(chain.bars[worst, i]), 1e3 * float(chain.records[best, i]),
+            ))  # fmt: skip
+
+    panels_of_numbers, sentences = [], []
+    for i, p in enumerate(sought):
+        curves = [
+            Line(_with_values(chain.values).removeprefix(" with ") or None,
+                 np.array(chain.spheres, float), chain.bars[:, i] / (p.high - p.low), "o-")
+            for chain in chains[:MOST_CURVES]
+        ]  # fmt: skip
+        words = f"{p.name}\ntwo sigma over bounds"
+        panels_of_numbers.append(Panel("", "sphere that is watched", words, curves, "y"))
+        sentences.append(_on_best(p, i, chains))
+    sentences.append(
+        "Bars are of one impact whose velocity and trigger are found with the rest; n impacts make "
+        "their parts by noise shorter by the root of n. They hold noise and the known errors of "
+        "the model, by its steps, mesh, reduction and theory, to first order: where numbers move "
+        "along a valley of the misfit, bars of inspect have been twice as long."
+    )
+    table = Table("design", columns, rows, tuple(printed))
+    picture = Picture("design", panels(panels_of_numbers))
+    return Finding((table,), tuple(sentences), (picture,))
+
+
+def _on_best(p: Parameter, i: int, chains: list[CandidateChain]) -> str:
+    """A sentence on the chain and sphere that tell number i best."""
+    best = min(chains, key=lambda chain: chain.bars[:, i].min())
+    sphere = int(best.bars[:, i].argmin())
+    bar = best.bars[sphere, i]
+    share = bar / (p.high - p.low)
+    if share > INSPECTION_LIMITS.barely:
+        return (
+            f"{p.name} is told by no sphere: its bar is as long as its bounds; record longer, "
+            "or find fewer numbers."
+        )
+    how = "told" if share <= INSPECTION_LIMITS.told else "weakly told"
+    where = _with_values(best.values)
+    return (
+        f"{p.name} is {how} best by sphere {best.spheres[sphere]}{where}: two sigma "
+        f"{short(float(bar))} {p.unit}".rstrip()
+        + f" of one impact, in records of {1e3 * best.records[sphere, i]:.3g} ms or longer."
+    )
+
+
+def _with_values(values: dict[str, Any]) -> str:
+    """ " with chain.count = 9, ..", or nothing."""
+    texts = (f"{key} = {x:g}" if isinstance(x, float) else f"{key} = {x}"
+             for key, x in values.items())  # fmt: skip
+    text = ", ".join(texts)
+    return f" with {text}" if text else ""
+
+
+INSTANTS = 80  # record lengths at which bars are computed
+ENOUGH = 2.0  # times the bar of the whole record: a record that is long enough has no longer one
+
+
+def foreseen(
+    forward: StructureForward,
+    unknowns: Unknowns,
+    theta: NDArray[np.float64],
+    t: NDArray[np.float64],
+    *,
+    noise: float,
+    unknown_gain: bool,
+    models: Mapping[str, Sequence[BetterModel]],
+) -> tuple[Mapping[str, NDArray[np.float64]], NDArray[np.float64]]:
+    """Parts (m, p) of the two-sigma bars of the unknowns by each of m sensors alone, by noise and
+    by each error of the model, and the record (m, p) [s] after which those by noise are at most
+    ENOUGH times as long.
+
+    theta are the values of all but the trigger; noise is over the largest signal; `models` are
+    those that are better in what a cause names.
+    """
+    m, theta = len(forward.sensors), np.append(theta, 0.0)
+    shot = Shot(t, np.zeros((len(t), m)), np.ones(m))
+    signals, slopes = forward.jacobian(unknowns, theta, [shot])
+    rms = noise * np.maximum(np.abs(signals[0]).max(axis=0), 1e-300)
+    signals, slopes = signals[0] / rms, slopes[0] / rms[:, None]
+
+    def shown(forward):
+        """(k, m) over the noise."""
+        return forward.signals(unknowns, theta, [shot])[0] / rms
+
+    by_cause = changes(forward, signals, shown, models)
+
+    # an unknown gain is one more number, without bounds
+    if unknown_gain:
+        slopes = np.concatenate([slopes, GAIN_SCALE * signals[..., None]], axis=-1)
+    p, n = slopes.shape[-1], len(unknowns.parameters)
+    B = np.zeros((p, p))
+    B[:n, :n] = bounds_information(unknowns.parameters)
+
+    ends = np.unique(np.linspace(len(t) / INSTANTS, len(t), INSTANTS).astype(int))
+    causes = {cause: np.zeros((m, n)) for cause in (NOISE, *by_cause)}
+    records = np.zeros((m, n))
+    for i in range(m):
+        bars = bars_over_time(slopes[None, :, i, None], B, ends)[:, :n]
+        causes[NOISE][i] = bars[-1] * scales(unknowns.parameters)
+        records[i] = t[ends[np.argmax(bars <= ENOUGH * bars[-1], axis=0)] - 1]
+        for cause, of_cause in by_cause.items():
+            differences = np.array([change.share * change.signals[:, i] for change in of_cause])
+            b = biases(slopes[:, i], differences.T, B)
+            causes[cause][i] = np.linalg.norm(b[:n], axis=1) * scales(unknowns.parameters)
+    return causes, records

@@ -1,0 +1,205 @@
+"""Records of the waves in a chain in, numbers of its structure with their bars out."""
+
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+
+from workflows.files.record import Recorded
+from workflows.fit import scene_parameters
+from workflows.fit.candidates import searched
+from workflows.fit.columns import beyond, require_columns
+from workflows.fit.forward import Shot, StructureForward, unknowns
+from workflows.fit.inversion import Inversion, inverted, profiled, widened
+from workflows.fit.judgement import INSPECTION_LIMITS
+from workflows.fit.least_squares import IMPOSSIBLE, RecordFit
+from workflows.fit.parameter import Parameter, ends
+from workflows.fit.parametric_wall import Bounds
+from workflows.fit.plausibility import (
+    alike,
+    noise_of,
+    require_samples,
+    require_size,
+    rounding,
+    trigger_of,
+)
+from workflows.fit.record import marched, sensor_of, usable
+from workflows.fit.structure import VariedScene, better_models, structure
+from workflows.scene import InvalidScene, Scene
+from workflows.stages.progress import Progress
+from workflows.sweep.cases import Base
+
+STEPS = 4.0  # of the model, in usual ones: leaves 1e-5 of the largest signal
+
+
+class InspectionRequest(NamedTuple):
+    """Options of an inspection beside scene and records."""
+
+    find: str  # keys of the scene, as in "beam.thickness,beam.young"
+    bounds: str | None = None  # as in "beam.thickness=8mm:12mm"
+    each: str | None = None  # numbers that every record has for itself
+    starts: int = 12
+    seed: int = 0
+
+
+class Inspected(NamedTuple):
+    """The answer, and the problem that was solved."""
+
+    scene: Scene
+    inversion: Inversion
+    rivals: tuple[Inversion, ...]  # that the records do not tell from it
+    fit: RecordFit
+    structure: VariedScene
+    n_shared: int  # numbers of the structure, the first ones
+    moved: float | None  # bars by which the last computed wall moved the answer
+    no_wall: str  # why none could be computed at the answer
+    noise_known: bool
+    seconds: float
+
+
+@usable()
+def inspected(
+    base: Base, records: tuple[Recorded, ...], request: InspectionRequest, progress: Progress
+) -> Inspected:
+    """The numbers to find; raises InvalidScene for records or requests that cannot be."""
+    began = perf_counter()
+    records = alike(records)
+    scene = base.with_values({})
+
+    # numbers of the structure first, then those of each record
+    shared = scene_parameters.shared(base, request.find, request.bounds)
+    each = request.each or scene_parameters.usual_each(scene, request.find)
+    per_record = scene_parameters.per_record(base, each, len(records))
+    scene_parameters.require_possible(base, shared)
+    n = len(shared)
+    keys = tuple(p.name for p in (*shared, *per_record[0]))
+    if twice := next((key for key in keys if keys.count(key) > 1), None):
+        raise InvalidScene(f"{twice} is found for all records and for --each; name it once.")
+
+    box = Bounds(*ends(shared))
+    model = structure(base, keys, box, n, progress)
+    with progress("inversion"):
+        fit, gains, noise_known = problem(model, records, shared, per_record)
+        with marched(model.scene.name):
+            answer, rivals = answered(fit, n, gains, starts=request.starts, seed=request.seed)
+
+        # bars hold what is known of the model's errors as well as the noise
+        inversion = answer.inversion
+        if not answer.no_wall:
+            better = better_models(answer.fit.forward.system, inversion.value[: len(keys)])
+            inversion = widened(answer.fit, inversion, better)
+
+    # where no wall can be computed, the numbers may contradict each other: they are shown unchecked
+    values = inversion.value[:n]
+    if answer.no_wall:
+        result = scene_parameters.put(scene, keys[:n], values)
+    else:
+        result = scene_parameters.scene_at(base, keys[:n], values)
+    return Inspected(
+        scene=result,
+        inversion=inversion,
+        rivals=rivals,
+        fit=answer.fit,
+        structure=answer.fit.forward.system,
+        n_shared=n,
+        moved=answer.moved,
+        no_wall=answer.no_wall,
+        noise_known=noise_known,
+        seconds=perf_counter() - began,
+    )
+
+
+@usable()
+def problem(
+    model: VariedScene,
+    records: tuple[Recorded, ...],
+    shared: tuple[Parameter, ...],
+    per_record: list[list[Parameter]],
+) -> tuple[RecordFit, tuple[str, ...], bool]:
+    """The least-squares problem, the names of its gains, whether the records tell their noise;
+    raises InvalidScene for records that are not what the scene may show."""
+    pairs = [sensor_of(model.scene, channel) for channel in records[0].channels]
+    sensors = tuple(sensor for sensor, _ in pairs)
+    gains = tuple(dict.fromkeys(name for _, name in pairs if name))
+    gain_of_sensor = np.array([gains.index(name) if name else -1 for _, name in pairs])
+    gain_known = gain_of_sensor < 0
+
+    # the rig of the smallest step
+    starts = [np.array([p.start for p in (*shared, *of_record)]) for of_record in per_record]
+    with marched(model.scene.name):
+        rigs = [model(values) for values in starts]
+    stiffest = min(rigs, key=lambda rig: rig.step)
+    step, time_scale = stiffest.step, stiffest.time_scale
+    within = model.within if model.between else None
+    forward = StructureForward(model, sensors, STEPS * step, within)
+
+    # each record beside the model at the start: samples, noise, sizes, columns, first touch
+    triggers, shots, noise_known = [], [], True
+    for i, (record, start) in enumerate(zip(records, starts, strict=True), 1):
+        require_samples(record.t, time_scale)
+        noise, is_known = noise_of(record, time_scale)
+        noise_known = noise_known and is_known
+        shots.append(Shot(record.t, record.y, noise, rounding(record.y)))
+        longer = forward.signals_of_run(start, beyond(record.t) - record.t[0])
+        signals = longer[: len(record.t)]
+        require_size(record, signals, gain_known)
+        names = [f"{channel.name} of {record.name}" for channel in record.channels]
+        forces = np.array([channel.quantity == "force" for channel in record.channels])
+        require_columns(
+            names, record.t, record.y, longer, time_scale, signed=gain_known, forces=forces
+        )
+        triggers.append(trigger_of(record, signals, f"trigger, record {i}"))
+
+    named = [
+        [p._replace(name=f"{p.name}, record {i}") for p in of_record]
+        for i, of_record in enumerate(per_record, 1)
+    ]
+    fit = RecordFit(forward, unknowns(shared, named, triggers), tuple(shots), gain_of_sensor)
+    return fit, tuple(f"gain {name}" for name in gains), noise_known
+
+
+ROUNDS = 3  # of walls computed at the answer, at most
+
+
+class Answer(NamedTuple):
+    """An end of the search, found again with walls computed where it lies."""
+
+    inversion: Inversion
+    fit: RecordFit
+    moved: float | None  # bars by which the last computed wall moved it
+    no_wall: str = ""  # why no wall could be computed there
+
+
+def answered(
+    fit: RecordFit, n_shared: int, gains: tuple[str, ...], *, starts: int, seed: int
+) -> tuple[Answer, tuple[Inversion, ...]]:
+    """The answer, and others that the records do not tell from it.
+
+    Each end of the search is fitted again with a wall that is computed at it, until that moves it
+    by less than a small share of its bars. Where no wall can be computed the end stays as the walls
+    around it gave it. Raises what the system raises for values that cannot be marched.
+    """
+    search = searched(fit, n_shared=n_shared, starts=starts, seed=seed)
+    answers = []
+    for end in search.ends:
+        end_fit = fit._replace(forward=search.forward)
+        model, moved, no_wall = end_fit.forward.system, None, ""
+        inversion = inverted(end_fit, begin=end.point, n_shared=n_shared, gains=gains)
+        for _ in range(ROUNDS if model.between else 0):
+            try:
+                model = model.through(inversion.value[: len(model.keys)])
+                fit_there = end_fit._replace(forward=end_fit.forward._replace(system=model))
+                theta = inversion.value[: len(end_fit.unknowns.parameters)]
+                again = inverted(fit_there, begin=theta, n_shared=n_shared, gains=gains)
+            except IMPOSSIBLE as reason:
+                no_wall = str(reason)
+                break
+            bars = again.uncertainty.two_sigma[:n_shared]
+            moved = float((np.abs(again.value - inversion.value)[:n_shared] / bars).max())
+            end_fit, inversion = fit_there, again
+            if moved <= INSPECTION_LIMITS.settled:
+                break
+        inversion = profiled(end_fit, inversion, n_shared)._replace(search=search)
+        answers.append(Answer(inversion, end_fit, moved, no_wall))
+    best, *others = sorted(answers, key=lambda answer: answer.inversion.whole_misfit)
+    return best, best.inversion.rivals([answer.inversion for answer in others], n_shared)

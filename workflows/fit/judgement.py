@@ -1,0 +1,395 @@
+"""How far to believe a calibration or an inspection: what is determined, and what the misfit
+says, in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from workflows.fit.chain_fit import CalibrationResult
+from workflows.fit.model_errors import NOISE
+from workflows.fit.parameter import Parameter, scales
+from workflows.fit.signals import Signals
+from workflows.fit.uncertainty import bars_over_time, bounds_information, felt_from
+from workflows.fit.windows import decisive
+
+if TYPE_CHECKING:
+    from workflows.fit.inversion import Inversion
+    from workflows.fit.least_squares import RecordFit
+    from workflows.fit.parametric_wall import ParametricWall
+    from workflows.fit.posterior import Posterior
+
+
+SHARES = (0.02275, 0.5, 0.97725)  # of the quantiles: two sigma of a Gaussian to either side
+
+
+class FitLimits(NamedTuple):
+    """When a sentence is said of a calibration. None of these numbers has been varied
+    systematically."""
+
+    identified: float = 0.1  # two-sigma bar over the value, or over ten scales of one that may be 0
+    weak: float = 0.5  # the same, up to which a parameter is weakly identified
+    separated: float = 2.0  # two-sigma bar of a combination that the data determines, in scales
+    named: int = 3  # combinations that the data cannot separate, at most
+    suspicious: float = 1.05  # misfit over the noise that noise leaves once in a thousand records
+    guessed: float = 1.1  # the same for noise that is estimated from one record
+    explained: float = 1.5  # misfit over the noise above which the model does not explain the data
+    missed: float = 3.0  # misfit of a sphere held out, over that of the fitted: no prediction
+    blurred: float = 0.2  # step error over the misfit
+    different: float = 0.1  # between a quantile and the end of its bar, in two sigma
+
+
+FIT_LIMITS = FitLimits()
+
+
+def identifiable(p: Parameter, value: float, bar: float) -> str:
+    """ "yes", "weakly" or "no" by a two-sigma bar beside the value."""
+    size = p.scale if p.kind == "trigger" else max(abs(value), 10 * p.scale)
+    share = bar / size
+    return (
+        "yes" if share <= FIT_LIMITS.identified else "weakly" if share <= FIT_LIMITS.weak else "no"
+    )
+
+
+def combinations(fit: CalibrationResult) -> list[str]:
+    """The three worst determined combinations, each with its bar in scales of the parameters."""
+    return [
+        f"{c.text(fit.parameters)}: two sigma {c.two_sigma:.2g} scales"
+        for c in fit.uncertainty.combinations[:3]
+    ]
+
+
+def remarks(fit: CalibrationResult, noise: float | None, signals: Signals) -> Iterator[str]:
+    """Sentences on the misfit beside the noise [m/s], and on what the data does not determine."""
+    if signals.channels:
+        rows = zip(signals.names, signals.channels.units, signals.channels.scale, strict=True)
+        scales = ", ".join(f"{scale:.3g} {unit} of {name}" for name, unit, scale in rows)
+        yield f"Signals are fitted as the velocities of their spheres: 1 m/s stands for {scales}."
+    yield from _on_misfit(fit, noise, signals.repeats)
+
+    # what the data does not determine, or determines least
+    directions = fit.uncertainty.combinations
+    undetermined = [c for c in directions if not c.two_sigma < FIT_LIMITS.separated]
+    for combination in undetermined[: FIT_LIMITS.named]:
+        yield (
+            f"The data cannot separate: {combination.text(fit.parameters)} (two sigma "
+            f"{combination.two_sigma:.2g} of their scales)."
+        )
+    if len(undetermined) > FIT_LIMITS.named:
+        yield (
+            f"Nor can it separate {len(undetermined) - FIT_LIMITS.named} more of {len(directions)} "
+            "combinations; free fewer parameters or measure further spheres."
+        )
+    if directions and not undetermined:
+        worst = directions[0]
+        yield (
+            f"Least determined: {worst.text(fit.parameters)} (two sigma {worst.two_sigma:.2g} of "
+            "their scales); near the solution no parameter is left undetermined."
+        )
+
+    for stage in fit.stages:
+        if not stage.converged:
+            yield f"Stage '{stage.name}' stopped after {stage.evaluations} runs, not converged."
+    if fit.starts > 1 and fit.same_starts < fit.starts:
+        yield f"{fit.same_starts} of {fit.starts} starts found the misfit that is reported."
+
+
+def _on_misfit(fit: CalibrationResult, noise: float | None, repeats: int) -> Iterator[str]:
+    """What the misfit says beside the noise [m/s] and beside the model's own error."""
+    misfit = float(np.sqrt(np.mean(fit.misfit**2)))
+    source = "the repeats tell" if repeats > 1 else "the record tells between its waves"
+    of_mean = "noise of the mean" if repeats > 1 else "noise"
+    if noise is None:
+        yield (
+            f"The noise cannot be estimated from one record of so many waves: whether "
+            f"{1e3 * misfit:.3g} mm/s is noise or a wrong chain remains open; measure repeats."
+        )
+    elif misfit > FIT_LIMITS.explained * noise:
+        yield (
+            f"The misfit of {1e3 * misfit:.3g} mm/s is {misfit / noise:.2g} times the {of_mean}, "
+            f"{1e3 * noise:.3g} mm/s: the model does not explain all of the data, and the bars "
+            "hold only for what it leaves as if it were noise."
+        )
+    elif misfit > (FIT_LIMITS.suspicious if repeats > 1 else FIT_LIMITS.guessed) * noise:
+        yield (
+            f"The misfit is {misfit / noise:.3g} times the {of_mean}: contacts that no laser "
+            "stands between may be swapped, try more --starts or measure further spheres."
+        )
+    else:
+        yield (
+            f"The misfit is {misfit / noise:.3g} times the {of_mean} of which {source}: noise "
+            "alone leaves as much."
+        )
+    largest = np.abs(fit.data).max()
+    if noise is not None and not decisive(noise, largest, fit.parameters, fit.data):
+        yield (
+            "At this noise, or with so few spheres measured, a chain with swapped contacts may "
+            f"leave hardly more, which the bars do not hold ({fit.same_starts} of {fit.starts} "
+            "starts found this one): measure more repeats or spheres, or hold a sphere out."
+        )
+    if fit.step_error > FIT_LIMITS.blurred * misfit:
+        yield (
+            f"The model's own step error reaches {1e3 * fit.step_error:.2g} mm/s beside a misfit "
+            f"of {1e3 * misfit:.2g} mm/s; the bars hold what it does to the parameters."
+        )
+
+
+def on_held_out(left_out: dict[str, float], fit: CalibrationResult) -> Iterator[str]:
+    """A sentence on each sphere that was not fitted and is missed by far more than those that were;
+    left_out: misfits [m/s] by the sphere's number."""
+    fitted = float(np.sqrt(np.mean(fit.misfit**2)))
+    for sphere, misfit in left_out.items():
+        if misfit > FIT_LIMITS.missed * fitted:
+            yield (
+                f"Sphere {sphere}, held out, is missed by {1e3 * misfit:.3g} mm/s, "
+                f"{misfit / fitted:.2g} times what the fitted ones leave: what was found does not "
+                "predict it, contacts may be swapped whatever the bars say; fit to more spheres."
+            )
+
+
+def on_posterior(posterior: Posterior, fit: CalibrationResult, *, seed: int, seconds: float) -> str:
+    """How the samples of a posterior came about, and what they say beyond the bars."""
+    cost = f"{posterior.model_runs} model runs in {seconds:.1f} s, seed {seed}"
+    tau = float(posterior.autocorrelation.max())
+    if not (np.isfinite(tau) and posterior.long_enough):
+        times = f"of {tau:.3g} steps" if np.isfinite(tau) else "that cannot be told"
+        return (
+            f"The posterior is not shown: {posterior.kept} steps of {posterior.walkers} walkers "
+            f"are too few for autocorrelation times {times} (50 of them are needed); {cost}. Free "
+            "fewer parameters, or those that the data determines."
+        )
+
+    # parameters without a bar, or whose bar by noise ends elsewhere than the samples do
+    low, _, high = posterior.quantiles(SHARES)
+    of_noise = fit.causes.get(NOISE, fit.uncertainty.two_sigma)
+    bars = np.where(fit.at_bound, np.inf, of_noise)
+    off = np.maximum(np.abs(fit.value - bars - low), np.abs(fit.value + bars - high))
+    unlike = [
+        p.name
+        for p, bar, difference in zip(fit.parameters, bars, off, strict=True)
+        if not np.isfinite(bar) or difference > FIT_LIMITS.different * bar
+    ]
+    verdict = (
+        f"differ from their bars by more than a tenth of two sigma: {', '.join(unlike)}"
+        if unlike
+        else "agree with the bars to a tenth of two sigma"
+    )
+    return (
+        f"Posterior, flat between the bounds: {posterior.effective:.0f} effective samples "
+        f"({posterior.walkers} walkers, {posterior.kept} steps, autocorrelation "
+        f"{tau:.3g} steps, {100 * posterior.acceptance:.0f} % accepted; {cost}); "
+        f"its quantiles {verdict}."
+    )
+
+
+AT_BOUND = "at its bound"
+UNEXPLAINED = "not explained"
+INSTANTS = 60  # record lengths for which bars are computed
+
+
+class InspectionLimits(NamedTuple):
+    """When a number is said to be told by the records, and when a sentence is worth saying. None
+    of these numbers has been varied systematically."""
+
+    told: float = 0.1  # two-sigma bar over the bounds' distance of a number that is determined
+    barely: float = 0.5  # the same, of one that is determined weakly
+    coloured: float = 1.3  # memory of a residual that is not white
+    stretched: float = 1.05  # factor on a bar by the profile of the misfit
+    alike: float = 0.9  # correlation of two numbers
+    settled: float = 0.05  # of a bar, that a further wall computed at the answer may move
+
+
+INSPECTION_LIMITS = InspectionLimits()
+
+
+def told_of(inversion: Inversion) -> list[str]:
+    """Of each number "yes", "weakly", "no" or "at its bound", by its bar beside its bounds."""
+    width = np.array([p.high - p.low for p in inversion.parameters])
+    verdicts = []
+    for share, at_bound in zip(
+        inversion.uncertainty.two_sigma / width, inversion.at_bound, strict=True
+    ):
+        if at_bound and share < INSPECTION_LIMITS.barely:
+            verdicts.append(AT_BOUND)
+        else:
+            verdicts.append(
+                "yes"
+                if share <= INSPECTION_LIMITS.told
+                else "weakly"
+                if share <= INSPECTION_LIMITS.barely
+                else "no"
+            )
+    return verdicts
+
+
+class Judged(NamedTuple):
+    """An answer, others that the records do not tell from it, and how it came about."""
+
+    inversion: Inversion
+    rivals: tuple[Inversion, ...]
+    fit: RecordFit
+    n_shared: int  # numbers of the structure, the first ones
+    noise_known: bool
+    between: ParametricWall | None
+    moved: float | None  # bars by which the last computed wall moved it
+    records: tuple[str, ...]
+    no_wall: str = ""  # why no wall could be computed at the answer
+
+    @property
+    def explained(self) -> bool:
+        """Whether the model explains the records, as far as their noise is known; where no wall can
+        be computed at the answer there is no model of it."""
+        return not self.no_wall and (not self.noise_known or self.inversion.explained)
+
+    @property
+    def told(self) -> list[str]:
+        """Verdict on each number: "not explained" for all where the model does not explain the
+        records, for then a short bar means nothing."""
+        if self.explained:
+            return told_of(self.inversion)
+        return [UNEXPLAINED] * len(self.inversion.parameters)
+
+    @property
+    def rival_numbers(self) -> list[dict[str, float]]:
+        """The numbers of the structure in each rival answer."""
+        n = self.n_shared
+        return [
+            {p.name: float(x) for p, x in zip(r.parameters[:n], r.value[:n], strict=True)}
+            for r in self.rivals
+        ]
+
+    def bars_by_length(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times (k,) [s] since the first touch, and the bars (k, p) of records that end there."""
+        inversion, t = self.inversion, self.fit.shots[0].t
+        k = len(t)
+        ends = np.unique(np.linspace(k / INSTANTS, k, INSTANTS).astype(int))
+        bars = bars_over_time(inversion.slopes, bounds_information(inversion.parameters), ends)
+        return t[ends - 1] - self._touch, bars * scales(inversion.parameters)
+
+    @property
+    def _touch(self) -> float:
+        """First touch [s] on the first record's clock."""
+        return self.inversion.value[self.fit.unknowns.trigger[0]]
+
+    def remarks(self) -> Iterator[str]:
+        """Sentences on the misfit, on rival answers, on the numbers and on the wall."""
+        yield from self._on_misfit()
+        for rival in self.rival_numbers:
+            values = ", ".join(f"{name} = {value:.6g}" for name, value in rival.items())
+            yield (
+                f"THE RECORDS CANNOT TELL THIS ANSWER FROM ANOTHER: {values} leaves as little. "
+                "Bars are of the one alone; narrow --bounds by what is known, or record for longer."
+            )
+        yield from self._on_numbers()
+        yield from self._on_wall()
+
+    def _on_misfit(self) -> Iterator[str]:
+        """What the residual says of the model."""
+        inversion = self.inversion
+        misfit = inversion.whole_misfit
+        if not self.noise_known:
+            yield (
+                "The records do not tell their noise, 1 % of the largest signal is taken: whether "
+                f"{misfit:.3g} times of it is noise or a wrong model remains open; measure repeats."
+            )
+        elif not inversion.explained:
+            worst = max(inversion.parts, key=lambda part: part.misfit)
+            yield (
+                f"THE MODEL DOES NOT EXPLAIN THE RECORDS: it leaves {misfit:.3g} times their "
+                f"noise, and {worst.misfit:.3g} times from {1e3 * worst.begin:.3g} to "
+                f"{1e3 * worst.end:.3g} ms of {self.records[worst.record]}. The structure is "
+                "another than the scene says, a number that is off was not among those to find, "
+                "or the search has missed it (give more --starts or narrower --bounds); do not "
+                "rely on what was found, nor on its bars."
+            )
+        elif not inversion.noisy:
+            yield (
+                f"What is left is {misfit:.3g} times the noise, no more than the known errors of "
+                "the model (mesh, reduction, theory) leave; the bars hold these."
+            )
+        if inversion.memory > INSPECTION_LIMITS.coloured:
+            yield (
+                "What is left goes on from sample to sample (its variance is "
+                f"{inversion.memory:.3g} times that of its differences): the bars count with that."
+            )
+
+    def _on_numbers(self) -> Iterator[str]:
+        """What the records do not determine, or only together with another number."""
+        inversion, n = self.inversion, self.n_shared
+        names = [p.name for p in inversion.parameters]
+        verdicts = told_of(inversion)
+        undetermined = [i for i in range(n) if verdicts[i] == "no"]
+
+        for i in undetermined:
+            # were it determined if all others were known? then others do the same to the waves
+            t = self.fit.shots[0].t
+            length = 1e3 * (t[-1] - self._touch)
+            width = np.array([p.high - p.low for p in inversion.parameters])
+            felt = felt_from(
+                inversion.slopes, width / scales(inversion.parameters), INSPECTION_LIMITS.told
+            )
+            opening = f"The records do not tell {names[i]}: its bar is as long as its bounds"
+            if felt[i] < len(t):
+                yield (
+                    f"{opening}. Waves feel it from {1e3 * (t[felt[i]] - self._touch):.3g} ms on, "
+                    "but other numbers do the same to them: find fewer, or record for longer than "
+                    f"{length:.3g} ms."
+                )
+            else:
+                yield (
+                    f"{opening}, and were all else known, no wave within their {length:.3g} ms "
+                    "would tell it: the first wave that a structure sends back hardly feels its "
+                    "far ends, nor a load along it. Record later waves as well."
+                )
+        for name, value, verdict in zip(names, inversion.value, verdicts, strict=True):
+            if verdict == AT_BOUND:
+                of_record = ", record" in name
+                remedy = "say with --each where it starts" if of_record else "widen --bounds"
+                yield f"{name} lies at its bound {value:.4g} or beyond: {remedy}."
+        for i in range(n) if not undetermined else ():
+            for j in range(i):
+                r = float(inversion.uncertainty.correlation[i, j])
+                if abs(r) > INSPECTION_LIMITS.alike:
+                    way = "together" if r > 0 else "one up and one down"
+                    yield (
+                        f"{names[j]} and {names[i]} move {way} at almost no cost (correlation "
+                        f"{r:.2f}): each alone is known far worse than the two of them."
+                    )
+        if inversion.stretch > INSPECTION_LIMITS.stretched:
+            yield (
+                "The misfit rises more slowly than a parabola: bars are up to "
+                f"{inversion.stretch:.2g} times as long as its curvature says."
+            )
+        if undetermined or "weakly" in verdicts[:n]:
+            worst = inversion.uncertainty.combinations[0]
+            yield f"Least told by the records: {worst.text(inversion.parameters)}."
+
+    def _on_wall(self) -> Iterator[str]:
+        """How far the interpolation and the step of the model may be believed."""
+        between = self.between
+        if self.no_wall:
+            yield (
+                "THE MODEL DOES NOT EXPLAIN THE RECORDS: no wall can be computed at the answer "
+                f"({self.no_wall.rstrip('.')}). What is shown is of walls around it; do not rely "
+                "on what was found, nor on its bars. The structure is another than the scene says, "
+                "or --bounds are too wide."
+            )
+        elif between:
+            yield (
+                f"The wall lies between {between.n_walls} that were computed; one that is left out "
+                f"is missed by up to {100 * between.missed.frequency:.2g} % in the frequency of a "
+                f"mode. The one computed at the answer moved it by {self.moved:.2g} of its bars at "
+                "last."
+            )
+            if self.moved > INSPECTION_LIMITS.settled:
+                yield (
+                    "Walls between others are not good enough there for the bars: narrow --bounds."
+                )
+        if self.inversion.step_error > 1.0:
+            yield (
+                "The step of the model is seen in the signals by up to "
+                f"{self.inversion.step_error:.2g} times the noise; the bars hold what it does "
+                "to the numbers."
+            )

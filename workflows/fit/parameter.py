@@ -1,0 +1,179 @@
+"""What a calibration varies: parameters of a chain and its wall, and their exact derivatives.
+
+The stiffness of contact i is a factor on what the rig has; the trigger is the time on the record's
+clock at which the model starts, the first touch.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from dem import Chain, Wall
+from dem.sensitivities import STEPS_PER_TIME_SCALE, Directions, usual_step
+
+OF_WALL = ("frequency", "mass", "damping")
+UNIFORM = 12.0  # the variance of a uniform distribution is its width squared over this
+TRIGGER_REACH = 1e-4  # [s] bounds of a trigger to either side of its estimate
+TRIGGER_SCALE = 3e-6  # [s] a change of a trigger that counts as large
+AT_BOUND = 1e-6  # of the bounds' distance: parameters nearer to a bound lie at it
+RATIOS = (
+    "contact",
+    "stiffness",
+    "preload",
+    "striker",
+    "frequency",
+    "mass",
+    "gain",
+)  # > 0, by factors
+
+
+class Parameter(NamedTuple):
+    """One number to be fitted; `scale` is a change of it that counts as large."""
+
+    name: str
+    kind: str  # contact, stiffness, exponent, preload, dissipation, striker, trigger, frequency, mass, damping, gain
+    start: float
+    low: float
+    high: float
+    scale: float
+    unit: str = ""
+    index: int = 0  # of the contact, or of the damping ratio; the sign of a gain
+
+    @property
+    def of_wall(self) -> bool:
+        """Whether it belongs to the wall, else to the chain or the record."""
+        return self.kind in OF_WALL
+
+    @property
+    def relative(self) -> float:
+        """Its scale over its start, for one that is varied by factors."""
+        return self.scale / self.start
+
+
+def trigger(name: str, estimate: float) -> Parameter:
+    """The first touch on a record's clock, about its estimate [s]."""
+    low, high = estimate - TRIGGER_REACH, estimate + TRIGGER_REACH
+    return Parameter(name, "trigger", estimate, low, high, TRIGGER_SCALE, "s")
+
+
+def coordinates(parameters: Sequence[Parameter], theta: np.ndarray) -> np.ndarray:
+    """z (p,): what a fit varies, in scales; logarithms of parameters that are varied by factors."""
+    return np.array([
+        np.log(x) / p.relative if p.kind in RATIOS else x / p.scale
+        for p, x in zip(parameters, theta, strict=True)
+    ])  # fmt: skip
+
+
+def values(parameters: Sequence[Parameter], z: np.ndarray) -> np.ndarray:
+    """theta (p,) of coordinates z (p,)."""
+    return np.array([
+        np.exp(x * p.relative) if p.kind in RATIOS else x * p.scale
+        for p, x in zip(parameters, z, strict=True)
+    ])  # fmt: skip
+
+
+def slopes(parameters: Sequence[Parameter], theta: np.ndarray) -> np.ndarray:
+    """(p,) derivative of theta by z."""
+    return np.array([
+        x * p.relative if p.kind in RATIOS else p.scale
+        for p, x in zip(parameters, theta, strict=True)
+    ])  # fmt: skip
+
+
+def scales(parameters: Sequence[Parameter]) -> np.ndarray:
+    """Scale of each parameter, (p,): a change that counts as large."""
+    return np.array([p.scale for p in parameters])
+
+
+def ends(parameters: Sequence[Parameter]) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper bounds (p,)."""
+    return tuple(np.array([getattr(p, end) for p in parameters]) for end in ("low", "high"))
+
+
+def at_bound(parameters: Sequence[Parameter], value: np.ndarray) -> np.ndarray:
+    """(p,) whether each value (p,) lies at one of its bounds; never where a bound is infinite."""
+    low, high = ends(parameters)
+    margin = AT_BOUND * (high - low)
+    return np.isfinite(margin) & ((value - low <= margin) | (high - value <= margin))
+
+
+class Rig(NamedTuple):
+    """What is marched: chain, wall and impact."""
+
+    chain: Chain
+    wall: Wall | None
+    v0: np.ndarray  # (n,) [m/s] before the impact
+    damping: np.ndarray | None = None  # (d, k) derivative of the wall's zeta by each damping ratio
+    trigger: float = 0.0  # [s] first touch on the record's clock
+
+    @property
+    def step(self) -> float:
+        """Usual step of time of a march [s]."""
+        return usual_step(self.chain, self.wall, self.v0)
+
+    @property
+    def time_scale(self) -> float:
+        """Time within which the stiffest contact moves [s]."""
+        return STEPS_PER_TIME_SCALE * self.step
+
+
+def rig_at(rig: Rig, parameters: tuple[Parameter, ...], theta: np.ndarray) -> Rig:
+    """The rig with the parameters at theta (p,)."""
+    chain, wall, v0, trigger, A = rig.chain, rig.wall, rig.v0, rig.trigger, rig.chain.A.copy()
+    for p, value in zip(parameters, map(float, theta), strict=True):
+        match p.kind:
+            case "contact":
+                A[p.index] *= value
+            case "stiffness":
+                A *= value / p.start
+            case "exponent":
+                chain = chain._replace(exponent=np.full(A.size, value))
+            case "preload":
+                chain = chain._replace(preload=value)
+            case "dissipation":
+                chain = chain._replace(dissipation="hunt-crossley", gamma=np.full(A.size, value))
+            case "striker":
+                v0 = np.append(value, v0[1:])
+            case "trigger":
+                trigger = value
+            case "frequency":
+                wall = wall._replace(omega=np.array([2.0 * np.pi * value]))
+            case "mass":
+                wall = wall._replace(phi=np.array([value**-0.5]))
+            case "damping":
+                zeta = wall.zeta + (value - p.start) * rig.damping[p.index]
+                wall = wall._replace(zeta=np.maximum(zeta, 0.0))
+    return rig._replace(chain=chain._replace(A=A), wall=wall, v0=v0, trigger=trigger)
+
+
+def directions(rig: Rig, parameters: tuple[Parameter, ...], theta: np.ndarray) -> Directions:
+    """Derivatives of the chain, wall and start by the parameters at theta (p,)."""
+    p, n, n_contacts = len(parameters), rig.chain.mass.size, rig.chain.A.size
+    k = 0 if rig.wall is None else rig.wall.omega.size
+    sizes = (n_contacts, n_contacts, n)
+    d = Directions(*(np.zeros((s, p)) for s in sizes), np.zeros(p), *np.zeros((3, k, p)))
+    if rig.chain.exponent is not None:
+        d = d._replace(exponent=np.zeros((n_contacts, p)))
+    A = rig_at(rig, parameters, theta).chain.A
+    for j, (parameter, value) in enumerate(zip(parameters, theta, strict=True)):
+        match parameter.kind:
+            case "contact":
+                d.A[parameter.index, j] = A[parameter.index] / value
+            case "stiffness":
+                d.A[:, j] = A / value
+            case "exponent":
+                d.exponent[:, j] = 1.0
+            case "preload":
+                d.preload[j] = 1.0
+            case "dissipation":
+                d.gamma[:, j] = 1.0
+            case "striker":
+                d.v0[0, j] = 1.0
+            case "frequency":
+                d.omega[0, j] = 2.0 * np.pi
+            case "mass":
+                d.phi[0, j] = -0.5 * value**-1.5
+            case "damping":
+                d.zeta[:, j] = rig.damping[parameter.index]
+    return d

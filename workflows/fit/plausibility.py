@@ -1,0 +1,283 @@
+"""What records must be like before anything is fitted to them, and what they say of themselves:
+sizes, sampling, noise, the first touch."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from workflows.files.record import Record, Recorded, UnusableRecord
+from workflows.fit.parameter import Parameter, trigger
+from workflows.fit.signals import Aligned, Filter, Signals, noise_between_waves, rise
+
+
+class RecordLimits(NamedTuple):
+    """When a record is refused or flagged. Velocities are over the largest of the record, times
+    over the contact time scale; none of these numbers has been varied systematically."""
+
+    # sizes
+    wrong_units: float = 20.0  # largest velocity over the striker's, or one over it: refused beyond
+    doubtful_units: float = 3.0  # the same: flagged beyond
+    arrived: float = 0.5  # velocity of a wave, or of the striker on its way
+    offset: float = 0.02  # velocity at rest: an offset of the instrument
+    still: float = 0.05  # change of velocity: no wave has come by
+
+    # times
+    coarsest: float = 0.5  # sampling interval: refused above, flagged above half
+    shortest: float = 2.0  # record: refused below
+    lowest_cut_off: float = 0.05  # of a low-pass, times the time scale: refused below
+    triggers: tuple[float, float] = (-0.5, 1.0)  # of the record: where the first touch may be
+    shifted: float = 5e-6  # [s] between the triggers of repeats: worth a sentence
+
+    # velocities that stay at the end of an instrument's range
+    flat: float = 0.15  # time for which no wave stays at its largest velocity
+    least_flat: int = 5  # samples, that noise does not repeat
+    same_value: float = 1e-6  # difference of two samples at the same value
+
+    alike: float = 0.5  # correlation with the start model: flagged below
+
+
+LIMITS = RecordLimits()
+
+
+def plausible(record: Record, v0: np.ndarray) -> Iterator[str]:
+    """Raise UnusableRecord for data that cannot be what it says of a chain that starts with v0 (n,)
+    [m/s]; sentences on what is doubtful."""
+    for n in record.spheres:
+        if not 1 <= n <= len(v0):
+            raise UnusableRecord(
+                f"the data has sphere {n}, allowed are 1 to chain.count = {len(v0)}; "
+                "correct its header or the scene."
+            )
+
+    # units: the size of the velocities beside the striker's
+    speed, largest = np.abs(v0).max(), np.abs(record.v).max()
+    ratio = largest / speed
+    sizes = f"velocities reach {largest:.3g} m/s, the scene's striker {speed:g} m/s"
+    if not 1 / LIMITS.wrong_units < ratio < LIMITS.wrong_units:
+        raise UnusableRecord(f"{sizes}; correct the unit in the data's header or striker.velocity.")
+    if not 1 / LIMITS.doubtful_units < ratio < LIMITS.doubtful_units:
+        yield f"{sizes}: check units and striker.velocity."
+
+    # sphere 1 is the striker, on its way to the wall
+    mean = record.v.mean(axis=0)
+    begin = mean[:5].mean(axis=0)
+    arrived = LIMITS.arrived * np.abs(mean[:, 0]).max()
+    if record.spheres[0] == 1 and begin[0] < -arrived:
+        raise UnusableRecord(
+            f"sphere 1, the striker, starts at {begin[0]:.3g} m/s, away from the wall; velocities "
+            "towards the wall must be positive, turn the sign of the data or check its columns."
+        )
+    if record.spheres[0] == 1 and not begin[0] > arrived:
+        raise UnusableRecord(
+            f"sphere 1, the striker, starts at {begin[0]:.3g} m/s: the record begins after it has "
+            "hit, or the columns are swapped; begin earlier or correct the header."
+        )
+
+    # every sphere has moved by the end of the record
+    change = np.abs(mean - begin).max(axis=0)
+    for n, moved in zip(record.spheres, change, strict=True):
+        if moved < LIMITS.still * np.abs(mean).max():
+            length = 1e3 * (record.t[-1] - record.t[0])
+            raise UnusableRecord(
+                f"no wave comes by sphere {n} within the {length:.4g} ms of the record, its "
+                f"velocity changes by {moved:.2g} m/s; record longer, leave the sphere out or "
+                "check its column."
+            )
+
+    for n, v in zip(record.spheres, begin, strict=True):
+        if v0[n - 1] == 0.0 and abs(v) > LIMITS.offset * largest:
+            yield (
+                f"Sphere {n} begins at {v:.3g} m/s, the scene has it at rest: take the "
+                "instrument's offset off the data."
+            )
+
+
+def require_samples(t: np.ndarray, time_scale: float) -> None:
+    """Raise UnusableRecord where waves pass between two samples, or a record ends within one."""
+    dt, length = t[1] - t[0], t[-1] - t[0]
+    if dt > LIMITS.coarsest * time_scale:
+        lowest_rate = 1 / (LIMITS.coarsest * time_scale)
+        raise UnusableRecord(
+            f"a sample every {1e6 * dt:.3g} us is too seldom for contacts that move within "
+            f"{1e6 * time_scale:.3g} us; measure with {lowest_rate:.3g} Hz or more, or correct the "
+            "unit of time."
+        )
+    if length < LIMITS.shortest * time_scale:
+        raise UnusableRecord(
+            f"the record lasts {1e6 * length:.3g} us, contacts move within {1e6 * time_scale:.3g} "
+            "us; correct the unit of time or record longer."
+        )
+
+
+def cut_off(record: Record, time_scale: float) -> Iterator[str]:
+    """Sentences on spheres that stay at their largest velocity, as beyond a laser's range."""
+    longest = max(LIMITS.least_flat, LIMITS.flat * time_scale / (record.t[1] - record.t[0]))
+    for i, n in enumerate(record.spheres):
+        largest = np.abs(record.v[:, :, i]).max()
+        for sign in (1.0, -1.0):
+            v = sign * record.v[:, :, i]
+            at_end = v > v.max() - LIMITS.same_value * largest
+            flat = max(map(_longest_run, at_end))
+            if v.max() > LIMITS.arrived * largest and flat > longest:
+                yield (
+                    f"Sphere {n} stays at {sign * v.max():.3g} m/s, the end of what it shows, for "
+                    f"{flat} samples: beyond the instrument's range?"
+                )
+
+
+def _longest_run(is_flat: np.ndarray) -> int:
+    """Samples of the longest run of True in (k,) that neither begins nor ends the record."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], is_flat, [False]]).astype(int)))
+    begin, end = edges[::2], edges[1::2]
+    inside = (begin > 0) & (end < len(is_flat))
+    return int((end - begin)[inside].max(initial=0))
+
+
+def unlike_the_model(
+    signals: Signals,
+    data: np.ndarray,
+    model: np.ndarray,
+    lag: float,
+    dt: float,
+    time_scale: float,
+) -> Iterator[str]:
+    """Sentences on data (k, m) that is unlike the model (k, m) it starts from, `lag` [s] later;
+    raises UnusableRecord for a first touch off the record."""
+    t = signals.t
+    if abs(lag) > 0.5 * (t[-1] - t[0]):
+        raise UnusableRecord(
+            f"the first touch would be at {1e3 * (t[0] + lag):.3g} ms, in the second half of the "
+            f"record or before it; shift the record, or give --trigger."
+        )
+    if lag < -2 * dt:
+        early = 1e6 * -lag
+        yield f"The first touch is {early:.3g} us before the record starts: the trigger came late."
+    if dt > 0.5 * LIMITS.coarsest * time_scale:
+        yield f"A sample every {1e6 * dt:.3g} us is seldom for waves of {1e6 * time_scale:.3g} us."
+    late = np.array([np.interp(t - lag, t, column) for column in model.T]).T
+    for i, sphere in enumerate(signals.spheres):
+        correlation = np.corrcoef(late[:, i], data[:, i])[0, 1]
+        if correlation < LIMITS.alike:
+            yield (
+                f"Sphere {sphere + 1} does not look like the model it starts from (correlation "
+                f"{correlation:.2f}): check its column, sign and time base."
+            )
+
+
+def on_repeats(raw: Aligned) -> Iterator[str]:
+    """Sentences on repeats that were left out or shifted."""
+    for i in raw.outliers:
+        yield f"Repeat {i + 1} is unlike the others and was left out."
+    spread = np.ptp(np.delete(raw.shift, raw.outliers))
+    if spread > LIMITS.shifted:
+        yield f"Repeats were shifted against each other by up to {1e6 * spread:.3g} us; undone."
+
+
+def filters_of(
+    band: float | None, instrument: float | None, t: np.ndarray, time_scale: float
+) -> Filter:
+    """Low-passes [Hz] of data and model; raises UnusableRecord for one that leaves nothing."""
+    nyquist, lowest = 0.5 / (t[1] - t[0]), LIMITS.lowest_cut_off / time_scale
+    for name, value in (("band", band), ("instrument", instrument)):
+        highest = nyquist if name == "band" else 10 * nyquist
+        if value is not None and not lowest < value < highest:
+            raise UnusableRecord(
+                f"--{name} {value:g} Hz must be between {lowest:.4g} Hz, below which nothing is "
+                f"left of the waves, and {highest:g} Hz, given the data's {2 * nyquist:.4g} "
+                "samples in a second; change it."
+            )
+    return Filter(band, instrument)
+
+
+def first_touch(text: str, estimate: float, t: np.ndarray) -> float:
+    """The time [s] that is given, or the estimate; raises UnusableRecord for one off the record."""
+    if text in ("fit", "estimate"):
+        return estimate
+    try:
+        trigger = float(text)
+    except ValueError:
+        trigger = np.nan
+    low, high = (t[0] + share * (t[-1] - t[0]) for share in LIMITS.triggers)
+    if not low < trigger < high:
+        raise UnusableRecord(
+            f"--trigger {text!r} must be fit, estimate, or the time of the first touch between "
+            f"{low:.4g} and {high:.4g} s, given the record."
+        )
+    return trigger
+
+
+RESOLVED = 1e-4  # of the largest signal: noise below this is below what the model resolves
+USUAL_NOISE = 0.01  # of the largest signal, taken where a record does not show its noise
+LEVELS = 4096  # of 12 bits: a record of no more different values has been rounded by its instrument
+
+
+def called_apart(records: tuple[Recorded, ...]) -> tuple[Recorded, ...]:
+    """Records whose files have the same name, named by their numbers."""
+    if len({record.name for record in records}) == len(records):
+        return records
+    return tuple(record._replace(name=f"record {i}") for i, record in enumerate(records, 1))
+
+
+def alike(records: tuple[Recorded, ...]) -> tuple[Recorded, ...]:
+    """Records of the same channels, cut to the shortest; raises UnusableRecord for others."""
+    for record in records[1:]:
+        if record.channels != records[0].channels:
+            raise UnusableRecord(
+                f"{record.name} has {_sensors_of(record)}, {records[0].name} has "
+                f"{_sensors_of(records[0])}; give records of the same sensors."
+            )
+    k = min(len(record.t) for record in records)
+    return tuple(record._replace(t=record.t[:k], y=record.y[:k]) for record in records)
+
+
+def _sensors_of(record: Recorded) -> str:
+    return ", ".join(channel.name for channel in record.channels)
+
+
+def require_size(record: Recorded, model: np.ndarray, gain_known: np.ndarray) -> None:
+    """Raise UnusableRecord where signals of known gains (m,) are far from the size of the model's
+    (k, m)."""
+    peaks, model_peaks = (np.abs(y).max(axis=0) for y in (record.y, model))
+    for channel, peak, expected, is_known in zip(
+        record.channels, peaks, model_peaks, gain_known, strict=True
+    ):
+        if is_known and not expected / LIMITS.wrong_units < peak < expected * LIMITS.wrong_units:
+            raise UnusableRecord(
+                f"{record.name}: {channel.name} reaches {peak:.3g}, the scene's model "
+                f"{expected:.3g} in SI units; correct the unit in the record's header, the gain or "
+                "the scene."
+            )
+
+
+def trigger_of(record: Recorded, model: np.ndarray, name: str) -> Parameter:
+    """When the chain is first touched on the record's clock, by the rise of its first wave beside
+    that of the model (k, m)."""
+    estimate = rise(record.t, record.y) - rise(record.t - record.t[0], model)
+    return trigger(name, estimate)
+
+
+def noise_of(record: Recorded, time_scale: float) -> tuple[np.ndarray, bool]:
+    """rms (m,) of the mean signals' noise, and whether the record shows it."""
+    largest = np.abs(record.y).max(axis=0)
+    if not largest.all():
+        raise UnusableRecord(
+            f"{record.name}: {_sensors_of(record)} holds a signal of zeros; drop its column."
+        )
+    if record.repeats > 1:
+        estimates = list(record.spread / np.sqrt(record.repeats))
+    else:
+        estimates = [noise_between_waves(record.t, y[:, None], time_scale) for y in record.y.T]
+    rms = np.array([np.nan if estimate is None else estimate for estimate in estimates])
+    is_known = bool(np.isfinite(rms).all())
+    rms = np.where(np.isfinite(rms), rms, USUAL_NOISE * largest)
+    floor = np.maximum(RESOLVED * largest, rounding(record.y))
+    return np.maximum(rms, floor), is_known
+
+
+def rounding(y: np.ndarray) -> np.ndarray:
+    """rms (m,) of what an instrument of few levels rounds off signals (k, m): D / sqrt(12) of its
+    step D, 0 of a signal that takes more values than such an instrument has."""
+    levels = [np.unique(column) for column in y.T]
+    steps = [np.median(np.diff(u)) if 1 < len(u) <= LEVELS else 0.0 for u in levels]
+    return np.array(steps) / np.sqrt(12.0)

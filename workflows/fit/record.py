@@ -1,0 +1,258 @@
+"""Records that users measured: velocities, or signals of any sensors as `beadwave impact` writes
+them: CSV with a quantity in each column, or .mat with y (k, m) or (k, m, repeats) and the texts
+quantity and unit, the rest as velocities, or UFF58, where the label of the ordinate may name the
+quantity and its unit is needed. The content of the files is read by `workflows.files`.
+
+    time [us], sphere 9 force [mN], sphere 9 force [mN], sphere 4 velocity [mm/s]
+
+The quantity is force, force-rate, velocity or displacement; [V] or [mV] is a voltage whose gain the
+scene's sensor says, or that nobody knows. Columns that come twice are repeats: they are laid over
+each other and averaged. A column without a quantity is what its unit measures, in volts a velocity.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from re import fullmatch, split
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coupling.band import Band
+from coupling.errors import CouplingError
+from coupling.sensors import Sensor
+from dem import InvalidChain, NoEquilibrium
+from workflows.files import record_formats
+from workflows.files.foreign import arrays
+from workflows.files.record import (
+    SYNTHETIC,
+    Channel,
+    Record,
+    Recorded,
+    UnusableRecord,
+    equidistant,
+    stacked,
+)
+from workflows.files.record_formats import Column, Found, of_mat, text_of
+from workflows.files.uff import ENDINGS, data_sets
+from workflows.fit.signals import aligned
+from workflows.scene import InvalidScene, Scene
+from workflows.scene.named_files import require_file
+from workflows.scene.sensors import KINDS
+from workflows.scene.units import VOLTAGE, NoSuchQuantity, in_si
+
+HEADING = r"sphere\s+(\d+)(?:\s+([a-z-]+))?\s*\[(.+)\]"
+
+
+@contextmanager
+def usable() -> Iterator[None]:
+    """A record that cannot be what it says raised as InvalidScene."""
+    try:
+        yield
+    except UnusableRecord as error:
+        raise InvalidScene(str(error)) from None
+
+
+@contextmanager
+def marched(name: str) -> Iterator[None]:
+    """What cannot be marched of a scene or file of this name raised as InvalidScene."""
+    try:
+        yield
+    except (CouplingError, InvalidChain, NoEquilibrium) as reason:
+        raise InvalidScene(f"{name}: {str(reason).rstrip('.')}.") from None
+
+
+def recorded(path: Path) -> Recorded:
+    """The signals of a file; raises InvalidScene where it holds none that can be used."""
+    t, channels, y, title = _channels(path)
+    repeats = aligned(t, y, tuple(range(len(channels))))
+    if repeats.outliers:
+        raise InvalidScene(
+            f"{path}: repeat {repeats.outliers[0] + 1} is unlike the others; leave it out."
+        )
+    mean = repeats.signals
+    synthetic = SYNTHETIC in title
+    return Recorded(t, mean.v, channels, mean.spread, mean.repeats, path.name, synthetic)
+
+
+def measured(path: Path) -> Record:
+    """Velocities or signals of any sensors, all repeats; raises InvalidScene."""
+    is_uff = path.suffix.lower() in ENDINGS
+    if not is_uff and not _holds_sensors(path):
+        return record(path)
+    t, channels, y, title = _channels(path)
+    spheres = tuple(channel.sphere for channel in channels)
+    if is_uff and not any(map(_is_no_velocity, channels)):
+        return Record(t, y, spheres, title)
+    return Record(t, y, spheres, title, channels)
+
+
+def _channels(
+    path: Path,
+) -> tuple[NDArray[np.float64], tuple[Channel, ...], NDArray[np.float64], str]:
+    """t (k,) [s], channels, values (r, k, m) and title of a file; raises InvalidScene for a column
+    that never changes."""
+    suffix = path.suffix.lower()
+    if suffix in ENDINGS:
+        require_file(path, "give a record as .uff")
+        t, channels, y, title = laid_out(path, partial(uff_columns, column=_channel))
+    elif suffix == ".mat":
+        require_file(path, "give a record as .csv or .mat")
+        t, channels, y, title = laid_out(path, _mat_columns)
+    elif suffix == ".csv":
+        require_file(path, "give a record as .csv")
+        t, channels, y, title = laid_out(path, partial(csv_columns, column=_channel))
+    else:
+        raise InvalidScene(f"{path} must end in .csv.")
+    for i, channel in enumerate(channels):
+        is_still = np.ptp(y[:, :, i], axis=1) == 0.0
+        if is_still.any():
+            raise InvalidScene(
+                f"{path}: {channel.name} is {y[is_still.argmax(), 0, i]:.3g} at every sample, no "
+                "wave is in it; leave the column out or record it again."
+            )
+    return t, channels, y, title
+
+
+def _holds_sensors(path: Path) -> bool:
+    """Whether a CSV or .mat file that exists holds anything but velocities."""
+    if not path.is_file() or path.suffix.lower() not in (".csv", ".mat"):
+        return False
+    if path.suffix.lower() == ".mat":
+        with refused(path):
+            return "quantity" in arrays("matlab", path, "quantity")
+
+    # a heading that names its quantity, or whose unit is none of a velocity
+    lines = path.read_bytes()[:100_000].decode("utf-8", "replace").splitlines()
+    header = next((line for line in lines if line.strip() and not line.startswith("#")), "")
+    for name in split(r"[,;\t]", header):
+        heading = fullmatch(HEADING, name.strip())
+        if not heading:
+            continue
+        if heading[2]:
+            return True
+        try:
+            channel, _ = _channel(name.strip())
+        except ValueError:
+            continue
+        if _is_no_velocity(channel):
+            return True
+    return False
+
+
+def _is_no_velocity(channel: Channel) -> bool:
+    return channel.in_volts or channel.quantity != "velocity"
+
+
+def _mat_columns(path: Path) -> Found:
+    """Times and columns of a .mat file, all of one quantity and unit."""
+    fields = variables(path, ("t", "y", "spheres", "time_unit", "quantity", "unit"))
+    quantity, unit = text_of(fields, "quantity"), text_of(fields, "unit")
+    t, columns, title = of_mat(fields, "y")
+    in_si_units = []
+    for n, y in columns:
+        channel, factor = _channel(f"sphere {n} {quantity} [{unit}]")
+        in_si_units.append((channel, factor * y))
+    return Found(t, in_si_units, title)
+
+
+def _channel(name: str) -> tuple[Channel, float]:
+    """The channel of a heading, as "sphere 9 force [mN]", and the factor of its unit to SI; raises
+    ValueError. Without a quantity it is the first that has the unit, velocity before the others."""
+    heading = fullmatch(HEADING, name)
+    if not heading or (heading[2] or "velocity") not in KINDS:
+        raise ValueError(
+            f"a column is {name[:40]!r}, allowed is 'sphere 9 force [mN]', with its unit; the "
+            f"quantity is one of {', '.join(KINDS)}"
+        )
+    sphere, unit = int(heading[1]), heading[3].strip()
+    for quantity in (heading[2],) if heading[2] else ("velocity", *KINDS):
+        for in_volts, kind in enumerate((KINDS[quantity], VOLTAGE)):
+            try:
+                return Channel(sphere, quantity, bool(in_volts)), in_si(f"1 {unit}", kind)
+            except NoSuchQuantity:
+                continue
+    quantity = heading[2] or "velocity"
+    units = ", ".join((KINDS[quantity].unit, *KINDS[quantity].others, "V", "mV"))
+    raise ValueError(f"the unit of {quantity} is {unit!r}, allowed are {units}")
+
+
+def sensor_of(scene: Scene, channel: Channel) -> tuple[Sensor, str | None]:
+    """The sensor of a channel, with band and gain of the scene's sensor of that sphere and
+    quantity; and the name of its gain where nobody knows it."""
+    if not 1 <= channel.sphere <= scene.chain.count:
+        raise InvalidScene(
+            f"the data has sphere {channel.sphere}, allowed are 1 to chain.count = "
+            f"{scene.chain.count}; correct its header or the scene."
+        )
+    table = next(
+        (sensor for sensor in scene.output.sensors or ()
+         if (sensor.sphere, sensor.quantity) == (channel.sphere, channel.quantity)), None,
+    )  # fmt: skip
+    band = Band(table.low_pass, table.high_pass, table.order) if table else Band()
+    sensor = Sensor(channel.sphere - 1, channel.quantity, band=band)
+    if not channel.in_volts:
+        return sensor, None
+    gain = table.gain if table else None
+    if isinstance(gain, float):
+        return sensor._replace(gain=gain), None
+    return sensor, gain or channel.name
+
+
+def record(path: Path) -> Record:
+    """The velocities of a file; raises InvalidScene where it holds none that can be used."""
+    uff = partial(uff_columns, column=record_formats.sphere_column, named=False)
+    csv = partial(csv_columns, column=record_formats.sphere_column)
+
+    def mat(path: Path) -> Found:
+        needed = ("t", "v", "spheres", "time_unit", "velocity_unit")
+        return record_formats.velocities_of_mat(variables(path, needed))
+
+    readers = {".csv": csv, ".mat": mat, **dict.fromkeys(ENDINGS, uff)}
+    if path.suffix.lower() not in readers:
+        raise InvalidScene(f"{path} must end in .csv, .mat, .uff or .unv.")
+    require_file(path, "give measured velocities as .csv, .mat or .uff")
+    t, spheres, v, title = laid_out(path, readers[path.suffix.lower()])
+    return Record(t, v, spheres, title)
+
+
+def laid_out(
+    path: Path, read: Callable[[Path], Found]
+) -> tuple[NDArray, tuple[Any, ...], NDArray, str]:
+    """t (k,) [s], what m columns of a file hold, their values (r, k, m), and its title or name;
+    raises InvalidScene."""
+    with refused(path):
+        t, columns, title = read(path)
+        t = equidistant(t)
+        return t, *stacked(t, columns), title or path.stem
+
+
+@contextmanager
+def refused(path: Path) -> Iterator[None]:
+    """Errors of reading a file raised as InvalidScene, in one sentence with its path."""
+    try:
+        yield
+    except InvalidScene:
+        raise
+    except UnicodeDecodeError:
+        raise InvalidScene(f"{path} is no text in UTF-8; save it as such.") from None
+    except (ValueError, KeyError, IndexError, TypeError, OSError) as error:
+        raise InvalidScene(f"{path}: {str(error).rstrip('.')}; correct the file.") from None
+
+
+def csv_columns(path: Path, column: Column) -> Found:
+    """Times and columns of a CSV file; `column` reads a heading."""
+    return record_formats.of_csv(path.read_text(encoding="utf-8-sig"), column)
+
+
+def uff_columns(path: Path, column: Column, *, named: bool = True) -> Found:
+    """Times and columns of a universal file's data sets 58; `column` reads a name."""
+    record_formats.require_whole(path.read_bytes())
+    return record_formats.of_data_sets(data_sets(path, 58), column, named=named)
+
+
+def variables(path: Path, needed: tuple[str, ...]) -> dict:
+    """The variables of a .mat file that are needed, and its title where it has one."""
+    return record_formats.require_variables(arrays("matlab", path, *needed, "title"), needed)

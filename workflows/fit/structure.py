@@ -1,0 +1,219 @@
+"""Chain and wall of a scene as functions of numbers in it; a reduced wall between computed ones."""
+
+from collections.abc import Callable
+from functools import lru_cache, partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from joblib import Memory
+from numpy.typing import NDArray
+
+import coupling
+import dem
+from workflows.fit.better_walls import FAILURES, better_walls
+from workflows.fit.model_errors import BetterModel, with_systems
+from workflows.fit.parameter import Rig
+from workflows.fit.parametric_wall import (
+    Bounds,
+    Computed,
+    ParametricWall,
+    design,
+    parametric_wall,
+    with_rest,
+)
+from workflows.fit.scene_parameters import number, put, scene_at
+from workflows.scene import InvalidScene, RomWall, Scene
+from workflows.stages.chain import chain as chain_of
+from workflows.stages.chain import initial_velocity, on_surface
+from workflows.stages.pipeline import Pipeline, needs_structure, pipeline_of
+from workflows.stages.progress import Progress, quiet
+from workflows.stages.walls import simple_wall, wall_of
+from workflows.sweep.cases import Base
+
+DEGREE_BEAM, DEGREE_BODIES = 3, 2  # of the polynomials between walls: beams are computed quickly
+CHAINS = 16  # chains that are cached: many runs differ in the wall alone
+
+
+class KeyedChains(NamedTuple):
+    """Chains of a scene by the values of those of its keys that change them."""
+
+    of: tuple[int, ...]  # places of these keys
+    chain: Callable[..., dem.Chain]
+
+
+class VariedScene(NamedTuple):
+    """A scene as a function of the values (q,) of its keys."""
+
+    scene: Scene
+    base: Base
+    keys: tuple[str, ...]
+    surface: Any  # rom.Contact, of bodies
+    rows: KeyedChains | None  # where nothing else of the scene follows from the keys
+    of_wall: tuple[int, ...] = ()  # places of the keys that change the reduced wall
+    between: ParametricWall | None = None  # the reduced wall, where keys change it
+    fixed: dem.Wall | None = None  # the reduced wall, where none does
+
+    def __call__(self, values: NDArray[np.float64]) -> Rig:
+        """What is marched; raises CouplingError for values that no scene may have."""
+        try:
+            if self.rows is None:
+                scene = scene_at(self.base, self.keys, values)
+                chain = chain_of(on_surface(scene, self.surface))
+            else:
+                scene = put(self.scene, self.keys, values)
+                chain = self.rows.chain(*(values[i] for i in self.rows.of))
+            if self.between is not None:
+                wall = self.between(values[list(self.of_wall)])
+            else:
+                wall = self.fixed if isinstance(scene.wall, RomWall) else simple_wall(scene)
+            return Rig(chain, wall, initial_velocity(scene))
+        except InvalidScene as reason:
+            raise coupling.CouplingError(str(reason)) from None
+
+    def of(self, scene: Scene, base: Base) -> "VariedScene":
+        """The same walls behind the chain of another scene."""
+        rows = _keyed_chains(base, scene, self.keys, self.surface)
+        return self._replace(scene=scene, base=base, rows=rows)
+
+    def behind(self, wall: dem.Wall | coupling.CoupledWall) -> "VariedScene":
+        """The same chain before this wall, whatever the values of its keys."""
+        return self._replace(between=None, fixed=wall)
+
+    def within(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> "VariedScene":
+        """The same with walls computed between narrower bounds (n,) of the first keys, where
+        enough of them can be."""
+        places = list(self.of_wall)
+        keys = tuple(self.keys[i] for i in places)
+        try:
+            box = Bounds(low[places], high[places])
+            between = _wall_between(self.base, keys, box, DEGREE_BODIES)
+        except FAILURES:
+            return self
+        return self._replace(between=between)
+
+    def through(self, values: NDArray[np.float64]) -> "VariedScene":
+        """The same with the wall that is computed at these values; raises CouplingError where none
+        can be."""
+        try:
+            exact = computed(scene_at(self.base, self.keys, values))
+        except FAILURES as reason:
+            raise coupling.CouplingError(str(reason)) from None
+        between = self.between.through(values[list(self.of_wall)], exact)
+        return self._replace(between=between)
+
+
+def structure(
+    base: Base, keys: tuple[str, ...], box: Bounds, n_shared: int, progress: Progress
+) -> VariedScene:
+    """The scene as a function of its keys, the first n_shared of them within the bounds.
+
+    Computes the walls between which others lie where keys change a reduced wall. Raises
+    InvalidScene for walls that cannot follow.
+    """
+    scene = base.with_values({})
+    pipeline = pipeline_of(scene, progress)
+    of_bodies = needs_structure(scene) and scene.is_general
+    surface = pipeline("surface") if of_bodies else None
+    rows = _keyed_chains(base, scene, keys, surface)
+    plain = VariedScene(scene, base, keys, surface, rows)
+    if not isinstance(scene.wall, RomWall):
+        return plain
+
+    # a key changes the wall where it changes the name under which the wall is cached
+    of_wall = []
+    for i, key in enumerate(keys):
+        changed = base.with_values({key: _a_little_more(number(scene, key))})
+        if Pipeline(changed, Memory(None, verbose=0)).key("wall") != pipeline.key("wall"):
+            of_wall.append(i)
+    if any(i >= n_shared for i in of_wall):
+        raise InvalidScene(
+            f"--each {keys[of_wall[-1]]} changes the structure, which all records share; find it."
+        )
+    if not of_wall:
+        return plain._replace(fixed=_with_modes(scene, pipeline("wall")))
+    with progress("walls"):
+        degree = DEGREE_BODIES if scene.bending is None else DEGREE_BEAM
+        wall_box = Bounds(box.low[of_wall], box.high[of_wall])
+        between = _wall_between(base, tuple(keys[i] for i in of_wall), wall_box, degree)
+    return plain._replace(of_wall=tuple(of_wall), between=between)
+
+
+def _keyed_chains(
+    base: Base, scene: Scene, keys: tuple[str, ...], surface: Any
+) -> KeyedChains | None:
+    """None where other values of the scene follow from a key, as a velocity from a drop: a checked
+    scene differs then from one in which the value is merely replaced."""
+    for key in keys:
+        value = np.array([_a_little_more(number(scene, key))])
+        checked = scene_at(base, (key,), value)
+        if put(scene, (key,), value).but(unusual=checked.unusual) != checked:
+            return None
+
+    # the keys that the chain depends on: it changes where their values do
+    def chain(names: tuple[str, ...], *values: float) -> dem.Chain:
+        return chain_of(on_surface(put(scene, names, np.array(values)), surface))
+
+    values = [number(scene, key) for key in keys]
+    usual, of_chain = chain(keys, *values), []
+    for i, value in enumerate(values):
+        changed = chain(keys, *values[:i], _a_little_more(value), *values[i + 1 :])
+        if not all(map(np.array_equal, usual, changed)):
+            of_chain.append(i)
+    names = tuple(keys[i] for i in of_chain)
+    return KeyedChains(tuple(of_chain), lru_cache(CHAINS)(partial(chain, names)))
+
+
+def _a_little_more(value: float) -> float:
+    """A value that differs by more than rounding, and by nothing that a scene refuses."""
+    return value * (1 + 1e-6) + 1e-12
+
+
+def _with_modes(scene: Scene, wall: dem.Wall | coupling.CoupledWall) -> dem.Wall:
+    """The wall; raises InvalidScene for one that is not a set of oscillators."""
+    if isinstance(wall, coupling.CoupledWall):
+        raise InvalidScene(
+            f"{scene.name}: dashpots and thesis weights couple the wall's modes, which inspect "
+            "cannot follow; drop them."
+        )
+    return wall
+
+
+def _wall_between(base: Base, keys: tuple[str, ...], box: Bounds, degree: int) -> ParametricWall:
+    """The wall between those computed within the bounds of its keys; raises InvalidScene where too
+    few can be."""
+    middle, *others = design(box, degree)
+    numbers, walls = [middle], [computed(scene_at(base, keys, middle))]
+    for values in others:
+        try:
+            walls.append(computed(scene_at(base, keys, values)))
+            numbers.append(values)
+        except FAILURES:  # buckled, or beyond what a table takes: others are enough
+            continue
+    try:
+        return parametric_wall(box, np.array(numbers), walls, degree)
+    except coupling.CouplingError as reason:
+        raise InvalidScene(str(reason)) from None
+
+
+def better_models(model: VariedScene, values: NDArray[np.float64]) -> dict[str, list[BetterModel]]:
+    """Models of the same structure at the values (q,) of the keys that are better in one respect,
+    by the cause of the error: see `better_walls`."""
+    try:
+        walls = better_walls(scene_at(model.base, model.keys, values))
+    except FAILURES:  # values that no scene may have: the bars name the causes that they hold
+        return {}
+    return with_systems(walls, model.behind)
+
+
+def computed(scene: Scene) -> Computed:
+    """The scene's wall and the shapes of its modes; a structure of bodies is cached, beams are
+    quicker computed anew."""
+    if not needs_structure(scene):
+        reduced = None
+    elif scene.bending:
+        from workflows.stages import bending
+
+        reduced = bending.reduction(scene, bending.model(scene))
+    else:
+        reduced = pipeline_of(scene, quiet)("reduction")
+    return with_rest(_with_modes(scene, wall_of(scene, reduced)), reduced)

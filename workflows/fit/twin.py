@@ -1,0 +1,309 @@
+"""A twin experiment: a known rig makes the data, a calibration has to find it again.
+
+Everything it writes says SYNTHETIC on its face. The data does not come from the model that is
+fitted: another scheme marches it at an error of 1e-8 and a higher rate, the instrument's low-pass
+acts on that, and each repeat is sampled with its own trigger and its own noise. Repeats of the
+whole experiment, fitted again and again, tell whether two-sigma bars hold the truth.
+"""
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import active_children, get_context
+from signal import SIG_BLOCK, SIG_SETMASK, SIGINT, pthread_sigmask
+from textwrap import fill
+from time import perf_counter
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+from pydantic import BaseModel
+from scipy.signal import butter, sosfilt, sosfilt_zi
+
+import dem
+from dem import Chain, Wall, march_to_error
+from workflows.files.record import SYNTHETIC, Record
+from workflows.fit import scene_parameters
+from workflows.fit.calibrate import Calibrated, CalibrationRequest, calibrated
+from workflows.fit.chain_fit import calibrate
+from workflows.fit.model_errors import BetterModel
+from workflows.fit.parameter import Parameter, Rig
+from workflows.fit.signals import Filter, aligned
+from workflows.fit.windows import Options
+from workflows.report.tables import LINE, aligned_text
+from workflows.scene import InvalidScene, OneDofWall, Scene
+from workflows.stages.chain import chain, initial_velocity
+
+MARCHED = 1e-8  # relative velocity error of the march that makes the data
+OVERSAMPLED = 4  # samples of the march per sample of the instrument
+
+
+class Twin(NamedTuple):
+    """The rig that makes the data, and the instrument; all of it assumed, none of it measured."""
+
+    scatter: float = 0.1  # of the contacts' stiffness, uniform to either side
+    frequency: float = 240.0  # Hz, of a 1dof wall: what the thesis found
+    noise: float = 1e-3  # m/s rms in the instrument's band, of one repeat
+    sampling: float = 1e6  # Hz
+    instrument: float = 100e3  # Hz, low-pass of order 4 in the vibrometer
+    repeats: int = 10
+    jitter: float = 2e-6  # s, standard deviation of the trigger
+    before: float = 50e-6  # s of record before the first touch
+    seed: int = 0
+
+
+class Clean(NamedTuple):
+    """What the instrument would show without noise and with a perfect trigger, oversampled."""
+
+    t: np.ndarray  # (k,) [s] on the record's clock
+    v: np.ndarray  # (k, m) [m/s]
+    spheres: tuple[int, ...]
+
+
+def clean_signals(
+    chain: Chain,
+    wall: Wall | None,
+    v0: np.ndarray,
+    twin: Twin,
+    spheres: tuple[int, ...],
+    duration: float,
+) -> Clean:
+    """The known rig marched for a duration [s] and filtered; spheres are counted from 1."""
+    rate, observed = OVERSAMPLED * twin.sampling, [n - 1 for n in spheres]
+    n = round(duration * rate)
+    run = march_to_error(chain, wall, v0, duration=n / rate, error=MARCHED, n_save=n)
+    return shown(run.trajectory.v[:, observed], v0[observed], twin, spheres)
+
+
+def shown(v: np.ndarray, v0: np.ndarray, twin: Twin, spheres: tuple[int, ...]) -> Clean:
+    """Velocities v (k, m) [m/s] of a march from v0 (m,) as the instrument would show them."""
+    rate = OVERSAMPLED * twin.sampling
+    v = np.vstack([np.tile(v0, (round(twin.before * rate), 1)), v])
+    sos = butter(4, twin.instrument, fs=rate, output="sos")
+    v = sosfilt(sos, v, axis=0, zi=sosfilt_zi(sos)[:, :, None] * v[0])[0]
+    lag = Filter(instrument=twin.instrument).lag(1.0 / rate)
+    return Clean(np.arange(len(v)) / rate + lag, v, spheres)
+
+
+def repeated(clean: Clean, twin: Twin, run: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Times (k,) [s] and velocities (repeats, k, m) [m/s] of one experiment, with jitter of the
+    trigger and noise; `run` seeds both."""
+    rng = np.random.default_rng([twin.seed, 1, run])
+
+    # the record ends four standard deviations of the trigger before the march does
+    edge = int(np.ceil(4 * twin.jitter * twin.sampling * OVERSAMPLED)) if twin.repeats > 1 else 0
+    last = len(clean.t) - 1 - edge
+    t = np.arange(0, int((clean.t[last] - clean.t[0]) * twin.sampling) + 1) / twin.sampling
+    late = twin.jitter * rng.standard_normal(twin.repeats) if twin.repeats > 1 else np.zeros(1)
+    late -= late.mean()
+    signals = [np.array([np.interp(t - s, clean.t, x) for x in clean.v.T]).T for s in late]
+
+    # white noise through the instrument's low-pass, without its first 400 samples, scaled to the
+    # rms that is wanted
+    white = rng.standard_normal((twin.repeats, OVERSAMPLED * len(t) + 400, len(clean.spheres)))
+    sos = butter(4, twin.instrument, fs=OVERSAMPLED * twin.sampling, output="sos")
+    noise = sosfilt(sos, white, axis=1)[:, 400:]
+    return t, np.array(signals) + twin.noise * (noise / noise.std())[:, ::OVERSAMPLED]
+
+
+class Repeats(NamedTuple):
+    """What all repeats share: the rig fitted, what the instrument shows of the known one."""
+
+    rig: Rig
+    twin: Twin
+    band: float | None  # [Hz] low-pass of data and model
+    clean: Clean
+    start: tuple[Parameter, ...]
+
+    def fitted(self, runs: Sequence[int]) -> np.ndarray:
+        """(runs, 2, p): values and their two-sigma bars, each run with noise of its own."""
+        filters, rows = Filter(self.band, self.twin.instrument), []
+        for run in runs:
+            t, v = repeated(self.clean, self.twin, run)
+            signals = aligned(t, v, tuple(n - 1 for n in self.clean.spheres)).signals
+            fit = calibrate(self.rig, self.start, signals, filters, Options(local=True))
+            rows.append([fit.value, fit.uncertainty.two_sigma])
+        return np.array(rows)
+
+
+def refitted(repeats: Repeats, runs: int) -> np.ndarray:
+    """`Repeats.fitted` of the runs after the first, (runs, 2, p), in two processes, which end with
+    this one's interruption."""
+    halves = [range(1 + first, 1 + runs, 2) for first in range(2)]
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        # what is blocked is inherited: Ctrl-C reaches this process alone, which ends the others
+        unblocked = pthread_sigmask(SIG_BLOCK, {SIGINT})
+        try:
+            results = pool.map(partial(Repeats.fitted, repeats), halves)
+        finally:
+            pthread_sigmask(SIG_SETMASK, unblocked)
+        try:
+            return np.vstack([rows for rows in results if len(rows)])
+        except BaseException:
+            for process in active_children():
+                process.terminate()
+            raise
+
+
+MET = 0.9  # share of repeats inside their two-sigma bars that is asked for
+
+
+class Truth(NamedTuple):
+    """The rig that made the data."""
+
+    contact: np.ndarray  # (n_contacts,) factors on the scene's stiffness
+    frequency: float | None  # [Hz]
+
+    def of(self, p: Parameter, twin: Twin, scene: Scene) -> float:
+        """The true value of a parameter."""
+        match p.kind:
+            case "contact":
+                return float(self.contact[p.index])
+            case "frequency":
+                return self.frequency
+            case "trigger":
+                return twin.before
+            case "mass":
+                return scene.wall.mass
+            case "striker":
+                return scene.striker.velocity
+            case "preload":
+                return scene.preload.force if scene.preload else 0.0
+            case "stiffness" | "exponent":
+                return float(getattr(scene.contact, p.kind))
+            case "dissipation":
+                return float(np.max(scene.contact.coefficient))
+        if isinstance(scene.wall, OneDofWall):
+            return scene.wall.damping_ratio
+        return float(np.atleast_1d(scene.damping.ratio)[p.index])
+
+
+class Coverage(BaseModel):
+    """How often repeats of the noise found the truth inside their two-sigma bars."""
+
+    synthetic: bool = True
+    runs: int
+    seconds: float
+    share: dict[str, float]
+    pooled: float
+    met: bool
+
+    def text(self) -> str:
+        """A line per parameter."""
+        rows = ((name, f"{100 * share:.1f} %") for name, share in self.share.items())
+        table = aligned_text(("parameter", "within two sigma"), rows)
+        worst = min(self.share, key=self.share.get)
+        verdict = (
+            f"Within two sigma in {100 * self.pooled:.1f} % of all, at least "
+            f"{100 * self.share[worst]:.1f} % ({worst}); {100 * MET:.0f} % are asked for: "
+            f"{'met' if self.met else 'not met'}."
+        )
+        head = f"{SYNTHETIC}; {self.runs} repeats of the experiment in {self.seconds:.1f} s"
+        return "\n".join(["", head, table, fill(verdict, LINE, subsequent_indent="  ")])
+
+
+def checked(twin: Twin) -> Twin:
+    """The twin; raises InvalidScene for numbers that no experiment has."""
+    limits = {
+        "scatter": (0.0, 0.5), "frequency": (1.0, 1e5), "noise": (0.0, 10.0),
+        "sampling": (1e4, 1e8), "instrument": (1e3, 1e8),
+        "jitter": (0.0, 1e-3), "before": (0.0, 1e-2),
+    }  # fmt: skip
+    for name, (low, high) in limits.items():
+        value = getattr(twin, name)
+        if not low <= value <= high:
+            raise InvalidScene(
+                f"--{name} {value:g} must be between {low:g} and {high:g}; change it."
+            )
+    if twin.instrument >= 0.5 * OVERSAMPLED * twin.sampling:
+        raise InvalidScene(f"--instrument {twin.instrument:g} Hz is beyond the sampling; lower it.")
+    return twin
+
+
+def truth(scene: Scene, twin: Twin) -> Truth:
+    """A rig drawn by the twin's seed."""
+    rng = np.random.default_rng([twin.seed, 0])
+    factors = 1.0 + twin.scatter * rng.uniform(-1.0, 1.0, scene.n_contacts)
+    of_mass = isinstance(scene.wall, OneDofWall)
+    return Truth(factors, twin.frequency if of_mass else None)
+
+
+def clean(scene: Scene, wall: dem.Wall | None, twin: Twin, true_rig: Truth) -> Clean:
+    """The known rig marched and filtered by the instrument."""
+    if not scene.output.spheres:
+        raise InvalidScene("output.spheres is empty; name the spheres that are measured.")
+    if true_rig.frequency is not None:
+        wall = wall._replace(omega=np.array([2 * np.pi * true_rig.frequency]))
+    row, v0 = chain(scene), initial_velocity(scene)
+    row = row._replace(A=row.A * true_rig.contact)
+    return clean_signals(row, wall, v0, twin, scene.output.spheres, scene.time.duration)
+
+
+def measured(signals: Clean, twin: Twin, run: int = 0) -> Record:
+    """The record of one experiment: repeats with jitter of the trigger and noise."""
+    return Record(*repeated(signals, twin, run), signals.spheres, SYNTHETIC)
+
+
+def twin_run(
+    scene: Scene,
+    wall: dem.Wall | None,
+    twin: Twin,
+    request: CalibrationRequest,
+    better: Mapping[str, Sequence[BetterModel]] = MappingProxyType({}),
+) -> tuple[Calibrated, Record]:
+    """The experiment made and calibrated; the report holds the truth beside what was found."""
+    true_rig = truth(scene, twin)
+    data = measured(clean(scene, wall, twin, true_rig), twin)
+    request = request._replace(instrument=twin.instrument)
+    result = calibrated(scene, wall, data, "twin (synthetic)", request, better)
+    rows = result.report.parameters
+    for row, p in zip(rows, result.fit.parameters, strict=True):
+        row.truth = true_rig.of(p, twin, scene)
+
+    # the largest error of a contact, and how many parameters lie within their bars
+    contacts = [row for row in rows if row.name.startswith("contact ")]
+    error = max((abs(row.found / row.truth - 1) for row in contacts), default=0.0)
+    inside = sum(
+        row.two_sigma is not None and abs(row.found - row.truth) <= row.two_sigma for row in rows
+    )
+    result.report.remarks.insert(
+        0,
+        f"Known rig: contacts scattered by {100 * twin.scatter:g} %, noise {1e3 * twin.noise:g} "
+        f"mm/s rms below {twin.instrument / 1e3:g} kHz, {twin.sampling / 1e6:g} MHz, "
+        f"{twin.repeats} repeats, trigger {1e6 * twin.jitter:g} us, seed {twin.seed}, all assumed. "
+        f"Contacts are found within {100 * error:.2g} %; {inside} of {len(rows)} parameters lie "
+        "within their bars.",
+    )
+    return result, data
+
+
+def coverage(
+    scene: Scene,
+    wall: dem.Wall | None,
+    twin: Twin,
+    request: CalibrationRequest,
+    result: Calibrated,
+    runs: int,
+) -> Coverage:
+    """Shares of repeats of the experiment, each with its own noise, whose bars hold the truth.
+
+    Each is fitted from what the first experiment found: the search is not repeated, its bars are.
+    """
+    began = perf_counter()
+    true_rig, fit = truth(scene, twin), result.fit
+    signals = clean(scene, wall, twin, true_rig)
+    true_values = np.array([true_rig.of(p, twin, scene) for p in fit.parameters])
+    start = tuple(
+        p._replace(start=float(x)) for p, x in zip(fit.parameters, fit.value, strict=True)
+    )
+    rig = scene_parameters.rig(scene, wall, twin.before)
+    fits = refitted(Repeats(rig, twin, request.band, signals, start), runs)
+    hits = np.abs(fits[:, 0] - true_values) <= fits[:, 1]
+    share = {p.name: float(s) for p, s in zip(start, hits.mean(axis=0), strict=True)}
+    return Coverage(
+        runs=runs,
+        seconds=perf_counter() - began,
+        share=share,
+        pooled=float(hits.mean()),
+        met=min(share.values()) >= MET,
+    )

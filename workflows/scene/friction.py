@@ -1,0 +1,124 @@
+"""[friction] and [arm]: Coulomb friction of the last sphere at the wall, and what holds it across.
+
+Axes across the chain: t1, t2 lie in the wall, t2 = n x t1 with n into the wall; before a wall of a
+few numbers the chain lies along x, t1 is y and t2 is z.
+"""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from pydantic import Field
+
+from workflows.scene.quantities import of
+from workflows.scene.scene_table import (
+    NonNegative,
+    SceneTable,
+    Spring,
+    TurnSpring,
+    one_or_each,
+)
+from workflows.scene.units import INERTIA
+from workflows.scene.walls import HalfSpaceWall, OneDofWall, RigidWall
+
+if TYPE_CHECKING:
+    from workflows.scene.scene import Scene
+
+
+class Friction(SceneTable):
+    """Friction of the last sphere at the wall, exact under any history (Cattaneo and Mindlin)."""
+
+    coefficient: Annotated[NonNegative, Field(le=10)]  # tangential over normal force where it slips
+
+
+class Arm(SceneTable):
+    """Holds the last sphere across the chain: springs at rest in the static state; inf clamps."""
+
+    stiffness: one_or_each(Spring) = 0.0  # [N/m] across the chain, or along [t1, t2]
+    rotation: TurnSpring = 0.0  # [N m/rad] against turns about t1 and t2
+    inertia: of(NonNegative, INERTIA, 0, 10) = 0.0  # [kg m^2] besides the sphere's own
+
+
+def arm_stiffness(arm: Arm | None) -> np.ndarray:
+    """(2,) [N/m] along t1 and t2; 0 without an arm."""
+    return np.array(np.broadcast_to(0.0 if arm is None else arm.stiffness, 2), float)
+
+
+def of_friction(scene: "Scene") -> Iterator[str]:
+    """Sentences on contradictions between friction, arm and the rest of a scene."""
+    friction, arm, wall, contact = scene.friction, scene.arm, scene.wall, scene.contact
+    velocity = scene.striker.tangential_velocity if scene.striker else None
+    if friction is None:
+        if arm is not None:
+            yield "[arm] holds the last sphere against friction; add [friction], or drop [arm]."
+        if velocity is not None:
+            yield (
+                f"striker.tangential_velocity = {list(velocity)} needs friction that acts on it; "
+                "add [friction], or drop it."
+            )
+        return
+
+    # walls: those whose motion along the chain has no part across it
+    if wall is None:
+        yield "[friction] acts at the wall; add [wall], or drop [friction]."
+        return
+    if not isinstance(wall, RigidWall | HalfSpaceWall | OneDofWall):
+        yield (
+            f'[friction] with wall.kind = "{wall.kind}", allowed are "rigid", "half-space" and '
+            '"1dof"; take one of these, or drop [friction].'
+        )
+    if isinstance(wall, OneDofWall):
+        for key in ("young", "poisson"):
+            if key not in wall.model_fields_set:
+                yield (
+                    f'wall.{key} is missing; with [friction] a wall.kind = "1dof" states the '
+                    f"modulus and the ratio of its surface, add wall.{key}."
+                )
+
+    # contacts: elastic spheres, whose pressure is Hertz'
+    if contact.law == "thornton":
+        yield (
+            '[friction] with contact.law = "thornton": the tangential law of contacts that yield '
+            'is not known; take contact.law = "hertz", or drop [friction].'
+        )
+    damper = contact.dissipation.startswith("linear") and np.any(contact.coefficient)
+    if damper:
+        yield (
+            f'[friction] with contact.dissipation = "{contact.dissipation}", whose force does not '
+            'vanish with the contact\'s area; take "hunt-crossley", or drop [friction].'
+        )
+    last = np.atleast_1d(contact.stiffness_factor)[-1]
+    if last != 1.0:
+        yield (
+            f"contact.stiffness_factor = {last:g} at the wall, with [friction] it must be 1 there: "
+            "a factor says nothing of the contact's size; change it, or drop [friction]."
+        )
+
+    # what holds the sphere across the chain
+    gravity = scene.gravity
+    if gravity and gravity.across and arm is None:
+        yield (
+            f"gravity.inclination = {gravity.inclination:g} weighs across the chain, which nothing "
+            "carries at the last sphere; add [arm], or take an inclination of 90."
+        )
+    if scene.guides:
+        yield (
+            "[guides] hold the last sphere across the chain, [friction] moves it there; drop one "
+            "of them."
+        )
+    if arm is not None and np.size(arm.stiffness) not in (1, 2):
+        yield (
+            f"arm.stiffness has {np.size(arm.stiffness)} values, allowed are one, or two along t1 "
+            "and t2; change it."
+        )
+    if velocity is not None and scene.chain.count > 1:
+        yield (
+            f"striker.tangential_velocity is that of a chain of one sphere, found chain.count = "
+            f"{scene.chain.count}: the others are guided along the chain; set chain.count to 1, "
+            "or drop it."
+        )
+    elif velocity is not None and any(np.isinf(arm_stiffness(arm)) & (np.array(velocity) != 0)):
+        yield (
+            f"striker.tangential_velocity = {list(velocity)} with arm.stiffness = inf, which "
+            "clamps the sphere; give a finite stiffness, or drop it."
+        )

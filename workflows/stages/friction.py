@@ -1,0 +1,193 @@
+"""The last sphere across the chain as a stage, and what a run with friction says of it.
+
+Only a scene with [friction] has these stages: they come after the march along the chain, which
+friction leaves alone.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import coupling
+import dem
+from dem.friction import gross_slip, stick_stiffness, tangential_law
+from dem.lateral import (
+    LastSphere,
+    LateralSearch,
+    LateralTrajectory,
+    WallMotion,
+    march_lateral,
+)
+from dem.spheres import hertz_overlap, mass
+from workflows.report.summary import ChainNumbers, FrictionNumbers
+from workflows.scene import Scene
+from workflows.scene.friction import arm_stiffness
+from workflows.stages import chain_numbers as of_chain
+from workflows.stages.chain import Start
+
+if TYPE_CHECKING:
+    from coupling.sensor_record import SensorRecord  # scipy's filters, a second
+    from dem.waves.chain_waves import ChainWaves
+
+ARRIVED = 0.01  # of a wave's rise of force, at which it has reached the wall; not varied
+ALL_STICKS = 0.999  # share of the area from which the contact sticks; not varied
+COUPLED = 0.01  # of Dundurs' constant: from there on the neglected coupling is reported; not varied
+
+
+def friction(
+    scene: Scene, start: Start, wall: dem.Wall, impact: coupling.Impact
+) -> LateralTrajectory:
+    """The march across the chain, to the scene's error or at its step."""
+    time = scene.time
+    wanted = {"error": time.error} if time.dt is None else {"search": LateralSearch(dt=time.dt)}
+    return march_lateral(
+        start.chain,
+        wall,
+        start.velocity,
+        impact.trajectory,
+        last_sphere(scene, start),
+        motion=wall_motion(scene),
+        **wanted,
+    )
+
+
+def wall_motion(scene: Scene) -> WallMotion | None:
+    """The motion that the shakers give to the wall; None without any."""
+    if not scene.shakers:
+        return None
+    return WallMotion(
+        np.array([shaker.amplitude * shaker.vector[1:] for shaker in scene.shakers]),
+        np.array([shaker.frequency for shaker in scene.shakers]),
+        np.radians([shaker.phase for shaker in scene.shakers]),
+    )
+
+
+def last_sphere(scene: Scene, start: Start) -> LastSphere:
+    """The last sphere of a scene, its friction and its arm across the chain."""
+    chain, arm = scene.chain, scene.arm
+    R, rho, E, nu = (
+        float(np.atleast_1d(values)[-1])
+        for values in (chain.radius, chain.density, chain.young, chain.poisson)
+    )
+    law = tangential_law(scene.friction.coefficient, R, E, nu, np.inf, *start.flat)
+    velocity = scene.striker.tangential_velocity if scene.striker else None
+    inertia = 0.4 * float(mass(R, rho)) * R**2
+    return LastSphere(
+        law,
+        inertia + (0.0 if arm is None else arm.inertia),
+        np.zeros(2) if velocity is None else np.array(velocity, float),
+        arm_stiffness(arm),
+        0.0 if arm is None else arm.rotation,
+    )
+
+
+def friction_numbers(
+    scene: Scene, start: Start, impact: coupling.Impact, lateral: LateralTrajectory
+) -> FrictionNumbers:
+    """Stiffness and gross slip at the largest overlap, and what the impact does across the
+    chain."""
+    law = last_sphere(scene, start).law
+    force = float(impact.trajectory.contact_force[:, -1].max())
+    overlap = float(hertz_overlap(force, start.chain.A[-1]))
+    radius = float(np.sqrt(law.radius * overlap))
+    R = float(start.chain.radius[-1])
+    spin = lateral.sphere_spin
+    surface = lateral.sphere_t_v + R * np.stack([spin[:, 1], -spin[:, 0]], axis=1)
+    speed = float(np.hypot(*surface[0]))
+    ratio = float(surface[-1] @ surface[0]) / speed**2 if speed else None
+    return FrictionNumbers(
+        stick_stiffness_N_m=float(stick_stiffness(law, radius)),
+        gross_slip_m=float(gross_slip(law, overlap)),
+        peak_friction_N=float(np.hypot(*lateral.friction_force.T).max()),
+        velocity_m_s=tuple(map(float, lateral.sphere_t_v[-1])),
+        spin_rad_s=tuple(map(float, spin[-1])),
+        surface_velocity_ratio=ratio,
+        dissipated_J=float(lateral.dissipated_friction[-1]),
+        dt_s=lateral.dt,
+        error_estimate=lateral.error_estimate,
+        **(cycle_numbers(scene, impact.trajectory, lateral) if lateral.cycle else {}),
+    )
+
+
+def cycle_numbers(
+    scene: Scene, run: dem.Trajectory, lateral: LateralTrajectory
+) -> dict[str, float | str | None]:
+    """Fields of `FrictionNumbers` of the periodic state, and of the instant at which a wave reaches
+    the wall: when its force first differs from that at rest by a hundredth of its rise."""
+    cycle = lateral.cycle
+    force = run.contact_force[:, -1]
+    rise = np.abs(force - force[0])
+    struck = bool(run.energy_kinetic[0] > 0.0) and rise.max() > 0.0
+    at = int((rise >= ARRIVED * rise.max()).argmax()) if struck else 0
+    stick = float(lateral.stick_share[at])
+    states = {"open": force[at] <= 0.0, "gross slip": stick == 0.0, "stick": stick > ALL_STICKS}
+    shaker = scene.shakers[0]
+    phase = (360.0 * shaker.frequency * float(run.t[at]) + shaker.phase) % 360.0
+    return {
+        "loop_energy_J": cycle.energy,
+        "loop_tangential_N": float(0.5 * np.ptp(cycle.friction_force[:, cycle.axis])),
+        "loop_displacement_m": float(0.5 * np.ptp(cycle.slip[:, cycle.axis])),
+        "periodicity_error": cycle.periodicity_error,
+        "drift_m": cycle.drift,
+        "state_at_impact": next((name for name, is_so in states.items() if is_so), "partial slip"),
+        "stick_share_at_impact": stick,
+        "phase_at_wall_deg": phase if struck else None,
+    }
+
+
+def chain_numbers(
+    scene: Scene,
+    start: Start,
+    wall: dem.Wall,
+    impact: coupling.Impact,
+    waves: ChainWaves,
+    lateral: LateralTrajectory,
+) -> ChainNumbers:
+    """`chain_numbers.chain_numbers` of a scene with friction: errors of velocities and energy are
+    those along the chain and across it together."""
+    along = of_chain.chain_numbers(scene, start, wall, impact, waves)
+    run = impact.trajectory
+    total = run.energy_total + lateral.energy
+    scale = float(run.energy_kinetic[0] + lateral.energy_lateral[0])
+    scale = scale or float(np.abs(total).max()) or 1.0
+    open_ledger = float(np.abs(total - total[0]).max()) / scale
+    numbers = {
+        "energy_error": max(along.numbers["energy_error"], open_ledger),
+        "friction": friction_numbers(scene, start, impact, lateral),
+    }
+    if not start.velocity.any():  # what moves spheres at rest is rounding
+        numbers["waves"] = {}
+    time_error = None if along.time_error is None else along.time_error + lateral.error_estimate
+    return along._replace(
+        numbers=along.numbers | numbers,
+        warnings=(*along.warnings, *neglected_coupling(scene, start)),
+        time_error=time_error,
+    )
+
+
+def neglected_coupling(scene: Scene, start: Start):
+    """Sentences on a sphere and a wall of different materials, whose friction changes the normal
+    force as well: Dundurs' constant (K. L. Johnson, Contact Mechanics (1985), 5.3b)."""
+    E, nu = (float(np.atleast_1d(x)[-1]) for x in (scene.chain.young, scene.chain.poisson))
+    a, b = ((1.0 - 2.0 * n) * (1.0 + n) / e for e, n in ((E, nu), start.flat))
+    c, d = ((1.0 - n) * (1.0 + n) / e for e, n in ((E, nu), start.flat))
+    beta = 0.5 * (a - b) / (c + d)
+    if abs(beta) > COUPLED:
+        yield (
+            f"Sphere and wall differ, Dundurs' constant is {beta:.2g}: friction and pressure then "
+            "act on each other, which the tangential law leaves out; take it for an estimate, or "
+            "strike a wall of the spheres' material."
+        )
+
+
+def chain_files(
+    scene: Scene,
+    impact: coupling.Impact,
+    wall: dem.Wall,
+    lateral: LateralTrajectory,
+    record: SensorRecord | None = None,
+) -> dict[str, bytes]:
+    """`chain_numbers.chain_files`, trajectory.npz with the motion across the chain."""
+    return of_chain.chain_files(scene, impact, wall, record, lateral=lateral)
