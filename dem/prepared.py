@@ -8,7 +8,6 @@ from dem.chain import Chain
 from dem.checks import InvalidChain
 from dem.kernels.arguments import Array, Damping
 from dem.kernels.laws import DAMPING_LAWS
-from dem.spheres import hertz_overlap
 from dem.statics import Equilibrium, static_state
 from dem.walls import Wall
 
@@ -34,7 +33,7 @@ def prepare(chain: Chain, wall: Wall | None) -> PreparedChain:
 
     # the static state is elastic
     if chain.yield_overlap is not None:
-        overlap = hertz_overlap(static.force, chain.A)
+        overlap = chain.elastic.overlap(static.force)
         i = int((overlap / chain.yield_overlap).argmax())
         if overlap[i] > chain.yield_overlap[i]:
             raise InvalidChain(

@@ -44,7 +44,7 @@ def static_sensitivities(
 
     # derivatives of each contact's force: by its overlap, by its A, by the compliance behind it
     overlap = chain.elastic.overlap(static.force)
-    k = chain.elastic.stiffness(overlap)
+    k = chain.elastic.stiffness(overlap) * (overlap > 0.0)
     soft = np.ones_like(k)
     if walled and np.isfinite(compliance):
         soft[-1] = 1.0 / (1.0 + compliance * k[-1])

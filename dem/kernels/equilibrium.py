@@ -61,10 +61,11 @@ def static_slope(x: Array, A: Array, compliance: float, shape: Shape | None, k: 
     n = x.size
     for i in range(A.size):
         if i < n - 1:
-            k[i] = elastic_stiffness(i, larger(x[i] - x[i + 1], 0.0), A, shape)
+            d = x[i] - x[i + 1]
+            k[i] = elastic_stiffness(i, d, A, shape) if d > 0.0 else 0.0
         else:
             d = elastic_indentation(i, x[i], compliance, A, shape)
-            tangent = elastic_stiffness(i, d, A, shape)
+            tangent = elastic_stiffness(i, d, A, shape) if d > 0.0 else 0.0
             k[i] = tangent / (1.0 + compliance * tangent)
 
 

@@ -18,8 +18,8 @@ from workflows.commands.terminal import StageProgress, print_lines
 Free = Annotated[
     str | None,
     typer.Option(
-        help="What to vary: contacts, contact.N, preload, dissipation, striker, trigger, "
-        "wall.frequency, wall.mass, wall.damping; default contacts,striker,trigger and the "
+        help="What to vary: contacts, contact.N, contact.stiffness, contact.exponent, preload, "
+        "dissipation, striker, trigger, wall.frequency, wall.mass, wall.damping; default contacts,striker,trigger and the "
         "frequency of a 1dof wall."
     ),
 ]

@@ -17,6 +17,7 @@ UNIFORM = 12.0  # the variance of a uniform distribution is its width squared ov
 TRIGGER_REACH = 1e-4  # [s] bounds of a trigger to either side of its estimate
 TRIGGER_SCALE = 3e-6  # [s] a change of a trigger that counts as large
 AT_BOUND = 1e-6  # of the bounds' distance: parameters nearer to a bound lie at it
+# > 0, varied by factors
 RATIOS = (
     "contact",
     "stiffness",
@@ -25,14 +26,16 @@ RATIOS = (
     "frequency",
     "mass",
     "gain",
-)  # > 0, by factors
+)
 
 
 class Parameter(NamedTuple):
     """One number to be fitted; `scale` is a change of it that counts as large."""
 
     name: str
-    kind: str  # contact, stiffness, exponent, preload, dissipation, striker, trigger, frequency, mass, damping, gain
+    # contact, stiffness, exponent, preload, dissipation, striker, trigger, frequency, mass,
+    # damping, gain
+    kind: str
     start: float
     low: float
     high: float

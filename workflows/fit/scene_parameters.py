@@ -52,8 +52,8 @@ SMALLEST = 1e-3  # of the start, of a parameter that is varied by factors; its i
 LATEST = 1e-2  # [s] of the trigger to either side of the estimate
 CRITICAL = 0.99  # damping ratio
 NAMES = (
-    "contacts", "contact.N", "contact.stiffness", "contact.exponent", "preload", "dissipation", "striker", "trigger", "wall.frequency",
-    "wall.mass", "wall.damping",
+    "contacts", "contact.N", "contact.stiffness", "contact.exponent", "preload", "dissipation",
+    "striker", "trigger", "wall.frequency", "wall.mass", "wall.damping",
 )  # fmt: skip
 
 
