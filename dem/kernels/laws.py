@@ -97,7 +97,7 @@ def hertz_indentation(gap: float, A: float, s: float) -> float:
 def elastic_force(i: int, d: float, A: Array, shape: Shape | None) -> float:
     """F = A phi(d) [N] of contact i at the overlap d >= 0 [m]."""
     if shape is None:
-        return A[i] * d * math.sqrt(d)
+        return hertz_force(d, A[i])
     return A[i] * shape_force(i, d, shape.exponent, shape.table)
 
 

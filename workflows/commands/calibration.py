@@ -19,8 +19,8 @@ Free = Annotated[
     str | None,
     typer.Option(
         help="What to vary: contacts, contact.N, contact.stiffness, contact.exponent, preload, "
-        "dissipation, striker, trigger, wall.frequency, wall.mass, wall.damping; default contacts,striker,trigger and the "
-        "frequency of a 1dof wall."
+        "dissipation, striker, trigger, wall.frequency, wall.mass, wall.damping; "
+        "default contacts,striker,trigger and the frequency of a 1dof wall."
     ),
 ]
 Bounds = Annotated[
