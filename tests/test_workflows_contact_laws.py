@@ -49,10 +49,10 @@ def test_the_march_of_a_kept_run_is_anew_when_the_file_of_its_force_changes(tmp_
         d = np.linspace(0, 4e-5, 12)
         rows = zip(d, factor * 3e12 * d**2, strict=True)
         path.write_text("".join(f"{a},{b}\n" for a, b in rows))
-        summary = beadwave.impact(
+        run = beadwave.impact(
             "rig-rigid", ("contact.law=table", f"contact.file={path}", POWER[3], *SHORT)
         )  # fmt: skip
-        peaks.append(summary.peak_wall_force_N)
+        peaks.append(run.summary.peak_wall_force_N)
     # F ~ k^(1/(n+1)) = 2^(1/3) in a wave of the same speed; the table is near that
     assert peaks[1] / peaks[0] == pytest.approx(2 ** (1 / 3), rel=0.01)
 

@@ -35,12 +35,15 @@ class ContactTable(SceneTable):
     [m], force [N], from 0, 0 on.
     """
 
+    # force over overlap
     law: Literal["hertz", "thornton", "power", "table"] = "hertz"
     stiffness: one_or_each(PowerStiffness) | None = None  # [N/m^exponent] one per contact
-    exponent: one_or_each(Exponent) | None = None
-    file: str | None = None  # of law = "table"
+    exponent: one_or_each(Exponent) | None = None  # of the overlap, law = "power"; one per contact
+    file: str | None = None  # CSV of overlap [m] and force [N], law = "table"
     yield_pressure: one_or_each(YieldPressure) | None = None  # [Pa] one per contact, as those below
+    # damping of the contacts
     dissipation: Literal["none", "linear", "linear-clipped", "hunt-crossley"] = "hunt-crossley"
+    # of the damping, [s/m] of hunt-crossley; one per contact
     coefficient: one_or_each(NonNegative) = 0.0
     stiffness_factor: one_or_each(Positive) = 1.0  # one per contact, the last at the wall
 

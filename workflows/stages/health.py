@@ -20,7 +20,6 @@ from workflows.report.summary import (
 )
 from workflows.scene import Scene
 from workflows.stages import warnings
-from workflows.thesis import HAMMER_TEST
 
 if TYPE_CHECKING:  # the health of a wall from a file loads no finite elements
     from fem.assembly_modes import AssemblyModes
@@ -99,11 +98,12 @@ def structure_errors(
     is known."""
     errors = []
     hz = modes.omega / (2 * np.pi)
+    whys = missed.explained(scene, modes.omega)
     for i, relative in enumerate(missed.of_frequencies(modes.omega)):
         if np.isfinite(relative):
-            error = float(relative * hz[i])
+            of_mesh = dict.fromkeys(("mesh", "total"), float(relative * hz[i]))
             errors.append(
-                NumberError(name=f"mode {i + 1}", value=hz[i], unit="Hz", mesh=error, total=error)
+                NumberError(name=f"mode {i + 1}", value=hz[i], unit="Hz", why=whys[i], **of_mesh)
             )
     if missed.of_compliance is not None:
         health = structure.numbers["reduction"]
@@ -115,6 +115,7 @@ def structure_errors(
                 unit="m/N",
                 mesh=missed.of_compliance,
                 total=missed.of_compliance,
+                why=missed.at_contact(scene, missed.of_compliance / abs(value)) if value else "",
             )
         )
     return tuple(errors)
@@ -122,8 +123,7 @@ def structure_errors(
 
 def shape_names(scene: Scene) -> tuple[str | None, ...]:
     """Descriptions of the targets' shapes; None for a target by number or by measured shape."""
-    if not scene.is_general:
-        return tuple(HAMMER_TEST["shape"])
     return tuple(
-        f"{t.body}: {t.motion}" if getattr(t, "motion", None) else None for t in scene.targets or ()
+        target.title or (f"{target.body}: {target.motion}" if target.motion else None)
+        for target in scene.written_out.targets or ()
     )
