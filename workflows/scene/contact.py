@@ -37,7 +37,7 @@ class ContactTable(SceneTable):
 
     # force over overlap
     law: Literal["hertz", "thornton", "power", "table"] = "hertz"
-    stiffness: one_or_each(PowerStiffness) | None = None  # [N/m^exponent] one per contact
+    stiffness: one_or_each(PowerStiffness) | None = None  # k of law = "power", [N/m^exponent]
     exponent: one_or_each(Exponent) | None = None  # of the overlap, law = "power"; one per contact
     file: str | None = None  # CSV of overlap [m] and force [N], law = "table"
     yield_pressure: one_or_each(YieldPressure) | None = None  # [Pa] one per contact, as those below
