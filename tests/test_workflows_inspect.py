@@ -225,7 +225,7 @@ def test_a_force_a_thousand_times_off_is_refused(tmp_path):
     text = csv_text(true, pipeline_of(true, _quiet)("record"))
     file = tmp_path / "drop.csv"
     file.write_text(text.replace("force [N]", "force [kN]"))
-    with pytest.raises(InvalidScene, match="correct the unit in the record's header"):
+    with pytest.raises(InvalidScene, match="correct the unit in the data's header"):
         beadwave.inspect({**BEAM, "output": loud}, file, find="beam.young")
 
 
