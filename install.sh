@@ -22,10 +22,12 @@ able || { [ "$python" = python3 ] && installed python3-venv && able; } || {
     exit 1
 }
 
-[ -x .venv/bin/python ] || "$python" -m venv .venv
+[ -x .venv/bin/python ] || { echo "install.sh: making .venv"; "$python" -m venv .venv; }
+echo "install.sh: installing beadwave${1:+ with $1}, some minutes where nothing is downloaded yet"
 .venv/bin/python -m pip install --quiet --disable-pip-version-check \
     --constraint constraints.txt --editable ".${1:+[$1]}"
 
+echo "install.sh: looking for shared libraries"
 # Debian packages that are missing: of shared libraries that what was installed asks for, and of the
 # browser in which the tests open the report page
 missing() {
@@ -37,3 +39,4 @@ packages=$(missing "$@")
 if [ -n "$packages" ] && ! { installed $packages && packages=$(missing "$@") && [ -z "$packages" ]; }; then
     echo "install.sh: Debian packages are missing, some of what was installed may fail; as root: apt-get install $packages" >&2
 fi
+echo "install.sh: done; .venv/bin/beadwave run --out runs/first is a first run, .venv/bin/beadwave -h lists the commands"

@@ -468,7 +468,7 @@ def periodic_state(body: Body, overlap: float, motion: WallMotion) -> tuple[Acro
         error,
         float(np.hypot(*((state.u - before.u) @ frame))),
     )
-    # slip and heat count from the striker on
-    state.slip[:] = 0.0
+    # slip counts from the middle of the period, heat from the striker on
+    state.slip[:] = (saved.slip - saved.slip.mean(axis=0))[-1]
     (springs.row if springs.cells is None else springs.cells).state[HEAT] = 0.0
     return state, springs, cycle

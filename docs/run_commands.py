@@ -37,6 +37,7 @@ def run(page: Path, *, write: bool = False) -> None:
     text = page.read_text(encoding="utf-8")
     most = 10**6 if "\nwhole: true\n" in text else HEAD + TAIL
     with TemporaryDirectory() as folder:
+        Path(folder, "examples").symlink_to(DOCS.parent / "examples")  # as in a checkout
         written = BLOCK.sub(lambda block: _block(block, Path(folder), most), text)
     if write:
         page.write_text(written, encoding="utf-8")
@@ -49,7 +50,7 @@ def _block(block: re.Match, folder: Path, most: int) -> str:
     command = ["sh", "-ec", code] if language == "sh" else [sys.executable, "-c", code]
     done = subprocess.run(
         command, cwd=folder, capture_output=True, text=True, check=False,
-        env=os.environ | {"PATH": path, "EXAMPLES": str(DOCS.parent / "examples")},
+        env=os.environ | {"PATH": path},
     )  # fmt: skip
     if done.returncode:
         sys.stderr.write(f"{code}\n{done.stdout}\n{done.stderr}\n")

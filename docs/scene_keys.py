@@ -18,35 +18,43 @@ number of a row from 1. A number with a unit may be written as text with any uni
 (`"12.7 mm"`); outside its usual range it needs its unit, or its key in `unusual`.
 
 """
-COLUMNS = "| key | values | usual size | default | example | |\n|---|---|---|---|---|---|\n"
+COLUMNS = "| key | |\n|---|---|\n"
 
 
 def page() -> str:
     """The page's text."""
-    tables = groupby(scene_keys(), lambda entry: entry.key.partition(".")[0])
-    return HEAD + "\n".join(_table(name, [*entries]) for name, entries in tables) + _materials()
+    top = [entry for entry in scene_keys() if "." not in entry.key]
+    tables = groupby(
+        (entry for entry in scene_keys() if "." in entry.key),
+        lambda entry: entry.key.partition(".")[0],
+    )
+    sections = [_table("Above all tables", top)]
+    sections += [_table(f"[{name}]", [*entries]) for name, entries in tables]
+    return HEAD + "\n".join(sections) + _materials()
 
 
-def _table(name: str, entries: list[KeyEntry]) -> str:
-    """A table of a scene; a single key at the top has no table around it."""
-    title = f"## {name}" if entries[0].key == name and len(entries) == 1 else f"## [{name}]"
-    return f"{title}\n\n{COLUMNS}{''.join(map(_row, entries))}"
+def _table(title: str, entries: list[KeyEntry]) -> str:
+    """A table of a scene."""
+    return f"## {title}\n\n{COLUMNS}{''.join(map(_row, entries))}"
 
 
 def _row(entry: KeyEntry) -> str:
+    """A key, and all that is said of it."""
     key = f"`{entry.key}`" + (f" [{entry.unit}]" if entry.unit else "")
-    words = "; ".join(
-        text
-        for text in (
-            entry.meaning,
-            f"replaces {', '.join(entry.replaces)}" if entry.replaces else "",
-            f"of {entry.of}" if entry.of else "",
-        )
-        if text
+    default = {"required": "required", "": "may be absent"}.get(
+        entry.default, f"default `{entry.default}`"
     )
-    default, example = (f"`{text}`" if text else "" for text in (entry.default, entry.example))
-    cells = (key, entry.values, entry.usual, default, example, words)
-    return f"| {' | '.join(cell.replace('|', '&#124;') for cell in cells)} |\n"
+    words = [
+        entry.meaning,
+        entry.values,
+        f"usually {entry.usual}" if entry.usual else "",
+        default,
+        f"replaces {', '.join(entry.replaces)}" if entry.replaces else "",
+        f"of {entry.of}" if entry.of else "",
+        f"`{entry.example}`",
+    ]
+    said = "; ".join(text for text in words if text)
+    return f"| {key} | {said.replace('|', '&#124;')} |\n"
 
 
 def _materials() -> str:

@@ -57,7 +57,7 @@ from fem.prestress import FaceForce, Heat, Load, prestressed
 from fem.response import receptance
 from fem.rods import Rod
 from fem.spot import Spot, planar_spot, round_spot
-from fem.stress_error import Pushed, missed_energy
+from fem.stress_error import Faces, MissedEnergy, Pushed, missed_energy
 from fem.surface import OnSurface, on_surface
 from fem.threads import one_thread
 from fem.trace import face_edges, outer_nodes
@@ -74,6 +74,7 @@ __all__ = [
     "Connections",
     "ContactPatch",
     "FaceForce",
+    "Faces",
     "Factor",
     "Heat",
     "Held",
@@ -81,6 +82,7 @@ __all__ = [
     "Load",
     "Loose",
     "Material",
+    "MissedEnergy",
     "Model",
     "Modes",
     "Number",

@@ -104,15 +104,20 @@ def face_quadrature(
     return points.reshape(3, -1).T, basis.dx.ravel()
 
 
-def trace(
-    structure: Structure, face: str, points: NDArray[np.float64], *, gap: float = 0.0
-) -> csr_matrix:
-    """P (3 n, ndof) with P @ u = the displacements at `points` (n, 3) of a face, point by point.
+class Located(NamedTuple):
+    """Points in the elements at a face."""
 
-    Off the face, by up to `gap` [m], the field of the nearest element is continued, so that rigid
-    motions stay what they are. Raises OffFace when a point lies farther off; 1e-5 of the facet's
-    size counts as on it.
-    """
+    cells: NDArray[np.int64]  # (n,) of the face's body
+    X: NDArray[np.float64]  # (3, n) local coordinates there
+    # (n,) [m] to the face, less 1e-5 of the facet's size: 0 or less on it, inf far away
+    distance: NDArray[np.float64]
+
+
+def located(
+    structure: Structure, face: str, points: NDArray[np.float64], *, gap: float = 0.0
+) -> Located:
+    """The elements at a face in which points (n, 3) lie, or the nearest ones; points farther than
+    `gap` [m] from all facets may have none (-1)."""
     body, facets = structure.facets(face)
     basis = structure.basis[body]
     mesh = basis.mesh
@@ -140,19 +145,35 @@ def trace(
     best = np.full(len(points), -1)
     falling = np.argsort(outside, kind="stable")[::-1]
     best[point[falling]] = falling  # the last written is the smallest
+    near = best >= 0
+    cell, X_of_point = np.full(len(points), -1), np.full((3, len(points)), np.nan)
+    cell[near], X_of_point[:, near] = cells[best[near]], X[:, best[near], 0]
 
     # how far each point lies from the nearest facet
     candidates = corners[:, :, facet]
     miss = 1e-5 * np.ptp(candidates, axis=1).max(axis=0)
     distance = np.full(len(points), np.inf)
     np.minimum.at(distance, point, facet_distances(candidates, points[point].T) - miss)
-    if np.any(distance > gap):
-        worst = int(np.argmax(distance))
+    return Located(cell, X_of_point, distance)
+
+
+def trace(
+    structure: Structure, face: str, points: NDArray[np.float64], *, gap: float = 0.0
+) -> csr_matrix:
+    """P (3 n, ndof) with P @ u = the displacements at `points` (n, 3) of a face, point by point.
+
+    Off the face, by up to `gap` [m], the field of the nearest element is continued, so that rigid
+    motions stay what they are. Raises OffFace when a point lies farther off; 1e-5 of the facet's
+    size counts as on it.
+    """
+    place = located(structure, face, points, gap=gap)
+    if np.any(place.distance > gap):
+        worst = int(np.argmax(place.distance))
         raise OffFace(
             f"the point {np.round(points[worst], 6).tolist()} m does not lie on the face {face!r}."
         )
-
-    P = interpolation(basis, X[:, best, 0], cells[best])
+    body = structure.facets(face)[0]
+    P = interpolation(structure.basis[body], place.X, place.cells)
     return csr_matrix(
         (P.data, P.indices + structure.first[body], P.indptr), (P.shape[0], structure.n_dofs)
     )

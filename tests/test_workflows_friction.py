@@ -138,9 +138,22 @@ def test_a_chain_pressed_on_the_wall_keeps_its_last_sphere_at_rest_across(capsys
     assert across["surface_velocity_ratio"] is None
 
 
-def test_a_sweep_refuses_keys_that_its_table_does_not_show(capsys):
-    assert beadwave("sweep", "oblique-sphere", "--over=friction.coefficient=0.1,0.2") == 2
-    assert "friction.coefficient moves the last sphere across" in capsys.readouterr().err
+def test_a_sweep_over_the_coefficient_shows_friction(tmp_path, capsys):
+    """Where all slips the surface keeps 1 - 7 mu v_n / v_t; a refused case has no numbers."""
+    pytest.importorskip("pyarrow")
+    import pyarrow.parquet as pq
+
+    sets = ("--set=striker.tangential_velocity=[0.5,0.0]", "--out=s")
+    over = "--over=friction.coefficient=0.1,0.2,-0.3"
+    assert beadwave("sweep", "oblique-sphere", over, *sets) == 0
+    capsys.readouterr()
+    table = pq.read_table(tmp_path / "s" / "cases.parquet").to_pydict()
+    assert table["status"] == ["done", "done", "refused"]
+    expected = [1.0 - 7.0 * mu * 0.1 / 0.5 for mu in (0.1, 0.2)]
+    assert table["surface_velocity_ratio"][:2] == pytest.approx(expected, abs=1e-6)
+    assert table["friction_heat_J"][1] > table["friction_heat_J"][0] > 0.0
+    assert np.isnan(table["surface_velocity_ratio"][2])
+    assert np.isnan(table["loop_energy_J"][0])
 
 
 def test_unlike_materials_are_told(capsys):

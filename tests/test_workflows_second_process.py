@@ -89,13 +89,13 @@ def test_what_another_process_does_not_finish_is_computed_by_the_run(rig, two, t
 
 
 def test_a_stage_is_computed_by_one_process_only(tmp_path):
-    assert [second_process._taken(tmp_path, "modes") for _ in range(3)] == [True, False, False]
+    assert [second_process.claim(tmp_path, "modes") for _ in range(3)] == [True, False, False]
 
 
 def test_what_needs_the_stage_that_is_waited_for_is_not_computed_meanwhile(tmp_path):
     nobody = second_process.SecondProcess(tmp_path, None, ("figures", "pictures"))
-    assert nobody.taken(lambda name: name == "pictures") == "pictures"
-    assert nobody.taken(lambda name: False) is None and nobody.has("figures")
+    assert nobody.claim_ready(lambda name: name == "pictures") == "pictures"
+    assert nobody.claim_ready(lambda name: False) is None and nobody.has("figures")
 
 
 @pytest.mark.parametrize("number", ["0", "x", "-1"])

@@ -38,7 +38,7 @@ def pair(ours, theirs, **options):
     return compared("x", ours, theirs, **{"allowed": 1e-3, "source": "a book", **options})
 
 
-QUICK = ("solitary-wave", "contacts", "chain-and-wall")
+QUICK = ("solitary-wave", "contacts", "chain-and-wall", "friction")
 
 
 @pytest.mark.parametrize("group", QUICK)

@@ -19,6 +19,8 @@ def chain_words(scene: Scene) -> str:
     radii = np.unique(chain.radius)
     size = " to ".join(si(2 * R, "m") for R in (radii[0], radii[-1])[: len(radii)])
     row = f"{grouped(chain.count)} sphere{'s' if chain.count > 1 else ''} of {size} diameter"
+    if scene.striker is None and scene.chain.initial_velocity is None:
+        return f"{row} pressed, at rest along the chain, on"
     if scene.striker is None:
         return f"{row} start with velocities of their own{' and lean on' if scene.wall else ''}"
     speed, drop = si(scene.striker.velocity, "m/s"), scene.striker.drop

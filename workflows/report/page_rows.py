@@ -130,8 +130,8 @@ def view_note(data: dict[str, Any]) -> str:
         n_points, n = data["assembly"]["points"]["shape"][0], data["assembly"]["n_nodes"]
         thinned = f" Drawn with {grouped(n_points)} of {grouped(n)} outer nodes."
         return (
-            "Surface of the assembly, displaced as X + s Σ q_k(t) φ_k(X) from its state at rest, "
-            "coloured by displacement; spheres by velocity, red towards the wall. Assembly and "
+            "Surface of the structure, displaced as X + s Σ q_k(t) φ_k(X) from its state at rest, "
+            "coloured by displacement; spheres by velocity, red towards the wall. Structure and "
             "spheres have factors of their own, without which nothing would be seen to move. Modes "
             "are those that the reduced model holds; modes.vtu has all of them."
             f"{'' if n_points == n else thinned}"

@@ -36,7 +36,7 @@ CAPTIONS = {
     "beside its bound, and the share of the contact's area that sticks.",
     "frequency_response": "Receptance at the contact: the reduced model, the finer one that its "
     "error is stated against, and solutions of the full one.",
-    "assembly": "The meshed assembly, a colour per body, and the arrow of the impact.",
+    "assembly": "The meshed structure, a colour per body, and the arrow of the impact.",
     "modes": "The measured modes, paired by shape, or the lowest ones where there are no targets. "
     "Grey: the outline at rest. Colours: displacement over its largest. Shapes are exaggerated: "
     "bodies part where the springs of a joint give way, and may seem to pass through each other.",

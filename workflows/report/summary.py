@@ -111,6 +111,7 @@ class NumberError(BaseModel):
     mesh: float | None = None
     theory: float | None = None  # of a beam or a plate
     total: float | None = None
+    why: str = ""  # where the mesh's error comes from if it is large, and what helps
 
     @property
     def relative(self) -> float | None:

@@ -220,6 +220,11 @@ def summary_of(
 
         numbers["reduction"] = reduction_health(*measured(scene.wall))
 
+    explained = [error for error in number_errors if error.why]
+    if explained:
+        worst = max(explained, key=lambda error: error.relative or 0.0)
+        more = f" (the largest of {len(explained)}; `errors` in summary.json has the others)"
+        sentences.append(f"{worst.name}{more if len(explained) > 1 else ''}: {worst.why}")
     return Summary(
         errors=tuple(number_errors),
         scene=scene.name,

@@ -49,10 +49,10 @@ class SecondProcess:
         """Whether the stage may be there."""
         return name in self._theirs
 
-    def taken(self, ready: Callable[[str], bool]) -> str | None:
-        """A stage that nobody has begun, is ready, and now is ours; None where there is none."""
+    def claim_ready(self, ready: Callable[[str], bool]) -> str | None:
+        """Claim a stage that is ready and that nobody has begun; None where there is none."""
         names = sorted(self._theirs)
-        return next((name for name in names if ready(name) and self._take(name)), None)
+        return next((name for name in names if ready(name) and self._claim(name)), None)
 
     def seconds(self, name: str, meanwhile: Callable[[], bool]) -> float | None:
         """What a stage took there, once it has ended; None where it is ours to compute.
@@ -60,7 +60,7 @@ class SecondProcess:
         meanwhile() computes another stage, and is False where there is none to compute.
         """
         ended = self._folder / f"{name}.seconds"
-        if name not in self._theirs or self._take(name):
+        if name not in self._theirs or self._claim(name):
             return None
         while self._process.poll() is None and not ended.exists():
             if not meanwhile():
@@ -68,8 +68,9 @@ class SecondProcess:
         self._theirs.discard(name)
         return float(ended.read_text()) if ended.exists() else None
 
-    def _take(self, name: str) -> bool:
-        if _taken(self._folder, name):
+    def _claim(self, name: str) -> bool:
+        """Whether this process computes the stage: it claims it now, or has done so."""
+        if claim(self._folder, name):
             self._theirs.discard(name)
         return name not in self._theirs
 
@@ -126,8 +127,8 @@ def _have_room(pipeline: Pipeline) -> bool:
     return scene.mesh.file is None and room_for_pictures(scene)
 
 
-def _taken(folder: Path, name: str) -> bool:
-    """Whether the stage is ours from now on."""
+def claim(folder: Path, name: str) -> bool:
+    """Make the stage's file; False where the other process has made it before."""
     with suppress(FileExistsError):
         (folder / name).touch(exist_ok=False)
         return True
@@ -144,7 +145,7 @@ def main() -> None:
         if ready is None:
             sleep(PAUSE)
             continue
-        if not _taken(folder, ready):
+        if not claim(folder, ready):
             continue
         started = perf_counter()
         with suppress(Exception):  # computed again by the run, which says what is wrong

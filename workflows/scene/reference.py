@@ -258,7 +258,8 @@ def _usual(quantity: Quantity | None) -> str:
 
 def _example(key: str, annotation: Any, default: Any) -> Any:
     """A value that the key may have: of EXAMPLES, its first word, or its default."""
-    for name in (key, key.rpartition(".")[2]):
+    full = key if "." in key else f"scene.{key}"
+    for name in (full, key.rpartition(".")[2]):
         if name in EXAMPLES:
             value = EXAMPLES[name]
             pair = _values(annotation).startswith("list of 2: number")

@@ -99,11 +99,12 @@ def structure_errors(
     is known."""
     errors = []
     hz = modes.omega / (2 * np.pi)
+    whys = missed.explained(scene, modes.omega)
     for i, relative in enumerate(missed.of_frequencies(modes.omega)):
         if np.isfinite(relative):
-            error = float(relative * hz[i])
+            of_mesh = dict.fromkeys(("mesh", "total"), float(relative * hz[i]))
             errors.append(
-                NumberError(name=f"mode {i + 1}", value=hz[i], unit="Hz", mesh=error, total=error)
+                NumberError(name=f"mode {i + 1}", value=hz[i], unit="Hz", why=whys[i], **of_mesh)
             )
     if missed.of_compliance is not None:
         health = structure.numbers["reduction"]
@@ -115,6 +116,7 @@ def structure_errors(
                 unit="m/N",
                 mesh=missed.of_compliance,
                 total=missed.of_compliance,
+                why=missed.at_contact(scene, missed.of_compliance / abs(value)) if value else "",
             )
         )
     return tuple(errors)

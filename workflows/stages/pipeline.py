@@ -399,7 +399,7 @@ class Pipeline:
     def _meanwhile(self) -> bool:
         """Compute a stage that neither process computes yet; False where there is none. What needs
         the stage that is waited for is not ready, and would compute it here as well."""
-        name = self.beside.taken(self.ready)
+        name = self.beside.claim_ready(self.ready)
         if name is not None:
             with suppress(Exception):  # raised again where the stage is needed
                 self(name)

@@ -39,7 +39,14 @@ def quantity_errors(
     run, speed = impact.trajectory, float(np.abs(start.velocity).max())
     n, columns = instants(scene, run), observed(scene)
     of_mesh = missed.share * float(np.abs((without.v - on_mesh.v)[:n, columns]).max()) / speed
-    return QuantityErrors(numbers_with_errors(scene, start, impact, waves, pairs), of_mesh)
+    numbers = numbers_with_errors(scene, start, impact, waves, pairs)
+    explained = tuple(
+        number.model_copy(update={"why": missed.at_contact(scene, number.mesh / abs(number.value))})
+        if number.mesh and number.value
+        else number
+        for number in numbers
+    )
+    return QuantityErrors(explained, of_mesh)
 
 
 def marched(

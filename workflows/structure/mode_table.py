@@ -31,6 +31,7 @@ class ModeRow(BaseModel):
     participation: float | None
     # of the mesh, by which the frequency is too high; of a beam or a plate of mesh and theory
     error_percent: float | None = None
+    why: str = ""  # where an error above 5 % comes from, and what helps
     hammer_mode: int | None = None
     hammer_hz: float | None = None
     difference_percent: float | None = None
@@ -68,7 +69,8 @@ class ModeTable(BaseModel):
         legend = READING if any(row.hammer_mode for row in self.rows) else NO_TARGETS
         load = LOADED.format(100 * self.load_factor) if self.load_factor is not None else ""
         shapes = ", ".join(f"{r.hammer_mode}: {r.shape}" for r in self.rows if r.shape)
-        return "\n".join([table, "", *filter(None, (shapes, legend, load, *self.warnings))])
+        whys = [f"Mode {row.number}: {row.why}" for row in self.rows if row.why]
+        return "\n".join([table, "", *filter(None, (shapes, legend, load, *self.warnings, *whys))])
 
 
 def mode_table(pipeline: Pipeline) -> ModeTable:
@@ -79,14 +81,17 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
     participation = np.abs(pipeline("contact").w @ modes.phi) if struck else [None] * len(mac)
     measured = {int(j): i for i, j in enumerate(modes.index) if j >= 0}
     if scene.bending is None:
-        error = pipeline("missed-energy").of_frequencies(modes.omega)
+        missed = pipeline("missed-energy")
+        error, whys = missed.of_frequencies(modes.omega), missed.explained(scene, modes.omega)
     else:
         errors = {e.name: e.relative for e in pipeline("structure-errors")}
         error = [errors.get(f"mode {i + 1}", np.nan) for i in range(len(modes.omega))]
+        whys = [""] * len(error)
     rows = []
     for j, hz in enumerate(modes.omega / (2 * np.pi)):
         row = ModeRow(number=j + 1, frequency_hz=hz, participation=participation[j])
         row.error_percent = None if np.isnan(error[j]) else 100 * float(error[j])
+        row.why = whys[j]
         if j in measured:
             i = measured[j]
             row.hammer_mode, row.hammer_hz = i + 1, scene.measured_hz[i]

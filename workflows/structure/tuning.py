@@ -17,6 +17,7 @@ from workflows.files.output_file import OutputFile
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, Scene, nearest
 from workflows.scene.bodies import MeasuredMode
+from workflows.stages.mesh_causes import Cause, refinement, size_for
 from workflows.stages.pipeline import Pipeline, pipeline_of
 from workflows.stages.progress import Progress
 from workflows.structure import parameters as of_bodies
@@ -33,6 +34,7 @@ class FitTolerances(NamedTuple):
     """Relative errors of frequencies by which a fit is judged; not varied."""
 
     disagreement: float = 1e-3  # of the full model and the projection
+    of_mesh: float = 0.01  # of a mesh that is fine enough to tune on; finer ones halve the error
     largest_miss: float = 0.05  # of a fit: three times what the thesis' own matches miss, table 5.3
 
 
@@ -165,11 +167,17 @@ def tuned(
 
     # what the mesh is worth in these modes, in percent
     computed = full("modes")
-    of_mesh = full("missed-energy").of_frequencies(computed.omega)
+    by_mesh = full("missed-energy")
+    of_mesh, shapes = by_mesh.of_frequencies(computed.omega), by_mesh.shapes_of(computed.omega)
     mesh_percent = {
         str(i): 100 * float(of_mesh[j])
         for i, j in enumerate(computed.index, start=1)
         if j >= 0 and np.isfinite(of_mesh[j])
+    }
+    causes = {
+        str(i): by_mesh.causes[shapes[j]]
+        for i, j in enumerate(computed.index, start=1)
+        if j >= 0 and by_mesh.causes and shapes[j] >= 0
     }
 
     names = [p.name for p in fit.parameters]
@@ -194,7 +202,7 @@ def tuned(
         mesh_error_percent=mesh_percent,
         remarks=[
             *_remarks(scene, match, fit, of_all, unchanged, candidates, confirmed, mac),
-            *worth_of_the_mesh(scene, match, modes_hz, mesh_percent),
+            *worth_of_the_mesh(scene, match, modes_hz, mesh_percent, causes),
         ],
     )
     return result, report
@@ -272,21 +280,28 @@ def worth_of_the_mesh(
     match: dict[int, float],
     modes_hz: Mapping[str, float],
     mesh_percent: Mapping[str, float],
+    causes: Mapping[str, Cause],
+    tolerances: FitTolerances = TOLERANCES,
 ) -> list[str]:
     """A sentence where the mesh makes more of a mode than the fit misses, and more than a fit may
-    miss; errors fall with the size of elements to the power 1 at singular edges, 2 or more else."""
+    miss, with the size of elements that brings it to what both allow."""
     worst = max((n for n in match if str(n) in mesh_percent), default=None,
                 key=lambda n: mesh_percent[str(n)])  # fmt: skip
     if worst is None:
         return []
     error, missed = mesh_percent[str(worst)], 100 * abs(modes_hz[str(worst)] / match[worst] - 1)
-    if error <= max(missed, 100 * TOLERANCES.disagreement):
+    if error <= max(missed, 100 * tolerances.disagreement):
         return []
-    key = "mesh.scale" if scene.is_general else "mesh.seed and mesh.block_seed times"
-    return [
+    sentence = (
         f"the mesh makes mode {worst} {error:.2g} % too high, more than the fit misses "
-        f"({missed:.2g} %): the fitted values make up for it. Halve it with {key} "
-        f"{0.6 * (scene.mesh.scale if scene.is_general else 1.0):.2g}, and tune again."
+        f"({missed:.2g} %): the fitted values make up for it."
+    )
+    if (cause := causes.get(str(worst))) is None:  # of few elements nothing is known but that
+        return [f"{sentence} Tune again with {refinement(scene, 0.5)}."]
+    wanted = max(missed, min(100 * tolerances.of_mesh, error / 2))
+    times = size_for(wanted, error, cause)
+    return [
+        f"{sentence} Bring it to {wanted:.2g} % with {refinement(scene, times)}, and tune again."
     ]
 
 

@@ -128,6 +128,13 @@ class CheckedGroup:
             yield CheckedGroup(self.base, sound.take(places), {})
 
     @property
+    def across(self) -> bool:
+        """Whether its rows have columns of friction."""
+        keys = (*self.group.shared, *self.group.columns)
+        given = self.base.written.tables.get("friction") is not None
+        return given or any(key.startswith("friction.") for key in keys)
+
+    @property
     def joins(self) -> bool:
         """Whether its chains may march side by side."""
         scene = self.scene
@@ -135,6 +142,7 @@ class CheckedGroup:
         return not (
             scene.contact.yield_pressure is not None
             or scene.time.dt is not None
+            or scene.friction is not None
             or scene.time.duration > scene.time.horizon
             or getattr(scene.wall, "prune", False)
             or (isinstance(scene.wall, RomWall | DashpotWall) and "wall" in differs)

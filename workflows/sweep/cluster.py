@@ -191,4 +191,8 @@ def _result(future: Any, running: dict[Any, Task]) -> list[Rows]:
         message = f"its worker ended ({type(reason).__name__}): too little memory, or it was killed"
         cases = task.checked.group.cases
         spheres = task.checked.base.with_values({}).output.spheres
-        return [without_result(spheres, cases, FAILED, [message] * len(cases))]
+        return [
+            without_result(
+                spheres, cases, FAILED, [message] * len(cases), across=task.checked.across
+            )
+        ]

@@ -11,7 +11,7 @@ from workflows.stages.chain import on_surface, start, together
 from workflows.stages.impact import impact, require_start
 from workflows.stages.walls import simple_wall
 from workflows.sweep.cases import CheckedGroup, Group
-from workflows.sweep.core.rows import FAILED, REFUSED, Rows, measured, without_result
+from workflows.sweep.core.rows import ACROSS, FAILED, REFUSED, Rows, measured, without_result
 from workflows.sweep.models import FAILURES, SharedWall, sentence
 
 
@@ -26,14 +26,15 @@ def rows(checked: CheckedGroup, shared: SharedWall, signals: bool) -> list[Rows]
         places = sorted(checked.refused)
         cases = tuple(checked.group.cases[i] for i in places)
         sentences = [checked.refused[i] for i in places]
-        finished.append(without_result(spheres, cases, REFUSED, sentences))
+        finished.append(without_result(spheres, cases, REFUSED, sentences, across=checked.across))
     if not group.cases:
         return finished
 
     # cases whose wall failed
     if shared.failure:
         sentences = [shared.failure] * len(group.cases)
-        return [*finished, without_result(spheres, group.cases, FAILED, sentences)]
+        failed = without_result(spheres, group.cases, FAILED, sentences, across=checked.across)
+        return [*finished, failed]
 
     # cases that march; the batch takes walls of oscillators alone
     joins = checked.joins and not isinstance(shared.wall, coupling.CoupledWall)
@@ -110,19 +111,39 @@ def _one_by_one(
             scene = checked.base.with_values(group.values(i))
             require_start(scene)
             wall = shared.wall if isinstance(scene.wall, RomWall) else simple_wall(scene)
-            run = impact(scene, start(scene, shared.surface), wall).trajectory
+            first = start(scene, shared.surface)
+            result = impact(scene, first, wall)
+            run, across = result.trajectory, {}
+            error_time = np.nan if run.error_estimate is None else run.error_estimate
+            if scene.friction:
+                # the motion across is loaded by scenes that have one
+                from workflows.stages.friction import friction, friction_numbers
+
+                lateral = friction(scene, first, wall, result)
+                numbers = friction_numbers(scene, first, result, lateral)
+                error_time += lateral.error_estimate
+                values = (
+                    numbers.peak_friction_N, numbers.surface_velocity_ratio, numbers.dissipated_J,
+                    numbers.loop_energy_J, numbers.stick_share_at_impact,
+                )  # fmt: skip
+                across = {
+                    n: np.nan if x is None else x for n, x in zip(ACROSS, values, strict=True)
+                }
         except FAILURES as reason:
             spheres = checked.scene.output.spheres
-            finished.append(without_result(spheres, (number,), FAILED, [sentence(reason)]))
+            failed = [sentence(reason)]
+            finished.append(
+                without_result(spheres, (number,), FAILED, failed, across=checked.across)
+            )
             continue
         v = run.v[None][:, :, [sphere - 1 for sphere in scene.output.spheres]]
         force = run.contact_force[None, :, -1] if scene.wall else np.zeros((1, len(run.t)))
         table = measured(
             scene.output.spheres, run.t, v, force,
             energy_error=run.energy_error,
-            error_time=np.nan if run.error_estimate is None else run.error_estimate,
+            error_time=error_time,
             error_reduction=shared.error_reduction, error_mesh=shared.error_mesh,
-            dt_s=run.dt, steps=run.n_steps, seconds=perf_counter() - started,
+            dt_s=run.dt, steps=run.n_steps, seconds=perf_counter() - started, **across,
         )  # fmt: skip
         series = {"t": run.t, "v": v, "wall_force": force} if signals else None
         finished.append(Rows((number,), table, series))

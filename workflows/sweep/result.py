@@ -62,9 +62,11 @@ class Sweep:
 
     @property
     def main(self) -> tuple[str, ...]:
-        """What is drawn unasked: echo delay and ratio at the last sphere, the wall's force."""
+        """What is drawn unasked: echo delay and ratio at the last sphere, the wall's force, and of
+        friction the surface's velocity and the loop."""
         waves = [name for name in self.outputs if name.endswith(MAIN)]
-        return (*waves[-len(MAIN) :], *(n for n in self.outputs if n == "wall_peak_force_N"))
+        further = ("wall_peak_force_N", "surface_velocity_ratio", "loop_energy_J")
+        return (*waves[-len(MAIN) :], *(n for n in self.outputs if n in further))
 
     def data(self) -> Any:
         """The table as a pandas.DataFrame."""

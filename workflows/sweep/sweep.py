@@ -27,7 +27,6 @@ from workflows.sweep.tasks import Sharing, sharings
 # keep a core busy
 AT_ONCE = 2
 FIXED = ("name", "output.", "unusual")  # keys that the table's columns depend on
-ACROSS = ("friction.", "arm.", "shakers.", "striker.tangential_velocity")  # keys without a column
 Engine = Callable[[Iterator[Sharing]], Iterator[list[Rows]]]
 Progress = Callable[[int, int], None]  # cases done, cases in all
 
@@ -39,11 +38,6 @@ def require_keys(base: Base, design: Design, signals: bool) -> None:
             raise InvalidScene(
                 f"{key} cannot vary in a sweep{' with --signals' if signals else ''}: all cases "
                 "share the columns of one table; set it for all by --set."
-            )
-        if key.startswith(ACROSS):
-            raise InvalidScene(
-                f"{key} moves the last sphere across the chain, and the table of a sweep is of the "
-                "motion along it; run such cases one by one."
             )
     first = design.case(0)
     for key in design.keys:

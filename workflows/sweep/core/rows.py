@@ -11,6 +11,13 @@ RUN = (
     "wall_peak_force_N", "wall_peak_s", "energy_error", "error_time", "error_reduction",
     "error_mesh", "dt_s", "steps", "seconds", "status", "message",
 )  # fmt: skip
+# of scenes with friction: its largest force, the velocity of the last sphere's surface after the
+# run over that before, heat, that of a period of a shaken wall, the share of the contact that
+# sticks when the wave comes
+ACROSS = (
+    "friction_peak_N", "surface_velocity_ratio", "friction_heat_J", "loop_energy_J",
+    "stick_share_at_impact",
+)  # fmt: skip
 TEXT = ("status", "message")
 OF_SPHERE = ("incident_s", "incident_m_s", "reflected_s", "reflected_m_s", "tof_s", "arr")
 LARGE_ERROR = 0.05  # of velocities, in parts of the striker's; a row and the terminal warn of it
@@ -25,9 +32,10 @@ class Rows(NamedTuple):
     signals: dict[str, Array] | None = None  # v (cases, k, spheres), wall_force (cases, k), t (k,)
 
 
-def names(spheres: tuple[int, ...]) -> tuple[str, ...]:
-    """Names of the table's columns after those of the keys."""
-    return (*(f"sphere_{s}_{name}" for s in spheres for name in OF_SPHERE), *RUN)
+def names(spheres: tuple[int, ...], across: bool) -> tuple[str, ...]:
+    """Names of the table's columns after those of the keys; `across` with those of friction."""
+    of_spheres = (f"sphere_{s}_{name}" for s in spheres for name in OF_SPHERE)
+    return (*of_spheres, *(ACROSS if across else ()), *RUN)
 
 
 def other_wave(sphere: int) -> str:
@@ -53,14 +61,19 @@ def measured(
     for name, value in run.items():
         value = value.tolist() if isinstance(value, np.ndarray) else value
         columns[name] = list(value) if isinstance(value, list | tuple) else [value] * m
-    return {name: columns[name] for name in names(spheres)}
+    return {name: columns[name] for name in names(spheres, ACROSS[0] in run)}
 
 
 def without_result(
-    spheres: tuple[int, ...], cases: tuple[int, ...], status: str, messages: list[str]
+    spheres: tuple[int, ...],
+    cases: tuple[int, ...],
+    status: str,
+    messages: list[str],
+    *,
+    across: bool = False,
 ) -> Rows:
-    """Rows of cases that were refused or failed, each with its sentence."""
-    columns: dict[str, list[Any]] = {name: [np.nan] * len(cases) for name in names(spheres)}
+    """Rows of cases that were refused or failed, each with its sentence; `across` as of `names`."""
+    columns: dict[str, list[Any]] = {name: [np.nan] * len(cases) for name in names(spheres, across)}
     columns |= {"status": [status] * len(cases), "message": messages}
     columns["seconds"] = [0.0] * len(cases)
     return Rows(cases, columns)

@@ -1,0 +1,66 @@
+"""Why the error of a mesh is large, and whether what is offered helps."""
+
+import re
+from contextlib import nullcontext
+
+import numpy as np
+import pytest
+from skfem import MeshHex, MeshTet
+
+from workflows.files.scene import scene
+from workflows.stages.mesh_causes import inner_edges, one_thick
+from workflows.stages.pipeline import pipeline_of
+
+pytestmark = pytest.mark.usefixtures("shared_cache")
+
+L_PROFILE = {
+    "name": "l-profile",
+    "materials": {"steel": {"young": 210e9, "poisson": 0.3, "density": 7850.0}},
+    "bodies": {
+        "profile": {
+            "plate": {
+                "outline": [[0, 0], [0.06, 0], [0.06, 0.01], [0.01, 0.01], [0.01, 0.08], [0, 0.08]],
+                "thickness": 0.03,
+            }
+        }
+    },
+    "assembly": {"held": ["profile:-y"], "material": "steel"},
+    "mesh": {"scale": 4.0},
+}
+
+
+@pytest.mark.parametrize("kind", [MeshHex, MeshTet])
+def test_inner_edges_are_those_where_faces_turn_inwards(kind):
+    """Of an L one line of corners, of a box none."""
+    line = np.linspace(0, 0.06, 4)
+    box = kind.init_tensor(line, line, np.linspace(0, 0.02, 3))
+    centre = box.p[:, box.t].mean(axis=1)
+    angle = box.remove_elements(np.flatnonzero((centre[0] > 0.02) & (centre[1] > 0.02)))
+    assert not len(inner_edges(box))
+    corner = angle.p[:, inner_edges(angle)]
+    np.testing.assert_allclose(corner[:2], 0.02)
+    np.testing.assert_allclose(np.sort(corner[2]), [0, 0.01, 0.02])
+
+
+def test_a_plate_of_one_layer_is_one_element_thick():
+    line = np.linspace(0, 0.06, 4)
+    for layers, thick in ((2, True), (3, False)):
+        plate = MeshHex.init_tensor(line, line, np.linspace(0, 0.005, layers))
+        middle = np.abs(plate.p[:2, plate.t].mean(axis=1) - 0.03).max(axis=0) < 0.01
+        assert (one_thick(plate)[middle] == thick).all()
+
+
+def test_the_scale_that_is_offered_brings_the_error_below_5_percent():
+    def modes(scale):
+        pipeline = pipeline_of(
+            scene({**L_PROFILE, "mesh": {"scale": scale}}), lambda name: nullcontext()
+        )
+        missed, omega = pipeline("missed-energy"), pipeline("modes").omega[:4]
+        return missed.of_frequencies(omega), missed.explained(pipeline.scene, omega)
+
+    errors, whys = modes(4.0)
+    assert [bool(why) for why in whys] == (errors > 0.05).tolist()
+    worst = int(errors.argmax())
+    assert errors[worst] > 0.06 and "profile that are one element thick" in whys[worst]
+    scale = float(re.search(r"mesh.scale = ([\d.]+) would", whys[worst])[1])
+    assert modes(scale)[0][worst] < 0.05
