@@ -79,8 +79,12 @@ class WallMotion(NamedTuple):
 
 
 class LateralSearch(NamedTuple):
-    """How the step of a lateral march is searched for; of 40 random oblique impacts none was off by
-    more than its stated error."""
+    """How the step of a lateral march is searched for.
+
+    Of 500 random impacts (load, damping, arm, coefficient, angle; as of the test of random impacts)
+    2 were off by more than is stated along and across, by 1.5 at the most; the median stated 2.2
+    times its error. Ledgers closed to 0.25 of the error in the median, to 6 of it at the most.
+    """
 
     dt: float | None = None  # [s] a step that is given, in place of an error
     safety: float = 2.0  # stated error over what the difference says: orders of 2 to 2.5 were seen
@@ -219,7 +223,7 @@ def march_lateral(
     k = np.array([stiffness[int(np.abs(line).argmax())]]) if straight else stiffness
 
     contact = pressing(chain, wall, v0, trajectory, search.chunk)
-    body = Body(chain, last, k, frame, 1e-5 if error is None else error, search)
+    body = MarchedSphere(chain, last, k, frame, 1e-5 if error is None else error, search)
     speed = max(float(np.abs(v0).max()), float(np.hypot(*velocity)))
     if motion is not None:
         speed = max(speed, float(np.abs(motion.speed).max()))
@@ -285,7 +289,7 @@ def march_lateral(
     )
 
 
-class Body(NamedTuple):
+class MarchedSphere(NamedTuple):
     """The last sphere as it is marched: in one direction along a line, or in two."""
 
     chain: Chain
@@ -394,7 +398,9 @@ class Cycle(NamedTuple):
         return int(np.ptp(self.slip, axis=0).argmax())
 
 
-def periodic_state(body: Body, overlap: float, motion: WallMotion) -> tuple[Across, Springs, Cycle]:
+def periodic_state(
+    body: MarchedSphere, overlap: float, motion: WallMotion
+) -> tuple[Across, Springs, Cycle]:
     """State and contact that the wall's motion has become periodic in, at its phase of t = 0.
 
     The motion is ramped up over some periods from a contact that was pressed and never sheared.

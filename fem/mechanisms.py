@@ -15,7 +15,7 @@ from fem.correlation import MOTIONS
 from fem.elasticity import Structure
 from fem.grounding import motions_about
 from fem.joints import rigid_motion
-from fem.model import Connections, constrained
+from fem.model import Connections, Constrained, constrained
 
 
 class Loose(NamedTuple):
@@ -28,6 +28,7 @@ class Loose(NamedTuple):
 def loose_bodies(
     structure: Structure,
     connections: Connections,
+    constraints_of_all: Constrained | None = None,
     *,
     free: float = 1e-6,
     moving: float = 0.05,
@@ -37,7 +38,7 @@ def loose_bodies(
 
     A motion counts as free if its singular value of E is below `free` times the largest one; a body
     counts as at rest if it moves less than `moving` times the largest motion of the mechanism.
-    Neither was varied.
+    Neither was varied. `constraints_of_all` are those of these connections, where they are known.
     Raises ValueError as `joined` does.
     """
     n, k = structure.n_dofs, connections.stiffness
@@ -61,7 +62,7 @@ def loose_bodies(
     R = np.vstack([*R, 0 * about, about, np.eye(6)[:n_table]])
 
     # E (rows, m): what constraints and springs have against these coordinates
-    n_total, constraints, _ = constrained(structure, connections)
+    n_total, constraints, _ = constraints_of_all or constrained(structure, connections)
     violations = [(Phi[c.slaves] - c.A @ Phi) for c in constraints]
     springs = n + np.flatnonzero((k > 0) & np.isfinite(k))
     table = np.arange(n + 2 * len(k), n_total)

@@ -99,14 +99,19 @@ class Constrained(NamedTuple):
     overconstrained: list[Overconstrained]
 
 
-def joined(structure: Structure, connections: Connections) -> Model:
-    """The bodies joined and held.
+def joined(
+    structure: Structure, connections: Connections, constraints_of_all: Constrained | None = None
+) -> Model:
+    """The bodies joined and held; `constraints_of_all` are those of these connections, where they
+    are known.
 
     Raises ValueError where faces that are joined do not lie on each other, where a joint holds too
     few nodes, or where ties form a circle.
     """
     n, k = structure.n_dofs, connections.stiffness
-    n_total, constraints, overconstrained = constrained(structure, connections)
+    n_total, constraints, overconstrained = constraints_of_all or constrained(
+        structure, connections
+    )
     reduction = eliminated(n_total, constraints)
 
     # the table's springs carry the mass of the assembly as well: (2 pi f)^2 (m_table + m)

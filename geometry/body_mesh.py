@@ -21,16 +21,17 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Basis, Mesh, MeshTet
 
-from geometry.assembly import InvalidGeometry
+from geometry.contacts import TouchingPair
+from geometry.errors import InvalidGeometry
 from geometry.facets import facets_of
 from geometry.gmsh_session import EDGES_AROUND, failing
 from geometry.hexahedra import hexahedra
-from geometry.imprint import RIM_ROOM, Disc, Patch, Region, fitted, imprinted, regions
+from geometry.imprint import RIM_ROOM, Region, fitted, imprinted, regions
+from geometry.patches import Disc, Patch
 from geometry.roundness import enclosing, full_cylinders, rimmed
 from geometry.selectors import Selected
 from geometry.sizes import GROWTH, Size, Sizes, mesh_visible
 from geometry.solids import Body
-from geometry.touching import TouchingPair
 
 TRIANGLE, TETRAHEDRON = 2, 4  # gmsh's element types
 

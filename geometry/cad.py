@@ -14,7 +14,7 @@ from typing import NamedTuple
 import gmsh
 import numpy as np
 
-from geometry.assembly import InvalidGeometry
+from geometry.errors import InvalidGeometry
 from geometry.gmsh_session import session, silent
 from geometry.shapes import Box, Cylinder, Shape
 from geometry.solids import Body, Face, Vector, off_axis

@@ -174,7 +174,9 @@ def _curved(skin: Skin, mine: NDArray[np.int64]) -> RoundSurface | None:
 def _cylinder(points: NDArray[np.float64], normals: NDArray[np.float64]) -> RoundSurface | None:
     """The cylinder with the least squares of the deviations of the radii of points (n, 3) [m]; None
     where a point is off it. `normals` (m, 3) of the facets are weighted by area [m^2]."""
-    # first guess of the axis: the direction in which the normals have the smallest components
+    # first guess of the axis: the direction in which the normals have the smallest components; two
+    # facets alone have one too
+    normals = np.vstack([normals, np.zeros((max(0, 3 - len(normals)), 3))])
     _, s, directions = np.linalg.svd(normals, full_matrices=False)
     if s[1] < 1e-6 * s[0]:
         return None

@@ -14,17 +14,10 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from skfem import Basis
 
+from geometry.contacts import CLOSENESS, FaceContact, NearMiss, Neighbours, Overlap, TouchingPair
 from geometry.faceted import Skin, away
-from geometry.imprint import Disc, Patch, ThreadBand
+from geometry.patches import Disc, Patch, Spots, ThreadBand
 from geometry.solids import Body, off_axis, parallel
-from geometry.touching import (
-    CLOSENESS,
-    FaceContact,
-    NearMiss,
-    Neighbours,
-    Overlap,
-    TouchingPair,
-)
 
 
 class FacetCloseness(NamedTuple):
@@ -73,20 +66,17 @@ class Meeting(NamedTuple):
             return face.number[
                 np.abs((face.middle - patch.centre) @ patch.axis) <= patch.length / 2
             ]
+        if isinstance(patch, Spots):
+            return face.number[patch.hold(face.middle)]
         if isinstance(patch, Disc):
             off = np.linalg.norm(np.cross(face.middle - patch.centre, patch.normal), axis=1)
             return face.number[off <= patch.radius * np.linalg.norm(patch.normal)]
-        # nearer to this bolt than to the others, and on another body
+        # nearer to this bolt than to the others, where both bodies touch
         off = np.linalg.norm(face.middle - patch.centre, axis=1)
         others = [np.linalg.norm(face.middle - centre, axis=1) for centre in patch.others]
         nearest = np.all([off <= distance for distance in others] or [off >= 0], axis=0)
-        body = patch.on.body
-        touching = [
-            self.facets(name, body, skin, whole=False)
-            for name in self.pairs
-            if body in name.split("|")
-        ]
-        return np.intersect1d(face.number[nearest], np.concatenate(touching))
+        touching = self.facets(patch.pair, patch.on.body, skin, whole=False)
+        return np.intersect1d(face.number[nearest], touching)
 
 
 def meeting(skins: Mapping[str, Skin], bodies: Mapping[str, Body], gap: float) -> Meeting:

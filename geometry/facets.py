@@ -7,8 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:  # see `hex_mesh`
+if TYPE_CHECKING:  # see `lined`
     from skfem import Mesh
+
+# skfem's order of the corners of a hexahedron, from the quadrilateral (0..3) and its copy (4..7)
+EXTRUDED = [0, 4, 3, 1, 7, 5, 2, 6]
 
 
 def facets_of(mesh: Mesh, corners: NDArray[np.int64]) -> NDArray[np.int64]:

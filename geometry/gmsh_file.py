@@ -11,8 +11,8 @@ import gmsh
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.assembly import InvalidGeometry
 from geometry.cell_groups import CellGroup
+from geometry.errors import InvalidGeometry
 from geometry.gmsh_session import session
 
 HEAD, END = b"$MeshFormat", b"$EndElements"

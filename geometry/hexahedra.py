@@ -25,9 +25,8 @@ from numpy.typing import NDArray
 from skfem import MeshHex
 
 from geometry.cad import distance
-from geometry.facets import facets_of, triangles
+from geometry.facets import EXTRUDED, facets_of, triangles
 from geometry.gmsh_session import boolean_tolerance, failing, mesh_options
-from geometry.hex_mesh import EXTRUDED
 from geometry.imprint import Region
 from geometry.roundness import enclosing, full_cylinders
 from geometry.selectors import Selected

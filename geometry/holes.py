@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from geometry.contacts import TouchingPair
 from geometry.solids import SAME, Body, Face, Vector, off_axis, parallel
-from geometry.touching import TouchingPair
 
 
 class HoleLimits(NamedTuple):

@@ -16,11 +16,12 @@ from typing import NamedTuple
 import gmsh
 import numpy as np
 
-from geometry.assembly import InvalidGeometry
+from geometry.contacts import TouchingPair
+from geometry.errors import InvalidGeometry
 from geometry.gmsh_session import boolean_tolerance
+from geometry.patches import Disc, Patch, Share, Spots, ThreadBand
 from geometry.selectors import Selected
 from geometry.solids import SAME, Body, Face, Vector
-from geometry.touching import TouchingPair
 
 
 class RimRoom(NamedTuple):
@@ -44,37 +45,6 @@ class RimRoom(NamedTuple):
 
 
 RIM_ROOM = RimRoom()
-
-
-class Disc(NamedTuple):
-    """A round patch on plane faces of a body: under a washer, or where the chain strikes."""
-
-    on: Selected
-    centre: Vector  # (3,) [m]
-    normal: Vector  # (3,) unit vector, along the outward normal of the faces or opposite to it
-    radius: float  # m
-
-
-class Share(NamedTuple):
-    """The part of the common face of two bodies that is nearer to one bolt than to the others."""
-
-    on: Selected
-    regions: tuple[int, ...]  # tags of the common face's surfaces in the CAD model
-    centre: Vector  # (3,) of the bolt [m]
-    others: Sequence[Vector]  # (3,) each, of the other bolts [m]
-
-
-class ThreadBand(NamedTuple):
-    """The part of a cylinder's faces between two planes normal to its axis, along which a thread
-    engages."""
-
-    on: Selected
-    centre: Vector  # (3,) on the axis, half-way between the planes [m]
-    axis: Vector  # (3,) unit vector
-    length: float  # m, between the planes
-
-
-Patch = Disc | Share | ThreadBand
 
 
 class Imprinted(NamedTuple):
@@ -201,6 +171,24 @@ def regions(
                     )
                     common, _ = occ.intersect(occ.copy([(2, face_tag)]), [(3, slab)])
                     lying += [Region(tag, face_tag) for dimension, tag in common if dimension == 2]
+            case Spots():
+                what = "pad"
+                spots = []
+                for centre in patch.centres:
+                    if patch.radius is not None:
+                        radii = patch.radius, patch.radius
+                        spots.append(occ.addDisk(*centre, *radii, zAxis=list(patch.normal)))
+                        continue
+                    u, v = patch.axes * np.reshape(patch.sides, (2, 1)) / 2
+                    corners = centre - u - v, centre + u - v, centre + u + v, centre - u + v
+                    spots.append(_polygon(corners))
+                for face_tag in patch.on.tags:
+                    for spot in spots:
+                        with boolean_tolerance(2 * gap):
+                            common, _ = occ.intersect(
+                                occ.copy([(2, spot)]), occ.copy([(2, face_tag)])
+                            )
+                        lying += [Region(t, face_tag) for dimension, t in common if dimension == 2]
             case Disc():
                 what = f"disc of radius {patch.radius:.6g} m"
                 for face_tag in patch.on.tags:
@@ -210,8 +198,9 @@ def regions(
                         common, _ = occ.intersect([(2, disc)], occ.copy([(2, face_tag)]))
                     lying += [Region(tag, face_tag) for dimension, tag in common if dimension == 2]
         if not lying:
+            place = patch.centres[0] if isinstance(patch, Spots) else patch.centre
             raise InvalidGeometry(
-                f'"{name}": a {what} at {np.round(patch.centre, 6).tolist()} m does not lie on the '
+                f'"{name}": a {what} at {np.round(place, 6).tolist()} m does not lie on the '
                 f"faces of {patch.on.body} it belongs to; move the point."
             )
         imprints[name] = lying
@@ -222,13 +211,18 @@ def regions(
 def _half_plane(face: Face, centre: Vector, partner: Vector, reach: float) -> int:
     """Tag of a rectangle in the plane of a face, on the side of `centre` of the line half-way to
     `partner` (3,) [m]: `reach` [m] wide and twice as long."""
-    occ = gmsh.model.occ
     away = (partner - centre) / np.linalg.norm(partner - centre)
     along, middle = reach * np.cross(face.normal, away), (centre + partner) / 2
     middle = middle + ((face.centre - middle) @ face.normal) * face.normal
     ends = middle + along, middle - along
-    corners = [occ.addPoint(*p) for p in (*ends, ends[1] - reach * away, ends[0] - reach * away)]
-    lines = [occ.addLine(*pair) for pair in zip(corners, corners[1:] + corners[:1], strict=True)]
+    return _polygon((*ends, ends[1] - reach * away, ends[0] - reach * away))
+
+
+def _polygon(corners: Sequence[Vector]) -> int:
+    """Tag of a plane surface with these corners (3,) [m]."""
+    occ = gmsh.model.occ
+    points = [occ.addPoint(*corner) for corner in corners]
+    lines = [occ.addLine(*pair) for pair in zip(points, points[1:] + points[:1], strict=True)]
     return occ.addPlaneSurface([occ.addCurveLoop(lines)])
 
 

@@ -12,12 +12,12 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from geometry.assembly import InvalidGeometry
+from geometry.contacts import TouchingPair
+from geometry.errors import InvalidGeometry
 from geometry.holes import LIMITS, bores, concentric, crossed, engaged
-from geometry.imprint import Disc, Patch, Share, ThreadBand
+from geometry.patches import Disc, Patch, Share, Spots, ThreadBand
 from geometry.selectors import Selected, bodies_named, faces, touches
 from geometry.solids import Body, Vector
-from geometry.touching import TouchingPair
 
 
 class JointWords(NamedTuple):
@@ -32,6 +32,21 @@ class JointWords(NamedTuple):
     shares: tuple[int, ...] = ()  # sides that hold the bolt's share of the common face, if any
 
 
+class Under(NamedTuple):
+    """Parts of a plane face: discs or rectangles around points."""
+
+    at: Sequence[Sequence[float]]  # [m], moved onto the face
+    radius: float | None = None  # m
+    sides: tuple[float, float] | None = None  # m, along the two global axes that span the face
+
+
+class TieWords(NamedTuple):
+    """A tie as its table gives it."""
+
+    between: str  # "a|b"
+    under: Under | None = None  # None: all that touches
+
+
 class Words(NamedTuple):
     """All bodies and faces that a scene names, as it writes them (`geometry.selectors`)."""
 
@@ -39,7 +54,8 @@ class Words(NamedTuple):
     groups: Mapping[str, str] = {}  # patterns of bodies by the key that messages call them by
     faces: Mapping[str, str] = {}  # selectors by the name of the face
     struck: str | None = None  # selector
-    ties: Sequence[str] = ()  # "a|b"
+    under: Mapping[str, Under] = {}  # parts of these faces that are meant, by the face's name
+    ties: Sequence[TieWords] = ()
     joints: Sequence[JointWords] = ()
 
 
@@ -64,6 +80,8 @@ class Picked(NamedTuple):
     patches: dict[str, Patch]  # what joints hold of a face, to be imprinted
     struck: Selected | None
     tied: dict[str, TouchingPair]  # by the pair's name "a|b"
+    # slave and master, "body:face", of those that are tied under parts alone, by the pair's name
+    partly: dict[str, tuple[str, str]]
     jointed: dict[str, str]  # the joint's name by the pair's, of threads both ways round
     joints: list[JointPlace]
 
@@ -83,10 +101,31 @@ def picked(
             groups[key] = bodies_named(pattern, bodies)
         except InvalidGeometry as error:
             raise InvalidGeometry(f"{key}: {error}") from None
-    tied = {touch.name: touch for tie in words.ties for touch in touches(tie, bodies, touching)}
+    pairs = [(tie, t) for tie in words.ties for t in touches(tie.between, bodies, touching)]
+    tied = {touch.name: touch for _, touch in pairs}
     named = {name: faces(selector, bodies) for name, selector in words.faces.items()}
+    patches = {
+        name: _spots(named[name], under, bodies, name) for name, under in words.under.items()
+    }
     struck = faces(words.struck, bodies) if words.struck else None
-    result = Picked(groups, named, {}, struck, tied, {}, [])
+    result = Picked(groups, named, dict(patches), struck, tied, {}, {}, [])
+
+    # a tie of parts: the smaller body follows under these the whole face of the larger one
+    for tie, touch in pairs:
+        if tie.under is None:
+            continue
+        slave, master = sorted(touch.bodies, key=lambda name: bodies[name].volume)
+        in_mesh = []
+        for body in (slave, master):
+            side = touch.bodies.index(body)
+            tags = tuple(dict.fromkeys(contact.faces[side] for contact in touch.contacts))
+            name, on = f"under-{touch.name}-{body}", Selected(body, tags)
+            if body == slave:
+                result.patches[name] = _spots(on, tie.under, bodies, f"ties {touch.name}")
+            else:
+                result.faces[name] = on
+            in_mesh.append(f"{body}:{name}")
+        result.partly[touch.name] = (in_mesh[0], in_mesh[1])
 
     # names of faces and joints are numbered by kind: bolts, then threads, then holes to the ground
     for joint in words.joints:
@@ -109,6 +148,16 @@ def picked(
                 JointPlace(joint.name, (body,), (f"{body}:{name}",), centre, bore.axis)
             )
     return result
+
+
+def _spots(on: Selected, under: Under, bodies: Mapping[str, Body], key: str) -> Spots:
+    """The parts of a plane face that are meant, on it; `key` is what messages call it by."""
+    face = bodies[on.body].face(on.tags[0])
+    if face.normal is None:
+        raise InvalidGeometry(f"{key}: under names parts of a plane, this face is none; drop it.")
+    at = np.array(under.at, dtype=float)
+    off = (face.centre - at) @ face.normal
+    return Spots(on, at + np.outer(off, face.normal), face.normal, under.radius, under.sides)
 
 
 def _place_bolts(
@@ -171,7 +220,9 @@ def _place_bolts(
             contacts = (c for touch in pairs for c in touch.contacts)
             regions = next(c.regions for c in contacts if c.faces == place.faces)
             for side in joint.shares:
-                result.patches[names[side]] = Share(on[side], regions, place.centre, others)
+                result.patches[names[side]] = Share(
+                    on[side], regions, place.centre, others, "|".join(place.bodies)
+                )
             for side in {0, 1} - set(joint.shares):
                 result.faces[names[side]] = on[side]
                 over[side] = in_mesh[joint.shares[0]]

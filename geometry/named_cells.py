@@ -1,12 +1,9 @@
-"""Meshes from files of named cells: the rig's in place of a generated one, or of any bodies.
+"""Meshes of bodies from files of named cells.
 
-Volumes are named as the bodies ("block", "sheet+y", ...), in gmsh as physical groups. Surfaces may
-be named as the faces ("block:+x", "sheet+y:head", ...); those that are not are looked for where
-the dimensions of [assembly] put them. Touching parts must not share nodes. Elements of any order
-are taken by their corners; what is in no body of ours is left out.
+Volumes are named as the bodies, in gmsh as physical groups; a named surface is a face of its own.
+Touching parts must not share nodes. Elements of any order are taken by their corners.
 """
 
-from difflib import get_close_matches
 from typing import NamedTuple
 
 import numpy as np
@@ -14,9 +11,8 @@ from numpy.typing import NDArray
 from skfem import Mesh, MeshHex, MeshTet
 from skfem.io.meshio import INV_HEX_MAPPING
 
-from geometry.assembly import Assembly, Interface, InvalidGeometry
 from geometry.cell_groups import CellGroup
-from geometry.naming import named
+from geometry.errors import InvalidGeometry
 
 KINDS = {4: MeshTet, 8: MeshHex}  # by the corners of a cell
 CELLS = {4: "tetrahedra", 5: "pyramids", 6: "prisms", 8: "hexahedra"}
@@ -28,19 +24,6 @@ class NamedCells(NamedTuple):
     source: str
     points: NDArray[np.float64]  # (n_points, 3) [m]
     groups: list[CellGroup]
-
-
-def rig_mesh(cells: NamedCells, assembly: Assembly, faces: set[str]) -> Mesh:
-    """The rig's mesh with straight edges and its faces named; raises InvalidGeometry for a file
-    that lacks a body or a face of the assembly."""
-    wanted = sorted(bodies(assembly))
-    names = {g.name for g in cells.groups if g.dimension == 3}
-    _require(cells, "volume", set(wanted), names)
-    solid = _solid(cells, {name: _corners(cells, name) for name in wanted})
-    mesh = named(solid.mesh, assembly, solid.body)
-    mesh = mesh.with_boundaries(_facets(solid, cells.groups))
-    _require(cells, "surface", faces, {n for n, f in mesh.boundaries.items() if len(f)})
-    return mesh
 
 
 def volumes(cells: NamedCells) -> dict[str, Mesh]:
@@ -129,27 +112,3 @@ def _facets(solid: _Solid, groups: list[CellGroup]) -> dict[str, NDArray[np.int6
             common = outer[np.isin(row[:n], row[n:])]
             facets[name] = np.union1d(facets.get(name, common), common)
     return {name: numbers for name, numbers in facets.items() if len(numbers)}
-
-
-def bodies(assembly: Assembly) -> set[str]:
-    """Names that the volumes of a mesh must have."""
-    sheets = {"sheet-y", "sheet+y"} if "sheets" in assembly.parts else set()
-    return (set(assembly.parts) - {"sheets"}) | sheets
-
-
-def faces(touching: tuple[Interface, ...], held: tuple[str, ...], struck: str) -> set[str]:
-    """Names that the surfaces of a mesh must have for these interfaces."""
-    joined = {f for t in touching for f in (t.slave, t.master, *t.screws, *t.halves)}
-    return {*joined, *held, struck}
-
-
-def _require(cells: NamedCells, what: str, wanted: set[str], names: set[str]) -> None:
-    """Raise InvalidGeometry where the mesh lacks a volume or a surface of these names."""
-    missing = sorted(wanted - names)
-    if missing:
-        close = get_close_matches(missing[0], names, n=1, cutoff=0.6)
-        hint = f"the nearest known is {close[0]!r}" if close else f"known are {', '.join(names)}"
-        raise InvalidGeometry(
-            f"the mesh {cells.source!r} has no {what} named {missing[0]!r} "
-            f"({len(missing)} of {len(wanted)} are missing), {hint if names else 'it has none'}."
-        )

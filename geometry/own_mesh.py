@@ -1,22 +1,18 @@
 """Bodies of a user's mesh, where they touch, and the faces of it that the scene names."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from re import sub
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from skfem import Mesh
 
+from geometry.contacts import TouchingPair
+from geometry.faceted import Skin, bodies, skins
+from geometry.faceted_touching import Meeting, meeting
+from geometry.patches import Patch, Spots
+from geometry.selectors import Selected
 from geometry.solids import Body
-
-if TYPE_CHECKING:  # these load gmsh
-    from geometry.faceted import Skin
-    from geometry.faceted_touching import Meeting
-    from geometry.imprint import Patch
-    from geometry.selectors import Selected
-    from geometry.touching import TouchingPair
 
 
 class OwnMesh(NamedTuple):
@@ -41,9 +37,10 @@ class OwnMesh(NamedTuple):
             body = patch.on.body
             facets = self.meeting.under(patch, self.skins[body])
             if not len(facets):
+                place = patch.centres[0] if isinstance(patch, Spots) else patch.centre
                 raise ValueError(
-                    f'"{name}": no facet of {body} has its middle under the washer or in the '
-                    f"thread at {np.round(patch.centre, 6).tolist()} m; take a larger one or a "
+                    f'"{name}": no facet of {body} has its middle under the washer, on the pad or '
+                    f"in the thread at {np.round(place, 6).tolist()} m; take a larger one or a "
                     "finer mesh."
                 )
             boundaries[body][name] = facets
@@ -67,9 +64,6 @@ class OwnMesh(NamedTuple):
 
 def own_mesh(volumes: Mapping[str, Mesh], gap: float) -> OwnMesh:
     """The bodies of named volumes; `gap` [m] is the distance up to which two of them touch."""
-    from geometry.faceted import bodies, skins  # load gmsh
-    from geometry.faceted_touching import meeting
-
     meshes = {sub(r"[^\w.+-]+", "-", name): mesh for name, mesh in volumes.items()}
     named = {name: mesh.boundaries or {} for name, mesh in meshes.items()}
     outsides = skins(meshes, named)

@@ -14,7 +14,7 @@ import numpy as np
 
 from geometry.grid_lines import Stop, graded, lines_through, refined
 
-if TYPE_CHECKING:  # see `hex_mesh`
+if TYPE_CHECKING:  # see `lined`
     from skfem import MeshHex
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:  # see `hex_mesh`
+if TYPE_CHECKING:  # see `lined`
     from skfem import Mesh
 
 

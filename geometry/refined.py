@@ -13,7 +13,7 @@ import numpy as np
 
 from geometry.facets import facets_of
 
-if TYPE_CHECKING:  # see `hex_mesh`
+if TYPE_CHECKING:  # see `lined`
     from skfem import Mesh
 
 

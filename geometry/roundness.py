@@ -19,7 +19,7 @@ from skfem import Mesh
 
 from geometry.cad import face_of
 from geometry.gmsh_session import EDGES_AROUND
-from geometry.imprint import Disc
+from geometry.patches import Disc
 from geometry.solids import SAME, Face, off_axis, parallel
 
 AnyMesh = TypeVar("AnyMesh", bound=Mesh)

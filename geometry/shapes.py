@@ -15,7 +15,7 @@ from math import isfinite, pi
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.assembly import InvalidGeometry
+from geometry.errors import InvalidGeometry
 
 Point = tuple[float, float, float]
 PlanePoint = tuple[float, float]
@@ -93,6 +93,18 @@ def volume(shape: Shape) -> float:
         return pi * (shape.radius**2 - shape.bore**2) * shape.length
     solid = abs(_signed_area(np.array(shape.outline)))
     return (solid - sum(pi / 4 * hole.diameter**2 for hole in shape.holes)) * shape.thickness
+
+
+def in_place(points: NDArray[np.float64], shape: Shape) -> NDArray[np.float64]:
+    """Points (n, 3) [m] in the shape's own axes, turned about x, y, z in turn and moved."""
+    for axis, degrees in enumerate(shape.turn):
+        c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+        i, j = (axis + 1) % 3, (axis + 2) % 3
+        turned = points.copy()
+        turned[:, i] = c * points[:, i] - s * points[:, j]
+        turned[:, j] = s * points[:, i] + c * points[:, j]
+        points = turned
+    return points + np.array(shape.at)
 
 
 def _positive(name: str, value: float) -> None:

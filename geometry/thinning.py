@@ -39,7 +39,7 @@ def thinned(
 ) -> Thinned:
     """At most `most` of the nodes at points (n, 3), and the faces (k, 3 or 4) between them; more
     nodes where the surface is rough everywhere, since rough places are not merged."""
-    from scipy.sparse import coo_matrix  # a quarter of a second, see `hex_mesh`
+    from scipy.sparse import coo_matrix  # a quarter of a second, see `lined`
     from scipy.sparse.csgraph import connected_components
 
     n, width = len(points), faces.shape[1]

@@ -4,7 +4,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from dem import Chain
-from fem import Material, assemble
+from fem import BodyMotion, Material, assemble
+from workflows.files.scene import scene
+from workflows.stages.assembly import mesh
 
 YOUNG, DENSITY = 210e9, 7850.0
 STEEL = Material(YOUNG, 0.3, DENSITY)
@@ -44,3 +46,16 @@ def stacked(lower, upper, height, gap=0.0):
     lower = lower.with_boundaries({"base": at(0.0), "top": at(height)})
     meshes = {"lower": lower, "upper": upper.with_boundaries({"foot": at(height + gap)})}
     return assemble(meshes, dict.fromkeys(meshes, STEEL))
+
+
+RIG_TARGETS = tuple(BodyMotion("block", motion) for motion in ("y", "x+ry", "rz", "strain"))
+
+
+def rig(*changes, of="rig-rom"):
+    """The thesis' rig of a built-in scene, meshed, and what joins and holds it."""
+    return mesh(scene(of, changes))
+
+
+def steel(bodies):
+    """One steel for all bodies."""
+    return dict.fromkeys(bodies, STEEL)

@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 from fem import (
-    Bushing,
-    Connections,
     Material,
     assemble,
     contact_patch,
@@ -19,55 +17,48 @@ from fem import (
     receptance,
     response,
 )
-from geometry import PARTS, Assembly, boxes, by_body, held_faces, hex_mesh, interfaces
-from workflows.stages.rig import TARGETS, full_tie, screw_tie, wires
+from known_models import RIG_TARGETS, rig, steel
+from workflows.files.scene import scene
 
 STEEL = Material(210e9, 0.3, 7850.0)
-STAGE_1 = Assembly(parts=PARTS[:2])
+SIZES = ("mesh.block_seed=14e-3", "mesh.support_seed=25e-3")
+STAGE_1 = ("assembly.parts=['block', 'sheets']", *SIZES, "mesh.contact_seed=14e-3")
+FINE = ("mesh.block_seed=14e-3", "mesh.support_seed=25e-3", "mesh.contact_seed=3e-3")
 
 
-def structure(assembly, contact_seed=None, seed=6e-3):
-    mesh = hex_mesh(
-        assembly,
-        seed=seed,
-        block_seed=14e-3,
-        support_seed=25e-3,
-        contact_seed=contact_seed,
-        contact_point=(0.03, 0.0),
-    )
-    return assemble(by_body(mesh), {body: STEEL for body in mesh.subdomains})
+def model(*changes, of="rig-full-tie"):
+    parts = rig(*changes, of=of)
+    return joined(assemble(parts.meshes, steel(parts.meshes)), parts.connections)
 
 
 @pytest.fixture(scope="module")
 def full():
-    return joined(structure(STAGE_1), full_tie(interfaces(STAGE_1), held_faces(STAGE_1)))
+    return model(*STAGE_1)
 
 
 @pytest.fixture(scope="module")
 def bolted():
-    bushings = {"head": Bushing(ky=1.1e6, kz=2.56e7, kry=100.0), "foot": Bushing()}
-    how = wires(interfaces(Assembly()), held_faces(Assembly()), bushings)
-    return joined(structure(Assembly(), 3e-3), how)
+    springs = ("joints.head.ky=1.1e6", "joints.head.kz=2.56e7", "joints.head.kry=100.0")
+    return model(*FINE, *springs, of="rig-rom")
 
 
 def test_full_tie_matches_the_first_row_of_table_5_2(full):
     computed = modes(full.K, full.M, 18)
-    f = computed.frequency_hz[pair(full, computed, TARGETS).index]
+    f = computed.frequency_hz[pair(full, computed, RIG_TARGETS).index]
     np.testing.assert_allclose(f[:3], [55.105, 630, 1134], rtol=0.03)
     assert f[3] == pytest.approx(8171.6, rel=0.01)
 
 
 def test_screw_tie_matches_its_first_row_of_table_5_2():
-    held = held_faces(STAGE_1, under_washers=True)
-    model = joined(structure(STAGE_1, seed=5e-3), screw_tie(interfaces(STAGE_1), held))
-    computed = modes(model.K, model.M, 29)
-    f = computed.frequency_hz[pair(model, computed, TARGETS).index]
+    screwed = model(*STAGE_1, "mesh.seed=5e-3", "assembly.constraint=screw-tie")
+    computed = modes(screwed.K, screwed.M, 29)
+    f = computed.frequency_hz[pair(screwed, computed, RIG_TARGETS).index]
     np.testing.assert_allclose(f, [35.9, 480.5, 905, 8140], rtol=0.03)
 
 
 def test_modes_are_identified_by_shape_not_by_order(bolted):
     computed = modes(bolted.K, bolted.M, 6)
-    pairing = pair(bolted, computed, TARGETS)
+    pairing = pair(bolted, computed, RIG_TARGETS)
     np.testing.assert_array_equal(pairing.index[:3], [0, 1, 4])
     np.testing.assert_allclose(computed.frequency_hz[[0, 1, 4]], [51, 269, 907], rtol=0.05)
     assert pairing.index[3] == -1 and pairing.score[3] == 0.0
@@ -76,8 +67,8 @@ def test_modes_are_identified_by_shape_not_by_order(bolted):
 def test_the_structure_has_the_mass_of_its_bodies(full):
     x = np.zeros(full.structure.n_dofs)
     x[0::3] = 1.0
-    block, a = boxes(STAGE_1)["block"], STAGE_1
-    solid = np.prod(block.upper - block.lower) * STEEL.density
+    a = scene("rig-full-tie").assembly
+    solid = a.block_x * a.block_y * a.block_z * STEEL.density
     mass = x @ full.structure.M @ x
     sheets = 2 * a.sheet_thickness * a.sheet_width * STEEL.density
     sheets *= a.head_overlap + a.sheet_free_length + a.foot_overlap
@@ -85,10 +76,9 @@ def test_the_structure_has_the_mass_of_its_bodies(full):
 
 
 def test_a_free_block_strains_in_no_rigid_mode():
-    alone = Assembly(parts=PARTS[:1])
-    block = joined(structure(alone), wires(interfaces(alone), held_faces(alone), {}))
+    block = model("assembly.parts=['block']", *SIZES)
     computed = modes(block.K, block.M, 9)
-    pairing = pair(block, computed, TARGETS)
+    pairing = pair(block, computed, RIG_TARGETS)
     assert pairing.index[3] >= 6 and pairing.score.max() < 1 + 1e-6
     np.testing.assert_array_equal(pairing.character[3, :6], 0.0)
 
@@ -110,14 +100,14 @@ def test_disc_weights_integrate_pressure_exactly(weights, second_moment):
 
 
 def test_the_contact_reads_a_rigid_shift_as_that_shift():
-    free = Assembly(parts=("block",))
-    model = joined(structure(free, 3e-3), Connections())
-    patch = contact_patch(model, "block:+x", (0.03, 0.0), 2e-3)
+    a = scene("rig-full-tie").assembly
+    free = model("assembly.parts=['block']", *FINE)
+    patch = contact_patch(free, "block:strike", (0.03, 0.0), 2e-3)
     u = np.zeros(len(patch.w))
     u[0::3] = -1.0  # the chain comes from +x and pushes along -x
     # the weights add up to one to 1.2e-13 on any processor
     assert patch.w @ u == pytest.approx(1.0, abs=1e-12)
-    np.testing.assert_allclose(patch.spot.point, [free.block_x / 2, 0.03, free.block_z / 2])
+    np.testing.assert_allclose(patch.spot.point, [a.block_x / 2, 0.03, a.block_z / 2])
     read = np.flatnonzero(np.abs(patch.w) > 1e-12)
     assert np.isin(read, patch.boundary).all() and len(patch.boundary) % 3 == 0
 
@@ -126,42 +116,41 @@ def test_less_the_half_space_the_contact_does_not_feel_the_patch(bolted):
     factor = factorised(bolted.K)
     left = []
     for b in (4e-3, 6e-3):
-        w = contact_patch(bolted, "block:+x", (0.03, 0.0), b).w
+        w = contact_patch(bolted, "block:strike", (0.03, 0.0), b).w
         left.append(w @ factor.solve(w) - 0.6 * (1 - 0.3**2) / (210e9 * b))
     assert left[0] == pytest.approx(left[1], rel=0.01)
-    node = node_patch(bolted, "block:+x", [(0.03, 0.0)]).w
+    node = node_patch(bolted, "block:strike", [(0.03, 0.0)]).w
     assert node @ factor.solve(node) > 1.02 * left[0]
 
 
 def test_the_quadrature_of_the_patch_leaves_less_than_1e_5_of_the_compliance():
     """The disc crosses edges of elements, where shape functions have kinks."""
-    parts = structure(STAGE_1, 3e-3, seed=12e-3)
-    tied = joined(parts, full_tie(interfaces(STAGE_1), held_faces(STAGE_1)))
+    tied = model(STAGE_1[0], *FINE, "mesh.seed=12e-3")
     solve = factorised(tied.K).solve
-    usual = contact_patch(tied, "block:+x", (0.03, 0.0), 2e-3).w
-    exact = contact_patch(tied, "block:+x", (0.03, 0.0), 2e-3, n_radial=96, n_around=288).w
+    usual = contact_patch(tied, "block:strike", (0.03, 0.0), 2e-3).w
+    exact = contact_patch(tied, "block:strike", (0.03, 0.0), 2e-3, n_radial=96, n_around=288).w
     assert usual @ solve(usual) / (exact @ solve(exact)) == pytest.approx(1.0, abs=1e-5)
 
 
 def test_the_radius_of_a_node_patch_is_the_root_of_the_mean_square_that_it_reads(full):
     """Two nodes lie equally far from their middle: w reads that distance squared."""
     points = [(0.03, 0.0), (0.01, 0.006)]
-    patch = node_patch(full, "block:+x", points)
+    patch = node_patch(full, "block:strike", points)
     squared = ((full.structure.points - patch.spot.point) ** 2)[:, 1:].sum(axis=1)
     assert patch.spot.inward[0] * (patch.on_mesh[0::3] @ squared) == pytest.approx(
         patch.radius**2, rel=1e-12
     )
     assert patch.radius > 5e-3
-    assert node_patch(full, "block:+x", points[:1]).radius == 0.0
+    assert node_patch(full, "block:strike", points[:1]).radius == 0.0
 
 
 def test_a_patch_over_the_edge_is_refused(full):
     with pytest.raises(ValueError, match=r"\[0.03, 0.0199\] m from the middle .* leaves the face"):
-        contact_patch(full, "block:+x", (0.03, 0.0199), 2e-3)
+        contact_patch(full, "block:strike", (0.03, 0.0199), 2e-3)
 
 
 def test_receptance_at_rest_is_the_static_compliance_and_peaks_at_a_mode(full):
-    w = contact_patch(full, "block:+x", (0.03, 0.0), 6e-3).w
+    w = contact_patch(full, "block:strike", (0.03, 0.0), 6e-3).w
     static = w @ factorised(full.K).solve(w)
     f3 = modes(full.K, full.M, 3).frequency_hz[2]
     assert receptance(full.K, full.M, w, [0.0])[0] / static == pytest.approx(1, rel=1e-9)
@@ -176,7 +165,7 @@ def test_receptance_at_rest_is_the_static_compliance_and_peaks_at_a_mode(full):
 def test_projected_receptance_is_the_direct_one_also_where_its_space_ends_too_early(
     full, monkeypatch, loss, vectors, factors
 ):
-    w = contact_patch(full, "block:+x", (0.03, 0.0), 6e-3).w
+    w = contact_patch(full, "block:strike", (0.03, 0.0), 6e-3).w
     f = np.array([0.0, 400.0, 18e3])
     too_small = response.KrylovSettings(smallest=len(w) + 1)
     direct = receptance(full.K, full.M, w, f, loss_factor=loss, settings=too_small)

@@ -31,12 +31,11 @@ from fem.constraints import congruent, eliminated, fixed
 from fem.elasticity import ELEMENTS
 from fem.joints import mean_sides
 from fem.trace import face_nodes
-from geometry import PARTS, Assembly, by_body, held_faces, hex_mesh, interfaces
+from known_models import rig, steel
 from workflows.evidence.verify import calculix
 from workflows.files.scene import scene
 from workflows.stages.pipeline import pipeline_of
 from workflows.stages.progress import quiet
-from workflows.stages.rig import full_tie, wires
 
 pytestmark = pytest.mark.skipif(
     which("ccx") is None, reason="the independent code is not installed (Debian: calculix-ccx)"
@@ -105,22 +104,20 @@ def test_a_screw_is_calculix_rigid_body_and_its_springs():
     np.testing.assert_allclose(modes(model.K, model.M, 10).frequency_hz, theirs[:10], rtol=PRINTED)
 
 
-def bolted(structure, assembly, table=None):
-    head = Bushing(kx=1e9, ky=6.6e5, kz=2.5e7, kry=100.0)
-    how = wires(interfaces(assembly), held_faces(assembly), {"head": head, "foot": Bushing()})
-    return joined(structure, how._replace(table=table))
+SPRINGS = tuple(f"joints.head.{k}" for k in ("kx=1e9", "ky=6.6e5", "kz=2.5e7", "kry=100.0"))
 
 
 @pytest.mark.slow
 def test_a_table_dashpots_and_the_contact_are_in_the_deck():
     """The table's two slow modes, and the static compliance at the contact by CalculiX's solver."""
-    assembly = Assembly()
-    mesh = hex_mesh(assembly, seed=20e-3, block_seed=50e-3, support_seed=60e-3)
-    steel = {body: Material(210e9, 0.3, 7850.0) for body in mesh.subdomains}
-    model = bolted(assemble(by_body(mesh), steel), assembly, SwayingTable(6.5, 1000.0))
-    w = contact_patch(model, "block:+x", (0.03, 0.0), 2e-3).w
+    sizes = ("mesh.seed=20e-3", "mesh.block_seed=50e-3", "mesh.contact_seed=50e-3")
+    parts = rig(*sizes, *SPRINGS)
+    materials = steel(parts.meshes)
+    table = parts.connections._replace(table=SwayingTable(6.5, 1000.0))
+    model = joined(assemble(parts.meshes, materials), table)
+    w = contact_patch(model, "block:strike", (0.03, 0.0), 2e-3).w
     C = dashpots(model, {"head.ky": 100.0, "head.kry": 3.0})
-    theirs = answer(input_deck(model, steel, w=w, C=C))
+    theirs = answer(input_deck(model, materials, w=w, C=C))
     ours = modes(model.K, model.M, 10).frequency_hz
     np.testing.assert_allclose(ours[:2], 6.5, rtol=1e-3)
     np.testing.assert_allclose(ours, theirs.frequency_hz[:10], rtol=PRINTED)
@@ -128,18 +125,14 @@ def test_a_table_dashpots_and_the_contact_are_in_the_deck():
     assert theirs.compliance == pytest.approx(compliance, rel=PRINTED, abs=0.0)
 
 
-def tied(structure, assembly):
-    return joined(structure, full_tie(interfaces(assembly), held_faces(assembly)))
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(("join", "n_parts"), [(tied, 2), (bolted, 5)])
-def test_calculix_finds_the_same_ten_frequencies(join, n_parts):
-    assembly = Assembly(parts=PARTS[:n_parts])
-    mesh = hex_mesh(assembly, seed=10e-3, block_seed=35e-3, support_seed=60e-3)
-    steel = {body: Material(210e9, 0.3, 7850.0) for body in mesh.subdomains}
-    model = join(assemble(by_body(mesh), steel), assembly)
-    theirs = answer(input_deck(model, steel)).frequency_hz
+@pytest.mark.parametrize(("of", "springs"), [("rig-full-tie", ()), ("rig-rom", SPRINGS)])
+def test_calculix_finds_the_same_ten_frequencies(of, springs):
+    sizes = ("mesh.seed=10e-3", "mesh.block_seed=35e-3", "mesh.contact_seed=35e-3")
+    parts = rig(*sizes, *springs, of=of)
+    materials = steel(parts.meshes)
+    model = joined(assemble(parts.meshes, materials), parts.connections)
+    theirs = answer(input_deck(model, materials)).frequency_hz
     ours = modes(model.K, model.M, 10).frequency_hz
     np.testing.assert_allclose(ours, theirs[:10], rtol=PRINTED)
 

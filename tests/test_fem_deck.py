@@ -5,9 +5,7 @@ import pytest
 from skfem import MeshHex
 
 from fem import (
-    Bushing,
     Connections,
-    Material,
     SwayingTable,
     assemble,
     contact_patch,
@@ -15,24 +13,18 @@ from fem import (
     joined,
 )
 from fem.abaqus import input_deck
-from geometry import Assembly, by_body, held_faces, hex_mesh, interfaces
-from workflows.stages.rig import wires
+from known_models import rig, steel
 
 POINT, RADIUS, DAMPING = (0.03, 0.0), 2e-3, 120.0
 
 
 @pytest.fixture(scope="module")
 def model():
-    parts = Assembly()
-    mesh = hex_mesh(parts, seed=0.02, block_seed=0.05, support_seed=0.06)
-    bushings = {"head": Bushing(ky=6.6e5, kry=100.0), "foot": Bushing()}
-    structure = assemble(by_body(mesh), steel(mesh.subdomains))
-    how = wires(interfaces(parts), held_faces(parts), bushings)
-    return joined(structure, how._replace(table=SwayingTable(6.5, 1000.0)))
-
-
-def steel(bodies):
-    return dict.fromkeys(bodies, Material(210e9, 0.3, 7850.0))
+    sizes = ("mesh.seed=0.02", "mesh.block_seed=0.05", "mesh.contact_seed=0.05")
+    springs = ("joints.head.ky=6.6e5", "joints.head.kz=inf", "joints.head.kry=100.0")
+    parts = rig(*sizes, *springs)
+    structure = assemble(parts.meshes, steel(parts.meshes))
+    return joined(structure, parts.connections._replace(table=SwayingTable(6.5, 1000.0)))
 
 
 def deck(model, **more):
@@ -71,7 +63,7 @@ def test_every_dashpot_lies_along_the_spring_of_its_direction(model):
 
 
 def test_the_node_of_the_contact_reads_what_the_chain_reads(model):
-    w = contact_patch(model, "block:+x", POINT, RADIUS).w
+    w = contact_patch(model, "block:strike", POINT, RADIUS).w
     lines = deck(model, w=w)
     ((row,),) = after(lines, "*NODE, NSET=CONTACT")
     node = row.split(", ")[0]

@@ -15,8 +15,8 @@ from fem.tuning import (
     tune,
     tuning_basis,
 )
-from geometry import Assembly, by_body, held_faces, hex_mesh, interfaces
-from workflows.stages.rig import TARGETS, wires
+from known_models import RIG_TARGETS as TARGETS
+from known_models import rig, steel
 
 STEEL = Material(210e9, 0.3, 7850.0)
 KY = TuningParameter("head.ky", ("head.ky",), 1e6, 1e4, 1e12)
@@ -29,11 +29,11 @@ TANGENTIAL = TuningParameter("head.kt", ("head.kz", "head.kx"), 1e8, 1e5, 1e12)
 
 
 def model(head, block=STEEL):
-    mesh = hex_mesh(Assembly(), seed=8e-3, block_seed=30e-3, support_seed=40e-3)
-    steel = {body: STEEL for body in mesh.subdomains} | {"block": block}
-    a, bushings = Assembly(), {"head": head, "foot": Bushing()}
-    how = wires(interfaces(a), held_faces(a), bushings)
-    return joined(assemble(by_body(mesh), steel), how)
+    sizes = ("mesh.seed=8e-3", "mesh.block_seed=30e-3", "mesh.support_seed=40e-3")
+    springs = [(f"joints.head.{key}", k) for key, k in head._asdict().items()]
+    parts = rig(*sizes, "mesh.contact_seed=30e-3", *springs)
+    materials = steel(parts.meshes) | {"block": block}
+    return joined(assemble(parts.meshes, materials), parts.connections)
 
 
 @pytest.fixture(scope="module")

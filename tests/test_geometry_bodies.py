@@ -10,7 +10,7 @@ from skfem import FacetBasis, MeshHex, MeshTet
 from geometry import InvalidGeometry, smallest_quality
 from geometry.body_mesh import body_meshes, facet_error, foreseen_nodes
 from geometry.cad import model
-from geometry.imprint import Disc
+from geometry.patches import Disc
 from geometry.selectors import Selected, bodies_named, faces, touches
 from geometry.shapes import Box, Cylinder, Hole, Slab
 from geometry.sizes import Fine, Sizes, default_seed, default_seeds, size_of

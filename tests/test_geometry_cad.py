@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from geometry import Assembly, InvalidGeometry, boxes
-from geometry import volume as assembly_volume
-from geometry.assembly import SIDES
+from geometry import InvalidGeometry
 from geometry.cad import body_of, model, write_step
 from geometry.gmsh_session import session, silent
-from geometry.rig import shapes as rig_shapes
 from geometry.selectors import faces
 from geometry.shapes import Box, Cylinder, Hole, Slab, volume
 from geometry.touching import neighbours
+from workflows.files.scene import scene
+from workflows.scene.shapes import shapes
 
 HOLES = tuple(Hole(8.5e-3, at) for at in ((0.02, 0.02), (0.18, 0.02), (0.18, 0.08), (0.02, 0.08)))
 RECTANGLE = ((0, 0), (0.2, 0), (0.2, 0.1), (0, 0.1))
@@ -81,20 +80,21 @@ def test_step_files_keep_names_and_volumes(tmp_path):
 
 
 def test_the_rig_is_read_back_from_its_own_step_file(tmp_path):
-    rig = Assembly()
-    write_step(rig_shapes(rig), tmp_path / "rig.step")
+    case = scene("rig-rom")
+    drawn, rig = shapes(case.written_out), case.assembly
+    write_step(drawn, tmp_path / "rig.step")
     with model({}, tmp_path / "rig.step") as read:
         bodies = read.bodies
         pairs = {t.name: t.area for t in neighbours(bodies, 1e-5).touching}
-    assert list(bodies) == [*boxes(rig), *SIDES]
-    total = sum(body.volume for body in bodies.values())
-    assert total == pytest.approx(assembly_volume(rig), rel=1e-6)
+    assert {name: body.volume for name, body in bodies.items()} == pytest.approx(
+        {name: volume(shape) for name, shape in drawn.items()}, rel=1e-6
+    )
     holes = 2 * pi * rig.hole_radius**2
     overlap = {"block": rig.head_overlap, "sheets_support": rig.foot_overlap}
     expected = {
         f"{body}|{sheet}": length * rig.sheet_width - holes
         for body, length in overlap.items()
-        for sheet in SIDES
+        for sheet in ("sheet-y", "sheet+y")
     }
     expected |= {"sheets_support|support": rig.support_x * rig.support_y}
     expected |= {"support|plate": rig.support_x * rig.support_y}

@@ -5,8 +5,8 @@ import pytest
 
 from geometry import InvalidGeometry
 from geometry.cad import model
-from geometry.imprint import Disc, Share, ThreadBand
-from geometry.joints import JointWords, Words, picked
+from geometry.joints import JointWords, TieWords, Words, picked
+from geometry.patches import Disc, Share, ThreadBand
 from geometry.shapes import Cylinder, Hole, Slab
 from geometry.touching import neighbours
 
@@ -90,7 +90,7 @@ def test_holes_held_to_the_ground_are_held_one_by_one(bolted):
     [
         ({"bodies": ["lid"]}, 'no body is called "lid"'),
         ({"groups": {"loads.sun": "lid"}}, 'loads.sun: no body is called "lid"'),
-        ({"ties": ["cover|stud"]}, '"cover|stud" do not touch'),
+        ({"ties": [TieWords("cover|stud")]}, '"cover|stud" do not touch'),
         (
             {"joints": [JointWords("a", "joints.a", "base", "stud", "thread")]},
             'joints.a.at = "thread" finds no shank',

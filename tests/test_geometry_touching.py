@@ -11,9 +11,10 @@ from skfem import FacetBasis, MeshHex
 from geometry import InvalidGeometry
 from geometry.body_mesh import body_meshes, facet_error
 from geometry.cad import body_of, model
+from geometry.contacts import require_apart
 from geometry.gmsh_session import session
 from geometry.shapes import Box, Cylinder, Hole, Slab
-from geometry.touching import neighbours, require_apart
+from geometry.touching import neighbours
 
 GAP = 1e-5
 TURNS = [(0, 0, 0), (10, 20, 30), (90, 0, 45)]

@@ -9,7 +9,6 @@ import pytest
 
 import dem
 import fem
-import geometry
 import rom
 from workflows.aliases import MOVED_MODULES, MOVED_PACKAGES, RENAMED_CLASSES, present_path
 
@@ -36,7 +35,7 @@ def test_every_former_path_leads_to_a_file(former):
     assert path.with_suffix(".py").is_file() or (path / "__init__.py").is_file()
 
 
-@pytest.mark.parametrize("room", [dem, fem, geometry, rom])
+@pytest.mark.parametrize("room", [dem, fem, rom])
 def test_former_names_of_a_room_give_those_of_today_with_a_warning(room):
     for former, name in RENAMED_CLASSES[room.__name__].items():
         with pytest.warns(DeprecationWarning, match=f"{room.__name__}.{former} is .*{name} now"):

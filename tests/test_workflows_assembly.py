@@ -7,9 +7,9 @@ import pytest
 import tomli_w
 
 from command_line import COARSE_RIG, beadwave
-from geometry import Assembly
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
+from workflows.scene.rig import DIMENSIONS, RigTable
 from workflows.scene.toml import resolved
 from workflows.stages import assembly as assembly_stages
 from workflows.structure import thesis_tables
@@ -172,17 +172,15 @@ def test_a_wall_without_the_assembly_builds_none_of_it(run, capsys):
     assert stages == {"wall", "compilation", "impact", "waves", "figures"}
 
 
-def test_the_built_in_scene_has_the_dimensions_of_the_geometry():
-    table, fitted = scene("rig-rom").assembly, Assembly()
-    assert all(
-        getattr(table, name) == getattr(fitted, name) for name in vars(fitted) if name != "parts"
-    )
+def test_the_built_in_scene_has_the_dimensions_that_are_the_defaults():
+    table, fitted = scene("rig-rom").assembly, RigTable()
+    assert all(getattr(table, name) == getattr(fitted, name) for name in DIMENSIONS)
 
 
 def test_the_mesh_has_a_node_at_the_contact():
     points = assembly_stages.mesh(scene("rig-rom", COARSE)).meshes["block"].p
-    half = Assembly().block_z / 2
-    offsets = points - np.array([[Assembly().block_x / 2], [0.03], [half]])
+    half = RigTable().block_z / 2
+    offsets = points - np.array([[RigTable().block_x / 2], [0.03], [half]])
     assert np.linalg.norm(offsets, axis=0).min() < 1e-9
 
 

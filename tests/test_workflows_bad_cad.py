@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from command_line import beadwave
-from geometry.assembly import InvalidGeometry
 from geometry.cad import model, write_step
+from geometry.errors import InvalidGeometry
 from geometry.gmsh_session import session, silent
 from geometry.shapes import Box, Cylinder
 from geometry.solids import require_size

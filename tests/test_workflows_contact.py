@@ -10,15 +10,14 @@ import pytest
 import coupling
 import dem
 import fem
-import geometry
 import rom
 from coupling.reduced_wall import wall_from_reduced
 from dem.waves.arrivals import arrivals
+from known_models import rig
 from workflows.files.scene import scene
 from workflows.stages.cache import memory
 from workflows.stages.chain import chain, initial_velocity
 from workflows.stages.pipeline import Pipeline
-from workflows.stages.rig import STRUCK
 from workflows.stages.walls import simple_wall
 
 COARSE = (
@@ -63,11 +62,10 @@ def test_patch_and_mesh_at_the_contact_do_not_matter(radius, seed):
 
 def block():
     """A block held at its back, some hundred dofs, struck off its middle."""
-    mesh = geometry.hex_mesh(
-        geometry.Assembly(parts=("block",)), seed=0.05, block_seed=0.05, support_seed=0.05,
-        contact_seed=0.03, contact_point=(0.02, 0.0),
-    )  # fmt: skip
-    meshes = geometry.by_body(mesh)
+    sizes = ("mesh.block_seed=0.05", "mesh.contact_seed=0.03", "patch.point=[0.02, 0.0]")
+    block = rig("assembly.parts=['block']", *sizes, of="rig-full-tie").meshes["block"]
+    back = block.facets_satisfying(lambda x: x[0] < 1e-9 - 0.1315 / 2, boundaries_only=True)
+    meshes = {"block": block.with_boundaries({"-x": back, "+x": block.boundaries["strike"]})}
     structure = fem.assemble(meshes, {"block": fem.Material(210e9, 0.3, 7850.0)})
     return fem.joined(structure, fem.Connections(held=[fem.Held("block:-x")]))
 
@@ -75,9 +73,9 @@ def block():
 def test_full_order_and_reduced_block_give_the_same_velocities():
     """30 modes of 369 leave an error of the 5e-7 in the velocities; a rigid wall is off by 1e-2."""
     model, rig = block(), scene("rig-rom", COARSE)
-    patch = fem.contact_patch(model, STRUCK, (0.02, 0.0), 0.01)
+    patch = fem.contact_patch(model, "block:+x", (0.02, 0.0), 0.01)
     steel = fem.Material(210e9, 0.3, 7850.0)
-    local = fem.half_space_on_mesh(model, STRUCK, patch, steel)
+    local = fem.half_space_on_mesh(model, "block:+x", patch, steel)
     models = (
         rom.full_order(model.K, model.M, patch.w),
         rom.free_modes(model.K, model.M, patch.w, rom.Selection(n_modes=30)),

@@ -1,18 +1,19 @@
 """Memory is foreseen before anything is meshed, and measured as the system grants it."""
 
-import numpy as np
 import pytest
-from skfem import Basis, ElementHexS2, ElementTetP2
 
-from geometry import Assembly, hex_mesh
-from geometry.size import n_nodes
-from geometry.tet_mesh import tet_mesh
+from known_models import rig
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene, memory
-from workflows.scene.size import RunLimits, foreseen_seconds, peak_memory, too_large_mesh
+from workflows.scene.size import (
+    RunLimits,
+    foreseen_nodes,
+    foreseen_seconds,
+    peak_memory,
+    too_large_mesh,
+)
 
 GB = 1e9
-MESHERS = {"hex": (hex_mesh, ElementHexS2()), "tet": (tet_mesh, ElementTetP2())}
 
 
 @pytest.mark.parametrize(
@@ -25,13 +26,12 @@ MESHERS = {"hex": (hex_mesh, ElementHexS2()), "tet": (tet_mesh, ElementTetP2())}
     ],
 )
 def test_the_nodes_of_a_mesh_are_known_before_it_is_made(element, times, contact_seed, off):
-    mesher, quadratic = MESHERS[element]
     seeds = {"seed": 6e-3 * times, "block_seed": 20e-3 * times, "support_seed": 30e-3 * times}
-    seeds |= {"contact_seed": contact_seed, "contact_point": (0.03, 0.0)}
-    mesh = mesher(Assembly(), **seeds)
-    dofs = Basis(mesh, quadratic, intorder=1).element_dofs
-    made = sum(len(np.unique(dofs[:, cells])) for cells in mesh.subdomains.values())
-    assert sum(n_nodes(Assembly(), element, **seeds).values()) == pytest.approx(made, rel=off)
+    seeds |= {"contact_seed": contact_seed, "element": element}
+    changes = {f"mesh.{key}": value for key, value in seeds.items()}
+    made = sum(rig(*changes.items()).nodes.values())
+    foreseen = sum(foreseen_nodes(scene("rig-rom", changes)).values())
+    assert foreseen == pytest.approx(made, rel=off)
 
 
 @pytest.mark.parametrize("element", ["hex", "tet"])
@@ -48,7 +48,7 @@ def test_a_mesh_that_no_memory_holds_is_refused_before_it_is_made(
 ):
     """131.5 mm given as metres once ended in a kill at 21 GB."""
     monkeypatch.setattr("workflows.scene.size.free_memory", lambda: 8 * GB)
-    monkeypatch.setattr("workflows.scene.size.LIMITS", RunLimits(elements=np.inf))
+    monkeypatch.setattr("workflows.scene.size.LIMITS", RunLimits(elements=float("inf")))
     with pytest.raises(InvalidScene, match=rf"{words}.* GB of memory, 8 GB are free"):
         scene("rig-rom", (change, f"mesh.element={element}", "unusual=['assembly.block_x']"))
 

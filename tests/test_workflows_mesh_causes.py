@@ -8,8 +8,9 @@ import pytest
 from skfem import MeshHex, MeshTet
 
 from workflows.files.scene import scene
-from workflows.stages.mesh_causes import inner_edges, one_thick
+from workflows.stages.mesh_causes import Cause, inner_edges, one_thick
 from workflows.stages.pipeline import pipeline_of
+from workflows.structure.tuning import worth_of_the_mesh
 
 pytestmark = pytest.mark.usefixtures("shared_cache")
 
@@ -64,3 +65,21 @@ def test_the_scale_that_is_offered_brings_the_error_below_5_percent():
     assert errors[worst] > 0.06 and "profile that are one element thick" in whys[worst]
     scale = float(re.search(r"mesh.scale = ([\d.]+) would", whys[worst])[1])
     assert modes(scale)[0][worst] < 0.05
+
+
+@pytest.mark.parametrize(
+    ("error", "missed", "offered"),
+    [
+        (8.0, 3.0, r"8 % too high.*Bring it to 3 % with mesh\.scale = 0\.38, and tune"),
+        (8.0, 1e-4, r"arises at the face held.*springs to the ground, or mesh\.scale = 0\.3, and"),
+        (0.5, 0.01, r"Bring it to 0\.25 % with mesh\.scale = 0\.5, and tune"),
+        (0.05, 0.01, "^$"),  # less than a fit may miss
+        (2.0, 3.0, "^$"),  # less than the fit misses
+    ],
+)
+def test_tune_offers_the_elements_that_bring_the_error_to_the_misfit(error, missed, offered):
+    """Of a singular place the error falls with the size of elements, to a third of it."""
+    cause = Cause("at the face held", 0.7, True, "springs to the ground")
+    fitted = {"1": 100.0 * (1 + missed / 100)}
+    remarks = worth_of_the_mesh(scene("cantilever"), {1: 100.0}, fitted, {"1": error}, {"1": cause})
+    assert re.search(offered, "".join(remarks))

@@ -6,13 +6,15 @@ import gmsh
 import meshio
 import numpy as np
 import pytest
-from skfem.io.meshio import HEX_MAPPING
+from skfem import MeshHex
+from skfem.io.meshio import HEX_MAPPING, INV_HEX_MAPPING
 
-from geometry import Assembly, hex_mesh, tet_mesh
-from geometry.gmsh_session import session
-from workflows.files.mesh import mesh_of
+from geometry.cad import model
+from known_models import rig
+from workflows.files.mesh import volumes_of
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
+from workflows.scene.shapes import shapes
 from workflows.stages.pipeline import pipeline_of
 
 WRITTEN = {  # version, order, binary, all cells or those in groups
@@ -38,21 +40,21 @@ def modes_hz(*changes):
 @pytest.fixture
 def file(tmp_path):
     """Block and sheets as gmsh writes them: named volumes, and one named surface."""
-    mesh = hex_mesh(Assembly(parts=("block", "sheets")), seed=0.012, block_seed=0.04,
-                    support_seed=0.03, contact_seed=5e-3, contact_point=(0.03, 0.0),
-                    glued=True)  # fmt: skip
-    cells, tags, names = [], [], {}
-    for group, kind, dim, nodes in (
-        (mesh.subdomains, "hexahedron", 3, mesh.t[HEX_MAPPING[:8]]),
-        ({"block:+x": mesh.boundaries["block:+x"]}, "quad", 2, mesh.facets),
-    ):
-        for name, members in group.items():
-            names[name] = np.array([len(names) + 1, dim])
-            cells.append((kind, nodes[:, members].T))
-            tags.append(np.full(len(members), len(names)))
+    meshes = rig(*STAGE_1, of="rig-full-tie").meshes
+    cells, tags, names, points, offset = [], [], {}, [], 0
+    for name, mesh in meshes.items():
+        names[name] = np.array([len(names) + 1, 3])
+        cells.append(("hexahedron", mesh.t[HEX_MAPPING[:8]].T + offset))
+        if name == "block":
+            faces = mesh.facets[:, mesh.boundaries["strike"]].T + offset
+        points.append(mesh.p.T)
+        offset += mesh.nvertices
+    names["block:+x"] = np.array([len(names) + 1, 2])
+    cells.append(("quad", faces))
+    tags = [np.full(len(members), i) for i, (_, members) in enumerate(cells, start=1)]
     path = tmp_path / "mine.msh"
     data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
-    complete = meshio.Mesh(mesh.p.T, cells, cell_data=data, field_data=names)
+    complete = meshio.Mesh(np.concatenate(points), cells, cell_data=data, field_data=names)
     complete.write(path, file_format="gmsh22", binary=False)
     return path
 
@@ -65,7 +67,7 @@ def test_a_mesh_with_our_names_gives_the_same_modes(file):
 
 
 def test_a_mesh_without_a_name_is_refused_with_that_name(file):
-    with pytest.raises(InvalidScene, match="no volume named 'plate'"):
+    with pytest.raises(InvalidScene, match='no body is called "sheets_support"'):
         modes_hz('assembly.parts=["block","sheets","sheets_support","support","plate"]',
                  f"mesh.file={file}")  # fmt: skip
 
@@ -73,18 +75,16 @@ def test_a_mesh_without_a_name_is_refused_with_that_name(file):
 @pytest.fixture(scope="module")
 def by_gmsh(tmp_path_factory):
     """Block and sheets in tetrahedra, written by gmsh itself in its versions, orders and modes."""
-    folder, parts = tmp_path_factory.mktemp("gmsh"), Assembly(parts=("block", "sheets"))
-    with session():
-        volumes = tet_mesh.volumes_of(parts)
-        gmsh.model.occ.synchronize()
-        for name, tags in volumes.items():
-            solids = [(3, tag) for tag in tags]
-            points = gmsh.model.getBoundary(solids, combined=False, oriented=False, recursive=True)
+    folder = tmp_path_factory.mktemp("gmsh")
+    with model(shapes(scene("rig-full-tie").written_out)) as cad:
+        for name, body in cad.bodies.items():
+            solid = [(3, body.tag)]
+            points = gmsh.model.getBoundary(solid, combined=False, oriented=False, recursive=True)
             gmsh.model.mesh.setSize(points, 0.02)
-            gmsh.model.addPhysicalGroup(3, tags, name=name)
-        solids = [(3, tag) for tag in volumes["block"]]
-        x = {t: gmsh.model.occ.getCenterOfMass(d, t)[0] for d, t in gmsh.model.getBoundary(solids)}
-        gmsh.model.addPhysicalGroup(2, [max(x, key=x.get)], name="block:+x")
+            gmsh.model.addPhysicalGroup(3, [body.tag], name=name)
+        block = cad.bodies["block"]
+        (end,) = (f.tag for f in block.faces if f.normal is not None and f.normal[0] > 0.9)
+        gmsh.model.addPhysicalGroup(2, [end], name="block:+x")
         gmsh.model.mesh.generate(3)
         for name, (version, order, binary, all_cells) in WRITTEN.items():
             gmsh.model.mesh.setOrder(order)
@@ -95,21 +95,21 @@ def by_gmsh(tmp_path_factory):
     return folder
 
 
-def read(path, *named):
-    return mesh_of(path, Assembly(parts=("block", "sheets")), set(named))
-
-
 @pytest.mark.parametrize("name", list(WRITTEN)[1:])
 def test_a_mesh_keeps_its_names_in_every_version_and_order(by_gmsh, name):
     """4.1 with its lines, points and bounding entities, and elements of second order."""
-    ours, plain = read(by_gmsh / f"{name}.msh", "block:+x"), read(by_gmsh / "plain.msh")
-    cells = {body: len(computed) for body, computed in ours.subdomains.items()}
-    assert cells == {body: len(computed) for body, computed in plain.subdomains.items()}
-    middle = ours.p[0, ours.facets[:, ours.boundaries["block:+x"]]]
-    np.testing.assert_allclose(middle, Assembly().block_x / 2)
-    assert len(middle.T) == len(plain.boundaries["block:+x"]) > 0
-    volumes = [np.sum(np.abs(np.linalg.det(corners(m)))) for m in (ours, plain)]
-    np.testing.assert_allclose(*volumes, rtol=1e-9)
+    ours, plain = volumes_of(by_gmsh / f"{name}.msh"), volumes_of(by_gmsh / "plain.msh")
+    assert {body: mesh.nelements for body, mesh in ours.items()} == {
+        body: mesh.nelements for body, mesh in plain.items()
+    }
+    block = ours["block"]
+    middle = block.p[0, block.facets[:, block.boundaries["block:+x"]]]
+    np.testing.assert_allclose(middle, scene("rig-rom").assembly.block_x / 2)
+    assert len(middle.T) == len(plain["block"].boundaries["block:+x"]) > 0
+    filled = [
+        [np.sum(np.abs(np.linalg.det(corners(m)))) for m in case.values()] for case in (ours, plain)
+    ]
+    np.testing.assert_allclose(*filled, rtol=1e-9)
 
 
 def corners(mesh):
@@ -123,29 +123,43 @@ def test_a_mesh_that_is_cut_off_is_refused(by_gmsh, tmp_path, share, end):
     complete = (by_gmsh / "binary.msh").read_bytes()
     (tmp_path / "cut.msh").write_bytes(complete[: int(share * len(complete))] + end)
     with pytest.raises(InvalidScene, match="cannot be read as a mesh"):
-        read(tmp_path / "cut.msh")
+        volumes_of(tmp_path / "cut.msh")
 
 
 def test_a_mesh_that_takes_for_ever_is_refused(by_gmsh, monkeypatch):
     monkeypatch.setattr("workflows.files.foreign.START", 0.05)
     monkeypatch.setattr("workflows.files.foreign.RATE", 1e9)
     with pytest.raises(InvalidScene, match="reading it does not end within"):
-        read(by_gmsh / "plain.msh")
+        volumes_of(by_gmsh / "plain.msh")
 
 
 def test_a_script_that_is_named_as_a_mesh_is_not_run(tmp_path):
     (tmp_path / "script.msh").write_text(f'SystemCall "touch {tmp_path}/ran";\n')
     with pytest.raises(InvalidScene, match="does not begin with"):
-        read(tmp_path / "script.msh")
+        volumes_of(tmp_path / "script.msh")
     assert not (tmp_path / "ran").exists()
 
 
-def with_others(file, tmp_path, kind, name, nodes):
-    """The file with a point, a line and one cell of another kind in a volume of this name."""
+def with_others(file, tmp_path, kind, name, nodes, apart=None):
+    """The file with a point, a line and one cell of another kind in a volume of this name, or a
+    cube of 10 mm so far [m] off."""
     mesh = meshio.read(file)
+    if apart is not None:
+        cube = [
+            [0, 0, 0],
+            [1, 0, 0],
+            [1, 1, 0],
+            [0, 1, 0],
+            [0, 0, 1],
+            [1, 0, 1],
+            [1, 1, 1],
+            [0, 1, 1],
+        ]
+        nodes = list(range(len(mesh.points), len(mesh.points) + 8))
+        mesh.points = np.vstack([mesh.points, apart + 0.01 * np.array(cube)])
     names = {**mesh.field_data, "spots": np.array([98, 0]), "lines": np.array([97, 1])}
-    names.setdefault(name, np.array([99, 3]))
-    tags = [*mesh.cell_data["gmsh:physical"], *([t] for t in (98, 97, names[name][0]))]
+    number = 99 if name is None else names.setdefault(name, np.array([99, 3]))[0]
+    tags = [*mesh.cell_data["gmsh:physical"], *([t] for t in (98, 97, number))]
     tags = [np.asarray(t) for t in tags]
     cells = [("vertex", [[0]]), ("line", [[0, 1]]), (kind, [nodes])]
     data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
@@ -155,11 +169,20 @@ def with_others(file, tmp_path, kind, name, nodes):
     return tmp_path / "more.msh"
 
 
-def test_cells_outside_the_bodies_are_left_out(file, tmp_path):
-    more = with_others(file, tmp_path, "pyramid", "air", [0, 1, 2, 3, 4])
-    before, after = read(file, "block:+x"), read(more, "block:+x")
-    assert (before.nelements, before.nvertices) == (after.nelements, after.nvertices)
-    assert len(before.boundaries["block:+x"]) == len(after.boundaries["block:+x"]) > 0
+def test_cells_in_no_named_volume_are_left_out(file, tmp_path):
+    more = with_others(file, tmp_path, "pyramid", None, [0, 1, 2, 3, 4])
+    before, after = volumes_of(file), volumes_of(more)
+    for body, mesh in before.items():
+        assert (mesh.nelements, mesh.nvertices) == (after[body].nelements, after[body].nvertices)
+    faces = [len(case["block"].boundaries["block:+x"]) for case in (before, after)]
+    assert list(before) == list(after) and faces[0] == faces[1] > 0
+
+
+def test_a_named_volume_beside_those_of_the_rig_is_refused(file, tmp_path):
+    nodes = meshio.read(file).points
+    apart = with_others(file, tmp_path, "hexahedron", "air", None, 10 + np.ptp(nodes))
+    with pytest.raises(InvalidScene, match=r'"?air"?'):
+        modes_hz(*STAGE_1, f"mesh.file={apart}")
 
 
 @pytest.mark.parametrize(
@@ -175,23 +198,35 @@ def test_cells_that_would_be_lost_or_count_twice_are_refused(
 ):
     nodes = meshio.read(file).cells[0].data[0] if nodes is None else nodes
     with pytest.raises(InvalidScene, match=sentence):
-        read(with_others(file, tmp_path, kind, name, nodes))
+        volumes_of(with_others(file, tmp_path, kind, name, nodes))
 
 
 @pytest.mark.parametrize("ending", ["vtu", "inp"])
 def test_names_of_scikit_fem_and_of_sets_are_kept(file, tmp_path, ending):
-    plain = read(file, "block:+x")
+    plain, given = volumes_of(file), meshio.read(file)
     path = tmp_path / f"mine.{ending}"
+    pairs = zip(given.cells, given.cell_data["gmsh:physical"], strict=True)
+    solid, tags = zip(*((b.data, t) for b, t in pairs if b.type == "hexahedron"), strict=True)
+    sets = {
+        name: np.flatnonzero(np.concatenate(tags) == number)
+        for name, (number, dimension) in given.field_data.items()
+        if dimension == 3
+    }
     if ending == "vtu":
-        plain.save(path)
+        mesh = MeshHex(given.points.T, np.concatenate(solid).T[INV_HEX_MAPPING[:8]])
+        mesh = mesh.with_subdomains(sets)
+        at = scene("rig-rom").assembly.block_x / 2
+        end = mesh.facets_satisfying(lambda x: np.abs(x[0] - at) < 1e-9, boundaries_only=True)
+        mesh.with_boundaries({"end": end}).save(path)
     else:
-        sets = {name: [cells] for name, cells in plain.subdomains.items()}
-        cells = [("hexahedron", plain.t[HEX_MAPPING[:8]].T)]
-        meshio.Mesh(plain.p.T, cells, cell_sets=sets).write(path)
-    again = read(path, "block:+x")
+        cells = [("hexahedron", np.concatenate(solid))]
+        cell_sets = {name: [cells] for name, cells in sets.items()}
+        meshio.Mesh(given.points, cells, cell_sets=cell_sets).write(path)
+    again = volumes_of(path)
     for name in ("block", "sheet-y", "sheet+y"):
-        assert len(again.subdomains[name]) == len(plain.subdomains[name])
-    assert len(again.boundaries["block:+x"]) == len(plain.boundaries["block:+x"])
+        assert again[name].nelements == plain[name].nelements
+    if ending == "vtu":
+        assert len(again["block"].boundaries["end"]) > 0
 
 
 @pytest.mark.parametrize(("text", "sentence"), [(None, "does not exist"), ("x", "cannot be read")])

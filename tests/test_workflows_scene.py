@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 
 import coupling
-from geometry import PARTS
 from workflows.files.scene import built_in, scene, scene_text
 from workflows.scene import InvalidScene
-from workflows.scene.assembly import BODIES
 from workflows.scene.toml import resolved, toml
-from workflows.stages.assembly import material
+from workflows.stages.assembly import solid
 from workflows.stages.chain import flat
 from workflows.stages.damping import damping_law
 from workflows.stages.impact import require_start
@@ -269,10 +267,6 @@ def test_rayleigh_damping_by_two_frequencies_has_their_ratios():
     np.testing.assert_allclose(zeta, [0.8, 0.0053], rtol=1e-12)
 
 
-def test_bodies_of_a_scene_are_the_parts_of_the_geometry():
-    assert BODIES == PARTS  # typed twice: a scene without an assembly loads no geometry
-
-
 @pytest.mark.parametrize("key", ["assembly.young", "assembly.block.young"])
 def test_an_assembly_softer_than_rubber_is_refused(key):
     with pytest.raises(InvalidScene, match=rf"{key} = 1000 Pa must be at least 1e\+06 Pa"):
@@ -282,7 +276,7 @@ def test_an_assembly_softer_than_rubber_is_refused(key):
 @pytest.mark.parametrize("changes", [(), ("assembly.block.young=70e9", "assembly.poisson=0.2")])
 def test_the_chain_touches_the_material_that_the_block_is_meshed_with(changes):
     result = scene("rig-rom", changes)
-    block = material(result.assembly, "block")
+    block = solid(result, "block")
     assert flat(result) == (block.young, block.poisson)
     same = scene("rig-rom", (*changes, f"wall.young={block.young}"))
     assert flat(same) == flat(result)

@@ -133,7 +133,6 @@ MOVED_PACKAGES = {
 RENAMED_CLASSES = {
     "dem": {"Search": "StepSearch"},
     "fem": {"End": "BeamEnd", "Motion": "BodyMotion", "Table": "SwayingTable"},
-    "geometry": {"Box": "Cuboid"},
     "rom": {"Factor": "Solver"},
 }
 

@@ -148,6 +148,8 @@ def slide(row: SpringRow, room: SpringRow, law: TangentialLaw, d: float, q: floa
                 t, b = t1 + end * (t2 - t1), b1 + end * (b2 - b1)
                 xi3 = xi1 + end * (xi2 - xi1)
                 if xi3 > room.xi[m - 1]:  # a crossing may coincide with a node to rounding
+                    if side == 0.0 and m > 1 and room.u[m - 2] == room.u[m - 1] == t:
+                        m -= 1  # springs that have not moved
                     room.xi[m], room.u[m] = xi3, smaller(larger(t, -b), b)
                     m, last_side = m + 1, side
                 start = end

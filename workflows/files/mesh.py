@@ -1,35 +1,21 @@
-"""A mesh of the user's own, read in a child: in place of the rig's, or with bodies of any names."""
+"""A mesh of the user's own, read in a child."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from skfem import Mesh
 
-from geometry import Assembly, CellGroup, InvalidGeometry
-from geometry.named_cells import NamedCells, rig_mesh, volumes
+from geometry import CellGroup, InvalidGeometry
+from geometry.named_cells import NamedCells, volumes
 from workflows.files.foreign import Unreadable, arrays
 from workflows.scene import InvalidScene
 from workflows.scene.named_files import require_file
 
 
-def mesh_of(path: Path, assembly: Assembly, faces: set[str]) -> Mesh:
-    """The rig's mesh of a file; raises InvalidScene where it cannot stand for ours."""
-    with _as_scene_errors():
-        return rig_mesh(_read(path), assembly, faces)
-
-
 def volumes_of(path: Path) -> dict[str, Mesh]:
     """Every named volume of a file as a mesh of its own; raises InvalidScene where there is
     none."""
-    with _as_scene_errors():
-        return volumes(_read(path))
-
-
-@contextmanager
-def _as_scene_errors() -> Iterator[None]:
     try:
-        yield
+        return volumes(_read(path))
     except InvalidGeometry as error:
         raise InvalidScene(str(error)) from None
 

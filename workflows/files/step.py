@@ -3,7 +3,7 @@
 from functools import lru_cache
 from pathlib import Path
 
-from geometry.assembly import InvalidGeometry
+from geometry.errors import InvalidGeometry
 from geometry.step_file import check_step
 from workflows.files.foreign import Refused, Unreadable, arrays
 

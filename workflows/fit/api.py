@@ -202,8 +202,8 @@ def _with_wall(scene: Scene, pipeline: Pipeline) -> tuple[Scene, Any]:
     from workflows.stages.pipeline import needs_structure
 
     flat(scene)  # refuses materials before anything is computed
-    of_bodies = needs_structure(scene) and scene.is_general
-    surface = pipeline("surface") if of_bodies else None
+    meshed = needs_structure(scene) and scene.bending is None
+    surface = pipeline("surface") if meshed else None
     return on_surface(scene, surface), pipeline("wall")
 
 

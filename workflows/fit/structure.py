@@ -112,8 +112,8 @@ def structure(
     """
     scene = base.with_values({})
     pipeline = pipeline_of(scene, progress)
-    of_bodies = needs_structure(scene) and scene.is_general
-    surface = pipeline("surface") if of_bodies else None
+    meshed = needs_structure(scene) and scene.bending is None
+    surface = pipeline("surface") if meshed else None
     rows = _keyed_chains(base, scene, keys, surface)
     plain = VariedScene(scene, base, keys, surface, rows)
     if not isinstance(scene.wall, RomWall):

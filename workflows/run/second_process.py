@@ -29,7 +29,7 @@ from time import perf_counter, sleep
 
 from workflows.files.child import while_open
 from workflows.scene import InvalidScene
-from workflows.scene.size import room_for_pictures
+from workflows.scene.size import foreseen_nodes, room_for_pictures
 from workflows.stages.pipeline import Pipeline, couples, pipeline_of
 
 IMPACT = ("compilation",)  # in the order in which the second process takes them
@@ -122,9 +122,7 @@ def _have_room(pipeline: Pipeline) -> bool:
     scene = pipeline.scene
     if scene.bending is not None:
         return True
-    if scene.is_general:
-        return room_for_pictures(scene, pipeline("mesh").nodes)
-    return scene.mesh.file is None and room_for_pictures(scene)
+    return room_for_pictures(scene, foreseen_nodes(scene) or pipeline("mesh").nodes)
 
 
 def claim(folder: Path, name: str) -> bool:

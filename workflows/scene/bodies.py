@@ -84,13 +84,15 @@ class Solid(SceneTable):
     and 23, the shear moduli 12, 13 and 23, and `axes`: the direction of 1, and one beside it for 2.
     """
 
-    young: one_or_each(Modulus)  # [Pa]
-    poisson: one_or_each(Ratio12)
-    density: Density  # [kg/m^3]
+    young: one_or_each(Modulus)  # [Pa] Young's modulus, or three of an orthotropic material
+    poisson: one_or_each(Ratio12)  # Poisson's ratio, or those of 12, 13, 23
+    density: Density  # [kg/m^3] mass over volume
     yield_stress: YieldStress | None = None  # [Pa] for a warning
-    shear: Three | None = None  # [Pa]
+    shear: Three | None = None  # [Pa] shear moduli 12, 13, 23
+    # directions of the axis 1 and of one beside it for 2
     axes: Annotated[tuple[Vector, Vector], Field(strict=False)] | None = None
-    expansion: Annotated[float, Field(gt=-1e-3, lt=1e-3)] | None = None  # [1/K] of its length
+    # [1/K] thermal expansion of its length
+    expansion: Annotated[float, Field(gt=-1e-3, lt=1e-3)] | None = None
 
     @property
     def is_isotropic(self) -> bool:
@@ -113,35 +115,87 @@ class Solid(SceneTable):
 class PlateTable(SceneTable):
     """A plate: its outline in its own x-y plane, extruded along z."""
 
-    outline: Annotated[tuple[Point, ...], Field(strict=False, min_length=3)]  # [m]
-    thickness: Size  # [m]
+    # [m] corners in its x-y plane
+    outline: Annotated[tuple[Point, ...], Field(strict=False, min_length=3)]
+    thickness: Size  # [m] along its z
+
+
+class Ringed(SceneTable):
+    """A rectangle around a hole, between grid lines, that two rings of elements fill: from the hole
+    to the circle of a washer, and on to the rectangle."""
+
+    washer: Size  # [m] radius
+    lower: Point  # [m] its lower left corner, x, y in its plane
+    upper: Point  # [m] its upper right corner
 
 
 class Holes(SceneTable):
     """Round holes through a plate."""
 
-    diameter: Size  # [m]
+    diameter: Size  # [m] of all these holes
     at: Annotated[tuple[Point, ...], Field(strict=False, min_length=1)]  # x, y in its plane [m]
+    rings: Annotated[tuple[Ringed, ...], Field(strict=False)] | None = None  # one a hole
+
+
+class Line(SceneTable):
+    """A grid line, the size of the elements beside it and that of each next one over it."""
+
+    at: Place  # [m] where the line is
+    size: Size | None = None  # [m] of the elements beside it; the body's seed
+    growth: Annotated[float, Field(gt=1, le=100)] = 1.7  # size of each next element over its own
+
+
+EitherLine = Annotated[
+    Annotated[Place, Tag("number")] | Annotated[Line, Tag("table")],
+    Discriminator(lambda value: "number" if isinstance(value, int | float | str) else "table"),
+]
+LinesAlong = Annotated[tuple[EitherLine, ...], Field(strict=False)]
+
+
+class LinesTable(SceneTable):
+    """Grid lines that the hexahedra of a box or a rectangular plate must have, along its own axes;
+    between them elements are as large as its seed."""
+
+    x: LinesAlong = ()  # lines of elements across x
+    y: LinesAlong = ()  # lines of elements across y
+    z: LinesAlong = ()  # lines of elements across z
+
+
+class Under(SceneTable):
+    """Parts of a plane face: discs of a radius, or rectangles, around points of it."""
+
+    at: Annotated[tuple[Place3, ...], Field(strict=False, min_length=1)]  # [m] middles
+    radius: Size | None = None  # [m] of discs
+    # [m] of rectangles, along the two global axes that span the face
+    sides: Annotated[tuple[Size, Size], Field(strict=False)] | None = None
+
+    @model_validator(mode="after")
+    def _one_form(self) -> "Under":
+        if (self.radius is None) == (self.sides is None):
+            raise ValueError("under needs the radius of discs or the sides of rectangles: give one")
+        return self
 
 
 class CylinderTable(SceneTable):
     """A cylinder along its own z, or with a `bore` a tube."""
 
-    radius: Size  # [m]
-    length: Size  # [m]
-    bore: of(Annotated[Number, Field(ge=0)], LENGTH, 1e-5, 50) = 0.0  # [m] radius
+    radius: Size  # [m] outer radius
+    length: Size  # [m] along its z
+    bore: of(Annotated[Number, Field(ge=0)], LENGTH, 1e-5, 50) = 0.0  # [m] inner radius of a tube
 
 
 class BodyTable(SceneTable):
     """A body drawn here, or one of the file: what it is made of and how finely it is meshed."""
 
-    material: str | None = None
-    seed: Seed | None = None  # [m]
-    box: Annotated[tuple[Size, Size, Size], Field(strict=False)] | None = None  # [m]
+    material: str | None = None  # a name in [materials], or a named material
+    seed: Seed | None = None  # [m] size of its elements
+    # [m] lengths along x, y, z
+    box: Annotated[tuple[Size, Size, Size], Field(strict=False)] | None = None
     plate: PlateTable | None = None
     cylinder: CylinderTable | None = None
     holes: Holes | None = None
-    at: Place3 | None = None  # [m]
+    lines: LinesTable | None = None
+    at: Place3 | None = None  # [m] where its own origin is
     turn: Vector | None = None  # [degrees] about the global x, then y, then z
 
     @property
@@ -156,6 +210,8 @@ class BodyTable(SceneTable):
             raise ValueError(f"{' and '.join(given)} exclude each other: keep one of them")
         if self.holes and not self.plate:
             raise ValueError("holes belong to a plate: drop them, or draw a plate")
+        if self.lines and not (self.box or self.plate):
+            raise ValueError("lines belong to a box or a plate: drop them, or draw one")
         if not given and (self.at or self.turn):
             raise ValueError("at and turn place a body drawn here: add box, plate or cylinder")
         return self
@@ -182,15 +238,16 @@ class StaticLoad(SceneTable):
     that fit. `stiffness` is the rod's own.
     """
 
-    name: Annotated[str, Field(pattern=r"^\w[\w-]*$")]
-    on: str | None = None  # a face
+    name: Annotated[str, Field(pattern=r"^\w[\w-]*$")]  # by which keys and results call it
+    on: str | None = None  # the face that is pushed, or one end of the rod
     force: of(Number, FORCE, 0, 1e9) | None = None  # [N] spread evenly
-    direction: Vector | None = None
-    body: str | None = None
-    temperature: Annotated[Number, Field(ge=-1000, le=3000)] | None = None  # [K] above
+    direction: Vector | None = None  # of the force; without it, into the face
+    body: str | None = None  # the body that is warmer
+    # [K] above that at which it was made
+    temperature: Annotated[Number, Field(ge=-1000, le=3000)] | None = None
     to: str | None = None  # the face at the rod's other end
-    tension: of(Number, FORCE, 0, 1e9) | None = None  # [N]
-    stiffness: Spring | None = None  # [N/m] E A / L
+    tension: of(Number, FORCE, 0, 1e9) | None = None  # [N] in the rod
+    stiffness: Spring | None = None  # [N/m] of the rod, E A / L
 
     @model_validator(mode="after")
     def _one_kind(self) -> "StaticLoad":
@@ -211,10 +268,11 @@ class StaticLoad(SceneTable):
 
 
 class Hold(SceneTable):
-    """A face on the ground, in some directions: "z" is a roller."""
+    """A face, or parts of it, on the ground in some directions: "z" is a roller."""
 
-    on: str
-    directions: Annotated[str, Field(pattern="^[xyz]{1,3}$")] = "xyz"
+    on: str  # a face, "body:-z"
+    under: Under | None = None
+    directions: Annotated[str, Field(pattern="^[xyz]{1,3}$")] = "xyz"  # those that are held
 
 
 EitherHold = Annotated[
@@ -227,15 +285,20 @@ class General(SceneTable):
 
     step: str | None = None  # a STEP file
     mesh: str | None = None  # or a mesh with named volumes, in metres
-    touching: Literal["ask", "tied", "free"] = "ask"
-    gap: of(Positive, LENGTH, 1e-8, 1e-3) = 1e-5  # [m]
+    touching: Literal["ask", "tied", "free"] = "ask"  # what touching pairs are that nothing names
+    gap: of(Positive, LENGTH, 1e-8, 1e-3) = 1e-5  # [m] up to which faces touch
+    # faces on the ground; [] for a structure that floats
     held: Annotated[tuple[EitherHold, ...], Field(strict=False)] | None = None
-    material: str | None = None
+    material: str | None = None  # of bodies that name none
 
     @property
     def file(self) -> str | None:
         """Where bodies that are not drawn come from."""
         return self.step or self.mesh
+
+    def written_out(self, scene: Any) -> Any:
+        """The scene, which is written in bodies already."""
+        return scene
 
     @property
     def holds(self) -> tuple[Hold, ...]:
@@ -247,14 +310,16 @@ class Meshing(SceneTable):
     """Quadratic elements: hexahedra where a body is a box, an extruded outline or a tube, else
     tetrahedra; or "tet" for all. `scale` is a factor on all sizes of elements."""
 
+    # hexahedra where a body allows for them, or tetrahedra everywhere
     element: Literal["hex", "tet"] = "hex"
-    scale: Positive = 1.0
+    scale: Positive = 1.0  # factor on all sizes of elements
 
 
 class Tied(SceneTable):
-    """Pairs of touching bodies that stay together where they touch."""
+    """Pairs of touching bodies that stay together where they touch, or under parts of that."""
 
-    between: Pair
+    between: Pair  # the pair, "a|b"
+    under: Under | None = None
 
 
 class Bolts(JointStiffnesses):
@@ -267,18 +332,22 @@ class Bolts(JointStiffnesses):
     shank and bore have in common. `frame` "normal" has z along the bolt.
     """
 
-    name: Annotated[str, Field(pattern=r"^\w[\w-]*$")]
-    between: Pair
+    name: Annotated[str, Field(pattern=r"^\w[\w-]*$")]  # by which keys and results call it
+    between: Pair  # the pair, "a|b"; "a|ground"
+    # [m] "holes" through both, a "thread", or points
     at: (
         Literal["holes", "thread"]
         | Annotated[tuple[Place3, ...], Field(strict=False, min_length=1)]
     ) = "holes"  # or a thread, or points [m]
+    # [m] radius held; of holes their diameter, or a "share" of the face
     washer: of(Positive, LENGTH, 1e-4, 0.3) | Literal["share"] | None = (
         None  # [m] radius; of holes their diameter
     )
+    # how each side is held: rigid (RBE2), or by its mean (RBE3)
     sides: Annotated[
         tuple[Literal["rigid", "mean"], Literal["rigid", "mean"]], Field(strict=False)
     ] = ("rigid", "mean")
+    # axes of the springs: z along the bolt, or the global ones
     frame: Literal["normal", "global"] = "normal"
 
     @model_validator(mode="before")
@@ -298,12 +367,20 @@ class Bolts(JointStiffnesses):
 class Strike(SceneTable):
     """Where the last sphere touches: a plane face, and a point from its middle along the two global
     axes that span it; or a plane, a cylinder or a sphere, and the point of it that is nearest to
-    [x, y, z]. "body@x,y,z" of a round face tells both."""
+    [x, y, z]. "body@x,y,z" of a round face tells both.
 
-    on: Annotated[str, Field(pattern=r"^[^:@*#]+[:@].+$")]
+    `nodes` takes the mean of the nodes nearest to these points of a plane face in place of a
+    pressure. "thesis" pushes at the node nearest to the point and reads the mean of two others, one
+    radius to either side along the first axis, or of `nodes`. It makes energy out of nothing and
+    serves comparisons alone."""
+
+    on: Annotated[str, Field(pattern=r"^[^:@*#]+[:@].+$")]  # the face, "body:+x"; or "body@x,y,z"
+    # [m] from the middle of a plane face, or [x, y, z]
     at: Annotated[tuple[Place, ...], Field(strict=False, min_length=2, max_length=3)] = (0.0, 0.0)
     radius: of(Positive, LENGTH) = 2e-3  # [m] of the patch
-    weights: Literal["hertz", "area"] = "hertz"
+    weights: Literal["hertz", "area", "thesis"] = "hertz"  # of the mean over the patch
+    # [m] points from the middle of the face whose nearest nodes are read
+    nodes: Annotated[tuple[Point, ...], Field(strict=False, min_length=1)] | None = None
     seed: Seed | None = None  # [m] of the elements there; twice the radius
 
     @property
@@ -333,11 +410,12 @@ class MeasuredMode(SceneTable):
     """A measured mode and what identifies it: a body's motion ("x", "x+ry", "strain"), its number,
     or a file of measured shapes (.uff), whose MAC with the modes of the assembly is computed."""
 
-    hz: Frequency  # [Hz]
-    body: str | None = None
-    motion: str | None = None
-    number: Annotated[int, Field(ge=1, le=200)] | None = None
-    shape: str | None = None
+    hz: Frequency  # [Hz] measured frequency
+    body: str | None = None  # the body whose motion tells the mode
+    motion: str | None = None  # of that body: "x", "x+ry", "strain"
+    number: Annotated[int, Field(ge=1, le=200)] | None = None  # of the mode, in place of a motion
+    shape: str | None = None  # file of measured shapes (.uff), in place of a motion
+    title: str | None = None  # what tables call it; body and motion
 
     @model_validator(mode="after")
     def _one_identity(self) -> "MeasuredMode":

@@ -40,6 +40,24 @@ def of_bodies(scene: Scene) -> Iterator[str]:
         if scene.mesh.scale != 1.0 or scene.mesh.element != "hex":
             yield "[mesh] is beside assembly.mesh, which has all elements; drop it."
 
+    # grid lines: of all bodies or of none, since nothing is imprinted on a body that has them
+    lined = [name for name, body in bodies.items() if body.lines]
+    bare = [name for name in bodies if name not in lined]
+    if lined and (bare or assembly.file):
+        without = bare[0] if bare else "the file"
+        yield (
+            f"bodies.{lined[0]}.lines prescribes grid lines, of which {without} has none; give "
+            "them to all bodies, or to none."
+        )
+    if lined and scene.mesh.element == "tet":
+        yield f'mesh.element = "tet" is beside bodies.{lined[0]}.lines of hexahedra; drop one.'
+    for name in lined:
+        if scene.seed_of(name) is None:
+            yield f"bodies.{name}.lines needs bodies.{name}.seed, the size between them; add it."
+    for name, body in bodies.items():
+        if body.holes and body.holes.rings and not body.lines:
+            yield f"bodies.{name}.holes.rings end on bodies.{name}.lines, which is missing; add it."
+
     # materials
     materials = scene.materials or {}
     named = {"assembly": assembly.material}

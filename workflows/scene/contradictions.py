@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from workflows.scene import DashpotWall, ModalDampingTable, RayleighDampingTable, RomWall, Scene
+from workflows.scene.bodies import General
 from workflows.scene.body_contradictions import of_bending, of_bodies, of_the_rig
 from workflows.scene.friction import of_friction
 from workflows.scene.gravity import of_gravity
@@ -34,15 +35,17 @@ def contradictions(scene: Scene) -> Iterator[str]:
     """
     yield from _missing_parts(scene)
     yield from of_bending(scene)
-    if scene.is_general:
+    if isinstance(scene.assembly, General):
         yield from of_bodies(scene)
         yield from _other_surface(scene)
+        yield from _of_reading(scene, "strike")
         yield from _dashpots(scene)
     else:
         yield from of_the_rig(scene)
         if scene.assembly is not None:
             yield from _other_surface(scene)
             yield from _of_rig_assembly(scene)
+            yield from _of_reading(scene, "patch")
             yield from _dashpots(scene)
     yield from _of_modes(scene)
     yield from too_large(scene)
@@ -120,18 +123,6 @@ def _of_rig_assembly(scene: Scene) -> Iterator[str]:
                 f"{half[1]:.6g} m from the middle of the block's face; move it."
             )
 
-    # the thesis' scheme pushes and reads at different nodes
-    if patch.weights == "thesis":
-        if scene.reduction.kind != "craig-bampton":
-            yield (
-                'patch.weights = "thesis" reads nodes that only reduction.kind = "craig-bampton" '
-                "keeps; change one of them."
-            )
-        if scene.time and scene.time.dt is not None:
-            yield 'patch.weights = "thesis" is marched to an error; give time.error, not time.dt.'
-        if getattr(scene.wall, "prune", False):
-            yield 'patch.weights = "thesis" makes no modes to leave out; drop wall.prune.'
-
     # a dashpot acts on the elongation of a spring: there must be a spring, and it must give way
     for joint, table in scene.springs.items():
         for key, coefficient in table.dashpots.items():
@@ -142,6 +133,25 @@ def _of_rig_assembly(scene: Scene) -> Iterator[str]:
                 )
             if isinf(getattr(table, key)):
                 yield f"{name} is beside {key} = inf, which never moves; give joints.{joint}.{key}."
+
+
+def _of_reading(scene: Scene, table: str) -> Iterator[str]:
+    """The thesis' scheme pushes and reads at different nodes."""
+    strike = scene.written_out.strike
+    if strike is None or strike.weights != "thesis":
+        return
+    key = f'{table}.weights = "thesis"'
+    if len(strike.at) != 2:
+        yield f"{key} needs a plane face and {table}.at = [y, z] from its middle."
+    if scene.reduction.kind != "craig-bampton":
+        yield (
+            f'{key} reads nodes that only reduction.kind = "craig-bampton" keeps; change one of '
+            "them."
+        )
+    if scene.time and scene.time.dt is not None:
+        yield f"{key} is marched to an error; give time.error, not time.dt."
+    if getattr(scene.wall, "prune", False):
+        yield f"{key} makes no modes to leave out; drop wall.prune."
 
 
 def _dashpots(scene: Scene) -> Iterator[str]:

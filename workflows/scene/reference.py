@@ -17,10 +17,10 @@ from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_ori
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
-from workflows.scene.assembly import AssemblyTable
 from workflows.scene.bodies import General, Meshing
 from workflows.scene.mesh import Mesh
 from workflows.scene.quantities import Quantity, quantity_of
+from workflows.scene.rig import RigTable
 from workflows.scene.scene import Scene
 from workflows.scene.scene_table import InvalidScene, nearest
 from workflows.scene.toml import INSTEAD
@@ -68,6 +68,12 @@ EXAMPLES: dict[str, Any] = {
     **dict.fromkeys(("cx", "cy", "cz"), 100.0), **dict.fromkeys(("crx", "cry", "crz"), 0.1),
     "joints.NAME.at": "holes", "washer": "9 mm",
     "strike.on": "lid:+z", "strike.at": [0.0, "20 mm"], "strike.radius": "2 mm",
+    "strike.nodes": [[0.0, 0.02], [0.0, 0.021]], "title": "pitch",
+    "assembly.held.N.under.at": [[0.09, 0.09, 0.0]], "ties.N.under.at": [[0.015, 0.0, 0.011]],
+    "assembly.held.N.under.sides": [0.02, 0.02], "ties.N.under.sides": [0.02, 0.02],
+    "lower": [0.0, 0.0], "upper": [0.03, 0.02],
+    **{f"bodies.NAME.lines.{axis}": [0.0] for axis in "xyz"},
+    **{f"bodies.NAME.lines.{axis}.N.at": 0.0 for axis in "xyz"}, "size": "0.2 mm",
     "loads.NAME.on": "lid:+z", "loads.NAME.force": "500 N", "direction": [0.0, 0.0, -1.0],
     "wall.direction": 1, "body": "lid", "temperature": 40.0, "to": "base:-z",
     "tension": "5 kN", "loads.NAME.stiffness": "20 MN/m",
@@ -80,7 +86,7 @@ EXAMPLES: dict[str, Any] = {
     "sphere": 4, "gain": "4 mV/N", "low_pass": "100 kHz", "high_pass": "1 kHz", "range": 5.0,
     "noise": 0.01, "bits": 12,
 }  # fmt: skip
-EITHER = {"assembly": (General, AssemblyTable), "mesh": (Meshing, Mesh)}
+EITHER = {"assembly": (General, RigTable), "mesh": (Meshing, Mesh)}
 
 
 class KeyEntry(NamedTuple):
@@ -174,7 +180,7 @@ def _keys_of(table: type[BaseModel], path: tuple[str, ...], of: str = "") -> Ite
             _usual(quantity),
             _toml(field.default),
             tuple(sorted(INSTEAD.get(".".join(key), ()))),
-            meanings.get(name, ""),
+            meanings.get(name) or field.description or "",
             of,
             f"{name} = {_toml(_example('.'.join(key), annotation, field.default))}",
         )

@@ -10,7 +10,6 @@ from workflows.scene.bodies import (
     BodyName,
     BodyTable,
     Bolts,
-    General,
     MaterialName,
     MeasuredMode,
     Solid,
@@ -33,7 +32,6 @@ from workflows.scene.sensors import Output
 from workflows.scene.shakers import Shaker
 from workflows.scene.time import Time
 from workflows.scene.walls import Wall
-from workflows.thesis import HAMMER_TEST_HZ
 
 LONGEST_NAME = 50  # four bytes a letter and an ending fit in the 255 of a file's name
 Several = Field(strict=False)
@@ -112,9 +110,15 @@ class Scene(SceneTable):
         return self.chain.count - (self.wall is None)
 
     @property
-    def is_general(self) -> bool:
-        """Whether the assembly is made of bodies, not of the dimensions of the thesis' rig."""
-        return isinstance(self.assembly, General)
+    def written_out(self) -> "Scene":
+        """The scene with the dimensions of the rig written out as bodies (`rig.as_bodies`); one of
+        bodies, or without an assembly, as it is."""
+        return self if self.assembly is None else self.assembly.written_out(self)
+
+    @property
+    def of_dimensions(self) -> bool:
+        """Whether a user changes the assembly by the dimensions of the rig, not by bodies."""
+        return self.written_out is not self
 
     @property
     def bending(self) -> Beam | BendingPlateTable | None:
@@ -129,9 +133,7 @@ class Scene(SceneTable):
     @property
     def own_mesh(self) -> str | None:
         """The file of the user's own mesh."""
-        if self.bending is not None:
-            return None
-        return self.assembly.mesh if self.is_general else self.mesh.file
+        return None if self.assembly is None else self.written_out.assembly.mesh
 
     @property
     def springs(self) -> dict[str, JointStiffnesses]:
@@ -148,28 +150,24 @@ class Scene(SceneTable):
     @property
     def measured_hz(self) -> tuple[float, ...]:
         """Frequencies of the measured modes of the assembly."""
-        if self.bending is not None:
-            return ()
-        if self.is_general:
-            return tuple(target.hz for target in self.targets or ())
-        listed = {target.number: target.hz for target in self.targets or ()}
-        return tuple(listed.get(i, hz) for i, hz in enumerate(HAMMER_TEST_HZ, start=1))
+        return tuple(target.hz for target in self.written_out.targets or ())
 
     @property
     def floats(self) -> bool:
         """Whether nothing joins the structure to the ground."""
         if self.bending is not None:
             return self.bending.floats
-        if not self.is_general:
-            return self.assembly is not None and tuple(self.assembly.parts) == ("block",)
-        return not self.assembly.held and not any(GROUND in j.partners for j in self.joints or ())
+        if self.assembly is None:
+            return False
+        whole = self.written_out
+        return not whole.assembly.held and not any(GROUND in j.partners for j in whole.joints or ())
 
     @property
     def struck_body(self) -> str:
         """The body that the chain leans on."""
         if self.bending is not None:
             return "plate" if self.beam is None else "beam"
-        return self.strike.body if self.is_general else "block"
+        return self.written_out.strike.body
 
     @property
     def struck_material(self) -> Any:
@@ -180,9 +178,8 @@ class Scene(SceneTable):
 
     def made_of(self, body: str) -> Any:
         """The material of a body: the assembly's where its own table names none."""
-        if not self.is_general:
-            return self.assembly.made_of(body)
-        return self.materials[self.material_name(body)]
+        whole = self.written_out
+        return whole.materials[whole.material_name(body)]
 
     def seed_of(self, body: str) -> float | None:
         """Element size of a body of the scene [m]; None where no table gives it."""

@@ -70,7 +70,7 @@ def too_large(scene: Scene) -> Iterator[str]:
                 f"reduction.error = {reduction.error:g} must be at least {LIMITS.error:g}; "
                 "raise it."
             )
-    if scene.assembly is not None and not scene.is_general:
+    if scene.of_dimensions:
         yield from _too_fine(scene)
 
 
@@ -134,9 +134,9 @@ def _too_fine(scene: Scene) -> Iterator[str]:
                 f"assembly has some {LIMITS.modes} modes; lower it."
             )
 
-    if mesh.file is not None:
-        return
     nodes = foreseen_nodes(scene)
+    if not nodes:
+        return
     needed, free = peak_memory(scene, nodes), free_memory()
     if needed > free:
         body = max(nodes, key=nodes.get).removesuffix("-y").removesuffix("+y")
@@ -152,18 +152,29 @@ def _too_fine(scene: Scene) -> Iterator[str]:
 
 
 def foreseen_nodes(scene: Scene) -> dict[str, float]:
-    """Nodes that the program's own mesh will have, by body."""
-    from geometry.size import n_nodes
-    from workflows.scene.assembly import assembly
+    """Nodes that the program's own mesh will have, by body: counted along prescribed grid lines,
+    within a third for tetrahedra of boxes and plates; empty where only meshing tells."""
+    from geometry.size import n_nodes, n_nodes_of_tetrahedra
+    from workflows.scene.shapes import grid_lines, shapes
 
-    mesh = scene.mesh
-    return n_nodes(
-        assembly(scene.assembly),
-        mesh.element,
-        contact_point=scene.patch.point,
-        glued=scene.assembly.constraint == "full-tie",
-        **{name: getattr(mesh, name) for name in SEEDS},
-    )
+    whole = scene.written_out
+    scale, drawn, lines = whole.mesh.scale, shapes(whole), grid_lines(whole, whole.mesh.scale)
+    seeds = {name: whole.seed_of(name) for name in drawn}
+    if whole.assembly.file or None in seeds.values():
+        return {}
+    if lines:
+        return {name: n_nodes(drawn[name], lines[name], scale * seeds[name]) for name in drawn}
+    if whole.mesh.element != "tet":
+        return {}
+    strike = whole.strike
+    return {
+        name: n_nodes_of_tetrahedra(
+            shape,
+            scale * seeds[name],
+            scale * strike.size if strike and strike.body == name else None,
+        )
+        for name, shape in drawn.items()
+    }
 
 
 def room_for_pictures(scene: Scene, nodes: dict[str, float] | None = None) -> bool:
@@ -190,11 +201,8 @@ def peak_memory(scene: Scene, nodes: dict[str, float]) -> float:
     bodies = [3.0 * n for n in nodes.values()]
     n = sum(bodies)
     fill = COSTS.fill[find_spec("pypardiso") is not None] * sum(m ** (4 / 3) for m in bodies)
-    if scene.is_general:
-        strike = scene.strike
-        radius, seed = (0.0, 1.0) if strike is None else (strike.radius, strike.size)
-    else:
-        radius, seed = scene.patch.radius, scene.mesh.contact_seed
+    strike = scene.written_out.strike
+    radius, seed = (0.0, 1.0) if strike is None else (strike.radius, strike.size)
     across = log(1 + (COSTS.growth - 1) * radius / seed, COSTS.growth)  # elements of the patch
     boundary = 8 + 3 * pi * across**2
     vectors = COSTS.vectors + boundary + (scene.reduction.modes or 40)

@@ -26,6 +26,7 @@ from workflows.scene.bodies import General, Meshing
 from workflows.scene.contradictions import contradictions
 from workflows.scene.gravity import fallen
 from workflows.scene.quantities import entries, implausible, unusual_keys
+from workflows.scene.rig import RigTable, check
 
 Change = str | tuple[str, Any]  # "key=value" as --set takes it, or a dotted key and its value
 GENERAL = General.model_fields.keys()  # keys of an assembly of bodies
@@ -108,13 +109,10 @@ def _structure(scene: Scene, tables: dict[str, Any], source: str) -> dict[str, A
     if isinstance(scene.assembly, dict) and (scene.bodies or GENERAL & scene.assembly.keys()):
         return {"assembly": read(General, "assembly"), "mesh": read(Meshing, "mesh")}
 
-    # geometry loads its mesher on import: only a scene with such an assembly pays for that
-    from workflows.scene.assembly import AssemblyTable, assembly
-
-    rig = read(AssemblyTable, "assembly")
+    rig = read(RigTable, "assembly")
     try:
-        assembly(rig)
-    except ValueError as error:
+        check(rig)
+    except InvalidScene as error:
         raise InvalidScene(f"{source}: assembly: {error}") from None
     added = {"assembly": rig, "mesh": read(Mesh, "mesh")}
     if scene.patch is None:

@@ -15,23 +15,24 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 import fem
-from geometry import InvalidGeometry, rig
+import geometry.joints
+from geometry import InvalidGeometry
+from geometry.contacts import Neighbours, TouchingPair, require_apart
+from geometry.joints import JointWords, Picked, TieWords, Words, picked
+from geometry.lined import lined_mesh
 from geometry.own_mesh import OwnMesh, own_mesh
-from geometry.shapes import Box, Cylinder, Hole, Shape, Slab
-from geometry.solids import require_size
+from geometry.solids import Body, require_size
 from workflows.files.mesh import volumes_of
 from workflows.files.step import require_step
 from workflows.scene import InvalidScene, Scene
-from workflows.scene.assembly import assembly
-from workflows.scene.bodies import GROUND, SHARE, General, Solid
+from workflows.scene.bodies import GROUND, SHARE, Solid, Under
+from workflows.scene.shapes import grid_lines, shapes
 from workflows.scene.size import too_large_mesh
 from workflows.stages.parts import GMSH_NEEDS, STRIKE, Parts
 from workflows.stages.strike import around, struck
 
-if TYPE_CHECKING:  # these load gmsh, and that its shared libraries
-    from geometry.joints import Picked, Words
-    from geometry.solids import Body
-    from geometry.touching import Neighbours, TouchingPair
+if TYPE_CHECKING:
+    from skfem import Mesh
 
 
 class Drawing(NamedTuple):
@@ -44,23 +45,30 @@ class Drawing(NamedTuple):
 
 
 @contextmanager
-def drawing(scene: Scene) -> Iterator[Drawing]:
-    """The scene's bodies; raises InvalidScene for what cannot be drawn, read, picked or joined."""
+def drawing(scene: Scene, coarser: float = 1.0, *, lines: bool = True) -> Iterator[Drawing]:
+    """The scene's bodies, without `lines` in the CAD kernel even where grid lines are prescribed;
+    raises InvalidScene for what cannot be drawn, read, picked or joined."""
+    table = scene.assembly
     try:
-        from geometry.cad import model
-        from geometry.touching import neighbours, require_apart
-    except OSError as missing:
-        raise ValueError(
-            f"gmsh cannot start ({missing}); install its shared libraries (Debian: {GMSH_NEEDS})."
-        ) from None
-    table = scene.assembly if scene.is_general else General()
-    try:
+        # a mesh: the user's, or between the grid lines that the scene prescribes
         if table.mesh:
-            own = own_mesh(volumes_of(Path(table.mesh)), table.gap)
+            volumes = volumes_of(Path(table.mesh))
+        else:
+            volumes = lined(scene, coarser) if lines else {}
+        if volumes:
+            own = own_mesh(volumes, table.gap)
             require_size(own.bodies)
             require_apart(own.meeting.near)
             yield Drawing(own.bodies, None, own.meeting.near, own)
             return
+        try:
+            from geometry.cad import model
+            from geometry.touching import neighbours
+        except OSError as missing:
+            raise ValueError(
+                f"gmsh cannot start ({missing}); install its shared libraries (Debian: "
+                f"{GMSH_NEEDS})."
+            ) from None
         if table.step:
             require_step(Path(table.step))
         with model(shapes(scene), Path(table.step) if table.step else None) as cad:
@@ -72,31 +80,20 @@ def drawing(scene: Scene) -> Iterator[Drawing]:
         raise InvalidScene(f"{scene.name}: {error}") from None
 
 
-def shapes(scene: Scene) -> dict[str, Shape]:
-    """The bodies that the scene draws, those of the rig too."""
-    if not scene.is_general:
-        return rig.shapes(assembly(scene.assembly))
-    solids: dict[str, Shape] = {}
-    for name, body in (scene.bodies or {}).items():
-        if not body.drawn:
-            continue
-        place = {key: getattr(body, key) for key in ("at", "turn") if getattr(body, key)}
-        if body.box:
-            solids[name] = Box(body.box, **place)
-        elif body.cylinder:
-            solids[name] = Cylinder(**body.cylinder.model_dump(), **place)
-        else:
-            points = body.holes.at if body.holes else ()
-            holes = tuple(Hole(body.holes.diameter, point) for point in points)
-            plate = body.plate
-            solids[name] = Slab(plate.outline, plate.thickness, holes, **place)
-    return solids
+def lined(scene: Scene, coarser: float = 1.0) -> dict[str, Mesh]:
+    """Meshes of bodies with prescribed grid lines, of which all sizes are multiplied by mesh.scale
+    and `coarser`; empty for a scene without such lines."""
+    drawn, scale, meshes = shapes(scene), coarser * scene.mesh.scale, {}
+    for name, lines in grid_lines(scene, scale).items():
+        try:
+            meshes[name] = lined_mesh(drawn[name], lines, scale * scene.seed_of(name))
+        except InvalidGeometry as error:
+            raise InvalidGeometry(f"bodies.{name}: {error}") from None
+    return meshes
 
 
 def words(scene: Scene) -> Words:
     """All faces and bodies that the scene names, as it names them."""
-    from geometry.joints import JointWords, Words
-
     faces = {f"held-{i}": hold.on for i, hold in enumerate(scene.assembly.holds, start=1)}
     for load in scene.loads or ():
         ends = {"load": load.on, "rod": load.to}
@@ -118,14 +115,20 @@ def words(scene: Scene) -> Words:
                 (rigid or (0,)) if joint.washer == SHARE else (),
             )
         )
+    unders = {f"held-{i}": h.under for i, h in enumerate(scene.assembly.holds, start=1) if h.under}
     return Words(
         bodies=tuple(scene.bodies or ()),
+        under={name: _under(table) for name, table in unders.items()},
         groups={f"loads.{load.name}": load.body for load in scene.loads or () if load.body},
         faces=faces,
         struck=scene.strike.on if scene.strike else None,
-        ties=[tie.between for tie in scene.ties or ()],
+        ties=[TieWords(tie.between, tie.under and _under(tie.under)) for tie in scene.ties or ()],
         joints=joints,
     )
+
+
+def _under(table: Under) -> geometry.joints.Under:
+    return geometry.joints.Under(table.at, table.radius, table.sides)
 
 
 def parts(scene: Scene, coarser: float = 1.0) -> Parts:
@@ -135,9 +138,7 @@ def parts(scene: Scene, coarser: float = 1.0) -> Parts:
     Raises InvalidScene for a body without material, for a patch that lies between two bodies, and
     for all that `drawing` and `tied_pairs` refuse.
     """
-    with drawing(scene) as layout:
-        from geometry.joints import picked
-
+    with drawing(scene, coarser) as layout:
         # what the scene's words pick, and what every body is made of
         bodies, near, gap = layout.bodies, layout.near, scene.assembly.gap
         selection = picked(words(scene), bodies, near.touching, gap)
@@ -149,7 +150,7 @@ def parts(scene: Scene, coarser: float = 1.0) -> Parts:
                 )
         ties = tied_pairs(scene, layout, selection)
         face = struck(scene, bodies, selection.struck) if scene.strike else None
-        named = dict(selection.faces)
+        named = {n: face for n, face in selection.faces.items() if n not in selection.patches}
         if face:
             # another body on the face at the point struck would be struck in its place
             body, radius = face.face.body, scene.strike.radius
@@ -164,8 +165,9 @@ def parts(scene: Scene, coarser: float = 1.0) -> Parts:
 
         # master and slave of a tie: the slave has the finer mesh, in a mesh of the user's the
         # smaller volume. One order of all bodies, so that ties never form a circle
+        by_volume = {name: 1 / body.volume for name, body in bodies.items()}
         if layout.own:
-            fineness = {name: 1 / body.volume for name, body in bodies.items()}
+            fineness = by_volume
             followers = [sorted(t.bodies, key=lambda body: fineness[body])[1] for t in ties]
             try:
                 meshes = layout.own.marked(
@@ -189,15 +191,18 @@ def parts(scene: Scene, coarser: float = 1.0) -> Parts:
                 patches=selection.patches,
                 element="tet" if scene.mesh.element == "tet" else None,
             )
-            fineness = {n: mesh.nelements / bodies[n].volume for n, mesh in meshes.items()}
+            # ties of parts have the smaller volume as slave, and the others then too
+            fineness = by_volume if selection.partly else {
+                n: mesh.nelements / bodies[n].volume for n, mesh in meshes.items()
+            }  # fmt: skip
 
     # nodes of quadratic elements: a mesh that does not fit into memory is refused before assembly
     nodes = {name: float(m.nvertices + m.nedges) for name, m in meshes.items()}
     for sentence in too_large_mesh(scene, "the mesh of [assembly]", nodes):
         raise InvalidScene(f"{scene.name}: {sentence}")
     made_of = {name: material(scene.made_of(name)) for name in meshes}
-    connections = _connections(scene, selection, ties, fineness)
-    return Parts(meshes, made_of, connections, face, _load(scene, selection))
+    connections, rigid = _connections(scene, selection, ties, fineness)
+    return Parts(meshes, made_of, connections, rigid, face, _load(scene, selection))
 
 
 def tied_pairs(scene: Scene, layout: Drawing, selection: Picked) -> list[TouchingPair]:
@@ -239,12 +244,15 @@ def tied_pairs(scene: Scene, layout: Drawing, selection: Picked) -> list[Touchin
 
 def _connections(
     scene: Scene, selection: Picked, ties: list[TouchingPair], fineness: dict[str, float]
-) -> fem.Connections:
-    """Ties, joints and held faces as `fem` takes them; `fineness` orders masters and slaves."""
-    tied = []
+) -> tuple[fem.Connections, fem.Connections]:
+    """Ties, joints and held faces as `fem` takes them, and the same with rigid joints and with ties
+    over all that touches; `fineness` orders masters and slaves."""
+    tied, wholly = [], []
     for touch in ties:
         master, slave = sorted(touch.bodies, key=lambda body: fineness[body])
-        tied.append(fem.Tie(f"{slave}:{touch.name}", f"{master}:{touch.name}", touch.gap))
+        wholly.append(fem.Tie(f"{slave}:{touch.name}", f"{master}:{touch.name}", touch.gap))
+        partly = selection.partly.get(touch.name)
+        tied.append(fem.Tie(*partly, touch.gap) if partly else wholly[-1])
 
     joints, tables = [], {joint.name: joint for joint in scene.joints or ()}
     for place in selection.joints:
@@ -264,7 +272,8 @@ def _connections(
         fem.Held(_in_mesh(selection, f"held-{i}"), hold.directions)
         for i, hold in enumerate(scene.assembly.holds, start=1)
     ]
-    return fem.Connections(tied, joints, held)
+    rigid = [joint._replace(springs=fem.Bushing()) for joint in joints]
+    return fem.Connections(tied, joints, held), fem.Connections(wholly, rigid, held)
 
 
 def _load(scene: Scene, selection: Picked) -> fem.Load | None:

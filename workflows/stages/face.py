@@ -6,7 +6,7 @@ solutions of its own (`rom.many_contacts`).
 
 from contextlib import nullcontext
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,12 +73,12 @@ class StruckFace:
     """
 
     def __init__(self, scene: Scene, mesh: Parts | None = None) -> None:
-        patch = scene.patch
-        if patch is not None and (patch.weights == "thesis" or patch.nodes):
-            key = "patch.nodes" if patch.nodes else 'patch.weights = "thesis"'
+        scene = scene.written_out
+        strike = scene.strike
+        if strike is not None and (strike.weights == "thesis" or strike.nodes):
+            key = "nodes" if strike.nodes else 'weights = "thesis"'
             raise InvalidScene(
-                f'{key} is bound to nodes of the mesh; a scan takes patch.weights "hertz" or '
-                '"area".'
+                f'{key} of the patch are nodes of the mesh; a scan takes weights "hertz" or "area".'
             )
         loose = [f"joints.{name}" for name, table in scene.springs.items() if table.dashpots]
         if loose:
@@ -103,8 +103,7 @@ class StruckFace:
     @property
     def begun(self) -> Start:
         """The chain before the impact, which is the same at all points."""
-        surface = self.pipeline("surface") if self.scene.is_general else None
-        return start(self.scene, surface)
+        return start(self.scene, self.pipeline("surface"))
 
     def outline(self) -> Outline:
         """Where the face ends; raises InvalidScene for one that is not plane."""
@@ -112,7 +111,7 @@ class StruckFace:
 
     def placed(self, points: NDArray[np.float64]) -> Placed:
         """Patches at points (p, 2) [m], measured along the face's axes from its middle."""
-        table, patches, refused = self.patch, {}, {}
+        table, patches, refused = self.scene.strike, {}, {}
         for i, at in enumerate(points.tolist()):
             try:
                 patches[i] = fem.contact_patch(
@@ -142,11 +141,6 @@ class StruckFace:
         to the error of this one; raises ValueError where there is no such mesh."""
         mesh, error_share = other_mesh(self.scene, self.pipeline("mesh"))
         return StruckFace(self.scene, mesh), error_share
-
-    @property
-    def patch(self) -> Any:
-        """The scene's table with radius and weights of the patch, [strike] or [patch]."""
-        return self.scene.strike if self.scene.is_general else self.scene.patch
 
     def _damping(self) -> Damping | None:
         table, hz = self.scene.damping, None
@@ -186,7 +180,7 @@ def to_hz(scene: Scene) -> float:
 
 
 FURTHER = {
-    "outline": Stage(".face:outline", tables_of("patch", "strike"), ("mesh", "model")),
+    "outline": Stage(".face:outline", tables_of("strike"), ("mesh", "model")),
     "pencil": Stage(".face:pencil", tables_of(), ("model",), kept=False, listed=False),
     "face-modes": Stage(".face:modes", to_hz, ("pencil",)),
 }

@@ -20,7 +20,6 @@ from workflows.report.summary import (
 )
 from workflows.scene import Scene
 from workflows.stages import warnings
-from workflows.thesis import HAMMER_TEST
 
 if TYPE_CHECKING:  # the health of a wall from a file loads no finite elements
     from fem.assembly_modes import AssemblyModes
@@ -124,8 +123,7 @@ def structure_errors(
 
 def shape_names(scene: Scene) -> tuple[str | None, ...]:
     """Descriptions of the targets' shapes; None for a target by number or by measured shape."""
-    if not scene.is_general:
-        return tuple(HAMMER_TEST["shape"])
     return tuple(
-        f"{t.body}: {t.motion}" if getattr(t, "motion", None) else None for t in scene.targets or ()
+        target.title or (f"{target.body}: {target.motion}" if target.motion else None)
+        for target in scene.written_out.targets or ()
     )

@@ -7,8 +7,8 @@ its reference keeps its number but loses its MAC.
 Rigid joints change K by a low rank. The eigenproblem is therefore not solved on the whole assembly
 but in a small space: the assembly's Krylov space and the static shapes of pulled springs,
 restricted to motions in which no spring elongates. Of rig-rom the first twenty frequencies so found
-are those of the whole to 5e-9, the MAC to 4e-7. The thesis' rig with screws as ties has no springs:
-all touching faces are tied there instead, and the whole assembly is solved.
+are those of the whole to 5e-9, the MAC to 4e-7. Ties under parts of faces count as joints: whatever
+touches there is tied wholly instead, and the whole assembly is solved.
 """
 
 import numpy as np
@@ -16,12 +16,9 @@ from numpy.typing import NDArray
 
 import fem
 import fem.tuning
-import geometry
 import rom
 from fem.assembly_modes import N_MODES, AssemblyModes, assembly_modes
 from workflows.scene import Scene
-from workflows.scene.assembly import assembly
-from workflows.stages import rig
 from workflows.stages.parts import Parts
 from workflows.stages.targets import targets
 
@@ -51,21 +48,12 @@ def mac(
         phi = rigid.phi
 
     # no springs: the joints are rigid already
-    elif not len(model.elongation) and (
-        scene.is_general or scene.assembly.constraint != "screw-tie"
-    ):
+    elif not len(model.elongation) and mesh.rigid.ties == mesh.connections.ties:
         phi, index = computed.phi, computed.index
 
-    # an assembly that floats, or the thesis' screw ties: the whole with rigid joints is solved
+    # an assembly that floats, or ties of parts: the whole with rigid joints is solved
     else:
-        if scene.is_general:
-            joints = [joint._replace(springs=fem.Bushing()) for joint in mesh.connections.joints]
-            connections = mesh.connections._replace(joints=joints)
-        else:
-            parts = assembly(scene.assembly)
-            held = geometry.held_faces(parts, fixing=scene.assembly.fixing)
-            connections = rig.full_tie(geometry.interfaces(parts), held)
-        stiff = fem.joined(model.structure, connections)
+        stiff = fem.joined(model.structure, mesh.rigid)
         sought = targets(scene, stiff)
         solution = assembly_modes(stiff, sought)
         phi, index = solution.phi, solution.index

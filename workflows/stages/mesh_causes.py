@@ -161,6 +161,4 @@ def size_for(wanted: float, relative: float, cause: Cause) -> float:
 
 def refinement(scene: Scene, times: float) -> str:
     """The keys that make elements so many times as large."""
-    if scene.is_general:
-        return f"mesh.scale = {times * scene.mesh.scale:.2g}"
-    return f"mesh.seed and mesh.block_seed times {times:.2g}"
+    return f"mesh.scale = {times * scene.mesh.scale:.2g}"

@@ -1,4 +1,4 @@
-"""The result of the mesh stage, the same type for the thesis' rig and for the bodies of a scene."""
+"""The result of the mesh stage."""
 
 from typing import NamedTuple
 
@@ -19,7 +19,8 @@ class Parts(NamedTuple):
     meshes: dict[str, Mesh]  # by body, with named faces
     materials: dict[str, fem.Material | fem.Orthotropic]  # by body
     connections: fem.Connections
-    struck: Struck | None = None  # None: the thesis' rig, or a scene without a strike
+    rigid: fem.Connections  # with rigid joints, and with ties over all that touches
+    struck: Struck | None = None  # None: a scene without a strike
     load: fem.Load | None = None  # static, before the impact
 
     @property

@@ -69,7 +69,7 @@ def _plain(table: Any) -> Any:
 
 def _wall_reads(scene: Scene) -> Any:
     file = getattr(scene.wall, "file", None)
-    tables = tables_of("wall", "damping", "patch", "strike", "assembly")(scene)
+    tables = tables_of("wall", "damping", "strike", "assembly")(scene)
     return {**tables, "content": content(file)}
 
 
@@ -87,12 +87,7 @@ def _targets(scene: Scene) -> Any:
 
 
 def _dimensions(scene: Scene) -> Any:
-    if scene.is_general:
-        return [tables_of(*BODIES, "mesh")(scene), content(scene.assembly.file)]
-    from workflows.scene.assembly import assembly
-
-    mesh = content(scene.mesh.file)
-    return [repr(assembly(scene.assembly)), _plain(scene.mesh), scene.patch.point, mesh]
+    return [tables_of(*BODIES, "mesh")(scene), content(scene.assembly.file)]
 
 
 def content(path: str | Path | None) -> str | None:
@@ -104,7 +99,7 @@ def content(path: str | Path | None) -> str | None:
 
 BENT = ("beam", "plate")
 BODIES = ("assembly", "bodies", "materials", "ties", "joints", "strike", "loads")
-COARSE = tables_of("assembly", "joints", "table", "patch", "strike")
+COARSE = tables_of("assembly", "joints", "table", "strike")
 START = (
     "chain", "striker", "contact", "leaf_springs", "preload", "gravity", "guides", "wall", *BENT,
     *BODIES,
@@ -118,7 +113,7 @@ ASSEMBLY = {
     "factor": Stage(".assembly:factor", tables_of(), ("model",), kept=False, passing=True),
     "krylov-space": Stage(
         ".krylov_space:krylov_space",
-        lambda scene: [_targets(scene), tables_of("reduction", "patch", "strike")(scene)],
+        lambda scene: [_targets(scene), tables_of("reduction", "strike")(scene)],
         ("mesh", "model", "factor"),
         kept=False,
         passing=True,
@@ -127,21 +122,21 @@ ASSEMBLY = {
     "mac": Stage(
         ".mac:mac", tables_of(), ("mesh", "model", "modes"), means=("factor", "krylov-space")
     ),
-    "contact": Stage(".assembly:contact", tables_of("patch", "strike"), ("mesh", "model")),
+    "contact": Stage(".assembly:contact", tables_of("strike"), ("mesh", "model")),
     "surface": Stage(".strike:surface", tables_of(), ("mesh",), listed=False),
     "participation": Stage(
         ".assembly:participation", tables_of(), ("contact", "modes"), listed=False
     ),
     "reduction": Stage(
         ".reduction:reduction",
-        tables_of("reduction", "patch", "assembly"),
+        tables_of("reduction", "strike", "assembly"),
         ("model", "contact", "modes"),
         means=("factor", "krylov-space"),
     ),
     "second-mesh": Stage(".errors:second_mesh", COARSE, ("mesh",)),
     "missed-energy": Stage(
         ".mesh_error:missed_energy",
-        tables_of("reduction", "patch", "strike"),
+        tables_of("reduction", "strike"),
         ("mesh", "model", "modes"),
         means=("krylov-space",),
     ),
@@ -291,7 +286,7 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
         )
         impact = impact | {"quantity-errors": of_waves}
         structure = structure | {"structure-errors": of_modes}
-    if needs and scene.is_general:
+    if needs and scene.bending is None:
         impact = impact | {"start": IMPACT["start"]._replace(needs=("surface",))}
     if not getattr(scene.wall, "prune", False):
         return {**structure, "wall": wall, **impact}
@@ -312,8 +307,9 @@ def needs_structure(scene: Scene) -> bool:
 
 def couples(scene: Scene) -> bool:
     """Whether dashpots or the thesis' scheme make a wall that is marched by its own integrator."""
+    scene = scene.written_out
     dashpots = any(table.dashpots for table in scene.springs.values())
-    return dashpots or (scene.patch is not None and scene.patch.weights == "thesis")
+    return dashpots or (scene.strike is not None and scene.strike.weights == "thesis")
 
 
 class Pipeline:
@@ -327,8 +323,9 @@ class Pipeline:
         further: dict[str, Stage] | None = None,
     ) -> None:
         self.scene = scene
+        self._whole = whole = scene.written_out  # what stages read
         self.reports: list[StageReport] = []
-        self._stages = stages_of(scene) | (further or {})
+        self._stages = stages_of(whole) | (further or {})
         self._results: dict[str, Any] = {}
         self._keys: dict[str, str] = {}
         self._computed: set[str] = set()
@@ -433,13 +430,12 @@ class Pipeline:
         return Plan(tuple(missing), tuple(beside), self._unknowns() if meshed else None)
 
     def _unknowns(self) -> float | None:
-        """Unknowns of the mesh: counted, or foreseen for the thesis' rig; None where bodies have to
+        """Unknowns of the mesh: counted, or foreseen from grid lines; None where bodies have to
         be meshed first."""
         if "mesh" in self._results:
             return 3.0 * sum(self._results["mesh"].nodes.values())
-        if self.scene.bending is not None or self.scene.own_mesh or self.scene.is_general:
-            return None
-        return 3.0 * sum(foreseen_nodes(self.scene).values())
+        nodes = {} if self.scene.bending is not None else foreseen_nodes(self.scene)
+        return 3.0 * sum(nodes.values()) if nodes else None
 
     def ready(self, name: str) -> bool:
         """Whether all that the stage needs is kept, or not worth keeping."""
@@ -457,14 +453,14 @@ class Pipeline:
         function = stage.function.split(":")[1]
         self._computed.add(name)
         with self._progress(name) if stage.listed else nullcontext():
-            return getattr(import_module(stage.module), function)(self.scene, *needed)
+            return getattr(import_module(stage.module), function)(self._whole, *needed)
 
     def key(self, name: str) -> str:
         """Changes with everything that the stage's result depends on."""
         if name not in self._keys:
             stage = self._stages[name]
             needs = [self.key(need) for need in stage.needs]
-            self._keys[name] = key(name, stage.reads(self.scene), needs, stage.module)
+            self._keys[name] = key(name, stage.reads(self._whole), needs, stage.module)
         return self._keys[name]
 
 

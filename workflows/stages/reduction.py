@@ -70,12 +70,13 @@ def reduction(
     further dofs that stay as they are.
     """
     # the thesis' scheme reads the wall elsewhere than it pushes
+    scene = scene.written_out
     w_reading, C = reading(scene, model), dashpots(scene, model)
-    if w_reading is not None and not scene.patch.nodes and np.array_equal(w_reading, contact.w):
+    if w_reading is not None and not scene.strike.nodes and np.array_equal(w_reading, contact.w):
         raise ValueError(
-            f'patch.weights = "thesis" would read the node that it pushes: patch.radius = '
-            f"{scene.patch.radius} m ends nearer to it than to the next, with mesh.contact_seed = "
-            f"{scene.mesh.contact_seed} m; raise the radius or refine the mesh."
+            'weights = "thesis" would read the node that it pushes: the patch of radius = '
+            f"{scene.strike.radius} m ends nearer to it than to the next, with elements of "
+            f"{scene.strike.size} m; raise the radius or refine the mesh there."
         )
     boundary = boundary_of(contact, w_reading, C, keep)
 
@@ -172,9 +173,8 @@ def _require_held(scene: Scene, modes: AssemblyModes) -> None:
         for key in fem.DIRECTIONS
         if (k := getattr(table, key)) < LIMITS.open
     ]
-    key = "held" if scene.is_general else "parts"
-    given = list(getattr(scene.assembly, key) or ())
-    loose = ", ".join(open_joints) or f"assembly.{key} = {given}"
+    held = [hold.on for hold in scene.assembly.holds]
+    loose = ", ".join(open_joints) or f"assembly.held = {held}"
     raise ValueError(
         "the assembly, or a part of it, is not held: its lowest mode is below "
         f"{LIMITS.floating:g} Hz, with {loose}. Constraint modes need what is held; hold it, or "
@@ -217,12 +217,12 @@ def _enough_modes(
 def reading(scene: Scene, model: fem.Model) -> NDArray[np.float64] | None:
     """w (n,) by which the thesis' scheme reads the wall, at other nodes than it pushes; None for
     one functional of both."""
-    patch = scene.patch
-    if patch is None or patch.weights != "thesis":
+    strike = scene.written_out.strike
+    if strike is None or strike.weights != "thesis":
         return None
-    y, z = patch.point
-    either_side = ((y - patch.radius, z), (y + patch.radius, z))
-    return fem.node_patch(model, struck(scene), patch.nodes or either_side).w
+    first, second = strike.at
+    either_side = ((first - strike.radius, second), (first + strike.radius, second))
+    return fem.node_patch(model, struck(scene), strike.nodes or either_side).w
 
 
 def mass_captured(model: fem.Model, reduced: rom.ReducedModel, along: NDArray[np.float64]) -> float:

@@ -113,7 +113,7 @@ def _off_face(scene: Scene, point: NDArray[np.float64]) -> InvalidScene:
 
 def surface(scene: Scene, mesh: Parts) -> rom.Contact | None:
     """Curvatures of the face struck, and modulus and Poisson's ratio if it is orthotropic: what
-    Hertz' law needs beside the scene; None for the thesis' rig.
+    Hertz' law needs beside the scene; None without a strike.
 
     Raises InvalidScene for a curved face of an orthotropic material.
     """
@@ -161,6 +161,9 @@ def patch(scene: Scene, mesh: Parts, model: fem.Model) -> fem.ContactPatch:
     elif strike.point is not None:
         middle = fem.planar_spot(model.structure, name, MIDDLE)
         at = tuple(middle.axes @ (face.point - middle.point))
+    if strike.nodes or strike.weights == "thesis":
+        loaded = [at] if strike.weights == "thesis" else strike.nodes
+        return fem.node_patch(model, name, loaded)
     try:
         return fem.contact_patch(model, name, at, strike.radius, weights=strike.weights)
     except OffFace:

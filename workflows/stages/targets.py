@@ -9,7 +9,6 @@ from scipy.sparse import csr_matrix
 import fem
 from workflows.files.shapes import measured_shape
 from workflows.scene import InvalidScene, Scene
-from workflows.stages import rig
 
 # distance of a measured point from the assembly's surface, over the assembly's size, beyond which
 # axes or units are taken to be wrong; chosen, not varied
@@ -19,10 +18,8 @@ FARTHEST = 0.05
 def targets(scene: Scene, model: fem.Model) -> tuple[fem.Target, ...]:
     """What each measured mode of the scene is recognised by; raises InvalidScene for measured
     shapes with points off the assembly."""
-    if not scene.is_general:
-        return rig.TARGETS
     recognised: list[fem.Target] = []
-    for target in scene.targets or ():
+    for target in scene.written_out.targets or ():
         if target.number:
             recognised.append(fem.Number(target.number))
         elif target.shape:

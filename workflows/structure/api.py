@@ -256,7 +256,7 @@ def tune(
         from workflows.structure.hammer import applied, hammer_test, recognised
 
         test = hammer_test(Path(hammer), wanted)
-        if chosen.is_general and has_shapes(Path(hammer)):
+        if not chosen.of_dimensions and has_shapes(Path(hammer)):
             test = recognised(test, pipeline_of(chosen, progress), wanted)
         chosen, wanted = applied(chosen, test.report, match)
 
@@ -311,9 +311,9 @@ def hammer(
 
     `file` is .uff (data set 58) or .csv: a header line, then frequency_hz, re_1, im_1, re_2, im_2,
     ... on each line. The resonances are paired with the measured modes of `scene`, by frequency, or
-    where a .uff has the points of its responses (data set 15 or 2411) by the MAC of their shapes
-    with the modes of an assembly of bodies. `out` is a folder for the picture. Needs the extra
-    `identify`. Raises InvalidScene for bad input.
+    where a .uff has the points of its responses (data set 15 or 2411) one-to-one with the modes of
+    an assembly of bodies, by the MAC of their shapes and frequency together. `out` is a folder
+    for the picture. Needs the extra `identify`. Raises InvalidScene for bad input.
     """
     path = require_file(file, HAMMER)
     chosen = with_assembly(load_scene(scene, changes))
@@ -326,7 +326,7 @@ def hammer(
     with progress("identification"):
         wanted = dict(enumerate(chosen.measured_hz, start=1))
         test = hammer_test(path, wanted)
-    if chosen.is_general and has_shapes(path):
+    if not chosen.of_dimensions and has_shapes(path):
         test = recognised(test, pipeline_of(chosen, progress), wanted)
     with progress("picture"):
         result = HammerTest(test.report, picture(test))

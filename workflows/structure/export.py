@@ -5,7 +5,7 @@ from fem.abaqus import input_deck
 from workflows.files.output_file import OutputFile
 from workflows.files.wall_file import require_reader
 from workflows.scene import InvalidScene
-from workflows.stages import bodies
+from workflows.scene.shapes import shapes
 from workflows.stages.assembly import dashpots
 from workflows.stages.pipeline import Pipeline
 from workflows.stages.walls import save
@@ -21,7 +21,7 @@ def write_model(pipeline: Pipeline, inp: OutputFile | None, step: OutputFile | N
         raise InvalidScene(f"--step {step.path} must end in .step or .stp.")
     if inp:
         model = pipeline("model")
-        struck = not scene.is_general or scene.strike is not None
+        struck = scene.bending is not None or scene.written_out.strike is not None
         w, materials = pipeline("contact").w if struck else None, pipeline("mesh").materials
         text = input_deck(model, materials, w=w, C=dashpots(scene, model))
         with inp.writing() as path:
@@ -29,12 +29,13 @@ def write_model(pipeline: Pipeline, inp: OutputFile | None, step: OutputFile | N
     if step:
         from geometry.cad import write_step
 
-        if scene.is_general and scene.assembly.file:
+        whole = scene.written_out
+        if whole.assembly is not None and whole.assembly.file:
             raise InvalidScene(
-                f"{scene.name} has its geometry from {scene.assembly.file}; copy that."
+                f"{scene.name} has its geometry from {whole.assembly.file}; copy that."
             )
         with step.writing() as path:
-            write_step(bodies.shapes(scene), path)
+            write_step(shapes(whole), path)
 
 
 def write_reduced(pipeline: Pipeline, out: OutputFile, matrices: OutputFile | None = None) -> None:

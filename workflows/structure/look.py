@@ -15,8 +15,7 @@ from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.size import foreseen_seconds, peak_memory
 from workflows.scene.toml import resolved
-from workflows.stages import assembly
-from workflows.stages.bodies import Drawing, drawing
+from workflows.stages.bodies import Drawing, drawing, lined
 from workflows.stages.strike import around
 
 STEEL = {"young": 210e9, "poisson": 0.3, "density": 7850.0}
@@ -120,8 +119,9 @@ def of_file(path: Path) -> Scene:
 
 def look(scene: Scene, source: str) -> Seen:
     """Bodies, pairs and holes of a scene, from its geometry alone and a mesh as a run has it."""
+    scene = scene.written_out
     # holes and remarks need the CAD kernel, whose session ends with the context
-    with drawing(scene) as geometry:
+    with drawing(scene, lines=False) as geometry:
         holes, starter, meshes = (
             _holes(geometry),
             _starter(geometry, Path(source)),
@@ -132,13 +132,9 @@ def look(scene: Scene, source: str) -> Seen:
     nodes = {name: float(mesh.nvertices + mesh.nedges) for name, mesh in meshes.items()}
     bodies = []
     for name, body in geometry.bodies.items():
-        if scene.is_general:
-            material = scene.material_name(body.name)
-            solid = (scene.materials or {}).get(material)
-            density = solid.density if solid else None
-        else:
-            material = None
-            density = assembly.materials(scene.assembly, [body.name])[body.name].density
+        material = scene.material_name(body.name)
+        solid = (scene.materials or {}).get(material)
+        density = solid.density if solid else None
         bodies.append(
             SeenBody(
                 name=body.name,
@@ -170,8 +166,8 @@ def _meshes(scene: Scene, geometry: Drawing) -> dict[str, Mesh]:
     """Meshes of the bodies, as a run has them but for what is struck, held and bolted."""
     if geometry.own:
         return {name: skin.mesh for name, skin in geometry.own.skins.items()}
-    if not scene.is_general:
-        return assembly.mesh(scene).meshes
+    if meshes := lined(scene):
+        return meshes
     from geometry.body_mesh import body_meshes
     from geometry.sizes import Sizes, default_seeds
 

@@ -77,7 +77,7 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
     """Computed modes, each with the measured one that it is paired with."""
     scene, modes, mac = pipeline.scene, pipeline("modes"), pipeline("mac")
     shape = dict(enumerate(shape_names(scene), start=1))
-    struck = not scene.is_general or scene.strike is not None
+    struck = scene.bending is not None or scene.written_out.strike is not None
     participation = np.abs(pipeline("contact").w @ modes.phi) if struck else [None] * len(mac)
     measured = {int(j): i for i, j in enumerate(modes.index) if j >= 0}
     if scene.bending is None:

@@ -10,7 +10,7 @@ from pydantic import BaseModel
 from workflows.files.run_folder import Picture
 from workflows.report import plots
 from workflows.scene import Joints, JointStiffnesses, Scene
-from workflows.scene.assembly import BODIES
+from workflows.scene.rig import PARTS
 from workflows.stages.pipeline import pipeline_of
 from workflows.stages.progress import Progress
 from workflows.structure.tuning import tuned
@@ -92,7 +92,7 @@ def table_52(scene: Scene, progress: Progress) -> ThesisTable:
         # screws hold the support and the plate as well: the plate's share, 435 to 397 Hz, needs
         # them
         fixing = "bolted" if row.constraint == "screw-tie" and "plate" in row.parts else "flat"
-        plain = dict.fromkeys(BODIES)  # the thesis' models are of one steel
+        plain = dict.fromkeys(PARTS)  # the thesis' models are of one steel
         parts = {"parts": row.parts, "constraint": row.constraint, "fixing": fixing, **plain}
         varied = scene.but(assembly=parts, mesh={"seed": min(scene.mesh.seed, SEED_52)})
         hz = pipeline_of(varied, progress)("modes").paired_hz

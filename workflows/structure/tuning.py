@@ -17,6 +17,7 @@ from workflows.files.output_file import OutputFile
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, Scene, nearest
 from workflows.scene.bodies import MeasuredMode
+from workflows.stages.mesh_causes import OPTIONS as OF_CAUSES
 from workflows.stages.mesh_causes import Cause, refinement, size_for
 from workflows.stages.pipeline import Pipeline, pipeline_of
 from workflows.stages.progress import Progress
@@ -117,7 +118,7 @@ def tuned(
     Raises InvalidScene for what has no joints, and where the modes determine no parameter though
     they are met.
     """
-    if scene.is_general:
+    if not scene.of_dimensions:
         candidates = of_bodies.freed(scene, free)
     else:
         if scene.assembly.constraint != "wires":
@@ -141,7 +142,7 @@ def tuned(
     while True:
         loose = loosened(scene, parameters)
         basis = pipeline_of(loose, progress)("tuning-basis")
-        if scene.is_general:
+        if not scene.of_dimensions:
             parameters = of_bodies.on_bodies(scene, parameters, list(basis.forms))
         started = perf_counter()
         fit = tune(basis, parameters, match)
@@ -254,7 +255,7 @@ def _remarks(
         if abs(error) > TOLERANCES.disagreement:
             remarks.append(f"mode {n} is missed by {100 * error:+.1f} %.")
     has_free_turn = {"head.kz", "head.kry"} <= {p.name for p in candidates}
-    conflict = not scene.is_general and {2, 3} <= match.keys() and not has_free_turn
+    conflict = scene.of_dimensions and {2, 3} <= match.keys() and not has_free_turn
     if conflict and max(map(abs, missed.values())) > TOLERANCES.disagreement:
         remarks.append(
             "Modes 2 and 3 both shear the joints along x: one stiffness for x and z that is soft "
@@ -300,6 +301,11 @@ def worth_of_the_mesh(
         return [f"{sentence} Tune again with {refinement(scene, 0.5)}."]
     wanted = max(missed, min(100 * tolerances.of_mesh, error / 2))
     times = size_for(wanted, error, cause)
+    if times < OF_CAUSES.finest and cause.remedy:
+        return [
+            f"{sentence} It arises {cause.place}, where smaller elements help little: take "
+            f"{cause.remedy}, or {refinement(scene, OF_CAUSES.finest)}, and tune again."
+        ]
     return [
         f"{sentence} Bring it to {wanted:.2g} % with {refinement(scene, times)}, and tune again."
     ]
@@ -365,7 +371,7 @@ def started_from(scene: Scene, p: TuningParameter) -> TuningParameter:
 
 def scene_values(scene: Scene, p: TuningParameter) -> list[tuple[str, float]]:
     """Keys of the scene that the parameter sets, each with its value."""
-    if scene.is_general:
+    if not scene.of_dimensions:
         return [(p.name, of_bodies.scene_value(scene, p.name))]
     if p.springs:
         keys = [spring.split(".") for spring in p.springs]
@@ -377,7 +383,7 @@ def scene_values(scene: Scene, p: TuningParameter) -> list[tuple[str, float]]:
 def loosened(scene: Scene, parameters: list[TuningParameter]) -> Scene:
     """The scene with finite springs where they vary, and with a block that keeps only the values
     that do not vary."""
-    if scene.is_general:
+    if not scene.of_dimensions:
         return at_values(scene, parameters, np.array([p.start for p in parameters]))
     varied = {p.of: None for p in parameters if not p.springs}
     bare = scene.but(assembly={"block": varied}) if scene.assembly.block else scene
@@ -387,7 +393,7 @@ def loosened(scene: Scene, parameters: list[TuningParameter]) -> Scene:
 
 def at_values(scene: Scene, parameters: list[TuningParameter], value) -> Scene:
     """The scene with the parameters at these values."""
-    if scene.is_general:
+    if not scene.of_dimensions:
         names = [p.name for p in parameters]
         return of_bodies.with_values(scene, dict(zip(names, value, strict=True)))
     joints, steel = {}, {}
@@ -399,7 +405,7 @@ def at_values(scene: Scene, parameters: list[TuningParameter], value) -> Scene:
             steel[p.of] = float(x) * getattr(scene.assembly, p.of)
     result = scene.but(joints=joints)
     if steel:
-        from workflows.scene.assembly import Steel
+        from workflows.scene.rig import Steel
 
         result = result.but(assembly={"block": (scene.assembly.block or Steel()).but(**steel)})
     return result
@@ -407,7 +413,7 @@ def at_values(scene: Scene, parameters: list[TuningParameter], value) -> Scene:
 
 def retargeted(scene: Scene, match: dict[int, float]) -> Scene:
     """The scene with the frequencies that it was tuned to among its targets."""
-    if scene.is_general:
+    if not scene.of_dimensions:
         numbered = enumerate(scene.targets or (), start=1)
         tables = [target.but(hz=match.get(n, target.hz)) for n, target in numbered]
     else:

@@ -21,11 +21,11 @@ import dem
 from dem.waves.arrivals import arrivals
 from workflows.files.run_folder import RunFolder
 from workflows.scene import InvalidScene, RomWall, Scene
+from workflows.scene.rig import STRUCK
 from workflows.scene.toml import undoes
 from workflows.stages.chain import Start
 from workflows.stages.errors import MARGIN, SHORTER
 from workflows.stages.face import StruckFace, to_hz
-from workflows.stages.rig import STRUCK
 from workflows.sweep.cases import Base
 from workflows.sweep.core.continuity import same_wave
 from workflows.sweep.core.rows import (
@@ -75,7 +75,7 @@ class Grid(NamedTuple):
     def design(self, struck: StruckFace) -> Design:
         """Even points whose patches lie between the edges of a face; raises InvalidScene for one
         that is too narrow."""
-        face, radius = struck.outline(), struck.patch.radius
+        face, radius = struck.outline(), struck.scene.strike.radius
         room = face.upper - face.lower - 2 * radius
         if (room < 0).any():
             raise InvalidScene(
@@ -122,11 +122,12 @@ def struck_scene(base: Base, face: str | None) -> Scene:
             f"{scene.name}: time.duration = {scene.time.duration:g} s goes beyond time.horizon = "
             f"{scene.time.horizon:g} s, up to which waves have an error; scan up to there."
         )
-    moved = ("strike.at", "strike.on")[: 1 + bool(face)] if scene.is_general else ("patch.point",)
+    rig = scene.of_dimensions
+    moved = ("patch.point",) if rig else ("strike.at", "strike.on")[: 1 + bool(face)]
     for key, given in product(moved, base.given):
         if undoes(key, given):
             raise InvalidScene(f"a scan sets {key} itself; drop --set {given}.")
-    if scene.is_general:
+    if not rig:
         on = face or (scene.strike and scene.strike.on)
         return base.with_values(({"strike.on": on} if on else {}) | {"strike.at": [0.0, 0.0]})
     if face not in (None, STRUCK):
@@ -142,7 +143,7 @@ def scan(
     rows of an earlier scan of these points stay."""
     scene, outline = face.scene, face.outline()
     spheres = scene.output.spheres
-    name = scene.strike.on if scene.is_general else face.name
+    name = scene.strike.on
     plain = {"name": name, "axes": outline.axes, "edges": outline.edges.tolist()}
     about = About(dict.fromkeys(design.keys, "m"), plain)
     store = Store(folder, design, scene, signals, Inputs(files_of_scene(scene), __name__), about)

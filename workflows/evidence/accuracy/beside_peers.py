@@ -45,7 +45,7 @@ from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
 from workflows.report.tables import Table
-from workflows.scene import Mesh, Scene
+from workflows.scene import Scene
 from workflows.scene.parts import with_assembly
 from workflows.stages import assembly as stages
 from workflows.stages.progress import Progress
@@ -126,9 +126,7 @@ def peers(scene: Scene, progress: Progress, *, options: PeerOptions = PeerOption
     missing = {method for name in absent for method in optional[name].methods}
 
     with progress("matrices"):
-        factors = {k: options.coarser * v for k, v in scene.mesh if isinstance(v, float)}
-        mesh_table = Mesh.model_copy(scene.mesh, update=factors)
-        coarse = scene.model_copy(update={"mesh": mesh_table})
+        coarse = scene.but(mesh={"scale": options.coarser * scene.mesh.scale})
         mesh = stages.mesh(coarse)
         model = stages.model(coarse, mesh)
         contact = stages.contact(coarse, mesh, model)

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fem
-import geometry
 from fem import assembly_modes
 from fem.convergence import extrapolated, off
 from fem.factorisation import has_pardiso
+from geometry import smallest_quality
 from workflows.evidence.accuracy.mesh_of_bending import of_bending
 from workflows.evidence.accuracy.row import AccuracyRow, table_of
 from workflows.evidence.prose import rendered
@@ -29,6 +29,7 @@ from workflows.report.plots import Line, Panel, panels
 from workflows.report.tables import Table
 from workflows.scene import Scene
 from workflows.scene.parts import with_assembly
+from workflows.scene.rig import PARTS
 from workflows.stages import assembly as stages
 from workflows.stages.errors import COARSER
 from workflows.stages.progress import Progress
@@ -40,7 +41,7 @@ MORE = (8e-3, 5.66e-3, 4e-3, 2.83e-3, 2e-3)  # [m] ratio sqrt 2
 FINER = (1.41e-3, 1e-3)  # [m] 190 000 and 350 000 unknowns, where a faster solver is installed
 BLOCK = 8e-3  # [m] elements of the block
 BLOCK_ORDER = 1.0  # that singular edges leave at least
-STAGE_1 = {"parts": geometry.PARTS[:2], "fixing": "flat"}
+STAGE_1 = {"parts": PARTS[:2], "fixing": "flat"}
 N_MODES = {"full-tie": 18, "screw-tie": 30}  # that reach mode 4
 SCALES = (4.0, 2.83, 2.0, 1.41, 1.0)  # of the scene's mesh.scale, of any other assembly
 FIRST = tuple(fem.Number(i) for i in range(1, 5))  # of a scene without targets
@@ -75,7 +76,7 @@ def mesh(
     if scene.bending is not None:
         return Finding(*of_bending(scene, progress))
     with_assembly(scene)
-    if scene.is_general:
+    if not scene.of_dimensions:
         return _of_bodies(scene, progress)
     seeds = seeds if has_pardiso() else tuple(seed for seed in seeds if seed not in FINER)
     rows, lines, limits, errors = [], [], {}, {}
@@ -101,7 +102,7 @@ def rig_solution(
     scene: Scene, constraint: str, seed: float, block: float, progress: Progress
 ) -> MeshSolution:
     """The rig's block and sheets alone, with elements of these sizes [m] in sheets and block."""
-    plain = STAGE_1 | {"constraint": constraint} | dict.fromkeys(geometry.PARTS)
+    plain = STAGE_1 | {"constraint": constraint} | dict.fromkeys(PARTS)
     sizes = {"seed": seed, "block_seed": block, "contact_seed": None}
     varied = scene.but(assembly=plain, mesh=sizes)
     with progress(f"{constraint} {1e3 * seed:g} mm"):
@@ -146,7 +147,7 @@ def solution(scene: Scene, name: str, size: float, n_modes: int) -> MeshSolution
     index = fem.pair(model, modes, targets(scene, model) or FIRST).index
     hz = np.where(index >= 0, modes.frequency_hz[index], np.nan)
     seconds = (meshed - started, assembled - meshed, ended - assembled)
-    quality = min(map(geometry.smallest_quality, mesh.meshes.values()))
+    quality = min(map(smallest_quality, mesh.meshes.values()))
     return MeshSolution(name, size, model.M.shape[0], hz, seconds, quality)
 
 

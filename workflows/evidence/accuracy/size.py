@@ -26,7 +26,7 @@ from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
 from workflows.report.tables import Table
-from workflows.scene import Mesh, Scene
+from workflows.scene import Scene
 from workflows.scene.parts import with_assembly
 from workflows.stages import assembly as stages
 from workflows.stages.krylov_space import krylov_space
@@ -64,9 +64,8 @@ def size(scene: Scene, progress: Progress, *, times: tuple[float, ...] = TIMES) 
     meshes = []
     for factor in sorted(times, reverse=True):
         with progress(f"elements times {factor:g}"):
-            sizes = {name: factor * value for name, value in scene.mesh if isinstance(value, float)}
-            mesh = Mesh.model_copy(scene.mesh, update=sizes)
-            meshes.append(_costed_mesh(scene.model_copy(update={"mesh": mesh}), factor))
+            scaled = scene.but(mesh={"scale": factor * scene.mesh.scale})
+            meshes.append(_costed_mesh(scaled, factor))
     finest = meshes[-1]
     errors = [float(np.abs(mesh.hz / finest.hz - 1).max()) for mesh in meshes[:-1]] + [None]
     names = tuple(dict.fromkeys(name for mesh in meshes for name in mesh.costs))
@@ -147,7 +146,7 @@ def _costed_mesh(scene: Scene, times: float) -> SizedMesh:
     factor = stage("factorise", lambda: stages.factor(scene, model))
     space = stage("Krylov space", lambda: krylov_space(scene, mesh, model, factor))
     modes = stage("modes", lambda: stages.modes(scene, model, space))
-    if not scene.is_general or scene.strike is not None:
+    if scene.written_out.strike is not None:
         contact = stages.contact(scene, mesh, model)
         stage("reduce", lambda: reduction(scene, model, contact, modes, factor, space))
     if which("ccx") and model.K.shape[0] < 1e5:  # beyond it minutes with its default solver

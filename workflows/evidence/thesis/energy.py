@@ -13,8 +13,11 @@ import numpy as np
 import coupling
 import dem
 import fem
-import geometry
 from dem.waves.measures import WaveEnergy, wave_energy
+from geometry.grid_lines import refined
+from geometry.lined import SAME, lined_mesh
+from geometry.lined import Lines as GridLines
+from geometry.shapes import Box
 from workflows.evidence.counted import counted
 from workflows.evidence.prose import rendered
 from workflows.evidence.thesis.observed_run import RecordOptions, round_trip
@@ -34,7 +37,6 @@ from workflows.report.plots import Line, Panel, panels
 from workflows.report.tables import Table
 from workflows.scene import Scene
 from workflows.stages import assembly as stages
-from workflows.stages.assembly import material
 from workflows.stages.chain import initial_velocity
 from workflows.stages.progress import Progress
 
@@ -73,13 +75,12 @@ def energy(scene: Scene, progress: Progress, options: EnergyOptions = EnergyOpti
         still = impact_run(scene, "half-space", dem.rigid_wall(), duration, schemes)
 
     # a cube of the block's steel, held at its back, struck in the middle; and the assembly
-    side, steel = options.side, material(scene.assembly, "block")
-    cube = geometry.hex_mesh(
-        geometry.Assembly(block_x=side, block_y=side, block_z=side, parts=("block",)),
-        seed=side, block_seed=side / 6, support_seed=side,
-        contact_seed=options.finer * scene.mesh.contact_seed,
-    )  # fmt: skip
-    structure = fem.assemble(geometry.by_body(cube), {"block": steel})
+    side, steel = options.side, stages.solid(scene, "block")
+    fine = options.finer * scene.mesh.contact_seed
+    lines = GridLines(*([refined(at, fine)] for at in (side / 2, 0.0, 0.0)))
+    cube = lined_mesh(Box((side, side, side)), lines, side / 6)
+    ends = {"strike": lambda x: x[0] > side / 2 - SAME, "-x": lambda x: x[0] < SAME - side / 2}
+    structure = fem.assemble({"block": cube.with_boundaries(ends)}, {"block": steel})
     block_model = fem.joined(structure, fem.Connections(held=[fem.Held("block:-x")]))
     rig_model = stages.model(scene, stages.mesh(scene))
     bodies = {

@@ -16,11 +16,13 @@ import rom
 from coupling.coupled_march import EnergyGain
 from coupling.reduced_wall import coupled_wall, wall_from_reduced
 from workflows.scene import Scene
-from workflows.stages.assembly import material
+from workflows.stages.assembly import solid
 from workflows.stages.chain import chain, initial_velocity
-from workflows.stages.rig import STRUCK
+from workflows.stages.parts import STRIKE
 
 ROUNDING = 1e-9  # of the striker's energy: what is smaller is the march's own error
+
+FACE = f"block:{STRIKE}"  # struck, as the mesh names it
 
 
 class SchemeOptions(NamedTuple):
@@ -86,8 +88,8 @@ def one_functional(scene: Scene, body: StruckBody, options: SchemeOptions) -> de
     """The wall that is loaded and read over a patch: free modes and a residual, the half-space
     taken out, which Hertz' law holds already."""
     model = body.model
-    patch = fem.contact_patch(model, STRUCK, body.point, body.radius)
-    local = fem.half_space_on_mesh(model, STRUCK, patch, material(scene.assembly, "block"))
+    patch = fem.contact_patch(model, FACE, body.point, body.radius)
+    local = fem.half_space_on_mesh(model, FACE, patch, solid(scene, "block"))
     selection = rom.Selection(n_modes=options.n_modes)
     reduced = rom.free_modes(model.K, model.M, patch.w, selection, factorise=fem.factorised)
     return wall_from_reduced(reduced, half_space=local)
@@ -102,8 +104,8 @@ def of_the_thesis(
     says where; the reduced matrices taken whole."""
     model, (y, z) = body.model, body.point
     spots = recovery or ((y - body.radius, z), (y + body.radius, z))
-    force = fem.node_patch(model, STRUCK, [body.point]).w
-    reading = fem.node_patch(model, STRUCK, spots).w
+    force = fem.node_patch(model, FACE, [body.point]).w
+    reading = fem.node_patch(model, FACE, spots).w
     boundary = np.flatnonzero(force + reading)
     selection = rom.Selection(n_modes=options.n_modes)
     reduced = rom.craig_bampton(

@@ -22,9 +22,7 @@ from workflows.report.tables import Table
 from workflows.scene import Scene
 from workflows.scene.parts import with_assembly
 from workflows.stages import assembly as stages
-from workflows.stages.assembly import material
 from workflows.stages.progress import Progress
-from workflows.stages.rig import STRUCK
 
 COLUMNS = (
     "seed_mm", "dofs", "node", "node_itself", "growth", "recovery_points", "patch",
@@ -60,31 +58,31 @@ def singularity(
 ) -> Finding:
     """Compliance of a contact node and of a patch against the mesh (thesis, figures 6.2, 6.3)."""
     with_assembly(scene)
-    steel, radius = material(scene.assembly, "block"), scene.patch.radius
+    steel, radius = stages.solid(scene, "block"), scene.patch.radius
     y, z = scene.patch.point
 
-    meshes = []
+    meshes, face = [], stages.struck(scene)
     for seed in counted(options.seeds, progress, lambda seed: f"contact seed {1e3 * seed:g} mm"):
         fine = scene.but(mesh={"contact_seed": seed})
         model = stages.model(fine, stages.mesh(fine))
 
         # K u = w for a unit force at the node and for one over the patch
-        node = fem.node_patch(model, STRUCK, [(y, z)])
-        patch = fem.contact_patch(model, STRUCK, (y, z), radius)
+        node = fem.node_patch(model, face, [(y, z)])
+        patch = fem.contact_patch(model, face, (y, z), radius)
         u = fem.factorised(model.K).solve(np.column_stack([node.w, patch.w]))
         of_node, of_patch = node.w @ u[:, 0], patch.w @ u[:, 1]
-        half_space = [fem.half_space_on_mesh(model, STRUCK, w, steel) for w in (node, patch)]
+        half_space = [fem.half_space_on_mesh(model, face, w, steel) for w in (node, patch)]
 
         # the thesis' reading: the mean of two points a radius to either side, between nodes
         # or not
         sides = [(y - radius, z), (y + radius, z)]
-        spots = [fem.contact_patch(model, STRUCK, side, options.spot) for side in sides]
+        spots = [fem.contact_patch(model, face, side, options.spot) for side in sides]
         recovery = sum(spot.w for spot in spots) / 2
 
         # displacement into the wall along a line through the contact
         along = np.linspace(-options.profile, options.profile, 321)
         offsets = np.column_stack([np.zeros_like(along), along, np.zeros_like(along)])
-        P = trace(model.structure, STRUCK, patch.spot.point + offsets)[0::3]
+        P = trace(model.structure, face, patch.spot.point + offsets)[0::3]
         profile = (patch.spot.inward[0] * (P @ model.T)) @ u
         meshes.append(
             MeshCompliances(

@@ -11,16 +11,18 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+import fem
 from fem import calculix as program
 from fem import factorised, modes
 from fem.calculix_tied import Screw, tied_deck
-from geometry.assembly import screw_cells
 from geometry.cad import write_step
 from geometry.step_tetrahedra import ElementSizes, StepPatch, step_tetrahedra
 from workflows.evidence.verify.comparisons import Comparison, require_program
 from workflows.files.scene import scene
-from workflows.scene.assembly import assembly as dimensions
-from workflows.stages import assembly, bodies
+from workflows.scene import Scene
+from workflows.scene.rig import screw_cells
+from workflows.scene.shapes import shapes
+from workflows.stages import assembly
 from workflows.stages.errors import COARSER, ORDER
 from workflows.stages.pipeline import Pipeline, pipeline_of
 from workflows.stages.progress import quiet
@@ -58,7 +60,7 @@ def calculix_rig() -> Iterator[Comparison]:
             local = contact_of(rig, model, contact).half_space
             ours.append(np.append(hz, compliance - local))
 
-        theirs = [_by_calculix(pipeline, size) for size in (scale, COARSER * scale)]
+        theirs = [_by_calculix(rig, pipeline, size) for size in (scale, COARSER * scale)]
 
         # each side states |fine - coarse| / (COARSER^ORDER - 1) of its own fine mesh
         stated = [
@@ -74,11 +76,11 @@ def calculix_rig() -> Iterator[Comparison]:
             yield Comparison(f"{name} meshed anew, {quantity}", *map(float, row), SOURCE)
 
 
-def _by_calculix(pipeline: Pipeline, scale: float) -> np.ndarray:
+def _by_calculix(rig: Scene, pipeline: Pipeline, scale: float) -> np.ndarray:
     """Ten frequencies [Hz] and the compliance at the contact less the half-space's [m/N], of
     tetrahedra `scale` times the sizes above and a disc under even pressure."""
-    rig, materials = pipeline.scene, pipeline("mesh").materials
-    spot, radius = pipeline("contact").spot, rig.patch.radius
+    materials, spot = pipeline("mesh").materials, pipeline("contact").spot
+    radius = rig.patch.radius
 
     # tetrahedra of the STEP file, which holds the ground as well: its imprint is what is held
     disc = StepPatch(STRUCK, spot.point, -spot.inward, radius)
@@ -86,7 +88,7 @@ def _by_calculix(pipeline: Pipeline, scale: float) -> np.ndarray:
     with TemporaryDirectory() as folder:
         step = Path(folder) / "rig.step"
         bodies_and_ground = (*rig.assembly.parts, GROUND)
-        write_step(bodies.shapes(rig.but(assembly={"parts": bodies_and_ground})), step)
+        write_step(shapes(rig.but(assembly={"parts": bodies_and_ground}).written_out), step)
         mesh = step_tetrahedra(step, ElementSizes(inside, scale * RIM, scale * ROUND_DISC), disc)
 
     # sheets held at the ground's imprint, tied to the block or on their screws' springs: of each
@@ -96,7 +98,8 @@ def _by_calculix(pipeline: Pipeline, scale: float) -> np.ndarray:
     ties = [(touching[pair], touching[pair[::-1]]) for pair in touching if pair[1] == STRUCK]
     screws = []
     if rig.assembly.constraint == "wires":
-        a, springs = dimensions(rig.assembly), assembly.bushings(rig.springs)["head"]
+        a, head = rig.assembly, rig.springs["head"]
+        springs = fem.Bushing(*(getattr(head, key) for key in fem.DIRECTIONS))
         for sheet, under in ties:
             nodes = np.unique(sheet)
             for x, (x_low, x_high) in zip(a.screw_x, screw_cells(a), strict=True):
