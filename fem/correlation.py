@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 from scipy.sparse import csr_matrix
 
 from fem.joints import rigid_motion
@@ -85,6 +86,72 @@ def mac(phi: NDArray, psi: NDArray) -> NDArray[np.float64]:
     """
     cross = np.abs(phi.conj().T @ psi) ** 2
     return cross / np.outer(*(np.sum(np.abs(a) ** 2, axis=0) for a in (phi, psi)))
+
+
+class ShapeMatch(NamedTuple):
+    """When a measured and a computed mode are one, and when that is in doubt; values not varied."""
+
+    spread: float = 0.3  # ln of the frequencies' ratio that costs as much as a MAC lower by 0.4
+    smallest: float = 0.3  # MAC of a pair, at least
+    farthest: float = 2.0  # ratio of frequencies of a pair, at most
+    doubtful: float = 0.2  # relative difference of frequencies from which a pair is doubtful
+    rival: float = 0.8  # of the pair's likeness: a runner-up that makes it doubtful
+    alike: float = 0.8  # MAC at the sensors of two computed modes that these cannot tell apart
+
+
+class MeasuredPairs(NamedTuple):
+    """Measured modes paired one-to-one with computed ones, and what else they might be."""
+
+    index: NDArray[np.int64]  # (n,) of the computed mode, -1 where none fits
+    runner_up: NDArray[np.int64]  # (n,) the next most like computed mode, -1 where there is none
+    doubts: list[tuple[str, ...]]  # n of sentences
+
+
+def measured_pairs(
+    measured_hz: NDArray[np.float64],
+    computed_hz: NDArray[np.float64],
+    likeness: NDArray[np.float64],
+    auto_mac: NDArray[np.float64],
+    options: ShapeMatch = ShapeMatch(),
+) -> MeasuredPairs:
+    """Pairs of n measured and k computed modes, from their MAC `likeness` (n, k) and frequencies.
+
+    The sum of MAC exp(-(ln f / f')^2 / (2 spread^2)) over all pairs is the largest (assignment).
+    The largest MAC alone does not do: at few points shapes of distant frequencies look alike.
+    `auto_mac` (k, k) is the MAC of the computed modes among themselves at the sensors.
+    """
+    # a mode that no sensor sees has the MAC 0 / 0
+    likeness, auto_mac = np.nan_to_num(likeness), np.nan_to_num(auto_mac)
+    distance = np.log(np.divide.outer(measured_hz, np.maximum(computed_hz, 1e-9)))
+    score = likeness * np.exp(-0.5 * (distance / options.spread) ** 2)
+    allowed = (likeness >= options.smallest) & (np.abs(distance) <= np.log(options.farthest))
+    rows, columns = linear_sum_assignment(np.where(allowed, score, 0.0), maximize=True)
+    index = np.full(len(measured_hz), -1)
+    for i, j in zip(rows, columns, strict=True):
+        if allowed[i, j]:
+            index[i] = j
+
+    runner_up, doubts = np.full(len(measured_hz), -1), []
+    for i, j in enumerate(index):
+        rivals = np.where(allowed[i], score[i], 0.0)
+        rivals[j if j >= 0 else []] = 0.0
+        second = int(rivals.argmax()) if rivals.size else -1
+        if second >= 0 and rivals[second] > 0:
+            runner_up[i] = second
+        sentences = []
+        if j >= 0:
+            apart = computed_hz[j] / measured_hz[i] - 1
+            if abs(apart) > options.doubtful:
+                sentences.append(f"doubtful: the frequencies are {100 * abs(apart):.0f} % apart")
+            if runner_up[i] >= 0 and rivals[second] > options.rival * score[i, j]:
+                sentences.append(f"doubtful: {computed_hz[second]:.2f} Hz fits nearly as well")
+            similar = (auto_mac[j] > options.alike) & (np.arange(len(computed_hz)) != j)
+            if similar.any():
+                listed = ", ".join(f"{f:.2f}" for f in computed_hz[similar][:3])
+                more = ", ..." if np.count_nonzero(similar) > 3 else ""
+                sentences.append(f"these points cannot tell its shape from {listed}{more} Hz")
+        doubts.append(tuple(sentences))
+    return MeasuredPairs(index, runner_up, doubts)
 
 
 def pair(model: Model, modes: Modes, targets: Sequence[Target]) -> Pairing:

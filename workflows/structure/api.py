@@ -311,9 +311,9 @@ def hammer(
 
     `file` is .uff (data set 58) or .csv: a header line, then frequency_hz, re_1, im_1, re_2, im_2,
     ... on each line. The resonances are paired with the measured modes of `scene`, by frequency, or
-    where a .uff has the points of its responses (data set 15 or 2411) by the MAC of their shapes
-    with the modes of an assembly of bodies. `out` is a folder for the picture. Needs the extra
-    `identify`. Raises InvalidScene for bad input.
+    where a .uff has the points of its responses (data set 15 or 2411) one-to-one with the modes of
+    an assembly of bodies, by the MAC of their shapes and frequency together. `out` is a folder
+    for the picture. Needs the extra `identify`. Raises InvalidScene for bad input.
     """
     path = require_file(file, HAMMER)
     chosen = with_assembly(load_scene(scene, changes))

@@ -9,6 +9,7 @@ from pydantic import BaseModel
 
 import coupling
 import fem
+from fem.correlation import measured_pairs
 from fem.hammer_files import SYNTHETIC, Responses
 from fem.hammer_test import accelerances, corner_readings, nearest_modes, with_noise
 from fem.identification import measured_modes
@@ -35,8 +36,10 @@ class HammerRow(BaseModel):
     zeta_half_power: float | None
     zeta_fit: float | None
     mode: int | None = None
-    computed_hz: float | None = None  # of the mode that is most like the measured shape
+    computed_hz: float | None = None  # of the computed mode that it is paired with
     mac: float | None = None
+    runner_up_hz: float | None = None  # of the next most like computed mode
+    runner_up_mac: float | None = None
     remarks: list[str]
 
 
@@ -61,18 +64,18 @@ class HammerReport(BaseModel):
 
     def text(self) -> str:
         """A table of the resonances, and remarks on them."""
-        head = ("Hz", "half-power", "fit", "mode", "computed Hz", "MAC", "")
+        head = ("Hz", "half-power", "fit", "mode", "computed Hz", "MAC", "next Hz", "MAC", "")
         table = []
         for row in self.rows:
             zetas = (f"{100 * z:.3f} %" if z else None for z in (row.zeta_half_power, row.zeta_fit))
-            by_shape = (None, None)
-            if row.mac is not None:
-                by_shape = f"{row.computed_hz:.2f}", f"{row.mac:.2f}"
+            by_shape: list[str | None] = []
+            for hz, mac in ((row.computed_hz, row.mac), (row.runner_up_hz, row.runner_up_mac)):
+                by_shape += [None, None] if mac is None else [f"{hz:.2f}", f"{mac:.2f}"]
             remarks = "; ".join(row.remarks)
             table.append((f"{row.frequency_hz:.2f}", *zetas, row.mode, *by_shape, remarks))
 
         # responses without points have no shapes
-        if not any(row.mac for row in self.rows):
+        if not any(row.mac or row.runner_up_mac for row in self.rows):
             head, table = (*head[:4], ""), [(*cells[:4], cells[-1]) for cells in table]
         lines = [self.title, aligned_text(head, table)]
         return "\n".join(lines if self.n_targets else [*lines, "", NO_TARGETS])
@@ -118,23 +121,36 @@ def hammer_test(path: Path, expected_hz: dict[int, float]) -> IdentifiedTest:
 
 
 def recognised(test: IdentifiedTest, pipeline: Pipeline, wanted: Collection[int]) -> IdentifiedTest:
-    """The test with each resonance paired with the computed mode of the largest MAC with its shape;
-    the resonance most like the mode of a wanted target gets the target's number."""
+    """The test with its resonances paired one-to-one with computed modes, on MAC and frequency
+    together; that of a wanted target's mode gets the target's number."""
     report, scene = test.report, pipeline.scene
     model, modes = pipeline("model"), pipeline("modes")
+    computed_hz = modes.omega / (2 * np.pi)
     shapes = [shape(scene, model, report.file, row.frequency_hz) for row in report.rows]
-    pairing = fem.pair(model, fem.Modes(modes.omega, modes.phi), shapes)
-    mode_of, resonance_of = pairing.character.argmax(axis=1), pairing.character.argmax(axis=0)
+    readings = [target.reading @ modes.phi for target in shapes]
+    likeness = np.array(
+        [fem.mac(at, s.shape[:, None])[:, 0] for at, s in zip(readings, shapes, strict=True)]
+    )
+    measured_hz = np.array([row.frequency_hz for row in report.rows])
+    # all shapes of one file are read at the same points
+    pairs = measured_pairs(measured_hz, computed_hz, likeness, fem.mac(readings[0], readings[0]))
     number = {j: n for n, j in enumerate(modes.index.tolist(), start=1) if n in wanted}
     rows = []
-    for i, (row, j) in enumerate(zip(report.rows, mode_of.tolist(), strict=True)):
-        # two resonances may resemble one mode: the one of the larger MAC gets its number
-        is_mode = i == resonance_of[j] and pairing.index[i] >= 0
-        update = {
-            "mode": number.get(j) if is_mode else None,
-            "computed_hz": float(modes.omega[j] / (2 * np.pi)),
-            "mac": float(pairing.character[i, j]),
-        }
+    for i, row in enumerate(report.rows):
+        update: dict = {"mode": None, "remarks": [*row.remarks, *pairs.doubts[i]]}
+        j, second = int(pairs.index[i]), int(pairs.runner_up[i])
+        if j >= 0:
+            update |= {
+                "mode": number.get(j), "computed_hz": float(computed_hz[j]),
+                "mac": float(likeness[i, j]),
+            }  # fmt: skip
+        else:
+            update["remarks"].append("no computed mode is like it")
+        if second >= 0:
+            update |= {
+                "runner_up_hz": float(computed_hz[second]),
+                "runner_up_mac": float(likeness[i, second]),
+            }
         rows.append(row.model_copy(update=update))
     return test._replace(report=report.model_copy(update={"rows": rows}))
 
