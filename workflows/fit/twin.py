@@ -56,6 +56,8 @@ class Truth(NamedTuple):
                 return scene.striker.velocity
             case "preload":
                 return scene.preload.force if scene.preload else 0.0
+            case "stiffness" | "exponent":
+                return float(getattr(scene.contact, p.kind))
             case "dissipation":
                 return float(np.max(scene.contact.coefficient))
         if isinstance(scene.wall, OneDofWall):
