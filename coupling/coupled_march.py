@@ -16,10 +16,8 @@ from numpy.typing import ArrayLike
 from coupling.coupled_wall import CoupledWall
 from coupling.errors import CouplingError
 from dem import Chain, State, Trajectory, Wall, equilibrium
-from dem.kernels.laws import hertz_indentation
-from dem.spheres import hertz_stiffness, time_scale
-
-CLIPPED = {"linear-clipped", "hunt-crossley"}
+from dem.kernels.laws import DAMPING_LAWS, elastic_indentation
+from dem.spheres import time_scale
 
 
 class EnergyGain(NamedTuple):
@@ -69,7 +67,12 @@ def march_coupled(
     # errors count in units of the impact: its speed V, its time, V sqrt(m) for modes, m V^2
     mass = chain.mass.max()
     speed = np.abs(v0).max(initial=0.0) or 1e-3
-    period = time_scale(mass, chain.A.min(), speed)
+    law = chain.elastic
+    if law.shape is None:
+        period = time_scale(mass, chain.A.min(), speed)
+    else:
+        deepest = law.overlap_of_energy(np.full(chain.A.shape, 0.5 * mass * speed**2))
+        period = float(deepest.max()) / speed
     units = (speed * period, speed, speed * period * np.sqrt(mass), speed * np.sqrt(mass))
     scale = np.repeat([*units, mass * speed**2], [n, n, k, k, 2])
 
@@ -110,10 +113,10 @@ def march_coupled(
     # the ledger of energies over the saved times: what total has gained was made of nothing
     x, v, q, p, lost = np.split(solution.y.T, ends, axis=-1)
     saved = [contact_forces(chain, wall, *row) for row in zip(x, v, q, p, strict=True)]
-    delta, elastic, damping, _ = (np.array(column) for column in zip(*saved, strict=True))
+    _, elastic, damping, _ = (np.array(column) for column in zip(*saved, strict=True))
     energies = (
         0.5 * v**2 @ chain.mass,
-        0.4 * (elastic * delta).sum(axis=1),  # of Hertz' law, 2/5 F delta
+        chain.elastic.energy(elastic).sum(axis=1),
         0.5 * (x - anchor) ** 2 @ leaf,
         0.5 * (p**2 + (wall.omega * q) ** 2).sum(axis=1),
         0.5 * s * elastic[:, -1] ** 2,
@@ -161,26 +164,27 @@ def contact_forces(
     The residual spring s is in series with the last contact: x_n - h^T q = delta + s F(delta).
     Raises CouplingError where s < 0 leaves that without an answer.
     """
-    s, A = wall.residual_compliance, chain.A
+    s, law = wall.residual_compliance, chain.elastic
     gap = np.append(x[:-1] - x[1:], x[-1] - wall.reading @ q)
     delta = np.maximum(gap, 0.0)
-    delta[-1] = hertz_indentation(gap[-1], A[-1], s)
+    last = law.at(np.s_[-1:])
+    delta[-1] = elastic_indentation(0, gap[-1], s, last.A, last.shape)
     if math.isnan(delta[-1]):
         raise CouplingError(
             f"the contact became unstable: a residual compliance of {s:.3g} m/N answers no force "
             f"to an approach of {gap[-1]:.3g} m; lower the cutoff frequency."
         )
     approach = np.append(v[:-1] - v[1:], v[-1] - wall.reading @ p)
-    elastic = A * delta * np.sqrt(delta)
+    elastic = law.force(delta)
     gamma = np.zeros(len(x)) if chain.gamma is None else np.asarray(chain.gamma)
-    damping = gamma * approach * (elastic if chain.dissipation == "hunt-crossley" else 1.0)
+    damping = gamma * approach * (1.0 if chain.jumps else elastic)
     damping = np.where(delta > 0, damping, 0.0)
 
     # the contact closes by 1 / (1 + s k) of the approach, and of its damping the same share reaches
     # the wall: hence the square
-    stiffness = hertz_stiffness(delta[-1], A[-1])
+    stiffness = last.stiffness(delta[-1:])[0]
     damping[-1] /= (1 + s * stiffness) ** 2
-    if chain.dissipation in CLIPPED:  # contacts do not pull
+    if DAMPING_LAWS[chain.dissipation].clipped:  # contacts do not pull
         damping = np.maximum(damping, -elastic)
     return ContactForces(delta, elastic, damping, approach)
 

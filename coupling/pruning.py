@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike
 from coupling.march import impact
 from coupling.verdict import largest_monotone_force
 from dem import Chain, Trajectory, Wall
-from dem.spheres import hertz_overlap, hertz_stiffness
 
 
 class LeftOut(NamedTuple):
@@ -70,7 +69,7 @@ def prune(chain: Chain, wall: Wall, v0: ArrayLike, *, duration: float, error: fl
     speed = np.abs(v0).max()
     while n > 0:
         pruned = without(wall, order[:n])
-        allowed = largest_monotone_force(pruned.residual_compliance, chain.A[-1])
+        allowed = largest_monotone_force(pruned.residual_compliance, chain.elastic.at(-1))
         if reference.verdict.predicted_peak_force < allowed:
             run = impact(chain, pruned, v0, **options)
             cost = np.abs(run.trajectory.v - reference.trajectory.v).max() / speed
@@ -99,7 +98,8 @@ def mode_costs(chain: Chain, wall: Wall, run: Trajectory) -> tuple[LeftOut, ...]
     # the velocity that a displacement held for a step makes, relative to the striker's
     F = run.contact_force[:, -1]
     h = run.t[1] - run.t[0]
-    stiffness = hertz_stiffness(hertz_overlap(np.maximum(F, 0), chain.A[-1]), chain.A[-1])
+    law = chain.elastic.at(-1)
+    stiffness = law.stiffness(law.overlap(np.maximum(F, 0)))
     stiffness = stiffness / (1 + wall.residual_compliance * stiffness)
     momentum = chain.mass[-1] * np.abs(run.v[0]).max()
     slope = h * stiffness / momentum

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from coupling.coupled_wall import CoupledWall
 from dem import Chain, Wall
-from dem.spheres import hertz_overlap, hertz_stiffness
+from dem.elastic import ElasticLaw, elastic_law
 
 
 class Verdict(NamedTuple):
@@ -34,28 +34,35 @@ class Verdict(NamedTuple):
     sentences: tuple[str, ...]
 
 
-def largest_monotone_force(residual: float, contact_coefficient: float) -> float:
-    """Force [N] up to which delta = (F/A)^(2/3) + s F grows with F; inf for s >= 0.
+def largest_monotone_force(residual: float, contact: ElasticLaw | float) -> float:
+    """Force [N] up to which the overlap of a contact plus s F grows with F; inf for s >= 0.
 
-    d delta / dF = 2/3 A^(-2/3) F^(-1/3) + s = 0 at F = (2 / (3 |s|))^3 / A^2.
+    1/k + s = 0 there, of Hertz' law, for which its A may stand, at F = (2 / (3 |s|))^3 / A^2.
     """
     if residual >= 0:
         return np.inf
-    return (2 / (3 * abs(residual))) ** 3 / contact_coefficient**2
+    law = elastic_law(contact)
+    return float(law.force(law.fold(residual)))
 
 
-def predicted_peak_force(chain: Chain, v0: ArrayLike, A: ArrayLike) -> np.ndarray:
-    """Largest forces [N] at contacts of coefficients A [N/m^1.5], steady forces included.
+def predicted_peak_force(
+    chain: Chain, v0: ArrayLike, contacts: ElasticLaw | ArrayLike
+) -> np.ndarray:
+    """Largest forces [N] at contacts of a law, or of Hertz' with coefficients A [N/m^1.5], steady
+    forces included.
 
     The smaller of two bounds: the force of one sphere that meets the contact with the whole
     difference of velocities, F = A^(2/5) (5/4 m V^2)^(3/5), times 1.03 (a column of spheres reaches
     1.024 of it: E. Falcon et al., Eur. Phys. J. B 3 (1998) 45); and the force at which one contact
     holds all kinetic energy E = 2/5 F delta, F = A^(2/5) (5/2 E)^(3/5).
     """
-    v0, mass, A = np.asarray(v0, dtype=float), np.asarray(chain.mass), np.asarray(A, dtype=float)
+    v0, mass, law = np.asarray(v0, dtype=float), np.asarray(chain.mass), elastic_law(contacts)
     swing = v0.max(initial=0.0) - v0.min(initial=0.0)
-    of_sphere = 1.03 * A**0.4 * (1.25 * mass.max() * swing**2) ** 0.6
-    of_energy = A**0.4 * (1.25 * (mass @ v0**2)) ** 0.6
+    energies = 0.5 * mass.max() * swing**2, 0.5 * (mass @ v0**2)
+    of_sphere, of_energy = (
+        law.force(law.overlap_of_energy(np.full(np.shape(law.A), energy))) for energy in energies
+    )
+    of_sphere = 1.03 * of_sphere
     return np.minimum(of_sphere, of_energy) + np.abs(chain.steady).sum()
 
 
@@ -64,12 +71,13 @@ def verdict(chain: Chain, wall: Wall | CoupledWall | None, v0: ArrayLike) -> Ver
     n_modes = 0 if wall is None else len(wall.omega)
 
     # the contact at its peak force: Hertz in series with s, which gives way beyond the limit
-    A = float(np.max(chain.A, initial=0.0)) if wall is None else float(chain.A[-1])
-    force = float(predicted_peak_force(chain, v0, A))
+    law = chain.elastic.at(np.s_[:] if wall is None else np.s_[-1:])
+    forces = predicted_peak_force(chain, v0, law)
+    force = float(forces.max(initial=0.0)) or float(np.abs(chain.steady).sum())
     s = 0.0 if wall is None else wall.residual_compliance
-    hertz = float(hertz_stiffness(hertz_overlap(force, A), A)) if A else 0.0
-    limit = largest_monotone_force(s, A)
-    stiffness = hertz / (1 + s * hertz) if force < limit else np.inf
+    tangent = float(law.stiffness(law.overlap(forces)).max(initial=0.0))
+    limit = np.inf if wall is None else largest_monotone_force(s, law.at(-1))
+    stiffness = tangent / (1 + s * tangent) if force < limit else np.inf
 
     # what forbids the run or makes it wrong
     findings = []
@@ -137,10 +145,10 @@ def _contact_frequency(
     B_i,i+1 = -1/m_{i+1}, as neighbouring contacts share a sphere. Gershgorin's theorem bounds the
     eigenvalues of the symmetric sqrt(k) B sqrt(k) by the largest sum of a row.
     """
-    inverse, A = 1 / np.asarray(chain.mass), np.asarray(chain.A)
-    between = A[: len(inverse) - 1]
-    overlap = hertz_overlap(predicted_peak_force(chain, v0, between), between)
-    k, pair = hertz_stiffness(overlap, between), inverse[:-1] + inverse[1:]
+    inverse = 1 / np.asarray(chain.mass)
+    between = chain.elastic.at(np.s_[: len(inverse) - 1])
+    overlap = between.overlap(predicted_peak_force(chain, v0, between))
+    k, pair = between.stiffness(overlap), inverse[:-1] + inverse[1:]
     if wall is not None:
         k = np.append(k, stiffness)
         pair = np.append(pair, inverse[-1] + float(_reading(wall) @ _reading(wall)))

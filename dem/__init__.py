@@ -23,6 +23,7 @@ from dem.batch import Batch, march_batch
 from dem.chain import RIGID, Chain, Flat, State, row_of_spheres
 from dem.chains import Chains
 from dem.checks import InvalidChain
+from dem.elastic import ElasticLaw, force_table
 from dem.schemes import SCHEMES, Scheme
 from dem.stability import UnstableStep, stability_limit
 from dem.statics import Equilibrium, NoEquilibrium, equilibrium
@@ -38,6 +39,7 @@ __all__ = [
     "Chain",
     "Chains",
     "Controlled",
+    "ElasticLaw",
     "Equilibrium",
     "Flat",
     "InvalidChain",
@@ -52,6 +54,7 @@ __all__ = [
     "Wall",
     "dashpot_wall",
     "equilibrium",
+    "force_table",
     "march",
     "march_batch",
     "march_to_error",

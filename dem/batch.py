@@ -189,11 +189,11 @@ def _march_to_error(chains, error, request, search=USUAL_SEARCH):
     n_falling = chains.chain.n_falling
     weight = np.abs((chains.gravity[:, None] * mass)[:, :n_falling].sum(axis=1, keepdims=True))
     pressed = chains.static[1] + 2.0 * weight
-    depth = (2.5 * energy / A) ** 0.4 + (pressed / A) ** (2.0 / 3.0)
+    depth = chains.elastic.overlap_of_energy(energy + 0.0 * A) + chains.elastic.overlap(pressed)
     inverse = 1.0 / mass
     pair = inverse.copy()
     pair[:, :-1] += inverse[:, 1:]
-    square = (1.5 * A * np.sqrt(depth) * pair[:, : A.shape[1]]).max(axis=1, initial=0.0)
+    square = (chains.elastic.stiffness(depth) * pair[:, : A.shape[1]]).max(axis=1, initial=0.0)
     rate = np.maximum(np.sqrt(square), 1.0 / request.duration)
     speed = np.abs(chains.v0).max(axis=1)
     speed[speed == 0.0] = 1.0

@@ -44,8 +44,9 @@ def run_between(
     # forces and their rates have to follow from positions and velocities without a jump
     gives = wall is not None and (wall.residual_compliance != 0.0 or wall.mobility != 0.0)
     damped = prepared.damping is not None
-    smooth = not damped or (chain.dissipation == "hunt-crossley" and not gives)
+    smooth = not damped or not (chain.jumps or gives)
     smooth = smooth and not (chain.slides or chain.yield_overlap is not None)
+    smooth = smooth and chain.elastic.shape is None  # the polynomials know of Hertz contacts
     if few or prepared.static.q.size > MOST_MODES or not smooth:
         return run(prepared, state, duration, dt, scheme, n_save)
 

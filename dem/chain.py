@@ -11,28 +11,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dem.checks import arrays, require, scalar, spread, vector, whole
-from dem.kernels import laws
-from dem.kernels.arguments import Array
+from dem.elastic import EXPONENTS, ElasticLaw
+from dem.kernels.arguments import Array, ForceTable
+from dem.kernels.laws import DAMPING_LAWS
 from dem.spheres import hertz_coefficient, mass
 from dem.walls import Wall, rigid_wall
 
-LAWS = {
-    "none": laws.NONE,
-    "linear": laws.LINEAR,
-    "linear-clipped": laws.LINEAR_CLIPPED,
-    "hunt-crossley": laws.HUNT_CROSSLEY,
-}
-
 PER_SPHERE = (
     "mass", "radius", "A", "gamma", "leaf_stiffness", "leaf_anchor", "yield_overlap", "friction",
+    "exponent",
 )  # fmt: skip
 
 
 class Chain(NamedTuple):
     """Spheres 1..n from the striker to the wall; parts that are absent are None.
 
-    Force of a closed contact with overlap delta, elastic force F_el = A delta^(3/2) (Hertz) and
-    rate of approach delta':
+    Force of a closed contact with overlap delta, elastic force F_el = A delta^(3/2) (Hertz) or
+    what `exponent` and `table` say, and rate of approach delta':
 
         none             F_el
         linear           F_el + gamma delta'            gamma [N s/m]; may pull at separation
@@ -42,7 +37,7 @@ class Chain(NamedTuple):
     (Hunt and Crossley, J. Appl. Mech. 42 (1975) 440: the damping vanishes with the contact area,
     so that the force does not jump when the contact closes.) Where the wall has a residual
     compliance s, contact and spring are in series: delta' is 1 / (1 + s k) of the gap's rate, with
-    the contact's stiffness k = 3/2 A delta^(1/2), and the spring passes on the same share of the
+    the contact's stiffness k = dF_el/d delta, and the spring passes on the same share of the
     damping force, so that gamma acts as gamma / (1 + s k)^2 on the gap's rate. This is right to
     first order in the damping.
 
@@ -63,6 +58,18 @@ class Chain(NamedTuple):
     gravity: float = 0.0  # [m/s^2] along the chain, towards the wall
     n_falling: int = 0
     friction: Array | None = None  # (n,) [N] of the guides, against the motion of each sphere
+    exponent: Array | None = None  # n of F_el = A delta^n, one per contact; A in N/m^n
+    table: ForceTable | None = None  # F_el = A times the table's force (`dem.force_table`)
+
+    @property
+    def elastic(self) -> ElasticLaw:
+        """The elastic law of the contacts."""
+        return ElasticLaw(self.A, self.exponent, self.table)
+
+    @property
+    def jumps(self) -> bool:
+        """Whether the damping force jumps when a contact closes."""
+        return not DAMPING_LAWS[self.dissipation].grows
 
     @property
     def steady(self) -> Array:
@@ -153,7 +160,7 @@ def row_of_spheres(
     contacts = A.shape[-1]
     sizes = {
         "gamma": contacts, "leaf_stiffness": n, "leaf_anchor": n, "yield_overlap": contacts,
-        "friction": n,
+        "friction": n, "exponent": contacts,
     }  # fmt: skip
     for name in sizes.keys() & fields.keys():
         if fields[name] is not None:
@@ -188,11 +195,30 @@ def validate(chain: Chain, wall: Wall | None, v0: ArrayLike) -> None:
     with np.errstate(over="ignore"):  # the sentence says so
         scalar("kinetic energy of the start", 0.5 * float(mass @ v0**2))
     require(
-        chain.dissipation in LAWS,
-        f"dissipation {chain.dissipation!r} is unknown; take one of {', '.join(LAWS)}",
+        chain.dissipation in DAMPING_LAWS,
+        f"dissipation {chain.dissipation!r} is unknown; take one of {', '.join(DAMPING_LAWS)}",
     )
     if chain.dissipation != "none":
         vector("gamma", chain.gamma, n_contacts, at_least=0.0)
+
+    # the shape of the elastic force
+    if chain.exponent is not None:
+        exponent = vector("exponent", chain.exponent, n_contacts, at_least=EXPONENTS[0])
+        require(
+            exponent.max(initial=1.0) <= EXPONENTS[1],
+            f"exponent {exponent.max(initial=1.0):g} is above {EXPONENTS[1]:g}; lower it",
+        )
+        require(chain.table is None, "exponent and table are two laws; leave one of them out")
+    if chain.elastic.shape is not None:
+        require(
+            chain.yield_overlap is None,
+            "yield_overlap is of Hertz contacts; leave it out, or exponent and table",
+        )
+        require(
+            wall is None or wall.mobility == 0.0,
+            "a dashpot wall takes Hertz contacts alone; take another wall, or leave out exponent "
+            "and table",
+        )
 
     # leaf springs and guides
     if chain.leaf_stiffness is not None:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from dem.chain import PER_SPHERE, Chain, validate
 from dem.checks import InvalidChain
+from dem.elastic import ElasticLaw
 from dem.kernels.arguments import Array
 from dem.statics import approach, static_state
 from dem.walls import Wall
@@ -80,6 +81,11 @@ class Chains:
         return not (creeps or self.chain.yield_overlap is not None or self.chain.slides)
 
     @property
+    def elastic(self) -> ElasticLaw:
+        """The elastic law of the contacts, (n_chains, n_contacts)."""
+        return ElasticLaw(self.A, self.arrays.get("exponent"), self.chain.table)
+
+    @property
     def free(self) -> bool:
         """Whether the last sphere has no wall."""
         return self.wall is None
@@ -109,7 +115,7 @@ class Chains:
         if only_preload and not ((preload < 0.0).any() or (self.omega == 0).any()):
             response = phi / self.omega**2
             compliance = (phi * response).sum(axis=1) + self.residual_compliance
-            x = approach(self.A[:, -1], preload, compliance)[:, None]
+            x = approach(self.elastic.at(-1), preload, compliance)[:, None]
             at_wall = np.arange(self.mass.shape[1]) == self.mass.shape[1] - 1
             if (compliance >= 0.0).all():
                 return x + 0.0 * self.mass, preload[:, None] * at_wall, response * preload[:, None]

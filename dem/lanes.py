@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.chain import LAWS
 from dem.chains import Chains
 from dem.kernels.arguments import Array
 from dem.kernels.lanes import (
@@ -22,6 +21,7 @@ from dem.kernels.lanes import (
     WallSprings,
     march_lanes,
 )
+from dem.kernels.laws import DAMPING_LAWS
 from dem.kernels.oscillators import oscillator_propagator
 from dem.prepared import prepare
 from dem.schemes import Scheme
@@ -55,14 +55,26 @@ def march_side_by_side(
         np.zeros((n, LANES)),
     )
 
+    # what a contact that opens or closes in a step adds is known of Hertz' law
+    correction = method.correction if chains.elastic.shape is None else None
+
+    # four blocks at a time are dealt to the threads; shapes of forces are those of one block
+    law = chains.elastic
+    exponent = law.exponent
+    if exponent is not None:
+        exponent = _packed(np.pad(exponent, ((0, 0), (0, int(chains.free))), constant_values=2.0))
+    size = 4 if law.shape is None else 1
+    pieces = [slice(i, i + size) for i in range(0, n, size)]
+
     def march(piece):
+        shape = law.shape
+        if exponent is not None:
+            shape = shape._replace(exponent=exponent[piece].ravel())
         march_lanes(
-            _sliced(blocks, piece), method.a, method.b, method.correction, steps, observed,
-            _sliced(saved, piece),
+            _sliced(blocks, piece)._replace(shape=shape), method.a, method.b, correction, steps,
+            observed, _sliced(saved, piece),
         )  # fmt: skip
 
-    # four blocks at a time are dealt to the threads
-    pieces = [slice(i, i + 4) for i in range(0, n, 4)]
     if threads == 1 or len(pieces) == 1:
         for piece in pieces:
             march(piece)
@@ -107,7 +119,7 @@ def blocks_of(chains: Chains, drifts: Array) -> Blocks:
         springs = WallSprings(_packed(s), _packed(fold))
 
     # dampers, with the inverse mass 1/m_i + 1/m_{i+1} of both bodies; phi phi is the wall's
-    law = np.full(len(v0), LAWS[chains.chain.dissipation])
+    law = np.full(len(v0), DAMPING_LAWS[chains.chain.dissipation].number)
     dampers = Dampers(*np.zeros((2, len(v0), 0, LANES)), law)
     if chains.damped:
         inverse, gamma = 1.0 / chains.mass, chains.gamma
@@ -119,7 +131,7 @@ def blocks_of(chains: Chains, drifts: Array) -> Blocks:
         dampers = Dampers(_packed(gamma), _packed(pair), law)
 
     return Blocks(
-        v0, mass, _packed(A), phi, omega, _propagators(omega, zeta, drifts),
+        v0, mass, _packed(A), None, phi, omega, _propagators(omega, zeta, drifts),
         _resting_forces(chains), _propagators(swing, np.zeros_like(swing), drifts), springs,
         dampers,
     )  # fmt: skip
@@ -169,5 +181,8 @@ def _packed(values):
 def _sliced(arrays, blocks):
     """A tuple of arrays, and of such tuples, with these blocks of every array alone."""
     return type(arrays)(
-        *(_sliced(a, blocks) if isinstance(a, tuple) else a[blocks] for a in arrays)
+        *(
+            None if a is None else _sliced(a, blocks) if isinstance(a, tuple) else a[blocks]
+            for a in arrays
+        )
     )

@@ -188,8 +188,8 @@ def march_lateral(
     UnstableStep where the error takes too many steps, or no state is periodic.
     """
     require(
-        chain.yield_overlap is None and chain.dissipation in ("none", "hunt-crossley"),
-        "friction at the wall takes contacts that are elastic, or damped by hunt-crossley",
+        chain.yield_overlap is None and not chain.jumps and chain.elastic.shape is None,
+        "friction at the wall takes Hertz contacts that are elastic, or damped by hunt-crossley",
     )
     simple = wall is not None and wall.omega.size < 2 and wall.mobility == 0.0
     require(

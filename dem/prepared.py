@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.chain import LAWS, Chain
+from dem.chain import Chain
 from dem.checks import InvalidChain
 from dem.kernels.arguments import Array, Damping
-from dem.spheres import hertz_overlap
+from dem.kernels.laws import DAMPING_LAWS
 from dem.statics import Equilibrium, static_state
 from dem.walls import Wall
 
@@ -33,7 +33,7 @@ def prepare(chain: Chain, wall: Wall | None) -> PreparedChain:
 
     # the static state is elastic
     if chain.yield_overlap is not None:
-        overlap = hertz_overlap(static.force, chain.A)
+        overlap = chain.elastic.overlap(static.force)
         i = int((overlap / chain.yield_overlap).argmax())
         if overlap[i] > chain.yield_overlap[i]:
             raise InvalidChain(
@@ -54,5 +54,7 @@ def prepare(chain: Chain, wall: Wall | None) -> PreparedChain:
         pair = inverse[:-1] + inverse[1:]
         if wall is not None:
             pair = np.append(pair, inverse[-1] + wall.phi @ wall.phi)
-        damping = Damping(np.asarray(chain.gamma, float), LAWS[chain.dissipation], pair)
+        damping = Damping(
+            np.asarray(chain.gamma, float), DAMPING_LAWS[chain.dissipation].number, pair
+        )
     return PreparedChain(chain, wall, static, load if load.any() else None, damping)

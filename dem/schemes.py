@@ -183,7 +183,7 @@ def default_scheme(chain: Chain, wall: Wall | None, *, stiffly_damped: bool = Fa
     no way back in time either.
     """
     dashpot = wall is not None and wall.mobility > 0.0
-    jumps = chain.dissipation.startswith("linear") and chain.yield_overlap is None
+    jumps = chain.jumps and chain.yield_overlap is None
     if chain.slides:
         return "verlet"
     if stiffly_damped:

@@ -24,12 +24,11 @@ from dem.kernels.sensitivities import (
     march,
     workspace,
 )
-from dem.spheres import hertz_overlap, hertz_stiffness, time_scale
+from dem.spheres import time_scale
 from dem.static_sensitivities import Directions, static_sensitivities
 from dem.statics import equilibrium
 from dem.walls import Wall
 
-SMOOTH = ("none", "hunt-crossley")  # dissipation laws with a derivative
 STEPS_PER_TIME_SCALE = 40.0  # of the stiffest contact: 1e-6 in the velocities of a chain of 17
 
 
@@ -76,10 +75,17 @@ def no_directions(chain: Chain, wall: Wall | None) -> Directions:
 
 def usual_step(chain: Chain, wall: Wall | None, v0: ArrayLike) -> float:
     """Step [s] from the stiffest contact at the impact of the fastest sphere, or at rest."""
-    mass, A, speed = chain.mass.min(), chain.A.max(), np.abs(v0).max()
+    mass, law, speed = chain.mass.min(), chain.elastic, np.abs(v0).max()
     force = equilibrium(chain, wall).force.max(initial=0.0)
-    at_rest = np.sqrt(hertz_stiffness(hertz_overlap(force, A), A) / mass)
-    moving = 1.0 / time_scale(mass, A, speed) if speed else 0.0
+    at_rest = np.sqrt(law.stiffness(law.overlap(force)).max(initial=0.0) / mass)
+    moving = 0.0
+    if speed and law.shape is None:
+        moving = 1.0 / time_scale(mass, chain.A.max(), speed)
+    elif speed:
+        # the time 1 / sqrt(k / m) of the contact that holds the sphere's energy, by the factor
+        # which it is longer by than the time scale of Hertz' law
+        deepest = law.overlap_of_energy(np.full(chain.A.shape, 0.5 * mass * speed**2))
+        moving = float(np.sqrt(law.stiffness(deepest) / mass).max()) / 1.34
     return 1.0 / (STEPS_PER_TIME_SCALE * max(moving, at_rest))
 
 
@@ -95,7 +101,7 @@ def march_with_sensitivities(
 ) -> Sensitivities:
     """Sensitivities of a run from the static state with velocities v0 (n,), at steps of at most dt.
 
-    observed: indices of spheres. Takes Hertz contacts, with Hunt and Crossley's dissipation or
+    observed: indices of spheres. Takes any elastic law, with Hunt and Crossley's dissipation or
     none. Raises InvalidChain, NoEquilibrium.
     """
     validate(chain, wall, v0)
@@ -115,16 +121,20 @@ def march_with_sensitivities(
             float(wall.residual_compliance), float(wall.phi @ static.q), float(static.force[-1]),
             wall.phi, *propagator_with_sensitivities(wall.omega, wall.zeta, 0.5 * h),
         )  # fmt: skip
-    rig = SensitivityRig(chain.A, gamma, chain.mass, chain.steady, *chain.springs, *walled)
+    rig = SensitivityRig(
+        chain.A, chain.elastic.shape, gamma, chain.mass, chain.steady, *chain.springs, *walled
+    )  # fmt: skip
 
     # their derivatives by the parameters
     load = np.zeros((chain.mass.size, p))
     load[-1] = directions.preload
     d = directions
     given = (d.A, d.gamma, d.phi, d.omega, d.zeta, load)
+    exponent = None if d.exponent is None else np.ascontiguousarray(d.exponent, float)
     slopes = Slopes(
-        *(np.ascontiguousarray(values, float) for values in given), d_static.offset, d_static.force
-    )
+        *(np.ascontiguousarray(values, float) for values in given), d_static.offset,
+        d_static.force, exponent,
+    )  # fmt: skip
 
     start = SphereDerivatives(static.x, np.array(v0, float), d_static.x, directions.v0)
     out = DerivativeRecord(*np.zeros((2, n_steps + 1, m)), *np.zeros((2, n_steps + 1, m, p)))
@@ -138,7 +148,7 @@ def march_with_sensitivities(
 
 def require_smooth(chain: Chain, wall: Wall | None) -> None:
     """Raise InvalidChain for a force that jumps or remembers: it has no derivative."""
-    if chain.dissipation not in SMOOTH and np.any(chain.gamma):
+    if chain.jumps and np.any(chain.gamma):
         raise InvalidChain(
             f"dissipation {chain.dissipation!r} jumps at first touch and has no sensitivities; "
             "take hunt-crossley or none"

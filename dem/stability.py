@@ -14,10 +14,8 @@ from numpy.typing import ArrayLike
 
 from dem.chain import Chain, validate
 from dem.checks import InvalidChain
-from dem.kernels.laws import HUNT_CROSSLEY
 from dem.prepared import PreparedChain, prepare
 from dem.schemes import SCHEMES, Scheme, named_scheme
-from dem.spheres import hertz_overlap, hertz_stiffness
 from dem.walls import Wall
 
 SLIDING = ("verlet", "leapfrog")  # explicit, and never back in time
@@ -65,12 +63,12 @@ def fastest_rate(prepared: PreparedChain, v0: ArrayLike) -> float:
     """Upper estimate of the largest contact frequency [rad/s]: all kinetic energy in one contact,
     on top of the static force. Wall modes faster than the contact act on it as springs."""
     chain, wall = prepared.chain, prepared.wall
-    mass, A = np.asarray(chain.mass, float), np.asarray(chain.A, float)
-    if not A.size:
+    mass, n_contacts = np.asarray(chain.mass, float), np.size(chain.A)
+    if not n_contacts:
         return 0.0
-    stiffness = hertz_stiffness(_deepest(prepared, v0), A)
+    stiffness = chain.elastic.stiffness(_deepest(prepared, v0))
     inverse = 1.0 / mass
-    pair = inverse[: A.size].copy()
+    pair = inverse[:n_contacts].copy()
     pair[: mass.size - 1] += inverse[1:]
     if wall is not None and wall.omega.size:
         bodies = wall.omega**2 <= stiffness[-1] * inverse[-1]
@@ -86,13 +84,12 @@ def fastest_decay(prepared: PreparedChain, v0: ArrayLike) -> float:
         over = np.sqrt(np.maximum(wall.zeta**2 - 1.0, 0.0))
         rates.append((wall.omega * (wall.zeta + over)).max())
     if wall is not None and wall.mobility > 0.0:
-        rates.append(wall.mobility * hertz_stiffness(_deepest(prepared, v0)[-1], chain.A[-1]))
+        rates.append(wall.mobility * chain.elastic.stiffness(_deepest(prepared, v0))[-1])
     if damping is not None and chain.A.size:
         deepest = _deepest(prepared, v0)
-        force = chain.A * deepest**1.5
-        damper = damping.gamma * (force if damping.law == HUNT_CROSSLEY else 1.0)
+        damper = damping.gamma * (1.0 if chain.jumps else chain.elastic.force(deepest))
         if wall is not None and wall.residual_compliance < 0.0:
-            stiffness = hertz_stiffness(deepest[-1], chain.A[-1])
+            stiffness = chain.elastic.stiffness(deepest)[-1]
             # a negative spring in series leaves the damper 1 / (1 + s k)^2 of its strength, without
             # bound at the fold: at most that of a tenth of the contact's stiffness
             damper[-1] /= max(1.0 + wall.residual_compliance * stiffness, 0.1) ** 2
@@ -104,7 +101,8 @@ def _deepest(prepared, v0):
     """Overlap [m] of every contact with all kinetic energy in it on top of the static force."""
     chain = prepared.chain
     energy = 0.5 * float(chain.mass @ np.square(v0))
-    return (2.5 * energy / chain.A) ** 0.4 + hertz_overlap(prepared.pressed, chain.A)
+    law = chain.elastic
+    return law.overlap_of_energy(np.full(chain.A.shape, energy)) + law.overlap(prepared.pressed)
 
 
 def backward_reach(scheme: Scheme) -> float:

@@ -6,7 +6,6 @@ import numpy as np
 
 from dem.chain import Chain
 from dem.kernels.arguments import Array
-from dem.spheres import hertz_overlap, hertz_stiffness
 from dem.statics import Equilibrium
 from dem.walls import Wall, static_compliance
 
@@ -21,6 +20,7 @@ class Directions(NamedTuple):
     phi: Array  # (k, p)
     omega: Array  # (k, p)
     zeta: Array  # (k, p)
+    exponent: Array | None = None  # (n_contacts, p) of a power law
 
 
 class StaticSensitivities(NamedTuple):
@@ -43,12 +43,12 @@ def static_sensitivities(
     compliance = static_compliance(wall) if wall is not None else 0.0
 
     # derivatives of each contact's force: by its overlap, by its A, by the compliance behind it
-    overlap = hertz_overlap(static.force, chain.A)
-    k = hertz_stiffness(overlap, chain.A)
+    overlap = chain.elastic.overlap(static.force)
+    k = chain.elastic.stiffness(overlap) * (overlap > 0.0)
     soft = np.ones_like(k)
     if walled and np.isfinite(compliance):
         soft[-1] = 1.0 / (1.0 + compliance * k[-1])
-    slope, by_A = k * soft, overlap**1.5 * soft
+    slope, by_A = k * soft, chain.elastic.force(overlap) / chain.A * soft
     by_compliance = -k[-1] * soft[-1] * static.force[-1]
 
     # of the modes' static compliance sum (phi / omega)^2
@@ -63,6 +63,9 @@ def static_sensitivities(
 
     # dF at fixed positions, (n_contacts, p), and what it and the preload unbalance, -dr (n, p)
     source = by_A[:, None] * directions.A
+    if directions.exponent is not None:
+        growth = np.log(overlap, out=np.zeros_like(overlap), where=overlap > 0.0)
+        source += (chain.A * by_A * growth)[:, None] * directions.exponent
     if walled:
         source[-1] += by_compliance * d_compliance
     load = np.zeros((n, p))

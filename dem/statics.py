@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dem.chain import Chain, validate
+from dem.elastic import ElasticLaw
 from dem.kernels.arguments import Array
 from dem.kernels.equilibrium import Bearing, NewtonRoom, rest
-from dem.spheres import hertz_overlap, hertz_stiffness
 from dem.walls import Wall, static_compliance
 
 
@@ -57,7 +57,7 @@ def static_state(chain: Chain, wall: Wall | None) -> Equilibrium:
     carried = np.cumsum(steady)
     column = wall is not None and (carried >= 0.0).all() and not stiffness.any()
     if column and 0.0 <= compliance < np.inf:
-        x, force = _pressed(chain.A, carried, compliance), carried
+        x, force = _pressed(chain.elastic, carried, compliance), carried
     else:
         # what carries the forces otherwise: leaf springs, or a wall that holds
         sprung = stiffness > 0.0
@@ -87,44 +87,52 @@ def static_state(chain: Chain, wall: Wall | None) -> Equilibrium:
     return Equilibrium(x, force, q)
 
 
-def approach(A: ArrayLike, force: ArrayLike, compliance: ArrayLike) -> Array:
-    """Way [m] of a body that a force presses on a wall of a static compliance [m/N]."""
-    return hertz_overlap(force, A) + np.multiply(compliance, force)
+def approach(law: ElasticLaw, force: ArrayLike, compliance: ArrayLike) -> Array:
+    """Way [m] of a body that a force presses on a wall of a static compliance [m/N], by a contact
+    of this law."""
+    return law.overlap(force) + np.multiply(compliance, force)
 
 
-def _pressed(A, carried, compliance):
+def largest_approach(law: ElasticLaw, compliance: float) -> Array:
+    """Approach [m] at the fold of a wall of negative compliance; 4 / 27 (s A)^2 of Hertz' law."""
+    return approach(law, law.force(law.fold(compliance)), compliance)
+
+
+def _pressed(law, carried, compliance):
     """Positions (n,) of a column whose contacts carry these forces."""
-    gap = np.append(hertz_overlap(carried[:-1], A[:-1]), approach(A[-1], carried[-1], compliance))
+    first, last = law.at(np.s_[:-1]), law.at(-1)
+    gap = np.append(first.overlap(carried[:-1]), approach(last, carried[-1], compliance))
     return np.cumsum(gap[::-1])[::-1].copy()
 
 
 def _balance(chain, n_contacts, steady, compliance):
     """Positions (n,) at which all forces balance, and the contact forces (n + 1,), 0 in front of
     the first sphere; of the first n_contacts contacts only."""
-    A, (stiffness, anchor) = chain.A, chain.springs
+    law, (stiffness, anchor) = chain.elastic, chain.springs
     sprung = stiffness > 0.0
     n = sprung.size
     first = int(((steady != 0.0) | sprung).argmax())  # spheres before it just touch
 
     # start: on the anchors, or where one contact would carry all forces
     carried = float(np.abs(steady).sum()) + float(np.abs(stiffness * anchor).sum())
-    overlap = hertz_overlap(carried, A.min(initial=np.inf))
+    overlap = law.overlap(carried).max(initial=0.0)
     x, force = np.where(sprung, anchor, overlap), np.zeros(n + 1)
     if n_contacts == n and compliance < 0:  # half of the largest approach that a force answers
-        x = np.minimum(x, 2 / (27 * (compliance * A[-1]) ** 2))
+        x = np.minimum(x, 0.5 * largest_approach(law.at(-1), compliance))
     bearing = Bearing(
-        np.ascontiguousarray(A[:n_contacts])[first:], stiffness[first:], anchor[first:],
+        np.ascontiguousarray(chain.A[:n_contacts])[first:], stiffness[first:], anchor[first:],
         steady[first:], compliance if n_contacts == n else 0.0,
+        law.at(np.s_[first:n_contacts]).shape,
     )  # fmt: skip
 
     # 1e-8 of a closed contact's stiffness keeps the tangent regular while contacts are open
-    floor = 1e-8 * hertz_stiffness(overlap, A.max(initial=0.0))
+    floor = 1e-8 * law.stiffness(overlap).max(initial=0.0)
     room = NewtonRoom(np.zeros(n - first + 1), *np.zeros((5, n - first)))
     unbalanced = rest(x[first:], bearing, floor, 500, room)
     pushed = np.cumsum(stiffness * anchor + steady)
     if not unbalanced <= 1e-9 * carried and n_contacts == n and (pushed[first:] > 0).all():
         # of a long chain: from where the springs' forces at x = 0 would press it
-        x[:] = _pressed(A, np.maximum(pushed, 0), max(compliance, 0.0))
+        x[:] = _pressed(law, np.maximum(pushed, 0), max(compliance, 0.0))
         room = NewtonRoom(np.zeros(n - first + 1), *np.zeros((5, n - first)))
         unbalanced = rest(x[first:], bearing, floor, 500, room)
     if not unbalanced <= 1e-9 * carried:

@@ -182,8 +182,9 @@ def marched(
     else:
         step_start = motion._replace(x=np.empty(n), v=np.empty(n), wall=np.empty(4))
         fractions = (scheme.a, scheme.b)
+        correction = scheme.correction if arrays.shape is None else None  # of Hertz' power 3/2
         count = march_explicit(
-            motion, step_start, snapshot, arrays, fractions, scheme.correction, steps, out
+            motion, step_start, snapshot, arrays, fractions, correction, steps, out
         )
     if count < steps.n_save:
         raise UnstableStep(
@@ -284,7 +285,7 @@ def chain_arrays(prepared: PreparedChain, state: State, scheme: Scheme, h: float
     friction = np.asarray(chain.friction, float) if chain.slides else None
     bare = all(array is None for array in (load, leaf, damping, plastic, friction))
     return ChainArrays(
-        chain.mass, 1.0 / chain.mass, chain.A,
+        chain.mass, 1.0 / chain.mass, chain.A, chain.elastic.shape,
         preload=float(chain.preload),
         weight=chain.gravity * chain.mass if chain.gravity else None,
         friction=friction,

@@ -67,7 +67,7 @@ def strain(
     peak = np.asarray(contact_force).max(axis=0, initial=0.0)
     R = radii_of_contacts(chain.radius)
     R, smaller = (values[: peak.size] for values in (R, _lesser(chain.radius)))
-    E_star = modulus_of_contact(chain.A, R)
+    E_star = modulus_of_contact(chain.elastic.hertz(peak), R)
 
     # first yield lies below the surface where p0 = 1.6 Y (Johnson, sec. 6.1), Y of the softer side
     stated = np.full(len(young), np.nan) if yield_stress is None else np.asarray(yield_stress)

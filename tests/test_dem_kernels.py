@@ -14,6 +14,7 @@ from scipy.optimize import brentq
 import dem
 from dem import InvalidChain, Wall, dashpot_wall, equilibrium, march, rigid_wall
 from dem.checks import vector
+from dem.elastic import ElasticLaw
 from dem.kernels import dense, events, explicit, laws, oscillators, passages
 from dem.kernels.arguments import DASH, IN_WALL, Damping, Motion, Plastic, U, WallModes
 from dem.kernels.equilibrium import (
@@ -29,11 +30,11 @@ from dem.kernels.implicit import (
     closed_share,
     lead,
     mean_force,
-    mean_hertz,
     mean_series,
     newton_change,
     workspace,
 )
+from dem.kernels.laws import mean_hertz
 from dem.kernels.modes import push_modes, shift_modes
 from dem.schemes import SCHEMES, hurwitz_zeta
 from dem.stability import fastest_rate
@@ -73,10 +74,10 @@ def test_a_contact_without_gap_or_beyond_its_fold():
     for s in (0.3, -0.01):
         d = laws.hertz_indentation(1.0, A, s)
         assert near(d + s * A * d**1.5, 1.0, 2e-15)
-    assert laws.wall_indentation(-0.2, A, None) == 0.0
-    assert laws.wall_indentation(0.2, A, None) == 0.2
+    assert laws.wall_indentation(0, -0.2, np.array([A]), None, None) == 0.0
+    assert laws.wall_indentation(0, 0.2, np.array([A]), None, None) == 0.2
     assert near(laws.hertz_indentation(0.2, A, 0.0), 0.2, 1e-15)
-    d = laws.wall_indentation(0.2, A, 0.4)
+    d = laws.wall_indentation(0, 0.2, np.array([A]), 0.4, None)
     assert near(d + 0.4 * A * d**1.5, 0.2)
 
 
@@ -127,17 +128,17 @@ def test_the_stiffness_of_a_contact_is_the_slope_of_its_force(law):
 
     start = d + 2 * h if law == "yielding" else d
     slope = (force(start + h) - force(start - h)) / (2 * h)
-    assert near(laws.contact_stiffness(1, force(start), As, contact), slope, 1e-8)
+    assert near(laws.contact_stiffness(1, force(start), As, None, contact), slope, 1e-8)
 
 
 def test_a_flattened_contact_yields_on_from_the_force_that_it_was_pressed_with():
     contact, As = plastic([0.1, 0.25]), np.array([5.0, A])
     coefficient, force = contact.coefficient[1], loading(0.25)
     yielding = 1.5 * A * math.sqrt(0.1)
-    assert near(laws.contact_stiffness(1, force * (1 + 1e-9), As, contact), yielding)
+    assert near(laws.contact_stiffness(1, force * (1 + 1e-9), As, None, contact), yielding)
     for share in (0.8, 0.99, 1 - 1e-9):
         flat = 1.5 * (coefficient**2 * share * force) ** (1 / 3)
-        assert near(laws.contact_stiffness(1, share * force, As, contact), flat)
+        assert near(laws.contact_stiffness(1, share * force, As, None, contact), flat)
     assert abs(flat / yielding - 1) > 0.01
 
 
@@ -155,12 +156,12 @@ def test_the_damper_of_a_contact(law):
     As, damping = np.array([5.0, A]), Damping(np.array([0.3, 0.4]), law, np.ones(2))
     F = 0.9
     damper = 0.4 * F if law == laws.HUNT_CROSSLEY else 0.4
-    assert laws.damper(1, True, 0.0, As, None, damping, None) == 0.0
-    assert laws.damper(1, True, -F, As, None, damping, None) == 0.0
-    assert near(laws.damper(1, True, F, As, None, damping, None), damper)
-    assert near(laws.damper(1, False, F, As, 0.5, damping, None), damper)
-    shared = damper * laws.spring_share(laws.contact_stiffness(1, F, As, None), 0.5)[0]
-    assert near(laws.damper(1, True, F, As, 0.5, damping, None), shared)
+    assert laws.damper(1, True, 0.0, As, None, None, damping, None) == 0.0
+    assert laws.damper(1, True, -F, As, None, None, damping, None) == 0.0
+    assert near(laws.damper(1, True, F, As, None, None, damping, None), damper)
+    assert near(laws.damper(1, False, F, As, None, 0.5, damping, None), damper)
+    shared = damper * laws.spring_share(laws.contact_stiffness(1, F, As, None, None), 0.5)[0]
+    assert near(laws.damper(1, True, F, As, None, 0.5, damping, None), shared)
 
 
 # --- a wall that creeps --------------------------------------------------------------------------
@@ -202,13 +203,13 @@ def test_the_force_at_a_wall_is_that_of_the_gap_to_where_it_is(s):
     motion.x[:], motion.wall[U], motion.wall[DASH] = [0.9, 0.8], 0.2, 0.1
     contact = plastic([0.1, 0.15])
     gap = 0.8 - 0.2 - 0.1 - 0.05
-    hertz = laws.hertz_force(laws.wall_indentation(gap, A, s), A)
-    assert near(laws.wall_force(0.3, motion, As, 0.05, s, None, None), hertz)
+    hertz = laws.hertz_force(laws.wall_indentation(0, gap, np.array([A]), s, None), A)
+    assert near(laws.wall_force(0.3, motion, As, 0.05, None, s, None, None), hertz)
     d = laws.plastic_indentation(gap, As, s, contact)
     yielded = laws.plastic_force(1, d, As, contact)
-    assert near(laws.wall_force(0.3, motion, As, 0.05, s, None, contact), yielded)
-    start = laws.wall_indentation(gap, A, s)
-    mean = laws.wall_force(0.3, motion, As, 0.05, s, 0.7, None)
+    assert near(laws.wall_force(0.3, motion, As, 0.05, None, s, None, contact), yielded)
+    start = laws.wall_indentation(0, gap, np.array([A]), s, None)
+    mean = laws.wall_force(0.3, motion, As, 0.05, None, s, 0.7, None)
     assert near(mean, creeping(start, 0.3, s or 0.0, 0.7)[1] / (0.7 * 0.3), 1e-10)
 
 
@@ -543,7 +544,10 @@ def test_the_fastest_contact_has_all_energy_on_top_of_its_static_force():
     depth = (2.5 * 0.7 / As) ** 0.4 + (force / As) ** (2 / 3)
     k = 1.5 * As * np.sqrt(depth)
     exact = np.sqrt(max(k[0] * 1.5, k[1] * (0.5 + 0.36 + 0.64)))
-    chain, wall = SimpleNamespace(mass=mass, A=As), SimpleNamespace(omega=omega, phi=phi)
+    chain, wall = (
+        SimpleNamespace(mass=mass, A=As, elastic=ElasticLaw(As)),
+        SimpleNamespace(omega=omega, phi=phi),
+    )
     prepared = SimpleNamespace(chain=chain, wall=wall, pressed=force)
     assert near(fastest_rate(prepared, [np.sqrt(1.4), 0.0]), exact)
 
@@ -595,7 +599,7 @@ def energy_of_gap(gap, s):
 @pytest.mark.parametrize(("g0", "g1"), ENDS)
 def test_a_mean_force_is_the_change_of_energy_over_that_of_the_gap(g0, g1, s):
     def mean(g1):
-        return mean_series(g0, g1, A, s) if s else mean_hertz(g0, g1, A)
+        return mean_series(0, g0, g1, s, np.array([A]), None) if s else mean_hertz(g0, g1, A)
 
     force, slope = mean(g1)
     middle = A * laws.hertz_indentation(g0, A, s) ** 1.5
@@ -641,17 +645,17 @@ def test_a_damped_mean_force_adds_the_damper_and_has_its_slope(compliance, law, 
 
     def force(g1):
         over = Passage(1, True, g0, g1, w0, compliance)
-        return mean_force(over, 1 / dt, As, s, damping)
+        return mean_force(over, 1 / dt, As, None, s, damping)
 
     mean, slope, elastic = force(g1)
-    exact = mean_series(g0, g1, A, s)[0] if s else mean_hertz(g0, g1, A)[0]
+    exact = mean_series(0, g0, g1, s, np.array([A]), None)[0] if s else mean_hertz(g0, g1, A)[0]
     assert near(elastic, exact)
     assert force(g1)[0] == mean and mean_force(
-        Passage(1, True, g0, g1, w0, compliance), 1 / dt, As, s, None
+        Passage(1, True, g0, g1, w0, compliance), 1 / dt, As, None, s, None
     )[::2] == (elastic, elastic)
     c = 0.4 * elastic if law == laws.HUNT_CROSSLEY else 0.4
     if s:
-        c *= laws.spring_share(laws.contact_stiffness(1, elastic, As, None), s)[0]
+        c *= laws.spring_share(laws.contact_stiffness(1, elastic, As, None, None), s)[0]
     led = compliance / dt**2 > 0.75
     assert led is (compliance > 0.01)
     ahead = lead(2 * c * compliance / dt)[0] if led else 0.0
@@ -668,7 +672,9 @@ def test_a_damped_mean_force_adds_the_damper_and_has_its_slope(compliance, law, 
 def test_the_strength_of_a_damper_is_capped_at_ten_thousand_stops_a_step():
     As, compliance, dt = np.array([A]), 0.02, 0.1
     damping = Damping(np.array([1e12]), laws.LINEAR, np.ones(1))
-    mean = mean_force(Passage(0, False, 0.3, 0.4, 0.0, compliance), 1 / dt, As, None, damping)[0]
+    mean = mean_force(
+        Passage(0, False, 0.3, 0.4, 0.0, compliance), 1 / dt, As, None, None, damping
+    )[0]
     stops = 2 * compliance / dt
     strongest = laws.STOPPED / stops
     assert near(mean, strongest * (1 + 2 * lead(laws.STOPPED)[0]), 1e-3)
@@ -678,14 +684,15 @@ def test_the_strength_of_a_damper_is_capped_at_ten_thousand_stops_a_step():
             c = share * strongest / (elastic if law == laws.HUNT_CROSSLEY else 1.0)
             damping = Damping(np.array([c]), law, np.ones(1))
             over = Passage(0, False, 0.3, 0.4, 0.0, compliance)
-            mean, slope, _ = mean_force(over, 1 / dt, As, None, damping)
+            mean, slope, _ = mean_force(over, 1 / dt, As, None, None, damping)
             strength = min(share, 1.0)
             assert near(
                 mean, elastic + strength * strongest * (1 + 2 * lead(strength * laws.STOPPED)[0])
             )
             h = 1e-6
             up, down = (
-                mean_force(over._replace(g1=0.4 + e), 1 / dt, As, None, damping)[0] for e in (h, -h)
+                mean_force(over._replace(g1=0.4 + e), 1 / dt, As, None, None, damping)[0]
+                for e in (h, -h)
             )
             assert near(slope, (up - down) / (2 * h), 1e-5)
 
@@ -724,11 +731,11 @@ def test_newton_changes_solve_the_tangent_system(walled):
 def test_the_slope_of_every_contact_at_rest_is_that_of_its_force(compliance):
     x, As, k = np.array([0.5, 0.2, 0.1]), np.array([1.0, 3.0, 2.0]), np.zeros(3)
     none = np.zeros(3)
-    static_slope(x, As, compliance, k)
+    static_slope(x, As, compliance, None, k)
 
     def forces(x):
         f, r = np.zeros(4), np.zeros(3)
-        static_residual(x, Bearing(As, none, none, none, compliance), f, r)
+        static_residual(x, Bearing(As, none, none, none, compliance), None, f, r)
         return f[1:]
 
     h = 1e-6
@@ -747,11 +754,11 @@ def test_a_chain_that_is_at_rest_stays_there():
 def test_open_contacts_at_rest_have_no_slope_and_no_force():
     x, As, none = np.array([0.1, 0.2, -0.3]), np.array([1.0, 3.0, 2.0]), np.zeros(3)
     k, f, r = np.ones(3), np.ones(4), np.ones(3)
-    static_slope(x, As, 0.4, k)
+    static_slope(x, As, 0.4, None, k)
     np.testing.assert_array_equal(k[[0, 2]], [0.0, 0.0])
     assert near(k[1], 4.5 * math.sqrt(0.5))
     f[0] = 0.0
-    static_residual(np.array([0.1, 0.2, -0.3]), Bearing(As, none, none, none, 0.4), f, r)
+    static_residual(np.array([0.1, 0.2, -0.3]), Bearing(As, none, none, none, 0.4), None, f, r)
     assert f[1] == f[3] == 0.0 and near(f[2], 3.0 * 0.5**1.5)
     assert near(r, [0.0, -f[2], f[2]])
 

@@ -104,10 +104,11 @@ def test_samples_lie_on_the_polynomials_of_the_steps(case):
             gap = quintic(s, h, start, end) - cubic(s, h, *ends)
             w = quintic_slope(s, h, start, end) - cubic_slope(s, h, *ends)
             residual = 0.0 if wall.residual_compliance == 0.0 else float(wall.residual_compliance)
-            F = laws.hertz_force(laws.wall_indentation(gap, chain.A[-1], residual or None),
-                                 chain.A[-1])  # fmt: skip
+            F = laws.hertz_force(
+                laws.wall_indentation(N - 1, gap, chain.A, residual or None, None), chain.A[-1]
+            )
             if chain.dissipation == "hunt-crossley" and F > 0.0:
-                stiffness = laws.contact_stiffness(N - 1, F, chain.A, None)
+                stiffness = laws.contact_stiffness(N - 1, F, chain.A, None, None)
                 F += max(chain.gamma[-1] * F * w / (1 + residual * stiffness) ** 2, -F)
             if s not in (0.0, 1.0):  # there as the march has it
                 assert abs(batch.wall_force[i, sample] - F) < 1e-10
@@ -132,7 +133,7 @@ def test_springs_of_all_lanes_are_those_of_one_contact(s):
     gap = reach * np.r_[-0.5, 0.0, 1e-12, 1e-3, np.linspace(0.1, 0.98, LANES - 5), 0.999]
     f = np.zeros(2 * LANES)
     springs = WallSprings(np.full(LANES, s), fold)
-    kernels.forces_of_lanes(np.r_[gap + 0.2, np.full(LANES, 0.2)], A, springs, f)
+    kernels.forces_of_lanes(np.r_[gap + 0.2, np.full(LANES, 0.2)], A, None, springs, f)
     exact = [
         laws.hertz_force(laws.hertz_indentation(g, k, s), k)
         for g, k in zip((gap + 0.2) - 0.2, A, strict=True)
@@ -140,14 +141,16 @@ def test_springs_of_all_lanes_are_those_of_one_contact(s):
     np.testing.assert_allclose(f[LANES:], exact, rtol=1e-7 if s < 0 else 1e-12, atol=1e-300)
     assert not f[:LANES].any() and (f[LANES:] > 0).sum() >= LANES - 3
     if s < 0:
-        kernels.forces_of_lanes(np.r_[1.001 * reach, 0 * reach], A, springs, f)
+        kernels.forces_of_lanes(np.r_[1.001 * reach, 0 * reach], A, None, springs, f)
         assert np.isnan(f[LANES:]).all()
 
 
 def test_open_contacts_before_springs_have_no_force():
     f = np.zeros(2 * LANES)
     springs = WallSprings(np.full(LANES, -0.3), np.full(LANES, 0.1))
-    kernels.forces_of_lanes(np.r_[np.zeros(LANES), np.full(LANES, 0.2)], np.ones(LANES), springs, f)
+    kernels.forces_of_lanes(
+        np.r_[np.zeros(LANES), np.full(LANES, 0.2)], np.ones(LANES), None, springs, f
+    )
     assert not f.any()
 
 
@@ -155,7 +158,7 @@ def test_one_contact_before_a_soft_spring_is_solved_among_open_ones():
     f, x = np.zeros(2 * LANES), np.zeros(2 * LANES)
     x[9] = 0.8
     springs = WallSprings(np.full(LANES, 2.0), np.full(LANES, np.inf))
-    kernels.forces_of_lanes(x, np.full(LANES, 1.7), springs, f)
+    kernels.forces_of_lanes(x, np.full(LANES, 1.7), None, springs, f)
     exact = laws.hertz_force(laws.hertz_indentation(0.8, 1.7, 2.0), 1.7)
     np.testing.assert_allclose(f[LANES:], np.where(np.arange(LANES) == 9, exact, 0.0), rtol=1e-14)
 

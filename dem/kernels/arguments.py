@@ -49,6 +49,25 @@ class LeafSprings(NamedTuple):
     step_response: Array | None  # (n_fractions, n), implicit only
 
 
+class ForceTable(NamedTuple):
+    """A force over the overlap as a cubic behind each of m knots, with t the overlap behind it:
+    force + slope t + square t^2 + cube t^3; a straight line behind the last one."""
+
+    overlap: Array  # (m,) [m] of the knots, from 0
+    force: Array  # (m,) [N], from 0
+    slope: Array  # (m,) [N/m]
+    square: Array  # (m,) [N/m^2]
+    cube: Array  # (m,) [N/m^3]
+    energy: Array  # (m,) [J] integral of the force up to the knot
+
+
+class Shape(NamedTuple):
+    """Shape phi of a force A phi(d) that is not Hertz'."""
+
+    exponent: Array | None  # (n_contacts,) phi = d^exponent; None for a table
+    table: ForceTable  # the same for all contacts, empty beside exponents
+
+
 class Damping(NamedTuple):
     """A damping law of the contacts, (n_contacts,) each."""
 
@@ -80,6 +99,7 @@ class ChainArrays(NamedTuple):
     mass: Array  # (n,)
     inverse_mass: Array  # (n,)
     A: Array  # (n_contacts,)
+    shape: Shape | None  # of the elastic force; None: Hertz
     preload: float
     weight: Array | None  # (n,) [N]
     friction: Array | None  # (n,) [N]

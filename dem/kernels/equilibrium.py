@@ -8,9 +8,9 @@ with contact forces f, leaf springs k to anchors a, and steady forces.
 import math
 from typing import NamedTuple
 
-from dem.kernels.arguments import Array
+from dem.kernels.arguments import Array, Shape
 from dem.kernels.compiled import ieee, ieee_march
-from dem.kernels.laws import hertz_force, hertz_indentation
+from dem.kernels.laws import elastic_force, elastic_indentation, elastic_stiffness
 from dem.kernels.numbers import larger
 
 BEYOND = 0.25  # of the energy's slope at a step's start, that it may rise with at its end
@@ -24,6 +24,7 @@ class Bearing(NamedTuple):
     anchor: Array  # (n,)
     steady: Array  # (n,) forces towards the wall
     compliance: float  # of the wall, behind the n-th contact
+    shape: Shape | None = None  # of the contacts' force; None: Hertz
 
 
 class NewtonRoom(NamedTuple):
@@ -39,7 +40,7 @@ class NewtonRoom(NamedTuple):
 
 
 @ieee
-def static_residual(x: Array, bearing: Bearing, f: Array, r: Array) -> None:
+def static_residual(x: Array, bearing: Bearing, shape: Shape | None, f: Array, r: Array) -> None:
     """Net force on every sphere at rest into r, contact forces into f."""
     A, stiffness, anchor = bearing.A, bearing.stiffness, bearing.anchor
     n = x.size
@@ -48,22 +49,24 @@ def static_residual(x: Array, bearing: Bearing, f: Array, r: Array) -> None:
         if i < n - 1:
             d = larger(x[i] - x[i + 1], 0.0)
         else:
-            d = hertz_indentation(x[i], A[i], bearing.compliance)
-        f[i + 1] = hertz_force(d, A[i])
+            d = elastic_indentation(i, x[i], bearing.compliance, A, shape)
+        f[i + 1] = elastic_force(i, d, A, shape)
     for i in range(n):
         r[i] = f[i] - f[i + 1] - stiffness[i] * (x[i] - anchor[i]) + bearing.steady[i]
 
 
 @ieee
-def static_slope(x: Array, A: Array, compliance: float, k: Array) -> None:
+def static_slope(x: Array, A: Array, compliance: float, shape: Shape | None, k: Array) -> None:
     """Tangent stiffness of every contact into k."""
     n = x.size
     for i in range(A.size):
         if i < n - 1:
-            k[i] = 1.5 * A[i] * math.sqrt(larger(x[i] - x[i + 1], 0.0))
+            d = x[i] - x[i + 1]
+            k[i] = elastic_stiffness(i, d, A, shape) if d > 0.0 else 0.0
         else:
-            hertz = 1.5 * A[i] * math.sqrt(hertz_indentation(x[i], A[i], compliance))
-            k[i] = hertz / (1.0 + compliance * hertz)
+            d = elastic_indentation(i, x[i], compliance, A, shape)
+            tangent = elastic_stiffness(i, d, A, shape) if d > 0.0 else 0.0
+            k[i] = tangent / (1.0 + compliance * tangent)
 
 
 @ieee
@@ -111,21 +114,21 @@ def rest(x: Array, bearing: Bearing, floor: float, n_iterations: int, room: Newt
     net force itself may have to grow on the way.
     """
     f, r, k, diagonal, change, trial = room
-    static_residual(x, bearing, f, r)
+    static_residual(x, bearing, bearing.shape, f, r)
     norm = math.sqrt(dot(r, r))
     start = norm
     stalled = False
     for _ in range(n_iterations):
         if norm == 0.0 or stalled:
             break
-        static_slope(x, bearing.A, bearing.compliance, k)
+        static_slope(x, bearing.A, bearing.compliance, bearing.shape, k)
         newton_step(bearing.stiffness, k, r, floor * (norm / start), diagonal, change)
         downhill = dot(r, change)
         scale = 1.0
         better = False
         for _halving in range(40):
             add(x, scale, change, trial)
-            static_residual(trial, bearing, f, r)
+            static_residual(trial, bearing, bearing.shape, f, r)
             better = dot(r, change) >= -BEYOND * downhill
             if better:
                 break
@@ -136,5 +139,5 @@ def rest(x: Array, bearing: Bearing, floor: float, n_iterations: int, room: Newt
         stalled = norm < 1e-12 * start and trial_norm > 0.5 * norm
         add(trial, 0.0, change, x)
         norm = trial_norm
-    static_residual(x, bearing, f, r)
+    static_residual(x, bearing, bearing.shape, f, r)
     return norm

@@ -22,7 +22,7 @@ from dem.kernels.arguments import (
     V,
 )
 from dem.kernels.compiled import fastmath_inline, ieee
-from dem.kernels.laws import HUNT_CROSSLEY, plastic_indentation, plastic_loss
+from dem.kernels.laws import grows, plastic_indentation, plastic_loss
 from dem.kernels.modes import push_modes, shift_modes
 from dem.kernels.numbers import larger, smaller
 
@@ -152,7 +152,7 @@ def correct_events(
         if (g0 > 0.0) == (g1 > 0.0):
             continue
         impulse, shift, rate = missed_impulse(coefficient, dt, g0, r0, g1, r1, correction)
-        if damping is not None and damping.law == HUNT_CROSSLEY:
+        if damping is not None and grows(damping.law):
             factor = larger(damping.gamma[i] * rate, -1.0)
             motion.ledger[IN_CONTACTS] += factor * impulse * rate
             impulse *= 1.0 + factor

@@ -22,13 +22,21 @@ from dem.kernels.arguments import (
     LeafSprings,
     Motion,
     Saved,
+    Shape,
     Steps,
     V,
     WallModes,
 )
 from dem.kernels.compiled import fastmath, fastmath_inline, fastmath_march
 from dem.kernels.events import correct_events, crossed, yield_contacts
-from dem.kernels.laws import LINEAR, damper, damping_impulse, hertz_force, sphere_forces, wall_force
+from dem.kernels.laws import (
+    LINEAR,
+    damper,
+    damping_impulse,
+    elastic_force,
+    sphere_forces,
+    wall_force,
+)
 from dem.kernels.ledger import save
 from dem.kernels.modes import drift_modes, push_modes, push_wall
 
@@ -91,7 +99,7 @@ def flow(
             flow_bare(k, kick, drift, stale, motion, chain)
             return
         if stale:
-            sphere_forces(motion.x, chain.A, motion.f, chain.plastic)
+            sphere_forces(motion.x, chain.A, motion.f, chain.shape, chain.plastic)
         if damping is None:
             pull_wall(kick, stale, motion, chain)
             push(kick, motion, chain, chain.friction, chain.modes)
@@ -130,8 +138,9 @@ def pull_wall(kick: float, stale: bool, motion: Motion, chain: ChainArrays) -> N
     n = motion.x.size
     if chain.A.size == n and (stale or chain.mobility is not None):
         motion.f[n] = wall_force(
-            kick, motion, chain.A, chain.offset, chain.residual, chain.mobility, chain.plastic
-        )
+            kick, motion, chain.A, chain.offset, chain.shape, chain.residual, chain.mobility,
+            chain.plastic,
+        )  # fmt: skip
 
 
 @fastmath_inline
@@ -170,7 +179,9 @@ def damp_contacts(
     n = v.size
     for i in range(first, chain.A.size, 2):
         w = v[i] - (v[i + 1] if i < n - 1 else wall[V])
-        c = damper(i, i == n - 1, f[i + 1], chain.A, chain.residual, damping, chain.plastic)
+        c = damper(
+            i, i == n - 1, f[i + 1], chain.A, chain.shape, chain.residual, damping, chain.plastic
+        )
         if c == 0.0:
             continue
         pair = damping.inverse_mass[i]
@@ -228,7 +239,7 @@ def flow_bare(
     x, v, f = motion.x, motion.v, motion.f
     pull_wall(kick, stale, motion, chain)
     if stale:
-        kick_and_drift(kick, drift, x, v, chain.A, f, chain.inverse_mass)
+        kick_and_drift(kick, drift, motion, chain.A, chain.shape, chain.inverse_mass)
     else:
         push_and_drift(kick, drift, x, v, f, chain.inverse_mass)
     kick_and_drift_modes(k, kick, drift, f[x.size], motion.wall, chain.modes)
@@ -236,15 +247,16 @@ def flow_bare(
 
 @fastmath
 def kick_and_drift(
-    kick: float, drift: float, x: Array, v: Array, A: Array, f: Array, minv: Array
+    kick: float, drift: float, motion: Motion, A: Array, shape: Shape | None, minv: Array
 ) -> None:
     """Forces, kick and free flight of bare spheres in one pass; f[n], at the wall, is given."""
+    x, v, f = motion.x, motion.v, motion.f
     last = v.size - 1
     previous = 0.0  # force between the spheres i - 1 and i
     for i in range(last):
         x_old = x[i]
         d = x_old - x[i + 1]
-        force = hertz_force(d if d > 0.0 else 0.0, A[i])
+        force = elastic_force(i, d if d > 0.0 else 0.0, A, shape)
         speed = v[i] + kick * minv[i] * (previous - force)
         f[i + 1] = force
         v[i] = speed

@@ -25,6 +25,7 @@ from dem.kernels.arguments import (
     LeafSprings,
     Motion,
     Saved,
+    Shape,
     Steps,
     U,
     V,
@@ -32,13 +33,16 @@ from dem.kernels.arguments import (
 )
 from dem.kernels.compiled import ieee, ieee_inline, ieee_march
 from dem.kernels.laws import (
-    HUNT_CROSSLEY,
     LINEAR,
     STOPPED,
     contact_stiffness,
-    hertz_force,
-    hertz_indentation,
+    elastic_force,
+    elastic_indentation,
+    grows,
+    mean_elastic,
+    mean_stiffness,
     spring_share,
+    stored_energy,
 )
 from dem.kernels.ledger import save
 
@@ -175,7 +179,7 @@ def implicit_step(
     share = 1.0
     for _ in range(200):
         new_norm = imbalance(
-            dt, f, chain, chain.load, chain.residual, chain.damping, states, newton
+            dt, f, chain, chain.shape, chain.load, chain.residual, chain.damping, states, newton
         )
         if new_norm >= norm and share > 1e-9:
             share *= 0.5
@@ -197,8 +201,8 @@ def implicit_step(
 
 @ieee_inline
 def imbalance(
-    dt: float, f: Array, chain: ChainArrays, load: Array | None, residual: float | None,
-    damping: Damping | None, states: StepStates, newton: Newton,
+    dt: float, f: Array, chain: ChainArrays, shape: Shape | None, load: Array | None,
+    residual: float | None, damping: Damping | None, states: StepStates, newton: Newton,
 ) -> float:  # fmt: skip
     """Fill forces, slopes and what the equations miss at the positions at the end; its square."""
     x0, x1, free, compliance, speed = states
@@ -210,7 +214,7 @@ def imbalance(
             compliance[i] + compliance[i + 1],
         )  # fmt: skip
         f[i + 1], newton.slope[i], newton.elastic[i] = mean_force(
-            over, per_dt, chain.A, residual, damping
+            over, per_dt, chain.A, shape, residual, damping
         )
     square = 0.0
     for i in range(n + 1):
@@ -255,24 +259,25 @@ def largest(a: Array, b: Array | None) -> float:
 
 @ieee_inline
 def mean_force(
-    over: Passage, per_dt: float, A: Array, residual: float | None, damping: Damping | None
-) -> tuple[float, float, float]:
+    over: Passage, per_dt: float, A: Array, shape: Shape | None, residual: float | None,
+    damping: Damping | None,
+) -> tuple[float, float, float]:  # fmt: skip
     """Mean total force of a contact over the step 1 / per_dt, its slope in g1, its elastic part."""
     i, last, g0, g1, w0, compliance = over
     if residual is not None and last:
-        elastic, slope = mean_series(g0, g1, A[i], residual)
+        elastic, slope = mean_series(i, g0, g1, residual, A, shape)
     else:
-        elastic, slope = mean_hertz(g0, g1, A[i])
+        elastic, slope = mean_elastic(i, g0, g1, A, shape)
     if damping is None:
         return elastic, slope, elastic
     gamma, law, inverse_mass = damping
     closed, closing = 1.0, 0.0
     strength, strengthening = gamma[i] * elastic, gamma[i] * slope
-    if law != HUNT_CROSSLEY:
+    if not grows(law):
         strength, strengthening = gamma[i], 0.0
         closed, closing = closed_share(g0, g1)
     if residual is not None and last:
-        share, falling = spring_share(contact_stiffness(i, elastic, A, None), residual)
+        share, falling = spring_share(contact_stiffness(i, elastic, A, shape, None), residual)
         strength *= share
         strengthening *= share * (1.0 - falling)
     stops = 2.0 * compliance * abs(per_dt)
@@ -293,44 +298,24 @@ def mean_force(
     return force, slope + growth, elastic
 
 
-@ieee_inline
-def mean_hertz(d0: float, d1: float, A: float) -> tuple[float, float]:
-    """Mean force of a Hertz contact between the overlaps d0 and d1, change of potential over change
-    of overlap, and its slope in d1; free of cancellation."""
-    if d0 > 0.0 and d1 > 0.0:
-        top = math.sqrt(max(d0, d1))
-        y, z = math.sqrt(d0) / top, math.sqrt(d1) / top
-        mean = 0.4 * A * top**3 * (z**4 + z**3 * y + z * z * y * y + z * y**3 + y**4) / (y + z)
-        slope = 0.2 * A * top * (3.0 * z**3 + 6.0 * z * z * y + 4.0 * z * y * y + 2.0 * y**3)
-        slope /= (y + z) ** 2
-        return mean, slope
-    if d1 > 0.0:
-        force = hertz_force(d1, A)
-        mean = 0.4 * force * d1 / (d1 - d0)
-        return mean, (force - mean) / (d1 - d0)
-    if d0 > 0.0:
-        mean = 0.4 * hertz_force(d0, A) * d0 / (d0 - d1)
-        return mean, mean / (d0 - d1)
-    return 0.0, 0.0
-
-
 @ieee
-def mean_series(g0: float, g1: float, A: float, residual: float) -> tuple[float, float]:
-    """`mean_hertz` of a Hertz contact and a spring in series, in terms of the gap of both."""
-    d0, d1 = hertz_indentation(g0, A, residual), hertz_indentation(g1, A, residual)
-    hertz, slope = mean_hertz(d0, d1, A)
-    y, z = math.sqrt(d0), math.sqrt(d1)
-    f0, f1 = hertz_force(d0, A), hertz_force(d1, A)
+def mean_series(
+    i: int, g0: float, g1: float, residual: float, A: Array, shape: Shape | None
+) -> tuple[float, float]:
+    """`mean_elastic` of contact i and a spring in series, in terms of the gap of both."""
+    d0 = elastic_indentation(i, g0, residual, A, shape)
+    d1 = elastic_indentation(i, g1, residual, A, shape)
+    contact, slope = mean_elastic(i, d0, d1, A, shape)
+    f0, f1 = elastic_force(i, d0, A, shape), elastic_force(i, d1, A, shape)
     if d0 > 0.0 and d1 > 0.0:
-        top = max(y, z)
-        y, z = y / top, z / top
-        secant = A * top * (z * z + z * y + y * y) / (y + z)
+        secant = mean_stiffness(i, d0, d1, A, shape)
         stretch = 1.0 + residual * secant
-        mean = (hertz + 0.5 * residual * (f0 + f1) * secant) / stretch
+        mean = (contact + 0.5 * residual * (f0 + f1) * secant) / stretch
         return mean, slope / stretch
     if d0 <= 0.0 and d1 <= 0.0:
         return 0.0, 0.0
-    stored = 0.4 * (f1 * d1 - f0 * d0) + 0.5 * residual * (f1 * f1 - f0 * f0)
+    stored = stored_energy(i, d1, f1, A, shape) - stored_energy(i, d0, f0, A, shape)
+    stored += 0.5 * residual * (f1 * f1 - f0 * f0)
     mean = stored / (g1 - g0)
     return mean, (f1 - mean) / (g1 - g0) if g1 > 0.0 else -mean / (g1 - g0)
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.kernels.arguments import Array, Correction
+from dem.kernels.arguments import Array, Correction, Shape
 from dem.kernels.compiled import (
     fastmath,
     fastmath_allocating,
@@ -21,14 +21,16 @@ from dem.kernels.compiled import (
 from dem.kernels.dense import StepEnd, cubic, cubic_slope, quintic, quintic_slope
 from dem.kernels.events import missed_impulse
 from dem.kernels.laws import (
-    HUNT_CROSSLEY,
     LINEAR,
     STOPPED,
     contact_stiffness,
+    damper_coefficient,
     damping_impulse,
-    hertz_force,
-    hertz_indentation,
+    elastic_force,
+    elastic_indentation,
+    grows,
     spring_share,
+    stored_energy,
 )
 
 LANES = 16
@@ -81,6 +83,7 @@ class Blocks(NamedTuple):
     v0: Array
     mass: Array
     A: Array  # 0 behind the last sphere of a free chain
+    shape: Shape | None  # of the elastic force of the one block that there is then; None: Hertz
     phi: Array
     omega: Array
     propagator: Array  # (n_blocks, n_drifts, 4, n_modes * LANES)
@@ -119,6 +122,7 @@ class Lanes(NamedTuple):
     inverse_mass: Array  # ((n + 1) LANES,) 0 of the wall
     mass: Array  # (n LANES,)
     A: Array
+    shape: Shape | None  # of the elastic force; None: Hertz
     phi: Array
     omega: Array
     propagator: Array  # (n_drifts, 4, n_modes * LANES)
@@ -165,7 +169,8 @@ def march_lanes(
         x[: resting.rest.size] = resting.rest
         lanes = Lanes(
             x, v, np.zeros(padded), np.zeros(modes), np.zeros(modes), minv, mass,
-            blocks.A[block].reshape(size), blocks.phi[block].reshape(modes),
+            blocks.A[block].reshape(size), blocks.shape,
+            blocks.phi[block].reshape(modes),
             blocks.omega[block].reshape(modes), blocks.propagator[block], resting,
             blocks.swing[block], springs_of(blocks.springs, block),
             dampers_of(blocks.dampers, block),
@@ -194,7 +199,7 @@ def march_block(
     forces = np.zeros_like(lanes.f) if lanes.damping.gamma.size > 0 else lanes.f
     stale = n_save >= 0  # a literal True would compile what takes it once more
     stale = note_fresh(dt, stale, lanes, forces, observed, step_end)
-    energy_of_lanes(lanes, wall.work, start)
+    energy_of_lanes(lanes, lanes.shape, wall.work, start)
     kinetic_energy(lanes, scale)
     k = sample_step(-1, 0, steps, step_end, step_end, lanes, saved)
     for step in range(n_steps):
@@ -209,7 +214,7 @@ def march_block(
             continue
         stale = note_fresh(dt, stale, lanes, forces, observed, step_end)
         k = sample_step(step, k, steps, step_start, step_end, lanes, saved)
-        energy_of_lanes(lanes, wall.work, energy)
+        energy_of_lanes(lanes, lanes.shape, wall.work, energy)
         note_energy(energy, start, scale, saved.energy_error)
 
 
@@ -219,7 +224,7 @@ def note_fresh(
 ) -> bool:
     """`note_end` after forces that are not stale; are they now?"""
     if stale:
-        forces_of_lanes(lanes.x, lanes.A, lanes.springs, lanes.f)
+        forces_of_lanes(lanes.x, lanes.A, lanes.shape, lanes.springs, lanes.f)
     if lanes.damping.gamma.size > 0:
         damped_forces(dt, lanes, forces)
     note_end(lanes, forces, observed, end)
@@ -244,7 +249,7 @@ def step_of_lanes(dt: float, stale: bool, a: Array, b: Array, lanes: Lanes, wall
     for i in range(b.size):
         if b[i] != 0.0:
             if stale:
-                forces_of_lanes(lanes.x, lanes.A, lanes.springs, lanes.f)
+                forces_of_lanes(lanes.x, lanes.A, lanes.shape, lanes.springs, lanes.f)
             if lanes.damping.gamma.size > 0:
                 damped_kick(b[i] * dt, lanes, wall)
             else:
@@ -331,14 +336,22 @@ def read_modes_of_lanes(lanes: Lanes) -> None:
 
 
 @fastmath
-def forces_of_lanes(x: Array, A: Array, springs: WallSprings, f: Array) -> None:
+def forces_of_lanes(
+    x: Array, A: Array, shape: Shape | None, springs: WallSprings, f: Array
+) -> None:
     """Elastic forces."""
     for j in range(A.size):
         d = x[j] - x[j + LANES]
-        f[j + LANES] = hertz_force(d if d > 0.0 else 0.0, A[j])
+        f[j + LANES] = elastic_force(j, d if d > 0.0 else 0.0, A, shape)
     if springs.residual.size > 0:
         last = A.size - LANES
-        spring_forces(x[last:], A[last:], springs, f[A.size :])
+        if shape is None:
+            spring_forces(x[last:], A[last:], springs, f[A.size :])
+        else:
+            for lane in range(LANES):
+                j = last + lane
+                d = elastic_indentation(j, x[j] - x[j + LANES], springs.residual[lane], A, shape)
+                f[j + LANES] = elastic_force(j, d, A, shape)
 
 
 @fastmath
@@ -406,7 +419,7 @@ def rate_dampers(lanes: Lanes) -> None:
     """Damping forces of all contacts for unit velocity, at the forces that are there."""
     f, residual, (gamma, _, law, _, rate) = lanes.f, lanes.springs.residual, lanes.damping
     size = gamma.size
-    if law == HUNT_CROSSLEY:
+    if grows(law):
         for j in range(size):
             rate[j] = gamma[j] * f[j + LANES]
     else:
@@ -415,13 +428,13 @@ def rate_dampers(lanes: Lanes) -> None:
     for lane in range(residual.size):
         j = size - LANES + lane
         if rate[j] > 0.0:
-            rate[j] *= share_of_damper(j, f[size + lane], lanes.A, residual[lane])
+            rate[j] *= share_of_damper(j, f[size + lane], lanes.A, lanes.shape, residual[lane])
 
 
 @ieee
-def share_of_damper(j: int, force: float, A: Array, residual: float) -> float:
+def share_of_damper(j: int, force: float, A: Array, shape: Shape | None, residual: float) -> float:
     """What a spring in series leaves of a damper, see `spring_share`."""
-    return spring_share(contact_stiffness(j, force, A, None), residual)[0]
+    return spring_share(contact_stiffness(j, force, A, shape, None), residual)[0]
 
 
 @fastmath
@@ -553,7 +566,7 @@ def correct_lanes(
             impulse, shift, rate = missed_impulse(
                 A[j], dt, g0, v_old[j] - v_old[k], g1, v[j] - v[k], correction
             )
-            if damping.gamma.size > 0 and damping.law == HUNT_CROSSLEY:
+            if damping.gamma.size > 0 and grows(damping.law):
                 factor = max(damping.gamma[j] * rate, -1.0)
                 damping.lost[j - row] += factor * impulse * rate
                 impulse *= 1.0 + factor
@@ -612,27 +625,28 @@ def sample_step(
     dt, n_steps, n_save = steps
     while k <= n_save and k * n_steps <= (step + 1) * n_save:
         s = (k * n_steps - step * n_save) / n_save
-        sample_lanes(s, dt, start, end, lanes.A, saved.v[k], saved.wall_force[k])
+        sample_lanes(s, dt, start, end, lanes, lanes.shape, saved.v[k], saved.wall_force[k])
         if lanes.springs.residual.size > 0 or lanes.damping.gamma.size > 0:
-            sample_springs_and_dampers(s, dt, start, end, lanes, saved.wall_force[k])
+            sample_springs_and_dampers(s, dt, start, end, lanes, lanes.shape, saved.wall_force[k])
         k += 1
     return k
 
 
 @fastmath
 def sample_lanes(
-    s: float, h: float, start: LaneEnds, end: LaneEnds, A: Array, v: Array, wall_force: Array
-) -> None:
+    s: float, h: float, start: LaneEnds, end: LaneEnds, lanes: Lanes, shape: Shape | None,
+    v: Array, wall_force: Array,
+) -> None:  # fmt: skip
     """Observed velocities and the elastic force at the wall at the share s of a step."""
     rows = v.shape[0]
-    last = A.size - LANES
+    last = lanes.A.size - LANES
     for lane in range(LANES):
         for i in range(rows):
             sphere = StepEnd(start.x[i, lane], start.v[i, lane], start.a[i, lane])
             moved = StepEnd(end.x[i, lane], end.v[i, lane], end.a[i, lane])
             v[i, lane] = quintic_slope(s, h, sphere, moved)
         d = overlap_between(s, h, start, end, lane)[0]
-        wall_force[lane] = hertz_force(d if d > 0.0 else 0.0, A[last + lane])
+        wall_force[lane] = elastic_force(last + lane, d if d > 0.0 else 0.0, lanes.A, shape)
 
 
 @fastmath_inline
@@ -653,21 +667,22 @@ def overlap_between(
 
 @fastmath
 def sample_springs_and_dampers(
-    s: float, h: float, start: LaneEnds, end: LaneEnds, lanes: Lanes, wall_force: Array
-) -> None:
+    s: float, h: float, start: LaneEnds, end: LaneEnds, lanes: Lanes, shape: Shape | None,
+    wall_force: Array,
+) -> None:  # fmt: skip
     """Forces at walls with springs in series, or behind damped contacts, at the share s."""
     residual, damping = lanes.springs.residual, lanes.damping
     for lane in range(LANES):
         j = lanes.A.size - LANES + lane
         gap, w = overlap_between(s, h, start, end, lane)
         if residual.size > 0:
-            d = hertz_indentation(gap, lanes.A[j], residual[lane])
-            wall_force[lane] = hertz_force(d, lanes.A[j])
+            d = elastic_indentation(j, gap, residual[lane], lanes.A, shape)
+            wall_force[lane] = elastic_force(j, d, lanes.A, shape)
         force = wall_force[lane]
         if damping.gamma.size > 0 and force > 0.0:
-            c = damping.gamma[j] * (force if damping.law == HUNT_CROSSLEY else 1.0)
+            c = damper_coefficient(damping.gamma[j], force, damping.law)
             if residual.size > 0:
-                c *= share_of_damper(j, force, lanes.A, residual[lane])
+                c *= share_of_damper(j, force, lanes.A, shape, residual[lane])
             wall_force[lane] += damping_force(w, h, force, c, j, damping)
 
 
@@ -675,7 +690,7 @@ def sample_springs_and_dampers(
 
 
 @fastmath
-def energy_of_lanes(lanes: Lanes, work: Array, energy: Array) -> None:
+def energy_of_lanes(lanes: Lanes, shape: Shape | None, work: Array, energy: Array) -> None:
     """Energy of the motion and what was lost of it, and what preload and weight have left to do;
     forces are fresh."""
     x, v, f, mass, A, q, resting = (
@@ -688,11 +703,20 @@ def energy_of_lanes(lanes: Lanes, work: Array, energy: Array) -> None:
             j = row + lane
             d = x[j] - x[j + LANES]
             d = d if d > 0.0 else 0.0
-            energy[lane] += 0.4 * f[j + LANES] * d + 0.5 * mass[j] * v[j] * v[j]
+            stored = stored_energy(j, d, f[j + LANES], A, shape)
+            energy[lane] += stored + 0.5 * mass[j] * v[j] * v[j]
     # the contact before a spring s is s F shallower, the spring holds s F^2 / 2
     for lane in range(lanes.springs.residual.size):
-        force = f[A.size + lane]
-        energy[lane] += 0.1 * lanes.springs.residual[lane] * force * force
+        force, residual = f[A.size + lane], lanes.springs.residual[lane]
+        if shape is None:
+            energy[lane] += 0.1 * residual * force * force
+        else:
+            j = A.size - LANES + lane
+            gap = x[j] - x[j + LANES]
+            gap = gap if gap > 0.0 else 0.0
+            energy[lane] += stored_energy(j, gap - residual * force, force, A, shape)
+            energy[lane] += 0.5 * residual * force * force
+            energy[lane] -= stored_energy(j, gap, force, A, shape)
     # of the modes what the work on them says: it knows of their damping
     for row in range(0, resting.static.size, LANES):
         for lane in range(LANES):

@@ -1,26 +1,57 @@
 """Contact laws: force F of an overlap d, and what it takes with dampers, springs and yield.
 
-    Hertz                F = A d^(3/2),  A = 4/3 E* sqrt(R*)                       `hertz_force`
-    spring s in series   d + s A d^(3/2) = gap                               `hertz_indentation`
+    shape of the force   F = A phi(d),  Hertz' phi = d^(3/2), A = 4/3 E* sqrt(R*)    `elastic_force`
+    its stiffness        k = A phi'(d)                                           `elastic_stiffness`
+    its energy           U = A (integral of phi from 0 to d)                         `stored_energy`
+    its mean in a move   (U(d1) - U(d0)) / (d1 - d0)                                  `mean_elastic`
+    spring s in series   d + s F(d) = gap                                     `elastic_indentation`
     elastic-plastic      Hertz, beyond the yield overlap a straight line         `plastic_force`
-    wall with a dashpot  d(gap)/dt = -mobility F                           `dashpot_indentation`
+    wall with a dashpot  d(gap)/dt = -mobility F, of Hertz' law            `dashpot_indentation`
     dampers              F + c d',  c = gamma or gamma F                       `damping_impulse`
 
-A further damping law starts here: its number beside HUNT_CROSSLEY, its impulse in
-`damping_impulse`. An elastic law has a force, an energy (0.4 A d^(5/2) of Hertz') and a stiffness
-(1.5 A d^(1/2)), each of which stands in several kernels. CONTRIBUTING names the other places of
-both. A of two bodies is `dem.spheres.hertz_coefficient`. K. L. Johnson, Contact Mechanics,
-Cambridge 1985, chap. 4; C. Thornton, J. Appl. Mech. 64 (1997) 383; K. H. Hunt, F. R. E. Crossley,
-J. Appl. Mech. 42 (1975) 440.
+Every kernel takes the law from here. An argument `shape` that is None is Hertz' law, and the others
+are compiled out. A further elastic law is a field of `arguments.Shape` and a branch in each
+function of the section "shapes" below; a further damping law is a row of `DAMPING_LAWS` and, where
+c is neither gamma nor gamma F, a branch in `damper_coefficient`. A of two bodies is
+`dem.spheres.hertz_coefficient`. K. L. Johnson, Contact Mechanics, Cambridge 1985, chap. 4; C.
+Thornton, J. Appl. Mech. 64 (1997) 383; K. H. Hunt, F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440.
 """
 
 import math
+from typing import NamedTuple
 
-from dem.kernels.arguments import DASH, IN_WALL, Array, Damping, Motion, Plastic, U
+from dem.kernels.arguments import (
+    DASH,
+    IN_WALL,
+    Array,
+    Damping,
+    ForceTable,
+    Motion,
+    Plastic,
+    Shape,
+    U,
+)
 from dem.kernels.compiled import fastmath, fastmath_entry, fastmath_inline, ieee_entry, ieee_inline
 from dem.kernels.numbers import larger, smaller
 
 NONE, LINEAR, LINEAR_CLIPPED, HUNT_CROSSLEY = range(4)
+
+
+class DampingLaw(NamedTuple):
+    """What the estimates and the choice of a scheme need to know of a damping law."""
+
+    number: int
+    grows: bool  # c = gamma F: the force does not jump when the contact closes
+    clipped: bool  # the contact never pulls
+
+
+DAMPING_LAWS = {
+    "none": DampingLaw(NONE, grows=True, clipped=False),
+    "linear": DampingLaw(LINEAR, grows=False, clipped=False),
+    "linear-clipped": DampingLaw(LINEAR_CLIPPED, grows=False, clipped=True),
+    "hunt-crossley": DampingLaw(HUNT_CROSSLEY, grows=True, clipped=True),
+}
+CLOSE = 1e-4  # relative change of overlap below which a difference is a derivative to 1e-9
 STOPPED = 1e4  # damping rate times step beyond which nothing of the motion is left to stop
 
 
@@ -59,12 +90,261 @@ def hertz_indentation(gap: float, A: float, s: float) -> float:
     return y * y
 
 
+# --- shapes: F = A phi(d), of Hertz' law where `shape` is None -----------------------------------
+
+
+@fastmath_inline
+def elastic_force(i: int, d: float, A: Array, shape: Shape | None) -> float:
+    """F = A phi(d) [N] of contact i at the overlap d >= 0 [m]."""
+    if shape is None:
+        return hertz_force(d, A[i])
+    return A[i] * shape_force(i, d, shape.exponent, shape.table)
+
+
+@fastmath_inline
+def elastic_stiffness(i: int, d: float, A: Array, shape: Shape | None) -> float:
+    """k = A phi'(d) [N/m] of contact i at the overlap d >= 0."""
+    if shape is None:
+        return 1.5 * A[i] * math.sqrt(d)
+    return A[i] * shape_slope(i, d, shape.exponent, shape.table)
+
+
+@fastmath_inline
+def stored_energy(i: int, d: float, force: float, A: Array, shape: Shape | None) -> float:
+    """U [J] of contact i at the overlap d >= 0, where its force is known: 2/5 F d of Hertz' law."""
+    if shape is None:
+        return 0.4 * force * d
+    return A[i] * shape_energy(i, d, shape.exponent, shape.table)
+
+
+@fastmath_inline
+def pressed_overlap(i: int, force: float, A: Array, shape: Shape | None) -> float:
+    """Overlap [m] of contact i under a force >= 0."""
+    if shape is None:
+        return (force / A[i]) ** (2.0 / 3.0)
+    return shape_overlap(i, force / A[i], shape.exponent, shape.table)
+
+
 @fastmath
-def wall_indentation(gap: float, A: float, residual: float | None) -> float:
+def shape_force(i: int, d: float, exponent: Array | None, table: ForceTable) -> float:
+    """phi(d): d^n, or the table's."""
+    if exponent is not None:
+        return d ** exponent[i]
+    j = segment(d, table.overlap)
+    return table.force[j] + risen(d - table.overlap[j], j, table)
+
+
+@fastmath
+def shape_slope(i: int, d: float, exponent: Array | None, table: ForceTable) -> float:
+    """phi'(d)."""
+    if exponent is not None:
+        return exponent[i] * d ** (exponent[i] - 1.0)
+    j = segment(d, table.overlap)
+    t = d - table.overlap[j]
+    return table.slope[j] + t * (2.0 * table.square[j] + 3.0 * table.cube[j] * t)
+
+
+@fastmath
+def shape_bend(i: int, d: float, exponent: Array | None, table: ForceTable) -> float:
+    """phi''(d); 0 at d = 0, where that of an exponent below 2 is infinite."""
+    if exponent is not None:
+        n = exponent[i]
+        return n * (n - 1.0) * d ** (n - 2.0) if d > 0.0 else 0.0
+    j = segment(d, table.overlap)
+    return 2.0 * table.square[j] + 6.0 * table.cube[j] * (d - table.overlap[j])
+
+
+@fastmath
+def shape_energy(i: int, d: float, exponent: Array | None, table: ForceTable) -> float:
+    """Integral of phi from 0 to d, exact."""
+    if exponent is not None:
+        return d ** (exponent[i] + 1.0) / (exponent[i] + 1.0)
+    j = segment(d, table.overlap)
+    t = d - table.overlap[j]
+    rise = t * (table.slope[j] / 2.0 + t * (table.square[j] / 3.0 + table.cube[j] / 4.0 * t))
+    return table.energy[j] + t * (table.force[j] + rise)
+
+
+@fastmath
+def shape_overlap(i: int, value: float, exponent: Array | None, table: ForceTable) -> float:
+    """d of phi(d) = value >= 0."""
+    if exponent is not None:
+        return value ** (1.0 / exponent[i])
+    j = segment(value, table.force)
+    above = value - table.force[j]
+    if j == table.overlap.size - 1:
+        return table.overlap[j] + above / table.slope[j]
+
+    # Newton's method within a bracket that is halved where a step would leave it
+    low, high = 0.0, table.overlap[j + 1] - table.overlap[j]
+    t = high * above / (table.force[j + 1] - table.force[j])
+    for _ in range(100):
+        missing = risen(t, j, table) - above
+        if missing > 0.0:
+            high = t
+        else:
+            low = t
+        slope = table.slope[j] + t * (2.0 * table.square[j] + 3.0 * table.cube[j] * t)
+        step = -missing / slope if slope > 0.0 else 2.0 * high
+        old = t
+        t += step
+        if not low <= t <= high:
+            t = 0.5 * (low + high)
+        if abs(t - old) <= 1e-15 * high:
+            break
+    return table.overlap[j] + t
+
+
+@fastmath
+def segment(value: float, knots: Array) -> int:
+    """Index of the last knot not above the value, 0 below all of them."""
+    low, high = 0, knots.size
+    while high - low > 1:
+        middle = (low + high) // 2
+        if knots[middle] <= value:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@fastmath_inline
+def risen(t: float, j: int, table: ForceTable) -> float:
+    """What phi has risen by at t behind the table's knot j."""
+    return t * (table.slope[j] + t * (table.square[j] + table.cube[j] * t))
+
+
+@ieee_inline
+def mean_elastic(
+    i: int, d0: float, d1: float, A: Array, shape: Shape | None
+) -> tuple[float, float]:
+    """Mean force of contact i between the overlaps d0 and d1, change of potential over change of
+    overlap, and its slope in d1; free of cancellation. Overlaps below 0 are open."""
+    if shape is None:
+        return mean_hertz(d0, d1, A[i])
+    c0, c1 = max(d0, 0.0), max(d1, 0.0)
+    if c0 == 0.0 and c1 == 0.0:
+        return 0.0, 0.0
+    mean = A[i] * mean_shape(i, c0, c1, shape.exponent, shape.table)
+    if abs(c1 - c0) < CLOSE * max(c0, c1):
+        return mean, 0.5 * elastic_stiffness(i, 0.5 * (c0 + c1), A, shape)
+    mean *= (c1 - c0) / (d1 - d0)
+    return mean, (elastic_force(i, c1, A, shape) - mean) / (d1 - d0)
+
+
+@ieee_inline
+def mean_shape(i: int, d0: float, d1: float, exponent: Array | None, table: ForceTable) -> float:
+    """Mean of phi between two overlaps that are not both 0.
+
+    Of d^n, with r = d1/d0 <= 1 or its inverse,  d^n (1 - r^(n+1)) / ((n+1) (1 - r)).
+    """
+    low, high = min(d0, d1), max(d0, d1)
+    if exponent is not None:
+        power = exponent[i] + 1.0
+        gap = (high - low) / high
+        if gap == 0.0:
+            return high ** exponent[i]
+        lost = -math.expm1(power * math.log1p(-gap)) if low > 0.0 else 1.0
+        return high ** exponent[i] * lost / (power * gap)
+    if high == low:
+        return shape_force(i, high, exponent, table)
+
+    # Gauss' rule of two points is exact on each cubic
+    total = 0.0
+    j, last = segment(low, table.overlap), segment(high, table.overlap)
+    start = low
+    while j < last:
+        total += gauss(start - table.overlap[j], table.overlap[j + 1] - table.overlap[j], j, table)
+        j += 1
+        start = table.overlap[j]
+    total += gauss(start - table.overlap[j], high - table.overlap[j], j, table)
+    return total / (high - low)
+
+
+@ieee_inline
+def gauss(t0: float, t1: float, j: int, table: ForceTable) -> float:
+    """Integral of phi between t0 and t1 behind the table's knot j."""
+    middle, reach = 0.5 * (t0 + t1), (t1 - t0) / math.sqrt(12.0)
+    rise = risen(middle - reach, j, table) + risen(middle + reach, j, table)
+    return (t1 - t0) * (table.force[j] + 0.5 * rise)
+
+
+@ieee_inline
+def mean_stiffness(i: int, d0: float, d1: float, A: Array, shape: Shape | None) -> float:
+    """(F(d1) - F(d0)) / (d1 - d0) of contact i between two overlaps that are not both 0."""
+    if shape is None:
+        y, z = math.sqrt(d0), math.sqrt(d1)
+        top = max(y, z)
+        y, z = y / top, z / top
+        return A[i] * top * (z * z + z * y + y * y) / (y + z)
+    if abs(d1 - d0) < CLOSE * max(d0, d1):
+        return elastic_stiffness(i, 0.5 * (d0 + d1), A, shape)
+    return (elastic_force(i, d1, A, shape) - elastic_force(i, d0, A, shape)) / (d1 - d0)
+
+
+@ieee_inline
+def mean_hertz(d0: float, d1: float, A: float) -> tuple[float, float]:
+    """Mean force of a Hertz contact between the overlaps d0 and d1, change of potential over change
+    of overlap, and its slope in d1; free of cancellation."""
+    if d0 > 0.0 and d1 > 0.0:
+        top = math.sqrt(max(d0, d1))
+        y, z = math.sqrt(d0) / top, math.sqrt(d1) / top
+        mean = 0.4 * A * top**3 * (z**4 + z**3 * y + z * z * y * y + z * y**3 + y**4) / (y + z)
+        slope = 0.2 * A * top * (3.0 * z**3 + 6.0 * z * z * y + 4.0 * z * y * y + 2.0 * y**3)
+        slope /= (y + z) ** 2
+        return mean, slope
+    if d1 > 0.0:
+        force = hertz_force(d1, A)
+        mean = 0.4 * force * d1 / (d1 - d0)
+        return mean, (force - mean) / (d1 - d0)
+    if d0 > 0.0:
+        mean = 0.4 * hertz_force(d0, A) * d0 / (d0 - d1)
+        return mean, mean / (d0 - d1)
+    return 0.0, 0.0
+
+
+@fastmath
+def elastic_indentation(i: int, gap: float, s: float, A: Array, shape: Shape | None) -> float:
+    """d of  d + s F(d) = gap: contact i and a spring s in series.
+
+    NaN where no force answers the gap, beyond the fold  1 + s k = 0  of a negative s.
+    """
+    if shape is None:
+        return hertz_indentation(gap, A[i], s)
+    if gap <= 0.0:
+        return 0.0
+    # s > 0: the root lies between 0 and the gap. s < 0: beyond the gap, where Newton's steps on a
+    # convex force grow towards it and none is left where the stiffness reaches -1/s
+    d, low, high = gap, 0.0, gap if s >= 0.0 else math.inf
+    for _ in range(200):
+        missing = gap - d - s * elastic_force(i, d, A, shape)
+        if missing < 0.0:
+            high = smaller(high, d)
+        else:
+            low = larger(low, d)
+        slope = 1.0 + s * elastic_stiffness(i, d, A, shape)
+        if slope <= 0.0:
+            return math.nan
+        change = missing / slope
+        if not low <= d + change <= high:
+            change = 0.5 * (low + high) - d
+        d += change
+        if abs(change) <= 1e-15 * d:
+            return d
+    return d if s >= 0.0 else math.nan
+
+
+@fastmath
+def wall_indentation(
+    i: int, gap: float, A: Array, residual: float | None, shape: Shape | None
+) -> float:
     """Overlap at the wall, whose residual compliance may take some of the gap."""
     if residual is None:
         return larger(gap, 0.0)
-    return hertz_indentation(gap, A, residual)
+    return elastic_indentation(i, gap, residual, A, shape)
+
+
+# --- yield ---------------------------------------------------------------------------------------
 
 
 @fastmath
@@ -112,12 +392,14 @@ def plastic_loss(limit: float, top: float, A: float) -> tuple[float, float, floa
 
 
 @fastmath
-def sphere_forces(x: Array, A: Array, f: Array, plastic: Plastic | None) -> None:
+def sphere_forces(
+    x: Array, A: Array, f: Array, shape: Shape | None, plastic: Plastic | None
+) -> None:
     """Elastic forces between neighbours into f[1:n]."""
     for i in range(x.size - 1):
         d = x[i] - x[i + 1]
         if plastic is None:
-            f[i + 1] = hertz_force(d if d > 0.0 else 0.0, A[i])
+            f[i + 1] = elastic_force(i, d if d > 0.0 else 0.0, A, shape)
         else:
             f[i + 1] = plastic_force(i, d, A, plastic)
 
@@ -170,8 +452,8 @@ def creep(
 
 @fastmath
 def wall_force(
-    dt: float, motion: Motion, A: Array, offset: float, residual: float | None,
-    mobility: float | None, plastic: Plastic | None,
+    dt: float, motion: Motion, A: Array, offset: float, shape: Shape | None,
+    residual: float | None, mobility: float | None, plastic: Plastic | None,
 ) -> float:  # fmt: skip
     """Mean force at the wall over a kick of length dt; moves the dashpot wall."""
     last = motion.x.size - 1
@@ -179,13 +461,26 @@ def wall_force(
     if plastic is not None:
         d = plastic_indentation(gap, A, residual, plastic)
         return plastic_force(last, d, A, plastic)
-    d = wall_indentation(gap, A[last], residual)
+    d = wall_indentation(last, gap, A, residual, shape)
     if mobility is not None:
         return creep(d, dt, A[last], motion, residual, mobility)
-    return hertz_force(d, A[last])
+    return elastic_force(last, d, A, shape)
 
 
 # --- damping -----------------------------------------------------------------------------------
+
+
+@ieee_inline
+def grows(law: int) -> bool:
+    """Is the damper's coefficient gamma F, so that it grows with the force?"""
+    return law == HUNT_CROSSLEY
+
+
+@ieee_inline
+def damper_coefficient(gamma: float, force: float, law: int) -> float:
+    """c of the damping force c d' in a closed contact with the elastic force F: gamma F of Hunt and
+    Crossley's law, else gamma."""
+    return gamma * force if grows(law) else gamma
 
 
 @fastmath_inline
@@ -216,8 +511,12 @@ def damping_impulse(
 
 
 @ieee_inline
-def contact_stiffness(i: int, force: float, A: Array, plastic: Plastic | None) -> float:
+def contact_stiffness(
+    i: int, force: float, A: Array, shape: Shape | None, plastic: Plastic | None
+) -> float:
     """k = dF/d delta of contact i under a force: 3/2 (A^2 F)^(1/3) of Hertz' law."""
+    if shape is not None:
+        return elastic_stiffness(i, pressed_overlap(i, force, A, shape), A, shape)
     if plastic is None:
         return 1.5 * (A[i] * A[i] * force) ** (1.0 / 3.0)
     limit = plastic.limit[i]
@@ -237,13 +536,13 @@ def spring_share(stiffness: float, residual: float) -> tuple[float, float]:
 
 @fastmath_inline
 def damper(
-    i: int, last: bool, force: float, A: Array, residual: float | None, damping: Damping,
-    plastic: Plastic | None,
+    i: int, last: bool, force: float, A: Array, shape: Shape | None, residual: float | None,
+    damping: Damping, plastic: Plastic | None,
 ) -> float:  # fmt: skip
     """Coefficient c of the damping force c (approach velocity) of contact i."""
     if force <= 0.0:
         return 0.0
-    c = damping.gamma[i] * force if damping.law == HUNT_CROSSLEY else damping.gamma[i]
+    c = damper_coefficient(damping.gamma[i], force, damping.law)
     if residual is not None and last:
-        c *= spring_share(contact_stiffness(i, force, A, plastic), residual)[0]
+        c *= spring_share(contact_stiffness(i, force, A, shape, plastic), residual)[0]
     return c

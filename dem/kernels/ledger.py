@@ -2,7 +2,8 @@
 
     kinetic + contacts + leaf springs + modes + residual spring + losses - works  =  constant
 
-A Hertz contact holds 2/5 F d; the modes' losses are the work done on them less what they hold.
+A contact holds the integral of its force, 2/5 F d of Hertz' law; the modes' losses are the work
+done on them less what they hold.
 """
 
 from dem.kernels.arguments import (
@@ -18,6 +19,7 @@ from dem.kernels.arguments import (
     Motion,
     Plastic,
     Saved,
+    Shape,
     U,
     V,
     WallModes,
@@ -27,9 +29,10 @@ from dem.kernels.laws import (
     LINEAR,
     STOPPED,
     damper,
-    hertz_force,
+    elastic_force,
     plastic_force,
     plastic_indentation,
+    stored_energy,
     wall_indentation,
 )
 from dem.kernels.modes import modal_energy
@@ -38,8 +41,8 @@ from dem.kernels.numbers import larger, smaller
 
 @fastmath_inline
 def total_forces(
-    dt: float, motion: Motion, chain: ChainArrays, residual: float | None, damping: Damping | None,
-    plastic: Plastic | None,
+    dt: float, motion: Motion, chain: ChainArrays, shape: Shape | None, residual: float | None,
+    damping: Damping | None, plastic: Plastic | None,
 ) -> tuple[float, float]:  # fmt: skip
     """Contact forces at an instant, dissipative part included, into f; elastic energies out.
 
@@ -53,17 +56,17 @@ def total_forces(
         w = v[i] - (v[i + 1] if i < n - 1 else wall[V])
         gap = x[i] - (x[i + 1] if i < n - 1 else wall[U] + wall[DASH] + chain.offset)
         if plastic is None:
-            d = larger(gap, 0.0) if i < n - 1 else wall_indentation(gap, A[i], residual)
-            force = hertz_force(d, A[i])
+            d = larger(gap, 0.0) if i < n - 1 else wall_indentation(i, gap, A, residual, shape)
+            force = elastic_force(i, d, A, shape)
+            contact += stored_energy(i, d, force, A, shape)
         else:
             d = gap if i < n - 1 else plastic_indentation(gap, A, residual, plastic)
             force = plastic_force(i, d, A, plastic)
-            d -= plastic.crater[i]
-        contact += 0.4 * force * d
+            contact += 0.4 * force * (d - plastic.crater[i])
         if i == n - 1 and residual is not None:
             spring = 0.5 * residual * force * force
         if damping is not None:
-            c = damper(i, i == n - 1, force, A, residual, damping, plastic)
+            c = damper(i, i == n - 1, force, A, shape, residual, damping, plastic)
             extra = w * smaller(c, STOPPED / (dt * damping.inverse_mass[i]))
             if damping.law != LINEAR:
                 extra = larger(extra, -force)
@@ -108,7 +111,9 @@ def save(
 ) -> bool:
     """Row k of the saved states, forces and energies; is it finite?"""
     x, v, wall, energy = motion.x, motion.v, motion.wall, saved.energy[k]
-    contact, spring = total_forces(dt, motion, chain, chain.residual, chain.damping, chain.plastic)
+    contact, spring = total_forces(
+        dt, motion, chain, chain.shape, chain.residual, chain.damping, chain.plastic
+    )
     kinetic = 0.0
     for i in range(x.size):
         saved.x[k, i] = x[i]

@@ -12,17 +12,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.kernels.arguments import Array
+from dem.kernels.arguments import Array, ForceTable, Shape
 from dem.kernels.compiled import fastmath, fastmath_inline, fastmath_march
-from dem.kernels.laws import hertz_force, hertz_indentation
+from dem.kernels.laws import (
+    elastic_indentation,
+    hertz_force,
+    shape_bend,
+    shape_force,
+    shape_slope,
+)
 
-FORCE, BY_OVERLAP, BY_STIFFNESS, BY_RATE, BY_LOSS = range(5)  # rows of f (5, n_contacts)
+# rows of f (6, n_contacts); the last one of a power law alone
+FORCE, BY_OVERLAP, BY_STIFFNESS, BY_RATE, BY_LOSS, BY_EXPONENT = range(6)
 
 
 class SensitivityRig(NamedTuple):
     """A chain and its wall; no part is absent, those without effect are zeros."""
 
     A: Array  # (n_contacts,)
+    shape: Shape | None  # of the elastic force; None: Hertz
     gamma: Array  # (n_contacts,)
     mass: Array  # (n,)
     load: Array  # (n,)
@@ -48,6 +56,7 @@ class Slopes(NamedTuple):
     load: Array
     offset: Array
     rest_force: Array
+    exponent: Array | None = None  # of a power law
 
 
 class SphereDerivatives(NamedTuple):
@@ -83,9 +92,16 @@ class DerivativeRecord(NamedTuple):
 
 
 @fastmath
-def contact(gap: float, rate: float, A: float, gamma: float, s: float, i: int, f: Array) -> None:
+def contact(
+    gap: float, rate: float, stiffnesses: Array, gammas: Array, shape: Shape | None, s: float,
+    i: int, f: Array,
+) -> None:  # fmt: skip
     """Force of one contact and its derivatives into column i of f."""
-    d = max(gap, 0.0) if s == 0.0 else hertz_indentation(gap, A, s)
+    A, gamma = stiffnesses[i], gammas[i]
+    d = max(gap, 0.0) if s == 0.0 else elastic_indentation(i, gap, s, stiffnesses, shape)
+    if shape is not None:
+        shaped_contact(d, rate, A, gamma, s, i, shape.exponent, shape.table, f)
+        return
     root = math.sqrt(d)
     soft = 1.0 / (1.0 + 1.5 * s * A * root)
     loss = gamma * rate * soft * soft
@@ -99,20 +115,49 @@ def contact(gap: float, rate: float, A: float, gamma: float, s: float, i: int, f
     f[BY_LOSS, i] = rate * elastic * soft * soft if share > 0.0 else 0.0
 
 
+@fastmath
+def shaped_contact(
+    d: float, rate: float, A: float, gamma: float, s: float, i: int, exponent: Array | None,
+    table: ForceTable, f: Array,
+) -> None:  # fmt: skip
+    """`contact` of a force A phi(d) with the stiffness k and its derivative k' by d: the overlap
+    follows the gap by soft = 1 / (1 + s k), the damper acts by gamma soft^2."""
+    phi, slope = shape_force(i, d, exponent, table), shape_slope(i, d, exponent, table)
+    bend = A * shape_bend(i, d, exponent, table)
+    soft = 1.0 / (1.0 + s * A * slope)
+    loss = gamma * rate * soft * soft
+    share = max(1.0 + loss, 0.0)
+    elastic = A * phi
+    falling = 2.0 * loss * s * soft * elastic if share > 0.0 else 0.0
+    f[FORCE, i] = share * elastic
+    f[BY_OVERLAP, i] = share * A * slope * soft - falling * bend * soft
+    f[BY_STIFFNESS, i] = share * phi * soft - falling * (slope - bend * s * phi * soft)
+    f[BY_RATE, i] = gamma * elastic * soft * soft if share > 0.0 else 0.0
+    f[BY_LOSS, i] = rate * elastic * soft * soft if share > 0.0 else 0.0
+    if exponent is not None and d > 0.0:
+        log = math.log(d)
+        by_exponent = A * phi * log
+        steeper = A * d ** (exponent[i] - 1.0) * (1.0 + exponent[i] * log)
+        f[BY_EXPONENT, i] = share * by_exponent * soft
+        f[BY_EXPONENT, i] -= falling * (steeper - bend * s * by_exponent * soft)
+
+
 @fastmath_inline
-def contacts(x: Array, v: Array, z: Array, rig: SensitivityRig, f: Array) -> None:
+def contacts(
+    x: Array, v: Array, z: Array, rig: SensitivityRig, shape: Shape | None, f: Array
+) -> None:
     """All contacts at a state into f."""
-    A, gamma, phi = rig.A, rig.gamma, rig.phi
+    phi = rig.phi
     n = x.size
-    for i in range(A.size):
+    for i in range(rig.A.size):
         if i < n - 1:
-            contact(x[i] - x[i + 1], v[i] - v[i + 1], A[i], gamma[i], 0.0, i, f)
+            contact(x[i] - x[i + 1], v[i] - v[i + 1], rig.A, rig.gamma, shape, 0.0, i, f)
         else:
             u, w = 0.0, 0.0
             for j in range(phi.size):
                 u += phi[j] * z[0, j]
                 w += phi[j] * z[1, j]
-            contact(x[i] - u - rig.offset, v[i] - w, A[i], gamma[i], rig.residual, i, f)
+            contact(x[i] - u - rig.offset, v[i] - w, rig.A, rig.gamma, shape, rig.residual, i, f)
 
 
 @fastmath_inline
@@ -130,8 +175,9 @@ def accelerations(x: Array, f: Array, rig: SensitivityRig, a: Array) -> None:
 
 @fastmath_inline
 def contact_sensitivities(
-    spheres: SphereDerivatives, modal: Modal, f: Array, phi: Array, slopes: Slopes, dF: Array
-) -> None:
+    spheres: SphereDerivatives, modal: Modal, f: Array, phi: Array, slopes: Slopes,
+    exponent: Array | None, dF: Array,
+) -> None:  # fmt: skip
     """Derivatives of all contact forces by the parameters into dF (n_contacts, p)."""
     X, V, z, Z = spheres.X, spheres.V, modal.z, modal.Z
     n, p = X.shape
@@ -144,6 +190,9 @@ def contact_sensitivities(
             dF[i, m] = (
                 k * X[i, m] + c * V[i, m] + by_A * slopes.A[i, m] + by_gamma * slopes.gamma[i, m]
             )
+        if exponent is not None:
+            for m in range(p):
+                dF[i, m] += f[BY_EXPONENT, i] * exponent[i, m]
         if i < n - 1:
             for m in range(p):
                 dF[i, m] -= k * X[i + 1, m] + c * V[i + 1, m]
@@ -240,7 +289,7 @@ def add(
 class Workspace(NamedTuple):
     """What a march with sensitivities works on, the spheres' start included."""
 
-    f: Array  # (5, n_contacts) as FORCE .. BY_LOSS
+    f: Array  # (6, n_contacts) as FORCE .. BY_EXPONENT
     a: Array  # (n,) accelerations
     dF: Array  # (n_contacts, p)
     dA: Array  # (n, p)
@@ -258,7 +307,7 @@ def workspace(spheres: SphereDerivatives, rig: SensitivityRig) -> Workspace:
     (n, p), n_contacts, k = spheres.X.shape, rig.A.size, rig.phi.size
     starts = (SphereDerivatives(*(values.copy() for values in spheres)) for _ in range(3))
     modes = (Modal(np.zeros((2, k)), np.zeros((2, k, p))) for _ in range(3))
-    forces = np.zeros((5, n_contacts)), np.zeros(n), np.zeros((n_contacts, p)), np.zeros((n, p))
+    forces = np.zeros((6, n_contacts)), np.zeros(n), np.zeros((n_contacts, p)), np.zeros((n, p))
     return Workspace(*forces, *starts, *modes, Stages(np.zeros(4), np.zeros((4, p))))
 
 
@@ -280,10 +329,12 @@ def march(
         for s in range(4):
             start, force, span = modal if s < 2 else half, max(s - 1, 0), spans[s - 1]
             move_modes(start, span, force, s % 2 == 1, stages, rig, slopes, modal_at_stage)
-            contacts(at_stage.x, at_stage.v, modal_at_stage.z, rig, f)
+            contacts(at_stage.x, at_stage.v, modal_at_stage.z, rig, rig.shape, f)
             accelerations(at_stage.x, f, rig, a)
             if p > 0:
-                contact_sensitivities(at_stage, modal_at_stage, f, rig.phi, slopes, dF)
+                contact_sensitivities(
+                    at_stage, modal_at_stage, f, rig.phi, slopes, slopes.exponent, dF
+                )
                 acceleration_sensitivities(at_stage.X, dF, rig, slopes.load, dA)
             if n_contacts == n:
                 stages.force[s] = f[FORCE, n - 1] - rig.rest_force

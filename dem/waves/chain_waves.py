@@ -24,7 +24,8 @@ def chain_waves(
     """Waves of the run of a chain `row`, labelled at the spheres (counted from 1); its collision
     with the wall if there is one (`at_wall`) and a sphere moves."""
     at_wall = at_wall and bool(run.v[0].any())
-    tracks = wave_tracks(run.t, run.v, run.contact_force, row.mass, row.A)
+    A = row.elastic.hertz(run.contact_force.max(axis=0, initial=0.0))
+    tracks = wave_tracks(run.t, run.v, run.contact_force, row.mass, A)
     # at most twenty waves each way: after a few dozen impacts the chain moves chaotically, and what
     # is still tracked is no solitary wave
     tracks = tuple(track for track in tracks if track.number <= 20)

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 
 from dem.chain import Chain
 from dem.kernels.arguments import Array
-from dem.spheres import hertz_energy
 from dem.trajectory import Trajectory
 from dem.waves.arrivals import energy_restitution, velocity_sum_ratio
 from dem.waves.tracks import WaveTrack
@@ -108,7 +107,8 @@ def wall_contact(
     arrived = rise[-1] > CONTACT * rise.max()
     collision = contact_time(t, contact_force[:, -1] if arrived else np.zeros(len(t)))
     v_striker = float(np.abs(v[0]).max())
-    tau_c = dimensionless_contact_time(collision.seconds, chain.mass[-1], v_striker, chain.A[-1])
+    A_wall = chain.elastic.at(-1).hertz(contact_force[:, -1].max(initial=0.0))
+    tau_c = dimensionless_contact_time(collision.seconds, chain.mass[-1], v_striker, float(A_wall))
 
     # the first wave each way belongs to the collision if its track comes within 4 contacts of the
     # wall; otherwise it began or ended elsewhere in the chain
@@ -159,7 +159,7 @@ def wave_energy(run: Trajectory, chain: Chain) -> WaveEnergy:
     return WaveEnergy(
         float(run.energy_kinetic[way].mean() / energy),
         float(run.energy_kinetic[k] / energy),
-        float(hertz_energy(force[k, -1], chain.A[-1]) / energy),
+        float(chain.elastic.at(-1).energy(force[k, -1]) / energy),
     )
 
 
@@ -170,6 +170,6 @@ def leading_share(run: Trajectory, chain: Chain) -> float:
     gap = int(v.argmax()) - 1  # contact behind the fastest sphere; on to where no force is left
     while F[gap] > 1e-3 * F.max() and F[gap] >= F[gap - 1]:
         gap -= 1
-    stored = hertz_energy(F, chain.A)
+    stored = chain.elastic.energy(F)
     moving = 0.5 * chain.mass[gap + 1 :] @ v[gap + 1 :] ** 2
     return float((moving + stored[gap:].sum()) / run.energy_kinetic[0])

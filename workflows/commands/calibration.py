@@ -18,9 +18,9 @@ from workflows.commands.terminal import StageProgress, print_lines
 Free = Annotated[
     str | None,
     typer.Option(
-        help="What to vary: contacts, contact.N, preload, dissipation, striker, trigger, "
-        "wall.frequency, wall.mass, wall.damping; default contacts,striker,trigger and the "
-        "frequency of a 1dof wall."
+        help="What to vary: contacts, contact.N, contact.stiffness, contact.exponent, preload, "
+        "dissipation, striker, trigger, wall.frequency, wall.mass, wall.damping; "
+        "default contacts,striker,trigger and the frequency of a 1dof wall."
     ),
 ]
 Bounds = Annotated[

@@ -17,14 +17,25 @@ UNIFORM = 12.0  # the variance of a uniform distribution is its width squared ov
 TRIGGER_REACH = 1e-4  # [s] bounds of a trigger to either side of its estimate
 TRIGGER_SCALE = 3e-6  # [s] a change of a trigger that counts as large
 AT_BOUND = 1e-6  # of the bounds' distance: parameters nearer to a bound lie at it
-RATIOS = ("contact", "preload", "striker", "frequency", "mass", "gain")  # > 0, by factors
+# > 0, varied by factors
+RATIOS = (
+    "contact",
+    "stiffness",
+    "preload",
+    "striker",
+    "frequency",
+    "mass",
+    "gain",
+)
 
 
 class Parameter(NamedTuple):
     """One number to be fitted; `scale` is a change of it that counts as large."""
 
     name: str
-    kind: str  # contact, preload, dissipation, striker, trigger, frequency, mass, damping, gain
+    # contact, stiffness, exponent, preload, dissipation, striker, trigger, frequency, mass,
+    # damping, gain
+    kind: str
     start: float
     low: float
     high: float
@@ -117,6 +128,10 @@ def rig_at(rig: Rig, parameters: tuple[Parameter, ...], theta: np.ndarray) -> Ri
         match p.kind:
             case "contact":
                 A[p.index] *= value
+            case "stiffness":
+                A *= value / p.start
+            case "exponent":
+                chain = chain._replace(exponent=np.full(A.size, value))
             case "preload":
                 chain = chain._replace(preload=value)
             case "dissipation":
@@ -141,10 +156,17 @@ def directions(rig: Rig, parameters: tuple[Parameter, ...], theta: np.ndarray) -
     k = 0 if rig.wall is None else rig.wall.omega.size
     sizes = (n_contacts, n_contacts, n)
     d = Directions(*(np.zeros((s, p)) for s in sizes), np.zeros(p), *np.zeros((3, k, p)))
+    if rig.chain.exponent is not None:
+        d = d._replace(exponent=np.zeros((n_contacts, p)))
+    A = rig_at(rig, parameters, theta).chain.A
     for j, (parameter, value) in enumerate(zip(parameters, theta, strict=True)):
         match parameter.kind:
             case "contact":
-                d.A[parameter.index, j] = rig.chain.A[parameter.index]
+                d.A[parameter.index, j] = A[parameter.index] / value
+            case "stiffness":
+                d.A[:, j] = A / value
+            case "exponent":
+                d.exponent[:, j] = 1.0
             case "preload":
                 d.preload[j] = 1.0
             case "dissipation":

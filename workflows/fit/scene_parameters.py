@@ -39,6 +39,8 @@ class Range(NamedTuple):
 CONTACT = Range(0.2, 5.0, 0.1)  # factor on the scene's stiffness
 FACTOR = Range(0.05, 20.0, 0.1)  # of the start: preload, frequency and mass of the wall
 SPEED_RANGE = Range(0.3, 3.0, 0.1)  # of the start
+POWER = Range(1e-3, 1e3, 0.1)  # of the stiffness of a power law: tenfold for 0.2 of exponent
+EXPONENT = Range(1.0, 4.0, 0.02)  # of a power law
 LOSS = Range(0.0, 10.0, 0.05)  # [s/m]
 RATIO = Range(0.0, 0.5, 0.01)  # damping ratio
 LOSS_START = 0.05  # [s/m] where the scene has none
@@ -50,8 +52,8 @@ SMALLEST = 1e-3  # of the start, of a parameter that is varied by factors; its i
 LATEST = 1e-2  # [s] of the trigger to either side of the estimate
 CRITICAL = 0.99  # damping ratio
 NAMES = (
-    "contacts", "contact.N", "preload", "dissipation", "striker", "trigger", "wall.frequency",
-    "wall.mass", "wall.damping",
+    "contacts", "contact.N", "contact.stiffness", "contact.exponent", "preload", "dissipation",
+    "striker", "trigger", "wall.frequency", "wall.mass", "wall.damping",
 )  # fmt: skip
 
 
@@ -150,6 +152,16 @@ def _named(scene: Scene, name: str, trigger: float) -> list[Parameter]:
     if key == "contact" and suffix.isdigit() and 1 <= int(suffix) <= scene.n_contacts:
         i = int(suffix) - 1
         return [Parameter(f"contact {i + 1}", "contact", 1.0, *CONTACT, "", i)]
+    if name in ("contact.stiffness", "contact.exponent"):
+        start = getattr(scene.contact, suffix)
+        if start is None or isinstance(start, tuple):
+            raise InvalidScene(
+                f'--free {name} needs contact.law = "power" with one value for all contacts; give '
+                f"{name} one value."
+            )
+        if suffix == "exponent":
+            return [Parameter(name, suffix, start, *EXPONENT)]
+        return by_factors(suffix, start, POWER, "N/m^n")
     if name == "preload":
         force = scene.preload.force if scene.preload else 0.0
         return by_factors("preload", force or PRELOAD_START, FACTOR, "N")
@@ -235,6 +247,8 @@ def calibrated_scene(
         match p.kind:
             case "contact":
                 factors[p.index] *= x
+            case "stiffness" | "exponent":
+                scene = scene.but(contact={p.kind: x})
             case "preload":
                 scene = scene.but(preload=(scene.preload or Preload()).but(force=x))
             case "dissipation":

@@ -1,8 +1,8 @@
 """[contact]: the law between neighbouring spheres, and between the last sphere and the wall."""
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from workflows.scene.scene_table import (
     NonNegative,
@@ -17,15 +17,29 @@ from workflows.scene.units import (
     SLOWNESS,
 )
 
+PowerStiffness = Annotated[float, Field(gt=0, le=1e30, allow_inf_nan=False)]
+Exponent = Annotated[float, Field(ge=1, le=4)]  # dem.elastic.EXPONENTS
+KEYS = {
+    "thornton": {"yield_pressure": "in Pa"},
+    "power": {"stiffness": "in N/m^exponent", "exponent": "from 1 to 4"},
+    "table": {"file": "of overlaps and forces"},
+}  # that a law needs, and no other has
+
 
 class ContactTable(SceneTable):
     """The law between neighbours, and at the wall.
 
     "thornton" is Hertz' law until the pressure in a contact's middle reaches `yield_pressure`,
-    about 1.6 times the softer material's yield stress, which then stays; craters remain.
+    about 1.6 times the softer material's yield stress, which then stays; craters remain. "power"
+    is F = stiffness overlap^exponent, "table" the force that the rows of a CSV file have: overlap
+    [m], force [N], from 0, 0 on.
     """
 
-    law: Literal["hertz", "thornton"] = "hertz"  # force over overlap
+    # force over overlap
+    law: Literal["hertz", "thornton", "power", "table"] = "hertz"
+    stiffness: one_or_each(PowerStiffness) | None = None  # k of law = "power", [N/m^exponent]
+    exponent: one_or_each(Exponent) | None = None  # of the overlap, law = "power"; one per contact
+    file: str | None = None  # CSV of overlap [m] and force [N], law = "table"
     yield_pressure: one_or_each(YieldPressure) | None = None  # [Pa] one per contact, as those below
     # damping of the contacts
     dissipation: Literal["none", "linear", "linear-clipped", "hunt-crossley"] = "hunt-crossley"
@@ -46,9 +60,12 @@ class ContactTable(SceneTable):
         return {**table, "coefficient": si_of("coefficient", value, kind)}
 
     @model_validator(mode="after")
-    def _yields_or_not(self) -> "ContactTable":
-        if self.law == "thornton" and self.yield_pressure is None:
-            raise ValueError('law = "thornton" needs yield_pressure in Pa: add it')
-        if self.law == "hertz" and self.yield_pressure is not None:
-            raise ValueError('yield_pressure belongs to law = "thornton": drop it or take that law')
+    def _keys_of_its_law(self) -> "ContactTable":
+        for law, keys in KEYS.items():
+            for key, unit in keys.items():
+                given = getattr(self, key) is not None
+                if law == self.law and not given:
+                    raise ValueError(f'law = "{law}" needs {key} {unit}: add it')
+                if law != self.law and given:
+                    raise ValueError(f'{key} belongs to law = "{law}": drop it or take that law')
         return self

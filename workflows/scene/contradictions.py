@@ -25,7 +25,7 @@ class SceneLimits(NamedTuple):
 
 
 LIMITS = SceneLimits()
-PER_CONTACT = ("coefficient", "stiffness_factor", "yield_pressure")
+PER_CONTACT = ("coefficient", "stiffness_factor", "yield_pressure", "stiffness", "exponent")
 
 
 def contradictions(scene: Scene) -> Iterator[str]:
@@ -249,6 +249,13 @@ def _of_chain(scene: Scene) -> Iterator[str]:
         }
         for excluder in (name for name, is_given in excluded.items() if is_given):
             yield f'contact.law = "thornton" is not marched with {excluder}; change one of them.'
+    if contact.law in ("power", "table") and isinstance(scene.wall, DashpotWall):
+        yield (
+            f'contact.law = "{contact.law}" is not marched with wall.kind = "dashpot"; change one '
+            "of them."
+        )
+    if contact.file and (why := unfit(Path(contact.file))):
+        yield f"contact.file = {contact.file!r} {why}; give a CSV of overlaps and forces."
     largest = contact.coefficient
     largest = max(largest) if isinstance(largest, tuple) else largest
     if contact.dissipation == "hunt-crossley" and largest > LIMITS.damping:

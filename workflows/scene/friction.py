@@ -76,6 +76,11 @@ def of_friction(scene: "Scene") -> Iterator[str]:
                 )
 
     # contacts: elastic spheres, whose pressure is Hertz'
+    if contact.law in ("power", "table"):
+        yield (
+            f'[friction] with contact.law = "{contact.law}", of which no tangential law is known; '
+            'take contact.law = "hertz", or drop [friction].'
+        )
     if contact.law == "thornton":
         yield (
             '[friction] with contact.law = "thornton": the tangential law of contacts that yield '

@@ -30,6 +30,9 @@ KIND = "which of the tables below it is"
 # a value of each key whose default, or whose last word of several, would show nothing; by the key,
 # or by its last word in all tables
 EXAMPLES: dict[str, Any] = {
+    "contact.stiffness": 3e12,
+    "contact.exponent": 2.0,
+    "contact.file": "force.csv",
     "name": "lid", "scene.name": "my-rig", "unusual": ["chain.radius"],
     "chain.count": 17, "chain.radius": "12.7 mm", "chain.initial_velocity": [0.3, 0.0, 0.0],
     "material": "steel", "young": "210 GPa", "poisson": 0.3, "density": 7850.0,

@@ -7,6 +7,7 @@ import numpy as np
 import coupling
 import dem
 from dem import spheres
+from workflows.files.force_file import force_table
 from workflows.scene import ContactTable, InvalidScene, RigidWall, RomWall, Scene
 from workflows.scene.gravity import friction
 from workflows.stages.walls import simple_wall
@@ -60,7 +61,7 @@ def ellipse(scene: Scene) -> coupling.EllipticalContact:
 TOGETHER = {
     "chain": ("radius", "density", "young", "poisson"),
     "striker": ("velocity",),
-    "contact": ("stiffness_factor", "coefficient"),
+    "contact": ("stiffness_factor", "coefficient", "stiffness", "exponent"),
     "leaf_springs": ("stiffness", "offset"),
     "preload": ("force", "mass"),
     "wall": ("frequency", "mass", "damping_ratio", "coefficient", "young", "poisson"),
@@ -113,8 +114,21 @@ def chain(scene: Scene) -> dem.Chain:
         n_falling=n_falling(scene) if along and leaf is None else 0,
     )
 
-    # the wall's face may be curved; the preload's arm moves with the last sphere
-    row.A[-1] *= ellipse(scene).stiffness
+    # Hertz' law of a curved face, or another law in the place of Hertz'
+    match contact.law:
+        case "power":
+            given = (np.asarray(x, float) for x in (contact.stiffness, contact.exponent))
+            factor = np.asarray(contact.stiffness_factor, float)
+            stiffness, exponent, factor, _ = np.broadcast_arrays(*given, factor, row.A)
+            row = row._replace(A=stiffness * factor, exponent=exponent.copy())
+        case "table":
+            factor = np.asarray(contact.stiffness_factor, float)
+            A = np.broadcast_to(factor, np.broadcast_shapes(factor.shape, row.A.shape)).copy()
+            row = row._replace(A=A, table=force_table(contact.file))
+        case _:
+            row.A[-1] *= ellipse(scene).stiffness
+
+    # the preload's arm moves with the last sphere
     if scene.preload:
         last = np.arange(c.count) == c.count - 1
         row = row._replace(mass=row.mass + np.multiply(scene.preload.mass, last))
@@ -177,12 +191,15 @@ def flat(scene: Scene) -> dem.Flat | None:
 
 
 def contact_radius(scene: Scene, start: Start, force: float) -> float:
-    """Radius [m] of the contact with a plane wall under a force [N], yielded or by Hertz' law."""
+    """Radius [m] of the contact with a plane wall under a force [N], yielded or by its law."""
     row, table = start.chain, scene.chain
     if row.yield_overlap is not None:
         return float(
             spheres.yielded_radius(force, row.radius[-1], row.A[-1], row.yield_overlap[-1])
         )
+    law = row.elastic.at(-1)
+    if law.shape is not None:  # a^2 = R delta, as in Hertz' law
+        return float(np.sqrt(row.radius[-1] * law.overlap(force)))
     E, nu = (np.atleast_1d(value)[-1] for value in (table.young, table.poisson))
     E_star = spheres.contact_modulus(E, nu, *start.flat)
     return float(spheres.contact_radius(force, row.radius[-1], E_star))

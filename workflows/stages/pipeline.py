@@ -67,6 +67,12 @@ def _plain(table: Any) -> Any:
     return table.model_dump() if hasattr(table, "model_dump") else table
 
 
+def _start_reads(scene: Scene) -> Any:
+    file = None if scene.contact is None else scene.contact.file
+    tables = tables_of(*START)(scene)
+    return tables if file is None else {**tables, "content": content(file)}
+
+
 def _wall_reads(scene: Scene) -> Any:
     file = getattr(scene.wall, "file", None)
     tables = tables_of("wall", "damping", "strike", "assembly")(scene)
@@ -168,7 +174,11 @@ ASSEMBLY = {
     ),
     "compilation": Stage(
         ".compilation:compilation",
-        lambda scene: [environ.get("NUMBA_CACHE_DIR"), tables_of("damping", *START)(scene)],
+        lambda scene: [
+            environ.get("NUMBA_CACHE_DIR"),
+            tables_of("damping")(scene),
+            _start_reads(scene),
+        ],
         (),
     ),
     "pictures": Stage(".pictures:pictures", tables_of(), ("modes", "contact")),
@@ -191,7 +201,7 @@ BENDING = ASSEMBLY | {
 }
 
 IMPACT = {
-    "start": Stage(".chain:start", tables_of(*START), (), listed=False),
+    "start": Stage(".chain:start", _start_reads, (), listed=False),
     "impact": Stage(".impact:impact", _marched, ("start", "wall"), after=("compilation",)),
     "reduction-error": Stage(".errors:reduction_error", _marched, ("start", "reduction", "impact")),
     "mesh-error": Stage(

@@ -258,7 +258,9 @@ def coarse_samples(scene: Scene, start: Start) -> tuple[str, ...]:
 
     row, striker = start.chain, float(np.abs(start.velocity).max())
     spacing = scene.time.duration / (scene.output.samples - 1)
-    width = solitary.WIDTH / float(solitary.speed(striker, row.mass[: row.A.size], row.A).max())
+    energy = np.full(row.A.shape, 0.5 * row.mass.max() * striker**2)
+    A = row.elastic.hertz(row.elastic.force(row.elastic.overlap_of_energy(energy)))
+    width = solitary.WIDTH / float(solitary.speed(striker, row.mass[: row.A.size], A).max())
     if not spacing > width:
         return ()
     return (

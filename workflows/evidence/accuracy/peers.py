@@ -15,12 +15,12 @@ import numpy as np
 from scipy import integrate
 
 import dem
-from dem.chain import LAWS
 from dem.kernels.compiled import njit
+from dem.kernels.laws import DAMPING_LAWS
 from dem.spheres import time_scale
 
 NONE, LINEAR, CLIPPED, HUNT_CROSSLEY = (
-    LAWS[name] for name in ("none", "linear", "linear-clipped", "hunt-crossley")
+    DAMPING_LAWS[name].number for name in ("none", "linear", "linear-clipped", "hunt-crossley")
 )
 SMALLEST_RTOL = 2.3e-14  # scipy raises anything below 100 eps
 
@@ -148,7 +148,7 @@ def equations(problem: Problem) -> PeerEquations:
         springs = np.array([*chain.springs, chain.steady])
     if chain.dissipation != "none":
         gamma = np.append(chain.gamma, np.zeros(A.size - chain.A.size))
-        damping = gamma, LAWS[chain.dissipation]
+        damping = gamma, DAMPING_LAWS[chain.dissipation].number
     if wall is not None and wall.mobility:
         mobility = float(wall.mobility)
     return PeerEquations(np.array([1 / chain.mass, A]), modes, residual, springs, damping, mobility)

@@ -1,0 +1,98 @@
+"""Power laws and tables of forces in scenes: files, sweeps and fits."""
+
+import numpy as np
+import pytest
+
+import beadwave
+import dem
+from workflows.files.force_file import force_table
+from workflows.files.scene import scene
+from workflows.scene import InvalidScene
+from workflows.stages.chain import chain, together
+from workflows.sweep.cases import SIDE_BY_SIDE
+
+POWER = ("contact.law=power", "contact.stiffness=3e12", "contact.exponent=2", "chain.count=6")
+SHORT = ("output.spheres=[1, 4]", "time.duration=4e-4")
+
+
+def test_a_scene_sets_the_force_of_its_contacts(tmp_path):
+    row = chain(scene("rig-rigid", (*POWER, "contact.stiffness_factor=1.5", SHORT[0])))
+    assert row.elastic.force(np.full(6, 2e-6)) == pytest.approx(1.5 * 3e12 * 4e-12, rel=1e-14)
+    path = tmp_path / "force.csv"
+    path.write_text("overlap,force\n0,0\n1e-6,4\n\n3e-6,30\n")
+    row = chain(scene("rig-rigid", ("contact.law=table", f"contact.file={path}")))
+    assert row.elastic.force(np.full(17, 1e-6)) == pytest.approx(4.0, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "0 overlaps and 0 forces"),
+        ("0,0\n1e-6,1\n2e-6", "'2e-6' in row 3, allowed are two numbers"),
+        ("0,0\n1e-6,a\n", "'1e-6,a' in row 2"),
+        ("0,0\n1e-6,1\n5e-7,2\n", "must grow from row to row"),
+        ("1e-7,0\n1e-6,1\n5e-6,2\n", "start it at 0, 0"),
+        ("0,0\n1e-6,inf\n5e-6,2\n", "not a finite number"),
+    ],
+)
+def test_a_file_that_is_no_force_is_refused_with_its_row(text, sentence, tmp_path):
+    path = tmp_path / "force.csv"
+    path.write_text(text)
+    with pytest.raises(InvalidScene, match=r"contact\.file = ") as refused:
+        force_table(str(path))
+    assert sentence in str(refused.value)
+
+
+def test_the_march_of_a_kept_run_is_anew_when_the_file_of_its_force_changes(tmp_path):
+    path, peaks = tmp_path / "force.csv", []
+    for factor in (1, 2):
+        d = np.linspace(0, 4e-5, 12)
+        rows = zip(d, factor * 3e12 * d**2, strict=True)
+        path.write_text("".join(f"{a},{b}\n" for a, b in rows))
+        run = beadwave.impact(
+            "rig-rigid", ("contact.law=table", f"contact.file={path}", POWER[3], *SHORT)
+        )  # fmt: skip
+        peaks.append(run.summary.peak_wall_force_N)
+    # F ~ k^(1/(n+1)) = 2^(1/3) in a wave of the same speed; the table is near that
+    assert peaks[1] / peaks[0] == pytest.approx(2 ** (1 / 3), rel=0.01)
+
+
+def test_cases_of_stiffness_and_exponent_march_side_by_side():
+    """Each is that case alone, to the error asked for."""
+    columns = {"contact.stiffness": [2e12, 3e12], "contact.exponent": [1.9, 2.1]}
+    assert SIDE_BY_SIDE >= set(columns)
+    base = scene("rig-rigid", (*POWER, *SHORT))
+    chains = together(base, {key: np.array(x) for key, x in columns.items()}, None)
+    assert chains.fit_lanes
+    batch = dem.march_batch(chains, duration=4e-4, error=1e-5, threads=1)
+    for i in range(2):
+        changes = [f"{key}={values[i]}" for key, values in columns.items()]
+        row = chain(scene("rig-rigid", (*POWER, *SHORT, *changes)))
+        run = dem.march_to_error(
+            row, dem.rigid_wall(), chains.v0[i], duration=4e-4, error=1e-6, n_save=100
+        ).trajectory
+        assert np.abs(run.v - batch.v[i]).max() < 1.1e-5 * chains.v0.max()
+
+
+def test_stiffness_and_exponent_are_parameters_with_exact_derivatives():
+    """By central differences of the rig's own march."""
+    from dem.sensitivities import march_with_sensitivities, no_directions
+    from workflows.fit.parameter import directions, rig_at
+    from workflows.fit.scene_parameters import parameters, rig
+
+    base = scene("rig-rigid", (*POWER, *SHORT))
+    start = rig(base, dem.rigid_wall(), 0.0)
+    free = parameters(base, ("contact.stiffness", "contact.exponent"), 0.0, {})
+    theta = np.array([4e12, 2.04])
+    numbers = dict(duration=2e-4, dt=3e-7, observed=[0, 3])
+
+    def march(theta, by=None):
+        at = rig_at(start, free, theta)
+        by = no_directions(at.chain, at.wall) if by is None else by
+        return march_with_sensitivities(at.chain, at.wall, at.v0, by, **numbers)
+
+    exact = march(theta, directions(start, free, theta)).dv
+    for j in range(2):
+        step = 1e-6 * theta * (np.arange(2) == j)
+        difference = (march(theta + step).v - march(theta - step).v) / (2 * step[j])
+        assert np.abs(exact[..., j] - difference).max() < 1e-5 * np.abs(difference).max()
