@@ -120,6 +120,7 @@ def frequency_responses(
 
     # point by point: H of all hits, of all but one, and of every other one
     points = np.unique(hits.point[used])
+    remarks += [f"point {p} has no usable hit" for p in np.setdiff1d(hits.point, points)]
     H, coherence, deletions, halves = [], [], [], []
     for point in points:
         rows = np.flatnonzero(hits.point[used] == point)

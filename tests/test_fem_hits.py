@@ -34,12 +34,14 @@ def test_the_spoiled_hits_are_left_out_and_no_others():
         defects = HammerDefects(noise=0.05, double=0.2, overload=0.2)
         test = synthetic_hits(seed, defects, points=4, duration=1.0)
         remarks = frequency_responses(test.hits).remarks
-        assert {int(r.split()[1]) - 1 for r in remarks} == {*np.flatnonzero(test.spoiled)}
+        assert {int(r.split()[1]) - 1 for r in remarks if "is left out" in r} == {
+            *np.flatnonzero(test.spoiled)
+        }
 
 
 def test_h1_keeps_to_the_force_h2_to_the_response_and_hv_lies_between():
     """With noise in the responses alone H1 is unbiased and H2 larger by 1 / coherence."""
-    test = synthetic_hits(1, CLEAN._replace(noise=0.05), points=2, repeats=5, duration=0.5)
+    test = synthetic_hits(1, CLEAN._replace(noise=0.05), points=3, repeats=5, duration=0.5)
     H1, H2, Hv = (frequency_responses(test.hits, name) for name in ("H1", "H2", "Hv"))
     assert np.all((H1.coherence > 0) & (H1.coherence < 1 + 1e-12))
     np.testing.assert_allclose(H1.H / H2.H, H1.coherence, rtol=1e-9)
@@ -85,12 +87,12 @@ def test_the_modal_fit_returns_the_model_that_it_is_given():
 
 
 def test_a_mode_beyond_the_band_is_background():
-    """A mode at 1.2 times the band's end is met to 3.6^-6, of the size that it has in the band."""
+    """A mode at 1.2 times the band's end is met to 3.5^-5, of the size that it has in the band."""
     f = np.arange(20.0, 400.0, 1.0)
     outside = 1 / (1 - (f / 480.0) ** 2)
     rows = background(f).T
     misfit = outside - rows @ np.linalg.lstsq(rows, outside.astype(complex), rcond=None)[0]
-    assert np.abs(misfit).max() < 3.6**-6 * np.abs(outside).max()
+    assert np.abs(misfit).max() < 3.5**-5 * np.abs(outside).max()
 
 
 def test_real_shapes_are_collinear_and_travelling_waves_are_not():
@@ -126,7 +128,7 @@ def test_records_that_hold_no_hit_are_refused_in_a_sentence():
         frequency_responses(hits_with(noise, noise[:, None]))
     with pytest.raises(ValueError, match="NaN or inf"):
         frequency_responses(hits_with(pulse, np.full((1, 1, 2000), np.nan)))
-    with pytest.raises(ValueError, match="swapped|double hit"):
+    with pytest.raises(ValueError, match="force rings on"):
         frequency_responses(hits_with(ringing, pulse[:, None]))
     with pytest.raises(ValueError, match="trigger is late"):
         frequency_responses(hits_with(np.roll(pulse, 1850), noise[:, None]))
