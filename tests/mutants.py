@@ -72,7 +72,7 @@ ROOMS = {
     ),
     "calibration": Room(
         (FIT + "least_squares.py", FIT + "uncertainty.py", FIT + "parameter.py",
-         FIT + "signals.py", FIT + "forward.py", FIT + "twin.py", FIT + "sensed.py",
+         FIT + "signals.py", FIT + "forward.py", FIT + "instrument.py", FIT + "sensed.py",
          FIT + "scaling.py", FIT + "posterior.py", FIT + "windows.py"),
         ("coupling_fit", "coupling_sensed", "coupling_target", "coupling_posterior"),
     ),

@@ -12,6 +12,7 @@ import dem.sensitivities
 from coupling.errors import CouplingError
 from workflows.fit import signals as laid
 from workflows.fit.forward import NO_FILTER, ChainForward, refined
+from workflows.fit.instrument import OVERSAMPLED, Clean, Twin, clean_signals, repeated, shown
 from workflows.fit.least_squares import (
     CLOSE,
     IMPOSSIBLE_RESIDUAL,
@@ -23,7 +24,6 @@ from workflows.fit.least_squares import (
 )
 from workflows.fit.parameter import Parameter, Rig, coordinates, directions, rig_at, slopes, values
 from workflows.fit.signals import Filter, Signals, aligned, lag_of, noise_of_mean
-from workflows.fit.twin import OVERSAMPLED, Clean, Twin, clean_signals, repeated, shown
 from workflows.fit.uncertainty import lags_that_count, noise_along, uncertainty
 
 KINDS = (

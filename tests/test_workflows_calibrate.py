@@ -15,8 +15,8 @@ from workflows.fit import scene_parameters as parameters
 from workflows.fit import twin as experiment
 from workflows.fit.calibrate import CalibrationRequest, calibrated
 from workflows.fit.folder import write_calibration
+from workflows.fit.instrument import Repeats
 from workflows.fit.judgement import on_held_out
-from workflows.fit.twin import Repeats
 from workflows.fit.windows import decisive
 from workflows.scene import InvalidScene
 from workflows.scene.toml import resolved, toml

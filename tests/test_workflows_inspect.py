@@ -98,9 +98,9 @@ def test_bars_say_what_share_noise_and_each_error_of_the_model_have(result):
 
 
 def test_the_wall_between_others_is_checked_at_the_answer(result):
-    report, inner = result[0].report, result[0].found
+    report, judged = result[0].report, result[0].found.judged
     assert report.walls > 10 and 0 < report.wall_missed < 0.5  # coefficients of degree 2
-    assert inner.moved <= 0.05
+    assert judged.moved <= 0.05
     assert any("computed at the answer" in remark for remark in report.remarks)
 
 
@@ -225,7 +225,7 @@ def test_a_force_a_thousand_times_off_is_refused(tmp_path):
     text = csv_text(true, pipeline_of(true, _quiet)("record"))
     file = tmp_path / "drop.csv"
     file.write_text(text.replace("force [N]", "force [kN]"))
-    with pytest.raises(InvalidScene, match="correct the unit in the record's header"):
+    with pytest.raises(InvalidScene, match="correct the unit in the data's header"):
         beadwave.inspect({**BEAM, "output": loud}, file, find="beam.young")
 
 

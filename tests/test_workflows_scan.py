@@ -326,7 +326,8 @@ def test_a_killed_scan_goes_on_with_the_points_that_are_missing(tmp_path, scanne
 def test_points_are_mirrored_to_the_last_digit():
     ends = np.array([[-0.05, -0.02], [0.05, 0.02]])
     struck = SimpleNamespace(
-        patch=SimpleNamespace(radius=0.002), outline=lambda: Outline(("y", "z"), *ends, None)
+        scene=SimpleNamespace(strike=SimpleNamespace(radius=0.002)),
+        outline=lambda: Outline(("y", "z"), *ends, None),
     )
     result = Grid(7, 4).design(struck)
     y, z = (np.array(values).reshape(7, 4) for values in result.columns.values())

@@ -34,10 +34,10 @@ RIG = {
     "response": Duration(0.7),
     "mac": Duration(0.6, UNKNOWNS, 0.99),
     "pictures": Duration(3.2),
-    "missed-energy": Duration(4.0, UNKNOWNS, 1.42),
+    "missed-energy": Duration(2.5, UNKNOWNS, 1.42),
     "figures": Duration(0.6),
 }
-COMPILATION = Duration(16.0)  # from an empty cache
+COMPILATION = Duration(7.0)  # from an empty cache
 SCENES = ("None", "rig-rom", "rig-rom-269", "rig-rom-907")  # of the rig; others differ
 
 

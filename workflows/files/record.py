@@ -5,6 +5,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from workflows.scene.sensors import KINDS
+from workflows.scene.units import VOLTAGE
+
 SYNTHETIC = "SYNTHETIC: computed, not measured"
 LEAST_SAMPLES = 50
 # deviation of a time from the even grid, over the step: files print times with few digits
@@ -36,6 +39,11 @@ class Channel(NamedTuple):
     def name(self) -> str:
         """As in the header of a file."""
         return f"sphere {self.sphere} {self.quantity}"
+
+    @property
+    def unit(self) -> str:
+        """Of its signal."""
+        return VOLTAGE.unit if self.in_volts else KINDS[self.quantity].unit
 
 
 class Recorded(NamedTuple):

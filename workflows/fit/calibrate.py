@@ -37,8 +37,7 @@ from workflows.fit.sensed import Channels
 from workflows.fit.signals import Filter, Signals, aligned, lag_of, noise_of_mean
 from workflows.fit.windows import Options
 from workflows.scene import InvalidScene, OneDofWall, Scene
-from workflows.scene.sensors import KINDS
-from workflows.scene.units import GAINS, VOLTAGE
+from workflows.scene.units import GAINS
 from workflows.stages.chain import initial_velocity
 
 if TYPE_CHECKING:
@@ -180,7 +179,7 @@ def _in_velocities(scene: Scene, rig: Rig, record: Record) -> Scaled:
         sensors,
         np.ones(len(sensors)),
         tuple(f"{c.quantity} {c.sphere}" for c in record.channels),
-        tuple(VOLTAGE.unit if c.in_volts else KINDS[c.quantity].unit for c in record.channels),
+        tuple(c.unit for c in record.channels),
         tuple(name and name.removeprefix("sphere ") for name in gains),
     )
     masses = dem.spheres.mass(scene.chain.radius, scene.chain.density)

@@ -247,16 +247,16 @@ def inspection_pictures(result: Inspected, report: InspectionReport) -> tuple[Pi
 
 def recorded_signals(result: Inspected, report: InspectionReport, face: str) -> bytes:
     """Records and model, and the residual over the noise; two panels per record."""
-    shots = result.fit.shots[:MOST_RECORDS]
+    shots, models = result.judged.fit.shots[:MOST_RECORDS], result.judged.inversion.model
     figure, panels = residual_pairs(len(shots), 2.1)
     for s, (shot, (upper, lower)) in enumerate(zip(shots, panels, strict=True)):
         for i, name in enumerate(report.sensors):
             largest = np.abs(shot.y[:, i]).max()
             upper.plot(1e3 * shot.t, shot.y[:, i] / largest, color="0.6", linewidth=2.2,
                        label="record" if i == 0 else None)  # fmt: skip
-            upper.plot(1e3 * shot.t, result.inversion.model[s, :, i] / largest,
+            upper.plot(1e3 * shot.t, models[s, :, i] / largest,
                        color=COLOURS[i % len(COLOURS)], linewidth=1.0, label=name)  # fmt: skip
-            residual = (result.inversion.model[s, :, i] - shot.y[:, i]) / shot.noise[i]
+            residual = (models[s, :, i] - shot.y[:, i]) / shot.noise[i]
             lower.plot(1e3 * shot.t, residual, color=COLOURS[i % len(COLOURS)], linewidth=0.5)
         upper.set_ylabel(f"{report.records[s][:18]}\nover largest")
         lower.set_ylabel("left\n/ noise")

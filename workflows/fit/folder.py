@@ -91,8 +91,8 @@ def write_inspection(result: Inspected, report: InspectionReport, folder: RunFol
     # record and model of every sensor, record after record on its own clock
     heads = [f"{what} {name}" for what in ("record of", "model of") for name in report.sensors]
     lines = [", ".join(["record", "time [s]", *heads])]
-    models = result.inversion.model
-    for i, (shot, model) in enumerate(zip(result.fit.shots, models, strict=True), 1):
+    shots, models = result.judged.fit.shots, result.judged.inversion.model
+    for i, (shot, model) in enumerate(zip(shots, models, strict=True), 1):
         rows = np.column_stack([shot.t, shot.y, model])
         lines += [",".join([str(i), *(f"{x:.7g}" for x in row)]) for row in rows]
     tables = {"numbers.csv": table, "signals.csv": lines}

@@ -11,7 +11,7 @@ from workflows.fit.candidates import searched
 from workflows.fit.columns import beyond, require_columns
 from workflows.fit.forward import Shot, StructureForward, unknowns
 from workflows.fit.inversion import Inversion, inverted, profiled, widened
-from workflows.fit.judgement import INSPECTION_LIMITS
+from workflows.fit.judgement import INSPECTION_LIMITS, Judged
 from workflows.fit.least_squares import IMPOSSIBLE, RecordFit
 from workflows.fit.parameter import Parameter, ends
 from workflows.fit.parametric_wall import Bounds
@@ -19,8 +19,8 @@ from workflows.fit.plausibility import (
     alike,
     noise_of,
     require_samples,
-    require_size,
     rounding,
+    sizes_beside,
     trigger_of,
 )
 from workflows.fit.record import marched, sensor_of, usable
@@ -43,17 +43,10 @@ class InspectionRequest(NamedTuple):
 
 
 class Inspected(NamedTuple):
-    """The answer, and the problem that was solved."""
+    """The scene that came out and the answer behind it."""
 
     scene: Scene
-    inversion: Inversion
-    rivals: tuple[Inversion, ...]  # that the records do not tell from it
-    fit: RecordFit
-    structure: VariedScene
-    n_shared: int  # numbers of the structure, the first ones
-    moved: float | None  # bars by which the last computed wall moved the answer
-    no_wall: str  # why none could be computed at the answer
-    noise_known: bool
+    judged: Judged
     seconds: float
 
 
@@ -95,18 +88,18 @@ def inspected(
         result = scene_parameters.put(scene, keys[:n], values)
     else:
         result = scene_parameters.scene_at(base, keys[:n], values)
-    return Inspected(
-        scene=result,
-        inversion=inversion,
-        rivals=rivals,
-        fit=answer.fit,
-        structure=answer.fit.forward.system,
-        n_shared=n,
-        moved=answer.moved,
-        no_wall=answer.no_wall,
-        noise_known=noise_known,
-        seconds=perf_counter() - began,
+    judged = Judged(
+        inversion,
+        rivals,
+        answer.fit,
+        n,
+        noise_known,
+        answer.fit.forward.system.between,
+        answer.moved,
+        tuple(record.name for record in records),
+        answer.no_wall,
     )
+    return Inspected(result, judged, perf_counter() - began)
 
 
 @usable()
@@ -142,8 +135,12 @@ def problem(
         shots.append(Shot(record.t, record.y, noise, rounding(record.y)))
         longer = forward.signals_of_run(start, beyond(record.t) - record.t[0])
         signals = longer[: len(record.t)]
-        require_size(record, signals, gain_known)
         names = [f"{channel.name} of {record.name}" for channel in record.channels]
+        known = np.flatnonzero(gain_known)
+        sizes_beside(
+            [names[c] for c in known], [record.channels[c].unit for c in known],
+            record.y[:, known], signals[:, known],
+        )  # fmt: skip
         forces = np.array([channel.quantity == "force" for channel in record.channels])
         require_columns(
             names, record.t, record.y, longer, time_scale, signed=gain_known, forces=forces

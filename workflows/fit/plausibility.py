@@ -1,7 +1,7 @@
 """What records must be like before anything is fitted to them, and what they say of themselves:
 sizes, sampling, noise, the first touch."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ class RecordLimits(NamedTuple):
     over the contact time scale; none of these numbers has been varied systematically."""
 
     # sizes
-    wrong_units: float = 20.0  # largest velocity over the striker's, or one over it: refused beyond
+    wrong_units: float = 20.0  # largest signal over the scene's, or one over it: refused beyond
     doubtful_units: float = 3.0  # the same: flagged beyond
     arrived: float = 0.5  # velocity of a wave, or of the striker on its way
     offset: float = 0.02  # velocity at rest: an offset of the instrument
@@ -235,19 +235,25 @@ def _sensors_of(record: Recorded) -> str:
     return ", ".join(channel.name for channel in record.channels)
 
 
-def require_size(record: Recorded, model: np.ndarray, gain_known: np.ndarray) -> None:
-    """Raise UnusableRecord where signals of known gains (m,) are far from the size of the model's
-    (k, m)."""
-    peaks, model_peaks = (np.abs(y).max(axis=0) for y in (record.y, model))
-    for channel, peak, expected, is_known in zip(
-        record.channels, peaks, model_peaks, gain_known, strict=True
-    ):
-        if is_known and not expected / LIMITS.wrong_units < peak < expected * LIMITS.wrong_units:
+def sizes_beside(
+    labels: Sequence[str], units: Sequence[str], data: np.ndarray, model: np.ndarray
+) -> list[str]:
+    """Sentences on signals (k, m) whose size is doubtful beside that of the model's (k, m); raises
+    UnusableRecord for those that cannot be in their units."""
+    doubts = []
+    for label, unit, y, y_model in zip(labels, units, data.T, model.T, strict=True):
+        largest, expected = np.abs(y).max(), np.abs(y_model).max()
+        if not largest > 0.0:
+            raise UnusableRecord(f"{label} is 0 all the time; leave its column out.")
+        ratio = largest / max(expected, 1e-300)
+        sizes = f"{label} reaches {largest:.3g} {unit}, the scene as it is {expected:.3g} {unit}"
+        if not 1 / LIMITS.wrong_units < ratio < LIMITS.wrong_units:
             raise UnusableRecord(
-                f"{record.name}: {channel.name} reaches {peak:.3g}, the scene's model "
-                f"{expected:.3g} in SI units; correct the unit in the record's header, the gain or "
-                "the scene."
+                f"{sizes}; correct the unit in the data's header, the gain or the scene."
             )
+        if not 1 / LIMITS.doubtful_units < ratio < LIMITS.doubtful_units:
+            doubts.append(f"{sizes}: check units, gain and the striker's velocity.")
+    return doubts
 
 
 def trigger_of(record: Recorded, model: np.ndarray, name: str) -> Parameter:

@@ -10,7 +10,7 @@ from pydantic import BaseModel
 
 from workflows.files.record import SYNTHETIC, Record, Recorded
 from workflows.fit.chain_fit import CalibrationResult
-from workflows.fit.judgement import SHARES, Judged, combinations, identifiable, remarks
+from workflows.fit.judgement import SHARES, combinations, identifiable, remarks
 from workflows.fit.model_errors import LEAST_SHARE, NOISE, bar_by_words, shares
 from workflows.fit.signals import Signals
 from workflows.report.tables import LINE, aligned_text
@@ -266,19 +266,8 @@ def _table(rows: list[NumberRow], n_columns: int) -> str:
 
 def inspection_report(result: Inspected, records: tuple[Recorded, ...]) -> InspectionReport:
     """Rows, bars over the records' length, and what there is to be said."""
-    inversion, n = result.inversion, result.n_shared
-    between = result.structure.between
-    judged = Judged(
-        inversion,
-        result.rivals,
-        result.fit,
-        n,
-        result.noise_known,
-        between,
-        result.moved,
-        tuple(record.name for record in records),
-        result.no_wall,
-    )
+    judged = result.judged
+    inversion, n, between = judged.inversion, judged.n_shared, judged.between
     t, bars = judged.bars_by_length()
 
     # gains have no upper bound: their rows show none
@@ -304,7 +293,7 @@ def inspection_report(result: Inspected, records: tuple[Recorded, ...]) -> Inspe
         others=rows[n:],
         correlation=inversion.uncertainty.correlation[:n, :n].tolist(),
         misfit=inversion.misfit.tolist(),
-        noise=[shot.noise.tolist() for shot in result.fit.shots],
+        noise=[shot.noise.tolist() for shot in judged.fit.shots],
         explained=judged.explained,
         record_length_s=t.tolist(),
         two_sigma_by_length={row.name: bars[:, i].tolist() for i, row in enumerate(rows[:n])},

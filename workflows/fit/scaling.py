@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from dem.sensitivities import march_with_sensitivities
 from dem.waves.arrivals import peaks
-from workflows.files.record import Record, UnusableRecord
+from workflows.files.record import Record
 from workflows.fit.parameter import Parameter, Rig
+from workflows.fit.plausibility import sizes_beside
 from workflows.fit.sensed import Channels, sensed
 from workflows.fit.signals import noise_between_waves
 
@@ -23,8 +24,6 @@ from workflows.fit.signals import noise_between_waves
 class SignalLimits(NamedTuple):
     """Numbers of the checks and of the unknown gains; not varied systematically."""
 
-    wrong: float = 20.0  # largest signal over the start model's, or one over it: refused beyond
-    doubtful: float = 3.0  # the same: flagged beyond
     risen: float = 0.3  # of the largest value: the first excursion, which tells the sign
     gain_reach: float = 30.0  # factor from a gain to its bounds
     gain_scale: float = 0.1  # of a gain: a change that counts as large
@@ -69,7 +68,7 @@ def scaled(
         gain[columns] = np.median(sizes) * np.sign(np.sum(signs) or 1.0)
 
     remarks = [
-        *_on_sizes(bare, data, gain * model),
+        *sizes_beside(bare.labels, bare.units, data, gain * model),
         *_on_impulses(momentum, bare, record, data, model),
     ]
     scale = np.abs(gain * model).max(axis=0) / speed
@@ -95,23 +94,6 @@ def scaled(
 def _first_sign(y: np.ndarray) -> float:
     """Sign of the first excursion of a signal (k,)."""
     return float(np.sign(y[(np.abs(y) > LIMITS.risen * np.abs(y).max()).argmax()]))
-
-
-def _on_sizes(channels: Channels, data: np.ndarray, model: np.ndarray) -> Iterator[str]:
-    """Sentences on signals (k, m) that are far from the start model's (k, m); raises UnusableRecord
-    for those that are farther."""
-    for i, label in enumerate(channels.labels):
-        unit, largest = channels.units[i], np.abs(data[:, i]).max()
-        if not largest > 0.0:
-            raise UnusableRecord(f"{label} is 0 all the time; leave its column out.")
-        ratio = largest / np.maximum(np.abs(model[:, i]).max(), 1e-300)
-        sizes = (
-            f"{label} reaches {largest:.3g} {unit}, the scene as it is {largest / ratio:.3g} {unit}"
-        )
-        if not 1 / LIMITS.wrong < ratio < LIMITS.wrong:
-            raise UnusableRecord(f"{sizes}; correct the unit in the data's header, or the gain.")
-        if not 1 / LIMITS.doubtful < ratio < LIMITS.doubtful:
-            yield f"{sizes}: check units, gain and the striker's velocity."
 
 
 def _on_impulses(

@@ -26,6 +26,8 @@ def chain_words(scene: Scene) -> str:
     speed, drop = si(scene.striker.velocity, "m/s"), scene.striker.drop
     leans = "" if scene.wall is None else ", and the last one leans on"
     falls = f"falls {si(drop, 'm')} and " if drop else ""
+    if chain.count == 1 and scene.wall is not None:
+        return f"{row} {falls}moves at {speed} towards"
     return f"{row}: the first one {falls}strikes the row at {speed}{leans}"
 
 

@@ -84,13 +84,15 @@ class Solid(SceneTable):
     and 23, the shear moduli 12, 13 and 23, and `axes`: the direction of 1, and one beside it for 2.
     """
 
-    young: one_or_each(Modulus)  # [Pa]
-    poisson: one_or_each(Ratio12)
-    density: Density  # [kg/m^3]
+    young: one_or_each(Modulus)  # [Pa] Young's modulus, or three of an orthotropic material
+    poisson: one_or_each(Ratio12)  # Poisson's ratio, or those of 12, 13, 23
+    density: Density  # [kg/m^3] mass over volume
     yield_stress: YieldStress | None = None  # [Pa] for a warning
-    shear: Three | None = None  # [Pa]
+    shear: Three | None = None  # [Pa] shear moduli 12, 13, 23
+    # directions of the axis 1 and of one beside it for 2
     axes: Annotated[tuple[Vector, Vector], Field(strict=False)] | None = None
-    expansion: Annotated[float, Field(gt=-1e-3, lt=1e-3)] | None = None  # [1/K] of its length
+    # [1/K] thermal expansion of its length
+    expansion: Annotated[float, Field(gt=-1e-3, lt=1e-3)] | None = None
 
     @property
     def is_isotropic(self) -> bool:
@@ -113,8 +115,9 @@ class Solid(SceneTable):
 class PlateTable(SceneTable):
     """A plate: its outline in its own x-y plane, extruded along z."""
 
-    outline: Annotated[tuple[Point, ...], Field(strict=False, min_length=3)]  # [m]
-    thickness: Size  # [m]
+    # [m] corners in its x-y plane
+    outline: Annotated[tuple[Point, ...], Field(strict=False, min_length=3)]
+    thickness: Size  # [m] along its z
 
 
 class Ringed(SceneTable):
@@ -129,7 +132,7 @@ class Ringed(SceneTable):
 class Holes(SceneTable):
     """Round holes through a plate."""
 
-    diameter: Size  # [m]
+    diameter: Size  # [m] of all these holes
     at: Annotated[tuple[Point, ...], Field(strict=False, min_length=1)]  # x, y in its plane [m]
     rings: Annotated[tuple[Ringed, ...], Field(strict=False)] | None = None  # one a hole
 
@@ -153,9 +156,9 @@ class LinesTable(SceneTable):
     """Grid lines that the hexahedra of a box or a rectangular plate must have, along its own axes;
     between them elements are as large as its seed."""
 
-    x: LinesAlong = ()
-    y: LinesAlong = ()
-    z: LinesAlong = ()
+    x: LinesAlong = ()  # lines of elements across x
+    y: LinesAlong = ()  # lines of elements across y
+    z: LinesAlong = ()  # lines of elements across z
 
 
 class Under(SceneTable):
@@ -176,22 +179,23 @@ class Under(SceneTable):
 class CylinderTable(SceneTable):
     """A cylinder along its own z, or with a `bore` a tube."""
 
-    radius: Size  # [m]
-    length: Size  # [m]
-    bore: of(Annotated[Number, Field(ge=0)], LENGTH, 1e-5, 50) = 0.0  # [m] radius
+    radius: Size  # [m] outer radius
+    length: Size  # [m] along its z
+    bore: of(Annotated[Number, Field(ge=0)], LENGTH, 1e-5, 50) = 0.0  # [m] inner radius of a tube
 
 
 class BodyTable(SceneTable):
     """A body drawn here, or one of the file: what it is made of and how finely it is meshed."""
 
-    material: str | None = None
-    seed: Seed | None = None  # [m]
-    box: Annotated[tuple[Size, Size, Size], Field(strict=False)] | None = None  # [m]
+    material: str | None = None  # a name in [materials], or a named material
+    seed: Seed | None = None  # [m] size of its elements
+    # [m] lengths along x, y, z
+    box: Annotated[tuple[Size, Size, Size], Field(strict=False)] | None = None
     plate: PlateTable | None = None
     cylinder: CylinderTable | None = None
     holes: Holes | None = None
     lines: LinesTable | None = None
-    at: Place3 | None = None  # [m]
+    at: Place3 | None = None  # [m] where its own origin is
     turn: Vector | None = None  # [degrees] about the global x, then y, then z
 
     @property
@@ -234,15 +238,16 @@ class StaticLoad(SceneTable):
     that fit. `stiffness` is the rod's own.
     """
 
-    name: Annotated[str, Field(pattern=r"^\w[\w-]*$")]
-    on: str | None = None  # a face
+    name: Annotated[str, Field(pattern=r"^\w[\w-]*$")]  # by which keys and results call it
+    on: str | None = None  # the face that is pushed, or one end of the rod
     force: of(Number, FORCE, 0, 1e9) | None = None  # [N] spread evenly
-    direction: Vector | None = None
-    body: str | None = None
-    temperature: Annotated[Number, Field(ge=-1000, le=3000)] | None = None  # [K] above
+    direction: Vector | None = None  # of the force; without it, into the face
+    body: str | None = None  # the body that is warmer
+    # [K] above that at which it was made
+    temperature: Annotated[Number, Field(ge=-1000, le=3000)] | None = None
     to: str | None = None  # the face at the rod's other end
-    tension: of(Number, FORCE, 0, 1e9) | None = None  # [N]
-    stiffness: Spring | None = None  # [N/m] E A / L
+    tension: of(Number, FORCE, 0, 1e9) | None = None  # [N] in the rod
+    stiffness: Spring | None = None  # [N/m] of the rod, E A / L
 
     @model_validator(mode="after")
     def _one_kind(self) -> "StaticLoad":
@@ -265,9 +270,9 @@ class StaticLoad(SceneTable):
 class Hold(SceneTable):
     """A face, or parts of it, on the ground in some directions: "z" is a roller."""
 
-    on: str
+    on: str  # a face, "body:-z"
     under: Under | None = None
-    directions: Annotated[str, Field(pattern="^[xyz]{1,3}$")] = "xyz"
+    directions: Annotated[str, Field(pattern="^[xyz]{1,3}$")] = "xyz"  # those that are held
 
 
 EitherHold = Annotated[
@@ -280,10 +285,11 @@ class General(SceneTable):
 
     step: str | None = None  # a STEP file
     mesh: str | None = None  # or a mesh with named volumes, in metres
-    touching: Literal["ask", "tied", "free"] = "ask"
-    gap: of(Positive, LENGTH, 1e-8, 1e-3) = 1e-5  # [m]
+    touching: Literal["ask", "tied", "free"] = "ask"  # what touching pairs are that nothing names
+    gap: of(Positive, LENGTH, 1e-8, 1e-3) = 1e-5  # [m] up to which faces touch
+    # faces on the ground; [] for a structure that floats
     held: Annotated[tuple[EitherHold, ...], Field(strict=False)] | None = None
-    material: str | None = None
+    material: str | None = None  # of bodies that name none
 
     @property
     def file(self) -> str | None:
@@ -304,14 +310,15 @@ class Meshing(SceneTable):
     """Quadratic elements: hexahedra where a body is a box, an extruded outline or a tube, else
     tetrahedra; or "tet" for all. `scale` is a factor on all sizes of elements."""
 
+    # hexahedra where a body allows for them, or tetrahedra everywhere
     element: Literal["hex", "tet"] = "hex"
-    scale: Positive = 1.0
+    scale: Positive = 1.0  # factor on all sizes of elements
 
 
 class Tied(SceneTable):
     """Pairs of touching bodies that stay together where they touch, or under parts of that."""
 
-    between: Pair
+    between: Pair  # the pair, "a|b"
     under: Under | None = None
 
 
@@ -325,18 +332,22 @@ class Bolts(JointStiffnesses):
     shank and bore have in common. `frame` "normal" has z along the bolt.
     """
 
-    name: Annotated[str, Field(pattern=r"^\w[\w-]*$")]
-    between: Pair
+    name: Annotated[str, Field(pattern=r"^\w[\w-]*$")]  # by which keys and results call it
+    between: Pair  # the pair, "a|b"; "a|ground"
+    # [m] "holes" through both, a "thread", or points
     at: (
         Literal["holes", "thread"]
         | Annotated[tuple[Place3, ...], Field(strict=False, min_length=1)]
     ) = "holes"  # or a thread, or points [m]
+    # [m] radius held; of holes their diameter, or a "share" of the face
     washer: of(Positive, LENGTH, 1e-4, 0.3) | Literal["share"] | None = (
         None  # [m] radius; of holes their diameter
     )
+    # how each side is held: rigid (RBE2), or by its mean (RBE3)
     sides: Annotated[
         tuple[Literal["rigid", "mean"], Literal["rigid", "mean"]], Field(strict=False)
     ] = ("rigid", "mean")
+    # axes of the springs: z along the bolt, or the global ones
     frame: Literal["normal", "global"] = "normal"
 
     @model_validator(mode="before")
@@ -363,10 +374,11 @@ class Strike(SceneTable):
     radius to either side along the first axis, or of `nodes`. It makes energy out of nothing and
     serves comparisons alone."""
 
-    on: Annotated[str, Field(pattern=r"^[^:@*#]+[:@].+$")]
+    on: Annotated[str, Field(pattern=r"^[^:@*#]+[:@].+$")]  # the face, "body:+x"; or "body@x,y,z"
+    # [m] from the middle of a plane face, or [x, y, z]
     at: Annotated[tuple[Place, ...], Field(strict=False, min_length=2, max_length=3)] = (0.0, 0.0)
     radius: of(Positive, LENGTH) = 2e-3  # [m] of the patch
-    weights: Literal["hertz", "area", "thesis"] = "hertz"
+    weights: Literal["hertz", "area", "thesis"] = "hertz"  # of the mean over the patch
     # [m] points from the middle of the face whose nearest nodes are read
     nodes: Annotated[tuple[Point, ...], Field(strict=False, min_length=1)] | None = None
     seed: Seed | None = None  # [m] of the elements there; twice the radius
@@ -398,11 +410,11 @@ class MeasuredMode(SceneTable):
     """A measured mode and what identifies it: a body's motion ("x", "x+ry", "strain"), its number,
     or a file of measured shapes (.uff), whose MAC with the modes of the assembly is computed."""
 
-    hz: Frequency  # [Hz]
-    body: str | None = None
-    motion: str | None = None
-    number: Annotated[int, Field(ge=1, le=200)] | None = None
-    shape: str | None = None
+    hz: Frequency  # [Hz] measured frequency
+    body: str | None = None  # the body whose motion tells the mode
+    motion: str | None = None  # of that body: "x", "x+ry", "strain"
+    number: Annotated[int, Field(ge=1, le=200)] | None = None  # of the mode, in place of a motion
+    shape: str | None = None  # file of measured shapes (.uff), in place of a motion
     title: str | None = None  # what tables call it; body and motion
 
     @model_validator(mode="after")

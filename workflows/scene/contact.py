@@ -25,9 +25,11 @@ class ContactTable(SceneTable):
     about 1.6 times the softer material's yield stress, which then stays; craters remain.
     """
 
-    law: Literal["hertz", "thornton"] = "hertz"
+    law: Literal["hertz", "thornton"] = "hertz"  # force over overlap
     yield_pressure: one_or_each(YieldPressure) | None = None  # [Pa] one per contact, as those below
+    # damping of the contacts
     dissipation: Literal["none", "linear", "linear-clipped", "hunt-crossley"] = "hunt-crossley"
+    # of the damping, [s/m] of hunt-crossley; one per contact
     coefficient: one_or_each(NonNegative) = 0.0
     stiffness_factor: one_or_each(Positive) = 1.0  # one per contact, the last at the wall
 

@@ -17,11 +17,11 @@ from workflows.scene.units import (
 class Mesh(SceneTable):
     """Quadratic elements; `seed` is their size in the sheets, `contact_seed` at the patch."""
 
-    element: Literal["hex", "tet"] = "hex"
-    seed: Seed = 6e-3  # [m]
-    block_seed: Seed = 20e-3  # [m]
-    support_seed: Seed = 60e-3  # [m]
-    contact_seed: Seed = 5e-3  # [m]
+    element: Literal["hex", "tet"] = "hex"  # hexahedra, or tetrahedra
+    seed: Seed = 6e-3  # [m] in the sheets
+    block_seed: Seed = 20e-3  # [m] in the block
+    support_seed: Seed = 60e-3  # [m] in the parts below
+    contact_seed: Seed = 5e-3  # [m] at the patch
     scale: Positive = 1.0  # factor on all sizes of elements
     file: str | None = None  # a mesh of one's own, with the names of ours
 

@@ -95,23 +95,24 @@ DIMENSIONS = {  # m: the default, where it comes from, what it is
 class Steel(SceneTable):
     """The material of a body, where it differs from the assembly's."""
 
-    young: Modulus | None = None  # [Pa]
-    poisson: Compressible | None = None
-    density: Density | None = None  # [kg/m^3]
+    young: Modulus | None = None  # [Pa] Young's modulus of the part
+    poisson: Compressible | None = None  # Poisson's ratio of the part
+    density: Density | None = None  # [kg/m^3] of the part
 
 
 class _Rig(SceneTable):
     parts: Annotated[tuple[Literal[PARTS], ...], Field(strict=False)] = PARTS  # type: ignore[valid-type]
-    young: Modulus = 210e9  # [Pa]
-    poisson: Compressible = 0.3
-    density: Density = 7850.0  # [kg/m^3]
+    young: Modulus = 210e9  # [Pa] Young's modulus of all parts
+    poisson: Compressible = 0.3  # Poisson's ratio of all parts
+    density: Density = 7850.0  # [kg/m^3] of all parts
     block: Steel | None = None
     sheets: Steel | None = None
     sheets_support: Steel | None = None
     support: Steel | None = None
     plate: Steel | None = None
+    # what joins the sheets: ties, tied screws, or springs (wires)
     constraint: Literal["full-tie", "screw-tie", "wires"] = "full-tie"
-    fixing: Literal["flat", "corners", "bolted"] = "flat"
+    fixing: Literal["flat", "corners", "bolted"] = "flat"  # how the plate is held
 
     def written_out(self, scene: Scene) -> Scene:
         """The scene of this rig, written in bodies."""

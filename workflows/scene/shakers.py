@@ -22,7 +22,7 @@ MOST_CYCLES = 100  # of the slowest shaker in a common period
 class Shaker(SceneTable):
     """Moves the wall by amplitude cos(2 pi frequency t + phase), t = 0 when the striker arrives."""
 
-    name: Annotated[str, Field(pattern=r"^\w[\w-]*$", max_length=50)]
+    name: Annotated[str, Field(pattern=r"^\w[\w-]*$", max_length=50)]  # by which keys call it
     on: str  # what it moves: "wall", all of a wall of a few numbers
     at: Point | None = None  # [m] on a face; with on = "wall" there is none
     # "y", "z", or a vector in their plane, which is that of the wall

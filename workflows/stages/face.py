@@ -73,12 +73,14 @@ class StruckFace:
     """
 
     def __init__(self, scene: Scene, mesh: Parts | None = None) -> None:
+        table = "patch" if scene.of_dimensions else "strike"
         scene = scene.written_out
         strike = scene.strike
         if strike is not None and (strike.weights == "thesis" or strike.nodes):
-            key = "nodes" if strike.nodes else 'weights = "thesis"'
+            key = f"{table}.nodes" if strike.nodes else f'{table}.weights = "thesis"'
             raise InvalidScene(
-                f'{key} of the patch are nodes of the mesh; a scan takes weights "hertz" or "area".'
+                f'{key} is bound to nodes of the mesh; a scan takes {table}.weights "hertz" or '
+                '"area".'
             )
         loose = [f"joints.{name}" for name, table in scene.springs.items() if table.dashpots]
         if loose:

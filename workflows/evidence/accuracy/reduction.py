@@ -130,10 +130,11 @@ def reduction(scene: Scene, progress: Progress) -> Finding:
             "joints have dashpots, which this study would leave out of the responses it compares; "
             "set joints.head.cx .. joints.foot.crz to 0."
         )
-    if scene.patch and scene.patch.weights == "thesis":
+    strike = scene.written_out.strike
+    if strike and strike.weights == "thesis":
         raise InvalidScene(
-            'patch.weights = "thesis" is read elsewhere than it is pushed, which no number of '
-            'modes corrects; take "hertz" or "area".'
+            'the patch with weights = "thesis" is read elsewhere than it is pushed, which no '
+            'number of modes corrects; take "hertz" or "area".'
         )
     run = pipeline_of(scene, progress, REFERENCE)
     model, patch = run("model"), run("contact")

@@ -70,7 +70,7 @@ def inspected() -> Iterator[Comparison]:
         scene = base_of(SCENE | tables, ())
         record = _record(scene.with_values(truth))
         request = InspectionRequest(",".join(truth), starts=4)
-        fit = inspection(scene, (record,), request, quiet).inversion
+        fit = inspection(scene, (record,), request, quiet).judged.inversion
         # the fit's trigger and velocity come behind the keys that it was asked for
         for i, (key, true) in enumerate(truth.items()):
             name = f"{key} [{fit.parameters[i].unit}]"
