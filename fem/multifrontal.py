@@ -69,7 +69,7 @@ class Front(NamedTuple):
         return L11, L21.reshape((len(self.boundary), k), order="F")
 
 
-class Plan(NamedTuple):
+class Elimination(NamedTuple):
     """The order of elimination, and its fronts."""
 
     order: NDArray[np.int64]  # (n,) unknown at each position
@@ -155,7 +155,7 @@ class Cholesky:
         return x.reshape(b.shape)
 
 
-def plan(groups: Groups) -> Plan:
+def plan(groups: Groups) -> Elimination:
     """The order of elimination of a symmetric matrix's unknowns, and its fronts."""
     (graph, group), weight = groups, groups.weight
     domains = nested_dissection(graph, weight)
@@ -180,7 +180,7 @@ def plan(groups: Groups) -> Plan:
         fronts.append(Front(int(ends[first]), int(ends[end]), boundary, children))
         ancestors.append(later)
         first = end
-    return Plan(np.argsort(rank[group], kind="stable"), fronts)
+    return Elimination(np.argsort(rank[group], kind="stable"), fronts)
 
 
 def extend_add(

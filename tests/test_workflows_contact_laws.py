@@ -96,3 +96,13 @@ def test_stiffness_and_exponent_are_parameters_with_exact_derivatives():
         step = 1e-6 * theta * (np.arange(2) == j)
         difference = (march(theta + step).v - march(theta - step).v) / (2 * step[j])
         assert np.abs(exact[..., j] - difference).max() < 1e-5 * np.abs(difference).max()
+
+
+def test_the_file_of_a_force_is_looked_for_beside_the_scene(tmp_path, monkeypatch):
+    (tmp_path / "force.csv").write_text("overlap,force\n0,0\n1e-6,4\n3e-6,30\n")
+    (tmp_path / "own.toml").write_text(
+        '[chain]\ncount = 3\nradius = 0.01\nmaterial = "steel"\n[striker]\nvelocity = 0.1\n'
+        '[contact]\nlaw = "table"\nfile = "force.csv"\n'
+    )
+    monkeypatch.chdir("/")
+    assert scene(tmp_path / "own.toml").contact.file == str(tmp_path / "force.csv")

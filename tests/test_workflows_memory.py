@@ -21,7 +21,7 @@ GB = 1e9
     [
         ("hex", 2, 6e-3, 0.1),
         ("hex", 1, 1.5e-3, 0.1),
-        ("hex", 0.7, 4e-3, 0.1),
+        ("hex", 0.7, 4e-3, 0.12),  # rings of elements around the screws are not counted
         ("tet", 2, 6e-3, 0.3),
     ],
 )

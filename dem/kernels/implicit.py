@@ -179,7 +179,7 @@ def implicit_step(
     share = 1.0
     for _ in range(200):
         new_norm = imbalance(
-            dt, f, chain, chain.shape, chain.load, chain.residual, chain.damping, states, newton
+            dt, f, chain, chain.shape, chain.load, chain.residual, chain.damping, (states, newton)
         )
         if new_norm >= norm and share > 1e-9:
             share *= 0.5
@@ -202,10 +202,10 @@ def implicit_step(
 @ieee_inline
 def imbalance(
     dt: float, f: Array, chain: ChainArrays, shape: Shape | None, load: Array | None,
-    residual: float | None, damping: Damping | None, states: StepStates, newton: Newton,
+    residual: float | None, damping: Damping | None, room: tuple[StepStates, Newton],
 ) -> float:  # fmt: skip
     """Fill forces, slopes and what the equations miss at the positions at the end; its square."""
-    x0, x1, free, compliance, speed = states
+    (x0, x1, free, compliance, speed), newton = room
     n = x0.size - 1
     per_dt = 1.0 / dt  # a division in every contact would be half the price of the damping
     for i in range(chain.A.size):

@@ -100,7 +100,7 @@ def contact(
     A, gamma = stiffnesses[i], gammas[i]
     d = max(gap, 0.0) if s == 0.0 else elastic_indentation(i, gap, s, stiffnesses, shape)
     if shape is not None:
-        shaped_contact(d, rate, A, gamma, s, i, shape.exponent, shape.table, f)
+        shaped_contact(d, rate, (A, gamma), s, i, shape.exponent, shape.table, f)
         return
     root = math.sqrt(d)
     soft = 1.0 / (1.0 + 1.5 * s * A * root)
@@ -117,11 +117,12 @@ def contact(
 
 @fastmath
 def shaped_contact(
-    d: float, rate: float, A: float, gamma: float, s: float, i: int, exponent: Array | None,
-    table: ForceTable, f: Array,
+    d: float, rate: float, factors: tuple[float, float], s: float, i: int,
+    exponent: Array | None, table: ForceTable, f: Array,
 ) -> None:  # fmt: skip
     """`contact` of a force A phi(d) with the stiffness k and its derivative k' by d: the overlap
-    follows the gap by soft = 1 / (1 + s k), the damper acts by gamma soft^2."""
+    follows the gap by soft = 1 / (1 + s k), the damper acts by gamma soft^2; factors A, gamma."""
+    A, gamma = factors
     phi, slope = shape_force(i, d, exponent, table), shape_slope(i, d, exponent, table)
     bend = A * shape_bend(i, d, exponent, table)
     soft = 1.0 / (1.0 + s * A * slope)

@@ -137,7 +137,7 @@ class Holes(SceneTable):
     rings: Annotated[tuple[Ringed, ...], Field(strict=False)] | None = None  # one a hole
 
 
-class Line(SceneTable):
+class LineTable(SceneTable):
     """A grid line, the size of the elements beside it and that of each next one over it."""
 
     at: Place  # [m] where the line is
@@ -146,7 +146,7 @@ class Line(SceneTable):
 
 
 EitherLine = Annotated[
-    Annotated[Place, Tag("number")] | Annotated[Line, Tag("table")],
+    Annotated[Place, Tag("number")] | Annotated[LineTable, Tag("table")],
     Discriminator(lambda value: "number" if isinstance(value, int | float | str) else "table"),
 ]
 LinesAlong = Annotated[tuple[EitherLine, ...], Field(strict=False)]
@@ -161,7 +161,7 @@ class LinesTable(SceneTable):
     z: LinesAlong = ()  # lines of elements across z
 
 
-class Under(SceneTable):
+class UnderTable(SceneTable):
     """Parts of a plane face: discs of a radius, or rectangles, around points of it."""
 
     at: Annotated[tuple[Place3, ...], Field(strict=False, min_length=1)]  # [m] middles
@@ -170,7 +170,7 @@ class Under(SceneTable):
     sides: Annotated[tuple[Size, Size], Field(strict=False)] | None = None
 
     @model_validator(mode="after")
-    def _one_form(self) -> "Under":
+    def _one_form(self) -> "UnderTable":
         if (self.radius is None) == (self.sides is None):
             raise ValueError("under needs the radius of discs or the sides of rectangles: give one")
         return self
@@ -271,7 +271,7 @@ class Hold(SceneTable):
     """A face, or parts of it, on the ground in some directions: "z" is a roller."""
 
     on: str  # a face, "body:-z"
-    under: Under | None = None
+    under: UnderTable | None = None
     directions: Annotated[str, Field(pattern="^[xyz]{1,3}$")] = "xyz"  # those that are held
 
 
@@ -319,7 +319,7 @@ class Tied(SceneTable):
     """Pairs of touching bodies that stay together where they touch, or under parts of that."""
 
     between: Pair  # the pair, "a|b"
-    under: Under | None = None
+    under: UnderTable | None = None
 
 
 class Bolts(JointStiffnesses):

@@ -85,6 +85,10 @@ def resolved(tables: dict[str, Any], source: str, folder: Path = Path()) -> Scen
     # paths of files, from the folder of the scene
     if isinstance(scene.wall, RomWall) and scene.wall.file:
         added["wall"] = scene.wall.model_copy(update={"file": str(folder / scene.wall.file)})
+    if scene.contact and scene.contact.file:
+        added["contact"] = scene.contact.model_copy(
+            update={"file": str(folder / scene.contact.file)}
+        )
     for name, key in (("mesh", "file"), ("assembly", "step"), ("assembly", "mesh")):
         if file := getattr(added.get(name), key, None):
             added[name] = added[name].model_copy(update={key: str(folder / file)})

@@ -25,7 +25,7 @@ from geometry.solids import Body, require_size
 from workflows.files.mesh import volumes_of
 from workflows.files.step import require_step
 from workflows.scene import InvalidScene, Scene
-from workflows.scene.bodies import GROUND, SHARE, Solid, Under
+from workflows.scene.bodies import GROUND, SHARE, Solid, UnderTable
 from workflows.scene.shapes import grid_lines, shapes
 from workflows.scene.size import too_large_mesh
 from workflows.stages.parts import GMSH_NEEDS, STRIKE, Parts
@@ -127,7 +127,7 @@ def words(scene: Scene) -> Words:
     )
 
 
-def _under(table: Under) -> geometry.joints.Under:
+def _under(table: UnderTable) -> geometry.joints.Under:
     return geometry.joints.Under(table.at, table.radius, table.sides)
 
 

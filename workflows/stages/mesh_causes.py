@@ -40,7 +40,7 @@ class Cause(NamedTuple):
     remedy: str  # what helps besides smaller elements
 
 
-class Place(NamedTuple):
+class ErrorPlace(NamedTuple):
     """Elements of a body that one cause makes miss energy."""
 
     body: str
@@ -73,15 +73,15 @@ def causes(mesh: Parts, missed: Mapping[str, NDArray[np.float64]]) -> tuple[Caus
         body, _, name = face.partition(":")
         return body, touching(body, mesh.meshes[body].facets[:, mesh.meshes[body].boundaries[name]])
 
-    places += [Place(*at(face), words, True, remedy) for face, words, remedy in faces]
+    places += [ErrorPlace(*at(face), words, True, remedy) for face, words, remedy in faces]
     for body, one in mesh.meshes.items():
         inner = touching(body, inner_edges(one))
-        places.append(Place(body, inner, f"at sharp inner edges of {body}", True, "a fillet"))
-    places += [Place(*at(face), words, True, remedy) for face, words, remedy in held]
+        places.append(ErrorPlace(body, inner, f"at sharp inner edges of {body}", True, "a fillet"))
+    places += [ErrorPlace(*at(face), words, True, remedy) for face, words, remedy in held]
     for body, one in mesh.meshes.items():
         words = f"in parts of {body} that are one element thick"
-        places.append(Place(body, one_thick(one), words))
-        places.append(Place(body, np.ones(one.nelements, bool), f"within {body}"))
+        places.append(ErrorPlace(body, one_thick(one), words))
+        places.append(ErrorPlace(body, np.ones(one.nelements, bool), f"within {body}"))
 
     energy = np.zeros((len(places), next(iter(missed.values())).shape[1]))
     for body, of_cells in missed.items():

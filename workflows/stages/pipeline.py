@@ -93,7 +93,11 @@ def _targets(scene: Scene) -> Any:
 
 
 def _dimensions(scene: Scene) -> Any:
-    return [tables_of(*BODIES, "mesh")(scene), content(scene.assembly.file)]
+    tables = tables_of(*BODIES, "mesh")(scene)
+    if scene.strike and any(body.lines for body in (scene.bodies or {}).values()):
+        # grid lines are prescribed: the mesh does not depend on the patch
+        tables |= {"strike": [scene.strike.on, scene.strike.at]}
+    return [tables, content(scene.assembly.file)]
 
 
 def content(path: str | Path | None) -> str | None:

@@ -89,7 +89,7 @@ def look(
 
 
 @dataclass(frozen=True, repr=False)
-class Modes:
+class ModesOfScene:
     """Modes of an assembly: `table.rows` one by one, `data` as arrays, `plot()` their MAC."""
 
     scene: Scene
@@ -131,7 +131,7 @@ def modes(
     out: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
-) -> Modes:
+) -> ModesOfScene:
     """Frequencies beside measured ones, MAC, participation at the contact (`beadwave modes`).
 
     `out` is a folder for the picture of the MAC matrix. Raises InvalidScene for bad input or a
@@ -143,7 +143,7 @@ def modes(
     from workflows.structure.mode_table import mode_table
 
     pipeline = pipeline_of(chosen, progress)
-    result = Modes(chosen, mode_table(pipeline), pipeline)
+    result = ModesOfScene(chosen, mode_table(pipeline), pipeline)
     if folder:
         write_pictures(folder, (result.plot(),))
     return result

@@ -1,0 +1,220 @@
+"""Frequency responses from the hits of a hammer test, with what spoils a hit found and named.
+
+Of n hits at one point, with force spectra F and response spectra X,
+
+    H1 = sum X F* / sum F F*,   H2 = sum X X* / sum F X*,   Hv = sqrt(H1 H2)
+
+noise in the response leaves H1 unbiased, noise in the force H2. Records begin at the pulse: there
+the discrete Fourier transform of a ring-down that is cut off at T is, at the lines of 1 / T, still
+
+    sum R (1 - exp(lambda T)) / (i omega - lambda)
+
+so that a record too short for the decay scales residues and moves no pole (no leakage). The
+exponential window exp(-a t) on force and response shifts every pole by -a exactly, as it turns
+x = h * f into (h w) * (f w); the shift is handed on with the responses.
+
+Ewins, Modal Testing (2000), sec. 3.8 and 3.9; Rocklin, Crowley, Vold, Proc. 3rd IMAC (1985), of Hv.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+ESTIMATORS = ("H1", "H2", "Hv")
+
+
+class Hits(NamedTuple):
+    """Time records of n hits or ring-downs at k instants."""
+
+    dt: float  # [s]
+    force: NDArray[np.float64] | None  # (n, k) [N]; None for ring-downs
+    response: NDArray[np.float64]  # (n, m, k) of m sensors
+    point: NDArray[np.int64]  # (n,) which point was hit
+    sensors: tuple[str, ...]  # (m,)
+    title: str
+
+
+class HitChecks(NamedTuple):
+    """What a usable hit is, and the windows put on it."""
+
+    second_impulse: float = (
+        0.03  # of the impulse, in a later pulse: a double hit; 0.02 to 0.1 alike
+    )
+    flat: int = 4  # samples at exactly the largest magnitude: an overload; 2 or 3 may be chance
+    noise: float = 6.0  # standard deviations above which a pulse stands clear of a force's noise
+    force_width: float = 3.0  # pulse widths after the onset at which the force window ends
+    decay: float | None = None  # exponential window at the record's end; None: no window
+
+
+class FrequencyResponses(NamedTuple):
+    """Responses of p points hit and m sensors at f lines; of ring-downs p are the sensors and m the
+    records, and H has the unit of the record times seconds."""
+
+    frequency_hz: NDArray[np.float64]  # (f,)
+    H: NDArray[np.complex128]  # (p, m, f)
+    coherence: NDArray[np.float64] | None  # (p, m, f); None where no point has two hits
+    deletions: list[
+        NDArray[np.complex128]
+    ]  # p of (n_hits, m, f): H without each of its hits, less H
+    halves: NDArray[np.complex128] | None  # (2, p, m, f) of every other hit
+    points: NDArray[np.int64]  # (p,)
+    shift: float  # [1/s] by which the exponential window has moved every pole to the left
+    remarks: tuple[str, ...]  # hits left out, and why
+
+
+def frequency_responses(
+    hits: Hits, estimator: str = "H1", checks: HitChecks = HitChecks()
+) -> FrequencyResponses:
+    """Frequency responses of the hits that are usable.
+
+    Raises ValueError where no hit is usable, and for records with NaN or without a pulse.
+    """
+    if estimator not in ESTIMATORS:
+        raise ValueError(f"estimator {estimator!r} must be one of {', '.join(ESTIMATORS)}")
+    if not np.isfinite(hits.response).all() or not (
+        hits.force is None or np.isfinite(hits.force).all()
+    ):
+        raise ValueError("the records hold NaN or inf; remove those hits or measure again")
+    if hits.force is None:
+        return ring_down_spectra(hits, checks)
+
+    # onset and width of every pulse, and why a hit is left out
+    n, k = hits.force.shape
+    usable, onset, width, remarks = np.ones(n, bool), np.zeros(n, int), np.ones(n, int), []
+    sign = np.sign(hits.force[np.arange(n), np.abs(hits.force).argmax(axis=1)])
+    for i, f in enumerate(hits.force * sign[:, None]):
+        peak = int(f.argmax())
+        noise = 1.4826 * np.median(np.abs(f - np.median(f)))
+        reason = None
+        if f[peak] <= 0 or f[peak] < checks.noise * noise:
+            reason = "no pulse in the force"
+        elif peak > 0.9 * k:
+            reason = "the pulse comes at the record's end: the trigger is late"
+        if reason is None:
+            low = np.flatnonzero(f[:peak] < max(0.02 * f[peak], 3 * noise))
+            high = np.flatnonzero(f[peak:] < max(0.02 * f[peak], 3 * noise))
+            onset[i] = low[-1] if len(low) else 0
+            end = peak + (high[0] if len(high) else k - peak)
+            width[i] = end - onset[i]
+            reason = hit_defect(f, onset[i], width[i], noise, hits.response[i], checks)
+        if reason:
+            usable[i] = False
+            remarks.append(f"hit {i + 1} at point {hits.point[i]} is left out: {reason}")
+    if not usable.any():
+        raise ValueError(f"no hit is usable ({remarks[0]})")
+
+    # records from the onset on, all of one length, the force cleared of noise behind its pulse
+    used = np.flatnonzero(usable)
+    length = int(k - onset[used].max())
+    ramp = np.arange(length)
+    a = 0.0 if checks.decay is None else -np.log(checks.decay) / (length * hits.dt)
+    decay = np.exp(-a * hits.dt * ramp)
+    F, X = [], []
+    for i in used:
+        end = checks.force_width * width[i]
+        window = np.clip(1 - (ramp - end) / max(end / 4, 1.0), 0, 1)
+        F.append(np.fft.rfft(hits.force[i, onset[i] : onset[i] + length] * window * decay))
+        X.append(np.fft.rfft(hits.response[i, :, onset[i] : onset[i] + length] * decay))
+    F, X = np.array(F), np.array(X)
+
+    # point by point: H of all hits, of all but one, and of every other one
+    points = np.unique(hits.point[used])
+    remarks += [f"point {p} has no usable hit" for p in np.setdiff1d(hits.point, points)]
+    H, coherence, deletions, halves = [], [], [], []
+    for point in points:
+        rows = np.flatnonzero(hits.point[used] == point)
+        f, x = F[rows], X[rows]
+        response, squared_coherence = estimate(f, x, estimator)
+        H.append(response)
+        coherence.append(squared_coherence)
+        if len(rows) > 1:
+            each = [np.arange(len(rows)) != h for h in range(len(rows))]
+            deletions.append(
+                np.array([estimate(f[w], x[w], estimator)[0] - response for w in each])
+            )
+            halves.append([estimate(f[h::2], x[h::2], estimator)[0] for h in (0, 1)])
+        else:
+            deletions.append(np.empty((0, *response.shape), complex))
+            halves.append([response, response])
+    repeated = any(len(d) for d in deletions)
+    return FrequencyResponses(
+        np.arange(F.shape[1]) / (length * hits.dt), np.array(H),
+        np.array(coherence) if repeated else None, deletions,
+        np.array(halves).swapaxes(0, 1) if repeated else None, points, float(a), tuple(remarks),
+    )  # fmt: skip
+
+
+def hit_defect(
+    force: NDArray[np.float64],
+    onset: int,
+    width: int,
+    noise: float,
+    response: NDArray[np.float64],
+    checks: HitChecks,
+) -> str | None:
+    """Why a hit cannot be used: an overload, a double hit, a force that rings; else None."""
+    for name, record in (("force", force[None]), ("response", response)):
+        for row in np.abs(record):
+            if np.count_nonzero(row >= row.max() * (1 - 1e-9)) >= checks.flat and row.any():
+                return f"overload of the {name}"
+
+    # sums over windows as wide as the pulse, behind it; those of noise grow with sqrt(width)
+    impulse = force[onset : onset + width].sum()
+    behind = np.convolve(force[onset + width :], np.ones(width), "valid")
+    least = max(checks.second_impulse * impulse, checks.noise * noise * np.sqrt(width))
+    if behind.size and np.count_nonzero(np.abs(behind) > least) > behind.size / 10:
+        return "the force rings on: force and response are swapped, or the force has an offset"
+    if behind.size and behind.max() > least:
+        return f"double hit, {width + int(np.argmax(behind > least))} samples behind the first"
+    return None
+
+
+def estimate(
+    F: NDArray[np.complex128], X: NDArray[np.complex128], estimator: str
+) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+    """H (m, f) and coherence (m, f) of hits with spectra F (n, f) and X (n, m, f)."""
+    S_ff = np.sum(np.abs(F) ** 2, axis=0)
+    S_xx = np.sum(np.abs(X) ** 2, axis=0)
+    S_xf = np.sum(X * F.conj()[:, None], axis=0)
+    tiny = np.finfo(float).tiny
+    coherence = np.abs(S_xf) ** 2 / np.maximum(S_ff * S_xx, tiny)
+    H1 = S_xf / np.maximum(S_ff, tiny)
+    if estimator == "H1":
+        return H1, coherence
+    ratio = 1 / np.maximum(coherence, tiny)  # H2 / H1
+    return H1 * (ratio if estimator == "H2" else np.sqrt(ratio)), coherence
+
+
+def ring_down_spectra(hits: Hits, checks: HitChecks) -> FrequencyResponses:
+    """Spectra of ring-downs from their largest sample on, sensors as points, records as references.
+
+    A free decay is sum phi_i c_i exp(lambda_i t): its transform has the poles of a frequency
+    response, and what each record excites takes the place of the participation of a reference.
+    """
+    k = hits.response.shape[2]
+    usable, remarks = [], []
+    for i, x in enumerate(hits.response):
+        size = np.abs(x) / np.maximum(np.abs(x).max(axis=1, keepdims=True), np.finfo(float).tiny)
+        top = int(size.max(axis=0).argmax())
+        at_top = np.count_nonzero(size > 1 - 1e-9, axis=1)
+        if not x.any():
+            remarks.append(f"record {i + 1} is left out: it is zero")
+        elif at_top.max() >= checks.flat:
+            remarks.append(f"record {i + 1} is left out: overload")
+        elif top > 0.5 * k:
+            remarks.append(f"record {i + 1} is left out: its largest sample is in its second half")
+        else:
+            usable.append((i, top))
+    if not usable:
+        raise ValueError(f"no record is usable ({remarks[0]})")
+    length = k - max(top for _, top in usable)
+    a = 0.0 if checks.decay is None else -np.log(checks.decay) / (length * hits.dt)
+    decay = np.exp(-a * hits.dt * np.arange(length))
+    X = np.array([np.fft.rfft(hits.response[i, :, t : t + length] * decay) for i, t in usable])
+    H = hits.dt * X.swapaxes(0, 1)
+    return FrequencyResponses(
+        np.arange(H.shape[2]) / (length * hits.dt), H, None,
+        [np.empty((0, *h.shape), complex) for h in H], None,
+        np.arange(1, len(H) + 1), float(a), tuple(remarks),
+    )  # fmt: skip

@@ -1,0 +1,105 @@
+"""A hammer test computed from a seed, with the defects of real ones, and the truth beside it.
+
+A structure of random modes is hit at every point several times (roving hammer), a few sensors
+record. Each mode's response to a pulse that is linear between samples is exact:
+
+    x(t) = sum_i phi_i c_i q_i(t),   q'' + 2 zeta omega q' + omega^2 q = f(t)
+
+Defects: noise in force and response, records shorter than the decay (leakage), double hits,
+overloads, hits off their direction, sensors that read across their axis, two modes 1 % apart.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import cont2discrete, lfilter
+
+from fem.hits import Hits
+
+
+class HammerDefects(NamedTuple):
+    """What is wrong with a synthetic test."""
+
+    noise: float = 0.02  # rms over that of the channel's record
+    double: float = 0.1  # share of the hits that are double
+    overload: float = 0.1  # share of the hits with a clipped response
+    cross: float = 0.03  # share of the other sensors' signals in a sensor, and of a side hit
+    close: float = 0.01  # relative distance of the two closest modes
+
+
+class SyntheticTest(NamedTuple):
+    """Records and what they were made of; shapes are at the points hit."""
+
+    hits: Hits
+    frequency_hz: NDArray[np.float64]  # (n,) of the modes within the band
+    zeta: NDArray[np.float64]  # (n,)
+    phi: NDArray[np.float64]  # (p, n)
+    spoiled: NDArray[np.bool_]  # (hits,) double or clipped
+    band_hz: tuple[float, float]
+
+
+def synthetic_hits(
+    seed: int,
+    defects: HammerDefects = HammerDefects(),
+    *,
+    points: int = 12,
+    references: int = 3,
+    repeats: int = 5,
+    modes: int = 8,
+    duration: float = 2.0,
+) -> SyntheticTest:
+    """Records of `duration` [s] with `modes` modes between 80 and 850 Hz, of damping ratios 0.2 to
+    2 % (the larger at lower frequencies), one of them `close` to another, and two modes above."""
+    rng = np.random.default_rng(seed)
+    rate, band = 4096.0, (40.0, 950.0)
+    dt, k = 1 / rate, round(duration * rate)
+
+    # apart by their number of bandwidths, then one more close above one of them
+    f = np.linspace(90.0, 820.0, modes - 1) * (1 + rng.uniform(-0.04, 0.04, modes - 1))
+    i = int(rng.integers(modes - 1))
+    f = np.sort([*f, f[i] * (1 + defects.close), 1150.0, 1400.0])
+    zeta = np.exp(rng.uniform(np.log(0.002), np.log(0.02), len(f))) * np.minimum(1, 250 / f)
+    zeta = np.maximum(zeta, 0.002)
+    phi, side = rng.normal(size=(2, points, len(f)))
+    at_sensors = phi[rng.choice(points, references, replace=False)]
+    mixing = np.eye(references) + defects.cross * rng.uniform(-1, 1, (references, references))
+
+    # a second order system for each mode: force to acceleration, exact between samples
+    filters = []
+    for w, z in zip(2 * np.pi * f, zeta, strict=True):
+        b, a, _ = cont2discrete(([1.0, 0, 0], [1.0, 2 * z * w, w**2]), dt, method="foh")
+        filters.append((b.ravel(), a))
+
+    t, force, response, point, spoiled = np.arange(k) * dt, [], [], [], []
+    for p in range(points):
+        for _ in range(repeats):
+            start, width = rng.uniform(0.01, 0.02), rng.uniform(0.8e-3, 1.2e-3)
+            pulse = sin_squared(t - start, width) * rng.uniform(50, 150)
+            is_double, is_clipped = rng.random(2) < (defects.double, defects.overload)
+            if is_double:
+                later = start + rng.uniform(4e-3, 30e-3)
+                pulse += pulse.max() * rng.uniform(0.2, 0.6) * sin_squared(t - later, width)
+            hit = phi[p] + defects.cross * rng.uniform(-1, 1) * side[p]
+            q = np.array([lfilter(b, a, pulse) for b, a in filters])
+            x = mixing @ ((at_sensors * hit) @ q)
+            noise = rng.normal(size=(1 + references, k)) * defects.noise
+            pulse = pulse + noise[0] * np.sqrt(np.mean(pulse**2))
+            x = x + noise[1:] * np.sqrt(np.mean(x**2, axis=1, keepdims=True))
+            if is_clipped:
+                x = np.clip(x, *(0.6 * np.abs(x).max() * np.array([-1, 1])))
+            force.append(pulse)
+            response.append(x)
+            point.append(p + 1)
+            spoiled.append(is_double or is_clipped)
+    inside = f < band[1]
+    hits = Hits(
+        dt, np.array(force), np.array(response), np.array(point),
+        tuple(f"sensor {r + 1}" for r in range(references)), "SYNTHETIC: computed, not measured",
+    )  # fmt: skip
+    return SyntheticTest(hits, f[inside], zeta[inside], phi[:, inside], np.array(spoiled), band)
+
+
+def sin_squared(t: NDArray[np.float64], width: float) -> NDArray[np.float64]:
+    """The pulse sin^2(pi t / width) for 0 < t < width, else 0."""
+    return np.where((t > 0) & (t < width), np.sin(np.pi * t / width) ** 2, 0.0)
