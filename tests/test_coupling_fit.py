@@ -87,11 +87,12 @@ def test_a_rig_has_its_parameters_and_their_directions():
     np.testing.assert_allclose(at.wall.phi**-2, 0.8)
     np.testing.assert_allclose(at.wall.zeta, 0.05 + 0.7 * 0.01)
     given = directions(rig, parameters, theta)
+    assert not np.any(given.exponent)  # Hertz' law has none
     for j, p in enumerate(parameters):
         h = 1e-5 * p.start * np.eye(len(parameters))[j]
         pairs = zip(numbers(theta + h), numbers(theta - h), strict=True)
         numeric = [(np.asarray(b) - a) / (2 * h[j]) for b, a in pairs]
-        for result, exact in zip(given, numeric, strict=True):
+        for result, exact in zip(given[: len(numeric)], numeric, strict=True):
             np.testing.assert_allclose(result.reshape(-1, 8)[:, j], exact, rtol=1e-7, atol=1e-9)
 
 

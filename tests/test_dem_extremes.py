@@ -18,7 +18,7 @@ from dem import (
     rigid_wall,
     row_of_spheres,
 )
-from dem.chain import LAWS
+from dem.kernels.laws import DAMPING_LAWS
 from dem.spheres import time_scale
 from dem.trajectory import run as run_of_chain
 
@@ -136,7 +136,7 @@ def test_random_chains_reach_the_error_asked_for(seed):
 def any_scene(seed):
     """Chain, wall, velocities and what is asked of the march, of any parts and sizes."""
     rng = np.random.default_rng(seed)
-    n, law = int(rng.integers(1, 6)), str(rng.choice(list(LAWS)))
+    n, law = int(rng.integers(1, 6)), str(rng.choice(list(DAMPING_LAWS)))
     radius, young = 10 ** rng.uniform(-3, -1.5, n), 10 ** rng.uniform(9, 11.3, n)
     chain = row_of_spheres(radius, 7800.0, young, 0.3, flat=Flat(10 ** rng.uniform(9, 12), 0.3))
     speed = 10 ** rng.uniform(-2, 0.5)

@@ -42,7 +42,7 @@ class TangentialLaw(NamedTuple):
     bound: float  # c = mu E* / G*: the displacement that slips, over the overlap of the spring
     radius: float  # [m] relative
     # of the largest bound: nodes that lie closer to a line are merged, once half of the room is
-    # full; doubled until they fit. The room decides, 1e-8 to 1e-5 differ by less than a factor of 2
+    # full; doubled until they fit. The room decides more: 1e-8 to 1e-5 differ by up to 2.4 times
     tolerance: float = 1e-6
 
 
