@@ -110,10 +110,16 @@ class ElasticLaw(NamedTuple):
             n = np.asarray(self.exponent, float)
             with np.errstate(divide="ignore", over="ignore"):
                 return (steepest / n) ** (1.0 / (n - 1.0))
-        j = np.arange(self.table.overlap.size - 1)
-        d = np.linspace(self.table.overlap[j], self.table.overlap[j + 1], 64).T.ravel()
-        steep = self._each(laws.shape_slope, d) >= steepest[..., None]
-        return np.where(steep.any(axis=-1), d[steep.argmax(axis=-1)], np.inf)
+
+        # the slope b + 2 c x + 3 d x^2 behind a knot reaches the steepest at the lesser root x > 0,
+        # written without the difference of its two terms; behind the last knot it is constant
+        knots, b, c, d = (self.table.overlap, *self.table[2:5])
+        missing = steepest[..., None] - b
+        with np.errstate(divide="ignore", invalid="ignore"):
+            x = missing / (c + np.sqrt(c**2 + 3.0 * d * missing))
+        x = np.where(missing <= 0.0, 0.0, x)
+        reached = (x >= 0.0) & (x <= np.append(np.diff(knots), 0.0))
+        return np.where(reached, knots + x, np.inf).min(axis=-1)
 
     def _each(self, shape, values):
         """`shape` of `laws` at every value, beside the exponents or the table."""
@@ -159,7 +165,15 @@ def force_table(overlap: ArrayLike, force: ArrayLike) -> ForceTable:
 
     from scipy.interpolate import PchipInterpolator  # a tenth of a second
 
-    cube, square, slope, _ = PchipInterpolator(overlap, force).c
+    with np.errstate(all="ignore"):
+        cube, square, slope, _ = PchipInterpolator(overlap, force).c
+    for values in (cube, square, slope):
+        bad = np.flatnonzero(~np.isfinite(values))
+        require(
+            not bad.size,
+            f"the step of a table to row {bad.min(initial=10**9) + 2} is too small beside its "
+            "force; leave the row out",
+        )
     h = np.diff(overlap)
     energy = h * (force[:-1] + h * (slope / 2.0 + h * (square / 3.0 + cube * h / 4.0)))
 

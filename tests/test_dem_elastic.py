@@ -303,3 +303,18 @@ def test_laws_that_no_run_can_have_are_refused(sentence):
 def test_tables_that_are_no_force_are_refused(overlap, force, sentence):
     with pytest.raises(dem.InvalidChain, match=sentence):
         dem.force_table(overlap, force)
+
+
+@pytest.mark.parametrize("s", [-8e-9, -1.2e-8, -2e-8, -1e-9])
+def test_the_fold_of_a_table_is_the_first_overlap_where_the_stiffness_meets_the_spring(s):
+    law = dem.elastic.ElasticLaw(np.array([1.0]), table=dem.force_table(KNOTS, FORCES))
+    fold = float(law.fold(s)[0])
+    d = np.linspace(0.0, min(fold, 30e-6) * (1 - 1e-9), 20_001)
+    assert (law.stiffness(d) * -s < 1.0).all()
+    if np.isfinite(fold):
+        assert law.stiffness(np.array([fold]))[0] * -s == pytest.approx(1.0, rel=1e-9)
+
+
+def test_a_table_whose_steps_are_too_small_for_a_cubic_is_refused():
+    with pytest.raises(dem.InvalidChain, match="row 2 is too small beside its force"):
+        dem.force_table([0.0, 1e-300, 1e-6], [0.0, 1.0, 2.0])
