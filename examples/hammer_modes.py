@@ -7,7 +7,7 @@ often two deviations hold frequency and damping.
 
     |estimate - truth| / deviation < 2   of 95 % where deviations are right
 
-Run it: python examples/hammer_modes.py [tests] [noise] [first seed]     10 to 20 s a test
+Run it: python examples/hammer_modes.py [tests] [noise] [first seed]     some seconds a test
 """
 
 import sys

@@ -35,11 +35,11 @@ from fem.hits import FrequencyResponses
 class Stability(NamedTuple):
     """When a pole is one of the order before, and when it is a mode."""
 
-    largest_order: int = 24  # of A; 20 to 40 find the same modes of the synthetic tests
+    largest_order: int = 24  # of A; not varied
     frequency: float = 0.005  # relative change of frequency from one order to the next
     damping: float = 0.3  # relative change of the damping ratio
     participation: float = 0.8  # MAC of participation factors
-    share: float = 0.4  # of the orders above the first that a track must hold; noise: below 0.2
+    share: float = 0.4  # of the orders above the first that a track must hold; not varied
     halves: float = 0.01  # relative difference of frequency between the halves of the hits
     largest_zeta: float = 0.15  # damping ratio above which a pole is part of the background
     iterations: int = 8  # of Gauss and Newton; 3 to 5 are usual
