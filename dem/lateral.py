@@ -430,7 +430,7 @@ def periodic_state(
     saved = None
     for _ in range(search.most_periods):
         first = np.concatenate(moving)
-        before, left = copied(state), copied_springs(springs)
+        state_0, springs_0 = copied(state), copied_springs(springs)
         previous, saved = saved, body.march(state, springs, contact, full, steps)
         scale = float(np.abs(saved.force).max()) or 1.0
         if previous is not None:
@@ -447,12 +447,12 @@ def periodic_state(
         nudges = search.nudge * np.repeat(sizes, n)
         J = np.zeros((4 * n, 4 * n))
         for column in np.flatnonzero(nudges):
-            beside, springs_beside = copied(before), copied_springs(left)
+            beside, springs_beside = copied(state_0), copied_springs(springs_0)
             nudge = np.where(np.arange(4 * n) == column, nudges, 0.0)
             body.displace(beside, springs_beside, overlap, nudge)
             body.march(beside, springs_beside, contact, full, steps)
-            reached = np.concatenate((beside.u, beside.v, beside.psi, beside.spin))
-            J[:, column] = (reached - first - residual) / nudges[column]
+            after = np.concatenate((beside.u, beside.v, beside.psi, beside.spin))
+            J[:, column] = (after - first - residual) / nudges[column]
         units = np.where(nudges > 0.0, nudges, 1.0)
         matrix = (np.eye(4 * n) - J) * units / units[:, None]
         step = units * np.linalg.lstsq(matrix, residual / units, rcond=1e-6)[0]
@@ -472,7 +472,7 @@ def periodic_state(
         saved.stick,
         float(saved.energy[-1, 4] - saved.energy[0, 4]),
         error,
-        float(np.hypot(*((state.u - before.u) @ frame))),
+        float(np.hypot(*((state.u - state_0.u) @ frame))),
     )
     # slip counts from the middle of the period, heat from the striker on
     state.slip[:] = (saved.slip - saved.slip.mean(axis=0))[-1]

@@ -61,7 +61,7 @@ class Beam(SceneTable):
     young: Modulus  # [Pa] Young's modulus
     poisson: Compressible = 0.3  # Poisson's ratio
     density: Density  # [kg/m^3] mass over volume
-    yield_stress: YieldStress | None = None  # [Pa] for a warning
+    yield_stress: YieldStress | None = None  # [Pa] beyond which a run warns
     left: EndOfBeam  # how that end or edge is held
     right: EndOfBeam  # how that end or edge is held
     position: Size  # [m] of the strike from the left end
@@ -141,7 +141,7 @@ class BendingPlateTable(SceneTable):
     young: Modulus  # [Pa] Young's modulus
     poisson: Compressible = 0.3  # Poisson's ratio
     density: Density  # [kg/m^3] mass over volume
-    yield_stress: YieldStress | None = None  # [Pa] for a warning
+    yield_stress: YieldStress | None = None  # [Pa] beyond which a run warns
     left: Edge  # how that end or edge is held
     right: Edge  # how that end or edge is held
     front: Edge  # how that edge is held

@@ -87,7 +87,7 @@ class Solid(SceneTable):
     young: one_or_each(Modulus)  # [Pa] Young's modulus, or three of an orthotropic material
     poisson: one_or_each(Ratio12)  # Poisson's ratio, or those of 12, 13, 23
     density: Density  # [kg/m^3] mass over volume
-    yield_stress: YieldStress | None = None  # [Pa] for a warning
+    yield_stress: YieldStress | None = None  # [Pa] beyond which a run warns
     shear: Three | None = None  # [Pa] shear moduli 12, 13, 23
     # directions of the axis 1 and of one beside it for 2
     axes: Annotated[tuple[Vector, Vector], Field(strict=False)] | None = None

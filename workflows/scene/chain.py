@@ -45,7 +45,7 @@ class ChainTable(SceneTable):
     density: one_or_each(Density)  # [kg/m^3] mass over volume
     young: one_or_each(Young)  # [Pa] Young's modulus
     poisson: one_or_each(Poisson)  # Poisson's ratio
-    yield_stress: one_or_each(YieldStress) | None = None  # [Pa] for a warning
+    yield_stress: one_or_each(YieldStress) | None = None  # [Pa] beyond which a run warns
     # [m/s] of every sphere, in place of [striker]
     initial_velocity: Annotated[tuple[Velocity, ...], Field(strict=False)] | None = None
 

@@ -44,7 +44,7 @@ class HalfSpaceWall(SceneTable):
     material: str | None = None  # a named material, in place of its numbers
     young: Young = 210e9  # [Pa] Young's modulus
     poisson: Poisson = 0.3  # Poisson's ratio
-    yield_stress: YieldStress | None = None  # [Pa] for a warning
+    yield_stress: YieldStress | None = None  # [Pa] beyond which a run warns
 
     @model_validator(mode="before")
     @classmethod
@@ -62,7 +62,7 @@ class OneDofWall(SceneTable):
     material: str | None = None  # a named material, in place of its numbers
     young: Young = 210e9  # [Pa] Young's modulus
     poisson: Poisson = 0.3  # Poisson's ratio
-    yield_stress: YieldStress | None = None  # [Pa] for a warning
+    yield_stress: YieldStress | None = None  # [Pa] beyond which a run warns
 
     @model_validator(mode="before")
     @classmethod
@@ -85,7 +85,7 @@ class DashpotWall(SceneTable):
     young: Young = 210e9  # [Pa] Young's modulus
     poisson: Poisson = 0.3  # Poisson's ratio
     material: str | None = None  # a named material, in place of the numbers of the plate
-    yield_stress: YieldStress | None = None  # [Pa] for a warning
+    yield_stress: YieldStress | None = None  # [Pa] beyond which a run warns
 
     @model_validator(mode="before")
     @classmethod

@@ -86,7 +86,10 @@ def numbers_with_errors(
         scale = width if unit == "s" else abs(value)
         wave = name.rpartition(":")[0]
         crest = abs(of_run[f"{wave}: peak_velocity_m_s"][0]) if wave else speed
-        between = abs(read_sparsely[name][0] - value) if name in read_sparsely else 0.0
+        if name in read_sparsely:
+            between = abs(read_sparsely[name][0] - value)
+        else:  # a wave that every second instant does not show: what one instant may be off by
+            between = scale * float(run.t[1]) / max(width, float(run.t[1]))
         errors = dict.fromkeys(pairs, 0.0)
         errors["time"] = estimate * scale * speed / crest + between
         for cause, of_cause in pairs.items():
