@@ -36,7 +36,7 @@ def test_an_outlier_of_a_table_states_its_own_error(tmp_path):
     lines[16] = "2.2 mm"  # not one of 16 rows spread over 30
     path = tmp_path / "cases.csv"
     path.write_text("chain.radius\n" + "\n".join(lines) + "\n")
-    result = beadwave.sweep("rig-rigid", cases=Cases(table=path), out="out", signals=True)
+    result = beadwave.sweep("rig-rigid", cases=Cases(table=path), out=tmp_path / "out", signals=True)
     assert set(result.counts()) == {"done"}
     stated, v = result.columns["error_time"], result.signals()["v"].values
     assert (stated <= 1e-4).all() and len(np.unique(stated)) > 25
@@ -47,9 +47,9 @@ def test_an_outlier_of_a_table_states_its_own_error(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_case_whose_run_is_refused_is_refused_in_a_sweep():
+def test_a_case_whose_run_is_refused_is_refused_in_a_sweep(tmp_path):
     over = {"striker.velocity": "0.25,9", "chain.radius": "1.9mm,13mm"}
-    result = beadwave.sweep("rig-1dof", cases=over, out="out")
+    result = beadwave.sweep("rig-1dof", cases=over, out=tmp_path / "out")
     status, message = result.columns["status"].tolist(), result.columns["message"].tolist()
     each = [result.design.case(i) for i in range(result.design.n_cases)]
     chaotic = [
