@@ -44,7 +44,7 @@ def test_a_mesh_that_stands_for_the_limit_has_no_error_of_its_own():
 
 @pytest.mark.slow
 def test_finer_meshes_are_softer_and_the_study_says_by_how_much(monkeypatch):
-    """A finer mesh contains the coarser's motions but for the layout of its elements: 0.2 %, since
+    """A finer mesh contains the coarser's motions but for the layout of its elements: 0.3 %, since
     rows along the clamp lines come in whole numbers."""
     monkeypatch.setattr(study, "N_MODES", {"full-tie": 18})
     monkeypatch.setattr(study, "BLOCK", 60e-3)
@@ -53,7 +53,7 @@ def test_finer_meshes_are_softer_and_the_study_says_by_how_much(monkeypatch):
     # nan of a finest mesh that stands for the limit
     errors = np.array([row.error for row in finding.tables[0].rows], dtype=float)
     assert [row.parameter for row in finding.tables[0].rows] == list(seeds)
-    assert not np.any(np.diff(errors) > 2e-3) and errors[0] > 2 * errors[-2]
+    assert not np.any(np.diff(errors) > 3e-3) and errors[0] > 2 * errors[-2]
     assert (
         finding.sentences[0].startswith("full-tie: the four frequencies converge to 5")
         and finding.pictures[0].png

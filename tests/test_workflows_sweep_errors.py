@@ -36,7 +36,9 @@ def test_an_outlier_of_a_table_states_its_own_error(tmp_path):
     lines[16] = "2.2 mm"  # not one of 16 rows spread over 30
     path = tmp_path / "cases.csv"
     path.write_text("chain.radius\n" + "\n".join(lines) + "\n")
-    result = beadwave.sweep("rig-rigid", cases=Cases(table=path), out=tmp_path / "out", signals=True)
+    result = beadwave.sweep(
+        "rig-rigid", cases=Cases(table=path), out=tmp_path / "out", signals=True
+    )
     assert set(result.counts()) == {"done"}
     stated, v = result.columns["error_time"], result.signals()["v"].values
     assert (stated <= 1e-4).all() and len(np.unique(stated)) > 25

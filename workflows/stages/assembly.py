@@ -43,7 +43,8 @@ def _require_kept(
     constraints: Constrained,
 ) -> None:
     """Raise InvalidScene for a body that can move. An assembly that floats may also move in the
-    directions in which its joints are free, k = 0."""
+    directions in which its joints are free, k = 0, and a body on joints that are free in all six
+    where the reduction takes free modes."""
     loose = fem.loose_bodies(structure, connections, constraints)
     if not loose:
         return
@@ -65,10 +66,12 @@ def _require_kept(
             f"{moves}nothing keeps; tie it, bolt it, or hold a face of it. An assembly that floats "
             "says assembly.held = []."
         )
-    if not scene.floats:
+    all_free = len(motions) == 6 and scene.reduction.kind == "free-modes"
+    if not (scene.floats or all_free):
         raise InvalidScene(
             f"{moves}{' and '.join(f'{key} = 0' for key in free)} leaves free; give it a "
-            "stiffness, or let the assembly float, assembly.held = []."
+            "stiffness, or let the assembly float: assembly.held = [], of the rig assembly.parts = "
+            '["block"].'
         )
 
 

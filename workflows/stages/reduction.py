@@ -174,7 +174,7 @@ def _require_held(scene: Scene, modes: AssemblyModes) -> None:
         if (k := getattr(table, key)) < LIMITS.open
     ]
     held = [hold.on for hold in scene.assembly.holds]
-    loose = ", ".join(open_joints) or f"assembly.held = {held}"
+    loose = ", ".join(open_joints) or f"assembly.held = {held} (of the rig: assembly.parts)"
     raise ValueError(
         "the assembly, or a part of it, is not held: its lowest mode is below "
         f"{LIMITS.floating:g} Hz, with {loose}. Constraint modes need what is held; hold it, or "
