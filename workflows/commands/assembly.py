@@ -83,6 +83,19 @@ def look(
     print_report(result.found, json, quiet)
 
 
+def span(text: str | None) -> tuple[float, float] | None:
+    """The frequencies of "40:950"; raises ValueError for others."""
+    if text is None:
+        return None
+    try:
+        low, high = map(float, text.split(":"))
+        if not 0 <= low < high < float("inf"):
+            raise ValueError
+    except ValueError:
+        raise ValueError(f"--band {text} must be FROM:TO in Hz, as 40:950.") from None
+    return low, high
+
+
 def numbers(text: str | None, option: str) -> tuple[int, ...]:
     """The numbers of "3,7"; raises ValueError for others."""
     try:
@@ -160,15 +173,15 @@ def hammer(
             line = f"written: {path} (synthetic, not measured)"
             print_result({"written": [str(path)]}, line, json, quiet)
             return
-        ends = None if band is None else tuple(band.split(":"))
-        try:
-            limits = None if ends is None else (float(ends[0]), float(ends[1]))
-        except (ValueError, IndexError):
-            raise ValueError(f"--band {band} must be FROM:TO in Hz, as 40:950.") from None
+        from workflows.files.hammer import Reading
+        from workflows.structure.hammer import Choice
+
         result = api.hammer(
-            files, scene, points=points, band=limits, estimator=estimator, window=window,
-            force_channel=force_channel, reject=numbers(reject, "--reject"),
-            accept=numbers(accept, "--accept"), out=out, **given,
+            files, scene, reading=Reading(estimator, window, force_channel, points),
+            choice=Choice(
+                span(band), numbers(reject, "--reject"), numbers(accept, "--accept")
+            ),
+            out=out, **given,
         )  # fmt: skip
     print_report(result.report, json, quiet)
     if out:

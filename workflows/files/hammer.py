@@ -29,7 +29,7 @@ from fem.hit_records import (
     records_of_mat,
     sets_of_hits,
 )
-from fem.hits import FrequencyResponses, HitChecks, Hits, beside, frequency_responses
+from fem.hits import ESTIMATORS, FrequencyResponses, HitChecks, Hits, beside, frequency_responses
 from fem.measured_shapes import POINTS, UNITS, points_of_nodes
 from workflows.files.foreign import Unreadable, arrays
 from workflows.files.output_file import OutputFile
@@ -59,6 +59,13 @@ class Reading(NamedTuple):
     decay: float | None = None  # exponential window at the end of a record; None: no window
     force_channel: int = 1  # of WAV files, from 1; 0: none
     points: Path | None = None  # where the nodes are: .csv of node, x, y, z, or .uff
+
+    def require(self) -> None:
+        """Raise InvalidScene for an option that is none."""
+        if self.estimator not in ESTIMATORS:
+            raise InvalidScene(f"estimator = {self.estimator!r} must be H1, H2 or Hv.")
+        if self.decay is not None and not 0 < self.decay < 1:
+            raise InvalidScene(f"window = {self.decay:g} must lie between 0 and 1, as 0.01.")
 
 
 class Step(NamedTuple):

@@ -30,8 +30,9 @@ if TYPE_CHECKING:
 
     from fem.poly_reference import IdentifiedModes
     from rom import ReducedModel
+    from workflows.files.hammer import Reading
     from workflows.stages.pipeline import Pipeline
-    from workflows.structure.hammer import HammerReport
+    from workflows.structure.hammer import Choice, HammerReport
     from workflows.structure.look import Look, Seen
     from workflows.structure.mode_table import ModeTable
     from workflows.structure.thesis_tables import ThesisTable
@@ -307,29 +308,21 @@ def hammer(
     scene: Source = None,
     changes: Changes = (),
     *,
-    points: str | Path | None = None,
-    band: tuple[float, float] | None = None,
-    estimator: str = "H1",
-    window: float | None = None,
-    force_channel: int = 1,
-    reject: Iterable[int] = (),
-    accept: Iterable[int] = (),
+    reading: Reading | None = None,
+    choice: Choice | None = None,
     out: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
 ) -> HammerTest:
     """Modes of a structure from hits or measured responses, with deviations (`beadwave hammer`).
 
-    files          time records of hits (.csv, .uff, .mat, .wav) or frequency responses (.csv, .uff,
-                   .mat) of one test, see {doc}`hammer`
-    points         a file with the points of the nodes, where the files have none (data set 15)
-    band           (from, to) [Hz] to identify in; default all lines
-    estimator      "H1", "H2" or "Hv"
-    window         what an exponential window leaves at the end of a record, 0.01; its damping is
-                   taken off the modes
-    force_channel  of WAV files, from 1; 0 for ring-downs
-    reject         numbers of poles to leave out, accept those to take whatever speaks against them
-    out            a folder for pictures, `modes.json` and `modes.uff`
+    files    time records of hits (.csv, .uff, .mat, .wav) or frequency responses (.csv, .uff, .mat)
+             of one test
+    reading  estimator, exponential window, channel of the force in .wav files, file with points:
+             `workflows.files.hammer.Reading`
+    choice   the band [Hz], and numbers of poles to reject or accept:
+             `workflows.structure.hammer.Choice`
+    out      a folder for pictures, `modes.json` and `modes.uff`
 
     The modes are paired with the measured modes of `scene` by frequency, or where the points of the
     test are known one-to-one with the modes of an assembly of bodies, by the MAC of their shapes
@@ -339,13 +332,15 @@ def hammer(
     if not given:
         raise InvalidScene(f"no file; {HAMMER}.")
     paths = [require_file(file, HAMMER) for file in given]
-    points = None if points is None else Path(points)
+    from workflows.files.hammer import Reading, write_modes
+
+    reading = reading or Reading()
+    reading.require()
     chosen = with_assembly(load_scene(scene, changes))
-    inputs = (*files_read(chosen, scene), *paths, *((points,) if points else ()))
+    inputs = (*files_read(chosen, scene), *paths, *((reading.points,) if reading.points else ()))
     folder = picture_folder(out, inputs, overwrite, *HAMMER_PICTURES)
     if folder:
         folder.require("modes.json", "modes.uff")
-    from workflows.files.hammer import Reading, write_modes
     from workflows.stages.pipeline import pipeline_of
     from workflows.structure.hammer import (
         Choice,
@@ -355,16 +350,9 @@ def hammer(
         recognised,
     )
 
-    if estimator not in ("H1", "H2", "Hv"):
-        raise InvalidScene(f"estimator = {estimator!r} must be H1, H2 or Hv.")
-    if window is not None and not 0 < window < 1:
-        raise InvalidScene(f"window = {window:g} must lie between 0 and 1, as 0.01.")
-    if band is not None and not 0 <= band[0] < band[1]:
-        raise InvalidScene(f"band = {band[0]:g} to {band[1]:g} Hz must ascend from 0 on.")
-    reading = Reading(estimator, window, force_channel, points)
     with progress("identification"):
         wanted = dict(enumerate(chosen.measured_hz, start=1))
-        test = hammer_test(paths, wanted, reading, Choice(band, tuple(reject), tuple(accept)))
+        test = hammer_test(paths, wanted, reading, choice or Choice())
     if not chosen.of_dimensions and measured_shapes(test):
         test = recognised(test, pipeline_of(chosen, progress), wanted)
     with progress("picture"):
