@@ -34,6 +34,7 @@ from rom.truncation import LOSS, frequencies, rms, size
 class ColumnOptions(NamedTuple):
     """When a block Krylov space of further functionals is large enough."""
 
+    to_hz: float = 20e3  # [Hz] up to which receptances count: what a chain of spheres excites
     # relative rms change of any receptance of a column with itself, up to to_hz, by the last block
     error: float = 1e-3
     blocks: int = 60  # at most; a solid block of steel to 20 kHz takes some 10
@@ -46,14 +47,13 @@ def with_columns(
     M: ArrayLike | sp.sparray,
     B: ArrayLike | sp.sparray,
     *,
-    to_hz: float,
     C: ArrayLike | sp.sparray | None = None,
     factorise: Factorise = superlu,
     factor: Solver | None = None,
     options: ColumnOptions = ColumnOptions(),
 ) -> tuple[ReducedModel, np.ndarray]:
-    """The model on a basis that holds the functionals B (n, p) up to to_hz [Hz] as well, and these
-    on its coordinates (r', p).
+    """The model on a basis that holds the functionals B (n, p) as well, and these on its
+    coordinates (r', p).
 
     The coordinates of `reduced`, which needs its basis T, are the first of the result's. `factor`
     is that of a K that is held. Raises ReductionError.
@@ -69,7 +69,8 @@ def with_columns(
     elastic = wall.omega > 0
     Q = T @ (wall.vectors[:, elastic] / wall.omega[elastic])
     V, MV = np.zeros((len(B), 0)), np.zeros((len(B), 0))
-    loads, s = B, 2 * np.pi * frequencies(to_hz)
+    to_hz, loads = options.to_hz, B
+    s = 2 * np.pi * frequencies(to_hz)
     previous, changes = None, []
     for _ in range(options.blocks):
         # what K^-1 of the loads has beyond Q; twice, since one projection leaves rounding

@@ -17,7 +17,16 @@ from fem import (
     joined,
 )
 from known_models import STEEL
-from rom import LOSS, Columns, Contact, Selection, craig_bampton, free_modes, with_columns
+from rom import (
+    LOSS,
+    ColumnOptions,
+    Columns,
+    Contact,
+    Selection,
+    craig_bampton,
+    free_modes,
+    with_columns,
+)
 
 TO_HZ = 12e3
 SIZE = {"x": 0.131, "y": 0.099, "z": 0.041}  # m
@@ -51,7 +60,9 @@ def reduced_block(model, at, shaker_on, shaker_at, radius=3e-3, kind="free-modes
     else:
         boundary = np.flatnonzero(patch.w)
         reduced = craig_bampton(model.K, model.M, patch.w, boundary, selection, **options)
-    reduced, columns = with_columns(reduced, model.K, model.M, B, to_hz=TO_HZ, **options)
+    reduced, columns = with_columns(
+        reduced, model.K, model.M, B, options=ColumnOptions(TO_HZ), **options
+    )
     half_space = half_space_matrix(model, "block:+x", patch, STEEL)
     return reduced._replace(
         columns=Columns(columns[:, :2], half_space, patch.axes, load=columns[:, 2:])

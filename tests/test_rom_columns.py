@@ -22,6 +22,7 @@ from rom import (
 )
 
 TO_HZ = 15e3
+OPTIONS = ColumnOptions(TO_HZ)
 SIZE = (0.131, 0.099, 0.041)  # m
 
 
@@ -66,9 +67,9 @@ def reduced_by(kind, struck, choice="contact"):
     return craig_bampton(struck.K, struck.M, w, struck.patch.boundary, selection)
 
 
-def grown(kind, struck, **options):
+def grown(kind, struck, options=OPTIONS):
     reduced = reduced_by(kind, struck)
-    return with_columns(reduced, struck.K, struck.M, struck.W[:, 1:], to_hz=TO_HZ, **options)
+    return with_columns(reduced, struck.K, struck.M, struck.W[:, 1:], options=options)
 
 
 def participations(reduced: ReducedModel, columns):
@@ -120,8 +121,8 @@ def test_functionals_that_depend_on_each_other_add_nothing_twice():
     struck = block(held=True)
     reduced = reduced_by("free-modes", struck)
     B = struck.W[:, [1, 1, 2]] @ np.diag([1.0, -2.0, 1.0])
-    once, _ = with_columns(reduced, struck.K, struck.M, B[:, [0, 2]], to_hz=TO_HZ)
-    twice, columns = with_columns(reduced, struck.K, struck.M, B, to_hz=TO_HZ)
+    once, _ = with_columns(reduced, struck.K, struck.M, B[:, [0, 2]], options=OPTIONS)
+    twice, columns = with_columns(reduced, struck.K, struck.M, B, options=OPTIONS)
     assert len(twice.w) == len(once.w)
     np.testing.assert_allclose(columns[:, 1], -2 * columns[:, 0], atol=1e-12)
 
@@ -129,4 +130,4 @@ def test_functionals_that_depend_on_each_other_add_nothing_twice():
 def test_a_space_too_small_for_the_frequency_is_refused():
     struck = block(held=True)
     with pytest.raises(ReductionError, match="take a lower frequency"):
-        grown("free-modes", struck, options=ColumnOptions(blocks=2))
+        grown("free-modes", struck, options=ColumnOptions(TO_HZ, blocks=2))
