@@ -286,7 +286,10 @@ def recognised(test: IdentifiedTest, pipeline: Pipeline, wanted: Collection[int]
         return test
     model, modes = pipeline("model"), pipeline("modes")
     computed_hz = modes.omega / (2 * np.pi)
-    shapes = [placed(scene, model, report.file, shape) for shape in measured]
+    shapes = [
+        placed(scene, model, report.file, shape, row.frequency_hz)
+        for shape, row in zip(measured, report.rows, strict=True)
+    ]
     # all shapes of one test are read at the same points
     reading = shapes[0].reading @ modes.phi
     likeness = fem.mac(np.column_stack([s.shape for s in shapes]), reading)
