@@ -176,7 +176,7 @@ def test_a_model_of_one_direction_is_refused():
 
 
 def test_a_stinger_is_a_spring_to_the_ground_at_its_shaker():
-    model, k = held_block(), 5e7
+    model, k = held_block(), 5e9
     reduced = reduced_block(model, (0.012, 0.003), "block:+y", (0.01, 0.0))
     wall = spatial_wall_of(with_stingers(reduced, np.array([k])))
     patch = contact_patch(model, "block:+x", (0.012, 0.003), 3e-3)
@@ -187,4 +187,4 @@ def test_a_stinger_is_a_spring_to_the_ground_at_its_shaker():
     exact = C - np.outer(C[:, 3], C[3]) * k / (1 + k * C[3, 3])
     of_wall = receptance(wall, 0.0).real * (1 + LOSS**2)
     assert np.abs(of_wall - exact).max() < 1e-9 * exact.max()
-    assert np.abs(exact - C).max() > 0.05 * C.max()
+    assert np.abs(exact - C).max() > 0.05 * C[3, 3]
