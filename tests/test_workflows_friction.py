@@ -206,7 +206,7 @@ SHAKEN = {
     'direction = "up", allowed are': {"shakers.shaker.direction": "up"},
     "shakers.shaker.stinger = 1e+06 N/m": {"shakers.shaker.stinger": 1e6},
     "nothing presses the last sphere on": {"preload.force": 0.0},
-    "shakers.shaker.at is a place": {"shakers.shaker.at": [0.0, 0.0]},
+    "shakers.shaker.at is of a place": {"shakers.shaker.at": [0.0, 0.0]},
 }
 
 
