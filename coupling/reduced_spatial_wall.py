@@ -78,6 +78,16 @@ def spatial_wall_of(
     return wall._replace(residual_compliance=-half_space_of(reduced))
 
 
+def with_stingers(reduced: ReducedModel, stiffness: np.ndarray) -> ReducedModel:
+    """The model held at its shakers by springs (s,) [N/m] to what moves them, 0 for a force:
+    K + sum_i k_i load_i load_i^T. A motion x(t) of the far end then is the force k x.
+
+    The static response to every shaker is in the basis, so that the one with springs is exact too.
+    """
+    load = reduced.columns.load
+    return reduced._replace(K=reduced.K + (load * stiffness) @ load.T)
+
+
 def functionals(reduced: ReducedModel) -> np.ndarray:
     """W (r, 3 + s + m): the contact along n, t1 and t2, shakers, sensors."""
     columns = reduced.columns or Columns()
