@@ -27,7 +27,7 @@ def main(tests: int = 4, noise: float = 0.02, first: int = 0) -> tuple[int, int,
         test = synthetic_hits(seed, HammerDefects(noise=noise), points=8)
         responses = frequency_responses(test.hits)
         modes = identified_modes(responses, test.band_hz)
-        likeness = mac(modes.phi, test.phi[responses.points - 1])
+        likeness = mac(modes.phi, test.phi[[test.hits.points.index(p) for p in responses.points]])
         off_hz = modes.frequency_hz[:, None] - test.frequency_hz
         off_zeta = modes.zeta[:, None] - test.zeta
         same = (np.abs(off_hz) < 1e-3 * test.frequency_hz) & (likeness > 0.95)

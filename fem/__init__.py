@@ -4,6 +4,7 @@
     joined          Structure and Connections (ties, joints, held faces) -> Model with K, M
     contact_patch   w (n,) of a disc on a face: u_w = w @ u [m] is read, w F [N] is the load
     half_space_on_mesh   compliance [m/N] of the patch on a half-space, which Hertz' law holds too
+    half_space_matrix    the same along the normal and in the face (3, 3), for friction
     prestressed     the Model under forces, heat and rods: K + K_G, and its share of buckling
     modes           omega (k,) [rad/s], phi (n, k) mass-normalised, by eigsh
     receptance      H(f) [m/N] of the full model;   mac, pair: modes beside measured ones
@@ -45,7 +46,12 @@ from fem.dashpots import dashpots
 from fem.elasticity import Structure, assemble
 from fem.factorisation import Factor, factorised
 from fem.grounding import RigidBody, rigid_body
-from fem.half_space import half_space_fields, half_space_on_mesh, half_spaces_on_mesh
+from fem.half_space import (
+    half_space_fields,
+    half_space_matrix,
+    half_space_on_mesh,
+    half_spaces_on_mesh,
+)
 from fem.joints import DIRECTIONS, Bushing, Joint, Side, Tie, normal_frame
 from fem.materials import Material, Orthotropic
 from fem.mechanisms import Loose, loose_bodies
@@ -112,6 +118,7 @@ __all__ = [
     "face_edges",
     "factorised",
     "half_space_fields",
+    "half_space_matrix",
     "half_space_on_mesh",
     "half_spaces_on_mesh",
     "held",

@@ -1,5 +1,8 @@
 """The contact functional: one vector w that reads the wall and loads it, u_w = w^T u, f = w F.
 
+A contact with friction has three of them, along the normal n into the wall and along t1 and t2 in
+the face, with the same weights: t1 is the first global axis laid into the plane, t2 = n x t1.
+
 w is the pressure-weighted mean displacement of a disc on a face, along the face's inward normal:
 Hertz' pressure p ~ sqrt(1 - r^2/b^2), or the plain area mean. It is integrated by a quadrature
 of the disc itself, whose points are looked up in the elements of the face, so that a mesh coarser
@@ -11,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_array, csr_matrix
 
 from fem.model import Model
 from fem.spot import Spot, planar_spot, require_flat
@@ -27,6 +30,25 @@ class ContactPatch(NamedTuple):
     spot: Spot  # point, inward normal and curvature of the face there
     radius: float  # [m]
     weights: str  # "hertz", "area" or "nodes"
+    # (3, ndof) averages of the mesh's displacements along x, y and z; None of a bent structure
+    mean: csr_array | None = None
+    # (3,) unit vector in the face along which it reads and loads; None: along its inward normal
+    tangent: NDArray[np.float64] | None = None
+
+    @property
+    def axes(self) -> NDArray[np.float64]:
+        """(3, 3): unit vectors n, t1 and t2 in rows."""
+        n, t1 = self.spot.inward, self.spot.axes[0]
+        return np.array([n, t1, np.cross(n, t1)])
+
+    def across(self, model: Model) -> "tuple[ContactPatch, ContactPatch]":
+        """The same average of the displacements along t1 and t2."""
+        patches = []
+        for tangent in self.axes[1:]:
+            on_mesh = tangent @ self.mean
+            w = model.T.T @ on_mesh
+            patches.append(self._replace(w=w, on_mesh=on_mesh, tangent=tangent))
+        return tuple(patches)
 
 
 def disc_quadrature(
@@ -85,7 +107,7 @@ def contact_patch(
             f"{face!r}; move it or make it smaller."
         ) from None
     mean = np.array([share @ P[axis::3] for axis in range(3)])  # (3, ndof) along x, y and z
-    return _patch(model, spot.inward @ mean, spot, radius, weights)
+    return _patch(model, mean, spot, radius, weights)
 
 
 def node_patch(model: Model, face: str, points: Sequence[tuple[float, float]]) -> ContactPatch:
@@ -100,15 +122,17 @@ def node_patch(model: Model, face: str, points: Sequence[tuple[float, float]]) -
     nearest = [np.linalg.norm(positions - spot.point, axis=1).argmin() for spot in spots]
     middle = positions[nearest].mean(axis=0)
     radius = float(np.linalg.norm(positions[nearest] - middle, axis=1).max())
-    on_mesh = np.zeros(model.structure.n_dofs)
+    mean = np.zeros((3, model.structure.n_dofs))
     for node in nodes[nearest]:
-        on_mesh[node] += spots[0].inward / len(nearest)
-    return _patch(model, on_mesh, spots[0]._replace(point=middle), radius, "nodes")
+        mean[[0, 1, 2], node] += 1 / len(nearest)
+    return _patch(model, mean, spots[0]._replace(point=middle), radius, "nodes")
 
 
-def _patch(model: Model, on_mesh, spot: Spot, radius: float, weights: str) -> ContactPatch:
+def _patch(model: Model, mean, spot: Spot, radius: float, weights: str) -> ContactPatch:
     """The functional with its recovery nodes: all three displacements of every node it reads."""
+    on_mesh = spot.inward @ mean
     nodes = np.unique(np.flatnonzero(on_mesh) // 3)
     dofs = (3 * nodes[:, None] + np.arange(3)).ravel()
     boundary = np.unique(csr_matrix(model.T[dofs]).indices)
-    return ContactPatch(model.T.T @ on_mesh, boundary, on_mesh, spot, radius, weights)
+    w = model.T.T @ on_mesh
+    return ContactPatch(w, boundary, on_mesh, spot, radius, weights, csr_array(mean))

@@ -13,6 +13,12 @@ Boussinesq's solution: Johnson, Contact Mechanics (1985), eq. 3.18, for a force 
 
     u_r = (1 + nu) P / (2 pi E) (r z / R^3 - (1 - 2 nu) r / (R (R + z)))
     u_z = (1 + nu) P / (2 pi E) (z^2 / R^3 + 2 (1 - nu) / R).
+
+Cerruti's, eq. 3.75, for a force P along x in the plane, with the shear modulus G:
+
+    u_x = P / (4 pi G) (1 / R + x^2 / R^3 + (1 - 2 nu) (1 / (R + z) - x^2 / (R (R + z)^2)))
+    u_y = P / (4 pi G) (x y / R^3 - (1 - 2 nu) x y / (R (R + z)^2))
+    u_z = P / (4 pi G) (x z / R^3 + (1 - 2 nu) x / (R (R + z))).
 """
 
 from collections.abc import Iterator, Sequence
@@ -67,6 +73,62 @@ def boussinesq(
         u[at, 0] = (inverse * (c * c + 2 * (1 - nu))) @ shares
         u[at, 1], u[at, 2] = (radial * x) @ shares, (radial * y) @ shares
     return (1 + nu) / (2 * np.pi * E) * u @ frame
+
+
+def cerruti(
+    points: NDArray[np.float64],
+    sources: NDArray[np.float64],
+    shares: NDArray[np.float64],
+    inward: NDArray[np.float64],
+    along: NDArray[np.float64],
+    material: Material,
+    *,
+    at_once: int = 128,
+) -> NDArray[np.float64]:
+    """Displacements (n, 3) [m] as those of `boussinesq`, by a unit force along the unit vector
+    `along` (3,) in the plane."""
+    G, nu = material.young / (2 * (1 + material.poisson)), material.poisson
+    frame = np.vstack([inward, along, np.cross(inward, along)])
+    origin, u = (sources @ frame.T).T[:, None], np.empty((len(points), 3))
+    for first in range(0, len(points), at_once):
+        at = slice(first, first + at_once)
+        z, x, y = (points[at] @ frame.T).T[:, :, None] - origin
+        R = np.sqrt(x * x + y * y + z * z)
+        # x / R^3 and what the free surface adds to it, in the plane and along the normal
+        whole = x / R**3
+        surface = (1 - 2 * nu) / (R + z)
+        across = whole - surface * x / (R * (R + z))
+        u[at, 0] = (whole * z + surface * x / R) @ shares
+        u[at, 1] = (1 / R + surface + across * x) @ shares
+        u[at, 2] = (across * y) @ shares
+    return u @ frame / (4 * np.pi * G)
+
+
+def half_space_matrix(
+    model: Model,
+    face: str,
+    patch: ContactPatch,
+    material: Material,
+    *,
+    options: HalfSpaceMesh = HalfSpaceMesh(),
+) -> NDArray[np.float64]:
+    """Compliance (3, 3) [m/N] of a half-space at a patch along n, t1 and t2, on the body's mesh.
+
+    Of the exact half-space it is diagonal: 0.6 (1 - nu^2) / (E b) along the normal and
+    0.15 (2 - nu) / (G b) in the plane under Hertz' weights over a radius b. On a mesh its parts
+    beside the diagonal are the mesh's, which the body's compliance contains as well. Raises
+    ValueError for a material that is not isotropic.
+    """
+    if not isinstance(material, Material):
+        raise ValueError(
+            f"{face!r} is a face of an orthotropic material, whose compliance along the face is "
+            "not known here; take an isotropic body."
+        )
+    patches = [patch, *patch.across(model)]
+    (field,) = half_space_fields(model, face, patches, material, options=options)
+    w = np.column_stack([patch.on_mesh[field.dofs] for patch in patches])
+    compliance = w.T @ field.u
+    return (compliance + compliance.T) / 2
 
 
 def half_space_on_mesh(
@@ -175,12 +237,15 @@ def half_space_fields(
         for patch in group:
             # the force on a patch as shares of it at points, and the exact displacements by these
             if patch.weights == "nodes":
-                share = patch.on_mesh.reshape(-1, 3) @ patch.spot.inward
+                direction = patch.spot.inward if patch.tangent is None else patch.tangent
+                share = patch.on_mesh.reshape(-1, 3) @ direction
                 sources, share = structure.points[share > 0], share[share > 0]
             else:
                 disc, share = disc_quadrature(patch.weights, 6, 18)
                 sources = patch.spot.point + patch.radius * disc @ patch.spot.axes
-            if table is None:
+            if patch.tangent is not None:
+                exact = cerruti(points, sources, share, spot.inward, patch.tangent, material)
+            elif table is None:
                 exact = boussinesq(points, sources, share, spot.inward, material)
             else:
                 exact = sum(

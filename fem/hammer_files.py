@@ -1,4 +1,4 @@
-"""Measured frequency responses as CSV and as data sets 58 of universal files (UFF).
+"""Measured frequency responses as CSV, .mat and data sets 58 of universal files (UFF).
 
 CSV: a header line, then one line per frequency: frequency_hz, re_1, im_1, re_2, im_2, ...
 """
@@ -9,6 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from fem.hit_records import degree_of_freedom
+from fem.hits import FrequencyResponses
 
 RESPONSE = 4  # UFF58's function type of a frequency response
 MOST = 1e60  # size of a frequency or a response, so that products are finite
@@ -21,6 +24,31 @@ class Responses(NamedTuple):
     frequency_hz: NDArray[np.float64]  # (k,)
     H: NDArray[np.complex128]  # (n, k) response over force, in the unit of the file
     title: str
+    # names of the points of response and reference, as "12+z"; () for a CSV's
+    ends: tuple[tuple[str, str], ...] = ()
+
+    def by_reference(self) -> FrequencyResponses:
+        """Points and references as rows and columns; the fewer are the references.
+
+        Raises ValueError where not every point was measured with every reference.
+        """
+        n = len(self.H)
+        ends = self.ends or tuple((f"response {i + 1}", "hammer") for i in range(n))
+        responses, hammers = (tuple(dict.fromkeys(side)) for side in zip(*ends, strict=True))
+        sums = np.zeros((len(responses), len(hammers), self.H.shape[1]), complex)
+        count = np.zeros((len(responses), len(hammers), 1))
+        for (response, hammer), h in zip(ends, self.H, strict=True):
+            i, j = responses.index(response), hammers.index(hammer)
+            sums[i, j] += h
+            count[i, j] += 1
+        if not count.all():
+            i, j = np.argwhere(count[:, :, 0] == 0)[0]
+            raise ValueError(
+                f"there is no response of {responses[i]} to {hammers[j]}; measure each point with "
+                "each reference, or leave one out"
+            )
+        test = FrequencyResponses(self.frequency_hz, sums / count, responses, hammers)
+        return test if len(responses) >= len(hammers) else test.transposed()
 
 
 def require_finite(test: Responses) -> Responses:
@@ -56,7 +84,29 @@ def of_data_sets(sets: Sequence[dict]) -> Responses:
     if any(len(s["x"]) != len(sets[0]["x"]) for s in sets):
         raise ValueError("responses with different numbers of lines")
     H = np.array([np.asarray(s["data"], dtype=complex) for s in sets])
-    return Responses(np.asarray(sets[0]["x"], dtype=float), H, str(sets[0]["id1"]).strip())
+    ends = tuple(
+        (
+            degree_of_freedom(int(s["rsp_node"]), int(s["rsp_dir"])),
+            degree_of_freedom(int(s["ref_node"]), int(s["ref_dir"])),
+        )
+        for s in sets
+    )
+    return Responses(np.asarray(sets[0]["x"], dtype=float), H, str(sets[0]["id1"]).strip(), ends)
+
+
+def of_mat(variables: dict[str, NDArray], name: str) -> Responses:
+    """The responses of a .mat file: frequency_hz (k,) and H (k, n) or (n, k), complex.
+
+    Raises ValueError where it holds none.
+    """
+    f = np.ravel(variables["frequency_hz"]) if "frequency_hz" in variables else np.zeros(0)
+    H = np.atleast_2d(variables["H"])
+    if f.dtype.kind not in "fiu" or H.dtype.kind not in "fiuc" or H.ndim != 2:
+        raise ValueError("frequency_hz or H is no array of numbers")
+    H = H if H.shape[1] == len(f) else H.T
+    if H.shape[1] != len(f):
+        raise ValueError(f"H is {H.shape[::-1]}, frequency_hz has {len(f)} values")
+    return Responses(f.astype(float), H.astype(complex), name)
 
 
 def write_csv(path: Path, test: Responses) -> None:

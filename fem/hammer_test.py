@@ -51,5 +51,5 @@ def nearest_modes(
     modes = list(expected_hz)
     distance = np.abs(np.log(np.divide.outer(measured_hz, [expected_hz[m] for m in modes])))
     limit = np.log(farthest)
-    rows, columns = linear_sum_assignment(np.minimum(distance, 10 * limit))
+    rows, columns = linear_sum_assignment(np.where(distance < limit, distance, 10 * limit))
     return {int(i): modes[j] for i, j in zip(rows, columns, strict=True) if distance[i, j] < limit}

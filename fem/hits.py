@@ -30,7 +30,8 @@ class Hits(NamedTuple):
     dt: float  # [s]
     force: NDArray[np.float64] | None  # (n, k) [N]; None for ring-downs
     response: NDArray[np.float64]  # (n, m, k) of m sensors
-    point: NDArray[np.int64]  # (n,) which point was hit
+    point: NDArray[np.int64]  # (n,) which of the points was hit
+    points: tuple[str, ...]  # their names, as "12+z" of node and direction
     sensors: tuple[str, ...]  # (m,)
     title: str
 
@@ -47,26 +48,81 @@ class HitChecks(NamedTuple):
     decay: float | None = None  # exponential window at the record's end; None: no window
 
 
+class Deletions(NamedTuple):
+    """H without each of n hits, less H, at the points (a,) and references (b,) that they reach."""
+
+    points: NDArray[np.int64]  # (a,)
+    references: NDArray[np.int64]  # (b,)
+    change: NDArray[np.complex128]  # (n, a, b, f)
+
+
 class FrequencyResponses(NamedTuple):
-    """Responses of p points hit and m sensors at f lines; of ring-downs p are the sensors and m the
-    records, and H has the unit of the record times seconds."""
+    """Responses of p points and m references at f lines: points are those hit and references the
+    sensors, or the reverse; of ring-downs points are the sensors and references the records, and H
+    has the unit of the record times seconds."""
 
     frequency_hz: NDArray[np.float64]  # (f,)
     H: NDArray[np.complex128]  # (p, m, f)
-    coherence: NDArray[np.float64] | None  # (p, m, f); None where no point has two hits
-    deletions: list[
-        NDArray[np.complex128]
-    ]  # p of (n_hits, m, f): H without each of its hits, less H
-    halves: NDArray[np.complex128] | None  # (2, p, m, f) of every other hit
-    points: NDArray[np.int64]  # (p,)
-    shift: float  # [1/s] by which the exponential window has moved every pole to the left
-    remarks: tuple[str, ...]  # hits left out, and why
+    points: tuple[str, ...]  # (p,)
+    references: tuple[str, ...]  # (m,)
+    coherence: NDArray[np.float64] | None = None  # (p, m, f); None where no point has two hits
+    deletions: tuple[Deletions, ...] = ()  # of the points hit more than once
+    halves: NDArray[np.complex128] | None = None  # (2, p, m, f) of every other hit
+    shift: float = 0.0  # [1/s] by which the exponential window has moved every pole to the left
+    remarks: tuple[str, ...] = ()  # hits left out, and why
+
+    def transposed(self) -> "FrequencyResponses":
+        """Points as references and references as points: the same by reciprocity."""
+        return self._replace(
+            H=self.H.swapaxes(0, 1), points=self.references, references=self.points,
+            coherence=None if self.coherence is None else self.coherence.swapaxes(0, 1),
+            deletions=tuple(
+                Deletions(d.references, d.points, d.change.swapaxes(1, 2)) for d in self.deletions
+            ),
+            halves=None if self.halves is None else self.halves.swapaxes(1, 2),
+        )  # fmt: skip
+
+
+def beside(first: FrequencyResponses, second: FrequencyResponses) -> FrequencyResponses:
+    """Responses of the same points to the references of both: of sensors that were moved.
+
+    Raises ValueError where points or lines differ.
+    """
+    if {*first.points} != {*second.points}:
+        alone = sorted({*first.points} ^ {*second.points})
+        raise ValueError(f"{alone[0]} was hit with some of the sensors only; hit it with all")
+    if not np.array_equal(first.frequency_hz, second.frequency_hz):
+        raise ValueError("the records differ in length or sampling; write them alike")
+    order = [second.points.index(name) for name in first.points]
+    place = {old: new for new, old in enumerate(order)}
+    moved = tuple(
+        Deletions(
+            np.array([place[i] for i in d.points.tolist()]),
+            d.references + len(first.references), d.change,
+        )
+        for d in second.deletions
+    )  # fmt: skip
+    halves, coherence = None, None
+    if first.halves is not None and second.halves is not None:
+        halves = np.concatenate([first.halves, second.halves[:, order]], axis=2)
+    if first.coherence is not None and second.coherence is not None:
+        coherence = np.concatenate([first.coherence, second.coherence[order]], axis=1)
+    return first._replace(
+        H=np.concatenate([first.H, second.H[order]], axis=1),
+        references=first.references + second.references,
+        coherence=coherence, deletions=first.deletions + moved, halves=halves,
+        remarks=first.remarks + second.remarks,
+    )  # fmt: skip
 
 
 def frequency_responses(
-    hits: Hits, estimator: str = "H1", checks: HitChecks = HitChecks()
+    hits: Hits,
+    estimator: str = "H1",
+    checks: HitChecks = HitChecks(),
+    *,
+    samples: int | None = None,
 ) -> FrequencyResponses:
-    """Frequency responses of the hits that are usable.
+    """Frequency responses of the hits that are usable, of at most `samples` from each onset.
 
     Raises ValueError where no hit is usable, and for records with NaN or without a pulse.
     """
@@ -100,13 +156,14 @@ def frequency_responses(
             reason = hit_defect(f, onset[i], width[i], noise, hits.response[i], checks)
         if reason:
             usable[i] = False
-            remarks.append(f"hit {i + 1} at point {hits.point[i]} is left out: {reason}")
+            name = hits.points[hits.point[i]]
+            remarks.append(f"hit {i + 1} at {name} is left out: {reason}")
     if not usable.any():
         raise ValueError(f"no hit is usable ({remarks[0]})")
 
     # records from the onset on, all of one length, the force cleared of noise behind its pulse
     used = np.flatnonzero(usable)
-    length = int(k - onset[used].max())
+    length = min(int(k - onset[used].max()), samples or k)
     ramp = np.arange(length)
     a = 0.0 if checks.decay is None else -np.log(checks.decay) / (length * hits.dt)
     decay = np.exp(-a * hits.dt * ramp)
@@ -120,9 +177,11 @@ def frequency_responses(
 
     # point by point: H of all hits, of all but one, and of every other one
     points = np.unique(hits.point[used])
-    remarks += [f"point {p} has no usable hit" for p in np.setdiff1d(hits.point, points)]
+    remarks += [
+        f"{hits.points[i]} has no usable hit" for i in np.setdiff1d(hits.point, points).tolist()
+    ]
     H, coherence, deletions, halves = [], [], [], []
-    for point in points:
+    for i, point in enumerate(points):
         rows = np.flatnonzero(hits.point[used] == point)
         f, x = F[rows], X[rows]
         response, squared_coherence = estimate(f, x, estimator)
@@ -130,18 +189,17 @@ def frequency_responses(
         coherence.append(squared_coherence)
         if len(rows) > 1:
             each = [np.arange(len(rows)) != h for h in range(len(rows))]
-            deletions.append(
-                np.array([estimate(f[w], x[w], estimator)[0] - response for w in each])
-            )
+            change = [estimate(f[w], x[w], estimator)[0] - response for w in each]
+            sensors = np.arange(len(hits.sensors))
+            deletions.append(Deletions(np.array([i]), sensors, np.array(change)[:, None]))
             halves.append([estimate(f[h::2], x[h::2], estimator)[0] for h in (0, 1)])
         else:
-            deletions.append(np.empty((0, *response.shape), complex))
             halves.append([response, response])
-    repeated = any(len(d) for d in deletions)
     return FrequencyResponses(
         np.arange(F.shape[1]) / (length * hits.dt), np.array(H),
-        np.array(coherence) if repeated else None, deletions,
-        np.array(halves).swapaxes(0, 1) if repeated else None, points, float(a), tuple(remarks),
+        tuple(hits.points[point] for point in points), hits.sensors,
+        np.array(coherence) if deletions else None, tuple(deletions),
+        np.array(halves).swapaxes(0, 1) if deletions else None, float(a), tuple(remarks),
     )  # fmt: skip
 
 
@@ -214,7 +272,6 @@ def ring_down_spectra(hits: Hits, checks: HitChecks) -> FrequencyResponses:
     X = np.array([np.fft.rfft(hits.response[i, :, t : t + length] * decay) for i, t in usable])
     H = hits.dt * X.swapaxes(0, 1)
     return FrequencyResponses(
-        np.arange(H.shape[2]) / (length * hits.dt), H, None,
-        [np.empty((0, *h.shape), complex) for h in H], None,
-        np.arange(1, len(H) + 1), float(a), tuple(remarks),
+        np.arange(H.shape[2]) / (length * hits.dt), H, hits.sensors,
+        tuple(f"record {i + 1}" for i, _ in usable), shift=float(a), remarks=tuple(remarks),
     )  # fmt: skip

@@ -5,7 +5,7 @@ responses the shape is the first left singular vector of those near the resonanc
 indicator function: Shih et al., Mech. Syst. Signal Process. 2 (1988) 367).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -33,18 +33,8 @@ class _Reading(NamedTuple):
     value: complex
 
 
-def has_shapes(sets: Sequence[dict]) -> bool:
-    """Whether data sets have points and responses enough to be a measured shape."""
-    types = [s["type"] for s in sets]
-    return bool({*types} & {*POINTS}) and types.count(RESPONSE) >= FEWEST
-
-
-def measured_shape(sets: Sequence[dict], hz: float) -> MeasuredShape:
-    """The shape of the mode at `hz` in the data sets of a file.
-
-    Raises ValueError where they have none, KeyError, TypeError or IndexError for damaged ones.
-    """
-    # points of the nodes [m]
+def points_of_nodes(sets: Sequence[dict]) -> dict[int, NDArray[np.float64]]:
+    """Points (3,) [m] of the nodes in data sets, by number; raises ValueError for local axes."""
     unit = next((float(s["length"]) for s in sets if s["type"] == UNITS), 1.0)
     points: dict[int, NDArray[np.float64]] = {}
     for s in (s for s in sets if s["type"] in POINTS):
@@ -52,10 +42,33 @@ def measured_shape(sets: Sequence[dict], hz: float) -> MeasuredShape:
             raise ValueError("its displacements are in local axes, write them in global ones")
         x = np.column_stack([np.atleast_1d(s[axis]) for axis in "xyz"]) / unit
         points |= dict(zip(np.atleast_1d(s["node_nums"]).astype(int).tolist(), x, strict=True))
+    if points and not np.isfinite(list(points.values())).all():
+        raise ValueError("a point is no number")
+    return points
+
+
+def along_directions(
+    points: Mapping[int, NDArray[np.float64]],
+    ends: Sequence[tuple[int, int] | None],
+    values: NDArray[np.complex128],
+) -> MeasuredShape | None:
+    """The shape with these values (m,) at ends (node, axis), axis 1 to 3 and negative against it;
+    None where an end has no point, or there are too few to tell modes apart."""
+    if len(ends) < FEWEST or any(end is None or end[0] not in points for end in ends):
+        return None
+    nodes, axes = np.array(ends).T
+    directions = np.sign(axes)[:, None] * np.eye(3)[np.abs(axes) - 1]
+    return MeasuredShape(np.array([points[node] for node in nodes.tolist()]), directions, values)
+
+
+def measured_shape(sets: Sequence[dict], hz: float) -> MeasuredShape:
+    """The shape of the mode at `hz` in the data sets of a file.
+
+    Raises ValueError where they have none, KeyError, TypeError or IndexError for damaged ones.
+    """
+    points = points_of_nodes(sets)
     if not points:
         raise ValueError("it has no points, which data set 15 or 2411 holds")
-    if not np.isfinite(list(points.values())).all():
-        raise ValueError("a point is no number")
 
     shapes = [s for s in sets if s["type"] == SHAPE]
     readings = _of_shapes(shapes, hz) if shapes else _of_responses(sets, hz)

@@ -23,19 +23,21 @@ Process. 40 (2013) 463, the modal model by maximum likelihood; Efron and Stein, 
 586, the jackknife; Pappa, Elliott, Schenk, J. Guid. Control Dyn. 16 (1993) 860, phase collinearity.
 """
 
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.correlation import mac
-from fem.hits import FrequencyResponses
+from fem.hits import Deletions, FrequencyResponses
 
 
 class Stability(NamedTuple):
     """When a pole is one of the order before, and when it is a mode."""
 
-    largest_order: int = 24  # of A; not varied
+    poles: int = 72  # of the largest order, those that grow and the conjugate ones included
+    orders: int = 24  # between 2 and the largest, at most
     frequency: float = 0.005  # relative change of frequency from one order to the next
     damping: float = 0.3  # relative change of the damping ratio
     participation: float = 0.8  # MAC of participation factors
@@ -44,6 +46,11 @@ class Stability(NamedTuple):
     largest_zeta: float = 0.15  # damping ratio above which a pole is part of the background
     iterations: int = 8  # of Gauss and Newton; 3 to 5 are usual
     least_share: float = 0.01  # of the response's energy at its own frequency that a mode carries
+    twin: float = 0.01  # relative distance of two modes that are one, where they are also
+    alike: float = 0.97  # in the MAC of shapes and in that of participation factors
+    band: float = 3.0  # largest ratio of a band's ends, where it has more than 2000 lines
+    lines: int = 4000  # of a band, at most: else every second, third, ... is taken
+    margin: float = 1.15  # by which a band is fitted beyond its ends, where it has neighbours
 
 
 class StablePole(NamedTuple):
@@ -54,20 +61,33 @@ class StablePole(NamedTuple):
     orders: tuple[int, ...]
 
 
+class LeftOut(NamedTuple):
+    """A pole that recurs from order to order and is no mode."""
+
+    number: int
+    frequency_hz: float
+    zeta: float
+    reason: str
+
+
 class IdentifiedModes(NamedTuple):
     """Modes of a test, lowest first; deviations are one standard deviation."""
 
+    number: NDArray[np.int64]  # (n,) of the recurring pole, from 1, those left out included
     frequency_hz: NDArray[np.float64]  # (n,) |lambda| / (2 pi)
     zeta: NDArray[np.float64]  # (n,)
     phi: NDArray[np.complex128]  # (p, n) the largest component is 1
-    participation: NDArray[np.complex128]  # (n, m)
+    participation: NDArray[np.complex128]  # (n, m) H = sum phi participation / (s - lambda) + conj.
     frequency_deviation: NDArray[np.float64]  # (n,) [Hz]
     zeta_deviation: NDArray[np.float64]  # (n,)
     phi_deviation: NDArray[np.float64]  # (p, n) of the complex component
     collinearity: NDArray[np.float64]  # (n,) 1 for a real shape
     orders: NDArray[np.int64]  # (n,) in which the pole recurred
-    diagram: list[tuple[int, NDArray[np.complex128]]]  # order, its decaying poles
-    remarks: tuple[str, ...]  # poles that were dropped, and why
+    left_out: tuple[LeftOut, ...]
+    # order and its decaying poles [1/s], of one band after the other
+    diagram: tuple[tuple[int, NDArray[np.complex128]], ...]
+    # lines (k,) [Hz] and the modal model there (p, m, k), of each band
+    synthesis: tuple[tuple[NDArray[np.float64], NDArray[np.complex128]], ...]
 
 
 def phase_collinearity(phi: NDArray[np.complex128]) -> NDArray[np.float64]:
@@ -82,7 +102,7 @@ def poles_of_orders(
     frequency_hz: NDArray[np.float64],
     H: NDArray[np.complex128],
     weight: NDArray[np.float64],
-    orders: range,
+    orders: Sequence[int],
 ) -> list[tuple[int, NDArray[np.complex128], NDArray[np.complex128]]]:
     """Order, decaying poles (k,) [1/s] with positive frequency, participation factors (k, m), for
     every order of A, of H (p, m, f) with weights (p, f)."""
@@ -113,7 +133,7 @@ def poles_of_orders(
         companion[m:, :-m] = np.eye((order - 1) * m)
         mu, V = np.linalg.eig(companion)
         usable = np.abs(mu) > 1e-12
-        pole = np.log(mu[usable]) / dt
+        pole = np.log(mu[usable].astype(complex)) / dt
         L = V[:m, usable]
         keep = (pole.real < 0) & (pole.imag > 0)
         result.append((order, pole[keep], L[:, keep].T))
@@ -125,35 +145,37 @@ def stable_poles(
 ) -> list[StablePole]:
     """Poles that recur from order to order, lowest frequency first: medians over the orders."""
     tracks: list[list[tuple[int, complex, NDArray[np.complex128]]]] = []
-    for order, poles, L in diagram:
+    for i, (_, poles, L) in enumerate(diagram):
         light = (-poles.real < options.largest_zeta * np.abs(poles)).nonzero()[0]
+        zeta = -poles.real / np.abs(poles)
         # one-to-one, the nearest pairs first; a track may miss two orders
         pairs = []
         for t, track in enumerate(tracks):
             last, pole, participation = track[-1]
-            if order - last > 3:
+            if i - last > 3:
                 continue
-            for j in light:
-                change = abs(abs(poles[j]) / abs(pole) - 1) / options.frequency
-                zetas = -poles[j].real / abs(poles[j]), -pole.real / abs(pole)
-                damping = abs(zetas[0] - zetas[1]) / (max(zetas) * options.damping)
-                similar = float(mac(L[j][:, None], participation[:, None])[0, 0])
-                if change < 1 and damping < 1 and similar > options.participation:
-                    pairs.append((change + damping + 1 - similar, t, int(j)))
+            zeta_before = -pole.real / abs(pole)
+            change = np.abs(np.abs(poles[light]) / abs(pole) - 1) / options.frequency
+            damping = np.abs(zeta[light] - zeta_before) / options.damping
+            damping = damping / np.maximum(zeta[light], zeta_before)
+            for j in np.flatnonzero((change < 1) & (damping < 1)).tolist():
+                similar = float(mac(L[light[j]][:, None], participation[:, None])[0, 0])
+                if similar > options.participation:
+                    pairs.append((change[j] + damping[j] + 1 - similar, t, int(light[j])))
         used_tracks, used_poles = set(), set()
         for _, t, j in sorted(pairs):
             if t not in used_tracks and j not in used_poles:
-                tracks[t].append((order, complex(poles[j]), L[j]))
+                tracks[t].append((i, complex(poles[j]), L[j]))
                 used_tracks.add(t)
                 used_poles.add(j)
-        tracks += [[(order, complex(poles[j]), L[j])] for j in light if j not in used_poles]
+        tracks += [[(i, complex(poles[j]), L[j])] for j in light if j not in used_poles]
 
     stable = []
     for track in tracks:
         if len(track) < options.share * len(diagram):
             continue
-        orders, poles, L = zip(*track, strict=True)
-        poles = np.array(poles)
+        rows, poles, L = zip(*track, strict=True)
+        orders, poles = tuple(diagram[i][0] for i in rows), np.array(poles)
         middle = complex(np.median(poles.real), np.median(poles.imag))
         stable.append(StablePole(middle, L[int(np.abs(poles - middle).argmin())], orders))
     return sorted(stable, key=lambda s: s.pole.imag)
@@ -175,15 +197,21 @@ def background(
 
 
 class ModalFit(NamedTuple):
-    """The modal model at the responses (p, m, f), and what a change of H does to it."""
+    """The modal model at the responses (p, m, f), and what a change of H does to it.
+
+    Weighted rows of the equations are compressed to the b = 4 n orthonormal columns q (2 f, b) that
+    all derivatives are made of: those of a response x (f,) are w q^T [Re x, Im x].
+    """
 
     pole: NDArray[np.complex128]  # (n,)
     L: NDArray[np.complex128]  # (n, m) the largest factor is 1
     phi: NDArray[np.complex128]  # (p, n)
-    residual: NDArray[np.complex128]  # (p, m, f)
+    misfit: float  # sum of the weighted squares, real and imaginary parts
     normal: NDArray[np.float64]  # (g, g) of poles and factors, the points eliminated
-    columns: list[NDArray[np.float64]]  # p of (rows, g + local): weighted derivatives
-    n_global: int
+    J: NDArray[np.float64]  # (p, m b, g) derivatives with respect to poles and factors
+    local: NDArray[np.float64]  # (p, m b, 2 n) those with respect to a point's shape
+    q: NDArray[np.float64]  # (2 f, b)
+    synthesis: NDArray[np.complex128]  # (p, m, f) the model with its background
 
 
 def modal_fit(
@@ -195,81 +223,98 @@ def modal_fit(
     iterations: int,
 ) -> ModalFit:
     """Poles (n,), participation L (n, m) and shapes that fit H (p, m, f) by least squares with
-    weights (p, m) [1 / standard deviation], by Gauss and Newton from the poles given."""
-    m, f = H.shape[1:]
+    weights (p, m) [1 / standard deviation], by Gauss and Newton from the poles given.
+
+    With P = 1 / (s - lambda), Q = 1 / (s - lambda*) all columns are c P + c* Q and c P^2 + c* Q^2,
+    real combinations of P + Q, i (P - Q), P^2 + Q^2 and i (P^2 - Q^2), whichever point and
+    reference. One QR factorisation of these, the background projected off, serves all of them.
+    """
+    p, m, f = H.shape
     n = len(poles)
     s = 2j * np.pi * frequency_hz
-    low = np.kron(np.eye(m), background(frequency_hz))
-    local_background = np.concatenate([low, 1j * low])
+    rows = background(frequency_hz)
+    outside = np.linalg.qr(stacked(np.concatenate([rows, 1j * rows])).T)[0]
+    data = stacked(H.reshape(p * m, f)).T
+    beyond = data - outside @ (outside.T @ data)
+    energy = float(np.sum((weight.ravel() * beyond) ** 2))
     L = L / L[np.arange(n), np.abs(L).argmax(axis=1)][:, None]
-    free = np.abs(L - 1) > 0  # the factor that is 1 stays
-    free[np.arange(n), np.abs(L).argmax(axis=1)] = False
+    free = np.ones((n, m), bool)
+    free[np.arange(n), np.abs(L).argmax(axis=1)] = False  # the factor that is 1 stays
+    free_modes, free_references = np.nonzero(free)
 
-    best = None
+    best, gradient = None, np.zeros(0)
     damping_factor = 0.0
     step_poles, step_L = np.zeros(n, complex), np.zeros((n, m), complex)
     for _ in range(iterations + 1):
         at, L_at = poles + step_poles, L + step_L
-        unstable = at.real >= 0
-        at = np.where(unstable, -1e-4 * np.abs(at) + 1j * at.imag, at)
-        P = 1 / (s - at[:, None])  # (n, f)
-        Q = 1 / (s - at.conj()[:, None])
-        plus = (L_at[:, :, None] * P[:, None]).reshape(n, m * f)
-        minus = (L_at.conj()[:, :, None] * Q[:, None]).reshape(n, m * f)
-        local = np.concatenate([plus + minus, 1j * (plus - minus), local_background])
+        at = np.where(at.real >= 0, -1e-4 * np.abs(at) + 1j * at.imag, at)
+        P, Q = 1 / (s - at[:, None]), 1 / (s - at.conj()[:, None])
+        scale = np.abs(at.real)[:, None]  # columns of like size: P^2 is as large as P / sigma
+        basis = [P + Q, 1j * (P - Q), scale * (P**2 + Q**2), 1j * scale * (P**2 - Q**2)]
+        basis = stacked(np.concatenate(basis)).T
+        q, r = np.linalg.qr(basis - outside @ (outside.T @ basis))
+        re, im, re2, im2 = r.reshape(4 * n, 4, n).swapaxes(0, 1)
+        d = (q.T @ data).reshape(4 * n, p, m)
 
-        normal, gradient, phi, residual, columns, cost = 0.0, 0.0, [], [], [], 0.0
-        for h, w in zip(H, weight, strict=True):
-            scale = np.repeat(w, f)
-            local_rows = stacked(local * scale).T
-            target = stacked((h.reshape(-1) * scale)[None])[0]
-            q, r = np.linalg.qr(local_rows)
-            amplitudes = np.linalg.solve(r, q.T @ target)
-            shape = amplitudes[:n] + 1j * amplitudes[n : 2 * n]
-            misfit = target - local_rows @ amplitudes
+        # columns c P + c* Q of the shape at a point, (m b, 2 n)
+        c = L_at.T[:, None]  # (m, 1, n)
+        shape_columns = np.concatenate([re * c.real + im * c.imag, im * c.real - re * c.imag], 2)
+        normal, phi = 0.0, np.empty((p, n), complex)
+        J_all, local_all, gradient, cost = [], [], 0.0, 0.0
+        for i in range(p):
+            w = weight[i][:, None, None]
+            local = (w * shape_columns).reshape(-1, 2 * n)
+            target = (weight[i] * d[:, i]).T.ravel()
+            u, sizes, vt = np.linalg.svd(local, full_matrices=False)
+            inverse = np.where(sizes > 1e-12 * sizes[0], 1 / np.maximum(sizes, 1e-300), 0.0)
+            amplitudes = vt.T @ (inverse * (u.T @ target))
+            phi[i] = amplitudes[:n] + 1j * amplitudes[n:]
+            misfit = target - local @ amplitudes
 
             # derivatives for poles (real, imaginary) and for the free participation factors
-            a = (shape[:, None, None] * L_at[:, :, None] * (P**2)[:, None]).reshape(n, m * f)
-            b = (shape.conj()[:, None, None] * L_at.conj()[:, :, None] * (Q**2)[:, None]).reshape(
-                n, m * f
-            )
-            rows = [a + b, 1j * (a - b)]
-            for i, j in zip(*np.nonzero(free), strict=True):
-                column = np.zeros((2, m, f), complex)
-                one, two = shape[i] * P[i], shape[i].conj() * Q[i]
-                column[0, j], column[1, j] = one + two, 1j * (one - two)
-                rows.append(column.reshape(2, m * f))
-            J = stacked(np.concatenate(rows) * scale).T
-            projected = J - q @ (q.T @ J)
+            a = (phi[i] * L_at.T)[:, None] / scale[:, 0]
+            J = np.zeros((m, 4 * n, 2 * n + 2 * len(free_modes)))
+            J[:, :, :n] = re2 * a.real + im2 * a.imag
+            J[:, :, n : 2 * n] = im2 * a.real - re2 * a.imag
+            b = phi[i, free_modes]
+            column = 2 * n + 2 * np.arange(len(free_modes))
+            re_b, im_b = re[:, free_modes], im[:, free_modes]
+            J[free_references, :, column] = (re_b * b.real + im_b * b.imag).T
+            J[free_references, :, column + 1] = (im_b * b.real - re_b * b.imag).T
+            J = (w * J).reshape(m * 4 * n, -1)
+            projected = J - u @ (u.T @ J)
             normal = normal + projected.T @ projected
             gradient = gradient + projected.T @ misfit
-            cost += float(misfit @ misfit)
-            phi.append(shape)
-            residual.append((misfit[: m * f] + 1j * misfit[m * f :]).reshape(m, f) / w[:, None])
-            columns.append(np.concatenate([J, local_rows], axis=1))
+            cost += float(misfit @ misfit - target @ target)
+            J_all.append(J)
+            local_all.append(local)
+        cost += energy
 
-        if best is None or cost < best[0]:
-            settled = best is not None and best[0] - cost < 1e-4 * cost
-            best = (
-                cost,
-                ModalFit(at, L_at, np.array(phi), np.array(residual), normal, columns, len(normal)),
-                gradient,
+        if best is None or cost < best.misfit:
+            settled = best is not None and best.misfit - cost < 1e-4 * cost
+            amplitudes = phi[:, None, :] * L_at.T  # (p, m, n)
+            model = amplitudes @ P + amplitudes.conj() @ Q
+            rest = data - stacked(model.reshape(p * m, f)).T
+            low = (outside @ (outside.T @ rest)).T.reshape(p, m, 2, f)
+            model = model + low[:, :, 0] + 1j * low[:, :, 1]
+            best = ModalFit(
+                at, L_at, phi, cost, normal, np.array(J_all), np.array(local_all), q, model
             )
+            best_gradient = gradient
             poles, L = at, L_at
             damping_factor /= 10
             if settled:
                 break
         else:  # the step was too long
             damping_factor = max(10 * damping_factor, 1e-3)
-        _, fit, gradient = best
-        scale = np.sqrt(np.maximum(np.diag(fit.normal), np.finfo(float).tiny))
-        matrix = fit.normal / np.outer(scale, scale) + damping_factor * np.eye(len(scale))
-        step = np.linalg.lstsq(matrix, gradient / scale, rcond=1e-12)[0] / scale
+        size = np.sqrt(np.maximum(np.diag(best.normal), np.finfo(float).tiny))
+        matrix = best.normal / np.outer(size, size) + damping_factor * np.eye(len(size))
+        step = np.linalg.lstsq(matrix, best_gradient / size, rcond=1e-12)[0] / size
         step_poles = step[:n] + 1j * step[n : 2 * n]
         step_L = np.zeros((n, m), complex)
         pairs = step[2 * n :].reshape(-1, 2)
         step_L[free] = pairs[:, 0] + 1j * pairs[:, 1]
-    return best[1]
+    return best
 
 
 def stacked(rows: NDArray[np.complex128]) -> NDArray[np.float64]:
@@ -277,155 +322,292 @@ def stacked(rows: NDArray[np.complex128]) -> NDArray[np.float64]:
     return np.concatenate([rows.real, rows.imag], axis=1)
 
 
-def identified_modes(
-    test: FrequencyResponses,
-    band_hz: tuple[float, float],
-    options: Stability = Stability(),
-) -> IdentifiedModes:
-    """Modes of a test within a band [Hz].
+def bands_between_modes(
+    test: FrequencyResponses, band_hz: tuple[float, float], options: Stability
+) -> list[tuple[float, float]]:
+    """Parts of a band [Hz], cut where the responses are small, so that each has a ratio of its ends
+    up to `options.band` or 2000 lines: polynomials in z are ill-conditioned over decades."""
+    f = test.frequency_hz
+    low, high = max(band_hz[0], f[f > 0][0]), min(band_hz[1], f[-1])
+    size = np.sum(np.abs(test.H) / np.abs(test.H).max(axis=2, keepdims=True), axis=(0, 1))
+    spacing, parts = f[1] - f[0], []
+    while True:
+        reach = max(options.band * low, low + 2000 * spacing)
+        if reach > high / 1.2:
+            return [*parts, (low, high)]
+        within = np.flatnonzero((f > low + 0.6 * (reach - low)) & (f < reach))
+        width = max(1, len(within) // 50)
+        smooth = np.convolve(np.log(size[within] + 1e-300), np.ones(width) / width, "same")
+        cut = float(f[within[width + int(smooth[width : -width or None].argmin())]])
+        parts.append((low, cut))
+        low = cut
 
-    Raises ValueError where the band has too few lines, or no pole recurs.
+
+class Candidates(NamedTuple):
+    """Poles of a band that recur from order to order, and what may speak against them."""
+
+    own: tuple[float, float]  # [Hz] modes beyond are those of neighbouring bands
+    lines: NDArray[np.int64]  # (f,) of the test that are fitted
+    noise: NDArray[np.float64]  # (p, m) standard deviation of a line
+    poles: list[StablePole]
+    doubts: list[str | None]
+    diagram: list[tuple[int, NDArray[np.complex128]]]
+
+
+def candidates(
+    test: FrequencyResponses,
+    own: tuple[float, float],
+    ends: tuple[float, float],
+    options: Stability,
+) -> Candidates:
+    """Recurring poles of the part `own` of a test's band with these `ends` [Hz].
+
+    Raises ValueError where it has too few lines.
     """
-    within = (test.frequency_hz >= band_hz[0]) & (test.frequency_hz <= band_hz[1])
-    within &= test.frequency_hz > 0
-    f, H = test.frequency_hz[within], test.H[:, :, within]
-    p, m, n_lines = H.shape
+    low = own[0] / (options.margin if own[0] > ends[0] else 1)
+    high = own[1] * (options.margin if own[1] < ends[1] else 1)
+    frequency = test.frequency_hz
+    lines = np.flatnonzero((frequency >= low) & (frequency <= high) & (frequency > 0))
+    lines = lines[:: -(-len(lines) // options.lines)]
+    f, H = frequency[lines], test.H[:, :, lines]
+    m, n_lines = H.shape[1:]
     # the lines must outnumber the coefficients, those of B included
-    largest = min(options.largest_order, n_lines // 4)
+    largest = min(max(-(-options.poles // m), 8), n_lines // 4)
     if largest < 8:
         raise ValueError(
-            f"{n_lines} lines between {band_hz[0]:g} and {band_hz[1]:g} Hz; at least 32 are needed"
+            f"{n_lines} lines between {low:g} and {high:g} Hz; at least 32 are needed, so measure "
+            "longer or take a wider band"
         )
-    if not np.isfinite(H).all() or not H.any(axis=2).all():
-        raise ValueError("a response is zero or no number between these frequencies; leave it out")
 
     # noise of every response: the scatter of its hits, else second differences along frequency
     # (second differences cancel what is smooth; of white noise they have six times its variance)
-    noise = np.empty((p, m))
-    for i, deleted in enumerate(test.deletions):
-        if len(deleted):
-            squares = (len(deleted) - 1) / len(deleted) * np.abs(deleted[:, :, within]) ** 2
-            noise[i] = np.sqrt(np.median(squares.sum(axis=0), axis=1))
-        else:
-            curvature = np.abs(H[i, :, 2:] - 2 * H[i, :, 1:-1] + H[i, :, :-2])
-            noise[i] = np.median(curvature, axis=1) / np.sqrt(6 * np.log(2))
+    curvature = np.abs(H[:, :, 2:] - 2 * H[:, :, 1:-1] + H[:, :, :-2])
+    noise = np.median(curvature, axis=2) / np.sqrt(6 * np.log(2))
+    for points, references, change in test.deletions:
+        squares = (len(change) - 1) / len(change) * np.abs(change[:, :, :, lines]) ** 2
+        noise[np.ix_(points, references)] = np.sqrt(np.median(squares.sum(axis=0), axis=2))
     noise = np.maximum(noise, 1e-6 * np.abs(H).max(axis=2))
-    if test.deletions and all(len(d) for d in test.deletions):
+    if test.deletions:
         noise = np.maximum(noise, 0.2 * np.median(noise))
 
     # stability over orders, then recurrence in both halves of the hits
-    orders = range(2, largest + 1)
+    orders = range(2, largest + 1, -(-(largest - 1) // options.orders))
     weight = np.repeat(1 / np.sqrt(np.mean(noise**2, axis=1))[:, None], n_lines, axis=1)
     diagram = poles_of_orders(f, H, weight, orders)
-    candidates, remarks = stable_poles(diagram, options), []
+    # the band's end is z = -1, where A has real roots that are no modes
+    poles = [
+        c for c in stable_poles(diagram, options)
+        if f[0] <= c.pole.imag / (2 * np.pi) < 0.995 * f[-1]
+    ]  # fmt: skip
+    doubts: list[str | None] = [None] * len(poles)
     if test.halves is not None:
-        some = range(2, largest + 1, 3)
         recurring = [
-            stable_poles(poles_of_orders(f, half[:, :, within], weight, some), options)
+            stable_poles(poles_of_orders(f, half[:, :, lines], weight, orders[::3]), options)
             for half in test.halves
         ]
-        both = []
-        for candidate in candidates:
+        for i, candidate in enumerate(poles):
             near = [
                 any(abs(abs(s.pole) / abs(candidate.pole) - 1) < options.halves for s in half)
                 for half in recurring
             ]
-            if all(near):
-                both.append(candidate)
-            else:
-                remarks.append(
-                    f"{abs(candidate.pole) / (2 * np.pi):.2f} Hz is left out: it does not recur in "
-                    "both halves of the hits"
-                )
-        candidates = both
-    # the band's end is z = -1, where A has real roots that are no modes
-    candidates = [c for c in candidates if f[0] <= c.pole.imag / (2 * np.pi) < 0.995 * f[-1]]
-    if not candidates:
-        raise ValueError("no pole recurs from order to order; measure with less noise or longer")
+            if not all(near):
+                doubts[i] = "it does not recur in both halves of the hits"
+    return Candidates(own, lines, noise, poles, doubts, [(o, at) for o, at, _ in diagram])
 
-    # maximum likelihood, again without what carries no energy of its own
+
+def identified_modes(
+    test: FrequencyResponses,
+    band_hz: tuple[float, float] | None = None,
+    options: Stability = Stability(),
+    *,
+    reject: Collection[int] = (),
+    accept: Collection[int] = (),
+) -> IdentifiedModes:
+    """Modes of a test within a band [Hz], all of its lines without one.
+
+    Poles that recur are numbered from 1, lowest first, before any is left out: those of `reject`
+    are left out, those of `accept` are modes whatever speaks against them. Raises ValueError where
+    the band has too few lines, no pole recurs, a number is none of a pole, or a response is zero.
+    """
+    if not np.isfinite(test.H).all() or not test.H.any(axis=2).all():
+        raise ValueError("the responses hold NaN or inf, or one is zero; leave it out")
+    ends = band_hz or (0.0, float(test.frequency_hz[-1]))
+    parts = [
+        candidates(test, own, ends, options)
+        for own in bands_between_modes(test, ends, options)
+    ]  # fmt: skip
+
+    # numbers of the poles in each band's own part, all bands together
+    numbered = sorted(
+        (abs(pole.pole), b, i)
+        for b, part in enumerate(parts)
+        for i, pole in enumerate(part.poles)
+        if part.own[0] <= abs(pole.pole) / (2 * np.pi) <= part.own[1]
+    )
+    number = {(b, i): n for n, (_, b, i) in enumerate(numbered, start=1)}
+    if not number:
+        raise ValueError("no pole recurs from order to order; measure with less noise or longer")
+    for n in (*reject, *accept):
+        if not 1 <= n <= len(number):
+            raise ValueError(f"pole {n} is none: they are numbered 1 to {len(number)}")
+
+    modes, left_out, synthesis = [], [], []
+    for b, part in enumerate(parts):
+        chosen = []
+        for i, pole in enumerate(part.poles):
+            n = number.get((b, i))
+            reason = part.doubts[i] if n not in accept else None
+            if n is not None and n in reject:
+                reason = "rejected"
+            if reason is None:
+                chosen.append((n, pole))
+            elif n is not None:
+                left_out.append(of_pole(n, pole.pole + test.shift, reason))
+        if chosen:
+            identified, dropped, model = fitted_modes(test, part, chosen, accept, options)
+            modes += identified
+            left_out += dropped
+            synthesis.append((test.frequency_hz[part.lines], model))
+    if not modes:
+        raise ValueError("no pole that recurs carries energy of the responses")
+
+    modes.sort(key=lambda mode: mode[1])
+    columns = [np.array(column) for column in zip(*modes, strict=True)]
+    number_, hz, zeta, phi, L, hz_deviation, zeta_deviation, phi_deviation, orders = columns
+    diagram = tuple(
+        (order, poles[(np.abs(poles) >= 2 * np.pi * part.own[0])
+                      & (np.abs(poles) <= 2 * np.pi * part.own[1])] + test.shift)
+        for part in parts for order, poles in part.diagram
+    )  # fmt: skip
+    return IdentifiedModes(
+        number_, hz, zeta, phi.T, L, hz_deviation, zeta_deviation, phi_deviation.T,
+        phase_collinearity(phi.T), orders, tuple(sorted(left_out)), diagram, tuple(synthesis),
+    )  # fmt: skip
+
+
+def of_pole(number: int, pole: complex, reason: str) -> LeftOut:
+    """A pole [1/s] that is left out, as frequency and damping ratio."""
+    return LeftOut(number, abs(pole) / (2 * np.pi), -pole.real / abs(pole), reason)
+
+
+def fitted_modes(
+    test: FrequencyResponses,
+    part: Candidates,
+    chosen: list[tuple[int | None, StablePole]],
+    accept: Collection[int],
+    options: Stability,
+) -> tuple[list[tuple], list[LeftOut], NDArray[np.complex128]]:
+    """Modes of a band by maximum likelihood, those that are left out, and the model (p, m, f).
+
+    `chosen` are poles and their numbers, None for those beyond the band's own part. A mode is a
+    tuple of the fields of IdentifiedModes up to phi_deviation, and the count of its orders.
+    """
+    f, H, noise = test.frequency_hz[part.lines], test.H[:, :, part.lines], part.noise
+    chosen, left_out = list(chosen), []
+
+    # again without what carries no energy of its own
     while True:
-        poles = np.array([c.pole for c in candidates])
-        L = np.array([c.participation for c in candidates])
-        fit = modal_fit(f, H, 1 / noise, poles, L, options.iterations)
+        start = np.array([pole.pole for _, pole in chosen])
+        L = np.array([pole.participation for _, pole in chosen])
+        fit = modal_fit(f, H, 1 / noise, start, L, options.iterations)
         drop = None
         for i, pole in enumerate(fit.pole):
             line = int(np.abs(f - pole.imag / (2 * np.pi)).argmin())
             alone = np.outer(fit.phi[:, i], fit.L[i]) / (2j * np.pi * f[line] - pole)
             share = np.sum(np.abs(alone / noise) ** 2) / np.sum(np.abs(H[:, :, line] / noise) ** 2)
-            moved = abs(abs(pole) / abs(poles[i]) - 1) > 2 * options.halves
+            moved = abs(abs(pole) / abs(start[i]) - 1) > 2 * options.halves
             reason = None
             if moved or -pole.real > options.largest_zeta * abs(pole):
                 reason = "the fit of the responses does not hold it there"
             elif share < options.least_share:
                 reason = f"it carries {100 * share:.2g} % of the response at its frequency"
-            if reason and (drop is None or share < drop[0]):
+            # a peak that is no resonance of a linear mode is fitted by several, all of one shape
+            size = np.abs(fit.phi[:, i]).max() * np.abs(fit.L[i]).max() / -pole.real
+            for j, other in enumerate(fit.pole):
+                rival = np.abs(fit.phi[:, j]).max() * np.abs(fit.L[j]).max() / -other.real
+                if i == j or rival < size or abs(abs(other / pole) - 1) > options.twin:
+                    continue
+                pair = [i, j]
+                alike = mac(fit.phi[:, pair], fit.phi[:, pair])[0, 1]
+                if min(alike, mac(fit.L[pair].T, fit.L[pair].T)[0, 1]) > options.alike:
+                    share = 0.0
+                    reason = f"it is a double of {abs(other) / (2 * np.pi):.2f} Hz, of its shape"
+            if reason and chosen[i][0] not in accept and (drop is None or share < drop[0]):
                 drop = (share, i, reason)
         if drop is None:
             break
         _, i, reason = drop
-        remarks.append(f"{abs(poles[i]) / (2 * np.pi):.2f} Hz is left out: {reason}")
-        candidates.pop(i)
-        if not candidates:
-            raise ValueError("no pole that recurs carries energy of the responses")
+        number, pole = chosen.pop(i)
+        if number is not None:
+            left_out.append(of_pole(number, pole.pole + test.shift, reason))
+        if not chosen:
+            return [], left_out, np.zeros_like(H)
 
-    # displacement of poles, factors and shapes by each deleted hit, or by the noise of each line
-    n, g = len(fit.pole), fit.n_global
+    # displacement of poles and factors by each deleted hit, or by the noise of each line
+    p, m, _ = H.shape
+    n = len(fit.pole)
     inverse = np.linalg.pinv(fit.normal, rcond=1e-13, hermitian=True)
-    local_of_global, influences = [], []
-    for i, columns in enumerate(fit.columns):
-        J, local = columns[:, :g], columns[:, g:]
-        q, r = np.linalg.qr(local)
-        local_of_global.append(-np.linalg.solve(r, q.T @ J)[: 2 * n])
-        deleted = test.deletions[i][:, :, within] if len(test.deletions[i]) else None
-        if deleted is not None:
-            rows = stacked((deleted / noise[i][:, None]).reshape(len(deleted), -1)).T
-            rows = rows * np.sqrt((len(deleted) - 1) / len(deleted))
-            projected = J - q @ (q.T @ J)
-            influences.append((i, projected.T @ rows, np.linalg.solve(r, q.T @ rows)[: 2 * n]))
-    if influences:
-        displacement = np.concatenate([inverse @ gradient for _, gradient, _ in influences], axis=1)
-        covariance = displacement @ displacement.T
+    local_inverse = [np.linalg.pinv(local) for local in fit.local]  # (2 n, m b)
+    of_global = [-local_inverse[i] @ fit.J[i] for i in range(p)]  # shape by poles and factors
+    covered = np.zeros((p, m), bool)
+    for d in test.deletions:
+        covered[np.ix_(d.points, d.references)] = True
+    squares = np.zeros((p, 2 * n))
+    if covered.all():
+        covariance = 0.0
+        for deleted in test.deletions:
+            rows = compressed(deleted, part.lines, fit.q, 1 / noise)  # {point: (m b, hits)}
+            gradient = sum(
+                fit.J[i].T @ (x - fit.local[i] @ (local_inverse[i] @ x)) for i, x in rows.items()
+            )
+            displacement = inverse @ gradient
+            covariance = covariance + displacement @ displacement.T
+            for i in range(p):
+                direct = local_inverse[i] @ rows[i] if i in rows else 0.0
+                squares[i] += np.sum((of_global[i] @ displacement + direct) ** 2, axis=1)
     else:
-        scatter = np.mean(np.abs(fit.residual / noise[:, :, None]) ** 2) / 2
-        displacement, covariance = None, inverse * scatter
-    pole_variance = np.array(
-        [[covariance[i, i], covariance[n + i, n + i], covariance[i, n + i]] for i in range(n)]
-    )
-
-    phi_variance = np.zeros((p, n))
-    for i, B in enumerate(local_of_global):
-        if displacement is None:
-            q, r = np.linalg.qr(fit.columns[i][:, g:])
-            r_inverse = np.linalg.inv(r)
-            local = (r_inverse @ r_inverse.T)[: 2 * n, : 2 * n] * scatter + B @ covariance @ B.T
-            squares = np.diag(local)
-        else:
-            changes, start = B @ displacement, 0
-            for j, gradient, direct in influences:
-                if j == i:
-                    changes[:, start : start + gradient.shape[1]] += direct
-                start += gradient.shape[1]
-            squares = np.sum(changes**2, axis=1)
-        phi_variance[i] = squares[:n] + squares[n:]
+        scatter = fit.misfit / (2 * p * m * (len(f) - background(f).shape[0]))
+        covariance = inverse * scatter
+        for i in range(p):
+            local = scatter * (local_inverse[i] @ local_inverse[i].T)
+            squares[i] = np.diag(local + of_global[i] @ covariance @ of_global[i].T)
 
     # the window's shift is taken off the poles; f = |lambda| / 2 pi, zeta = -Re lambda / |lambda|
     pole = fit.pole + test.shift
     size, sigma, omega = np.abs(pole), -pole.real, pole.imag
-    rr, ii, ri = pole_variance.T
+    rr, ii = np.diag(covariance)[:n], np.diag(covariance)[n : 2 * n]
+    ri = np.diag(covariance[:n, n : 2 * n])
     size_variance = (sigma**2 * rr + omega**2 * ii - 2 * sigma * omega * ri) / size**2
     d_real, d_imag = -(omega**2) / size**3, sigma * -omega / size**3
     zeta_variance = d_real**2 * rr + d_imag**2 * ii + 2 * d_real * d_imag * ri
-    largest_point = np.abs(fit.phi).argmax(axis=0)
-    unit = fit.phi[largest_point, np.arange(n)]
-    phi = fit.phi / unit
-    order = np.argsort(size)
-    recurred = np.array([len(c.orders) for c in candidates])
-    return IdentifiedModes(
-        (size / (2 * np.pi))[order], (sigma / size)[order], phi[:, order], fit.L[order],
-        (np.sqrt(np.maximum(size_variance, 0)) / (2 * np.pi))[order],
-        np.sqrt(np.maximum(zeta_variance, 0))[order],
-        (np.sqrt(phi_variance) / np.abs(unit))[:, order],
-        phase_collinearity(phi)[order], recurred[order],
-        [(o, poles) for o, poles, _ in diagram], tuple(remarks),
-    )  # fmt: skip
+    unit = fit.phi[np.abs(fit.phi).argmax(axis=0), np.arange(n)]
+    phi_deviation = np.sqrt(squares[:, :n] + squares[:, n:]) / np.abs(unit)
+    modes = [
+        (
+            number, size[i] / (2 * np.pi), sigma[i] / size[i], fit.phi[:, i] / unit[i],
+            fit.L[i] * unit[i], np.sqrt(max(size_variance[i], 0)) / (2 * np.pi),
+            np.sqrt(max(zeta_variance[i], 0)), phi_deviation[:, i], len(candidate.orders),
+        )
+        for i, (number, candidate) in enumerate(chosen)
+        if number is not None
+    ]  # fmt: skip
+    return modes, left_out, fit.synthesis
+
+
+def compressed(
+    deleted: Deletions,
+    lines: NDArray[np.int64],
+    q: NDArray[np.float64],
+    weight: NDArray[np.float64],
+) -> dict[int, NDArray[np.float64]]:
+    """Weighted rows (m b, n_hits) by point, of what each deleted hit does to the responses there,
+    in the columns q (2 f, b) of a fit; sums of their squares are jackknife variances."""
+    hits, b, m = len(deleted.change), q.shape[1], weight.shape[1]
+    rows = {}
+    for i, point in enumerate(deleted.points.tolist()):
+        x = np.zeros((m, b, hits))
+        for j, reference in enumerate(deleted.references.tolist()):
+            change = stacked(deleted.change[:, i, j, lines])
+            x[reference] = weight[point, reference] * (q.T @ change.T)
+        rows[point] = x.reshape(m * b, hits) * np.sqrt((hits - 1) / hits)
+    return rows

@@ -90,11 +90,12 @@ def synthetic_hits(
                 x = np.clip(x, *(0.6 * np.abs(x).max() * np.array([-1, 1])))
             force.append(pulse)
             response.append(x)
-            point.append(p + 1)
+            point.append(p)
             spoiled.append(is_double or is_clipped)
     inside = f < band[1]
     hits = Hits(
         dt, np.array(force), np.array(response), np.array(point),
+        tuple(f"point {p + 1}" for p in range(points)),
         tuple(f"sensor {r + 1}" for r in range(references)), "SYNTHETIC: computed, not measured",
     )  # fmt: skip
     return SyntheticTest(hits, f[inside], zeta[inside], phi[:, inside], np.array(spoiled), band)

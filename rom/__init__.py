@@ -3,6 +3,7 @@
     free_modes       (K, M, w, Selection(n_modes=40)): free modes + the residual vector K^-1 w
     craig_bampton    (K, M, w, boundary, Selection(...)): boundary dofs + fixed-interface modes
     many_contacts    (pencil, modes, W): modes for many contacts, what each has beyond them
+    with_columns     (model, K, M, B): further functionals of a model, as of shakers and sensors
     full_order       the unreduced structure as a ReducedModel, up to 5000 unknowns
     modal            ModalWall: omega (k,) [rad/s], phi (k,) = w @ mode [kg^-1/2]
     receptance       w^T (K - omega^2 M + i omega C)^-1 w [m/N] at frequencies [Hz]
@@ -19,6 +20,7 @@ patch on a half-space: it is still in K, and `coupling.reduced_wall.wall_of` tak
 '2.50e-07 m/N'
 """
 
+from rom.columns import ColumnOptions, with_columns
 from rom.contact_modes import Space, krylov_space
 from rom.craig_bampton import craig_bampton
 from rom.exchange import load_h5, load_mat, load_npz, save_full, save_h5, save_mat, save_npz
@@ -35,6 +37,7 @@ from rom.health import (
 from rom.lanczos import no_modes
 from rom.many_contacts import ManyContacts, many_contacts
 from rom.reduced_model import (
+    Columns,
     Contact,
     MassProperties,
     ModalWall,
@@ -53,6 +56,8 @@ from rom.truncation import LOSS
 
 __all__ = [
     "LOSS",
+    "ColumnOptions",
+    "Columns",
     "Contact",
     "EffectiveMass",
     "Factorise",
@@ -93,4 +98,5 @@ __all__ = [
     "static_compliance",
     "substructure",
     "superlu",
+    "with_columns",
 ]

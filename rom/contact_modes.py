@@ -237,7 +237,7 @@ def krylov_space(
     static -= retained.phi[:, elastic] @ (
         participation[elastic] / retained.omega[elastic, None] ** 2
     )
-    block, R = _k_orthonormalised(static, static.T @ (K @ static), K, 1e-12 * compliance)
+    block, R = k_orthonormalised(static, static.T @ (K @ static), K, 1e-12 * compliance)
     participation = participation[:, 0]
     if not block.shape[1]:
         return Space(retained, 0.0, to_hz, np.zeros(len(retained.omega)))
@@ -266,7 +266,7 @@ def krylov_space(
         projection = first + second
         H = np.pad(H, (0, block.shape[1]))
         H[:, last], H[last, :] = projection, projection.T
-        block, R = _k_orthonormalised(X, gram_X, K, options.exhausted * lengths)
+        block, R = k_orthonormalised(X, gram_X, K, options.exhausted * lengths)
         exhausted = block.shape[1] == 0  # the space holds all that these loads can move
         # the bound is looked at every `check` vectors or so
         if not exhausted and (m < n_vectors or m % options.check >= len(R)):
@@ -310,7 +310,7 @@ def krylov_space(
     return Space(EigenPairs(np.where(omega == 0, 0, quotients), phi), float(bound), to_hz, residual)
 
 
-def _k_orthonormalised(
+def k_orthonormalised(
     X: np.ndarray, G: np.ndarray, K: sp.csc_array, smallest: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Q (n, j) with Q^T K Q = 1 and R (j, l) with X = Q R, j the rank of X (n, l); G = X^T K X.

@@ -1,6 +1,8 @@
 """Reduced models in files: .npz, .mat for MATLAB, .h5; and models made elsewhere.
 
-Every format holds K, M, w, and where known C and T, under these names; w is a column in .mat.
+Every format holds K, M, w, and where known C and T, under these names; w is a column in .mat. Of a
+contact with friction w has three columns, along n, t1 and t2; shakers and sensors are the columns
+of w_load and w_sense, named by load_names and sense_names.
 kind, n_boundary, n_residual and provenance (JSON text: jsondecode in MATLAB) stand beside them.
 A file with K, M and w alone is a model made elsewhere and reads as kind "imported". What is known
 of the contact and the mass stands as numbers under the names of rom.contact_fields.
@@ -27,6 +29,7 @@ from numpy.typing import ArrayLike
 from scipy.io import loadmat, savemat
 from scipy.io.matlab import MatReadError
 
+from rom.column_fields import column_fields, columns_of, contact_columns
 from rom.contact_fields import contact, known_fields, mass_properties
 from rom.factorisation import ReductionError, require_symmetric
 from rom.reduced_model import ReducedModel, Surface, contact_functional
@@ -37,7 +40,9 @@ K [N/m], M [kg], C and C_damping [N s/m] where q is a displacement [m], else by 
 w [1]; F [N] along the chain's travel. The first n_boundary q are displacements, coordinates names
 all. Outer nodes: u = T_surface q [m], rows x, y, z of node 1, then of node 2, ...; surface_points
 (m x 3) [m]; surface_faces count nodes from 1, surface_body numbers the body of each node by
-surface_bodies. C is of dashpots, zeros without them; C_damping and T_surface stand where known."""
+surface_bodies. C is of dashpots, zeros without them; C_damping and T_surface stand where known.
+Of a contact with friction w has three columns, along the rows n, t1, t2 of contact_axes, and
+half_space_matrix_m_per_N belongs to these; columns of w_load are shakers, of w_sense sensors."""
 BROKEN = (OSError, ValueError, TypeError, KeyError, EOFError, BadZipFile, MatReadError, zlib.error)
 
 
@@ -84,8 +89,8 @@ def save_mat(
 ) -> None:
     """Write a reduced model to a level 5 .mat file; C_damping as in save_npz."""
     fields = _fields(reduced, C_damping)
-    if reduced.coordinates:
-        fields["coordinates"] = np.array(reduced.coordinates, dtype=object)  # a cell of strings
+    for name in _names(fields):
+        fields[name] = fields[name].astype(object)  # a cell of strings
     with open(path, "wb") as file:
         savemat(file, fields, oned_as="column", do_compression=True)
 
@@ -104,8 +109,8 @@ def save_h5(path: str | Path, reduced: ReducedModel, *, C_damping: ArrayLike | N
     import h5py
 
     fields = _fields(reduced, C_damping)
-    if reduced.coordinates:
-        fields["coordinates"] = [name.encode() for name in reduced.coordinates]
+    for name in _names(fields):
+        fields[name] = [word.encode() for word in fields[name]]
     with h5py.File(path, "w") as file:
         for name, value in fields.items():
             file[name] = value
@@ -161,11 +166,17 @@ def _fields(reduced: ReducedModel, C_damping: ArrayLike | None) -> dict[str, obj
     fields["kind"] = reduced.kind
     fields["n_boundary"], fields["n_residual"] = reduced.n_boundary, reduced.n_residual
     fields["provenance"], fields["about"] = json.dumps(reduced.notes), ABOUT
-    fields |= known_fields(reduced)
+    fields |= known_fields(reduced) | column_fields(reduced)
     fields["error"] = reduced.error
     if reduced.coordinates:
         fields["coordinates"] = np.array(reduced.coordinates)
     return {name: value for name, value in fields.items() if value is not None}
+
+
+def _names(fields: Mapping[str, object]) -> list[str]:
+    """The fields that are lists of names."""
+    arrays = {name: field for name, field in fields.items() if isinstance(field, np.ndarray)}
+    return [name for name, field in arrays.items() if field.dtype.kind == "U"]
 
 
 def _readable(path: str | Path, format_name: str, read: Callable):
@@ -219,14 +230,12 @@ def _read(content: Mapping[str, object], path: str | Path, w: ArrayLike | None) 
                 f"{path} holds no matrix named {name}; it has {sorted(content) or 'nothing'}."
             )
 
-    # w, a row, a column or sparse
+    # w, a row, a column, three columns or sparse
     r = len(matrices["K"])
     w = content.get("w") if w is None else w
     if w is None:
         raise ReductionError(f"{path} holds no w; pass the {r} weights of the contact.")
-    w = np.ravel(_dense(w))
-    if np.iscomplexobj(w):
-        raise ReductionError(f"{path}: w is complex; the weights of a contact are real.")
+    w, across = contact_columns(_dense(w), r, path)
 
     notes = json.loads(_text(content, "provenance", "{}"))
     if not isinstance(notes, dict):
@@ -247,7 +256,7 @@ def _read(content: Mapping[str, object], path: str | Path, w: ArrayLike | None) 
     T = content.get("T")
     reduced = ReducedModel(
         **matrices,
-        w=contact_functional(w.astype(float), r),
+        w=contact_functional(w, r),
         T=None if T is None else np.array(_dense(T), dtype=float),
         kind=_text(content, "kind", "imported"),
         n_boundary=int(np.ravel(content.get("n_boundary", 0))[0]),
@@ -258,6 +267,7 @@ def _read(content: Mapping[str, object], path: str | Path, w: ArrayLike | None) 
         surface=surface,
         contact=contact(fields, r, path),
         mass=mass_properties(fields, path),
+        columns=columns_of(content, across, r, path),
     )
 
     # sizes that must agree with K (r, r)

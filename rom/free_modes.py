@@ -70,7 +70,7 @@ def free_modes(
     elif error is not None:
         # the fewest of the lowest modes whose error bound holds; it is computed for every number
         # of them at once, and none holds before they reach to_hz
-        rigid = _rigid_modes(problem, supplied)
+        rigid = rigid_modes(problem, supplied)
         static = static_response(problem, w, rigid)
 
         def enough(omega: np.ndarray, shapes: Callable[[], np.ndarray]) -> bool:
@@ -98,7 +98,7 @@ def free_modes(
             pairs = lowest_modes(problem, n_modes)
         else:
             pairs = modes_below(problem, selection.cutoff_hz)
-        rigid = _rigid_modes(problem, pairs)
+        rigid = rigid_modes(problem, pairs)
         static = static_response(problem, w, rigid)
         r = residual_vector(M, pairs.phi, static)
         if to_hz is not None:
@@ -139,7 +139,7 @@ def free_modes(
 
     # measured, not trusted: K_r = T^T K T, M_r = T^T M T, and T K_r^-1 w_r solves K u = w
     require_faithful(reduced, K, M)
-    require_static_response(reduced, K, M, w, _rigid_modes(problem, pairs))
+    require_static_response(reduced, K, M, w, rigid_modes(problem, pairs))
     return reduced
 
 
@@ -160,7 +160,7 @@ def _errors(
     return tail_errors(pairs.omega, pairs.phi.T @ w, tail, to_hz)
 
 
-def _rigid_modes(problem: Pencil, supplied: EigenPairs | None) -> np.ndarray:
+def rigid_modes(problem: Pencil, supplied: EigenPairs | None) -> np.ndarray:
     """Rigid-body modes (n, r); a K that was factorised as it is has none."""
     if problem.sigma == 0:
         return np.zeros((problem.K.shape[0], 0))
@@ -170,7 +170,7 @@ def _rigid_modes(problem: Pencil, supplied: EigenPairs | None) -> np.ndarray:
 
 def retained_modes(problem: Pencil, supplied: EigenPairs | None) -> EigenPairs:
     """The modes to keep whatever the contact says: the rigid-body ones and those handed in."""
-    rigid = _rigid_modes(problem, None)
+    rigid = rigid_modes(problem, None)
     if supplied is None:
         return EigenPairs(np.zeros(rigid.shape[1]), rigid)
     elastic = supplied.omega > 0  # of the rigid-body ones those handed in may be a part

@@ -62,6 +62,25 @@ class MassProperties(NamedTuple):
     captured: float | None = None
 
 
+class Columns(NamedTuple):
+    """Functionals of a reduced model beside w, each loaded and read by its column: a force F enters
+    as column F, its displacement is column^T q.
+
+    across (r, 2): the contact along t1 and t2, None where it is known along its normal only;
+    half_space (3, 3) [m/N]: compliance of the patch on a half-space along n, t1 and t2, which the
+    laws of Hertz and Mindlin hold once more; axes (3, 3): unit vectors n, t1, t2 in rows;
+    load (r, s): shakers; sense (r, m): sensors.
+    """
+
+    across: np.ndarray | None = None
+    half_space: np.ndarray | None = None
+    axes: np.ndarray | None = None
+    load: np.ndarray | None = None
+    load_names: tuple[str, ...] = ()
+    sense: np.ndarray | None = None
+    sense_names: tuple[str, ...] = ()
+
+
 class ReducedModel(NamedTuple):
     """A linear structure in few coordinates q (r,), with one contact functional.
 
@@ -73,7 +92,7 @@ class ReducedModel(NamedTuple):
     force. error is the estimated relative rms error of the receptance at the contact, where it was
     asked for. coordinates names each q, where names are known; surface gives the outer nodes back.
     finer is a model of the same structure without a basis that stands for the full one
-    where this one's error is stated; it goes into no file.
+    where this one's error is stated; it goes into no file. columns are functionals beside w.
     """
 
     K: np.ndarray
@@ -91,6 +110,7 @@ class ReducedModel(NamedTuple):
     contact: Contact = Contact()
     mass: MassProperties = MassProperties()
     finer: "ReducedModel | None" = None
+    columns: Columns | None = None
 
 
 def of_modes(
@@ -174,7 +194,7 @@ def modes_alone(reduced: ReducedModel, n: int) -> ReducedModel:
     wall = modal(reduced)
     return reduced._replace(
         K=np.diag(wall.omega[:n] ** 2), M=np.eye(n), C=None, w=wall.phi[:n], n_boundary=0,
-        n_residual=0, kind="free-modes",
+        n_residual=0, kind="free-modes", columns=None,
     )  # fmt: skip
 
 

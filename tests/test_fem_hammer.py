@@ -33,3 +33,5 @@ def test_pairs_are_the_nearest_and_no_mode_is_used_twice():
     found = nearest_modes([48.0, 53.0, 700.0, 880.0, 3000.0], RIG)
     assert found == {0: 1, 3: 3} or found == {1: 1, 3: 3}
     assert nearest_modes([3000.0], RIG) == {}
+    # a mode beyond the measured band moves no pair
+    assert nearest_modes([269.0, 724.0, 870.0, 907.0], RIG) == {0: 2, 3: 3}

@@ -8,6 +8,7 @@ import scipy.sparse as sp
 from scipy.io import loadmat, savemat
 
 from rom import (
+    Columns,
     Contact,
     MassProperties,
     ReducedModel,
@@ -63,6 +64,84 @@ def test_what_is_known_of_contact_and_mass_comes_back_to_the_last_digit(tmp_path
     save, load = FORMATS[ending]
     save(tmp_path / f"rom.{ending}", KNOWN)
     np.testing.assert_equal(load(tmp_path / f"rom.{ending}"), KNOWN)
+
+
+FUNCTIONALS = small_model()._replace(
+    columns=Columns(
+        np.array([[0.5, 0.0], [1 / 3, -1.0]]),
+        1e-9 * np.array([[1.0, 0.0, 1e-3], [0.0, 1.2, 0.0], [1e-3, 0.0, 1.2]]),
+        np.eye(3)[[2, 0, 1]],
+        np.array([[0.1], [0.9]]),
+        ("shaker",),
+        np.array([[1.0, 0.0, 2.0], [0.0, 1.0, 1 / 7]]),
+        ("left", "right end", "normal"),
+    )
+)
+
+
+@pytest.mark.parametrize("ending", FORMATS)
+@pytest.mark.parametrize(
+    "columns",
+    [
+        FUNCTIONALS.columns,
+        Columns(FUNCTIONALS.columns.across),
+        Columns(sense=np.ones((2, 1)), sense_names=("b",)),
+    ],
+)
+def test_the_functionals_beside_w_come_back_as_they_were_written(tmp_path, ending, columns):
+    if ending == "h5":
+        pytest.importorskip("h5py")
+    save, load = FORMATS[ending]
+    written = FUNCTIONALS._replace(columns=columns)
+    save(tmp_path / f"rom.{ending}", written)
+    np.testing.assert_equal(load(tmp_path / f"rom.{ending}"), written)
+
+
+@pytest.mark.parametrize("ending", FORMATS)
+def test_bodies_of_the_surface_come_back_by_their_names(tmp_path, ending):
+    if ending == "h5":
+        pytest.importorskip("h5py")
+    save, load = FORMATS[ending]
+    faces, T = np.array([[0, 1, 2]]), np.zeros((9, 2), np.float32)
+    surface = Surface(np.eye(3), faces, T, np.array([0, 1, 1]), ("block", "long plate"))
+    save(tmp_path / f"rom.{ending}", small_model()._replace(surface=surface))
+    read = load(tmp_path / f"rom.{ending}").surface
+    assert read.bodies == surface.bodies
+    np.testing.assert_array_equal(read.body, surface.body)
+
+
+def test_w_of_three_columns_is_that_along_the_normal_and_across(tmp_path):
+    W = np.array([[0.2, 1.0, 0.0], [0.8, 0.0, 0.5]])
+    for name, given in {"columns": W, "rows": W.T, "sparse": sp.csc_array(W)}.items():
+        savemat(tmp_path / f"{name}.mat", {"K": KNOWN.K, "M": KNOWN.M, "w": given})
+        read = load_mat(tmp_path / f"{name}.mat")
+        np.testing.assert_array_equal(read.w, W[:, 0])
+        np.testing.assert_array_equal(read.columns.across, W[:, 1:])
+
+
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [
+        ({"w": np.ones((2, 2))}, r"w has shape \(2, 2\), allowed for 2 coordinates are \(2,\)"),
+        ({"w": np.array([[1, np.nan, 0], [0, 1, 0]])}, "w holds what is no finite real number"),
+        ({"w": np.ones((2, 3)) + 1j}, "w is complex"),
+        ({"half_space_matrix_m_per_N": -np.eye(3)}, "no compliance"),
+        ({"half_space_matrix_m_per_N": np.eye(2)}, r"shape \(2, 2\), allowed is \(3, 3\)"),
+        ({"contact_axes": np.array([["a"]])}, "contact_axes holds what is no finite real number"),
+        ({"w_load": np.ones((3, 1))}, r"w_load has shape \(3, 1\), allowed is \(2, m\)"),
+        ({"w_sense": np.ones((2, 3)), "sense_names": ["a"]}, "1 names for the 3 columns"),
+    ],
+)
+def test_functionals_that_cannot_be_any_are_refused(tmp_path, wrong, sentence):
+    fields = {"K": KNOWN.K, "M": KNOWN.M, "w": FUNCTIONALS.w[:, None] + np.zeros((2, 3))}
+    np.savez(tmp_path / "rom.npz", **(fields | wrong))
+    with pytest.raises(ReductionError, match=sentence):
+        load_npz(tmp_path / "rom.npz")
+
+
+def test_names_of_functionals_that_a_file_leaves_out_are_numbers(tmp_path):
+    np.savez(tmp_path / "rom.npz", K=KNOWN.K, M=KNOWN.M, w=KNOWN.w, w_sense=np.ones(2))
+    assert load_npz(tmp_path / "rom.npz").columns.sense_names == ("sensor 1",)
 
 
 def test_what_a_file_of_others_does_not_say_is_none(tmp_path):

@@ -555,8 +555,9 @@ def test_no_command_replaces_what_it_reads(arguments, monkeypatch, capsys):
         "workflows.structure.hammer.applied", lambda chosen, *_: (chosen, {1: 50.0})
     )
     monkeypatch.setattr(
-        "workflows.structure.hammer.hammer_test", lambda *_: IdentifiedTest(None, None)
+        "workflows.structure.hammer.hammer_test", lambda *_: IdentifiedTest(None, None, None)
     )
+    monkeypatch.setattr("workflows.structure.hammer.measured_shapes", lambda _: None)
     Path("d").mkdir()
     own = "rig-1dof" if arguments[0] == "twin" else "rig-rom"
     for name in ("mine.toml", "mine.npz", "mine.step", "mine.csv", "mine.uff", "d/scene.toml",

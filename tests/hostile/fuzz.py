@@ -64,7 +64,7 @@ def kinds() -> dict[str, Kind]:
         "velocities": Kind(".csv", (samples.velocities(),), record),
         "velocities-mat": Kind(".mat", (samples.velocities_mat(),), record),
         "signals": Kind(".csv", (samples.signals(),), recorded),
-        "hammer": Kind(".csv", (samples.hammer_csv(),), hammer.responses),
+        "hammer": Kind(".csv", (samples.hammer_csv(),), read_hammer),
         "wall": Kind(".npz", (samples.wall(rom.save_npz, ".npz"),), read_wall),
         "wall-mat": Kind(".mat", (samples.wall(rom.save_mat, ".mat"),), read_wall),
         "wall-mtx": Kind(".mtx", (samples.substructure(),), read_substructure),
@@ -72,11 +72,16 @@ def kinds() -> dict[str, Kind]:
         "step": Kind(".step", (samples.step(),), read_step, apart=True),
     }
     if find_spec("pyuff"):
-        known["hammer-uff"] = Kind(".uff", (samples.hammer_uff(),), hammer.responses)
+        known["hammer-uff"] = Kind(".uff", (samples.hammer_uff(),), read_hammer)
         known["shapes"] = Kind(".uff", samples.shapes(), read_shape)
     if find_spec("h5py"):
         known["wall-h5"] = Kind(".h5", (samples.wall(rom.save_h5, ".h5"),), read_wall)
     return known
+
+
+def read_hammer(path: Path) -> object:
+    """The responses of a hammer test."""
+    return hammer.measured_test([path])
 
 
 def read_scene(path: Path) -> None:

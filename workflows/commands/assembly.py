@@ -83,13 +83,36 @@ def look(
     print_report(result.found, json, quiet)
 
 
+def span(text: str | None) -> tuple[float, float] | None:
+    """The frequencies of "40:950"; raises ValueError for others."""
+    if text is None:
+        return None
+    try:
+        low, high = map(float, text.split(":"))
+        if not 0 <= low < high < float("inf"):
+            raise ValueError
+    except ValueError:
+        raise ValueError(f"--band {text} must be FROM:TO in Hz, as 40:950.") from None
+    return low, high
+
+
+def numbers(text: str | None, option: str) -> tuple[int, ...]:
+    """The numbers of "3,7"; raises ValueError for others."""
+    try:
+        return tuple(int(part) for part in (text or "").split(",") if part.strip())
+    except ValueError:
+        raise ValueError(f"{option} {text} must be numbers of poles, as 3,7.") from None
+
+
 def hammer(
-    file: Annotated[
-        Path,
+    files: Annotated[
+        list[Path],
         typer.Argument(
-            help="Frequency responses: .uff (data set 58), or .csv with a header line, then "
-            "frequency_hz, re_1, im_1, re_2, im_2, ... on each line (Hz; receptance, mobility or "
-            "accelerance in any unit)."
+            metavar="FILE...",
+            help="Time records of hits: .csv with a header line time [s], force 12+z [N], "
+            "response 3+x [m/s^2], ...; .uff (data set 58), .mat, .wav. Or frequency responses: "
+            ".uff, .mat, or .csv with a header line, then frequency_hz, re_1, im_1, re_2, im_2, "
+            "... on each line (Hz; receptance, mobility or accelerance in any unit).",
         ),
     ],
     scene: Annotated[
@@ -103,28 +126,66 @@ def hammer(
         bool,
         typer.Option("--synthetic", help="Write a computed test to FILE (.csv, .uff) instead."),
     ] = False,
+    points: Annotated[
+        Path | None,
+        typer.Option(help="Points of the nodes: .csv (node, x, y, z in metres) or .uff."),
+    ] = None,
+    band: Annotated[
+        str | None, typer.Option(metavar="FROM:TO", help="Frequencies to identify in [Hz].")
+    ] = None,
+    estimator: Annotated[str, typer.Option(help="H1, H2 or Hv.")] = "H1",
+    window: Annotated[
+        float | None,
+        typer.Option(help="What an exponential window leaves at a record's end, as 0.01."),
+    ] = None,
+    force_channel: Annotated[
+        int, typer.Option(help="Channel of the force in .wav files; 0: ring-downs.")
+    ] = 1,
+    reject: Annotated[
+        str | None, typer.Option(help="Poles to leave out by their numbers, as 3,7.")
+    ] = None,
+    accept: Annotated[
+        str | None, typer.Option(help="Poles to take, though they were left out.")
+    ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder for the picture of responses and resonances.")
+        Path | None,
+        typer.Option(
+            help="Folder for modes.json, modes.uff and pictures: stability diagram, responses "
+            "measured and of the modes, coherence, AutoMAC."
+        ),
     ] = None,
     changes: Changes = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
-    json: json_of("{file, title, rows: [a resonance each]}; of --synthetic {written}") = False,
+    json: json_of(
+        "{file, title, rows: [a mode each], left_out, steps, remarks}; of --synthetic {written}"
+    ) = False,
 ) -> None:
-    """Read a hammer test: frequencies and damping by two methods."""
+    """Read a hammer test: modes from hits or responses, with deviations."""
     from workflows.structure import api
 
     with StageProgress(f"hammer {scene}", quiet=quiet) as progress:
-        given = {"changes": changes or (), "progress": progress.stage}
+        given = {"changes": changes or (), "progress": progress.stage, "overwrite": overwrite}
         if synthetic:
-            path = api.write_hammer_test(file, scene, overwrite=overwrite, **given)
+            if len(files) > 1:
+                raise ValueError("--synthetic writes one FILE; name one.")
+            path = api.write_hammer_test(files[0], scene, **given)
             line = f"written: {path} (synthetic, not measured)"
             print_result({"written": [str(path)]}, line, json, quiet)
             return
-        result = api.hammer(file, scene, out=out, overwrite=overwrite, **given)
+        from workflows.files.hammer import Reading
+        from workflows.structure.hammer import Choice
+
+        result = api.hammer(
+            files, scene, reading=Reading(estimator, window, force_channel, points),
+            choice=Choice(
+                span(band), numbers(reject, "--reject"), numbers(accept, "--accept")
+            ),
+            out=out, **given,
+        )  # fmt: skip
     print_report(result.report, json, quiet)
     if out:
-        print_lines(f"written: {out}/figures/hammer.png", json=json, quiet=quiet)
+        print_lines(f"written: {out}/modes.json, modes.uff, figures", json=json, quiet=quiet)
 
 
 def tune_joints(

@@ -24,7 +24,8 @@ EXAMPLES = {
         "tune mine.toml --free joints.cover.kz,materials.steel.young",
     ),
     "hammer": (
-        "hammer test.csv --out hammer",
+        "hammer hits.uff --out hammer",
+        "hammer hit_1.wav hit_2.wav --points points.csv --reject 3,7",
         "hammer synthetic.csv --synthetic",
     ),
     "sweep": (

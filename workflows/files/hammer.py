@@ -1,42 +1,240 @@
-"""Measured frequency responses in and out: .csv, .uff; their content is in `fem.hammer_files`."""
+"""Hammer tests from files: responses (.csv, .uff, .mat) and time records of hits (also .wav); their
+content is in `fem.hammer_files` and `fem.hit_records`."""
 
 from pathlib import Path
+from re import sub
+from typing import NamedTuple
+from warnings import catch_warnings, simplefilter
+
+import numpy as np
+from numpy.typing import NDArray
 
 from fem.hammer_files import (
     Responses,
     data_set,
     of_data_sets,
+    of_mat,
     read_csv,
     require_finite,
     write_csv,
 )
+from fem.hit_records import (
+    TIME_RESPONSE,
+    TimeRecord,
+    cut_at_hits,
+    node_and_axis,
+    record_of_csv,
+    record_of_wav,
+    records_of_data_sets,
+    records_of_mat,
+    sets_of_hits,
+)
+from fem.hits import ESTIMATORS, FrequencyResponses, HitChecks, Hits, beside, frequency_responses
+from fem.measured_shapes import POINTS, UNITS, points_of_nodes
+from fem.subspace import half_spectra, is_decay
+from workflows.files.foreign import Unreadable, arrays
 from workflows.files.output_file import OutputFile
 from workflows.files.uff import ENDINGS, data_sets, pyuff
 from workflows.scene import InvalidScene
 from workflows.scene.named_files import require_file
 
-HAMMER = "give a hammer test as .csv or .uff"
-CSV = "a CSV needs frequency_hz, re_1, im_1, ... below a header line"
+HAMMER = "give a hammer test as .csv, .uff, .mat or .wav"
+CSV = (
+    "a CSV needs frequency_hz, re_1, im_1, ... or time [s], force [N], response 1 [m/s^2], ... in "
+    "its header line and numbers below"
+)
 UFF = (
     "a universal file needs data sets 58; shapes alone (data set 55) are targets of modes and "
     "tune: [[targets]] with hz and shape = the file"
 )
+MAT = "a .mat file needs dt, response and force, or frequency_hz and H"
+WAV = "a WAV file needs a channel of the force and one or more of responses"
+WANTED = {".csv": CSV, ".mat": MAT, ".wav": WAV} | dict.fromkeys(ENDINGS, UFF)
+MAT_NAMES = ("response", "force", "dt", "t", "points", "sensors", "frequency_hz", "H", "title")
 
 
-def responses(path: Path) -> Responses:
-    """The responses of a file; raises InvalidScene where it holds none."""
-    ending = path.suffix.lower()
-    if ending not in (".csv", *ENDINGS):
-        raise InvalidScene(f"{path} must end in .csv, .uff or .unv.")
-    require_file(path, HAMMER)
+class Reading(NamedTuple):
+    """How the files of a hammer test are read."""
+
+    estimator: str = "H1"
+    decay: float | None = None  # exponential window at the end of a record; None: no window
+    force_channel: int = 1  # of WAV files, from 1; 0: none
+    points: Path | None = None  # where the nodes are: .csv of node, x, y, z, or .uff
+
+    def require(self) -> None:
+        """Raise InvalidScene for an option that is none."""
+        if self.estimator not in ESTIMATORS:
+            raise InvalidScene(f"estimator = {self.estimator!r} must be H1, H2 or Hv.")
+        if self.decay is not None and not 0 < self.decay < 1:
+            raise InvalidScene(f"window = {self.decay:g} must lie between 0 and 1, as 0.01.")
+
+
+class Step(NamedTuple):
+    """One step from a file to modes: for an audit."""
+
+    file: str
+    step: str
+    options: dict[str, float | int | str | None]
+    left_out: tuple[str, ...] = ()
+
+
+class MeasuredTest(NamedTuple):
+    """Responses of a test, where they were measured, and how they were made."""
+
+    responses: FrequencyResponses
+    title: str
+    nodes: dict[int, NDArray[np.float64]]  # points (3,) [m] by number
+    steps: tuple[Step, ...]
+    records: tuple[Hits, ...] = ()  # empty where the files hold responses
+    kind: str = "responses"  # or "hits", "ring-downs", "ambient"
+
+
+def measured_test(paths: list[Path], reading: Reading = Reading()) -> MeasuredTest:
+    """The responses of one test in one or more files; raises InvalidScene where there are none."""
+    records, tests, nodes, steps = [], [], {}, []
+    for path in paths:
+        content, points = content_of(path, reading)
+        nodes |= points
+        if isinstance(content, Responses):
+            tests.append(content)
+            steps.append(Step(str(path), "read responses", {"responses": len(content.H)}))
+        else:
+            records += content
+            size = {"records": len(content), "samples": content[0].response.shape[1]}
+            steps.append(Step(str(path), "read time records", size))
+    if reading.points:
+        nodes |= points_of_file(reading.points)
+    named = ", ".join(map(str, paths))
     try:
-        is_csv = ending == ".csv"
-        return require_finite(read_csv(path) if is_csv else of_data_sets(data_sets(path, 58)))
-    except (ValueError, KeyError, IndexError, UnicodeDecodeError) as error:
-        wanted = CSV if ending == ".csv" else UFF
+        if tests and records:
+            raise ValueError("some files hold responses and others time records; give one kind")
+        if tests:
+            first = tests[0]
+            if any(not np.array_equal(t.frequency_hz, first.frequency_hz) for t in tests):
+                raise ValueError("the files have different frequencies; resample them")
+            ends = tuple(end for t in tests for end in t.ends)
+            all_ends = ends if all(t.ends for t in tests) else ()
+            whole = first._replace(H=np.concatenate([t.H for t in tests]), ends=all_ends)
+            responses, sets, kind = whole.by_reference(), (), "responses"
+            title = first.title
+        else:
+            responses, sets, step, kind = responses_of_records(records, reading)
+            steps.append(step._replace(file=named))
+            title = records[0].title or paths[0].stem
+    except ValueError as error:
+        raise InvalidScene(f"{named}: {str(error).rstrip('.')}.") from None
+    return MeasuredTest(responses, title, nodes, tuple(steps), sets, kind)
+
+
+def responses_of_records(
+    records: list[TimeRecord], reading: Reading
+) -> tuple[FrequencyResponses, tuple[Hits, ...], Step, str]:
+    """Responses of time records and of what kind these are; raises ValueError where no hit is
+    usable."""
+    pieces, remarks = cut_at_hits(records)
+    sets = sets_of_hits(pieces)
+    first = sets[0]
+    if not all(np.isfinite(hits.response).all() for hits in sets):
+        raise ValueError("the records hold NaN or inf; remove those or measure again")
+    if first.force is None and not any(map(is_decay, first.response)):
+        if len(sets) > 1:
+            raise ValueError("ambient records must have the same sensors; give one set of them")
+        f, H, shift = half_spectra(list(first.response), first.dt)
+        against = tuple(f"with {sensor}" for sensor in first.sensors)
+        spectra = FrequencyResponses(f, H, first.sensors, against, shift=shift)
+        size = {"records": len(first.response), "samples": first.response.shape[2]}
+        return spectra, tuple(sets), Step("", "correlations of ambient records", size), "ambient"
+    checks = HitChecks(decay=reading.decay)
+    responses = [frequency_responses(hits, reading.estimator, checks) for hits in sets]
+    if len(sets) > 1:
+        samples = min(2 * (len(r.frequency_hz) - 1) for r in responses)
+        responses = [
+            frequency_responses(hits, reading.estimator, checks, samples=samples) for hits in sets
+        ]
+    whole = responses[0]
+    for other in responses[1:]:
+        whole = beside(whole, other)
+    # the more numerous are the points of the shapes, whichever was moved
+    if first.force is not None and len(whole.references) > len(whole.points):
+        whole = whole.transposed()
+    remarks += whole.remarks
+    options = {
+        "hits": sum(len(hits.response) for hits in sets), "estimator": reading.estimator,
+        "window": reading.decay, "points": len(whole.points),
+        "references": len(whole.references), "lines": len(whole.frequency_hz),
+    }  # fmt: skip
+    kind = "hits" if first.force is not None else "ring-downs"
+    made = "responses of hits" if kind == "hits" else "spectra of ring-downs"
+    step = Step("", made, options, tuple(remarks))
+    return whole._replace(remarks=()), tuple(sets), step, kind
+
+
+def content_of(
+    path: Path, reading: Reading
+) -> tuple[Responses | list[TimeRecord], dict[int, NDArray[np.float64]]]:
+    """What a file holds, and points of nodes; raises InvalidScene where it has no hammer test."""
+    ending = path.suffix.lower()
+    if ending not in WANTED:
+        raise InvalidScene(f"{path} must end in .csv, .uff, .unv, .mat or .wav.")
+    require_file(path, HAMMER)
+    # hits at one point may be files of their own: 12+z_1.wav, 12+z_2.wav
+    name = sub(r"[_ -]\d+$", "", path.stem) or path.stem
+    nodes: dict[int, NDArray[np.float64]] = {}
+    try:
+        if ending == ".csv":
+            with path.open(encoding="utf-8-sig") as file:
+                first = next((line for line in file if line.strip() and line[0] != "#"), "")
+            is_record = first.lstrip().startswith("time")
+            content = [record_of_csv(path, name)] if is_record else read_csv(path)
+        elif ending == ".wav":
+            from scipy.io import wavfile
+
+            with catch_warnings():
+                simplefilter("ignore")  # of chunks beside the samples
+                rate, samples = wavfile.read(path)
+            content = [record_of_wav(rate, samples, name, reading.force_channel)]
+        elif ending == ".mat":
+            variables = arrays("matlab", path, *MAT_NAMES)
+            is_frf = "H" in variables
+            content = of_mat(variables, name) if is_frf else records_of_mat(variables, name)
+        else:
+            sets = data_sets(path, 58, *POINTS, UNITS)
+            nodes = points_of_nodes(sets)
+            sets = [s for s in sets if s["type"] == 58]
+            is_record = {s["func_type"] for s in sets} == {TIME_RESPONSE}
+            content = records_of_data_sets(sets) if is_record else of_data_sets(sets)
+        return require_finite(content) if isinstance(content, Responses) else content, nodes
+    except InvalidScene:
+        raise
+    except (Unreadable, ValueError, KeyError, IndexError, TypeError) as error:
         raise InvalidScene(
-            f"{path} holds no frequency responses that can be read ({error}); {wanted}."
+            f"{path} holds no frequency responses or hits that can be read "
+            f"({' '.join(str(error).split()).rstrip('.')}); {WANTED[ending]}."
         ) from None
+    except MemoryError:
+        raise InvalidScene(f"{path} does not fit into the memory; give fewer samples.") from None
+
+
+def points_of_file(path: Path) -> dict[int, NDArray[np.float64]]:
+    """Points [m] of nodes by number, of a .csv with node, x, y, z below a header line or a .uff;
+    raises InvalidScene where it has none."""
+    require_file(path, "give points as .csv (node, x, y, z in metres) or .uff", key="--points: ")
+    try:
+        if path.suffix.lower() in ENDINGS:
+            points = points_of_nodes(data_sets(path, *POINTS, UNITS))
+        else:
+            table = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2, encoding="utf-8-sig")
+            if table.shape[1] != 4 or not np.isfinite(table).all():
+                raise ValueError("its lines are not node, x, y, z")
+            points = dict(zip(table[:, 0].astype(int).tolist(), table[:, 1:], strict=True))
+        if not points:
+            raise ValueError("it has no points")
+    except (Unreadable, ValueError, KeyError, IndexError) as error:
+        raise InvalidScene(
+            f"--points {path} holds no points that can be read ({str(error).rstrip('.')}); give "
+            "node, x, y, z in metres below a header line, or data set 15 or 2411."
+        ) from None
+    return points
 
 
 def write_uff(path: Path, test: Responses) -> None:
@@ -46,6 +244,53 @@ def write_uff(path: Path, test: Responses) -> None:
     for i in range(1, len(test.H) + 1):
         content = library.prepare_58(binary=0, **data_set(test, i))
         file.write_sets(content, mode="add" if i > 1 else "overwrite")
+
+
+def write_modes(
+    path: Path, test: MeasuredTest, frequency_hz: NDArray, zeta: NDArray, phi: NDArray
+) -> None:
+    """Write points, shapes phi (p, n) and responses as data sets 15, 55 and 58; shapes are the real
+    parts of those turned to be as real as can be, along the directions of their points."""
+    library = pyuff()
+    ends = [node_and_axis(name) or (i, 3) for i, name in enumerate(test.responses.points, 1)]
+    numbers = sorted({node for node, _ in ends})
+    sets = []
+    if all(node in test.nodes for node in numbers):
+        x, y, z = np.array([test.nodes[node] for node in numbers]).T
+        zero = [0] * len(numbers)
+        sets.append(library.prepare_15(numbers, zero, zero, zero, list(x), list(y), list(z)))
+    unused = {f"id{i}": "NONE" for i in range(2, 6)}
+    for n, shape in enumerate(phi.T, start=1):
+        turned = (shape * np.exp(-0.5j * np.angle(np.sum(shape**2)))).real
+        r = np.zeros((3, len(numbers)))
+        for (node, axis), value in zip(ends, turned, strict=True):
+            r[abs(axis) - 1, numbers.index(node)] = np.sign(axis) * value
+        sets.append(
+            library.prepare_55(
+                id1=test.title[:80] or "NONE", model_type=1, analysis_type=2, data_ch=2,
+                spec_data_type=8, data_type=2, n_data_per_node=3, node_nums=np.array(numbers),
+                load_case=1, mode_n=n, freq=float(frequency_hz[n - 1]), modal_m=0,
+                modal_damp_vis=float(zeta[n - 1]), modal_damp_his=0.0, r1=r[0], r2=r[1], r3=r[2],
+                **unused,
+            )
+        )  # fmt: skip
+    responses = test.responses
+    for i, point in enumerate(responses.points):
+        for j, reference in enumerate(responses.references):
+            hit = node_and_axis(reference) or (j + 1, 3)
+            sets.append(
+                library.prepare_58(
+                    binary=0, func_type=4, rsp_node=ends[i][0], rsp_dir=ends[i][1],
+                    ref_node=hit[0], ref_dir=hit[1], data=responses.H[i, j],
+                    x=responses.frequency_hz, id1=test.title[:80] or "NONE",
+                    rsp_ent_name=point[:10], ref_ent_name=reference[:10], abscissa_spacing=1,
+                    abscissa_spec_data_type=18, ordinate_spec_data_type=12,
+                    orddenom_spec_data_type=13,
+                )
+            )  # fmt: skip
+    file = library.UFF(str(path))
+    for i, one in enumerate(sets):
+        file.write_sets(one, mode="add" if i else "overwrite")
 
 
 def write_synthetic(file: OutputFile, test: Responses) -> None:

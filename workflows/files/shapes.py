@@ -24,12 +24,6 @@ def measured_shape(path: Path, hz: float) -> shapes.MeasuredShape:
         raise InvalidScene(f"shape: {path} holds no shape that can be read: {why}.") from None
 
 
-def has_shapes(path: Path) -> bool:
-    """Whether a universal file has points, which tell where its responses were measured."""
-    is_universal = path.suffix.lower() in ENDINGS
-    return is_universal and shapes.has_shapes(_sets(path, path.stat().st_mtime_ns))
-
-
 @lru_cache(maxsize=4)
 def _sets(path: Path, stamp: int) -> tuple[dict, ...]:
     kinds = (*shapes.POINTS, shapes.UNITS, shapes.SHAPE, shapes.RESPONSE)

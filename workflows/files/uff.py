@@ -10,6 +10,7 @@ FIELDS = {
     58: (
         "func_type", "rsp_node", "rsp_dir", "ref_node", "ref_dir", "x", "data", "id1",
         "abscissa_axis_units_lab", "ordinate_axis_units_lab", "ordinate_axis_lab",
+        "ordinate_spec_data_type",
     ),
     55: ("analysis_type", "freq", "eig", "node_nums", "r1", "r2", "r3"),
     15: ("node_nums", "disp_cs", "x", "y", "z"),

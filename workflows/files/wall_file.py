@@ -61,7 +61,8 @@ def _measured(path: Path, wall: RomWall, stamp: tuple[int, int, int]) -> WallFil
         raise InvalidScene(f"wall.file: {path} {error}") from None
     if wall.half_space is not None:
         contact = reduced.contact._replace(half_space=wall.half_space)
-        reduced = reduced._replace(contact=contact)
+        columns = reduced.columns and reduced.columns._replace(half_space=None)
+        reduced = reduced._replace(contact=contact, columns=columns)
     return WallFile(reduced, health)
 
 

@@ -16,7 +16,7 @@ from workflows.installation.shared_libraries import missing_libraries
 MISSING = {  # distribution of an extra: extra, what one goes without
     "pypardiso": ("fast", "factorisations of large models take longer; results are the same"),
     "h5py": ("h5", "reduced models cannot be read from or written to .h5"),
-    "sdypy-EMA": ("identify", "no damping by a fit of the poles; hammer stops"),
+    "pyuff": ("identify", "no universal files (.uff, .unv) of hammer tests, shapes and records"),
     "imageio-ffmpeg": ("film", "films are GIF, not MP4"),
     "emcee": ("posterior", "no calibrate --posterior"),
     "pyarrow": ("sweep", "no beadwave sweep"),

@@ -43,7 +43,7 @@ EXAMPLES: dict[str, Any] = {
     "shakers.NAME.direction": "y", "shakers.NAME.frequency": 100.0,
     "shakers.NAME.displacement": "20 um", "shakers.NAME.velocity": "10 mm/s",
     "shakers.NAME.acceleration": 8.0, "shakers.NAME.force": "20 N",
-    "shakers.NAME.stinger": "1 MN/m", "shakers.NAME.phase": 90.0,
+    "shakers.NAME.radius": "5 mm", "shakers.NAME.stinger": "1 MN/m", "shakers.NAME.phase": 90.0,
     "striker.velocity": 0.31, "striker.drop": "5 mm",
     "contact.law": "hertz", "contact.yield_pressure": "1.6 GPa", "contact.coefficient": 0.1,
     "contact.stiffness_factor": 1.2, "leaf_springs.stiffness": "1 kN/m",

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 from joblib import Memory
 
 from workflows.scene import RomWall, Scene
+from workflows.scene.places import named_faces, words_of
 from workflows.scene.size import foreseen_nodes
 from workflows.stages.cache import key, memory
 from workflows.stages.progress import Plan, Progress, quiet
@@ -97,6 +98,8 @@ def _dimensions(scene: Scene) -> Any:
     if scene.strike and any(body.lines for body in (scene.bodies or {}).values()):
         # grid lines are prescribed: the mesh does not depend on the patch
         tables |= {"strike": [scene.strike.on, scene.strike.at]}
+    if faces := sorted(named_faces(scene).items()):
+        tables |= {"faces": faces}
     return [tables, content(scene.assembly.file)]
 
 
@@ -139,7 +142,7 @@ ASSEMBLY = {
     ),
     "reduction": Stage(
         ".reduction:reduction",
-        tables_of("reduction", "strike", "assembly"),
+        lambda scene: [tables_of("reduction", "strike", "assembly")(scene), words_of(scene)],
         ("model", "contact", "modes"),
         means=("factor", "krylov-space"),
     ),

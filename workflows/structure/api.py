@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from re import sub
 from typing import TYPE_CHECKING
@@ -13,7 +14,7 @@ import numpy as np
 from workflows.files.hammer import HAMMER
 from workflows.files.output_file import OutputFile, output_files
 from workflows.files.picture_folder import picture_folder
-from workflows.files.run_folder import Picture, write_pictures
+from workflows.files.run_folder import Picture, picture_named, write_pictures
 from workflows.files.scene import Changes, Source, files_read
 from workflows.files.scene import scene as load_scene
 from workflows.scene import InvalidScene, Scene
@@ -27,13 +28,17 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
     from scipy.sparse import sparray
 
+    from fem.poly_reference import IdentifiedModes
     from rom import ReducedModel
+    from workflows.files.hammer import Reading
     from workflows.stages.pipeline import Pipeline
-    from workflows.structure.hammer import HammerReport
+    from workflows.structure.hammer import Choice, HammerReport
     from workflows.structure.look import Look, Seen
     from workflows.structure.mode_table import ModeTable
     from workflows.structure.thesis_tables import ThesisTable
     from workflows.structure.tuning import TuningReport
+
+HAMMER_PICTURES = ("hammer", "synthesis", "coherence", "decay", "automac")
 
 
 @dataclass(frozen=True, repr=False)
@@ -230,7 +235,7 @@ def tune(
     match   modes by number, [1, 3, 4], or with frequencies of one's own, {1: 51.2, 3: 905.0} [Hz];
             all targets of the scene without it
     free    what to vary, ["joints.NAME.kz", "materials.NAME.young"]; of the rig "head.ky"
-    hammer  a hammer test (.csv, .uff) to take frequencies and damping from
+    hammer  a hammer test (.csv, .uff, .mat, .wav) to take frequencies and damping from
     out     a file for the tuned scene (.toml), or USUAL for NAME-tuned.toml; a file that
             beadwave did not write, or that was changed since, is replaced with `overwrite` alone
 
@@ -251,12 +256,11 @@ def tune(
     all_modes = ",".join(map(str, range(1, len(measured_hz) + 1)))
     wanted = targets(all_modes if match is None else match, measured_hz)
     if hammer:
-        from workflows.files.shapes import has_shapes
         from workflows.stages.pipeline import pipeline_of
-        from workflows.structure.hammer import applied, hammer_test, recognised
+        from workflows.structure.hammer import applied, hammer_test, measured_shapes, recognised
 
         test = hammer_test(Path(hammer), wanted)
-        if not chosen.of_dimensions and has_shapes(Path(hammer)):
+        if not chosen.of_dimensions and measured_shapes(test):
             test = recognised(test, pipeline_of(chosen, progress), wanted)
         chosen, wanted = applied(chosen, test.report, match)
 
@@ -285,53 +289,85 @@ def tune(
 
 @dataclass(frozen=True, repr=False)
 class HammerTest:
-    """A hammer test: `report.rows` a resonance each, and its responses drawn by `plot`."""
+    """A hammer test: `report.rows` a mode each, `modes` with shapes, and pictures by `plot`."""
 
     report: HammerReport
-    picture: Picture
+    modes: IdentifiedModes
+    pictures: tuple[Picture, ...]
 
-    def plot(self) -> Picture:
-        """Responses over frequency with the identified resonances."""
-        return self.picture
+    def plot(self, name: str | None = None) -> Picture:
+        """A picture: "hammer" (the stability diagram), "synthesis", "coherence", "decay" or
+        "automac"."""
+        return picture_named(self.pictures, name)
 
     def __repr__(self) -> str:
         return self.report.text()
 
 
 def hammer(
-    file: str | Path,
+    files: str | Path | Iterable[str | Path],
     scene: Source = None,
     changes: Changes = (),
     *,
+    reading: Reading | None = None,
+    choice: Choice | None = None,
     out: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
 ) -> HammerTest:
-    """Frequencies and damping of a measured response by two methods (`beadwave hammer`).
+    """Modes of a structure from hits or measured responses, with deviations (`beadwave hammer`).
 
-    `file` is .uff (data set 58) or .csv: a header line, then frequency_hz, re_1, im_1, re_2, im_2,
-    ... on each line. The resonances are paired with the measured modes of `scene`, by frequency, or
-    where a .uff has the points of its responses (data set 15 or 2411) one-to-one with the modes of
-    an assembly of bodies, by the MAC of their shapes and frequency together. `out` is a folder
-    for the picture. Needs the extra `identify`. Raises InvalidScene for bad input.
+    files    time records of hits (.csv, .uff, .mat, .wav) or frequency responses (.csv, .uff, .mat)
+             of one test
+    reading  estimator, exponential window, channel of the force in .wav files, file with points:
+             `workflows.files.hammer.Reading`
+    choice   the band [Hz], and numbers of poles to reject or accept:
+             `workflows.structure.hammer.Choice`
+    out      a folder for pictures, `modes.json` and `modes.uff`
+
+    The modes are paired with the measured modes of `scene` by frequency, or where the points of the
+    test are known one-to-one with the modes of an assembly of bodies, by the MAC of their shapes
+    and frequency together. Raises InvalidScene for bad input.
     """
-    path = require_file(file, HAMMER)
+    given = [files] if isinstance(files, str | Path) else list(files)
+    if not given:
+        raise InvalidScene(f"no file; {HAMMER}.")
+    paths = [require_file(file, HAMMER) for file in given]
+    from workflows.files.hammer import Reading, write_modes
+
+    reading = reading or Reading()
+    reading.require()
     chosen = with_assembly(load_scene(scene, changes))
-    inputs = (*files_read(chosen, scene), path)
-    folder = picture_folder(out, inputs, overwrite, "hammer")
-    from workflows.files.shapes import has_shapes
+    inputs = (*files_read(chosen, scene), *paths, *((reading.points,) if reading.points else ()))
+    folder = picture_folder(out, inputs, overwrite, *HAMMER_PICTURES)
+    if folder:
+        folder.require("modes.json", "modes.uff")
     from workflows.stages.pipeline import pipeline_of
-    from workflows.structure.hammer import hammer_test, picture, recognised
+    from workflows.structure.hammer import (
+        Choice,
+        hammer_test,
+        measured_shapes,
+        pictures,
+        recognised,
+    )
 
     with progress("identification"):
         wanted = dict(enumerate(chosen.measured_hz, start=1))
-        test = hammer_test(path, wanted)
-    if not chosen.of_dimensions and has_shapes(path):
+        test = hammer_test(paths, wanted, reading, choice or Choice())
+    if not chosen.of_dimensions and measured_shapes(test):
         test = recognised(test, pipeline_of(chosen, progress), wanted)
     with progress("picture"):
-        result = HammerTest(test.report, picture(test))
+        result = HammerTest(test.report, test.modes, tuple(pictures(test)))
     if folder:
-        write_pictures(folder, (result.plot(),))
+        made = [f"figures/{picture.name}.png" for picture in result.pictures]
+        with folder.renewed("modes.json", *made) as renewed:
+            renewed.write("modes.json", test.report.model_dump_json(indent=1) + "\n")
+            write_pictures(renewed, result.pictures)
+            if find_spec("pyuff"):
+                with renewed.writing("modes.uff") as draft:
+                    write_modes(
+                        draft, test.test, test.modes.frequency_hz, test.modes.zeta, test.modes.phi
+                    )
     return result
 
 

@@ -1,6 +1,6 @@
-"""A hammer test: responses -> frequencies and damping by two methods -> the model's modes."""
+"""A hammer test: hits or responses -> modes with deviations -> pairs with the model's modes."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,10 +10,15 @@ from pydantic import BaseModel
 import coupling
 import fem
 from fem.correlation import measured_pairs
+from fem.decay import AmplitudeStep, over_amplitude, varies
 from fem.hammer_files import SYNTHETIC, Responses
 from fem.hammer_test import accelerances, corner_readings, nearest_modes, with_noise
-from fem.identification import measured_modes
-from workflows.files.hammer import responses
+from fem.hit_records import node_and_axis
+from fem.identification import half_power_bandwidth
+from fem.measured_shapes import MeasuredShape, along_directions
+from fem.poly_reference import IdentifiedModes, identified_modes
+from fem.subspace import subspace_modes
+from workflows.files.hammer import MeasuredTest, Reading, measured_test
 from workflows.files.run_folder import Picture
 from workflows.report import plots
 from workflows.report.plots import Line, Panel
@@ -21,7 +26,7 @@ from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, ModalDampingTable, Scene
 from workflows.stages.damping import damping_law
 from workflows.stages.pipeline import Pipeline
-from workflows.stages.targets import shape
+from workflows.stages.targets import placed
 from workflows.structure.mode_table import NO_TARGETS
 from workflows.structure.tuning import targets
 
@@ -29,27 +34,80 @@ VIRTUAL_LINES = np.arange(10.0, 10_000.0, 0.2)  # [Hz]
 VIRTUAL_NOISE = 2e-3  # of the rms response
 
 
-class HammerRow(BaseModel):
-    """One measured resonance, and the mode of the scene that it is paired with."""
+class Remarkable(NamedTuple):
+    """What of a mode is worth a sentence; values not varied."""
 
+    collinearity: float = 0.8  # phase collinearity below which a shape is complex
+    coherence: float = 0.8  # at a mode, in the median over responses
+    damping: float = 0.15  # relative difference of the damping ratio by the half-power bandwidth
+    zeta: float = 0.2  # relative deviation of a damping ratio
+
+
+class Choice(NamedTuple):
+    """What a user decides on the poles of a test."""
+
+    band_hz: tuple[float, float] | None = None
+    reject: tuple[int, ...] = ()  # numbers of poles
+    accept: tuple[int, ...] = ()
+
+
+class AmplitudeRow(BaseModel):
+    """Frequency and damping at an amplitude of a ring-down, in the unit of the record."""
+
+    amplitude: float
     frequency_hz: float
+    zeta: float
+    zeta_deviation: float
+
+
+class HammerRow(BaseModel):
+    """One identified mode, and the mode of the scene that it is paired with."""
+
+    number: int  # of the pole, for --reject
+    frequency_hz: float
+    frequency_deviation_hz: float  # one standard deviation, as the next
+    zeta: float
+    zeta_deviation: float
     zeta_half_power: float | None
-    zeta_fit: float | None
+    collinearity: float
+    coherence: float | None = None
     mode: int | None = None
     computed_hz: float | None = None  # of the computed mode that it is paired with
     mac: float | None = None
     runner_up_hz: float | None = None  # of the next most like computed mode
     runner_up_mac: float | None = None
+    over_amplitude: list[AmplitudeRow] = []  # of ring-downs, where the mode stands clear
     remarks: list[str]
 
 
+class LeftOutRow(BaseModel):
+    """A pole that is no mode of the list."""
+
+    number: int
+    frequency_hz: float
+    zeta: float
+    reason: str
+
+
+class StepRow(BaseModel):
+    """A step from the files to the modes."""
+
+    file: str
+    step: str
+    options: dict[str, float | int | str | None]
+    left_out: list[str]
+
+
 class HammerReport(BaseModel):
-    """The resonances of a hammer test, each beside the mode that it is paired with."""
+    """The modes of a hammer test, each beside the mode that it is paired with."""
 
     file: str
     title: str
-    n_targets: int  # of the scene that the resonances are paired with
+    n_targets: int  # of the scene that the modes are paired with
     rows: list[HammerRow]
+    left_out: list[LeftOutRow]
+    steps: list[StepRow]  # from the files to the modes
+    remarks: list[str]  # on the test as a whole
 
     @property
     def targets(self) -> dict[int, float]:
@@ -58,82 +116,229 @@ class HammerReport(BaseModel):
 
     @property
     def damping(self) -> dict[int, float]:
-        """Their damping ratios, the fit's where there is one."""
-        ratios = {r.mode: r.zeta_fit or r.zeta_half_power for r in self.rows if r.mode}
-        return {mode: zeta for mode, zeta in ratios.items() if zeta}
+        """Their damping ratios."""
+        return {row.mode: row.zeta for row in self.rows if row.mode}
 
     def text(self) -> str:
-        """A table of the resonances, and remarks on them."""
-        head = ("Hz", "half-power", "fit", "mode", "computed Hz", "MAC", "next Hz", "MAC", "")
+        """A table of the modes, remarks on them, and what was left out."""
+        head = ("#", "Hz", "+-", "damping", "+-", "phase", "mode")
+        paired = ("computed Hz", "MAC", "next Hz", "MAC")
+        by_shape = any(row.mac or row.runner_up_mac for row in self.rows)
         table = []
         for row in self.rows:
-            zetas = (f"{100 * z:.3f} %" if z else None for z in (row.zeta_half_power, row.zeta_fit))
-            by_shape: list[str | None] = []
-            for hz, mac in ((row.computed_hz, row.mac), (row.runner_up_hz, row.runner_up_mac)):
-                by_shape += [None, None] if mac is None else [f"{hz:.2f}", f"{mac:.2f}"]
-            remarks = "; ".join(row.remarks)
-            table.append((f"{row.frequency_hz:.2f}", *zetas, row.mode, *by_shape, remarks))
-
-        # responses without points have no shapes
-        if not any(row.mac or row.runner_up_mac for row in self.rows):
-            head, table = (*head[:4], ""), [(*cells[:4], cells[-1]) for cells in table]
+            cells = (
+                row.number, f"{row.frequency_hz:.2f}", f"{row.frequency_deviation_hz:.2g}",
+                f"{100 * row.zeta:.3f} %", f"{100 * row.zeta_deviation:.2g} %",
+                f"{row.collinearity:.2f}", row.mode,
+            )  # fmt: skip
+            if by_shape:
+                for hz, mac in (
+                    (row.computed_hz, row.mac), (row.runner_up_hz, row.runner_up_mac)
+                ):  # fmt: skip
+                    known = mac is not None and hz is not None
+                    cells += (f"{hz:.2f}", f"{mac:.2f}") if known else (None, None)
+            table.append((*cells, "; ".join(row.remarks)))
+        head += (*paired, "") if by_shape else ("",)
         lines = [self.title, aligned_text(head, table)]
+        if self.left_out:
+            lines += ["", "left out:"]
+            lines += [f"{r.number}: {r.frequency_hz:.2f} Hz, {r.reason}" for r in self.left_out]
+        hits = [sentence for step in self.steps for sentence in step.left_out]
+        lines += ["", *hits, *self.remarks] if hits or self.remarks else []
         return "\n".join(lines if self.n_targets else [*lines, "", NO_TARGETS])
 
 
 class IdentifiedTest(NamedTuple):
-    """Responses of a file, and the resonances that were identified."""
+    """A measured test, its modes, and the report on them."""
 
     report: HammerReport
-    responses: Responses
+    test: MeasuredTest
+    modes: IdentifiedModes
 
 
-def hammer_test(path: Path, expected_hz: dict[int, float]) -> IdentifiedTest:
+def hammer_test(
+    paths: Path | list[Path],
+    expected_hz: Mapping[int, float],
+    reading: Reading = Reading(),
+    choice: Choice = Choice(),
+    remarkable: Remarkable = Remarkable(),
+) -> IdentifiedTest:
     """Read, identify and pair with modes expected near `expected_hz` {mode: Hz}; raises
-    InvalidScene where no resonance is identified."""
-    test = responses(path)
-    try:
-        resonances = measured_modes(test.frequency_hz, test.H)
-    except ImportError as missing:
+    InvalidScene where no mode is identified."""
+    paths = [paths] if isinstance(paths, Path) else paths
+    test, named = measured_test(paths, reading), ", ".join(map(str, paths))
+    responses = test.responses
+    f, H = responses.frequency_hz, responses.H
+    spacing = np.diff(f)
+    if not (np.isfinite(f).all() and np.isfinite(H).all()):
         raise InvalidScene(
-            f"the fit needs {missing.name}; ./install.sh identify adds it."
-        ) from None
+            f"{named}: the responses hold NaN or inf; remove those lines or measure again."
+        )
+    if len(f) < 40:
+        raise InvalidScene(f"{named}: {len(f)} frequencies; give at least 40.")
+    if np.any(spacing <= 0) or np.ptp(spacing) > 1e-3 * spacing.mean():
+        raise InvalidScene(
+            f"{named}: the frequencies are not evenly spaced in ascending order; resample them."
+        )
+    dead = [
+        f"{responses.points[i]} to {responses.references[j]}"
+        for i, j in np.argwhere(~(np.ptp(np.abs(H), axis=2) > 0))
+    ]
+    if dead:
+        raise InvalidScene(
+            f"{named}: the response of {dead[0]} has no peaks; leave it out, or give responses "
+            "that reach a resonance."
+        )
+    try:
+        if test.kind == "ambient":
+            (records,) = test.records
+            highest = 0.4 / records.dt  # four fifths of what the sampling holds
+            choice = choice._replace(band_hz=choice.band_hz or (highest / 100, highest))
+            modes = subspace_modes(
+                list(records.response), records.dt, choice.band_hz,
+                reject=choice.reject, accept=choice.accept,
+            )  # fmt: skip
+        else:
+            modes = identified_modes(
+                responses, choice.band_hz, reject=choice.reject, accept=choice.accept
+            )
     except ValueError as error:
-        raise InvalidScene(f"{path}: {error}") from None
-    if not resonances:
-        raise InvalidScene(f"{path} has no peaks; give responses that reach a resonance.")
+        raise InvalidScene(f"{named}: {str(error).rstrip('.')}.") from None
 
-    paired = nearest_modes([resonance.frequency_hz for resonance in resonances], expected_hz)
+    paired = nearest_modes(modes.frequency_hz.tolist(), dict(expected_hz))
     rows = []
-    for i, resonance in enumerate(resonances):
-        half_power, fit = (None if np.isnan(z) else float(z) for z in resonance[1:3])
+    for i, (hz, zeta) in enumerate(zip(modes.frequency_hz, modes.zeta, strict=True)):
+        line = int(np.abs(f - hz).argmin())
+        remarks = []
+        # the half-power bandwidth in the response where the mode is largest
+        at = np.unravel_index(np.abs(H[:, :, line]).argmax(), H.shape[:2])
+        window = slice(max(line - 2, 0), line + 3)
+        peak = window.start + int(np.abs(H[at][window]).argmax())
+        f_peak, width = half_power_bandwidth(f, np.abs(H[at]), peak)
+        half_power = width / (2 * f_peak) - responses.shift / (2 * np.pi * hz)
+        if not half_power > 0:
+            half_power = np.nan
+        elif abs(half_power / zeta - 1) > remarkable.damping:
+            remarks.append(f"half-power bandwidth: {100 * half_power:.2g} %")
+        coherence = None
+        if responses.coherence is not None:
+            coherence = float(np.median(responses.coherence[:, :, line]))
+            if coherence < remarkable.coherence:
+                remarks.append(f"coherence {coherence:.2f}")
+        if modes.collinearity[i] < remarkable.collinearity:
+            remarks.append("complex shape")
+        if modes.zeta_deviation[i] > remarkable.zeta * zeta:
+            remarks.append("damping uncertain")
+        steps = decay_of(test, modes, i) if test.kind == "ring-downs" else []
+        if varies(steps):
+            high, low = steps[0], steps[-1]
+            remarks.append(
+                f"damping depends on amplitude: {100 * high.zeta:.3g} % at {high.amplitude:.2g}, "
+                f"{100 * low.zeta:.3g} % at {low.amplitude:.2g}"
+            )
         rows.append(
             HammerRow(
-                frequency_hz=resonance.frequency_hz,
-                zeta_half_power=half_power,
-                zeta_fit=fit,
-                mode=paired.get(i),
-                remarks=list(resonance.remarks),
+                number=int(modes.number[i]), frequency_hz=float(hz), zeta=float(zeta),
+                frequency_deviation_hz=float(modes.frequency_deviation[i]),
+                zeta_deviation=float(modes.zeta_deviation[i]),
+                zeta_half_power=None if np.isnan(half_power) else float(half_power),
+                collinearity=float(modes.collinearity[i]), coherence=coherence,
+                mode=paired.get(i), remarks=remarks,
+                over_amplitude=[AmplitudeRow(**step._asdict()) for step in steps],
             )
+        )  # fmt: skip
+    left_out = [LeftOutRow(**row._asdict()) for row in modes.left_out]
+    band = choice.band_hz or (float(f[f > 0][0]), float(f[-1]))
+    steps = [StepRow(**{**step._asdict(), "left_out": list(step.left_out)}) for step in test.steps]
+    steps.append(
+        StepRow(
+            file=named, step="subspace identification" if test.kind == "ambient"
+            else "poly-reference identification",
+            options={
+                "from_hz": band[0], "to_hz": band[1],
+                "reject": ",".join(map(str, choice.reject)),
+                "accept": ",".join(map(str, choice.accept)),
+            },
+            left_out=[],
         )
-    report = HammerReport(file=str(path), title=test.title, n_targets=len(expected_hz), rows=rows)
-    return IdentifiedTest(report, test)
+    )  # fmt: skip
+    report = HammerReport(
+        file=named, title=test.title, n_targets=len(expected_hz), rows=rows, left_out=left_out,
+        steps=steps, remarks=opposite_directions(test, modes),
+    )  # fmt: skip
+    return IdentifiedTest(report, test, modes)
+
+
+def decay_of(test: MeasuredTest, modes: IdentifiedModes, mode: int) -> list[AmplitudeStep]:
+    """Frequency and damping of a mode over its amplitude, in the record where it lasts longest."""
+    decays = []
+    for hits in test.records:
+        for y in hits.response:
+            onset = int(np.abs(y).max(axis=0).argmax())
+            decays.append(
+                over_amplitude(y[:, onset:], hits.dt, modes.frequency_hz, modes.phi, mode)
+            )
+    return max(decays, key=len)
+
+
+def opposite_directions(test: MeasuredTest, modes: IdentifiedModes) -> list[str]:
+    """Sentences on driving points where hammer and sensor do not move alike.
+
+    Where a point is hit and watched along one axis, H = sum R / (i omega - lambda) + conj. with
+    R = c phi^2: all modes have R of one phase (receptance -i, mobility 1, accelerance i), so that
+    its sign tells hammer and sensor along opposite directions and a mixed one a mixed-up point.
+    """
+    responses, sentences = test.responses, []
+    if test.kind == "ambient":
+        return []
+    for i, point in enumerate(responses.points):
+        for j, reference in enumerate(responses.references):
+            ends = node_and_axis(point), node_and_axis(reference)
+            if None in ends or (ends[0][0], abs(ends[0][1])) != (ends[1][0], abs(ends[1][1])):
+                continue
+            residues = modes.phi[i] * modes.participation[:, j]
+            size = np.abs(residues) / np.abs(modes.phi).max(axis=0)
+            weight = size / np.abs(modes.participation).max(axis=1)
+            clear = weight > 0.1  # a node of the mode has no phase; not varied
+            phase = residues[clear] / np.abs(residues[clear])
+            if len(phase) < 2:
+                continue
+            # alike to within a sign: the mean of the squares; then the signs themselves
+            axis = np.exp(0.5j * np.angle(np.mean(phase**2)))
+            signs = np.sign((phase / axis).real)
+            if abs(signs.sum()) < len(signs):
+                sentences.append(
+                    f"driving point {point}: {np.count_nonzero(signs != np.sign(signs.sum()))} of "
+                    f"{len(signs)} modes move against the others; hammer and sensor are not at "
+                    "one place along one direction"
+                )
+    return sentences
+
+
+def measured_shapes(test: IdentifiedTest) -> list[MeasuredShape] | None:
+    """The shape of each mode at the points of the test; None where these are unknown or too few."""
+    ends = [node_and_axis(name) for name in test.test.responses.points]
+    shapes = [along_directions(test.test.nodes, ends, phi) for phi in test.modes.phi.T]
+    return None if any(shape is None for shape in shapes) else shapes
 
 
 def recognised(test: IdentifiedTest, pipeline: Pipeline, wanted: Collection[int]) -> IdentifiedTest:
-    """The test with its resonances paired one-to-one with computed modes, on MAC and frequency
-    together; that of a wanted target's mode gets the target's number."""
-    report, scene = test.report, pipeline.scene
+    """The test with its modes paired one-to-one with computed ones, on MAC and frequency together;
+    that of a wanted target's mode gets the target's number. As it is without points of shapes."""
+    report, scene, measured = test.report, pipeline.scene, measured_shapes(test)
+    if measured is None:
+        return test
     model, modes = pipeline("model"), pipeline("modes")
     computed_hz = modes.omega / (2 * np.pi)
-    shapes = [shape(scene, model, report.file, row.frequency_hz) for row in report.rows]
-    readings = [target.reading @ modes.phi for target in shapes]
-    likeness = np.array(
-        [fem.mac(at, s.shape[:, None])[:, 0] for at, s in zip(readings, shapes, strict=True)]
-    )
+    shapes = [
+        placed(scene, model, report.file, shape, row.frequency_hz)
+        for shape, row in zip(measured, report.rows, strict=True)
+    ]
+    # all shapes of one test are read at the same points
+    reading = shapes[0].reading @ modes.phi
+    likeness = fem.mac(np.column_stack([s.shape for s in shapes]), reading)
     measured_hz = np.array([row.frequency_hz for row in report.rows])
-    # all shapes of one file are read at the same points
-    pairs = measured_pairs(measured_hz, computed_hz, likeness, fem.mac(readings[0], readings[0]))
+    pairs = measured_pairs(measured_hz, computed_hz, likeness, fem.mac(reading, reading))
     number = {j: n for n, j in enumerate(modes.index.tolist(), start=1) if n in wanted}
     rows = []
     for i, row in enumerate(report.rows):
@@ -155,28 +360,75 @@ def recognised(test: IdentifiedTest, pipeline: Pipeline, wanted: Collection[int]
     return test._replace(report=report.model_copy(update={"rows": rows}))
 
 
-def picture(test: IdentifiedTest) -> Picture:
-    """The responses over frequency, a line at each resonance, those of the model's modes by
-    number."""
-    f, H = test.responses.frequency_hz, test.responses.H
-    positive = f > 0
-    lines = [
-        Line(f"response {i}", f[positive], np.abs(h[positive]), "-", width=0.9)
-        for i, h in enumerate(H, start=1)
+def pictures(test: IdentifiedTest) -> list[Picture]:
+    """Stability diagram, measured over synthesised responses, coherence and AutoMAC."""
+    responses, modes, rows = test.test.responses, test.modes, test.report.rows
+    f, H = responses.frequency_hz, responses.H
+    within = f > 0
+    size = np.sqrt(np.sum(np.abs(H) ** 2, axis=(0, 1)))[within]
+
+    # poles of every order over the sum of all responses; lines at the modes, with their numbers
+    top = max(order for order, _ in modes.diagram)
+    span = np.array([size.min(), size.max()])
+    orders = np.concatenate([np.full(len(poles), order) for order, poles in modes.diagram])
+    hz = np.concatenate([np.abs(poles) / (2 * np.pi) for _, poles in modes.diagram])
+    level = span[0] * (span[1] / span[0]) ** (orders / top)
+    numbered = np.array([row.frequency_hz for row in (*rows, *test.report.left_out)])
+    recurs = np.abs(np.divide.outer(hz, numbered) - 1).min(axis=1) < 0.005
+    lines = [Line(None, np.full(2, row.frequency_hz), span, ":", "0.5", 0.8) for row in rows]
+    lines += [
+        Line("sum of all responses", f[within], size, "-", 0),
+        Line(f"poles of orders up to {top}", hz[~recurs], level[~recurs], "x", "0.8"),
+        Line("of them near a numbered one", hz[recurs], level[recurs], "x", 1),
     ]
-    size = np.abs(H[H != 0])
-    span = np.array([size.min(), size.max()]) if size.size else np.array([1.0, 1.0])
-    resonances = [
-        Line(None, np.full(2, row.frequency_hz), span, ":", "0.5", 0.8) for row in test.report.rows
-    ]
-    panel = Panel(test.report.title, "frequency [Hz]", "response", [*resonances, *lines], "xy")
-    figure, (axis,) = plots.drawn([panel], size=(8, 4.2))
-    for row in test.report.rows:
+    panel = Panel(test.report.title, "frequency [Hz]", "response", lines, "y")
+    figure, (axis,) = plots.drawn([panel], size=(9, 4.5))
+    for row in rows:
         axis.annotate(
-            f"{row.mode}" if row.mode else "", (row.frequency_hz, span[1]), (0, 2),
+            f"{row.number}", (row.frequency_hz, span[1]), (0, 2),
             textcoords="offset points", ha="center", fontsize=8,
         )  # fmt: skip
-    return Picture("hammer", plots.png(figure))
+    made = [Picture("hammer", plots.png(figure))]
+
+    # the responses with most energy, four at most
+    energy = np.sum(np.abs(H) ** 2, axis=2)
+    panels = []
+    for place in np.argsort(-energy.ravel())[:4]:
+        i, j = np.unravel_index(int(place), energy.shape)
+        lines = [Line("measured", f[within], np.abs(H[i, j, within]), "-", 0, 0.9)]
+        lines += [
+            Line(None if k else "modes found", hz, np.abs(model[i, j]), "--", 1)
+            for k, (hz, model) in enumerate(modes.synthesis)
+        ]
+        title = f"{responses.points[i]} to {responses.references[j]}"
+        panels.append(Panel(title, "frequency [Hz]", "response", lines, "y"))
+    made.append(Picture("synthesis", plots.panels(panels, size=(9, 2.6))))
+
+    if responses.coherence is not None:
+        low, middle = np.quantile(responses.coherence, [0.1, 0.5], axis=(0, 1))
+        lines = [
+            Line("median of the responses", f[within], middle[within], "-", 0),
+            Line("a tenth lie below", f[within], low[within], "-", 1, 0.8),
+        ]
+        panel = Panel("coherence", "frequency [Hz]", "coherence", lines, "", (0.0, 1.02))
+        made.append(Picture("coherence", plots.panels([panel], size=(9, 2.8))))
+    names = [f"{row.number}: {row.frequency_hz:.4g} Hz" for row in rows]
+    decaying = [row for row in rows if row.over_amplitude]
+    if decaying:
+        lines = [
+            Line(
+                f"{row.frequency_hz:.4g} Hz", np.array([s.amplitude for s in row.over_amplitude]),
+                np.array([100 * s.zeta for s in row.over_amplitude]), "o-", k,
+            )
+            for k, row in enumerate(decaying[:8])
+        ]  # fmt: skip
+        panel = Panel("damping over amplitude", "amplitude", "damping ratio [%]", lines, "x")
+        made.append(Picture("decay", plots.panels([panel], size=(8, 3.6))))
+    if len(responses.points) > 1 and len(rows) > 1:
+        made.append(
+            Picture("automac", plots.matrix(fem.mac(modes.phi, modes.phi), names, "AutoMAC"))
+        )
+    return made
 
 
 def applied(

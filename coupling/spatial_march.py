@@ -1,0 +1,503 @@
+"""A chain against a structure in three directions, with friction at the last contact, and shakers.
+
+The march is that of `dem.kernels.spatial`, of order 2: marches by H > h differ, and that by h errs
+by
+
+    e = safety max |v_h - v_H| / speed / ((H/h)^2 - 1)
+
+in the velocities of all spheres along the chain, of the last one across it, and of its turn at the
+surface. Before the striker shakers bring all into a periodic state, see `coupling.periodic_state`.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from coupling.errors import CouplingError
+from coupling.spatial_wall import SpatialWall, require_one_solution
+from dem import Chain, Trajectory, UnstableStep, Wall
+from dem.chain import State
+from dem.checks import InvalidChain, require, saves, vector
+from dem.friction import open_cells, open_row, stick_stiffness
+from dem.kernels.arguments import Array, Steps
+from dem.kernels.lateral import Sphere
+from dem.kernels.oscillators import oscillator_propagator
+from dem.kernels.spatial import (
+    Contacts,
+    SavedSpatial,
+    Shaking,
+    SpatialArrays,
+    SpatialMotion,
+    SpatialSystem,
+    Trials,
+    march_spatial,
+    settle,
+)
+from dem.lateral import LastSphere, LateralTrajectory
+from dem.prepared import PreparedChain, prepare
+from dem.stability import fastest_rate
+
+MOST_CYCLES = 100  # of the slowest shaker in a common period
+
+
+class ShakerForces(NamedTuple):
+    """Shakers push by force cos(2 pi frequency t + phase), (s,) each; t = 0 at the striker."""
+
+    force: Array  # [N]
+    frequency: Array  # [Hz]
+    phase: Array  # [rad]
+
+    @property
+    def period(self) -> float:
+        """[s] shortest common period; raises InvalidChain where `MOST_CYCLES` of the slowest hold
+        none."""
+        frequency = np.asarray(self.frequency, float)
+        slowest = float(frequency.min())
+        for cycles in range(1, MOST_CYCLES + 1):
+            numbers = cycles * frequency / slowest
+            if np.abs(numbers - np.round(numbers)).max() < 1e-9 * cycles:
+                return cycles / slowest
+        raise InvalidChain(
+            f"shakers of {', '.join(f'{f:g}' for f in frequency)} Hz have no common period within "
+            f"{MOST_CYCLES} cycles; take others"
+        )
+
+
+class SpatialSearch(NamedTuple):
+    """How the step is searched for, and how finely the contact is divided."""
+
+    dt: float | None = None  # [s] a step that is given, in place of an error
+    safety: float = 2.0  # stated error over what the difference says, as `dem.lateral`'s
+    phase: float = 0.3  # of the fastest contact, a first step; not varied
+    most_steps: float = 1e8  # some minutes
+    capacity: int = 2048  # nodes of the contact in one direction
+    n_cells: int = 512  # of the contact in two directions
+
+
+USUAL_SPATIAL_SEARCH = SpatialSearch()
+
+
+class SpatialRun(NamedTuple):
+    """A march along and across the chain at the same k instants; the ledger closes over both:
+    trajectory.energy_total + lateral.energy is constant if exact."""
+
+    trajectory: Trajectory  # along the chain
+    lateral: LateralTrajectory  # of the last sphere, across
+    wall_q: Array  # (k, n_modes) [kg^1/2 m] from rest
+    wall_p: Array  # (k, n_modes)
+    contact_force: Array  # (k, 3) [N] on the wall along n, t1, t2, without dampers
+
+    @property
+    def energy(self) -> Array:
+        """(k,) [J] of all, less the works: constant if exact."""
+        return self.trajectory.energy_total + self.lateral.energy
+
+
+class Body(NamedTuple):
+    """Chain, last sphere and wall, prepared for marches by any step."""
+
+    prepared: PreparedChain
+    wall: SpatialWall
+    last: LastSphere
+    shakers: ShakerForces | None
+    frame: Array  # (n_directions, 2) directions across in t1, t2
+    rate: float  # [rad/s] of the fastest contact
+    search: SpatialSearch
+
+    @property
+    def to_frame(self) -> Array:
+        """(1 + n_directions, 3) from n, t1, t2 to n and the directions across."""
+        out = np.zeros((1 + len(self.frame), 3))
+        out[0, 0], out[1:, 1:] = 1.0, self.frame
+        return out
+
+    def mobility(self) -> tuple[Array, float]:
+        """Inverse masses (n_directions,) across [1/kg], inverse inertia; 0 where the arm clamps."""
+        clamped = np.isinf(self.arm_stiffness())
+        inverse = np.where(clamped, 0.0, 1.0 / float(self.prepared.chain.mass[-1]))
+        return inverse, 0.0 if math.isinf(self.last.arm_rotation) else 1.0 / self.last.inertia
+
+    def arm_stiffness(self) -> Array:
+        """(n_directions,) [N/m]."""
+        k = np.asarray(self.last.arm_stiffness, float)
+        return k if len(self.frame) == 2 else k[[int(np.abs(self.frame[0]).argmax())]]
+
+    def at_rest(self) -> "Moving":
+        """The static state, its contact pressed and never sheared."""
+        static, n, d = self.prepared.static, self.prepared.chain.mass.size, len(self.frame)
+        k = self.wall.omega.size
+        force = np.append(static.force[-1], np.zeros(d))
+        motion = SpatialMotion(
+            static.x.copy(), np.zeros(n), *np.zeros((4, d)), *np.zeros((2, k)), np.zeros(n + 1),
+            force, np.zeros(d), np.zeros(1 + d), np.zeros((2, 1 + d)), np.zeros(4),
+        )  # fmt: skip
+        if d == 2:
+            cells = (open_cells(self.search.n_cells) for _ in range(2))
+            contacts = Contacts(None, None, next(cells), None, next(cells))
+        else:
+            row, room, trial = (open_row(self.search.capacity) for _ in range(3))
+            contacts = Contacts(row, room, None, trial, None)
+        return Moving(motion, contacts)
+
+    def stepped(self, h: float, *, before_striker: "Before | None" = None) -> SpatialSystem:
+        """What a march by steps of h [s] reads."""
+        chain, static = self.prepared.chain, self.prepared.static
+        wall, Q = self.wall, self.to_frame
+        n, d = chain.mass.size, len(Q)
+        inverse_mass = 1.0 / np.asarray(chain.mass, float)
+        A = np.array(chain.A, float)
+        if before_striker is not None:
+            inverse_mass[before_striker.held] = 0.0
+            A[: before_striker.n_absent] = 0.0
+        leaf = chain.springs[0] * (inverse_mass > 0.0)
+        gamma = np.zeros(n) if chain.gamma is None else np.array(chain.gamma, float)
+        if chain.dissipation == "none":
+            gamma[:] = 0.0
+        phi = np.ascontiguousarray(Q @ wall.phi.T)
+        S = Q @ wall.residual_compliance @ Q.T
+        arrays = SpatialArrays(
+            inverse_mass, A, gamma,
+            np.zeros(n) if self.prepared.load is None else self.prepared.load,
+            static.x.copy(),
+            oscillator_propagator(np.sqrt(leaf * inverse_mass), np.zeros(n), h),
+            float(wall.phi[:, 0] @ static.q), float(static.force[-1]),
+            np.asarray(wall.omega, float), phi, phi @ phi.T,
+            oscillator_propagator(wall.omega, wall.zeta, h), S, bool(S.any()),
+        )  # fmt: skip
+
+        # the arm swings exactly
+        inverse, inverse_inertia = self.mobility()
+        k = np.where(inverse > 0.0, self.arm_stiffness(), 0.0)
+        kappa = float(self.last.arm_rotation) if inverse_inertia > 0.0 else 0.0
+        sphere = Sphere(
+            inverse, inverse_inertia, float(chain.radius[-1]), k, kappa,
+            oscillator_propagator(np.sqrt(k * inverse), np.zeros(len(k)), h),
+            oscillator_propagator(np.sqrt([kappa * inverse_inertia]), np.zeros(1), h),
+        )  # fmt: skip
+        trials = Trials(*np.zeros((5, d)), *np.zeros((2, d, d)), *np.zeros((4, d)))
+        return SpatialSystem(
+            arrays, sphere, self.last.law, shaking(wall, self.shakers, Q, h), trials
+        )
+
+    def march(
+        self,
+        moving: "Moving",
+        system: SpatialSystem,
+        t: float,
+        steps: Steps,
+        *,
+        modes: bool = False,
+    ) -> SavedSpatial:
+        """March on from the time t [s], in place, the modes saved if asked for. Raises
+        UnstableStep."""
+        k, n, d = steps.n_save + 1, moving.motion.x.size, moving.motion.force.size
+        n_modes = self.wall.omega.size if modes else 0
+        saved = SavedSpatial(
+            *np.empty((3, k, n)), np.empty((k, 4, d - 1)), np.empty((k, d)), np.empty((k, d - 1)),
+            np.empty((k, 2, d)), np.empty(k), np.empty((k, d)), np.empty((k, 9)),
+            *np.empty((2, k, n_modes)),
+        )  # fmt: skip
+        count = march_spatial(t, moving.motion, system, moving.contacts, steps, saved)
+        if count < steps.n_save:
+            raise UnstableStep(
+                f"the state is not finite at t = {t + count * steps.stride * steps.h:.4g} s; take "
+                "a smaller step, a softer arm, or a wall whose residual compliance is larger"
+            )
+        return saved
+
+    def settle(self, moving: "Moving", system: SpatialSystem, t: float) -> None:
+        """Bring contact and forces to the positions of bodies and modes, in place."""
+        settle(t, moving.motion, system, moving.contacts)
+
+
+class Before(NamedTuple):
+    """The chain before the striker."""
+
+    held: Array  # (n,) mask of the spheres that rest: the striker, those held until it comes
+    n_absent: int  # contacts from the first on that are left out: 1 with a striker beside the chain
+
+
+class Moving(NamedTuple):
+    """State and contact, changed in place by marches."""
+
+    motion: SpatialMotion
+    contacts: Contacts
+
+    def copied(self) -> "Moving":
+        """The same in arrays of their own."""
+        contacts = (
+            None if part is None else type(part)(*(values.copy() for values in part))
+            for part in self.contacts
+        )
+        return Moving(
+            SpatialMotion(*(values.copy() for values in self.motion)), Contacts(*contacts)
+        )
+
+
+def shaking(wall: SpatialWall, shakers: ShakerForces | None, to_frame: Array, h: float) -> Shaking:
+    """What shakers do to the modes over a step of h [s], exact: integrals of the modes' response to
+    an impulse, by Gauss' rule with as many points as the fastest of them asks for."""
+    k, d = wall.omega.size, len(to_frame)
+    frequency = np.zeros(0) if shakers is None else np.asarray(shakers.frequency, float)
+    omega, where = np.unique(2.0 * np.pi * frequency, return_inverse=True)
+    m = omega.size
+    B, L = np.zeros((m, k), complex), np.zeros((m, d), complex)
+    for j, g in enumerate(where):
+        amplitude = shakers.force[j] * np.exp(1j * shakers.phase[j])
+        B[g] += amplitude * wall.load[:, j]
+        L[g] += amplitude * (to_frame @ wall.load_residual[:, j])
+    fastest = h * float((wall.omega * np.maximum(wall.zeta, 1.0)).max(initial=0.0))
+    fastest += h * float(omega.max(initial=0.0))
+    nodes, weights = np.polynomial.legendre.leggauss(16 + math.ceil(fastest))
+    nodes, weights = 0.5 * (1.0 + nodes), 0.5 * weights
+
+    def response(t: float) -> tuple[Array, Array]:
+        """(m, k) complex q and p after t under B e^(i omega t) from rest at 0."""
+        q, p = np.zeros((m, k), complex), np.zeros((m, k), complex)
+        for node, weight in zip(nodes, weights, strict=True):
+            after = oscillator_propagator(wall.omega, wall.zeta, t * (1.0 - node))
+            push = weight * t * np.exp(1j * omega * node * t)[:, None] * B
+            q += push * after[1]
+            p += push * after[3]
+        return q, p
+
+    q, p = response(h) if m else (B, B)
+    over_q, over_p = np.zeros((m, k), complex), np.zeros((m, k), complex)
+    at_sum, at_difference = np.zeros((m, m), complex), np.zeros((m, m), complex)
+    for node, weight in zip(nodes, weights, strict=True) if m else ():
+        t = node * h
+        after = oscillator_propagator(wall.omega, wall.zeta, t)
+        push = weight * h * np.exp(1j * omega * t)[:, None] * B
+        over_q += push * after[2]
+        over_p += push * after[3]
+        speed = response(t)[1]
+        at_sum += 0.5 * push @ speed.T
+        at_difference += 0.5 * push @ speed.conj().T
+
+    def parts(*values: Array) -> Array:
+        """Real and imaginary parts of arrays (m, ...) side by side, (m, 2 n, ...)."""
+        return np.stack([part for z in values for part in (z.real, z.imag)], axis=1)
+
+    own = np.stack([at_sum.real, at_sum.imag, at_difference.real, at_difference.imag], axis=2)
+    return Shaking(
+        omega, parts(q, p), parts(over_q, over_p), np.ascontiguousarray(own), parts(L),
+        np.zeros((2, k)),
+    )  # fmt: skip
+
+
+def body_of(
+    chain: Chain, wall: SpatialWall, v0: ArrayLike, last: LastSphere,
+    shakers: ShakerForces | None, search: SpatialSearch,
+) -> Body:  # fmt: skip
+    """Chain, last sphere and wall, checked. Raises InvalidChain, NoEquilibrium, CouplingError."""
+    require(
+        chain.yield_overlap is None and not chain.jumps and chain.elastic.shape is None,
+        "friction at the wall takes Hertz contacts that are elastic, or damped by hunt-crossley",
+    )
+    require(not chain.slides, "friction at the wall takes no guides; leave them out")
+    velocity = vector("lateral velocity", last.velocity, 2)
+    S = np.asarray(wall.residual_compliance, float)
+    if np.any(wall.zeta < 0.0):
+        raise CouplingError(
+            "a mode of the wall has a negative damping ratio; it would make energy."
+        )
+    along = Wall(
+        np.asarray(wall.omega, float), np.asarray(wall.zeta, float),
+        np.ascontiguousarray(wall.phi[:, 0]), float(S[0, 0]),
+    )  # fmt: skip
+    prepared = prepare(chain, along)
+
+    # one direction across where nothing leads out of it: no mode that moves along it or that the
+    # chain or a shaker drives moves the wall beside it, and nothing beside it moves the sphere
+    frame, scale = np.eye(2), np.abs(wall.phi).max(initial=0.0)
+    stiffness = np.asarray(last.arm_stiffness, float)
+    lines = [velocity / np.hypot(*velocity)] if velocity.any() else [*np.eye(2)]
+    for line in lines:
+        beside = np.array([-line[1], line[0]])
+        driven = np.abs(np.column_stack([wall.phi[:, 0], wall.phi[:, 1:] @ line, wall.load]))
+        stray = np.abs(wall.phi[:, 1:] @ beside) > 1e-12 * scale
+        residual = np.append(S[1:, 0], S[1:, 1:] @ line).reshape(2, 2, order="F")
+        straight = stiffness[0] == stiffness[1] or 0.0 in line
+        straight &= not np.any(driven[stray] > 1e-12 * np.abs(wall.phi).max(initial=0.0))
+        straight &= bool((np.abs(beside @ residual) <= 1e-12 * np.abs(S).max(initial=0.0)).all())
+        straight &= not np.any(beside @ wall.load_residual[1:])
+        if straight:
+            frame = line[None]
+            break
+
+    # the fastest contact: along the chain, or across where it sticks
+    overlap = float(
+        chain.elastic.at(np.s_[-1:]).overlap(np.array([largest_force(prepared, v0)]))[0]
+    )
+    a = math.sqrt(last.law.radius * overlap)
+    k_t, k_n = float(stick_stiffness(last.law, a)), 1.5 * float(chain.A[-1]) * math.sqrt(overlap)
+    if overlap > 0.0 and S.any():
+        coefficient = last.law.bound * last.law.modulus * math.sqrt(last.law.radius) * 4.0 / 3.0
+        require_one_solution(S, (k_n, k_t), coefficient / float(chain.A[-1]))
+    slow = np.asarray(wall.omega) ** 2 <= k_t / float(chain.mass[-1])
+    meets = 1.0 / float(chain.mass[-1]) + float(chain.radius[-1]) ** 2 / last.inertia
+    meets += float(np.square(wall.phi[slow, 1:]).sum(axis=0).max(initial=0.0))
+    rate = max(fastest_rate(prepared, v0), math.sqrt(k_t * meets))
+    return Body(prepared, wall, last, shakers, frame, rate, search)
+
+
+def largest_force(prepared: PreparedChain, v0: ArrayLike) -> float:
+    """Upper estimate [N] of the force at the wall: all kinetic energy in its contact, on top of the
+    static force."""
+    chain = prepared.chain
+    energy = 0.5 * float(np.asarray(chain.mass) @ np.square(np.asarray(v0, float)))
+    law = chain.elastic.at(np.s_[-1:])
+    deepest = float(law.overlap_of_energy(np.array([energy]))[0]) if energy > 0.0 else 0.0
+    deepest += float(law.overlap(prepared.static.force[-1:])[0])
+    return float(law.force(np.array([deepest]))[0])
+
+
+def march_space(
+    chain: Chain,
+    wall: SpatialWall,
+    v0: ArrayLike,
+    last: LastSphere,
+    *,
+    duration: float,
+    error: float | None = None,
+    n_save: int = 1000,
+    search: SpatialSearch = USUAL_SPATIAL_SEARCH,
+) -> SpatialRun:
+    """A chain with velocities v0 (n,) [m/s], its last sphere with `last.velocity` across, against a
+    structure without shakers, from rest; at n_save + 1 equal times.
+
+    `error` is relative to the largest speed at the start; without it `search.dt` is the step [s] of
+    the coarser of two marches, which state the error of the finer. Raises InvalidChain,
+    NoEquilibrium, CouplingError, UnstableStep.
+    """
+    saves(n_save, chain.mass.size)
+    body = body_of(chain, wall, v0, last, None, search)
+    start = body.at_rest()
+    start.motion.v[:] = v0
+    start.motion.u_v[:] = body.frame @ np.asarray(last.velocity, float)
+    return march_to_error(body, start, duration=duration, error=error, n_save=n_save)
+
+
+def march_to_error(
+    body: Body, start: Moving, *, duration: float, error: float | None, n_save: int,
+    speed: float | None = None,
+) -> SpatialRun:  # fmt: skip
+    """March from a state at t = 0; errors are relative to `speed` [m/s], None for the largest at
+    the start."""
+    search = body.search
+    require(
+        (error is None) != (search.dt is None),
+        "give either error or search.dt to say how finely to march",
+    )
+    if speed is None:
+        speeds = np.concatenate([start.motion.v, start.motion.u_v])
+        speed = float(np.abs(speeds).max()) or 1.0
+    spacing, radius = duration / n_save, float(body.prepared.chain.radius[-1])
+
+    def run(stride: int) -> tuple[SavedSpatial, Moving]:
+        moving, system = start.copied(), body.stepped(spacing / stride)
+        body.settle(moving, system, 0.0)
+        steps = Steps(spacing / stride, n_save, stride)
+        return body.march(moving, system, 0.0, steps, modes=True), moving
+
+    first = search.phase / body.rate if search.dt is None else search.dt
+    stride = max(1, math.ceil(spacing / first * (1 - 1e-9)))
+    coarse, _ = run(stride)
+    shorter, spent = 2.0, stride
+    while True:
+        finer = max(stride + 1, math.ceil(shorter * stride))
+        spent += finer
+        if spent * n_save > search.most_steps:
+            target = f"dt = {search.dt:g} s" if search.dt else f"error {error:g}"
+            raise UnstableStep(
+                f"{target} over {duration:g} s takes more than {search.most_steps:.1e} steps; ask "
+                "for a larger error or for less time"
+            )
+        saved, moving = run(finer)
+        change = difference(saved, coarse, radius)
+        estimate = search.safety * change / speed / ((finer / stride) ** 2 - 1.0)
+        if search.dt is not None or estimate <= error:
+            break
+        shorter = min(max(1.2, 1.1 * math.sqrt(estimate / error)), 16.0)
+        coarse, stride = saved, finer
+    steps = Steps(spacing / finer, n_save, finer)
+    return spatial_run(body, saved, moving, steps, estimate)
+
+
+def difference(a: SavedSpatial, b: SavedSpatial, radius: float) -> float:
+    """Largest difference [m/s] of velocities along and across, and of the turn at the surface."""
+    across = np.abs(a.across - b.across)
+    return max(
+        float(np.abs(a.v - b.v).max()),
+        float(across[:, 1].max(initial=0.0)),
+        radius * float(across[:, 3].max(initial=0.0)),
+    )
+
+
+def spatial_run(
+    body: Body, saved: SavedSpatial, moving: Moving, steps: Steps, estimate: float
+) -> SpatialRun:
+    """What a march saved, in n, t1, t2, with all energies."""
+    chain, static, wall = body.prepared.chain, body.prepared.static, body.wall
+    frame, Q = body.frame, body.to_frame
+    duration = steps.h * steps.n_save * steps.stride
+    t = np.arange(steps.n_save + 1) * (duration / steps.n_save)
+    t[-1] = duration
+    leaf, anchor = chain.springs
+    S, F0 = wall.residual_compliance, float(static.force[-1])
+    force, motion = saved.force @ Q, saved.motion @ Q
+    hertz, tangential, heat, swing, dampers, on_modes, shaken, beyond, _ = saved.energy.T
+    mass, last = np.asarray(chain.mass, float), body.last
+
+    # along: the modes' energy in all is that about rest, and what the static force adds
+    offset = float(wall.phi[:, 0] @ static.q)
+    normal = saved.wall[:, :, 0]
+    moved = saved.x - saved.x[0]
+    ledger = (
+        0.5 * saved.v**2 @ mass,
+        hertz,
+        0.5 * (saved.x - anchor) ** 2 @ leaf,
+        swing + F0 * normal[:, 0] + 0.5 * F0 * offset,
+        0.5 * np.einsum("ki,ij,kj->k", force, S, force) + np.sum(force * motion, axis=1),
+        dampers,
+        on_modes + shaken - (swing - swing[0]),
+        np.zeros(len(t)),  # guides
+        chain.preload * moved[:, -1],
+        chain.gravity * moved @ mass,
+    )
+    total = sum(ledger[:8]) - ledger[8] - ledger[9]
+
+    # across
+    u, u_v, psi, spin = (saved.across[:, i] @ frame for i in range(4))
+    inverse, inverse_inertia = body.mobility()
+    kinetic = 0.5 * mass[-1] * np.sum(saved.across[:, 1] ** 2 * (inverse > 0.0), axis=1)
+    turning = 0.5 * last.inertia * np.sum(spin**2, axis=1) * (inverse_inertia > 0.0)
+    k = np.where(inverse > 0.0, body.arm_stiffness(), 0.0)
+    kappa = float(last.arm_rotation) if inverse_inertia > 0.0 else 0.0
+    arm = 0.5 * (saved.across[:, 0] ** 2 @ k + kappa * np.sum(psi**2, axis=1))
+    residual_t = (force - F0 * np.eye(3)[0]) @ S[:, 1:] + motion[:, 1:]
+    lateral = LateralTrajectory(
+        t, u, u_v,
+        np.stack([0.0 - psi[:, 1], psi[:, 0]], axis=1),
+        np.stack([0.0 - spin[:, 1], spin[:, 0]], axis=1),
+        force[:, 1:], saved.slip @ frame, saved.stick,
+        saved.wall[:, 0, 1:] @ frame + residual_t,
+        kinetic, turning, arm, tangential, heat - heat[0], shaken + beyond,
+        steps.h, steps.n_save * steps.stride, estimate,
+    )  # fmt: skip
+
+    everything = total + lateral.energy
+    terms = (*ledger, kinetic, turning, arm, tangential, lateral.dissipated_friction, shaken)
+    scale = float(ledger[0][0] + kinetic[0] + turning[0])
+    scale = scale or max(float(np.ptp(term)) for term in terms) or 1.0
+    state = moving.motion
+    trajectory = Trajectory(
+        t, saved.x, saved.v, saved.contact_force, offset + normal[:, 0], normal[:, 1],
+        (saved.q + static.q).astype(np.float32), *ledger, total, steps.h,
+        steps.n_save * steps.stride, "verlet",
+        float(np.abs(everything - everything[0]).max()) / scale, estimate,
+        State(state.x, state.v, state.q, state.p, np.zeros(4)),
+    )  # fmt: skip
+    return SpatialRun(trajectory, lateral, saved.q, saved.p, force)

@@ -1,0 +1,300 @@
+"""Time records of hammer tests from the content of CSV, MATLAB's .mat, UFF58 and WAV files.
+
+CSV: lines that start with # are a title; then a header, and one line per sample:
+
+    time [s], force 12+z [N], response 3+x [m/s^2], response 3-y [m/s^2]
+
+A point is named by its node and direction, "12+z", as data sets 58 have them; "-" is against the
+axis. A record without a force is a ring-down or of ambient vibration. A .mat file has dt or t,
+force (k,) or (k, n) of n hits, response (k, m) or (k, m, n), and the texts points and sensors. In
+UFF58 (function type 1) a channel measures a force if its ordinate is of type 13 or in N; channels
+follow one another hit by hit. A WAV file has the force in the channel that is said.
+
+A record may hold several hits: it is cut between them.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from re import fullmatch
+from typing import NamedTuple
+from warnings import catch_warnings, simplefilter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.hits import Hits
+
+AXES = ("", "x", "y", "z", "rx", "ry", "rz")  # of UFF58's directions 0 to 6
+FORCE = 13  # UFF58's type of an excitation force
+TIME_RESPONSE = 1  # UFF58's function type
+NEWTONS = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "lbf": 4.4482216152605}
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+
+
+class TimeRecord(NamedTuple):
+    """One record: a force, unless it is a ring-down or ambient, and m responses at k instants."""
+
+    dt: float  # [s]
+    force: NDArray[np.float64] | None  # (k,) [N]
+    response: NDArray[np.float64]  # (m, k)
+    point: str  # that was hit
+    sensors: tuple[str, ...]  # (m,)
+    title: str
+
+
+class Cutting(NamedTuple):
+    """How a record of several hits is cut into records of one."""
+
+    pulse: float = 0.2  # of the largest force, from which on a pulse is a hit
+    apart: float = 0.25  # [s] closer pulses are a double hit; rebounds follow in 5 to 50 ms
+    before: float = 0.01  # [s] of a record before its pulse, at most
+    shortest: float = 0.5  # of the median length; what is left after a late hit is shorter
+
+
+def degree_of_freedom(node: int, direction: int) -> str:
+    """The name of a node's direction, "12+z" of 12 and 3, "12-z" of 12 and -3, "12" of 12 and 0."""
+    sign = "" if direction == 0 else "-" if direction < 0 else "+"
+    return f"{node}{sign}{AXES[abs(direction)]}"
+
+
+def node_and_axis(name: str) -> tuple[int, int] | None:
+    """Node and direction 1 to 3, negative against it, of a name "12+z"; None for another name."""
+    match = fullmatch(r"(\d+)([+-])([xyz])", name)
+    return match and (int(match[1]), AXES.index(match[3]) * (1 if match[2] == "+" else -1))
+
+
+def require_even(t: NDArray[np.float64]) -> float:
+    """The step of times [s]; raises ValueError where they are no even, ascending ones."""
+    steps = np.diff(t)
+    if len(t) < 64 or not np.isfinite(t).all():
+        raise ValueError(f"it has {len(t)} samples with a time; at least 64 are needed")
+    dt = float((t[-1] - t[0]) / (len(t) - 1))
+    if dt <= 0 or np.abs(steps - dt).max() > 0.3 * dt:
+        raise ValueError("its times are not evenly spaced in ascending order; resample them")
+    return dt
+
+
+def in_newtons(unit: str) -> float:
+    """A unit of force in N; raises ValueError for another one."""
+    if unit not in NEWTONS:
+        raise ValueError(f"the unit of its force is {unit!r}, allowed are {', '.join(NEWTONS)}")
+    return NEWTONS[unit]
+
+
+def record_of_csv(path: Path, name: str) -> TimeRecord:
+    """The record of a CSV file; `name` is that of a point whose heading has none.
+
+    Raises ValueError where the file has no record.
+    """
+    title, first, n_lines = [], "", 0
+    with path.open(encoding="utf-8-sig") as file:
+        for line in file:
+            n_lines += 1
+            if line.startswith("#"):
+                title.append(line.lstrip("# ").strip())
+            elif line.strip():
+                first = line
+                break
+    between = next((mark for mark in ";\t" if mark in first), ",")
+    header = [cell.strip() for cell in first.split(between)]
+    scales, force, sensors, columns, point = [], None, [], [], name
+    for i, heading in enumerate(header):
+        match = fullmatch(r"(time|force|response|sensor)?\s*(.*?)\s*(?:\[(.*)\])?", heading)
+        kind, label, unit = match[1], match[2], match[3] or ""
+        if i == 0:
+            if kind != "time" or unit not in SECONDS:
+                raise ValueError(f"its first column is {heading!r}, 'time [s]' is needed")
+            scales.append(SECONDS[unit])
+        elif kind == "force":
+            if force is not None:
+                raise ValueError("it has two columns of a force; a record has one hammer")
+            force, point = i, label or name
+            scales.append(in_newtons(unit))
+        else:
+            sensors.append(label or f"sensor {len(sensors) + 1}")
+            columns.append(i)
+            scales.append(1.0)
+    if not columns:
+        raise ValueError("it has no column with a response")
+    with catch_warnings():
+        simplefilter("ignore")  # of a file without lines, which is refused below
+        table = np.loadtxt(path, delimiter=between, ndmin=2, skiprows=n_lines, encoding="utf-8-sig")
+    if table.shape[1] != len(header):
+        raise ValueError(f"its lines have {table.shape[1]} numbers, its header {len(header)}")
+    table = table * scales
+    dt = require_even(table[:, 0])
+    return TimeRecord(
+        dt, None if force is None else table[:, force], table[:, columns].T, point,
+        tuple(sensors), " ".join(title),
+    )  # fmt: skip
+
+
+def records_of_mat(variables: dict[str, NDArray], name: str) -> list[TimeRecord]:
+    """The records of a .mat file's variables; raises ValueError where it has none."""
+    if "response" not in variables or not {"dt", "t"} & variables.keys():
+        raise ValueError(
+            f"of what is read it has {', '.join(variables) or 'nothing'}; response and dt or t are "
+            "needed, and force unless it is a ring-down"
+        )
+    for key in ("response", "force", "dt", "t"):
+        if key in variables and variables[key].dtype.kind not in "fiub":
+            raise ValueError(f"{key} is no array of real numbers")
+    y = np.asarray(variables["response"], float)
+    force = variables.get("force")
+    k = len(y) if force is None else max(force.shape)
+    if y.ndim == 2 and y.shape[0] != k:
+        y = y.T
+    y = y.reshape(len(y), y.shape[1] if y.ndim > 1 else 1, -1)
+    f = None if force is None else np.asarray(force, float)
+    if f is not None and f.shape[0] != k:
+        f = f.T
+    if f is not None and (f.ndim != 2 or f.shape != (y.shape[0], y.shape[2])):
+        raise ValueError(
+            f"force is {f.shape}, response {y.shape}: (k, hits) and (k, sensors, hits) are needed"
+        )
+    dt = (
+        float(variables["dt"].ravel()[0]) if "dt" in variables
+        else require_even(np.ravel(variables["t"]).astype(float))
+    )  # fmt: skip
+    if not 0 < dt < np.inf:
+        raise ValueError(f"dt is {dt:g} s, a positive number is needed")
+    n, m = y.shape[2], y.shape[1]
+
+    def names(key: str, count: int, usual: Sequence[str]) -> list[str]:
+        if key not in variables:
+            return list(usual)
+        texts = [str(text).strip() for text in np.ravel(variables[key])]
+        if len(texts) == 1:
+            texts = texts[0].split()
+        if len(texts) not in (1, count):
+            raise ValueError(f"{key} has {len(texts)} names, {count} are needed")
+        return texts * (count // len(texts))
+
+    points = names("points", n, [name] * n)
+    sensors = names("sensors", m, [f"sensor {i + 1}" for i in range(m)])
+    return [
+        TimeRecord(dt, None if f is None else f[:, i], y[:, :, i].T, points[i], tuple(sensors), "")
+        for i in range(n)
+    ]
+
+
+def record_of_wav(rate: int, samples: NDArray, name: str, force_channel: int) -> TimeRecord:
+    """The record of a WAV file's samples (k,) or (k, channels), the force in a channel from 1 on, 0
+    for none; raises ValueError where it has no such channel."""
+    y = np.atleast_2d(samples.T).astype(float)
+    if samples.dtype.kind in "iu":
+        y = (y - (128 if samples.dtype == np.uint8 else 0)) / np.iinfo(samples.dtype).max
+    if not 0 <= force_channel <= len(y) or len(y) == force_channel == 1:
+        raise ValueError(
+            f"it has {len(y)} channels, the force is in channel {force_channel}; --force-channel "
+            "says which, 0 for none"
+        )
+    others = [i for i in range(len(y)) if i != force_channel - 1]
+    return TimeRecord(
+        1 / rate, y[force_channel - 1] if force_channel else None, y[others], name,
+        tuple(f"channel {i + 1}" for i in others), "",
+    )  # fmt: skip
+
+
+def records_of_data_sets(sets: Sequence[dict]) -> list[TimeRecord]:
+    """The records of data sets 58; raises ValueError where they hold none."""
+    sets = [s for s in sets if s["func_type"] == TIME_RESPONSE]
+    if not sets:
+        raise ValueError("it has no data set 58 with a time record (function type 1)")
+
+    # a record ends where one of its channels comes again
+    groups: list[dict[tuple, dict]] = []
+    for s in sets:
+        is_force = s.get("ordinate_spec_data_type") == FORCE or (
+            str(s.get("ordinate_axis_units_lab", "")).strip() in NEWTONS
+        )
+        key = ("force",) if is_force else (int(s["rsp_node"]), int(s["rsp_dir"]))
+        if not groups or key in groups[-1]:
+            groups.append({})
+        groups[-1][key] = s
+    records = []
+    for group in groups:
+        force = group.pop(("force",), None)
+        if not group:
+            raise ValueError("it has a force without a response")
+        sensors = list(group.values())
+        t = np.asarray(sensors[0]["x"], float)
+        if any(len(s["x"]) != len(t) for s in [*sensors, *([force] if force else [])]):
+            raise ValueError("the channels of one hit differ in length")
+        # the force's own point is the one hit; without a force it is the reference that is named
+        node, direction = (
+            (force["rsp_node"], force["rsp_dir"]) if force
+            else (sensors[0]["ref_node"], sensors[0]["ref_dir"])
+        )  # fmt: skip
+        scale = (
+            NEWTONS.get(str(force.get("ordinate_axis_units_lab", "")).strip(), 1.0) if force else 1
+        )
+        records.append(
+            TimeRecord(
+                require_even(t),
+                scale * np.asarray(force["data"], float) if force else None,
+                np.array([np.asarray(s["data"], float) for s in sensors]),
+                degree_of_freedom(int(node), int(direction)),
+                tuple(degree_of_freedom(int(s["rsp_node"]), int(s["rsp_dir"])) for s in sensors),
+                str(sensors[0]["id1"]).strip(),
+            )
+        )
+    return records
+
+
+def cut_at_hits(
+    records: Sequence[TimeRecord], options: Cutting = Cutting()
+) -> tuple[list[TimeRecord], list[str]]:
+    """Records of one hit each, and sentences on what is left out."""
+    pieces, remarks = [], []
+    for record in records:
+        if record.force is None:
+            pieces.append(record)
+            continue
+        f, dt = np.abs(record.force), record.dt
+        high = np.flatnonzero(f > options.pulse * f.max()) if f.size else np.zeros(0, int)
+        starts = high[np.diff(high, prepend=-np.inf) > options.apart / dt]
+        if len(starts) < 2:
+            pieces.append(record)
+            continue
+        before = min(int(options.before / dt), int(starts[0]))
+        lengths = np.diff([*starts, len(f) + before])
+        length = int(lengths[:-1].min()) if len(starts) > 2 else int(lengths.min())
+        for i, start in enumerate(starts.tolist()):
+            first = start - before
+            if lengths[i] < options.shortest * np.median(lengths):
+                remarks.append(
+                    f"the hit at {start * dt:.3f} s at {record.point} is left out: the next hit "
+                    "or the record's end follows too soon"
+                )
+                continue
+            piece = slice(first, first + min(length, int(lengths[i])))
+            pieces.append(
+                record._replace(force=record.force[piece], response=record.response[:, piece])
+            )
+    return pieces, remarks
+
+
+def sets_of_hits(records: Sequence[TimeRecord]) -> list[Hits]:
+    """Records with the same sensors together, all of one length; raises ValueError where they are
+    sampled unlike, or some have a force and others none."""
+    if len({record.force is None for record in records}) > 1:
+        raise ValueError(
+            "some records have a force and others none; analyse them one after another"
+        )
+    first = records[0]
+    for record in records:
+        if abs(record.dt / first.dt - 1) > 1e-6:
+            raise ValueError(
+                f"records are sampled every {first.dt:.6g} s and every {record.dt:.6g} s; resample"
+            )
+    length = min(record.response.shape[1] for record in records)
+    result = []
+    for sensors in dict.fromkeys(record.sensors for record in records):
+        alike = [record for record in records if record.sensors == sensors]
+        points = tuple(dict.fromkeys(record.point for record in alike))
+        force = None if first.force is None else np.array([r.force[:length] for r in alike])
+        response = np.array([r.response[:, :length] for r in alike])
+        point = np.array([points.index(r.point) for r in alike])
+        result.append(Hits(first.dt, force, response, point, points, sensors, first.title))
+    return result

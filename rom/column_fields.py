@@ -1,0 +1,113 @@
+"""The functionals of a reduced model beside w as fields of a file.
+
+w (r, 3) of a contact with friction; w_load (r, s) and w_sense (r, m) with their names;
+half_space_matrix_m_per_N and contact_axes (3, 3).
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+
+from rom.factorisation import ReductionError
+from rom.reduced_model import Columns, ReducedModel
+
+MATRICES = {"half_space": "half_space_matrix_m_per_N", "axes": "contact_axes"}
+GROUPS = {"load": "shaker", "sense": "sensor"}
+
+
+def column_fields(reduced: ReducedModel) -> dict[str, object]:
+    """What is written of the functionals beside w, by its name in a file; w among it where it has
+    three columns."""
+    columns, fields = reduced.columns, {}
+    if columns is None:
+        return fields
+    if columns.across is not None:
+        fields["w"] = np.column_stack([reduced.w, columns.across])
+    fields |= {name: getattr(columns, field) for field, name in MATRICES.items()}
+    for group in GROUPS:
+        fields[f"w_{group}"] = getattr(columns, group)
+        names = getattr(columns, f"{group}_names")
+        fields[f"{group}_names"] = np.array(names) if names else None
+    return {name: value for name, value in fields.items() if value is not None}
+
+
+def contact_columns(
+    w: np.ndarray, r: int, path: str | Path
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """w (r,) along the normal and, of three columns, those along t1 and t2 (r, 2), else None.
+
+    Raises ReductionError for what is neither one column nor three, complex or not finite.
+    """
+    if np.iscomplexobj(w):
+        raise ReductionError(f"{path}: w is complex; the weights of a contact are real.")
+    if w.size == r:
+        return np.ravel(w).astype(float), None
+    if w.shape not in ((r, 3), (3, r)):
+        raise ReductionError(
+            f"{path}: w has shape {w.shape}, allowed for {r} coordinates are ({r},), along the "
+            f"normal, and ({r}, 3), along the normal and two directions of the face."
+        )
+    w = _real(w if w.shape == (r, 3) else w.T, "w", path)
+    return w[:, 0], w[:, 1:]
+
+
+def columns_of(
+    content: Mapping[str, object], across: np.ndarray | None, r: int, path: str | Path
+) -> Columns | None:
+    """The functionals beside w that a file holds, None without any; raises ReductionError where
+    they cannot be that."""
+    fields: dict[str, object] = {"across": across}
+    for field, name in MATRICES.items():
+        if name in content and across is not None:
+            fields[field] = _real(content[name], name, path)
+            if fields[field].shape != (3, 3):
+                shape = fields[field].shape
+                raise ReductionError(f"{path}: {name} has shape {shape}, allowed is (3, 3).")
+    half_space = fields.get("half_space")
+    if half_space is not None:
+        # the contact's laws hold it in every direction: a compliance is symmetric and >= 0
+        size = np.abs(half_space).max()
+        lowest = float(np.linalg.eigvalsh((half_space + half_space.T) / 2)[0])
+        if np.abs(half_space - half_space.T).max() > 1e-9 * size or lowest < -1e-9 * size:
+            raise ReductionError(
+                f"{path}: half_space_matrix_m_per_N is no compliance, which is symmetric and has "
+                f"eigenvalues >= 0; the lowest is {lowest:.3g}. Write another, or leave it out."
+            )
+    for group, kind in GROUPS.items():
+        if f"w_{group}" not in content:
+            continue
+        W = _real(content[f"w_{group}"], f"w_{group}", path)
+        W = W[:, None] if W.ndim == 1 else W
+        if W.ndim != 2 or len(W) != r:
+            raise ReductionError(
+                f"{path}: w_{group} has shape {W.shape}, allowed is ({r}, m), a column for each "
+                f"{kind}."
+            )
+        names = np.ravel(content.get(f"{group}_names", ()))
+        names = tuple(_name(name) for name in names) or tuple(
+            f"{kind} {j}" for j in range(1, W.shape[1] + 1)
+        )
+        if len(names) != W.shape[1]:
+            raise ReductionError(
+                f"{path}: {group}_names has {len(names)} names for the {W.shape[1]} columns of "
+                f"w_{group}; give one each."
+            )
+        fields |= {group: W, f"{group}_names": names}
+    return Columns(**fields) if any(value is not None for value in fields.values()) else None
+
+
+def _real(values: object, name: str, path: str | Path) -> np.ndarray:
+    """The values as an array; raises ReductionError for what is no real number or not finite."""
+    A = values.toarray() if sp.issparse(values) else np.asarray(values)
+    if A.dtype.kind not in "fiu" or not np.isfinite(A).all():
+        raise ReductionError(f"{path}: {name} holds what is no finite real number; write it anew.")
+    return A.astype(float)
+
+
+def _name(name: object) -> str:
+    """A name, also one as bytes (HDF5), in a cell (MATLAB) or filled up with blanks."""
+    if isinstance(name, np.ndarray):
+        name = np.ravel(name)[0]
+    return (name.decode() if isinstance(name, bytes) else str(name)).rstrip()

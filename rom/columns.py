@@ -1,0 +1,121 @@
+"""Further functionals of a reduced model beside its contact: a block Krylov space beyond its basis.
+
+    B (n, p):  a force F at one of them enters as B_j F, its displacement is B_j^T u
+    T' = [T, V],   V spans X, K^-1 M X, (K^-1 M)^2 X, ... beyond T with X = K^-1 B
+    V^T K V = 1,   T^T K V = 0,   K' = diag(K_r, 1)
+
+The first block makes the static response to every functional exact, as the residual vector does for
+the contact of free modes and the constraint modes for that of Craig-Bampton; both are kept as they
+are. Each further block adds two moments sum phi_i phi_j / omega^(2 m) of all receptances
+B_i^T (K - s^2 M)^-1 B_j. What is loaded by a column is read by the same, so that
+B_i^T u by a force at B_j is B_j^T u by that force at B_i to rounding. Of a floating structure K^-1
+stands for inertia relief.
+Wilson, Yuan and Dickens, Earthquake Eng. Struct. Dyn. 10 (1982) 813; Bai, Appl. Numer. Math. 43
+(2002) 9.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike
+from scipy.linalg import block_diag
+
+from rom.contact_modes import k_orthonormalised, static_shapes
+from rom.factorisation import Factorise, Pencil, ReductionError, Solver, superlu, symmetric
+from rom.floating import pencil
+from rom.free_modes import rigid_modes
+from rom.health import require_faithful
+from rom.reduced_model import ReducedModel, modal
+from rom.residual_vector import attachment_modes
+from rom.truncation import LOSS, frequencies, rms, size
+
+
+class ColumnOptions(NamedTuple):
+    """When a block Krylov space of further functionals is large enough."""
+
+    to_hz: float = 20e3  # [Hz] up to which receptances count: what a chain of spheres excites
+    # relative rms change of any receptance of a column with itself, up to to_hz, by the last block
+    error: float = 1e-3
+    blocks: int = 60  # at most; a solid block of steel to 20 kHz takes some 10
+    exhausted: float = 1e-10  # of a vector, what is new in it where the space holds all that moves
+
+
+def with_columns(
+    reduced: ReducedModel,
+    K: ArrayLike | sp.sparray,
+    M: ArrayLike | sp.sparray,
+    B: ArrayLike | sp.sparray,
+    *,
+    C: ArrayLike | sp.sparray | None = None,
+    factorise: Factorise = superlu,
+    factor: Solver | None = None,
+    options: ColumnOptions = ColumnOptions(),
+) -> tuple[ReducedModel, np.ndarray]:
+    """The model on a basis that holds the functionals B (n, p) as well, and these on its
+    coordinates (r', p).
+
+    The coordinates of `reduced`, which needs its basis T, are the first of the result's. `factor`
+    is that of a K that is held. Raises ReductionError.
+    """
+    K, M = symmetric(K, "K"), symmetric(M, "M")
+    C = None if C is None else symmetric(C, "C")
+    B = np.asarray(B.toarray() if sp.issparse(B) else B, dtype=float)
+    problem = Pencil(K, M, factor) if factor else pencil(K, M, factorise)
+    rigid = rigid_modes(problem, None)
+
+    # Q: the elastic part of T and the vectors so far, all K-orthonormal
+    wall, T = modal(reduced), reduced.T
+    elastic = wall.omega > 0
+    Q = T @ (wall.vectors[:, elastic] / wall.omega[elastic])
+    V, MV = np.zeros((len(B), 0)), np.zeros((len(B), 0))
+    to_hz, loads = options.to_hz, B
+    s = 2 * np.pi * frequencies(to_hz)
+    previous, changes = None, []
+    for _ in range(options.blocks):
+        # what K^-1 of the loads has beyond Q; twice, since one projection leaves rounding
+        X = attachment_modes(problem, np.asfortranarray(loads), rigid)
+        lengths = np.sqrt(np.maximum(np.einsum("ij,ij->j", X, K @ X), 0.0))
+        for _ in range(2):
+            X -= Q @ (Q.T @ (K @ X))
+        block, _ = k_orthonormalised(X, X.T @ (K @ X), K, options.exhausted * lengths)
+        loads = M @ block
+        V, MV, Q = (np.column_stack(pair) for pair in ((V, block), (MV, loads), (Q, block)))
+
+        # T holds K^-1 w, so that V^T w = V^T K K^-1 w = 0
+        coupled, inertia = T.T @ MV, V.T @ MV
+        grown = reduced._replace(
+            K=block_diag(reduced.K, np.eye(V.shape[1])),
+            M=np.block([[reduced.M, coupled], [coupled.T, (inertia + inertia.T) / 2]]),
+            C=None,
+            w=np.append(reduced.w, np.zeros(V.shape[1])),
+        )
+        columns = np.concatenate([T.T @ B, V.T @ B])
+
+        # the receptance of each column with itself, by the modes of the grown model
+        modes = modal(grown)
+        phi = modes.vectors.T @ columns
+        resonances = 1 / (modes.omega[:, None] ** 2 * (1 + 1j * LOSS) - s**2)
+        receptance = (phi**2).T @ resonances
+        if previous is not None:
+            pairs = zip(receptance, previous, strict=True)
+            changes.append(max(rms(new - old) / size(new) for new, old in pairs))
+        previous = receptance
+        # two blocks in a row: a block may by chance move no resonance below to_hz
+        if not block.shape[1] or (len(changes) > 1 and max(changes[-2:]) <= options.error):
+            break
+    else:
+        raise ReductionError(
+            f"{V.shape[1]} vectors still change the receptances of the further functionals by "
+            f"{changes[-1]:.1e} up to {to_hz:g} Hz, allowed is {options.error:g}; take a lower "
+            "frequency."
+        )
+
+    T = np.column_stack([T, V])
+    grown = grown._replace(
+        C=None if C is None else T.T @ (C @ T),
+        T=T,
+        n_residual=static_shapes(modes.omega, np.inf, to_hz),
+    )
+    require_faithful(grown, K, M)
+    return grown, columns
