@@ -57,6 +57,23 @@ def test_the_march_of_a_kept_run_is_anew_when_the_file_of_its_force_changes(tmp_
     assert peaks[1] / peaks[0] == pytest.approx(2 ** (1 / 3), rel=0.01)
 
 
+@pytest.mark.parametrize("share", [0.5, 2.0])
+def test_a_force_beyond_the_last_row_is_a_warning(share, tmp_path):
+    hard, path = 3e12, tmp_path / "force.csv"
+    d = np.linspace(0, 4e-5, 12)
+
+    def run():
+        path.write_text("".join(f"{a},{hard * a**2}\n" for a in d))
+        changes = ("contact.law=table", f"contact.file={path}", POWER[3], *SHORT)
+        return beadwave.impact("rig-rigid", changes)
+
+    peak = run().arrays["contact_force"].max()
+    d *= np.sqrt(peak / share / hard) / d[-1]  # the last row is at 1 / share of the peak
+    sentences = [line for line in run().summary.warnings if "beyond the last row" in line]
+    assert len(sentences) == (share > 1.0)
+    assert all("of 6 contacts" in line and "contact 6" in line for line in sentences)
+
+
 @pytest.mark.slow
 def test_cases_of_stiffness_and_exponent_march_side_by_side():
     """Each is that case alone, to the error asked for."""
