@@ -116,6 +116,28 @@ def test_stiffness_and_exponent_are_parameters_with_exact_derivatives():
         assert np.abs(exact[..., j] - difference).max() < 1e-5 * np.abs(difference).max()
 
 
+@pytest.mark.slow
+def test_calibrate_finds_stiffness_and_exponent_of_a_record_within_its_bars(tmp_path):
+    true = {"contact.stiffness": 3e12, "contact.exponent": 2.0}
+    row = {"contact.law": "power", "chain.count": 9, "time.duration": 8e-4}
+    row["output.spheres"] = [2, 5, 8]
+    made = beadwave.impact("rig-rigid", row | true).arrays
+    t, noise = 1e-6 * np.arange(800), np.random.default_rng(0).normal(0.0, 2e-3, (800, 3))
+    v = np.column_stack([np.interp(t, made["t"], made["v"][:, n - 1]) for n in (2, 5, 8)])
+    header = "time [s], sphere 2 [m/s], sphere 5 [m/s], sphere 8 [m/s]"
+    np.savetxt(tmp_path / "made.csv", np.column_stack([t, v + noise]), "%.9g", ",", header=header,
+               comments="")  # fmt: skip
+    near = row | {"contact.stiffness": 2.2e12, "contact.exponent": 1.97}
+    found = beadwave.calibrate(
+        "rig-rigid", tmp_path / "made.csv", near,
+        free="contact.stiffness,contact.exponent,trigger", starts=2,
+    )  # fmt: skip
+    for parameter in found.report.parameters:
+        if parameter.name in true:
+            assert abs(parameter.found - true[parameter.name]) < 1.5 * parameter.two_sigma
+            assert parameter.two_sigma < 0.06 * true[parameter.name]
+
+
 def test_the_file_of_a_force_is_looked_for_beside_the_scene(tmp_path, monkeypatch):
     (tmp_path / "force.csv").write_text("overlap,force\n0,0\n1e-6,4\n3e-6,30\n")
     (tmp_path / "own.toml").write_text(
