@@ -57,6 +57,7 @@ def test_the_march_of_a_kept_run_is_anew_when_the_file_of_its_force_changes(tmp_
     assert peaks[1] / peaks[0] == pytest.approx(2 ** (1 / 3), rel=0.01)
 
 
+@pytest.mark.slow
 def test_cases_of_stiffness_and_exponent_march_side_by_side():
     """Each is that case alone, to the error asked for."""
     columns = {"contact.stiffness": [2e12, 3e12], "contact.exponent": [1.9, 2.1]}

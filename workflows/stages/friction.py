@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 import coupling
 import dem
@@ -113,7 +114,7 @@ def friction_numbers(
 
 def cycle_numbers(
     scene: Scene, run: dem.Trajectory, lateral: LateralTrajectory
-) -> dict[str, float | str | None]:
+) -> dict[str, float | str | tuple[float, float] | None]:
     """Fields of `FrictionNumbers` of the periodic state, and of the instant at which a wave reaches
     the wall: when its force first differs from that at rest by a hundredth of its rise."""
     cycle = lateral.cycle
@@ -127,14 +128,28 @@ def cycle_numbers(
     phase = (360.0 * shaker.frequency * float(run.t[at]) + shaker.phase) % 360.0
     return {
         "loop_energy_J": cycle.energy,
-        "loop_tangential_N": float(0.5 * np.ptp(cycle.friction_force[:, cycle.axis])),
-        "loop_displacement_m": float(0.5 * np.ptp(cycle.slip[:, cycle.axis])),
+        "loop_tangential_N": amplitude(cycle.friction_force[:, cycle.axis]),
+        "loop_displacement_m": amplitude(cycle.slip[:, cycle.axis]),
+        "loop_mean_tangential_range_N": cycle.mean_force_range,
+        "loop_periods": cycle.periods,
         "periodicity_error": cycle.periodicity_error,
         "drift_m": cycle.drift,
         "state_at_impact": next((name for name, is_so in states.items() if is_so), "partial slip"),
         "stick_share_at_impact": stick,
         "phase_at_wall_deg": phase if struck else None,
     }
+
+
+def amplitude(loop: NDArray[np.float64]) -> float:
+    """Half of peak to peak of a period's samples (k,), the last like the first: the extrema are
+    those of the parabolas through three samples, as these miss them by up to (pi/k)^2 / 2."""
+    y = loop[:-1]
+    extrema = []
+    for i in (int(y.argmax()), int(y.argmin())):
+        before, after = y[i - 1], y[(i + 1) % y.size]
+        bend = before - 2.0 * y[i] + after
+        extrema.append(y[i] - ((after - before) ** 2 / (8.0 * bend) if bend else 0.0))
+    return float(0.5 * (extrema[0] - extrema[1]))
 
 
 def chain_numbers(
@@ -148,13 +163,8 @@ def chain_numbers(
     """`chain_numbers.chain_numbers` of a scene with friction: errors of velocities and energy are
     those along the chain and across it together."""
     along = of_chain.chain_numbers(scene, start, wall, impact, waves)
-    run = impact.trajectory
-    total = run.energy_total + lateral.energy
-    scale = float(run.energy_kinetic[0] + lateral.energy_lateral[0])
-    scale = scale or float(np.abs(total).max()) or 1.0
-    open_ledger = float(np.abs(total - total[0]).max()) / scale
     numbers = {
-        "energy_error": max(along.numbers["energy_error"], open_ledger),
+        "energy_error": along.numbers["energy_error"] + lateral.energy_error,
         "friction": friction_numbers(scene, start, impact, lateral),
     }
     if not start.velocity.any():  # what moves spheres at rest is rounding
