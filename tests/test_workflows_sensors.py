@@ -38,8 +38,6 @@ REFUSED = {
     "a voltage, a force is needed": {"sphere": 9, "range": "3 V"},
     "allowed are 1 to chain.count = 17": {"sphere": 18},
     "must be 'force', 'force-rate', 'velocity', 'displacement' or 'acceleration'": {
-        "sphere": 3, "quantity": "x",
-    },
         "sphere": 3,
         "quantity": "x",
     },
