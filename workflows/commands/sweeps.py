@@ -14,6 +14,7 @@ from workflows.commands.options import (
     json_of,
 )
 from workflows.commands.terminal import StageProgress, print_lines, print_notes, print_result
+from workflows.commands.verb import Call, Word, verb
 
 Over = Annotated[
     list[str] | None,
@@ -112,35 +113,16 @@ def sweep(
     print_lines(f"written: {result.folder}/cases.parquet", json=json, quiet=quiet)
 
 
-def scan(
-    scene: SceneName = None,
-    face: Annotated[
-        str | None,
-        typer.Option(metavar="BODY:FACE", help="A plane face; default the one that is struck."),
-    ] = None,
-    grid: Annotated[
-        str, typer.Option(metavar="NxM", help="Points along the two axes that span the face.")
-    ] = "20x20",
-    out: Annotated[Path | None, typer.Option(help="Folder; default scans/NAME.")] = None,
-    signals: Annotated[
-        bool, typer.Option("--signals", help="Keep velocities and wall force: signals.nc.")
-    ] = False,
-    changes: Changes = None,
-    overwrite: Overwrite = False,
-    quiet: Quiet = False,
-    json: json_of("{cases, status, folder, outputs: [...]}") = False,
-) -> None:
+@verb(
+    "workflows.sweep.api.scan", json="{cases, status, folder, outputs: [...]}",
+    face=Word(metavar="BODY:FACE"), grid=Word(metavar="NxM"),
+)  # fmt: skip
+def scan(call: Call) -> None:
     """The chain over a face: echo delay, echo ratio and force as a map."""
-    from workflows.sweep.api import scan as compute
-
-    with StageProgress(f"scan {scene}", quiet=quiet) as progress, progress.stage(f"{grid} points"):
-        result = compute(
-            scene, changes or (), face=face, grid=grid, out=out, signals=signals,
-            overwrite=overwrite,
-        )  # fmt: skip
-    print_result(result.record(), result.text(), json, quiet)
+    result = call()
+    print_result(result.record(), result.text(), call.json, call.quiet)
     print_notes(result.notes)
-    print_lines(f"written: {result.folder}/cases.parquet", json=json, quiet=quiet)
+    print_lines(f"written: {result.folder}/cases.parquet", json=call.json, quiet=call.quiet)
 
 
 def _show(

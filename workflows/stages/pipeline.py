@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 from joblib import Memory
 
 from workflows.scene import RomWall, Scene
-from workflows.scene.places import named_faces, words_of
+from workflows.scene.places import named_faces, sensor_places, words_of
 from workflows.scene.size import foreseen_nodes
 from workflows.stages.cache import key, memory
 from workflows.stages.progress import Plan, Progress, quiet
@@ -253,6 +253,10 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
     if scene.chain and scene.output.sensors:
         files = IMPACT["chain-files"]
         impact = impact | {"chain-files": files._replace(needs=(*files.needs, "record"))}
+        if sensor_places(scene):
+            impact["record"] = IMPACT["record"]._replace(
+                reads=tables_of("output", "damping"), needs=("impact", "waves", "reduction")
+            )
     if scene.chain and scene.friction:
         files, numbers = impact["chain-files"], impact["chain-numbers"]
         further = files.needs[2:]

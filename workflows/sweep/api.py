@@ -125,8 +125,12 @@ def scan(
 ) -> Sweep:
     """The chain at every point of a grid over a plane face, into one table (`beadwave scan`).
 
-    `face` is "body:+x", the one that the scene strikes without it; the first number of `grid` is
-    that of points along the first of the two axes that span it. All points share one reduction;
+    face     a plane face, body:+x; default the one that is struck
+    grid     points along the two axes that span the face
+    out      folder; default scans/NAME
+    signals  keep velocities and wall force: signals.nc
+
+    All points share one reduction;
     the errors of each are in the table. The reflected wave of a sphere is the same wave at all
     points, NaN where it cannot be told; `notes` of the result say where errors are large and how
     many waves are left out. Other arguments as in `sweep`; a scan that was stopped goes on with the
