@@ -90,7 +90,8 @@ class LateralSearch(NamedTuple):
     safety: float = 2.0  # stated error over what the difference says: orders of 2 to 2.5 were seen
     phase: float = 0.2  # of the stiffest contact with the sphere, a first step; not varied
     most_steps: float = 3e8  # about a minute to ten
-    # nodes of the contact at an error of 1e-5 and above, see `open_row`
+    # nodes of the contact at an error of 1e-5, as its inverse root beside, at least a quarter of
+    # them: half or a quarter change velocities by less than a thousandth of the error
     capacity: int = 1024
     # of the contact in two directions at an error of 1e-4, as its inverse root beside; the march
     # that states the error takes half of them and twice the step
@@ -375,7 +376,7 @@ class MarchedSphere(NamedTuple):
         if len(self.frame) == 2:
             return Springs(None, None, open_cells(self.n_cells))
         fine = math.sqrt(1e-5 / self.error)
-        capacity = int(self.search.capacity * min(max(fine, 1.0), 16.0))
+        capacity = int(self.search.capacity * min(max(fine, 0.25), 16.0))
         return Springs(open_row(capacity), open_row(capacity), None)
 
     def displace(self, state: Across, springs: Springs, overlap: float, by: Array) -> None:
@@ -565,14 +566,16 @@ def fixed_point(
     free = bool(mass.any()) or inertia > 0.0
     B, units, g, dz = matrix, None, None, None
     previous, age = None, 0
-    for _ in range(search.newton_periods):
+    for i in range(search.newton_periods):
         z = motion_of(state)
         end = shaken.march(state, springs, wall)
         saved = end.saved
         if previous is not None:
             scale = float(np.abs(saved.force).max()) or 1.0
             change = float(np.abs(saved.force - previous).max()) / scale
-            if change <= periodicity:
+            # after so many periods a change is accepted that is small beside the error
+            late = i == search.newton_periods - 1
+            if change <= (max(periodicity, search.rough * body.error) if late else periodicity):
                 return FixedPoint(end.state, end.springs, end, change, B)
         previous = saved.force
         if not free:

@@ -260,14 +260,18 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
     if scene.chain and scene.friction:
         files, numbers = impact["chain-files"], impact["chain-numbers"]
         further = files.needs[2:]
+        across = tables_of("friction", "arm", "shakers", "striker")
+        compiled = ASSEMBLY["compilation"]
         impact = impact | {
+            "compilation": compiled._replace(
+                function=".friction:compilation",
+                reads=lambda scene: [compiled.reads(scene), across(scene)],
+            ),
             "friction": Stage(
                 ".friction:friction",
-                lambda scene: [
-                    _marched(scene),
-                    tables_of("friction", "arm", "shakers", "striker")(scene),
-                ],
+                lambda scene: [_marched(scene), across(scene)],
                 ("start", "wall", "impact"),
+                after=("compilation",),
             ),
             "chain-files": files._replace(
                 function=".friction:chain_files", needs=("impact", "wall", "friction", *further)
