@@ -25,6 +25,8 @@ from dem.kernels.lateral import Across, Pressing, SavedAcross, Sphere, Springs, 
 from dem.kernels.oscillators import oscillator_propagator
 from dem.kernels.tangential import (
     HEAT,
+    WIDTH,
+    SpringCells,
     TangentialLaw,
     cell_force,
     slide,
@@ -81,24 +83,45 @@ class WallMotion(NamedTuple):
 class LateralSearch(NamedTuple):
     """How the step of a lateral march is searched for.
 
-    The error that is asked for is that of velocities: across the chain the energy ledger closes to
-    a few times that error, not to a hundredth of it as along the chain.
+    The error that is asked for is that of velocities, and of the energy ledger.
     """
 
-    dt: float | None = None  # [s] a step that is given, in place of an error
+    # [s] a step that is given, in place of an error; a periodic state then takes two times the
+    # fewest steps that `cycle_steps` and `cycle_phase` allow
+    dt: float | None = None
     safety: float = 2.0  # stated error over what the difference says: orders of 2 to 2.5 were seen
     phase: float = 0.2  # of the stiffest contact with the sphere, a first step; not varied
     most_steps: float = 3e8  # about a minute to ten
-    capacity: int = 1024  # nodes of the contact at an error of 1e-5, see `open_row`
-    n_cells: int = 256  # of the contact in two directions
+    # nodes of the contact at an error of 1e-5, as its inverse root beside, at least a quarter of
+    # them: half or a quarter change velocities by less than a thousandth of the error
+    capacity: int = 1024
+    # of the contact in two directions at an error of 1e-4, as its inverse root beside; the march
+    # that states the error takes half of them and twice the step
+    n_cells: int = 128
     chunk: int = 20_000  # steps of the march along the chain that are held in memory
-    # steps of a period, at least: they miss the largest displacement by up to (pi/4096)^2 / 2
-    cycle_steps: int = 4096
+
+    # the periodic state before the striker, see `periodic_state`
+    # steps of a period, at least: N miss the largest displacement by up to (pi/N)^2 / 2, and the
+    # first N is pi / sqrt(error), so that the last of 2 N misses an eighth of the error
+    cycle_steps: int = 512
+    cycle_phase: float = 0.4  # of the contact that sticks, in a step: its own swing is small
     cycle_saves: int = 512  # instants of a period that are kept
     ramp_periods: int = 4  # over which the wall's motion begins; not varied
-    most_periods: int = 200  # after these there is no periodic state
-    periodicity: float = 1e-9  # change of the force between periods, over its largest
+    # change of the force between periods, over its largest and over the error that is asked for:
+    # of the state that is stated, and of those that are searched for first
+    periodicity: float = 1e-3
+    rough: float = 1e-1
     nudge: float = 1e-5  # of a period's largest motion: differences for Newton's matrix; not varied
+    broyden_periods: int = 8  # with a matrix, until differences make another; not varied
+    newton_periods: int = 40  # of the search, before the march of most_periods; not varied
+    most_periods: int = 200  # after these there is no periodic state
+    subharmonics: int = 4  # periods after which the motion may repeat itself
+    # of other starts, which give the range of mean forces to about a hundredth: pushes over gross
+    # slip, from 1 on all slips; nodes of the contact; change of the force between periods; not
+    # varied
+    pushed: float = 2.0
+    pushed_capacity: int = 128
+    pushed_periodicity: float = 1e-3
 
 
 USUAL_LATERAL_SEARCH = LateralSearch()
@@ -125,13 +148,27 @@ class LateralTrajectory(NamedTuple):
     dt: float
     n_steps: int
     error_estimate: float  # of the velocities, relative to the largest speed at the start
+    # what the ledger leaves open, over the kinetic energy of the chain at the start, or over the
+    # largest that any part of the motion across the chain reaches, if that is more
+    energy_error: float
     cycle: "Cycle | None" = None  # before the striker, where the wall moves
+    n_cells: int = 0  # of the contact in two directions
 
     @property
     def energy(self) -> Array:
         """(k,) [J] of all of it less the wall's work, constant if exact."""
         terms = (self.energy_lateral, self.energy_rotation, self.energy_arm)
         return sum(terms) + self.energy_tangential + self.dissipated_friction - self.work_shaker
+
+
+def at_rest_across(trajectory: Trajectory) -> LateralTrajectory:
+    """That of a chain that nothing moves across."""
+    t, still = trajectory.t, np.zeros((trajectory.t.size, 2))
+    sticks = np.where(trajectory.contact_force[:, -1] > 0.0, 1.0, 0.0)
+    none = np.zeros(t.size)
+    return LateralTrajectory(
+        t, *(still,) * 6, sticks, still, *(none,) * 6, trajectory.dt, trajectory.n_steps, 0.0, 0.0
+    )
 
 
 def pressing(
@@ -221,52 +258,67 @@ def march_lateral(
     frame = line[None] if straight else np.eye(2)  # (n_directions, 2)
     k = np.array([stiffness[int(np.abs(line).argmax())]]) if straight else stiffness
 
+    n_save, duration = trajectory.t.size - 1, float(trajectory.t[-1])
+    if motion is None and not velocity.any():
+        return at_rest_across(trajectory)
     contact = pressing(chain, wall, v0, trajectory, search.chunk)
     body = MarchedSphere(chain, last, k, frame, 1e-5 if error is None else error, search)
     speed = max(float(np.abs(v0).max()), float(np.hypot(*velocity)))
     if motion is not None:
         speed = max(speed, float(np.abs(motion.speed).max()))
     speed = speed or 1.0
-    n_save, duration = trajectory.t.size - 1, float(trajectory.t[-1])
+    kinetic = 0.5 * float(np.sum(chain.mass * np.square(v0)))
     spacing = duration / n_save
 
     # before the striker: at rest, or the wall's motion has become periodic
-    state, springs, cycle = Across(*np.zeros((6, len(frame)))), body.open_springs(), None
+    state, springs, cycle, before = Across(*np.zeros((6, len(frame)))), body.open_springs(), None, 0
     if motion is not None:
-        state, springs, cycle = periodic_state(body, float(contact.overlap[0]), motion)
+        state, springs, cycle = periodic_state(body, float(contact.overlap[0]), motion, speed)
+        before = cycle.error_estimate
     state.v[:] += frame @ velocity
 
-    def run(stride: int) -> tuple[SavedAcross, float]:
-        """The march with so many steps between saves."""
+    def run(stride: int, n_cells: int) -> tuple[SavedAcross, float]:
+        """The march with so many steps between saves, and cells in two directions."""
         steps = Steps(spacing / stride, n_save, stride)
-        return body.march(copied(state), copied_springs(springs), contact, motion, steps), steps.h
+        divided = copied_springs(springs)
+        if divided.cells is not None:
+            divided = divided._replace(cells=redivided(divided.cells, n_cells))
+        return body.march(copied(state), divided, contact, motion, steps), steps.h
 
     # a first step from the stiffest contact
     rate = body.rate(float(contact.overlap.max()))
     first = search.phase / rate if rate > 0.0 else spacing
     stride = max(1, math.ceil(spacing / (first if dt is None else dt) * (1 - 1e-9)))
-    coarse, _ = run(stride)
+    n_cells = body.n_cells // 2
+    coarse, _ = run(stride, n_cells)
     shorter, spent = 2.0, stride
     while True:
         finer = max(stride + 1, math.ceil(shorter * stride))
-        spent += finer
+        if not straight:  # cells and steps together, both of order 2
+            finer = stride * 2 ** math.ceil(math.log2(finer / stride))
+            n_cells *= finer // stride
+        spent += finer * (1 if straight else n_cells // 8)
         if spent * n_save > search.most_steps:
             target = f"dt = {search.dt:g} s" if search.dt else f"error {error:g}"
             raise UnstableStep(
                 f"{target} of the lateral motion over {duration:g} s takes more than "
                 f"{search.most_steps:.1e} steps; ask for a larger error or for less time"
             )
-        saved, h = run(finer)
+        saved, h = run(finer, n_cells)
         change = max(
             float(np.abs(saved.v - coarse.v).max()),
             float(chain.radius[-1]) * float(np.abs(saved.spin - coarse.spin).max()),
         )
-        estimate = search.safety * change / speed / ((finer / stride) ** 2 - 1.0)
+        estimate = before + search.safety * change / speed / ((finer / stride) ** 2 - 1.0)
+        total = saved.energy[:, :5].sum(axis=1) - saved.energy[:, 5]
+        scale = max(kinetic, float(np.abs(saved.energy).max())) or 1.0
+        ledger = float(np.abs(total - total[0]).max()) / scale
         if dt is not None:
             break
-        if estimate <= error:
+        if estimate <= error and ledger <= 0.8 * error:
             break
-        shorter = min(max(1.2, 1.1 * math.sqrt(estimate / error)), 16.0)
+        excess = max((estimate - before) / (error - before), ledger / (0.8 * error))
+        shorter = min(max(1.2, 1.1 * math.sqrt(excess)), 16.0)
         coarse, stride = saved, finer
 
     turned = saved.psi @ frame  # by which the surface moves along t1, t2
@@ -285,7 +337,9 @@ def march_lateral(
         h,
         n_save * finer,
         estimate,
+        ledger,
         cycle,
+        0 if straight else n_cells,
     )
 
 
@@ -307,6 +361,11 @@ class MarchedSphere(NamedTuple):
         turns = not math.isinf(self.last.arm_rotation)
         return inverse_mass, 1.0 / self.last.inertia if turns else 0.0
 
+    @property
+    def n_cells(self) -> int:
+        """Of the contact in two directions, a multiple of 8."""
+        return 8 * math.ceil(self.search.n_cells * math.sqrt(1e-4 / self.error) / 8.0)
+
     def rate(self, overlap: float) -> float:
         """[rad/s] of the sphere on a contact that sticks, by the mass that its force meets."""
         a = math.sqrt(self.last.law.radius * max(overlap, 0.0))
@@ -317,9 +376,9 @@ class MarchedSphere(NamedTuple):
     def open_springs(self) -> Springs:
         """A contact that has not closed yet, with room for the error."""
         if len(self.frame) == 2:
-            return Springs(None, None, open_cells(self.search.n_cells))
+            return Springs(None, None, open_cells(self.n_cells))
         fine = math.sqrt(1e-5 / self.error)
-        capacity = int(self.search.capacity * min(max(fine, 1.0), 16.0))
+        capacity = int(self.search.capacity * min(max(fine, 0.25), 16.0))
         return Springs(open_row(capacity), open_row(capacity), None)
 
     def displace(self, state: Across, springs: Springs, overlap: float, by: Array) -> None:
@@ -380,17 +439,33 @@ def copied_springs(springs: Springs) -> Springs:
     )
 
 
-class Cycle(NamedTuple):
-    """A period of the wall's motion before the striker, (k, 2) along t1, t2."""
+def redivided(cells: SpringCells, n_cells: int) -> SpringCells:
+    """The same displacements, linear between the ends of so many cells over the same width."""
+    n, state = cells.u.shape[0] - 1, cells.state.copy()
+    if n == n_cells:
+        return SpringCells(cells.u.copy(), state)
+    places = np.arange(n_cells + 1) * (n / n_cells)
+    u = np.stack([np.interp(places, np.arange(n + 1), values) for values in cells.u.T], axis=1)
+    state[WIDTH] *= n / n_cells
+    return SpringCells(u, state)
 
-    t: Array  # (k,) [s] from a period before the striker to its touch
+
+class Cycle(NamedTuple):
+    """What the wall's motion has become periodic in before the striker, (k, 2) along t1, t2."""
+
+    t: Array  # (k,) [s] from `periods` periods before the striker to its touch
     friction_force: Array  # [N]
     slip: Array  # [m] of the sphere's surface relative to the wall
     sphere_t: Array  # [m]
     stick_share: Array  # (k,)
-    energy: float  # [J] heat of friction in the period
-    periodicity_error: float  # change of the force from period to period, over its largest
-    drift: float  # [m] of the sphere in a period
+    energy: float  # [J] heat of friction in a period of the wall's motion
+    periodicity_error: float  # change of the force from one to the next, over its largest
+    drift: float  # [m] of the sphere from one to the next
+    error_estimate: float  # of the velocities, as that of `LateralTrajectory`
+    n_steps: int  # of the march that left it
+    periods: int = 1  # of the wall's motion until all repeats itself
+    # [N] least and largest mean force along `axis`, also of contacts that were pushed beforehand
+    mean_force_range: tuple[float, float] = (0.0, 0.0)
 
     @property
     def axis(self) -> int:
@@ -398,83 +473,249 @@ class Cycle(NamedTuple):
         return int(np.ptp(self.slip, axis=0).argmax())
 
 
+class Marched(NamedTuple):
+    """A sphere and its contact after a march of a period, and what the march has saved."""
+
+    state: Across
+    springs: Springs
+    saved: SavedAcross
+
+
+class Shaken(NamedTuple):
+    """A sphere that is pressed by a constant force on a wall that moves periodically."""
+
+    body: MarchedSphere
+    overlap: float  # [m]
+    motion: WallMotion
+    periods: int  # of the motion in a march
+    n_steps: int  # of a march
+
+    @property
+    def contact(self) -> Pressing:
+        duration = self.periods * self.motion.period
+        return Pressing(np.full(2, self.overlap), np.zeros(2), np.zeros(2), duration, 0.0)
+
+    @property
+    def steps(self) -> Steps:
+        n_save = self.body.search.cycle_saves
+        stride = -(-self.n_steps // n_save)
+        return Steps(self.periods * self.motion.period / (n_save * stride), n_save, stride)
+
+    def displacements(self) -> Array:
+        """(n_steps + 1, 2) [m] of the wall at the ends of the steps."""
+        h, n_save, stride = self.steps
+        return self.motion.displacement(h * np.arange(n_save * stride + 1))
+
+    def march(self, start: Across, springs: Springs, wall: Array) -> Marched:
+        """One march, which leaves the start as it is."""
+        state, contact = copied(start), copied_springs(springs)
+        saved = self.body.march(state, contact, self.contact, wall, self.steps)
+        return Marched(state, contact, saved)
+
+    def ramped(self, pushed: Array) -> tuple[Across, Springs]:
+        """What a wall leads to whose motion begins over some periods, on a contact that was
+        pressed, pushed to and fro by (n_directions,) [m], and let go."""
+        state, springs = Across(*np.zeros((6, len(self.body.frame)))), self.body.open_springs()
+        if pushed.any():
+            for way in (np.zeros_like(pushed), pushed, -pushed):
+                self.body.displace(state, springs, self.overlap, stacked(u=way))
+            state.slip[:] = 0.0
+        wall, ramp = self.displacements(), self.body.search.ramp_periods
+        share = np.linspace(0.0, 1.0, len(wall))[:, None]
+        for i in range(ramp):
+            x = (i + share) / ramp
+            state, springs, _ = self.march(state, springs, wall * x**2 * (3.0 - 2.0 * x))
+        return state, springs
+
+
+def stacked(u: Array) -> Array:
+    """(4 n_directions,) a displacement u of the centre as a change of u, v, psi and spin."""
+    return np.concatenate((u, np.zeros(3 * u.size)))
+
+
+def motion_of(state: Across) -> Array:
+    """(4 n_directions,) u, v, psi and spin."""
+    return np.concatenate((state.u, state.v, state.psi, state.spin))
+
+
+class FixedPoint(NamedTuple):
+    """A state that a period leaves as it is, up to `change` of its force, over the largest."""
+
+    state: Across
+    springs: Springs
+    last: Marched  # the period that ends there
+    change: float
+    matrix: Array | None  # (4 n, 4 n) 1 - J in units of the largest motion, None where all is held
+
+
+def fixed_point(
+    shaken: Shaken, state: Across, springs: Springs, matrix: Array | None, periodicity: float
+) -> FixedPoint | None:
+    """The periodic state that a start leads to, in which the force changes by `periodicity` of its
+    largest from period to period; None where the search does not find it.
+
+    Unknown is the sphere's motion z at the start of a period, which becomes Phi(z). The contact
+    keeps what a period has left in it: its memory does not reach beyond the largest motion. Steps
+    are those of Broyden's method,
+
+        B dz = Phi(z) - z,    B <- B + (y - B dz) dz^T / dz^T dz,    y = change of z - Phi(z)
+
+    (C. G. Broyden, Math. Comp. 19 (1965) 577), from a B of differences at first and after some
+    periods without success. A sphere without an arm drifts freely: dz is the least one.
+    """
+    body, search, wall = shaken.body, shaken.body.search, shaken.displacements()
+    n = len(body.frame)
+    mass, inertia = body.mobility
+    free = bool(mass.any()) or inertia > 0.0
+    B, units, g, dz = matrix, None, None, None
+    previous, age = None, 0
+    for i in range(search.newton_periods):
+        z = motion_of(state)
+        end = shaken.march(state, springs, wall)
+        saved = end.saved
+        if previous is not None:
+            scale = float(np.abs(saved.force).max()) or 1.0
+            change = float(np.abs(saved.force - previous).max()) / scale
+            # after so many periods a change is accepted that is small beside the error
+            late = i == search.newton_periods - 1
+            if change <= (max(periodicity, search.rough * body.error) if late else periodicity):
+                return FixedPoint(end.state, end.springs, end, change, B)
+        previous = saved.force
+        if not free:
+            state, springs = end.state, end.springs
+            continue
+
+        if units is None:
+            sizes = [np.abs(values).max() for values in (saved.u, saved.v, saved.psi, saved.spin)]
+            units = np.repeat(np.where(np.array(sizes) > 0.0, sizes, 1.0), n)
+        g_before, g = g, (z - motion_of(end.state)) / units
+        if B is None or age >= search.broyden_periods:
+            B, age = np.eye(4 * n), 0
+            moves = np.array([saved.u, saved.v, saved.psi, saved.spin]).any(axis=(1, 2))
+            for column in np.flatnonzero(np.repeat(moves, n)):
+                nudge = np.where(np.arange(4 * n) == column, search.nudge, 0.0)
+                beside, contact = copied(state), copied_springs(springs)
+                body.displace(beside, contact, shaken.overlap, nudge * units)
+                after = shaken.march(beside, contact, wall)
+                moved = (z - motion_of(after.state)) / units + nudge - g
+                B[:, column] = moved / search.nudge
+        elif g_before is not None:
+            y = g - g_before
+            B = B + np.outer(y - B @ dz, dz) / (dz @ dz)
+        age += 1
+        dz = np.linalg.lstsq(B, -g, rcond=1e-6)[0]
+        if not dz.any():
+            dz = -g
+        state, springs = end.state, end.springs
+        body.displace(state, springs, shaken.overlap, z + units * dz - motion_of(state))
+        if not dz.any():
+            g = None
+    return None
+
+
+def marched_on(shaken: Shaken, state: Across, springs: Springs) -> tuple[FixedPoint, int]:
+    """What a march of many periods, each from the end of the last, becomes, and after how many of
+    them it repeats itself. Raises UnstableStep where it does not within four."""
+    search, wall = shaken.body.search, shaken.displacements()
+    forces: list[Array] = []
+    for _ in range(search.most_periods):
+        end = shaken.march(state, springs, wall)
+        state, springs = end.state, end.springs
+        forces = [*forces[-search.subharmonics :], end.saved.force]
+        changes = repetition(forces)
+        for i, change in enumerate(changes):
+            if change <= search.rough * shaken.body.error:
+                return FixedPoint(state, springs, end, change, None), i + 1
+    shown = ", ".join(f"{change:.1g}" for change in changes)
+    raise UnstableStep(
+        f"the wall's motion leads to no periodic state: after a march of {search.most_periods} "
+        f"periods the force still changes by {shown} of its largest from one period, two, three "
+        "and four before; hold the sphere by [arm], or change the amplitude"
+    )
+
+
+def repetition(forces: list[Array]) -> list[float]:
+    """Changes of the last of several periods' forces from that of one, two, ... periods before,
+    over its largest."""
+    scale = float(np.abs(forces[-1]).max()) or 1.0
+    return [float(np.abs(forces[-1] - before).max()) / scale for before in forces[-2::-1]]
+
+
 def periodic_state(
-    body: MarchedSphere, overlap: float, motion: WallMotion
+    body: MarchedSphere, overlap: float, motion: WallMotion, speed: float
 ) -> tuple[Across, Springs, Cycle]:
     """State and contact that the wall's motion has become periodic in, at its phase of t = 0.
 
-    The motion is ramped up over some periods from a contact that was pressed and never sheared.
-    Then each period is followed by a step of Newton's method for the sphere's motion, its matrix
-    from differences; the contact keeps what the period has left in it, as its memory does not
-    reach beyond the largest motion. A sphere without an arm drifts freely: the step is the least
-    one. Raises UnstableStep where no period is found.
+    The motion is ramped up over some periods from a contact that was pressed and never sheared;
+    the state that follows is searched for by few steps a period and again by twice as many, until
+    velocities and heat differ by less than the error: both are of order 2. Where the search fails,
+    a march of 200 periods finds what repeats itself, or raises UnstableStep.
     """
     search, period = body.search, motion.period
-    n = len(body.frame)
-    n_steps = max(search.cycle_steps, math.ceil(period * body.rate(overlap) / search.phase))
-    contact = Pressing(np.full(2, overlap), np.zeros(2), np.zeros(2), period, 0.0)
-    stride = -(-n_steps // search.cycle_saves)
-    steps = Steps(period / (search.cycle_saves * stride), search.cycle_saves, stride)
-    t = steps.h * np.arange(steps.n_save * steps.stride + 1)
-    full = motion.displacement(t)
+    fewest = max(search.cycle_steps, math.ceil(math.pi / math.sqrt(body.error)))
+    n_steps = max(fewest, math.ceil(period * body.rate(overlap) / search.cycle_phase))
+    shaken = Shaken(body, overlap, motion, 1, n_steps)
+    state, springs = shaken.ramped(np.zeros(len(body.frame)))
+    periodicity = search.periodicity * body.error
+    rough = max(periodicity, search.rough * body.error)
+    coarse = fixed_point(shaken, state, springs, None, rough)
+    if coarse is None:
+        coarse, periods = marched_on(shaken, state, springs)
+        shaken = shaken._replace(periods=periods, n_steps=periods * n_steps)
 
-    # ramped up, from the middle of the motion
-    state, springs = Across(*np.zeros((6, n))), body.open_springs()
-    for i in range(search.ramp_periods):
-        share = (i + t / period) / search.ramp_periods
-        body.march(state, springs, contact, full * (share**2 * (3.0 - 2.0 * share))[:, None], steps)
+    # other starts, by few steps, where their forces may stay: a contact that slips as a whole in
+    # each period forgets them, and a sphere that is free to move or to turn lets them go
+    forces = [coarse.last.saved.force]
+    turns = body.mobility[1] > 0.0 and body.last.arm_rotation == 0.0
+    remembers = coarse.last.saved.stick.min() > 0.0 and body.stiffness.all() and not turns
+    if remembers and shaken.periods == 1:
+        push = search.pushed * body.last.law.bound * overlap
+        fewer = search._replace(capacity=search.pushed_capacity, ramp_periods=1)
+        quick = shaken._replace(body=body._replace(search=fewer))
+        for way in (push, -push):
+            pushed = quick.ramped(np.full(len(body.frame), way))
+            other = fixed_point(quick, *pushed, coarse.matrix, search.pushed_periodicity)
+            if other is not None:
+                forces.append(other.last.saved.force)
 
-    moving = (state.u, state.v, state.psi, state.spin)
-    mass, inertia = body.mobility
-    free = bool(mass.any()) or inertia > 0.0
-    saved = None
-    for _ in range(search.most_periods):
-        first = np.concatenate(moving)
-        state_0, springs_0 = copied(state), copied_springs(springs)
-        previous, saved = saved, body.march(state, springs, contact, full, steps)
-        scale = float(np.abs(saved.force).max()) or 1.0
-        if previous is not None:
-            error = float(np.abs(saved.force - previous.force).max()) / scale
-            # u and psi of a sphere without an arm may drift
-            if error <= search.periodicity:
-                break
-        if not free:
-            continue
+    # twice as many steps, until nothing changes by more than half of the error
+    while True:
+        R, before = float(body.chain.radius[-1]), coarse.last.saved
+        shaken = shaken._replace(n_steps=2 * shaken.n_steps)
+        finer = fixed_point(shaken, coarse.state, coarse.springs, coarse.matrix, periodicity)
+        if finer is None:
+            finer, _ = marched_on(shaken, coarse.state, coarse.springs)
+        saved = finer.last.saved
+        velocity = np.abs(saved.v - before.v).max(), R * np.abs(saved.spin - before.spin).max()
+        estimate = search.safety * float(max(velocity)) / speed / 3.0
+        heat = np.array([values.energy[-1, 4] - values.energy[0, 4] for values in (before, saved)])
+        off = search.safety * abs(heat[1] - heat[0]) / 3.0
+        close = off <= 0.5 * body.error * float(np.abs(saved.energy).max())
+        coarse = finer
+        if search.dt is not None or (estimate <= 0.5 * body.error and close):
+            break
 
-        # Newton: (1 - J) dz = Phi(z) - z, columns of J from periods that start a little beside
-        residual = np.concatenate(moving) - first
-        sizes = [np.abs(values).max() for values in (saved.u, saved.v, saved.psi, saved.spin)]
-        nudges = search.nudge * np.repeat(sizes, n)
-        J = np.zeros((4 * n, 4 * n))
-        for column in np.flatnonzero(nudges):
-            beside, springs_beside = copied(state_0), copied_springs(springs_0)
-            nudge = np.where(np.arange(4 * n) == column, nudges, 0.0)
-            body.displace(beside, springs_beside, overlap, nudge)
-            body.march(beside, springs_beside, contact, full, steps)
-            after = np.concatenate((beside.u, beside.v, beside.psi, beside.spin))
-            J[:, column] = (after - first - residual) / nudges[column]
-        units = np.where(nudges > 0.0, nudges, 1.0)
-        matrix = (np.eye(4 * n) - J) * units / units[:, None]
-        step = units * np.linalg.lstsq(matrix, residual / units, rcond=1e-6)[0]
-        body.displace(state, springs, overlap, first + step - np.concatenate(moving))
-    else:
-        raise UnstableStep(
-            f"the wall's motion leads to no periodic state within {search.most_periods} periods: "
-            f"the force still changes by {error:.1g} of its largest; hold the sphere by [arm], or "
-            "change the amplitude"
-        )
-    frame = body.frame
+    saved, frame = finer.last.saved, body.frame
+    slip = saved.slip - saved.slip.mean(axis=0)
+    h, _, stride = shaken.steps
+    times = h * stride * np.arange(len(saved.u)) - shaken.periods * period
     cycle = Cycle(
-        t[:: steps.stride] - period,
+        times,
         saved.force @ frame,
-        (saved.slip - saved.slip.mean(axis=0)) @ frame,
+        slip @ frame,
         saved.u @ frame,
         saved.stick,
-        float(saved.energy[-1, 4] - saved.energy[0, 4]),
-        error,
-        float(np.hypot(*((state.u - state_0.u) @ frame))),
+        float(heat[1]) / shaken.periods,
+        finer.change,
+        float(np.hypot(*((saved.u[-1] - saved.u[0]) @ frame))),
+        estimate,
+        shaken.steps.n_save * shaken.steps.stride,
+        shaken.periods,
     )
+    means = [float((force @ frame)[:-1, cycle.axis].mean()) for force in forces]
+    cycle = cycle._replace(mean_force_range=(min(means), max(means)))
     # slip counts from the middle of the period, heat from the striker on
-    state.slip[:] = (saved.slip - saved.slip.mean(axis=0))[-1]
+    state, springs = copied(finer.state), copied_springs(finer.springs)
+    state.slip[:] = slip[-1]
     (springs.row if springs.cells is None else springs.cells).state[HEAT] = 0.0
     return state, springs, cycle

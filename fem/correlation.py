@@ -54,10 +54,11 @@ class Shape(NamedTuple):
 
     reading: NDArray[np.float64] | csr_matrix  # (m, n) reads a model where and how the test did
     shape: NDArray[np.complex128]  # (m,) measured
+    hz: float  # measured
 
     def within(self, V: NDArray[np.float64]) -> "Shape":
         """The same in coordinates q of u = V @ q."""
-        return Shape(self.reading @ V, self.shape)
+        return self._replace(reading=self.reading @ V)
 
 
 Target = BodyMotion | Number | Shape
@@ -99,6 +100,10 @@ class ShapeMatch(NamedTuple):
     alike: float = 0.8  # MAC at the sensors of two computed modes that these cannot tell apart
 
 
+# of targets: a start far from the measured frequencies keeps its pairs as it is tuned to them
+FROM_AFAR = ShapeMatch(spread=1.0, farthest=10.0)
+
+
 class MeasuredPairs(NamedTuple):
     """Measured modes paired one-to-one with computed ones, and what else they might be."""
 
@@ -120,17 +125,8 @@ def measured_pairs(
     The largest MAC alone does not do: at few points shapes of distant frequencies look alike.
     `auto_mac` (k, k) is the MAC of the computed modes among themselves at the sensors.
     """
-    # a mode that no sensor sees has the MAC 0 / 0
-    likeness, auto_mac = np.nan_to_num(likeness), np.nan_to_num(auto_mac)
-    distance = np.log(np.divide.outer(measured_hz, np.maximum(computed_hz, 1e-9)))
-    score = likeness * np.exp(-0.5 * (distance / options.spread) ** 2)
-    allowed = (likeness >= options.smallest) & (np.abs(distance) <= np.log(options.farthest))
-    rows, columns = linear_sum_assignment(np.where(allowed, score, 0.0), maximize=True)
-    index = np.full(len(measured_hz), -1)
-    for i, j in zip(rows, columns, strict=True):
-        if allowed[i, j]:
-            index[i] = j
-
+    auto_mac = np.nan_to_num(auto_mac)
+    index, score, allowed = one_to_one(measured_hz, computed_hz, likeness, options)
     runner_up, doubts = np.full(len(measured_hz), -1), []
     for i, j in enumerate(index):
         rivals = np.where(allowed[i], score[i], 0.0)
@@ -154,6 +150,26 @@ def measured_pairs(
     return MeasuredPairs(index, runner_up, doubts)
 
 
+def one_to_one(
+    measured_hz: NDArray[np.float64],
+    computed_hz: NDArray[np.float64],
+    likeness: NDArray[np.float64],
+    options: ShapeMatch,
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.bool_]]:
+    """The computed mode of each measured one, -1 where none fits, the score of every pair (n, k),
+    and whether it may be one; see `measured_pairs`."""
+    # a mode that no sensor sees has the MAC 0 / 0
+    likeness = np.nan_to_num(likeness)
+    distance = np.log(np.divide.outer(measured_hz, np.maximum(computed_hz, 1e-9)))
+    score = likeness * np.exp(-0.5 * (distance / options.spread) ** 2)
+    allowed = (likeness >= options.smallest) & (np.abs(distance) <= np.log(options.farthest))
+    rows, columns = linear_sum_assignment(np.where(allowed, score, 0.0), maximize=True)
+    index = np.full(len(measured_hz), -1)
+    matched = allowed[rows, columns]
+    index[rows[matched]] = columns[matched]
+    return index, score, allowed
+
+
 def pair(model: Model, modes: Modes, targets: Sequence[Target]) -> Pairing:
     """The targets among the modes of a model."""
     bodies = {target.body for target in targets if isinstance(target, BodyMotion)}
@@ -168,12 +184,13 @@ def paired(
     targets: Sequence[Target],
     *,
     smallest: float = 0.3,
+    match: ShapeMatch = FROM_AFAR,
 ) -> Pairing:
     """The targets among modes in the coordinates of the bodies' energies `forms`.
 
     A target by motion is the first mode whose share of the energy reaches half of the largest one;
-    a target by shape is the mode of the largest MAC. No mode with a share or MAC below `smallest`
-    is paired.
+    targets by shape are paired one-to-one, on MAC and frequency together. No mode with a share or
+    MAC below `smallest` is paired.
     """
     elastic = modes.omega > RIGID * modes.omega.max()
     character = np.zeros((len(targets), len(modes.omega)))
@@ -193,10 +210,14 @@ def paired(
         omega = np.where(elastic, modes.omega, 1.0)
         character[i] = np.where(elastic, strain / omega**2, 0.0)
 
-    share = [1.0 if isinstance(target, Shape) else 0.5 for target in targets]
-    threshold = np.array(share)[:, None] * character.max(axis=1, keepdims=True, initial=0.0)
+    threshold = 0.5 * character.max(axis=1, keepdims=True, initial=0.0)
     eligible = character >= np.maximum(threshold, smallest)
     index = np.where(eligible.any(axis=1), eligible.argmax(axis=1), -1)
+    shapes = [i for i, target in enumerate(targets) if isinstance(target, Shape)]
+    if shapes:
+        measured_hz = np.array([targets[i].hz for i in shapes])
+        match = match._replace(smallest=smallest)
+        index[shapes] = one_to_one(measured_hz, modes.frequency_hz, character[shapes], match)[0]
     score = np.where(index >= 0, character[range(len(targets)), index], 0.0)
     return Pairing(index, score, character)
 

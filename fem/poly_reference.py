@@ -46,6 +46,8 @@ class Stability(NamedTuple):
     largest_zeta: float = 0.15  # damping ratio above which a pole is part of the background
     iterations: int = 8  # of Gauss and Newton; 3 to 5 are usual
     least_share: float = 0.01  # of the response's energy at its own frequency that a mode carries
+    twin: float = 0.01  # relative distance of two modes that are one, where they are also
+    alike: float = 0.97  # in the MAC of shapes and in that of participation factors
     band: float = 3.0  # largest ratio of a band's ends, where it has more than 2000 lines
     lines: int = 4000  # of a band, at most: else every second, third, ... is taken
     margin: float = 1.15  # by which a band is fitted beyond its ends, where it has neighbours
@@ -519,6 +521,17 @@ def fitted_modes(
                 reason = "the fit of the responses does not hold it there"
             elif share < options.least_share:
                 reason = f"it carries {100 * share:.2g} % of the response at its frequency"
+            # a peak that is no resonance of a linear mode is fitted by several, all of one shape
+            size = np.abs(fit.phi[:, i]).max() * np.abs(fit.L[i]).max() / -pole.real
+            for j, other in enumerate(fit.pole):
+                rival = np.abs(fit.phi[:, j]).max() * np.abs(fit.L[j]).max() / -other.real
+                if i == j or rival < size or abs(abs(other / pole) - 1) > options.twin:
+                    continue
+                pair = [i, j]
+                alike = mac(fit.phi[:, pair], fit.phi[:, pair])[0, 1]
+                if min(alike, mac(fit.L[pair].T, fit.L[pair].T)[0, 1]) > options.alike:
+                    share = 0.0
+                    reason = f"it is a double of {abs(other) / (2 * np.pi):.2f} Hz, of its shape"
             if reason and chosen[i][0] not in accept and (drop is None or share < drop[0]):
                 drop = (share, i, reason)
         if drop is None:

@@ -5,7 +5,7 @@ import pytest
 from skfem import MeshHex
 
 from coupling import CouplingError, ModalDamping
-from coupling.reduced_spatial_wall import half_space_of, spatial_wall_of
+from coupling.reduced_spatial_wall import half_space_of, spatial_wall_of, with_stingers
 from coupling.reduced_wall import wall_from_reduced
 from fem import (
     Connections,
@@ -173,3 +173,18 @@ def test_a_model_of_one_direction_is_refused():
     reduced = free_modes(model.K, model.M, patch.w, Selection(5))
     with pytest.raises(CouplingError, match="along the normal only"):
         spatial_wall_of(reduced)
+
+
+def test_a_stinger_is_a_spring_to_the_ground_at_its_shaker():
+    model, k = held_block(), 5e9
+    reduced = reduced_block(model, (0.012, 0.003), "block:+y", (0.01, 0.0))
+    wall = spatial_wall_of(with_stingers(reduced, np.array([k])))
+    patch = contact_patch(model, "block:+x", (0.012, 0.003), 3e-3)
+    shaker = contact_patch(model, "block:+y", (0.01, 0.0), 4e-3, weights="area").w
+    W = np.column_stack([patch.w, *(each.w for each in patch.across(model)), shaker])
+    # the compliance C of the structure alone, and that with the spring by Sherman and Morrison
+    C = W.T @ factorised(model.K).solve(np.asfortranarray(W))
+    exact = C - np.outer(C[:, 3], C[3]) * k / (1 + k * C[3, 3])
+    of_wall = receptance(wall, 0.0).real * (1 + LOSS**2)
+    assert np.abs(of_wall - exact).max() < 1e-9 * exact.max()
+    assert np.abs(exact - C).max() > 0.05 * C[3, 3]

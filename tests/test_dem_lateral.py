@@ -5,7 +5,7 @@ import pytest
 
 import dem
 from dem.friction import stick_stiffness, tangential_law
-from dem.lateral import LastSphere, LateralSearch, WallMotion, march_lateral
+from dem.lateral import LastSphere, LateralSearch, WallMotion, march_lateral, repetition
 
 R, E, NU, RHO = 0.0127, 210e9, 0.3, 7800.0
 STEEL = dem.Flat(E, NU)
@@ -301,3 +301,47 @@ def test_a_circular_motion_rubs_alike_in_both_directions():
     # the force lags behind the slip by no more than the springs' give
     work = run.cycle.energy
     assert work == pytest.approx(20.0 * 2.0 * np.pi * amplitude, rel=2e-2)
+
+
+def test_a_loop_off_the_grid_of_steps_keeps_its_energy_to_the_error():
+    """Turning points of the wall lie between steps: the energy is that of the closed form."""
+    chain, amplitude = sphere(preload=100.0), 2e-6
+    motion = WallMotion(np.array([[amplitude, 0.0]]), np.array([10.0]), np.array([0.7003]))
+    along = dem.march(chain, dem.rigid_wall(), [0.0], duration=0.1, dt=2e-5, n_save=256)
+    body = last(chain, [0.0, 0.0], arm_stiffness=np.full(2, np.inf), arm_rotation=np.inf)
+    for error in (1e-3, 1e-5):
+        run = march_lateral(chain, dem.rigid_wall(), [0.0], along, body, motion=motion, error=error)
+        exact = 12497.175e-9 + 4.0 * 20.0 * (amplitude - 0.781073e-6)
+        assert run.cycle.energy == pytest.approx(exact, rel=error)
+
+
+def test_a_contact_that_slips_in_part_keeps_the_force_of_its_start():
+    """A sphere that its arm clamps: the stuck middle keeps what pushes have left in it, as much on
+    either side; one that slips as a whole forgets it."""
+    clamped = {"arm_stiffness": np.full(2, np.inf)}
+    cycle = shaken([1e-7, 0.0], 10.0, **clamped)[0].cycle
+    # one turning point reaches mu P
+    largest = 20.0 - 0.5 * np.ptp(cycle.friction_force[:, 0])
+    assert cycle.mean_force_range == pytest.approx((-largest, largest), rel=1e-3)
+    assert np.ptp(shaken([2e-6, 0.0], 10.0, **clamped)[0].cycle.mean_force_range) < 1e-9
+
+
+def test_repetition_tells_after_how_many_periods_a_force_comes_again():
+    t = np.linspace(0.0, 1.0, 50)
+    periods = [np.sin(2.0 * np.pi * (t + i) / 3.0) for i in range(5)]
+    changes = repetition(periods)
+    assert changes[2] < 1e-12 and min(changes[0], changes[1], changes[3]) > 0.5
+
+
+def test_without_a_periodic_state_the_march_that_shows_it_is_named():
+    """A free sphere on a wall that hardly rubs does not settle within a few periods."""
+    amplitude, frequency = np.array([[1e-4, 0.0]]), np.array([200.0])
+    motion = WallMotion(amplitude, frequency, np.zeros(1))
+    chain = sphere(preload=100.0)
+    along = dem.march(chain, dem.rigid_wall(), [0.0], duration=5e-3, dt=2e-5, n_save=256)
+    body = last(chain, [0.0, 0.0], mu=0.01, arm_rotation=np.inf)
+    search = LateralSearch(newton_periods=1, most_periods=6)
+    with pytest.raises(dem.UnstableStep, match="after a march of 6 periods the force still"):
+        march_lateral(
+            chain, dem.rigid_wall(), [0.0], along, body, motion=motion, error=1e-5, search=search
+        )

@@ -86,11 +86,26 @@ def test_a_measured_shape_is_paired_by_its_mac(model, computed):
     for mode in (0, 1, 3):
         shape = reading @ computed.phi[:, mode]
         noise = np.abs(shape).max() / 20 * rng.standard_normal(len(shape))
-        target = Shape(reading, (shape + noise) * np.exp(0.7j))
+        target = Shape(reading, (shape + noise) * np.exp(0.7j), float(computed.frequency_hz[mode]))
         pairing = pair(model, computed, [target])
         assert pairing.index[0] == mode and pairing.score[0] > 0.95
-    stranger = Shape(reading, np.array([1.0, -1, -1, 1, 1, -1, -1, 1]))
+    stranger = Shape(reading, np.array([1.0, -1, -1, 1, 1, -1, -1, 1]), 100.0)
     assert pair(model, computed, [stranger]).score[0] < 0.3
+
+
+def test_shapes_that_look_alike_at_the_points_are_paired_by_frequency_and_once_each(
+    model, computed
+):
+    """Read at one place in y and z all modes of one plane are alike: MAC 1. The largest MAC alone
+    would pair all targets with one mode."""
+    rows = [at_node(model.structure, np.array([0.2, 0.0, 0.0]), np.eye(3)[i]) for i in (1, 2)]
+    reading = np.array(rows) @ model.T
+    seen = reading @ computed.phi
+    alike = mac(seen, seen)
+    first = next(i for i in range(8) if np.count_nonzero(alike[i] > 0.999) > 1)
+    modes = np.flatnonzero(alike[first] > 0.999)
+    targets = [Shape(reading, seen[:, i], 1.1 * float(computed.frequency_hz[i])) for i in modes]
+    assert pair(model, computed, targets).index.tolist() == modes.tolist()
 
 
 def test_target_mac_is_one_for_the_mode_itself_on_the_body_that_tells_it(model, computed):

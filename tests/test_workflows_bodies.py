@@ -458,6 +458,7 @@ def test_nodes_that_a_tie_and_a_support_both_hold_are_reported(capsys):
     assert json.loads(capsys.readouterr().out)["warnings"] == []
 
 
+@pytest.mark.slow
 def test_the_rig_of_its_step_file_has_the_modes_of_the_rig(capsys):
     """Both on elements 1.7 times as large; at their own the four modes lie within 0.25 %."""
     assert beadwave("modes", "rig-rom", "--step=rig.step") == 0

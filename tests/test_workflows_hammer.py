@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.io import savemat, wavfile
+from test_fem_subspace import F, ambient
 
 from fem.correlation import mac
 from fem.hammer_files import SYNTHETIC, Responses
@@ -20,6 +21,7 @@ from workflows.structure.hammer import (
     applied,
     hammer_test,
     opposite_directions,
+    pictures,
 )
 
 RIG = {1: 51.0, 2: 269.0, 3: 907.0, 4: 8425.0}
@@ -305,3 +307,40 @@ def test_files_of_two_kinds_or_of_unlike_sampling_are_refused(csv, tmp_path):
         hammer_test([csv, paths[0]], RIG)
     with pytest.raises(InvalidScene, match=r"sampled every 0\.001 s and every 0\.002 s"):
         hammer_test(paths, RIG)
+
+
+def written(path, t, y, names):
+    header = ",".join(["time [s]", *(f"response {name} [m/s^2]" for name in names)])
+    np.savetxt(path, np.column_stack([t, y.T]), delimiter=",", header=header, comments="")
+    return path
+
+
+def test_a_ring_down_shows_damping_over_amplitude_and_says_so(tmp_path):
+    """The first mode's damping grows from 0.2 % with its amplitude, the second's is 0.3 %."""
+    rng, t = np.random.default_rng(0), np.arange(3 * 4096) / 4096
+    e = np.exp(-2 * np.pi * 120.0 * 0.002 * t)
+    first = 0.002 * e / (0.002 + 0.004 * (1 - e)) * np.cos(2 * np.pi * 120.0 * t)
+    second = np.exp(-2 * np.pi * 300.0 * 0.003 * t) * np.cos(2 * np.pi * 300.0 * t)
+    y = np.outer([1.0, 0.5, -0.7], first) + np.outer([0.8, -1.0, 0.3], second)
+    y += 0.002 * rng.normal(size=y.shape)
+    path = written(tmp_path / "decay.csv", t, y, ("1+z", "2+z", "3+z"))
+    test = hammer_test(path, {}, choice=Choice(band_hz=(50.0, 500.0)))
+    assert test.test.kind == "ring-downs"
+    by_hz = {round(row.frequency_hz, -1): row for row in test.report.rows}
+    assert any("damping depends on amplitude" in remark for remark in by_hz[120].remarks)
+    assert by_hz[120].over_amplitude[0].zeta > 1.5 * by_hz[120].over_amplitude[-1].zeta
+    assert not any("amplitude" in remark for remark in by_hz[300].remarks)
+    assert by_hz[300].zeta == pytest.approx(0.003, rel=0.05)
+    assert "decay" in [picture.name for picture in pictures(test)]
+
+
+def test_ambient_records_are_identified_without_a_force(tmp_path):
+    y, _ = ambient(0, 90.0)
+    path = written(
+        tmp_path / "ambient.csv", np.arange(y.shape[1]) / 512, y, [f"{i}+z" for i in range(1, 6)]
+    )
+    test = hammer_test(path, {}, choice=Choice(band_hz=(6.0, 100.0)))
+    assert test.test.kind == "ambient"
+    np.testing.assert_allclose([row.frequency_hz for row in test.report.rows], F, rtol=0.01)
+    assert [step.step for step in test.report.steps][-1] == "subspace identification"
+    assert {"hammer", "synthesis", "automac"} <= {picture.name for picture in pictures(test)}

@@ -31,6 +31,7 @@ from fem.hit_records import (
 )
 from fem.hits import ESTIMATORS, FrequencyResponses, HitChecks, Hits, beside, frequency_responses
 from fem.measured_shapes import POINTS, UNITS, points_of_nodes
+from fem.subspace import half_spectra, is_decay
 from workflows.files.foreign import Unreadable, arrays
 from workflows.files.output_file import OutputFile
 from workflows.files.uff import ENDINGS, data_sets, pyuff
@@ -85,7 +86,7 @@ class MeasuredTest(NamedTuple):
     nodes: dict[int, NDArray[np.float64]]  # points (3,) [m] by number
     steps: tuple[Step, ...]
     records: tuple[Hits, ...] = ()  # empty where the files hold responses
-    synthetic: bool = False
+    kind: str = "responses"  # or "hits", "ring-downs", "ambient"
 
 
 def measured_test(paths: list[Path], reading: Reading = Reading()) -> MeasuredTest:
@@ -114,23 +115,35 @@ def measured_test(paths: list[Path], reading: Reading = Reading()) -> MeasuredTe
             ends = tuple(end for t in tests for end in t.ends)
             all_ends = ends if all(t.ends for t in tests) else ()
             whole = first._replace(H=np.concatenate([t.H for t in tests]), ends=all_ends)
-            responses, sets = whole.by_reference(), ()
+            responses, sets, kind = whole.by_reference(), (), "responses"
             title = first.title
         else:
-            responses, sets, step = responses_of_records(records, reading)
+            responses, sets, step, kind = responses_of_records(records, reading)
             steps.append(step._replace(file=named))
             title = records[0].title or paths[0].stem
     except ValueError as error:
         raise InvalidScene(f"{named}: {str(error).rstrip('.')}.") from None
-    return MeasuredTest(responses, title, nodes, tuple(steps), sets, "SYNTHETIC" in title)
+    return MeasuredTest(responses, title, nodes, tuple(steps), sets, kind)
 
 
 def responses_of_records(
     records: list[TimeRecord], reading: Reading
-) -> tuple[FrequencyResponses, tuple[Hits, ...], Step]:
-    """Responses of time records; raises ValueError where no hit is usable."""
+) -> tuple[FrequencyResponses, tuple[Hits, ...], Step, str]:
+    """Responses of time records and of what kind these are; raises ValueError where no hit is
+    usable."""
     pieces, remarks = cut_at_hits(records)
     sets = sets_of_hits(pieces)
+    first = sets[0]
+    if not all(np.isfinite(hits.response).all() for hits in sets):
+        raise ValueError("the records hold NaN or inf; remove those or measure again")
+    if first.force is None and not any(map(is_decay, first.response)):
+        if len(sets) > 1:
+            raise ValueError("ambient records must have the same sensors; give one set of them")
+        f, H, shift = half_spectra(list(first.response), first.dt)
+        against = tuple(f"with {sensor}" for sensor in first.sensors)
+        spectra = FrequencyResponses(f, H, first.sensors, against, shift=shift)
+        size = {"records": len(first.response), "samples": first.response.shape[2]}
+        return spectra, tuple(sets), Step("", "correlations of ambient records", size), "ambient"
     checks = HitChecks(decay=reading.decay)
     responses = [frequency_responses(hits, reading.estimator, checks) for hits in sets]
     if len(sets) > 1:
@@ -142,7 +155,7 @@ def responses_of_records(
     for other in responses[1:]:
         whole = beside(whole, other)
     # the more numerous are the points of the shapes, whichever was moved
-    if len(whole.references) > len(whole.points):
+    if first.force is not None and len(whole.references) > len(whole.points):
         whole = whole.transposed()
     remarks += whole.remarks
     options = {
@@ -150,8 +163,10 @@ def responses_of_records(
         "window": reading.decay, "points": len(whole.points),
         "references": len(whole.references), "lines": len(whole.frequency_hz),
     }  # fmt: skip
-    made = "spectra of ring-downs" if sets[0].force is None else "responses of hits"
-    return whole._replace(remarks=()), tuple(sets), Step("", made, options, tuple(remarks))
+    kind = "hits" if first.force is not None else "ring-downs"
+    made = "responses of hits" if kind == "hits" else "spectra of ring-downs"
+    step = Step("", made, options, tuple(remarks))
+    return whole._replace(remarks=()), tuple(sets), step, kind
 
 
 def content_of(

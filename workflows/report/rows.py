@@ -266,8 +266,19 @@ def friction_rows(across: FrictionNumbers) -> list[tuple[str, str]]:
         ("tangential stiffness, all sticks", si(across.stick_stiffness_N_m, "N/m")),
         ("displacement at gross slip", si(across.gross_slip_m, "m")),
         ("peak force of friction", si(across.peak_friction_N, "N")),
+        ("mean force of a loop", mean_force(across)),
+        ("periods of a loop", "" if across.loop_periods in (None, 1) else str(across.loop_periods)),
         ("time step across the chain", si(across.dt_s, "s")),
     ]
+
+
+def mean_force(across: FrictionNumbers) -> str:
+    """Range over the periodic states of other starts; none where all starts lead to one."""
+    if across.loop_mean_tangential_range_N is None:
+        return ""
+    least, largest = across.loop_mean_tangential_range_N
+    spread = largest - least > 1e-3 * (across.loop_tangential_N or 0.0)
+    return f"{si(least, 'N')} to {si(largest, 'N')}, by its start" if spread else ""
 
 
 def reduction_rows(health: ReductionHealth) -> list[tuple[str, str]]:

@@ -151,9 +151,11 @@ class FrictionNumbers(BaseModel):
     The first two are of the contact at its peak force; surface_velocity_ratio: velocity of the
     sphere's surface at the contact, end over start, None where it starts at rest; dt_s and
     error_estimate: step of the march across, and its error relative to the largest speed at the
-    start. Where shakers move the wall: loop of a period before the striker, its energy and its
-    amplitudes (half of peak to peak), how far the force is from periodic and how far the sphere
-    drifts in a period; what the contact does when the wave reaches it ("stick", "partial slip",
+    start, the periodic state's included. Where shakers move the wall: loop before the striker, its
+    energy in a period of the wall and its amplitudes (half of peak to peak), least and largest mean
+    force over the periodic states of contacts that were pushed beforehand, periods until the loop
+    repeats itself, how far the force is from periodic and how far the sphere drifts in a loop; what
+    the contact does when the wave reaches it ("stick", "partial slip",
     "gross slip", "open"; at the start where nothing strikes), and the first shaker's phase then.
     """
 
@@ -169,6 +171,8 @@ class FrictionNumbers(BaseModel):
     loop_energy_J: float | None = None
     loop_tangential_N: float | None = None
     loop_displacement_m: float | None = None
+    loop_mean_tangential_range_N: tuple[float, float] | None = None
+    loop_periods: int | None = None
     periodicity_error: float | None = None
     drift_m: float | None = None
     state_at_impact: str | None = None

@@ -26,6 +26,7 @@ from workflows.files.mesh import volumes_of
 from workflows.files.step import require_step
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.bodies import GROUND, SHARE, Solid, UnderTable
+from workflows.scene.places import named_faces
 from workflows.scene.shapes import grid_lines, shapes
 from workflows.scene.size import too_large_mesh
 from workflows.stages.parts import GMSH_NEEDS, STRIKE, Parts
@@ -98,6 +99,7 @@ def words(scene: Scene) -> Words:
     for load in scene.loads or ():
         ends = {"load": load.on, "rod": load.to}
         faces |= {f"{end}-{load.name}": selector for end, selector in ends.items() if selector}
+    faces |= named_faces(scene)
     joints = []
     for joint in scene.joints or ():
         first, second = joint.partners

@@ -6,9 +6,11 @@ friction leaves alone.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 import coupling
 import dem
@@ -25,7 +27,9 @@ from workflows.report.summary import ChainNumbers, FrictionNumbers
 from workflows.scene import Scene
 from workflows.scene.friction import arm_stiffness
 from workflows.stages import chain_numbers as of_chain
-from workflows.stages.chain import Start
+from workflows.stages import compilation as of_impact
+from workflows.stages.chain import Start, start
+from workflows.stages.walls import wall_of
 
 if TYPE_CHECKING:
     from coupling.sensor_record import SensorRecord  # scipy's filters, a second
@@ -51,6 +55,28 @@ def friction(
         motion=wall_motion(scene),
         **wanted,
     )
+
+
+BRIEF = LateralSearch(
+    dt=1e-6, cycle_steps=8, cycle_saves=8, ramp_periods=1, newton_periods=2, most_periods=1
+)
+
+
+def compilation(scene: Scene) -> NDArray[np.float64]:
+    """`compilation.compilation` of a scene with friction: also the kernels of the motion across,
+    by a few steps of a motion in the same directions."""
+    times = of_impact.compilation(scene)
+    with suppress(ValueError):  # the run itself says what is wrong
+        first, wall = start(scene), wall_of(scene)
+        brief = dem.march(first.chain, wall, first.velocity, duration=5e-6, dt=1e-6, n_save=5)
+        motion = wall_motion(scene)
+        if motion is not None:
+            motion = motion._replace(frequency=np.full(len(scene.shakers), 2e5))
+        last = last_sphere(scene, first)
+        march_lateral(
+            first.chain, wall, first.velocity, brief, last, motion=motion, search=BRIEF
+        )  # fmt: skip
+    return times
 
 
 def wall_motion(scene: Scene) -> WallMotion | None:
@@ -113,7 +139,7 @@ def friction_numbers(
 
 def cycle_numbers(
     scene: Scene, run: dem.Trajectory, lateral: LateralTrajectory
-) -> dict[str, float | str | None]:
+) -> dict[str, float | str | tuple[float, float] | None]:
     """Fields of `FrictionNumbers` of the periodic state, and of the instant at which a wave reaches
     the wall: when its force first differs from that at rest by a hundredth of its rise."""
     cycle = lateral.cycle
@@ -127,14 +153,28 @@ def cycle_numbers(
     phase = (360.0 * shaker.frequency * float(run.t[at]) + shaker.phase) % 360.0
     return {
         "loop_energy_J": cycle.energy,
-        "loop_tangential_N": float(0.5 * np.ptp(cycle.friction_force[:, cycle.axis])),
-        "loop_displacement_m": float(0.5 * np.ptp(cycle.slip[:, cycle.axis])),
+        "loop_tangential_N": amplitude(cycle.friction_force[:, cycle.axis]),
+        "loop_displacement_m": amplitude(cycle.slip[:, cycle.axis]),
+        "loop_mean_tangential_range_N": cycle.mean_force_range,
+        "loop_periods": cycle.periods,
         "periodicity_error": cycle.periodicity_error,
         "drift_m": cycle.drift,
         "state_at_impact": next((name for name, is_so in states.items() if is_so), "partial slip"),
         "stick_share_at_impact": stick,
         "phase_at_wall_deg": phase if struck else None,
     }
+
+
+def amplitude(loop: NDArray[np.float64]) -> float:
+    """Half of peak to peak of a period's samples (k,), the last like the first: the extrema are
+    those of the parabolas through three samples, as these miss them by up to (pi/k)^2 / 2."""
+    y = loop[:-1]
+    extrema = []
+    for i in (int(y.argmax()), int(y.argmin())):
+        before, after = y[i - 1], y[(i + 1) % y.size]
+        bend = before - 2.0 * y[i] + after
+        extrema.append(y[i] - ((after - before) ** 2 / (8.0 * bend) if bend else 0.0))
+    return float(0.5 * (extrema[0] - extrema[1]))
 
 
 def chain_numbers(
@@ -148,13 +188,8 @@ def chain_numbers(
     """`chain_numbers.chain_numbers` of a scene with friction: errors of velocities and energy are
     those along the chain and across it together."""
     along = of_chain.chain_numbers(scene, start, wall, impact, waves)
-    run = impact.trajectory
-    total = run.energy_total + lateral.energy
-    scale = float(run.energy_kinetic[0] + lateral.energy_lateral[0])
-    scale = scale or float(np.abs(total).max()) or 1.0
-    open_ledger = float(np.abs(total - total[0]).max()) / scale
     numbers = {
-        "energy_error": max(along.numbers["energy_error"], open_ledger),
+        "energy_error": along.numbers["energy_error"] + lateral.energy_error,
         "friction": friction_numbers(scene, start, impact, lateral),
     }
     if not start.velocity.any():  # what moves spheres at rest is rounding

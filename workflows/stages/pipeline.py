@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 from joblib import Memory
 
 from workflows.scene import RomWall, Scene
+from workflows.scene.places import named_faces, sensor_places, words_of
 from workflows.scene.size import foreseen_nodes
 from workflows.stages.cache import key, memory
 from workflows.stages.progress import Plan, Progress, quiet
@@ -97,6 +98,8 @@ def _dimensions(scene: Scene) -> Any:
     if scene.strike and any(body.lines for body in (scene.bodies or {}).values()):
         # grid lines are prescribed: the mesh does not depend on the patch
         tables |= {"strike": [scene.strike.on, scene.strike.at]}
+    if faces := sorted(named_faces(scene).items()):
+        tables |= {"faces": faces}
     return [tables, content(scene.assembly.file)]
 
 
@@ -139,7 +142,7 @@ ASSEMBLY = {
     ),
     "reduction": Stage(
         ".reduction:reduction",
-        tables_of("reduction", "strike", "assembly"),
+        lambda scene: [tables_of("reduction", "strike", "assembly")(scene), words_of(scene)],
         ("model", "contact", "modes"),
         means=("factor", "krylov-space"),
     ),
@@ -250,17 +253,25 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
     if scene.chain and scene.output.sensors:
         files = IMPACT["chain-files"]
         impact = impact | {"chain-files": files._replace(needs=(*files.needs, "record"))}
+        if sensor_places(scene):
+            impact["record"] = IMPACT["record"]._replace(
+                reads=tables_of("output", "damping"), needs=("impact", "waves", "reduction")
+            )
     if scene.chain and scene.friction:
         files, numbers = impact["chain-files"], impact["chain-numbers"]
         further = files.needs[2:]
+        across = tables_of("friction", "arm", "shakers", "striker")
+        compiled = ASSEMBLY["compilation"]
         impact = impact | {
+            "compilation": compiled._replace(
+                function=".friction:compilation",
+                reads=lambda scene: [compiled.reads(scene), across(scene)],
+            ),
             "friction": Stage(
                 ".friction:friction",
-                lambda scene: [
-                    _marched(scene),
-                    tables_of("friction", "arm", "shakers", "striker")(scene),
-                ],
+                lambda scene: [_marched(scene), across(scene)],
                 ("start", "wall", "impact"),
+                after=("compilation",),
             ),
             "chain-files": files._replace(
                 function=".friction:chain_files", needs=("impact", "wall", "friction", *further)

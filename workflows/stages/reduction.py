@@ -10,10 +10,11 @@ import rom
 from fem.assembly_modes import AssemblyModes
 from rom.jointed import Jointed
 from workflows.scene import Scene
+from workflows.scene.reduction import TO_HZ
 from workflows.stages.assembly import dashpots, solid, struck
+from workflows.stages.functionals import with_functionals
 from workflows.stages.strike import surface_of
 
-TO_HZ = 20e3  # up to which an error of the reduction holds, unless the scene says
 NOTHING = np.empty(0, np.int64)
 
 
@@ -108,6 +109,13 @@ def reduction(
     except rom.ReductionError:
         _require_held(scene, modes)
         raise
+
+    # further functionals: the contact across, shakers, sensors
+    reach = rom.ColumnOptions(to_hz=selected.to_hz or TO_HZ)
+    with fem.one_thread():
+        reduced = with_functionals(
+            scene, model, contact, reduced, reach, C=C, factor=factor, **solver
+        )
 
     # what it carries: the contact's law, the way back to the outer nodes, names, masses
     struck_surface = contact_of(scene, model, contact)._replace(

@@ -32,11 +32,14 @@ def targets(scene: Scene, model: fem.Model) -> tuple[fem.Target, ...]:
 
 def shape(scene: Scene, model: fem.Model, file: str | Path, hz: float) -> fem.Shape:
     """The measured shape at a frequency; raises InvalidScene for points off the assembly."""
-    return placed(scene, model, file, measured_shape(Path(file), hz))
+    return placed(scene, model, file, measured_shape(Path(file), hz), hz)
 
 
-def placed(scene: Scene, model: fem.Model, file: str | Path, measured: MeasuredShape) -> fem.Shape:
-    """A shape of a file on the model; raises InvalidScene for points off the assembly."""
+def placed(
+    scene: Scene, model: fem.Model, file: str | Path, measured: MeasuredShape, hz: float
+) -> fem.Shape:
+    """A shape of a file, at a frequency, on the model; raises InvalidScene for points off the
+    assembly."""
     structure = model.structure
     surface = fem.on_surface(structure, measured.points)
     size = float(np.linalg.norm(np.ptp(structure.points, axis=0)))
@@ -51,4 +54,4 @@ def placed(scene: Scene, model: fem.Model, file: str | Path, measured: MeasuredS
         )
     n = len(measured.points)
     along = csr_matrix((measured.directions.ravel(), np.arange(3 * n), np.arange(0, 3 * n + 1, 3)))
-    return fem.Shape(along @ surface.P @ model.T, measured.values)
+    return fem.Shape(along @ surface.P @ model.T, measured.values, hz)

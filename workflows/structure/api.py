@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from workflows.structure.thesis_tables import ThesisTable
     from workflows.structure.tuning import TuningReport
 
-HAMMER_PICTURES = ("hammer", "synthesis", "coherence", "automac")
+HAMMER_PICTURES = ("hammer", "synthesis", "coherence", "decay", "automac")
 
 
 @dataclass(frozen=True, repr=False)
@@ -296,7 +296,8 @@ class HammerTest:
     pictures: tuple[Picture, ...]
 
     def plot(self, name: str | None = None) -> Picture:
-        """A picture: "hammer" (the stability diagram), "synthesis", "coherence" or "automac"."""
+        """A picture: "hammer" (the stability diagram), "synthesis", "coherence", "decay" or
+        "automac"."""
         return picture_named(self.pictures, name)
 
     def __repr__(self) -> str:

@@ -10,12 +10,14 @@ from pydantic import BaseModel
 import coupling
 import fem
 from fem.correlation import measured_pairs
+from fem.decay import AmplitudeStep, over_amplitude, varies
 from fem.hammer_files import SYNTHETIC, Responses
 from fem.hammer_test import accelerances, corner_readings, nearest_modes, with_noise
 from fem.hit_records import node_and_axis
 from fem.identification import half_power_bandwidth
 from fem.measured_shapes import MeasuredShape, along_directions
 from fem.poly_reference import IdentifiedModes, identified_modes
+from fem.subspace import subspace_modes
 from workflows.files.hammer import MeasuredTest, Reading, measured_test
 from workflows.files.run_folder import Picture
 from workflows.report import plots
@@ -49,6 +51,15 @@ class Choice(NamedTuple):
     accept: tuple[int, ...] = ()
 
 
+class AmplitudeRow(BaseModel):
+    """Frequency and damping at an amplitude of a ring-down, in the unit of the record."""
+
+    amplitude: float
+    frequency_hz: float
+    zeta: float
+    zeta_deviation: float
+
+
 class HammerRow(BaseModel):
     """One identified mode, and the mode of the scene that it is paired with."""
 
@@ -65,6 +76,7 @@ class HammerRow(BaseModel):
     mac: float | None = None
     runner_up_hz: float | None = None  # of the next most like computed mode
     runner_up_mac: float | None = None
+    over_amplitude: list[AmplitudeRow] = []  # of ring-downs, where the mode stands clear
     remarks: list[str]
 
 
@@ -178,9 +190,18 @@ def hammer_test(
             "that reach a resonance."
         )
     try:
-        modes = identified_modes(
-            responses, choice.band_hz, reject=choice.reject, accept=choice.accept
-        )
+        if test.kind == "ambient":
+            (records,) = test.records
+            highest = 0.4 / records.dt  # four fifths of what the sampling holds
+            choice = choice._replace(band_hz=choice.band_hz or (highest / 100, highest))
+            modes = subspace_modes(
+                list(records.response), records.dt, choice.band_hz,
+                reject=choice.reject, accept=choice.accept,
+            )  # fmt: skip
+        else:
+            modes = identified_modes(
+                responses, choice.band_hz, reject=choice.reject, accept=choice.accept
+            )
     except ValueError as error:
         raise InvalidScene(f"{named}: {str(error).rstrip('.')}.") from None
 
@@ -208,6 +229,13 @@ def hammer_test(
             remarks.append("complex shape")
         if modes.zeta_deviation[i] > remarkable.zeta * zeta:
             remarks.append("damping uncertain")
+        steps = decay_of(test, modes, i) if test.kind == "ring-downs" else []
+        if varies(steps):
+            high, low = steps[0], steps[-1]
+            remarks.append(
+                f"damping depends on amplitude: {100 * high.zeta:.3g} % at {high.amplitude:.2g}, "
+                f"{100 * low.zeta:.3g} % at {low.amplitude:.2g}"
+            )
         rows.append(
             HammerRow(
                 number=int(modes.number[i]), frequency_hz=float(hz), zeta=float(zeta),
@@ -216,6 +244,7 @@ def hammer_test(
                 zeta_half_power=None if np.isnan(half_power) else float(half_power),
                 collinearity=float(modes.collinearity[i]), coherence=coherence,
                 mode=paired.get(i), remarks=remarks,
+                over_amplitude=[AmplitudeRow(**step._asdict()) for step in steps],
             )
         )  # fmt: skip
     left_out = [LeftOutRow(**row._asdict()) for row in modes.left_out]
@@ -223,7 +252,8 @@ def hammer_test(
     steps = [StepRow(**{**step._asdict(), "left_out": list(step.left_out)}) for step in test.steps]
     steps.append(
         StepRow(
-            file=named, step="poly-reference identification",
+            file=named, step="subspace identification" if test.kind == "ambient"
+            else "poly-reference identification",
             options={
                 "from_hz": band[0], "to_hz": band[1],
                 "reject": ",".join(map(str, choice.reject)),
@@ -239,6 +269,18 @@ def hammer_test(
     return IdentifiedTest(report, test, modes)
 
 
+def decay_of(test: MeasuredTest, modes: IdentifiedModes, mode: int) -> list[AmplitudeStep]:
+    """Frequency and damping of a mode over its amplitude, in the record where it lasts longest."""
+    decays = []
+    for hits in test.records:
+        for y in hits.response:
+            onset = int(np.abs(y).max(axis=0).argmax())
+            decays.append(
+                over_amplitude(y[:, onset:], hits.dt, modes.frequency_hz, modes.phi, mode)
+            )
+    return max(decays, key=len)
+
+
 def opposite_directions(test: MeasuredTest, modes: IdentifiedModes) -> list[str]:
     """Sentences on driving points where hammer and sensor do not move alike.
 
@@ -247,6 +289,8 @@ def opposite_directions(test: MeasuredTest, modes: IdentifiedModes) -> list[str]
     its sign tells hammer and sensor along opposite directions and a mixed one a mixed-up point.
     """
     responses, sentences = test.responses, []
+    if test.kind == "ambient":
+        return []
     for i, point in enumerate(responses.points):
         for j, reference in enumerate(responses.references):
             ends = node_and_axis(point), node_and_axis(reference)
@@ -286,7 +330,10 @@ def recognised(test: IdentifiedTest, pipeline: Pipeline, wanted: Collection[int]
         return test
     model, modes = pipeline("model"), pipeline("modes")
     computed_hz = modes.omega / (2 * np.pi)
-    shapes = [placed(scene, model, report.file, shape) for shape in measured]
+    shapes = [
+        placed(scene, model, report.file, shape, row.frequency_hz)
+        for shape, row in zip(measured, report.rows, strict=True)
+    ]
     # all shapes of one test are read at the same points
     reading = shapes[0].reading @ modes.phi
     likeness = fem.mac(np.column_stack([s.shape for s in shapes]), reading)
@@ -366,6 +413,17 @@ def pictures(test: IdentifiedTest) -> list[Picture]:
         panel = Panel("coherence", "frequency [Hz]", "coherence", lines, "", (0.0, 1.02))
         made.append(Picture("coherence", plots.panels([panel], size=(9, 2.8))))
     names = [f"{row.number}: {row.frequency_hz:.4g} Hz" for row in rows]
+    decaying = [row for row in rows if row.over_amplitude]
+    if decaying:
+        lines = [
+            Line(
+                f"{row.frequency_hz:.4g} Hz", np.array([s.amplitude for s in row.over_amplitude]),
+                np.array([100 * s.zeta for s in row.over_amplitude]), "o-", k,
+            )
+            for k, row in enumerate(decaying[:8])
+        ]  # fmt: skip
+        panel = Panel("damping over amplitude", "amplitude", "damping ratio [%]", lines, "x")
+        made.append(Picture("decay", plots.panels([panel], size=(8, 3.6))))
     if len(responses.points) > 1 and len(rows) > 1:
         made.append(
             Picture("automac", plots.matrix(fem.mac(modes.phi, modes.phi), names, "AutoMAC"))

@@ -1,0 +1,33 @@
+"""The example of errors of runs with friction measures what it says."""
+
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+WHERE = spec_from_file_location(
+    "friction_errors", Path(__file__).parents[1] / "examples" / "friction_errors.py"
+)
+EXAMPLE = module_from_spec(WHERE)
+WHERE.loader.exec_module(EXAMPLE)
+
+
+@pytest.mark.parametrize(("kind", "scene"), [("oblique", 3), ("oblique", 6), ("pressed", 4)])
+def test_random_runs_state_their_error_close_the_ledger_and_heat_never_falls(kind, scene):
+    trial = EXAMPLE.trial(getattr(EXAMPLE, kind)(np.random.default_rng([0, scene])))
+    assert trial.ratio >= 1.0
+    assert 0.0 < trial.ledger <= 1.0
+    assert trial.fall <= 0.0
+
+
+def test_an_error_stated_five_times_too_small_is_noticed(monkeypatch):
+    run, march_lateral = EXAMPLE.pressed(np.random.default_rng([0, 4])), EXAMPLE.march_lateral
+    honest = EXAMPLE.trial(run)
+
+    def boasting(*scene, **options):
+        across = march_lateral(*scene, **options)
+        return across._replace(error_estimate=0.2 * across.error_estimate)
+
+    monkeypatch.setattr(EXAMPLE, "march_lateral", boasting)
+    assert EXAMPLE.trial(run).ratio < 0.3 * honest.ratio

@@ -1,0 +1,62 @@
+"""Where shakers and sensors sit on a structure, and what its reduced model has to hold for them."""
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from workflows.scene.walls import RomWall
+
+if TYPE_CHECKING:
+    from workflows.scene.scene import Scene
+
+RADIUS = 5e-3  # m, of a shaker's and a sensor's patch where the scene gives none: assumed
+MIDDLE = (0.0, 0.0)
+
+
+class Place(NamedTuple):
+    """Where a shaker or a sensor sits on the structure, as the scene says it."""
+
+    key: str  # that messages call it by
+    name: str
+    face: str  # name of the face in the mesh, without its body
+    on: str  # selector
+    at: tuple[float, float]  # m, from the middle of the face
+    radius: float  # m
+    direction: str | tuple[float, float, float]
+
+
+def shaker_places(scene: "Scene") -> list[Place]:
+    """The shakers on faces of the structure, in the order of the scene."""
+    return [
+        Place(
+            f"shakers.{shaker.name}", shaker.name, f"shaker-{shaker.name}", shaker.on,
+            shaker.at or MIDDLE, shaker.radius or RADIUS, shaker.direction,
+        )
+        for shaker in scene.shakers or () if shaker.on_face
+    ]  # fmt: skip
+
+
+def sensor_places(scene: "Scene") -> list[Place]:
+    """The sensors on faces of the structure, in the order of the scene."""
+    output = scene.output
+    return [
+        Place(
+            f"output.sensors.{i}", sensor.label, f"sensor-{i}", sensor.on,
+            sensor.at or MIDDLE, sensor.radius or RADIUS, sensor.direction,
+        )
+        for i, sensor in enumerate((output and output.sensors) or (), start=1)
+        if sensor.on is not None
+    ]  # fmt: skip
+
+
+def has_friction(scene: "Scene") -> bool:
+    """Whether the chain meets the structure with friction."""
+    return scene.friction is not None and isinstance(scene.wall, RomWall)
+
+
+def named_faces(scene: "Scene") -> dict[str, str]:
+    """Selectors of the faces that shakers and sensors sit on, by their names in the mesh."""
+    return {place.face: place.on for place in shaker_places(scene) + sensor_places(scene)}
+
+
+def words_of(scene: "Scene") -> list[Any]:
+    """What the functionals are made of, but for the contact's patch: changes with each word."""
+    return [has_friction(scene), shaker_places(scene), sensor_places(scene)]

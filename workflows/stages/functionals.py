@@ -1,0 +1,89 @@
+"""Further functionals of a structure: its contact across, shakers and sensors on its faces.
+
+Each is the mean displacement over a disc in one direction, by which it is loaded or read: Hertz'
+weights at the contact, a plain mean under a shaker or a sensor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import fem
+import rom
+from fem.trace import OffFace
+from workflows.scene import InvalidScene, Scene
+from workflows.scene.places import Place, has_friction, sensor_places, shaker_places
+from workflows.scene.shakers import AXES
+from workflows.stages.assembly import solid, struck
+
+
+def functional(
+    scene: Scene, model: fem.Model, bodies: Mapping[str, str], place: Place
+) -> NDArray[np.float64]:
+    """(n,) mean displacement of a disc on a face in a direction; "normal" is out of the face.
+
+    bodies[face] is the body of a named face. Raises InvalidScene where the disc leaves the face, or
+    the face is not plane.
+    """
+    face = f"{bodies[place.face]}:{place.face}"
+    try:
+        patch = fem.contact_patch(model, face, place.at, place.radius, weights="area")
+    except OffFace:
+        raise InvalidScene(
+            f"{scene.name}: {place.key}: a disc of radius {place.radius:g} m at "
+            f"{list(place.at)} m from the middle of {place.on!r} leaves that face; move it by "
+            f"{place.key}.at, or make {place.key}.radius smaller."
+        ) from None
+    except ValueError as error:
+        why = str(error).replace(face, place.on)
+        raise InvalidScene(f"{scene.name}: {place.key}: {why.rstrip('.')}.") from None
+    if place.direction == "normal":
+        direction = -patch.spot.inward
+    else:
+        given = AXES.get(place.direction, place.direction)
+        direction = np.array(given, float) / np.linalg.norm(given)
+    return model.T.T @ (direction @ patch.mean)
+
+
+def with_functionals(
+    scene: Scene,
+    model: fem.Model,
+    contact: fem.ContactPatch,
+    reduced: rom.ReducedModel,
+    options: rom.ColumnOptions,
+    **solver: Any,
+) -> rom.ReducedModel:
+    """The reduced model with what `places.words_of` names; as it is where that is nothing.
+
+    Raises InvalidScene, rom.ReductionError.
+    """
+    across = contact.across(model) if has_friction(scene) else ()
+    shakers, sensors = shaker_places(scene), sensor_places(scene)
+    if not across and not shakers and not sensors:
+        return reduced
+    bodies = {
+        face: body
+        for body, basis in model.structure.basis.items()
+        for face in basis.mesh.boundaries or {}
+    }
+    on_faces = [functional(scene, model, bodies, place) for place in shakers + sensors]
+    B = np.column_stack([*(patch.w for patch in across), *on_faces])
+    reduced, columns = rom.with_columns(reduced, model.K, model.M, B, options=options, **solver)
+    split = np.split(columns, [len(across), len(across) + len(shakers)], axis=1)
+
+    fields = {}
+    if across:
+        material = solid(scene, scene.struck_body)
+        try:
+            half_space = fem.half_space_matrix(model, struck(scene), contact, material)
+        except ValueError as error:
+            raise InvalidScene(f"{scene.name}: [friction]: {str(error).rstrip('.')}.") from None
+        fields = {"across": split[0], "half_space": half_space, "axes": contact.axes}
+    for group, W, places in (("load", split[1], shakers), ("sense", split[2], sensors)):
+        if places:
+            fields |= {group: W, f"{group}_names": tuple(place.name for place in places)}
+    return reduced._replace(columns=rom.Columns(**fields))
