@@ -407,7 +407,12 @@ def periodic_state(
         float(gained[2]),
         change,
         float(np.hypot(*((saved.across[-1, 0] - saved.across[0, 0]) @ frame))),
+        estimate,
+        period.steps.n_save * period.steps.stride * n_periods,
+        n_periods,
     )
+    mean = float(cycle.friction_force[:-1, cycle.axis].mean())
+    cycle = cycle._replace(mean_force_range=(mean, mean))
     return PeriodicState(
         state, cycle, saved.force @ Q, middle, float(np.abs(saved.wall[:, 1]).max()), n_periods,
         impacting, work, float(gained[2]), float(gained[4]),

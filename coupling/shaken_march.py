@@ -12,18 +12,12 @@ from coupling.periodic_state import (
     periodic_state,
 )
 from coupling.spatial_march import (
-    USUAL_SPATIAL_SEARCH,
     Before,
-    ShakerForces,
+    Body,
     SpatialRun,
-    SpatialSearch,
-    body_of,
     march_to_error,
 )
-from coupling.spatial_wall import SpatialWall
-from dem import Chain
 from dem.checks import require, saves
-from dem.lateral import LastSphere
 
 
 class ShakenRun(NamedTuple):
@@ -34,22 +28,26 @@ class ShakenRun(NamedTuple):
 
 
 def march_shaken(
-    chain: Chain, wall: SpatialWall, v0: ArrayLike, last: LastSphere, shakers: ShakerForces, *,
-    duration: float, error: float | None = None, n_save: int = 1000, upstream_held: bool = False,
-    search: SpatialSearch = USUAL_SPATIAL_SEARCH,
+    body: Body,
+    v0: ArrayLike,
+    *,
+    duration: float,
+    error: float | None = None,
+    n_save: int = 1000,
+    upstream_held: bool = False,
     periodic: PeriodicSearch = USUAL_PERIODIC_SEARCH,
-) -> ShakenRun:  # fmt: skip
-    """A chain with velocities v0 (n,) [m/s] added at t = 0 to the periodic state of chain, contact
-    and structure under the shakers; at n_save + 1 equal times.
+) -> ShakenRun:
+    """A body (`body_of`) with velocities v0 (n,) [m/s] of its chain added at t = 0 to the periodic
+    state of chain, contact and structure under the shakers; at n_save + 1 equal times.
 
     A first sphere that moves and that nothing presses is the striker: it is not there before, and
     touches the second one at t = 0. `upstream_held`: all spheres but the last rest until then.
     Errors are relative to the largest speed, of the striker or in the cycle. Raises InvalidChain,
-    NoEquilibrium, CouplingError, and UnstableStep where no state is periodic.
+    and UnstableStep where no state is periodic.
     """
+    chain, last = body.prepared.chain, body.last
     n, v0 = chain.mass.size, np.asarray(v0, float)
     saves(n_save, n)
-    body = body_of(chain, wall, v0, last, shakers, search)
     pressed = body.prepared.static.force
     striker = n > 1 and v0[0] > 0.0 and pressed[0] == 0.0
     held = np.zeros(n, bool)

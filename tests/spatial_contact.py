@@ -111,7 +111,7 @@ def plain_march(
         across = np.where(free, -(T + arm * u) / m[-1], 0.0)
         return np.concatenate([v, net / m, uv, across, spin, turn, p, a]), (b, s, force)
 
-    history = []
+    history = [[*F, *slip]]
     for i in range(round(duration / dt)):
         t = i * dt
         k1, _ = rate(t, y)

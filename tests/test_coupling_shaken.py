@@ -6,7 +6,7 @@ from spatial_contact import last, plain_march, random_wall, row
 
 import dem
 from coupling.shaken_march import march_shaken
-from coupling.spatial_march import ShakerForces
+from coupling.spatial_march import ShakerForces, body_of
 from coupling.spatial_wall import spatial_wall_of_modes
 from dem.checks import InvalidChain
 from dem.friction import loop_amplitude, loop_energy
@@ -27,7 +27,11 @@ def shaken(seed, *, force, frequency, preload, arm=None, n_modes=4, n=1, error=1
     v0 = np.zeros(n)
     v0[0] = run.pop("velocity", 0.0)
     options = {"duration": 2e-4, "n_save": 50, "error": error} | run
-    return march_shaken(chain, wall, v0, last(chain, **arm), shakers, **options), wall, chain
+    return (
+        march_shaken(body_of(chain, wall, v0, last(chain, **arm), shakers), v0, **options),
+        wall,
+        chain,
+    )
 
 
 @pytest.mark.parametrize(("force", "S"), [(150.0, 0.0), (100.0, 3e-9)])
@@ -42,7 +46,7 @@ def test_a_plain_integrator_goes_round_in_the_cycle(force, S):
     body = last(chain, arm_stiffness=np.array([2e6, 3e6]), arm_rotation=300.0)
     shakers = ShakerForces(np.array([force]), np.array([1000.0]), np.array([0.4]))
     before = march_shaken(
-        chain, wall, [0.0], body, shakers, duration=1e-5, n_save=2, error=1e-4
+        body_of(chain, wall, [0.0], body, shakers), [0.0], duration=1e-5, n_save=2, error=1e-4
     ).before
     y, history = plain_march(
         chain, wall, [0.0], body, duration=1e-3, dt=1e-6, deepest=2.5e-6, begin=before.moving,
@@ -52,7 +56,7 @@ def test_a_plain_integrator_goes_round_in_the_cycle(force, S):
     mine = before.cycle.friction_force
     np.testing.assert_allclose(np.ptp(mine, axis=0), np.ptp(T, axis=0), rtol=5e-4)
     heat = float(np.sum(0.5 * (T[1:] + T[:-1]) * np.diff(slip, axis=0)))
-    assert before.heat == pytest.approx(heat, rel=1e-2)
+    assert before.heat == pytest.approx(heat, rel=5e-4)
     np.testing.assert_allclose(y[7], before.moving.motion.p, atol=2e-4 * np.abs(y[7]).max())
 
 
@@ -83,7 +87,7 @@ def test_a_slow_cycle_is_mindlins_loop():
     force = 10.0 + X * omega**2
     shakers = ShakerForces(np.array([force]), np.array([10.0]), np.array([0.0]))
     before = march_shaken(
-        chain, wall, [0.0], body, shakers, duration=1e-4, n_save=2, error=1e-4
+        body_of(chain, wall, [0.0], body, shakers), [0.0], duration=1e-4, n_save=2, error=1e-3
     ).before
     Q = 0.5 * np.ptp(before.cycle.friction_force[:, 0])
     assert Q == pytest.approx(10.0, rel=2e-3)
@@ -114,8 +118,10 @@ def test_spheres_that_nothing_holds_are_refused_or_held():
     body = last(chain, arm_stiffness=np.full(2, 2e6), arm_rotation=300.0)
     options = {"duration": 1e-4, "n_save": 20, "error": 1e-3}
     with pytest.raises(InvalidChain, match="held by nothing"):
-        march_shaken(chain, wall, [0.1, 0, 0], body, shakers, **options)
-    result = march_shaken(chain, wall, [0.1, 0, 0], body, shakers, upstream_held=True, **options)
+        march_shaken(body_of(chain, wall, [0.1, 0, 0], body, shakers), [0.1, 0, 0], **options)
+    result = march_shaken(
+        body_of(chain, wall, [0.1, 0, 0], body, shakers), [0.1, 0, 0], upstream_held=True, **options
+    )
     assert result.before.moving.motion.v[1] == 0.0
 
 
@@ -123,11 +129,11 @@ def test_a_contact_that_opens_in_its_cycle_is_called_impacting():
     chain = row(preload=5.0)
     omega = 2 * np.pi * 400.0
     wall = spatial_wall_of_modes([omega], [0.05], [[0.6, 0.2, 0.0]], load=[[0.5]])
-    shakers = ShakerForces(np.array([120.0]), np.array([300.0]), np.array([0.0]))
+    shakers = ShakerForces(np.array([220.0]), np.array([300.0]), np.array([0.0]))
     body = last(chain, arm_stiffness=np.full(2, 1e6), arm_rotation=np.inf)
     try:
         before = march_shaken(
-            chain, wall, [0.0], body, shakers, duration=1e-4, n_save=2, error=1e-2
+            body_of(chain, wall, [0.0], body, shakers), [0.0], duration=1e-4, n_save=2, error=1e-2
         ).before
     except dem.UnstableStep as error:
         assert "no periodic state within 200 periods" in str(error)
