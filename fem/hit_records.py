@@ -28,6 +28,12 @@ AXES = ("", "x", "y", "z", "rx", "ry", "rz")  # of UFF58's directions 0 to 6
 FORCE = 13  # UFF58's type of an excitation force
 TIME_RESPONSE = 1  # UFF58's function type
 NEWTONS = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "lbf": 4.4482216152605}
+MOTIONS = {
+    "": ("of no unit", 1.0), "V": ("voltages", 1.0), "m/s^2": ("accelerations", 1.0),
+    "m/s2": ("accelerations", 1.0), "g": ("accelerations", 9.80665),
+    "mm/s^2": ("accelerations", 1e-3), "m/s": ("velocities", 1.0), "mm/s": ("velocities", 1e-3),
+    "m": ("displacements", 1.0), "mm": ("displacements", 1e-3), "um": ("displacements", 1e-6),
+}  # fmt: skip
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 
 
@@ -98,6 +104,7 @@ def record_of_csv(path: Path, name: str) -> TimeRecord:
     between = next((mark for mark in ";\t" if mark in first), ",")
     header = [cell.strip() for cell in first.split(between)]
     scales, force, sensors, columns, point = [], None, [], [], name
+    quantities: set[str] = set()
     for i, heading in enumerate(header):
         match = fullmatch(r"(time|force|response|sensor)?\s*(.*?)\s*(?:\[(.*)\])?", heading)
         kind, label, unit = match[1], match[2], match[3] or ""
@@ -113,12 +120,29 @@ def record_of_csv(path: Path, name: str) -> TimeRecord:
         else:
             sensors.append(label or f"sensor {len(sensors) + 1}")
             columns.append(i)
-            scales.append(1.0)
+            if unit not in MOTIONS:
+                raise ValueError(
+                    f"the unit of {heading!r} is {unit!r}, allowed are {', '.join(MOTIONS)}"
+                )
+            quantities.add(MOTIONS[unit][0])
+            scales.append(MOTIONS[unit][1])
     if not columns:
         raise ValueError("it has no column with a response")
+    if len(quantities) > 1:
+        raise ValueError(
+            f"its responses are {' and '.join(sorted(quantities))}; shapes need one quantity"
+        )
     with catch_warnings():
         simplefilter("ignore")  # of a file without lines, which is refused below
-        table = np.loadtxt(path, delimiter=between, ndmin=2, skiprows=n_lines, encoding="utf-8-sig")
+        try:
+            table = np.loadtxt(
+                path, delimiter=between, ndmin=2, skiprows=n_lines, encoding="utf-8-sig"
+            )
+        except ValueError:
+            raise ValueError(
+                f"a line below its header is not {len(header)} numbers with decimal points; the "
+                "file may be cut off"
+            ) from None
     if table.shape[1] != len(header):
         raise ValueError(f"its lines have {table.shape[1]} numbers, its header {len(header)}")
     table = table * scales
