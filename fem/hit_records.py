@@ -69,6 +69,15 @@ def node_and_axis(name: str) -> tuple[int, int] | None:
     return match and (int(match[1]), AXES.index(match[3]) * (1 if match[2] == "+" else -1))
 
 
+def direction_named(text: str) -> int:
+    """The direction of "z", "+z" or "-z", as in UFF58; raises ValueError for another."""
+    name = text.strip()
+    axis = name.lstrip("+-")
+    if axis not in ("x", "y", "z") or len(name) > 2:
+        raise ValueError(f"the direction {text!r} is none of x, y, z, -x, -y, -z")
+    return AXES.index(axis) * (-1 if name[0] == "-" else 1)
+
+
 def require_even(t: NDArray[np.float64]) -> float:
     """The step of times [s]; raises ValueError where they are no even, ascending ones."""
     steps = np.diff(t)
@@ -197,7 +206,14 @@ def records_of_mat(variables: dict[str, NDArray], name: str) -> list[TimeRecord]
     points = names("points", n, [name] * n)
     sensors = names("sensors", m, [f"sensor {i + 1}" for i in range(m)])
     return [
-        TimeRecord(dt, None if f is None else f[:, i], y[:, :, i].T, points[i], tuple(sensors), "")
+        TimeRecord(
+            dt,
+            None if f is None else f[:, i],
+            y[:, :, i].T,
+            points[i],
+            tuple(sensors),
+            str(np.ravel(variables["title"])[0]) if "title" in variables else "",
+        )
         for i in range(n)
     ]
 

@@ -363,6 +363,19 @@ def recognised(test: IdentifiedTest, pipeline: Pipeline, wanted: Collection[int]
     return test._replace(report=report.model_copy(update={"rows": rows}))
 
 
+def targets_of(test: IdentifiedTest, shapes: Path) -> str:
+    """The modes as [[targets]] of a scene, their shapes in a file; a doubtful pair as a comment."""
+    blocks = []
+    for row in test.report.rows:
+        doubts = [remark for remark in row.remarks if remark.startswith("doubtful")]
+        lines = ["[[targets]]", f"hz = {row.frequency_hz:.6g}", f'shape = "{shapes}"']
+        if doubts or (row.mac is None and row.runner_up_mac is not None):
+            why = doubts[0] if doubts else "no computed mode is like it"
+            lines = [f"# {why}", *(f"# {line}" for line in lines)]
+        blocks.append("\n".join(lines))
+    return "\n".join(blocks) + "\n"
+
+
 def pictures(test: IdentifiedTest) -> list[Picture]:
     """Stability diagram, measured over synthesised responses, coherence and AutoMAC."""
     responses, modes, rows = test.test.responses, test.modes, test.report.rows
