@@ -357,6 +357,22 @@ def test_what_modes_do_not_determine_keeps_its_value_and_the_rest_is_fitted_agai
     assert [row["frequency_hz"] for row in rows[:6]] == pytest.approx(hz, rel=1e-4)
 
 
+def test_match_gives_targets_to_a_scene_without_any(capsys):
+    arm = ARM.replace("WASHER", "0.009")
+    _, rows = modes_of(capsys, written(arm, "truth"), "--set=joints.bolts.kz=8e6")
+    f = rows[1]["frequency_hz"]
+    order = ("tune", written(arm), "--free=joints.bolts.kz", "--out=t.toml", "--json")
+    assert beadwave(*order, f"--match=2={f!r}") == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["stiffness"]["joints.bolts.kz"] == pytest.approx(8e6, rel=1e-2)
+    assert report["remarks"][0] == "target 1 is mode 2."
+    (target,) = scene("t.toml").targets
+    assert (target.number, target.hz) == (2, f)
+    for match in ("3", "3=a", "0=10", "1=-5", "1=10,1=12"):
+        assert beadwave(*order, f"--match={match}") == 2
+        assert "needs its number and its frequency" in capsys.readouterr().err
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kz", [1e2, 1e13])
 def test_a_start_outside_of_the_bounds_is_no_obstacle(kz, capsys):

@@ -334,6 +334,26 @@ def targets(match: str, measured_hz: tuple[float, ...] = HAMMER_TEST_HZ) -> dict
     return wanted
 
 
+def numbered(scene: Scene, match: str) -> tuple[Scene, dict[int, float], list[str]]:
+    """A scene of bodies with the modes of "1=738.6,3=2210.8" [Hz] as its targets, these by their
+    place among the targets, and a sentence where places and modes differ; raises InvalidScene."""
+    pairs = [item.partition("=") for item in match.split(",")]
+    try:
+        hz = {int(n): float(value) for n, _, value in pairs}
+    except ValueError:
+        hz = {}
+    if len(hz) < len(pairs) or not all(n >= 1 and 0 < f < np.inf for n, f in hz.items()):
+        raise InvalidScene(
+            f"--match {match}: {scene.name} has no targets, so each mode needs its number and its "
+            "frequency, as in 1=738.6,3=2210.8 (Hz)."
+        )
+    tables = tuple(MeasuredMode(number=n, hz=f) for n, f in sorted(hz.items()))
+    places = {n: place for place, n in enumerate(sorted(hz), start=1)}
+    moved = [f"target {place} is mode {n}" for n, place in places.items() if place != n]
+    sentence = [f"{', '.join(moved)}."] if moved else []
+    return scene.but(targets=tables), {places[n]: f for n, f in sorted(hz.items())}, sentence
+
+
 def freed(names: tuple[str, ...]) -> list[TuningParameter]:
     """Parameters of the rig by name: "head.ky", "foot.kt" (both tangential directions) or
     "block.young". Raises InvalidScene for other names and for a stiffness that two of them set."""
