@@ -357,6 +357,27 @@ def test_what_modes_do_not_determine_keeps_its_value_and_the_rest_is_fitted_agai
     assert [row["frequency_hz"] for row in rows[:6]] == pytest.approx(hz, rel=1e-4)
 
 
+def test_a_tuned_scene_keeps_comments_and_order_of_its_file(capsys):
+    arm = ARM.replace("WASHER", '"9 mm"  # of the drawing') + "# a guess\nkz = 1e7  # per bolt\n"
+    text = "# An arm on three bolts.\n" + arm
+    assert (
+        beadwave("tune", written(text), "--match=1=700", "--free=joints.bolts.kz", "--out=t.toml")
+        == 0
+    )
+    _, *lines = Path("t.toml").read_text().splitlines()
+    kz = scene("t.toml").springs["bolts"].kz
+    assert 1e4 < kz < 1e12 and kz != 1e7
+    same = text.replace("kz = 1e7", f"kz = {kz!r}").splitlines()
+    assert lines[: len(same)] == same
+    assert [line for line in lines[len(same) :] if line] == [
+        "[[targets]]",
+        "hz = 700.0",
+        "number = 1",
+    ]
+
+    assert scene("t.toml").name == "t"
+
+
 def test_match_gives_targets_to_a_scene_without_any(capsys):
     arm = ARM.replace("WASHER", "0.009")
     _, rows = modes_of(capsys, written(arm, "truth"), "--set=joints.bolts.kz=8e6")

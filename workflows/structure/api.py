@@ -295,7 +295,7 @@ def tune(
     # a scene is named after its file
     name = sub(r"[^\w.-]", "-", file.path.stem).lstrip(".-")[:LONGEST_NAME] or "tuned"
     result = result.model_copy(update={"name": name})
-    write_scene(result, file, report)
+    write_scene(result, file, report, scene)
     return Tuned(result, report, file.path)
 
 
