@@ -86,7 +86,9 @@ class LateralSearch(NamedTuple):
     The error that is asked for is that of velocities, and of the energy ledger.
     """
 
-    dt: float | None = None  # [s] a step that is given, in place of an error
+    # [s] a step that is given, in place of an error; a periodic state then takes two times the
+    # fewest steps that `cycle_steps` and `cycle_phase` allow
+    dt: float | None = None
     safety: float = 2.0  # stated error over what the difference says: orders of 2 to 2.5 were seen
     phase: float = 0.2  # of the stiffest contact with the sphere, a first step; not varied
     most_steps: float = 3e8  # about a minute to ten
@@ -460,6 +462,7 @@ class Cycle(NamedTuple):
     periodicity_error: float  # change of the force from one to the next, over its largest
     drift: float  # [m] of the sphere from one to the next
     error_estimate: float  # of the velocities, as that of `LateralTrajectory`
+    n_steps: int  # of the march that left it
     periods: int = 1  # of the wall's motion until all repeats itself
     # [N] least and largest mean force along `axis`, also of contacts that were pushed beforehand
     mean_force_range: tuple[float, float] = (0.0, 0.0)
@@ -651,8 +654,6 @@ def periodic_state(
     search, period = body.search, motion.period
     fewest = max(search.cycle_steps, math.ceil(math.pi / math.sqrt(body.error)))
     n_steps = max(fewest, math.ceil(period * body.rate(overlap) / search.cycle_phase))
-    if search.dt is not None:
-        n_steps = max(fewest, math.ceil(period / search.dt))
     shaken = Shaken(body, overlap, motion, 1, n_steps)
     state, springs = shaken.ramped(np.zeros(len(body.frame)))
     periodicity = search.periodicity * body.error
@@ -708,6 +709,7 @@ def periodic_state(
         finer.change,
         float(np.hypot(*((saved.u[-1] - saved.u[0]) @ frame))),
         estimate,
+        shaken.steps.n_save * shaken.steps.stride,
         shaken.periods,
     )
     means = [float((force @ frame)[:-1, cycle.axis].mean()) for force in forces]

@@ -139,7 +139,7 @@ def across_by(
         dt=2.0 * across.dt / refinement,
         capacity=4 * usual.capacity,
         n_cells=int(refinement * across.n_cells * CELLS),
-        cycle_steps=usual.cycle_steps * refinement,
+        cycle_steps=1 if across.cycle is None else refinement // 4 * across.cycle.n_steps,
         periodicity=1e-2,  # of 1e-5, the error of a search that is given a step
         rough=1.0,
     )
