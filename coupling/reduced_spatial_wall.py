@@ -49,13 +49,30 @@ def spatial_wall_of(
             "the reduced model knows its contact along the normal only; friction needs w with "
             "three columns, along n, t1 and t2."
         )
+    moving = modes_and_oscillators(reduced, functionals(reduced), cutoff_hz=cutoff_hz, modes=modes)
+    omega, phi, _, D = moving
+    zeta = damping_ratios(damping, omega) + matrix_ratios(D, omega)
+    n_loads = 0 if columns.load is None else columns.load.shape[1]
+    contact, load, sense = np.split(phi, [3, 3 + n_loads], axis=1)
+    wall = spatial_wall_of_modes(omega, zeta, contact, load=load, sense=sense)
+    return wall._replace(residual_compliance=-half_space_of(reduced))
+
+
+def modes_and_oscillators(
+    reduced: ReducedModel,
+    W: np.ndarray,
+    *,
+    cutoff_hz: float | None = None,
+    modes: ModalWall | None = None,
+) -> ModalWall:
+    """Modes below the cutoff [Hz] and oscillators for the others, phi (k, p) their participations
+    at p functionals W (r, p); arguments as in spatial_wall_of."""
     modes = modal(reduced) if modes is None else modes
     mask = moving_mask(modes, reduced, cutoff_hz)
-    phi = modes.vectors.T @ functionals(reduced)
+    phi = modes.vectors.T @ W
 
-    # oscillators in place of the modes above the cutoff: Ritz pairs in their static shapes
-    # X = Phi / omega^2, which for K and M in these modes have R_1 = X^T K X and R_2 = X^T X.
-    # Of shapes that depend on each other the span counts
+    # Ritz pairs of the others in their static shapes X = Phi / omega^2, which for K and M in these
+    # modes have R_1 = X^T K X and R_2 = X^T X. Of shapes that depend on each other the span counts
     rest = ~mask & (modes.omega > 0)
     squared = modes.omega[rest] ** 2
     X = phi[rest] / squared[:, None]
@@ -67,15 +84,9 @@ def spatial_wall_of(
     shapes = np.zeros((len(modes.omega), len(of_rest)))
     shapes[rest] = U @ turn
     moving = np.column_stack([np.eye(len(mask))[:, mask], shapes])
-    omega = np.append(modes.omega[mask], np.sqrt(of_rest))
-    phi = moving.T @ phi
-
     D = None if modes.damping is None else moving.T @ modes.damping @ moving
-    zeta = damping_ratios(damping, omega) + matrix_ratios(D, omega)
-    n_loads = 0 if columns.load is None else columns.load.shape[1]
-    contact, load, sense = np.split(phi, [3, 3 + n_loads], axis=1)
-    wall = spatial_wall_of_modes(omega, zeta, contact, load=load, sense=sense)
-    return wall._replace(residual_compliance=-half_space_of(reduced))
+    omega = np.append(modes.omega[mask], np.sqrt(of_rest))
+    return ModalWall(omega, moving.T @ phi, modes.vectors @ moving, D)
 
 
 def with_stingers(reduced: ReducedModel, stiffness: np.ndarray) -> ReducedModel:

@@ -14,7 +14,7 @@ A further quantity needs: its case in `measured`; what of it has one crest a wav
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,9 @@ from coupling.errors import CouplingError
 from dem.waves.labels import Label, labels
 from dem.waves.tracks import WaveTrack
 
+if TYPE_CHECKING:
+    from coupling.structure_sensors import Sensed
+
 QUANTITIES = ("force", "force-rate", "velocity", "displacement")  # N, N/s, m/s, m
 NO_BAND = Band()
 
@@ -34,12 +37,13 @@ class Sensor(NamedTuple):
     """One channel of an instrument; its signal is in V where it has a gain [V per unit], else in
     the unit of its quantity."""
 
-    sphere: int  # counted from 0, as in a run's columns
+    sphere: int | None  # counted from 0, as in a run's columns; None of one on a structure
     quantity: str  # one of QUANTITIES
     gain: float = 1.0
     band: Band = NO_BAND
     noise: float = 0.0  # rms over the largest value of the signal, of a synthetic record
     range: float | None = None  # largest value that is shown; None: what fits the signal
+    column: int | None = None  # of one on a structure, in `structure_sensors.Sensed`
 
 
 def measured(
@@ -48,14 +52,19 @@ def measured(
     x: NDArray[np.float64],
     v: NDArray[np.float64],
     contact_force: NDArray[np.float64],
+    structure: "Sensed | None" = None,
 ) -> NDArray[np.float64]:
     """(k, m, ...) the quantities of m sensors at the instants t (k,) of a run or of its
-    derivatives: x, v (k, n, ...), contact_force (k, n or n - 1, ...).
+    derivatives: x, v (k, n, ...), contact_force (k, n or n - 1, ...); those on a structure as it
+    moves.
 
     Raises CouplingError for a quantity that is none of QUANTITIES.
     """
     quantities = []
     for sensor in sensors:
+        if sensor.column is not None:
+            quantities.append(getattr(structure, sensor.quantity)[:, sensor.column])
+            continue
         i = sensor.sphere
         match sensor.quantity:
             case "velocity":
@@ -231,14 +240,19 @@ def sensor_record(
     sampling: float,
     bits: int | None,
     seed: int,
+    structure: "Sensed | None" = None,
 ) -> SensorRecord:
     """Signals of a run at a sampling rate [Hz], rounded to `bits` (None: not rounded), with noise
-    from `seed`, and the waves in them."""
+    from `seed`, and the waves in them; `structure` is the motion that sensors on it read, in which
+    no waves are named."""
     at = instants(run.t, sampling)
-    quantities = measured(sensors, run.t, run.x, run.v, run.contact_force)
+    quantities = measured(sensors, run.t, run.x, run.v, run.contact_force, structure)
     y = recorded(sensors, signals(sensors, run.t, quantities, at), bits, seed)
     waves = []
     for sensor, signal in zip(sensors, y.T, strict=True):
+        if sensor.sphere is None:
+            waves.append(())
+            continue
         named = labels(tracks, run.t, run.v[:, sensor.sphere], sensor.sphere + 1)
         waves.append(sensed_waves(sensor, at, signal, named))
     return SensorRecord(at, y, tuple(waves))

@@ -86,11 +86,14 @@ class LateralSearch(NamedTuple):
     The error that is asked for is that of velocities, and of the energy ledger.
     """
 
-    dt: float | None = None  # [s] a step that is given, in place of an error
+    # [s] a step that is given, in place of an error; a periodic state then takes two times the
+    # fewest steps that `cycle_steps` and `cycle_phase` allow
+    dt: float | None = None
     safety: float = 2.0  # stated error over what the difference says: orders of 2 to 2.5 were seen
     phase: float = 0.2  # of the stiffest contact with the sphere, a first step; not varied
     most_steps: float = 3e8  # about a minute to ten
-    # nodes of the contact at an error of 1e-5 and above, see `open_row`
+    # nodes of the contact at an error of 1e-5, as its inverse root beside, at least a quarter of
+    # them: half or a quarter change velocities by less than a thousandth of the error
     capacity: int = 1024
     # of the contact in two directions at an error of 1e-4, as its inverse root beside; the march
     # that states the error takes half of them and twice the step
@@ -375,7 +378,7 @@ class MarchedSphere(NamedTuple):
         if len(self.frame) == 2:
             return Springs(None, None, open_cells(self.n_cells))
         fine = math.sqrt(1e-5 / self.error)
-        capacity = int(self.search.capacity * min(max(fine, 1.0), 16.0))
+        capacity = int(self.search.capacity * min(max(fine, 0.25), 16.0))
         return Springs(open_row(capacity), open_row(capacity), None)
 
     def displace(self, state: Across, springs: Springs, overlap: float, by: Array) -> None:
@@ -459,6 +462,7 @@ class Cycle(NamedTuple):
     periodicity_error: float  # change of the force from one to the next, over its largest
     drift: float  # [m] of the sphere from one to the next
     error_estimate: float  # of the velocities, as that of `LateralTrajectory`
+    n_steps: int  # of the march that left it
     periods: int = 1  # of the wall's motion until all repeats itself
     # [N] least and largest mean force along `axis`, also of contacts that were pushed beforehand
     mean_force_range: tuple[float, float] = (0.0, 0.0)
@@ -565,14 +569,16 @@ def fixed_point(
     free = bool(mass.any()) or inertia > 0.0
     B, units, g, dz = matrix, None, None, None
     previous, age = None, 0
-    for _ in range(search.newton_periods):
+    for i in range(search.newton_periods):
         z = motion_of(state)
         end = shaken.march(state, springs, wall)
         saved = end.saved
         if previous is not None:
             scale = float(np.abs(saved.force).max()) or 1.0
             change = float(np.abs(saved.force - previous).max()) / scale
-            if change <= periodicity:
+            # after so many periods a change is accepted that is small beside the error
+            late = i == search.newton_periods - 1
+            if change <= (max(periodicity, search.rough * body.error) if late else periodicity):
                 return FixedPoint(end.state, end.springs, end, change, B)
         previous = saved.force
         if not free:
@@ -648,8 +654,6 @@ def periodic_state(
     search, period = body.search, motion.period
     fewest = max(search.cycle_steps, math.ceil(math.pi / math.sqrt(body.error)))
     n_steps = max(fewest, math.ceil(period * body.rate(overlap) / search.cycle_phase))
-    if search.dt is not None:
-        n_steps = max(fewest, math.ceil(period / search.dt))
     shaken = Shaken(body, overlap, motion, 1, n_steps)
     state, springs = shaken.ramped(np.zeros(len(body.frame)))
     periodicity = search.periodicity * body.error
@@ -705,6 +709,7 @@ def periodic_state(
         finer.change,
         float(np.hypot(*((saved.u[-1] - saved.u[0]) @ frame))),
         estimate,
+        shaken.steps.n_save * shaken.steps.stride,
         shaken.periods,
     )
     means = [float((force @ frame)[:-1, cycle.axis].mean()) for force in forces]

@@ -9,11 +9,12 @@ less than their true error, points of
 over the velocity of the last sphere across the chain and that of its surface by its turn, the
 largest share of the error asked for that the energy ledger leaves open, and the largest fall of
 friction's heat, which should be 0. Loads, amplitudes, coefficients of friction, directions,
-dampers, walls and arms are drawn at random; errors asked for are 1e-5 to 1e-3.
+dampers, walls and arms are drawn at random; errors asked for are 1e-5 to 1e-3, in two directions
+1e-4 to 1e-3.
 
-The reference of a run is a march by an eighth of its steps along the chain and across it, and
-shorter ones until two references agree to a fifth of the stated error. Runs for which none do are
-counted as unknown.
+The reference of a run is a march by an eighth of its steps along the chain and across it (a quarter
+in two directions), and shorter ones until two references agree to a fifth of the stated error. Runs
+for which none do are counted as unknown.
 
 Run it: python examples/friction_errors.py             100 scenes, some minutes
         python examples/friction_errors.py 500 7       more scenes, another seed
@@ -38,7 +39,7 @@ from dem.lateral import (
 )
 from dem.spheres import force_scale, time_scale
 
-REFINEMENT = 8  # steps of the first reference in one of the run
+REFINEMENT = (8, 4)  # steps of the first reference in one of the run, in one direction and two
 AGREEMENT = 0.2  # of the stated error: difference of two references that may stand for the truth
 REFERENCES = 3  # tried, each by half the steps of the last
 # of the reference's cells in one of the run, over its refinement: a search without an error takes
@@ -114,7 +115,8 @@ def trial(run: RandomRun) -> Trial:
     stated = along.error_estimate + across.error_estimate
     speed, R, coarser = top_speed(run), float(run.chain.radius[-1]), None
     for i in range(REFERENCES):
-        finer = across_by(run, along, across, REFINEMENT * 2**i)
+        refinement = REFINEMENT[across.n_cells > 0] * 2**i
+        finer = across_by(run, along, across, refinement)
         if coarser is not None:
             differ = difference(finer, coarser, R) / speed
             if differ <= max(AGREEMENT * stated, ROUNDING):
@@ -137,7 +139,9 @@ def across_by(
         dt=2.0 * across.dt / refinement,
         capacity=4 * usual.capacity,
         n_cells=int(refinement * across.n_cells * CELLS),
-        cycle_steps=usual.cycle_steps * refinement,
+        cycle_steps=1 if across.cycle is None else refinement // 4 * across.cycle.n_steps,
+        periodicity=1e-2,  # of 1e-5, the error of a search that is given a step
+        rough=1.0,
     )
     return march_lateral(
         run.chain, run.wall, run.v0, finer, run.last, motion=run.motion, search=search
@@ -163,21 +167,25 @@ def oblique(rng: np.random.Generator) -> RandomRun:
     psi = 10 ** rng.uniform(-1.0, 1.0)  # of Maw, Barber and Fawcett: from 5 or so on all slips
     coefficient, velocity = friction(rng, law, psi * vn)
     duration = 4.0 * float(time_scale(chain.mass[0], chain.A[0], vn))
-    arm = arm_of(rng, float(chain.mass[0]), duration, bool(rng.random() < 0.2))
+    two = bool(rng.random() < 0.2)
+    arm = arm_of(rng, float(chain.mass[0]), duration, two)
     last = LastSphere(coefficient, inertia(chain), velocity, *arm)
     n_save = int(rng.integers(100, 400))
     wall = wall_of(rng, chain, duration)
-    return RandomRun(chain, wall, np.array([vn]), last, None, duration, n_save, error_asked(rng))
+    return RandomRun(
+        chain, wall, np.array([vn]), last, None, duration, n_save, error_asked(rng, two)
+    )
 
 
 def pressed(rng: np.random.Generator) -> RandomRun:
     """One sphere pressed on a wall that moves along itself, and nothing that strikes."""
     chain, law = spheres(rng, 1)
     last, motion, chain = shaken(rng, chain, law, 10 ** rng.uniform(0.0, 2.5))
-    n_save = int(rng.integers(100, 400))
+    n_save, two = int(rng.integers(100, 400)), len(motion.frequency) > 1
     return RandomRun(
-        chain, dem.rigid_wall(), np.zeros(1), last, motion, motion.period, n_save, error_asked(rng)
-    )
+        chain, dem.rigid_wall(), np.zeros(1), last, motion, motion.period, n_save,
+        error_asked(rng, two),
+    )  # fmt: skip
 
 
 def struck(rng: np.random.Generator) -> RandomRun:
@@ -190,9 +198,8 @@ def struck(rng: np.random.Generator) -> RandomRun:
     duration = n * 3.0 * float(time_scale(chain.mass.max(), chain.A.min(), v))
     wall = wall_of(rng, chain, duration)
     n_save = int(rng.integers(100, 400))
-    return RandomRun(
-        chain, wall, v * np.eye(n)[0], last, motion, duration, n_save, error_asked(rng)
-    )
+    error = error_asked(rng, len(motion.frequency) > 1)
+    return RandomRun(chain, wall, v * np.eye(n)[0], last, motion, duration, n_save, error)
 
 
 def spheres(rng: np.random.Generator, n: int) -> tuple[dem.Chain, tuple]:
@@ -264,8 +271,8 @@ def shaken(
     return last, motion, chain._replace(preload=load)
 
 
-def error_asked(rng: np.random.Generator) -> float:
-    return 10 ** rng.uniform(-5.0, -3.0)
+def error_asked(rng: np.random.Generator, two: bool) -> float:
+    return 10 ** rng.uniform(-4.0 if two else -5.0, -3.0)
 
 
 if __name__ == "__main__":

@@ -8,6 +8,8 @@
     modal            ModalWall: omega (k,) [rad/s], phi (k,) = w @ mode [kg^-1/2]
     receptance       w^T (K - omega^2 M + i omega C)^-1 w [m/N] at frequencies [Hz]
     static_compliance, health, effective_mass   what a reduced model is like
+    joined_receptance   parts, measured or computed, joined by their receptances
+    passive_fit      oscillators of a measured driving-point receptance, which create no energy
     save_npz, save_mat, save_h5, load_npz, load_mat, load_h5, load_mtx   files
 
 A ReducedModel holds K (r, r) [N/m], M (r, r) [kg], C (r, r) [N s/m] or None, and w (r,): the wall
@@ -36,6 +38,7 @@ from rom.health import (
 )
 from rom.lanczos import no_modes
 from rom.many_contacts import ManyContacts, many_contacts
+from rom.passive_fit import ModalFit, modal_receptance, passive_fit
 from rom.reduced_model import (
     Columns,
     Contact,
@@ -52,6 +55,7 @@ from rom.reduced_model import (
 )
 from rom.selection import Selection
 from rom.substructure_file import Substructure, load_mtx, substructure
+from rom.substructuring import compatibility, joined_receptance, joint_receptance
 from rom.truncation import LOSS
 
 __all__ = [
@@ -64,6 +68,7 @@ __all__ = [
     "Health",
     "ManyContacts",
     "MassProperties",
+    "ModalFit",
     "ModalWall",
     "Pencil",
     "ReducedModel",
@@ -73,6 +78,7 @@ __all__ = [
     "Space",
     "Substructure",
     "Surface",
+    "compatibility",
     "craig_bampton",
     "effective_mass",
     "fixed_interface_hz",
@@ -80,6 +86,8 @@ __all__ = [
     "full_order",
     "health",
     "is_indefinite",
+    "joined_receptance",
+    "joint_receptance",
     "krylov_space",
     "load_h5",
     "load_mat",
@@ -88,8 +96,10 @@ __all__ = [
     "many_contacts",
     "modal",
     "modal_compliance",
+    "modal_receptance",
     "modes_alone",
     "no_modes",
+    "passive_fit",
     "receptance",
     "save_full",
     "save_h5",

@@ -65,6 +65,7 @@ def test_batch_is_the_chains_one_by_one(kind):
         assert batch.energy_error[i] == pytest.approx(single.energy_error, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_batch_reaches_the_error_it_reports():
     chain, v0 = scattered(40, 17, 2.8)
     batch = march_batch(Chains(chain, rigid_wall(), v0), duration=60.0, error=1e-4, n_save=60)

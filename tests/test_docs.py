@@ -14,7 +14,7 @@ import beadwave
 import rom
 from coupling.contact_response import ContactResponse
 from signal_guard import signals_restored
-from workflows.commands.app import COMMANDS
+from workflows.commands.app import COMMANDS, built
 from workflows.files.scene import built_in
 from workflows.run.run import IMPACT_FILES
 
@@ -63,11 +63,7 @@ def test_a_line_that_fails_is_an_error(tmp_path):
 
 
 def test_commands_options_and_scenes_of_the_pages_are_there():
-    import typer
-
-    from workflows.commands.app import app
-
-    known = typer.main.get_command(app).commands
+    known = {name: built(name) for name in COMMANDS}
     for page in (*DOCS.glob("*.md"), ROOT / "README.md"):
         for line in re.findall(r"beadwave ([a-z]+(?: [^\n`|]*)?)", page.read_text("utf-8")):
             command, _, rest = line.partition(" ")

@@ -81,6 +81,7 @@ def test_compliance_beyond_the_half_space_of_an_orthotropic_block_does_not_depen
     assert spread["ply"] < 1.1 * spread["steel"] < 0.01
 
 
+@pytest.mark.slow
 def test_the_meshed_half_space_approaches_that_of_the_mean_modulus():
     exact, error = 0.6 / (mean_modulus(TURNED, np.array([0, 0, -1.0])) * 4e-3), []
     for n in (4, 7):

@@ -132,6 +132,7 @@ def test_square_plates_have_the_frequencies_of_the_literature(theory, held):
     np.testing.assert_allclose(hz[hz > 1.0][: len(theory)], unit * np.array(theory), rtol=3e-3)
 
 
+@pytest.mark.slow
 def test_a_small_free_block_has_six_rigid_motions_at_any_shift():
     """First elastic mode at 12 kHz, 2000 times the usual shift."""
     line = np.linspace(0, 0.05, 13)
@@ -183,6 +184,7 @@ def test_a_thick_walled_tube_twists_and_bends_as_theory_says():
     np.testing.assert_allclose(bent[:6], np.repeat(theory, 2), rtol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("poisson", [0.0, 0.33])
 def test_a_struck_beam_gives_way_like_a_beam_and_a_half_space(poisson):
     """Hinged at its ends, struck on its side. What the half-space leaves does not know the patch;
@@ -229,6 +231,7 @@ def plate_without_half_space(side, h, radius, solid):
     return each.sum() - 1.6155426 * (1 - nu**2) / (np.pi * E * side)
 
 
+@pytest.mark.slow
 def test_a_struck_plate_gives_way_like_a_plate_and_a_half_space():
     """Hinged, a quarter between mirrors. What the half-space leaves is that of Kirchhoff's plate,
     0.0116 a^2/D, within the 2 % that thickness adds, and does not know the patch."""

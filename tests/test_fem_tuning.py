@@ -46,6 +46,7 @@ def isotropic():
     return tuning_basis(model(Bushing(kx=1e8, ky=1e6, kz=1e8)), TARGETS)
 
 
+@pytest.mark.slow
 def test_sensitivities_are_the_slopes(anisotropic):
     value, h = np.array([7e5, 2.5e7, 1e2, 1.05, 0.98]), 1e-4
     parameters = [KY, KZ, KRY, *BLOCK]
@@ -58,6 +59,7 @@ def test_sensitivities_are_the_slopes(anisotropic):
         np.testing.assert_allclose(np.log(up / down) / (2 * h), exact[:, j], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_all_four_modes_meet_and_the_full_model_confirms_them(anisotropic):
     computed = tune(anisotropic, [KY, KZ, KRY, *BLOCK], {1: 51, 2: 269, 3: 907, 4: 8425})
     np.testing.assert_allclose(computed.modes_hz, [51, 269, 907, 8425], rtol=1e-5)
@@ -69,6 +71,7 @@ def test_all_four_modes_meet_and_the_full_model_confirms_them(anisotropic):
     np.testing.assert_allclose(confirmed, computed.modes_hz, rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_one_tangential_stiffness_cannot_meet_modes_two_and_three(isotropic):
     two = tune(isotropic, [KY, TANGENTIAL], {1: 51, 2: 269})
     three = tune(isotropic, [KY, TANGENTIAL], {1: 51, 3: 907})

@@ -53,6 +53,7 @@ def test_the_whole_suite_takes_every_core_and_leaves_out_what_is_slow(pytest_say
     assert "1 passed" in said and "worker gw" in said
 
 
+@pytest.mark.slow
 def test_all_leaves_out_nothing(pytest_says):
     said = pytest_says("--all")
     assert "2 passed" in said and "worker gw" in said
@@ -63,6 +64,7 @@ def test_a_file_that_is_named_runs_whole_in_one_process(pytest_says):
     assert "2 passed" in said and "worker none" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("option", ["--pdb", "-pno:xdist", "-n0"])
 def test_one_process_is_enough_where_the_options_want_one(pytest_says, option):
     said = pytest_says(option)

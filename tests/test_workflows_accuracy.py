@@ -180,6 +180,7 @@ def test_every_part_costs_and_leaves_a_small_error(monkeypatch):
     assert all(row.error < 1e-4 and row.energy_error < 1e-4 for row in rows)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "allowed"),
     [
@@ -211,6 +212,7 @@ def test_study_becomes_table_csv_and_plots(tmp_path):
     assert finding.text(study).splitlines()[-1] == "ten times"
 
 
+@pytest.mark.slow
 def test_command_prints_rows_for_machines(capsys, monkeypatch, tmp_path):
     monkeypatch.setattr(chain_length, "LENGTHS", (100, 200))
     monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path))

@@ -244,5 +244,5 @@ def test_a_calibration_finds_a_known_rig_and_draws_it():
     assert found.report.synthetic
     assert found.data.measured.dims == ("time", "sphere") and list(found.data.sphere) == [2, 3]
     assert found.plot("parameters").png[:4] == b"\x89PNG"
-    with pytest.raises(beadwave.InvalidScene, match="startz is not known"):
-        beadwave.twin(startz=3)
+    with pytest.raises(beadwave.InvalidScene, match="--starts 0 must be between 1 and 1000"):
+        beadwave.twin(starts=0)

@@ -9,10 +9,9 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-import typer
 
 from workflows.commands import durations, options, studies, terminal
-from workflows.commands.app import COMMANDS, app, main
+from workflows.commands.app import COMMANDS, built, main
 from workflows.commands.examples import EXAMPLES
 from workflows.evidence.catalogue import catalogue
 from workflows.files.scene import built_in
@@ -49,13 +48,12 @@ def test_help_shows_examples_on_lines_of_eighty(command, beadwave):
 
 
 def test_examples_use_options_and_scenes_that_are_there():
-    known = typer.main.get_command(app).commands
     for name, lines in EXAMPLES.items():
         for line in lines:
             command, *words = line.split(" > ")[0].split(" | ")[0].split()
             assert command == name
             given = {word.partition("=")[0] for word in words if word.startswith("--")}
-            assert given <= {option for p in known[name].params for option in p.opts}
+            assert given <= {option for p in built(name).params for option in p.opts}
             scenes = {word for word in words if re.fullmatch(r"rig-[\w-]+", word)}
             assert scenes <= set(built_in())
 

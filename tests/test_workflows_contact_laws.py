@@ -57,6 +57,24 @@ def test_the_march_of_a_kept_run_is_anew_when_the_file_of_its_force_changes(tmp_
     assert peaks[1] / peaks[0] == pytest.approx(2 ** (1 / 3), rel=0.01)
 
 
+@pytest.mark.parametrize("share", [0.5, 2.0])
+def test_a_force_beyond_the_last_row_is_a_warning(share, tmp_path):
+    hard, path = 3e12, tmp_path / "force.csv"
+    d = np.linspace(0, 4e-5, 12)
+
+    def run():
+        path.write_text("".join(f"{a},{hard * a**2}\n" for a in d))
+        changes = ("contact.law=table", f"contact.file={path}", POWER[3], *SHORT)
+        return beadwave.impact("rig-rigid", changes)
+
+    peak = run().arrays["contact_force"].max()
+    d *= np.sqrt(peak / share / hard) / d[-1]  # the last row is at 1 / share of the peak
+    sentences = [line for line in run().summary.warnings if "beyond the last row" in line]
+    assert len(sentences) == (share > 1.0)
+    assert all("of 6 contacts" in line and "contact 6" in line for line in sentences)
+
+
+@pytest.mark.slow
 def test_cases_of_stiffness_and_exponent_march_side_by_side():
     """Each is that case alone, to the error asked for."""
     columns = {"contact.stiffness": [2e12, 3e12], "contact.exponent": [1.9, 2.1]}
@@ -96,6 +114,28 @@ def test_stiffness_and_exponent_are_parameters_with_exact_derivatives():
         step = 1e-6 * theta * (np.arange(2) == j)
         difference = (march(theta + step).v - march(theta - step).v) / (2 * step[j])
         assert np.abs(exact[..., j] - difference).max() < 1e-5 * np.abs(difference).max()
+
+
+@pytest.mark.slow
+def test_calibrate_finds_stiffness_and_exponent_of_a_record_within_its_bars(tmp_path):
+    true = {"contact.stiffness": 3e12, "contact.exponent": 2.0}
+    row = {"contact.law": "power", "chain.count": 9, "time.duration": 8e-4}
+    row["output.spheres"] = [2, 5, 8]
+    made = beadwave.impact("rig-rigid", row | true).arrays
+    t, noise = 1e-6 * np.arange(800), np.random.default_rng(0).normal(0.0, 2e-3, (800, 3))
+    v = np.column_stack([np.interp(t, made["t"], made["v"][:, n - 1]) for n in (2, 5, 8)])
+    header = "time [s], sphere 2 [m/s], sphere 5 [m/s], sphere 8 [m/s]"
+    np.savetxt(tmp_path / "made.csv", np.column_stack([t, v + noise]), "%.9g", ",", header=header,
+               comments="")  # fmt: skip
+    near = row | {"contact.stiffness": 2.2e12, "contact.exponent": 1.97}
+    found = beadwave.calibrate(
+        "rig-rigid", tmp_path / "made.csv", near,
+        free="contact.stiffness,contact.exponent,trigger", starts=2,
+    )  # fmt: skip
+    for parameter in found.report.parameters:
+        if parameter.name in true:
+            assert abs(parameter.found - true[parameter.name]) < 1.5 * parameter.two_sigma
+            assert parameter.two_sigma < 0.06 * true[parameter.name]
 
 
 def test_the_file_of_a_force_is_looked_for_beside_the_scene(tmp_path, monkeypatch):

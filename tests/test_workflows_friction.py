@@ -231,6 +231,35 @@ def test_shakers_without_an_amplitude_a_period_or_a_name_of_their_own_are_refuse
             scene("shaken-plane", {"shakers": shakers})
 
 
+BAD = (
+    ("oblique-sphere", "friction.coefficient=-0.1"),
+    ("oblique-sphere", "friction.coefficient=nan"),
+    ("oblique-sphere", "contact.law=thornton"),
+    ("oblique-sphere", "contact.stiffness_factor=3"),
+    ("oblique-sphere", "striker.tangential_velocity=[inf, 0.0]"),
+    ("oblique-sphere", "striker.tangential_velocity=fast"),
+    ("oblique-sphere", "chain.count=3"),
+    ("shaken-plane", "arm.stiffness=-1.0"),
+    ("shaken-plane", "arm.rotation=nan"),
+    ("shaken-plane", "shakers.shaker.direction=[0.0, 0.0, 0.0]"),
+    ("shaken-plane", "shakers.shaker.direction=[nan, 1.0, 0.0]"),
+    ("shaken-plane", "shakers.shaker.force=1 N"),
+    ("shaken-plane", "shakers.shaker.frequency=0"),
+    ("shaken-plane", "shakers.shaker.displacement=nan"),
+    ("shaken-plane", "shakers.shaker.phase=400"),
+    ("shaken-plane", "shakers.other.phase=90"),
+    ("shaken-plane", "preload.force=0"),
+)
+
+
+@pytest.mark.parametrize(("name", "change"), BAD)
+def test_bad_input_ends_in_one_sentence_that_names_the_key_and_in_status_2(name, change, capsys):
+    assert beadwave("impact", name, f"--set={change}") == 2
+    error = capsys.readouterr().err
+    assert change.partition("=")[0].split(".")[-1] in error or "chain.count" in error
+    assert "Traceback" not in error and len(error.strip().splitlines()) <= 3
+
+
 RIG = (
     "friction.coefficient=0.2", "arm.stiffness=2e6", "arm.rotation=inf", "preload.force=60",
     "chain.count=6", "output.spheres=[1,6]", "time.duration=1e-3",

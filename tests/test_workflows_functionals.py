@@ -5,6 +5,7 @@ from contextlib import nullcontext
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfilt
 
 import fem
 from coupling.reduced_spatial_wall import spatial_wall_of
@@ -134,3 +135,94 @@ def test_a_shaker_of_a_file_is_called_by_its_name_alone():
     assert "shakers.shaker.direction is stated by wall.file" in sentence
     named = with_shakers({"on": "wall", "direction": None})
     assert not list(of_shakers(named.model_copy(update={"wall": of_file})))
+
+
+SENSORS = (
+    '{ on = "block:+y", quantity = "acceleration", direction = "y" }',
+    '{ on = "block:+x", at = [-0.015, 0.0], radius = 3e-3, quantity = "velocity", '
+    'direction = "normal", gain = 2.0 }',
+    '{ on = "block:+z", quantity = "displacement", direction = [1, 0, 0] }',
+    '{ sphere = 1, quantity = "force" }',
+)
+SENSED = f"output.sensors=[{', '.join(SENSORS)}]"
+
+
+def test_sensors_on_the_structure_show_what_the_full_model_does():
+    """Newmark's average acceleration on all unknowns, driven by the contact force of the run."""
+    changes = [
+        "preload.force=0", "time.duration=4e-4", SENSED, "output.samples=801", "chain.count=1",
+        "chain.radius=0.02", "reduction.to_hz=25e3",
+    ]  # fmt: skip
+    results = pipeline(scene("block.toml", changes))
+    record, run = results("record"), results("impact").trajectory
+    model = results("model")
+    h = run.t[1] - run.t[0]
+    columns = []
+    for face, at, radius, direction in (
+        ("sensor-1", (0.0, 0.0), 5e-3, [0, 1, 0]),
+        ("sensor-2", (-0.015, 0.0), 3e-3, [1, 0, 0]),
+        ("sensor-3", (0.0, 0.0), 5e-3, [1, 0, 0]),
+    ):
+        patch = fem.contact_patch(model, f"block:{face}", at, radius, weights="area")
+        columns.append(model.T.T @ (np.array(direction) @ patch.mean))
+    W, w = np.array(columns), results("contact").w
+
+    # M a + K u = w F, u and v by averages of a over a step
+    factor = fem.factorised((model.M + h**2 / 4 * model.K).tocsc())
+    u, v, a = np.zeros((3, len(w)))
+    read = np.zeros((len(run.t), 3, 3))
+    for i, force in enumerate(run.contact_force[1:, -1], start=1):
+        u, v = u + h * v + h**2 / 4 * a, v + h / 2 * a
+        a = factor.solve(w * force - model.K @ u)
+        u, v = u + h**2 / 4 * a, v + h / 2 * a
+        read[i] = W @ np.column_stack([u, v, a])
+    expected = [read[:, 0, 2], 2.0 * read[:, 1, 1], read[:, 2, 0]]
+    # behind the low pass at half of 25 kHz; measured 3e-2, 1e-3 and 4e-4
+    sos = butter(4, 12.5e3, fs=1 / h, output="sos")
+    for y, exact, allowed in zip(record.y.T, expected, (0.06, 3e-3, 1e-3), strict=False):
+        exact = sosfilt(sos, exact)
+        assert np.abs(y - exact[::2]).max() < allowed * np.abs(exact).max()
+    assert record.waves[:3] == ((), (), ())
+
+
+def test_the_record_of_a_sensor_on_the_structure_names_its_place():
+    results = pipeline(scene("block.toml", [SENSED, "damping.kind=modal", "damping.ratio=0.01"]))
+    numbers = results("sensor-numbers")
+    assert [(name, numbers[name].unit) for name in numbers] == [
+        ("acceleration block:+y y", "m/s^2"),
+        ("velocity block:+x at -0.015 0 normal", "V"),
+        ("displacement block:+z along 1 0 0", "m"),
+        ("force 1", "N"),
+    ]
+    head = results("chain-files")["signals.csv"].decode().splitlines()[1]
+    assert "acceleration block:+y y [m/s^2]" in head and "sphere 1 force [N]" in head
+
+
+UNSENSED = {
+    "give one of sphere and on": {"quantity": "velocity"},
+    "allowed of a sphere are force": {"sphere": 1, "quantity": "acceleration"},
+    "allowed of a face are acceleration": {"on": "block:+y", "direction": "y"},
+    "output.sensors.1.at is of a sensor on a face": {"sphere": 1, "at": [0.0, 0.0]},
+    "output.sensors.1.direction is missing": {"on": "block:+y", "quantity": "velocity"},
+    'direction is "up"': {"on": "block:+y", "quantity": "velocity", "direction": "up"},
+    "has no length": {"on": "block:+y", "quantity": "velocity", "direction": [0.0, 0.0, 0.0]},
+    "high_pass = 12000 Hz must be below the low pass of a sensor on a face, 2500 Hz": {
+        "on": "block:+y",
+        "quantity": "velocity",
+        "direction": "y",
+        "high_pass": 12e3,
+    },
+    'on = "block" is no face': {"on": "block", "quantity": "velocity", "direction": "y"},
+}
+
+
+@pytest.mark.parametrize("sentence", UNSENSED)
+def test_what_reads_no_structure_is_refused_in_a_sentence(sentence):
+    with pytest.raises(InvalidScene, match=re.escape(sentence)):
+        scene("block.toml", {"output.sensors": [UNSENSED[sentence]]})
+
+
+def test_a_sensor_on_a_face_of_a_wall_without_one_is_refused():
+    sensor = {"on": "block:+y", "quantity": "velocity", "direction": "y"}
+    with pytest.raises(InvalidScene, match="a face of an assembly, which this wall does not have"):
+        scene("rig-rigid", {"output.sensors": [sensor]})

@@ -2,11 +2,10 @@
 
 import json
 import sys
-from inspect import signature
 
 import pytest
 
-from workflows.commands.app import COMMANDS, main
+from workflows.commands.app import COMMANDS, built, main
 from workflows.files.scene import built_in, scene_text, tables
 
 COARSE = ("mesh.seed=0.02", "mesh.block_seed=0.05", "mesh.support_seed=0.1",
@@ -61,7 +60,7 @@ def test_a_command_prints_json_and_nothing_else(name, monkeypatch, capfd, folder
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_has_the_option_and_its_help_says_what_is_printed(command):
-    option = signature(COMMANDS[command]).parameters["json"].annotation.__metadata__[0]
+    option = next(one for one in built(command).params if one.name == "json")
     assert option.help.startswith("Print JSON: ")
 
 

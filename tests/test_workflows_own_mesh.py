@@ -124,6 +124,7 @@ def test_a_look_at_a_mesh_counts_its_own_dofs(meshes, capsys):
     assert report["dofs"] == run("model").structure.n_dofs
 
 
+@pytest.mark.slow
 def test_a_mesh_of_hexahedra_and_tetrahedra_is_tied_where_they_touch(capsys):
     """A stocky column held below; not tied, its upper half floats."""
     file = "boxes.inp"

@@ -385,6 +385,41 @@ def test_signals_of_sensors_are_drawn_by_unit(opened, tmp_path, monkeypatch):
 
 
 @needs_browser
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1280, 400])
+def test_the_loop_and_the_disc_of_friction_follow_the_play_head(
+    scheme, width, opened, tmp_path, monkeypatch
+):
+    """Words and pictures: a sphere that strikes obliquely slips at first, sticks, and is off."""
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
+    folder = run_of("oblique-sphere", (), tmp_path / "out")
+    page = opened(folder, scheme, width)
+    assert page.complaints == []
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    states, pictures = [], []
+    for share in (0.002, 0.4, 0.99):
+        page.evaluate(f"beadwave.clock.seek({share} * beadwave.clock.duration)")
+        states.append(page.locator(".friction .state").inner_text())
+        pictures.append([page.locator(f".friction canvas >> nth={i}").screenshot() for i in (0, 1)])
+    assert "gross slip" in states[0] and "partial slip" in states[1] and "open" in states[2]
+    assert all(len({one[i] for one in pictures}) == 3 for i in (0, 1))
+
+
+@needs_browser
+def test_the_disc_of_friction_has_the_share_that_sticks(opened, tmp_path, monkeypatch):
+    """Blue over blue and orange pixels, beside the share in the words, to the width of an edge."""
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
+    page = opened(run_of("oblique-sphere", (), tmp_path / "out"))
+    page.evaluate("beadwave.clock.seek(0.4 * beadwave.clock.duration)")
+    words = page.locator(".friction .state").inner_text()
+    share = float(re.search(r"([\d.]+) % of the area", words)[1]) / 100
+    disc = Image.open(BytesIO(page.locator(".friction canvas >> nth=1").screenshot()))
+    red, _, blue = np.moveaxis(np.asarray(disc.convert("RGB"), int), 2, 0)
+    sticks, slips = (blue - red > 60).sum(), (red - blue > 60).sum()
+    assert sticks / (sticks + slips) == pytest.approx(share, abs=0.02)
+
+
+@needs_browser
 def test_nothing_of_a_scene_runs_in_the_browser(opened, tmp_path, monkeypatch):
     """Names are escaped, and what were injected all the same is not allowed to run."""
     monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))

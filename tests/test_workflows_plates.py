@@ -86,6 +86,7 @@ def test_thinner_plates_send_less_back_and_take_more():
     assert np.all(np.diff(lost[0] / lost[1]) < 0) and np.all(lost[0] > lost[1])
 
 
+@pytest.mark.slow
 def test_modes_beyond_those_kept_answer_at_once():
     """Doubled modes change ARR by 4e-5 (wall-thickness) at D/t = 4."""
     finding = study("wall-thickness")

@@ -37,7 +37,10 @@ REFUSED = {
     "'a.b' is no number with a unit": {"sphere": 9, "gain": "a.b"},
     "a voltage, a force is needed": {"sphere": 9, "range": "3 V"},
     "allowed are 1 to chain.count = 17": {"sphere": 18},
-    "must be 'force', 'force-rate', 'velocity' or 'displacement'": {"sphere": 3, "quantity": "x"},
+    "must be 'force', 'force-rate', 'velocity', 'displacement' or 'acceleration'": {
+        "sphere": 3,
+        "quantity": "x",
+    },
     "gain = 0 shows nothing": {"sphere": 3, "gain": 0.0},
     "must be below its low_pass": {"sphere": 3, "low_pass": 1e3, "high_pass": 2e3},
     "nearest known is 'order'": {"sphere": 3, "ordr": 2},

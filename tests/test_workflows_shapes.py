@@ -152,6 +152,32 @@ def test_a_hammer_test_at_many_points_names_the_modes_by_their_shapes(known):
     assert "MAC" in report.text()
 
 
+def test_a_hammer_test_gives_targets_to_a_scene_without_any(known):
+    points, shapes, omega = known[0][::4], known[1][:, ::4], known[2]
+    written(nodes(points), *responses_58(shapes[:5], SHIFT * omega[:5], noise=1e-4))
+    Path("beam.toml").write_text(BEAM)
+    tuned = beadwave.tune("beam.toml", hammer="shapes.uff", free="materials.steel.young")
+    assert tuned.report.stiffness["materials.steel.young"] == pytest.approx(SHIFT**2, rel=2e-3)
+    assert all(target.shape.endswith("shapes.uff") for target in tuned.scene.targets)
+    assert tuned.scene.damping.ratio == pytest.approx([0.004] * len(tuned.scene.targets), rel=0.1)
+    assert "by the shapes of their points" in tuned.report.remarks[0]
+
+
+def test_a_hammer_test_without_points_is_paired_in_the_order_of_frequencies(known):
+    shapes, omega = known[1][:5], SHIFT * known[2][:5]
+    f = np.arange(50.0, 1.1 * omega[-1] / (2 * np.pi), 1.0)
+    read = shapes[:, -1, 1:].T
+    H = accelerances(read, read.sum(axis=0), omega, np.full(5, 0.004), f)
+    columns = np.column_stack([f, H[0].real, H[0].imag, H[1].real, H[1].imag])
+    np.savetxt("point.csv", columns, delimiter=",", header="frequency_hz, re_1, im_1, re_2, im_2")
+    Path("beam.toml").write_text(BEAM)
+    free = {"free": "materials.steel.young", "match": "1"}
+    report = beadwave.tune("beam.toml", hammer="point.csv", **free).report
+    assert "in the order of frequencies" in report.remarks[0]
+    assert report.match == {"1": pytest.approx(omega[0] / (2 * np.pi), rel=1e-3)}
+    assert report.stiffness["materials.steel.young"] == pytest.approx(SHIFT**2, rel=2e-3)
+
+
 def test_points_in_millimetres_say_so(known):
     points, shapes, _ = known
     millimetres = {"type": 164, "units_code": 5, "units_description": "mm", "temp_mode": 1,

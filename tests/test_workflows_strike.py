@@ -69,6 +69,7 @@ def left(run, factor):
     return patch.w @ factor.solve(patch.w) - contact_of(run.scene, model, patch).half_space
 
 
+@pytest.mark.slow
 def test_a_struck_cylinder_has_its_ellipse_and_the_patch_does_not_matter():
     """Patches up to R/10, allowed 1e-3 of what is left; measured 5e-5."""
     run = pipeline(BAR)

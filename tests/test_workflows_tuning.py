@@ -190,6 +190,7 @@ def test_no_remark_advises_to_free_a_stiffness_that_is_free():
     assert report.failures and not any("Free " in remark for remark in report.remarks)
 
 
+@pytest.mark.slow
 def test_a_gross_miss_is_a_failure_and_writes_no_scene(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     arguments = ["tune", "--match=1=48000", "--free=head.ky", "--json", "--quiet"]

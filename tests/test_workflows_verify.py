@@ -41,8 +41,10 @@ def pair(ours, theirs, **options):
 QUICK = ("solitary-wave", "contacts", "chain-and-wall", "friction")
 
 
-@pytest.mark.parametrize("group", QUICK)
-def test_published_and_exact_numbers_of_chains_are_reached(group):
+@pytest.mark.parametrize(
+    "group", [*QUICK, pytest.param("three-directions", marks=pytest.mark.slow)]
+)
+def test_published_and_exact_numbers_are_reached(group):
     rows = [*rows_of(group, catalogue.catalogue("verify")[group])]
     assert len(rows) >= 6
     assert not [row for row in rows if row.verdict != "within"]

@@ -12,21 +12,18 @@ from itertools import pairwise
 from os import environ
 from pathlib import Path
 from re import fullmatch
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from workflows.commands.assembly import hammer, look, modes, reduce, tune_joints
-from workflows.commands.calibration import calibrate, twin
 from workflows.commands.examples import EXAMPLES
-from workflows.commands.inspection import design, inspect
+from workflows.commands.fits import calibrate, design, inspect, twin
 from workflows.commands.options import (
-    Changes,
-    Json,
     JsonFiles,
     Overwrite,
     Quiet,
-    SceneName,
     Verbose,
     json_of,
     scene_names,
@@ -35,7 +32,6 @@ from workflows.commands.signals import Stopped, stopped_by
 from workflows.commands.studies import accuracy, run_study, stability, verify
 from workflows.commands.sweeps import scan, sweep
 from workflows.commands.terminal import (
-    StageProgress,
     SummaryPrinter,
     print_files,
     print_lines,
@@ -43,12 +39,24 @@ from workflows.commands.terminal import (
     print_report,
     print_result,
 )
+from workflows.commands.verb import Call, Verb, Word, verb
 
 INTERRUPTED = 130
 LONGEST = 200  # characters of a path in a sentence
 
+
+class Commands(TyperGroup):
+    """Commands that are built when they are called."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+        """Name, command and arguments of a line."""
+        name, command, rest = super().resolve_command(ctx, args)
+        return name, built(name) if name else command, rest
+
+
 app = typer.Typer(
     name="beadwave",
+    cls=Commands,
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -73,56 +81,25 @@ def beadwave(
     """A chain of spheres hits a structure: from geometry to the solitary waves that come back."""
 
 
-def run(
-    scene: SceneName = None,
-    out: Annotated[Path | None, typer.Option(help="Run folder; default runs/NAME.")] = None,
-    changes: Changes = None,
-    overwrite: Overwrite = False,
-    verbose: Verbose = False,
-    quiet: Quiet = False,
-    json: Json = False,
-) -> None:
+@verb("workflows.run.api.run", json="summary.json")
+def run(call: Call, verbose: Verbose = False) -> None:
     """Run every stage that the scene needs and fill a run folder."""
-    from workflows.run.api import run as run_stages
-
-    printer = SummaryPrinter(json=json, quiet=quiet, verbose=verbose)
-    with StageProgress(f"run {scene}", quiet=quiet) as progress:
-        result = run_stages(
-            scene, changes or (), out=out, overwrite=overwrite, progress=progress.stage,
-            planned=progress.planned, waves_known=printer.waves,
-        )  # fmt: skip
+    printer = SummaryPrinter(json=call.json, quiet=call.quiet, verbose=verbose)
+    result = call(waves_known=printer.waves)
     printer.whole(result.summary)
     print_notes(result.notes)
-    print_lines(f"written: {result.folder}/report.html", json=json, quiet=quiet)
+    print_lines(f"written: {result.folder}/report.html", json=call.json, quiet=call.quiet)
 
 
-def impact(
-    scene: SceneName = None,
-    rom: Annotated[
-        Path | None, typer.Option(help="A reduced model (.npz, .mat, .h5) as the wall.")
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for scene.toml, summary.json and trajectory.npz.")
-    ] = None,
-    changes: Changes = None,
-    overwrite: Overwrite = False,
-    verbose: Verbose = False,
-    quiet: Quiet = False,
-    json: Json = False,
-) -> None:
+@verb("workflows.run.api.impact", json="summary.json")
+def impact(call: Call, verbose: Verbose = False) -> None:
     """The coupled run alone, without pictures and report."""
-    from workflows.run.api import impact as run_impact
-
-    printer = SummaryPrinter(json=json, quiet=quiet, verbose=verbose)
-    with StageProgress(f"impact {scene}", quiet=quiet) as progress:
-        result = run_impact(
-            scene, changes or (), rom=rom, out=out, overwrite=overwrite, progress=progress.stage,
-            planned=progress.planned, waves_known=printer.waves,
-        )  # fmt: skip
+    printer = SummaryPrinter(json=call.json, quiet=call.quiet, verbose=verbose)
+    result = call(waves_known=printer.waves)
     printer.whole(result.summary)
     print_notes(result.notes)
-    if out:
-        print_lines(f"written: {out}/trajectory.npz", json=json, quiet=quiet)
+    if out := call.given.get("out"):
+        print_lines(f"written: {out}/trajectory.npz", json=call.json, quiet=call.quiet)
 
 
 def scenes(json: json_of("{scenes: [{name, shows}]}") = False) -> None:
@@ -187,36 +164,19 @@ def report(
     print_files([page], json, quiet)
 
 
-def film(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A run folder.")],
-    out: Annotated[
-        str | None, typer.Option(help="File in DIR, .mp4 (extra film) or .gif; default film.*.")
-    ] = None,
-    pvd: Annotated[
-        bool, typer.Option("--pvd", help="Write film.pvd and its surfaces for ParaView instead.")
-    ] = False,
-    seconds: Annotated[float, typer.Option(min=0.5, max=60.0, help="How long the film is.")] = 8.0,
-    overwrite: Overwrite = False,
-    quiet: Quiet = False,
-    json: JsonFiles = False,
-) -> None:
+@verb("workflows.run.api.film", json="{written: [files]}", folder=Word(metavar="DIR"))
+def film(call: Call) -> None:
     """The impact of a run folder as a film (MP4, GIF, ParaView)."""
-    from workflows.run.api import film as draw
-
-    with StageProgress("film", quiet=quiet) as progress:
-        files = draw(
-            folder, out=out, pvd=pvd, seconds=seconds, overwrite=overwrite, progress=progress.stage
-        )
-    print_files(files, json, quiet)
+    print_files(call(), call.json, call.quiet)
 
 
-def doctor(
-    json: json_of("{installed, missing: [{name, costs, remedy}], cache, ...}") = False,
-) -> None:
+@verb(
+    "workflows.installation.doctor.doctor",
+    json="{installed, missing: [{name, costs, remedy}], cache, ...}",
+)
+def doctor(call: Call) -> None:
     """What is installed, what is missing, what that costs."""
-    from workflows.installation.doctor import doctor as examine
-
-    print_report(examine(), json)
+    print_report(call(), call.json, call.quiet)
 
 
 COMMANDS = {
@@ -241,11 +201,20 @@ def _without_end_of_file(command: Callable) -> Callable:
     return run
 
 
-for name, command in COMMANDS.items():
-    examples = "\b\nExamples:\n" + "\n".join(
-        f"  beadwave {line}" for line in EXAMPLES.get(name, ())
+def built(name: str) -> Any:
+    """The command of that name with its arguments; imports what they are read from."""
+    command = COMMANDS[name]
+    examples = "\n".join(f"  beadwave {line}" for line in EXAMPLES.get(name, ()))
+    alone = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+    alone.command(name=name, epilog=f"\b\nExamples:\n{examples}")(
+        _without_end_of_file(command.signed(name) if isinstance(command, Verb) else command)
     )
-    app.command(name=name, epilog=examples)(_without_end_of_file(command))
+    return typer.main.get_command(alone)
+
+
+for name, command in COMMANDS.items():
+    # for the list of commands; what it does comes when it is called
+    app.command(name=name, help=command.__doc__)(lambda: None)
 
 
 def main() -> None:

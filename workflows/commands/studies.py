@@ -8,53 +8,23 @@ from typing import Annotated
 
 import typer
 
-from workflows.commands.options import (
-    Changes,
-    Overwrite,
-    Quiet,
-    StudyFolder,
-    UsualScene,
-    case_names,
-    group_names,
-    json_of,
-    stage_names,
-    study_names,
-)
-from workflows.commands.terminal import StageProgress, print_lines, print_result
+from workflows.commands.options import case_names, group_names, stage_names, study_names
+from workflows.commands.terminal import print_lines, print_result
+from workflows.commands.verb import Call, Word, verb
 
 
-def accuracy(
-    scene: UsualScene = None,
-    stage: Annotated[
-        str,
-        typer.Option(
-            help="time, chain-length, wall-modes, batch, parts, compile, mesh, reduction, size, "
-            "peers, or all.",
-            autocompletion=stage_names,
-        ),
-    ] = "all",
-    thorough: Annotated[
-        bool,
-        typer.Option("--thorough", help="Leave nothing out, of one stage or of all: minutes."),
-    ] = False,
-    out: StudyFolder = None,
-    changes: Changes = None,
-    overwrite: Overwrite = False,
-    quiet: Quiet = False,
-    json: json_of("{rows: [{study, method, parameter, error, seconds, ...}], ...}") = False,
-) -> None:
+@verb(
+    "workflows.evidence.api.accuracy", json="{rows: [{study, method, parameter, error, ...}], ...}",
+    stage=Word(completes=stage_names),
+)  # fmt: skip
+def accuracy(call: Call) -> None:
     """Error against run time, beside other integrators."""
     from workflows.evidence.accuracy.machine import machine
-    from workflows.evidence.api import accuracy as measured
     from workflows.report import finding
 
-    with StageProgress(f"accuracy {scene}", quiet=quiet) as progress:
-        result = measured(
-            scene, changes or (), stage=stage, thorough=thorough, out=out, overwrite=overwrite,
-            progress=progress.stage,
-        )  # fmt: skip
+    result = call()
     record = finding.record(result, machine=machine()._asdict())
-    print_result(record, finding.text(result), json, quiet)
+    print_result(record, finding.text(result), call.json, call.quiet)
 
 
 CASES = (
@@ -62,93 +32,72 @@ CASES = (
     "striker-speed, preload, sonic-vacuum, dissipation, spheres, step, drift, time-reversal, "
     "float-extremes, wall-mode-frequency, one-dof-wall, wall-damping, dashpot-wall"
 )
+CASE = f"only this case; may be repeated: {CASES}"
 
 
+@verb(
+    "workflows.evidence.api.stability", json="{rows: [{case, parameter, verdict, value, ...}]}",
+    cases=Word(CASE, "--case", None, case_names, option=True),
+)  # fmt: skip
 def stability(
-    case: Annotated[
-        list[str] | None,
-        typer.Option(help=f"Only this case; may be repeated: {CASES}.", autocompletion=case_names),
-    ] = None,
+    call: Call,
     all_trials: Annotated[
         bool, typer.Option("--all", help="Print each trial; without it a line for each case.")
     ] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder for the table as CSV.")] = None,
-    overwrite: Overwrite = False,
-    quiet: Quiet = False,
-    json: json_of("{rows: [{case, parameter, verdict, value, ...}]}") = False,
 ) -> None:
     """Stiff and extreme cases with a verdict each."""
-    from workflows.evidence.api import stability as judged
     from workflows.evidence.stability.verdicts import brief
     from workflows.report import finding
 
-    with StageProgress("stability", quiet=quiet) as progress:
-        result = judged(case or (), out=out, overwrite=overwrite, progress=progress.stage)
+    result = call()
     text = finding.text(result if all_trials else brief(result))
-    print_result(finding.record(result), text, json, quiet)
+    print_result(finding.record(result), text, call.json, call.quiet)
 
 
+GROUP = "only this group; may be repeated. --list names them"
+
+
+@verb(
+    "workflows.evidence.api.verify",
+    json="{rows: [{group, quantity, ours, theirs, difference, ...}]}",
+    groups=Word(GROUP, "--group", None, group_names, option=True),
+)
 def verify(
-    group: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Only this group; may be repeated. --list names them.",
-            autocompletion=group_names,
-        ),
-    ] = None,
+    call: Call,
     listed: Annotated[bool, typer.Option("--list", help="The groups, a line each.")] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder for the table as CSV.")] = None,
-    overwrite: Overwrite = False,
-    quiet: Quiet = False,
-    json: json_of("{rows: [{group, quantity, ours, theirs, difference, ...}]}") = False,
 ) -> None:
     """Our results beside independent codes, published and exact ones."""
     if listed:
-        _list("verify", "groups", json)
+        _list("verify", "groups", call.json)
         return
-    from workflows.evidence.api import verify as comparisons
     from workflows.evidence.verify.table import wrong
     from workflows.report import finding
 
-    with StageProgress("verify", quiet=quiet) as progress:
-        result = comparisons(group or (), out=out, overwrite=overwrite, progress=progress.stage)
-    print_result(finding.record(result), finding.text(result), json, quiet)
+    result = call()
+    print_result(finding.record(result), finding.text(result), call.json, call.quiet)
     if sentence := wrong(result):
         raise ValueError(sentence)
 
 
-def run_study(
-    name: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="NAME",
-            help="A study; without it they are listed.",
-            autocompletion=study_names,
-        ),
-    ] = None,
-    scene: UsualScene = None,
-    out: StudyFolder = None,
-    changes: Changes = None,
-    overwrite: Overwrite = False,
-    quiet: Quiet = False,
-    json: json_of("{study, rows, findings, ...}; without NAME {studies: [{name, shows}]}") = False,
-) -> None:
+@verb(
+    "workflows.evidence.api.study",
+    json="{study, rows, findings, ...}; without NAME {studies: [{name, shows}]}",
+    name=Word("a study; without it they are listed", None, "NAME", study_names, required=False),
+)
+def run_study(call: Call) -> None:
     """Figures of the thesis computed again, and what explains them."""
-    from workflows.evidence.api import study
-
-    if name is None:
-        _list("thesis", "studies", json)
+    if "name" not in call.given:
+        _list("thesis", "studies", call.json)
         return
     from workflows.report import finding
 
-    path = out or Path("studies")
-    with StageProgress(f"study {name}", quiet=quiet) as progress:
-        result = study(
-            name, scene, changes or (), out=path, overwrite=overwrite, progress=progress.stage
-        )
-    print_result(finding.record(result, study=name), finding.text(result), json, quiet)
+    path = call.given.setdefault("out", Path("studies"))
+    result = call()
+    record = finding.record(result, study=call.given["name"])
+    print_result(record, finding.text(result), call.json, call.quiet)
     for picture in result.pictures[:1]:
-        print_lines(f"written: {path}/figures/{picture.name}.png", json=json, quiet=quiet)
+        line = f"written: {path}/figures/{picture.name}.png"
+        print_lines(line, json=call.json, quiet=call.quiet)
 
 
 def _list(folder: str, called: str, json: bool) -> None:

@@ -35,10 +35,12 @@ def study(
 ) -> Finding:
     """Figures and statements of the thesis computed again (`beadwave study NAME`).
 
-    Without a scene it takes the one it is made for.
-    `studies()` lists the names. Tables, sentences and pictures; `plot()` shows one, `data()` is
-    the table as an xarray.Dataset. `out` is a folder for all of it. Raises InvalidScene for bad
-    input.
+    name    a study; `studies()` lists them
+    scene   a scene; default: the one the study is made for
+    out     folder for tables (CSV, JSON) and pictures
+
+    Tables, sentences and pictures; `plot()` shows one, `data()` is the table as an xarray.Dataset.
+    Raises InvalidScene for bad input.
     """
     from workflows.evidence import catalogue
 
@@ -61,10 +63,14 @@ def accuracy(
 ) -> Finding:
     """Error against run time, beside general-purpose integrators (`beadwave accuracy`).
 
-    `stage` is one of `studies("accuracy")`, or all. What takes minutes is left out: sentences say
-    what, and `thorough` brings it. Without a scene each study takes the one it is made for. `out`
-    is a folder for table, CSV and pictures, where each stage adds or renews its own. Raises
-    InvalidScene for bad input.
+    scene     a scene; default: the one each study is made for
+    stage     which studies: time, chain-length, wall-modes, batch, parts, compile, mesh, reduction,
+              size, peers, or all
+    thorough  leave nothing out, of one stage or of all: minutes
+    out       folder for tables (CSV, JSON) and pictures, where each stage adds or renews its own
+
+    What takes minutes is left out without `thorough`; sentences say what. Raises InvalidScene for
+    bad input.
     """
     from workflows.evidence import catalogue
     from workflows.evidence.accuracy import folder as files
@@ -97,7 +103,8 @@ def stability(
 ) -> Finding:
     """Stiff and extreme cases with a verdict each (`beadwave stability`).
 
-    `cases` are of `studies("stability")`, all without any. `out` is a folder for the table.
+    cases   only these, of `studies("stability")`
+    out     folder for the table as CSV
     """
     from workflows.evidence import catalogue
 
@@ -115,8 +122,10 @@ def verify(
 ) -> Finding:
     """Our results beside independent codes, published and exact ones (`beadwave verify`).
 
-    `groups` are of `studies("verify")`, all without any. The table's column `verdict` is within,
-    outside, failed or skipped; `out` is a folder for it.
+    groups  only these, of `studies("verify")`
+    out     folder for the table as CSV
+
+    The table's column `verdict` is within, outside, failed or skipped.
     """
     from workflows.evidence import catalogue
 

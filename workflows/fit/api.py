@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from workflows.files.run_folder import Picture, RunFolder, picture_named
-from workflows.files.scene import Changes, Source, files_read
+from workflows.files.scene import Changes, Source, each, files_read
 from workflows.files.scene import scene as load_scene
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.parts import with_chain
@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from workflows.fit.twin import Coverage
     from workflows.report.finding import Finding
     from workflows.stages.pipeline import Pipeline
+
+STARTS = 1, 1000  # of a search
+SEEDS = 0, 10**18
 
 
 @dataclass(frozen=True, repr=False)
@@ -68,38 +71,55 @@ def calibrate(
     data: str | Path,
     changes: Changes = (),
     *,
+    free: str | None = None,
+    bounds: str | None = None,
+    trigger: str = "fit",
+    band: float | None = None,
+    instrument: float | None = None,
+    hold_out: str | Iterable[int] = (),
+    two_stage: bool = False,
+    scan: str | tuple[float, float, int] | None = None,
+    starts: int = 12,
     posterior: bool = False,
+    seed: int = 0,
     out: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
-    **options: Any,
 ) -> Calibration:
     """Contact stiffnesses and wall parameters fitted to measured velocities (`beadwave calibrate`).
 
-    `data` is .csv, .mat or .uff with units in its header; forces, their rates, displacements and
-    voltages as well, see `[[output.sensors]]` for bands and gains. options, all optional:
+    data        velocities, forces, their rates, displacements or voltages with units in the header:
+                .csv, .mat, .uff; for bands and gains see [[output.sensors]]
+    free        what to vary: contacts, contact.N, contact.stiffness, contact.exponent, preload,
+                dissipation, striker, trigger, wall.frequency, wall.mass, wall.damping; default
+                contacts,striker,trigger and the frequency of a 1dof wall
+    bounds      bounds of what varies, as contacts=0.5:2
+    trigger     first touch on the data's clock: fit, estimate, or seconds as text
+    band        low-pass [Hz] without phase on data and model alike
+    instrument  low-pass [Hz] that the data has passed in the instrument
+    hold_out    spheres left out of the fit and predicted, as 4,14
+    two_stage   as in the thesis: keep the chain as the first waves determine it
+    scan        misfit over the wall's frequency [Hz], as 100:1000:60: low, high, points
+    starts      largest number of starts of the search; it ends once the data is explained
+    posterior   sample the posterior (extra posterior): quantiles beside the two-sigma bars; minutes
+    seed        random seed of the starts after the first and of the posterior samples
+    out         folder for the calibrated scene, tables and figures
 
-    free        "contacts,striker,trigger,wall.frequency": what to vary
-    bounds      "contacts=0.5:2"
-    trigger     "fit", "estimate", or the time of the first touch [s] as text
-    band        low-pass [Hz] on data and model alike; instrument [Hz], what the data has passed
-    hold_out    spheres left out of the fit and predicted, (4, 14)
-    two_stage   keep the chain as the first waves determine it
-    starts, seed, scan    of the search; scan = (low, high, points) of the wall's frequency [Hz]
-
-    `posterior` samples it (extra `posterior`). `out` gets scene, tables and pictures. Raises
-    InvalidScene for bad input, and for data that cannot be what it says.
+    Raises InvalidScene for bad input, and for data that cannot be what it says.
     """
-    _require_possible(posterior, options)
+    _require_possible(posterior, two_stage)
     file = Path(data)
     from workflows.fit.better_walls import better_walls
-    from workflows.fit.calibrate import calibrated
+    from workflows.fit.calibrate import CalibrationRequest, calibrated
     from workflows.fit.folder import CALIBRATION_FILES, write_calibration
     from workflows.fit.record import measured as record
     from workflows.stages.pipeline import pipeline_of
 
     start = with_chain(load_scene(scene, changes))
-    measured, request = record(file), _request(options)
+    measured, request = record(file), CalibrationRequest(
+        free, bounds, trigger, band, instrument, _spheres("--hold-out", hold_out), two_stage,
+        _within("--starts", starts, *STARTS), _within("--seed", seed, *SEEDS), _scan(scan),
+    )  # fmt: skip
     folder = _folder(out, (*files_read(start, scene), file), overwrite)
     with _renewed(folder, CALIBRATION_FILES):
         start, wall = _with_wall(start, pipeline_of(start, progress))
@@ -116,30 +136,74 @@ def twin(
     scene: Source = "rig-1dof",
     changes: Changes = (),
     *,
-    rig: dict[str, Any] | None = None,
+    scatter: float = 0.1,
+    frequency: float = 240.0,
+    noise: float = 1e-3,
+    sampling: float = 1e6,
+    instrument: float = 100e3,
+    repeats: int = 10,
+    jitter: float = 2e-6,
+    seed: int = 0,
+    spheres: str | Iterable[int] = (),
     runs: int = 0,
+    free: str | None = None,
+    bounds: str | None = None,
+    band: float | None = None,
+    hold_out: str | Iterable[int] = (),
+    two_stage: bool = False,
+    scan: str | tuple[float, float, int] | None = None,
+    starts: int = 12,
     posterior: bool = False,
     out: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
-    **options: Any,
 ) -> Calibration:
     """A known rig makes SYNTHETIC data, and a calibration has to find it again (`beadwave twin`).
 
-    rig      of {scatter, frequency, noise, sampling, instrument, repeats, jitter, seed}: the known
-             rig and its instrument; see workflows.fit.twin.Twin for units and defaults;
-             measured are the spheres of output.spheres
-    runs     repeats of the whole experiment, that count how often the bars hold the truth
-    options  of the calibration, as in `calibrate`
+    scatter     scatter of the contact stiffnesses, relative, plus or minus
+    frequency   true frequency of a 1dof wall [Hz]
+    noise       noise of one repeat, rms [m/s]
+    sampling    sampling rate [Hz]
+    instrument  low-pass of the vibrometer [Hz]
+    repeats     signals per sphere
+    jitter      standard deviation of the trigger [s]
+    seed        random seed of the known rig and of the noise
+    spheres     spheres measured, as 1,4,14; default those of the scene
+    runs        repeats of the whole experiment that give the coverage of the bars
+    free        what to vary, as in calibrate: contacts,striker,trigger,wall.frequency, ...
+    bounds      bounds of what varies, as contacts=0.5:2
+    band        low-pass [Hz] without phase on data and model alike
+    hold_out    spheres left out of the fit and predicted, as 4,14
+    two_stage   as in the thesis: keep the chain as the first waves determine it
+    scan        misfit over the wall's frequency [Hz], as 100:1000:60: low, high, points
+    starts      largest number of starts of the search; it ends once the data is explained
+    posterior   sample the posterior (extra posterior): quantiles beside the two-sigma bars; minutes
+    out         folder for the calibrated scene, tables and figures
+
+    Raises InvalidScene for bad input.
     """
-    _require_possible(posterior, options)
+    _require_possible(posterior, two_stage)
     from workflows.fit import twin as experiment
     from workflows.fit.better_walls import better_walls
+    from workflows.fit.calibrate import CalibrationRequest
     from workflows.fit.folder import TWIN_FILES, write_calibration, write_data
     from workflows.stages.pipeline import pipeline_of
 
+    if watched := _spheres("--spheres", spheres):
+        changes = (("output.spheres", list(watched)), *each(changes))
     start = with_chain(load_scene(scene, changes))
-    setting, request = experiment.checked(experiment.Twin(**(rig or {}))), _request(options)
+    setting = experiment.checked(
+        experiment.Twin(
+            scatter=scatter, frequency=frequency, noise=noise, sampling=sampling,
+            instrument=instrument, repeats=_within("--repeats", repeats, 1, 1000), jitter=jitter,
+            seed=_within("--seed", seed, *SEEDS),
+        )
+    )  # fmt: skip
+    request = CalibrationRequest(
+        free, bounds, band=band, hold_out=_spheres("--hold-out", hold_out), two_stage=two_stage,
+        starts=_within("--starts", starts, *STARTS), scan=_scan(scan),
+    )  # fmt: skip
+    runs = _within("--runs", runs, 0, 100_000)
     folder = _folder(out, files_read(start, scene), overwrite)
     coverage = None
     with _renewed(folder, TWIN_FILES):
@@ -158,28 +222,44 @@ def twin(
     return Calibration(result.scene, result.report, result, coverage)
 
 
-def _require_possible(posterior: bool, options: dict[str, Any]) -> None:
+def _require_possible(posterior: bool, two_stage: bool) -> None:
     """Raise InvalidScene for a posterior that cannot be sampled."""
     if not posterior:
         return
     from workflows.fit.posterior import require_sampler
 
     require_sampler()
-    if options.get("two_stage"):
+    if two_stage:
         raise InvalidScene(
             "--posterior is of all parameters and all waves together; leave out --two-stage."
         )
 
 
-def _request(options: dict[str, Any]):
-    """The options of a calibration; raises InvalidScene for a name that is none."""
-    from workflows.fit.calibrate import CalibrationRequest
-    from workflows.scene import nearest
+def _within(option: str, value: int, low: int, high: int) -> int:
+    """The number; raises InvalidScene where it is not between low and high."""
+    if not low <= value <= high:
+        text = str(value) if abs(value) < 10**20 else "a number of more than 20 digits"
+        raise InvalidScene(f"{option} {text} must be between {low} and {high}; change it.")
+    return value
 
-    for name in options:
-        if name not in CalibrationRequest._fields:
-            raise InvalidScene(f"{name} is not known, {nearest(name, CalibrationRequest._fields)}.")
-    return CalibrationRequest(**options)
+
+def _spheres(option: str, spheres: str | Iterable[int]) -> tuple[int, ...]:
+    """Numbers of spheres, as (4, 14) or "4,14"; raises InvalidScene for others."""
+    try:
+        return tuple(map(int, spheres.split(",") if isinstance(spheres, str) else spheres))
+    except (TypeError, ValueError):
+        raise InvalidScene(f"{option} {spheres} must name spheres, as 4,14.") from None
+
+
+def _scan(scan: str | tuple[float, float, int] | None) -> tuple[float, float, int] | None:
+    """Low, high [Hz] and points, as (100, 1000, 60) or "100:1000:60"; raises InvalidScene."""
+    if scan is None:
+        return None
+    try:
+        low, high, points = scan.split(":") if isinstance(scan, str) else scan
+        return float(low), float(high), int(points)
+    except (TypeError, ValueError):
+        raise InvalidScene(f"--scan {scan} is not low:high:points; write 100:1000:60.") from None
 
 
 def _sampled(result: Calibrated, posterior: bool, seed: int, progress: Progress) -> Calibrated:
@@ -233,25 +313,30 @@ class Inspection:
 
 def inspect(
     scene: Source,
-    data: str | Path | Sequence[str | Path],
+    data: Sequence[str | Path] | str | Path,
     changes: Changes = (),
     *,
+    find: str,
+    bounds: str | None = None,
+    each: str | None = None,
+    starts: int = 12,
+    seed: int = 0,
     out: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
-    **options: str | int | None,
 ) -> Inspection:
     """Numbers of the structure found from records of sensors on the chain (`beadwave inspect`).
 
-    `data` is a file or several, one for each impact. options:
+    data     records of sensors, .csv, one for each impact
+    find     numbers to find, keys of the scene: beam.thickness,beam.young
+    bounds   where they lie, as beam.thickness=8mm:12mm; default 0.7 to 1.4 of the scene's value
+    each     numbers that every record has for itself, and where they start, as
+             striker.velocity=0.3,0.35; several with semicolons, or none; default striker.velocity
+    starts   candidates that the search follows
+    seed     random seed of the starts
+    out      folder for the scene found, tables and pictures
 
-    find      "beam.thickness,beam.young": keys of the scene whose values are one number
-    bounds    "beam.thickness=8mm:12mm"; 0.7 to 1.4 of the scene's value without
-    each      "striker.velocity=0.3,0.35": numbers that every record has for itself, and where they
-              start; "none" for none
-    starts, seed    of the search
-
-    `out` gets scene, tables and pictures. Raises InvalidScene for bad input.
+    Raises InvalidScene for bad input.
     """
     from workflows.fit.folder import INSPECTION_FILES, write_inspection
     from workflows.fit.inspect import InspectionRequest, inspected
@@ -260,13 +345,16 @@ def inspect(
     from workflows.fit.report import inspection_report
     from workflows.sweep.cases import base_of
 
+    request = InspectionRequest(
+        find, bounds, each, _within("--starts", starts, *STARTS), _within("--seed", seed, *SEEDS)
+    )
     files = [Path(file) for file in ([data] if isinstance(data, str | Path) else data)]
     base = base_of(scene, changes)
     start = with_chain(base.with_values({}))
     folder = _folder(out, (*files_read(start, scene), *files), overwrite)
     with _renewed(folder, INSPECTION_FILES):
         records = called_apart(tuple(recorded(file) for file in files))
-        result = inspected(base, records, InspectionRequest(**options), progress)
+        result = inspected(base, records, request, progress)
         report = inspection_report(result, records)
         if folder:
             write_inspection(result, report, folder)
@@ -286,9 +374,14 @@ def design(
 ) -> Finding:
     """Which sphere to watch, in which chain, at which velocity (`beadwave design`).
 
-    Bars of the numbers in `find`, key by key, from each sphere alone, before anything is measured.
-    `over` varies the chain, as in a sweep: ["chain.count=9,17", "striker.velocity=0.2:0.5:4"].
-    `out` is a folder for the table (CSV, JSON) and the picture. Raises InvalidScene for bad input.
+    Bars of the numbers to find, key by key, from each sphere alone, before anything is measured.
+
+    find    numbers to find, keys of the scene: beam.thickness,beam.young
+    bounds  where they lie, as beam.thickness=8mm:12mm; default 0.7 to 1.4 of the scene's value
+    over    a key that varies, as chain.count=9,17 or striker.velocity=0.2:0.5:4; may be repeated
+    out     folder for tables (CSV, JSON) and pictures
+
+    Raises InvalidScene for bad input.
     """
     from workflows.fit.design import designed
     from workflows.report import finding

@@ -102,8 +102,8 @@ def _candidate(
     # the scene's first sensor on every sphere but the striker, its noise over the largest signal
     spheres = tuple(range(2, scene.chain.count + 1))
     instrument = scene.output.instrument or Instrument()
-    if scene.output.sensors:
-        like = scene.output.sensors[0]
+    if of_spheres := [each for each in scene.output.sensors or () if each.on is None]:
+        like = of_spheres[0]
         band = Band(like.low_pass, like.high_pass, like.order)
         sensors = tuple(Sensor(i - 1, like.quantity, band=band) for i in spheres)
         bits = instrument.bits

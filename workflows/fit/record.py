@@ -40,7 +40,7 @@ from workflows.files.uff import ENDINGS, data_sets
 from workflows.fit.signals import aligned
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.named_files import require_file
-from workflows.scene.sensors import KINDS
+from workflows.scene.sensors import OF_SPHERES
 from workflows.scene.units import VOLTAGE, NoSuchQuantity, in_si
 
 HEADING = r"sphere\s+(\d+)(?:\s+([a-z-]+))?\s*\[(.+)\]"
@@ -162,20 +162,20 @@ def _channel(name: str) -> tuple[Channel, float]:
     """The channel of a heading, as "sphere 9 force [mN]", and the factor of its unit to SI; raises
     ValueError. Without a quantity it is the first that has the unit, velocity before the others."""
     heading = fullmatch(HEADING, name)
-    if not heading or (heading[2] or "velocity") not in KINDS:
+    if not heading or (heading[2] or "velocity") not in OF_SPHERES:
         raise ValueError(
             f"a column is {name[:40]!r}, allowed is 'sphere 9 force [mN]', with its unit; the "
-            f"quantity is one of {', '.join(KINDS)}"
+            f"quantity is one of {', '.join(OF_SPHERES)}"
         )
     sphere, unit = int(heading[1]), heading[3].strip()
-    for quantity in (heading[2],) if heading[2] else ("velocity", *KINDS):
-        for in_volts, kind in enumerate((KINDS[quantity], VOLTAGE)):
+    for quantity in (heading[2],) if heading[2] else ("velocity", *OF_SPHERES):
+        for in_volts, kind in enumerate((OF_SPHERES[quantity], VOLTAGE)):
             try:
                 return Channel(sphere, quantity, bool(in_volts)), in_si(f"1 {unit}", kind)
             except NoSuchQuantity:
                 continue
     quantity = heading[2] or "velocity"
-    units = ", ".join((KINDS[quantity].unit, *KINDS[quantity].others, "V", "mV"))
+    units = ", ".join((OF_SPHERES[quantity].unit, *OF_SPHERES[quantity].others, "V", "mV"))
     raise ValueError(f"the unit of {quantity} is {unit!r}, allowed are {units}")
 
 

@@ -82,6 +82,9 @@ def page_data(folder: Path, summary: Summary, limits: PageLimits = PageLimits())
         plots["energy"] = [(words, "J", values) for words, values in ledger(run)]
         data["curves"] = _sampled(t, plots, limits)
 
+        if "friction_force" in run:
+            data["friction"] = friction_of(scene, run, limits)
+
         # waves that were followed, and those that pass the observed spheres
         contact = summary.wall_contact
         data["waves"] = {
@@ -113,6 +116,32 @@ def page_data(folder: Path, summary: Summary, limits: PageLimits = PageLimits())
         }
     direction = reduced.contact.direction if reduced else (1.0, 0.0, 0.0)
     return data | {"direction": direction, "up": upwards(scene, direction)}
+
+
+def friction_of(scene: Scene, run: dict[str, NDArray], limits: PageLimits) -> dict[str, Any]:
+    """The motion of the last contact along t1 or t2, whichever it is more: slip U [m], force T [N],
+    its bound mu F [N], share of the area that sticks, radius a = sqrt(R d) [m] of the overlap d;
+    and U and T of the cycle before the striker."""
+    step = max(1, -(-len(run["t"]) // limits.frames))
+    axis = int(np.ptp(run["slip"], axis=0).argmax())
+    normal = np.maximum(run["contact_force"][::step, -1], 0.0)
+    overlap = np.maximum((run["x"][:, -1] - run["wall_x"])[::step], 0.0)
+    radius = float(np.atleast_1d(scene.chain.radius)[-1])
+    data = {
+        "dt": float(step * (run["t"][1] - run["t"][0])),
+        "axis": ("t1", "t2")[axis],
+        "slip": floats(run["slip"][::step, axis]),
+        "force": floats(run["friction_force"][::step, axis]),
+        "bound": floats(scene.friction.coefficient * normal),
+        "stick": floats(run["stick_share"][::step]),
+        "radius": floats(np.sqrt(radius * overlap)),
+    }
+    if "cycle_slip" in run:
+        data["cycle"] = {
+            "slip": floats(run["cycle_slip"][:, axis]),
+            "force": floats(run["cycle_friction_force"][:, axis]),
+        }
+    return data
 
 
 def _sampled(t: NDArray[np.float64], plots: dict[str, list], limits: PageLimits) -> dict[str, Any]:

@@ -67,6 +67,7 @@ def context(scene: Scene | None, summary: Summary, data: dict[str, Any]) -> dict
             "motion": "chain" in data and ("assembly" not in data or "q" in data["assembly"]),
             "wall": "force" in plots,
             "wall_motion": "wall" in plots,
+            "friction": "friction" in data,
             "response": "response" in data,
         },
         # the first screen

@@ -117,7 +117,9 @@ def run(
 ) -> Run:
     """Every stage that a scene needs, into a run folder (`beadwave run`).
 
-    `out` is the folder, runs/NAME without it. It gets scene.toml, given.toml, summary.json,
+    out     run folder; default runs/NAME
+
+    It gets scene.toml, given.toml, summary.json,
     trajectory.npz, figures, report.html, and of an assembly rom.npz, rom.mat, modes.vtu. Files
     that no run left there are only replaced with `overwrite`. Waves come first: `waves_known` is
     called with a summary of them, before errors are estimated and pictures drawn. `progress` is
@@ -150,9 +152,11 @@ def impact(
 ) -> Run:
     """The coupled run alone (`beadwave impact`).
 
-    `rom` takes the place of the scene's wall: a file (.npz, .mat, .h5, .mtx) or a reduced model,
-    for instance of one's own K, M, w by `beadwave.reduce_matrices`. `out` is a folder for scene,
-    trajectory and summary; without it nothing is written. `progress`, `planned`, `waves_known`
+    rom     a reduced model (.npz, .mat, .h5, .mtx) as the wall; in Python also one in memory, of
+            one's own K, M, w by `beadwave.reduce_matrices` for instance
+    out     folder for scene.toml, summary.json and trajectory.npz; nothing is written without it
+
+    `progress`, `planned`, `waves_known`
     and what is raised as of `run`.
     """
     wall = () if rom is None else (("wall", {"kind": "rom", "file": str(_file_of(rom))}),)
@@ -237,10 +241,15 @@ def film(
 ) -> list[Path]:
     """Structure and spheres moving, deformations scaled by a stated factor (`beadwave film`).
 
-    `out` is a file in the run folder, .mp4 (extra `film`) or .gif; film.mp4 or film.gif without
-    it. `pvd` writes surfaces over time for ParaView instead. Returns the files. Raises
-    InvalidScene where the folder is no finished run.
+    folder   a run folder
+    out      file in it, .mp4 (extra film) or .gif; default film.*
+    pvd      write film.pvd and its surfaces for ParaView instead
+    seconds  how long the film is, 0.5 to 60
+
+    Returns the files. Raises InvalidScene where the folder is no finished run.
     """
+    if not 0.5 <= seconds <= 60.0:
+        raise InvalidScene(f"--seconds {seconds:g} must be between 0.5 and 60; change it.")
     from workflows.report.film import film as draw
     from workflows.report.film import paraview, require_name
     from workflows.report.report import require_summary

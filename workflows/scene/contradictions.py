@@ -11,6 +11,7 @@ from workflows.scene.body_contradictions import of_bending, of_bodies, of_the_ri
 from workflows.scene.friction import of_friction
 from workflows.scene.gravity import of_gravity
 from workflows.scene.named_files import unfit
+from workflows.scene.sensors import of_place
 from workflows.scene.shakers import of_shakers
 from workflows.scene.size import too_large
 
@@ -291,7 +292,8 @@ def _of_sensors(scene: Scene) -> Iterator[str]:
     labels, quantity_of = set(), {}
     for i, sensor in enumerate(sensors, start=1):
         key = f"output.sensors.{i}"
-        if sensor.sphere > scene.chain.count:
+        yield from of_place(scene, sensor, key)
+        if sensor.sphere is not None and sensor.sphere > scene.chain.count:
             yield (
                 f"{key}.sphere = {sensor.sphere}, allowed are 1 to chain.count = "
                 f"{scene.chain.count}; change it or add spheres."

@@ -34,6 +34,19 @@ def shaker_places(scene: "Scene") -> list[Place]:
     ]  # fmt: skip
 
 
+def sensor_places(scene: "Scene") -> list[Place]:
+    """The sensors on faces of the structure, in the order of the scene."""
+    output = scene.output
+    return [
+        Place(
+            f"output.sensors.{i}", sensor.label, f"sensor-{i}", sensor.on,
+            sensor.at or MIDDLE, sensor.radius or RADIUS, sensor.direction,
+        )
+        for i, sensor in enumerate((output and output.sensors) or (), start=1)
+        if sensor.on is not None
+    ]  # fmt: skip
+
+
 def has_friction(scene: "Scene") -> bool:
     """Whether the chain meets the structure with friction."""
     return scene.friction is not None and isinstance(scene.wall, RomWall)
@@ -41,9 +54,9 @@ def has_friction(scene: "Scene") -> bool:
 
 def named_faces(scene: "Scene") -> dict[str, str]:
     """Selectors of the faces that shakers and sensors sit on, by their names in the mesh."""
-    return {place.face: place.on for place in shaker_places(scene)}
+    return {place.face: place.on for place in shaker_places(scene) + sensor_places(scene)}
 
 
 def words_of(scene: "Scene") -> list[Any]:
     """What the functionals are made of, but for the contact's patch: changes with each word."""
-    return [has_friction(scene), shaker_places(scene)]
+    return [has_friction(scene), shaker_places(scene), sensor_places(scene)]

@@ -17,6 +17,8 @@ from workflows.scene.units import (
     LENGTH,
 )
 
+TO_HZ = 20e3  # up to which an error of the reduction holds, unless the scene says
+
 
 class Reduction(SceneTable):
     """Modes kept: a number, all below `cutoff`, or as many as an `error` asks for.

@@ -86,6 +86,8 @@ EXAMPLES: dict[str, Any] = {
     "reduction.modes": 40, "reduction.error": 1e-3, "to_hz": "20 kHz", "damping.ratio": 0.01,
     "damping.alpha": 5.0, "damping.beta": 1e-7, "damping.frequency": ["50 Hz", "8 kHz"],
     "time.dt": "0.5 us", "time.error": 1e-5, "output.spheres": [1, 4, 14],
+    "output.sensors.N.on": "block:+y", "output.sensors.N.at": ["10 mm", 0.0],
+    "output.sensors.N.direction": "y", "output.sensors.N.radius": "5 mm",
     "sphere": 4, "gain": "4 mV/N", "low_pass": "100 kHz", "high_pass": "1 kHz", "range": 5.0,
     "noise": 0.01, "bits": 12,
 }  # fmt: skip

@@ -1,45 +1,71 @@
 """What a run writes: observed spheres, sensors on them, the instrument that records those."""
 
+from collections.abc import Iterator
 from re import fullmatch
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
 from workflows.scene.quantities import of
-from workflows.scene.scene_table import Count, Frequency, Number, Positive, Ratio, SceneTable, si_of
+from workflows.scene.reduction import TO_HZ
+from workflows.scene.scene_table import (
+    Count,
+    Frequency,
+    Number,
+    Point,
+    Positive,
+    Ratio,
+    SceneTable,
+    si_of,
+)
+from workflows.scene.shakers import AXES, FACE, Direction
 from workflows.scene.units import (
+    ACCELERATION,
     DISPLACEMENT,
     FORCE,
     FORCE_RATE,
     FREQUENCY,
     GAINS,
+    LENGTH,
     VELOCITY,
     VOLTAGE,
 )
+from workflows.scene.walls import RomWall
 
-KINDS = {
+if TYPE_CHECKING:
+    from workflows.scene.scene import Scene
+
+OF_SPHERES = {
     "force": FORCE,
     "force-rate": FORCE_RATE,
     "velocity": VELOCITY,
     "displacement": DISPLACEMENT,
 }
+KINDS = OF_SPHERES | {"acceleration": ACCELERATION}
+OF_FACES = ("acceleration", "velocity", "displacement")
 NAME = r"[A-Za-z][\w -]*"
 
 
 class SensorTable(SceneTable):
     """What one channel shows of a sphere: the mean of its two contact forces, its rate, a velocity
-    or a displacement; forces and displacements count from the state at the start.
+    or a displacement; or of a structure: acceleration, velocity or displacement of a place on a
+    face, in a direction. Forces and displacements count from the state at the start.
 
     `gain` makes a voltage of it: a number in V per unit of the quantity, or a name for one that is
     not known, which sensors of the same name share. `noise` is of records that are computed.
     """
 
-    sphere: Count  # number of the sphere that carries the sensor
-    # what is measured
-    quantity: Literal["force", "force-rate", "velocity", "displacement"] = "force"
-    # [V/N], [V s/N], [V s/m] or [V/m]; or a name of one to be found
+    sphere: Count | None = None  # number of the sphere that carries the sensor
+    on: str | None = None  # or a face of the structure, "block:+y"
+    at: Point | None = None  # [m] on that plane face, from its middle along the axes that span it
+    radius: of(Positive, LENGTH) | None = None  # [m] of the disc whose mean it shows; 5 mm
+    direction: Direction | None = None  # "x", "y", "z", "normal" (out of the face), or a vector
+    # what is measured; of a face acceleration, velocity or displacement
+    quantity: Literal["force", "force-rate", "velocity", "displacement", "acceleration"] = "force"
+    # [V/N], [V s/N], [V s/m], [V/m] or [V s^2/m]; or a name of one to be found
     gain: Number | str | None = None
-    low_pass: Frequency | None = None  # [Hz] of a Butterworth filter
+    # [Hz] of a Butterworth filter; of a face by default half of reduction.to_hz, else 10 kHz
+    low_pass: Frequency | None = None
     high_pass: Frequency | None = None  # [Hz] of a Butterworth filter
     order: Annotated[int, Field(ge=1, le=8)] = 4  # order of the filters
     # [V] or the quantity's unit; without it, the signal's largest value
@@ -63,8 +89,14 @@ class SensorTable(SceneTable):
 
     @property
     def label(self) -> str:
-        """The quantity and its sphere."""
-        return f"{self.quantity} {self.sphere}"
+        """The quantity and its sphere, or its place on a face and its direction."""
+        if self.on is None:
+            return f"{self.quantity} {self.sphere}"
+        axis = self.direction
+        if not isinstance(axis, str):
+            axis = "along " + " ".join(f"{x:g}" for x in axis or ())
+        place = "" if self.at is None else " at " + " ".join(f"{x:g}" for x in self.at)
+        return f"{self.quantity} {self.on}{place} {axis}"
 
     @property
     def unit(self) -> str:
@@ -90,3 +122,62 @@ class Output(SceneTable):
     samples: Annotated[int, Field(ge=2, le=1_000_000)] = 3001
     sensors: Annotated[tuple[SensorTable, ...], Field(strict=False, min_length=1)] | None = None
     instrument: Instrument | None = None
+
+
+# of the frequency up to which a reduced model holds: low pass of a sensor on the structure. A block
+# of 6 cm to 25 kHz then shows accelerations to 1e-3, under a band to 25 kHz to 1e-2
+BAND = 0.5
+
+
+def low_pass_of(scene: "Scene", sensor: SensorTable) -> float | None:
+    """[Hz] of a sensor's filter: one on the structure shows no more than the reduced model's
+    band."""
+    if sensor.low_pass or sensor.on is None:
+        return sensor.low_pass
+    return BAND * ((scene.reduction and scene.reduction.to_hz) or TO_HZ)
+
+
+def of_place(scene: "Scene", sensor: SensorTable, key: str) -> Iterator[str]:
+    """Sentences on what carries a sensor: a sphere, or a face of the structure."""
+    if (sensor.sphere is None) == (sensor.on is None):
+        yield f"{key} sits on a sphere or on a face of the structure; give one of sphere and on."
+        return
+    allowed = OF_SPHERES if sensor.on is None else OF_FACES
+    if sensor.quantity not in allowed:
+        place = "a sphere" if sensor.on is None else "a face"
+        yield (
+            f'{key}.quantity = "{sensor.quantity}", allowed of {place} are {", ".join(allowed)}; '
+            "change it."
+        )
+    if sensor.on is None:
+        for name in ("at", "radius", "direction"):
+            if getattr(sensor, name) is not None:
+                yield f"{key}.{name} is of a sensor on a face; drop it, or name a face in {key}.on."
+        return
+    if not isinstance(scene.wall, RomWall) or scene.wall.file is not None or scene.bending:
+        yield (
+            f'{key}.on = "{sensor.on}" is a face of an assembly, which this wall does not have; '
+            'take wall.kind = "rom" with [assembly], or a sensor of a sphere.'
+        )
+    elif not fullmatch(FACE, sensor.on):
+        yield f'{key}.on = "{sensor.on}" is no face; name one, as on = "block:+y".'
+    elif any(table.dashpots for table in scene.springs.values()):
+        yield (
+            f"{key} reads a structure by its modes, which dashpots in joints couple; set these to "
+            "0, or take a sensor of a sphere."
+        )
+    low_pass = low_pass_of(scene, sensor)
+    if sensor.high_pass and not sensor.low_pass and sensor.high_pass >= low_pass:
+        yield (
+            f"{key}.high_pass = {sensor.high_pass:g} Hz must be below the low pass of a sensor on "
+            f"a face, {low_pass:g} Hz without low_pass; lower it, or give low_pass."
+        )
+    words = isinstance(sensor.direction, str)
+    if sensor.direction is None or (words and sensor.direction not in (*AXES, "normal")):
+        shown = f'"{sensor.direction}"' if words else "missing"
+        yield (
+            f'{key}.direction is {shown}, allowed are "x", "y", "z", "normal" and vectors; '
+            "change it."
+        )
+    elif not words and not any(sensor.direction):
+        yield f"{key}.direction = {list(sensor.direction)} has no length; give another vector."

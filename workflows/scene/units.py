@@ -65,6 +65,7 @@ GAINS = {
     "force-rate": Kind("gain of a rate of a force", "V s/N", ("V us/N",)),
     "velocity": Kind("gain of a velocity", "V s/m", ("mV s/m",)),
     "displacement": Kind("gain of a displacement", "V/m", ("V/mm",)),
+    "acceleration": Kind("gain of an acceleration", "V s^2/m", ("mV s^2/m",)),
 }
 KINDS = (
     LENGTH, MASS, TIME, FREQUENCY, VELOCITY, FORCE, PRESSURE, DENSITY, STIFFNESS, TURN_STIFFNESS,

@@ -31,10 +31,11 @@ import geometry
 import rom
 from fem.assembly_modes import N_MODES
 from workflows.scene import Scene
+from workflows.scene.reduction import TO_HZ
 from workflows.stages import assembly as stages
 from workflows.stages.chain import Start
 from workflows.stages.parts import Parts
-from workflows.stages.reduction import TO_HZ, SecondModel, contact_of
+from workflows.stages.reduction import SecondModel, contact_of
 from workflows.stages.walls import wall_of
 
 COARSER = 2.0  # times the element size

@@ -21,6 +21,7 @@ from rom import floating
 from rom.factorisation import Pencil, symmetric
 from rom.lanczos import EigenPairs, modes_below
 from workflows.scene import InvalidScene, ModalDampingTable, Scene
+from workflows.scene.reduction import TO_HZ
 from workflows.stages import assembly as stages
 from workflows.stages.assembly import solid, struck
 from workflows.stages.chain import Start, start
@@ -28,7 +29,6 @@ from workflows.stages.damping import damping_law
 from workflows.stages.errors import other_mesh
 from workflows.stages.parts import Parts
 from workflows.stages.pipeline import Pipeline, Stage, pipeline_of, tables_of
-from workflows.stages.reduction import TO_HZ
 from workflows.thesis import HAMMER_TEST_HZ
 
 

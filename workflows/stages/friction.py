@@ -6,6 +6,7 @@ friction leaves alone.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,7 +27,9 @@ from workflows.report.summary import ChainNumbers, FrictionNumbers
 from workflows.scene import Scene
 from workflows.scene.friction import arm_stiffness
 from workflows.stages import chain_numbers as of_chain
-from workflows.stages.chain import Start
+from workflows.stages import compilation as of_impact
+from workflows.stages.chain import Start, start
+from workflows.stages.walls import wall_of
 
 if TYPE_CHECKING:
     from coupling.sensor_record import SensorRecord  # scipy's filters, a second
@@ -52,6 +55,28 @@ def friction(
         motion=wall_motion(scene),
         **wanted,
     )
+
+
+BRIEF = LateralSearch(
+    dt=1e-6, cycle_steps=8, cycle_saves=8, ramp_periods=1, newton_periods=2, most_periods=1
+)
+
+
+def compilation(scene: Scene) -> NDArray[np.float64]:
+    """`compilation.compilation` of a scene with friction: also the kernels of the motion across,
+    by a few steps of a motion in the same directions."""
+    times = of_impact.compilation(scene)
+    with suppress(ValueError):  # the run itself says what is wrong
+        first, wall = start(scene), wall_of(scene)
+        brief = dem.march(first.chain, wall, first.velocity, duration=5e-6, dt=1e-6, n_save=5)
+        motion = wall_motion(scene)
+        if motion is not None:
+            motion = motion._replace(frequency=np.full(len(scene.shakers), 2e5))
+        last = last_sphere(scene, first)
+        march_lateral(
+            first.chain, wall, first.velocity, brief, last, motion=motion, search=BRIEF
+        )  # fmt: skip
+    return times
 
 
 def wall_motion(scene: Scene) -> WallMotion | None:

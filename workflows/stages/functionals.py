@@ -16,7 +16,7 @@ import fem
 import rom
 from fem.trace import OffFace
 from workflows.scene import InvalidScene, Scene
-from workflows.scene.places import Place, has_friction, shaker_places
+from workflows.scene.places import Place, has_friction, sensor_places, shaker_places
 from workflows.scene.shakers import AXES
 from workflows.stages.assembly import solid, struck
 
@@ -62,18 +62,18 @@ def with_functionals(
     Raises InvalidScene, rom.ReductionError.
     """
     across = contact.across(model) if has_friction(scene) else ()
-    places = shaker_places(scene)
-    if not across and not places:
+    shakers, sensors = shaker_places(scene), sensor_places(scene)
+    if not across and not shakers and not sensors:
         return reduced
     bodies = {
         face: body
         for body, basis in model.structure.basis.items()
         for face in basis.mesh.boundaries or {}
     }
-    loads = [functional(scene, model, bodies, place) for place in places]
-    B = np.column_stack([*(patch.w for patch in across), *loads])
+    on_faces = [functional(scene, model, bodies, place) for place in shakers + sensors]
+    B = np.column_stack([*(patch.w for patch in across), *on_faces])
     reduced, columns = rom.with_columns(reduced, model.K, model.M, B, options=options, **solver)
-    split = np.split(columns, [len(across)], axis=1)
+    split = np.split(columns, [len(across), len(across) + len(shakers)], axis=1)
 
     fields = {}
     if across:
@@ -83,6 +83,7 @@ def with_functionals(
         except ValueError as error:
             raise InvalidScene(f"{scene.name}: [friction]: {str(error).rstrip('.')}.") from None
         fields = {"across": split[0], "half_space": half_space, "axes": contact.axes}
-    if places:
-        fields |= {"load": split[1], "load_names": tuple(place.name for place in places)}
+    for group, W, places in (("load", split[1], shakers), ("sense", split[2], sensors)):
+        if places:
+            fields |= {group: W, f"{group}_names": tuple(place.name for place in places)}
     return reduced._replace(columns=rom.Columns(**fields))

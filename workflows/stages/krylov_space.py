@@ -15,9 +15,10 @@ import rom
 from fem.assembly_modes import N_MODES
 from rom.contact_modes import KrylovOptions
 from workflows.scene import Scene
+from workflows.scene.reduction import TO_HZ
 from workflows.stages.assembly import contact
 from workflows.stages.parts import Parts
-from workflows.stages.reduction import TO_HZ, selection
+from workflows.stages.reduction import selection
 from workflows.stages.targets import targets
 
 

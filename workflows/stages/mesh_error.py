@@ -25,11 +25,12 @@ import rom
 from fem.assembly_modes import N_MODES, AssemblyModes
 from rom.contact_modes import KrylovOptions
 from workflows.scene import InvalidScene, Scene
+from workflows.scene.reduction import TO_HZ
 from workflows.stages import assembly as stages
 from workflows.stages import errors
 from workflows.stages.mesh_causes import Cause, causes, explanation
 from workflows.stages.parts import Parts
-from workflows.stages.reduction import TO_HZ, reading
+from workflows.stages.reduction import reading
 
 
 class MeshErrorOptions(NamedTuple):

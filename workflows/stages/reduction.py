@@ -10,11 +10,11 @@ import rom
 from fem.assembly_modes import AssemblyModes
 from rom.jointed import Jointed
 from workflows.scene import Scene
+from workflows.scene.reduction import TO_HZ
 from workflows.stages.assembly import dashpots, solid, struck
 from workflows.stages.functionals import with_functionals
 from workflows.stages.strike import surface_of
 
-TO_HZ = 20e3  # up to which an error of the reduction holds, unless the scene says
 NOTHING = np.empty(0, np.int64)
 
 

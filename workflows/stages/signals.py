@@ -1,5 +1,8 @@
 """Signals of the scene's sensors in a run, as its instrument records them."""
 
+from itertools import count
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from coupling import Impact
@@ -9,33 +12,59 @@ from dem.waves.chain_waves import ChainWaves
 from workflows.files.record import SYNTHETIC
 from workflows.report.summary import SensedArrival, SensorWaves
 from workflows.scene import Instrument, Scene
+from workflows.scene.sensors import low_pass_of
+from workflows.stages.damping import damping
+
+if TYPE_CHECKING:
+    from coupling.structure_sensors import Sensed
+    from rom import ReducedModel
 
 
 def sensors(scene: Scene) -> tuple[Sensor, ...]:
-    """The scene's sensors; a sensor of unknown gain has 1 V per unit of its quantity."""
+    """The scene's sensors; a sensor of unknown gain has 1 V per unit of its quantity, one on the
+    structure without a low pass that of the reduced model's band."""
+    column = count()
     return tuple(
         Sensor(
-            sensor.sphere - 1,
+            None if sensor.sphere is None else sensor.sphere - 1,
             sensor.quantity,
             sensor.gain if isinstance(sensor.gain, float) else 1.0,
-            Band(sensor.low_pass, sensor.high_pass, sensor.order),
+            Band(low_pass_of(scene, sensor), sensor.high_pass, sensor.order),
             sensor.noise,
             sensor.range,
+            next(column) if sensor.sphere is None else None,
         )
         for sensor in scene.output.sensors or ()
     )
 
 
-def record(scene: Scene, impact: Impact, waves: ChainWaves) -> SensorRecord:
-    """Signals of the sensors (k, m) with noise, filters and rounding, and the waves in them."""
+def record(
+    scene: Scene,
+    impact: Impact,
+    waves: ChainWaves,
+    reduced: "ReducedModel | None" = None,
+    structure: "Sensed | None" = None,
+) -> SensorRecord:
+    """Signals of the sensors (k, m) with noise, filters and rounding, and the waves in them; of
+    those on the structure as it moves, or by its reduced model, which the contact force drives."""
+    if reduced is not None:
+        from coupling.structure_sensors import sensed_in_run
+
+        run, law = impact.trajectory, damping(scene.damping, reduced)
+        structure = sensed_in_run(reduced, run.t, run.contact_force[:, -1], damping=law)
     instrument = scene.output.instrument or Instrument()
     settings = instrument.model_dump(include={"sampling", "bits", "seed"})
-    return sensor_record(sensors(scene), impact.trajectory, waves.tracks, **settings)
+    return sensor_record(
+        sensors(scene), impact.trajectory, waves.tracks, structure=structure, **settings
+    )
 
 
 def csv_text(scene: Scene, record: SensorRecord) -> str:
     """The record as CSV, time [s] and a column for each sensor, as `calibrate` reads it."""
-    names = [f"sphere {s.sphere} {s.quantity} [{s.unit}]" for s in scene.output.sensors]
+    names = [
+        f"sphere {s.sphere} {s.quantity} [{s.unit}]" if s.on is None else f"{s.label} [{s.unit}]"
+        for s in scene.output.sensors
+    ]
     rows = np.column_stack([record.t, record.y])
     lines = [",".join([f"{row[0]:.9g}", *(f"{x:.9g}" for x in row[1:])]) for row in rows]
     return "\n".join([f"# {SYNTHETIC}", ", ".join(["time [s]", *names]), *lines, ""])

@@ -82,6 +82,7 @@ def of_chain(
     yield from judged(impact)
     yield from dem.outside(strain(scene, start, run))
     yield from long_contact(scene, start, run)
+    yield from beyond_the_table(start, run)
     yield from large_step_error(run.error_estimate)
     yield from beyond_the_horizon(scene)
     if isinstance(scene.wall, RomWall) and scene.wall.file is not None:
@@ -115,6 +116,23 @@ def long_contact(scene: Scene, start: Start, run: dem.Trajectory) -> Iterator[st
             f"The contact with the curved wall grows {2e3 * half:.2g} mm long, "
             f"{half / sphere:.2g} of the sphere's radius to either side, where Hertz' law asks for "
             f"less than {SMALL_CONTACT:g}; reduce striker.velocity, or strike a flatter face."
+        )
+
+
+def beyond_the_table(start: Start, run: dem.Trajectory) -> Iterator[str]:
+    """Forces of tabulated contacts above their last row, behind which the force is a straight
+    line that nobody has measured."""
+    table = start.chain.table
+    if table is None:
+        return
+    share = run.contact_force.max(axis=0) / (start.chain.A * table.force[-1])
+    beyond = np.flatnonzero(share > 1.0)
+    if beyond.size:
+        worst = int(np.argmax(share))
+        yield (
+            f"The force of {beyond.size} of {share.size} contacts goes beyond the last row of "
+            f"contact.file, most at contact {worst + 1}, {share[worst]:.3g} times, where it is "
+            "continued as a straight line; add rows to the table, or reduce striker.velocity."
         )
 
 
@@ -161,6 +179,14 @@ def large_model_error(name: str, error: float) -> Iterator[str]:
 def unknown_model_error(name: str, reason: Exception) -> Iterator[str]:
     """A reduction or a mesh without a second model to measure its error by."""
     yield f"The error of the {name} could not be estimated: {reason}"
+
+
+def model_errors_left_out() -> Iterator[str]:
+    """A run with friction, of which no second model is marched."""
+    yield (
+        "Errors of reduction and mesh are of runs without friction; run the scene without "
+        "[friction] and [[shakers]] for them."
+    )
 
 
 def beyond_the_horizon(scene: Scene) -> Iterator[str]:

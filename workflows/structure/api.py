@@ -234,9 +234,11 @@ def tune(
     """Joint stiffnesses, and materials, fitted to measured modes (`beadwave tune`).
 
     match   modes by number, [1, 3, 4], or with frequencies of one's own, {1: 51.2, 3: 905.0} [Hz];
-            all targets of the scene without it
+            all targets of the scene without it. Of a scene of bodies without targets they are the
+            numbers of its computed modes, and become its targets
     free    what to vary, ["joints.NAME.kz", "materials.NAME.young"]; of the rig "head.ky"
-    hammer  a hammer test (.csv, .uff, .mat, .wav) to take frequencies and damping from
+    hammer  a hammer test (.csv, .uff, .mat, .wav) to take frequencies and damping from; its modes
+            become the targets of a scene of bodies without any, by shape where points are known
     out     a file for the tuned scene (.toml), or USUAL for NAME-tuned.toml; a file that
             beadwave did not write, or that was changed since, is replaced with `overwrite` alone
 
@@ -246,24 +248,33 @@ def tune(
     if hammer:
         require_file(hammer, HAMMER)
     chosen = with_assembly(load_scene(scene, changes))
-    measured_hz = with_targets(chosen).measured_hz
-    from workflows.structure.tuning import targets, tuned, write_scene
+    from workflows.stages.pipeline import pipeline_of
+    from workflows.structure.tuning import numbered, targets, tuned, write_scene
 
     # which modes: as `--match` takes them, "1,3,4" or "1=51.2,3=905"
     if isinstance(match, Mapping):
         match = ",".join(f"{n}={hz!r}" for n, hz in match.items())
     elif match is not None and not isinstance(match, str):
         match = ",".join(map(str, match))
-    all_modes = ",".join(map(str, range(1, len(measured_hz) + 1)))
-    wanted = targets(all_modes if match is None else match, measured_hz)
-    if hammer:
-        from workflows.stages.pipeline import pipeline_of
-        from workflows.structure.hammer import applied, hammer_test, measured_shapes, recognised
+    remarks: list[str] = []
+    if chosen.measured_hz or chosen.of_dimensions or not (match or hammer):
+        measured_hz = with_targets(chosen).measured_hz
+        all_modes = ",".join(map(str, range(1, len(measured_hz) + 1)))
+        wanted = targets(all_modes if match is None else match, measured_hz)
+        if hammer:
+            from workflows.structure.hammer import applied, hammer_test, measured_shapes, recognised
 
-        test = hammer_test(Path(hammer), wanted)
-        if not chosen.of_dimensions and measured_shapes(test):
-            test = recognised(test, pipeline_of(chosen, progress), wanted)
-        chosen, wanted = applied(chosen, test.report, match)
+            test = hammer_test(Path(hammer), wanted)
+            if not chosen.of_dimensions and measured_shapes(test):
+                test = recognised(test, pipeline_of(chosen, progress), wanted)
+            chosen, wanted = applied(chosen, test.report, match)
+    elif hammer:
+        from workflows.structure.hammer import as_targets, hammer_test
+
+        test = hammer_test(Path(hammer), {})
+        chosen, wanted, remarks = as_targets(test, pipeline_of(chosen, progress), match)
+    else:
+        chosen, wanted, remarks = numbered(chosen, match)
 
     # where to, before the fit: a file that cannot be written is refused at once
     path = f"{chosen.name}-tuned.toml" if out is USUAL else out
@@ -278,13 +289,14 @@ def tune(
             f'free = {free!r} must be names, as in ["joints.NAME.kz", "materials.NAME.young"].'
         )
     result, report = tuned(chosen, wanted, tuple(name.strip() for name in names), progress)
+    report = report.model_copy(update={"remarks": [*remarks, *report.remarks]})
     if file is None or report.failures:
         return Tuned(result, report, None)
 
     # a scene is named after its file
     name = sub(r"[^\w.-]", "-", file.path.stem).lstrip(".-")[:LONGEST_NAME] or "tuned"
     result = result.model_copy(update={"name": name})
-    write_scene(result, file, report)
+    write_scene(result, file, report, scene)
     return Tuned(result, report, file.path)
 
 

@@ -20,10 +20,12 @@ from fem.poly_reference import IdentifiedModes, identified_modes
 from fem.subspace import subspace_modes
 from workflows.files.hammer import MeasuredTest, Reading, measured_test
 from workflows.files.run_folder import Picture
+from workflows.files.shapes import measured_shape
 from workflows.report import plots
 from workflows.report.plots import Line, Panel
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, ModalDampingTable, Scene
+from workflows.scene.bodies import MeasuredMode
 from workflows.stages.damping import damping_law
 from workflows.stages.pipeline import Pipeline
 from workflows.stages.targets import placed
@@ -374,6 +376,63 @@ def targets_of(test: IdentifiedTest, shapes: Path) -> str:
             lines = [f"# {why}", *(f"# {line}" for line in lines)]
         blocks.append("\n".join(lines))
     return "\n".join(blocks) + "\n"
+
+
+def as_targets(
+    test: IdentifiedTest, pipeline: Pipeline, match: str | None
+) -> tuple[Scene, dict[int, float], list[str]]:
+    """The scene of bodies with the test's modes as its targets and its damping, the frequencies to
+    tune to by the target's place, and what they were paired by; raises InvalidScene.
+
+    A target is recognised by its measured shape where the file holds it; otherwise by the number of
+    the computed mode that it is like, and where no points are known by its place in the order of
+    frequencies.
+    """
+    scene, file = pipeline.scene, Path(test.report.file)
+    by_shape = measured_shapes(test) is not None
+    if by_shape:
+        test = recognised(test, pipeline, ())
+        computed_hz = pipeline("modes").omega / (2 * np.pi)
+        rows = [row for row in test.report.rows if row.computed_hz is not None]
+        number = [int(np.abs(computed_hz - row.computed_hz).argmin()) + 1 for row in rows]
+        rows = [rows[i] for i in np.argsort(number)]
+        number.sort()
+    else:
+        rows = sorted(test.report.rows, key=lambda row: row.frequency_hz)
+        number = list(range(1, len(rows) + 1))
+    if not rows:
+        raise InvalidScene(
+            f"{file}: none of its modes has a shape like one of {scene.name}; `beadwave hammer "
+            f"{file} --scene {scene.name}` shows them."
+        )
+
+    def holds_shape(hz: float) -> bool:
+        try:
+            return by_shape and bool(len(measured_shape(file, hz).points))
+        except InvalidScene:
+            return False
+
+    tables = tuple(
+        MeasuredMode(hz=row.frequency_hz, shape=str(file))
+        if holds_shape(row.frequency_hz)
+        else MeasuredMode(hz=row.frequency_hz, number=n)
+        for row, n in zip(rows, number, strict=True)
+    )
+    rows = [row.model_copy(update={"mode": i}) for i, row in enumerate(rows, start=1)]
+    scene, hz = applied(
+        scene.but(targets=tables), test.report.model_copy(update={"rows": rows}), None
+    )
+    if match:
+        hz = {place: hz[place] for place in targets(match, scene.measured_hz)}
+    how = (
+        "by the shapes of their points"
+        if by_shape
+        else ("in the order of frequencies, since the test has no points")
+    )
+    listed = ", ".join(
+        f"{f:.5g} Hz is mode {n}" for f, n in zip(scene.measured_hz, number, strict=True)
+    )
+    return scene, hz, [f"Modes of {file} are paired {how}: {listed}."]
 
 
 def pictures(test: IdentifiedTest) -> list[Picture]:

@@ -45,21 +45,34 @@ def sweep(
     scene: Source = None,
     changes: Changes = (),
     *,
-    cases: Cases | Mapping[str, Any],
+    over: Iterable[str] | Mapping[str, Any] = (),
+    sample: str | None = None,
+    cases: str | Path | Cases | Mapping[str, Any] | None = None,
+    seed: int = 0,
+    again: bool = False,
     out: str | Path | None = None,
-    on: int | str = 1,
     signals: bool = False,
+    on: int | str = 1,
     overwrite: bool = False,
     told: Callable[[int, int], None] = lambda done, n: None,
 ) -> Sweep:
     """Every case once, into one table (`beadwave sweep`).
 
-    `cases` is a Cases, or a dict of the keys of a grid, {"striker.velocity": "0.1:1:10"}. `on` is
-    how many processes compute walls that differ, or the address of a Dask scheduler. `signals`
-    keeps the velocities of all cases. `out` is the folder, sweeps/NAME without it; a sweep that
-    was stopped goes on with what is missing. `told` is called with cases done and cases in all.
-    Raises InvalidScene for bad input; a case that is refused or fails is a row of the table with
-    its sentence.
+    over     a key that varies: start:stop:n, start:stop:n:log, or a list a,b,c; beside --sample a
+             range low:high or low:high:log. May be repeated; a unit is optional
+    sample   samples of ranges: lhs:N, a Latin hypercube; sobol:N, N (keys + 2) cases for indices of
+             Sobol
+    cases    a CSV of cases: a line of keys, then values
+    seed     random seed of --sample
+    again    compute cases that have no result once more
+    out      folder; default sweeps/NAME
+    signals  keep velocities and wall force: signals.nc
+
+    `over` is {"striker.velocity": [0.3, 0.5]} as well; `cases` may be such a dict too, or a Cases.
+    `on` is how many processes compute walls that differ, or the address of a Dask scheduler. A
+    sweep that was stopped goes on with what is missing. `told` is called with cases done and cases
+    in all. Raises InvalidScene for bad input; a case that is refused or fails is a row of the
+    table with its sentence.
     """
     from workflows.sweep.cases import base_of
     from workflows.sweep.design import require_free
@@ -71,8 +84,8 @@ def sweep(
     # which cases: the scene, the keys that vary, their values
     require_libraries(signals)
     base = base_of(scene, changes)
-    cases = cases if isinstance(cases, Cases) else Cases(cases)
-    design = _design(base, cases)
+    described = _cases(over, sample, cases, seed, again)
+    design = _design(base, described)
     require_keys(base, design, signals)
     notes_on_changes = require_free(design, base.given)
 
@@ -80,7 +93,10 @@ def sweep(
     scene_swept = base.with_values({})
     text = f"{toml(scene_swept)}\n# swept: {design.n_cases} cases, {design.digest}\n"
     path, notes = place(out, SWEEPS, scene_swept.name, text)
-    inputs = (*files_read(scene_swept, scene), *([Path(cases.table)] if cases.table else []))
+    inputs = (
+        *files_read(scene_swept, scene),
+        *([Path(described.table)] if described.table else []),
+    )
     folder = RunFolder(path, inputs=inputs, overwrite=overwrite)
 
     # every case once, in this process or on a cluster, then pictures of the whole table
@@ -91,7 +107,7 @@ def sweep(
         engine_or_none = cluster(on)
     with folder.run(text, FILES) as folder, engine_or_none as engine:
         notes += notes_on_changes + compute(
-            base, design, folder, engine, signals=signals, progress=told, again=cases.again
+            base, design, folder, engine, signals=signals, progress=told, again=described.again
         )
         _draw(folder, design)
     return opened(path, notes)
@@ -125,8 +141,12 @@ def scan(
 ) -> Sweep:
     """The chain at every point of a grid over a plane face, into one table (`beadwave scan`).
 
-    `face` is "body:+x", the one that the scene strikes without it; the first number of `grid` is
-    that of points along the first of the two axes that span it. All points share one reduction;
+    face     a plane face, body:+x; default the one that is struck
+    grid     points along the two axes that span the face
+    out      folder; default scans/NAME
+    signals  keep velocities and wall force: signals.nc
+
+    All points share one reduction;
     the errors of each are in the table. The reflected wave of a sphere is the same wave at all
     points, NaN where it cannot be told; `notes` of the result say where errors are large and how
     many waves are left out. Other arguments as in `sweep`; a scan that was stopped goes on with the
@@ -160,10 +180,14 @@ def sweep_price(
     scene: Source = None,
     changes: Changes = (),
     *,
-    cases: Cases | Mapping[str, Any],
+    over: Iterable[str] | Mapping[str, Any] = (),
+    sample: str | None = None,
+    cases: str | Path | Cases | Mapping[str, Any] | None = None,
+    seed: int = 0,
     processes: int | None = None,
 ) -> Price:
-    """Cases, shared models, seconds and memory of a sweep, timed on its first cases."""
+    """Cases, shared models, seconds and memory of a sweep, timed on its first cases; arguments as
+    in `sweep`."""
     from workflows.sweep.cases import base_of
     from workflows.sweep.cluster import require_processes
     from workflows.sweep.design import require_free
@@ -171,7 +195,7 @@ def sweep_price(
     from workflows.sweep.sweep import require_keys
 
     base = base_of(scene, changes)
-    design = _design(base, cases if isinstance(cases, Cases) else Cases(cases))
+    design = _design(base, _cases(over, sample, cases, seed))
     require_keys(base, design, False)
     require_free(design, base.given)
     require_processes(processes or 1)
@@ -185,6 +209,21 @@ def load_sweep(folder: str | Path) -> Sweep:
     from workflows.sweep.result import opened
 
     return opened(folder)
+
+
+def _cases(
+    over: Iterable[str] | Mapping[str, Any],
+    sample: str | None,
+    cases: str | Path | Cases | Mapping[str, Any] | None,
+    seed: int,
+    again: bool = False,
+) -> Cases:
+    """The cases that the arguments of a sweep describe."""
+    if isinstance(cases, Cases):
+        return cases
+    if isinstance(cases, Mapping):
+        return Cases(cases, sample, None, seed, again)
+    return Cases(over, sample, cases, seed, again)
 
 
 def _design(base: Base, cases: Cases) -> Design:
@@ -208,6 +247,8 @@ def _design(base: Base, cases: Cases) -> Design:
         if texts or cases.sample:
             raise InvalidScene("--cases has all values; leave out --over and --sample.")
         return design.table(Path(cases.table))
+    if cases.seed < 0:
+        raise InvalidScene(f"--seed {cases.seed} must be 0 or above; change it.")
     if cases.sample:
         return design.sampled(texts, cases.sample, cases.seed, base.number)
     return design.grid(texts, base.number)

@@ -69,9 +69,10 @@ def main() -> None:
     environ["NUMBA_CACHE_DIR"] = str(folder / "code")
     scene = loads((folder / "scene").read_bytes())
 
+    from joblib import Memory
     from numba.core.event import Listener, register
 
-    from workflows.stages.compilation import compilation
+    from workflows.stages.pipeline import Pipeline
 
     variants, callers = [], []  # of those that are being compiled: start, seconds of callees
 
@@ -93,7 +94,7 @@ def main() -> None:
 
     register("numba:compile", OwnSeconds())
     start = process_time()
-    compilation(scene)
+    Pipeline(scene, Memory(None, verbose=0)).compute("compilation")
     record = {"impact": process_time() - start, "variants": variants}
     (folder / "variants.json").write_text(json.dumps(record), encoding="utf-8")
 

@@ -4,9 +4,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
+import rom
+from coupling.reduced_spatial_wall import spatial_wall_of
 from fem import calculix as program
 from fem import factorised, modes
 from fem.abaqus import input_deck
+from fem.model import Model
 from workflows.evidence.verify.comparisons import Comparison, compared, require_program
 from workflows.files.scene import scene
 from workflows.stages.assembly import dashpots
@@ -37,6 +40,7 @@ def calculix() -> Iterator[Comparison]:
         yield from _frequencies_and_compliance(name, pipeline_of(scene(name, changes), quiet))
     for name in ("cantilever", "rig-rom"):
         yield from _matrices_and_response(name, pipeline_of(scene(name, SCENES[name]), quiet))
+        yield from _across(name, pipeline_of(scene(name, SCENES[name]), quiet))
 
     # gmsh's tetrahedra in CalculiX beside our hexahedra: a difference of the two fine meshes of at
     # most what halving the elements changes on both sides
@@ -98,8 +102,37 @@ def _matrices_and_response(name: str, pipeline: Pipeline) -> Iterator[Comparison
                        allowed=1e-10, of=float(abs(K_theirs).max()),
                        source=f"{SOURCE}, MATRIXSTORAGE")  # fmt: skip
 
-    # H = sum_j (w^T phi_j)^2 / (omega_j^2 - omega^2 + 2 i zeta omega_j omega) of the same forty
-    # modes and no residual vector: CalculiX' steady state takes the modes alone
+    yield _receptance(f"{name}, receptance of 40 modes to 20 kHz [m/N]", model, w, deck)
+
+
+def _across(name: str, pipeline: Pipeline) -> Iterator[Comparison]:
+    """Static compliance along t1 and t2 of the wall of three directions, from a reduced model, and
+    the receptance to 20 kHz."""
+    model, contact = pipeline("model"), pipeline("contact")
+    materials, C = pipeline("mesh").materials, dashpots(pipeline.scene, model)
+    patches = contact.across(model)
+    solver = {"factor": factorised(model.K), "factorise": factorised}
+    selection = rom.Selection(20, to_hz=2e4, choice="contact")
+    alone = rom.free_modes(model.K, model.M, contact.w, selection, **solver)
+    W = np.column_stack([patch.w for patch in patches])
+    alone, columns = rom.with_columns(alone, model.K, model.M, W, **solver)
+    wall = spatial_wall_of(alone._replace(columns=rom.Columns(columns, np.zeros((3, 3)))))
+    compliance = np.sum((wall.phi / wall.omega[:, None]) ** 2, axis=0)
+    for axis, patch, ours in zip(("t1", "t2"), patches, compliance[1:], strict=True):
+        deck = input_deck(model, materials, w=patch.w, C=C)
+        yield compared(f"{name}, reduced, compliance along {axis} [m/N]", ours,
+                       program.answer(deck).compliance, allowed=PRINTED, source=SOURCE)  # fmt: skip
+        yield _receptance(
+            f"{name}, receptance of 40 modes along {axis} [m/N]", model, patch.w, deck
+        )
+
+
+def _receptance(quantity: str, model: Model, w: np.ndarray, deck: str) -> Comparison:
+    """The receptance to 20 kHz at the functional w (n,) that the deck loads and reads:
+
+    H = sum_j (w^T phi_j)^2 / (omega_j^2 - omega^2 + 2 i zeta omega_j omega) of the same forty
+    modes and no residual vector: CalculiX' steady state takes the modes alone.
+    """
     n, zeta = 40, 0.01
     f, H_theirs = program.receptance(deck, n_modes=n, zeta=zeta, span_hz=(20.0, 2e4))
     spectrum = modes(model.K, model.M, n)
@@ -109,7 +142,7 @@ def _matrices_and_response(name: str, pipeline: Pipeline) -> Iterator[Comparison
     H = np.sum(H, axis=0)
     difference = np.abs(H / H_theirs - 1)
     worst = int(np.argmax(difference))
-    yield Comparison(
-        f"{name}, receptance of {n} modes to 20 kHz [m/N]", abs(H[worst]), abs(H_theirs[worst]),
+    return Comparison(
+        quantity, abs(H[worst]), abs(H_theirs[worst]),
         float(difference[worst]), 1e-4, "CalculiX, *STEADY STATE DYNAMICS",
     )  # fmt: skip

@@ -3,6 +3,7 @@
 import { columns } from "./arrays.js";
 import { responseChart, timeChart } from "./charts.js";
 import { clockOf } from "./clock.js";
+import { frictionView } from "./friction.js";
 import { heatMap } from "./heat.js";
 import { impactView } from "./impact.js";
 import { drawnBy } from "./stage.js";
@@ -36,6 +37,8 @@ function startCharts(clock) {
     const marks = plot === "velocity" ? marksOf(curves, data.waves.marks) : [];
     timeChart(holder, clock, source.dt, curves, { marks });
   }
+  const friction = document.querySelector("figure[data-friction]");
+  if (friction && data.friction) frictionView(friction, clock, data.friction);
   const response = document.querySelector("figure[data-response]");
   if (response && data.response) responseChart(response, data.response);
   const heat = document.querySelector("figure[data-heat]");

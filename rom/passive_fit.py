@@ -1,0 +1,256 @@
+"""A driving-point receptance as oscillators that cannot create energy.
+
+    H(omega) = sum_j r_j / (omega_j^2 - omega^2 + 2 i zeta_j omega_j omega) - r_0 / omega^2 + s
+
+With omega_j > 0, zeta_j >= 0 and r_j, r_0, s >= 0 it is what parallel oscillators of masses
+1 / r_j, a free mass 1 / r_0 (modes below the band) and a spring of compliance s (modes above it)
+do: passive by construction, whatever noise is in the measurement.
+
+Poles are relocated by relaxed vector fitting (B. Gustavsen, IEEE Trans. Power Delivery 21 (2006)
+1587), residues found by least squares that allow no negative ones (Lawson and Hanson), and both
+refined together. The number of modes is that of the lowest Bayesian information criterion
+k ln(misfit^2) + p ln k.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import least_squares, nnls
+
+from rom.factorisation import ReductionError
+
+
+class FitOptions(NamedTuple):
+    """How a receptance is fitted."""
+
+    n_modes: tuple[int, ...] = (1, 2, 3, 4, 6, 8, 11, 15, 20, 27, 36, 48)  # numbers tried
+    relocations: int = 8  # of the poles; 5 to 12 gave the same modes
+    # share of the median response added to each response as its deviation: 0 fits antiresonances,
+    # where noise may exceed the response, as closely as resonances
+    floor: float = 0.05
+    # of the ends of the band, beyond which poles are left to the free mass and to the compliance;
+    # with 1.2 modes at 1.4 of the band's end left a misfit of 6e-3, with 3 of 1e-4
+    outside: tuple[float, float] = (1.2, 3.0)
+    zeta: tuple[float, float] = (1e-6, 0.5)  # of modes; a wider one is no resonance
+    better: float = 10.0  # of the criterion, by which more modes must win
+    # misfit with a free mass over that without, below which there is one: its share of noise or of
+    # rounding would let a wall drift away that is held
+    free: float = 0.9
+    fine: float = 1e-7  # misfit at which no more modes are tried
+    refined: int = 3  # of the best numbers of modes, whose poles and residues are refined together
+
+
+class ModalFit(NamedTuple):
+    """Modes of a fit and how far it is from the response."""
+
+    omega: NDArray[np.float64]  # (n,) [rad/s]
+    zeta: NDArray[np.float64]  # (n,)
+    residue: NDArray[np.float64]  # (n,) [1/kg] squares of mass-normalised modes at the point
+    inverse_mass: float  # r_0 [1/kg] of the free mass, 0 where the structure is held
+    compliance: float  # s [m/N] of the modes above the band
+    misfit: float  # root mean square of (H_fit - H) over its deviation
+    criterion: float  # Bayesian information criterion, lower is better
+
+
+def modal_receptance(fit: ModalFit, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
+    """H (k,) [m/N] of a fit at frequencies (k,) [Hz] above 0."""
+    omega = 2 * np.pi * np.asarray(frequency_hz, float)
+    residues = np.concatenate([fit.residue, [fit.inverse_mass, fit.compliance]])
+    return _columns(omega, fit.omega, fit.zeta) @ residues
+
+
+def passive_fit(
+    frequency_hz: ArrayLike, H: ArrayLike, options: FitOptions = FitOptions()
+) -> ModalFit:
+    """The oscillators of a driving-point receptance H (k,) [m/N] at frequencies (k,) [Hz].
+
+    Raises ReductionError for a response that is no driving point's: its power into the structure,
+    -omega Im H |F|^2 / 2, is negative over much of the band.
+    """
+    f, H = np.asarray(frequency_hz, float), np.asarray(H, complex)
+    require_driving_point(f, H)
+    omega = 2 * np.pi * f
+    deviation = np.abs(H) + options.floor * np.median(np.abs(H))
+
+    # each number of modes, with and without a free mass, residues not negative
+    fits: list[ModalFit] = []
+    for n in options.n_modes:
+        if 4 * n + 6 > len(f):
+            break
+        poles = relocated_poles(omega, H / deviation, 1 / deviation, n, options)
+        omega_j, zeta = np.abs(poles), -poles.real / np.abs(poles)
+        low, high = omega[0] / options.outside[0], omega[-1] * options.outside[1]
+        taken = (omega_j > low) & (omega_j < high) & (zeta < options.zeta[1])
+        start = omega_j[taken], np.maximum(zeta[taken], options.zeta[0])
+        fixed, free = (
+            _with_residues(omega, H, deviation, *start, drifts) for drifts in (False, True)
+        )
+        is_fixed = fixed.misfit < max(options.fine, free.misfit / options.free)
+        fits.append(fixed if is_fixed else free)
+        if fits[-1].misfit < options.fine:
+            break
+
+    # the best of these refined; more parameters only where the criterion says so
+    fits.sort(key=lambda fit: fit.criterion)
+    refined = [_refined(omega, H, deviation, fit, options) for fit in fits[: options.refined]]
+    lowest = min(fit.criterion for fit in refined)
+    as_good = [fit for fit in refined if fit.criterion < lowest + options.better]
+    return min(as_good, key=lambda fit: len(fit.omega))
+
+
+def require_driving_point(frequency_hz: NDArray[np.float64], H: NDArray[np.complex128]) -> None:
+    """Raises ReductionError unless H (k,) may be a driving point's receptance [m/N].
+
+    There -Im H >= 0 at every frequency: the force's mean power is -omega Im H |F|^2 / 2. Noise may
+    break this between resonances, where the power is small; so it is summed over |H|.
+    """
+    if not (np.isfinite(frequency_hz).all() and np.isfinite(H).all()):
+        raise ReductionError("it holds NaN or inf; leave those frequencies out")
+    if np.any(frequency_hz <= 0) or np.any(np.diff(frequency_hz) <= 0):
+        raise ReductionError("its frequencies are not above 0 Hz and increasing; sort them")
+    if len(frequency_hz) < 16:
+        raise ReductionError(f"it has {len(frequency_hz)} frequencies, at least 16 are needed")
+    if not np.any(H):
+        raise ReductionError("it is 0 at all frequencies")
+    taken, given = np.sum(np.maximum(-H.imag, 0)), np.sum(np.maximum(H.imag, 0))
+    if given > 0.2 * taken:
+        raise ReductionError(
+            f"at its frequencies the structure gives back {given / max(taken + given, 1e-300):.0%} "
+            "of the power, so it is not the response of a driving point: take the sensor at the "
+            "hit and along it, and check its sign and unit"
+        )
+
+
+def relocated_poles(
+    omega: NDArray[np.float64],
+    H: NDArray[np.complex128],
+    weight: NDArray[np.float64],
+    n_modes: int,
+    options: FitOptions,
+) -> NDArray[np.complex128]:
+    """Poles (n,) of upper half-plane, stable, by relaxed vector fitting; H (k,) is weighted.
+
+        (sum c_m phi_m + d + e / s^2) - (sum c~_m phi_m + d~) H = 0,    Re sum(sigma) = k
+
+    phi_m are the partial fractions of the poles; the zeros of sigma = sum c~_m phi_m + d~ are the
+    new poles.
+    """
+    unit = omega[-1]
+    s = 1j * omega / unit
+    b = np.linspace(omega[0], omega[-1], n_modes + 2)[1:-1] / unit
+    poles = -0.01 * b + 1j * b
+    weighted = H / weight
+    for _ in range(options.relocations):
+        # real partial fractions of a pair: c' (1/(s-a) + 1/(s-a*)) + c'' i (1/(s-a) - 1/(s-a*))
+        up, down = 1 / (s[:, None] - poles), 1 / (s[:, None] - poles.conj())
+        phi = np.stack([up + down, 1j * (up - down)], axis=2).reshape(len(s), -1)
+        lines = np.column_stack([np.ones_like(s), 1 / s**2])
+        sigma = np.column_stack([phi, np.ones_like(s)])
+        A = np.hstack([phi, lines, -sigma * weighted[:, None]]) * weight[:, None]
+        A = np.vstack([A.real, A.imag])
+
+        # sigma does not vanish: the sum of its real part is k, with the size of the response
+        size = np.linalg.norm(H) / len(s)
+        relaxed = np.concatenate([np.zeros(phi.shape[1] + 2), size * sigma.real.sum(axis=0)])
+        A = np.vstack([A, relaxed])
+        right = np.zeros(len(A))
+        right[-1] = size * len(s)
+        norm = np.maximum(np.linalg.norm(A, axis=0), np.finfo(float).tiny)
+        x = np.linalg.lstsq(A / norm, right, rcond=None)[0] / norm
+        c, d = x[phi.shape[1] + 2 : -1], x[-1]
+        if abs(d) < 1e-8:
+            d = 1e-8
+
+        # zeros of sigma: eigenvalues of A - b c^T / d in the real form of the pairs
+        state = np.zeros((2 * n_modes, 2 * n_modes))
+        for j, a in enumerate(poles):
+            state[2 * j : 2 * j + 2, 2 * j : 2 * j + 2] = [[a.real, a.imag], [-a.imag, a.real]]
+        state -= np.outer(np.tile([2.0, 0.0], n_modes), c) / d
+        zeros = np.linalg.eigvals(state)
+        zeros = -np.abs(zeros.real) + 1j * zeros.imag  # stable
+
+        # pairs; two real zeros become a pair of their mean, far damped
+        upper = zeros[zeros.imag > 0]
+        real = np.sort(zeros[zeros.imag == 0].real)[: 2 * (n_modes - len(upper))]
+        pairs = real.reshape(-1, 2).mean(axis=1)
+        poles = np.concatenate([upper, 0.5 * pairs - 1j * pairs])
+    return poles * unit
+
+
+def _columns(
+    omega: NDArray[np.float64], omega_j: NDArray[np.float64], zeta: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    """Responses (k, n + 2) of unit residues: the oscillators, the free mass, the compliance."""
+    w = omega[:, None]
+    modes = 1 / (omega_j**2 - w**2 + 2j * zeta * omega_j * w)
+    return np.hstack([modes, -1 / w**2, np.ones_like(w)])
+
+
+def _weighted(omega, deviation, omega_j, zeta) -> NDArray[np.float64]:
+    """_columns over the deviation, real above imaginary parts (2 k, n + 2)."""
+    A = _columns(omega, omega_j, zeta) / deviation[:, None]
+    return np.vstack([A.real, A.imag])
+
+
+def _fit(omega_j, zeta, r, residual, free: bool) -> ModalFit:
+    """The fit with its misfit and criterion; residual (2 k,)."""
+    misfit = np.sqrt(2 * np.mean(residual**2))
+    n_parameters = 3 * len(omega_j) + 1 + free
+    k = len(residual)
+    criterion = k * np.log(max(misfit, 1e-14) ** 2) + n_parameters * np.log(k)
+    order, n = np.argsort(omega_j), len(omega_j)
+    return ModalFit(
+        omega_j[order], zeta[order], r[:n][order], float(r[n]), float(r[n + 1]), float(misfit),
+        float(criterion),
+    )  # fmt: skip
+
+
+def _with_residues(omega, H, deviation, omega_j, zeta, free: bool) -> ModalFit:
+    """The fit of poles with the best residues that are not negative; poles of residue 0 go."""
+    A = _weighted(omega, deviation, omega_j, zeta)
+    if not free:
+        A[:, -2] = 0.0
+    right = np.concatenate([H.real, H.imag]) / np.tile(deviation, 2)
+    norm = np.linalg.norm(A, axis=0)
+    norm[norm == 0] = 1.0
+    r = nnls(A / norm, right, maxiter=50 * len(norm))[0] / norm
+    present = r[:-2] > 0
+    kept = np.concatenate([r[:-2][present], r[-2:]])
+    return _fit(omega_j[present], zeta[present], kept, A @ r - right, free)
+
+
+def _refined(omega, H, deviation, fit: ModalFit, options: FitOptions) -> ModalFit:
+    """All of ln omega, ln zeta and the residues together, by least squares from a fit."""
+    n, free = len(fit.omega), fit.inverse_mass > 0
+    if n == 0:
+        return fit
+    right = np.concatenate([H.real, H.imag]) / np.tile(deviation, 2)
+    norm = np.linalg.norm(_weighted(omega, deviation, fit.omega, fit.zeta), axis=0)
+    is_fitted = np.concatenate([np.ones(n, bool), [free, True]])
+
+    def model(x):
+        omega_j, zeta = np.exp(x[:n]), np.exp(x[n : 2 * n])
+        return omega_j, zeta, _weighted(omega, deviation, omega_j, zeta) * is_fitted / norm
+
+    def residual(x):
+        return model(x)[2] @ x[2 * n :] - right
+
+    def jacobian(x):
+        omega_j, zeta, A = model(x)
+        r, w = x[2 * n : 3 * n] / norm[:n], omega[:, None]
+        D2 = (omega_j**2 - w**2 + 2j * zeta * omega_j * w) ** 2 * deviation[:, None]
+        of_omega = -r * (2 * omega_j**2 + 2j * zeta * omega_j * w) / D2
+        J = np.hstack([of_omega, -r * 2j * zeta * omega_j * w / D2])
+        return np.hstack([np.vstack([J.real, J.imag]), A])
+
+    # poles stay near where they were found, so that they do not change places
+    ln_omega, ln_zeta = np.log(fit.omega), np.log(fit.zeta)
+    r = np.concatenate([fit.residue, [fit.inverse_mass, fit.compliance]]) * norm
+    ends = np.log(options.zeta) + np.array([-1e-9, 1e-9])
+    low = np.concatenate([ln_omega - 0.1, np.full(n, ends[0]), 0 * r])
+    high = np.concatenate([ln_omega + 0.1, np.full(n, ends[1]), np.full(n + 2, np.inf)])
+    start = np.concatenate([ln_omega, ln_zeta, r])
+    x = least_squares(residual, start, jacobian, bounds=(low, high), max_nfev=60).x
+    omega_j, zeta, _ = model(x)
+    return _fit(omega_j, zeta, x[2 * n :] / norm * is_fitted, residual(x), free)

@@ -1,0 +1,109 @@
+"""Substructures joined by their receptances, as measured or computed one by one.
+
+    H = H_u - H_u B^T (B H_u B^T + Y)^-1 B H_u
+
+H_u is block-diagonal with the receptances of the free-standing substructures, B u = 0 are the
+interface conditions, and Y is the receptance of the joint in each: 0 where it is rigid,
+1 / (k + i omega c) for a spring and a dashpot. The multipliers are the forces in the joints. D. de
+Klerk, D. J. Rixen, S. N. Voormeeren, AIAA J. 46 (2008) 1169, LM-FBS; joints that give way: M. S.
+Allen et al., Substructuring in Engineering Dynamics (CISM 594, 2020), section 4.3.
+
+>>> import numpy as np
+>>> spring = np.full((1, 1, 1), 1 / 2e6), np.full((1, 1, 1), 1 / 1e6)  # two springs side by side
+>>> H = joined_receptance(spring, compatibility((1, 1), [((0, 0), (1, 0))]))
+>>> float(round(1 / H[0, 0, 0].real))
+3000000.0
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import block_diag
+
+from rom.factorisation import ReductionError
+
+
+class InterfaceChecks(NamedTuple):
+    """What is refused of an interface; values not varied."""
+
+    # condition of the scaled interface receptance beyond which forces in joints are rounding:
+    # a condition that is stated twice has 1e16
+    condition: float = 1e12
+
+
+def compatibility(
+    sizes: Sequence[int], pairs: Sequence[tuple[tuple[int, int], tuple[int, int]]]
+) -> NDArray[np.float64]:
+    """B (m, n) with a row u_a - u_b for each pair of (substructure, degree of freedom), from 0.
+
+    sizes are the numbers of degrees of freedom of the substructures, of sum n.
+    """
+    first = np.concatenate([[0], np.cumsum(sizes)])
+    B = np.zeros((len(pairs), first[-1]))
+    for row, ((a, i), (b, j)) in zip(B, pairs, strict=True):
+        row[first[a] + i] += 1.0
+        row[first[b] + j] -= 1.0
+    return B
+
+
+def joint_receptance(
+    frequency_hz: ArrayLike, stiffness: ArrayLike, dashpot: ArrayLike = 0.0
+) -> NDArray[np.complex128]:
+    """Y (k, m) = 1 / (k + i omega c) of springs k (m,) [N/m, N m/rad] and dashpots c (m,).
+
+    An infinite stiffness is a rigid joint. Raises ReductionError for a joint of neither.
+    """
+    omega = 2 * np.pi * np.asarray(frequency_hz, float)[:, None]
+    k, c = np.broadcast_arrays(*np.atleast_1d(stiffness, dashpot))
+    if not (np.all(k >= 0) and np.all(c >= 0) and np.all((k > 0) | (c > 0))):
+        raise ReductionError(
+            f"joints of stiffness {np.min(k):g} and dashpot {np.min(c):g}: neither may be negative "
+            "and one must be above 0; leave a joint out that carries no force."
+        )
+    if np.any((k == 0) & (omega == 0)):
+        raise ReductionError("a dashpot alone carries no force at 0 Hz; leave this frequency out.")
+    rigid = np.isinf(k)
+    return np.where(rigid, 0.0, 1 / (np.where(rigid, 1.0, k) + 1j * omega * c))
+
+
+def joined_receptance(
+    substructures: Sequence[NDArray[np.complex128]],
+    B: NDArray[np.float64],
+    Y: NDArray[np.complex128] | None = None,
+    *,
+    checks: InterfaceChecks = InterfaceChecks(),
+) -> NDArray[np.complex128]:
+    """Receptance (k, n, n) of the joined structure at all degrees of freedom of its parts.
+
+    substructures are their receptances (k, n_s, n_s) at the same k frequencies, n the sum of n_s; B
+    (m, n) the interface conditions; Y (k, m) what `joint_receptance` gives, None for rigid joints.
+    Raises ReductionError where conditions repeat each other or sizes do not fit.
+    """
+    k, n = len(substructures[0]), sum(H.shape[-1] for H in substructures)
+    if any(len(H) != k for H in substructures) or B.shape[1] != n:
+        raise ReductionError(
+            f"substructures of {[H.shape for H in substructures]} do not fit B of {B.shape}; give "
+            "all at the same frequencies, and B a column for each degree of freedom."
+        )
+    if not all(np.isfinite(H).all() for H in substructures):
+        raise ReductionError("a receptance holds NaN or inf; leave those frequencies out.")
+    joined = np.empty((k, n, n), complex)
+    for i in range(k):
+        H = block_diag(*(part[i] for part in substructures)).astype(complex)
+
+        # receptances of displacements and turns have other units: scaled to a diagonal of 1
+        across = B @ H @ B.T + (0 if Y is None else np.diag(Y[i]))
+        scale = 1 / np.sqrt(np.maximum(np.abs(np.diag(across)), np.finfo(float).tiny))
+        scaled = scale[:, None] * across * scale
+        if np.linalg.cond(scaled) > checks.condition:
+            raise ReductionError(
+                f"interface conditions repeat each other (number {i + 1} of the frequencies); "
+                "leave out those that others imply."
+            )
+
+        # forces in the joints, and what they change
+        forces = scale[:, None] * np.linalg.solve(scaled, scale[:, None] * (B @ H))
+        joined[i] = H - H @ B.T @ forces
+    return joined

@@ -1,0 +1,63 @@
+"""`beadwave calibrate`, `twin`, `inspect` and `design`: models fitted to records."""
+
+from workflows.commands.terminal import print_lines, print_report, print_result
+from workflows.commands.verb import Call, Word, verb
+
+CALIBRATION = "the report, {parameters: [...], ...}, see report.json"
+BOUNDS, SPHERES = Word(metavar="KEY=LOW:HIGH,.."), Word(metavar="SPHERES")
+SCENE = Word("a built-in scene (beadwave scenes lists them) or a TOML file")
+SCAN, FIND = Word(metavar="LOW:HIGH:POINTS"), Word(metavar="KEY,...")
+
+
+@verb(
+    "workflows.fit.api.calibrate", json=CALIBRATION,
+    scene=SCENE, data=Word(metavar="DATA"), bounds=BOUNDS, hold_out=SPHERES, scan=SCAN,
+)  # fmt: skip
+def calibrate(call: Call) -> None:
+    """Fit contacts and wall to measured velocities."""
+    _print(call)
+
+
+@verb(
+    "workflows.fit.api.twin", json=CALIBRATION,
+    scene=Word("the scene that is fitted; default: rig-1dof"),
+    spheres=SPHERES, bounds=BOUNDS, hold_out=SPHERES, scan=SCAN,
+)  # fmt: skip
+def twin(call: Call) -> None:
+    """Calibrate to SYNTHETIC data of a known rig."""
+    _print(call)
+
+
+def _print(call: Call) -> None:
+    result = call()
+    if call.json or not call.quiet:
+        print(result.report.model_dump_json(indent=1) if call.json else result)
+    _print_scene(call)
+
+
+def _print_scene(call: Call) -> None:
+    if out := call.given.get("out"):
+        print_lines(f"written: {out}/scene.toml", json=call.json, quiet=call.quiet)
+
+
+@verb(
+    "workflows.fit.api.inspect", json="the report, {numbers: [...], ...}, see report.json",
+    scene=SCENE, data=Word(metavar="DATA"), find=FIND, bounds=BOUNDS,
+    each=Word(metavar="KEY=V1,V2,.."),
+)  # fmt: skip
+def inspect(call: Call) -> None:
+    """Numbers of the structure from measured waves."""
+    print_report(call().report, call.json, call.quiet)
+    _print_scene(call)
+
+
+@verb(
+    "workflows.fit.api.design", json="{rows: [{sphere, ...}], findings: [...]}",
+    scene=SCENE, find=FIND, bounds=BOUNDS,
+)  # fmt: skip
+def design(call: Call) -> None:
+    """Which sphere, chain and velocity tell a number best."""
+    from workflows.report import finding
+
+    result = call()
+    print_result(finding.record(result), finding.text(result), call.json, call.quiet)
