@@ -493,12 +493,14 @@ def spatial_run(
     terms = (*ledger, kinetic, turning, arm, tangential, lateral.dissipated_friction, shaken)
     scale = float(ledger[0][0] + kinetic[0] + turning[0])
     scale = scale or max(float(np.ptp(term)) for term in terms) or 1.0
+    ledger_error = float(np.abs(everything - everything[0]).max()) / scale
+    lateral = lateral._replace(energy_error=ledger_error)
     state = moving.motion
     trajectory = Trajectory(
         t, saved.x, saved.v, saved.contact_force, offset + normal[:, 0], normal[:, 1],
         (saved.q + static.q).astype(np.float32), *ledger, total, steps.h,
         steps.n_save * steps.stride, "verlet",
-        float(np.abs(everything - everything[0]).max()) / scale, estimate,
+        ledger_error, estimate,
         State(state.x, state.v, state.q, state.p, np.zeros(4)),
     )  # fmt: skip
     return SpatialRun(trajectory, lateral, saved.q, saved.p, force)
