@@ -106,8 +106,19 @@ def hammer(
     ] = None,
     synthetic: Annotated[
         bool,
-        typer.Option("--synthetic", help="Write a computed test to FILE (.csv, .uff) instead."),
+        typer.Option(
+            "--synthetic",
+            help="Write a computed test to FILE instead: responses (.csv, .uff), or with --points "
+            "records of hits there (.mat).",
+        ),
     ] = False,
+    design: Annotated[
+        int | None,
+        typer.Option(
+            metavar="POINTS",
+            help="Write to FILE (.csv) at which points to hit and watch for the modes in --band.",
+        ),
+    ] = None,
     points: Annotated[
         Path | None,
         typer.Option(help="Points of the nodes: .csv (node, x, y, z in metres) or .uff."),
@@ -132,15 +143,16 @@ def hammer(
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Folder for modes.json, modes.uff and pictures: stability diagram, responses "
-            "measured and of the modes, coherence, AutoMAC."
+            help="Folder for modes.json, modes.uff, targets.toml and pictures: stability diagram, "
+            "responses measured and of the modes, coherence, AutoMAC."
         ),
     ] = None,
     changes: Changes = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: json_of(
-        "{file, title, rows: [a mode each], left_out, steps, remarks}; of --synthetic {written}"
+        "{file, title, rows: [a mode each], left_out, steps, remarks}; of --synthetic {written}, "
+        "of --design {modes_hz, rows: [a point each], largest_mac, alike_hz}"
     ) = False,
 ) -> None:
     """Read a hammer test: modes from hits or responses, with deviations."""
@@ -148,10 +160,15 @@ def hammer(
 
     with StageProgress(f"hammer {scene}", quiet=quiet) as progress:
         given = {"changes": changes or (), "progress": progress.stage, "overwrite": overwrite}
+        if (synthetic or design) and len(files) > 1:
+            raise ValueError("--synthetic and --design write one FILE; name one.")
+        if design is not None:
+            result = api.design_hammer_test(files[0], design, scene, band=span(band), **given)
+            print_report(result, json, quiet)
+            print_lines(f"written: {files[0]}", json=json, quiet=quiet)
+            return
         if synthetic:
-            if len(files) > 1:
-                raise ValueError("--synthetic writes one FILE; name one.")
-            path = api.write_hammer_test(files[0], scene, **given)
+            path = api.write_hammer_test(files[0], scene, points=points, band=span(band), **given)
             line = f"written: {path} (synthetic, not measured)"
             print_result({"written": [str(path)]}, line, json, quiet)
             return
@@ -167,7 +184,10 @@ def hammer(
         )  # fmt: skip
     print_report(result.report, json, quiet)
     if out:
-        print_lines(f"written: {out}/modes.json, modes.uff, figures", json=json, quiet=quiet)
+        names = [
+            name for name in ("modes.json", "modes.uff", "targets.toml") if (out / name).exists()
+        ]
+        print_lines(f"written: {out}/{', '.join([*names, 'figures'])}", json=json, quiet=quiet)
 
 
 @verb(

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from workflows.files.hammer import Reading
     from workflows.stages.pipeline import Pipeline
     from workflows.structure.hammer import Choice, HammerReport
+    from workflows.structure.hammer_design import HammerDesign
     from workflows.structure.look import Look, Seen
     from workflows.structure.mode_table import ModeTable
     from workflows.structure.thesis_tables import ThesisTable
@@ -341,7 +342,8 @@ def hammer(
              `workflows.files.hammer.Reading`
     choice   the band [Hz], and numbers of poles to reject or accept:
              `workflows.structure.hammer.Choice`
-    out      a folder for pictures, `modes.json` and `modes.uff`
+    out      a folder for pictures, `modes.json`, `modes.uff`, and where the points are known
+             `targets.toml`, the modes as targets of a scene
 
     The modes are paired with the measured modes of `scene` by frequency, or where the points of the
     test are known one-to-one with the modes of an assembly of bodies, by the MAC of their shapes
@@ -359,7 +361,7 @@ def hammer(
     inputs = (*files_read(chosen, scene), *paths, *((reading.points,) if reading.points else ()))
     folder = picture_folder(out, inputs, overwrite, *HAMMER_PICTURES)
     if folder:
-        folder.require("modes.json", "modes.uff")
+        folder.require("modes.json", "modes.uff", "targets.toml")
     from workflows.stages.pipeline import pipeline_of
     from workflows.structure.hammer import (
         Choice,
@@ -367,6 +369,7 @@ def hammer(
         measured_shapes,
         pictures,
         recognised,
+        targets_of,
     )
 
     with progress("identification"):
@@ -386,6 +389,8 @@ def hammer(
                     write_modes(
                         draft, test.test, test.modes.frequency_hz, test.modes.zeta, test.modes.phi
                     )
+                if measured_shapes(test):
+                    renewed.write("targets.toml", targets_of(test, folder.path / "modes.uff"))
     return result
 
 
@@ -394,21 +399,67 @@ def write_hammer_test(
     scene: Source = None,
     changes: Changes = (),
     *,
+    points: str | Path | None = None,
+    band: tuple[float, float] | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
 ) -> Path:
-    """A computed hammer test with noise, marked SYNTHETIC, to a .uff or .csv file
-    (`beadwave hammer --synthetic`); one that beadwave did not write, or that was changed since, is
-    only replaced with `overwrite`."""
+    """A computed hammer test with noise, marked SYNTHETIC (`beadwave hammer --synthetic`).
+
+    Responses to a .uff or .csv file, or with `points` time records of hits there to a .mat file, of
+    the modes in `band` [Hz], the ten lowest without one. A file that beadwave did not write, or
+    that was changed since, is only replaced with `overwrite`.
+    """
     chosen = with_assembly(load_scene(scene, changes))
-    from workflows.files.hammer import synthetic_file, write_synthetic
-
-    synthetic = synthetic_file(Path(file), overwrite)
+    from workflows.files.hammer import (
+        points_and_directions,
+        synthetic_file,
+        write_hits,
+        write_synthetic,
+    )
     from workflows.stages.pipeline import pipeline_of
-    from workflows.structure.hammer import virtual_test
 
-    write_synthetic(synthetic, virtual_test(pipeline_of(chosen, progress)))
-    return synthetic.path
+    if points is None:
+        synthetic = synthetic_file(Path(file), overwrite)
+        from workflows.structure.hammer import virtual_test
+
+        write_synthetic(synthetic, virtual_test(pipeline_of(chosen, progress)))
+        return synthetic.path
+    inputs = (*files_read(chosen, scene), Path(points))
+    output = OutputFile(file, "FILE", inputs=inputs, ending=".mat", overwrite=overwrite)
+    nodes, directions = points_and_directions(Path(points))
+    from workflows.structure.hammer_design import computed_hits
+
+    hits = computed_hits(pipeline_of(chosen, progress), nodes, directions, band)
+    with output.writing() as draft:
+        write_hits(draft, hits)
+    return output.path
+
+
+def design_hammer_test(
+    file: str | Path,
+    points: int,
+    scene: Source = None,
+    changes: Changes = (),
+    *,
+    band: tuple[float, float] | None = None,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+) -> HammerDesign:
+    """Where to hit and watch, so that the modes of a scene in `band` [Hz], the ten lowest without
+    one, are told apart with this many points (`beadwave hammer --design`): written to a .csv that
+    `hammer` takes as points. Raises InvalidScene for fewer points than modes."""
+    chosen = with_assembly(load_scene(scene, changes))
+    output = OutputFile(
+        file, "FILE", inputs=files_read(chosen, scene), ending=".csv", overwrite=overwrite
+    )
+    from workflows.stages.pipeline import pipeline_of
+    from workflows.structure.hammer_design import designed
+
+    design = designed(pipeline_of(chosen, progress), points, band)
+    with output.writing() as draft:
+        draft.write_text(design.csv())
+    return design
 
 
 @dataclass(frozen=True, repr=False)

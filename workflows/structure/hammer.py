@@ -41,6 +41,7 @@ class Remarkable(NamedTuple):
 
     collinearity: float = 0.8  # phase collinearity below which a shape is complex
     coherence: float = 0.8  # at a mode, in the median over responses
+    coarse: int = 4  # lines in a bandwidth that the half-power value needs
     damping: float = 0.15  # relative difference of the damping ratio by the half-power bandwidth
     zeta: float = 0.2  # relative deviation of a damping ratio
 
@@ -217,6 +218,8 @@ def hammer_test(
         window = slice(max(line - 2, 0), line + 3)
         peak = window.start + int(np.abs(H[at][window]).argmax())
         f_peak, width = half_power_bandwidth(f, np.abs(H[at]), peak)
+        if width < remarkable.coarse * spacing[0]:
+            width = np.nan  # lines too far apart to tell
         half_power = width / (2 * f_peak) - responses.shift / (2 * np.pi * hz)
         if not half_power > 0:
             half_power = np.nan
@@ -362,6 +365,19 @@ def recognised(test: IdentifiedTest, pipeline: Pipeline, wanted: Collection[int]
     return test._replace(report=report.model_copy(update={"rows": rows}))
 
 
+def targets_of(test: IdentifiedTest, shapes: Path) -> str:
+    """The modes as [[targets]] of a scene, their shapes in a file; a doubtful pair as a comment."""
+    blocks = []
+    for row in test.report.rows:
+        doubts = [remark for remark in row.remarks if remark.startswith("doubtful")]
+        lines = ["[[targets]]", f"hz = {row.frequency_hz:.6g}", f'shape = "{shapes}"']
+        if doubts or (row.mac is None and row.runner_up_mac is not None):
+            why = doubts[0] if doubts else "no computed mode is like it"
+            lines = [f"# {why}", *(f"# {line}" for line in lines)]
+        blocks.append("\n".join(lines))
+    return "\n".join(blocks) + "\n"
+
+
 def as_targets(
     test: IdentifiedTest, pipeline: Pipeline, match: str | None
 ) -> tuple[Scene, dict[int, float], list[str]]:
@@ -440,7 +456,7 @@ def pictures(test: IdentifiedTest) -> list[Picture]:
         Line(f"poles of orders up to {top}", hz[~recurs], level[~recurs], "x", "0.8"),
         Line("of them near a numbered one", hz[recurs], level[recurs], "x", 1),
     ]
-    panel = Panel(test.report.title, "frequency [Hz]", "response", lines, "y")
+    panel = Panel(test.report.title, "frequency [Hz]", "response", lines, "y", legend="above")
     figure, (axis,) = plots.drawn([panel], size=(9, 4.5))
     for row in rows:
         axis.annotate(
@@ -460,7 +476,7 @@ def pictures(test: IdentifiedTest) -> list[Picture]:
             for k, (hz, model) in enumerate(modes.synthesis)
         ]
         title = f"{responses.points[i]} to {responses.references[j]}"
-        panels.append(Panel(title, "frequency [Hz]", "response", lines, "y"))
+        panels.append(Panel(title, "frequency [Hz]", "response", lines, "y", legend="above"))
     made.append(Picture("synthesis", plots.panels(panels, size=(9, 2.6))))
 
     if responses.coherence is not None:
@@ -469,7 +485,7 @@ def pictures(test: IdentifiedTest) -> list[Picture]:
             Line("median of the responses", f[within], middle[within], "-", 0),
             Line("a tenth lie below", f[within], low[within], "-", 1, 0.8),
         ]
-        panel = Panel("coherence", "frequency [Hz]", "coherence", lines, "", (0.0, 1.02))
+        panel = Panel("coherence", "frequency [Hz]", "coherence", lines, "", (0.0, 1.02), "above")
         made.append(Picture("coherence", plots.panels([panel], size=(9, 2.8))))
     names = [f"{row.number}: {row.frequency_hz:.4g} Hz" for row in rows]
     decaying = [row for row in rows if row.over_amplitude]
