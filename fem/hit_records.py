@@ -28,6 +28,12 @@ AXES = ("", "x", "y", "z", "rx", "ry", "rz")  # of UFF58's directions 0 to 6
 FORCE = 13  # UFF58's type of an excitation force
 TIME_RESPONSE = 1  # UFF58's function type
 NEWTONS = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "lbf": 4.4482216152605}
+MOTIONS = {
+    "": ("of no unit", 1.0), "V": ("voltages", 1.0), "m/s^2": ("accelerations", 1.0),
+    "m/s2": ("accelerations", 1.0), "g": ("accelerations", 9.80665),
+    "mm/s^2": ("accelerations", 1e-3), "m/s": ("velocities", 1.0), "mm/s": ("velocities", 1e-3),
+    "m": ("displacements", 1.0), "mm": ("displacements", 1e-3), "um": ("displacements", 1e-6),
+}  # fmt: skip
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 
 
@@ -61,6 +67,15 @@ def node_and_axis(name: str) -> tuple[int, int] | None:
     """Node and direction 1 to 3, negative against it, of a name "12+z"; None for another name."""
     match = fullmatch(r"(\d+)([+-])([xyz])", name)
     return match and (int(match[1]), AXES.index(match[3]) * (1 if match[2] == "+" else -1))
+
+
+def direction_named(text: str) -> int:
+    """The direction of "z", "+z" or "-z", as in UFF58; raises ValueError for another."""
+    name = text.strip()
+    axis = name.lstrip("+-")
+    if axis not in ("x", "y", "z") or len(name) > 2:
+        raise ValueError(f"the direction {text!r} is none of x, y, z, -x, -y, -z")
+    return AXES.index(axis) * (-1 if name[0] == "-" else 1)
 
 
 def require_even(t: NDArray[np.float64]) -> float:
@@ -98,6 +113,7 @@ def record_of_csv(path: Path, name: str) -> TimeRecord:
     between = next((mark for mark in ";\t" if mark in first), ",")
     header = [cell.strip() for cell in first.split(between)]
     scales, force, sensors, columns, point = [], None, [], [], name
+    quantities: set[str] = set()
     for i, heading in enumerate(header):
         match = fullmatch(r"(time|force|response|sensor)?\s*(.*?)\s*(?:\[(.*)\])?", heading)
         kind, label, unit = match[1], match[2], match[3] or ""
@@ -113,12 +129,29 @@ def record_of_csv(path: Path, name: str) -> TimeRecord:
         else:
             sensors.append(label or f"sensor {len(sensors) + 1}")
             columns.append(i)
-            scales.append(1.0)
+            if unit not in MOTIONS:
+                raise ValueError(
+                    f"the unit of {heading!r} is {unit!r}, allowed are {', '.join(MOTIONS)}"
+                )
+            quantities.add(MOTIONS[unit][0])
+            scales.append(MOTIONS[unit][1])
     if not columns:
         raise ValueError("it has no column with a response")
+    if len(quantities) > 1:
+        raise ValueError(
+            f"its responses are {' and '.join(sorted(quantities))}; shapes need one quantity"
+        )
     with catch_warnings():
         simplefilter("ignore")  # of a file without lines, which is refused below
-        table = np.loadtxt(path, delimiter=between, ndmin=2, skiprows=n_lines, encoding="utf-8-sig")
+        try:
+            table = np.loadtxt(
+                path, delimiter=between, ndmin=2, skiprows=n_lines, encoding="utf-8-sig"
+            )
+        except ValueError:
+            raise ValueError(
+                f"a line below its header is not {len(header)} numbers with decimal points; the "
+                "file may be cut off"
+            ) from None
     if table.shape[1] != len(header):
         raise ValueError(f"its lines have {table.shape[1]} numbers, its header {len(header)}")
     table = table * scales
@@ -173,7 +206,14 @@ def records_of_mat(variables: dict[str, NDArray], name: str) -> list[TimeRecord]
     points = names("points", n, [name] * n)
     sensors = names("sensors", m, [f"sensor {i + 1}" for i in range(m)])
     return [
-        TimeRecord(dt, None if f is None else f[:, i], y[:, :, i].T, points[i], tuple(sensors), "")
+        TimeRecord(
+            dt,
+            None if f is None else f[:, i],
+            y[:, :, i].T,
+            points[i],
+            tuple(sensors),
+            str(np.ravel(variables["title"])[0]) if "title" in variables else "",
+        )
         for i in range(n)
     ]
 

@@ -13,7 +13,10 @@ EXAMPLE = module_from_spec(WHERE)
 WHERE.loader.exec_module(EXAMPLE)
 
 
-@pytest.mark.parametrize(("kind", "scene"), [("oblique", 3), ("oblique", 6), ("pressed", 4)])
+@pytest.mark.parametrize(
+    ("kind", "scene"),
+    [("oblique", 3), ("oblique", 6), ("oblique", 27), ("pressed", 4), ("struck", 8)],
+)
 def test_random_runs_state_their_error_close_the_ledger_and_heat_never_falls(kind, scene):
     trial = EXAMPLE.trial(getattr(EXAMPLE, kind)(np.random.default_rng([0, scene])))
     assert trial.ratio >= 1.0

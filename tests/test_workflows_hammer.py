@@ -270,6 +270,12 @@ RECORDS = {
     "two-forces.csv": ("time [s], force 1 [N], force 2 [N]\n", "two columns of a force"),
     "no-response.csv": ("time [s], force 1 [N]\n", "no column with a response"),
     "unit.csv": ("time [s], force 1 [bar], response 2\n", "unit of its force is 'bar'"),
+    "unit-2.csv": ("time [s], force 1 [N], response 2 [km]\n", "unit of 'response 2 .km.' is 'km'"),
+    "two-kinds.csv": (
+        "time [s], force 1 [N], response 2 [g], response 3 [mm]\n",
+        "responses are accelerations and displacements; shapes need one quantity",
+    ),
+    "cut.csv": ("time [s], force 1 [N], response 2\n0,1,2\n1,2", "the file may be cut off"),
     "minutes.csv": ("time [min], force 1 [N], response 2\n", r"'time \[s\]' is needed"),
     "short.csv": ("time [s], force 1 [N], response 2\n0,1,2\n1,2,3\n", "at least 64"),
     "nan.csv": (

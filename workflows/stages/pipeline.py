@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 from joblib import Memory
 
 from workflows.scene import MeasuredWall, RomWall, Scene
-from workflows.scene.places import named_faces, sensor_places, words_of
+from workflows.scene.places import has_friction, named_faces, sensor_places, words_of
 from workflows.scene.size import foreseen_nodes
 from workflows.stages.cache import key, memory
 from workflows.stages.progress import Plan, Progress, quiet
@@ -296,6 +296,27 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
                 function=".figures:of_friction", needs=("impact", "waves", "friction")
             ),
         }
+    if scene.chain and has_friction(scene):
+        reads = impact["friction"].reads
+        impact |= {
+            "spatial-wall": Stage(
+                ".structure_friction:spatial_wall",
+                lambda scene: [_wall_reads(scene), tables_of("shakers")(scene)],
+                needs,
+            ),
+            "march": Stage(".structure_friction:march", reads, ("start", "spatial-wall")),
+            "impact": Stage(
+                ".structure_friction:impact", tables_of(), ("start", "wall", "march"), kept=False
+            ),
+            "friction": Stage(".structure_friction:across", tables_of(), ("march",), kept=False),
+        }
+        wall = Stage(".structure_friction:wall_along", tables_of(), ("spatial-wall",), kept=False)
+        if sensor_places(scene):
+            impact["record"] = IMPACT["record"]._replace(
+                function=".structure_friction:record",
+                reads=tables_of("output", "shakers"),
+                needs=("start", "spatial-wall", "march", "impact", "waves"),
+            )
     shown = (
         *(("chain-files", "chain-numbers") if scene.chain else ()),
         *(("model-files", "response-files", "structure-numbers") if needs_structure(scene) else ()),

@@ -184,6 +184,14 @@ def unknown_model_error(name: str, reason: Exception) -> Iterator[str]:
     yield f"The error of the {name} could not be estimated: {reason}"
 
 
+def model_errors_left_out() -> Iterator[str]:
+    """A run with friction, of which no second model is marched."""
+    yield (
+        "Errors of reduction and mesh are of runs without friction; run the scene without "
+        "[friction] and [[shakers]] for them."
+    )
+
+
 def beyond_the_horizon(scene: Scene) -> Iterator[str]:
     """A run that lasts longer than the horizon up to which its velocities meet the error."""
     time = scene.time
