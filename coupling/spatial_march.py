@@ -289,7 +289,7 @@ def shaking(wall: SpatialWall, shakers: ShakerForces | None, to_frame: Array, h:
 
 def body_of(
     chain: Chain, wall: SpatialWall, v0: ArrayLike, last: LastSphere,
-    shakers: ShakerForces | None, search: SpatialSearch,
+    shakers: ShakerForces | None = None, search: SpatialSearch = USUAL_SPATIAL_SEARCH,
 ) -> Body:  # fmt: skip
     """Chain, last sphere and wall, checked. Raises InvalidChain, NoEquilibrium, CouplingError."""
     require(
@@ -486,6 +486,7 @@ def spatial_run(
         saved.wall[:, 0, 1:] @ frame + residual_t,
         kinetic, turning, arm, tangential, heat - heat[0], shaken + beyond,
         steps.h, steps.n_save * steps.stride, estimate, 0.0,
+        n_cells=body.search.n_cells if len(frame) == 2 else 0,
     )  # fmt: skip
 
     everything = total + lateral.energy
