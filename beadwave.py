@@ -14,6 +14,7 @@ sets values by their dotted keys. Everything is in SI units: m, kg, s, N, Pa, Hz
     scene, scenes                what is computed, checked and completed
     run, impact, load, film      impacts; a finished run folder, and its film
     modes, tune, hammer          an assembly's modes, joints fitted to measured ones, hammer tests
+    design_hammer_test           where to hit and watch
     reduce, reduce_matrices      a reduced model: of a scene, of one's own K, M, w
     look, export                 bodies and where they touch; CalculiX, Abaqus, STEP
     calibrate, twin              a chain and its wall fitted to measured velocities
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
     from workflows.run.api import Run, film, impact, load, run, scene, scenes
     from workflows.scene import InvalidScene, Scene
     from workflows.structure.api import (
+        design_hammer_test,
         export,
         hammer,
         look,
@@ -66,6 +68,7 @@ _HOMES = {
     "workflows.run.api": ("Run", "film", "impact", "load", "run", "scene", "scenes"),
     "workflows.scene": ("InvalidScene", "Scene"),
     "workflows.structure.api": (
+        "design_hammer_test",
         "export",
         "hammer",
         "look",
@@ -88,6 +91,7 @@ __all__ = [
     "accuracy",
     "calibrate",
     "design",
+    "design_hammer_test",
     "doctor",
     "export",
     "film",

@@ -289,7 +289,7 @@ def shaking(wall: SpatialWall, shakers: ShakerForces | None, to_frame: Array, h:
 
 def body_of(
     chain: Chain, wall: SpatialWall, v0: ArrayLike, last: LastSphere,
-    shakers: ShakerForces | None, search: SpatialSearch,
+    shakers: ShakerForces | None = None, search: SpatialSearch = USUAL_SPATIAL_SEARCH,
 ) -> Body:  # fmt: skip
     """Chain, last sphere and wall, checked. Raises InvalidChain, NoEquilibrium, CouplingError."""
     require(
@@ -485,19 +485,22 @@ def spatial_run(
         force[:, 1:], saved.slip @ frame, saved.stick,
         saved.wall[:, 0, 1:] @ frame + residual_t,
         kinetic, turning, arm, tangential, heat - heat[0], shaken + beyond,
-        steps.h, steps.n_save * steps.stride, estimate,
+        steps.h, steps.n_save * steps.stride, estimate, 0.0,
+        n_cells=body.search.n_cells if len(frame) == 2 else 0,
     )  # fmt: skip
 
     everything = total + lateral.energy
     terms = (*ledger, kinetic, turning, arm, tangential, lateral.dissipated_friction, shaken)
     scale = float(ledger[0][0] + kinetic[0] + turning[0])
     scale = scale or max(float(np.ptp(term)) for term in terms) or 1.0
+    ledger_error = float(np.abs(everything - everything[0]).max()) / scale
+    lateral = lateral._replace(energy_error=ledger_error)
     state = moving.motion
     trajectory = Trajectory(
         t, saved.x, saved.v, saved.contact_force, offset + normal[:, 0], normal[:, 1],
         (saved.q + static.q).astype(np.float32), *ledger, total, steps.h,
         steps.n_save * steps.stride, "verlet",
-        float(np.abs(everything - everything[0]).max()) / scale, estimate,
+        ledger_error, estimate,
         State(state.x, state.v, state.q, state.p, np.zeros(4)),
     )  # fmt: skip
     return SpatialRun(trajectory, lateral, saved.q, saved.p, force)

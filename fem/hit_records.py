@@ -27,7 +27,14 @@ from fem.hits import Hits
 AXES = ("", "x", "y", "z", "rx", "ry", "rz")  # of UFF58's directions 0 to 6
 FORCE = 13  # UFF58's type of an excitation force
 TIME_RESPONSE = 1  # UFF58's function type
+QUANTITIES = {8: "displacements", 11: "velocities", 12: "accelerations"}  # UFF58's types
 NEWTONS = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "lbf": 4.4482216152605}
+MOTIONS = {
+    "": ("of no unit", 1.0), "V": ("voltages", 1.0), "m/s^2": ("accelerations", 1.0),
+    "m/s2": ("accelerations", 1.0), "g": ("accelerations", 9.80665),
+    "mm/s^2": ("accelerations", 1e-3), "m/s": ("velocities", 1.0), "mm/s": ("velocities", 1e-3),
+    "m": ("displacements", 1.0), "mm": ("displacements", 1e-3), "um": ("displacements", 1e-6),
+}  # fmt: skip
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 
 
@@ -40,6 +47,7 @@ class TimeRecord(NamedTuple):
     point: str  # that was hit
     sensors: tuple[str, ...]  # (m,)
     title: str
+    quantity: str = ""  # "accelerations", "velocities" or "displacements" where it is known
 
 
 class Cutting(NamedTuple):
@@ -61,6 +69,15 @@ def node_and_axis(name: str) -> tuple[int, int] | None:
     """Node and direction 1 to 3, negative against it, of a name "12+z"; None for another name."""
     match = fullmatch(r"(\d+)([+-])([xyz])", name)
     return match and (int(match[1]), AXES.index(match[3]) * (1 if match[2] == "+" else -1))
+
+
+def direction_named(text: str) -> int:
+    """The direction of "z", "+z" or "-z", as in UFF58; raises ValueError for another."""
+    name = text.strip()
+    axis = name.lstrip("+-")
+    if axis not in ("x", "y", "z") or len(name) > 2:
+        raise ValueError(f"the direction {text!r} is none of x, y, z, -x, -y, -z")
+    return AXES.index(axis) * (-1 if name[0] == "-" else 1)
 
 
 def require_even(t: NDArray[np.float64]) -> float:
@@ -98,6 +115,7 @@ def record_of_csv(path: Path, name: str) -> TimeRecord:
     between = next((mark for mark in ";\t" if mark in first), ",")
     header = [cell.strip() for cell in first.split(between)]
     scales, force, sensors, columns, point = [], None, [], [], name
+    quantities: set[str] = set()
     for i, heading in enumerate(header):
         match = fullmatch(r"(time|force|response|sensor)?\s*(.*?)\s*(?:\[(.*)\])?", heading)
         kind, label, unit = match[1], match[2], match[3] or ""
@@ -113,19 +131,36 @@ def record_of_csv(path: Path, name: str) -> TimeRecord:
         else:
             sensors.append(label or f"sensor {len(sensors) + 1}")
             columns.append(i)
-            scales.append(1.0)
+            if unit not in MOTIONS:
+                raise ValueError(
+                    f"the unit of {heading!r} is {unit!r}, allowed are {', '.join(MOTIONS)}"
+                )
+            quantities.add(MOTIONS[unit][0])
+            scales.append(MOTIONS[unit][1])
     if not columns:
         raise ValueError("it has no column with a response")
+    if len(quantities) > 1:
+        raise ValueError(
+            f"its responses are {' and '.join(sorted(quantities))}; shapes need one quantity"
+        )
     with catch_warnings():
         simplefilter("ignore")  # of a file without lines, which is refused below
-        table = np.loadtxt(path, delimiter=between, ndmin=2, skiprows=n_lines, encoding="utf-8-sig")
+        try:
+            table = np.loadtxt(
+                path, delimiter=between, ndmin=2, skiprows=n_lines, encoding="utf-8-sig"
+            )
+        except ValueError:
+            raise ValueError(
+                f"a line below its header is not {len(header)} numbers with decimal points; the "
+                "file may be cut off"
+            ) from None
     if table.shape[1] != len(header):
         raise ValueError(f"its lines have {table.shape[1]} numbers, its header {len(header)}")
     table = table * scales
     dt = require_even(table[:, 0])
     return TimeRecord(
         dt, None if force is None else table[:, force], table[:, columns].T, point,
-        tuple(sensors), " ".join(title),
+        tuple(sensors), " ".join(title), quantities.pop(),
     )  # fmt: skip
 
 
@@ -173,7 +208,14 @@ def records_of_mat(variables: dict[str, NDArray], name: str) -> list[TimeRecord]
     points = names("points", n, [name] * n)
     sensors = names("sensors", m, [f"sensor {i + 1}" for i in range(m)])
     return [
-        TimeRecord(dt, None if f is None else f[:, i], y[:, :, i].T, points[i], tuple(sensors), "")
+        TimeRecord(
+            dt,
+            None if f is None else f[:, i],
+            y[:, :, i].T,
+            points[i],
+            tuple(sensors),
+            str(np.ravel(variables["title"])[0]) if "title" in variables else "",
+        )
         for i in range(n)
     ]
 
@@ -237,6 +279,7 @@ def records_of_data_sets(sets: Sequence[dict]) -> list[TimeRecord]:
                 degree_of_freedom(int(node), int(direction)),
                 tuple(degree_of_freedom(int(s["rsp_node"]), int(s["rsp_dir"])) for s in sensors),
                 str(sensors[0]["id1"]).strip(),
+                QUANTITIES.get(int(sensors[0].get("ordinate_spec_data_type", 0)), ""),
             )
         )
     return records
@@ -296,5 +339,7 @@ def sets_of_hits(records: Sequence[TimeRecord]) -> list[Hits]:
         force = None if first.force is None else np.array([r.force[:length] for r in alike])
         response = np.array([r.response[:, :length] for r in alike])
         point = np.array([points.index(r.point) for r in alike])
-        result.append(Hits(first.dt, force, response, point, points, sensors, first.title))
+        result.append(
+            Hits(first.dt, force, response, point, points, sensors, first.title, first.quantity)
+        )
     return result

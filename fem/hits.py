@@ -34,6 +34,7 @@ class Hits(NamedTuple):
     points: tuple[str, ...]  # their names, as "12+z" of node and direction
     sensors: tuple[str, ...]  # (m,)
     title: str
+    quantity: str = ""  # "accelerations", "velocities" or "displacements" where it is known
 
 
 class HitChecks(NamedTuple):
@@ -43,6 +44,8 @@ class HitChecks(NamedTuple):
         0.03  # of the impulse, in a later pulse: a double hit; 0.02 to 0.1 alike
     )
     flat: int = 4  # samples at exactly the largest magnitude: an overload; 2 or 3 may be chance
+    opposite: float = 0.3  # of the peak, against it: no push; filters leave 0.05 to 0.1
+    dead: float = 1.2  # energy over that of the record's end: nothing but noise is left
     noise: float = 6.0  # standard deviations above which a pulse stands clear of a force's noise
     force_width: float = 3.0  # pulse widths after the onset at which the force window ends
     decay: float | None = None  # exponential window at the record's end; None: no window
@@ -164,6 +167,8 @@ def frequency_responses(
     # records from the onset on, all of one length, the force cleared of noise behind its pulse
     used = np.flatnonzero(usable)
     length = min(int(k - onset[used].max()), samples or k)
+    responses = [hits.response[i, :, onset[i] : onset[i] + length] for i in used]
+    length = until_noise(responses, checks.dead)
     ramp = np.arange(length)
     a = 0.0 if checks.decay is None else -np.log(checks.decay) / (length * hits.dt)
     decay = np.exp(-a * hits.dt * ramp)
@@ -203,6 +208,23 @@ def frequency_responses(
     )  # fmt: skip
 
 
+def until_noise(responses: list[NDArray[np.float64]], dead: float, shortest: int = 1024) -> int:
+    """Samples of responses (m, k) that are worth a transform: halved as long as what follows the
+    first quarter is noise, whose energy is up to `dead` times that of the last quarter."""
+    length = responses[0].shape[1]
+    while length >= 2 * shortest:
+        block = length // 16
+        energy = sum(
+            np.sum(x[:, : 16 * block].reshape(len(x), 16, block) ** 2, axis=(0, 2), dtype=float)
+            / max(float(np.mean(x[:, 12 * block : length] ** 2, dtype=float)), 1e-300)
+            for x in responses
+        )
+        if energy[4:].max() > dead * energy[12:].mean():
+            break
+        length //= 2
+    return length
+
+
 def hit_defect(
     force: NDArray[np.float64],
     onset: int,
@@ -216,6 +238,9 @@ def hit_defect(
         for row in np.abs(record):
             if np.count_nonzero(row >= row.max() * (1 - 1e-9)) >= checks.flat and row.any():
                 return f"overload of the {name}"
+
+    if -force.min() > max(checks.opposite * force.max(), checks.noise * noise):
+        return "the force changes its sign: force and response are swapped, or it is no hammer's"
 
     # sums over windows as wide as the pulse, behind it; those of noise grow with sqrt(width)
     impulse = force[onset : onset + width].sum()

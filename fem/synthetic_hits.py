@@ -35,6 +35,7 @@ class SyntheticTest(NamedTuple):
     frequency_hz: NDArray[np.float64]  # (n,) of the modes within the band
     zeta: NDArray[np.float64]  # (n,)
     phi: NDArray[np.float64]  # (p, n)
+    phi_at_sensors: NDArray[np.float64]  # (m, n) as they read, across their axes included
     spoiled: NDArray[np.bool_]  # (hits,) double or clipped
     band_hz: tuple[float, float]
 
@@ -65,16 +66,57 @@ def synthetic_hits(
     at_sensors = phi[rng.choice(points, references, replace=False)]
     mixing = np.eye(references) + defects.cross * rng.uniform(-1, 1, (references, references))
 
+    plan = Striking(points, repeats, dt, k, 1e-3)
+    force, response, point, spoiled = struck(
+        rng, (f, zeta), (phi, side, mixing @ at_sensors), defects, plan
+    )
+    inside = f < band[1]
+    hits = Hits(
+        dt, force, response, point,
+        tuple(f"point {p + 1}" for p in range(points)),
+        tuple(f"sensor {r + 1}" for r in range(references)), "SYNTHETIC: computed, not measured",
+    )  # fmt: skip
+    return SyntheticTest(
+        hits, f[inside], zeta[inside], phi[:, inside], (mixing @ at_sensors)[:, inside], spoiled,
+        band,
+    )  # fmt: skip
+
+
+class Striking(NamedTuple):
+    """How a structure is hit: `repeats` times at every point, records of k samples."""
+
+    points: int
+    repeats: int
+    dt: float  # [s]
+    k: int
+    width: float  # [s] of a pulse, 0.8 to 1.2 of it
+
+
+def struck(
+    rng: np.random.Generator,
+    poles: tuple[NDArray[np.float64], NDArray[np.float64]],
+    shapes: tuple[NDArray[np.float64], ...],
+    defects: HammerDefects,
+    plan: Striking,
+) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """Forces (n, k), responses (n, m, k), points (n,) and whether a hit is double or clipped, of
+    modes with frequencies [Hz] and damping ratios (q,), shapes at the points (p, q), across the
+    direction of the hits there (p, q), and at the sensors (m, q)."""
+    dt, k, t = plan.dt, plan.k, np.arange(plan.k) * plan.dt
+    phi, side, at_sensors = shapes
+
     # a second order system for each mode: force to acceleration, exact between samples
     filters = []
-    for w, z in zip(2 * np.pi * f, zeta, strict=True):
+    for f, z in zip(*poles, strict=True):
+        w = 2 * np.pi * f
         b, a, _ = cont2discrete(([1.0, 0, 0], [1.0, 2 * z * w, w**2]), dt, method="foh")
         filters.append((b.ravel(), a))
 
-    t, force, response, point, spoiled = np.arange(k) * dt, [], [], [], []
-    for p in range(points):
-        for _ in range(repeats):
-            start, width = rng.uniform(0.01, 0.02), rng.uniform(0.8e-3, 1.2e-3)
+    force, response, point, spoiled = [], [], [], []
+    for p in range(plan.points):
+        for _ in range(plan.repeats):
+            start = rng.uniform(0.01, 0.02)
+            width = plan.width * rng.uniform(0.8, 1.2)
             pulse = sin_squared(t - start, width) * rng.uniform(50, 150)
             is_double, is_clipped = rng.random(2) < (defects.double, defects.overload)
             if is_double:
@@ -82,8 +124,8 @@ def synthetic_hits(
                 pulse += pulse.max() * rng.uniform(0.2, 0.6) * sin_squared(t - later, width)
             hit = phi[p] + defects.cross * rng.uniform(-1, 1) * side[p]
             q = np.array([lfilter(b, a, pulse) for b, a in filters])
-            x = mixing @ ((at_sensors * hit) @ q)
-            noise = rng.normal(size=(1 + references, k)) * defects.noise
+            x = (at_sensors * hit) @ q
+            noise = rng.normal(size=(1 + len(at_sensors), k)) * defects.noise
             pulse = pulse + noise[0] * np.sqrt(np.mean(pulse**2))
             x = x + noise[1:] * np.sqrt(np.mean(x**2, axis=1, keepdims=True))
             if is_clipped:
@@ -92,13 +134,7 @@ def synthetic_hits(
             response.append(x)
             point.append(p)
             spoiled.append(is_double or is_clipped)
-    inside = f < band[1]
-    hits = Hits(
-        dt, np.array(force), np.array(response), np.array(point),
-        tuple(f"point {p + 1}" for p in range(points)),
-        tuple(f"sensor {r + 1}" for r in range(references)), "SYNTHETIC: computed, not measured",
-    )  # fmt: skip
-    return SyntheticTest(hits, f[inside], zeta[inside], phi[:, inside], np.array(spoiled), band)
+    return np.array(force), np.array(response), np.array(point), np.array(spoiled)
 
 
 def sin_squared(t: NDArray[np.float64], width: float) -> NDArray[np.float64]:

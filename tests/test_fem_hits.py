@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from fem.correlation import mac
-from fem.hits import FrequencyResponses, HitChecks, Hits, frequency_responses
+from fem.hits import FrequencyResponses, HitChecks, Hits, frequency_responses, until_noise
 from fem.poly_reference import (
     Stability,
     background,
@@ -116,6 +116,17 @@ def test_real_shapes_are_collinear_and_travelling_waves_are_not():
     np.testing.assert_allclose(phase_collinearity(phi), [1, 0], atol=1e-12)
 
 
+def test_long_records_end_where_noise_is_all_that_is_left():
+    """An eighth of the record holds the decay: a quarter of it is kept, and deviations fall by the
+    noise of the rest; a decay that lasts to the end is kept whole."""
+    rng, k = np.random.default_rng(0), 2**15
+    decay = np.exp(-np.arange(k) / (k / 100)) * np.cos(np.arange(k))
+    noise = 1e-3 * rng.normal(size=(2, k))
+    assert until_noise([decay + noise], 1.2) == k // 4
+    assert until_noise([np.exp(-np.arange(k) / k) + noise], 1.2) == k
+    assert until_noise([noise[:, :1500]], 1.2) == 1500
+
+
 def test_a_ring_down_without_force_gives_the_poles():
     rng, t = np.random.default_rng(3), np.arange(4096) / 2048.0
     waves = np.exp(np.outer(POLES, t))
@@ -138,13 +149,16 @@ def test_records_that_hold_no_hit_are_refused_in_a_sentence():
     noise = rng.normal(size=(1, 2000))
     pulse = np.zeros((1, 2000))
     pulse[0, 100:104] = 1.0, 3.0, 3.1, 1.0
-    ringing = np.exp(-np.arange(2000) / 500.0)[None] * np.sin(np.arange(2000) / 3.0)
+    swinging = np.exp(-np.arange(2000) / 500.0)[None] * np.sin(np.arange(2000) / 3.0)
+    ringing = np.abs(swinging)
     with pytest.raises(ValueError, match="no pulse in the force"):
         frequency_responses(hits_with(noise, noise[:, None]))
     with pytest.raises(ValueError, match="NaN or inf"):
         frequency_responses(hits_with(pulse, np.full((1, 1, 2000), np.nan)))
     with pytest.raises(ValueError, match="force rings on"):
         frequency_responses(hits_with(ringing, pulse[:, None]))
+    with pytest.raises(ValueError, match="force changes its sign: force and response are swapped"):
+        frequency_responses(hits_with(swinging, pulse[:, None]))
     with pytest.raises(ValueError, match="trigger is late"):
         frequency_responses(hits_with(np.roll(pulse, 1850), noise[:, None]))
     with pytest.raises(ValueError, match="must be one of H1, H2, Hv"):

@@ -357,6 +357,43 @@ def test_what_modes_do_not_determine_keeps_its_value_and_the_rest_is_fitted_agai
     assert [row["frequency_hz"] for row in rows[:6]] == pytest.approx(hz, rel=1e-4)
 
 
+def test_a_tuned_scene_keeps_comments_and_order_of_its_file(capsys):
+    arm = ARM.replace("WASHER", '"9 mm"  # of the drawing') + "# a guess\nkz = 1e7  # per bolt\n"
+    text = "# An arm on three bolts.\n" + arm
+    assert (
+        beadwave("tune", written(text), "--match=1=700", "--free=joints.bolts.kz", "--out=t.toml")
+        == 0
+    )
+    _, *lines = Path("t.toml").read_text().splitlines()
+    kz = scene("t.toml").springs["bolts"].kz
+    assert 1e4 < kz < 1e12 and kz != 1e7
+    same = text.replace("kz = 1e7", f"kz = {kz!r}").splitlines()
+    assert lines[: len(same)] == same
+    assert [line for line in lines[len(same) :] if line] == [
+        "[[targets]]",
+        "hz = 700.0",
+        "number = 1",
+    ]
+
+    assert scene("t.toml").name == "t"
+
+
+def test_match_gives_targets_to_a_scene_without_any(capsys):
+    arm = ARM.replace("WASHER", "0.009")
+    _, rows = modes_of(capsys, written(arm, "truth"), "--set=joints.bolts.kz=8e6")
+    f = rows[1]["frequency_hz"]
+    order = ("tune", written(arm), "--free=joints.bolts.kz", "--out=t.toml", "--json")
+    assert beadwave(*order, f"--match=2={f!r}") == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["stiffness"]["joints.bolts.kz"] == pytest.approx(8e6, rel=1e-2)
+    assert report["remarks"][0] == "target 1 is mode 2."
+    (target,) = scene("t.toml").targets
+    assert (target.number, target.hz) == (2, f)
+    for match in ("3", "3=a", "0=10", "1=-5", "1=10,1=12"):
+        assert beadwave(*order, f"--match={match}") == 2
+        assert "needs its number and its frequency" in capsys.readouterr().err
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kz", [1e2, 1e13])
 def test_a_start_outside_of_the_bounds_is_no_obstacle(kz, capsys):

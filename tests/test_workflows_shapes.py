@@ -10,6 +10,7 @@ import pytest
 import beadwave
 from fem import on_surface
 from fem.hammer_test import accelerances
+from workflows.files.hammer import Reading
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
 from workflows.stages.pipeline import pipeline_of
@@ -151,6 +152,32 @@ def test_a_hammer_test_at_many_points_names_the_modes_by_their_shapes(known):
     assert "MAC" in report.text()
 
 
+def test_a_hammer_test_gives_targets_to_a_scene_without_any(known):
+    points, shapes, omega = known[0][::4], known[1][:, ::4], known[2]
+    written(nodes(points), *responses_58(shapes[:5], SHIFT * omega[:5], noise=1e-4))
+    Path("beam.toml").write_text(BEAM)
+    tuned = beadwave.tune("beam.toml", hammer="shapes.uff", free="materials.steel.young")
+    assert tuned.report.stiffness["materials.steel.young"] == pytest.approx(SHIFT**2, rel=2e-3)
+    assert all(target.shape.endswith("shapes.uff") for target in tuned.scene.targets)
+    assert tuned.scene.damping.ratio == pytest.approx([0.004] * len(tuned.scene.targets), rel=0.1)
+    assert "by the shapes of their points" in tuned.report.remarks[0]
+
+
+def test_a_hammer_test_without_points_is_paired_in_the_order_of_frequencies(known):
+    shapes, omega = known[1][:5], SHIFT * known[2][:5]
+    f = np.arange(50.0, 1.1 * omega[-1] / (2 * np.pi), 1.0)
+    read = shapes[:, -1, 1:].T
+    H = accelerances(read, read.sum(axis=0), omega, np.full(5, 0.004), f)
+    columns = np.column_stack([f, H[0].real, H[0].imag, H[1].real, H[1].imag])
+    np.savetxt("point.csv", columns, delimiter=",", header="frequency_hz, re_1, im_1, re_2, im_2")
+    Path("beam.toml").write_text(BEAM)
+    free = {"free": "materials.steel.young", "match": "1"}
+    report = beadwave.tune("beam.toml", hammer="point.csv", **free).report
+    assert "in the order of frequencies" in report.remarks[0]
+    assert report.match == {"1": pytest.approx(omega[0] / (2 * np.pi), rel=1e-3)}
+    assert report.stiffness["materials.steel.young"] == pytest.approx(SHIFT**2, rel=2e-3)
+
+
 def test_points_in_millimetres_say_so(known):
     points, shapes, _ = known
     millimetres = {"type": 164, "units_code": 5, "units_description": "mm", "temp_mode": 1,
@@ -210,3 +237,38 @@ def test_what_is_no_universal_file_is_refused_in_a_sentence():
             Path(name).write_text(content)
         with pytest.raises(InvalidScene, match=message):
             pipeline(BEAM + TARGET.format(100.0).replace("shapes.uff", name))("modes")
+
+
+@pytest.mark.slow
+def test_designed_points_computed_hits_and_their_modes_tune_a_model(capsys):
+    """The beam of the hits is 4 % softer: its modulus is found to 0.2 %, twice the deviation of
+    0.1 % in frequency."""
+    Path("beam.toml").write_text('damping = { kind = "modal", ratio = 0.004 }\n' + BEAM)
+    band = (0.0, 3500.0)
+    design = beadwave.design_hammer_test("points.csv", 8, "beam.toml", band=band)
+    assert len(design.rows) == 8 and design.largest_mac < 0.7
+    softer = ["materials.steel.young=201.6e9"]
+    beadwave.write_hammer_test("hits.mat", "beam.toml", softer, points="points.csv", band=band)
+    test = beadwave.hammer(
+        "hits.mat", "beam.toml", reading=Reading(points=Path("points.csv")), out="hammer"
+    )
+    assert [row.computed_hz is not None for row in test.report.rows] == [True] * len(
+        design.modes_hz
+    )
+    assert Path("hammer/modes.json").exists() and Path("hammer/figures/coherence.png").exists()
+    Path("aimed.toml").write_text(
+        Path("beam.toml").read_text() + Path("hammer/targets.toml").read_text()
+    )
+    report = beadwave.tune("aimed.toml", free="materials.steel.young").report
+    assert report.stiffness["materials.steel.young"] == pytest.approx(0.96, rel=2e-3)
+
+
+def test_designs_that_cannot_be_are_refused_in_a_sentence():
+    Path("beam.toml").write_text(BEAM)
+    with pytest.raises(InvalidScene, match=r"2 points; .* modes need"):
+        beadwave.design_hammer_test("points.csv", 2, "beam.toml")
+    with pytest.raises(InvalidScene, match=r"no mode between 1 and 2 Hz"):
+        beadwave.design_hammer_test("points.csv", 8, "beam.toml", band=(1.0, 2.0))
+    Path("points.csv").write_text("node,x,y,z,direction\n1,0,0,0,up\n")
+    with pytest.raises(InvalidScene, match="direction 'up' is none of x, y, z"):
+        beadwave.write_hammer_test("hits.mat", "beam.toml", points="points.csv")

@@ -7,10 +7,8 @@ import typer
 
 from workflows.commands.options import (
     Changes,
-    JsonFiles,
     Overwrite,
     Quiet,
-    SceneName,
     json_of,
     scene_names,
 )
@@ -21,10 +19,16 @@ from workflows.commands.terminal import (
     print_report,
     print_result,
 )
+from workflows.commands.verb import Call, Word, verb
 
 
+@verb(
+    "workflows.structure.api.modes",
+    json="{rows: [a mode or model each]}; of --inp and --step {written}",
+    out=Word("folder for the MAC matrix, or with --table 5.2 for figure 5.7"),
+)
 def modes(
-    scene: SceneName = None,
+    call: Call,
     table: Annotated[
         str | None,
         typer.Option(help="Rebuild a table of the thesis beside its numbers: 5.2 or 5.3."),
@@ -33,54 +37,32 @@ def modes(
         Path | None, typer.Option(help="Write the model for CalculiX or Abaqus (.inp).")
     ] = None,
     step: Annotated[Path | None, typer.Option(help="Write the geometry (.step).")] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="Folder for the MAC matrix, or with --table 5.2 for figure 5.7."),
-    ] = None,
-    changes: Changes = None,
-    overwrite: Overwrite = False,
-    quiet: Quiet = False,
-    json: json_of("{rows: [a mode or model each]}; of --inp and --step {written}") = False,
 ) -> None:
     """Frequencies beside measured ones, MAC, participation."""
     from workflows.scene import InvalidScene
     from workflows.structure import api
 
-    if (inp or step) and (table or out):
+    if (inp or step) and (table or "out" in call.given):
         raise InvalidScene("--inp and --step write the model alone; drop --table and --out.")
-    with StageProgress(f"modes {scene} {table}", quiet=quiet) as progress:
-        given = {"changes": changes or (), "overwrite": overwrite, "progress": progress.stage}
-        if inp or step:
-            print_files(api.export(scene, inp=inp, step=step, **given), json, quiet)
-            return
-        given |= {"out": out}
-        result = api.thesis_table(table, scene, **given) if table else api.modes(scene, **given)
-    print_report(result if table else result.table, json, quiet)
+    if inp or step:
+        call.function = api.export
+        print_files(call(inp=inp, step=step), call.json, call.quiet)
+    elif table:
+        call.function = api.thesis_table
+        print_report(call(table=table), call.json, call.quiet)
+    else:
+        print_report(call().table, call.json, call.quiet)
 
 
-def look(
-    source: Annotated[
-        str,
-        typer.Argument(metavar="FILE.step|SCENE", help="A STEP file, or a scene with an assembly."),
-    ],
-    starter: Annotated[
-        Path | None, typer.Option("--scene", help="Write a scene of the file to start from.")
-    ] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for the picture with the names.")] = None,
-    changes: Changes = None,
-    overwrite: Overwrite = False,
-    quiet: Quiet = False,
-    json: json_of("{bodies, touching, holes, dofs, memory_bytes, seconds, remarks}") = False,
-) -> None:
+@verb(
+    "workflows.structure.api.look",
+    json="{bodies, touching, holes, dofs, memory_bytes, seconds, remarks}",
+    source=Word(metavar="FILE.step|SCENE", completes=scene_names),
+    starter=Word(name="--scene"),
+)
+def look(call: Call) -> None:
     """Bodies, masses, touching pairs, holes, size of the mesh."""
-    from workflows.structure.api import look as look_at
-
-    with StageProgress(f"look {source}", quiet=quiet) as progress:
-        result = look_at(
-            source, changes or (), starter=starter, out=out, overwrite=overwrite,
-            progress=progress.stage,
-        )  # fmt: skip
-    print_report(result.found, json, quiet)
+    print_report(call().found, call.json, call.quiet)
 
 
 def span(text: str | None) -> tuple[float, float] | None:
@@ -124,8 +106,19 @@ def hammer(
     ] = None,
     synthetic: Annotated[
         bool,
-        typer.Option("--synthetic", help="Write a computed test to FILE (.csv, .uff) instead."),
+        typer.Option(
+            "--synthetic",
+            help="Write a computed test to FILE instead: responses (.csv, .uff), or with --points "
+            "records of hits there (.mat).",
+        ),
     ] = False,
+    design: Annotated[
+        int | None,
+        typer.Option(
+            metavar="POINTS",
+            help="Write to FILE (.csv) at which points to hit and watch for the modes in --band.",
+        ),
+    ] = None,
     points: Annotated[
         Path | None,
         typer.Option(help="Points of the nodes: .csv (node, x, y, z in metres) or .uff."),
@@ -150,15 +143,16 @@ def hammer(
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Folder for modes.json, modes.uff and pictures: stability diagram, responses "
-            "measured and of the modes, coherence, AutoMAC."
+            help="Folder for modes.json, modes.uff, targets.toml and pictures: stability diagram, "
+            "responses measured and of the modes, coherence, AutoMAC."
         ),
     ] = None,
     changes: Changes = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: json_of(
-        "{file, title, rows: [a mode each], left_out, steps, remarks}; of --synthetic {written}"
+        "{file, title, rows: [a mode each], left_out, steps, remarks}; of --synthetic {written}, "
+        "of --design {modes_hz, rows: [a point each], largest_mac, alike_hz}"
     ) = False,
 ) -> None:
     """Read a hammer test: modes from hits or responses, with deviations."""
@@ -166,10 +160,15 @@ def hammer(
 
     with StageProgress(f"hammer {scene}", quiet=quiet) as progress:
         given = {"changes": changes or (), "progress": progress.stage, "overwrite": overwrite}
+        if (synthetic or design) and len(files) > 1:
+            raise ValueError("--synthetic and --design write one FILE; name one.")
+        if design is not None:
+            result = api.design_hammer_test(files[0], design, scene, band=span(band), **given)
+            print_report(result, json, quiet)
+            print_lines(f"written: {files[0]}", json=json, quiet=quiet)
+            return
         if synthetic:
-            if len(files) > 1:
-                raise ValueError("--synthetic writes one FILE; name one.")
-            path = api.write_hammer_test(files[0], scene, **given)
+            path = api.write_hammer_test(files[0], scene, points=points, band=span(band), **given)
             line = f"written: {path} (synthetic, not measured)"
             print_result({"written": [str(path)]}, line, json, quiet)
             return
@@ -185,66 +184,32 @@ def hammer(
         )  # fmt: skip
     print_report(result.report, json, quiet)
     if out:
-        print_lines(f"written: {out}/modes.json, modes.uff, figures", json=json, quiet=quiet)
+        names = [
+            name for name in ("modes.json", "modes.uff", "targets.toml") if (out / name).exists()
+        ]
+        print_lines(f"written: {out}/{', '.join([*names, 'figures'])}", json=json, quiet=quiet)
 
 
-def tune_joints(
-    scene: SceneName = None,
-    hammer_file: Annotated[
-        Path | None,
-        typer.Option("--hammer", help="A hammer test (.csv, .uff) to take frequencies from."),
-    ] = None,
-    match: Annotated[
-        str | None,
-        typer.Option(help="Modes to meet, as 1,3,4 or 1=51.2,3=905 [Hz]; default all."),
-    ] = None,
-    free: Annotated[
-        str | None,
-        typer.Option(
-            help="What to vary: joints.NAME.kz,materials.NAME.young; of the rig head.ky, head.kz, "
-            "head.kry, head.kt (kx and kz as one), foot.ky, ..., block.young, block.density."
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="The tuned scene; default NAME-tuned.toml.")
-    ] = None,
-    changes: Changes = None,
-    overwrite: Overwrite = False,
-    quiet: Quiet = False,
-    json: json_of("{match, modes_hz, full_order_hz, stiffness, undetermined, mac, ...}") = False,
-) -> None:
+@verb(
+    "workflows.structure.api.tune",
+    json="{match, modes_hz, full_order_hz, stiffness, undetermined, mac, ...}",
+    out=Word("the tuned scene; default NAME-tuned.toml"),
+)
+def tune_joints(call: Call) -> None:
     """Fit joint stiffnesses to chosen modes and write a scene."""
-    from workflows.structure import api
+    from workflows.structure.api import USUAL
 
-    with StageProgress(f"tune {scene}", quiet=quiet) as progress:
-        result = api.tune(
-            scene, changes or (), match=match, free=() if free is None else free,
-            hammer=hammer_file, out=out or api.USUAL, overwrite=overwrite,
-            progress=progress.stage,
-        )  # fmt: skip
-    print_report(result.report, json, quiet)
+    call.given.setdefault("out", USUAL)
+    result = call()
+    print_report(result.report, call.json, call.quiet)
     for sentence in result.report.failures:
         raise ValueError(f"no scene is written: {sentence}")
-    print_lines(f"written: {result.file}", json=json, quiet=quiet)
+    print_lines(f"written: {result.file}", json=call.json, quiet=call.quiet)
 
 
-def reduce(
-    out: Annotated[Path, typer.Option(help="rom.npz, .mat or .h5.")],
-    scene: SceneName = None,
-    matrices: Annotated[
-        Path | None, typer.Option(help="Write the full model's K, M, w beside it (.mat, .npz).")
-    ] = None,
-    changes: Changes = None,
-    overwrite: Overwrite = False,
-    quiet: Quiet = False,
-    json: JsonFiles = False,
-) -> None:
+@verb("workflows.structure.api.reduce", json="{written: [files]}", out=Word(required=True))
+def reduce(call: Call) -> None:
     """Write the reduced model: M, K, C, w, and the outer nodes' T."""
-    from workflows.structure.api import reduce as reduced
-
-    with StageProgress(f"reduce {scene}", quiet=quiet) as progress:
-        reduced(
-            scene, changes or (), out=out, matrices=matrices, overwrite=overwrite,
-            progress=progress.stage,
-        )  # fmt: skip
-    print_files([path for path in (out, matrices) if path], json, quiet)
+    call()
+    files = (call.given.get(name) for name in ("out", "matrices"))
+    print_files([path for path in files if path], call.json, call.quiet)

@@ -26,6 +26,7 @@ EXAMPLES = {
     "hammer": (
         "hammer hits.uff --out hammer",
         "hammer hit_1.wav hit_2.wav --points points.csv --reject 3,7",
+        "hammer points.csv --design 12 --scene mine.toml --band 0:2000",
         "hammer synthetic.csv --synthetic",
     ),
     "sweep": (

@@ -22,6 +22,7 @@ from fem.hit_records import (
     TIME_RESPONSE,
     TimeRecord,
     cut_at_hits,
+    direction_named,
     node_and_axis,
     record_of_csv,
     record_of_wav,
@@ -87,6 +88,7 @@ class MeasuredTest(NamedTuple):
     steps: tuple[Step, ...]
     records: tuple[Hits, ...] = ()  # empty where the files hold responses
     kind: str = "responses"  # or "hits", "ring-downs", "ambient"
+    quantity: str = ""  # "accelerations", "velocities" or "displacements" where it is known
 
 
 def measured_test(paths: list[Path], reading: Reading = Reading()) -> MeasuredTest:
@@ -116,14 +118,14 @@ def measured_test(paths: list[Path], reading: Reading = Reading()) -> MeasuredTe
             all_ends = ends if all(t.ends for t in tests) else ()
             whole = first._replace(H=np.concatenate([t.H for t in tests]), ends=all_ends)
             responses, sets, kind = whole.by_reference(), (), "responses"
-            title = first.title
+            title, quantity = first.title, first.quantity
         else:
             responses, sets, step, kind = responses_of_records(records, reading)
             steps.append(step._replace(file=named))
-            title = records[0].title or paths[0].stem
+            title, quantity = records[0].title or paths[0].stem, records[0].quantity
     except ValueError as error:
         raise InvalidScene(f"{named}: {str(error).rstrip('.')}.") from None
-    return MeasuredTest(responses, title, nodes, tuple(steps), sets, kind)
+    return MeasuredTest(responses, title, nodes, tuple(steps), sets, kind, quantity)
 
 
 def responses_of_records(
@@ -218,15 +220,31 @@ def content_of(
 def points_of_file(path: Path) -> dict[int, NDArray[np.float64]]:
     """Points [m] of nodes by number, of a .csv with node, x, y, z below a header line or a .uff;
     raises InvalidScene where it has none."""
+    return points_and_directions(path)[0]
+
+
+def points_and_directions(
+    path: Path,
+) -> tuple[dict[int, NDArray[np.float64]], dict[int, int]]:
+    """Points as above, and the directions of those that have one, "z" or "-z", in a fifth column:
+    as in data sets 58."""
     require_file(path, "give points as .csv (node, x, y, z in metres) or .uff", key="--points: ")
+    directions: dict[int, int] = {}
     try:
         if path.suffix.lower() in ENDINGS:
             points = points_of_nodes(data_sets(path, *POINTS, UNITS))
         else:
-            table = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2, encoding="utf-8-sig")
-            if table.shape[1] != 4 or not np.isfinite(table).all():
-                raise ValueError("its lines are not node, x, y, z")
-            points = dict(zip(table[:, 0].astype(int).tolist(), table[:, 1:], strict=True))
+            points = {}
+            _, *lines = path.read_text(encoding="utf-8-sig").splitlines() or [""]
+            for line in filter(str.strip, lines):
+                node, *cells = line.split(",")
+                if len(cells) not in (3, 4):
+                    raise ValueError(f"{line[:40]!r} is not node, x, y, z")
+                points[int(node)] = np.array([float(cell) for cell in cells[:3]])
+                if len(cells) == 4 and cells[3].strip():
+                    directions[int(node)] = direction_named(cells[3])
+            if not np.isfinite(list(points.values())).all():
+                raise ValueError("a point is no number")
         if not points:
             raise ValueError("it has no points")
     except (Unreadable, ValueError, KeyError, IndexError) as error:
@@ -234,7 +252,18 @@ def points_of_file(path: Path) -> dict[int, NDArray[np.float64]]:
             f"--points {path} holds no points that can be read ({str(error).rstrip('.')}); give "
             "node, x, y, z in metres below a header line, or data set 15 or 2411."
         ) from None
-    return points
+    return points, directions
+
+
+def write_hits(path: Path, hits: Hits) -> None:
+    """Write as .mat, as `hammer` reads it."""
+    from scipy.io import savemat
+
+    savemat(path, {
+        "dt": hits.dt, "force": hits.force.T, "response": hits.response.transpose(2, 1, 0),
+        "points": [hits.points[i] for i in hits.point], "sensors": list(hits.sensors),
+        "title": hits.title,
+    }, do_compression=True)  # fmt: skip
 
 
 def write_uff(path: Path, test: Responses) -> None:
@@ -303,5 +332,7 @@ def write_synthetic(file: OutputFile, test: Responses) -> None:
 def synthetic_file(path: Path, overwrite: bool) -> OutputFile:
     """Where a computed test goes; raises InvalidScene where it cannot."""
     if path.suffix.lower() not in (".csv", ".uff"):
-        raise InvalidScene(f"{path} must end in .csv or .uff.")
+        raise InvalidScene(
+            f"{path} must end in .csv or .uff; hits at --points are written as .mat."
+        )
     return OutputFile(path, "FILE", overwrite=overwrite)

@@ -11,7 +11,8 @@ from workflows.report.provenance import UNKNOWN, Origin
 from workflows.report.report import CAPTIONS, write_report
 from workflows.report.summary import ErrorEstimate, NumberError, StageTime, Summary
 from workflows.run.second_process import IMPACT, RUN, two_processes
-from workflows.scene import Scene
+from workflows.scene import MeasuredWall, Scene
+from workflows.scene.places import has_friction
 from workflows.scene.toml import toml
 from workflows.stages import warnings
 from workflows.stages.cache import LIBRARIES, library_versions
@@ -125,7 +126,8 @@ def _error_stages(scene: Scene) -> tuple[str, ...]:
     """The stages that estimate errors of this scene's structure."""
     if not needs_structure(scene):
         return ()
-    of_models = ("reduction-error", "mesh-error") if scene.chain else ()
+    compared = scene.chain is not None and not scene.friction
+    of_models = ("reduction-error", "mesh-error") if compared else ()
     if scene.bending is not None and scene.chain:
         of_models = (*of_models, "theory-error", "quantity-errors")
     return ("structure-errors", *of_models)
@@ -174,7 +176,7 @@ def summary_of(
         # errors: of the time step, and by a second model each of reduction and mesh
         chain = pipeline("chain-numbers")
         errors = {"time": chain.time_error}
-        estimated = with_errors and structure and not chain.coupled
+        estimated = with_errors and structure and not chain.coupled and not scene.friction
         models = ("reduction", "mesh", *(("theory",) if scene.bending else ()))
         for name in models if estimated else ():
             try:
@@ -186,8 +188,14 @@ def summary_of(
         if estimated:
             with suppress(ValueError):  # said above
                 number_errors += pipeline("quantity-errors").quantities
-        if not structure:
+        if structure and scene.friction:
+            sentences += warnings.model_errors_left_out()
+        if not structure and not has_friction(scene):
             number_errors += pipeline("time-errors")
+        if with_errors and isinstance(scene.wall, MeasuredWall):
+            errors["receptance"] = pipeline("receptance-error")
+            sentences += warnings.large_model_error("receptance", errors["receptance"])
+            sentences += warnings.narrow_band(scene, pipeline("impact").trajectory)
 
         # the march and its waves
         numbers |= chain.numbers | {"error_estimate": ErrorEstimate(**errors)}

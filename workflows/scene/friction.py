@@ -19,7 +19,7 @@ from workflows.scene.scene_table import (
     one_or_each,
 )
 from workflows.scene.units import INERTIA
-from workflows.scene.walls import HalfSpaceWall, OneDofWall, RigidWall
+from workflows.scene.walls import HalfSpaceWall, OneDofWall, RigidWall, RomWall
 
 if TYPE_CHECKING:
     from workflows.scene.scene import Scene
@@ -46,6 +46,34 @@ def arm_stiffness(arm: Arm | None) -> np.ndarray:
     return np.array(np.broadcast_to(0.0 if arm is None else arm.stiffness, 2), float)
 
 
+def _of_structure(scene: "Scene", wall: RomWall) -> Iterator[str]:
+    """Sentences on what a structure that is met with friction does not take."""
+    if scene.bending is not None and wall.file is None:
+        table = "beam" if scene.beam else "plate"
+        yield (
+            f"[friction] needs a solid structure, [{table}] knows motions along the chain alone; "
+            "take [assembly], or drop [friction]."
+        )
+    if scene.friction.between_spheres is not None:
+        yield (
+            "friction.between_spheres is known before walls of a few numbers alone; drop it before "
+            "a structure."
+        )
+    if wall.prune:
+        yield "wall.prune counts what modes do along the chain alone; drop it with [friction]."
+    strike = scene.written_out.strike
+    if wall.file is None and strike is not None and strike.weights == "thesis":
+        yield (
+            '[friction] needs a contact that is read where it is loaded; take weights "hertz", or '
+            "drop [friction]."
+        )
+    if wall.file is None and any(table.dashpots for table in scene.springs.values()):
+        yield (
+            "[friction] takes a structure by its modes, which dashpots in joints couple; set these "
+            "to 0, or drop [friction]."
+        )
+
+
 def of_friction(scene: "Scene") -> Iterator[str]:
     """Sentences on contradictions between friction, arm and the rest of a scene."""
     friction, arm, wall, contact = scene.friction, scene.arm, scene.wall, scene.contact
@@ -64,11 +92,13 @@ def of_friction(scene: "Scene") -> Iterator[str]:
     if wall is None:
         yield "[friction] acts at the wall; add [wall], or drop [friction]."
         return
-    if not isinstance(wall, RigidWall | HalfSpaceWall | OneDofWall):
+    if not isinstance(wall, RigidWall | HalfSpaceWall | OneDofWall | RomWall):
         yield (
-            f'[friction] with wall.kind = "{wall.kind}", allowed are "rigid", "half-space" and '
-            '"1dof"; take one of these, or drop [friction].'
+            f'[friction] with wall.kind = "{wall.kind}", allowed are "rigid", "half-space", '
+            '"1dof" and "rom"; take one of these, or drop [friction].'
         )
+    if isinstance(wall, RomWall):
+        yield from _of_structure(scene, wall)
     if isinstance(wall, OneDofWall):
         for key in ("young", "poisson"):
             if key not in wall.model_fields_set:

@@ -20,8 +20,8 @@ from typing import Any, NamedTuple
 
 from joblib import Memory
 
-from workflows.scene import RomWall, Scene
-from workflows.scene.places import named_faces, sensor_places, words_of
+from workflows.scene import MeasuredWall, RomWall, Scene
+from workflows.scene.places import has_friction, named_faces, sensor_places, words_of
 from workflows.scene.size import foreseen_nodes
 from workflows.stages.cache import key, memory
 from workflows.stages.progress import Plan, Progress, quiet
@@ -75,7 +75,7 @@ def _start_reads(scene: Scene) -> Any:
 
 
 def _wall_reads(scene: Scene) -> Any:
-    file = getattr(scene.wall, "file", None)
+    file = getattr(scene.wall, "file", None) or getattr(scene.wall, "receptance", None)
     tables = tables_of("wall", "damping", "strike", "assembly")(scene)
     return {**tables, "content": content(file)}
 
@@ -86,6 +86,10 @@ def _observed(scene: Scene) -> Any:
 
 def _marched(scene: Scene) -> Any:
     return [tables_of("time")(scene), _observed(scene)]
+
+
+def _measured(scene: Scene) -> Any:
+    return [_marched(scene), _wall_reads(scene)]
 
 
 def _targets(scene: Scene) -> Any:
@@ -250,6 +254,15 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
     wall = Stage(".walls:wall_of", _wall_reads, needs)
     structure = ASSEMBLY if scene.bending is None else BENDING
     impact = IMPACT
+    if scene.chain and isinstance(scene.wall, MeasuredWall):
+        impact = impact | {
+            "receptance-error": Stage(
+                ".receptance:receptance_error", _measured, ("start", "impact")
+            ),
+            "time-errors": Stage(
+                ".receptance:number_errors", _measured, ("start", "impact", "waves"), listed=False
+            ),
+        }
     if scene.chain and scene.output.sensors:
         files = IMPACT["chain-files"]
         impact = impact | {"chain-files": files._replace(needs=(*files.needs, "record"))}
@@ -283,6 +296,27 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
                 function=".figures:of_friction", needs=("impact", "waves", "friction")
             ),
         }
+    if scene.chain and has_friction(scene):
+        reads = impact["friction"].reads
+        impact |= {
+            "spatial-wall": Stage(
+                ".structure_friction:spatial_wall",
+                lambda scene: [_wall_reads(scene), tables_of("shakers")(scene)],
+                needs,
+            ),
+            "march": Stage(".structure_friction:march", reads, ("start", "spatial-wall")),
+            "impact": Stage(
+                ".structure_friction:impact", tables_of(), ("start", "wall", "march"), kept=False
+            ),
+            "friction": Stage(".structure_friction:across", tables_of(), ("march",), kept=False),
+        }
+        wall = Stage(".structure_friction:wall_along", tables_of(), ("spatial-wall",), kept=False)
+        if sensor_places(scene):
+            impact["record"] = IMPACT["record"]._replace(
+                function=".structure_friction:record",
+                reads=tables_of("output", "shakers"),
+                needs=("start", "spatial-wall", "march", "impact", "waves"),
+            )
     shown = (
         *(("chain-files", "chain-numbers") if scene.chain else ()),
         *(("model-files", "response-files", "structure-numbers") if needs_structure(scene) else ()),

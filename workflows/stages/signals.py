@@ -16,6 +16,7 @@ from workflows.scene.sensors import low_pass_of
 from workflows.stages.damping import damping
 
 if TYPE_CHECKING:
+    from coupling.structure_sensors import Sensed
     from rom import ReducedModel
 
 
@@ -38,11 +39,14 @@ def sensors(scene: Scene) -> tuple[Sensor, ...]:
 
 
 def record(
-    scene: Scene, impact: Impact, waves: ChainWaves, reduced: "ReducedModel | None" = None
+    scene: Scene,
+    impact: Impact,
+    waves: ChainWaves,
+    reduced: "ReducedModel | None" = None,
+    structure: "Sensed | None" = None,
 ) -> SensorRecord:
     """Signals of the sensors (k, m) with noise, filters and rounding, and the waves in them; of
-    those on the structure by its reduced model, which the contact force drives."""
-    structure = None
+    those on the structure as it moves, or by its reduced model, which the contact force drives."""
     if reduced is not None:
         from coupling.structure_sensors import sensed_in_run
 

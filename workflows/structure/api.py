@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from workflows.files.hammer import Reading
     from workflows.stages.pipeline import Pipeline
     from workflows.structure.hammer import Choice, HammerReport
+    from workflows.structure.hammer_design import HammerDesign
     from workflows.structure.look import Look, Seen
     from workflows.structure.mode_table import ModeTable
     from workflows.structure.thesis_tables import ThesisTable
@@ -69,8 +70,11 @@ def look(
 ) -> Looked:
     """Bodies, masses, touching pairs, holes and the size of the mesh (`beadwave look`).
 
-    `source` is a STEP file, or a scene of bodies. `starter` writes a scene of a STEP file to start
-    from, `out` is a folder for the picture with the names. Raises InvalidScene for bad input.
+    source   a STEP file, or a scene with an assembly
+    starter  write a scene of the STEP file to start from
+    out      folder for the picture with the names
+
+    Raises InvalidScene for bad input.
     """
     from workflows.structure import look as looking
 
@@ -139,8 +143,10 @@ def modes(
 ) -> ModesOfScene:
     """Frequencies beside measured ones, MAC, participation at the contact (`beadwave modes`).
 
-    `out` is a folder for the picture of the MAC matrix. Raises InvalidScene for bad input or a
-    scene without an assembly, ValueError where a computation fails.
+    out  folder for the picture of the MAC matrix
+
+    Raises InvalidScene for bad input or a scene without an assembly, ValueError where a computation
+    fails.
     """
     chosen = with_structure(load_scene(scene, changes))
     folder = picture_folder(out, files_read(chosen, scene), overwrite, "mac")
@@ -223,46 +229,59 @@ def tune(
     scene: Source = None,
     changes: Changes = (),
     *,
+    hammer: str | Path | None = None,
     match: str | Iterable[int] | Mapping[int, float] | None = None,
     free: str | Iterable[str] = (),
-    hammer: str | Path | None = None,
     out: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
 ) -> Tuned:
     """Joint stiffnesses, and materials, fitted to measured modes (`beadwave tune`).
 
-    match   modes by number, [1, 3, 4], or with frequencies of one's own, {1: 51.2, 3: 905.0} [Hz];
-            all targets of the scene without it
-    free    what to vary, ["joints.NAME.kz", "materials.NAME.young"]; of the rig "head.ky"
-    hammer  a hammer test (.csv, .uff, .mat, .wav) to take frequencies and damping from
-    out     a file for the tuned scene (.toml), or USUAL for NAME-tuned.toml; a file that
-            beadwave did not write, or that was changed since, is replaced with `overwrite` alone
+    hammer  a hammer test (.csv, .uff, .mat, .wav) to take frequencies and damping from; its modes
+            become the targets of a scene of bodies without any, by shape where points are known
+    match   modes to meet, as 1,3,4 or with frequencies of one's own 1=51.2,3=905 [Hz]; default all
+            targets of the scene. Of a scene of bodies without targets these are numbers of its
+            computed modes, and become its targets
+    free    what to vary: joints.NAME.kz,materials.NAME.young; of the rig head.ky, head.kz,
+            head.kry, head.kt (kx and kz as one), foot.ky, ..., block.young, block.density
+    out     the tuned scene (.toml)
 
-    A mode missed by more than 5 % is a failure: `report.failures` lists them in sentences, and
-    nothing is written. Raises InvalidScene for bad input.
+    In Python `match` is [1, 3, 4] or {1: 51.2, 3: 905.0} as well, `free` a list, and `out` USUAL
+    for NAME-tuned.toml. A file that beadwave did not write, or that was changed since, is replaced
+    with `overwrite` alone. A mode missed by more than 5 % is a failure: `report.failures` lists
+    them in sentences, and nothing is written. Raises InvalidScene for bad input.
     """
     if hammer:
         require_file(hammer, HAMMER)
     chosen = with_assembly(load_scene(scene, changes))
-    measured_hz = with_targets(chosen).measured_hz
-    from workflows.structure.tuning import targets, tuned, write_scene
+    from workflows.stages.pipeline import pipeline_of
+    from workflows.structure.tuning import numbered, targets, tuned, write_scene
 
     # which modes: as `--match` takes them, "1,3,4" or "1=51.2,3=905"
     if isinstance(match, Mapping):
         match = ",".join(f"{n}={hz!r}" for n, hz in match.items())
     elif match is not None and not isinstance(match, str):
         match = ",".join(map(str, match))
-    all_modes = ",".join(map(str, range(1, len(measured_hz) + 1)))
-    wanted = targets(all_modes if match is None else match, measured_hz)
-    if hammer:
-        from workflows.stages.pipeline import pipeline_of
-        from workflows.structure.hammer import applied, hammer_test, measured_shapes, recognised
+    remarks: list[str] = []
+    if chosen.measured_hz or chosen.of_dimensions or not (match or hammer):
+        measured_hz = with_targets(chosen).measured_hz
+        all_modes = ",".join(map(str, range(1, len(measured_hz) + 1)))
+        wanted = targets(all_modes if match is None else match, measured_hz)
+        if hammer:
+            from workflows.structure.hammer import applied, hammer_test, measured_shapes, recognised
 
-        test = hammer_test(Path(hammer), wanted)
-        if not chosen.of_dimensions and measured_shapes(test):
-            test = recognised(test, pipeline_of(chosen, progress), wanted)
-        chosen, wanted = applied(chosen, test.report, match)
+            test = hammer_test(Path(hammer), wanted)
+            if not chosen.of_dimensions and measured_shapes(test):
+                test = recognised(test, pipeline_of(chosen, progress), wanted)
+            chosen, wanted = applied(chosen, test.report, match)
+    elif hammer:
+        from workflows.structure.hammer import as_targets, hammer_test
+
+        test = hammer_test(Path(hammer), {})
+        chosen, wanted, remarks = as_targets(test, pipeline_of(chosen, progress), match)
+    else:
+        chosen, wanted, remarks = numbered(chosen, match)
 
     # where to, before the fit: a file that cannot be written is refused at once
     path = f"{chosen.name}-tuned.toml" if out is USUAL else out
@@ -277,14 +296,14 @@ def tune(
             f'free = {free!r} must be names, as in ["joints.NAME.kz", "materials.NAME.young"].'
         )
     result, report = tuned(chosen, wanted, tuple(name.strip() for name in names), progress)
+    report = report.model_copy(update={"remarks": [*remarks, *report.remarks]})
     if file is None or report.failures:
         return Tuned(result, report, None)
 
-    # a scene is named after its file
+    # a scene is named after its file, where the one it was read from does not name it
     name = sub(r"[^\w.-]", "-", file.path.stem).lstrip(".-")[:LONGEST_NAME] or "tuned"
     result = result.model_copy(update={"name": name})
-    write_scene(result, file, report)
-    return Tuned(result, report, file.path)
+    return Tuned(write_scene(result, file, report, scene), report, file.path)
 
 
 @dataclass(frozen=True, repr=False)
@@ -323,7 +342,8 @@ def hammer(
              `workflows.files.hammer.Reading`
     choice   the band [Hz], and numbers of poles to reject or accept:
              `workflows.structure.hammer.Choice`
-    out      a folder for pictures, `modes.json` and `modes.uff`
+    out      a folder for pictures, `modes.json`, `modes.uff`, and where the points are known
+             `targets.toml`, the modes as targets of a scene
 
     The modes are paired with the measured modes of `scene` by frequency, or where the points of the
     test are known one-to-one with the modes of an assembly of bodies, by the MAC of their shapes
@@ -341,7 +361,7 @@ def hammer(
     inputs = (*files_read(chosen, scene), *paths, *((reading.points,) if reading.points else ()))
     folder = picture_folder(out, inputs, overwrite, *HAMMER_PICTURES)
     if folder:
-        folder.require("modes.json", "modes.uff")
+        folder.require("modes.json", "modes.uff", "targets.toml")
     from workflows.stages.pipeline import pipeline_of
     from workflows.structure.hammer import (
         Choice,
@@ -349,6 +369,7 @@ def hammer(
         measured_shapes,
         pictures,
         recognised,
+        targets_of,
     )
 
     with progress("identification"):
@@ -368,6 +389,8 @@ def hammer(
                     write_modes(
                         draft, test.test, test.modes.frequency_hz, test.modes.zeta, test.modes.phi
                     )
+                if measured_shapes(test):
+                    renewed.write("targets.toml", targets_of(test, folder.path / "modes.uff"))
     return result
 
 
@@ -376,21 +399,67 @@ def write_hammer_test(
     scene: Source = None,
     changes: Changes = (),
     *,
+    points: str | Path | None = None,
+    band: tuple[float, float] | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
 ) -> Path:
-    """A computed hammer test with noise, marked SYNTHETIC, to a .uff or .csv file
-    (`beadwave hammer --synthetic`); one that beadwave did not write, or that was changed since, is
-    only replaced with `overwrite`."""
+    """A computed hammer test with noise, marked SYNTHETIC (`beadwave hammer --synthetic`).
+
+    Responses to a .uff or .csv file, or with `points` time records of hits there to a .mat file, of
+    the modes in `band` [Hz], the ten lowest without one. A file that beadwave did not write, or
+    that was changed since, is only replaced with `overwrite`.
+    """
     chosen = with_assembly(load_scene(scene, changes))
-    from workflows.files.hammer import synthetic_file, write_synthetic
-
-    synthetic = synthetic_file(Path(file), overwrite)
+    from workflows.files.hammer import (
+        points_and_directions,
+        synthetic_file,
+        write_hits,
+        write_synthetic,
+    )
     from workflows.stages.pipeline import pipeline_of
-    from workflows.structure.hammer import virtual_test
 
-    write_synthetic(synthetic, virtual_test(pipeline_of(chosen, progress)))
-    return synthetic.path
+    if points is None:
+        synthetic = synthetic_file(Path(file), overwrite)
+        from workflows.structure.hammer import virtual_test
+
+        write_synthetic(synthetic, virtual_test(pipeline_of(chosen, progress)))
+        return synthetic.path
+    inputs = (*files_read(chosen, scene), Path(points))
+    output = OutputFile(file, "FILE", inputs=inputs, ending=".mat", overwrite=overwrite)
+    nodes, directions = points_and_directions(Path(points))
+    from workflows.structure.hammer_design import computed_hits
+
+    hits = computed_hits(pipeline_of(chosen, progress), nodes, directions, band)
+    with output.writing() as draft:
+        write_hits(draft, hits)
+    return output.path
+
+
+def design_hammer_test(
+    file: str | Path,
+    points: int,
+    scene: Source = None,
+    changes: Changes = (),
+    *,
+    band: tuple[float, float] | None = None,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+) -> HammerDesign:
+    """Where to hit and watch, so that the modes of a scene in `band` [Hz], the ten lowest without
+    one, are told apart with this many points (`beadwave hammer --design`): written to a .csv that
+    `hammer` takes as points. Raises InvalidScene for fewer points than modes."""
+    chosen = with_assembly(load_scene(scene, changes))
+    output = OutputFile(
+        file, "FILE", inputs=files_read(chosen, scene), ending=".csv", overwrite=overwrite
+    )
+    from workflows.stages.pipeline import pipeline_of
+    from workflows.structure.hammer_design import designed
+
+    design = designed(pipeline_of(chosen, progress), points, band)
+    with output.writing() as draft:
+        draft.write_text(design.csv())
+    return design
 
 
 @dataclass(frozen=True, repr=False)
@@ -433,9 +502,11 @@ def reduce(
 ) -> Reduced:
     """The assembly reduced to few coordinates at the contact (`beadwave reduce`).
 
-    `out` writes it to .npz, .mat or .h5, `matrices` the full model's K, M, w; files that
-    beadwave did not write, or that were changed since, are only replaced with `overwrite`. Raises
-    InvalidScene for bad input, ValueError where a computation fails.
+    out       file of the reduced model: .npz, .mat or .h5
+    matrices  write the full model's K, M, w beside it (.mat, .npz)
+
+    Files that beadwave did not write, or that were changed since, are only replaced with
+    `overwrite`. Raises InvalidScene for bad input, ValueError where a computation fails.
     """
     chosen = with_structure(load_scene(scene, changes))
     files: Iterable[OutputFile] = ()

@@ -20,10 +20,12 @@ from fem.poly_reference import IdentifiedModes, identified_modes
 from fem.subspace import subspace_modes
 from workflows.files.hammer import MeasuredTest, Reading, measured_test
 from workflows.files.run_folder import Picture
+from workflows.files.shapes import measured_shape
 from workflows.report import plots
 from workflows.report.plots import Line, Panel
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, ModalDampingTable, Scene
+from workflows.scene.bodies import MeasuredMode
 from workflows.stages.damping import damping_law
 from workflows.stages.pipeline import Pipeline
 from workflows.stages.targets import placed
@@ -34,11 +36,16 @@ VIRTUAL_LINES = np.arange(10.0, 10_000.0, 0.2)  # [Hz]
 VIRTUAL_NOISE = 2e-3  # of the rms response
 
 
+# of a residue at a driving point
+PHASES = {"accelerations": 1j, "velocities": 1.0, "displacements": -1j}
+
+
 class Remarkable(NamedTuple):
     """What of a mode is worth a sentence; values not varied."""
 
     collinearity: float = 0.8  # phase collinearity below which a shape is complex
     coherence: float = 0.8  # at a mode, in the median over responses
+    coarse: int = 4  # lines in a bandwidth that the half-power value needs
     damping: float = 0.15  # relative difference of the damping ratio by the half-power bandwidth
     zeta: float = 0.2  # relative deviation of a damping ratio
 
@@ -215,6 +222,8 @@ def hammer_test(
         window = slice(max(line - 2, 0), line + 3)
         peak = window.start + int(np.abs(H[at][window]).argmax())
         f_peak, width = half_power_bandwidth(f, np.abs(H[at]), peak)
+        if width < remarkable.coarse * spacing[0]:
+            width = np.nan  # lines too far apart to tell
         half_power = width / (2 * f_peak) - responses.shift / (2 * np.pi * hz)
         if not half_power > 0:
             half_power = np.nan
@@ -285,8 +294,9 @@ def opposite_directions(test: MeasuredTest, modes: IdentifiedModes) -> list[str]
     """Sentences on driving points where hammer and sensor do not move alike.
 
     Where a point is hit and watched along one axis, H = sum R / (i omega - lambda) + conj. with
-    R = c phi^2: all modes have R of one phase (receptance -i, mobility 1, accelerance i), so that
-    its sign tells hammer and sensor along opposite directions and a mixed one a mixed-up point.
+    R = c phi^2: all modes have R of one phase (receptance -i, mobility 1, accelerance i). Its sign
+    tells hammer and sensor along opposite directions where the quantity is known, and a mixed one
+    a mixed-up point.
     """
     responses, sentences = test.responses, []
     if test.kind == "ambient":
@@ -305,7 +315,15 @@ def opposite_directions(test: MeasuredTest, modes: IdentifiedModes) -> list[str]
                 continue
             # alike to within a sign: the mean of the squares; then the signs themselves
             axis = np.exp(0.5j * np.angle(np.mean(phase**2)))
+            one_way = np.sign(ends[0][1] * ends[1][1])
+            axis = PHASES.get(test.quantity, axis) * one_way
             signs = np.sign((phase / axis).real)
+            if test.quantity in PHASES and np.all(signs < 0):
+                sentences.append(
+                    f"driving point {point}: the {test.quantity} are against the force in all "
+                    f"modes; hammer and sensor point against each other: name one of them with "
+                    "the other sign"
+                )
             if abs(signs.sum()) < len(signs):
                 sentences.append(
                     f"driving point {point}: {np.count_nonzero(signs != np.sign(signs.sum()))} of "
@@ -360,6 +378,76 @@ def recognised(test: IdentifiedTest, pipeline: Pipeline, wanted: Collection[int]
     return test._replace(report=report.model_copy(update={"rows": rows}))
 
 
+def targets_of(test: IdentifiedTest, shapes: Path) -> str:
+    """The modes as [[targets]] of a scene, their shapes in a file; a doubtful pair as a comment."""
+    blocks = []
+    for row in test.report.rows:
+        doubts = [remark for remark in row.remarks if remark.startswith("doubtful")]
+        lines = ["[[targets]]", f"hz = {row.frequency_hz:.6g}", f'shape = "{shapes}"']
+        if doubts or (row.mac is None and row.runner_up_mac is not None):
+            why = doubts[0] if doubts else "no computed mode is like it"
+            lines = [f"# {why}", *(f"# {line}" for line in lines)]
+        blocks.append("\n".join(lines))
+    return "\n".join(blocks) + "\n"
+
+
+def as_targets(
+    test: IdentifiedTest, pipeline: Pipeline, match: str | None
+) -> tuple[Scene, dict[int, float], list[str]]:
+    """The scene of bodies with the test's modes as its targets and its damping, the frequencies to
+    tune to by the target's place, and what they were paired by; raises InvalidScene.
+
+    A target is recognised by its measured shape where the file holds it; otherwise by the number of
+    the computed mode that it is like, and where no points are known by its place in the order of
+    frequencies.
+    """
+    scene, file = pipeline.scene, Path(test.report.file)
+    by_shape = measured_shapes(test) is not None
+    if by_shape:
+        test = recognised(test, pipeline, ())
+        computed_hz = pipeline("modes").omega / (2 * np.pi)
+        rows = [row for row in test.report.rows if row.computed_hz is not None]
+        number = [int(np.abs(computed_hz - row.computed_hz).argmin()) + 1 for row in rows]
+        rows = [rows[i] for i in np.argsort(number)]
+        number.sort()
+    else:
+        rows = sorted(test.report.rows, key=lambda row: row.frequency_hz)
+        number = list(range(1, len(rows) + 1))
+    if not rows:
+        raise InvalidScene(
+            f"{file}: none of its modes has a shape like one of {scene.name}; `beadwave hammer "
+            f"{file} --scene {scene.name}` shows them."
+        )
+
+    def holds_shape(hz: float) -> bool:
+        try:
+            return by_shape and bool(len(measured_shape(file, hz).points))
+        except InvalidScene:
+            return False
+
+    tables = tuple(
+        MeasuredMode(hz=row.frequency_hz, shape=str(file))
+        if holds_shape(row.frequency_hz)
+        else MeasuredMode(hz=row.frequency_hz, number=n)
+        for row, n in zip(rows, number, strict=True)
+    )
+    rows = [row.model_copy(update={"mode": i}) for i, row in enumerate(rows, start=1)]
+    scene, hz = applied(
+        scene.but(targets=tables), test.report.model_copy(update={"rows": rows}), None
+    )
+    if match:
+        hz = {place: hz[place] for place in targets(match, scene.measured_hz)}
+    how = (
+        "by the shapes of their points"
+        if by_shape
+        else ("in the order of frequencies, since the test has no points")
+    )
+    listed = ", ".join(
+        f"{f:.5g} Hz is mode {n}" for f, n in zip(scene.measured_hz, number, strict=True)
+    )
+    return scene, hz, [f"Modes of {file} are paired {how}: {listed}."]
+
+
 def pictures(test: IdentifiedTest) -> list[Picture]:
     """Stability diagram, measured over synthesised responses, coherence and AutoMAC."""
     responses, modes, rows = test.test.responses, test.modes, test.report.rows
@@ -381,7 +469,7 @@ def pictures(test: IdentifiedTest) -> list[Picture]:
         Line(f"poles of orders up to {top}", hz[~recurs], level[~recurs], "x", "0.8"),
         Line("of them near a numbered one", hz[recurs], level[recurs], "x", 1),
     ]
-    panel = Panel(test.report.title, "frequency [Hz]", "response", lines, "y")
+    panel = Panel(test.report.title, "frequency [Hz]", "response", lines, "y", legend="above")
     figure, (axis,) = plots.drawn([panel], size=(9, 4.5))
     for row in rows:
         axis.annotate(
@@ -401,7 +489,7 @@ def pictures(test: IdentifiedTest) -> list[Picture]:
             for k, (hz, model) in enumerate(modes.synthesis)
         ]
         title = f"{responses.points[i]} to {responses.references[j]}"
-        panels.append(Panel(title, "frequency [Hz]", "response", lines, "y"))
+        panels.append(Panel(title, "frequency [Hz]", "response", lines, "y", legend="above"))
     made.append(Picture("synthesis", plots.panels(panels, size=(9, 2.6))))
 
     if responses.coherence is not None:
@@ -410,7 +498,7 @@ def pictures(test: IdentifiedTest) -> list[Picture]:
             Line("median of the responses", f[within], middle[within], "-", 0),
             Line("a tenth lie below", f[within], low[within], "-", 1, 0.8),
         ]
-        panel = Panel("coherence", "frequency [Hz]", "coherence", lines, "", (0.0, 1.02))
+        panel = Panel("coherence", "frequency [Hz]", "coherence", lines, "", (0.0, 1.02), "above")
         made.append(Picture("coherence", plots.panels([panel], size=(9, 2.8))))
     names = [f"{row.number}: {row.frequency_hz:.4g} Hz" for row in rows]
     decaying = [row for row in rows if row.over_amplitude]

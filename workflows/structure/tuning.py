@@ -4,7 +4,9 @@ One reduction to some fifty shapes, then a fit in tenths of a second, then the f
 fitted stiffnesses as a judge.
 """
 
+import tomllib
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from time import perf_counter
 from typing import Any, Literal, NamedTuple
 
@@ -14,9 +16,12 @@ from pydantic import BaseModel
 import fem
 from fem.tuning import Tuning, TuningParameter, determined, tune
 from workflows.files.output_file import OutputFile
+from workflows.files.scene import Source, Written, completed, scene_text
+from workflows.files.scene import scene as load_scene
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, Scene, nearest
 from workflows.scene.bodies import MeasuredMode
+from workflows.scene.toml import parsed, toml
 from workflows.stages.mesh_causes import OPTIONS as OF_CAUSES
 from workflows.stages.mesh_causes import Cause, refinement, size_for
 from workflows.stages.pipeline import Pipeline, pipeline_of
@@ -334,6 +339,26 @@ def targets(match: str, measured_hz: tuple[float, ...] = HAMMER_TEST_HZ) -> dict
     return wanted
 
 
+def numbered(scene: Scene, match: str) -> tuple[Scene, dict[int, float], list[str]]:
+    """A scene of bodies with the modes of "1=738.6,3=2210.8" [Hz] as its targets, these by their
+    place among the targets, and a sentence where places and modes differ; raises InvalidScene."""
+    pairs = [item.partition("=") for item in match.split(",")]
+    try:
+        hz = {int(n): float(value) for n, _, value in pairs}
+    except ValueError:
+        hz = {}
+    if len(hz) < len(pairs) or not all(n >= 1 and 0 < f < np.inf for n, f in hz.items()):
+        raise InvalidScene(
+            f"--match {match}: {scene.name} has no targets, so each mode needs its number and its "
+            "frequency, as in 1=738.6,3=2210.8 (Hz)."
+        )
+    tables = tuple(MeasuredMode(number=n, hz=f) for n, f in sorted(hz.items()))
+    places = {n: place for place, n in enumerate(sorted(hz), start=1)}
+    moved = [f"target {place} is mode {n}" for n, place in places.items() if place != n]
+    sentence = [f"{', '.join(moved)}."] if moved else []
+    return scene.but(targets=tables), {places[n]: f for n, f in sorted(hz.items())}, sentence
+
+
 def freed(names: tuple[str, ...]) -> list[TuningParameter]:
     """Parameters of the rig by name: "head.ky", "foot.kt" (both tangential directions) or
     "block.young". Raises InvalidScene for other names and for a stiffness that two of them set."""
@@ -429,11 +454,25 @@ def shape_mac(full: Pipeline) -> dict[str, float]:
     return {str(j + 1): float(mac[i, j]) if i >= 0 else np.nan for j, i in enumerate(index)}
 
 
-def write_scene(scene: Scene, file: OutputFile, report: TuningReport) -> None:
-    """Write the tuned scene as TOML with a first line on where its joints come from."""
-    from workflows.scene.toml import toml
+def write_scene(scene: Scene, file: OutputFile, report: TuningReport, source: Source) -> Scene:
+    """Write the tuned scene as TOML with a first line on where its joints come from, and return it.
 
+    One that was read from a file keeps this file's name of it, comments and order, as far as
+    reading that back gives the scene: a file in another folder may name its own files otherwise.
+    """
+    text = toml(scene)
+    if source is None or isinstance(source, str | Path):
+        from workflows.scene.commented import with_values
+
+        original = scene_text(None if source is None else str(source)).text
+        tables = [tomllib.loads(toml(one)) for one in (load_scene(source), scene)]
+        before, after = ({k: v for k, v in one.items() if k != "name"} for one in tables)
+        commented = with_values(original, before, after)
+        read = completed(Written(scene.name, parsed(commented, scene.name), file.path.parent))
+        if read.model_copy(update={"name": scene.name}) == scene:
+            scene, text = read, commented
     wanted = ", ".join(f"{n}: {hz:g} Hz" for n, hz in report.match.items())
-    text = f"# Joints inferred from modes {wanted}; deviations assume 0.1 % in frequency.\n"
+    first = f"# Joints inferred from modes {wanted}; deviations assume 0.1 % in frequency.\n"
     with file.writing() as path:
-        path.write_text(text + toml(scene), encoding="utf-8")
+        path.write_text(first + text, encoding="utf-8")
+    return scene

@@ -1,0 +1,492 @@
+"""The periodic state that shakers bring chain, frictional contact and structure into.
+
+A march of one period maps the state z of the bodies at its start to Phi(z); the contact keeps what
+the period leaves in it. Newton's method finds its fixed point,
+
+    z <- z + s,    (1 - J) s = Phi(z) - z,    J d = (Phi(z + e d) - Phi(z)) / e
+
+with s from a few directions d, each (1 - M)^-1 times what is left of the equation (generalised
+conjugate residuals: S. C. Eisenstat, H. C. Elman, M. H. Schultz, SIAM J. Numer. Anal. 20 (1983)
+345). M = exp(A T) is the period map of the linear system with the contact's mean stiffness and
+damping over a cycle, corrected by each J d (Broyden). The level of the shakers rises in steps, each
+from the state of the one before: no cycle on the way is much larger than the last one, whose slip
+wipes out what smaller ones left (Madelung's rules). Slip that reaches only part of the contact
+leaves the rest as it was; the state is that of a contact that was never sheared before.
+`range_of_states` says how far other starts differ.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import expm
+
+from coupling.spatial_march import Before, Body, Moving
+from dem import UnstableStep
+from dem.friction import stick_stiffness
+from dem.kernels.arguments import Array, Steps
+from dem.kernels.spatial import SavedSpatial, SpatialSystem
+from dem.kernels.tangential import HEAT
+from dem.lateral import Cycle
+
+
+class PeriodicSearch(NamedTuple):
+    """How a periodic state is searched for."""
+
+    cycle_steps: int = 1024  # of a period, at least
+    cycle_saves: int = 256  # instants of a period that are kept
+    phase: float = 0.25  # of the fastest contact in a step, at most; not varied
+    levels: tuple[float, ...] = (0.25, 0.5, 0.75)  # of the shakers' forces, before all of them
+    settling: int = 10  # periods of all their forces before Newton's first step
+    most_iterations: int = 12  # Newton steps; after these periods are marched one by one
+    directions: int = 20  # of a Newton step, at most
+    linear: float = 0.05  # of a Newton step's equation that may be left
+    most_periods: int = 200  # marched one by one; after these there is no periodic state
+    periodicity: float = 0.01  # change of state and forces from period to period, over the error
+    # change below which a state counts as periodic that does not come nearer, over the error
+    accepted: float = 1.0
+    subharmonics: int = 4  # periods after which a state may come back
+    nudge: float = 1e-5  # e |d| over |z|, both by their energy; not varied
+    refined: float = 2.0  # steps of a period over those before, until the error is met
+    share: float = 0.5  # of the error, for the steps of a period
+    most_steps: float = 1e5  # of a period
+
+
+USUAL_PERIODIC_SEARCH = PeriodicSearch()
+
+
+class PeriodicState(NamedTuple):
+    """A state at t = 0 that comes back, and its last cycle."""
+
+    moving: Moving
+    cycle: Cycle
+    force: Array  # (k, 3) [N] on the wall along n, t1, t2 over the cycle
+    slip_mean: Array  # (2,) [m] middle of the slip, from which that of the cycle counts
+    wall_speed: float  # [m/s] largest, of the contact's point of the wall
+    n_periods: int  # of the shakers until the state comes back
+    impacting: bool  # the contact opens within the cycle
+    # [J] a period, of the shakers and lost by friction, in contacts' dampers, in the wall's modes
+    work: float
+    heat: float
+    lost_in_dampers: float
+    lost_in_wall: float
+    error_estimate: float  # of velocities over the largest, from the steps of a period
+
+    @property
+    def balance(self) -> float:
+        """What the shakers' work differs by from all losses of a cycle, over it."""
+        lost = self.heat + self.lost_in_dampers + self.lost_in_wall
+        return abs(self.work - lost) / (abs(self.work) or 1.0)
+
+
+class Period(NamedTuple):
+    """Marches of whole periods by equal steps."""
+
+    body: Body
+    before: Before
+    system: SpatialSystem
+    steps: Steps
+
+    def march(self, moving: Moving) -> SavedSpatial:
+        """A period on, in place."""
+        duration = self.steps.h * self.steps.n_save * self.steps.stride
+        return self.body.march(moving, self.system, -duration, self.steps)
+
+    def place(self, moving: Moving, z: Array, *, sheared: bool = True) -> None:
+        """Bring the bodies to z, in place, and the contact with them; or with its shear as it is.
+
+        Where all of a contact slips within the cycle, the cycle sets its shear anew, and to shear
+        it further or back from where it slips would make a kink of the period map.
+        """
+        shift_before = self.shift_of(moving)
+        motion, n, d = moving.motion, moving.motion.x.size, moving.motion.u.size
+        k = motion.q.size
+        parts = np.split(z, np.cumsum([n, d, d, k, n, d, d]))
+        rest = self.system.arrays.rest
+        for values, part in zip(coordinates(moving), parts, strict=True):
+            values[:] = part
+        motion.x[:] += rest
+        motion.pending[:] = 0.0
+        if not sheared:
+            motion.slip[:] += self.shift_of(moving) - shift_before
+        self.body.settle(moving, self.system, 0.0)
+
+    def shift_of(self, moving: Moving) -> Array:
+        """(n_directions,) [m] of the sphere's contact point relative to the wall's modes."""
+        motion, arrays = moving.motion, self.system.arrays
+        surface = motion.u + self.system.sphere.radius * motion.psi
+        return surface - (arrays.phi @ motion.q)[1:]
+
+    def z_of(self, moving: Moving) -> Array:
+        """The bodies' displacements from rest and velocities: x, u, psi, q, then their rates."""
+        motion = moving.motion
+        return np.concatenate([motion.x - self.system.arrays.rest, *coordinates(moving)[1:]])
+
+
+def coordinates(moving: Moving) -> tuple[Array, ...]:
+    """The arrays of a state: x, u, psi, q and their rates."""
+    motion = moving.motion
+    return (
+        motion.x, motion.u, motion.psi, motion.q, motion.v, motion.u_v, motion.spin, motion.p
+    )  # fmt: skip
+
+
+def period_of(body: Body, before: Before, n_steps: int, search: PeriodicSearch) -> Period:
+    """Marches of periods by n_steps steps at least, from the instant of the striker."""
+    stride = -(-n_steps // search.cycle_saves)
+    h = body.shakers.period / (search.cycle_saves * stride)
+    system = body.stepped(h, before_striker=before)
+    return Period(body, before, system, Steps(h, search.cycle_saves, stride))
+
+
+def at_level(system: SpatialSystem, level: float) -> SpatialSystem:
+    """The system with the shakers' forces times `level`."""
+    forcing = system.shaking
+    return system._replace(
+        shaking=forcing._replace(
+            response=level * forcing.response,
+            work=level * forcing.work,
+            own_work=level**2 * forcing.own_work,
+            residual=level * forcing.residual,
+        )
+    )
+
+
+def linear_period(period: Period, saved: SavedSpatial | None) -> tuple[Array, Array]:
+    """Period map M of the linear system, and weights by which the squares of z are its energy.
+
+    The contact across has the stiffness and damping of the cycle that was saved last,
+    k = T / X and c = E / (pi omega X^2) with half of peak to peak of force and slip and the heat E;
+    before, that of stick.
+    """
+    body, arrays, sphere = period.body, period.system.arrays, period.system.sphere
+    chain, static = body.prepared.chain, body.prepared.static
+    n, d, k = chain.mass.size, len(body.frame), body.wall.omega.size
+    size = n + 2 * d + k
+    inverse = np.concatenate(
+        [arrays.inverse_mass, sphere.inverse_mass, np.full(d, sphere.inverse_inertia), np.ones(k)]
+    )
+
+    # springs on bodies alone
+    leaf = chain.springs[0]
+    K = np.diag(
+        np.concatenate([leaf, sphere.stiffness, np.full(d, sphere.turn_stiffness), arrays.omega**2])
+    )
+    D = np.diag(np.concatenate([np.zeros(n + 2 * d), 2.0 * body.wall.zeta * arrays.omega]))
+
+    # contacts of spheres under their static forces
+    A, force = arrays.A, static.force
+    stiffness = 1.5 * (A**2 * np.maximum(force, 0.0)) ** (1.0 / 3.0)
+    for i in range(n - 1):
+        b = np.zeros(size)
+        b[i], b[i + 1] = 1.0, -1.0
+        K += stiffness[i] * np.outer(b, b)
+        D += arrays.gamma[i] * force[i] * np.outer(b, b)
+
+    # the contact at the wall, its residual compliance in series
+    B = np.zeros((1 + d, size))
+    B[0, n - 1] = 1.0
+    for j in range(d):
+        B[1 + j, n + j], B[1 + j, n + d + j] = 1.0, sphere.radius
+    B[:, n + 2 * d :] = -arrays.phi
+    a = (max(force[-1], 0.0) / A[-1]) ** (1.0 / 3.0) * math.sqrt(body.last.law.radius)
+    springs = np.full(1 + d, float(stick_stiffness(body.last.law, a)))
+    springs[0] = stiffness[-1]
+    dampers = np.zeros(1 + d)
+    dampers[0] = arrays.gamma[-1] * force[-1]
+    if saved is not None:
+        amplitude, way = 0.5 * np.ptp(saved.force, axis=0)[1:], 0.5 * np.ptp(saved.slip, axis=0)
+        moves = way > 1e-3 * way.max(initial=0.0)
+        springs[1:][moves] = np.minimum(amplitude[moves] / way[moves], springs[1:][moves])
+        heat = float(saved.energy[-1, 2] - saved.energy[0, 2])
+        duration = period.steps.h * period.steps.n_save * period.steps.stride
+        omega = float(period.system.shaking.omega.min(initial=2.0 * math.pi / duration))
+        dampers[1:] = heat / (math.pi * omega * max(float(way @ way), 1e-300)) if way.any() else 0.0
+    closed = springs > 0.0
+    C = np.zeros((1 + d, 1 + d))
+    S = arrays.residual[np.ix_(closed, closed)]
+    C[np.ix_(closed, closed)] = np.linalg.inv(np.diag(1.0 / springs[closed]) + S)
+    K += B.T @ C @ B
+    D += B.T @ (dampers[:, None] * B)
+
+    zero, one = np.zeros((size, size)), np.eye(size)
+    rates = np.block([[zero, one], [-inverse[:, None] * K, -inverse[:, None] * D]])
+    M = expm(rates * (period.steps.h * period.steps.n_save * period.steps.stride))
+    mass = np.where(inverse > 0.0, 1.0 / np.where(inverse > 0.0, inverse, 1.0), 0.0)
+    stored = np.where(inverse > 0.0, np.diag(K), 0.0)
+    weights = np.sqrt(np.concatenate([stored, mass]))
+    return M, weights
+
+
+class FixedPoint(NamedTuple):
+    """A state that a period brings back, and the cycle that does."""
+
+    moving: Moving
+    saved: SavedSpatial
+    change: float  # of state and forces in the period, over their largest
+    jacobian: Array  # of the period map, in units of energy^(1/2)
+
+
+def fixed_point(
+    period: Period,
+    moving: Moving,
+    search: PeriodicSearch,
+    tolerance: float,
+    jacobian: Array | None = None,
+) -> FixedPoint:
+    """A state that a period brings back; its change is above the tolerance where none is found.
+
+    Starts from `moving`, at rest unless the Jacobian of a search before is given.
+    """
+    levels = search.levels if jacobian is None else ()
+    saved, level_before = None, 0.0
+    for level in levels:
+        risen = period._replace(system=at_level(period.system, level))
+        z = period.z_of(moving) * (level / level_before if level_before else 1.0)
+        for _ in range(2):
+            risen.place(moving, z)
+            saved = risen.march(moving)
+            M, weights = linear_period(period, saved)
+            z = z + step_of(M, weights, period.z_of(moving) - z)
+        risen.place(moving, z)
+        level_before = level
+    if levels:
+        period.place(moving, period.z_of(moving) / level_before)
+        for _ in range(search.settling):
+            saved = period.march(moving)
+    z = period.z_of(moving)
+    if saved is None:
+        saved = period.march(moving.copied())
+    sheared = bool(saved.stick.min() > 0.0)
+    M, weights = linear_period(period, saved)
+
+    units = np.where(weights > 0.0, weights, 1.0)
+    moves = weights > 0.0
+
+    def scaled_step(J: Array, residual: Array) -> Array:
+        """(1 - J)^-1 residual, both in units of energy^(1/2)."""
+        out = np.zeros(len(J))
+        matrix = (np.eye(len(J)) - J)[np.ix_(moves, moves)]
+        if neutral:
+            out[moves] = np.linalg.lstsq(matrix, residual[moves], rcond=1e-10)[0]
+        else:
+            out[moves] = np.linalg.solve(matrix, residual[moves])
+        return out
+
+    J = units[:, None] * M / units if jacobian is None else jacobian.copy()
+    sizes = np.linalg.svd((np.eye(len(J)) - J)[np.ix_(moves, moves)], compute_uv=False)
+    neutral = bool(sizes[-1] < 1e-8 * sizes[0])  # a motion that comes back of itself
+    best, error, result = math.inf, math.inf, None
+    size = math.inf
+    step = np.zeros(len(z))
+    for _ in range(search.most_iterations):
+        # a period; a Newton step that leads further away is cut back
+        for _ in range(4):
+            period.place(moving, z, sheared=sheared)
+            start = moving.copied()
+            saved = period.march(moving)
+            image = period.z_of(moving)
+            residual = units * (image - z) * moves
+            if np.linalg.norm(residual) <= 1.5 * size:
+                break
+            step = 0.5 * step
+            z = z - step
+            moving = start
+        size = float(np.linalg.norm(residual))
+        scale = float(np.abs(saved.force).max()) or 1.0
+        error = size / (float(np.linalg.norm(units * image * moves)) or 1.0)
+        error = max(error, float(np.abs(saved.force[-1] - saved.force[0]).max()) / scale)
+        if error < best:
+            best, result = error, (moving.copied(), saved)
+        if error <= tolerance:
+            break
+
+        # Newton's equation by directions d and what they change it by, (1 - J) d
+        length = search.nudge * float(np.linalg.norm(units * z * moves))
+        D, E, left = [], [], residual
+        for _ in range(search.directions):
+            d = scaled_step(J, left)
+            norm = float(np.linalg.norm(d))
+            if not norm > 0.0:
+                break
+            d = d / norm
+            beside = start.copied()
+            period.place(beside, z + length * d / units, sheared=sheared)
+            period.march(beside)
+            change = units * (period.z_of(beside) - image) * moves / length
+            J += np.outer(change - J @ d, d)
+            D.append(d)
+            E.append(d - change)
+            share = np.linalg.lstsq(np.array(E).T, residual, rcond=None)[0]
+            left = residual - np.array(E).T @ share
+            if np.linalg.norm(left) <= search.linear * size:
+                break
+        step = np.array(D).T @ share / units
+        z = z + step
+    moving, saved = (moving, saved) if result is None else result
+    return FixedPoint(moving, saved, best, J)
+
+
+def step_of(M: Array, weights: Array, residual: Array) -> Array:
+    """(1 - M)^-1 residual; the least one where a motion comes back of itself: of spheres that are
+    held, or roll on the wall."""
+    units = np.where(weights > 0.0, weights, 1.0)
+    moves = weights > 0.0
+    matrix = (np.eye(len(M)) - M) * units[:, None] / units
+    z = np.zeros(len(M))
+    z[moves] = np.linalg.lstsq(
+        matrix[np.ix_(moves, moves)], (units * residual)[moves], rcond=1e-10
+    )[0]
+    return z / units
+
+
+def periodic_state(
+    body: Body,
+    before: Before,
+    *,
+    error: float,
+    speed: float = 0.0,
+    search: PeriodicSearch = USUAL_PERIODIC_SEARCH,
+) -> PeriodicState:
+    """The state at t = 0 that the shakers keep up, to an error: of velocities over the largest or
+    `speed` [m/s], of tangential force and friction's heat over their largest and the shakers' work.
+
+    From a contact that was pressed and never sheared. Raises UnstableStep where 200 periods, one
+    after the other, lead to none.
+    """
+    T = body.shakers.period
+    n_steps = max(search.cycle_steps, math.ceil(T * body.rate / search.phase))
+    tolerance = search.periodicity * error
+    coarse, estimate, state, jacobian = None, math.inf, body.at_rest(), None
+    while True:
+        period = period_of(body, before, n_steps, search)
+        state, saved, change, jacobian = fixed_point(period, state, search, tolerance, jacobian)
+        n_periods, impacting = 1, float(saved.force[:, 0].min()) <= 0.0
+        if change > search.accepted * error or (impacting and not stays(period, state, search)):
+            state, saved, change, n_periods = marched_on(
+                period, state, search, search.accepted * error
+            )
+
+        # beside the coarser one: velocities over the speed, amplitudes of tangential force and slip
+        # over themselves, friction's heat over the shakers' work
+        speeds = np.concatenate([saved.v, saved.across[:, 1], saved.wall[:, 1]], axis=1)
+        largest = max(speed, float(np.abs(speeds).max())) or 1.0
+        heat = float(saved.energy[-1, 2] - saved.energy[0, 2])
+        numbers = (
+            speeds / largest,
+            np.log(np.maximum(np.ptp(saved.force[:, 1:], axis=0).max(), 1e-300)),
+            np.log(np.maximum(np.ptp(saved.slip, axis=0).max(), 1e-300)),
+            heat / (abs(saved.energy[-1, 6] - saved.energy[0, 6]) or 1.0),
+        )
+        if coarse is not None and coarse[0].shape == speeds.shape:
+            changes = (np.abs(a - b).max() for a, b in zip(numbers, coarse, strict=True))
+            estimate = float(max(changes)) / (search.refined**2 - 1.0)
+        if estimate <= search.share * error or (coarse is not None and n_periods > 1):
+            break
+        if n_steps * search.refined > search.most_steps:
+            raise UnstableStep(
+                f"the periodic state changes by {estimate:.1g} of its speeds at {n_steps} steps a "
+                "period; ask for a larger error"
+            )
+        coarse, n_steps = numbers, math.ceil(n_steps * search.refined)
+
+    # heat counts from the striker on
+    springs = state.contacts.row if state.contacts.cells is None else state.contacts.cells
+    springs.state[HEAT] = 0.0
+    state.motion.ledger[:] = 0.0
+    frame, Q = body.frame, body.to_frame
+    gained = (saved.energy[-1] - saved.energy[0]) / n_periods
+    work = float(gained[6] + gained[7])
+    middle = 0.5 * (saved.slip.max(axis=0) + saved.slip.min(axis=0)) @ frame
+    cycle = Cycle(
+        np.linspace(-T * n_periods, 0.0, len(saved.stick)),
+        saved.force[:, 1:] @ frame,
+        saved.slip @ frame - middle,
+        saved.across[:, 0] @ frame,
+        saved.stick,
+        float(gained[2]),
+        change,
+        float(np.hypot(*((saved.across[-1, 0] - saved.across[0, 0]) @ frame))),
+        estimate,
+        period.steps.n_save * period.steps.stride * n_periods,
+        n_periods,
+    )
+    mean = float(cycle.friction_force[:-1, cycle.axis].mean())
+    cycle = cycle._replace(mean_force_range=(mean, mean))
+    return PeriodicState(
+        state, cycle, saved.force @ Q, middle, float(np.abs(saved.wall[:, 1]).max()), n_periods,
+        impacting, work, float(gained[2]), float(gained[4]),
+        float(gained[5] + gained[6] - gained[3]), estimate,
+    )  # fmt: skip
+
+
+def stays(period: Period, state: Moving, search: PeriodicSearch) -> bool:
+    """Whether a state beside it comes no further away in as many periods as a subharmonic takes."""
+    moving = state.copied()
+    z = period.z_of(moving)
+    weights = linear_period(period, None)[1]
+    beside = z * (1.0 + search.nudge * np.cos(np.arange(len(z))))
+    distance = np.linalg.norm(weights * (beside - z))
+    period.place(moving, beside)
+    for _ in range(search.subharmonics):
+        period.march(moving)
+    return bool(np.linalg.norm(weights * (period.z_of(moving) - z)) < 3.0 * distance)
+
+
+def marched_on(
+    period: Period, moving: Moving, search: PeriodicSearch, tolerance: float
+) -> tuple[Moving, SavedSpatial, float, int]:
+    """The state after periods one by one, its cycle, the change from cycle to cycle, and after how
+    many periods it comes back. Raises UnstableStep where it does not."""
+    recent: list[SavedSpatial] = []
+    for _ in range(search.most_periods):
+        recent = [*recent[-2 * search.subharmonics + 1 :], period.march(moving)]
+        scale = max(float(np.abs(saved.force).max()) for saved in recent) or 1.0
+        once = math.inf  # change of forces after one period
+        for m in range(1, min(search.subharmonics, len(recent) // 2) + 1):
+            pairs = [(recent[-1 - i], recent[-1 - i - m]) for i in range(m)]
+            change = max(float(np.abs(a.force - b.force).max()) for a, b in pairs) / scale
+            once = change if m == 1 else once
+            if change <= tolerance and (m == 1 or change < 0.01 * once):
+                return moving, joined(recent[-m:]), change, m
+    raise UnstableStep(
+        f"the shakers lead to no periodic state within {search.most_periods} periods: the force "
+        f"at the wall still changes by {change:.1g} of its largest; hold the sphere by [arm], "
+        "press it harder, or change the shakers"
+    )
+
+
+def joined(cycles: list[SavedSpatial]) -> SavedSpatial:
+    """Cycles one after the other."""
+    return SavedSpatial(
+        *(
+            np.concatenate([values if i == 0 else values[1:] for i, values in enumerate(parts)])
+            for parts in zip(*cycles, strict=True)
+        )
+    )
+
+
+def range_of_states(
+    body: Body, before: Before, state: PeriodicState, *,
+    search: PeriodicSearch = USUAL_PERIODIC_SEARCH, shifts: tuple[float, ...] = (-1.0, 1.0),
+) -> float:  # fmt: skip
+    """Largest difference of the cycle's tangential amplitude, over it, that starts from a contact
+    sheared by these shares of gross slip lead to."""
+    amplitude = 0.5 * np.ptp(state.cycle.friction_force, axis=0).max()
+    steps = max(search.cycle_steps, math.ceil(body.shakers.period * body.rate / search.phase))
+    period = period_of(body, before, steps, search)
+    largest = 0.0
+    for shift in shifts:
+        moving = body.at_rest()
+        period.place(moving, period.z_of(moving))
+        z = period.z_of(moving)
+        gross = body.last.law.bound * float(
+            body.prepared.chain.elastic.at(np.s_[-1:]).overlap(body.prepared.static.force[-1:])[0]
+        )
+        sheared = z.copy()
+        sheared[moving.motion.x.size] += shift * gross
+        period.place(moving, sheared)
+        saved = fixed_point(period, moving, search, 1e-6).saved
+        other = 0.5 * np.ptp(saved.force[:, 1:] @ body.frame, axis=0).max()
+        largest = max(largest, abs(other - amplitude) / (amplitude or 1.0))
+    return float(largest)

@@ -1,0 +1,103 @@
+"""Where to hit and watch a structure, so that its modes can be told apart with few points.
+
+Of candidate points with shapes Phi (c, n) those are kept that carry most of the determinant of the
+information matrix Phi^T Phi (effective independence):
+
+    E = diag(Phi (Phi^T Phi)^-1 Phi^T),   0 <= E_i <= 1,   sum E = n:
+
+what a point adds to the rank. The one that adds least is left out, until as many are left as are
+wanted. Kammer, J. Guid. Control Dyn. 14 (1991) 251.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from fem.model import Model
+from fem.trace import outer_nodes
+
+
+class Candidates(NamedTuple):
+    """Points of the outside, once for each axis that is normal to it there."""
+
+    points: NDArray[np.float64]  # (c, 3) [m]
+    axes: NDArray[np.int64]  # (c,) 0, 1, 2
+    reading: NDArray[np.int64]  # (c,) dof of the structure that moves along it
+
+
+class Spread(NamedTuple):
+    """How candidates are spread over the outside."""
+
+    most: int = 400  # points; 200 to 1000 end in points of like determinants
+    apart: float = 0.75  # edges of the mesh between a candidate and another body: room for a sensor
+    flat: float = 0.9  # cosine between a facet's normal and the axis along which it is hit
+
+
+def outside(model: Model, options: Spread = Spread()) -> Candidates:
+    """Points of the outside away from other bodies, each as far from the others as can be.
+
+    Raises ValueError where no face looks along an axis.
+    """
+    outer = outer_nodes(model.structure)
+    corners = outer.points[outer.faces]
+    normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 1] - corners[:, 0])
+    normal = np.abs(normal) / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    edge = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)
+
+    # a node can be hit along the axis of each face around it that looks along one
+    along = np.zeros((len(outer.points), 3), bool)
+    for a in range(3):
+        along[np.unique(outer.faces[normal[:, a] > options.flat]), a] = True
+    usable, length = along.any(axis=1), np.zeros(len(outer.points))
+    np.maximum.at(length, outer.faces.ravel(), np.repeat(edge, outer.faces.shape[1]))
+    for body in np.unique(outer.body):
+        own = outer.body == body
+        if not own.all():
+            distance = cKDTree(outer.points[~own]).query(outer.points[own])[0]
+            usable[own] &= distance > options.apart * length[own]
+    nodes = np.flatnonzero(usable)
+    if not len(nodes):
+        raise ValueError("no face of the outside looks along x, y or z; name points by hand")
+
+    # the farthest from those taken, from a corner on
+    points = outer.points[nodes]
+    taken = [int(np.argmin(points.sum(axis=1)))]
+    distance = np.linalg.norm(points - points[taken[0]], axis=1)
+    while len(taken) < min(options.most, len(nodes)) and distance.max() > 0:
+        taken.append(int(distance.argmax()))
+        distance = np.minimum(distance, np.linalg.norm(points - points[taken[-1]], axis=1))
+    place, axes = np.nonzero(along[nodes[taken]])
+    nodes = nodes[taken][place]
+    return Candidates(outer.points[nodes], axes, outer.dofs[nodes, axes])
+
+
+def effective_independence(
+    phi: NDArray[np.float64], count: int, *, alike: float = 0.05
+) -> NDArray[np.int64]:
+    """Which `count` of the candidates with shapes phi (c, n) tell the modes apart best, ascending.
+
+    Of candidates that move alike, as those on both faces of a sheet, to within the share `alike` of
+    the largest motion in each mode, one is left, as far as there are enough. Raises ValueError
+    where there are fewer points than modes, or modes that no point sees.
+    """
+    c, n = phi.shape
+    if not n <= count <= c:
+        raise ValueError(f"{count} points; {n} modes need {n} to {c} points")
+    phi = phi / np.linalg.norm(phi, axis=0)
+    if np.linalg.matrix_rank(phi) < n:
+        raise ValueError("some of the modes look alike at all candidates; take fewer modes")
+    scaled = phi / np.abs(phi).max(axis=0)
+    kept: list[int] | NDArray[np.int64] = []
+    for i in np.argsort(-np.sum(phi**2, axis=1)).tolist():
+        distance = np.abs(scaled[kept] - scaled[i]).max(axis=1) if len(kept) else np.ones(1)
+        if distance.min() > alike:
+            kept.append(i)
+    kept = np.sort(kept)
+    if len(kept) < count or np.linalg.matrix_rank(phi[kept]) < n:
+        kept = np.arange(c)
+    while len(kept) > count:
+        q = np.linalg.qr(phi[kept])[0]
+        kept = np.delete(kept, int(np.sum(q**2, axis=1).argmin()))
+    return kept

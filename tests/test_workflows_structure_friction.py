@@ -1,0 +1,111 @@
+"""A chain that meets a structure with friction, by the words of a scene and by an imported wall."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from test_workflows_functionals import BLOCK, SENSED, pipeline
+
+import rom
+from command_line import beadwave
+from workflows.files.scene import scene
+from workflows.scene import InvalidScene
+
+FRICTION = ("friction.coefficient=0.2", "arm.stiffness=2e6", "arm.rotation=1e3")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def folder(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        path = tmp_path_factory.mktemp("structure-friction")
+        monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(path / "cache"))
+        monkeypatch.chdir(path)
+        (path / "block.toml").write_text(BLOCK)
+        yield path
+
+
+def test_a_structure_that_is_struck_off_its_middle_moves_the_sphere_across(capsys):
+    sets = [f"--set={change}" for change in FRICTION]
+    assert beadwave("impact", "block.toml", "--json", "--out=o", *sets) == 0
+    summary = json.loads(capsys.readouterr().out)
+    across = summary["friction"]
+    assert np.hypot(*across["velocity_m_s"]) > 1e-6
+    assert across["dissipated_J"] > 0.0
+    assert summary["energy_error"] < 1e-4
+    run = dict(np.load("o/trajectory.npz"))
+    assert run["wall_q"].shape[1] == len(run["wall_omega"])
+    bound = 0.2 * run["contact_force"][:, -1]
+    assert (np.hypot(*run["friction_force"].T) <= bound * (1 + 1e-9) + 1e-9).all()
+    # the structure moves with the last sphere, along the chain and across it
+    assert np.ptp(run["wall_t"][:, 0]) > 0.0
+    assert any("Errors of reduction and mesh" in sentence for sentence in summary["warnings"])
+
+
+def test_without_force_across_the_run_is_that_without_friction():
+    """A sphere without an arm whose friction is a millionth: along the chain nothing changes, and
+    sensors on the structure show the same by the march's modes and by the contact force."""
+    changes = (SENSED, "time.error=1e-6", "reduction.modes=30", "reduction.to_hz=50e3")
+    plain = pipeline(scene("block.toml", changes))
+    rubbed = pipeline(scene("block.toml", (*changes, "friction.coefficient=1e-6")))
+    v, v_rubbed = (results("impact").trajectory.v for results in (plain, rubbed))
+    # the model of the scene with friction has two functionals more, and so other modes above 50 kHz
+    assert np.abs(v_rubbed - v).max() < 2e-6 * 0.1  # measured 1.9e-7
+    y, y_rubbed = (results("record").y for results in (plain, rubbed))
+    # measured 2.8e-3 of the first, a quiet place, and 2e-6 of the others
+    allowed = np.array([1e-2, 2e-5, 2e-5, 2e-5])
+    assert (np.abs(y_rubbed - y).max(axis=0) < allowed * np.abs(y).max(axis=0)).all()
+
+
+def imported(path, W, names=()):
+    """A wall file of two modes, with w of the columns given."""
+    columns = {"w_load": np.array([[0.5], [0.2]]), "load_names": list(names)} if names else {}
+    omega = 2 * np.pi * np.array([400.0, 900.0])
+    np.savez(path, K=np.diag(omega**2), M=np.eye(2), w=W, **columns)
+
+
+def test_an_imported_wall_of_three_columns_turns_with_its_directions(capsys):
+    """t1 and t2 exchanged in the file and in the striker's velocity: the answer exchanged."""
+    W = np.array([[1.2, 0.7, 0.1], [0.4, -0.6, 0.9]])
+    answers = []
+    for columns, velocity in ((W, [0.05, 0.01]), (W[:, [0, 2, 1]], [0.01, 0.05])):
+        imported("wall.npz", columns)
+        sets = [f"--set=striker.tangential_velocity={velocity}", "--set=friction.coefficient=0.2"]
+        assert beadwave("impact", "oblique-sphere", "--json", "--set=wall.kind=rom",
+                        "--set=wall.file=wall.npz", *sets) == 0  # fmt: skip
+        answers.append(json.loads(capsys.readouterr().out)["friction"]["velocity_m_s"])
+    assert answers[1] == pytest.approx(answers[0][::-1], rel=1e-6)
+    assert abs(answers[0][1] - 0.01) > 1e-5
+
+
+def test_an_imported_wall_of_one_column_is_refused_with_friction(capsys):
+    imported("wall.npz", np.array([1.2, 0.4]))
+    assert beadwave("impact", "oblique-sphere", "--set=wall.kind=rom",
+                    "--set=wall.file=wall.npz") == 2  # fmt: skip
+    assert "w with three columns" in capsys.readouterr().err
+
+
+REFUSED = {
+    "wall.prune counts what modes do along the chain alone": ["wall.prune=true"],
+    "friction.between_spheres is known before walls of a few": ["friction.between_spheres=0.1"],
+    "[friction] needs a contact that is read where it is loaded": ["strike.weights=thesis"],
+}
+
+
+@pytest.mark.parametrize("sentence", REFUSED)
+def test_what_a_structure_with_friction_does_not_take_is_refused(sentence):
+    with pytest.raises(InvalidScene, match=re.escape(sentence)):
+        scene("block.toml", (*FRICTION, *REFUSED[sentence]))
+
+
+def test_a_reduced_model_of_friction_is_a_wall_of_another_run(capsys):
+    """rom.npz of a run, with its w of three columns, taken as wall.file: the same answer."""
+    sets = [f"--set={change}" for change in FRICTION]
+    assert beadwave("impact", "block.toml", "--json", *sets) == 0
+    first = json.loads(capsys.readouterr().out)
+    reduced = pipeline(scene("block.toml", FRICTION))("reduction")
+    rom.save_npz("own.npz", reduced)
+    assert beadwave("impact", "block.toml", "--json", "--rom=own.npz", *sets) == 0
+    second = json.loads(capsys.readouterr().out)
+    for key in ("velocity_m_s", "spin_rad_s"):
+        assert second["friction"][key] == pytest.approx(first["friction"][key], rel=1e-6)

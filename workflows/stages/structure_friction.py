@@ -1,0 +1,149 @@
+"""A chain that meets a structure with friction, as stages: wall, march, and their parts.
+
+The structure turns a push along its normal into motion across, so that chain, last sphere and
+structure march together; what the other stages read of a run, along the chain and across it, are
+parts of that march.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import coupling
+import dem
+from coupling.errors import CouplingError
+from coupling.reduced_spatial_wall import spatial_wall_of, with_stingers
+from coupling.shaken_march import march_shaken
+from coupling.spatial_march import (
+    USUAL_SPATIAL_SEARCH,
+    ShakerForces,
+    SpatialRun,
+    SpatialSearch,
+    body_of,
+    march_space,
+)
+from coupling.spatial_wall import SpatialWall
+from coupling.structure_sensors import sensed_in_march
+from dem.lateral import LateralTrajectory
+from dem.prepared import prepare
+from workflows.scene import InvalidScene, Scene
+from workflows.stages import signals
+from workflows.stages.chain import Start
+from workflows.stages.damping import damping
+from workflows.stages.friction import last_sphere
+
+if TYPE_CHECKING:
+    from coupling.sensors import SensorRecord
+    from dem.waves.chain_waves import ChainWaves
+    from rom import ReducedModel
+
+
+def spatial_wall(scene: Scene, reduction: ReducedModel | None = None) -> SpatialWall:
+    """The structure along n, t1 and t2, of the scene's assembly or of wall.file.
+
+    Raises InvalidScene for a file along the normal alone or without a shaker that the scene names.
+    """
+    reduced = reduction
+    if reduced is None:
+        from workflows.files.wall_file import loaded
+
+        reduced = _shaken_by_name(scene, loaded(scene.wall))
+    shakers = scene.shakers or ()
+    if any(shaker.stinger for shaker in shakers):
+        stiffness = np.array([shaker.stinger or 0.0 for shaker in shakers])
+        reduced = with_stingers(reduced, stiffness)
+    law = damping(scene.damping, reduced)
+    try:
+        return spatial_wall_of(reduced, damping=law, cutoff_hz=scene.wall.cutoff)
+    except CouplingError as error:
+        raise InvalidScene(f"{scene.name}: [friction]: {str(error).rstrip('.')}.") from None
+
+
+def _shaken_by_name(scene: Scene, reduced: ReducedModel) -> ReducedModel:
+    """The model of a file with the shakers that the scene names, in the scene's order."""
+    columns, names = reduced.columns, [shaker.name for shaker in scene.shakers or ()]
+    if columns is None or not names:
+        return reduced
+    for name in names:
+        if name not in columns.load_names:
+            there = ", ".join(columns.load_names) or "none"
+            raise InvalidScene(
+                f"{scene.name}: shakers.{name} is no shaker of wall.file, which has {there}; name "
+                "one of these, or add its column to w_load."
+            )
+    order = [columns.load_names.index(name) for name in names]
+    columns = columns._replace(load=columns.load[:, order], load_names=tuple(names))
+    return reduced._replace(columns=columns)
+
+
+def wall_along(scene: Scene, wall: SpatialWall) -> dem.Wall:
+    """What the chain sees of the structure along its normal."""
+    residual = float(wall.residual_compliance[0, 0])
+    return dem.Wall(wall.omega, wall.zeta, np.ascontiguousarray(wall.phi[:, 0]), residual)
+
+
+def shaker_forces(scene: Scene) -> ShakerForces:
+    """What the scene's shakers push by, of a motion the force on its stinger."""
+    shakers = scene.shakers or ()
+    return ShakerForces(
+        np.array([shaker.force_amplitude for shaker in shakers]),
+        np.array([shaker.frequency for shaker in shakers]),
+        np.radians([shaker.phase for shaker in shakers]),
+    )
+
+
+def march(scene: Scene, start: Start, wall: SpatialWall) -> SpatialRun:
+    """The march of chain, last sphere and structure, to the scene's error or at its step; with
+    shakers from their periodic state on."""
+    if start.ellipse != coupling.PLANE:
+        raise InvalidScene(
+            f"{scene.name}: [friction] on a curved face, whose contact is an ellipse of which no "
+            "tangential law is known; strike a plane face, or drop [friction]."
+        )
+    time = scene.time
+    run = {"duration": time.duration, "n_save": scene.output.samples - 1, "error": time.error}
+    if time.dt is not None:
+        run |= {"error": None, "search": SpatialSearch(dt=time.dt)}
+    last = last_sphere(scene, start)
+    try:
+        if not scene.shakers:
+            return march_space(start.chain, wall, start.velocity, last, **run)
+        search = run.pop("search", USUAL_SPATIAL_SEARCH)
+        shakers = shaker_forces(scene)
+        body = body_of(start.chain, wall, start.velocity, last, shakers, search)
+        return march_shaken(body, start.velocity, **run).run
+    except (dem.InvalidChain, dem.NoEquilibrium) as error:
+        raise InvalidScene(f"{scene.name}: {str(error).rstrip('.')}.") from None
+
+
+def impact(scene: Scene, start: Start, wall: dem.Wall, march: SpatialRun) -> coupling.Impact:
+    """The part along the chain, with the verdict on chain and wall."""
+    verdict = coupling.verdict(start.chain, wall, start.velocity)
+    return coupling.Impact(march.trajectory, verdict, None, coupling.EnergyGain(0.0, 0.0, 0.0))
+
+
+def across(scene: Scene, march: SpatialRun) -> LateralTrajectory:
+    """The part across the chain."""
+    return march.lateral
+
+
+def record(
+    scene: Scene,
+    start: Start,
+    wall: SpatialWall,
+    march: SpatialRun,
+    impact: coupling.Impact,
+    waves: ChainWaves,
+) -> SensorRecord:
+    """`signals.record` of a scene with sensors on the structure, by its modes in the march."""
+    run, shakers = march.trajectory, shaker_forces(scene)
+    # the modes count from the state of rest, and so do the forces
+    at_rest = prepare(start.chain, wall_along(scene, wall)).static.force[-1]
+    force = np.column_stack([run.contact_force[:, -1] - at_rest, march.lateral.friction_force])
+    angle = 2 * np.pi * np.outer(run.t, shakers.frequency) + shakers.phase
+    structure = sensed_in_march(
+        wall, march.wall_q, march.wall_p, force, shakers.force * np.cos(angle)
+    )
+    return signals.record(scene, impact, waves, structure=structure)

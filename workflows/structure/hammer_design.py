@@ -1,0 +1,152 @@
+"""Hammer tests before they are made: where to hit and watch, and records of computed hits."""
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel
+
+import coupling
+import fem
+from fem.hammer_files import SYNTHETIC
+from fem.hit_records import degree_of_freedom
+from fem.hits import Hits
+from fem.measured_shapes import MeasuredShape
+from fem.sensor_placement import effective_independence, outside
+from fem.synthetic_hits import HammerDefects, Striking, struck
+from workflows.report.tables import aligned_text
+from workflows.scene import InvalidScene
+from workflows.stages.damping import damping_law
+from workflows.stages.pipeline import Pipeline
+from workflows.stages.targets import placed
+
+LOWEST = 10  # elastic modes that are looked at without a band
+DEFECTS = HammerDefects(noise=0.01, double=0.05, overload=0.05, cross=0.01)
+
+
+class PointRow(BaseModel):
+    """A point to hit or watch, and along which axis."""
+
+    node: int
+    x: float  # [m], as the next
+    y: float
+    z: float
+    direction: str
+
+
+class HammerDesign(BaseModel):
+    """Points of a test, and how well they tell the modes apart."""
+
+    modes_hz: list[float]
+    rows: list[PointRow]
+    largest_mac: float  # of two modes at these points
+    alike_hz: tuple[float, float]  # these two
+
+    def text(self) -> str:
+        """The points as a table, and the pair of modes that look most alike there."""
+        cells = [(r.node, *(f"{v:.4f}" for v in (r.x, r.y, r.z)), r.direction) for r in self.rows]
+        table = aligned_text(("node", "x [m]", "y [m]", "z [m]", "direction"), cells)
+        listed = ", ".join(f"{hz:.5g}" for hz in self.modes_hz)
+        return (
+            f"{table}\n\nmodes: {listed} Hz\nmost alike at these points: "
+            f"{self.alike_hz[0]:.5g} and {self.alike_hz[1]:.5g} Hz, MAC {self.largest_mac:.2f}"
+        )
+
+    def csv(self) -> str:
+        """A file that `hammer --points` reads."""
+        lines = [f"{r.node},{r.x:.9g},{r.y:.9g},{r.z:.9g},{r.direction}" for r in self.rows]
+        return "\n".join(["node,x,y,z,direction", *lines]) + "\n"
+
+
+def elastic(pipeline: Pipeline, band_hz: tuple[float, float] | None) -> NDArray[np.int64]:
+    """Which modes lie in a band, the lowest ten without one; raises InvalidScene for none."""
+    hz = pipeline("modes").omega / (2 * np.pi)
+    strained = np.flatnonzero(hz > fem.correlation.RIGID * hz.max())
+    if band_hz is None:
+        return strained[:LOWEST]
+    chosen = strained[(hz[strained] >= band_hz[0]) & (hz[strained] <= band_hz[1])]
+    if not len(chosen):
+        raise InvalidScene(
+            f"{pipeline.scene.name}: no mode between {band_hz[0]:g} and {band_hz[1]:g} Hz; those "
+            f"known lie from {hz[strained[0]]:.5g} to {hz[-1]:.5g} Hz."
+        )
+    return chosen
+
+
+def designed(pipeline: Pipeline, count: int, band_hz: tuple[float, float] | None) -> HammerDesign:
+    """Points that tell the modes of a band apart; raises InvalidScene where they cannot."""
+    chosen, modes, model = elastic(pipeline, band_hz), pipeline("modes"), pipeline("model")
+    try:
+        candidates = outside(model)
+        phi = (model.T[candidates.reading] @ modes.phi)[:, chosen]
+        taken = effective_independence(phi, count)
+    except ValueError as error:
+        raise InvalidScene(f"{pipeline.scene.name}: {str(error).rstrip('.')}.") from None
+    rows = [
+        PointRow(
+            node=n, x=point[0], y=point[1], z=point[2], direction="xyz"[candidates.axes[i]]
+        )
+        for n, (i, point) in enumerate(
+            zip(taken.tolist(), candidates.points[taken].tolist(), strict=True), start=1
+        )
+    ]  # fmt: skip
+    hz = modes.omega[chosen] / (2 * np.pi)
+    alike = fem.mac(phi[taken], phi[taken]) - np.eye(len(chosen))
+    i, j = np.unravel_index(int(alike.argmax()), alike.shape)
+    return HammerDesign(
+        modes_hz=hz.tolist(), rows=rows, largest_mac=float(max(alike[i, j], 0.0)),
+        alike_hz=(float(hz[min(i, j)]), float(hz[max(i, j)])),
+    )  # fmt: skip
+
+
+def computed_hits(
+    pipeline: Pipeline,
+    nodes: dict[int, NDArray[np.float64]],
+    directions: dict[int, int],
+    band_hz: tuple[float, float] | None,
+    *,
+    sensors: int = 3,
+    repeats: int = 3,
+    seed: int = 0,
+) -> Hits:
+    """Records of hits at nodes along their directions, with noise, double hits and overloads.
+
+    The hammer roves, sensors are at the nodes that tell the modes apart best. Pulses reach to the
+    highest mode, records last until the lowest has fallen to a thousandth, 2^16 samples at most.
+    """
+    scene, model, modes = pipeline.scene, pipeline("model"), pipeline("modes")
+    damping = damping_law(scene.damping, scene.measured_hz)
+    if damping is None:
+        raise InvalidScene("computed hits need damping; set damping.kind=modal with a ratio.")
+    chosen = elastic(pipeline, band_hz)
+    hz = modes.omega[chosen] / (2 * np.pi)
+    zeta = coupling.damping_ratios(damping, modes.omega)[chosen]
+    if len(nodes) < sensors:
+        raise InvalidScene(f"{len(nodes)} points; computed hits need {sensors} or more.")
+
+    # the shape at each node along its direction
+    numbers = sorted(nodes)
+    axes = np.array([directions.get(node, 3) for node in numbers])
+    along = np.sign(axes)[:, None] * np.eye(3)[np.abs(axes) - 1]
+    spots = MeasuredShape(np.array([nodes[n] for n in numbers]), along, np.ones(len(axes), complex))
+    reading = placed(scene, model, "--points", spots, float(hz[0])).reading
+    phi = np.asarray(reading @ modes.phi)[:, chosen]
+    side = phi[::-1]  # a side hit moves what another point moves
+    few = min(sensors, len(chosen))
+    watched = effective_independence(phi[:, :few], sensors)
+
+    dt = 1 / (2.56 * 1.2 * hz[-1])
+    seconds = 0.05 + np.log(1e3) / float(np.min(2 * np.pi * hz * zeta))
+    k = int(min(seconds / dt, 2**16))
+    rng = np.random.default_rng(seed)
+    plan = Striking(len(numbers), repeats, dt, k, 1.0 / hz[-1])
+    force, response, point, _ = struck(rng, (hz, zeta), (phi, side, phi[watched]), DEFECTS, plan)
+    names = tuple(degree_of_freedom(n, int(axis)) for n, axis in zip(numbers, axes, strict=True))
+    return Hits(
+        dt,
+        force,
+        response,
+        point,
+        names,
+        tuple(names[i] for i in watched),
+        SYNTHETIC,
+        "accelerations",
+    )
