@@ -87,6 +87,7 @@ def test_an_imported_wall_of_one_column_is_refused_with_friction(capsys):
 
 REFUSED = {
     "wall.prune counts what modes do along the chain alone": ["wall.prune=true"],
+    "friction.between_spheres is known before walls of a few": ["friction.between_spheres=0.1"],
     "[friction] needs a contact that is read where it is loaded": ["strike.weights=thesis"],
 }
 

@@ -38,6 +38,7 @@ EXAMPLES: dict[str, Any] = {
     "material": "steel", "young": "210 GPa", "poisson": 0.3, "density": 7850.0,
     "yield_stress": "355 MPa", "chain.material": "bearing-steel",
     "striker.tangential_velocity": [0.1, 0.0], "friction.coefficient": 0.2,
+    "friction.between_spheres": 0.1,
     "arm.stiffness": "2 MN/m", "arm.rotation": 1e4, "arm.inertia": 1e-4,
     "shakers.NAME.name": "shaker", "shakers.NAME.on": "wall", "shakers.NAME.at": [0.0, 0.0],
     "shakers.NAME.direction": "y", "shakers.NAME.frequency": 100.0,
