@@ -5,7 +5,14 @@ from math import isinf
 from pathlib import Path
 from typing import NamedTuple
 
-from workflows.scene import DashpotWall, ModalDampingTable, RayleighDampingTable, RomWall, Scene
+from workflows.scene import (
+    DashpotWall,
+    MeasuredWall,
+    ModalDampingTable,
+    RayleighDampingTable,
+    RomWall,
+    Scene,
+)
 from workflows.scene.bodies import General
 from workflows.scene.body_contradictions import of_bending, of_bodies, of_the_rig
 from workflows.scene.friction import of_friction
@@ -66,6 +73,8 @@ def _missing_parts(scene: Scene) -> Iterator[str]:
         yield "[wall] needs a [chain] that hits it; add one or drop [wall]."
     if isinstance(wall, RomWall) and wall.file is None and not scene.has_structure:
         yield 'wall.kind = "rom" needs [assembly], [beam], [plate] or wall.file; add one of them.'
+    if isinstance(wall, MeasuredWall) and (why := unfit(Path(wall.receptance))):
+        yield f"wall.receptance = {wall.receptance!r} {why}; give a .uff, .unv, .csv or .mat."
     if isinstance(wall, RomWall) and wall.file and (why := unfit(Path(wall.file))):
         yield f"wall.file = {wall.file!r} {why}; give a .npz, .mat, .h5 or .mtx."
     if chain and wall is None and chain.count < 2:

@@ -51,6 +51,7 @@ EXAMPLES: dict[str, Any] = {
     "preload.force": "20 N", "preload.mass": 0.1,
     "wall.frequency": "269 Hz", "wall.mass": 2.0, "wall.damping_ratio": 0.01,
     "wall.coefficient": 300.0, "wall.plate_thickness": "5 mm", "wall.file": "rom.npz",
+    "wall.receptance": "frf.uff", "wall.response": 1, "wall.sensor_distance": "12 mm",
     "wall.nodes": [101, 102, 103], "wall.weights": [0.25, 0.5, 0.25], "wall.half_space": 1e-9,
     "cutoff": "20 kHz", "wall.prune": True, "wall.curvatures": [20.0, 0.0],
     "length": "200 mm", "width": "30 mm", "thickness": "10 mm", "diameter": "12 mm",
