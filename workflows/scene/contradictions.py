@@ -17,6 +17,7 @@ from workflows.scene.bodies import General
 from workflows.scene.body_contradictions import of_bending, of_bodies, of_the_rig
 from workflows.scene.friction import of_friction
 from workflows.scene.gravity import of_gravity
+from workflows.scene.masses import of_masses
 from workflows.scene.named_files import unfit
 from workflows.scene.sensors import of_place
 from workflows.scene.shakers import of_shakers
@@ -55,6 +56,7 @@ def contradictions(scene: Scene) -> Iterator[str]:
             yield from _of_rig_assembly(scene)
             yield from _of_reading(scene, "patch")
             yield from _dashpots(scene)
+    yield from of_masses(scene)
     yield from _of_modes(scene)
     yield from too_large(scene)
     if scene.chain:

@@ -116,7 +116,7 @@ def content(path: str | Path | None) -> str | None:
 
 BENT = ("beam", "plate")
 BODIES = ("assembly", "bodies", "materials", "ties", "joints", "strike", "loads")
-COARSE = tables_of("assembly", "joints", "table", "strike")
+COARSE = tables_of("assembly", "joints", "table", "strike", "masses")
 START = (
     "chain", "striker", "contact", "leaf_springs", "preload", "gravity", "guides", "wall", *BENT,
     *BODIES,
@@ -124,7 +124,7 @@ START = (
 ASSEMBLY = {
     "mesh": Stage(".assembly:mesh", _dimensions, (), kept=False),
     "model": Stage(
-        ".assembly:model", tables_of("assembly", "joints", "table"), ("mesh",), kept=False
+        ".assembly:model", tables_of("assembly", "joints", "table", "masses"), ("mesh",), kept=False
     ),
     "tuning-basis": Stage(".assembly:tuning_basis", _targets, ("model",)),
     "factor": Stage(".assembly:factor", tables_of(), ("model",), kept=False, passing=True),

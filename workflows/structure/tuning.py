@@ -50,7 +50,7 @@ TOLERANCES = FitTolerances()
 def _unit(name: str) -> str:
     """Unit of a fitted value: of a stiffness by its direction, the last word of its name; of a
     material's value, which is a factor, what it multiplies."""
-    if name.endswith(of_bodies.MATERIAL):
+    if name.endswith(of_bodies.FACTORS):
         return "of the rest's" if name.startswith("block.") else "of the scene's"
     return "N m/rad" if name.rpartition(".")[2].startswith("kr") else "N/m"
 
