@@ -85,7 +85,7 @@ def test_an_imported_wall_of_one_column_is_refused_with_friction(capsys):
     assert "w with three columns" in capsys.readouterr().err
 
 
-SHAKEN = """
+THREE_SPHERES = """
 name = "shaken-modes"
 [chain]
 count = 3
@@ -123,10 +123,10 @@ error = 1e-3
 def test_spheres_that_nothing_holds_beside_a_shaken_structure_are_held_by_a_word(capsys, folder):
     """They would be pushed away: refused by default, at rest until the striker with "held"."""
     imported("wall.npz", np.array([[1.2, 0.7, 0.1], [0.4, -0.6, 0.9]]), names=["motor"])
-    (folder / "free.toml").write_text(SHAKEN.format("free"))
+    (folder / "free.toml").write_text(THREE_SPHERES.format("free"))
     assert beadwave("impact", "free.toml") == 2
     assert 'set friction.upstream to "held"' in capsys.readouterr().err
-    (folder / "held.toml").write_text(SHAKEN.format("held"))
+    (folder / "held.toml").write_text(THREE_SPHERES.format("held"))
     assert beadwave("impact", "held.toml", "--json") == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["friction"]["loop_tangential_N"] > 0.0
