@@ -8,10 +8,12 @@ by
 
     e = safety |v_h - v_H| / ((H/h)^2 - 1)
 
-beside a coarser one by H, in the velocity of the centre and that of the turn at the surface.
+beside a coarser one by H, in the velocity of the centre and that of the turn at the surface. In two
+directions the coarser one has cells as many times wider, and the powers are 1.
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +23,15 @@ from dem.chain import Chain
 from dem.checks import InvalidChain, positive, require, scalar, vector
 from dem.friction import open_cells, open_row, stick_stiffness
 from dem.kernels.arguments import Array, Steps
-from dem.kernels.lateral import Across, Pressing, SavedAcross, Sphere, Springs, march_across
+from dem.kernels.lateral import (
+    Across,
+    Pressing,
+    SavedAcross,
+    Sphere,
+    Springs,
+    Touch,
+    march_across,
+)
 from dem.kernels.oscillators import oscillator_propagator
 from dem.kernels.tangential import (
     HEAT,
@@ -46,6 +56,7 @@ class LastSphere(NamedTuple):
     velocity: Array  # (2,) [m/s] along t1, t2 at the start
     arm_stiffness: Array = np.zeros(2)  # (2,) [N/m] along t1, t2; inf clamps
     arm_rotation: float = 0.0  # [N m/rad]; inf clamps
+    before: TangentialLaw | None = None  # of the contact with the sphere before; None: no friction
 
 
 class WallMotion(NamedTuple):
@@ -171,15 +182,41 @@ def at_rest_across(trajectory: Trajectory) -> LateralTrajectory:
     )
 
 
+class Overlaps(NamedTuple):
+    """Of the last sphere's contacts along the chain; None where there is no friction before it."""
+
+    wall: Pressing
+    before: Pressing | None
+
+    @classmethod
+    def steady(cls, wall: float, before: float | None, duration: float) -> "Overlaps":
+        """Constant ones [m]."""
+        return cls(
+            *(
+                None
+                if overlap is None
+                else Pressing(np.full(2, overlap), np.zeros(2), np.zeros(2), duration, 0.0)
+                for overlap in (wall, before)
+            )
+        )
+
+
+class Contacts(NamedTuple):
+    """Springs of the last sphere's contacts, the second None without friction there."""
+
+    wall: Springs
+    before: Springs | None
+
+
 def pressing(
-    chain: Chain, wall: Wall, v0: ArrayLike, trajectory: Trajectory, chunk: int
+    chain: Chain, wall: Wall, v0: ArrayLike, trajectory: Trajectory, chunk: int, contact: int = -1
 ) -> Pressing:
-    """Overlap of the last contact at the ends of the steps of a trajectory, which is marched again
-    where these were not saved."""
-    gamma = 0.0 if chain.gamma is None else float(np.asarray(chain.gamma)[-1])
+    """Overlap of the last contact, or with -2 of the one before, at the ends of the steps of a
+    trajectory, which is marched again where these were not saved."""
+    gamma = 0.0 if chain.gamma is None else float(np.asarray(chain.gamma)[contact])
     n, h = trajectory.n_steps, float(trajectory.t[-1]) / trajectory.n_steps
     gap, rate, bend = np.empty((3, n + 1))
-    spring, anchor = (values[-1] for values in chain.springs)
+    spring, anchor = chain.springs
     state, first = None, 0
     while first < n:
         run, steps = trajectory, n
@@ -190,16 +227,19 @@ def pressing(
                 n_save=steps, state=state,
             )  # fmt: skip
             state = run.final
-        behind = run.contact_force[:, -2] if run.contact_force.shape[1] > 1 else 0.0
-        force = run.contact_force[:, -1]
-        net = behind - force + chain.steady[-1] - spring * (run.x[:, -1] - anchor)
+        # motion of the spheres, of forces before and behind each, and of the wall
+        force = np.concatenate([np.zeros((steps + 1, 1)), run.contact_force], axis=1)
+        net = force[:, :-1] - force[:, 1:] + chain.steady - spring * (run.x - anchor)
         wall_a = np.zeros(steps + 1)
         if wall.omega.size:  # one oscillator, of the mass 1/phi^2
             omega, decay = wall.omega[0], 2.0 * wall.zeta[0] * wall.omega[0]
-            wall_a = wall.phi[0] ** 2 * force - omega**2 * run.wall_x - decay * run.wall_v
+            wall_a = wall.phi[0] ** 2 * force[:, -1] - omega**2 * run.wall_x - decay * run.wall_v
+        x = np.concatenate([run.x, run.wall_x[:, None]], axis=1)
+        v = np.concatenate([run.v, run.wall_v[:, None]], axis=1)
+        a = np.concatenate([net / chain.mass, wall_a[:, None]], axis=1)
         rows = slice(first, first + steps + 1)
-        gap[rows], rate[rows] = run.x[:, -1] - run.wall_x, run.v[:, -1] - run.wall_v
-        bend[rows] = net / chain.mass[-1] - wall_a
+        for overlap, motion in ((gap, x), (rate, v), (bend, a)):
+            overlap[rows] = motion[:, contact - 1] - motion[:, contact]
         first += steps
     return Pressing(gap, rate, bend, h, gamma)
 
@@ -261,7 +301,14 @@ def march_lateral(
     n_save, duration = trajectory.t.size - 1, float(trajectory.t[-1])
     if motion is None and not velocity.any():
         return at_rest_across(trajectory)
-    contact = pressing(chain, wall, v0, trajectory, search.chunk)
+    require(
+        last.before is None or chain.mass.size > 1,
+        "friction between spheres takes a chain of two or more; drop it, or add spheres",
+    )
+    overlaps = Overlaps(pressing(chain, wall, v0, trajectory, search.chunk), None)
+    if last.before is not None:
+        before = pressing(chain, wall, v0, trajectory, search.chunk, -2)
+        overlaps = overlaps._replace(before=before)
     body = MarchedSphere(chain, last, k, frame, 1e-5 if error is None else error, search)
     speed = max(float(np.abs(v0).max()), float(np.hypot(*velocity)))
     if motion is not None:
@@ -271,9 +318,10 @@ def march_lateral(
     spacing = duration / n_save
 
     # before the striker: at rest, or the wall's motion has become periodic
-    state, springs, cycle, before = Across(*np.zeros((6, len(frame)))), body.open_springs(), None, 0
+    state, springs, cycle, before = at_rest(len(frame)), body.open_springs(), None, 0.0
     if motion is not None:
-        state, springs, cycle = periodic_state(body, float(contact.overlap[0]), motion, speed)
+        steady = [None if one is None else float(one.overlap[0]) for one in overlaps]
+        state, springs, cycle = periodic_state(body, steady, motion, speed)
         before = cycle.error_estimate
     state.v[:] += frame @ velocity
 
@@ -281,20 +329,21 @@ def march_lateral(
         """The march with so many steps between saves, and cells in two directions."""
         steps = Steps(spacing / stride, n_save, stride)
         divided = copied_springs(springs)
-        if divided.cells is not None:
-            divided = divided._replace(cells=redivided(divided.cells, n_cells))
-        return body.march(copied(state), divided, contact, motion, steps), steps.h
+        if not straight:
+            divided = Contacts(*(one and redivided(one, n_cells) for one in divided))
+        return body.march(copied(state), divided, overlaps, motion, steps), steps.h
 
     # a first step from the stiffest contact
-    rate = body.rate(float(contact.overlap.max()))
+    rate = body.rate([one and float(one.overlap.max()) for one in overlaps])
     first = search.phase / rate if rate > 0.0 else spacing
     stride = max(1, math.ceil(spacing / (first if dt is None else dt) * (1 - 1e-9)))
     n_cells = body.n_cells // 2
+    order = 2.0 if straight else 1.0  # cells, 40 and 80 of them, left errors of order 1.1
     coarse, _ = run(stride, n_cells)
     shorter, spent = 2.0, stride
     while True:
         finer = max(stride + 1, math.ceil(shorter * stride))
-        if not straight:  # cells and steps together, both of order 2
+        if not straight:  # cells and steps together
             finer = stride * 2 ** math.ceil(math.log2(finer / stride))
             n_cells *= finer // stride
         spent += finer * (1 if straight else n_cells // 8)
@@ -309,7 +358,7 @@ def march_lateral(
             float(np.abs(saved.v - coarse.v).max()),
             float(chain.radius[-1]) * float(np.abs(saved.spin - coarse.spin).max()),
         )
-        estimate = before + search.safety * change / speed / ((finer / stride) ** 2 - 1.0)
+        estimate = before + search.safety * change / speed / ((finer / stride) ** order - 1.0)
         total = saved.energy[:, :5].sum(axis=1) - saved.energy[:, 5]
         scale = max(kinetic, float(np.abs(saved.energy).max())) or 1.0
         ledger = float(np.abs(total - total[0]).max()) / scale
@@ -366,37 +415,60 @@ class MarchedSphere(NamedTuple):
         """Of the contact in two directions, a multiple of 8."""
         return 8 * math.ceil(self.search.n_cells * math.sqrt(1e-4 / self.error) / 8.0)
 
-    def rate(self, overlap: float) -> float:
-        """[rad/s] of the sphere on a contact that sticks, by the mass that its force meets."""
-        a = math.sqrt(self.last.law.radius * max(overlap, 0.0))
+    @property
+    def laws(self) -> tuple[TangentialLaw, TangentialLaw | None]:
+        """Of the contacts at the wall and with the sphere before."""
+        return self.last.law, self.last.before
+
+    def rate(self, overlaps: Sequence[float | None]) -> float:
+        """[rad/s] of the sphere on contacts that stick, by the mass that their forces meet."""
+        k = 0.0
+        for law, overlap in zip(self.laws, overlaps, strict=True):
+            if law is not None:
+                k += float(stick_stiffness(law, math.sqrt(law.radius * max(overlap, 0.0))))
         inverse_mass, inverse_inertia = self.mobility
         meets = float(inverse_mass.max()) + float(self.chain.radius[-1]) ** 2 * inverse_inertia
-        return math.sqrt(float(stick_stiffness(self.last.law, a)) * meets)
+        return math.sqrt(k * meets)
 
-    def open_springs(self) -> Springs:
-        """A contact that has not closed yet, with room for the error."""
-        if len(self.frame) == 2:
-            return Springs(None, None, open_cells(self.n_cells))
+    def open_springs(self) -> Contacts:
+        """Contacts that have not closed yet, with room for the error."""
         fine = math.sqrt(1e-5 / self.error)
         capacity = int(self.search.capacity * min(max(fine, 0.25), 16.0))
-        return Springs(open_row(capacity), open_row(capacity), None)
+        return Contacts(
+            *(
+                None
+                if law is None
+                else Springs(None, None, open_cells(self.n_cells))
+                if len(self.frame) == 2
+                else Springs(open_row(capacity), open_row(capacity), None)
+                for law in self.laws
+            )
+        )
 
-    def displace(self, state: Across, springs: Springs, overlap: float, by: Array) -> None:
-        """Shift u, v, psi, spin by (4 n_directions,), in place; the contact follows the sphere."""
+    def displace(
+        self, state: Across, springs: Contacts, overlaps: Sequence[float | None], by: Array
+    ) -> None:
+        """Shift u, v, psi, spin by (4 n_directions,), in place; the contacts follow the sphere."""
         u, v, psi, spin = np.split(by, 4)
         for values, shift in ((state.u, u), (state.v, v), (state.psi, psi), (state.spin, spin)):
             values += shift
-        law, way = self.last.law, u + float(self.chain.radius[-1]) * psi
-        if springs.cells is not None:
-            slide_cells(springs.cells, law, overlap, 1.0, *way)
-            state.force[:] = [cell_force(springs.cells, law, j) for j in range(2)]
-        else:
-            slide(springs.row, springs.room, law, overlap, 1.0, *way)
-            state.force[:] = tangential_force(springs.row, law)
+        turned = float(self.chain.radius[-1]) * psi
+        sides = zip(self.laws, springs, overlaps, (u + turned, u - turned), strict=True)
+        for force, (law, contact, overlap, way) in zip(
+            (state.force, state.behind), sides, strict=True
+        ):
+            if contact is None:
+                continue
+            if contact.cells is not None:
+                slide_cells(contact.cells, law, overlap, 1.0, *way)
+                force[:] = [cell_force(contact.cells, law, j) for j in range(2)]
+            else:
+                slide(contact.row, contact.room, law, overlap, 1.0, *way)
+                force[:] = tangential_force(contact.row, law)
 
     def march(
-        self, state: Across, springs: Springs, contact: Pressing, motion: WallMotion | Array | None,
-        steps: Steps,
+        self, state: Across, springs: Contacts, overlaps: Overlaps,
+        motion: WallMotion | Array | None, steps: Steps,
     ) -> SavedAcross:  # fmt: skip
         """March state and springs on, in place; `motion` of the wall may be its displacements
         (n_steps + 1, 2) [m]. Raises UnstableStep."""
@@ -415,7 +487,11 @@ class MarchedSphere(NamedTuple):
         saved = SavedAcross(
             *np.empty((6, n_save + 1, n)), np.empty(n_save + 1), np.empty((n_save + 1, 6))
         )
-        count = march_across(state, sphere, contact, last.law, springs, wall, steps, saved)
+        contact, before = (
+            None if law is None else Touch(law, overlap, contact)
+            for law, overlap, contact in zip(self.laws, overlaps, springs, strict=True)
+        )
+        count = march_across(state, sphere, contact, before, wall, steps, saved)
         if count < n_save:
             raise UnstableStep(
                 f"the lateral motion is not finite at t = {count * stride * h:.4g} s; take a "
@@ -424,30 +500,37 @@ class MarchedSphere(NamedTuple):
         return saved
 
 
+def at_rest(n_directions: int) -> Across:
+    """A sphere that nothing has moved."""
+    return Across(*np.zeros((7, n_directions)))
+
+
 def copied(state: Across) -> Across:
     """The state in arrays of its own."""
     return Across(*(values.copy() for values in state))
 
 
-def copied_springs(springs: Springs) -> Springs:
-    """The contact in arrays of its own."""
-    return Springs(
+def copied_springs(contacts: Contacts) -> Contacts:
+    """The contacts in arrays of their own."""
+    return Contacts(
         *(
-            None if contact is None else type(contact)(*(a.copy() for a in contact))
-            for contact in springs
+            springs
+            and Springs(*(part and type(part)(*(a.copy() for a in part)) for part in springs))
+            for springs in contacts
         )
     )
 
 
-def redivided(cells: SpringCells, n_cells: int) -> SpringCells:
+def redivided(springs: Springs, n_cells: int) -> Springs:
     """The same displacements, linear between the ends of so many cells over the same width."""
+    cells = springs.cells
     n, state = cells.u.shape[0] - 1, cells.state.copy()
     if n == n_cells:
-        return SpringCells(cells.u.copy(), state)
+        return springs
     places = np.arange(n_cells + 1) * (n / n_cells)
     u = np.stack([np.interp(places, np.arange(n + 1), values) for values in cells.u.T], axis=1)
     state[WIDTH] *= n / n_cells
-    return SpringCells(u, state)
+    return Springs(None, None, SpringCells(u, state))
 
 
 class Cycle(NamedTuple):
@@ -477,7 +560,7 @@ class Marched(NamedTuple):
     """A sphere and its contact after a march of a period, and what the march has saved."""
 
     state: Across
-    springs: Springs
+    springs: Contacts
     saved: SavedAcross
 
 
@@ -485,15 +568,14 @@ class Shaken(NamedTuple):
     """A sphere that is pressed by a constant force on a wall that moves periodically."""
 
     body: MarchedSphere
-    overlap: float  # [m]
+    overlaps: Sequence[float | None]  # [m] at the wall and with the sphere before, see `Contacts`
     motion: WallMotion
     periods: int  # of the motion in a march
     n_steps: int  # of a march
 
     @property
-    def contact(self) -> Pressing:
-        duration = self.periods * self.motion.period
-        return Pressing(np.full(2, self.overlap), np.zeros(2), np.zeros(2), duration, 0.0)
+    def pressed(self) -> Overlaps:
+        return Overlaps.steady(*self.overlaps, self.periods * self.motion.period)
 
     @property
     def steps(self) -> Steps:
@@ -506,19 +588,19 @@ class Shaken(NamedTuple):
         h, n_save, stride = self.steps
         return self.motion.displacement(h * np.arange(n_save * stride + 1))
 
-    def march(self, start: Across, springs: Springs, wall: Array) -> Marched:
+    def march(self, start: Across, springs: Contacts, wall: Array) -> Marched:
         """One march, which leaves the start as it is."""
         state, contact = copied(start), copied_springs(springs)
-        saved = self.body.march(state, contact, self.contact, wall, self.steps)
+        saved = self.body.march(state, contact, self.pressed, wall, self.steps)
         return Marched(state, contact, saved)
 
-    def ramped(self, pushed: Array) -> tuple[Across, Springs]:
+    def ramped(self, pushed: Array) -> tuple[Across, Contacts]:
         """What a wall leads to whose motion begins over some periods, on a contact that was
         pressed, pushed to and fro by (n_directions,) [m], and let go."""
-        state, springs = Across(*np.zeros((6, len(self.body.frame)))), self.body.open_springs()
+        state, springs = at_rest(len(self.body.frame)), self.body.open_springs()
         if pushed.any():
             for way in (np.zeros_like(pushed), pushed, -pushed):
-                self.body.displace(state, springs, self.overlap, stacked(u=way))
+                self.body.displace(state, springs, self.overlaps, stacked(u=way))
             state.slip[:] = 0.0
         wall, ramp = self.displacements(), self.body.search.ramp_periods
         share = np.linspace(0.0, 1.0, len(wall))[:, None]
@@ -542,14 +624,14 @@ class FixedPoint(NamedTuple):
     """A state that a period leaves as it is, up to `change` of its force, over the largest."""
 
     state: Across
-    springs: Springs
+    springs: Contacts
     last: Marched  # the period that ends there
     change: float
     matrix: Array | None  # (4 n, 4 n) 1 - J in units of the largest motion, None where all is held
 
 
 def fixed_point(
-    shaken: Shaken, state: Across, springs: Springs, matrix: Array | None, periodicity: float
+    shaken: Shaken, state: Across, springs: Contacts, matrix: Array | None, periodicity: float
 ) -> FixedPoint | None:
     """The periodic state that a start leads to, in which the force changes by `periodicity` of its
     largest from period to period; None where the search does not find it.
@@ -595,7 +677,7 @@ def fixed_point(
             for column in np.flatnonzero(np.repeat(moves, n)):
                 nudge = np.where(np.arange(4 * n) == column, search.nudge, 0.0)
                 beside, contact = copied(state), copied_springs(springs)
-                body.displace(beside, contact, shaken.overlap, nudge * units)
+                body.displace(beside, contact, shaken.overlaps, nudge * units)
                 after = shaken.march(beside, contact, wall)
                 moved = (z - motion_of(after.state)) / units + nudge - g
                 B[:, column] = moved / search.nudge
@@ -607,13 +689,13 @@ def fixed_point(
         if not dz.any():
             dz = -g
         state, springs = end.state, end.springs
-        body.displace(state, springs, shaken.overlap, z + units * dz - motion_of(state))
+        body.displace(state, springs, shaken.overlaps, z + units * dz - motion_of(state))
         if not dz.any():
             g = None
     return None
 
 
-def marched_on(shaken: Shaken, state: Across, springs: Springs) -> tuple[FixedPoint, int]:
+def marched_on(shaken: Shaken, state: Across, springs: Contacts) -> tuple[FixedPoint, int]:
     """What a march of many periods, each from the end of the last, becomes, and after how many of
     them it repeats itself. Raises UnstableStep where it does not within four."""
     search, wall = shaken.body.search, shaken.displacements()
@@ -642,8 +724,8 @@ def repetition(forces: list[Array]) -> list[float]:
 
 
 def periodic_state(
-    body: MarchedSphere, overlap: float, motion: WallMotion, speed: float
-) -> tuple[Across, Springs, Cycle]:
+    body: MarchedSphere, overlaps: Sequence[float | None], motion: WallMotion, speed: float
+) -> tuple[Across, Contacts, Cycle]:
     """State and contact that the wall's motion has become periodic in, at its phase of t = 0.
 
     The motion is ramped up over some periods from a contact that was pressed and never sheared;
@@ -653,8 +735,8 @@ def periodic_state(
     """
     search, period = body.search, motion.period
     fewest = max(search.cycle_steps, math.ceil(math.pi / math.sqrt(body.error)))
-    n_steps = max(fewest, math.ceil(period * body.rate(overlap) / search.cycle_phase))
-    shaken = Shaken(body, overlap, motion, 1, n_steps)
+    n_steps = max(fewest, math.ceil(period * body.rate(overlaps) / search.cycle_phase))
+    shaken = Shaken(body, overlaps, motion, 1, n_steps)
     state, springs = shaken.ramped(np.zeros(len(body.frame)))
     periodicity = search.periodicity * body.error
     rough = max(periodicity, search.rough * body.error)
@@ -669,7 +751,7 @@ def periodic_state(
     turns = body.mobility[1] > 0.0 and body.last.arm_rotation == 0.0
     remembers = coarse.last.saved.stick.min() > 0.0 and body.stiffness.all() and not turns
     if remembers and shaken.periods == 1:
-        push = search.pushed * body.last.law.bound * overlap
+        push = search.pushed * body.last.law.bound * overlaps[0]
         fewer = search._replace(capacity=search.pushed_capacity, ramp_periods=1)
         quick = shaken._replace(body=body._replace(search=fewer))
         for way in (push, -push):
@@ -717,5 +799,7 @@ def periodic_state(
     # slip counts from the middle of the period, heat from the striker on
     state, springs = copied(finer.state), copied_springs(finer.springs)
     state.slip[:] = slip[-1]
-    (springs.row if springs.cells is None else springs.cells).state[HEAT] = 0.0
+    for contact in springs:
+        if contact is not None:
+            (contact.row if contact.cells is None else contact.cells).state[HEAT] = 0.0
     return state, springs, cycle

@@ -25,6 +25,7 @@ See examples/own_mesh.py, from a mesh of one's own to an impact.
 from fem.anisotropic_half_space import indentation_modulus
 from fem.beam import ENDS, BeamEnd, BesideSolid, Section, beam, rectangle, section, tube
 from fem.bending import Bending, Buckled
+from fem.carried import CarriedMass, with_carried
 from fem.contact_patch import (
     ContactPatch,
     contact_patch,
@@ -77,6 +78,7 @@ __all__ = [
     "BodyMotion",
     "Buckled",
     "Bushing",
+    "CarriedMass",
     "Connections",
     "ContactPatch",
     "FaceForce",
@@ -145,4 +147,5 @@ __all__ = [
     "section",
     "target_mac",
     "tube",
+    "with_carried",
 ]

@@ -226,6 +226,8 @@ def body_forms(model: Model, body: str, V: NDArray[np.float64]) -> BodyForms:
     """Energies and rigid motions of a body for displacements V (n, m) of a model's free dofs."""
     structure, dofs = model.structure, model.structure.dofs(body)
     u, K, M = model.T[dofs] @ V, structure.K[dofs][:, dofs], structure.M[dofs][:, dofs]
+    for one in structure.carried:  # a density has no part in these
+        M = M - one.M[dofs][:, dofs]
     nodes = structure.points[dofs[0::3] // 3]
     lumped = np.asarray(M.sum(axis=1)).ravel()[0::3]
     centre_of_mass = lumped @ nodes / lumped.sum()

@@ -29,6 +29,13 @@ from skfem import (
 from fem.materials import Material, Orthotropic
 
 
+class Carried(NamedTuple):
+    """A mass that a face carries, apart from all others."""
+
+    name: str
+    M: csr_matrix  # (ndof, ndof) [kg]
+
+
 class Structure(NamedTuple):
     """All bodies, unjoined and free: x, y, z of node after node, body after body."""
 
@@ -36,7 +43,8 @@ class Structure(NamedTuple):
     first: dict[str, int]  # dof of each body
     points: NDArray[np.float64]  # (n_nodes, 3) [m]
     K: csr_matrix  # (ndof, ndof) [N/m]
-    M: csr_matrix  # (ndof, ndof) [kg]
+    M: csr_matrix  # (ndof, ndof) [kg], with the masses that faces carry
+    carried: tuple[Carried, ...] = ()  # these masses, each alone
 
     @property
     def n_dofs(self) -> int:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.hit_records import degree_of_freedom
+from fem.hit_records import QUANTITIES, degree_of_freedom
 from fem.hits import FrequencyResponses
 
 RESPONSE = 4  # UFF58's function type of a frequency response
@@ -26,6 +26,7 @@ class Responses(NamedTuple):
     title: str
     # names of the points of response and reference, as "12+z"; () for a CSV's
     ends: tuple[tuple[str, str], ...] = ()
+    quantity: str = ""  # "accelerations", "velocities" or "displacements" where it is known
 
     def by_reference(self) -> FrequencyResponses:
         """Points and references as rows and columns; the fewer are the references.
@@ -91,7 +92,9 @@ def of_data_sets(sets: Sequence[dict]) -> Responses:
         )
         for s in sets
     )
-    return Responses(np.asarray(sets[0]["x"], dtype=float), H, str(sets[0]["id1"]).strip(), ends)
+    quantity = QUANTITIES.get(int(sets[0].get("ordinate_spec_data_type", 0)), "")
+    f = np.asarray(sets[0]["x"], dtype=float)
+    return Responses(f, H, str(sets[0]["id1"]).strip(), ends, quantity)
 
 
 def of_mat(variables: dict[str, NDArray], name: str) -> Responses:

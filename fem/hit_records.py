@@ -27,6 +27,7 @@ from fem.hits import Hits
 AXES = ("", "x", "y", "z", "rx", "ry", "rz")  # of UFF58's directions 0 to 6
 FORCE = 13  # UFF58's type of an excitation force
 TIME_RESPONSE = 1  # UFF58's function type
+QUANTITIES = {8: "displacements", 11: "velocities", 12: "accelerations"}  # UFF58's types
 NEWTONS = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "lbf": 4.4482216152605}
 MOTIONS = {
     "": ("of no unit", 1.0), "V": ("voltages", 1.0), "m/s^2": ("accelerations", 1.0),
@@ -46,6 +47,7 @@ class TimeRecord(NamedTuple):
     point: str  # that was hit
     sensors: tuple[str, ...]  # (m,)
     title: str
+    quantity: str = ""  # "accelerations", "velocities" or "displacements" where it is known
 
 
 class Cutting(NamedTuple):
@@ -158,7 +160,7 @@ def record_of_csv(path: Path, name: str) -> TimeRecord:
     dt = require_even(table[:, 0])
     return TimeRecord(
         dt, None if force is None else table[:, force], table[:, columns].T, point,
-        tuple(sensors), " ".join(title),
+        tuple(sensors), " ".join(title), quantities.pop(),
     )  # fmt: skip
 
 
@@ -277,6 +279,7 @@ def records_of_data_sets(sets: Sequence[dict]) -> list[TimeRecord]:
                 degree_of_freedom(int(node), int(direction)),
                 tuple(degree_of_freedom(int(s["rsp_node"]), int(s["rsp_dir"])) for s in sensors),
                 str(sensors[0]["id1"]).strip(),
+                QUANTITIES.get(int(sensors[0].get("ordinate_spec_data_type", 0)), ""),
             )
         )
     return records
@@ -336,5 +339,7 @@ def sets_of_hits(records: Sequence[TimeRecord]) -> list[Hits]:
         force = None if first.force is None else np.array([r.force[:length] for r in alike])
         response = np.array([r.response[:, :length] for r in alike])
         point = np.array([points.index(r.point) for r in alike])
-        result.append(Hits(first.dt, force, response, point, points, sensors, first.title))
+        result.append(
+            Hits(first.dt, force, response, point, points, sensors, first.title, first.quantity)
+        )
     return result

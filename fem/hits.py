@@ -34,6 +34,7 @@ class Hits(NamedTuple):
     points: tuple[str, ...]  # their names, as "12+z" of node and direction
     sensors: tuple[str, ...]  # (m,)
     title: str
+    quantity: str = ""  # "accelerations", "velocities" or "displacements" where it is known
 
 
 class HitChecks(NamedTuple):

@@ -96,7 +96,7 @@ def modes(
     n_elastic = n_modes - R.shape[1]
     eigenvalues, phi = np.zeros(0), np.empty((n, 0))
     if n_elastic:
-        inverse = LinearOperator((n, n), matvec=lambda b: _deflated(R, M, factor, b))
+        inverse = LinearOperator((n, n), matvec=lambda b: deflated(R, M, factor, b))
         start = np.random.default_rng(0).standard_normal(n)
         with one_thread():
             eigenvalues, phi = eigsh(
@@ -156,12 +156,12 @@ def _lowest(
     start; mass-normalised."""
     x = rng.standard_normal(M.shape[0])
     for _ in range(n_iterations):
-        x = _deflated(R, M, factor, M @ x)
+        x = deflated(R, M, factor, M @ x)
         x /= np.sqrt(x @ (M @ x))
     return x
 
 
-def _deflated(R, M, factor: Factor, b: NDArray[np.float64]) -> NDArray[np.float64]:
+def deflated(R, M, factor: Factor, b: NDArray[np.float64]) -> NDArray[np.float64]:
     """P (K - sigma M)^-1 P^T b with P = I - R R^T M."""
     if not R.shape[1]:
         return factor.solve(b)

@@ -35,6 +35,7 @@ class SyntheticTest(NamedTuple):
     frequency_hz: NDArray[np.float64]  # (n,) of the modes within the band
     zeta: NDArray[np.float64]  # (n,)
     phi: NDArray[np.float64]  # (p, n)
+    phi_at_sensors: NDArray[np.float64]  # (m, n) as they read, across their axes included
     spoiled: NDArray[np.bool_]  # (hits,) double or clipped
     band_hz: tuple[float, float]
 
@@ -75,7 +76,10 @@ def synthetic_hits(
         tuple(f"point {p + 1}" for p in range(points)),
         tuple(f"sensor {r + 1}" for r in range(references)), "SYNTHETIC: computed, not measured",
     )  # fmt: skip
-    return SyntheticTest(hits, f[inside], zeta[inside], phi[:, inside], spoiled, band)
+    return SyntheticTest(
+        hits, f[inside], zeta[inside], phi[:, inside], (mixing @ at_sensors)[:, inside], spoiled,
+        band,
+    )  # fmt: skip
 
 
 class Striking(NamedTuple):

@@ -21,10 +21,12 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh, null_space
 from scipy.optimize import least_squares
 
-from fem.correlation import BodyForms, Shape, Target, body_forms, paired
+from fem.correlation import RIGID, BodyForms, Shape, Target, body_forms, paired
 from fem.factorisation import Factor, factorised
 from fem.model import Model
-from fem.modes import Modes, modes
+from fem.modes import SHIFT_HZ, Modes, deflated, modes
+
+CARRIED = "masses:"  # before the name of a carried mass among the bodies; no body has a colon
 
 
 class TuningParameter(NamedTuple):
@@ -48,7 +50,7 @@ class TuningBasis(NamedTuple):
     elongation: NDArray[np.float64]  # (n_springs, m)
     spring: tuple[str, ...]  # (n_springs,) their names
     stiffness: NDArray[np.float64]  # (n_springs,) where no parameter sets it
-    forms: dict[str, BodyForms]  # of every body, in the same coordinates
+    forms: dict[str, BodyForms]  # of every body and carried mass, in the same coordinates
     targets: tuple[Target, ...]  # what identifies the modes to tune, 1, 2, ...
 
 
@@ -104,17 +106,27 @@ def tuning_basis(
     K = model._replace(stiffness=settings.soft * unit_stiffness).K
     pulls = np.zeros((K.shape[0], len(model.elongation)))
     pulls[model.elongation, range(len(model.elongation))] = 1.0
-    attachments = factorised(K).solve(pulls)
+    # of a structure that floats K is singular: shifted by its inertia, without the rigid motions R
+    R = soft.phi[:, soft.omega < RIGID * soft.omega.max()]
+    shift = (2 * np.pi * SHIFT_HZ) ** 2 if R.shape[1] else 0.0
+    factor = factorised((K + shift * model.M).tocsc() if shift else K)
+    attachments = deflated(R, model.M, factor, pulls)
     shapes = np.hstack([stiff.phi, soft.phi, attachments])
     V = _m_orthonormalised(shapes, model.M, settings.dependent)
 
+    # masses that faces carry: bodies that nothing strains
+    u, m = model.T @ V, V.shape[1]
+    of_carried = {
+        f"{CARRIED}{one.name}": BodyForms(np.zeros((m, m)), u.T @ (one.M @ u), np.zeros((6, m)))
+        for one in model.structure.carried
+    }
     return TuningBasis(
         V.T @ (model.K0 @ V),
         np.eye(V.shape[1]),
         V[model.elongation],
         model.spring,
         model.stiffness,
-        {body: body_forms(model, body, V) for body in model.structure.basis},
+        {body: body_forms(model, body, V) for body in model.structure.basis} | of_carried,
         tuple(t.within(V) if isinstance(t, Shape) else t for t in targets),
     )
 

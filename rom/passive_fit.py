@@ -37,6 +37,7 @@ class FitOptions(NamedTuple):
     # misfit with a free mass over that without, below which there is one: its share of noise or of
     # rounding would let a wall drift away that is held
     free: float = 0.9
+    patience: int = 2  # numbers of modes tried beyond the lowest criterion
     fine: float = 1e-7  # misfit at which no more modes are tried
     refined: int = 3  # of the best numbers of modes, whose poles and residues are refined together
 
@@ -88,7 +89,8 @@ def passive_fit(
         )
         is_fixed = fixed.misfit < max(options.fine, free.misfit / options.free)
         fits.append(fixed if is_fixed else free)
-        if fits[-1].misfit < options.fine:
+        lowest = min(range(len(fits)), key=lambda i: fits[i].criterion)
+        if fits[-1].misfit < options.fine or len(fits) > lowest + 1 + options.patience:
             break
 
     # the best of these refined; more parameters only where the criterion says so
@@ -97,6 +99,15 @@ def passive_fit(
     lowest = min(fit.criterion for fit in refined)
     as_good = [fit for fit in refined if fit.criterion < lowest + options.better]
     return min(as_good, key=lambda fit: len(fit.omega))
+
+
+def refitted(
+    frequency_hz: ArrayLike, H: ArrayLike, fit: ModalFit, options: FitOptions = FitOptions()
+) -> ModalFit:
+    """The fit of another response H (k,) [m/N] that begins at a fit and has as many modes."""
+    f, H = np.asarray(frequency_hz, float), np.asarray(H, complex)
+    deviation = np.abs(H) + options.floor * np.median(np.abs(H))
+    return _refined(2 * np.pi * f, H, deviation, fit, options)
 
 
 def require_driving_point(frequency_hz: NDArray[np.float64], H: NDArray[np.complex128]) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import dem
-from dem.friction import stick_stiffness, tangential_law
+from dem.friction import contact_of_load, gross_slip, stick_stiffness, tangential_law
 from dem.lateral import LastSphere, LateralSearch, WallMotion, march_lateral, repetition
 
 R, E, NU, RHO = 0.0127, 210e9, 0.3, 7800.0
@@ -324,6 +324,45 @@ def test_a_contact_that_slips_in_part_keeps_the_force_of_its_start():
     largest = 20.0 - 0.5 * np.ptp(cycle.friction_force[:, 0])
     assert cycle.mean_force_range == pytest.approx((-largest, largest), rel=1e-3)
     assert np.ptp(shaken([2e-6, 0.0], 10.0, **clamped)[0].cycle.mean_force_range) < 1e-9
+
+
+def rubbing(amplitude, *, mu=0.2, load=100.0, frequency=100.0, turn=np.inf):
+    """Two spheres pressed on each other and on a wall without friction of its own to speak of but
+    so much that the last one follows the wall, and rubs on the first."""
+    chain = dem.row_of_spheres(
+        R, RHO, E, NU, count=2, flat=STEEL, leaf_stiffness=[1e5, 0.0], leaf_anchor=[load / 1e5, 0.0]
+    )
+    motion = WallMotion(np.array([[amplitude, 0.0]]), np.array([frequency]), np.zeros(1))
+    along = dem.march(chain, dem.rigid_wall(), [0.0, 0.0], duration=0.01, dt=5e-6, n_save=256)
+    body = last(chain, [0.0, 0.0], 1e4, arm_rotation=turn)
+    body = body._replace(before=tangential_law(mu, R, E, NU, R, E, NU))
+    run = march_lateral(chain, dem.rigid_wall(), [0.0, 0.0], along, body, motion=motion, error=1e-4)
+    return run, along, body
+
+
+def test_a_sphere_that_rubs_on_the_one_before_takes_coulombs_work():
+    """The wall's friction holds the last sphere, which moves by the wall's amplitude less what both
+    contacts give: 4 mu P (Y - gross slip) and the loop at gross slip, of two equal spheres."""
+    run, along, body = rubbing(5e-6)
+    load = float(along.contact_force[0, 0])
+    a, d = contact_of_load(body.before, 0.2, load)
+    moved = 0.5 * np.ptp(run.cycle.sphere_t[:, 0])
+    slid = float(gross_slip(body.before, d))
+    expected = 1.2 * (0.2 * load) ** 2 / float(stick_stiffness(body.before, a))
+    expected += 4.0 * 0.2 * load * (moved - slid)
+    assert load == pytest.approx(100.0, rel=1e-2)
+    assert run.cycle.energy == pytest.approx(expected, rel=1e-3)
+    assert run.work_shaker[-1] == pytest.approx(run.dissipated_friction[-1], rel=1e-3)
+    assert run.energy_error < 1e-4
+
+
+def test_a_sphere_between_two_contacts_turns_as_a_roller():
+    """Free to turn between the sphere before it and the wall, with friction enough at both: it
+    rolls, and its centre moves by half of what the wall does."""
+    run, _, _ = rubbing(1e-7, mu=1e4, turn=0.0)
+    moved = np.ptp(run.cycle.sphere_t[:, 0]) / 2e-7
+    assert moved == pytest.approx(0.5, abs=2e-2)
+    assert run.cycle.energy < 1e-4 * 100.0 * 1e-7
 
 
 def test_repetition_tells_after_how_many_periods_a_force_comes_again():

@@ -50,6 +50,8 @@ REFUSED = {
         "output.spheres": [1, 3],
     },
     "arm.stiffness = inf, which clamps": {"arm.stiffness": float("inf")},
+    "which has no contact between spheres": {"friction.between_spheres": 0.2},
+    "friction.between_spheres = -1.0 must be": {"friction.between_spheres": -1.0},
     "arm.stiffness has 3 values": {"arm.stiffness": [1.0, 2.0, 3.0]},
     "[guides] hold the last sphere": {"guides.force": 0.1},
     "must be up to 10 kg m^2": {"arm.inertia": 20.0},
@@ -154,6 +156,24 @@ def test_a_sweep_over_the_coefficient_shows_friction(tmp_path, capsys):
     assert table["friction_heat_J"][1] > table["friction_heat_J"][0] > 0.0
     assert np.isnan(table["surface_velocity_ratio"][2])
     assert np.isnan(table["loop_energy_J"][0])
+
+
+def test_friction_between_spheres_acts_with_its_coefficient_and_the_ledger_closes(capsys):
+    """A chain on a shaken wall: without friction there, by a coefficient of 0, and of 0.5."""
+    shaker = "{name='shaker', on='wall', direction='y', frequency=2000.0, displacement=2e-5}"
+    sets = [f"--set={change}" for change in (*RIG, f"shakers=[{shaker}]")]
+    runs = []
+    for between in (
+        [],
+        ["--set=friction.between_spheres=0"],
+        ["--set=friction.between_spheres=0.5"],
+    ):
+        assert beadwave("impact", "rig-half-space", "--json", *sets, *between) == 0
+        runs.append(json.loads(capsys.readouterr().out))
+    absent, smooth, rough = (run["friction"]["dissipated_J"] for run in runs)
+    assert smooth == pytest.approx(absent, rel=1e-3)  # by other steps; time.error is 1e-4
+    assert abs(rough / absent - 1.0) > 0.02
+    assert max(run["energy_error"] for run in runs) < 1e-4
 
 
 def test_unlike_materials_are_told(capsys):

@@ -252,6 +252,32 @@ def test_a_sensor_against_its_direction_at_some_modes_is_named(hits, tmp_path):
     assert "driving point 2+z: 1 of 3 modes move against the others" in sentence
 
 
+def test_a_sensor_that_looks_against_the_hammer_is_named_where_its_quantity_is_known(
+    hits, tmp_path
+):
+    """Hits along -z that are said to be along +z: accelerations at the driving point are against
+    the force. Said rightly, or without a unit, there is nothing to say."""
+    records, t = hits.hits, np.arange(hits.hits.force.shape[1]) * hits.hits.dt
+    at = [int(np.abs(hits.phi - phi).sum(axis=1).argmin()) for phi in hits.phi_at_sensors]
+    sensors = [f"{p + 1}+z" for p in at]
+
+    def remarks(sign, named):
+        names = [f"{p + 1}{'-' if named else '+'}z" for p in range(4)]
+        paths = [
+            as_csv(
+                tmp_path / f"r{r}.csv", t, records.force[r], sign * records.response[r],
+                names[records.point[r]], sensors,
+            )
+            for r in range(len(records.force))
+        ]  # fmt: skip
+        return hammer_test(paths, {}, choice=BAND).report.remarks
+
+    assert remarks(1, False) == []
+    assert all("hammer and sensor point against each other" in r for r in remarks(-1, False))
+    assert len(remarks(-1, False)) == 2
+    assert remarks(-1, True) == []
+
+
 def hammer_test_of(hits):
     """The truth as modes with one sensor at the second point, along the direction of its hits."""
     responses = FrequencyResponses(np.zeros(1), np.zeros((4, 1, 1)), NAMES, ("2+z",))

@@ -85,8 +85,58 @@ def test_an_imported_wall_of_one_column_is_refused_with_friction(capsys):
     assert "w with three columns" in capsys.readouterr().err
 
 
+THREE_SPHERES = """
+name = "shaken-modes"
+[chain]
+count = 3
+radius = 0.0127
+density = 7800.0
+young = 210e9
+poisson = 0.3
+[striker]
+velocity = 0.1
+[preload]
+force = 20.0
+[friction]
+coefficient = 0.2
+upstream = "{}"
+[arm]
+stiffness = 2e6
+rotation = 300.0
+[wall]
+kind = "rom"
+file = "wall.npz"
+[[shakers]]
+name = "motor"
+on = "wall"
+frequency = 500.0
+force = 5.0
+[damping]
+kind = "modal"
+ratio = 0.05
+[time]
+duration = 3e-4
+error = 1e-3
+"""
+
+
+def test_spheres_that_nothing_holds_beside_a_shaken_structure_are_held_by_a_word(capsys, folder):
+    """They would be pushed away: refused by default, at rest until the striker with "held"."""
+    imported("wall.npz", np.array([[1.2, 0.7, 0.1], [0.4, -0.6, 0.9]]), names=["motor"])
+    (folder / "free.toml").write_text(THREE_SPHERES.format("free"))
+    assert beadwave("impact", "free.toml") == 2
+    assert 'set friction.upstream to "held"' in capsys.readouterr().err
+    (folder / "held.toml").write_text(THREE_SPHERES.format("held"))
+    assert beadwave("impact", "held.toml", "--json") == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["friction"]["loop_tangential_N"] > 0.0
+    assert summary["energy_error"] < 1e-3
+
+
 REFUSED = {
+    'friction.upstream = "held" holds the other spheres': ["friction.upstream=held"],
     "wall.prune counts what modes do along the chain alone": ["wall.prune=true"],
+    "friction.between_spheres is known before walls of a few": ["friction.between_spheres=0.1"],
     "[friction] needs a contact that is read where it is loaded": ["strike.weights=thesis"],
 }
 
@@ -108,3 +158,41 @@ def test_a_reduced_model_of_friction_is_a_wall_of_another_run(capsys):
     second = json.loads(capsys.readouterr().out)
     for key in ("velocity_m_s", "spin_rad_s"):
         assert second["friction"][key] == pytest.approx(first["friction"][key], rel=1e-6)
+
+
+SHAKEN = [
+    "--set=wall.kind=rom", "--set=wall.file=shaken.npz", "--set=preload.force=20",
+    "--set=damping.kind=modal", "--set=damping.ratio=0.02", "--set=time.error=1e-3",
+    "--set=time.duration=1e-3", "--set=time.horizon=1e-3", "--set=output.samples=501",
+]  # fmt: skip
+
+
+def shaken(capsys, tables, status=0):
+    """Summary of a sphere that is pressed on an imported wall of two modes, which is shaken."""
+    sets = [f"--set=shakers=[{tables}]"]
+    assert beadwave("impact", "shaken-plane", "--json", "--out=s", "--overwrite",
+                    *SHAKEN, *sets) == status  # fmt: skip
+    printed = capsys.readouterr()
+    return json.loads(printed.out) if status == 0 else printed.err
+
+
+def test_a_shaker_of_an_imported_wall_brings_the_contact_into_a_period(capsys):
+    """The heat of the run, which lasts a period, is the loop's, and the ledger closes with the
+    shaker's work. A stinger a thousand times as soft as the structure at its shaker makes a motion
+    the force that it is times the stiffness."""
+    imported("shaken.npz", np.array([[0.1, 0.9, 0.0], [0.05, -0.5, 0.0]]), ("top",))
+    base = 'name = "top", on = "wall", frequency = 1000.0'
+    by_force = shaken(capsys, f"{{ {base}, force = 20.0 }}")["friction"]
+    run = dict(np.load("s/trajectory.npz"))
+    assert by_force["periodicity_error"] < 1e-3
+    loop = by_force["loop_energy_J"]
+    assert loop > 1e-8 and by_force["dissipated_J"] == pytest.approx(loop, rel=1e-2)
+    assert np.ptp(run["energy_total"]) < 1e-2 * loop
+    by_motion = shaken(capsys, f"{{ {base}, displacement = 1e-3, stinger = 2e4 }}")["friction"]
+    assert by_motion["loop_energy_J"] == pytest.approx(loop, rel=2e-2)
+
+
+def test_a_shaker_that_the_file_does_not_have_is_refused(capsys):
+    imported("shaken.npz", np.array([[0.1, 0.9, 0.0], [0.05, -0.5, 0.0]]), ("top",))
+    why = shaken(capsys, '{ name = "side", on = "wall", frequency = 1000.0, force = 20.0 }', 2)
+    assert "shakers.side is no shaker of wall.file, which has top" in why

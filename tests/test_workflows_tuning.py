@@ -125,7 +125,7 @@ def test_the_command_writes_a_scene_that_reads_back(tmp_path, monkeypatch, capsy
     report = json.loads(capsys.readouterr().out)
     written = scene("new/my rig.toml")
     assert written.joints.head.kz == report["stiffness"]["head.kt"]
-    assert written.name == "my-rig"  # a name has no blanks
+    assert written.name == "rig-rom"  # of its file
 
 
 def test_a_block_with_its_own_steel_keeps_the_values_that_are_not_tuned():

@@ -1,12 +1,14 @@
 """The last sphere across the chain: it moves and turns, an arm holds it, friction acts at the wall.
 
-    m u'' + k u = -T,     I psi'' + kappa psi = -R T,     dU = du + R dpsi - dw
+    m u'' + k u = -T - S,     I psi'' + kappa psi = -R (T - S),
+    dU = du + R dpsi - dw at the wall,     du - R dpsi at the sphere before
 
 in each direction along the wall: u of the centre, psi the turn by which the contact's point of the
-sphere moves as by u / R, w of the wall. T is the tangential force of the contact, whose overlap
-the march along the chain gives: friction leaves that motion alone. Each step is a half kick by T,
-the exact motion of sphere and arm without T, the new T, another half kick: order 2 (Stormer and
-Verlet), and the error of T's onset as t^(3/2) is of order 5/2.
+sphere moves as by u / R, w of the wall. T is the tangential force of the contact at the wall, S
+that of the contact with the sphere before, which moves along the chain alone. The march along the
+chain gives the overlaps of both: friction leaves that motion alone. Each step is a half kick by T
+and S, the exact motion of sphere and arm without them, the new T and S, another half kick: order 2
+(Stormer and Verlet), and the error of T's onset as t^(3/2) is of order 5/2.
 """
 
 from typing import NamedTuple
@@ -58,7 +60,8 @@ class Across(NamedTuple):
     v: Array  # [m/s]
     psi: Array  # [rad]
     spin: Array  # [rad/s]
-    force: Array  # [N] of the contact, T
+    force: Array  # [N] of the contact at the wall, T
+    behind: Array  # [N] of the contact with the sphere before, S
     slip: Array  # [m] of the bodies at the contact, U
 
 
@@ -68,6 +71,14 @@ class Springs(NamedTuple):
     row: SpringRow | None
     room: SpringRow | None
     cells: SpringCells | None
+
+
+class Touch(NamedTuple):
+    """A contact of the sphere."""
+
+    law: TangentialLaw
+    pressing: Pressing
+    springs: Springs
 
 
 class SavedAcross(NamedTuple):
@@ -80,7 +91,7 @@ class SavedAcross(NamedTuple):
     force: Array
     slip: Array
     stick: Array  # (k,) share of the contact's area
-    # (k, 6) [J] lateral, of rotation, of the arm, of the contact, friction's heat, work of the
+    # (k, 6) [J] lateral, of rotation, of the arm, of the contacts, friction's heat, work of the
     # wall's motion on the contact
     energy: Array
 
@@ -135,50 +146,61 @@ def contact_state(
 
 @ieee_march
 def march_across(
-    state: Across, sphere: Sphere, pressing: Pressing, law: TangentialLaw, springs: Springs,
-    wall: Array | None, steps: Steps, saved: SavedAcross,
+    state: Across, sphere: Sphere, contact: Touch, before: Touch | None, wall: Array | None,
+    steps: Steps, saved: SavedAcross,
 ) -> int:  # fmt: skip
     """March the sphere across the chain; changes the state and the springs.
 
-    `wall` (n_steps + 1, n_directions) [m] is its displacement at the ends of the steps, None at
+    `before` is the contact with the sphere before, None without friction there; `wall`
+    (n_steps + 1, n_directions) [m] is the wall's displacement at the ends of the steps, None at
     rest. Ends early, and says after how many saves, where a state is not finite.
     """
     h, n_save, stride = steps
-    u, v, psi, spin, force, slip = state
+    u, v, psi, spin, force, behind, slip = state
+    law, pressing, springs = contact
     n, R, work = u.size, sphere.radius, 0.0
     for k in range(n_save + 1):
         for i in range(stride if k > 0 else 0):
             step = (k - 1) * stride + i
-            way1, way2 = 0.0, 0.0
+            way1, way2, back1, back2 = 0.0, 0.0, 0.0, 0.0
             for j in range(n):
                 # half a kick, then sphere and arm move without the contact's force
-                w = v[j] - 0.5 * h * sphere.inverse_mass[j] * force[j]
-                turning = spin[j] - 0.5 * h * sphere.inverse_inertia * R * force[j]
-                start = u[j] + R * psi[j]
+                w = v[j] - 0.5 * h * sphere.inverse_mass[j] * (force[j] + behind[j])
+                turning = spin[j] - 0.5 * h * sphere.inverse_inertia * R * (force[j] - behind[j])
+                start, back = u[j] + R * psi[j], u[j] - R * psi[j]
                 swing, turn = sphere.swing, sphere.turn
                 v[j] = swing[2, j] * u[j] + swing[3, j] * w
                 u[j] = swing[0, j] * u[j] + swing[1, j] * w
                 spin[j] = turn[2, 0] * psi[j] + turn[3, 0] * turning
                 psi[j] = turn[0, 0] * psi[j] + turn[1, 0] * turning
-                way = u[j] + R * psi[j] - start
+                way, back = u[j] + R * psi[j] - start, u[j] - R * psi[j] - back
                 if wall is not None:
                     moved = wall[step + 1, j] - wall[step, j]
                     way -= moved
                     work -= 0.5 * moved * force[j]
                 slip[j] += way
                 way1, way2 = (way, 0.0) if j == 0 else (way1, way)
+                back1, back2 = (back, 0.0) if j == 0 else (back1, back)
 
-            # the contact at the end of the step, and the other half of the kick
+            # the contacts at the end of the step, and the other half of the kick
             d, q = pressed((step + 1) * h, pressing)
             press(law, d, q, (way1, way2), force, springs.row, springs.room, springs.cells)
+            if before is not None:
+                d, q = pressed((step + 1) * h, before.pressing)
+                row, room, cells = before.springs
+                press(before.law, d, q, (back1, back2), behind, row, room, cells)
             for j in range(n):
-                v[j] -= 0.5 * h * sphere.inverse_mass[j] * force[j]
-                spin[j] -= 0.5 * h * sphere.inverse_inertia * R * force[j]
+                v[j] -= 0.5 * h * sphere.inverse_mass[j] * (force[j] + behind[j])
+                spin[j] -= 0.5 * h * sphere.inverse_inertia * R * (force[j] - behind[j])
                 if wall is not None:
                     work -= 0.5 * (wall[step + 1, j] - wall[step, j]) * force[j]
         if k == 0:
             d, q = pressed(0.0, pressing)
             press(law, d, q, (0.0, 0.0), force, springs.row, springs.room, springs.cells)
+            if before is not None:
+                d, q = pressed(0.0, before.pressing)
+                row, room, cells = before.springs
+                press(before.law, d, q, (0.0, 0.0), behind, row, room, cells)
 
         # states and energies
         energy = saved.energy[k]
@@ -194,6 +216,9 @@ def march_across(
             energy[2] += 0.5 * sphere.stiffness[j] * u[j] * u[j]
             energy[2] += 0.5 * sphere.turn_stiffness * psi[j] * psi[j]
         stick, energy[3], energy[4] = contact_state(law, springs.row, springs.cells)
+        if before is not None:
+            _, stored, heat = contact_state(before.law, before.springs.row, before.springs.cells)
+            energy[3], energy[4] = energy[3] + stored, energy[4] + heat
         energy[5] = work
         saved.stick[k] = stick
         if not abs(energy[0] + energy[1] + energy[2] + energy[3] + energy[4]) <= 1e300:

@@ -7,10 +7,8 @@ import typer
 
 from workflows.commands.options import (
     Changes,
-    JsonFiles,
     Overwrite,
     Quiet,
-    SceneName,
     json_of,
     scene_names,
 )
@@ -21,10 +19,16 @@ from workflows.commands.terminal import (
     print_report,
     print_result,
 )
+from workflows.commands.verb import Call, Word, verb
 
 
+@verb(
+    "workflows.structure.api.modes",
+    json="{rows: [a mode or model each]}; of --inp and --step {written}",
+    out=Word("folder for the MAC matrix, or with --table 5.2 for figure 5.7"),
+)
 def modes(
-    scene: SceneName = None,
+    call: Call,
     table: Annotated[
         str | None,
         typer.Option(help="Rebuild a table of the thesis beside its numbers: 5.2 or 5.3."),
@@ -33,54 +37,32 @@ def modes(
         Path | None, typer.Option(help="Write the model for CalculiX or Abaqus (.inp).")
     ] = None,
     step: Annotated[Path | None, typer.Option(help="Write the geometry (.step).")] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="Folder for the MAC matrix, or with --table 5.2 for figure 5.7."),
-    ] = None,
-    changes: Changes = None,
-    overwrite: Overwrite = False,
-    quiet: Quiet = False,
-    json: json_of("{rows: [a mode or model each]}; of --inp and --step {written}") = False,
 ) -> None:
     """Frequencies beside measured ones, MAC, participation."""
     from workflows.scene import InvalidScene
     from workflows.structure import api
 
-    if (inp or step) and (table or out):
+    if (inp or step) and (table or "out" in call.given):
         raise InvalidScene("--inp and --step write the model alone; drop --table and --out.")
-    with StageProgress(f"modes {scene} {table}", quiet=quiet) as progress:
-        given = {"changes": changes or (), "overwrite": overwrite, "progress": progress.stage}
-        if inp or step:
-            print_files(api.export(scene, inp=inp, step=step, **given), json, quiet)
-            return
-        given |= {"out": out}
-        result = api.thesis_table(table, scene, **given) if table else api.modes(scene, **given)
-    print_report(result if table else result.table, json, quiet)
+    if inp or step:
+        call.function = api.export
+        print_files(call(inp=inp, step=step), call.json, call.quiet)
+    elif table:
+        call.function = api.thesis_table
+        print_report(call(table=table), call.json, call.quiet)
+    else:
+        print_report(call().table, call.json, call.quiet)
 
 
-def look(
-    source: Annotated[
-        str,
-        typer.Argument(metavar="FILE.step|SCENE", help="A STEP file, or a scene with an assembly."),
-    ],
-    starter: Annotated[
-        Path | None, typer.Option("--scene", help="Write a scene of the file to start from.")
-    ] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for the picture with the names.")] = None,
-    changes: Changes = None,
-    overwrite: Overwrite = False,
-    quiet: Quiet = False,
-    json: json_of("{bodies, touching, holes, dofs, memory_bytes, seconds, remarks}") = False,
-) -> None:
+@verb(
+    "workflows.structure.api.look",
+    json="{bodies, touching, holes, dofs, memory_bytes, seconds, remarks}",
+    source=Word(metavar="FILE.step|SCENE", completes=scene_names),
+    starter=Word(name="--scene"),
+)
+def look(call: Call) -> None:
     """Bodies, masses, touching pairs, holes, size of the mesh."""
-    from workflows.structure.api import look as look_at
-
-    with StageProgress(f"look {source}", quiet=quiet) as progress:
-        result = look_at(
-            source, changes or (), starter=starter, out=out, overwrite=overwrite,
-            progress=progress.stage,
-        )  # fmt: skip
-    print_report(result.found, json, quiet)
+    print_report(call().found, call.json, call.quiet)
 
 
 def span(text: str | None) -> tuple[float, float] | None:
@@ -208,63 +190,26 @@ def hammer(
         print_lines(f"written: {out}/{', '.join([*names, 'figures'])}", json=json, quiet=quiet)
 
 
-def tune_joints(
-    scene: SceneName = None,
-    hammer_file: Annotated[
-        Path | None,
-        typer.Option("--hammer", help="A hammer test (.csv, .uff) to take frequencies from."),
-    ] = None,
-    match: Annotated[
-        str | None,
-        typer.Option(help="Modes to meet, as 1,3,4 or 1=51.2,3=905 [Hz]; default all."),
-    ] = None,
-    free: Annotated[
-        str | None,
-        typer.Option(
-            help="What to vary: joints.NAME.kz,materials.NAME.young; of the rig head.ky, head.kz, "
-            "head.kry, head.kt (kx and kz as one), foot.ky, ..., block.young, block.density."
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="The tuned scene; default NAME-tuned.toml.")
-    ] = None,
-    changes: Changes = None,
-    overwrite: Overwrite = False,
-    quiet: Quiet = False,
-    json: json_of("{match, modes_hz, full_order_hz, stiffness, undetermined, mac, ...}") = False,
-) -> None:
+@verb(
+    "workflows.structure.api.tune",
+    json="{match, modes_hz, full_order_hz, stiffness, undetermined, mac, ...}",
+    out=Word("the tuned scene; default NAME-tuned.toml"),
+)
+def tune_joints(call: Call) -> None:
     """Fit joint stiffnesses to chosen modes and write a scene."""
-    from workflows.structure import api
+    from workflows.structure.api import USUAL
 
-    with StageProgress(f"tune {scene}", quiet=quiet) as progress:
-        result = api.tune(
-            scene, changes or (), match=match, free=() if free is None else free,
-            hammer=hammer_file, out=out or api.USUAL, overwrite=overwrite,
-            progress=progress.stage,
-        )  # fmt: skip
-    print_report(result.report, json, quiet)
+    call.given.setdefault("out", USUAL)
+    result = call()
+    print_report(result.report, call.json, call.quiet)
     for sentence in result.report.failures:
         raise ValueError(f"no scene is written: {sentence}")
-    print_lines(f"written: {result.file}", json=json, quiet=quiet)
+    print_lines(f"written: {result.file}", json=call.json, quiet=call.quiet)
 
 
-def reduce(
-    out: Annotated[Path, typer.Option(help="rom.npz, .mat or .h5.")],
-    scene: SceneName = None,
-    matrices: Annotated[
-        Path | None, typer.Option(help="Write the full model's K, M, w beside it (.mat, .npz).")
-    ] = None,
-    changes: Changes = None,
-    overwrite: Overwrite = False,
-    quiet: Quiet = False,
-    json: JsonFiles = False,
-) -> None:
+@verb("workflows.structure.api.reduce", json="{written: [files]}", out=Word(required=True))
+def reduce(call: Call) -> None:
     """Write the reduced model: M, K, C, w, and the outer nodes' T."""
-    from workflows.structure.api import reduce as reduced
-
-    with StageProgress(f"reduce {scene}", quiet=quiet) as progress:
-        reduced(
-            scene, changes or (), out=out, matrices=matrices, overwrite=overwrite,
-            progress=progress.stage,
-        )  # fmt: skip
-    print_files([path for path in (out, matrices) if path], json, quiet)
+    call()
+    files = (call.given.get(name) for name in ("out", "matrices"))
+    print_files([path for path in files if path], call.json, call.quiet)

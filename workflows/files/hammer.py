@@ -88,6 +88,7 @@ class MeasuredTest(NamedTuple):
     steps: tuple[Step, ...]
     records: tuple[Hits, ...] = ()  # empty where the files hold responses
     kind: str = "responses"  # or "hits", "ring-downs", "ambient"
+    quantity: str = ""  # "accelerations", "velocities" or "displacements" where it is known
 
 
 def measured_test(paths: list[Path], reading: Reading = Reading()) -> MeasuredTest:
@@ -117,14 +118,14 @@ def measured_test(paths: list[Path], reading: Reading = Reading()) -> MeasuredTe
             all_ends = ends if all(t.ends for t in tests) else ()
             whole = first._replace(H=np.concatenate([t.H for t in tests]), ends=all_ends)
             responses, sets, kind = whole.by_reference(), (), "responses"
-            title = first.title
+            title, quantity = first.title, first.quantity
         else:
             responses, sets, step, kind = responses_of_records(records, reading)
             steps.append(step._replace(file=named))
-            title = records[0].title or paths[0].stem
+            title, quantity = records[0].title or paths[0].stem, records[0].quantity
     except ValueError as error:
         raise InvalidScene(f"{named}: {str(error).rstrip('.')}.") from None
-    return MeasuredTest(responses, title, nodes, tuple(steps), sets, kind)
+    return MeasuredTest(responses, title, nodes, tuple(steps), sets, kind, quantity)
 
 
 def responses_of_records(

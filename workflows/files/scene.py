@@ -14,7 +14,7 @@ from workflows.scene.toml import Change, changed, parsed, resolved
 Changes = Mapping[str, Any] | Iterable[Change]
 Source = str | Path | Mapping[str, Any] | Scene | None  # name, file, tables; None is DEFAULT
 DEFAULT = "rig-rom"
-FILE_KEYS = ("file", "step", "mesh", "shape")  # their texts are files to read
+FILE_KEYS = ("file", "step", "mesh", "shape", "receptance")  # their texts are files to read
 MOST_BYTES = 50_000_000  # a million spheres, each with values of its own
 
 

@@ -8,7 +8,15 @@ import numpy as np
 from workflows.report.numbers import NONE, digits, grouped, percent, si
 from workflows.report.rows import ERROR_OF, measured_modes, run_seconds
 from workflows.report.summary import Summary
-from workflows.scene import DashpotWall, HalfSpaceWall, OneDofWall, RigidWall, RomWall, Scene
+from workflows.scene import (
+    DashpotWall,
+    HalfSpaceWall,
+    MeasuredWall,
+    OneDofWall,
+    RigidWall,
+    RomWall,
+    Scene,
+)
 
 MODES = "measured modes, computed"
 
@@ -46,6 +54,8 @@ def wall_words(scene: Scene, summary: Summary) -> str:
             return f"an infinite plate {si(h, 'm')} thick."
         case DashpotWall(coefficient=c):
             return f"a dashpot of {si(c, 'N s/m')}."
+        case MeasuredWall(receptance=file):
+            return f"a wall known by its measured response ({Path(file).name})."
         case RomWall(file=file) if file:
             return f"a reduced model of {summary.n_wall_modes} modes ({Path(file).name})."
     mass = summary.reduction and summary.reduction.mass_kg

@@ -28,6 +28,7 @@ STANDS_FOR = {
     "move but under the contact itself.",
     "1dof": "The wall is one mass on a spring without a shape: slab and coil stand for them.",
     "dashpot": "The wall is a dashpot without a shape: slab and piston stand for it.",
+    "measured": "The wall is known by its response alone: slab and coil stand for it.",
     "rom": "The wall is a reduced model without a surface: slab and coil stand for it.",
 }
 NAMES = {name: label for label, name in ERROR_OF.items()}

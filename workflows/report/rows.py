@@ -29,6 +29,7 @@ ERRORS = {
         ),
     ),
     "theory": ("theory", ("other-theories", "theory-error")),
+    "receptance": ("receptance", ("receptance-error",)),
 }
 LARGE = 0.05  # relative error from which on it stands out
 # rows with an error of their own: the name of their number in the summary's table of errors

@@ -110,6 +110,7 @@ class NumberError(BaseModel):
     reduction: float | None = None
     mesh: float | None = None
     theory: float | None = None  # of a beam or a plate
+    receptance: float | None = None  # of a measured wall
     total: float | None = None
     why: str = ""  # where the mesh's error comes from if it is large, and what helps
 
@@ -187,6 +188,7 @@ class ErrorEstimate(BaseModel):
     reduction: float | None = None
     mesh: float | None = None
     theory: float | None = None  # of a beam or a plate, beside three-dimensional elasticity
+    receptance: float | None = None  # of a measured wall: noise and end of its band
 
 
 class ReductionHealth(BaseModel):

@@ -11,7 +11,7 @@ from workflows.report.provenance import UNKNOWN, Origin
 from workflows.report.report import CAPTIONS, write_report
 from workflows.report.summary import ErrorEstimate, NumberError, StageTime, Summary
 from workflows.run.second_process import IMPACT, RUN, two_processes
-from workflows.scene import Scene
+from workflows.scene import MeasuredWall, Scene
 from workflows.scene.places import has_friction
 from workflows.scene.toml import toml
 from workflows.stages import warnings
@@ -192,6 +192,10 @@ def summary_of(
             sentences += warnings.model_errors_left_out()
         if not structure and not has_friction(scene):
             number_errors += pipeline("time-errors")
+        if with_errors and isinstance(scene.wall, MeasuredWall):
+            errors["receptance"] = pipeline("receptance-error")
+            sentences += warnings.large_model_error("receptance", errors["receptance"])
+            sentences += warnings.narrow_band(scene, pipeline("impact").trajectory)
 
         # the march and its waves
         numbers |= chain.numbers | {"error_estimate": ErrorEstimate(**errors)}

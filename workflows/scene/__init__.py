@@ -10,7 +10,14 @@ from workflows.scene.scene import Scene
 from workflows.scene.scene_table import InvalidScene, Positive, SceneTable, nearest
 from workflows.scene.sensors import Instrument, Output, SensorTable
 from workflows.scene.time import Time
-from workflows.scene.walls import DashpotWall, HalfSpaceWall, OneDofWall, RigidWall, RomWall
+from workflows.scene.walls import (
+    DashpotWall,
+    HalfSpaceWall,
+    MeasuredWall,
+    OneDofWall,
+    RigidWall,
+    RomWall,
+)
 
 __all__ = [
     "ContactTable",
@@ -22,6 +29,7 @@ __all__ = [
     "JointStiffnesses",
     "Joints",
     "LeafSpringsTable",
+    "MeasuredWall",
     "Mesh",
     "ModalDampingTable",
     "NoDamping",

@@ -5,11 +5,19 @@ from math import isinf
 from pathlib import Path
 from typing import NamedTuple
 
-from workflows.scene import DashpotWall, ModalDampingTable, RayleighDampingTable, RomWall, Scene
+from workflows.scene import (
+    DashpotWall,
+    MeasuredWall,
+    ModalDampingTable,
+    RayleighDampingTable,
+    RomWall,
+    Scene,
+)
 from workflows.scene.bodies import General
 from workflows.scene.body_contradictions import of_bending, of_bodies, of_the_rig
 from workflows.scene.friction import of_friction
 from workflows.scene.gravity import of_gravity
+from workflows.scene.masses import of_masses
 from workflows.scene.named_files import unfit
 from workflows.scene.sensors import of_place
 from workflows.scene.shakers import of_shakers
@@ -48,6 +56,7 @@ def contradictions(scene: Scene) -> Iterator[str]:
             yield from _of_rig_assembly(scene)
             yield from _of_reading(scene, "patch")
             yield from _dashpots(scene)
+    yield from of_masses(scene)
     yield from _of_modes(scene)
     yield from too_large(scene)
     if scene.chain:
@@ -66,6 +75,8 @@ def _missing_parts(scene: Scene) -> Iterator[str]:
         yield "[wall] needs a [chain] that hits it; add one or drop [wall]."
     if isinstance(wall, RomWall) and wall.file is None and not scene.has_structure:
         yield 'wall.kind = "rom" needs [assembly], [beam], [plate] or wall.file; add one of them.'
+    if isinstance(wall, MeasuredWall) and (why := unfit(Path(wall.receptance))):
+        yield f"wall.receptance = {wall.receptance!r} {why}; give a .uff, .unv, .csv or .mat."
     if isinstance(wall, RomWall) and wall.file and (why := unfit(Path(wall.file))):
         yield f"wall.file = {wall.file!r} {why}; give a .npz, .mat, .h5 or .mtx."
     if chain and wall is None and chain.count < 2:

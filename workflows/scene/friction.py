@@ -5,7 +5,7 @@ few numbers the chain lies along x, t1 is y and t2 is z.
 """
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -29,6 +29,11 @@ class Friction(SceneTable):
     """Friction of the last sphere at the wall, exact under any history (Cattaneo and Mindlin)."""
 
     coefficient: Annotated[NonNegative, Field(le=10)]  # tangential over normal force where it slips
+    # the other spheres while shakers move a structure, before the striker comes: they move with it,
+    # or are held at rest
+    upstream: Literal["free", "held"] = "free"
+    # the same between spheres: of the last one on the one before, which stays on the chain's line
+    between_spheres: Annotated[NonNegative, Field(le=10)] | None = None
 
 
 class Arm(SceneTable):
@@ -51,6 +56,11 @@ def _of_structure(scene: "Scene", wall: RomWall) -> Iterator[str]:
         yield (
             f"[friction] needs a solid structure, [{table}] knows motions along the chain alone; "
             "take [assembly], or drop [friction]."
+        )
+    if scene.friction.between_spheres is not None:
+        yield (
+            "friction.between_spheres is known before walls of a few numbers alone; drop it before "
+            "a structure."
         )
     if wall.prune:
         yield "wall.prune counts what modes do along the chain alone; drop it with [friction]."
@@ -80,6 +90,12 @@ def of_friction(scene: "Scene") -> Iterator[str]:
                 "add [friction], or drop it."
             )
         return
+
+    if friction.upstream == "held" and not (scene.shakers and isinstance(wall, RomWall)):
+        yield (
+            'friction.upstream = "held" holds the other spheres while shakers move a structure; '
+            'add [[shakers]] with wall.kind = "rom", or drop it.'
+        )
 
     # walls: those whose motion along the chain has no part across it
     if wall is None:
@@ -117,7 +133,20 @@ def of_friction(scene: "Scene") -> Iterator[str]:
             f'[friction] with contact.dissipation = "{contact.dissipation}", whose force does not '
             'vanish with the contact\'s area; take "hunt-crossley", or drop [friction].'
         )
-    last = np.atleast_1d(contact.stiffness_factor)[-1]
+    factors = np.atleast_1d(contact.stiffness_factor)
+    last = factors[-1]
+    rubbing = friction.between_spheres is not None
+    if rubbing and scene.chain.count == 1:
+        yield (
+            f"friction.between_spheres = {friction.between_spheres:g} with chain.count = 1, which "
+            "has no contact between spheres; drop it, or add spheres."
+        )
+    elif rubbing and factors[max(-2, -factors.size)] != 1.0:
+        yield (
+            "contact.stiffness_factor of the contact before the last sphere must be 1 with "
+            f"friction.between_spheres, found {factors[max(-2, -factors.size)]:g}: a factor says "
+            "nothing of the contact's size; change it, or drop between_spheres."
+        )
     if last != 1.0:
         yield (
             f"contact.stiffness_factor = {last:g} at the wall, with [friction] it must be 1 there: "

@@ -53,8 +53,14 @@ def has_friction(scene: "Scene") -> bool:
 
 
 def named_faces(scene: "Scene") -> dict[str, str]:
-    """Selectors of the faces that shakers and sensors sit on, by their names in the mesh."""
-    return {place.face: place.on for place in shaker_places(scene) + sensor_places(scene)}
+    """Selectors of the faces of shakers, sensors and masses, by their names in the mesh."""
+    functionals = {place.face: place.on for place in shaker_places(scene) + sensor_places(scene)}
+    return functionals | {mass_face(mass.name): mass.on for mass in scene.masses or ()}
+
+
+def mass_face(name: str) -> str:
+    """Name in the mesh of the face that carries a mass."""
+    return f"mass-{name}"
 
 
 def words_of(scene: "Scene") -> list[Any]:

@@ -24,6 +24,7 @@ from workflows.scene.damping import Damping
 from workflows.scene.friction import Arm, Friction
 from workflows.scene.gravity import Gravity, Guides
 from workflows.scene.joints import Joints, JointStiffnesses
+from workflows.scene.masses import MassTable
 from workflows.scene.mesh import Standing
 from workflows.scene.named_materials import NAMED, NUMBERS
 from workflows.scene.reduction import Patch, Reduction
@@ -70,6 +71,7 @@ class Scene(SceneTable):
     bodies: dict[BodyName, BodyTable] | None = None
     ties: Annotated[tuple[Tied, ...], Several] | None = None
     joints: EitherJoints | None = None
+    masses: Annotated[tuple[MassTable, ...], Several] | None = None
     strike: Strike | None = None
     loads: Annotated[tuple[StaticLoad, ...], Several] | None = None
     targets: Annotated[tuple[MeasuredMode, ...], Several] | None = None

@@ -12,6 +12,7 @@ from workflows.scene import (
     ContactTable,
     InvalidScene,
     Joints,
+    MeasuredWall,
     Mesh,
     NoDamping,
     Output,
@@ -85,6 +86,9 @@ def resolved(tables: dict[str, Any], source: str, folder: Path = Path()) -> Scen
     # paths of files, from the folder of the scene
     if isinstance(scene.wall, RomWall) and scene.wall.file:
         added["wall"] = scene.wall.model_copy(update={"file": str(folder / scene.wall.file)})
+    if isinstance(scene.wall, MeasuredWall):
+        file = str(folder / scene.wall.receptance)
+        added["wall"] = scene.wall.model_copy(update={"receptance": file})
     if scene.contact and scene.contact.file:
         added["contact"] = scene.contact.model_copy(
             update={"file": str(folder / scene.contact.file)}

@@ -135,6 +135,55 @@ class RomWall(SceneTable):
     curvatures: Annotated[tuple[Number, Number], Field(strict=False)] | None = None
 
 
+# responses by their unit: times i omega of a displacement, and the factor to SI
+RESPONSE_UNITS = {
+    "m/N": (0, 1.0),
+    "mm/N": (0, 1e-3),
+    "um/N": (0, 1e-6),
+    "m/s/N": (1, 1.0),
+    "mm/s/N": (1, 1e-3),
+    "m/s^2/N": (2, 1.0),
+    "g/N": (2, 9.80665),
+}
+
+
+class MeasuredWall(SceneTable):
+    """A wall that is known by its measured response at the contact alone.
+
+    `receptance` is a hammer test of this one point (.uff, .unv, .csv, .mat), fitted by oscillators
+    that cannot create energy. Displacement over force is a receptance, velocity a mobility,
+    acceleration an accelerance: `unit` says which. What Hertz' law holds of the response already is
+    taken out: by `sensor_distance` the motion of a half-space's surface there, by `half_space` its
+    compliance itself; without either the sensor is far from the hit or behind it. `young` and
+    `poisson` are those of the surface struck.
+    """
+
+    kind: Literal["measured"]
+    receptance: str  # a measured response: .uff, .unv, .csv, .mat
+    # of the response; "g/N" is accelerance in multiples of 9.80665 m/s^2
+    unit: Literal["m/N", "mm/N", "um/N", "m/s/N", "mm/s/N", "m/s^2/N", "g/N"]
+    # number of the response in the file; without it that of a point hit itself
+    response: Count | None = None
+    sensor_distance: of(Positive, LENGTH, 1e-4, 1.0) | None = None  # [m] of the sensor from the hit
+    # [m/N] compliance of the response that Hertz' law holds already
+    half_space: of(NonNegative, COMPLIANCE, 1e-15, 1e-4) | None = None
+    material: str | None = None  # a named material, in place of its numbers
+    young: Young = 210e9  # [Pa] Young's modulus
+    poisson: Poisson = 0.3  # Poisson's ratio
+    yield_stress: YieldStress | None = None  # [Pa] beyond which a run warns
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_named_material(cls, table: Any) -> Any:
+        if isinstance(table, dict) and None not in (
+            table.get("sensor_distance"),
+            table.get("half_space"),
+        ):
+            raise ValueError("sensor_distance and half_space exclude each other: keep one of them")
+        return with_numbers(table, ("young", "poisson", "yield_stress"))
+
+
 Wall = Annotated[
-    RigidWall | HalfSpaceWall | OneDofWall | DashpotWall | RomWall, Discriminator("kind")
+    RigidWall | HalfSpaceWall | OneDofWall | DashpotWall | RomWall | MeasuredWall,
+    Discriminator("kind"),
 ]

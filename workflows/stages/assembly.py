@@ -9,6 +9,7 @@ import rom
 from fem.assembly_modes import AssemblyModes, assembly_modes
 from fem.model import Constrained, constrained
 from workflows.scene import InvalidScene, Scene
+from workflows.scene.places import mass_face
 from workflows.stages import bodies, strike
 from workflows.stages.parts import STRIKE, Parts
 from workflows.stages.targets import targets
@@ -22,7 +23,7 @@ def mesh(scene: Scene, coarser: float = 1.0) -> Parts:
 
 def model(scene: Scene, mesh: Parts) -> fem.Model:
     """The parts assembled, joined and held; raises InvalidScene for bodies that nothing keeps."""
-    structure = fem.assemble(mesh.meshes, mesh.materials)
+    structure = _with_masses(scene, mesh, fem.assemble(mesh.meshes, mesh.materials))
     below = scene.table and fem.SwayingTable(scene.table.frequency, scene.table.mass)
     connections = mesh.connections._replace(table=below)
     constraints = constrained(structure, connections)
@@ -34,6 +35,20 @@ def model(scene: Scene, mesh: Parts) -> fem.Model:
         return fem.prestressed(joined, mesh.materials, mesh.load)
     except ValueError as why:
         raise InvalidScene(f"{scene.name}: loads: {str(why).rstrip('.')}.") from None
+
+
+def _with_masses(scene: Scene, mesh: Parts, structure: fem.Structure) -> fem.Structure:
+    """The structure with what its faces carry; raises InvalidScene for a disc that leaves its face
+    and for a face that is not plane."""
+    for table in scene.masses or ():
+        face = mesh.face(mass_face(table.name))
+        place = table.at, table.radius, table.mass, table.height, table.inertia or (0.0,) * 3
+        try:
+            structure = fem.with_carried(structure, [fem.CarriedMass(table.name, face, *place)])
+        except ValueError as error:
+            why = str(error).replace(face, table.on).rstrip(".")
+            raise InvalidScene(f"{scene.name}: masses.{table.name}: {why}.") from None
+    return structure
 
 
 def _require_kept(

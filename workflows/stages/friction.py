@@ -98,6 +98,13 @@ def last_sphere(scene: Scene, start: Start) -> LastSphere:
         for values in (chain.radius, chain.density, chain.young, chain.poisson)
     )
     law = tangential_law(scene.friction.coefficient, R, E, nu, np.inf, *start.flat)
+    before = None
+    if scene.friction.between_spheres is not None:
+        rubbed = (
+            float(np.broadcast_to(values, chain.count)[-2])
+            for values in (chain.radius, chain.young, chain.poisson)
+        )
+        before = tangential_law(scene.friction.between_spheres, R, E, nu, *rubbed)
     velocity = scene.striker.tangential_velocity if scene.striker else None
     inertia = 0.4 * float(mass(R, rho)) * R**2
     return LastSphere(
@@ -106,6 +113,7 @@ def last_sphere(scene: Scene, start: Start) -> LastSphere:
         np.zeros(2) if velocity is None else np.array(velocity, float),
         arm_stiffness(arm),
         0.0 if arm is None else arm.rotation,
+        before,
     )
 
 

@@ -23,6 +23,10 @@ class Parts(NamedTuple):
     struck: Struck | None = None  # None: a scene without a strike
     load: fem.Load | None = None  # static, before the impact
 
+    def face(self, name: str) -> str:
+        """A named face as "body:name"."""
+        return next(f"{b}:{name}" for b, m in self.meshes.items() if name in (m.boundaries or {}))
+
     @property
     def nodes(self) -> dict[str, float]:
         """Number of nodes of quadratic elements by body: corners and middles of edges."""

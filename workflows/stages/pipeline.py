@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from joblib import Memory
 
-from workflows.scene import RomWall, Scene
+from workflows.scene import MeasuredWall, RomWall, Scene
 from workflows.scene.places import has_friction, named_faces, sensor_places, words_of
 from workflows.scene.size import foreseen_nodes
 from workflows.stages.cache import key, memory
@@ -75,7 +75,7 @@ def _start_reads(scene: Scene) -> Any:
 
 
 def _wall_reads(scene: Scene) -> Any:
-    file = getattr(scene.wall, "file", None)
+    file = getattr(scene.wall, "file", None) or getattr(scene.wall, "receptance", None)
     tables = tables_of("wall", "damping", "strike", "assembly")(scene)
     return {**tables, "content": content(file)}
 
@@ -86,6 +86,10 @@ def _observed(scene: Scene) -> Any:
 
 def _marched(scene: Scene) -> Any:
     return [tables_of("time")(scene), _observed(scene)]
+
+
+def _measured(scene: Scene) -> Any:
+    return [_marched(scene), _wall_reads(scene)]
 
 
 def _targets(scene: Scene) -> Any:
@@ -112,7 +116,7 @@ def content(path: str | Path | None) -> str | None:
 
 BENT = ("beam", "plate")
 BODIES = ("assembly", "bodies", "materials", "ties", "joints", "strike", "loads")
-COARSE = tables_of("assembly", "joints", "table", "strike")
+COARSE = tables_of("assembly", "joints", "table", "strike", "masses")
 START = (
     "chain", "striker", "contact", "leaf_springs", "preload", "gravity", "guides", "wall", *BENT,
     *BODIES,
@@ -120,7 +124,7 @@ START = (
 ASSEMBLY = {
     "mesh": Stage(".assembly:mesh", _dimensions, (), kept=False),
     "model": Stage(
-        ".assembly:model", tables_of("assembly", "joints", "table"), ("mesh",), kept=False
+        ".assembly:model", tables_of("assembly", "joints", "table", "masses"), ("mesh",), kept=False
     ),
     "tuning-basis": Stage(".assembly:tuning_basis", _targets, ("model",)),
     "factor": Stage(".assembly:factor", tables_of(), ("model",), kept=False, passing=True),
@@ -250,6 +254,15 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
     wall = Stage(".walls:wall_of", _wall_reads, needs)
     structure = ASSEMBLY if scene.bending is None else BENDING
     impact = IMPACT
+    if scene.chain and isinstance(scene.wall, MeasuredWall):
+        impact = impact | {
+            "receptance-error": Stage(
+                ".receptance:receptance_error", _measured, ("start", "impact")
+            ),
+            "time-errors": Stage(
+                ".receptance:number_errors", _measured, ("start", "impact", "waves"), listed=False
+            ),
+        }
     if scene.chain and scene.output.sensors:
         files = IMPACT["chain-files"]
         impact = impact | {"chain-files": files._replace(needs=(*files.needs, "record"))}

@@ -15,7 +15,15 @@ import coupling
 import dem
 from coupling.errors import CouplingError
 from coupling.reduced_spatial_wall import spatial_wall_of, with_stingers
-from coupling.spatial_march import ShakerForces, SpatialRun, SpatialSearch, march_space
+from coupling.shaken_march import march_shaken
+from coupling.spatial_march import (
+    USUAL_SPATIAL_SEARCH,
+    ShakerForces,
+    SpatialRun,
+    SpatialSearch,
+    body_of,
+    march_space,
+)
 from coupling.spatial_wall import SpatialWall
 from coupling.structure_sensors import sensed_in_march
 from dem.lateral import LateralTrajectory
@@ -102,9 +110,11 @@ def march(scene: Scene, start: Start, wall: SpatialWall) -> SpatialRun:
     try:
         if not scene.shakers:
             return march_space(start.chain, wall, start.velocity, last, **run)
-        raise InvalidScene(
-            f"{scene.name}: [[shakers]] on a structure are not marched yet; drop them."
-        )
+        search = run.pop("search", USUAL_SPATIAL_SEARCH)
+        shakers = shaker_forces(scene)
+        body = body_of(start.chain, wall, start.velocity, last, shakers, search)
+        held = scene.friction.upstream == "held"
+        return march_shaken(body, start.velocity, upstream_held=held, **run).run
     except (dem.InvalidChain, dem.NoEquilibrium) as error:
         raise InvalidScene(f"{scene.name}: {str(error).rstrip('.')}.") from None
 

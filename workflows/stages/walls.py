@@ -14,6 +14,7 @@ from workflows.scene import (
     Damping,
     DashpotWall,
     HalfSpaceWall,
+    MeasuredWall,
     OneDofWall,
     RigidWall,
     RomWall,
@@ -48,7 +49,8 @@ def wall_of(
 
 
 def simple_wall(scene: Scene) -> dem.Wall | None:
-    """A wall of the scene's numbers alone, without a reduced model; None for a free chain."""
+    """A wall of the scene's numbers or of a measured response, without a reduced model; None for a
+    free chain. Raises InvalidScene for a response that is no wall."""
     match scene.wall:
         case None:
             return None
@@ -58,6 +60,13 @@ def simple_wall(scene: Scene) -> dem.Wall | None:
             return dem.plate_wall(scene.wall.young, scene.wall.poisson, density, thickness)
         case DashpotWall(coefficient=coefficient):
             return dem.dashpot_wall(coefficient)
+        case MeasuredWall():
+            # fits are read by scenes with such a wall alone
+            from coupling.measured_wall import measured_wall
+            from workflows.files.receptance_file import fitted
+
+            response = fitted(scene.wall)
+            return measured_wall(response.fit, half_space=response.half_space)
         case RigidWall() | HalfSpaceWall():
             return dem.rigid_wall()
     raise NotImplementedError(f"no wall is made of wall.kind = {scene.wall.kind!r} here")

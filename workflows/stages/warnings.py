@@ -33,6 +33,7 @@ if (
 CURES = {
     "reduction": "keep more modes (reduction.modes, reduction.to_hz, wall.cutoff)",
     "mesh": "take smaller elements (mesh.scale below 1, or bodies.NAME.seed; of the rig mesh.seed)",
+    "receptance": "measure with less noise, more averages or in a wider band",
     "theory": "draw the beam or plate as a body, see solid-beam and solid-plate of `study`",
 }
 
@@ -47,6 +48,8 @@ class Thresholds(NamedTuple):
     quality: float = 0.7  # of a wave: below it, time and peak are those of overlapping waves
     unequal: float = 1.25  # ratio of masses beyond which waves are not those of equal spheres
     pressed: float = 0.05  # elastic energy when the record ends, over the striker's
+    # energy of the force at the wall above the band of a measured response, of the whole
+    beyond_band: float = 0.01
     per_wave: int = 5  # samples within the width of a wave that show its crest
 
 
@@ -294,6 +297,23 @@ def coarse_samples(scene: Scene, start: Start) -> tuple[str, ...]:
         f"waves of {width:.2g} s pass unseen: nothing is measured at the wall; take at least "
         f"{ceil(AT.per_wave * scene.time.duration / width)}.",
     )
+
+
+def narrow_band(scene: Scene, run: dem.Trajectory) -> Iterator[str]:
+    """A measured wall whose band ends within the spectrum of the force on it."""
+    from workflows.files.receptance_file import fitted
+
+    highest = fitted(scene.wall).highest_hz
+    power = np.abs(np.fft.rfft(run.contact_force[:, -1])) ** 2
+    f = np.fft.rfftfreq(len(run.t), float(run.t[1]))
+    beyond = float(power[f > highest].sum() / power.sum()) if power.any() else 0.0
+    if beyond > AT.beyond_band:
+        enough = f[np.searchsorted(np.cumsum(power), (1 - AT.beyond_band) * power.sum())]
+        yield (
+            f"The response of wall.receptance ends at {highest:.4g} Hz, above which the force has "
+            f"{100 * beyond:.0f} % of its energy: measure up to {1.1 * enough:.2g} Hz, with a "
+            "harder tip of the hammer."
+        )
 
 
 def unusual_wall_file(wall: RomWall) -> Iterator[str]:

@@ -70,8 +70,11 @@ def look(
 ) -> Looked:
     """Bodies, masses, touching pairs, holes and the size of the mesh (`beadwave look`).
 
-    `source` is a STEP file, or a scene of bodies. `starter` writes a scene of a STEP file to start
-    from, `out` is a folder for the picture with the names. Raises InvalidScene for bad input.
+    source   a STEP file, or a scene with an assembly
+    starter  write a scene of the STEP file to start from
+    out      folder for the picture with the names
+
+    Raises InvalidScene for bad input.
     """
     from workflows.structure import look as looking
 
@@ -140,8 +143,10 @@ def modes(
 ) -> ModesOfScene:
     """Frequencies beside measured ones, MAC, participation at the contact (`beadwave modes`).
 
-    `out` is a folder for the picture of the MAC matrix. Raises InvalidScene for bad input or a
-    scene without an assembly, ValueError where a computation fails.
+    out  folder for the picture of the MAC matrix
+
+    Raises InvalidScene for bad input or a scene without an assembly, ValueError where a computation
+    fails.
     """
     chosen = with_structure(load_scene(scene, changes))
     folder = picture_folder(out, files_read(chosen, scene), overwrite, "mac")
@@ -224,26 +229,28 @@ def tune(
     scene: Source = None,
     changes: Changes = (),
     *,
+    hammer: str | Path | None = None,
     match: str | Iterable[int] | Mapping[int, float] | None = None,
     free: str | Iterable[str] = (),
-    hammer: str | Path | None = None,
     out: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
 ) -> Tuned:
     """Joint stiffnesses, and materials, fitted to measured modes (`beadwave tune`).
 
-    match   modes by number, [1, 3, 4], or with frequencies of one's own, {1: 51.2, 3: 905.0} [Hz];
-            all targets of the scene without it. Of a scene of bodies without targets they are the
-            numbers of its computed modes, and become its targets
-    free    what to vary, ["joints.NAME.kz", "materials.NAME.young"]; of the rig "head.ky"
     hammer  a hammer test (.csv, .uff, .mat, .wav) to take frequencies and damping from; its modes
             become the targets of a scene of bodies without any, by shape where points are known
-    out     a file for the tuned scene (.toml), or USUAL for NAME-tuned.toml; a file that
-            beadwave did not write, or that was changed since, is replaced with `overwrite` alone
+    match   modes to meet, as 1,3,4 or with frequencies of one's own 1=51.2,3=905 [Hz]; default all
+            targets of the scene. Of a scene of bodies without targets these are numbers of its
+            computed modes, and become its targets
+    free    what to vary: joints.NAME.kz,materials.NAME.young; of the rig head.ky, head.kz,
+            head.kry, head.kt (kx and kz as one), foot.ky, ..., block.young, block.density
+    out     the tuned scene (.toml)
 
-    A mode missed by more than 5 % is a failure: `report.failures` lists them in sentences, and
-    nothing is written. Raises InvalidScene for bad input.
+    In Python `match` is [1, 3, 4] or {1: 51.2, 3: 905.0} as well, `free` a list, and `out` USUAL
+    for NAME-tuned.toml. A file that beadwave did not write, or that was changed since, is replaced
+    with `overwrite` alone. A mode missed by more than 5 % is a failure: `report.failures` lists
+    them in sentences, and nothing is written. Raises InvalidScene for bad input.
     """
     if hammer:
         require_file(hammer, HAMMER)
@@ -293,11 +300,10 @@ def tune(
     if file is None or report.failures:
         return Tuned(result, report, None)
 
-    # a scene is named after its file
+    # a scene is named after its file, where the one it was read from does not name it
     name = sub(r"[^\w.-]", "-", file.path.stem).lstrip(".-")[:LONGEST_NAME] or "tuned"
     result = result.model_copy(update={"name": name})
-    write_scene(result, file, report, scene)
-    return Tuned(result, report, file.path)
+    return Tuned(write_scene(result, file, report, scene), report, file.path)
 
 
 @dataclass(frozen=True, repr=False)
@@ -496,9 +502,11 @@ def reduce(
 ) -> Reduced:
     """The assembly reduced to few coordinates at the contact (`beadwave reduce`).
 
-    `out` writes it to .npz, .mat or .h5, `matrices` the full model's K, M, w; files that
-    beadwave did not write, or that were changed since, are only replaced with `overwrite`. Raises
-    InvalidScene for bad input, ValueError where a computation fails.
+    out       file of the reduced model: .npz, .mat or .h5
+    matrices  write the full model's K, M, w beside it (.mat, .npz)
+
+    Files that beadwave did not write, or that were changed since, are only replaced with
+    `overwrite`. Raises InvalidScene for bad input, ValueError where a computation fails.
     """
     chosen = with_structure(load_scene(scene, changes))
     files: Iterable[OutputFile] = ()

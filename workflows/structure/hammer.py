@@ -36,6 +36,10 @@ VIRTUAL_LINES = np.arange(10.0, 10_000.0, 0.2)  # [Hz]
 VIRTUAL_NOISE = 2e-3  # of the rms response
 
 
+# of a residue at a driving point
+PHASES = {"accelerations": 1j, "velocities": 1.0, "displacements": -1j}
+
+
 class Remarkable(NamedTuple):
     """What of a mode is worth a sentence; values not varied."""
 
@@ -290,8 +294,9 @@ def opposite_directions(test: MeasuredTest, modes: IdentifiedModes) -> list[str]
     """Sentences on driving points where hammer and sensor do not move alike.
 
     Where a point is hit and watched along one axis, H = sum R / (i omega - lambda) + conj. with
-    R = c phi^2: all modes have R of one phase (receptance -i, mobility 1, accelerance i), so that
-    its sign tells hammer and sensor along opposite directions and a mixed one a mixed-up point.
+    R = c phi^2: all modes have R of one phase (receptance -i, mobility 1, accelerance i). Its sign
+    tells hammer and sensor along opposite directions where the quantity is known, and a mixed one
+    a mixed-up point.
     """
     responses, sentences = test.responses, []
     if test.kind == "ambient":
@@ -310,7 +315,15 @@ def opposite_directions(test: MeasuredTest, modes: IdentifiedModes) -> list[str]
                 continue
             # alike to within a sign: the mean of the squares; then the signs themselves
             axis = np.exp(0.5j * np.angle(np.mean(phase**2)))
+            one_way = np.sign(ends[0][1] * ends[1][1])
+            axis = PHASES.get(test.quantity, axis) * one_way
             signs = np.sign((phase / axis).real)
+            if test.quantity in PHASES and np.all(signs < 0):
+                sentences.append(
+                    f"driving point {point}: the {test.quantity} are against the force in all "
+                    f"modes; hammer and sensor point against each other: name one of them with "
+                    "the other sign"
+                )
             if abs(signs.sum()) < len(signs):
                 sentences.append(
                     f"driving point {point}: {np.count_nonzero(signs != np.sign(signs.sum()))} of "

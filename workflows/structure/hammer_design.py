@@ -140,4 +140,13 @@ def computed_hits(
     plan = Striking(len(numbers), repeats, dt, k, 1.0 / hz[-1])
     force, response, point, _ = struck(rng, (hz, zeta), (phi, side, phi[watched]), DEFECTS, plan)
     names = tuple(degree_of_freedom(n, int(axis)) for n, axis in zip(numbers, axes, strict=True))
-    return Hits(dt, force, response, point, names, tuple(names[i] for i in watched), SYNTHETIC)
+    return Hits(
+        dt,
+        force,
+        response,
+        point,
+        names,
+        tuple(names[i] for i in watched),
+        SYNTHETIC,
+        "accelerations",
+    )

@@ -50,14 +50,23 @@ class SeenHole(BaseModel):
     number: int
 
 
+class SeenMass(BaseModel):
+    """A mass that a face carries."""
+
+    name: str
+    on: str
+    mass_kg: float
+
+
 class Look(BaseModel):
-    """Bodies, touching pairs and holes, the cost of a run; `remarks` in sentences."""
+    """Bodies, touching pairs, holes, carried masses, the cost of a run; `remarks` in sentences."""
 
     name: str
     unit: str | None
     bodies: list[SeenBody]
     touching: list[SeenPair]
     holes: list[SeenHole]
+    masses: list[SeenMass] = []
     dofs: int
     memory_bytes: float
     seconds: float
@@ -93,6 +102,10 @@ class Look(BaseModel):
                 diameter = f"{1e3 * hole.diameter_m:.5g}"
                 cells.append((f"{hole.body}:hole", diameter, hole.number, axis))
             lines += ["", aligned_text(head, cells)]
+
+        if self.masses:
+            cells = [(one.name, one.on, f"{one.mass_kg:.4g}") for one in self.masses]
+            lines += ["", aligned_text(("carried", "on", "mass [kg]"), cells)]
 
         seconds = float(f"{self.seconds:.2g}")
         cost = (
@@ -154,6 +167,7 @@ def look(scene: Scene, source: str) -> Seen:
             for pair in geometry.near.touching
         ],
         holes=holes,
+        masses=[SeenMass(name=one.name, on=one.on, mass_kg=one.mass) for one in scene.masses or ()],
         dofs=int(3 * sum(nodes.values())),
         memory_bytes=peak_memory(scene, nodes),
         seconds=foreseen_seconds(nodes),

@@ -1,21 +1,24 @@
-"""Parameters of an assembly of bodies for `tune`: joint stiffnesses, factors on materials."""
+"""Parameters of an assembly of bodies for `tune`: joint stiffnesses, factors on materials and on
+masses that faces carry."""
 
 from collections.abc import Mapping, Sequence
 
 import fem
-from fem.tuning import TuningParameter
+from fem.tuning import CARRIED, TuningParameter
 from workflows.scene import InvalidScene, Scene, nearest
 
 SHIFT = (1e7, 1e4, 1e12)  # start, lower, upper [N/m]
 TURN = (1e2, 1e-1, 1e8)  # [N m/rad]
 FACTOR = (1.0, 0.5, 2.0)  # of a modulus or a density
 MATERIAL = ("young", "density")
+FACTORS = (*MATERIAL, "mass")  # keys of which a factor is fitted
 
 
 def known(scene: Scene) -> list[str]:
-    """Names of all stiffnesses of joints and of all moduli and densities."""
+    """Names of all stiffnesses of joints, of all moduli and densities, and of carried masses."""
     of_joints = [f"joints.{name}.{key}" for name in scene.springs for key in fem.DIRECTIONS]
-    return of_joints + [f"materials.{name}.{key}" for name in scene.materials for key in MATERIAL]
+    of_materials = [f"materials.{name}.{key}" for name in scene.materials for key in MATERIAL]
+    return of_joints + of_materials + [f"masses.{mass.name}.mass" for mass in scene.masses or ()]
 
 
 def freed(scene: Scene, names: Sequence[str]) -> list[TuningParameter]:
@@ -37,6 +40,10 @@ def freed(scene: Scene, names: Sequence[str]) -> list[TuningParameter]:
                 )
             parameters.append(TuningParameter(name, (), *FACTOR, (), key, (1.0,)))
             continue
+        if table == "masses":
+            of_it = (f"{CARRIED}{entry}",)
+            parameters.append(TuningParameter(name, (), *FACTOR, of_it, "density", (1.0,)))
+            continue
         start, lower, upper = TURN if key.startswith("kr") else SHIFT
         value = scene_value(scene, name)
         start = value if lower <= value <= upper else start
@@ -49,31 +56,43 @@ def freed(scene: Scene, names: Sequence[str]) -> list[TuningParameter]:
 def on_bodies(
     scene: Scene, parameters: Sequence[TuningParameter], bodies: Sequence[str]
 ) -> list[TuningParameter]:
-    """The parameters, those of a material with the bodies that are made of it."""
+    """The parameters, those of a material with those of the `bodies` that are made of it."""
+    solid = [body for body in bodies if not body.startswith(CARRIED)]
     with_bodies = []
     for p in parameters:
-        material = None if p.springs else p.name.split(".")[1]
-        of_it = tuple(b for b in bodies if material and scene.material_name(b) == material)
-        with_bodies.append(p._replace(bodies=of_it))
+        table, material, _ = p.name.split(".")
+        if table == "materials":
+            p = p._replace(bodies=tuple(b for b in solid if scene.material_name(b) == material))
+        with_bodies.append(p)
     return with_bodies
 
 
 def scene_value(scene: Scene, name: str) -> float:
-    """The scene's value of a parameter by its name: a stiffness [N/m, N m/rad], or a material's."""
+    """The scene's value of a parameter by its name: a stiffness [N/m, N m/rad], a material's, or a
+    mass [kg]."""
     table, entry, key = name.split(".")
-    return getattr((scene.springs if table == "joints" else scene.materials)[entry], key)
+    masses = {mass.name: mass for mass in scene.masses or ()}
+    tables = {"joints": scene.springs, "materials": scene.materials, "masses": masses}
+    return getattr(tables[table][entry], key)
 
 
 def with_values(scene: Scene, value: Mapping[str, float]) -> Scene:
-    """The scene with stiffnesses, and with factors on what its materials have."""
+    """The scene with stiffnesses, and with factors on what its materials have and on its masses,
+    whose inertia grows with them."""
     joints = {joint.name: joint for joint in scene.joints or ()}
-    materials = dict(scene.materials)
+    materials, masses = dict(scene.materials), {mass.name: mass for mass in scene.masses or ()}
     for name, x in value.items():
         table, entry, key = name.split(".")
         if table == "joints":
             joints[entry] = joints[entry].model_copy(update={key: float(x)})
+        elif table == "masses":
+            one = masses[entry]
+            inertia = one.inertia and tuple(float(x) * J for J in one.inertia)
+            update = {"mass": float(x) * one.mass, "inertia": inertia}
+            masses[entry] = one.model_copy(update=update)
         else:
             update = {key: float(x) * scene_value(scene, name)}
             materials[entry] = materials[entry].model_copy(update=update)
     update = {"joints": tuple(joints.values()) or None, "materials": materials}
+    update["masses"] = tuple(masses.values()) or None
     return scene.model_copy(update=update)

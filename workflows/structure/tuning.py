@@ -50,7 +50,7 @@ TOLERANCES = FitTolerances()
 def _unit(name: str) -> str:
     """Unit of a fitted value: of a stiffness by its direction, the last word of its name; of a
     material's value, which is a factor, what it multiplies."""
-    if name.endswith(of_bodies.MATERIAL):
+    if name.endswith(of_bodies.FACTORS):
         return "of the rest's" if name.startswith("block.") else "of the scene's"
     return "N m/rad" if name.rpartition(".")[2].startswith("kr") else "N/m"
 
@@ -454,10 +454,12 @@ def shape_mac(full: Pipeline) -> dict[str, float]:
     return {str(j + 1): float(mac[i, j]) if i >= 0 else np.nan for j, i in enumerate(index)}
 
 
-def write_scene(scene: Scene, file: OutputFile, report: TuningReport, source: Source) -> None:
-    """Write the tuned scene as TOML with a first line on where its joints come from; one that was
-    read from a file with this file's comments and order, as far as reading that back gives the
-    scene: a file in another folder may name its own files otherwise."""
+def write_scene(scene: Scene, file: OutputFile, report: TuningReport, source: Source) -> Scene:
+    """Write the tuned scene as TOML with a first line on where its joints come from, and return it.
+
+    One that was read from a file keeps this file's name of it, comments and order, as far as
+    reading that back gives the scene: a file in another folder may name its own files otherwise.
+    """
     text = toml(scene)
     if source is None or isinstance(source, str | Path):
         from workflows.scene.commented import with_values
@@ -468,8 +470,9 @@ def write_scene(scene: Scene, file: OutputFile, report: TuningReport, source: So
         commented = with_values(original, before, after)
         read = completed(Written(scene.name, parsed(commented, scene.name), file.path.parent))
         if read.model_copy(update={"name": scene.name}) == scene:
-            text = commented
+            scene, text = read, commented
     wanted = ", ".join(f"{n}: {hz:g} Hz" for n, hz in report.match.items())
     first = f"# Joints inferred from modes {wanted}; deviations assume 0.1 % in frequency.\n"
     with file.writing() as path:
         path.write_text(first + text, encoding="utf-8")
+    return scene

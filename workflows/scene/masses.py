@@ -1,0 +1,49 @@
+"""[[masses]]: what faces carry, as sensors, stingers and magnets do in a test."""
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import Field, model_validator
+
+from workflows.scene.quantities import of
+from workflows.scene.scene_table import NonNegative, Point, Positive, SceneTable
+from workflows.scene.shakers import FACE
+from workflows.scene.units import INERTIA, LENGTH, MASS
+
+if TYPE_CHECKING:
+    from workflows.scene.scene import Scene
+
+Moment = of(NonNegative, INERTIA, 0, 10)
+
+
+class MassTable(SceneTable):
+    """A rigid body on a disc of a plane face, which it moves with and does not stiffen."""
+
+    name: Annotated[str, Field(pattern=r"^\w[\w-]*$", max_length=50)]  # by which keys call it
+    on: Annotated[str, Field(pattern=FACE)]  # a plane face, "lid:+z"
+    at: Point = (0.0, 0.0)  # [m] from its middle along the two axes that span it
+    mass: of(Positive, MASS, 1e-5, 1e3)  # [kg] of it
+    radius: of(Positive, LENGTH) = 5e-3  # [m] of the disc
+    height: of(NonNegative, LENGTH, 0, 1) = 0.0  # [m] of its centre of mass over the face
+    # [kg m^2] moments of inertia about the global x, y and z through its centre; 0
+    inertia: Annotated[tuple[Moment, Moment, Moment], Field(strict=False)] | None = None
+
+    @model_validator(mode="after")
+    def _of_a_body(self) -> "MassTable":
+        J = self.inertia or (0.0, 0.0, 0.0)
+        if 2 * max(J) > sum(J) * (1 + 1e-9):
+            raise ValueError(
+                f"inertia = {list(J)} is that of no body: none of the three may exceed the sum of "
+                "the other two; change it"
+            )
+        return self
+
+
+def of_masses(scene: "Scene") -> Iterator[str]:
+    """Sentences on contradictions between masses and the rest of a scene."""
+    if scene.masses and scene.assembly is None:
+        yield "[[masses]] sit on faces of an [assembly]; add one, or drop them."
+    for name, number in Counter(mass.name for mass in scene.masses or ()).items():
+        if number > 1:
+            yield f"masses has {number} tables named {name!r}; give each a name of its own."
