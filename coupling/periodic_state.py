@@ -43,6 +43,7 @@ class PeriodicSearch(NamedTuple):
     linear: float = 0.05  # of a Newton step's equation that may be left
     most_periods: int = 200  # marched one by one; after these there is no periodic state
     periodicity: float = 0.01  # change of state and forces from period to period, over the error
+    gained: float = 0.1  # of the change: energy that the bodies gain over the shakers' work
     # change below which a state counts as periodic that does not come nearer, over the error
     accepted: float = 1.0
     subharmonics: int = 4  # periods after which a state may come back
@@ -296,6 +297,10 @@ def fixed_point(
         scale = float(np.abs(saved.force).max()) or 1.0
         error = size / (float(np.linalg.norm(units * image * moves)) or 1.0)
         error = max(error, float(np.abs(saved.force[-1] - saved.force[0]).max()) / scale)
+        # what the bodies gain over the shakers' work: their energy may be much larger than that
+        gained = 0.5 * abs(np.sum(residual * (units * (image + z) * moves)))
+        work = abs(float(np.sum(saved.energy[-1, 6:8] - saved.energy[0, 6:8])))
+        error = max(error, search.gained * gained / work if work else 0.0)
         if error < best:
             best, result = error, (moving.copied(), saved)
         if error <= tolerance:

@@ -61,7 +61,7 @@ def march_shaken(
     require(
         not loose.any(),
         f"sphere {int(loose.argmax()) + 1} of {n} is held by nothing while the shakers move the "
-        "wall; add leaf springs, press the chain together, or hold it until the striker comes",
+        'wall; add leaf springs, press the chain together, or set friction.upstream to "held"',
     )
 
     speed = float(max(np.abs(v0).max(), np.hypot(*np.asarray(last.velocity, float))))

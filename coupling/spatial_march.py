@@ -73,7 +73,9 @@ class SpatialSearch(NamedTuple):
     phase: float = 0.3  # of the fastest contact, a first step; not varied
     most_steps: float = 1e8  # some minutes
     capacity: int = 2048  # nodes of the contact in one direction
-    n_cells: int = 512  # of the contact in two directions
+    # of the contact in two directions: 128, 512 and 2048 left amplitudes of a cycle of partial slip
+    # 1e-4, 4e-6 and 0 apart, and its heat 8e-5, 1e-5 and 0
+    n_cells: int = 256
 
 
 USUAL_SPATIAL_SEARCH = SpatialSearch()
@@ -176,7 +178,7 @@ class Body(NamedTuple):
             oscillator_propagator(np.sqrt(k * inverse), np.zeros(len(k)), h),
             oscillator_propagator(np.sqrt([kappa * inverse_inertia]), np.zeros(1), h),
         )  # fmt: skip
-        trials = Trials(*np.zeros((5, d)), *np.zeros((2, d, d)), *np.zeros((4, d)))
+        trials = Trials(*np.zeros((5, d)), *np.zeros((2, d, d)), *np.zeros((5, d)))
         return SpatialSystem(
             arrays, sphere, self.last.law, shaking(wall, self.shakers, Q, h), trials
         )

@@ -85,7 +85,56 @@ def test_an_imported_wall_of_one_column_is_refused_with_friction(capsys):
     assert "w with three columns" in capsys.readouterr().err
 
 
+THREE_SPHERES = """
+name = "shaken-modes"
+[chain]
+count = 3
+radius = 0.0127
+density = 7800.0
+young = 210e9
+poisson = 0.3
+[striker]
+velocity = 0.1
+[preload]
+force = 20.0
+[friction]
+coefficient = 0.2
+upstream = "{}"
+[arm]
+stiffness = 2e6
+rotation = 300.0
+[wall]
+kind = "rom"
+file = "wall.npz"
+[[shakers]]
+name = "motor"
+on = "wall"
+frequency = 500.0
+force = 5.0
+[damping]
+kind = "modal"
+ratio = 0.05
+[time]
+duration = 3e-4
+error = 1e-3
+"""
+
+
+def test_spheres_that_nothing_holds_beside_a_shaken_structure_are_held_by_a_word(capsys, folder):
+    """They would be pushed away: refused by default, at rest until the striker with "held"."""
+    imported("wall.npz", np.array([[1.2, 0.7, 0.1], [0.4, -0.6, 0.9]]), names=["motor"])
+    (folder / "free.toml").write_text(THREE_SPHERES.format("free"))
+    assert beadwave("impact", "free.toml") == 2
+    assert 'set friction.upstream to "held"' in capsys.readouterr().err
+    (folder / "held.toml").write_text(THREE_SPHERES.format("held"))
+    assert beadwave("impact", "held.toml", "--json") == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["friction"]["loop_tangential_N"] > 0.0
+    assert summary["energy_error"] < 1e-3
+
+
 REFUSED = {
+    'friction.upstream = "held" holds the other spheres': ["friction.upstream=held"],
     "wall.prune counts what modes do along the chain alone": ["wall.prune=true"],
     "friction.between_spheres is known before walls of a few": ["friction.between_spheres=0.1"],
     "[friction] needs a contact that is read where it is loaded": ["strike.weights=thesis"],

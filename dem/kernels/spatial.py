@@ -32,7 +32,8 @@ from dem.kernels.tangential import SpringCells, SpringRow, TangentialLaw
 # work of the shakers on the modes, and on the motion L f of the contact
 IN_DAMPERS, ON_MODES, SHAKEN, SHAKEN_BEYOND = range(4)
 ITERATIONS = 60  # for the force on a residual compliance; some six are usual
-ROUNDING = 1e-13  # of the force, to which it is found
+ANEW = 15  # iterations after which the tangent is that of stick again; not varied
+ROUNDING = 1e-12  # of the force, to which it is found
 
 
 class SpatialMotion(NamedTuple):
@@ -112,6 +113,7 @@ class Trials(NamedTuple):
     motion: Array  # (d,) of the contact by L
     motion_before: Array  # (d,) the same a step ago
     force_before: Array  # (d,) forces a step ago
+    change: Array  # (d,) of the forces in the last step
 
 
 class SpatialSystem(NamedTuple):
@@ -278,9 +280,9 @@ def touch(
             force[1 + j], slip[j] = answer[j], gap[1 + j]
         return
 
-    # forces G on S leave a gap to which the contact answers: from the last forces on
+    # forces G on S leave a gap to which the contact answers: from the last forces, continued, on
     for i in range(d):
-        G[i] = force[i]
+        G[i] = force[i] + trials.change[i]
     for iteration in range(ITERATIONS):
         for i in range(d):
             trials.shift[i] = gap[i] - S[i, 0] * (G[0] - (arrays.rest_force if i > 0 else 0.0))
@@ -307,15 +309,15 @@ def touch(
         if iteration == ITERATIONS - 1 or not off <= 1e300:
             answer[0] = math.nan
 
-        # J = -(1 + K S) of the contact that sticks, then Broyden's updates
-        if iteration == 0:
+        # J = -(1 + K S) of the contact that sticks, then Broyden's updates from step to step
+        if J[0, 0] == 0.0 or iteration == ANEW:
             a = math.sqrt(law.radius * overlap)
             k_n, k_t = 1.5 * A * math.sqrt(overlap), 2.0 * a * law.modulus
             for i in range(d):
                 for j in range(d):
                     J[i, j] = -(k_n if i == 0 else k_t) * S[i, j]
                 J[i, i] -= 1.0
-        else:
+        elif iteration > 0:
             # the difference that a step of J would have left is 0: what is left corrects J
             length = 0.0
             for i in range(d):
@@ -536,6 +538,7 @@ def march_spatial(
                 trials.force_before[i], trials.motion_before[i] = force[i], trials.motion[i]
             forces(now + h, 0.5 * h, motion, system, contacts)
             for i in range(force.size):
+                trials.change[i] = force[i] - trials.force_before[i]
                 moved = 0.5 * (trials.motion_before[i] + trials.motion[i])
                 ledger[SHAKEN_BEYOND] += moved * (force[i] - trials.force_before[i])
 

@@ -18,6 +18,7 @@ MISSING = {  # distribution of an extra: extra, what one goes without
     "h5py": ("h5", "reduced models cannot be read from or written to .h5"),
     "pyuff": ("identify", "no universal files (.uff, .unv) of hammer tests, shapes and records"),
     "imageio-ffmpeg": ("film", "films are GIF, not MP4"),
+    "dynesty": ("posterior", "no nested sampling"),
     "emcee": ("posterior", "no calibrate --posterior"),
     "pyarrow": ("sweep", "no beadwave sweep"),
     "distributed": ("sweep", "no sweep on several processes or on a cluster"),

@@ -5,7 +5,7 @@ few numbers the chain lies along x, t1 is y and t2 is z.
 """
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -29,6 +29,9 @@ class Friction(SceneTable):
     """Friction of the last sphere at the wall, exact under any history (Cattaneo and Mindlin)."""
 
     coefficient: Annotated[NonNegative, Field(le=10)]  # tangential over normal force where it slips
+    # the other spheres while shakers move a structure, before the striker comes: they move with it,
+    # or are held at rest
+    upstream: Literal["free", "held"] = "free"
     # the same between spheres: of the last one on the one before, which stays on the chain's line
     between_spheres: Annotated[NonNegative, Field(le=10)] | None = None
 
@@ -87,6 +90,12 @@ def of_friction(scene: "Scene") -> Iterator[str]:
                 "add [friction], or drop it."
             )
         return
+
+    if friction.upstream == "held" and not (scene.shakers and isinstance(wall, RomWall)):
+        yield (
+            'friction.upstream = "held" holds the other spheres while shakers move a structure; '
+            'add [[shakers]] with wall.kind = "rom", or drop it.'
+        )
 
     # walls: those whose motion along the chain has no part across it
     if wall is None:

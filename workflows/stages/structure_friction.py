@@ -113,7 +113,8 @@ def march(scene: Scene, start: Start, wall: SpatialWall) -> SpatialRun:
         search = run.pop("search", USUAL_SPATIAL_SEARCH)
         shakers = shaker_forces(scene)
         body = body_of(start.chain, wall, start.velocity, last, shakers, search)
-        return march_shaken(body, start.velocity, **run).run
+        held = scene.friction.upstream == "held"
+        return march_shaken(body, start.velocity, upstream_held=held, **run).run
     except (dem.InvalidChain, dem.NoEquilibrium) as error:
         raise InvalidScene(f"{scene.name}: {str(error).rstrip('.')}.") from None
 
