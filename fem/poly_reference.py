@@ -28,6 +28,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import stdtrit
 
 from fem.correlation import mac
 from fem.hits import Deletions, FrequencyResponses
@@ -554,7 +555,7 @@ def fitted_modes(
         covered[np.ix_(d.points, d.references)] = True
     squares = np.zeros((p, 2 * n))
     if covered.all():
-        covariance = 0.0
+        covariance, spread = 0.0, []
         for deleted in test.deletions:
             rows = compressed(deleted, part.lines, fit.q, 1 / noise)  # {point: (m b, hits)}
             gradient = sum(
@@ -562,6 +563,7 @@ def fitted_modes(
             )
             displacement = inverse @ gradient
             covariance = covariance + displacement @ displacement.T
+            spread.append((len(deleted.change) - 1, np.sum(displacement[: 2 * n] ** 2, axis=1)))
             for i in range(p):
                 direct = local_inverse[i] @ rows[i] if i in rows else 0.0
                 squares[i] += np.sum((of_global[i] @ displacement + direct) ** 2, axis=1)
@@ -577,6 +579,14 @@ def fitted_modes(
     size, sigma, omega = np.abs(pole), -pole.real, pole.imag
     rr, ii = np.diag(covariance)[:n], np.diag(covariance)[n : 2 * n]
     ri = np.diag(covariance[:n, n : 2 * n])
+    if covered.all():
+        # the variance of few hits is itself uncertain: two deviations hold 95 % by Student's t, at
+        # the degrees of freedom of Welch and Satterthwaite
+        total = sum(variance for _, variance in spread)
+        freedom = total**2 / sum(variance**2 / count for count, variance in spread)
+        freedom = np.minimum(freedom[:n], freedom[n:])
+        widening = (stdtrit(freedom, 0.97725) / 2.0) ** 2
+        rr, ii, ri = widening * rr, widening * ii, widening * ri
     size_variance = (sigma**2 * rr + omega**2 * ii - 2 * sigma * omega * ri) / size**2
     d_real, d_imag = -(omega**2) / size**3, sigma * -omega / size**3
     zeta_variance = d_real**2 * rr + d_imag**2 * ii + 2 * d_real * d_imag * ri
