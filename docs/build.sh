@@ -7,5 +7,6 @@ if [ "${1:-}" = all ]; then
     .venv/bin/python docs/run_commands.py
     .venv/bin/python docs/gallery.py
 fi
-.venv/bin/python -m sphinx -W --keep-going -q docs docs/_site
+rm -rf docs/reference # pages of names that are gone
+.venv/bin/python -m sphinx -E -W --keep-going -q docs docs/_site
 echo "written: docs/_site/index.html"

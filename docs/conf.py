@@ -5,30 +5,46 @@ from importlib.metadata import version as installed
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
-from plain_docstrings import as_rst
+from fields import fields
+from plain_docstrings import as_rst, escaped
 
 project = "beadwave"
 author = "The beadwave authors"
 copyright = f"{author}, GPL-3.0-or-later"
 release = installed("beadwave")
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.mathjax"]
-exclude_patterns = ["_build", "_site", "jupyter_execute"]
-nb_execution_mode = "off"  # the tests run the notebooks
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.mathjax"]
+exclude_patterns = ["_build", "_site", "jupyter_execute", "templates"]
+templates_path = ["templates"]
+autosummary_generate = True  # a page for each function and class, in docs/reference
+autosummary_imported_members = True
+autosummary_ignore_module_all = False
+nb_execution_mode = "off"  # the tests run the notebooks, which hold what they show
 myst_enable_extensions = ["dollarmath", "colon_fence"]
 myst_heading_anchors = 3
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 autodoc_default_options = {"members": True, "imported-members": True}
 html_theme = "furo"
+html_static_path = ["static"]
+html_css_files = ["site.css"]
 html_title = "beadwave"
 html_copy_source = False
 
 
 def setup(app):
-    """Docstrings as they are written."""
+    """Docstrings as they are written, and the fields of a class with their comments."""
 
     def plain(app, what, name, object, options, lines):
         lines[:] = as_rst(lines)
+        if what == "class" and (rows := fields(object)):
+            lines += [".. rubric:: Fields", ""]
+            for field in rows:
+                words = "; ".join(filter(None, [f"``{field.type}``", escaped(field.words)]))
+                lines += [f"``{field.name}``", f"    {words}", ""]
+
+    def listed_above(app, what, name, object, skip, options):
+        return True if (object.__doc__ or "").startswith("Alias for field number") else None
 
     app.connect("autodoc-process-docstring", plain)
+    app.connect("autodoc-skip-member", listed_above)

@@ -49,17 +49,17 @@ its own, and says what holds. A page is what its command prints and draws:
 {names}
 ```
 
+::::{{container}} tiles
 {entries}
+::::
 """
-ENTRY = """## [{title}]({name}.md)
+ENTRY = """:::{{container}} tile
+[![{title}]({name}.png)]({name}.md)
+
+**[{title}]({name}.md)**
 
 {shows}
-
-```{{image}} {name}.png
-:alt: {title}
-:width: 480px
-:target: {name}.html
-```"""
+:::"""
 
 
 def page(name: str, shows: str) -> None:

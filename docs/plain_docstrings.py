@@ -13,11 +13,11 @@ def as_rst(lines: list[str]) -> list[str]:
         elif any(line.startswith("  ") or "   " in line for line in own):
             found += ["::", "", *(f"    {line}" for line in own), ""]
         else:
-            found += [*map(_escaped, own), ""]
+            found += [*map(escaped, own), ""]
     return found
 
 
-def _escaped(line: str) -> str:
+def escaped(line: str) -> str:
     """No word of the line is markup, but for what stands between backquotes."""
     parts = re.split(r"`([^`]+)`", line)
     plain = [re.sub(r"([*|\\]|_\b)", r"\\\1", part) for part in parts]

@@ -95,22 +95,24 @@ class ReducedModel(NamedTuple):
     where this one's error is stated; it goes into no file. columns are functionals beside w.
     """
 
-    K: np.ndarray
-    M: np.ndarray
-    C: np.ndarray | None
-    w: np.ndarray
+    K: np.ndarray  # (r, r) [N/m] where coordinates are displacements
+    M: np.ndarray  # (r, r) [kg], likewise
+    C: np.ndarray | None  # (r, r) [N s/m]; None without dashpots
+    w: np.ndarray  # (r,) u_w = w^T q, and the contact force enters as w F
+    # (n, r) u = T q, row i of unknown i of the matrices that were reduced; None where not known. Of
+    # a fem.Model, row 3 i + j of model.T @ T is node i along x, y, z for j = 0, 1, 2
     T: np.ndarray | None
-    kind: str
-    n_boundary: int
-    notes: dict[str, str]
-    n_residual: int = 0
-    error: float | None = None
-    coordinates: tuple[str, ...] = ()
-    surface: Surface | None = None
-    contact: Contact = Contact()
-    mass: MassProperties = MassProperties()
-    finer: "ReducedModel | None" = None
-    columns: Columns | None = None
+    kind: str  # "craig-bampton", "free-modes", "full-order" or "imported"
+    n_boundary: int  # the first coordinates are so many displacements of the boundary [m]
+    notes: dict[str, str]  # of its maker, of no effect
+    n_residual: int = 0  # the highest modes that are static shapes and follow the force
+    error: float | None = None  # of the receptance at the contact, relative rms
+    coordinates: tuple[str, ...] = ()  # names of the q, where known
+    surface: Surface | None = None  # outer nodes and how they move
+    contact: Contact = Contact()  # patch, material and place of the contact
+    mass: MassProperties = MassProperties()  # of the whole structure
+    finer: "ReducedModel | None" = None  # against which error is stated; in no file
+    columns: Columns | None = None  # functionals beside w
 
 
 def of_modes(

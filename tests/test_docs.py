@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import beadwave
+import dem
 import rom
 from coupling.contact_response import ContactResponse
 from signal_guard import signals_restored
@@ -81,8 +82,20 @@ def test_every_command_has_its_help_on_the_page():
 
 def test_the_interface_lists_all_functions():
     text = (DOCS / "api.md").read_text(encoding="utf-8")
-    listed = set(re.findall(r"auto(?:function|class):: (\w+)$", text, re.MULTILINE))
+    listed = set(re.findall(r"^   (\w+)$", text, re.MULTILINE))
     assert listed == set(beadwave.__all__) - {"InvalidScene", "Scene"}
+
+
+def test_every_field_of_a_result_has_its_comment_on_its_page(monkeypatch):
+    monkeypatch.syspath_prepend(DOCS)
+    from fields import fields
+
+    words = {field.name: field.words for field in fields(dem.Wall)}
+    assert list(words) == list(dem.Wall._fields)
+    assert words["residual_compliance"] == "[m/N], may be slightly negative"
+    rows = {field.name: field.words for field in fields(rom.ReducedModel)}
+    assert rows.keys() == set(rom.ReducedModel._fields) and all(rows.values())
+    assert "row 3 i + j" in rows["T"]
 
 
 def test_formats_name_every_array_of_the_files(tmp_path, monkeypatch):

@@ -108,6 +108,41 @@ def test_the_page_opens_without_complaint_and_fits(rig, opened, scheme, width):
     assert (sum(map(int, re.findall(r"\d+", background))) < 200) == (scheme == "dark")
 
 
+@needs_browser
+@pytest.mark.parametrize("width", [1280, 400])
+def test_the_map_names_every_wave_and_its_colours(rig, opened, width):
+    page = opened(rig, width=width)
+    page.evaluate(
+        """() => {
+          const write = CanvasRenderingContext2D.prototype.fillText;
+          window.written = [];
+          CanvasRenderingContext2D.prototype.fillText = function (text, ...rest) {
+            if (this.canvas.closest(".heat")) window.written.push([String(text), ...rest]);
+            write.call(this, text, ...rest);
+          };
+          document.getElementById("theme").click();
+        }"""
+    )
+    page.wait_for_function("written.some(([text]) => text === 'velocity [m/s]')")
+    places = {text: (x, y) for text, x, y in page.evaluate("written")}
+    tracks = page.evaluate("JSON.parse(document.getElementById('data').textContent).waves.tracks")
+    names = {track["name"] for track in tracks}
+    assert len(names) >= 2 and names <= places.keys()
+    assert len({places[name] for name in names}) == len(names)
+    wide, high = page.evaluate(
+        "(c => [c.clientWidth, c.clientHeight])(document.querySelector('.heat canvas'))"
+    )
+    shown = [places[name] for name in names | {"velocity [m/s]"}]
+    assert all(0 < x < wide and 0 < y < high for x, y in shown)
+
+
+@needs_browser
+def test_the_frequencies_fit_a_narrow_screen(rig, opened):
+    page = opened(rig, width=400)
+    table = page.locator("#modes")
+    assert table.evaluate("t => t.scrollWidth <= t.parentElement.clientWidth")
+
+
 def test_errors_stand_beside_their_numbers_and_large_ones_are_marked(rig):
     """On the first screen and in the tables; the coarse rig has modes that are off by a tenth."""
     html = (rig / "report.html").read_text(encoding="utf-8")
@@ -122,9 +157,7 @@ def test_errors_stand_beside_their_numbers_and_large_ones_are_marked(rig):
             assert re.search(rf'{re.escape(value)} <span class="error[^>]*>{words}<', place)
     mode = summary.modes[0]
     words = error_words(summary.relative_error(f"mode {mode.number}"))
-    cells = (
-        rf"{figures(mode.frequency_hz)}</td>\s*<td class=.number.> <span class=.error[^>]*>{words}"
-    )
+    cells = rf"{figures(mode.frequency_hz)}</td>\s*<td[^>]*> <span class=.error[^>]*>{words}"
     assert re.search(cells, tables)
 
     marked = re.findall(r'<span class="error large">([^<]*)', tables)

@@ -32,7 +32,7 @@ if (
 
 CURES = {
     "reduction": "keep more modes (reduction.modes, reduction.to_hz, wall.cutoff)",
-    "mesh": "take smaller elements (the seeds of [mesh], or mesh.scale)",
+    "mesh": "take smaller elements (mesh.scale below 1, or bodies.NAME.seed; of the rig mesh.seed)",
     "receptance": "measure with less noise, more averages or in a wider band",
     "theory": "draw the beam or plate as a body, see solid-beam and solid-plate of `study`",
 }

@@ -23,7 +23,7 @@ SHOWN = 40  # cases of a table on a terminal
 MAIN = ("tof_s", "arr")
 CURES = {
     "reduction": "raise reduction.to_hz, or wall.cutoff",
-    "mesh": "take smaller elements (the seeds of [mesh] or of bodies, or mesh.scale)",
+    "mesh": "take smaller elements (mesh.scale below 1, or bodies.NAME.seed; of the rig mesh.seed)",
 }
 Array = np.ndarray
 

@@ -5,7 +5,8 @@ import { colour, onTheme, rgb } from "./theme.js";
 import { digits, si } from "./words.js";
 
 const LINEAR = 0.05; // of the largest velocity: below, the scale is linear, beyond logarithmic
-const PAD = { left: 42, right: 10, top: 8, bottom: 34 };
+const PAD = { left: 42, right: 10, top: 44, bottom: 34 };
+const BAR = { high: 8, top: 4, share: 0.62 }; // the colour bar above the map, of its width
 
 /** From −1 to 1, small values seen as well. */
 function spread(share) {
@@ -65,9 +66,33 @@ export function heatMap(holder, clock, { v, dt, first, tracks, wall }) {
     pen.imageSmoothingEnabled = false;
     pen.drawImage(image(), PAD.left, PAD.top, place(duration) - PAD.left, rows());
     pen.font = "12px system-ui, sans-serif";
+    bar(pen);
     scales(pen);
     followed(pen);
     follow(clock.time);
+  }
+
+  /** The colour bar: every colour stands at its velocity on the scale of the map. */
+  function bar(pen) {
+    const wide = BAR.share * (place(duration) - PAD.left);
+    const left = PAD.left;
+    const [towards, rest, away] = ["sphere-towards", "paper", "sphere-away"].map(rgb);
+    for (let x = 0; x < wide; x++) {
+      const share = (2 * x) / wide - 1;
+      const end = share > 0 ? towards : away;
+      const mixed = rest.map((c, i) => Math.round(255 * (c + Math.abs(share) * (end[i] - c))));
+      pen.fillStyle = `rgb(${mixed.join(",")})`;
+      pen.fillRect(left + x, BAR.top, 1.5, BAR.high);
+    }
+    pen.fillStyle = colour("ink-soft");
+    const marks = wide > 260 ? [-1, -0.2, -LINEAR, 0, LINEAR, 0.2, 1] : [-1, 0, 1];
+    for (const share of marks) {
+      const x = left + (wide * (1 + spread(share))) / 2;
+      pen.textAlign = share === -1 ? "left" : "center";
+      pen.fillText(digits(share * most, 2), x, BAR.top + BAR.high + 14);
+    }
+    pen.textAlign = "left";
+    pen.fillText("velocity [m/s]", left + wide + 24, BAR.top + BAR.high + 1);
   }
 
   function scales(pen) {
@@ -99,19 +124,26 @@ export function heatMap(holder, clock, { v, dt, first, tracks, wall }) {
       for (const [t, s] of ends) pen.lineTo(place(t), level(s));
       pen.stroke();
       pen.setLineDash([]);
+      // where the wave ends, or before the edge of the map if that is cut
       const [t, s] = ends[1];
-      pen.textAlign = t > 0.85 * duration ? "right" : "left";
-      if (t < 0.97 * duration) label(pen, names, track.name, place(t) + (t > 0.85 * duration ? -4 : 4), level(s));
+      const late = t > 0.85 * duration;
+      pen.textAlign = late ? "right" : "left";
+      label(pen, names, track.name, place(Math.min(t, duration)) + (late ? -4 : 4), level(s));
     }
   }
 
-  /** A name at x, below those that stand in its way. */
+  /** A name at x, below those that stand in its way, or above. */
   function label(pen, names, text, x, y) {
-    let inside = Math.min(Math.max(y, PAD.top + 10), PAD.top + rows() - 4);
+    const lowest = PAD.top + rows() - 4;
+    let inside = Math.min(Math.max(y, PAD.top + 10), lowest);
     const wide = pen.measureText(text).width;
     const from = pen.textAlign === "right" ? x - wide : x;
     const meets = (other) => Math.abs(other.y - inside) < 13 && other.from < from + wide && from < other.to;
-    while (names.some(meets)) inside += 14;
+    // below those in its way, above them where the map ends
+    const wanted = inside;
+    while (names.some(meets) && inside + 14 <= lowest) inside += 14;
+    if (names.some(meets)) inside = wanted;
+    while (names.some(meets) && inside > PAD.top + 24) inside -= 14;
     names.push({ from, to: from + wide, y: inside });
     pen.lineWidth = 3;
     pen.strokeStyle = colour("paper");
