@@ -10,7 +10,6 @@ import pytest
 import beadwave
 from fem import on_surface
 from fem.hammer_test import accelerances
-from workflows.files.hammer import Reading
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
 from workflows.stages.pipeline import pipeline_of
@@ -249,9 +248,7 @@ def test_designed_points_computed_hits_and_their_modes_tune_a_model(capsys):
     assert len(design.rows) == 8 and design.largest_mac < 0.7
     softer = ["materials.steel.young=201.6e9"]
     beadwave.write_hammer_test("hits.mat", "beam.toml", softer, points="points.csv", band=band)
-    test = beadwave.hammer(
-        "hits.mat", "beam.toml", reading=Reading(points=Path("points.csv")), out="hammer"
-    )
+    test = beadwave.hammer("hits.mat", "beam.toml", points="points.csv", out="hammer")
     assert [row.computed_hz is not None for row in test.report.rows] == [True] * len(
         design.modes_hz
     )

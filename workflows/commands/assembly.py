@@ -6,14 +6,9 @@ from typing import Annotated
 import typer
 
 from workflows.commands.options import (
-    Changes,
-    Overwrite,
-    Quiet,
-    json_of,
     scene_names,
 )
 from workflows.commands.terminal import (
-    StageProgress,
     print_files,
     print_lines,
     print_report,
@@ -65,45 +60,16 @@ def look(call: Call) -> None:
     print_report(call().found, call.json, call.quiet)
 
 
-def span(text: str | None) -> tuple[float, float] | None:
-    """The frequencies of "40:950"; raises ValueError for others."""
-    if text is None:
-        return None
-    try:
-        low, high = map(float, text.split(":"))
-        if not 0 <= low < high < float("inf"):
-            raise ValueError
-    except ValueError:
-        raise ValueError(f"--band {text} must be FROM:TO in Hz, as 40:950.") from None
-    return low, high
-
-
-def numbers(text: str | None, option: str) -> tuple[int, ...]:
-    """The numbers of "3,7"; raises ValueError for others."""
-    try:
-        return tuple(int(part) for part in (text or "").split(",") if part.strip())
-    except ValueError:
-        raise ValueError(f"{option} {text} must be numbers of poles, as 3,7.") from None
-
-
+@verb(
+    "workflows.structure.api.hammer",
+    json="{file, title, rows: [a mode each], left_out, steps, remarks}; of --synthetic {written}, "
+    "of --design {modes_hz, rows: [a point each], largest_mac, alike_hz}",
+    files=Word(metavar="FILE"),
+    scene=Word(option=True),
+    band=Word(metavar="FROM:TO"),
+)
 def hammer(
-    files: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="FILE...",
-            help="Time records of hits: .csv with a header line time [s], force 12+z [N], "
-            "response 3+x [m/s^2], ...; .uff (data set 58), .mat, .wav. Or frequency responses: "
-            ".uff, .mat, or .csv with a header line, then frequency_hz, re_1, im_1, re_2, im_2, "
-            "... on each line (Hz; receptance, mobility or accelerance in any unit).",
-        ),
-    ],
-    scene: Annotated[
-        str | None,
-        typer.Option(
-            help="The scene whose modes they are paired with; default: rig-rom.",
-            autocompletion=scene_names,
-        ),
-    ] = None,
+    call: Call,
     synthetic: Annotated[
         bool,
         typer.Option(
@@ -119,75 +85,32 @@ def hammer(
             help="Write to FILE (.csv) at which points to hit and watch for the modes in --band.",
         ),
     ] = None,
-    points: Annotated[
-        Path | None,
-        typer.Option(help="Points of the nodes: .csv (node, x, y, z in metres) or .uff."),
-    ] = None,
-    band: Annotated[
-        str | None, typer.Option(metavar="FROM:TO", help="Frequencies to identify in [Hz].")
-    ] = None,
-    estimator: Annotated[str, typer.Option(help="H1, H2 or Hv.")] = "H1",
-    window: Annotated[
-        float | None,
-        typer.Option(help="What an exponential window leaves at a record's end, as 0.01."),
-    ] = None,
-    force_channel: Annotated[
-        int, typer.Option(help="Channel of the force in .wav files; 0: ring-downs.")
-    ] = 1,
-    reject: Annotated[
-        str | None, typer.Option(help="Poles to leave out by their numbers, as 3,7.")
-    ] = None,
-    accept: Annotated[
-        str | None, typer.Option(help="Poles to take, though they were left out.")
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder for modes.json, modes.uff, targets.toml and pictures: stability diagram, "
-            "responses measured and of the modes, coherence, AutoMAC."
-        ),
-    ] = None,
-    changes: Changes = None,
-    overwrite: Overwrite = False,
-    quiet: Quiet = False,
-    json: json_of(
-        "{file, title, rows: [a mode each], left_out, steps, remarks}; of --synthetic {written}, "
-        "of --design {modes_hz, rows: [a point each], largest_mac, alike_hz}"
-    ) = False,
 ) -> None:
     """Read a hammer test: modes from hits or responses, with deviations."""
+    from workflows.scene import InvalidScene
     from workflows.structure import api
 
-    with StageProgress(f"hammer {scene}", quiet=quiet) as progress:
-        given = {"changes": changes or (), "progress": progress.stage, "overwrite": overwrite}
-        if (synthetic or design) and len(files) > 1:
-            raise ValueError("--synthetic and --design write one FILE; name one.")
-        if design is not None:
-            result = api.design_hammer_test(files[0], design, scene, band=span(band), **given)
-            print_report(result, json, quiet)
-            print_lines(f"written: {files[0]}", json=json, quiet=quiet)
-            return
+    if synthetic or design is not None:
+        file, *others = call.given.pop("files")
+        if others:
+            raise InvalidScene("--synthetic and --design write one FILE; name one.")
+        wanted = ("scene", "changes", "band", "overwrite", *(("points",) if synthetic else ()))
+        call.given = {name: call.given[name] for name in wanted if name in call.given}
+        call.function = api.write_hammer_test if synthetic else api.design_hammer_test
         if synthetic:
-            path = api.write_hammer_test(files[0], scene, points=points, band=span(band), **given)
+            path = call(file=file)
             line = f"written: {path} (synthetic, not measured)"
-            print_result({"written": [str(path)]}, line, json, quiet)
-            return
-        from workflows.files.hammer import Reading
-        from workflows.structure.hammer import Choice
-
-        result = api.hammer(
-            files, scene, reading=Reading(estimator, window, force_channel, points),
-            choice=Choice(
-                span(band), numbers(reject, "--reject"), numbers(accept, "--accept")
-            ),
-            out=out, **given,
-        )  # fmt: skip
-    print_report(result.report, json, quiet)
-    if out:
-        names = [
-            name for name in ("modes.json", "modes.uff", "targets.toml") if (out / name).exists()
-        ]
-        print_lines(f"written: {out}/{', '.join([*names, 'figures'])}", json=json, quiet=quiet)
+            print_result({"written": [str(path)]}, line, call.json, call.quiet)
+        else:
+            print_report(call(file=file, points=design), call.json, call.quiet)
+            print_lines(f"written: {file}", json=call.json, quiet=call.quiet)
+        return
+    print_report(call().report, call.json, call.quiet)
+    if out := call.given.get("out"):
+        files = ("modes.json", "modes.uff", "targets.toml")
+        names = [name for name in files if (out / name).exists()]
+        line = f"written: {out}/{', '.join([*names, 'figures'])}"
+        print_lines(line, json=call.json, quiet=call.quiet)
 
 
 @verb(

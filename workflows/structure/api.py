@@ -30,9 +30,8 @@ if TYPE_CHECKING:
 
     from fem.poly_reference import IdentifiedModes
     from rom import ReducedModel
-    from workflows.files.hammer import Reading
     from workflows.stages.pipeline import Pipeline
-    from workflows.structure.hammer import Choice, HammerReport
+    from workflows.structure.hammer import HammerReport
     from workflows.structure.hammer_design import HammerDesign
     from workflows.structure.look import Look, Seen
     from workflows.structure.mode_table import ModeTable
@@ -324,26 +323,39 @@ class HammerTest:
 
 
 def hammer(
-    files: str | Path | Iterable[str | Path],
+    files: Iterable[str | Path] | str | Path,
     scene: Source = None,
     changes: Changes = (),
     *,
-    reading: Reading | None = None,
-    choice: Choice | None = None,
+    points: str | Path | None = None,
+    band: str | tuple[float, float] | None = None,
+    estimator: str = "H1",
+    window: float | None = None,
+    force_channel: int = 1,
+    reject: str | Iterable[int] = (),
+    accept: str | Iterable[int] = (),
     out: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
 ) -> HammerTest:
     """Modes of a structure from hits or measured responses, with deviations (`beadwave hammer`).
 
-    files    time records of hits (.csv, .uff, .mat, .wav) or frequency responses (.csv, .uff, .mat)
-             of one test
-    reading  estimator, exponential window, channel of the force in .wav files, file with points:
-             `workflows.files.hammer.Reading`
-    choice   the band [Hz], and numbers of poles to reject or accept:
-             `workflows.structure.hammer.Choice`
-    out      a folder for pictures, `modes.json`, `modes.uff`, and where the points are known
-             `targets.toml`, the modes as targets of a scene
+    files          of one test. Time records of hits: .csv with a header line time [s], force 12+z
+                   [N], response 3+x [m/s^2], ...; .uff (data set 58), .mat, .wav. Or frequency
+                   responses: .uff, .mat, or .csv with a header line, then frequency_hz, re_1, im_1,
+                   re_2, im_2, ... on each line (Hz; receptance, mobility or accelerance in any
+                   unit)
+    scene          the scene whose modes they are paired with; default: rig-rom
+    points         points of the nodes: .csv (node, x, y, z in metres) or .uff
+    band           frequencies to identify in [Hz], as 40:950
+    estimator      H1, H2 or Hv
+    window         what an exponential window leaves at a record's end, as 0.01
+    force_channel  channel of the force in .wav files; 0: ring-downs
+    reject         poles to leave out by their numbers, as 3,7
+    accept         poles to take, though they were left out
+    out            folder for modes.json, modes.uff, where the points are known targets.toml, and
+                   pictures: stability diagram, responses measured and of the modes, coherence,
+                   AutoMAC
 
     The modes are paired with the measured modes of `scene` by frequency, or where the points of the
     test are known one-to-one with the modes of an assembly of bodies, by the MAC of their shapes
@@ -354,8 +366,10 @@ def hammer(
         raise InvalidScene(f"no file; {HAMMER}.")
     paths = [require_file(file, HAMMER) for file in given]
     from workflows.files.hammer import Reading, write_modes
+    from workflows.structure.hammer import Choice
 
-    reading = reading or Reading()
+    choice = Choice(_band(band), _poles("--reject", reject), _poles("--accept", accept))
+    reading = Reading(estimator, window, force_channel, Path(points) if points else None)
     reading.require()
     chosen = with_assembly(load_scene(scene, changes))
     inputs = (*files_read(chosen, scene), *paths, *((reading.points,) if reading.points else ()))
@@ -364,7 +378,6 @@ def hammer(
         folder.require("modes.json", "modes.uff", "targets.toml")
     from workflows.stages.pipeline import pipeline_of
     from workflows.structure.hammer import (
-        Choice,
         hammer_test,
         measured_shapes,
         pictures,
@@ -374,7 +387,7 @@ def hammer(
 
     with progress("identification"):
         wanted = dict(enumerate(chosen.measured_hz, start=1))
-        test = hammer_test(paths, wanted, reading, choice or Choice())
+        test = hammer_test(paths, wanted, reading, choice)
     if not chosen.of_dimensions and measured_shapes(test):
         test = recognised(test, pipeline_of(chosen, progress), wanted)
     with progress("picture"):
@@ -394,13 +407,34 @@ def hammer(
     return result
 
 
+def _band(band: str | tuple[float, float] | None) -> tuple[float, float] | None:
+    """Frequencies [Hz], as (40, 950) or "40:950"; raises InvalidScene for others."""
+    if band is None:
+        return None
+    try:
+        low, high = map(float, band.split(":") if isinstance(band, str) else band)
+    except (TypeError, ValueError):
+        low = high = np.nan
+    if not 0 <= low < high < np.inf:
+        raise InvalidScene(f"--band {band} must be FROM:TO in Hz, as 40:950.")
+    return low, high
+
+
+def _poles(option: str, numbers: str | Iterable[int]) -> tuple[int, ...]:
+    """Numbers of poles, as (3, 7) or "3,7"; raises InvalidScene for others."""
+    try:
+        return tuple(map(int, numbers.split(",") if isinstance(numbers, str) else numbers))
+    except (TypeError, ValueError):
+        raise InvalidScene(f"{option} {numbers} must be numbers of poles, as 3,7.") from None
+
+
 def write_hammer_test(
     file: str | Path,
     scene: Source = None,
     changes: Changes = (),
     *,
     points: str | Path | None = None,
-    band: tuple[float, float] | None = None,
+    band: str | tuple[float, float] | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
 ) -> Path:
@@ -430,7 +464,7 @@ def write_hammer_test(
     nodes, directions = points_and_directions(Path(points))
     from workflows.structure.hammer_design import computed_hits
 
-    hits = computed_hits(pipeline_of(chosen, progress), nodes, directions, band)
+    hits = computed_hits(pipeline_of(chosen, progress), nodes, directions, _band(band))
     with output.writing() as draft:
         write_hits(draft, hits)
     return output.path
@@ -442,7 +476,7 @@ def design_hammer_test(
     scene: Source = None,
     changes: Changes = (),
     *,
-    band: tuple[float, float] | None = None,
+    band: str | tuple[float, float] | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
 ) -> HammerDesign:
@@ -456,7 +490,7 @@ def design_hammer_test(
     from workflows.stages.pipeline import pipeline_of
     from workflows.structure.hammer_design import designed
 
-    design = designed(pipeline_of(chosen, progress), points, band)
+    design = designed(pipeline_of(chosen, progress), points, _band(band))
     with output.writing() as draft:
         draft.write_text(design.csv())
     return design
