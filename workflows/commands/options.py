@@ -1,6 +1,5 @@
 """Options that several commands share, and what a shell completes them with."""
 
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -52,47 +51,12 @@ def _names(folder: str, incomplete: str) -> list[str]:
     return [name for name in catalogue(folder) if name.startswith(incomplete)]
 
 
-SceneName = Annotated[
-    str | None,
-    typer.Argument(
-        metavar="SCENE",
-        help="A built-in scene (beadwave scenes lists them) or a TOML file; default: rig-rom.",
-        autocompletion=scene_names,
-    ),
-]
-RequiredScene = Annotated[
-    str,
-    typer.Argument(metavar="SCENE", help="A built-in scene or a file.", autocompletion=scene_names),
-]
-UsualScene = Annotated[
-    str | None,
-    typer.Argument(
-        metavar="SCENE",
-        help="A scene; default: the one each study is made for.",
-        autocompletion=scene_names,
-    ),
-]
-Changes = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="KEY=VALUE",
-        help="Set a value of the scene by its dotted key, a unit is optional: chain.radius=5mm.",
-        autocompletion=dotted_keys,
-    ),
-]
-
-
 def json_of(shape: str) -> Any:
     """The option --json of a command, with the shape of what it prints."""
     return Annotated[bool, typer.Option("--json", help=f"Print JSON: {shape}.")]
 
 
-Json = json_of("summary.json")
 JsonFiles = json_of("{written: [files]}")
-StudyFolder = Annotated[
-    Path | None, typer.Option("--out", help="Folder for tables (CSV, JSON) and pictures.")
-]
 Overwrite = Annotated[
     bool,
     typer.Option(
