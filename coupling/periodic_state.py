@@ -418,10 +418,12 @@ def periodic_state(
     )
     mean = float(cycle.friction_force[:-1, cycle.axis].mean())
     cycle = cycle._replace(mean_force_range=(mean, mean))
+    heat, in_dampers = float(gained[2]), float(gained[4])
+    in_wall = float(gained[5] + gained[6] - gained[3])
+    cycle = cycle._replace(unbalanced=abs(work - heat - in_dampers - in_wall))
     return PeriodicState(
         state, cycle, saved.force @ Q, middle, float(np.abs(saved.wall[:, 1]).max()), n_periods,
-        impacting, work, float(gained[2]), float(gained[4]),
-        float(gained[5] + gained[6] - gained[3]), estimate,
+        impacting, work, heat, in_dampers, in_wall, estimate,
     )  # fmt: skip
 
 

@@ -549,6 +549,7 @@ class Cycle(NamedTuple):
     periods: int = 1  # of the wall's motion until all repeats itself
     # [N] least and largest mean force along `axis`, also of contacts that were pushed beforehand
     mean_force_range: tuple[float, float] = (0.0, 0.0)
+    unbalanced: float | None = None  # [J] shakers' work less all losses of a period, of a structure
 
     @property
     def axis(self) -> int:

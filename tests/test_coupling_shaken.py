@@ -71,6 +71,7 @@ def test_shakers_work_is_friction_and_damping_in_random_cycles(seed):
     )  # fmt: skip
     before = result.before
     assert before.balance < 1e-4
+    assert before.cycle.unbalanced == pytest.approx(before.balance * abs(before.work), rel=1e-6)
     assert before.heat >= 0.0
     assert before.lost_in_wall >= 0.0
 

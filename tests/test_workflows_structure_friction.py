@@ -182,7 +182,11 @@ def test_a_shaker_of_an_imported_wall_brings_the_contact_into_a_period(capsys):
     the force that it is times the stiffness."""
     imported("shaken.npz", np.array([[0.1, 0.9, 0.0], [0.05, -0.5, 0.0]]), ("top",))
     base = 'name = "top", on = "wall", frequency = 1000.0'
-    by_force = shaken(capsys, f"{{ {base}, force = 20.0 }}")["friction"]
+    summary = shaken(capsys, f"{{ {base}, force = 20.0 }}")
+    by_force = summary["friction"]
+    assert 0.0 < summary["error_estimate"]["time"] <= 1e-3  # along and across are one march
+    off = by_force["loop_unbalanced_J"] / by_force["loop_energy_J"]
+    assert 0.0 < off and any("all losses" in line for line in summary["warnings"]) == (off > 0.05)
     run = dict(np.load("s/trajectory.npz"))
     assert by_force["periodicity_error"] < 1e-3
     loop = by_force["loop_energy_J"]

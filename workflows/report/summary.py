@@ -155,7 +155,8 @@ class FrictionNumbers(BaseModel):
     start, the periodic state's included. Where shakers move the wall: loop before the striker, its
     energy in a period of the wall and its amplitudes (half of peak to peak), least and largest mean
     force over the periodic states of contacts that were pushed beforehand, periods until the loop
-    repeats itself, how far the force is from periodic and how far the sphere drifts in a loop; what
+    repeats itself, of a structure by how much the shakers' work and all losses of a period differ,
+    how far the force is from periodic and how far the sphere drifts in a loop; what
     the contact does when the wave reaches it ("stick", "partial slip",
     "gross slip", "open"; at the start where nothing strikes), and the first shaker's phase then.
     """
@@ -174,6 +175,7 @@ class FrictionNumbers(BaseModel):
     loop_displacement_m: float | None = None
     loop_mean_tangential_range_N: tuple[float, float] | None = None
     loop_periods: int | None = None
+    loop_unbalanced_J: float | None = None
     periodicity_error: float | None = None
     drift_m: float | None = None
     state_at_impact: str | None = None

@@ -6,7 +6,9 @@ friction leaves alone.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import suppress
+from operator import add
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,8 +25,9 @@ from dem.lateral import (
     march_lateral,
 )
 from dem.spheres import hertz_overlap, mass
+from workflows.report.numbers import si
 from workflows.report.summary import ChainNumbers, FrictionNumbers
-from workflows.scene import Scene
+from workflows.scene import RomWall, Scene
 from workflows.scene.friction import arm_stiffness
 from workflows.stages import chain_numbers as of_chain
 from workflows.stages import compilation as of_impact
@@ -37,6 +40,7 @@ if TYPE_CHECKING:
 
 ARRIVED = 0.01  # of a wave's rise of force, at which it has reached the wall; not varied
 ALL_STICKS = 0.999  # share of the area from which the contact sticks; not varied
+BALANCED = 0.05  # of a loop, up to which work and losses may differ unreported; not varied
 COUPLED = 0.01  # of Dundurs' constant: from there on the neglected coupling is reported; not varied
 
 
@@ -165,6 +169,7 @@ def cycle_numbers(
         "loop_displacement_m": amplitude(cycle.slip[:, cycle.axis]),
         "loop_mean_tangential_range_N": cycle.mean_force_range,
         "loop_periods": cycle.periods,
+        "loop_unbalanced_J": cycle.unbalanced,
         "periodicity_error": cycle.periodicity_error,
         "drift_m": cycle.drift,
         "state_at_impact": next((name for name, is_so in states.items() if is_so), "partial slip"),
@@ -194,20 +199,37 @@ def chain_numbers(
     lateral: LateralTrajectory,
 ) -> ChainNumbers:
     """`chain_numbers.chain_numbers` of a scene with friction: errors of velocities and energy are
-    those along the chain and across it together."""
+    those along the chain and across it together, or of the one march of both at a structure."""
     along = of_chain.chain_numbers(scene, start, wall, impact, waves)
+    together = max if isinstance(scene.wall, RomWall) else add
     numbers = {
-        "energy_error": along.numbers["energy_error"] + lateral.energy_error,
+        "energy_error": together(along.numbers["energy_error"], lateral.energy_error),
         "friction": friction_numbers(scene, start, impact, lateral),
     }
     if not start.velocity.any():  # what moves spheres at rest is rounding
         numbers["waves"] = {}
-    time_error = None if along.time_error is None else along.time_error + lateral.error_estimate
+    time_error = along.time_error
+    if time_error is not None:
+        time_error = together(time_error, lateral.error_estimate)
     return along._replace(
         numbers=along.numbers | numbers,
-        warnings=(*along.warnings, *neglected_coupling(scene, start)),
+        warnings=(*along.warnings, *neglected_coupling(scene, start), *unbalanced(lateral)),
         time_error=time_error,
     )
+
+
+def unbalanced(lateral: LateralTrajectory) -> Iterator[str]:
+    """A periodic state in which what the shakers give and what is lost differ by a good part of the
+    loop of friction: it is small beside what modes take, or the state is not yet periodic."""
+    cycle = lateral.cycle
+    if cycle is None or cycle.unbalanced is None:
+        return
+    if cycle.unbalanced > BALANCED * cycle.energy:
+        yield (
+            f"In the periodic state the shakers' work and all losses of a period differ by "
+            f"{si(cycle.unbalanced, 'J')}, beside a loop of friction of {si(cycle.energy, 'J')}: "
+            "lower time.error before you rely on the loop."
+        )
 
 
 def neglected_coupling(scene: Scene, start: Start):
