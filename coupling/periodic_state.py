@@ -12,7 +12,6 @@ damping over a cycle, corrected by each J d (Broyden). The level of the shakers 
 from the state of the one before: no cycle on the way is much larger than the last one, whose slip
 wipes out what smaller ones left (Madelung's rules). Slip that reaches only part of the contact
 leaves the rest as it was; the state is that of a contact that was never sheared before.
-`range_of_states` says how far other starts differ.
 """
 
 import math
@@ -201,7 +200,8 @@ def linear_period(period: Period, saved: SavedSpatial | None) -> tuple[Array, Ar
         springs[1:][moves] = np.minimum(amplitude[moves] / way[moves], springs[1:][moves])
         heat = float(saved.energy[-1, 2] - saved.energy[0, 2])
         duration = period.steps.h * period.steps.n_save * period.steps.stride
-        omega = float(period.system.shaking.omega.min(initial=2.0 * math.pi / duration))
+        shakers = period.system.shaking.omega
+        omega = float(shakers.min()) if shakers.size else 2.0 * math.pi / duration
         dampers[1:] = heat / (math.pi * omega * max(float(way @ way), 1e-300)) if way.any() else 0.0
     closed = springs > 0.0
     C = np.zeros((1 + d, 1 + d))
@@ -282,13 +282,13 @@ def fixed_point(
     step = np.zeros(len(z))
     for _ in range(search.most_iterations):
         # a period; a Newton step that leads further away is cut back
-        for _ in range(4):
+        for cut_back in range(4):
             period.place(moving, z, sheared=sheared)
             start = moving.copied()
             saved = period.march(moving)
             image = period.z_of(moving)
             residual = units * (image - z) * moves
-            if np.linalg.norm(residual) <= 1.5 * size:
+            if np.linalg.norm(residual) <= 1.5 * size or cut_back == 3:
                 break
             step = 0.5 * step
             z = z - step
@@ -326,6 +326,8 @@ def fixed_point(
             left = residual - np.array(E).T @ share
             if np.linalg.norm(left) <= search.linear * size:
                 break
+        if not D:  # what is left moves along motions that come back of themselves
+            break
         step = np.array(D).T @ share / units
         z = z + step
     moving, saved = (moving, saved) if result is None else result
@@ -381,7 +383,7 @@ def periodic_state(
             speeds / largest,
             np.log(np.maximum(np.ptp(saved.force[:, 1:], axis=0).max(), 1e-300)),
             np.log(np.maximum(np.ptp(saved.slip, axis=0).max(), 1e-300)),
-            heat / (abs(saved.energy[-1, 6] - saved.energy[0, 6]) or 1.0),
+            heat / (abs(float(np.sum(saved.energy[-1, 6:8] - saved.energy[0, 6:8]))) or 1.0),
         )
         if coarse is not None and coarse[0].shape == speeds.shape:
             changes = (np.abs(a - b).max() for a, b in zip(numbers, coarse, strict=True))
@@ -394,6 +396,12 @@ def periodic_state(
                 "period; ask for a larger error"
             )
         coarse, n_steps = numbers, math.ceil(n_steps * search.refined)
+
+    if not math.isfinite(estimate):
+        raise UnstableStep(
+            f"the state comes back after {n_periods} periods of the shakers, and by other steps "
+            "after another number: its error is unknown; change the shakers"
+        )
 
     # heat counts from the striker on
     springs = state.contacts.row if state.contacts.cells is None else state.contacts.cells
@@ -471,29 +479,3 @@ def joined(cycles: list[SavedSpatial]) -> SavedSpatial:
             for parts in zip(*cycles, strict=True)
         )
     )
-
-
-def range_of_states(
-    body: Body, before: Before, state: PeriodicState, *,
-    search: PeriodicSearch = USUAL_PERIODIC_SEARCH, shifts: tuple[float, ...] = (-1.0, 1.0),
-) -> float:  # fmt: skip
-    """Largest difference of the cycle's tangential amplitude, over it, that starts from a contact
-    sheared by these shares of gross slip lead to."""
-    amplitude = 0.5 * np.ptp(state.cycle.friction_force, axis=0).max()
-    steps = max(search.cycle_steps, math.ceil(body.shakers.period * body.rate / search.phase))
-    period = period_of(body, before, steps, search)
-    largest = 0.0
-    for shift in shifts:
-        moving = body.at_rest()
-        period.place(moving, period.z_of(moving))
-        z = period.z_of(moving)
-        gross = body.last.law.bound * float(
-            body.prepared.chain.elastic.at(np.s_[-1:]).overlap(body.prepared.static.force[-1:])[0]
-        )
-        sheared = z.copy()
-        sheared[moving.motion.x.size] += shift * gross
-        period.place(moving, sheared)
-        saved = fixed_point(period, moving, search, 1e-6).saved
-        other = 0.5 * np.ptp(saved.force[:, 1:] @ body.frame, axis=0).max()
-        largest = max(largest, abs(other - amplitude) / (amplitude or 1.0))
-    return float(largest)

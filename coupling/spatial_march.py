@@ -404,6 +404,11 @@ def march_to_error(
         steps = Steps(spacing / stride, n_save, stride)
         return body.march(moving, system, 0.0, steps, modes=True), moving
 
+    # cells in two directions, and dampers before a residual compliance, leave errors of order 1:
+    # 0.87 to 1.02 and 0.99 to 1.00 over five halvings
+    damped = body.prepared.damping is not None and body.wall.residual_compliance.any()
+    order = 1.0 if len(body.frame) == 2 or damped else 2.0
+
     first = search.phase / body.rate if search.dt is None else search.dt
     stride = max(1, math.ceil(spacing / first * (1 - 1e-9)))
     coarse, _ = run(stride)
@@ -419,10 +424,10 @@ def march_to_error(
             )
         saved, moving = run(finer)
         change = difference(saved, coarse, radius)
-        estimate = search.safety * change / speed / ((finer / stride) ** 2 - 1.0)
+        estimate = search.safety * change / speed / ((finer / stride) ** order - 1.0)
         if search.dt is not None or estimate <= error:
             break
-        shorter = min(max(1.2, 1.1 * math.sqrt(estimate / error)), 16.0)
+        shorter = min(max(1.2, 1.1 * (estimate / error) ** (1.0 / order)), 16.0)
         coarse, stride = saved, finer
     steps = Steps(spacing / finer, n_save, finer)
     return spatial_run(body, saved, moving, steps, estimate)

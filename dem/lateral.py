@@ -765,6 +765,11 @@ def periodic_state(
     while True:
         R, before = float(body.chain.radius[-1]), coarse.last.saved
         shaken = shaken._replace(n_steps=2 * shaken.n_steps)
+        if shaken.n_steps > search.most_steps:
+            raise UnstableStep(
+                f"the periodic state takes more than {search.most_steps:.1e} steps a period; ask "
+                "for a larger error"
+            )
         finer = fixed_point(shaken, coarse.state, coarse.springs, coarse.matrix, periodicity)
         if finer is None:
             finer, _ = marched_on(shaken, coarse.state, coarse.springs)

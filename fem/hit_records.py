@@ -176,7 +176,7 @@ def records_of_mat(variables: dict[str, NDArray], name: str) -> list[TimeRecord]
             raise ValueError(f"{key} is no array of real numbers")
     y = np.asarray(variables["response"], float)
     force = variables.get("force")
-    k = len(y) if force is None else max(force.shape)
+    k = max(y.shape) if force is None else max(force.shape)
     if y.ndim == 2 and y.shape[0] != k:
         y = y.T
     y = y.reshape(len(y), y.shape[1] if y.ndim > 1 else 1, -1)
@@ -225,7 +225,8 @@ def record_of_wav(rate: int, samples: NDArray, name: str, force_channel: int) ->
     for none; raises ValueError where it has no such channel."""
     y = np.atleast_2d(samples.T).astype(float)
     if samples.dtype.kind in "iu":
-        y = (y - (128 if samples.dtype == np.uint8 else 0)) / np.iinfo(samples.dtype).max
+        unsigned = samples.dtype == np.uint8  # of 8 bits alone, its zero is 128
+        y = (y - 128.0) / 128.0 if unsigned else y / np.iinfo(samples.dtype).max
     if not 0 <= force_channel <= len(y) or len(y) == force_channel == 1:
         raise ValueError(
             f"it has {len(y)} channels, the force is in channel {force_channel}; --force-channel "
@@ -302,10 +303,13 @@ def cut_at_hits(
             continue
         before = min(int(options.before / dt), int(starts[0]))
         lengths = np.diff([*starts, len(f) + before])
-        length = int(lengths[:-1].min()) if len(starts) > 2 else int(lengths.min())
+        long_enough = lengths >= options.shortest * np.median(lengths)
+        # the last hit may have less time; the others are all of one length
+        usual = lengths[:-1][long_enough[:-1]]
+        length = int(usual.min()) if len(usual) > 1 else int(lengths[long_enough].min())
         for i, start in enumerate(starts.tolist()):
             first = start - before
-            if lengths[i] < options.shortest * np.median(lengths):
+            if not long_enough[i]:
                 remarks.append(
                     f"the hit at {start * dt:.3f} s at {record.point} is left out: the next hit "
                     "or the record's end follows too soon"

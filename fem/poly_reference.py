@@ -579,6 +579,7 @@ def fitted_modes(
     size, sigma, omega = np.abs(pole), -pole.real, pole.imag
     rr, ii = np.diag(covariance)[:n], np.diag(covariance)[n : 2 * n]
     ri = np.diag(covariance[:n, n : 2 * n])
+    widening = np.ones(n)
     if covered.all():
         # the variance of few hits is itself uncertain: two deviations hold 95 % by Student's t, at
         # the degrees of freedom of Welch and Satterthwaite
@@ -591,7 +592,7 @@ def fitted_modes(
     d_real, d_imag = -(omega**2) / size**3, sigma * -omega / size**3
     zeta_variance = d_real**2 * rr + d_imag**2 * ii + 2 * d_real * d_imag * ri
     unit = fit.phi[np.abs(fit.phi).argmax(axis=0), np.arange(n)]
-    phi_deviation = np.sqrt(squares[:, :n] + squares[:, n:]) / np.abs(unit)
+    phi_deviation = np.sqrt(widening * (squares[:, :n] + squares[:, n:])) / np.abs(unit)
     modes = [
         (
             number, size[i] / (2 * np.pi), sigma[i] / size[i], fit.phi[:, i] / unit[i],

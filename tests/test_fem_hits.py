@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from fem.correlation import mac
+from fem.hit_records import TimeRecord, cut_at_hits
 from fem.hits import FrequencyResponses, HitChecks, Hits, frequency_responses, until_noise
 from fem.poly_reference import (
     Stability,
@@ -163,3 +164,20 @@ def test_records_that_hold_no_hit_are_refused_in_a_sentence():
         frequency_responses(hits_with(np.roll(pulse, 1850), noise[:, None]))
     with pytest.raises(ValueError, match="must be one of H1, H2, Hv"):
         frequency_responses(hits_with(pulse, noise[:, None]), "H3")
+
+
+@pytest.mark.parametrize(
+    ("starts", "duration", "left_out", "lengths"),
+    [
+        ([0.1, 5.1, 5.5, 10.0], 15.0, 1, (4490, 4510)),
+        ([0.1, 6.0], 7.0, 1, (5890, 5910)),
+        ([0.1, 5.1, 10.1], 14.0, 0, (3890, 5010)),
+    ],
+)
+def test_a_hit_that_is_left_out_shortens_no_other(starts, duration, left_out, lengths):
+    force = np.zeros(int(duration * 1000))
+    force[(np.array(starts) * 1000).astype(int)] = 1.0
+    record = TimeRecord(1e-3, force, force[None], "1+z", ("1+z",), "")
+    pieces, remarks = cut_at_hits([record])
+    assert len(remarks) == left_out and len(pieces) == len(starts) - left_out
+    assert all(lengths[0] <= len(piece.force) <= lengths[1] for piece in pieces)

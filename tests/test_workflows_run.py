@@ -60,7 +60,7 @@ def test_the_summary_has_the_keys_of_the_contract(capsys):
     small("impact", "rig-1dof", "--json")
     summary = json.loads(capsys.readouterr().out)
     assert set(summary) == CONTRACT | BESIDE
-    assert set(summary["error_estimate"]) == {"time", "reduction", "mesh", "theory"}
+    assert set(summary["error_estimate"]) == {"time", "reduction", "mesh", "theory", "receptance"}
     assert set(summary["stages"][0]) == {"name", "seconds", "cached"}
     assert set(summary["waves"]) == {"1", "4"}
 

@@ -159,10 +159,10 @@ def nested_posterior(
     log_z, error = float(run.logz[-1]), float(run.logzerr[-1])
     effective = 1 / np.sum(weights**2)
 
-    # lobes, of equally weighted samples
+    # lobes, of samples drawn by their weights, some several times
     rng = np.random.default_rng(seed + 1)
-    equal = np.unique(rng.choice(len(z), 4000, p=weights))
-    label = lobes_of(z[equal], options)
+    equal, counts = np.unique(rng.choice(len(z), 4000, p=weights), return_counts=True)
+    label = lobes_of(z[equal], options, counts)
     nearest = cKDTree(z[equal])
     lobe = label[nearest.query(z)[1]]
 
@@ -209,8 +209,11 @@ def nested_posterior(
     )  # fmt: skip
 
 
-def lobes_of(z: NDArray[np.float64], options: NestedOptions) -> NDArray[np.int64]:
-    """The lobe (n,) of each of the samples z (n, p): connected parts of the graph of neighbours.
+def lobes_of(
+    z: NDArray[np.float64], options: NestedOptions, weight: NDArray | None = None
+) -> NDArray[np.int64]:
+    """The lobe (n,) of each of the samples z (n, p): connected parts of the graph of neighbours,
+    each of `options.least` of all weight (n,) at least, alike without it.
 
     Samples in the thinnest places, which may bridge two lobes, join the lobe of the nearest one.
     """
@@ -224,7 +227,8 @@ def lobes_of(z: NDArray[np.float64], options: NestedOptions) -> NDArray[np.int64
     _, part = connected_components(graph, directed=False)
 
     # small parts belong to the nearest sample of a large one
-    large = np.flatnonzero(np.bincount(part) >= options.least * len(z))
+    weight = np.ones(len(z)) if weight is None else weight
+    large = np.flatnonzero(np.bincount(part, weight[dense]) >= options.least * weight.sum())
     in_large = np.isin(part, large)
     nearest = cKDTree(scaled[dense[in_large]]).query(scaled)[1]
     return np.searchsorted(large, part[in_large][nearest])
@@ -234,10 +238,10 @@ def frequencies_log_likelihood(
     computed_hz: ArrayLike, measured_hz: ArrayLike, deviation: ArrayLike, model_error: float = 0.0
 ) -> float:
     """ln L of measured frequencies (n,) with relative deviations (n,), and of a relative model
-    error that is a parameter of the fit: by it bars do not fall below what builds of one part
-    differ by.
+    error that is a parameter of the fit: it keeps bars from being smaller than the scatter between
+    copies of a part.
 
-        ln L = -1/2 sum_i (ln f_i / f_m,i)^2 / s_i^2 + ln(2 pi s_i^2),   s_i^2 = d_i^2 + e^2
+        ln L = -1/2 sum_i [(ln f_i / f_m,i)^2 / s_i^2 + ln(2 pi s_i^2)],   s_i^2 = d_i^2 + e^2
     """
     misfit = np.log(np.asarray(computed_hz, float) / measured_hz)
     square = np.asarray(deviation, float) ** 2 + model_error**2
