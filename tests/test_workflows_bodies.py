@@ -389,7 +389,7 @@ def test_match_gives_targets_to_a_scene_without_any(capsys):
     assert report["remarks"][0] == "target 1 is mode 2."
     (target,) = scene("t.toml").targets
     assert (target.number, target.hz) == (2, f)
-    for match in ("3", "3=a", "0=10", "1=-5", "1=10,1=12"):
+    for match in ("3", "3=a", "0=10", "500=10", "1=-5", "1=10,1=12"):
         assert beadwave(*order, f"--match={match}") == 2
         assert "needs its number and its frequency" in capsys.readouterr().err
 

@@ -122,6 +122,12 @@ def test_what_is_no_response_of_a_wall_is_refused_in_a_sentence(tmp_path, change
         beadwave.impact(scene_of(path, **keys))
 
 
+def test_frequencies_below_zero_are_refused_not_left_out(tmp_path):
+    path = file_of(tmp_path / "low.csv", rom.modal_receptance(TRUE, HZ), HZ - HZ[0] - 100.0)
+    with pytest.raises(InvalidScene, match="frequencies below 0 Hz, from -100"):
+        beadwave.impact(scene_of(path))
+
+
 def test_a_file_that_is_not_there_is_named(tmp_path):
     with pytest.raises(InvalidScene, match=r"wall\.receptance .* does not exist"):
         beadwave.impact(scene_of(tmp_path / "no.uff"))

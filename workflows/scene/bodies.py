@@ -414,7 +414,8 @@ class MeasuredMode(SceneTable):
     body: str | None = None  # the body whose motion tells the mode
     motion: str | None = None  # of that body: "x", "x+ry", "strain"
     number: Annotated[int, Field(ge=1, le=200)] | None = None  # of the mode, in place of a motion
-    shape: str | None = None  # file of measured shapes (.uff), in place of a motion
+    # file of measured shapes (.uff), in place of a motion
+    shape: Annotated[str, Field(min_length=1)] | None = None
     title: str | None = None  # what tables call it; body and motion
 
     @model_validator(mode="after")

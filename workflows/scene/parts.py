@@ -23,7 +23,8 @@ def with_assembly(scene: Scene) -> Scene:
 
 def with_targets(scene: Scene) -> Scene:
     """A scene that lists measured modes."""
-    return _with(scene, scene.measured_hz, "targets; list measured modes in [[targets]]")
+    lacking = "targets; list measured modes in [[targets]], or give --match 1=738.6,2=2210.8"
+    return _with(scene, scene.measured_hz, f"{lacking} or --hammer FILE")
 
 
 def with_wall(scene: Scene) -> Scene:

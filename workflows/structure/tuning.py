@@ -347,10 +347,11 @@ def numbered(scene: Scene, match: str) -> tuple[Scene, dict[int, float], list[st
         hz = {int(n): float(value) for n, _, value in pairs}
     except ValueError:
         hz = {}
-    if len(hz) < len(pairs) or not all(n >= 1 and 0 < f < np.inf for n, f in hz.items()):
+    if len(hz) < len(pairs) or not all(1 <= n <= 200 and 0 < f < np.inf for n, f in hz.items()):
         raise InvalidScene(
             f"--match {match}: {scene.name} has no targets, so each mode needs its number and its "
-            "frequency, as in 1=738.6,3=2210.8 (Hz)."
+            "frequency: a number from 1 to 200 once, and Hz above 0 without a unit, as in "
+            "1=738.6,3=2210.8."
         )
     tables = tuple(MeasuredMode(number=n, hz=f) for n, f in sorted(hz.items()))
     places = {n: place for place, n in enumerate(sorted(hz), start=1)}
