@@ -226,6 +226,11 @@ def test_universal_files_of_hits_hold_points_and_come_back_as_targets(hits, tmp_
         assert mac(shape.values[:, None], hits.phi[:, [i]])[0, 0] > 0.95
 
 
+def test_a_band_outside_of_the_responses_is_refused_with_what_they_hold(csv):
+    with pytest.raises(InvalidScene, match=r"--band 90000:200000 holds 0 .* reach from .* Hz"):
+        hammer_test(csv, RIG, choice=Choice(band_hz=(9e4, 2e5)))
+
+
 def test_poles_are_rejected_and_accepted_by_their_numbers(csv):
     """The rest is fitted anew; a number that is none of a pole is refused with those there are."""
     report = hammer_test(csv, RIG).report

@@ -196,6 +196,14 @@ def hammer_test(
             f"{named}: the response of {dead[0]} has no peaks; leave it out, or give responses "
             "that reach a resonance."
         )
+    if choice.band_hz is not None and test.kind != "ambient":
+        low, high = choice.band_hz
+        n_within = np.count_nonzero((f >= low) & (f <= high))
+        if n_within < 40:
+            raise InvalidScene(
+                f"{named}: --band {low:g}:{high:g} holds {n_within} of its frequencies, "
+                f"which reach from {f[0]:g} to {f[-1]:g} Hz; take a band of at least 40 of them."
+            )
     try:
         if test.kind == "ambient":
             (records,) = test.records
