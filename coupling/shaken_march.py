@@ -75,9 +75,9 @@ def march_shaken(
     start.motion.v[:] += v0
     start.motion.u_v[:] += body.frame @ np.asarray(last.velocity, float)
     speed = max(speed, before.wall_speed, float(np.abs(before.moving.motion.v).max()))
-    left = None if error is None else max(error - before.error_estimate, 0.5 * error)
+    of_march = None if error is None else max(error - before.error_estimate, 0.5 * error)
     run = march_to_error(
-        body, start, duration=duration, error=left, n_save=n_save, speed=speed or None
+        body, start, duration=duration, error=of_march, n_save=n_save, speed=speed or None
     )
     lateral = run.lateral._replace(
         cycle=before.cycle,

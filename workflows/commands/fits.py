@@ -1,4 +1,7 @@
-"""`beadwave calibrate`, `twin`, `inspect` and `design`: models fitted to records."""
+"""`beadwave calibrate`, `twin`, `inspect` and `design`: models fitted to records.
+
+Arguments, defaults and help of each are those of the function that it names (`verb.py`).
+"""
 
 from workflows.commands.terminal import print_lines, print_report, print_result
 from workflows.commands.verb import Call, Word, verb
