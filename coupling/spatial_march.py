@@ -6,7 +6,8 @@ by
     e = safety max |v_h - v_H| / speed / ((H/h)^2 - 1)
 
 in the velocities of all spheres along the chain, of the last one across it, and of its turn at the
-surface. Before the striker shakers bring all into a periodic state, see `coupling.periodic_state`.
+surface. In two directions the difference to half as many cells is added. Before the striker shakers
+bring all into a periodic state, see `coupling.periodic_state`.
 """
 
 import math
@@ -19,8 +20,8 @@ from coupling.errors import CouplingError
 from coupling.spatial_wall import SpatialWall, require_one_solution
 from dem import Chain, Trajectory, UnstableStep, Wall
 from dem.chain import State
-from dem.checks import InvalidChain, require, saves, vector
-from dem.friction import open_cells, open_row, stick_stiffness
+from dem.checks import InvalidChain, require, saves
+from dem.friction import open_cells, open_row, redivided, stick_stiffness
 from dem.kernels.arguments import Array, Steps
 from dem.kernels.lateral import Sphere
 from dem.kernels.oscillators import oscillator_propagator
@@ -35,7 +36,7 @@ from dem.kernels.spatial import (
     march_spatial,
     settle,
 )
-from dem.lateral import LastSphere, LateralTrajectory
+from dem.lateral import LastSphere, LateralTrajectory, checked_last_sphere, require_hertz
 from dem.prepared import PreparedChain, prepare
 from dem.stability import fastest_rate
 
@@ -74,8 +75,11 @@ class SpatialSearch(NamedTuple):
     most_steps: float = 1e8  # some minutes
     capacity: int = 2048  # nodes of the contact in one direction
     # of the contact in two directions: 128, 512 and 2048 left amplitudes of a cycle of partial slip
-    # 1e-4, 4e-6 and 0 apart, and its heat 8e-5, 1e-5 and 0
+    # 1e-4, 4e-6 and 0 apart, and its heat 8e-5, 1e-5 and 0; doubled until half as many differ by
+    # `share` of the error
     n_cells: int = 256
+    most_cells: int = 8192
+    share: float = 0.5  # of the error, for the cells; not varied
 
 
 USUAL_SPATIAL_SEARCH = SpatialSearch()
@@ -227,6 +231,14 @@ class Moving(NamedTuple):
     motion: SpatialMotion
     contacts: Contacts
 
+    def divided(self, n_cells: int) -> "Moving":
+        """The same in arrays of their own, a contact in two directions in so many cells."""
+        moving, contacts = self.copied(), self.contacts
+        if contacts.cells is None:
+            return moving
+        cells, trial = (redivided(contacts.cells, n_cells) for _ in range(2))
+        return Moving(moving.motion, Contacts(None, None, cells, None, trial))
+
     def copied(self) -> "Moving":
         """The same in arrays of their own."""
         contacts = (
@@ -294,12 +306,9 @@ def body_of(
     shakers: ShakerForces | None = None, search: SpatialSearch = USUAL_SPATIAL_SEARCH,
 ) -> Body:  # fmt: skip
     """Chain, last sphere and wall, checked. Raises InvalidChain, NoEquilibrium, CouplingError."""
-    require(
-        chain.yield_overlap is None and not chain.jumps and chain.elastic.shape is None,
-        "friction at the wall takes Hertz contacts that are elastic, or damped by hunt-crossley",
-    )
+    require_hertz(chain)
     require(not chain.slides, "friction at the wall takes no guides; leave them out")
-    velocity = vector("lateral velocity", last.velocity, 2)
+    velocity, stiffness = checked_last_sphere(last)
     S = np.asarray(wall.residual_compliance, float)
     if np.any(wall.zeta < 0.0):
         raise CouplingError(
@@ -314,7 +323,6 @@ def body_of(
     # one direction across where nothing leads out of it: no mode that moves along it or that the
     # chain or a shaker drives moves the wall beside it, and nothing beside it moves the sphere
     frame, scale = np.eye(2), np.abs(wall.phi).max(initial=0.0)
-    stiffness = np.asarray(last.arm_stiffness, float)
     lines = [velocity / np.hypot(*velocity)] if velocity.any() else [*np.eye(2)]
     for line in lines:
         beside = np.array([-line[1], line[0]])
@@ -397,9 +405,10 @@ def march_to_error(
         speeds = np.concatenate([start.motion.v, start.motion.u_v])
         speed = float(np.abs(speeds).max()) or 1.0
     spacing, radius = duration / n_save, float(body.prepared.chain.radius[-1])
+    two_directions, n_cells = len(body.frame) == 2, search.n_cells
 
-    def run(stride: int) -> tuple[SavedSpatial, Moving]:
-        moving, system = start.copied(), body.stepped(spacing / stride)
+    def run(stride: int, n_cells: int) -> tuple[SavedSpatial, Moving]:
+        moving, system = start.divided(n_cells), body.stepped(spacing / stride)
         body.settle(moving, system, 0.0)
         steps = Steps(spacing / stride, n_save, stride)
         return body.march(moving, system, 0.0, steps, modes=True), moving
@@ -407,11 +416,27 @@ def march_to_error(
     # cells in two directions, and dampers before a residual compliance, leave errors of order 1:
     # 0.87 to 1.02 and 0.99 to 1.00 over five halvings
     damped = body.prepared.damping is not None and body.wall.residual_compliance.any()
-    order = 1.0 if len(body.frame) == 2 or damped else 2.0
+    order = 1.0 if two_directions or damped else 2.0
 
-    first = search.phase / body.rate if search.dt is None else search.dt
+    # a contact that nothing presses or strikes has no rate
+    first = search.dt or (search.phase / body.rate if body.rate > 0.0 else spacing)
     stride = max(1, math.ceil(spacing / first * (1 - 1e-9)))
-    coarse, _ = run(stride)
+    coarse, _ = run(stride, n_cells)
+
+    # the part of the cells, beside half as many: of order 1 too, see `dem.lateral`
+    of_cells, halved = 0.0, run(stride, n_cells // 2)[0] if two_directions else None
+    while halved is not None:
+        of_cells = search.safety * difference(coarse, halved, radius) / speed
+        if search.dt is not None or of_cells <= search.share * error:
+            break
+        if 2 * n_cells > search.most_cells:
+            raise UnstableStep(
+                f"error {error:g} over {duration:g} s takes more than {search.most_cells} cells of "
+                "the contact in two directions; ask for a larger error"
+            )
+        n_cells, halved = 2 * n_cells, coarse
+        coarse, _ = run(stride, n_cells)
+
     shorter, spent = 2.0, stride
     while True:
         finer = max(stride + 1, math.ceil(shorter * stride))
@@ -422,14 +447,17 @@ def march_to_error(
                 f"{target} over {duration:g} s takes more than {search.most_steps:.1e} steps; ask "
                 "for a larger error or for less time"
             )
-        saved, moving = run(finer)
+        saved, moving = run(finer, n_cells)
         change = difference(saved, coarse, radius)
-        estimate = search.safety * change / speed / ((finer / stride) ** order - 1.0)
+        of_steps = search.safety * change / speed / ((finer / stride) ** order - 1.0)
+        estimate = of_cells + of_steps
         if search.dt is not None or estimate <= error:
             break
-        shorter = min(max(1.2, 1.1 * (estimate / error) ** (1.0 / order)), 16.0)
+        excess = of_steps / (error - of_cells)
+        shorter = min(max(1.2, 1.1 * excess ** (1.0 / order)), 16.0)
         coarse, stride = saved, finer
     steps = Steps(spacing / finer, n_save, finer)
+    body = body._replace(search=search._replace(n_cells=n_cells))
     return spatial_run(body, saved, moving, steps, estimate)
 
 
@@ -498,8 +526,8 @@ def spatial_run(
 
     everything = total + lateral.energy
     terms = (*ledger, kinetic, turning, arm, tangential, lateral.dissipated_friction, shaken)
-    scale = float(ledger[0][0] + kinetic[0] + turning[0])
-    scale = scale or max(float(np.ptp(term)) for term in terms) or 1.0
+    started = float(ledger[0][0] + kinetic[0] + turning[0])
+    scale = max(started, *(float(np.ptp(term)) for term in terms)) or 1.0
     ledger_error = float(np.abs(everything - everything[0]).max()) / scale
     lateral = lateral._replace(energy_error=ledger_error)
     state = moving.motion

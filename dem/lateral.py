@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from dem.chain import Chain
 from dem.checks import InvalidChain, positive, require, scalar, vector
-from dem.friction import open_cells, open_row, stick_stiffness
+from dem.friction import open_cells, open_row, redivided, stick_stiffness
 from dem.kernels.arguments import Array, Steps
 from dem.kernels.lateral import (
     Across,
@@ -35,8 +35,6 @@ from dem.kernels.lateral import (
 from dem.kernels.oscillators import oscillator_propagator
 from dem.kernels.tangential import (
     HEAT,
-    WIDTH,
-    SpringCells,
     TangentialLaw,
     cell_force,
     slide,
@@ -244,6 +242,31 @@ def pressing(
     return Pressing(gap, rate, bend, h, gamma)
 
 
+def require_hertz(chain: Chain) -> None:
+    """Raise InvalidChain for a chain whose contacts have no tangential law."""
+    require(
+        chain.yield_overlap is None and not chain.jumps and chain.elastic.shape is None,
+        "friction at the wall takes Hertz contacts that are elastic, or damped by hunt-crossley",
+    )
+
+
+def checked_last_sphere(last: LastSphere) -> tuple[Array, Array]:
+    """Velocity (2,) [m/s] and the arm's stiffness (2,) [N/m] along t1, t2. Raises InvalidChain for
+    an inertia that is not positive, a negative stiffness, a clamp on a sphere that moves."""
+    positive("inertia", last.inertia, " kg m^2")
+    velocity = vector("lateral velocity", last.velocity, 2)
+    stiffness = np.asarray(last.arm_stiffness, float)
+    require(stiffness.shape == (2,), "arm_stiffness takes two values, along t1 and t2")
+    for name, value in zip(
+        ("arm_stiffness",) * 2 + ("arm_rotation",), (*stiffness, last.arm_rotation), strict=True
+    ):
+        if value != math.inf:
+            scalar(name, float(value), at_least=0.0)
+    clamped = np.isinf(stiffness)
+    require(not velocity[clamped].any(), "the arm clamps the sphere that moves across; drop one")
+    return velocity, stiffness
+
+
 def march_lateral(
     chain: Chain,
     wall: Wall,
@@ -263,10 +286,7 @@ def march_lateral(
     periodic before the striker. Raises InvalidChain for a chain whose contact has no such law,
     UnstableStep where the error takes too many steps, or no state is periodic.
     """
-    require(
-        chain.yield_overlap is None and not chain.jumps and chain.elastic.shape is None,
-        "friction at the wall takes Hertz contacts that are elastic, or damped by hunt-crossley",
-    )
+    require_hertz(chain)
     simple = wall is not None and wall.omega.size < 2 and wall.mobility == 0.0
     require(
         simple and wall.residual_compliance == 0.0 and not chain.slides,
@@ -276,16 +296,7 @@ def march_lateral(
     require(
         (error is None) != (dt is None), "give either error or search.dt to say how finely to march"
     )
-    positive("inertia", last.inertia, " kg m^2")
-    velocity = vector("lateral velocity", last.velocity, 2)
-    stiffness = np.asarray(last.arm_stiffness, float)
-    for name, value in (("arm_stiffness", stiffness[0]), ("arm_stiffness", stiffness[1])):
-        if math.isfinite(value):
-            scalar(name, float(value), at_least=0.0)
-    if math.isfinite(last.arm_rotation):
-        scalar("arm_rotation", float(last.arm_rotation), at_least=0.0)
-    clamped = np.isinf(stiffness)
-    require(not velocity[clamped].any(), "the arm clamps the sphere that moves across; drop one")
+    velocity, stiffness = checked_last_sphere(last)
 
     # one direction where all motion is along one line
     moves = [velocity] if motion is None else [velocity, *np.asarray(motion.amplitude, float)]
@@ -330,7 +341,9 @@ def march_lateral(
         steps = Steps(spacing / stride, n_save, stride)
         divided = copied_springs(springs)
         if not straight:
-            divided = Contacts(*(one and redivided(one, n_cells) for one in divided))
+            divided = Contacts(
+                *(one and Springs(None, None, redivided(one.cells, n_cells)) for one in divided)
+            )
         return body.march(copied(state), divided, overlaps, motion, steps), steps.h
 
     # a first step from the stiffest contact
@@ -519,18 +532,6 @@ def copied_springs(contacts: Contacts) -> Contacts:
             for springs in contacts
         )
     )
-
-
-def redivided(springs: Springs, n_cells: int) -> Springs:
-    """The same displacements, linear between the ends of so many cells over the same width."""
-    cells = springs.cells
-    n, state = cells.u.shape[0] - 1, cells.state.copy()
-    if n == n_cells:
-        return springs
-    places = np.arange(n_cells + 1) * (n / n_cells)
-    u = np.stack([np.interp(places, np.arange(n + 1), values) for values in cells.u.T], axis=1)
-    state[WIDTH] *= n / n_cells
-    return Springs(None, None, SpringCells(u, state))
 
 
 class Cycle(NamedTuple):
@@ -772,7 +773,14 @@ def periodic_state(
             )
         finer = fixed_point(shaken, coarse.state, coarse.springs, coarse.matrix, periodicity)
         if finer is None:
-            finer, _ = marched_on(shaken, coarse.state, coarse.springs)
+            finer, repeats = marched_on(shaken, coarse.state, coarse.springs)
+            if repeats > 1:  # by these steps all repeats itself later: cycles of that length
+                shaken = shaken._replace(
+                    periods=repeats * shaken.periods, n_steps=repeats * shaken.n_steps
+                )
+                end = shaken.march(finer.state, finer.springs, shaken.displacements())
+                coarse = finer._replace(state=end.state, springs=end.springs, last=end)
+                continue
         saved = finer.last.saved
         velocity = np.abs(saved.v - before.v).max(), R * np.abs(saved.spin - before.spin).max()
         estimate = search.safety * float(max(velocity)) / speed / 3.0
@@ -800,6 +808,7 @@ def periodic_state(
         shaken.steps.n_save * shaken.steps.stride,
         shaken.periods,
     )
+    forces[0] = saved.force
     means = [float((force @ frame)[:-1, cycle.axis].mean()) for force in forces]
     cycle = cycle._replace(mean_force_range=(min(means), max(means)))
     # slip counts from the middle of the period, heat from the striker on

@@ -113,6 +113,19 @@ def test_a_struck_chain_starts_from_the_periodic_state():
     assert struck.run.trajectory.contact_force[:, -1].max() > 60.0
 
 
+def test_the_ledger_is_judged_by_the_energies_that_come_and_go():
+    """A striker of 1 um/s in a wall's swing across: its energy alone is next to nothing beside the
+    loop of friction, of which the ledger leaves 1e-4 open at most."""
+    chain = row(2, preload=100.0, leaf_stiffness=[1e3, 0.0])
+    wall = spatial_wall_of_modes([2 * np.pi * 3000.0], [0.1], [[0.0, 1.0, 0.0]], load=[[1.0]])
+    body = last(chain, arm_stiffness=np.full(2, np.inf), arm_rotation=np.inf)
+    shakers = ShakerForces(np.array([100.0]), np.array([100.0]), np.array([0.0]))
+    body = body_of(chain, wall, [1e-6, 0.0], body, shakers)
+    run = march_shaken(body, [1e-6, 0.0], duration=1e-2, n_save=50, error=1e-3).run
+    assert run.lateral.dissipated_friction[-1] > 1e6 * run.trajectory.energy_kinetic[0]
+    assert run.lateral.energy_error < 1e-4
+
+
 def test_spheres_that_nothing_holds_are_refused_or_held():
     chain, wall = row(3, preload=20.0), random_wall(1, load=np.ones((4, 1)))
     shakers = ShakerForces(np.array([5.0]), np.array([500.0]), np.array([0.0]))
