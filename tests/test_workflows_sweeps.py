@@ -753,6 +753,7 @@ beadwave.sweep("rig-rigid", {short}, cases={{"striker.velocity": "0.1:1:30"}}, o
 """
 
 
+@pytest.mark.slow
 def test_a_killed_sweep_loses_nothing_that_was_done():
     script = KILLED.format(short=SHORT)
     command = [sys.executable, "-c", script]
