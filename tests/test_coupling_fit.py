@@ -653,7 +653,6 @@ def test_repeats_differ_by_jitter_and_noise_of_the_size_asked_for():
     assert len(still[0]) == len(fine[::OVERSAMPLED])
 
 
-@pytest.mark.slow
 def test_the_clean_signals_of_a_rig_are_its_march_as_the_instrument_shows_it():
     """By sixteen steps to a sample of the oversampled record; four samples after the filter."""
     rig, twin = a_rig(), Twin(sampling=2e5, instrument=2e4)

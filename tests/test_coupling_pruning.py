@@ -65,7 +65,6 @@ def test_pruning_keeps_the_error_it_was_given(error):
     assert f"{len(pruned.left_out)} of 6 wall modes" in pruned.sentences[-1]
 
 
-@pytest.mark.slow
 def test_a_larger_error_leaves_out_more_modes():
     left_out = [len(prune(CHAIN, WALL, V0, duration=1e-3, error=e).left_out) for e in (0.3, 1e-3)]
     assert left_out[0] > left_out[1]

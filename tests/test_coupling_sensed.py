@@ -47,7 +47,6 @@ def forward(parameters=PARAMETERS, channels=CHANNELS):
     return ChainForward(Rig(CHAIN, WALL, V0, trigger=TRIGGER), parameters, observed)
 
 
-@pytest.mark.slow
 def test_signals_are_those_of_the_usual_march():
     run = dem.march_to_error(CHAIN, WALL, V0, duration=1e-3, error=1e-7, n_save=2000).trajectory
     usual = signals(
