@@ -341,6 +341,7 @@ def rubbing(amplitude, *, mu=0.2, load=100.0, frequency=100.0, turn=np.inf):
     return run, along, body
 
 
+@pytest.mark.slow
 def test_a_sphere_that_rubs_on_the_one_before_takes_coulombs_work():
     """The wall's friction holds the last sphere, which moves by the wall's amplitude less what both
     contacts give: 4 mu P (Y - gross slip) and the loop at gross slip, of two equal spheres."""

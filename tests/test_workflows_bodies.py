@@ -36,6 +36,7 @@ def modes_of(capsys, *arguments):
     return np.array([row["frequency_hz"] for row in rows]), rows
 
 
+@pytest.mark.slow
 def test_the_cantilever_has_the_modes_of_timoshenko_in_both_planes(capsys):
     """Struck on its side: modes that the contact moves bend one way, the others the other.
 
@@ -70,6 +71,7 @@ def written(text, name="mine"):
     return f"{name}.toml"
 
 
+@pytest.mark.slow
 def test_a_floating_plate_has_the_modes_of_gorman(capsys):
     """By command: six rigid motions, then Kirchhoff's square plate; h/a = 1/150."""
     hz, _ = modes_of(capsys, written(PLATE))
@@ -378,6 +380,7 @@ def test_a_tuned_scene_keeps_comments_and_order_of_its_file(capsys):
     assert scene("t.toml").name == "t"
 
 
+@pytest.mark.slow
 def test_match_gives_targets_to_a_scene_without_any(capsys):
     arm = ARM.replace("WASHER", "0.009")
     _, rows = modes_of(capsys, written(arm, "truth"), "--set=joints.bolts.kz=8e6")
