@@ -28,7 +28,7 @@ import numpy as np
 from coupling.spatial_march import Before, Body, Moving
 from dem.friction import stick_stiffness
 from dem.kernels.arguments import Array
-from dem.kernels.lateral import press_round
+from dem.kernels.lateral import Springs, press_round
 from dem.kernels.spatial import Contacts, SavedSpatial
 
 
@@ -198,12 +198,12 @@ def answer(
         contacts, slip = body.at_rest().contacts, np.zeros(d)
         at_rest = np.zeros((1, 2 + d))
         at_rest[0, :2] = max(float(cut.rest[n - 1]), 0.0), 1.0
-        springs = (contacts.row, contacts.room, contacts.cells)
-        press_round(law, 1, at_rest, *springs, slip, tangential[:1], stick[:1])
+        springs = Springs(contacts.row, contacts.room, contacts.cells)
+        press_round(law, 1, at_rest, springs, slip, tangential[:1], stick[:1])
     else:
         contacts, slip = memory.contacts.copied(), memory.slip.copy()
-        springs = (contacts.row, contacts.room, contacts.cells)
-    heat, change = press_round(law, laps, path, *springs, slip, tangential, stick)
+        springs = Springs(contacts.row, contacts.room, contacts.cells)
+    heat, change = press_round(law, laps, path, springs, slip, tangential, stick)
     return Answer(
         force=np.column_stack([elastic * pressure, tangential]),
         elastic=np.column_stack([elastic, tangential]),

@@ -228,8 +228,8 @@ def march_across(
 
 @ieee_entry
 def press_round(
-    law: TangentialLaw, laps: int, path: Array, row: SpringRow | None, room: SpringRow | None,
-    cells: SpringCells | None, slip: Array, force: Array, stick: Array,
+    law: TangentialLaw, laps: int, path: Array, springs: Springs, slip: Array, force: Array,
+    stick: Array,
 ) -> tuple[float, float]:  # fmt: skip
     """Lead a contact from the shift `slip` (n_directions,) [m] so many times round a closed path
     (k, 2 + n_directions) of overlaps, total over elastic pressures, and shifts [m]: friction's heat
@@ -238,6 +238,7 @@ def press_round(
     Changes the springs and `slip`, which end where the path begins, and fills in force
     (k, n_directions) and share of the area that sticks (k,) of the last round.
     """
+    row, room, cells = springs
     n, k = force.shape[1], path.shape[0]
     heat_before, heat, change, before1, before2 = 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(laps * k + 1):
