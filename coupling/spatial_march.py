@@ -182,7 +182,7 @@ class Body(NamedTuple):
             oscillator_propagator(np.sqrt(k * inverse), np.zeros(len(k)), h),
             oscillator_propagator(np.sqrt([kappa * inverse_inertia]), np.zeros(1), h),
         )  # fmt: skip
-        trials = Trials(*np.zeros((5, d)), *np.zeros((2, d, d)), *np.zeros((5, d)))
+        trials = Trials(*np.zeros((5, d)), *np.zeros((2, d, d)), *np.zeros((6, d)))
         return SpatialSystem(
             arrays, sphere, self.last.law, shaking(wall, self.shakers, Q, h), trials
         )
@@ -241,13 +241,8 @@ class Moving(NamedTuple):
 
     def copied(self) -> "Moving":
         """The same in arrays of their own."""
-        contacts = (
-            None if part is None else type(part)(*(values.copy() for values in part))
-            for part in self.contacts
-        )
-        return Moving(
-            SpatialMotion(*(values.copy() for values in self.motion)), Contacts(*contacts)
-        )
+        motion = SpatialMotion(*(values.copy() for values in self.motion))
+        return Moving(motion, self.contacts.copied())
 
 
 def shaking(wall: SpatialWall, shakers: ShakerForces | None, to_frame: Array, h: float) -> Shaking:
@@ -314,11 +309,7 @@ def body_of(
         raise CouplingError(
             "a mode of the wall has a negative damping ratio; it would make energy."
         )
-    along = Wall(
-        np.asarray(wall.omega, float), np.asarray(wall.zeta, float),
-        np.ascontiguousarray(wall.phi[:, 0]), float(S[0, 0]),
-    )  # fmt: skip
-    prepared = prepare(chain, along)
+    prepared = prepare(chain, along_normal(wall))
 
     # one direction across where nothing leads out of it: no mode that moves along it or that the
     # chain or a shaker drives moves the wall beside it, and nothing beside it moves the sphere
@@ -351,6 +342,16 @@ def body_of(
     meets += float(np.square(wall.phi[slow, 1:]).sum(axis=0).max(initial=0.0))
     rate = max(fastest_rate(prepared, v0), math.sqrt(k_t * meets))
     return Body(prepared, wall, last, shakers, frame, rate, search)
+
+
+def along_normal(wall: SpatialWall) -> Wall:
+    """The wall as a chain sees it without friction."""
+    return Wall(
+        np.asarray(wall.omega, float),
+        np.asarray(wall.zeta, float),
+        np.ascontiguousarray(wall.phi[:, 0]),
+        float(wall.residual_compliance[0, 0]),
+    )
 
 
 def largest_force(prepared: PreparedChain, v0: ArrayLike) -> float:

@@ -14,7 +14,7 @@ and S, the exact motion of sphere and arm without them, the new T and S, another
 from typing import NamedTuple
 
 from dem.kernels.arguments import Array, Steps
-from dem.kernels.compiled import ieee, ieee_march
+from dem.kernels.compiled import ieee, ieee_entry, ieee_march
 from dem.kernels.numbers import larger
 from dem.kernels.tangential import (
     HEAT,
@@ -224,3 +224,35 @@ def march_across(
         if not abs(energy[0] + energy[1] + energy[2] + energy[3] + energy[4]) <= 1e300:
             return k
     return n_save
+
+
+@ieee_entry
+def press_round(
+    law: TangentialLaw, laps: int, path: Array, springs: Springs, slip: Array, force: Array,
+    stick: Array,
+) -> tuple[float, float]:  # fmt: skip
+    """Lead a contact from the shift `slip` (n_directions,) [m] so many times round a closed path
+    (k, 2 + n_directions) of overlaps, total over elastic pressures, and shifts [m]: friction's heat
+    [J] of the last round, and the largest change of the force [N] over it.
+
+    Changes the springs and `slip`, which end where the path begins, and fills in force
+    (k, n_directions) and share of the area that sticks (k,) of the last round.
+    """
+    row, room, cells = springs
+    n, k = force.shape[1], path.shape[0]
+    heat_before, heat, change, before1, before2 = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(laps * k + 1):
+        j = i % k
+        way2 = path[j, 3] - slip[1] if n == 2 else 0.0
+        way = (path[j, 2] - slip[0], way2)
+        press(law, path[j, 0], path[j, 1], way, force[j], row, room, cells)
+        for m in range(n):
+            slip[m] = path[j, 2 + m]
+        stick[j], _, heat = contact_state(law, row, cells)
+        if i == (laps - 1) * k:
+            heat_before, before1 = heat, force[0, 0]
+            before2 = force[0, 1] if n == 2 else 0.0
+    change = abs(force[0, 0] - before1)
+    if n == 2:
+        change = larger(change, abs(force[0, 1] - before2))
+    return heat - heat_before, change

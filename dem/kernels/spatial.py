@@ -98,6 +98,14 @@ class Contacts(NamedTuple):
     trial_row: SpringRow | None
     trial_cells: SpringCells | None
 
+    def copied(self) -> "Contacts":
+        """The same in arrays of their own."""
+        parts = (
+            None if part is None else type(part)(*(values.copy() for values in part))
+            for part in self
+        )
+        return Contacts(*parts)
+
 
 class Trials(NamedTuple):
     """Room for Broyden's method in d = 1 + n_directions unknowns."""
@@ -110,7 +118,8 @@ class Trials(NamedTuple):
     jacobian: Array  # (d, d)
     solved: Array  # (d, d) room of the elimination
     gap: Array  # (d,) approach and shift of the bodies, the residual motion included
-    motion: Array  # (d,) of the contact by L
+    motion: Array  # (d,) [m] of the contact by L
+    motion_rate: Array  # (d,) [m/s] of it
     motion_before: Array  # (d,) the same a step ago
     force_before: Array  # (d,) forces a step ago
     change: Array  # (d,) of the forces in the last step
@@ -341,26 +350,32 @@ def touch(
 def approach(t: float, motion: SpatialMotion, system: SpatialSystem) -> None:
     """Overlap of the bodies at the contact and their shift, without S F, into `trials.gap`."""
     arrays, shaking, radius = system.arrays, system.shaking, system.sphere.radius
-    gap, moved, last = system.trials.gap, system.trials.motion, motion.x.size - 1
+    trials, last = system.trials, motion.x.size - 1
+    gap, moved, rate = trials.gap, trials.motion, trials.motion_rate
     for i in range(gap.size):
-        moved[i] = 0.0
+        moved[i], rate[i] = 0.0, 0.0
     for g in range(shaking.omega.size):
         c, s = math.cos(shaking.omega[g] * t), math.sin(shaking.omega[g] * t)
         for i in range(gap.size):
             moved[i] += shaking.residual[g, 0, i] * c - shaking.residual[g, 1, i] * s
+            turned = shaking.residual[g, 0, i] * s + shaking.residual[g, 1, i] * c
+            rate[i] -= shaking.omega[g] * turned
     gap[0] = motion.x[last] - arrays.offset - motion.wall[0, 0] - moved[0]
     for j in range(motion.u.size):
         gap[1 + j] = motion.u[j] + radius * motion.psi[j] - motion.wall[0, 1 + j] - moved[1 + j]
 
 
 @ieee
-def damp(i: int, h: float, motion: SpatialMotion, arrays: SpatialArrays) -> None:
-    """Impulse of the damper of contact i over a time h at fixed positions, exact."""
+def damp(
+    i: int, h: float, motion: SpatialMotion, arrays: SpatialArrays, motion_rate: float
+) -> None:
+    """Impulse of the damper of contact i over a time h at fixed positions, exact; `motion_rate`
+    [m/s] of the wall by L, against which the shakers work."""
     v, minv, n = motion.v, arrays.inverse_mass, motion.v.size
     force, gamma = motion.f[i + 1], arrays.gamma[i]
     if gamma == 0.0 or force <= 0.0:
         return
-    w = v[i] - (v[i + 1] if i < n - 1 else motion.wall[1, 0])
+    w = v[i] - (v[i + 1] if i < n - 1 else motion.wall[1, 0] + motion_rate)
     mobility = minv[i] + (minv[i + 1] if i < n - 1 else arrays.square[0, 0])
     if mobility == 0.0:
         return
@@ -374,6 +389,7 @@ def damp(i: int, h: float, motion: SpatialMotion, arrays: SpatialArrays) -> None
         v[i + 1] += impulse * minv[i + 1]
     else:
         push(0, impulse, motion, arrays.square)
+        motion.ledger[SHAKEN_BEYOND] -= impulse * motion_rate
 
 
 @ieee
@@ -386,7 +402,7 @@ def share(force: float, arrays: SpatialArrays) -> float:
 
 
 @ieee
-def pressure(h: float, motion: SpatialMotion, arrays: SpatialArrays) -> float:
+def pressure(h: float, motion: SpatialMotion, arrays: SpatialArrays, motion_rate: float) -> float:
     """Total pressure of the last contact over the elastic one, 1 + gamma d', with d' [m/s] after
     the half kick h that is still to come: of the forces at hand, an error of h^2."""
     n = motion.v.size
@@ -395,7 +411,7 @@ def pressure(h: float, motion: SpatialMotion, arrays: SpatialArrays) -> float:
         return 1.0
     v, minv, last = motion.v, arrays.inverse_mass, n - 1
     force = motion.f[n]
-    w = v[last] - motion.wall[1, 0]
+    w = v[last] - motion.wall[1, 0] - motion_rate
     net = arrays.load[last] - force * (1.0 + gamma * w)
     if last > 0:
         behind = v[last - 1] - v[last]
@@ -437,7 +453,7 @@ def forces(
         # the elastic force without what S gives way anew, for the pressure alone
         d = trials.gap[0] - (arrays.residual[0, 0] * motion.force[0] if arrays.soft else 0.0)
         f[n] = hertz_force(larger(d, 0.0), arrays.A[n - 1])
-    q = pressure(h, motion, arrays)
+    q = pressure(h, motion, arrays, trials.motion_rate[0])
     touch(q, motion, system, contacts)
     f[n] = motion.force[0]
 
@@ -470,7 +486,7 @@ def save_spatial(
     for i in range(n):
         saved.x[k, i], saved.v[k, i] = x[i], v[i]
         force = motion.f[i + 1]
-        w = v[i] - (v[i + 1] if i < n - 1 else motion.wall[1, 0])
+        w = v[i] - (v[i + 1] if i < n - 1 else motion.wall[1, 0] + trials.motion_rate[0])
         if i == n - 1:
             w *= share(force, arrays) ** 2
         saved.contact_force[k, i] = force * larger(1.0 + arrays.gamma[i] * w, 0.0)
@@ -515,7 +531,7 @@ def march_spatial(
             # half a kick
             kick(0.5 * h, motion, arrays, sphere)
             for i in range(n):
-                damp(i, 0.5 * h, motion, arrays)
+                damp(i, 0.5 * h, motion, arrays, trials.motion_rate[0])
             give_pending(motion, arrays.phi)
 
             # all moves without contact forces
@@ -544,7 +560,7 @@ def march_spatial(
 
             # the other half of the kick
             for i in range(n - 1, -1, -1):
-                damp(i, 0.5 * h, motion, arrays)
+                damp(i, 0.5 * h, motion, arrays, trials.motion_rate[0])
             kick(0.5 * h, motion, arrays, sphere)
         give_pending(motion, arrays.phi)
         save_spatial(k, motion, system, contacts, saved)
