@@ -29,7 +29,15 @@ from coupling.spatial_march import Before, Body, Moving
 from dem.friction import stick_stiffness
 from dem.kernels.arguments import Array
 from dem.kernels.lateral import Springs, press_round
-from dem.kernels.spatial import Contacts, SavedSpatial
+from dem.kernels.spatial import (
+    BEYOND_MODES,
+    BY_CONTACT,
+    BY_SHAKERS,
+    DAMPED,
+    RUBBED,
+    Contacts,
+    SavedSpatial,
+)
 
 
 class BalanceSearch(NamedTuple):
@@ -287,11 +295,11 @@ def balance(
                 y, r, now = y + s / units, r_after, now_after
             continue
 
-        # Newton's step: directions d, each what is known to solve what is left, and e = -dr/dy d
-        left, s, D, E = r, np.zeros_like(r), [], []
+        # Newton's step: directions d, each what is known to solve what remains, and e = -dr/dy d
+        remaining, s, D, E = r, np.zeros_like(r), [], []
         length = search.nudge * size(units * y)
-        while len(D) < search.directions and size(left) > search.linear * size(r):
-            direction = learned.step(left)
+        while len(D) < search.directions and size(remaining) > search.linear * size(r):
+            direction = learned.step(remaining)
             direction = direction / size(direction)
             e = (r - residual(y + length * direction / units)[0]) / length
             for d_before, e_before in zip(D, E, strict=True):
@@ -302,8 +310,8 @@ def balance(
                 break
             D.append(direction / norm)
             E.append(e / norm)
-            share = float(np.vdot(E[-1], left)) / N
-            left, s = left - share * E[-1], s + share * D[-1]
+            share = float(np.vdot(E[-1], remaining)) / N
+            remaining, s = remaining - share * E[-1], s + share * D[-1]
         new = [direction - learned.step(e) for direction, e in zip(D, E, strict=True)]
         learned = Learned([*learned.w, *new], [*learned.e, *E])
         for _ in range(search.cut_backs + 1):
@@ -365,7 +373,11 @@ def cycle_of(body: Body, balance: Balance, n_saves: int) -> tuple[Moving, SavedS
     every = np.append(np.arange(0, N, N // n_saves), 0)
     k = n_saves + 1
     energy = np.zeros((k, 9))
-    energy[-1, [2, 4, 5, 6, 7]] = answer.heat, answer.damped, lost - work, work, beyond
+    energy[-1, RUBBED] = answer.heat
+    energy[-1, DAMPED] = answer.damped
+    energy[-1, BY_CONTACT] = lost - work
+    energy[-1, BY_SHAKERS] = work
+    energy[-1, BEYOND_MODES] = beyond
     across = np.stack([over_time(part) for part in (u, rate * u, psi, rate * psi)], axis=1)
     static = body.prepared.static
     saved = SavedSpatial(

@@ -25,7 +25,16 @@ from coupling.spatial_march import Before, Body, Moving, along_normal
 from dem import UnstableStep
 from dem.friction import stick_stiffness
 from dem.kernels.arguments import Array, Steps
-from dem.kernels.spatial import SavedSpatial, SpatialSystem
+from dem.kernels.spatial import (
+    BEYOND_MODES,
+    BY_CONTACT,
+    BY_SHAKERS,
+    DAMPED,
+    RUBBED,
+    SWING,
+    SavedSpatial,
+    SpatialSystem,
+)
 from dem.kernels.tangential import HEAT
 from dem.lateral import Cycle
 from dem.prepared import prepare
@@ -162,7 +171,7 @@ def at_level(system: SpatialSystem, level: float) -> SpatialSystem:
         shaking=forcing._replace(
             response=level * forcing.response,
             work=level * forcing.work,
-            own_work=level**2 * forcing.own_work,
+            mutual_work=level**2 * forcing.mutual_work,
             residual=level * forcing.residual,
         )
     )
@@ -214,7 +223,7 @@ def linear_period(period: Period, saved: SavedSpatial | None) -> tuple[Array, Ar
         amplitude, way = 0.5 * np.ptp(saved.force, axis=0)[1:], 0.5 * np.ptp(saved.slip, axis=0)
         moves = way > 1e-3 * way.max(initial=0.0)
         springs[1:][moves] = np.minimum(amplitude[moves] / way[moves], springs[1:][moves])
-        heat = float(saved.energy[-1, 2] - saved.energy[0, 2])
+        heat = float(saved.energy[-1, RUBBED] - saved.energy[0, RUBBED])
         duration = period.steps.h * period.steps.n_save * period.steps.stride
         shakers = period.system.shaking.omega
         omega = float(shakers.min()) if shakers.size else 2.0 * math.pi / duration
@@ -317,7 +326,8 @@ def fixed_point(
         error = max(error, float(np.abs(saved.force[-1] - saved.force[0]).max()) / scale)
         # what the bodies gain over the shakers' work: their energy may be much larger than that
         gained = 0.5 * abs(np.sum(residual * (units * (image + z) * moves)))
-        work = abs(float(np.sum(saved.energy[-1, 6:8] - saved.energy[0, 6:8])))
+        gain = saved.energy[-1] - saved.energy[0]
+        work = abs(float(gain[BY_SHAKERS] + gain[BEYOND_MODES]))
         error = max(error, search.gained * gained / work if work else 0.0)
         if error < best:
             best, result = error, (moving.copied(), saved)
@@ -326,9 +336,9 @@ def fixed_point(
 
         # Newton's equation by directions d and what they change it by, (1 - J) d
         length = search.nudge * float(np.linalg.norm(units * z * moves))
-        D, E, left = [], [], residual
+        D, E, remaining = [], [], residual
         for _ in range(search.directions):
-            d = scaled_step(J, left)
+            d = scaled_step(J, remaining)
             norm = float(np.linalg.norm(d))
             if not norm > 0.0:
                 break
@@ -341,8 +351,8 @@ def fixed_point(
             D.append(d)
             E.append(d - change)
             share = np.linalg.lstsq(np.array(E).T, residual, rcond=None)[0]
-            left = residual - np.array(E).T @ share
-            if np.linalg.norm(left) <= search.linear * size:
+            remaining = residual - np.array(E).T @ share
+            if np.linalg.norm(remaining) <= search.linear * size:
                 break
         if not D:  # what is left moves along motions that come back of themselves
             break
@@ -402,8 +412,9 @@ def periodic_state(
     state.motion.ledger[:] = 0.0
     frame, Q = body.frame, body.to_frame
     gained = (saved.energy[-1] - saved.energy[0]) / n_periods
-    work, heat, in_dampers = float(gained[6] + gained[7]), float(gained[2]), float(gained[4])
-    in_wall = float(gained[5] + gained[6] - gained[3])
+    work = float(gained[BY_SHAKERS] + gained[BEYOND_MODES])
+    heat, in_dampers = float(gained[RUBBED]), float(gained[DAMPED])
+    in_wall = float(gained[BY_CONTACT] + gained[BY_SHAKERS] - gained[SWING])
     middle = 0.5 * (saved.slip.max(axis=0) + saved.slip.min(axis=0)) @ frame
     cycle = Cycle(
         t=np.linspace(-T * n_periods, 0.0, len(saved.stick)),
@@ -456,7 +467,7 @@ def numbers_of(saved: SavedSpatial, speed: float) -> Numbers:
         speeds / (max(speed, float(np.abs(speeds).max())) or 1.0),
         math.log(max(float(np.ptp(saved.force[:, 1:], axis=0).max()), 1e-300)),
         math.log(max(float(np.ptp(saved.slip, axis=0).max()), 1e-300)),
-        float(gained[2]) / (abs(float(gained[6] + gained[7])) or 1.0),
+        float(gained[RUBBED]) / (abs(float(gained[BY_SHAKERS] + gained[BEYOND_MODES])) or 1.0),
     )
 
 
@@ -508,8 +519,8 @@ def balanced(
         period.body.settle(slow_moving, period.system, 0.0)
         marched = period.march(slow_moving)
         off.append((marched.force - saved.force)[:, 1:] / largest)
-    left = np.abs((4.0 * off[1] - off[0]) / 3.0).max()
-    if left > max(search.proven, 2.0 * error):
+    extrapolated = np.abs((4.0 * off[1] - off[0]) / 3.0).max()
+    if extrapolated > max(search.proven, 2.0 * error):
         return None, moving.divided(body.search.n_cells)
     change = max(cycle.change, cycle.answer.creep)
     return Found(moving, saved, change, estimate, 1, False, n_samples), None

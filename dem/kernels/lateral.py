@@ -30,6 +30,10 @@ from dem.kernels.tangential import (
     tangential_force,
 )
 
+# of `SavedAcross.energy`: [J] of the centre's motion, of the turn's, of the arm, of the contacts'
+# springs, friction's heat, work of the wall's motion on the contact
+MOVING, TURNING, IN_ARM, IN_CONTACTS, RUBBED, BY_WALL = range(6)
+
 
 class Sphere(NamedTuple):
     """The sphere and what holds it, in n_directions of 1 or 2; held fast where it is clamped."""
@@ -91,9 +95,7 @@ class SavedAcross(NamedTuple):
     force: Array
     slip: Array
     stick: Array  # (k,) share of the contact's area
-    # (k, 6) [J] lateral, of rotation, of the arm, of the contacts, friction's heat, work of the
-    # wall's motion on the contact
-    energy: Array
+    energy: Array  # (k, 6) [J] MOVING to BY_WALL
 
 
 @ieee
@@ -204,24 +206,26 @@ def march_across(
 
         # states and energies
         energy = saved.energy[k]
-        energy[0], energy[1], energy[2] = 0.0, 0.0, 0.0
+        energy[MOVING], energy[TURNING], energy[IN_ARM] = 0.0, 0.0, 0.0
         for j in range(n):
             saved.u[k, j], saved.v[k, j] = u[j], v[j]
             saved.psi[k, j], saved.spin[k, j] = psi[j], spin[j]
             saved.force[k, j], saved.slip[k, j] = force[j], slip[j]
             if sphere.inverse_mass[j] > 0.0:
-                energy[0] += 0.5 * v[j] * v[j] / sphere.inverse_mass[j]
+                energy[MOVING] += 0.5 * v[j] * v[j] / sphere.inverse_mass[j]
             if sphere.inverse_inertia > 0.0:
-                energy[1] += 0.5 * spin[j] * spin[j] / sphere.inverse_inertia
-            energy[2] += 0.5 * sphere.stiffness[j] * u[j] * u[j]
-            energy[2] += 0.5 * sphere.turn_stiffness * psi[j] * psi[j]
-        stick, energy[3], energy[4] = contact_state(law, springs.row, springs.cells)
+                energy[TURNING] += 0.5 * spin[j] * spin[j] / sphere.inverse_inertia
+            energy[IN_ARM] += 0.5 * sphere.stiffness[j] * u[j] * u[j]
+            energy[IN_ARM] += 0.5 * sphere.turn_stiffness * psi[j] * psi[j]
+        stick, energy[IN_CONTACTS], energy[RUBBED] = contact_state(law, springs.row, springs.cells)
         if before is not None:
             _, stored, heat = contact_state(before.law, before.springs.row, before.springs.cells)
-            energy[3], energy[4] = energy[3] + stored, energy[4] + heat
-        energy[5] = work
+            energy[IN_CONTACTS] += stored
+            energy[RUBBED] += heat
+        energy[BY_WALL] = work
         saved.stick[k] = stick
-        if not abs(energy[0] + energy[1] + energy[2] + energy[3] + energy[4]) <= 1e300:
+        everything = energy[MOVING] + energy[TURNING] + energy[IN_ARM] + energy[IN_CONTACTS]
+        if not abs(everything + energy[RUBBED]) <= 1e300:
             return k
     return n_save
 

@@ -28,6 +28,9 @@ from dem.kernels.laws import damping_impulse, hertz_force
 from dem.kernels.numbers import larger
 from dem.kernels.tangential import SpringCells, SpringRow, TangentialLaw
 
+# of `SavedSpatial.energy`: [J] in Hertz' contacts, in the tangential contact's springs, friction's
+# heat, in the modes about rest; the four of the ledger; a number that is finite where the state is
+HERTZ, SPRINGS, RUBBED, SWING, DAMPED, BY_CONTACT, BY_SHAKERS, BEYOND_MODES, FINITE = range(9)
 # of `SpatialMotion.ledger`: [J] lost in the contacts' dampers, work of the contact on the modes,
 # work of the shakers on the modes, and on the motion L f of the contact
 IN_DAMPERS, ON_MODES, SHAKEN, SHAKEN_BEYOND = range(4)
@@ -84,7 +87,7 @@ class Shaking(NamedTuple):
     work: Array
     # (m, m, 4) work on what the forces themselves move: Re, Im at the sum of both phases, and at
     # their difference
-    own_work: Array
+    mutual_work: Array
     residual: Array  # (m, 2, 1 + n_directions) L [m]: Re, Im
     forced: Array  # (2, k) room
 
@@ -147,9 +150,7 @@ class SavedSpatial(NamedTuple):
     wall: Array  # (k, 2, 1 + n_directions) displacement and velocity of the modes at the contact
     stick: Array  # (k,) share of the area
     motion: Array  # (k, 1 + n_directions) [m] of the contact by L
-    # (k, 9) [J] Hertz' contacts, the tangential contact, friction's heat, modes about rest; those
-    # of the ledger; finite where the state is
-    energy: Array
+    energy: Array  # (k, 9) [J] HERTZ to FINITE
     q: Array  # (k, n_modes) or (k, 0)
     p: Array  # (k, n_modes) or (k, 0)
 
@@ -182,9 +183,9 @@ def shake(t: float, q: Array, p: Array, shaking: Shaking) -> float:
             forced[1, j] += r[2, j] * c - r[3, j] * s
             work += (w[0, j] * c - w[1, j] * s) * q[j] + (w[2, j] * c - w[3, j] * s) * p[j]
         for other in range(shaking.omega.size):
-            own, angle2 = shaking.own_work[g, other], shaking.omega[other] * t
-            work += own[0] * math.cos(angle + angle2) - own[1] * math.sin(angle + angle2)
-            work += own[2] * math.cos(angle - angle2) - own[3] * math.sin(angle - angle2)
+            w12, angle2 = shaking.mutual_work[g, other], shaking.omega[other] * t
+            work += w12[0] * math.cos(angle + angle2) - w12[1] * math.sin(angle + angle2)
+            work += w12[2] * math.cos(angle - angle2) - w12[3] * math.sin(angle - angle2)
     return work
 
 
@@ -482,7 +483,7 @@ def save_spatial(
     """Row k of the saved states and energies."""
     arrays, trials = system.arrays, system.trials
     x, v, n, energy = motion.x, motion.v, motion.x.size, saved.energy[k]
-    energy[0], size = 0.0, 0.0
+    energy[HERTZ], size = 0.0, 0.0
     for i in range(n):
         saved.x[k, i], saved.v[k, i] = x[i], v[i]
         force = motion.f[i + 1]
@@ -491,7 +492,7 @@ def save_spatial(
             w *= share(force, arrays) ** 2
         saved.contact_force[k, i] = force * larger(1.0 + arrays.gamma[i] * w, 0.0)
         if force > 0.0:
-            energy[0] += 0.4 * force * (force / arrays.A[i]) ** (2.0 / 3.0)
+            energy[HERTZ] += 0.4 * force * (force / arrays.A[i]) ** (2.0 / 3.0)
         size += abs(x[i]) + abs(v[i])
     for j in range(motion.u.size):
         saved.across[k, 0, j], saved.across[k, 1, j] = motion.u[j], motion.u_v[j]
@@ -502,15 +503,17 @@ def save_spatial(
         saved.force[k, i] = motion.force[i]
         saved.wall[k, 0, i], saved.wall[k, 1, i] = motion.wall[0, i], motion.wall[1, i]
         saved.motion[k, i] = trials.motion[i]
-    saved.stick[k], energy[1], energy[2] = contact_state(system.law, contacts.row, contacts.cells)
-    energy[3] = 0.0
+    saved.stick[k], energy[SPRINGS], energy[RUBBED] = contact_state(
+        system.law, contacts.row, contacts.cells
+    )
+    energy[SWING] = 0.0
     for j in range(motion.q.size):
-        energy[3] += 0.5 * (motion.p[j] ** 2 + (arrays.omega[j] * motion.q[j]) ** 2)
+        energy[SWING] += 0.5 * (motion.p[j] ** 2 + (arrays.omega[j] * motion.q[j]) ** 2)
     for j in range(saved.q.shape[1]):
         saved.q[k, j], saved.p[k, j] = motion.q[j], motion.p[j]
     for j in range(4):
-        energy[4 + j] = motion.ledger[j]
-    energy[8] = size + energy[0] + energy[1] + energy[3]  # of a finite state
+        energy[DAMPED + j] = motion.ledger[j]
+    energy[FINITE] = size + energy[HERTZ] + energy[SPRINGS] + energy[SWING]
 
 
 @ieee_march
@@ -564,6 +567,6 @@ def march_spatial(
             kick(0.5 * h, motion, arrays, sphere)
         give_pending(motion, arrays.phi)
         save_spatial(k, motion, system, contacts, saved)
-        if not saved.energy[k, -1] <= 1e300:
+        if not saved.energy[k, FINITE] <= 1e300:
             return k
     return n_save
