@@ -71,6 +71,7 @@ class FrictionOptions(NamedTuple):
     patches: tuple[float, ...] = (0.5, 0.0)  # factors on the distance from the face's middle
     sticking: float = 2.0  # coefficient at which nothing slips in a cycle, and no one measures
     state_error: float = 3e-3  # of the periodic states: at 1e-3 some in gross slip are not found
+    coarser: float = 3.0  # times as large an error where none is found; the row states it
     error: float = 1e-4  # of the marches: a third of what the differences are judged by
     n_cells: int = 64  # of the contact: 64, 128 and 256 left loops 4e-4 apart
     n_save: int = 3000
@@ -264,10 +265,14 @@ def shaken_run(
     modes = f"{rig.wall.omega.size} modes"
     if key not in states:
         near = states.get(f"{coefficient:g} with {modes}", states.get(modes))
-        if near is None:
+        try:
+            if near is None:
+                states[key] = cold_state(body, before, **wanted)
+            else:
+                states[key] = neighbouring_state(body, before, near, **wanted)
+        except UnstableStep:
+            wanted["error"] = options.coarser * options.state_error
             states[key] = cold_state(body, before, **wanted)
-        else:
-            states[key] = neighbouring_state(body, before, near, **wanted)
         states[f"{coefficient:g} with {modes}"] = states[modes] = states[key]
     state = states[key]
 
