@@ -20,10 +20,9 @@ from coupling.errors import CouplingError
 from coupling.spatial_wall import SpatialWall, require_one_solution
 from dem import Chain, Trajectory, UnstableStep, Wall
 from dem.chain import State
-from dem.checks import InvalidChain, require, saves
+from dem.checks import require, saves
 from dem.friction import open_cells, open_row, redivided, stick_stiffness
 from dem.kernels.arguments import Array, Steps
-from dem.kernels.lateral import Sphere
 from dem.kernels.oscillators import oscillator_propagator
 from dem.kernels.spatial import (
     Contacts,
@@ -36,11 +35,15 @@ from dem.kernels.spatial import (
     march_spatial,
     settle,
 )
-from dem.lateral import LastSphere, LateralTrajectory, checked_last_sphere, require_hertz
+from dem.lateral import (
+    LastSphere,
+    LateralTrajectory,
+    checked_last_sphere,
+    common_period,
+    require_hertz,
+)
 from dem.prepared import PreparedChain, prepare
 from dem.stability import fastest_rate
-
-MOST_CYCLES = 100  # of the slowest shaker in a common period
 
 
 class ShakerForces(NamedTuple):
@@ -52,18 +55,8 @@ class ShakerForces(NamedTuple):
 
     @property
     def period(self) -> float:
-        """[s] shortest common period; raises InvalidChain where `MOST_CYCLES` of the slowest hold
-        none."""
-        frequency = np.asarray(self.frequency, float)
-        slowest = float(frequency.min())
-        for cycles in range(1, MOST_CYCLES + 1):
-            numbers = cycles * frequency / slowest
-            if np.abs(numbers - np.round(numbers)).max() < 1e-9 * cycles:
-                return cycles / slowest
-        raise InvalidChain(
-            f"shakers of {', '.join(f'{f:g}' for f in frequency)} Hz have no common period within "
-            f"{MOST_CYCLES} cycles; take others"
-        )
+        """[s] shortest common period; raises InvalidChain without one, see `common_period`."""
+        return common_period(self.frequency)
 
 
 class SpatialSearch(NamedTuple):
@@ -121,9 +114,7 @@ class Body(NamedTuple):
 
     def mobility(self) -> tuple[Array, float]:
         """Inverse masses (n_directions,) across [1/kg], inverse inertia; 0 where the arm clamps."""
-        clamped = np.isinf(self.arm_stiffness())
-        inverse = np.where(clamped, 0.0, 1.0 / float(self.prepared.chain.mass[-1]))
-        return inverse, 0.0 if math.isinf(self.last.arm_rotation) else 1.0 / self.last.inertia
+        return self.last.mobility(float(self.prepared.chain.mass[-1]), self.arm_stiffness())
 
     def arm_stiffness(self) -> Array:
         """(n_directions,) [N/m]."""
@@ -136,8 +127,10 @@ class Body(NamedTuple):
         k = self.wall.omega.size
         force = np.append(static.force[-1], np.zeros(d))
         motion = SpatialMotion(
-            static.x.copy(), np.zeros(n), *np.zeros((4, d)), *np.zeros((2, k)), np.zeros(n + 1),
-            force, np.zeros(d), np.zeros(1 + d), np.zeros((2, 1 + d)), np.zeros(4),
+            x=static.x.copy(), v=np.zeros(n), u=np.zeros(d), u_v=np.zeros(d), psi=np.zeros(d),
+            spin=np.zeros(d), q=np.zeros(k), p=np.zeros(k), f=np.zeros(n + 1), force=force,
+            slip=np.zeros(d), pending=np.zeros(1 + d), wall=np.zeros((2, 1 + d)),
+            ledger=np.zeros(4),
         )  # fmt: skip
         if d == 2:
             cells = (open_cells(self.search.n_cells) for _ in range(2))
@@ -164,25 +157,20 @@ class Body(NamedTuple):
         phi = np.ascontiguousarray(Q @ wall.phi.T)
         S = Q @ wall.residual_compliance @ Q.T
         arrays = SpatialArrays(
-            inverse_mass, A, gamma,
-            np.zeros(n) if self.prepared.load is None else self.prepared.load,
-            static.x.copy(),
-            oscillator_propagator(np.sqrt(leaf * inverse_mass), np.zeros(n), h),
-            float(wall.phi[:, 0] @ static.q), float(static.force[-1]),
-            np.asarray(wall.omega, float), phi, phi @ phi.T,
-            oscillator_propagator(wall.omega, wall.zeta, h), S, bool(S.any()),
+            inverse_mass=inverse_mass, A=A, gamma=gamma,
+            load=np.zeros(n) if self.prepared.load is None else self.prepared.load,
+            rest=static.x.copy(),
+            swing=oscillator_propagator(np.sqrt(leaf * inverse_mass), np.zeros(n), h),
+            offset=float(wall.phi[:, 0] @ static.q), rest_force=float(static.force[-1]),
+            omega=np.asarray(wall.omega, float), phi=phi, square=phi @ phi.T,
+            propagator=oscillator_propagator(wall.omega, wall.zeta, h),
+            residual=S, soft=bool(S.any()),
         )  # fmt: skip
 
-        # the arm swings exactly
-        inverse, inverse_inertia = self.mobility()
-        k = np.where(inverse > 0.0, self.arm_stiffness(), 0.0)
-        kappa = float(self.last.arm_rotation) if inverse_inertia > 0.0 else 0.0
-        sphere = Sphere(
-            inverse, inverse_inertia, float(chain.radius[-1]), k, kappa,
-            oscillator_propagator(np.sqrt(k * inverse), np.zeros(len(k)), h),
-            oscillator_propagator(np.sqrt([kappa * inverse_inertia]), np.zeros(1), h),
-        )  # fmt: skip
-        trials = Trials(*np.zeros((5, d)), *np.zeros((2, d, d)), *np.zeros((5, d)))
+        sphere = self.last.on_arm(
+            float(chain.mass[-1]), float(chain.radius[-1]), self.arm_stiffness(), h
+        )
+        trials = Trials(*np.zeros((5, d)), *np.zeros((2, d, d)), *np.zeros((6, d)))
         return SpatialSystem(
             arrays, sphere, self.last.law, shaking(wall, self.shakers, Q, h), trials
         )
@@ -201,9 +189,10 @@ class Body(NamedTuple):
         k, n, d = steps.n_save + 1, moving.motion.x.size, moving.motion.force.size
         n_modes = self.wall.omega.size if modes else 0
         saved = SavedSpatial(
-            *np.empty((3, k, n)), np.empty((k, 4, d - 1)), np.empty((k, d)), np.empty((k, d - 1)),
-            np.empty((k, 2, d)), np.empty(k), np.empty((k, d)), np.empty((k, 9)),
-            *np.empty((2, k, n_modes)),
+            x=np.empty((k, n)), v=np.empty((k, n)), contact_force=np.empty((k, n)),
+            across=np.empty((k, 4, d - 1)), force=np.empty((k, d)), slip=np.empty((k, d - 1)),
+            wall=np.empty((k, 2, d)), stick=np.empty(k), motion=np.empty((k, d)),
+            energy=np.empty((k, 9)), q=np.empty((k, n_modes)), p=np.empty((k, n_modes)),
         )  # fmt: skip
         count = march_spatial(t, moving.motion, system, moving.contacts, steps, saved)
         if count < steps.n_save:
@@ -241,13 +230,8 @@ class Moving(NamedTuple):
 
     def copied(self) -> "Moving":
         """The same in arrays of their own."""
-        contacts = (
-            None if part is None else type(part)(*(values.copy() for values in part))
-            for part in self.contacts
-        )
-        return Moving(
-            SpatialMotion(*(values.copy() for values in self.motion)), Contacts(*contacts)
-        )
+        motion = SpatialMotion(*(values.copy() for values in self.motion))
+        return Moving(motion, self.contacts.copied())
 
 
 def shaking(wall: SpatialWall, shakers: ShakerForces | None, to_frame: Array, h: float) -> Shaking:
@@ -294,10 +278,10 @@ def shaking(wall: SpatialWall, shakers: ShakerForces | None, to_frame: Array, h:
         """Real and imaginary parts of arrays (m, ...) side by side, (m, 2 n, ...)."""
         return np.stack([part for z in values for part in (z.real, z.imag)], axis=1)
 
-    own = np.stack([at_sum.real, at_sum.imag, at_difference.real, at_difference.imag], axis=2)
+    mutual = np.stack([at_sum.real, at_sum.imag, at_difference.real, at_difference.imag], axis=2)
     return Shaking(
-        omega, parts(q, p), parts(over_q, over_p), np.ascontiguousarray(own), parts(L),
-        np.zeros((2, k)),
+        omega=omega, response=parts(q, p), work=parts(over_q, over_p),
+        mutual_work=np.ascontiguousarray(mutual), residual=parts(L), forced=np.zeros((2, k)),
     )  # fmt: skip
 
 
@@ -314,11 +298,7 @@ def body_of(
         raise CouplingError(
             "a mode of the wall has a negative damping ratio; it would make energy."
         )
-    along = Wall(
-        np.asarray(wall.omega, float), np.asarray(wall.zeta, float),
-        np.ascontiguousarray(wall.phi[:, 0]), float(S[0, 0]),
-    )  # fmt: skip
-    prepared = prepare(chain, along)
+    prepared = prepare(chain, along_normal(wall))
 
     # one direction across where nothing leads out of it: no mode that moves along it or that the
     # chain or a shaker drives moves the wall beside it, and nothing beside it moves the sphere
@@ -351,6 +331,16 @@ def body_of(
     meets += float(np.square(wall.phi[slow, 1:]).sum(axis=0).max(initial=0.0))
     rate = max(fastest_rate(prepared, v0), math.sqrt(k_t * meets))
     return Body(prepared, wall, last, shakers, frame, rate, search)
+
+
+def along_normal(wall: SpatialWall) -> Wall:
+    """The wall as a chain sees it without friction."""
+    return Wall(
+        np.asarray(wall.omega, float),
+        np.asarray(wall.zeta, float),
+        np.ascontiguousarray(wall.phi[:, 0]),
+        float(wall.residual_compliance[0, 0]),
+    )
 
 
 def largest_force(prepared: PreparedChain, v0: ArrayLike) -> float:
@@ -514,15 +504,27 @@ def spatial_run(
     arm = 0.5 * (saved.across[:, 0] ** 2 @ k + kappa * np.sum(psi**2, axis=1))
     residual_t = (force - F0 * np.eye(3)[0]) @ S[:, 1:] + motion[:, 1:]
     lateral = LateralTrajectory(
-        t, u, u_v,
-        np.stack([0.0 - psi[:, 1], psi[:, 0]], axis=1),
-        np.stack([0.0 - spin[:, 1], spin[:, 0]], axis=1),
-        force[:, 1:], saved.slip @ frame, saved.stick,
-        saved.wall[:, 0, 1:] @ frame + residual_t,
-        kinetic, turning, arm, tangential, heat - heat[0], shaken + beyond,
-        steps.h, steps.n_save * steps.stride, estimate, 0.0,
+        t=t,
+        sphere_t=u,
+        sphere_t_v=u_v,
+        sphere_rotation=np.stack([0.0 - psi[:, 1], psi[:, 0]], axis=1),
+        sphere_spin=np.stack([0.0 - spin[:, 1], spin[:, 0]], axis=1),
+        friction_force=force[:, 1:],
+        slip=saved.slip @ frame,
+        stick_share=saved.stick,
+        wall_t=saved.wall[:, 0, 1:] @ frame + residual_t,
+        energy_lateral=kinetic,
+        energy_rotation=turning,
+        energy_arm=arm,
+        energy_tangential=tangential,
+        dissipated_friction=heat - heat[0],
+        work_shaker=shaken + beyond,
+        dt=steps.h,
+        n_steps=steps.n_save * steps.stride,
+        error_estimate=estimate,
+        energy_error=0.0,
         n_cells=body.search.n_cells if len(frame) == 2 else 0,
-    )  # fmt: skip
+    )
 
     everything = total + lateral.energy
     terms = (*ledger, kinetic, turning, arm, tangential, lateral.dissipated_friction, shaken)

@@ -24,6 +24,12 @@ from dem.checks import InvalidChain, positive, require, scalar, vector
 from dem.friction import open_cells, open_row, redivided, stick_stiffness
 from dem.kernels.arguments import Array, Steps
 from dem.kernels.lateral import (
+    BY_WALL,
+    IN_ARM,
+    IN_CONTACTS,
+    MOVING,
+    RUBBED,
+    TURNING,
     Across,
     Pressing,
     SavedAcross,
@@ -56,6 +62,28 @@ class LastSphere(NamedTuple):
     arm_rotation: float = 0.0  # [N m/rad]; inf clamps
     before: TangentialLaw | None = None  # of the contact with the sphere before; None: no friction
 
+    def mobility(self, mass: float, stiffness: Array) -> tuple[Array, float]:
+        """Inverse masses [1/kg] in directions of so much stiffness [N/m], and inverse inertia
+        [1/(kg m^2)]; 0 where the arm clamps."""
+        inverse_mass = np.where(np.isinf(stiffness), 0.0, 1.0 / mass)
+        return inverse_mass, 0.0 if math.isinf(self.arm_rotation) else 1.0 / self.inertia
+
+    def on_arm(self, mass: float, radius: float, stiffness: Array, h: float) -> Sphere:
+        """The sphere and its arm in directions of so much stiffness [N/m], which swing exactly
+        over steps of h [s]."""
+        inverse_mass, inverse_inertia = self.mobility(mass, stiffness)
+        k = np.where(inverse_mass > 0.0, stiffness, 0.0)
+        kappa = float(self.arm_rotation) if inverse_inertia > 0.0 else 0.0
+        return Sphere(
+            inverse_mass=inverse_mass,
+            inverse_inertia=inverse_inertia,
+            radius=radius,
+            stiffness=k,
+            turn_stiffness=kappa,
+            swing=oscillator_propagator(np.sqrt(k * inverse_mass), np.zeros(k.size), h),
+            turn=oscillator_propagator(np.sqrt([kappa * inverse_inertia]), np.zeros(1), h),
+        )
+
 
 class WallMotion(NamedTuple):
     """The wall moves along itself by the sum of amplitude cos(2 pi frequency t + phase)."""
@@ -76,17 +104,23 @@ class WallMotion(NamedTuple):
 
     @property
     def period(self) -> float:
-        """[s] shortest common period; raises InvalidChain where 100 cycles of the slowest motion
-        hold none."""
-        slowest = float(np.min(self.frequency))
-        for cycles in range(1, 101):
-            numbers = cycles * np.asarray(self.frequency) / slowest
-            if np.abs(numbers - np.round(numbers)).max() < 1e-9 * cycles:
-                return cycles / slowest
-        raise InvalidChain(
-            f"frequencies {', '.join(f'{f:g}' for f in self.frequency)} Hz have no common period "
-            "within 100 cycles; take others"
-        )
+        """[s] shortest common period; raises InvalidChain without one, see `common_period`."""
+        return common_period(self.frequency)
+
+
+def common_period(frequency: ArrayLike, most_cycles: int = 100) -> float:
+    """[s] shortest common period of frequencies [Hz]; raises InvalidChain where so many cycles of
+    the slowest hold none."""
+    frequency = np.asarray(frequency, float)
+    slowest = float(frequency.min())
+    for cycles in range(1, most_cycles + 1):
+        numbers = cycles * frequency / slowest
+        if np.abs(numbers - np.round(numbers)).max() < 1e-9 * cycles:
+            return cycles / slowest
+    raise InvalidChain(
+        f"frequencies {', '.join(f'{f:g}' for f in frequency)} Hz have no common period "
+        f"within {most_cycles} cycles; take others"
+    )
 
 
 class LateralSearch(NamedTuple):
@@ -109,7 +143,7 @@ class LateralSearch(NamedTuple):
     n_cells: int = 128
     chunk: int = 20_000  # steps of the march along the chain that are held in memory
 
-    # the periodic state before the striker, see `periodic_state`
+    # the periodic state before the striker, see `state_on_moving_wall`
     # steps of a period, at least: N miss the largest displacement by up to (pi/N)^2 / 2, and the
     # first N is pi / sqrt(error), so that the last of 2 N misses an eighth of the error
     cycle_steps: int = 512
@@ -332,7 +366,7 @@ def march_lateral(
     state, springs, cycle, before = at_rest(len(frame)), body.open_springs(), None, 0.0
     if motion is not None:
         steady = [None if one is None else float(one.overlap[0]) for one in overlaps]
-        state, springs, cycle = periodic_state(body, steady, motion, speed)
+        state, springs, cycle = state_on_moving_wall(body, steady, motion, speed)
         before = cycle.error_estimate
     state.v[:] += frame @ velocity
 
@@ -372,7 +406,7 @@ def march_lateral(
             float(chain.radius[-1]) * float(np.abs(saved.spin - coarse.spin).max()),
         )
         estimate = before + search.safety * change / speed / ((finer / stride) ** order - 1.0)
-        total = saved.energy[:, :5].sum(axis=1) - saved.energy[:, 5]
+        total = saved.energy[:, :BY_WALL].sum(axis=1) - saved.energy[:, BY_WALL]
         scale = max(kinetic, float(np.abs(saved.energy).max())) or 1.0
         ledger = float(np.abs(total - total[0]).max()) / scale
         if dt is not None:
@@ -386,22 +420,27 @@ def march_lateral(
     turned = saved.psi @ frame  # by which the surface moves along t1, t2
     spun = saved.spin @ frame
     return LateralTrajectory(
-        trajectory.t,
-        saved.u @ frame,
-        saved.v @ frame,
-        np.stack([0.0 - turned[:, 1], turned[:, 0]], axis=1),
-        np.stack([0.0 - spun[:, 1], spun[:, 0]], axis=1),
-        saved.force @ frame,
-        saved.slip @ frame,
-        saved.stick,
-        np.zeros((n_save + 1, 2)) if motion is None else motion.displacement(trajectory.t),
-        *saved.energy.T,
-        h,
-        n_save * finer,
-        estimate,
-        ledger,
-        cycle,
-        0 if straight else n_cells,
+        t=trajectory.t,
+        sphere_t=saved.u @ frame,
+        sphere_t_v=saved.v @ frame,
+        sphere_rotation=np.stack([0.0 - turned[:, 1], turned[:, 0]], axis=1),
+        sphere_spin=np.stack([0.0 - spun[:, 1], spun[:, 0]], axis=1),
+        friction_force=saved.force @ frame,
+        slip=saved.slip @ frame,
+        stick_share=saved.stick,
+        wall_t=np.zeros((n_save + 1, 2)) if motion is None else motion.displacement(trajectory.t),
+        energy_lateral=saved.energy[:, MOVING],
+        energy_rotation=saved.energy[:, TURNING],
+        energy_arm=saved.energy[:, IN_ARM],
+        energy_tangential=saved.energy[:, IN_CONTACTS],
+        dissipated_friction=saved.energy[:, RUBBED],
+        work_shaker=saved.energy[:, BY_WALL],
+        dt=h,
+        n_steps=n_save * finer,
+        error_estimate=estimate,
+        energy_error=ledger,
+        cycle=cycle,
+        n_cells=0 if straight else n_cells,
     )
 
 
@@ -418,10 +457,7 @@ class MarchedSphere(NamedTuple):
     @property
     def mobility(self) -> tuple[Array, float]:
         """Inverse masses (n_directions,) [1/kg] and inverse inertia; 0 where the arm clamps."""
-        clamped = np.isinf(self.stiffness)
-        inverse_mass = np.where(clamped, 0.0, 1.0 / float(self.chain.mass[-1]))
-        turns = not math.isinf(self.last.arm_rotation)
-        return inverse_mass, 1.0 / self.last.inertia if turns else 0.0
+        return self.last.mobility(float(self.chain.mass[-1]), self.stiffness)
 
     @property
     def n_cells(self) -> int:
@@ -486,14 +522,8 @@ class MarchedSphere(NamedTuple):
         """March state and springs on, in place; `motion` of the wall may be its displacements
         (n_steps + 1, 2) [m]. Raises UnstableStep."""
         h, n_save, stride = steps
-        n, last = len(self.frame), self.last
-        inverse_mass, inverse_inertia = self.mobility
-        k = np.where(np.isinf(self.stiffness), 0.0, self.stiffness)
-        kappa = 0.0 if inverse_inertia == 0.0 else float(last.arm_rotation)
-        swing = oscillator_propagator(np.sqrt(k * inverse_mass), np.zeros(n), h)
-        turn = oscillator_propagator(np.sqrt([kappa * inverse_inertia]), np.zeros(1), h)
-        radius = float(self.chain.radius[-1])
-        sphere = Sphere(inverse_mass, inverse_inertia, radius, k, kappa, swing, turn)
+        n, chain = len(self.frame), self.chain
+        sphere = self.last.on_arm(float(chain.mass[-1]), float(chain.radius[-1]), self.stiffness, h)
         if isinstance(motion, WallMotion):
             motion = motion.displacement(h * np.arange(n_save * stride + 1))
         wall = None if motion is None else np.ascontiguousarray(motion @ self.frame.T)
@@ -622,7 +652,7 @@ def motion_of(state: Across) -> Array:
     return np.concatenate((state.u, state.v, state.psi, state.spin))
 
 
-class FixedPoint(NamedTuple):
+class ReturningState(NamedTuple):
     """A state that a period leaves as it is, up to `change` of its force, over the largest."""
 
     state: Across
@@ -632,9 +662,9 @@ class FixedPoint(NamedTuple):
     matrix: Array | None  # (4 n, 4 n) 1 - J in units of the largest motion, None where all is held
 
 
-def fixed_point(
+def returning_state(
     shaken: Shaken, state: Across, springs: Contacts, matrix: Array | None, periodicity: float
-) -> FixedPoint | None:
+) -> ReturningState | None:
     """The periodic state that a start leads to, in which the force changes by `periodicity` of its
     largest from period to period; None where the search does not find it.
 
@@ -663,7 +693,7 @@ def fixed_point(
             # after so many periods a change is accepted that is small beside the error
             late = i == search.newton_periods - 1
             if change <= (max(periodicity, search.rough * body.error) if late else periodicity):
-                return FixedPoint(end.state, end.springs, end, change, B)
+                return ReturningState(end.state, end.springs, end, change, B)
         previous = saved.force
         if not free:
             state, springs = end.state, end.springs
@@ -697,7 +727,9 @@ def fixed_point(
     return None
 
 
-def marched_on(shaken: Shaken, state: Across, springs: Contacts) -> tuple[FixedPoint, int]:
+def marched_until_repeated(
+    shaken: Shaken, state: Across, springs: Contacts
+) -> tuple[ReturningState, int]:
     """What a march of many periods, each from the end of the last, becomes, and after how many of
     them it repeats itself. Raises UnstableStep where it does not within four."""
     search, wall = shaken.body.search, shaken.displacements()
@@ -709,12 +741,12 @@ def marched_on(shaken: Shaken, state: Across, springs: Contacts) -> tuple[FixedP
         changes = repetition(forces)
         for i, change in enumerate(changes):
             if change <= search.rough * shaken.body.error:
-                return FixedPoint(state, springs, end, change, None), i + 1
-    shown = ", ".join(f"{change:.1g}" for change in changes)
+                return ReturningState(state, springs, end, change, None), i + 1
+    last_changes = ", ".join(f"{change:.1g}" for change in changes)
     raise UnstableStep(
         f"the wall's motion leads to no periodic state: after a march of {search.most_periods} "
-        f"periods the force still changes by {shown} of its largest from one period, two, three "
-        "and four before; hold the sphere by [arm], or change the amplitude"
+        f"periods the force still changes by {last_changes} of its largest from one period, two, "
+        "three and four before; hold the sphere by [arm], or change the amplitude"
     )
 
 
@@ -725,7 +757,7 @@ def repetition(forces: list[Array]) -> list[float]:
     return [float(np.abs(forces[-1] - before).max()) / scale for before in forces[-2::-1]]
 
 
-def periodic_state(
+def state_on_moving_wall(
     body: MarchedSphere, overlaps: Sequence[float | None], motion: WallMotion, speed: float
 ) -> tuple[Across, Contacts, Cycle]:
     """State and contact that the wall's motion has become periodic in, at its phase of t = 0.
@@ -742,9 +774,9 @@ def periodic_state(
     state, springs = shaken.ramped(np.zeros(len(body.frame)))
     periodicity = search.periodicity * body.error
     rough = max(periodicity, search.rough * body.error)
-    coarse = fixed_point(shaken, state, springs, None, rough)
+    coarse = returning_state(shaken, state, springs, None, rough)
     if coarse is None:
-        coarse, periods = marched_on(shaken, state, springs)
+        coarse, periods = marched_until_repeated(shaken, state, springs)
         shaken = shaken._replace(periods=periods, n_steps=periods * n_steps)
 
     # other starts, by few steps, where their forces may stay: a contact that slips as a whole in
@@ -758,7 +790,7 @@ def periodic_state(
         quick = shaken._replace(body=body._replace(search=fewer))
         for way in (push, -push):
             pushed = quick.ramped(np.full(len(body.frame), way))
-            other = fixed_point(quick, *pushed, coarse.matrix, search.pushed_periodicity)
+            other = returning_state(quick, *pushed, coarse.matrix, search.pushed_periodicity)
             if other is not None:
                 forces.append(other.last.saved.force)
 
@@ -771,9 +803,9 @@ def periodic_state(
                 f"the periodic state takes more than {search.most_steps:.1e} steps a period; ask "
                 "for a larger error"
             )
-        finer = fixed_point(shaken, coarse.state, coarse.springs, coarse.matrix, periodicity)
+        finer = returning_state(shaken, coarse.state, coarse.springs, coarse.matrix, periodicity)
         if finer is None:
-            finer, repeats = marched_on(shaken, coarse.state, coarse.springs)
+            finer, repeats = marched_until_repeated(shaken, coarse.state, coarse.springs)
             if repeats > 1:  # by these steps all repeats itself later: cycles of that length
                 shaken = shaken._replace(
                     periods=repeats * shaken.periods, n_steps=repeats * shaken.n_steps
@@ -784,7 +816,7 @@ def periodic_state(
         saved = finer.last.saved
         velocity = np.abs(saved.v - before.v).max(), R * np.abs(saved.spin - before.spin).max()
         estimate = search.safety * float(max(velocity)) / speed / 3.0
-        heat = np.array([values.energy[-1, 4] - values.energy[0, 4] for values in (before, saved)])
+        heat = np.array([np.ptp(cycle.energy[[0, -1], RUBBED]) for cycle in (before, saved)])
         off = search.safety * abs(heat[1] - heat[0]) / 3.0
         close = off <= 0.5 * body.error * float(np.abs(saved.energy).max())
         coarse = finer
@@ -796,17 +828,17 @@ def periodic_state(
     h, _, stride = shaken.steps
     times = h * stride * np.arange(len(saved.u)) - shaken.periods * period
     cycle = Cycle(
-        times,
-        saved.force @ frame,
-        slip @ frame,
-        saved.u @ frame,
-        saved.stick,
-        float(heat[1]) / shaken.periods,
-        finer.change,
-        float(np.hypot(*((saved.u[-1] - saved.u[0]) @ frame))),
-        estimate,
-        shaken.steps.n_save * shaken.steps.stride,
-        shaken.periods,
+        t=times,
+        friction_force=saved.force @ frame,
+        slip=slip @ frame,
+        sphere_t=saved.u @ frame,
+        stick_share=saved.stick,
+        energy=float(heat[1]) / shaken.periods,
+        periodicity_error=finer.change,
+        drift=float(np.hypot(*((saved.u[-1] - saved.u[0]) @ frame))),
+        error_estimate=estimate,
+        n_steps=shaken.steps.n_save * shaken.steps.stride,
+        periods=shaken.periods,
     )
     forces[0] = saved.force
     means = [float((force @ frame)[:-1, cycle.axis].mean()) for force in forces]

@@ -34,6 +34,7 @@ def shaken(seed, *, force, frequency, preload, arm=None, n_modes=4, n=1, error=1
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("force", "S"), [(150.0, 0.0), (100.0, 3e-9)])
 def test_a_plain_integrator_goes_round_in_the_cycle(force, S):
     """From the state at t = 0 on for a period, partly and wholly slipping in two directions, with
@@ -76,6 +77,7 @@ def test_shakers_work_is_friction_and_damping_in_random_cycles(seed):
     assert before.lost_in_wall >= 0.0
 
 
+@pytest.mark.slow
 def test_a_slow_cycle_is_mindlins_loop():
     """Sphere clamped, wall moved at 10 Hz along t1 against a contact under 100 N, at half of gross
     slip's force: amplitude and energy of the closed forms, to 1e-4."""

@@ -94,6 +94,7 @@ def test_a_mirrored_wall_mirrors_the_answer():
     np.testing.assert_allclose(b.contact_force, a.contact_force @ mirror, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_residual_compliance_stands_for_modes_that_are_fast():
     """Six modes of 3 MHz of the same static compliance; they swing by themselves, to 2e-3."""
     chain, slow = row(), random_wall(8)

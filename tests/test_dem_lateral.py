@@ -341,6 +341,7 @@ def rubbing(amplitude, *, mu=0.2, load=100.0, frequency=100.0, turn=np.inf):
     return run, along, body
 
 
+@pytest.mark.slow
 def test_a_sphere_that_rubs_on_the_one_before_takes_coulombs_work():
     """The wall's friction holds the last sphere, which moves by the wall's amplitude less what both
     contacts give: 4 mu P (Y - gross slip) and the loop at gross slip, of two equal spheres."""
@@ -391,7 +392,7 @@ def test_a_state_that_returns_after_more_periods_by_shorter_steps_has_these_peri
     """By the coarser steps once a period; by all shorter ones, it is claimed, after two: the cycle
     then holds two periods, and its heat is still that of one."""
     once = shaken([2e-6, 0.0], 1000.0, arm_stiffness=np.full(2, 1e7), error=1e-4)[0].cycle
-    found, claims = dem.lateral.fixed_point, []
+    found, claims = dem.lateral.returning_state, []
 
     def not_by_shorter(shaken, *arguments):
         claims.append(shaken.periods)
@@ -401,8 +402,8 @@ def test_a_state_that_returns_after_more_periods_by_shorter_steps_has_these_peri
         point = found(shaken, state, springs, None, 1e-6)
         return point, 2 if shaken.periods == 1 else 1
 
-    monkeypatch.setattr(dem.lateral, "fixed_point", not_by_shorter)
-    monkeypatch.setattr(dem.lateral, "marched_on", twice)
+    monkeypatch.setattr(dem.lateral, "returning_state", not_by_shorter)
+    monkeypatch.setattr(dem.lateral, "marched_until_repeated", twice)
     cycle = shaken([2e-6, 0.0], 1000.0, arm_stiffness=np.full(2, 1e7), error=1e-4)[0].cycle
     assert cycle.periods == 2
     assert cycle.t[0] == pytest.approx(-2e-3)
