@@ -20,13 +20,24 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import expm
 
-from coupling.spatial_march import Before, Body, Moving
+from coupling.harmonic_balance import balance, cycle_of
+from coupling.spatial_march import Before, Body, Moving, along_normal
 from dem import UnstableStep
 from dem.friction import stick_stiffness
 from dem.kernels.arguments import Array, Steps
-from dem.kernels.spatial import SavedSpatial, SpatialSystem
+from dem.kernels.spatial import (
+    BEYOND_MODES,
+    BY_CONTACT,
+    BY_SHAKERS,
+    DAMPED,
+    RUBBED,
+    SWING,
+    SavedSpatial,
+    SpatialSystem,
+)
 from dem.kernels.tangential import HEAT
 from dem.lateral import Cycle
+from dem.prepared import prepare
 
 
 class PeriodicSearch(NamedTuple):
@@ -51,8 +62,22 @@ class PeriodicSearch(NamedTuple):
     share: float = 0.5  # of the error, for the steps of a period
     most_steps: float = 1e5  # of a period
 
+    # by harmonic balance
+    samples: float = 5.0  # over a period of the fastest contact, at first
+    cells: int = 32  # of the contact in two directions, at first; samples and cells are doubled
+    most_samples: int = 2**15
+    creep: float = 0.1  # change of the tangential force over a period, over the error
+    # of the largest tangential force: what periods marched by two steps may leave of a cycle after
+    # the square of the step is taken off; or twice the error, if that is more
+    proven: float = 5e-3
+
 
 USUAL_PERIODIC_SEARCH = PeriodicSearch()
+
+
+# of the contacts' rate: faster modes are at rest in the forces of a march of periods, whose motion
+# they would change by the square of the inverse; at 4 or less steps of `phase` miss no period
+STILL = 8.0
 
 
 class PeriodicState(NamedTuple):
@@ -146,7 +171,7 @@ def at_level(system: SpatialSystem, level: float) -> SpatialSystem:
         shaking=forcing._replace(
             response=level * forcing.response,
             work=level * forcing.work,
-            own_work=level**2 * forcing.own_work,
+            mutual_work=level**2 * forcing.mutual_work,
             residual=level * forcing.residual,
         )
     )
@@ -198,7 +223,7 @@ def linear_period(period: Period, saved: SavedSpatial | None) -> tuple[Array, Ar
         amplitude, way = 0.5 * np.ptp(saved.force, axis=0)[1:], 0.5 * np.ptp(saved.slip, axis=0)
         moves = way > 1e-3 * way.max(initial=0.0)
         springs[1:][moves] = np.minimum(amplitude[moves] / way[moves], springs[1:][moves])
-        heat = float(saved.energy[-1, 2] - saved.energy[0, 2])
+        heat = float(saved.energy[-1, RUBBED] - saved.energy[0, RUBBED])
         duration = period.steps.h * period.steps.n_save * period.steps.stride
         shakers = period.system.shaking.omega
         omega = float(shakers.min()) if shakers.size else 2.0 * math.pi / duration
@@ -241,6 +266,8 @@ def fixed_point(
     """
     levels = search.levels if jacobian is None else ()
     saved, level_before = None, 0.0
+    for _ in range(0 if levels or jacobian is not None else search.settling):
+        saved = period.march(moving)
     for level in levels:
         risen = period._replace(system=at_level(period.system, level))
         z = period.z_of(moving) * (level / level_before if level_before else 1.0)
@@ -299,7 +326,8 @@ def fixed_point(
         error = max(error, float(np.abs(saved.force[-1] - saved.force[0]).max()) / scale)
         # what the bodies gain over the shakers' work: their energy may be much larger than that
         gained = 0.5 * abs(np.sum(residual * (units * (image + z) * moves)))
-        work = abs(float(np.sum(saved.energy[-1, 6:8] - saved.energy[0, 6:8])))
+        gain = saved.energy[-1] - saved.energy[0]
+        work = abs(float(gain[BY_SHAKERS] + gain[BEYOND_MODES]))
         error = max(error, search.gained * gained / work if work else 0.0)
         if error < best:
             best, result = error, (moving.copied(), saved)
@@ -308,9 +336,9 @@ def fixed_point(
 
         # Newton's equation by directions d and what they change it by, (1 - J) d
         length = search.nudge * float(np.linalg.norm(units * z * moves))
-        D, E, left = [], [], residual
+        D, E, remaining = [], [], residual
         for _ in range(search.directions):
-            d = scaled_step(J, left)
+            d = scaled_step(J, remaining)
             norm = float(np.linalg.norm(d))
             if not norm > 0.0:
                 break
@@ -323,8 +351,8 @@ def fixed_point(
             D.append(d)
             E.append(d - change)
             share = np.linalg.lstsq(np.array(E).T, residual, rcond=None)[0]
-            left = residual - np.array(E).T @ share
-            if np.linalg.norm(left) <= search.linear * size:
+            remaining = residual - np.array(E).T @ share
+            if np.linalg.norm(remaining) <= search.linear * size:
                 break
         if not D:  # what is left moves along motions that come back of themselves
             break
@@ -347,6 +375,18 @@ def step_of(M: Array, weights: Array, residual: Array) -> Array:
     return z / units
 
 
+class Found(NamedTuple):
+    """A state that comes back, what a cycle from it saves, and how far both may be trusted."""
+
+    moving: Moving
+    saved: SavedSpatial
+    change: float  # from cycle to cycle, over the largest
+    error_estimate: float
+    n_periods: int
+    impacting: bool
+    n_steps: int  # of the cycle
+
+
 def periodic_state(
     body: Body,
     before: Before,
@@ -361,33 +401,213 @@ def periodic_state(
     From a contact that was pressed and never sheared. Raises UnstableStep where 200 periods, one
     after the other, lead to none.
     """
+    found, start = balanced(body, before, error, speed, search)
+    if found is None:
+        found = shot(body, before, error, speed, search, start)
+    state, saved, n_periods, T = found.moving, found.saved, found.n_periods, body.shakers.period
+
+    # heat counts from the striker on
+    springs = state.contacts.row if state.contacts.cells is None else state.contacts.cells
+    springs.state[HEAT] = 0.0
+    state.motion.ledger[:] = 0.0
+    frame, Q = body.frame, body.to_frame
+    gained = (saved.energy[-1] - saved.energy[0]) / n_periods
+    work = float(gained[BY_SHAKERS] + gained[BEYOND_MODES])
+    heat, in_dampers = float(gained[RUBBED]), float(gained[DAMPED])
+    in_wall = float(gained[BY_CONTACT] + gained[BY_SHAKERS] - gained[SWING])
+    middle = 0.5 * (saved.slip.max(axis=0) + saved.slip.min(axis=0)) @ frame
+    cycle = Cycle(
+        t=np.linspace(-T * n_periods, 0.0, len(saved.stick)),
+        friction_force=saved.force[:, 1:] @ frame,
+        slip=saved.slip @ frame - middle,
+        sphere_t=saved.across[:, 0] @ frame,
+        stick_share=saved.stick,
+        energy=heat,
+        periodicity_error=found.change,
+        drift=float(np.hypot(*((saved.across[-1, 0] - saved.across[0, 0]) @ frame))),
+        error_estimate=found.error_estimate,
+        n_steps=found.n_steps,
+        periods=n_periods,
+        unbalanced=abs(work - heat - in_dampers - in_wall),
+    )
+    mean = float(cycle.friction_force[:-1, cycle.axis].mean())
+    return PeriodicState(
+        moving=state,
+        cycle=cycle._replace(mean_force_range=(mean, mean)),
+        force=saved.force @ Q,
+        slip_mean=middle,
+        wall_speed=float(np.abs(saved.wall[:, 1]).max()),
+        n_periods=n_periods,
+        impacting=found.impacting,
+        work=work,
+        heat=heat,
+        lost_in_dampers=in_dampers,
+        lost_in_wall=in_wall,
+        error_estimate=found.error_estimate,
+    )
+
+
+class Numbers(NamedTuple):
+    """What two cycles are compared by."""
+
+    speeds: Array  # of all bodies at the instants saved, over the largest
+    force: float  # logarithm of the amplitude of the tangential force
+    slip: float  # the same of the slip
+    heat: float  # of friction, over the shakers' work
+
+    def difference(self, other: "Numbers") -> float:
+        return max(float(np.abs(a - b).max()) for a, b in zip(self, other, strict=True))
+
+
+def numbers_of(saved: SavedSpatial, speed: float) -> Numbers:
+    """Of a cycle; speeds are over `speed` [m/s] where no body is faster."""
+    speeds = np.concatenate([saved.v, saved.across[:, 1], saved.wall[:, 1]], axis=1)
+    gained = saved.energy[-1] - saved.energy[0]
+    return Numbers(
+        speeds / (max(speed, float(np.abs(speeds).max())) or 1.0),
+        math.log(max(float(np.ptp(saved.force[:, 1:], axis=0).max()), 1e-300)),
+        math.log(max(float(np.ptp(saved.slip, axis=0).max()), 1e-300)),
+        float(gained[RUBBED]) / (abs(float(gained[BY_SHAKERS] + gained[BEYOND_MODES])) or 1.0),
+    )
+
+
+def balanced(
+    body: Body, before: Before, error: float, speed: float, search: PeriodicSearch
+) -> tuple[Found | None, Moving | None]:
+    """The state by harmonic balance (`coupling.harmonic_balance`), to an error, beside a cycle of
+    half as many samples and cells; None where that finds none, or a contact that opens, and then a
+    state near to it where there is one.
+
+    Periods marched from it by two steps prove it: what they change by vanishes with the step.
+    """
+    T = body.shakers.period
+    if body.prepared.static.force[-1] <= 0.0:
+        return None, None
+    resolved = search.samples * T * body.rate / (2.0 * math.pi)
+    n_samples = search.cycle_saves * 2 ** max(
+        1, math.ceil(math.log2(resolved / search.cycle_saves))
+    )
+    two_directions, n_cells, cycle, coarse = len(body.frame) == 2, search.cells, None, None
+    order = 1.0 if two_directions else 2.0
+    while True:
+        divided = body._replace(search=body.search._replace(n_cells=n_cells))
+        tolerance = search.periodicity * error
+        cycle = balance(divided, before, n_samples, tolerance, search.creep * error, start=cycle)
+        if not math.isfinite(cycle.change):
+            return None, None
+        moving, saved = cycle_of(divided, cycle, search.cycle_saves)
+        opens = cycle.answer.elastic[:, -1 - len(body.frame)].min() <= 0.0
+        if opens or cycle.change > tolerance:
+            return None, moving.divided(body.search.n_cells)
+        numbers, estimate = numbers_of(saved, speed), math.inf
+        if coarse is not None:
+            estimate = numbers.difference(coarse) / (2.0**order - 1.0)
+        if estimate <= search.share * error:
+            break
+        coarse, n_samples, n_cells = numbers, 2 * n_samples, 2 * n_cells
+        if n_samples > search.most_samples:
+            return None, moving.divided(body.search.n_cells)
+
+    # half the step, four times nearer: what is left of both is not of the steps
+    slow, slow_moving = still(body), None
+    largest = float(np.abs(saved.force[:, 1:]).max()) or 1.0
+    off = []
+    for refined in (1, 2):
+        n_steps = max(search.cycle_steps, math.ceil(T * body.rate / search.phase))
+        period = period_of(slow, before, refined * n_steps, search)
+        slow_moving = without_still(body, moving.divided(n_cells))
+        period.body.settle(slow_moving, period.system, 0.0)
+        marched = period.march(slow_moving)
+        off.append((marched.force - saved.force)[:, 1:] / largest)
+    extrapolated = np.abs((4.0 * off[1] - off[0]) / 3.0).max()
+    if extrapolated > max(search.proven, 2.0 * error):
+        return None, moving.divided(body.search.n_cells)
+    change = max(cycle.change, cycle.answer.creep)
+    return Found(moving, saved, change, estimate, 1, False, n_samples), None
+
+
+def still(body: Body) -> Body:
+    """The body, its wall's modes that are much faster than all contacts at rest in their forces:
+    their static answer joins the residual compliance. Marches by steps near their period would
+    feed them."""
+    wall, fast = body.wall, still_modes(body)
+    phi, load = (part[fast] / wall.omega[fast, None] for part in (wall.phi, wall.load))
+    wall = wall._replace(
+        omega=wall.omega[~fast],
+        zeta=wall.zeta[~fast],
+        phi=wall.phi[~fast],
+        load=wall.load[~fast],
+        sense=wall.sense[~fast],
+        residual_compliance=wall.residual_compliance + phi.T @ phi,
+        load_residual=wall.load_residual + phi.T @ load,
+    )
+    return body._replace(wall=wall, prepared=prepare(body.prepared.chain, along_normal(wall)))
+
+
+def still_modes(body: Body) -> Array:
+    """(k,) mask of the modes that `still` leaves at rest."""
+    return np.asarray(body.wall.omega) > STILL * body.rate
+
+
+def without_still(body: Body, moving: Moving) -> Moving:
+    """A state of the body as one of `still(body)`."""
+    fast, motion = still_modes(body), moving.motion
+    return moving._replace(motion=motion._replace(q=motion.q[~fast], p=motion.p[~fast]))
+
+
+def with_still(body: Body, moving: Moving, rate: Array) -> Moving:
+    """A state of `still(body)` at t = 0 as one of the body, whose fast modes follow their forces;
+    `rate` (1 + n_directions,) [N/s] of those at the wall."""
+    fast, motion, wall, shakers = still_modes(body), moving.motion, body.wall, body.shakers
+    phi = wall.phi[fast] @ body.to_frame.T
+    angle, turning = np.asarray(shakers.phase), 2.0 * np.pi * np.asarray(shakers.frequency)
+    from_rest = motion.force - np.append(body.prepared.static.force[-1], np.zeros(len(rate) - 1))
+    push = phi @ from_rest + wall.load[fast] @ (shakers.force * np.cos(angle))
+    push_rate = phi @ rate - wall.load[fast] @ (shakers.force * turning * np.sin(angle))
+    q, p = np.empty((2, fast.size))
+    q[~fast], p[~fast] = motion.q, motion.p
+    q[fast], p[fast] = push / wall.omega[fast] ** 2, push_rate / wall.omega[fast] ** 2
+    return moving._replace(motion=motion._replace(q=q, p=p))
+
+
+def shot(
+    whole: Body, before: Before, error: float, speed: float, search: PeriodicSearch,
+    start: Moving | None = None,
+) -> Found:  # fmt: skip
+    """The state by Newton's method on periods marched, from rest or else from `start`, to an error
+    beside longer steps and half as many cells; by periods one after the other where it finds
+    none. Raises UnstableStep."""
+    body = still(whole)
     T = body.shakers.period
     n_steps = max(search.cycle_steps, math.ceil(T * body.rate / search.phase))
     tolerance = search.periodicity * error
-    coarse, estimate, state, jacobian = None, math.inf, body.at_rest(), None
+    coarse, estimate, point = None, math.inf, None
+    two_directions, n_cells = len(body.frame) == 2, body.search.n_cells // 2
+    state = body._replace(search=body.search._replace(n_cells=n_cells)).at_rest()
     while True:
         period = period_of(body, before, n_steps, search)
-        state, saved, change, jacobian = fixed_point(period, state, search, tolerance, jacobian)
+        if point is None:
+            try:
+                point = fixed_point(period, state.copied(), search, tolerance)
+            except UnstableStep:
+                if start is None:
+                    raise
+            if start is not None and (point is None or point.change > search.accepted * error):
+                near = without_still(whole, start).divided(n_cells)
+                body.settle(near, period.system, 0.0)
+                point = fixed_point(period, near, search._replace(levels=()), tolerance)
+        else:
+            point = fixed_point(period, state, search, tolerance, point.jacobian)
+        state, saved, change = point.moving, point.saved, point.change
         n_periods, impacting = 1, float(saved.force[:, 0].min()) <= 0.0
         if change > search.accepted * error or (impacting and not stays(period, state, search)):
             state, saved, change, n_periods = marched_on(
                 period, state, search, search.accepted * error
             )
-
-        # beside the coarser one: velocities over the speed, amplitudes of tangential force and slip
-        # over themselves, friction's heat over the shakers' work
-        speeds = np.concatenate([saved.v, saved.across[:, 1], saved.wall[:, 1]], axis=1)
-        largest = max(speed, float(np.abs(speeds).max())) or 1.0
-        heat = float(saved.energy[-1, 2] - saved.energy[0, 2])
-        numbers = (
-            speeds / largest,
-            np.log(np.maximum(np.ptp(saved.force[:, 1:], axis=0).max(), 1e-300)),
-            np.log(np.maximum(np.ptp(saved.slip, axis=0).max(), 1e-300)),
-            heat / (abs(float(np.sum(saved.energy[-1, 6:8] - saved.energy[0, 6:8]))) or 1.0),
-        )
-        if coarse is not None and coarse[0].shape == speeds.shape:
-            changes = (np.abs(a - b).max() for a, b in zip(numbers, coarse, strict=True))
-            estimate = float(max(changes)) / (search.refined**2 - 1.0)
+        numbers = numbers_of(saved, speed)
+        if coarse is not None and coarse.speeds.shape == numbers.speeds.shape:
+            order = 1.0 if two_directions else 2.0
+            estimate = numbers.difference(coarse) / (search.refined**order - 1.0)
         if estimate <= search.share * error or (coarse is not None and n_periods > 1):
             break
         if n_steps * search.refined > search.most_steps:
@@ -396,43 +616,18 @@ def periodic_state(
                 "period; ask for a larger error"
             )
         coarse, n_steps = numbers, math.ceil(n_steps * search.refined)
+        n_cells *= 2
+        state = state.divided(n_cells)
 
     if not math.isfinite(estimate):
         raise UnstableStep(
             f"the state comes back after {n_periods} periods of the shakers, and by other steps "
             "after another number: its error is unknown; change the shakers"
         )
-
-    # heat counts from the striker on
-    springs = state.contacts.row if state.contacts.cells is None else state.contacts.cells
-    springs.state[HEAT] = 0.0
-    state.motion.ledger[:] = 0.0
-    frame, Q = body.frame, body.to_frame
-    gained = (saved.energy[-1] - saved.energy[0]) / n_periods
-    work = float(gained[6] + gained[7])
-    middle = 0.5 * (saved.slip.max(axis=0) + saved.slip.min(axis=0)) @ frame
-    cycle = Cycle(
-        np.linspace(-T * n_periods, 0.0, len(saved.stick)),
-        saved.force[:, 1:] @ frame,
-        saved.slip @ frame - middle,
-        saved.across[:, 0] @ frame,
-        saved.stick,
-        float(gained[2]),
-        change,
-        float(np.hypot(*((saved.across[-1, 0] - saved.across[0, 0]) @ frame))),
-        estimate,
-        period.steps.n_save * period.steps.stride * n_periods,
-        n_periods,
-    )
-    mean = float(cycle.friction_force[:-1, cycle.axis].mean())
-    cycle = cycle._replace(mean_force_range=(mean, mean))
-    heat, in_dampers = float(gained[2]), float(gained[4])
-    in_wall = float(gained[5] + gained[6] - gained[3])
-    cycle = cycle._replace(unbalanced=abs(work - heat - in_dampers - in_wall))
-    return PeriodicState(
-        state, cycle, saved.force @ Q, middle, float(np.abs(saved.wall[:, 1]).max()), n_periods,
-        impacting, work, heat, in_dampers, in_wall, estimate,
-    )  # fmt: skip
+    rate = (saved.force[-1] - saved.force[-2]) * (search.cycle_saves / T)
+    steps = period.steps.n_save * period.steps.stride * n_periods
+    moving = with_still(whole, state, rate)
+    return Found(moving, saved, change, estimate, n_periods, impacting, steps)
 
 
 def stays(period: Period, state: Moving, search: PeriodicSearch) -> bool:

@@ -6,7 +6,8 @@ by
     e = safety max |v_h - v_H| / speed / ((H/h)^2 - 1)
 
 in the velocities of all spheres along the chain, of the last one across it, and of its turn at the
-surface. Before the striker shakers bring all into a periodic state, see `coupling.periodic_state`.
+surface. In two directions the difference to half as many cells is added. Before the striker shakers
+bring all into a periodic state, see `coupling.periodic_state`.
 """
 
 import math
@@ -19,10 +20,9 @@ from coupling.errors import CouplingError
 from coupling.spatial_wall import SpatialWall, require_one_solution
 from dem import Chain, Trajectory, UnstableStep, Wall
 from dem.chain import State
-from dem.checks import InvalidChain, require, saves, vector
-from dem.friction import open_cells, open_row, stick_stiffness
+from dem.checks import require, saves
+from dem.friction import open_cells, open_row, redivided, stick_stiffness
 from dem.kernels.arguments import Array, Steps
-from dem.kernels.lateral import Sphere
 from dem.kernels.oscillators import oscillator_propagator
 from dem.kernels.spatial import (
     Contacts,
@@ -35,11 +35,15 @@ from dem.kernels.spatial import (
     march_spatial,
     settle,
 )
-from dem.lateral import LastSphere, LateralTrajectory
+from dem.lateral import (
+    LastSphere,
+    LateralTrajectory,
+    checked_last_sphere,
+    common_period,
+    require_hertz,
+)
 from dem.prepared import PreparedChain, prepare
 from dem.stability import fastest_rate
-
-MOST_CYCLES = 100  # of the slowest shaker in a common period
 
 
 class ShakerForces(NamedTuple):
@@ -51,18 +55,8 @@ class ShakerForces(NamedTuple):
 
     @property
     def period(self) -> float:
-        """[s] shortest common period; raises InvalidChain where `MOST_CYCLES` of the slowest hold
-        none."""
-        frequency = np.asarray(self.frequency, float)
-        slowest = float(frequency.min())
-        for cycles in range(1, MOST_CYCLES + 1):
-            numbers = cycles * frequency / slowest
-            if np.abs(numbers - np.round(numbers)).max() < 1e-9 * cycles:
-                return cycles / slowest
-        raise InvalidChain(
-            f"shakers of {', '.join(f'{f:g}' for f in frequency)} Hz have no common period within "
-            f"{MOST_CYCLES} cycles; take others"
-        )
+        """[s] shortest common period; raises InvalidChain without one, see `common_period`."""
+        return common_period(self.frequency)
 
 
 class SpatialSearch(NamedTuple):
@@ -74,8 +68,11 @@ class SpatialSearch(NamedTuple):
     most_steps: float = 1e8  # some minutes
     capacity: int = 2048  # nodes of the contact in one direction
     # of the contact in two directions: 128, 512 and 2048 left amplitudes of a cycle of partial slip
-    # 1e-4, 4e-6 and 0 apart, and its heat 8e-5, 1e-5 and 0
+    # 1e-4, 4e-6 and 0 apart, and its heat 8e-5, 1e-5 and 0; doubled until half as many differ by
+    # `share` of the error
     n_cells: int = 256
+    most_cells: int = 8192
+    share: float = 0.5  # of the error, for the cells; not varied
 
 
 USUAL_SPATIAL_SEARCH = SpatialSearch()
@@ -117,9 +114,7 @@ class Body(NamedTuple):
 
     def mobility(self) -> tuple[Array, float]:
         """Inverse masses (n_directions,) across [1/kg], inverse inertia; 0 where the arm clamps."""
-        clamped = np.isinf(self.arm_stiffness())
-        inverse = np.where(clamped, 0.0, 1.0 / float(self.prepared.chain.mass[-1]))
-        return inverse, 0.0 if math.isinf(self.last.arm_rotation) else 1.0 / self.last.inertia
+        return self.last.mobility(float(self.prepared.chain.mass[-1]), self.arm_stiffness())
 
     def arm_stiffness(self) -> Array:
         """(n_directions,) [N/m]."""
@@ -132,8 +127,10 @@ class Body(NamedTuple):
         k = self.wall.omega.size
         force = np.append(static.force[-1], np.zeros(d))
         motion = SpatialMotion(
-            static.x.copy(), np.zeros(n), *np.zeros((4, d)), *np.zeros((2, k)), np.zeros(n + 1),
-            force, np.zeros(d), np.zeros(1 + d), np.zeros((2, 1 + d)), np.zeros(4),
+            x=static.x.copy(), v=np.zeros(n), u=np.zeros(d), u_v=np.zeros(d), psi=np.zeros(d),
+            spin=np.zeros(d), q=np.zeros(k), p=np.zeros(k), f=np.zeros(n + 1), force=force,
+            slip=np.zeros(d), pending=np.zeros(1 + d), wall=np.zeros((2, 1 + d)),
+            ledger=np.zeros(4),
         )  # fmt: skip
         if d == 2:
             cells = (open_cells(self.search.n_cells) for _ in range(2))
@@ -160,25 +157,20 @@ class Body(NamedTuple):
         phi = np.ascontiguousarray(Q @ wall.phi.T)
         S = Q @ wall.residual_compliance @ Q.T
         arrays = SpatialArrays(
-            inverse_mass, A, gamma,
-            np.zeros(n) if self.prepared.load is None else self.prepared.load,
-            static.x.copy(),
-            oscillator_propagator(np.sqrt(leaf * inverse_mass), np.zeros(n), h),
-            float(wall.phi[:, 0] @ static.q), float(static.force[-1]),
-            np.asarray(wall.omega, float), phi, phi @ phi.T,
-            oscillator_propagator(wall.omega, wall.zeta, h), S, bool(S.any()),
+            inverse_mass=inverse_mass, A=A, gamma=gamma,
+            load=np.zeros(n) if self.prepared.load is None else self.prepared.load,
+            rest=static.x.copy(),
+            swing=oscillator_propagator(np.sqrt(leaf * inverse_mass), np.zeros(n), h),
+            offset=float(wall.phi[:, 0] @ static.q), rest_force=float(static.force[-1]),
+            omega=np.asarray(wall.omega, float), phi=phi, square=phi @ phi.T,
+            propagator=oscillator_propagator(wall.omega, wall.zeta, h),
+            residual=S, soft=bool(S.any()),
         )  # fmt: skip
 
-        # the arm swings exactly
-        inverse, inverse_inertia = self.mobility()
-        k = np.where(inverse > 0.0, self.arm_stiffness(), 0.0)
-        kappa = float(self.last.arm_rotation) if inverse_inertia > 0.0 else 0.0
-        sphere = Sphere(
-            inverse, inverse_inertia, float(chain.radius[-1]), k, kappa,
-            oscillator_propagator(np.sqrt(k * inverse), np.zeros(len(k)), h),
-            oscillator_propagator(np.sqrt([kappa * inverse_inertia]), np.zeros(1), h),
-        )  # fmt: skip
-        trials = Trials(*np.zeros((5, d)), *np.zeros((2, d, d)), *np.zeros((5, d)))
+        sphere = self.last.on_arm(
+            float(chain.mass[-1]), float(chain.radius[-1]), self.arm_stiffness(), h
+        )
+        trials = Trials(*np.zeros((5, d)), *np.zeros((2, d, d)), *np.zeros((6, d)))
         return SpatialSystem(
             arrays, sphere, self.last.law, shaking(wall, self.shakers, Q, h), trials
         )
@@ -197,9 +189,10 @@ class Body(NamedTuple):
         k, n, d = steps.n_save + 1, moving.motion.x.size, moving.motion.force.size
         n_modes = self.wall.omega.size if modes else 0
         saved = SavedSpatial(
-            *np.empty((3, k, n)), np.empty((k, 4, d - 1)), np.empty((k, d)), np.empty((k, d - 1)),
-            np.empty((k, 2, d)), np.empty(k), np.empty((k, d)), np.empty((k, 9)),
-            *np.empty((2, k, n_modes)),
+            x=np.empty((k, n)), v=np.empty((k, n)), contact_force=np.empty((k, n)),
+            across=np.empty((k, 4, d - 1)), force=np.empty((k, d)), slip=np.empty((k, d - 1)),
+            wall=np.empty((k, 2, d)), stick=np.empty(k), motion=np.empty((k, d)),
+            energy=np.empty((k, 9)), q=np.empty((k, n_modes)), p=np.empty((k, n_modes)),
         )  # fmt: skip
         count = march_spatial(t, moving.motion, system, moving.contacts, steps, saved)
         if count < steps.n_save:
@@ -227,15 +220,18 @@ class Moving(NamedTuple):
     motion: SpatialMotion
     contacts: Contacts
 
+    def divided(self, n_cells: int) -> "Moving":
+        """The same in arrays of their own, a contact in two directions in so many cells."""
+        moving, contacts = self.copied(), self.contacts
+        if contacts.cells is None:
+            return moving
+        cells, trial = (redivided(contacts.cells, n_cells) for _ in range(2))
+        return Moving(moving.motion, Contacts(None, None, cells, None, trial))
+
     def copied(self) -> "Moving":
         """The same in arrays of their own."""
-        contacts = (
-            None if part is None else type(part)(*(values.copy() for values in part))
-            for part in self.contacts
-        )
-        return Moving(
-            SpatialMotion(*(values.copy() for values in self.motion)), Contacts(*contacts)
-        )
+        motion = SpatialMotion(*(values.copy() for values in self.motion))
+        return Moving(motion, self.contacts.copied())
 
 
 def shaking(wall: SpatialWall, shakers: ShakerForces | None, to_frame: Array, h: float) -> Shaking:
@@ -282,10 +278,10 @@ def shaking(wall: SpatialWall, shakers: ShakerForces | None, to_frame: Array, h:
         """Real and imaginary parts of arrays (m, ...) side by side, (m, 2 n, ...)."""
         return np.stack([part for z in values for part in (z.real, z.imag)], axis=1)
 
-    own = np.stack([at_sum.real, at_sum.imag, at_difference.real, at_difference.imag], axis=2)
+    mutual = np.stack([at_sum.real, at_sum.imag, at_difference.real, at_difference.imag], axis=2)
     return Shaking(
-        omega, parts(q, p), parts(over_q, over_p), np.ascontiguousarray(own), parts(L),
-        np.zeros((2, k)),
+        omega=omega, response=parts(q, p), work=parts(over_q, over_p),
+        mutual_work=np.ascontiguousarray(mutual), residual=parts(L), forced=np.zeros((2, k)),
     )  # fmt: skip
 
 
@@ -294,27 +290,19 @@ def body_of(
     shakers: ShakerForces | None = None, search: SpatialSearch = USUAL_SPATIAL_SEARCH,
 ) -> Body:  # fmt: skip
     """Chain, last sphere and wall, checked. Raises InvalidChain, NoEquilibrium, CouplingError."""
-    require(
-        chain.yield_overlap is None and not chain.jumps and chain.elastic.shape is None,
-        "friction at the wall takes Hertz contacts that are elastic, or damped by hunt-crossley",
-    )
+    require_hertz(chain)
     require(not chain.slides, "friction at the wall takes no guides; leave them out")
-    velocity = vector("lateral velocity", last.velocity, 2)
+    velocity, stiffness = checked_last_sphere(last)
     S = np.asarray(wall.residual_compliance, float)
     if np.any(wall.zeta < 0.0):
         raise CouplingError(
             "a mode of the wall has a negative damping ratio; it would make energy."
         )
-    along = Wall(
-        np.asarray(wall.omega, float), np.asarray(wall.zeta, float),
-        np.ascontiguousarray(wall.phi[:, 0]), float(S[0, 0]),
-    )  # fmt: skip
-    prepared = prepare(chain, along)
+    prepared = prepare(chain, along_normal(wall))
 
     # one direction across where nothing leads out of it: no mode that moves along it or that the
     # chain or a shaker drives moves the wall beside it, and nothing beside it moves the sphere
     frame, scale = np.eye(2), np.abs(wall.phi).max(initial=0.0)
-    stiffness = np.asarray(last.arm_stiffness, float)
     lines = [velocity / np.hypot(*velocity)] if velocity.any() else [*np.eye(2)]
     for line in lines:
         beside = np.array([-line[1], line[0]])
@@ -343,6 +331,16 @@ def body_of(
     meets += float(np.square(wall.phi[slow, 1:]).sum(axis=0).max(initial=0.0))
     rate = max(fastest_rate(prepared, v0), math.sqrt(k_t * meets))
     return Body(prepared, wall, last, shakers, frame, rate, search)
+
+
+def along_normal(wall: SpatialWall) -> Wall:
+    """The wall as a chain sees it without friction."""
+    return Wall(
+        np.asarray(wall.omega, float),
+        np.asarray(wall.zeta, float),
+        np.ascontiguousarray(wall.phi[:, 0]),
+        float(wall.residual_compliance[0, 0]),
+    )
 
 
 def largest_force(prepared: PreparedChain, v0: ArrayLike) -> float:
@@ -397,9 +395,10 @@ def march_to_error(
         speeds = np.concatenate([start.motion.v, start.motion.u_v])
         speed = float(np.abs(speeds).max()) or 1.0
     spacing, radius = duration / n_save, float(body.prepared.chain.radius[-1])
+    two_directions, n_cells = len(body.frame) == 2, search.n_cells
 
-    def run(stride: int) -> tuple[SavedSpatial, Moving]:
-        moving, system = start.copied(), body.stepped(spacing / stride)
+    def run(stride: int, n_cells: int) -> tuple[SavedSpatial, Moving]:
+        moving, system = start.divided(n_cells), body.stepped(spacing / stride)
         body.settle(moving, system, 0.0)
         steps = Steps(spacing / stride, n_save, stride)
         return body.march(moving, system, 0.0, steps, modes=True), moving
@@ -407,11 +406,27 @@ def march_to_error(
     # cells in two directions, and dampers before a residual compliance, leave errors of order 1:
     # 0.87 to 1.02 and 0.99 to 1.00 over five halvings
     damped = body.prepared.damping is not None and body.wall.residual_compliance.any()
-    order = 1.0 if len(body.frame) == 2 or damped else 2.0
+    order = 1.0 if two_directions or damped else 2.0
 
-    first = search.phase / body.rate if search.dt is None else search.dt
+    # a contact that nothing presses or strikes has no rate
+    first = search.dt or (search.phase / body.rate if body.rate > 0.0 else spacing)
     stride = max(1, math.ceil(spacing / first * (1 - 1e-9)))
-    coarse, _ = run(stride)
+    coarse, _ = run(stride, n_cells)
+
+    # the part of the cells, beside half as many: of order 1 too, see `dem.lateral`
+    of_cells, halved = 0.0, run(stride, n_cells // 2)[0] if two_directions else None
+    while halved is not None:
+        of_cells = search.safety * difference(coarse, halved, radius) / speed
+        if search.dt is not None or of_cells <= search.share * error:
+            break
+        if 2 * n_cells > search.most_cells:
+            raise UnstableStep(
+                f"error {error:g} over {duration:g} s takes more than {search.most_cells} cells of "
+                "the contact in two directions; ask for a larger error"
+            )
+        n_cells, halved = 2 * n_cells, coarse
+        coarse, _ = run(stride, n_cells)
+
     shorter, spent = 2.0, stride
     while True:
         finer = max(stride + 1, math.ceil(shorter * stride))
@@ -422,14 +437,17 @@ def march_to_error(
                 f"{target} over {duration:g} s takes more than {search.most_steps:.1e} steps; ask "
                 "for a larger error or for less time"
             )
-        saved, moving = run(finer)
+        saved, moving = run(finer, n_cells)
         change = difference(saved, coarse, radius)
-        estimate = search.safety * change / speed / ((finer / stride) ** order - 1.0)
+        of_steps = search.safety * change / speed / ((finer / stride) ** order - 1.0)
+        estimate = of_cells + of_steps
         if search.dt is not None or estimate <= error:
             break
-        shorter = min(max(1.2, 1.1 * (estimate / error) ** (1.0 / order)), 16.0)
+        excess = of_steps / (error - of_cells)
+        shorter = min(max(1.2, 1.1 * excess ** (1.0 / order)), 16.0)
         coarse, stride = saved, finer
     steps = Steps(spacing / finer, n_save, finer)
+    body = body._replace(search=search._replace(n_cells=n_cells))
     return spatial_run(body, saved, moving, steps, estimate)
 
 
@@ -486,20 +504,32 @@ def spatial_run(
     arm = 0.5 * (saved.across[:, 0] ** 2 @ k + kappa * np.sum(psi**2, axis=1))
     residual_t = (force - F0 * np.eye(3)[0]) @ S[:, 1:] + motion[:, 1:]
     lateral = LateralTrajectory(
-        t, u, u_v,
-        np.stack([0.0 - psi[:, 1], psi[:, 0]], axis=1),
-        np.stack([0.0 - spin[:, 1], spin[:, 0]], axis=1),
-        force[:, 1:], saved.slip @ frame, saved.stick,
-        saved.wall[:, 0, 1:] @ frame + residual_t,
-        kinetic, turning, arm, tangential, heat - heat[0], shaken + beyond,
-        steps.h, steps.n_save * steps.stride, estimate, 0.0,
+        t=t,
+        sphere_t=u,
+        sphere_t_v=u_v,
+        sphere_rotation=np.stack([0.0 - psi[:, 1], psi[:, 0]], axis=1),
+        sphere_spin=np.stack([0.0 - spin[:, 1], spin[:, 0]], axis=1),
+        friction_force=force[:, 1:],
+        slip=saved.slip @ frame,
+        stick_share=saved.stick,
+        wall_t=saved.wall[:, 0, 1:] @ frame + residual_t,
+        energy_lateral=kinetic,
+        energy_rotation=turning,
+        energy_arm=arm,
+        energy_tangential=tangential,
+        dissipated_friction=heat - heat[0],
+        work_shaker=shaken + beyond,
+        dt=steps.h,
+        n_steps=steps.n_save * steps.stride,
+        error_estimate=estimate,
+        energy_error=0.0,
         n_cells=body.search.n_cells if len(frame) == 2 else 0,
-    )  # fmt: skip
+    )
 
     everything = total + lateral.energy
     terms = (*ledger, kinetic, turning, arm, tangential, lateral.dissipated_friction, shaken)
-    scale = float(ledger[0][0] + kinetic[0] + turning[0])
-    scale = scale or max(float(np.ptp(term)) for term in terms) or 1.0
+    started = float(ledger[0][0] + kinetic[0] + turning[0])
+    scale = max(started, *(float(np.ptp(term)) for term in terms)) or 1.0
     ledger_error = float(np.abs(everything - everything[0]).max()) / scale
     lateral = lateral._replace(energy_error=ledger_error)
     state = moving.motion

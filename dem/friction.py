@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from dem.checks import above_0, require, scalar
 from dem.kernels.arguments import Array
 from dem.kernels.sliders import Segalman, Sliders
-from dem.kernels.tangential import SpringCells, SpringRow, TangentialLaw
+from dem.kernels.tangential import WIDTH, SpringCells, SpringRow, TangentialLaw
 from dem.spheres import contact_modulus, contact_radius, relative_radius
 
 
@@ -68,6 +68,18 @@ def open_cells(n_cells: int = 256) -> SpringCells:
     state = np.zeros(7)
     state[1] = 1.0
     return SpringCells(np.zeros((n_cells + 1, 2)), state)
+
+
+def redivided(cells: SpringCells, n_cells: int) -> SpringCells:
+    """The same displacements, linear between the ends of so many cells over the same width, in
+    arrays of its own."""
+    n, state = cells.u.shape[0] - 1, cells.state.copy()
+    if n == n_cells:
+        return SpringCells(cells.u.copy(), state)
+    places = np.arange(n_cells + 1) * (n / n_cells)
+    u = np.stack([np.interp(places, np.arange(n + 1), values) for values in cells.u.T], axis=1)
+    state[WIDTH] *= n / n_cells
+    return SpringCells(u, state)
 
 
 def stick_stiffness(law: TangentialLaw, a: ArrayLike) -> Array:

@@ -21,9 +21,15 @@ from numpy.typing import ArrayLike
 
 from dem.chain import Chain
 from dem.checks import InvalidChain, positive, require, scalar, vector
-from dem.friction import open_cells, open_row, stick_stiffness
+from dem.friction import open_cells, open_row, redivided, stick_stiffness
 from dem.kernels.arguments import Array, Steps
 from dem.kernels.lateral import (
+    BY_WALL,
+    IN_ARM,
+    IN_CONTACTS,
+    MOVING,
+    RUBBED,
+    TURNING,
     Across,
     Pressing,
     SavedAcross,
@@ -35,8 +41,6 @@ from dem.kernels.lateral import (
 from dem.kernels.oscillators import oscillator_propagator
 from dem.kernels.tangential import (
     HEAT,
-    WIDTH,
-    SpringCells,
     TangentialLaw,
     cell_force,
     slide,
@@ -58,6 +62,28 @@ class LastSphere(NamedTuple):
     arm_rotation: float = 0.0  # [N m/rad]; inf clamps
     before: TangentialLaw | None = None  # of the contact with the sphere before; None: no friction
 
+    def mobility(self, mass: float, stiffness: Array) -> tuple[Array, float]:
+        """Inverse masses [1/kg] in directions of so much stiffness [N/m], and inverse inertia
+        [1/(kg m^2)]; 0 where the arm clamps."""
+        inverse_mass = np.where(np.isinf(stiffness), 0.0, 1.0 / mass)
+        return inverse_mass, 0.0 if math.isinf(self.arm_rotation) else 1.0 / self.inertia
+
+    def on_arm(self, mass: float, radius: float, stiffness: Array, h: float) -> Sphere:
+        """The sphere and its arm in directions of so much stiffness [N/m], which swing exactly
+        over steps of h [s]."""
+        inverse_mass, inverse_inertia = self.mobility(mass, stiffness)
+        k = np.where(inverse_mass > 0.0, stiffness, 0.0)
+        kappa = float(self.arm_rotation) if inverse_inertia > 0.0 else 0.0
+        return Sphere(
+            inverse_mass=inverse_mass,
+            inverse_inertia=inverse_inertia,
+            radius=radius,
+            stiffness=k,
+            turn_stiffness=kappa,
+            swing=oscillator_propagator(np.sqrt(k * inverse_mass), np.zeros(k.size), h),
+            turn=oscillator_propagator(np.sqrt([kappa * inverse_inertia]), np.zeros(1), h),
+        )
+
 
 class WallMotion(NamedTuple):
     """The wall moves along itself by the sum of amplitude cos(2 pi frequency t + phase)."""
@@ -78,17 +104,23 @@ class WallMotion(NamedTuple):
 
     @property
     def period(self) -> float:
-        """[s] shortest common period; raises InvalidChain where 100 cycles of the slowest motion
-        hold none."""
-        slowest = float(np.min(self.frequency))
-        for cycles in range(1, 101):
-            numbers = cycles * np.asarray(self.frequency) / slowest
-            if np.abs(numbers - np.round(numbers)).max() < 1e-9 * cycles:
-                return cycles / slowest
-        raise InvalidChain(
-            f"frequencies {', '.join(f'{f:g}' for f in self.frequency)} Hz have no common period "
-            "within 100 cycles; take others"
-        )
+        """[s] shortest common period; raises InvalidChain without one, see `common_period`."""
+        return common_period(self.frequency)
+
+
+def common_period(frequency: ArrayLike, most_cycles: int = 100) -> float:
+    """[s] shortest common period of frequencies [Hz]; raises InvalidChain where so many cycles of
+    the slowest hold none."""
+    frequency = np.asarray(frequency, float)
+    slowest = float(frequency.min())
+    for cycles in range(1, most_cycles + 1):
+        numbers = cycles * frequency / slowest
+        if np.abs(numbers - np.round(numbers)).max() < 1e-9 * cycles:
+            return cycles / slowest
+    raise InvalidChain(
+        f"frequencies {', '.join(f'{f:g}' for f in frequency)} Hz have no common period "
+        f"within {most_cycles} cycles; take others"
+    )
 
 
 class LateralSearch(NamedTuple):
@@ -111,7 +143,7 @@ class LateralSearch(NamedTuple):
     n_cells: int = 128
     chunk: int = 20_000  # steps of the march along the chain that are held in memory
 
-    # the periodic state before the striker, see `periodic_state`
+    # the periodic state before the striker, see `state_on_moving_wall`
     # steps of a period, at least: N miss the largest displacement by up to (pi/N)^2 / 2, and the
     # first N is pi / sqrt(error), so that the last of 2 N misses an eighth of the error
     cycle_steps: int = 512
@@ -244,6 +276,31 @@ def pressing(
     return Pressing(gap, rate, bend, h, gamma)
 
 
+def require_hertz(chain: Chain) -> None:
+    """Raise InvalidChain for a chain whose contacts have no tangential law."""
+    require(
+        chain.yield_overlap is None and not chain.jumps and chain.elastic.shape is None,
+        "friction at the wall takes Hertz contacts that are elastic, or damped by hunt-crossley",
+    )
+
+
+def checked_last_sphere(last: LastSphere) -> tuple[Array, Array]:
+    """Velocity (2,) [m/s] and the arm's stiffness (2,) [N/m] along t1, t2. Raises InvalidChain for
+    an inertia that is not positive, a negative stiffness, a clamp on a sphere that moves."""
+    positive("inertia", last.inertia, " kg m^2")
+    velocity = vector("lateral velocity", last.velocity, 2)
+    stiffness = np.asarray(last.arm_stiffness, float)
+    require(stiffness.shape == (2,), "arm_stiffness takes two values, along t1 and t2")
+    for name, value in zip(
+        ("arm_stiffness",) * 2 + ("arm_rotation",), (*stiffness, last.arm_rotation), strict=True
+    ):
+        if value != math.inf:
+            scalar(name, float(value), at_least=0.0)
+    clamped = np.isinf(stiffness)
+    require(not velocity[clamped].any(), "the arm clamps the sphere that moves across; drop one")
+    return velocity, stiffness
+
+
 def march_lateral(
     chain: Chain,
     wall: Wall,
@@ -263,10 +320,7 @@ def march_lateral(
     periodic before the striker. Raises InvalidChain for a chain whose contact has no such law,
     UnstableStep where the error takes too many steps, or no state is periodic.
     """
-    require(
-        chain.yield_overlap is None and not chain.jumps and chain.elastic.shape is None,
-        "friction at the wall takes Hertz contacts that are elastic, or damped by hunt-crossley",
-    )
+    require_hertz(chain)
     simple = wall is not None and wall.omega.size < 2 and wall.mobility == 0.0
     require(
         simple and wall.residual_compliance == 0.0 and not chain.slides,
@@ -276,16 +330,7 @@ def march_lateral(
     require(
         (error is None) != (dt is None), "give either error or search.dt to say how finely to march"
     )
-    positive("inertia", last.inertia, " kg m^2")
-    velocity = vector("lateral velocity", last.velocity, 2)
-    stiffness = np.asarray(last.arm_stiffness, float)
-    for name, value in (("arm_stiffness", stiffness[0]), ("arm_stiffness", stiffness[1])):
-        if math.isfinite(value):
-            scalar(name, float(value), at_least=0.0)
-    if math.isfinite(last.arm_rotation):
-        scalar("arm_rotation", float(last.arm_rotation), at_least=0.0)
-    clamped = np.isinf(stiffness)
-    require(not velocity[clamped].any(), "the arm clamps the sphere that moves across; drop one")
+    velocity, stiffness = checked_last_sphere(last)
 
     # one direction where all motion is along one line
     moves = [velocity] if motion is None else [velocity, *np.asarray(motion.amplitude, float)]
@@ -321,7 +366,7 @@ def march_lateral(
     state, springs, cycle, before = at_rest(len(frame)), body.open_springs(), None, 0.0
     if motion is not None:
         steady = [None if one is None else float(one.overlap[0]) for one in overlaps]
-        state, springs, cycle = periodic_state(body, steady, motion, speed)
+        state, springs, cycle = state_on_moving_wall(body, steady, motion, speed)
         before = cycle.error_estimate
     state.v[:] += frame @ velocity
 
@@ -330,7 +375,9 @@ def march_lateral(
         steps = Steps(spacing / stride, n_save, stride)
         divided = copied_springs(springs)
         if not straight:
-            divided = Contacts(*(one and redivided(one, n_cells) for one in divided))
+            divided = Contacts(
+                *(one and Springs(None, None, redivided(one.cells, n_cells)) for one in divided)
+            )
         return body.march(copied(state), divided, overlaps, motion, steps), steps.h
 
     # a first step from the stiffest contact
@@ -359,7 +406,7 @@ def march_lateral(
             float(chain.radius[-1]) * float(np.abs(saved.spin - coarse.spin).max()),
         )
         estimate = before + search.safety * change / speed / ((finer / stride) ** order - 1.0)
-        total = saved.energy[:, :5].sum(axis=1) - saved.energy[:, 5]
+        total = saved.energy[:, :BY_WALL].sum(axis=1) - saved.energy[:, BY_WALL]
         scale = max(kinetic, float(np.abs(saved.energy).max())) or 1.0
         ledger = float(np.abs(total - total[0]).max()) / scale
         if dt is not None:
@@ -373,22 +420,27 @@ def march_lateral(
     turned = saved.psi @ frame  # by which the surface moves along t1, t2
     spun = saved.spin @ frame
     return LateralTrajectory(
-        trajectory.t,
-        saved.u @ frame,
-        saved.v @ frame,
-        np.stack([0.0 - turned[:, 1], turned[:, 0]], axis=1),
-        np.stack([0.0 - spun[:, 1], spun[:, 0]], axis=1),
-        saved.force @ frame,
-        saved.slip @ frame,
-        saved.stick,
-        np.zeros((n_save + 1, 2)) if motion is None else motion.displacement(trajectory.t),
-        *saved.energy.T,
-        h,
-        n_save * finer,
-        estimate,
-        ledger,
-        cycle,
-        0 if straight else n_cells,
+        t=trajectory.t,
+        sphere_t=saved.u @ frame,
+        sphere_t_v=saved.v @ frame,
+        sphere_rotation=np.stack([0.0 - turned[:, 1], turned[:, 0]], axis=1),
+        sphere_spin=np.stack([0.0 - spun[:, 1], spun[:, 0]], axis=1),
+        friction_force=saved.force @ frame,
+        slip=saved.slip @ frame,
+        stick_share=saved.stick,
+        wall_t=np.zeros((n_save + 1, 2)) if motion is None else motion.displacement(trajectory.t),
+        energy_lateral=saved.energy[:, MOVING],
+        energy_rotation=saved.energy[:, TURNING],
+        energy_arm=saved.energy[:, IN_ARM],
+        energy_tangential=saved.energy[:, IN_CONTACTS],
+        dissipated_friction=saved.energy[:, RUBBED],
+        work_shaker=saved.energy[:, BY_WALL],
+        dt=h,
+        n_steps=n_save * finer,
+        error_estimate=estimate,
+        energy_error=ledger,
+        cycle=cycle,
+        n_cells=0 if straight else n_cells,
     )
 
 
@@ -405,10 +457,7 @@ class MarchedSphere(NamedTuple):
     @property
     def mobility(self) -> tuple[Array, float]:
         """Inverse masses (n_directions,) [1/kg] and inverse inertia; 0 where the arm clamps."""
-        clamped = np.isinf(self.stiffness)
-        inverse_mass = np.where(clamped, 0.0, 1.0 / float(self.chain.mass[-1]))
-        turns = not math.isinf(self.last.arm_rotation)
-        return inverse_mass, 1.0 / self.last.inertia if turns else 0.0
+        return self.last.mobility(float(self.chain.mass[-1]), self.stiffness)
 
     @property
     def n_cells(self) -> int:
@@ -473,14 +522,8 @@ class MarchedSphere(NamedTuple):
         """March state and springs on, in place; `motion` of the wall may be its displacements
         (n_steps + 1, 2) [m]. Raises UnstableStep."""
         h, n_save, stride = steps
-        n, last = len(self.frame), self.last
-        inverse_mass, inverse_inertia = self.mobility
-        k = np.where(np.isinf(self.stiffness), 0.0, self.stiffness)
-        kappa = 0.0 if inverse_inertia == 0.0 else float(last.arm_rotation)
-        swing = oscillator_propagator(np.sqrt(k * inverse_mass), np.zeros(n), h)
-        turn = oscillator_propagator(np.sqrt([kappa * inverse_inertia]), np.zeros(1), h)
-        radius = float(self.chain.radius[-1])
-        sphere = Sphere(inverse_mass, inverse_inertia, radius, k, kappa, swing, turn)
+        n, chain = len(self.frame), self.chain
+        sphere = self.last.on_arm(float(chain.mass[-1]), float(chain.radius[-1]), self.stiffness, h)
         if isinstance(motion, WallMotion):
             motion = motion.displacement(h * np.arange(n_save * stride + 1))
         wall = None if motion is None else np.ascontiguousarray(motion @ self.frame.T)
@@ -519,18 +562,6 @@ def copied_springs(contacts: Contacts) -> Contacts:
             for springs in contacts
         )
     )
-
-
-def redivided(springs: Springs, n_cells: int) -> Springs:
-    """The same displacements, linear between the ends of so many cells over the same width."""
-    cells = springs.cells
-    n, state = cells.u.shape[0] - 1, cells.state.copy()
-    if n == n_cells:
-        return springs
-    places = np.arange(n_cells + 1) * (n / n_cells)
-    u = np.stack([np.interp(places, np.arange(n + 1), values) for values in cells.u.T], axis=1)
-    state[WIDTH] *= n / n_cells
-    return Springs(None, None, SpringCells(u, state))
 
 
 class Cycle(NamedTuple):
@@ -621,7 +652,7 @@ def motion_of(state: Across) -> Array:
     return np.concatenate((state.u, state.v, state.psi, state.spin))
 
 
-class FixedPoint(NamedTuple):
+class ReturningState(NamedTuple):
     """A state that a period leaves as it is, up to `change` of its force, over the largest."""
 
     state: Across
@@ -631,9 +662,9 @@ class FixedPoint(NamedTuple):
     matrix: Array | None  # (4 n, 4 n) 1 - J in units of the largest motion, None where all is held
 
 
-def fixed_point(
+def returning_state(
     shaken: Shaken, state: Across, springs: Contacts, matrix: Array | None, periodicity: float
-) -> FixedPoint | None:
+) -> ReturningState | None:
     """The periodic state that a start leads to, in which the force changes by `periodicity` of its
     largest from period to period; None where the search does not find it.
 
@@ -662,7 +693,7 @@ def fixed_point(
             # after so many periods a change is accepted that is small beside the error
             late = i == search.newton_periods - 1
             if change <= (max(periodicity, search.rough * body.error) if late else periodicity):
-                return FixedPoint(end.state, end.springs, end, change, B)
+                return ReturningState(end.state, end.springs, end, change, B)
         previous = saved.force
         if not free:
             state, springs = end.state, end.springs
@@ -696,7 +727,9 @@ def fixed_point(
     return None
 
 
-def marched_on(shaken: Shaken, state: Across, springs: Contacts) -> tuple[FixedPoint, int]:
+def marched_until_repeated(
+    shaken: Shaken, state: Across, springs: Contacts
+) -> tuple[ReturningState, int]:
     """What a march of many periods, each from the end of the last, becomes, and after how many of
     them it repeats itself. Raises UnstableStep where it does not within four."""
     search, wall = shaken.body.search, shaken.displacements()
@@ -708,12 +741,12 @@ def marched_on(shaken: Shaken, state: Across, springs: Contacts) -> tuple[FixedP
         changes = repetition(forces)
         for i, change in enumerate(changes):
             if change <= search.rough * shaken.body.error:
-                return FixedPoint(state, springs, end, change, None), i + 1
-    shown = ", ".join(f"{change:.1g}" for change in changes)
+                return ReturningState(state, springs, end, change, None), i + 1
+    last_changes = ", ".join(f"{change:.1g}" for change in changes)
     raise UnstableStep(
         f"the wall's motion leads to no periodic state: after a march of {search.most_periods} "
-        f"periods the force still changes by {shown} of its largest from one period, two, three "
-        "and four before; hold the sphere by [arm], or change the amplitude"
+        f"periods the force still changes by {last_changes} of its largest from one period, two, "
+        "three and four before; hold the sphere by [arm], or change the amplitude"
     )
 
 
@@ -724,7 +757,7 @@ def repetition(forces: list[Array]) -> list[float]:
     return [float(np.abs(forces[-1] - before).max()) / scale for before in forces[-2::-1]]
 
 
-def periodic_state(
+def state_on_moving_wall(
     body: MarchedSphere, overlaps: Sequence[float | None], motion: WallMotion, speed: float
 ) -> tuple[Across, Contacts, Cycle]:
     """State and contact that the wall's motion has become periodic in, at its phase of t = 0.
@@ -741,9 +774,9 @@ def periodic_state(
     state, springs = shaken.ramped(np.zeros(len(body.frame)))
     periodicity = search.periodicity * body.error
     rough = max(periodicity, search.rough * body.error)
-    coarse = fixed_point(shaken, state, springs, None, rough)
+    coarse = returning_state(shaken, state, springs, None, rough)
     if coarse is None:
-        coarse, periods = marched_on(shaken, state, springs)
+        coarse, periods = marched_until_repeated(shaken, state, springs)
         shaken = shaken._replace(periods=periods, n_steps=periods * n_steps)
 
     # other starts, by few steps, where their forces may stay: a contact that slips as a whole in
@@ -757,7 +790,7 @@ def periodic_state(
         quick = shaken._replace(body=body._replace(search=fewer))
         for way in (push, -push):
             pushed = quick.ramped(np.full(len(body.frame), way))
-            other = fixed_point(quick, *pushed, coarse.matrix, search.pushed_periodicity)
+            other = returning_state(quick, *pushed, coarse.matrix, search.pushed_periodicity)
             if other is not None:
                 forces.append(other.last.saved.force)
 
@@ -770,13 +803,20 @@ def periodic_state(
                 f"the periodic state takes more than {search.most_steps:.1e} steps a period; ask "
                 "for a larger error"
             )
-        finer = fixed_point(shaken, coarse.state, coarse.springs, coarse.matrix, periodicity)
+        finer = returning_state(shaken, coarse.state, coarse.springs, coarse.matrix, periodicity)
         if finer is None:
-            finer, _ = marched_on(shaken, coarse.state, coarse.springs)
+            finer, repeats = marched_until_repeated(shaken, coarse.state, coarse.springs)
+            if repeats > 1:  # by these steps all repeats itself later: cycles of that length
+                shaken = shaken._replace(
+                    periods=repeats * shaken.periods, n_steps=repeats * shaken.n_steps
+                )
+                end = shaken.march(finer.state, finer.springs, shaken.displacements())
+                coarse = finer._replace(state=end.state, springs=end.springs, last=end)
+                continue
         saved = finer.last.saved
         velocity = np.abs(saved.v - before.v).max(), R * np.abs(saved.spin - before.spin).max()
         estimate = search.safety * float(max(velocity)) / speed / 3.0
-        heat = np.array([values.energy[-1, 4] - values.energy[0, 4] for values in (before, saved)])
+        heat = np.array([np.ptp(cycle.energy[[0, -1], RUBBED]) for cycle in (before, saved)])
         off = search.safety * abs(heat[1] - heat[0]) / 3.0
         close = off <= 0.5 * body.error * float(np.abs(saved.energy).max())
         coarse = finer
@@ -788,18 +828,19 @@ def periodic_state(
     h, _, stride = shaken.steps
     times = h * stride * np.arange(len(saved.u)) - shaken.periods * period
     cycle = Cycle(
-        times,
-        saved.force @ frame,
-        slip @ frame,
-        saved.u @ frame,
-        saved.stick,
-        float(heat[1]) / shaken.periods,
-        finer.change,
-        float(np.hypot(*((saved.u[-1] - saved.u[0]) @ frame))),
-        estimate,
-        shaken.steps.n_save * shaken.steps.stride,
-        shaken.periods,
+        t=times,
+        friction_force=saved.force @ frame,
+        slip=slip @ frame,
+        sphere_t=saved.u @ frame,
+        stick_share=saved.stick,
+        energy=float(heat[1]) / shaken.periods,
+        periodicity_error=finer.change,
+        drift=float(np.hypot(*((saved.u[-1] - saved.u[0]) @ frame))),
+        error_estimate=estimate,
+        n_steps=shaken.steps.n_save * shaken.steps.stride,
+        periods=shaken.periods,
     )
+    forces[0] = saved.force
     means = [float((force @ frame)[:-1, cycle.axis].mean()) for force in forces]
     cycle = cycle._replace(mean_force_range=(min(means), max(means)))
     # slip counts from the middle of the period, heat from the striker on

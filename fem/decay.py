@@ -26,6 +26,7 @@ class Steps(NamedTuple):
     beside: float = 6.0  # low passes away from the mode, where the noise is taken
     width: float = 0.25  # low pass over the distance of the nearest mode, in standard deviations
     widest: float = 0.05  # low pass over the frequency of the mode
+    uncertain: float = 0.5  # deviation of a step over its damping from which on all is noise
     fewest: int = 3  # steps: with less there is nothing to compare
     varies: float = 0.2  # relative change of the damping over the decay that is worth a sentence
     certain: float = 4.0  # standard deviations by which it must exceed chance
@@ -93,6 +94,8 @@ def over_amplitude(
         # the low pass leaves one independent sample in two of its deviations
         independent = max(len(x) / (2 * np.sqrt(np.pi) * sigma), 3.0)
         spread = np.sqrt(np.sum(rest**2) / (x @ x) / (independent - 2))
+        if spread > options.uncertain * -slope:
+            break
         omega = 2 * np.pi * hz
         steps.append(
             AmplitudeStep(

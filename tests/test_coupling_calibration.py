@@ -64,6 +64,7 @@ def test_derivatives_hold_through_trigger_and_filters():
         assert kinks.max() <= 1e-3, p.name
 
 
+@pytest.mark.slow
 def test_repeats_are_moved_onto_each_other():
     """Noise of 1e-3 m/s on slopes of 4e3 m/s^2 over 200 samples leaves 20 ns each."""
     rng, late = np.random.default_rng(0), np.array([0.0, 7.3e-6, -12.1e-6, 2.4e-6])
@@ -155,6 +156,7 @@ def made(truth, hz, spheres, *, duration, count=N):
     return Signals(t, run.v[:, spheres], tuple(spheres), np.full(len(spheres), np.nan))
 
 
+@pytest.mark.slow
 def test_a_known_chain_is_found_again_without_noise():
     """0.1 % is asked for; the model's step leaves 1e-6 in the velocities and 1e-4 here."""
     truth = np.random.default_rng(5).uniform(0.9, 1.1, N)

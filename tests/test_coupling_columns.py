@@ -89,6 +89,7 @@ def cases():
     return [case(seed) for seed in range(60)]
 
 
+@pytest.mark.slow
 def test_correct_records_are_never_refused(cases):
     assert not [item.refusal() for item in cases if item.refusal()]
 

@@ -128,6 +128,7 @@ def test_a_number_that_no_wave_tells_stays_in_the_middle_of_its_bounds():
     assert short.uncertainty.two_sigma[2] / (2 * deviation) == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.slow
 def test_a_structure_that_the_model_cannot_be_is_told_by_what_it_leaves():
     def on_a_mass(h, E, share):
         return dem.one_dof_wall(400.0, 0.2, 0.01)
@@ -158,6 +159,7 @@ def problem_of(truth, shared, made=system, duration=3.5e-3):
     return RecordFit(StructureForward(made, SENSORS, STEP), sought, (shot,), np.array([0]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "truth", [(0.0145, 52e9, 0.6), (0.0105, 95e9, 0.1), (0.0125, 60e9, 0.75)]
 )  # fmt: skip

@@ -126,6 +126,7 @@ def test_the_march_is_chosen_by_the_weights_that_read_never_by_a_note():
     assert isinstance(wall_of(noted._replace(contact=Contact(weights_read=noted.w))), CoupledWall)
 
 
+@pytest.mark.slow
 def test_force_at_one_node_and_reading_beside_it_makes_energy():
     K, M, w = bar()
     reading = np.zeros(N)
@@ -143,6 +144,7 @@ def test_force_at_one_node_and_reading_beside_it_makes_energy():
     assert abs(passive_run.energy_gain.largest) < 1e-6
 
 
+@pytest.mark.slow
 def test_a_dashpot_inside_the_wall_is_marched_and_its_loss_is_in_the_ledger():
     K, M, w = bar()
     dashpot = sp.csc_array(([2e3], ([60], [60])), shape=K.shape)

@@ -274,6 +274,7 @@ def test_a_dashpot_inside_is_refused_by_ratios_and_kept_by_the_coupled_wall():
     assert np.linalg.matrix_rank(wall.D, tol=1e-6 * np.abs(wall.D).max()) == 1
 
 
+@pytest.mark.slow
 def test_verdict_names_wall_modes_and_peak_force():
     K, M, w = bar()
     wall = spring_wall(free_modes(K, M, w, Selection(n_modes=8)))

@@ -34,6 +34,7 @@ def shaken(seed, *, force, frequency, preload, arm=None, n_modes=4, n=1, error=1
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("force", "S"), [(150.0, 0.0), (100.0, 3e-9)])
 def test_a_plain_integrator_goes_round_in_the_cycle(force, S):
     """From the state at t = 0 on for a period, partly and wholly slipping in two directions, with
@@ -76,6 +77,7 @@ def test_shakers_work_is_friction_and_damping_in_random_cycles(seed):
     assert before.lost_in_wall >= 0.0
 
 
+@pytest.mark.slow
 def test_a_slow_cycle_is_mindlins_loop():
     """Sphere clamped, wall moved at 10 Hz along t1 against a contact under 100 N, at half of gross
     slip's force: amplitude and energy of the closed forms, to 1e-4."""
@@ -111,6 +113,19 @@ def test_a_struck_chain_starts_from_the_periodic_state():
     assert struck.run.trajectory.energy_error < 1e-4
     assert np.all(np.diff(struck.run.lateral.dissipated_friction) >= 0.0)
     assert struck.run.trajectory.contact_force[:, -1].max() > 60.0
+
+
+def test_the_ledger_is_judged_by_the_energies_that_come_and_go():
+    """A striker of 1 um/s in a wall's swing across: its energy alone is next to nothing beside the
+    loop of friction, of which the ledger leaves 1e-4 open at most."""
+    chain = row(2, preload=100.0, leaf_stiffness=[1e3, 0.0])
+    wall = spatial_wall_of_modes([2 * np.pi * 3000.0], [0.1], [[0.0, 1.0, 0.0]], load=[[1.0]])
+    body = last(chain, arm_stiffness=np.full(2, np.inf), arm_rotation=np.inf)
+    shakers = ShakerForces(np.array([100.0]), np.array([100.0]), np.array([0.0]))
+    body = body_of(chain, wall, [1e-6, 0.0], body, shakers)
+    run = march_shaken(body, [1e-6, 0.0], duration=1e-2, n_save=50, error=1e-3).run
+    assert run.lateral.dissipated_friction[-1] > 1e6 * run.trajectory.energy_kinetic[0]
+    assert run.lateral.energy_error < 1e-4
 
 
 def test_spheres_that_nothing_holds_are_refused_or_held():

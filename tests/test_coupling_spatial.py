@@ -13,6 +13,7 @@ from coupling.spatial_wall import (
     require_one_solution,
     spatial_wall_of_modes,
 )
+from dem.checks import InvalidChain
 from dem.lateral import march_lateral
 
 OBLIQUE = {
@@ -93,6 +94,7 @@ def test_a_mirrored_wall_mirrors_the_answer():
     np.testing.assert_allclose(b.contact_force, a.contact_force @ mirror, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_residual_compliance_stands_for_modes_that_are_fast():
     """Six modes of 3 MHz of the same static compliance; they swing by themselves, to 2e-3."""
     chain, slow = row(), random_wall(8)
@@ -151,3 +153,49 @@ def test_the_half_spaces_ratio_is_mindlins():
     C = half_space(E, NU, 1e-3)
     assert C[1, 1] / C[0, 0] == pytest.approx((2 - NU) / (2 * (1 - NU)), rel=1e-12)
     assert not (C - np.diag(np.diag(C))).any()
+
+
+@pytest.mark.parametrize(
+    ("arm", "velocity", "sentence"),
+    [
+        ({"arm_stiffness": np.array([np.inf, 0.0])}, (0.1, 0.0), "clamps"),
+        ({"arm_stiffness": np.array([-1.0, 0.0])}, (0.0, 0.0), "arm_stiffness"),
+        ({"arm_rotation": -1.0}, (0.0, 0.0), "arm_rotation"),
+        ({"arm_rotation": np.nan}, (0.0, 0.0), "arm_rotation"),
+        ({"inertia": 0.0}, (0.0, 0.0), "inertia"),
+    ],
+)
+def test_a_sphere_that_cannot_be_is_refused(arm, velocity, sentence):
+    chain = row()
+    inertia = arm.pop("inertia", None)
+    body = last(chain, velocity, **arm)
+    body = body if inertia is None else body._replace(inertia=inertia)
+    with pytest.raises(InvalidChain, match=sentence):
+        march_space(chain, random_wall(1), [0.1], body, duration=1e-4, error=1e-4)
+
+
+def test_what_nothing_moves_stays_at_rest():
+    """No speed, and no force at the wall: the contact has no rate, and a step is none the less
+    found."""
+    chain = row()
+    run = march_space(chain, random_wall(1), [0.0], last(chain), duration=1e-4, error=1e-4)
+    assert not run.trajectory.v.any()
+    assert not run.lateral.friction_force.any()
+
+
+def test_few_cells_are_in_the_stated_error_and_more_are_taken_to_an_error():
+    """Against 2048 cells, by the same steps: eight cells err by more than their steps do."""
+    chain, wall = row(), random_wall(1)
+    body = last(chain, (0.06, 0.05))
+    options = {"duration": 1.5e-4, "n_save": 40}
+    runs = [
+        march_space(
+            chain, wall, [0.1], body, **options, search=SpatialSearch(dt=1e-7, n_cells=n)
+        ) for n in (8, 2048)
+    ]  # fmt: skip
+    off = np.abs(runs[0].lateral.sphere_t_v - runs[1].lateral.sphere_t_v).max() / 0.1
+    assert off < runs[0].lateral.error_estimate
+    search = SpatialSearch(n_cells=8)
+    run = march_space(chain, wall, [0.1], body, **options, error=1e-3, search=search)
+    assert run.lateral.n_cells > 8
+    assert np.abs(run.lateral.sphere_t_v - runs[1].lateral.sphere_t_v).max() < 1e-3 * 0.1

@@ -90,6 +90,7 @@ PARTS = {
 ALONE = ("yield", "dashpot")  # what the lanes do not take
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("feature", [*PARTS, "residual", "damped residual", "dashpot"])
 def test_a_batch_takes_every_part(feature):
     """Differing in stiffness, speed, wall and, where it is a number, the part itself."""
@@ -116,6 +117,7 @@ def test_a_batch_takes_every_part(feature):
         assert batch.energy_error[i] == pytest.approx(run.energy_error, abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["linear", "linear-clipped", "hunt-crossley"])
 def test_a_damped_free_chain_is_the_same_in_a_batch(law):
     chain, v0 = scattered(3, 5, A_wall=None)

@@ -155,6 +155,7 @@ def force_of(folder, **environment):
     return float(process.stdout)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chosen", [False, True], ids=["beside the sources", "NUMBA_CACHE_DIR"])
 def test_an_edited_contact_law_changes_the_force_that_another_file_computes(chosen, tmp_path):
     shutil.copytree(ROOT / "dem", tmp_path / "dem", ignore=shutil.ignore_patterns("__pycache__"))

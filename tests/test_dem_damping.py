@@ -138,6 +138,7 @@ def on_a_spring(chain, s, t):
     ).y[1]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_damper_behind_a_spring_works_on_the_indentation():
     """To first order in the damping: half of it leaves a quarter of what is missed (3.5 measured,
     the reference starts 1e-9 s late), a fiftieth of what it takes. A damper on the gap would miss

@@ -118,6 +118,7 @@ def reference(chain, v0, t):
     return y[n:].T
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LAWED)
 @pytest.mark.parametrize("gamma", [0.0, 0.2])
 def test_a_run_to_an_error_is_within_it_of_scipy(name, gamma):
@@ -132,6 +133,7 @@ def test_a_run_to_an_error_is_within_it_of_scipy(name, gamma):
     assert run.energy_error < 1e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LAWED)
 @pytest.mark.parametrize("gamma", [None, 0.2])
 def test_explicit_and_implicit_schemes_meet_at_a_wall_with_modes_and_a_spring(name, gamma):
@@ -168,6 +170,7 @@ def test_a_pressed_chain_stays_at_rest(name, fields):
     assert np.abs(run.v).max() < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LAWED)
 @pytest.mark.parametrize("wall", ["rigid", "sprung", "free"])
 def test_a_chain_of_a_batch_is_the_chain_alone(name, wall):
@@ -256,6 +259,7 @@ def test_a_solitary_wave_has_the_speed_of_its_power_law(n):
     assert c == pytest.approx(wave_speed(run._replace(v=y), 10, 20), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_power_of_three_halves_is_hertz_law():
     hertz = dem.row_of_spheres(0.0127, 7800.0, 210e9, 0.3, count=5)
     power = hertz._replace(exponent=np.full(5, 1.5))

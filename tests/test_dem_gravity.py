@@ -102,6 +102,7 @@ def test_a_column_moves_as_an_independent_integration_says(name):
 SCHEMES = {"implicit": "energy4", "composed": "kahan-li6", "exact": "split6"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", SCHEMES)
 def test_every_kind_of_scheme_takes_gravity(kind):
     chain, wall = column(), MODES
@@ -125,6 +126,7 @@ def test_a_coupled_wall_and_sensitivities_take_gravity():
     assert np.abs(run.v[::10] - usual.v).max() < 1e-5 * SPEED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damped", [False, True])
 def test_a_batch_takes_gravity_as_single_marches_do(damped):
     gravity = np.array([0.0, 3.0, G])
@@ -178,6 +180,7 @@ def test_leaf_springs_share_the_weight():
 # --- friction ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pull", [0.0, 0.02])
 def test_a_sphere_in_guides_slides_to_rest_as_coulomb_says_and_stays(pull):
     friction, speed = 0.05, 0.02
@@ -216,6 +219,7 @@ def test_a_weight_changes_what_a_contact_does_to_the_velocities():
     assert np.abs(sensitivities.dv[..., 0] - slope).max() < 1e-5 * np.abs(slope).max()
 
 
+@pytest.mark.slow
 def test_a_column_sticks_in_its_guides_and_its_ledger_closes():
     friction = 0.3 * G * column().mass
     chain = column(friction=friction)

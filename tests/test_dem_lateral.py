@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import dem
+import dem.lateral
 from dem.friction import contact_of_load, gross_slip, stick_stiffness, tangential_law
 from dem.lateral import LastSphere, LateralSearch, WallMotion, march_lateral, repetition
 
@@ -340,6 +341,7 @@ def rubbing(amplitude, *, mu=0.2, load=100.0, frequency=100.0, turn=np.inf):
     return run, along, body
 
 
+@pytest.mark.slow
 def test_a_sphere_that_rubs_on_the_one_before_takes_coulombs_work():
     """The wall's friction holds the last sphere, which moves by the wall's amplitude less what both
     contacts give: 4 mu P (Y - gross slip) and the loop at gross slip, of two equal spheres."""
@@ -384,3 +386,33 @@ def test_without_a_periodic_state_the_march_that_shows_it_is_named():
         march_lateral(
             chain, dem.rigid_wall(), [0.0], along, body, motion=motion, error=1e-5, search=search
         )
+
+
+def test_a_state_that_returns_after_more_periods_by_shorter_steps_has_these_periods(monkeypatch):
+    """By the coarser steps once a period; by all shorter ones, it is claimed, after two: the cycle
+    then holds two periods, and its heat is still that of one."""
+    once = shaken([2e-6, 0.0], 1000.0, arm_stiffness=np.full(2, 1e7), error=1e-4)[0].cycle
+    found, claims = dem.lateral.returning_state, []
+
+    def not_by_shorter(shaken, *arguments):
+        claims.append(shaken.periods)
+        return found(shaken, *arguments) if len(claims) == 1 else None
+
+    def twice(shaken, state, springs):
+        point = found(shaken, state, springs, None, 1e-6)
+        return point, 2 if shaken.periods == 1 else 1
+
+    monkeypatch.setattr(dem.lateral, "returning_state", not_by_shorter)
+    monkeypatch.setattr(dem.lateral, "marched_until_repeated", twice)
+    cycle = shaken([2e-6, 0.0], 1000.0, arm_stiffness=np.full(2, 1e7), error=1e-4)[0].cycle
+    assert cycle.periods == 2
+    assert cycle.t[0] == pytest.approx(-2e-3)
+    assert cycle.energy == pytest.approx(once.energy, rel=1e-4)
+
+
+def test_the_range_of_mean_forces_holds_that_of_the_cycle():
+    """Also where all slips, and the range is that of one state."""
+    cycle = shaken([2e-6, 0.0], 10.0, arm_stiffness=np.full(2, np.inf), error=1e-3)[0].cycle
+    mean = cycle.friction_force[:-1, cycle.axis].mean()
+    low, high = cycle.mean_force_range
+    assert low <= mean <= high

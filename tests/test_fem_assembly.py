@@ -53,6 +53,7 @@ def test_full_tie_matches_the_first_row_of_table_5_2(full):
     assert f[3] == pytest.approx(8171.6, rel=0.01)
 
 
+@pytest.mark.slow
 def test_screw_tie_matches_its_first_row_of_table_5_2():
     screwed = model(*STAGE_1, "mesh.seed=5e-3", "assembly.constraint=screw-tie")
     computed = modes(screwed.K, screwed.M, 29)
@@ -60,6 +61,7 @@ def test_screw_tie_matches_its_first_row_of_table_5_2():
     np.testing.assert_allclose(f, [35.9, 480.5, 905, 8140], rtol=0.03)
 
 
+@pytest.mark.slow
 def test_modes_are_identified_by_shape_not_by_order(bolted):
     computed = modes(bolted.K, bolted.M, 6)
     pairing = pair(bolted, computed, RIG_TARGETS)
@@ -87,6 +89,7 @@ def test_a_free_block_strains_in_no_rigid_mode():
     np.testing.assert_array_equal(pairing.character[3, :6], 0.0)
 
 
+@pytest.mark.slow
 def test_mac_of_modes_with_themselves_is_the_identity_on_its_diagonal(full):
     phi = modes(full.K, full.M, 4).phi
     np.testing.assert_allclose(np.diag(mac(phi, -2 * phi)), 1.0)
@@ -116,6 +119,7 @@ def test_the_contact_reads_a_rigid_shift_as_that_shift():
     assert np.isin(read, patch.boundary).all() and len(patch.boundary) % 3 == 0
 
 
+@pytest.mark.slow
 def test_less_the_half_space_the_contact_does_not_feel_the_patch(bolted):
     factor = factorised(bolted.K)
     left = []

@@ -33,6 +33,7 @@ def test_correlations_of_a_decay_have_its_poles_exactly():
     np.testing.assert_allclose(np.sort_complex(found), np.sort_complex(poles), rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_modes_of_ambient_vibration_lie_within_their_deviations():
     """Four deviations: of 16 numbers one in 16000 falls outside by chance."""
     for seed in (0, 1):

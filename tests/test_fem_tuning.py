@@ -82,6 +82,7 @@ def test_one_tangential_stiffness_cannot_meet_modes_two_and_three(isotropic):
     assert np.abs(np.log(both.modes_hz[1:3] / [269, 907])).min() > 0.2
 
 
+@pytest.mark.slow
 def test_every_mode_up_to_the_highest_target_is_listed(anisotropic):
     computed = tune(anisotropic, [KY, KZ, KRY, *BLOCK], {1: 51, 2: 269, 3: 907, 4: 8425})
     assert np.all(np.diff(computed.all_hz) >= 0) and len(computed.all_hz) > 6

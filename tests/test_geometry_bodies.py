@@ -65,6 +65,7 @@ def meshed(shapes, request):
         return cad.bodies, meshes
 
 
+@pytest.mark.slow
 def test_meshes_enclose_the_volumes_of_their_bodies(meshed):
     bodies, meshes = meshed
     for name, mesh in meshes.items():

@@ -55,6 +55,7 @@ def relative(found, known):
 KINDS = pytest.mark.parametrize("kind", ["free-modes", "craig-bampton"])
 
 
+@pytest.mark.slow
 @KINDS
 @LAWS
 @given(seed=SEEDS)
@@ -158,6 +159,7 @@ def test_oscillators_of_a_wall_act_together_in_any_order(seed, count, speed, n):
     assert relative(other.v, one.v) < 1e-8
 
 
+@pytest.mark.slow
 @LAWS
 @given(**CHAINS)
 def test_a_free_chain_keeps_its_momentum_and_its_mirror_image_moves_alike(seed, count, speed):
@@ -203,6 +205,7 @@ def test_bodies_and_their_joint_turned_and_moved_ring_alike_and_bear_no_strain(s
     assert np.all(other[:6] < 1e-3 * other[6])
 
 
+@pytest.mark.slow
 @FEW
 @given(seed=SEEDS)
 def test_a_contact_turned_and_moved_with_its_body_answers_alike(seed):

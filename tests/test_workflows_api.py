@@ -76,6 +76,7 @@ def test_the_help_of_a_room_names_what_it_has_and_its_examples_run(room):
     assert doctest.testmod(module).failed == 0
 
 
+@pytest.mark.slow
 def test_a_function_and_its_command_find_the_same(monkeypatch, capsys):
     found = beadwave.impact("rig-1dof", SHORT)
     sets = [f"--set={key}={value}" for key, value in SHORT.items()]
@@ -169,6 +170,7 @@ def springs(n=120):
     return K, 0.02 * np.eye(n), np.eye(n)[0]
 
 
+@pytest.mark.slow
 def test_a_reduction_of_own_matrices_keeps_their_static_compliance_and_force():
     K, M, w = springs()
     small = beadwave.reduce_matrices(K, M, w, modes=30)
@@ -214,6 +216,7 @@ def test_a_wall_by_hand_is_that_of_the_scene():
     assert np.array_equal(chain(found.scene).mass, row.mass)
 
 
+@pytest.mark.slow
 def test_a_mesh_of_ones_own_gives_way(monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT / "examples"))
     import own_mesh

@@ -223,6 +223,7 @@ def test_a_plate_is_the_wall_that_its_matrices_make_less_what_the_disc_adds():
     assert found("impact").verdict.passive
 
 
+@pytest.mark.slow
 def test_a_pressed_plate_tells_its_share_of_the_buckling_force(capsys):
     pressed = ("--set=plate.in_plane_x=-1 kN/mm", "--set=plate.in_plane_y=0.2 kN/mm")
     assert beadwave("modes", "plate", *pressed, "--json") == 0

@@ -32,6 +32,7 @@ def springs():
     return K, csc_array(0.1 * eye_array(N)), np.eye(1, N, N - 1)[0], np.array([N - 1])
 
 
+@pytest.mark.slow
 def test_modes_and_condensation_by_every_method_are_those_of_lapack():
     K, M, w, b = springs()
     missing = {CALCULIX, EXUDYN, LAMMPS} | (set() if has_pardiso() else {PARDISO})
@@ -55,6 +56,7 @@ def test_modes_and_condensation_by_every_method_are_those_of_lapack():
     assert all(0 < row.seconds <= 3600 and row.processor_seconds > 0 for row in rows)
 
 
+@pytest.mark.slow
 def test_an_error_of_a_method_is_seen(monkeypatch):
     K, M, w, b = springs()
     truth = beside_peers.structure_truth(K, M, w, b, N_MODES)
@@ -67,6 +69,7 @@ def test_an_error_of_a_method_is_seen(monkeypatch):
     assert [row.error for row in rows] == pytest.approx([1 - 1 / 1.01] * 2, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_integrators_of_the_chain_are_compared_at_our_error(monkeypatch):
     monkeypatch.setattr(beside_peers, "SCIPY", {"DOP853": None})
     monkeypatch.setattr(beside_peers, "SUNDIALS", {})
@@ -113,6 +116,7 @@ def test_memory_is_that_of_the_process_of_the_method(tmp_path, monkeypatch):
     assert measured.bytes < own
 
 
+@pytest.mark.slow
 def test_a_peer_that_is_not_installed_is_named_with_what_brings_it():
     K, M, w, b = springs()
     missing = {PARDISO, CALCULIX}

@@ -4,11 +4,13 @@ import json
 import tomllib
 from contextlib import nullcontext
 from importlib.util import module_from_spec, spec_from_file_location
+from io import BytesIO
 from pathlib import Path
 
 import gmsh
 import numpy as np
 import pytest
+from PIL import Image
 from skfem import Basis, FacetBasis
 
 from command_line import beadwave
@@ -19,7 +21,9 @@ from geometry.shapes import Box, Hole, Slab
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
 from workflows.scene.toml import resolved, toml
+from workflows.stages.pictures import fixtures
 from workflows.stages.pipeline import pipeline_of
+from workflows.structure.api import look
 
 pytestmark = pytest.mark.usefixtures("shared_cache")
 
@@ -36,6 +40,7 @@ def modes_of(capsys, *arguments):
     return np.array([row["frequency_hz"] for row in rows]), rows
 
 
+@pytest.mark.slow
 def test_the_cantilever_has_the_modes_of_timoshenko_in_both_planes(capsys):
     """Struck on its side: modes that the contact moves bend one way, the others the other.
 
@@ -70,6 +75,7 @@ def written(text, name="mine"):
     return f"{name}.toml"
 
 
+@pytest.mark.slow
 def test_a_floating_plate_has_the_modes_of_gorman(capsys):
     """By command: six rigid motions, then Kirchhoff's square plate; h/a = 1/150."""
     hz, _ = modes_of(capsys, written(PLATE))
@@ -140,6 +146,44 @@ def test_a_look_at_the_rig_tells_what_it_is_made_of(capsys):
     assert {"block|sheet-y", "support|plate"} < pairs and len(pairs) == 6
     built = pipeline_of(scene("rig-rom"), lambda name: nullcontext())
     assert seen["dofs"] == 3 * sum(built("mesh").nodes.values())
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "cantilever",
+        pytest.param("rig-rom", marks=pytest.mark.slow),
+        pytest.param("plate-on-bolts", marks=pytest.mark.slow),
+    ],
+)
+def test_a_look_foretells_the_unknowns_of_a_run(name):
+    """To 2 %: corners of a tied face that lie on a held one are counted twice."""
+    seen = look(name).found
+    unknowns = pipeline_of(scene(name), lambda name: nullcontext())("model").K.shape[0]
+    assert seen.unknowns == pytest.approx(unknowns, rel=0.02)
+    assert seen.unknowns < 0.99 * seen.dofs
+
+
+def test_a_look_at_a_scene_that_a_run_refuses_says_so_and_goes_on(capsys):
+    assert beadwave("look", "cantilever", "--set=strike.at=[0.5, 0.0]") == 0
+    said = capsys.readouterr().out
+    assert "beam" in said.splitlines()[3]
+    assert said.splitlines()[-1].startswith("A run refuses this scene: cantilever")
+
+
+@pytest.mark.slow
+def test_the_picture_of_a_look_has_chain_bolts_and_held_faces(tmp_path):
+    """Colours of what is drawn beside the meshes; without them the picture has none of these."""
+    whole = Image.open(BytesIO(look("plate-on-bolts").plot().png)).convert("RGB")
+    for red, green, blue in ((31, 95, 191), (200, 55, 27)):  # HELD, IMPACT of report.render
+        near = np.abs(np.asarray(whole, float) - (red, green, blue)).max(axis=2) < 40
+        assert near.sum() > 100
+    shown = fixtures(pipeline_of(scene("plate-on-bolts"), lambda name: nullcontext())("mesh"))
+    assert [name for name, *_ in shown["joints"]] == ["bolts"] * 4
+    for _, _, axis in shown["joints"]:
+        assert np.abs(axis) == pytest.approx([0, 0, 1], abs=1e-9)
+    assert shown["strike"][3:] == pytest.approx([0, 0, -1])
+    assert np.ptp(np.array(shown["held"])[..., 2]) < 1e-9
 
 
 @pytest.mark.slow
@@ -378,6 +422,7 @@ def test_a_tuned_scene_keeps_comments_and_order_of_its_file(capsys):
     assert scene("t.toml").name == "t"
 
 
+@pytest.mark.slow
 def test_match_gives_targets_to_a_scene_without_any(capsys):
     arm = ARM.replace("WASHER", "0.009")
     _, rows = modes_of(capsys, written(arm, "truth"), "--set=joints.bolts.kz=8e6")

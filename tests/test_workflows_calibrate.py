@@ -235,6 +235,7 @@ def test_a_sphere_that_no_wave_reaches_is_refused(rig, data):
     refused(rig, data._replace(v=data.v * [1.0, 0.0]), "no wave comes by sphere 4 within")
 
 
+@pytest.mark.slow
 def test_waves_beyond_the_range_and_offsets_are_reported(rig, plain, data):
     """A wave that is met as it is, with the noise of a laser or without, has no such plateau."""
     noisy = experiment.measured(plain, SETTING._replace(noise=1e-3, repeats=4))
@@ -352,6 +353,7 @@ def test_a_folder_that_holds_the_scene_or_the_data_is_not_overwritten(tmp_path, 
         assert "would overwrite" in str(finished.exception)
 
 
+@pytest.mark.slow
 def test_noise_does_not_lead_beside_the_answer():
     """Of ten repeats with the noise of a laser. Which start explains the data depends on rounding;
     twenty parameters stay within five sigma all but once in 10^5."""
@@ -364,6 +366,7 @@ def test_noise_does_not_lead_beside_the_answer():
     assert any("noise alone leaves as much" in remark for remark in result.report.remarks)
 
 
+@pytest.mark.slow
 def test_three_lasers_give_seventeen_contacts_and_the_wall_without_noise():
     """0.1 % is asked for; the steps of model and data leave 1e-5."""
     thesis = scene("rig-1dof")

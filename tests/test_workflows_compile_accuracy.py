@@ -7,6 +7,7 @@ import pytest
 import beadwave
 
 
+@pytest.mark.slow
 def test_a_rigid_scene_compiles_each_kernel_once_and_no_implicit_one():
     finding = beadwave.accuracy("rig-rigid", stage="compile")
     table = next(table for table in finding.tables if table.name == "accuracy")

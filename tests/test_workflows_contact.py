@@ -90,6 +90,7 @@ def test_full_order_and_reduced_block_give_the_same_velocities():
     assert np.abs(rigid - v).max() > 5e-3 * 0.31
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damping", ["{kind='none'}", "{kind='modal', ratio=0.005}"])
 def test_energy_closes_over_tens_of_impacts(damping):
     """50 ms at error = 1e-4; allowed 1e-6 of the striker's energy throughout, and no drift."""

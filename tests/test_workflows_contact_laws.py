@@ -43,6 +43,7 @@ def test_a_file_that_is_no_force_is_refused_with_its_row(text, sentence, tmp_pat
     assert sentence in str(refused.value)
 
 
+@pytest.mark.slow
 def test_the_march_of_a_kept_run_is_anew_when_the_file_of_its_force_changes(tmp_path):
     path, peaks = tmp_path / "force.csv", []
     for factor in (1, 2):
@@ -92,6 +93,7 @@ def test_cases_of_stiffness_and_exponent_march_side_by_side():
         assert np.abs(run.v - batch.v[i]).max() < 1.1e-5 * chains.v0.max()
 
 
+@pytest.mark.slow
 def test_stiffness_and_exponent_are_parameters_with_exact_derivatives():
     """By central differences of the rig's own march."""
     from dem.sensitivities import march_with_sensitivities, no_directions

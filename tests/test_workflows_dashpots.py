@@ -47,6 +47,7 @@ def test_the_reduced_response_holds_the_dashpots(damped):
     assert bare.max() > 0.05
 
 
+@pytest.mark.slow
 def test_a_run_with_dashpots_loses_what_its_ledger_says(damped):
     wall, run = damped("wall"), damped("impact")
     assert isinstance(wall, coupling.CoupledWall) and wall.reciprocal

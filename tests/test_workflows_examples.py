@@ -149,6 +149,7 @@ radius = 1e-3
 """
 
 
+@pytest.mark.slow
 def test_every_command_takes_a_scene_without_targets_and_says_so(capsys):
     Path("mixed.toml").write_text(MIXED)
     coarse = "--set=mesh.scale=4"

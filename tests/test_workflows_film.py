@@ -24,6 +24,7 @@ def folder(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_a_film_shows_the_impact_frame_by_frame(folder):
     assert beadwave("film", str(folder), "--out=film.gif", "--seconds=0.5") == 0
     with Image.open(folder / "film.gif") as film:

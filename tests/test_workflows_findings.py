@@ -122,6 +122,7 @@ def test_the_study_of_schemes_says_orders_and_ratios(few_peers, monkeypatch):
     assert "rkn6 takes 1 ms, odeint 2 ms (2 times as long)" in sentences and "rkn6 -" in sentences
 
 
+@pytest.mark.slow
 def test_the_study_of_wall_modes_says_what_a_mode_costs(few_peers, monkeypatch):
     monkeypatch.setattr(wall_modes, "MODES", (0, 1, 2, 3))
     monkeypatch.setattr(wall_modes, "COMPARED", 2)

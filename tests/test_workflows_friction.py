@@ -130,6 +130,7 @@ def test_friction_leaves_the_motion_along_the_chain_alone(tmp_path):
     assert "friction_force" not in plain
 
 
+@pytest.mark.slow
 def test_a_chain_pressed_on_the_wall_keeps_its_last_sphere_at_rest_across(capsys):
     """Nothing moves a guided chain across: friction has nothing to do."""
     pressed = ("friction.coefficient=0.3", "arm.stiffness=1e6", "preload.force=20")
@@ -158,6 +159,7 @@ def test_a_sweep_over_the_coefficient_shows_friction(tmp_path, capsys):
     assert np.isnan(table["loop_energy_J"][0])
 
 
+@pytest.mark.slow
 def test_friction_between_spheres_acts_with_its_coefficient_and_the_ledger_closes(capsys):
     """A chain on a shaken wall: without friction there, by a coefficient of 0, and of 0.5."""
     shaker = "{name='shaker', on='wall', direction='y', frequency=2000.0, displacement=2e-5}"

@@ -13,6 +13,7 @@ EXAMPLE = module_from_spec(WHERE)
 WHERE.loader.exec_module(EXAMPLE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "scene"),
     [("oblique", 3), ("oblique", 6), ("oblique", 27), ("pressed", 4), ("struck", 8)],

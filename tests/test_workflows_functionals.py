@@ -185,6 +185,7 @@ def test_sensors_on_the_structure_show_what_the_full_model_does():
     assert record.waves[:3] == ((), (), ())
 
 
+@pytest.mark.slow
 def test_the_record_of_a_sensor_on_the_structure_names_its_place():
     results = pipeline(scene("block.toml", [SENSED, "damping.kind=modal", "damping.ratio=0.01"]))
     numbers = results("sensor-numbers")

@@ -81,6 +81,7 @@ def test_a_resolved_drop_reads_back(tmp_path):
     assert scene(str(tmp_path / "s.toml")) == first
 
 
+@pytest.mark.slow
 def test_the_upright_chain_runs_and_its_ledger_closes(tmp_path, capsys):
     assert beadwave("impact", "upright", "--out=o", "--json") == 0
     found = json.loads(capsys.readouterr().out)
@@ -94,6 +95,7 @@ def test_the_upright_chain_runs_and_its_ledger_closes(tmp_path, capsys):
     assert waves["unit"] == "V" and 0.3e-3 < waves["tof_s"] < 1.5e-3 and 0.2 < waves["arr"] < 1.0
 
 
+@pytest.mark.slow
 def test_guides_slow_the_waves_down(capsys):
     speeds = []
     for force in ("0", "1"):

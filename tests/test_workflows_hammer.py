@@ -371,6 +371,7 @@ def test_a_ring_down_shows_damping_over_amplitude_and_says_so(tmp_path):
     assert "decay" in [picture.name for picture in pictures(test)]
 
 
+@pytest.mark.slow
 def test_ambient_records_are_identified_without_a_force(tmp_path):
     y, _ = ambient(0, 90.0)
     path = written(

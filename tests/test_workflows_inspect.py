@@ -77,6 +77,7 @@ def result(drops, tmp_path_factory):
     return result, out
 
 
+@pytest.mark.slow
 def test_thickness_modulus_and_axial_force_come_out_within_their_bars(result):
     rows = {row.name: row for row in result[0].report.numbers}
     for key, share in (("beam.thickness", 0.01), ("beam.young", 0.02)):
@@ -315,6 +316,7 @@ def test_a_design_foresees_the_bars_of_an_inspection(drops, tmp_path):
     assert (tmp_path / "design" / "figures" / "design.png").is_file()
 
 
+@pytest.mark.slow
 def test_a_design_compares_chains_and_says_what_a_record_is_too_short_for():
     brief = {**TRUTH, "time.duration": 1.1e-3}
     result = beadwave.design(BEAM, brief, find=FIND, bounds=BOUNDS, over=["chain.count=7,9"])
@@ -384,6 +386,7 @@ def test_numbers_of_a_record_start_where_they_are_told():
     assert shared(base, "beam.young", None)[0].low == pytest.approx(49e9)
 
 
+@pytest.mark.slow
 def test_the_command_prints_numbers_as_json_and_refuses_with_status_2(drops, tmp_path, capsys):
     toml = tmp_path / "beam.toml"
     toml.write_text(tomli_w.dumps(BEAM))

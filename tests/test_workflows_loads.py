@@ -85,6 +85,7 @@ def test_a_tendon_buckles_a_cantilever_as_a_hinged_bar(cantilever, capsys):
     assert max(np.divide(stretched, further)) > 1.05
 
 
+@pytest.mark.slow
 def test_heat_between_two_walls_presses(cantilever, capsys):
     held = '["beam:-x", "beam:+x"]'
     cold, _ = modes(capsys, cantilever("", held=held))

@@ -74,6 +74,7 @@ def test_another_mass_keeps_the_mesh():
     assert one.key("modes") != other.key("modes")
 
 
+@pytest.mark.slow
 def test_tune_finds_the_mass_of_a_sensor_on_a_structure_that_floats():
     """Targets are the full model's frequencies with 72 g, its elastic modes counted from 1."""
     hz = pipeline(HEAVIER)("modes").omega / (2 * np.pi)

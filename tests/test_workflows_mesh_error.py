@@ -58,6 +58,7 @@ def test_the_error_stated_of_a_few_elements_is_that_against_many(scale):
     assert 1 < held("mesh-error") / against(held, finer) < 2.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("element", ["hex", "tet"])
 def test_bores_and_thin_bodies_do_not_keep_the_second_mesh_fine(element):
     """Twice the seeds alone change 2 % of the nodes of plates that are thin and bored."""

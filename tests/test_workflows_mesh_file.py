@@ -95,6 +95,7 @@ def by_gmsh(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(WRITTEN)[1:])
 def test_a_mesh_keeps_its_names_in_every_version_and_order(by_gmsh, name):
     """4.1 with its lines, points and bounding entities, and elements of second order."""
@@ -169,6 +170,7 @@ def with_others(file, tmp_path, kind, name, nodes, apart=None):
     return tmp_path / "more.msh"
 
 
+@pytest.mark.slow
 def test_cells_in_no_named_volume_are_left_out(file, tmp_path):
     more = with_others(file, tmp_path, "pyramid", None, [0, 1, 2, 3, 4])
     before, after = volumes_of(file), volumes_of(more)

@@ -105,6 +105,7 @@ at = [0.0, 0.0, {}]"""
     assert np.all(np.divide(bolted, tied) < 0.9)
 
 
+@pytest.mark.slow
 def test_a_look_at_a_mesh_counts_its_own_dofs(meshes, capsys):
     words = f'mesh = "{meshes}/bolted-2.msh"\ntouching = "tied"'
     assert beadwave("look", written(words), "--json") == 0

@@ -417,6 +417,7 @@ def test_signals_of_sensors_are_drawn_by_unit(opened, tmp_path, monkeypatch):
     np.testing.assert_allclose(table, rows[::step, :3], rtol=1e-6, atol=1e-5)
 
 
+@pytest.mark.slow
 @needs_browser
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", [1280, 400])
@@ -562,6 +563,7 @@ def test_the_comments_of_a_scene_file_stay_with_its_run(tmp_path, monkeypatch):
     assert rows["output.sensors.1.gain"].replace("\u00a0", " ") == "5 mV/N"
 
 
+@pytest.mark.slow
 def test_numbers_bear_prefixes():
     texts = [si(1.738e5, "Hz"), si(3.02e-7, "s"), si(0.09999, "m"), si(0.0, "N"), si(None, "N")]
     assert [text.replace("\u00a0", " ") for text in texts] == [

@@ -110,6 +110,7 @@ def test_a_clamped_edge_stiffens_the_plate_until_it_is_out_of_reach():
         np.testing.assert_allclose(arr[-2:], infinite, rtol=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["wall-thickness", "boundary-distance"])
 def test_the_studies_answer_the_thesis_and_draw(name, tmp_path):
     finding = study(name)

@@ -49,6 +49,7 @@ def result(rig, data):
     return calibrated(rig, wall_of(rig), data, "data.csv", request)
 
 
+@pytest.mark.slow
 def test_samples_of_a_chain_have_the_quantiles_of_its_bars(tmp_path, result):
     """Two parameters that the data determines to 1e-3 are nearly Gaussian; 1200 samples leave
     0.04 of two sigma."""

@@ -109,6 +109,7 @@ def test_a_block_that_nothing_holds_is_reduced_by_free_modes():
     assert np.all(np.abs(found / full - 1) < 1e-3)
 
 
+@pytest.mark.slow
 def test_the_boundary_of_the_reduction_holds_what_the_contact_reads():
     run = pipeline()
     reduced, contact = run("reduction"), run("contact")
@@ -224,6 +225,7 @@ def test_a_boundary_too_large_for_memory_is_refused_before_it_is_solved_for(monk
         pipeline("reduction.modes=41")("reduction")
 
 
+@pytest.mark.slow
 def test_an_error_that_cannot_be_estimated_is_a_warning(monkeypatch):
     """The run is there, its mesh's coarser fellow has no modes to be found."""
 

@@ -63,6 +63,7 @@ def screwed(request):
     return rig(*SIZES, *changes)
 
 
+@pytest.mark.slow
 def test_parts_touch_from_the_block_down_to_the_plate(screwed):
     pairs = {frozenset(tie.slave.split(":")[1].split("|")) for tie in screwed.rigid.ties}
     sheets = [(sheet, on) for sheet in ("sheet-y", "sheet+y") for on in ("block", "sheets_support")]

@@ -162,6 +162,7 @@ def test_an_impact_loads_no_library_that_fits_filters_or_draws(name):
     loads_nothing_of((*ASSEMBLY, *SLOW), "impact", name)
 
 
+@pytest.mark.slow
 def test_an_impact_that_is_kept_compiles_nothing():
     loads_nothing_of((), "impact", "rig-1dof")
     loads_nothing_of(("numba", *ASSEMBLY, *SLOW), "impact", "rig-1dof")
@@ -467,6 +468,7 @@ def test_the_summary_names_the_waves_and_states_the_blow_at_the_wall(capsys):
     assert blow["trains"][0]["name"] == "incident"
 
 
+@pytest.mark.slow
 def test_waves_that_cannot_be_told_apart_are_not_passed_on_in_silence(capsys):
     """Spheres of two sizes: no wave is solitary, and the run says how many are not."""
     sizes = ",".join(["0.01,0.005"] * 8 + ["0.01"])
@@ -503,6 +505,7 @@ def test_a_record_that_ends_too_early_is_told(duration, told, capsys):
     assert (contact["contact_time_s"] is None) == (duration < 1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", ["rig-rigid", "rig-1dof"])
 def test_the_errors_of_numbers_hold_against_a_finer_march_and_record(scene):
     # twenty times as many instants and steps of a hundredth of the error: what is left of it is

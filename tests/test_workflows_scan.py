@@ -130,6 +130,7 @@ def test_each_point_states_its_own_error_of_the_mesh(thin):
     assert stated.max() > 3 * stated.min() > 0
 
 
+@pytest.mark.slow
 def test_large_errors_are_reported_in_the_row_and_on_the_terminal(
     thin, tmp_path, monkeypatch, capsys
 ):
@@ -164,6 +165,7 @@ def test_a_point_without_a_second_mesh_says_that_its_error_is_not_known(tmp_path
 OTHER = "sphere 5 is blank: not that of the points around"
 
 
+@pytest.mark.slow
 def test_a_later_wave_that_is_picked_is_blank(tmp_path, monkeypatch, scanned):
     planted, measured = (6, 11), scan.measured
 
@@ -206,6 +208,7 @@ def test_the_map_shows_the_face(scanned):
     assert again.plot("wall_peak_s").png.startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_points_in_a_hole_are_rows_that_say_so(tmp_path):
     plate = {"plate": DRILLED, "holes": {"diameter": 0.012, "at": [[0.0, 0.0]]}, "seed": 0.01}
     scene = BLOCK | {"bodies": {"block": plate}}

@@ -58,6 +58,7 @@ def alone(rig, folder, monkeypatch):
         return ran(rig, folder)
 
 
+@pytest.mark.slow
 def test_two_processes_give_the_numbers_of_one_bit_for_bit(assembly, two, tmp_path, monkeypatch):
     begun = []
 

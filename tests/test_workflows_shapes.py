@@ -151,6 +151,7 @@ def test_a_hammer_test_at_many_points_names_the_modes_by_their_shapes(known):
     assert "MAC" in report.text()
 
 
+@pytest.mark.slow
 def test_a_hammer_test_gives_targets_to_a_scene_without_any(known):
     points, shapes, omega = known[0][::4], known[1][:, ::4], known[2]
     written(nodes(points), *responses_58(shapes[:5], SHIFT * omega[:5], noise=1e-4))

@@ -40,6 +40,7 @@ def test_marches_of_yielding_contacts_that_are_alike_by_chance_state_no_small_er
     assert EXAMPLE.trial(run).ratio >= 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", [71, 326])
 def test_errors_of_dampers_that_exceed_the_contact_force_hold(scene):
     """Their order is below that of Hertz' law: with p = 3 a tenth and a fifth were stated."""

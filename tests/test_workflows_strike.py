@@ -108,6 +108,7 @@ def test_balls_and_seats_of_a_step_file_are_struck(hollow, sign, top):
     assert abs(small - large) < 1e-3 * local
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("face", "at", "modulus"), [("x", "0, 0", 47.12e9), ("y", "0, 0", 11e9)])
 def test_an_orthotropic_face_is_a_flat_of_its_indentation_modulus(face, at, modulus):
     """F = 4/3 E* sqrt(R) delta^(3/2), 1/E* = (1 - nu^2)/E of the sphere + 1/M of the face."""
@@ -136,6 +137,7 @@ def test_curved_and_orthotropic_at_once_is_refused_and_so_is_its_calibration():
         beadwave.twin("ply.toml")
 
 
+@pytest.mark.slow
 def test_cases_of_a_sweep_strike_the_face_that_a_run_strikes():
     """A cylinder's ellipse is 4 % softer than the plane's contact."""
     Path("bar.toml").write_text(BAR)

@@ -25,6 +25,7 @@ def folder(tmp_path_factory):
         yield path
 
 
+@pytest.mark.slow
 def test_a_structure_that_is_struck_off_its_middle_moves_the_sphere_across(capsys):
     sets = [f"--set={change}" for change in FRICTION]
     assert beadwave("impact", "block.toml", "--json", "--out=o", *sets) == 0

@@ -63,6 +63,7 @@ def test_the_first_wave_does_not_feel_how_long_a_beam_is():
     assert "does not feel the length" in study.sentences[-1]
 
 
+@pytest.mark.slow
 def test_thicker_plates_send_more_back():
     study = run_study("plate-thickness", "plate", "time.duration=1e-3", options=THREE_SIZES)
     assert np.all(np.diff(column(study, "arr")) > 0.05)

@@ -75,6 +75,7 @@ def test_the_rayleigh_damping_of_the_thesis_is_80_percent_at_51_hz():
     assert gains[0] < 1e-9 and min(gains[1:]) > 0.01
 
 
+@pytest.mark.slow
 def test_a_study_writes_table_and_picture(tmp_path):
     sunk = study("singularity")
     finding.write(sunk, RunFolder(tmp_path))

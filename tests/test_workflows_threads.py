@@ -100,6 +100,7 @@ def test_a_thread_holds_the_length_that_shank_and_bore_have_in_common():
         assert area == pytest.approx(2 * pi * RADIUS * 4e-3, rel=8e-3)
 
 
+@pytest.mark.slow
 def test_the_parts_of_a_step_file_have_the_modes_of_the_drawn_ones():
     """With 0.8 mm between shank and bore, which bodies that touch do not have."""
     drawn = hz(SCENE, "bodies.stud.cylinder.radius=4.2e-3", "joints.m10.kz=5e8")

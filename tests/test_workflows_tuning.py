@@ -65,6 +65,7 @@ def test_modes_two_and_three_together_free_the_turn():
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_tuned_scene_meets_its_modes_in_the_full_model():
     result, report = tuned(scene("rig-rom", COARSE), targets("1,2,3"), (), silent)
     found = [report.full_order_hz[str(i)] for i in (1, 2, 3)]

@@ -14,7 +14,7 @@ and S, the exact motion of sphere and arm without them, the new T and S, another
 from typing import NamedTuple
 
 from dem.kernels.arguments import Array, Steps
-from dem.kernels.compiled import ieee, ieee_march
+from dem.kernels.compiled import ieee, ieee_entry, ieee_march
 from dem.kernels.numbers import larger
 from dem.kernels.tangential import (
     HEAT,
@@ -29,6 +29,10 @@ from dem.kernels.tangential import (
     stored_energy,
     tangential_force,
 )
+
+# of `SavedAcross.energy`: [J] of the centre's motion, of the turn's, of the arm, of the contacts'
+# springs, friction's heat, work of the wall's motion on the contact
+MOVING, TURNING, IN_ARM, IN_CONTACTS, RUBBED, BY_WALL = range(6)
 
 
 class Sphere(NamedTuple):
@@ -91,9 +95,7 @@ class SavedAcross(NamedTuple):
     force: Array
     slip: Array
     stick: Array  # (k,) share of the contact's area
-    # (k, 6) [J] lateral, of rotation, of the arm, of the contacts, friction's heat, work of the
-    # wall's motion on the contact
-    energy: Array
+    energy: Array  # (k, 6) [J] MOVING to BY_WALL
 
 
 @ieee
@@ -204,23 +206,57 @@ def march_across(
 
         # states and energies
         energy = saved.energy[k]
-        energy[0], energy[1], energy[2] = 0.0, 0.0, 0.0
+        energy[MOVING], energy[TURNING], energy[IN_ARM] = 0.0, 0.0, 0.0
         for j in range(n):
             saved.u[k, j], saved.v[k, j] = u[j], v[j]
             saved.psi[k, j], saved.spin[k, j] = psi[j], spin[j]
             saved.force[k, j], saved.slip[k, j] = force[j], slip[j]
             if sphere.inverse_mass[j] > 0.0:
-                energy[0] += 0.5 * v[j] * v[j] / sphere.inverse_mass[j]
+                energy[MOVING] += 0.5 * v[j] * v[j] / sphere.inverse_mass[j]
             if sphere.inverse_inertia > 0.0:
-                energy[1] += 0.5 * spin[j] * spin[j] / sphere.inverse_inertia
-            energy[2] += 0.5 * sphere.stiffness[j] * u[j] * u[j]
-            energy[2] += 0.5 * sphere.turn_stiffness * psi[j] * psi[j]
-        stick, energy[3], energy[4] = contact_state(law, springs.row, springs.cells)
+                energy[TURNING] += 0.5 * spin[j] * spin[j] / sphere.inverse_inertia
+            energy[IN_ARM] += 0.5 * sphere.stiffness[j] * u[j] * u[j]
+            energy[IN_ARM] += 0.5 * sphere.turn_stiffness * psi[j] * psi[j]
+        stick, energy[IN_CONTACTS], energy[RUBBED] = contact_state(law, springs.row, springs.cells)
         if before is not None:
             _, stored, heat = contact_state(before.law, before.springs.row, before.springs.cells)
-            energy[3], energy[4] = energy[3] + stored, energy[4] + heat
-        energy[5] = work
+            energy[IN_CONTACTS] += stored
+            energy[RUBBED] += heat
+        energy[BY_WALL] = work
         saved.stick[k] = stick
-        if not abs(energy[0] + energy[1] + energy[2] + energy[3] + energy[4]) <= 1e300:
+        everything = energy[MOVING] + energy[TURNING] + energy[IN_ARM] + energy[IN_CONTACTS]
+        if not abs(everything + energy[RUBBED]) <= 1e300:
             return k
     return n_save
+
+
+@ieee_entry
+def press_round(
+    law: TangentialLaw, laps: int, path: Array, springs: Springs, slip: Array, force: Array,
+    stick: Array,
+) -> tuple[float, float]:  # fmt: skip
+    """Lead a contact from the shift `slip` (n_directions,) [m] so many times round a closed path
+    (k, 2 + n_directions) of overlaps, total over elastic pressures, and shifts [m]: friction's heat
+    [J] of the last round, and the largest change of the force [N] over it.
+
+    Changes the springs and `slip`, which end where the path begins, and fills in force
+    (k, n_directions) and share of the area that sticks (k,) of the last round.
+    """
+    row, room, cells = springs
+    n, k = force.shape[1], path.shape[0]
+    heat_before, heat, change, before1, before2 = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(laps * k + 1):
+        j = i % k
+        way2 = path[j, 3] - slip[1] if n == 2 else 0.0
+        way = (path[j, 2] - slip[0], way2)
+        press(law, path[j, 0], path[j, 1], way, force[j], row, room, cells)
+        for m in range(n):
+            slip[m] = path[j, 2 + m]
+        stick[j], _, heat = contact_state(law, row, cells)
+        if i == (laps - 1) * k:
+            heat_before, before1 = heat, force[0, 0]
+            before2 = force[0, 1] if n == 2 else 0.0
+    change = abs(force[0, 0] - before1)
+    if n == 2:
+        change = larger(change, abs(force[0, 1] - before2))
+    return heat - heat_before, change

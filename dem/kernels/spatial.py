@@ -28,6 +28,9 @@ from dem.kernels.laws import damping_impulse, hertz_force
 from dem.kernels.numbers import larger
 from dem.kernels.tangential import SpringCells, SpringRow, TangentialLaw
 
+# of `SavedSpatial.energy`: [J] in Hertz' contacts, in the tangential contact's springs, friction's
+# heat, in the modes about rest; the four of the ledger; a number that is finite where the state is
+HERTZ, SPRINGS, RUBBED, SWING, DAMPED, BY_CONTACT, BY_SHAKERS, BEYOND_MODES, FINITE = range(9)
 # of `SpatialMotion.ledger`: [J] lost in the contacts' dampers, work of the contact on the modes,
 # work of the shakers on the modes, and on the motion L f of the contact
 IN_DAMPERS, ON_MODES, SHAKEN, SHAKEN_BEYOND = range(4)
@@ -84,7 +87,7 @@ class Shaking(NamedTuple):
     work: Array
     # (m, m, 4) work on what the forces themselves move: Re, Im at the sum of both phases, and at
     # their difference
-    own_work: Array
+    mutual_work: Array
     residual: Array  # (m, 2, 1 + n_directions) L [m]: Re, Im
     forced: Array  # (2, k) room
 
@@ -98,6 +101,14 @@ class Contacts(NamedTuple):
     trial_row: SpringRow | None
     trial_cells: SpringCells | None
 
+    def copied(self) -> "Contacts":
+        """The same in arrays of their own."""
+        parts = (
+            None if part is None else type(part)(*(values.copy() for values in part))
+            for part in self
+        )
+        return Contacts(*parts)
+
 
 class Trials(NamedTuple):
     """Room for Broyden's method in d = 1 + n_directions unknowns."""
@@ -110,7 +121,8 @@ class Trials(NamedTuple):
     jacobian: Array  # (d, d)
     solved: Array  # (d, d) room of the elimination
     gap: Array  # (d,) approach and shift of the bodies, the residual motion included
-    motion: Array  # (d,) of the contact by L
+    motion: Array  # (d,) [m] of the contact by L
+    motion_rate: Array  # (d,) [m/s] of it
     motion_before: Array  # (d,) the same a step ago
     force_before: Array  # (d,) forces a step ago
     change: Array  # (d,) of the forces in the last step
@@ -138,9 +150,7 @@ class SavedSpatial(NamedTuple):
     wall: Array  # (k, 2, 1 + n_directions) displacement and velocity of the modes at the contact
     stick: Array  # (k,) share of the area
     motion: Array  # (k, 1 + n_directions) [m] of the contact by L
-    # (k, 9) [J] Hertz' contacts, the tangential contact, friction's heat, modes about rest; those
-    # of the ledger; finite where the state is
-    energy: Array
+    energy: Array  # (k, 9) [J] HERTZ to FINITE
     q: Array  # (k, n_modes) or (k, 0)
     p: Array  # (k, n_modes) or (k, 0)
 
@@ -173,9 +183,9 @@ def shake(t: float, q: Array, p: Array, shaking: Shaking) -> float:
             forced[1, j] += r[2, j] * c - r[3, j] * s
             work += (w[0, j] * c - w[1, j] * s) * q[j] + (w[2, j] * c - w[3, j] * s) * p[j]
         for other in range(shaking.omega.size):
-            own, angle2 = shaking.own_work[g, other], shaking.omega[other] * t
-            work += own[0] * math.cos(angle + angle2) - own[1] * math.sin(angle + angle2)
-            work += own[2] * math.cos(angle - angle2) - own[3] * math.sin(angle - angle2)
+            w12, angle2 = shaking.mutual_work[g, other], shaking.omega[other] * t
+            work += w12[0] * math.cos(angle + angle2) - w12[1] * math.sin(angle + angle2)
+            work += w12[2] * math.cos(angle - angle2) - w12[3] * math.sin(angle - angle2)
     return work
 
 
@@ -341,26 +351,32 @@ def touch(
 def approach(t: float, motion: SpatialMotion, system: SpatialSystem) -> None:
     """Overlap of the bodies at the contact and their shift, without S F, into `trials.gap`."""
     arrays, shaking, radius = system.arrays, system.shaking, system.sphere.radius
-    gap, moved, last = system.trials.gap, system.trials.motion, motion.x.size - 1
+    trials, last = system.trials, motion.x.size - 1
+    gap, moved, rate = trials.gap, trials.motion, trials.motion_rate
     for i in range(gap.size):
-        moved[i] = 0.0
+        moved[i], rate[i] = 0.0, 0.0
     for g in range(shaking.omega.size):
         c, s = math.cos(shaking.omega[g] * t), math.sin(shaking.omega[g] * t)
         for i in range(gap.size):
             moved[i] += shaking.residual[g, 0, i] * c - shaking.residual[g, 1, i] * s
+            turned = shaking.residual[g, 0, i] * s + shaking.residual[g, 1, i] * c
+            rate[i] -= shaking.omega[g] * turned
     gap[0] = motion.x[last] - arrays.offset - motion.wall[0, 0] - moved[0]
     for j in range(motion.u.size):
         gap[1 + j] = motion.u[j] + radius * motion.psi[j] - motion.wall[0, 1 + j] - moved[1 + j]
 
 
 @ieee
-def damp(i: int, h: float, motion: SpatialMotion, arrays: SpatialArrays) -> None:
-    """Impulse of the damper of contact i over a time h at fixed positions, exact."""
+def damp(
+    i: int, h: float, motion: SpatialMotion, arrays: SpatialArrays, motion_rate: float
+) -> None:
+    """Impulse of the damper of contact i over a time h at fixed positions, exact; `motion_rate`
+    [m/s] of the wall by L, against which the shakers work."""
     v, minv, n = motion.v, arrays.inverse_mass, motion.v.size
     force, gamma = motion.f[i + 1], arrays.gamma[i]
     if gamma == 0.0 or force <= 0.0:
         return
-    w = v[i] - (v[i + 1] if i < n - 1 else motion.wall[1, 0])
+    w = v[i] - (v[i + 1] if i < n - 1 else motion.wall[1, 0] + motion_rate)
     mobility = minv[i] + (minv[i + 1] if i < n - 1 else arrays.square[0, 0])
     if mobility == 0.0:
         return
@@ -374,6 +390,7 @@ def damp(i: int, h: float, motion: SpatialMotion, arrays: SpatialArrays) -> None
         v[i + 1] += impulse * minv[i + 1]
     else:
         push(0, impulse, motion, arrays.square)
+        motion.ledger[SHAKEN_BEYOND] -= impulse * motion_rate
 
 
 @ieee
@@ -386,7 +403,7 @@ def share(force: float, arrays: SpatialArrays) -> float:
 
 
 @ieee
-def pressure(h: float, motion: SpatialMotion, arrays: SpatialArrays) -> float:
+def pressure(h: float, motion: SpatialMotion, arrays: SpatialArrays, motion_rate: float) -> float:
     """Total pressure of the last contact over the elastic one, 1 + gamma d', with d' [m/s] after
     the half kick h that is still to come: of the forces at hand, an error of h^2."""
     n = motion.v.size
@@ -395,7 +412,7 @@ def pressure(h: float, motion: SpatialMotion, arrays: SpatialArrays) -> float:
         return 1.0
     v, minv, last = motion.v, arrays.inverse_mass, n - 1
     force = motion.f[n]
-    w = v[last] - motion.wall[1, 0]
+    w = v[last] - motion.wall[1, 0] - motion_rate
     net = arrays.load[last] - force * (1.0 + gamma * w)
     if last > 0:
         behind = v[last - 1] - v[last]
@@ -437,7 +454,7 @@ def forces(
         # the elastic force without what S gives way anew, for the pressure alone
         d = trials.gap[0] - (arrays.residual[0, 0] * motion.force[0] if arrays.soft else 0.0)
         f[n] = hertz_force(larger(d, 0.0), arrays.A[n - 1])
-    q = pressure(h, motion, arrays)
+    q = pressure(h, motion, arrays, trials.motion_rate[0])
     touch(q, motion, system, contacts)
     f[n] = motion.force[0]
 
@@ -466,16 +483,16 @@ def save_spatial(
     """Row k of the saved states and energies."""
     arrays, trials = system.arrays, system.trials
     x, v, n, energy = motion.x, motion.v, motion.x.size, saved.energy[k]
-    energy[0], size = 0.0, 0.0
+    energy[HERTZ], size = 0.0, 0.0
     for i in range(n):
         saved.x[k, i], saved.v[k, i] = x[i], v[i]
         force = motion.f[i + 1]
-        w = v[i] - (v[i + 1] if i < n - 1 else motion.wall[1, 0])
+        w = v[i] - (v[i + 1] if i < n - 1 else motion.wall[1, 0] + trials.motion_rate[0])
         if i == n - 1:
             w *= share(force, arrays) ** 2
         saved.contact_force[k, i] = force * larger(1.0 + arrays.gamma[i] * w, 0.0)
         if force > 0.0:
-            energy[0] += 0.4 * force * (force / arrays.A[i]) ** (2.0 / 3.0)
+            energy[HERTZ] += 0.4 * force * (force / arrays.A[i]) ** (2.0 / 3.0)
         size += abs(x[i]) + abs(v[i])
     for j in range(motion.u.size):
         saved.across[k, 0, j], saved.across[k, 1, j] = motion.u[j], motion.u_v[j]
@@ -486,15 +503,17 @@ def save_spatial(
         saved.force[k, i] = motion.force[i]
         saved.wall[k, 0, i], saved.wall[k, 1, i] = motion.wall[0, i], motion.wall[1, i]
         saved.motion[k, i] = trials.motion[i]
-    saved.stick[k], energy[1], energy[2] = contact_state(system.law, contacts.row, contacts.cells)
-    energy[3] = 0.0
+    saved.stick[k], energy[SPRINGS], energy[RUBBED] = contact_state(
+        system.law, contacts.row, contacts.cells
+    )
+    energy[SWING] = 0.0
     for j in range(motion.q.size):
-        energy[3] += 0.5 * (motion.p[j] ** 2 + (arrays.omega[j] * motion.q[j]) ** 2)
+        energy[SWING] += 0.5 * (motion.p[j] ** 2 + (arrays.omega[j] * motion.q[j]) ** 2)
     for j in range(saved.q.shape[1]):
         saved.q[k, j], saved.p[k, j] = motion.q[j], motion.p[j]
     for j in range(4):
-        energy[4 + j] = motion.ledger[j]
-    energy[8] = size + energy[0] + energy[1] + energy[3]  # of a finite state
+        energy[DAMPED + j] = motion.ledger[j]
+    energy[FINITE] = size + energy[HERTZ] + energy[SPRINGS] + energy[SWING]
 
 
 @ieee_march
@@ -515,7 +534,7 @@ def march_spatial(
             # half a kick
             kick(0.5 * h, motion, arrays, sphere)
             for i in range(n):
-                damp(i, 0.5 * h, motion, arrays)
+                damp(i, 0.5 * h, motion, arrays, trials.motion_rate[0])
             give_pending(motion, arrays.phi)
 
             # all moves without contact forces
@@ -544,10 +563,10 @@ def march_spatial(
 
             # the other half of the kick
             for i in range(n - 1, -1, -1):
-                damp(i, 0.5 * h, motion, arrays)
+                damp(i, 0.5 * h, motion, arrays, trials.motion_rate[0])
             kick(0.5 * h, motion, arrays, sphere)
         give_pending(motion, arrays.phi)
         save_spatial(k, motion, system, contacts, saved)
-        if not saved.energy[k, -1] <= 1e300:
+        if not saved.energy[k, FINITE] <= 1e300:
             return k
     return n_save

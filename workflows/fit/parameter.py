@@ -5,13 +5,16 @@ clock at which the model starts, the first touch.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from dem import Chain, Wall
 from dem.kernels.laws import ELASTIC_LAWS, SHAPE_PARAMETERS
 from dem.sensitivities import STEPS_PER_TIME_SCALE, Directions, usual_step
+
+if TYPE_CHECKING:
+    from workflows.fit.rubbing import Rubbing
 
 OF_WALL = ("frequency", "mass", "damping")
 UNIFORM = 12.0  # the variance of a uniform distribution is its width squared over this
@@ -110,6 +113,7 @@ class Rig(NamedTuple):
     v0: np.ndarray  # (n,) [m/s] before the impact
     damping: np.ndarray | None = None  # (d, k) derivative of the wall's zeta by each damping ratio
     trigger: float = 0.0  # [s] first touch on the record's clock
+    across: "Rubbing | None" = None  # a last sphere with friction on a structure
 
     @property
     def step(self) -> float:

@@ -1,29 +1,33 @@
 """Rendered pictures of the assembly and its modes, from `modes.vtu`; run as a child process.
 
-    python -m workflows.report.render modes.vtu bodies strike assembly.png modes.png
+    python -m workflows.report.render modes.vtu fixtures.json assembly.png modes.png
 
-`strike` is point and direction, six numbers between commas, or nothing.
+`fixtures.json` is a `Fixtures` as a dictionary.
 A render without a GL library kills its process: the run that started it loses the pictures only.
 """
 
+import json
 import sys
+from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pyvista as pv
+from numpy.typing import NDArray
 
 from workflows.report.callouts import callouts
 
 MEASURED = "measured"  # in the names of modes that are targets
-EYE, UP = (1.0, -1.3, 0.55), (0.0, 0.0, 1.0)
+EYE, UP = (1.0, -1.3, 0.55), (0.0, 0.0, 1.0)  # towards the eye where nothing is struck
 SIZE = (1500, 1050)  # in pixels
 GRIDS = {0: (1, 1), 1: (1, 1), 2: (2, 1), 3: (2, 2), 4: (2, 2)}  # rows and columns of modes
 STEEL = (
     "#b8c4d0", "#d98c3f", "#d9c77a", "#5f86ad", "#8fb08f", "#b88fa8", "#7fc4c4", "#a86b4f",
     "#c9a0dc", "#6f7f3f", "#e0a8a0", "#3f6f6f", "#8c8cc8", "#b0b070",
 )  # fmt: skip
-IMPACT = "#c8371b"
+IMPACT, SPHERE, HELD, BOLT = "#c8371b", "#9aa7b4", "#1f5fbf", "#202020"
 RAMP = ("#cfd5db", "#f3c35f", "#e2622f", "#8b1a3a")  # of displacements, as in the report page
 MATT = {"ambient": 0.35, "diffuse": 0.75, "specular": 0.0}
 BAR = {
@@ -37,22 +41,54 @@ class RenderSettings(NamedTuple):
     """How bodies and modes are drawn, chosen by eye."""
 
     split: int = 4  # of a triangle's sides, between the points that tell which body is in front
-    arrow: float = 0.2  # length of the arrow of impact over the assembly's size
+    chain: float = 0.5  # length of the chain that is drawn over the assembly's size
+    bolt: float = 0.05  # length of the pin at a joint over the assembly's size
+    slant: float = 52.0  # [deg] of the view from the direction of the impact, about the vertical
+    above: float = 0.55  # height of the eye over its distance along the ground
     largest_mode: float = 0.05  # largest displacement of a mode as drawn over the assembly's size
     edge_angle: float = 30.0  # [deg] between facets that makes an edge of an outline
     width: float = 0.87  # share of the view that a mode fills, beside its colour bar
     height: float = 0.85  # the same below its name
 
 
+class Fixtures(NamedTuple):
+    """What a picture shows beside the meshes."""
+
+    bodies: list[str]
+    strike: list[float] | None = None  # point struck and direction of the force (6,)
+    spheres: Sequence[float] = ()  # radii [m], from the wall on
+    joints: Sequence[tuple[str, list[float], list[float]]] = ()  # name, centre (3,), axis (3,)
+    held: Sequence[list[list[float]]] = ()  # facets of held faces, corners (n, 3) each
+
+
+def eye_of(strike: list[float] | None, settings: RenderSettings) -> NDArray[np.float64]:
+    """Direction (3,) towards the eye: from the side that is struck, and from above, or from below
+    where the impact comes from there."""
+    if strike is None:
+        return np.array(EYE)
+    outward = -np.array(strike[3:])
+    along = outward[:2] if np.hypot(*outward[:2]) > 0.3 else np.array([1.0, 0.0])
+    angle = np.arctan2(along[1], along[0]) - np.radians(settings.slant)
+    above = -settings.above if outward[2] < -0.7 else settings.above
+    return np.array([np.cos(angle), np.sin(angle), above])
+
+
+def round_the_edge(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The corners (n, 3) of a convex facet in the order of its edges."""
+    away = corners - corners.mean(axis=0)
+    x = away[0] / np.linalg.norm(away[0])
+    beside = [a - (a @ x) * x for a in away]
+    y = max(beside, key=np.linalg.norm)
+    return corners[np.argsort(np.arctan2(away @ y / np.linalg.norm(y), away @ x))]
+
+
 def assembly(
-    grid: pv.DataSet,
-    names: list[str],
-    strike: list[float],
-    path: Path,
-    settings: RenderSettings = RenderSettings(),
+    grid: pv.DataSet, fixtures: Fixtures, path: Path, settings: RenderSettings = RenderSettings()
 ) -> None:
-    """The mesh, each body in a colour of its own, with its dimensions and the arrow of impact."""
-    plotter, n = _plotter((1, 1)), settings.split
+    """The mesh, each body in a colour of its own, with its dimensions, the chain that strikes it,
+    pins where bolts are and held faces outlined."""
+    plotter, n, names = _plotter((1, 1)), settings.split, fixtures.bodies
+    eye = eye_of(fixtures.strike, settings)
     shares = [(i / n, j / n, (n - i - j) / n) for i in range(n + 1) for j in range(n + 1 - i)]
     points = []
     for i in range(len(names)):
@@ -66,7 +102,7 @@ def assembly(
         points.append(np.einsum("sc,tcx->stx", shares, corners).reshape(-1, 3))
 
     # names beside the assembly, each with a line to its body, a dot where that is visible
-    labels = callouts(points, EYE, UP)
+    labels = callouts(points, eye, UP)
     for i, (name, label) in enumerate(zip(names, labels, strict=True)):
         dark = [0.7 * channel for channel in pv.Color(STEEL[i % len(STEEL)]).float_rgb]
         plotter.add_lines(np.array([label.anchor, label.text]), color=dark, width=2)
@@ -79,20 +115,43 @@ def assembly(
     dots = [label.anchor for label in labels if label.seen]
     plotter.add_points(np.array(dots), color="black", point_size=7)
 
-    if strike:
-        tip, direction = np.array(strike[:3]), np.array(strike[3:])
-        length = settings.arrow * grid.length
-        start = tip - length * direction
+    legend = []
+    if fixtures.held:
+        facets = [round_the_edge(np.array(facet)) for facet in fixtures.held]
+        first = np.cumsum([0, *(len(facet) for facet in facets)]).tolist()
+        cells = [[b - a, *range(a, b)] for a, b in pairwise(first)]
+        faces = pv.PolyData(np.concatenate(facets), np.concatenate(cells)).clean()
+        outline = faces.extract_feature_edges(
+            settings.edge_angle, manifold_edges=False, feature_edges=False
+        )
+        plotter.add_mesh(outline, color=HELD, line_width=7, render_lines_as_tubes=True)
+        legend.append(("held face", HELD))
+    for _, centre, axis in fixtures.joints:
+        length = settings.bolt * grid.length
+        pin = pv.Cylinder(center=centre, direction=axis, radius=0.12 * length, height=length)
+        plotter.add_mesh(pin, color=BOLT, **MATT)
+    if fixtures.joints:
+        names_of_joints = ", ".join(dict.fromkeys(name for name, *_ in fixtures.joints))
+        legend.append((f"joints: {names_of_joints}", BOLT))
+    if fixtures.strike:
+        point, direction = np.array(fixtures.strike[:3]), np.array(fixtures.strike[3:])
+        depth = 0.0
+        for radius in fixtures.spheres:
+            if depth and depth + 2 * radius > settings.chain * grid.length:
+                break
+            sphere = pv.Sphere(radius, center=point - (depth + radius) * direction)
+            plotter.add_mesh(sphere, color=SPHERE, smooth_shading=True, **MATT)
+            depth += 2 * radius
         arrow = pv.Arrow(
-            start=start, direction=direction, scale=float(length), shaft_radius=0.025,
-            tip_radius=0.07,
+            start=point - (depth + 0.1 * grid.length) * direction, direction=direction,
+            scale=0.09 * grid.length, shaft_radius=0.05, tip_radius=0.14, tip_length=0.4,
         )  # fmt: skip
         plotter.add_mesh(arrow, color=IMPACT, **MATT)
-        plotter.add_point_labels(
-            [start - 0.3 * length * direction], ["impact"], font_size=22, text_color=IMPACT,
-            shape=None, show_points=False, always_visible=True,
-            justification_horizontal="center", justification_vertical="center",
-        )  # fmt: skip
+        n_spheres = len(fixtures.spheres)
+        legend.append((f"impact of a chain of {n_spheres}" if n_spheres else "impact", IMPACT))
+    if legend:
+        size = 0.3, 0.033 * len(legend)
+        plotter.add_legend(legend, bcolor="white", face="rectangle", loc="upper left", size=size)
 
     millimetres = [1e3 * x for x in grid.bounds]
     axes = plotter.show_bounds(
@@ -100,11 +159,13 @@ def assembly(
         n_ylabels=3, n_zlabels=3, fmt="%.0f", font_size=11, location="outer", color="#505050",
     )  # fmt: skip
     axes.SetAxisLabels(1, pv.convert_array(np.array(["", *axes.y_labels[1:]])))  # x has that corner
-    _view(plotter)
+    _view(plotter, eye)
     plotter.screenshot(path)
 
 
-def modes(grid: pv.DataSet, path: Path, settings: RenderSettings = RenderSettings()) -> None:
+def modes(
+    grid: pv.DataSet, fixtures: Fixtures, path: Path, settings: RenderSettings = RenderSettings()
+) -> None:
     """The measured modes, or the first ones, coloured by displacement, and the outline at rest."""
     names = [name for name in grid.point_data if name.startswith("mode ")]
     names = [name for name in names if MEASURED in name] or names
@@ -130,7 +191,7 @@ def modes(grid: pv.DataSet, path: Path, settings: RenderSettings = RenderSetting
         plotter.add_mesh(edges, color="#202020", line_width=1.5)
         plotter.add_mesh(at_rest, color="#909090", line_width=1.0)
         plotter.add_text(name, font_size=12, color="black")
-        _view(plotter)
+        _view(plotter, eye_of(fixtures.strike, settings))
 
         # as large as the part of the view beside the colour bar and below the name allows
         camera = plotter.camera
@@ -168,20 +229,19 @@ def _plotter(shape: tuple[int, int]) -> pv.Plotter:
     return plotter
 
 
-def _view(plotter: pv.Plotter) -> None:
-    """Everything from the right, the front and above, in parallel projection."""
-    plotter.view_vector(EYE, viewup=UP)
+def _view(plotter: pv.Plotter, eye: NDArray[np.float64]) -> None:
+    """Everything from the direction `eye`, in parallel projection."""
+    plotter.view_vector(eye, viewup=UP)
     plotter.enable_parallel_projection()
     plotter.camera.zoom(1.15)
 
 
 def main(arguments: list[str]) -> None:
     """Render the pictures that the command line names."""
-    field, names, strike, assembly_png, modes_png = arguments
-    grid = pv.read(field)
-    numbers = [float(number) for number in strike.split(",") if number]
-    assembly(grid, names.split(","), numbers, Path(assembly_png))
-    modes(grid, Path(modes_png))
+    field, fixtures_json, assembly_png, modes_png = map(Path, arguments)
+    grid, fixtures = pv.read(field), Fixtures(**json.loads(fixtures_json.read_text()))
+    assembly(grid, fixtures, assembly_png)
+    modes(grid, fixtures, modes_png)
 
 
 if __name__ == "__main__":

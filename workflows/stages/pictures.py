@@ -4,11 +4,13 @@ Where no graphics library is installed, pyvista ends its process with a segmenta
 `try` can catch.
 """
 
-from collections.abc import Sequence
+from json import dumps
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from skfem import Mesh
 
 import fem
@@ -17,31 +19,74 @@ from fem.assembly_modes import AssemblyModes
 from workflows.files.child import child
 from workflows.files.run_folder import NoPicture, Picture
 from workflows.scene import Scene
+from workflows.stages.parts import Parts
 
 TIME_LIMIT = 120  # s, of the child; not varied
 
 
-def pictures(scene: Scene, modes: AssemblyModes, contact: fem.ContactPatch) -> tuple[Picture, ...]:
-    """Pictures of the meshed assembly with the point struck, and of four modes; raises
+def pictures(
+    scene: Scene, mesh: Parts, modes: AssemblyModes, contact: fem.ContactPatch
+) -> tuple[Picture, ...]:
+    """Pictures of the meshed assembly with what strikes, joins and holds it, and of four modes;
+    raises NoPicture."""
+    strike = [*contact.spot.point, *contact.spot.inward]
+    return _rendered(modes.field, fixtures(mesh) | {"strike": list(map(float, strike))})
+
+
+def picture_of_parts(scene: Scene, mesh: Parts) -> Picture:
+    """Picture of the meshed assembly with the chain, and what joins and holds it; raises
     NoPicture."""
-    return _rendered(modes.field, [*contact.spot.point, *contact.spot.inward])
+    spheres = np.broadcast_to(scene.chain.radius, scene.chain.count)[::-1].tolist()
+    return _rendered(_at_rest(mesh.meshes), fixtures(mesh) | {"spheres": spheres})[0]
 
 
 def picture_of(meshes: dict[str, Mesh]) -> Picture:
     """Picture of the meshes of bodies, each in a colour; raises NoPicture."""
+    return _rendered(_at_rest(meshes), {})[0]
+
+
+def fixtures(mesh: Parts) -> dict[str, Any]:
+    """What `report.render` draws beside the meshes, as JSON takes it."""
+    strike, joints = None, []
+    if mesh.struck is not None:
+        outward = mesh.struck.outward / np.linalg.norm(mesh.struck.outward)
+        strike = [*mesh.struck.point.tolist(), *(-outward).tolist()]
+    for joint in mesh.connections.joints:
+        corners = np.concatenate(_facets(mesh, joint.first.face))
+        # along the normal of a plane face, along the joint's z of another, as of a bore
+        _, spread, axes = np.linalg.svd(corners - corners.mean(axis=0), full_matrices=False)
+        axis = axes[2] if spread[2] < 1e-6 * spread[0] else joint.frame[2]
+        joints.append((joint.name, joint.centre.tolist(), axis.tolist()))
+    return {
+        "strike": strike,
+        "joints": joints,
+        "held": [
+            facet.tolist() for side in mesh.connections.held for facet in _facets(mesh, side.face)
+        ],
+    }
+
+
+def _facets(mesh: Parts, name: str) -> NDArray[np.float64]:
+    """Corners (n_facets, 3 or 4, 3) [m] of a face "body:face"."""
+    body, _, face = name.partition(":")
+    skin = mesh.meshes[body]
+    return skin.p[:, skin.facets[:, skin.boundaries[face]]].transpose(2, 1, 0)
+
+
+def _at_rest(meshes: dict[str, Mesh]) -> field_file.ModeField:
     nothing = np.empty(0)
-    return _rendered(field_file.ModeField(meshes, *(nothing,) * 4))[0]
+    return field_file.ModeField(meshes, *(nothing,) * 4)
 
 
-def _rendered(modes: field_file.ModeField, strike: Sequence[float] = ()) -> tuple[Picture, ...]:
-    """Pictures of assembly and modes, rendered by a child; `strike` is the point struck and the
-    direction of the force (6,). Raises NoPicture."""
+def _rendered(modes: field_file.ModeField, shown: dict[str, Any]) -> tuple[Picture, ...]:
+    """Pictures of assembly and modes with the fixtures shown, rendered by a child; raises
+    NoPicture."""
     with TemporaryDirectory() as folder:
-        field = Path(folder) / "modes.vtu"
+        field, json = Path(folder, "modes.vtu"), Path(folder, "fixtures.json")
         field_file.write(field, modes)
+        json.write_text(dumps({"bodies": [*modes.meshes]} | shown))
         images = [Path(folder) / "assembly.png", Path(folder) / "modes.png"]
-        point = ",".join(f"{number:.9g}" for number in strike)
-        arguments = [str(field), ",".join(modes.meshes), point, *map(str, images)]
+        arguments = map(str, (field, json, *images))
         try:
             process = child("workflows.report.render", *arguments, seconds=TIME_LIMIT)
         except TimeoutError:

@@ -192,7 +192,7 @@ ASSEMBLY = {
         ],
         (),
     ),
-    "pictures": Stage(".pictures:pictures", tables_of(), ("modes", "contact")),
+    "pictures": Stage(".pictures:pictures", tables_of(), ("mesh", "modes", "contact")),
 }
 
 BENDING = ASSEMBLY | {

@@ -49,9 +49,11 @@ class Looked:
     seen: Seen
 
     def plot(self) -> Picture:
-        """The bodies, a colour and a name each."""
-        from workflows.stages.pictures import picture_of
+        """The bodies, a colour and a name each; of a scene with chain, joints and held faces."""
+        from workflows.stages.pictures import picture_of, picture_of_parts
 
+        if self.seen.parts is not None:
+            return picture_of_parts(self.seen.scene, self.seen.parts)
         return picture_of(self.seen.meshes)
 
     def __repr__(self) -> str:

@@ -11,6 +11,7 @@ import coupling
 import fem
 from fem.correlation import measured_pairs
 from fem.decay import AmplitudeStep, over_amplitude, varies
+from fem.distortion import combination_tone
 from fem.hammer_files import SYNTHETIC, Responses
 from fem.hammer_test import accelerances, corner_readings, nearest_modes, with_noise
 from fem.hit_records import node_and_axis
@@ -222,8 +223,10 @@ def hammer_test(
 
     paired = nearest_modes(modes.frequency_hz.tolist(), dict(expected_hz))
     rows = []
+    lines = np.abs(f - modes.frequency_hz[:, None]).argmin(axis=1)
+    height = np.array([np.abs(H[:, :, max(n - 2, 0) : n + 3]).max() for n in lines])
     for i, (hz, zeta) in enumerate(zip(modes.frequency_hz, modes.zeta, strict=True)):
-        line = int(np.abs(f - hz).argmin())
+        line = int(lines[i])
         remarks = []
         # the half-power bandwidth in the response where the mode is largest
         at = np.unravel_index(np.abs(H[:, :, line]).argmax(), H.shape[:2])
@@ -246,12 +249,14 @@ def hammer_test(
             remarks.append("complex shape")
         if modes.zeta_deviation[i] > remarkable.zeta * zeta:
             remarks.append("damping uncertain")
+        if tone := combination_tone(i, modes.frequency_hz, modes.zeta, height):
+            remarks.append(f"likely no mode: {tone}")
         steps = decay_of(test, modes, i) if test.kind == "ring-downs" else []
         if varies(steps):
-            high, low = steps[0], steps[-1]
+            least, most = (pick(steps, key=lambda step: step.zeta) for pick in (min, max))
             remarks.append(
-                f"damping depends on amplitude: {100 * high.zeta:.3g} % at {high.amplitude:.2g}, "
-                f"{100 * low.zeta:.3g} % at {low.amplitude:.2g}"
+                f"damping depends on amplitude: {100 * most.zeta:.3g} % at {most.amplitude:.2g}, "
+                f"{100 * least.zeta:.3g} % at {least.amplitude:.2g}"
             )
         rows.append(
             HammerRow(

@@ -15,7 +15,9 @@ from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.size import foreseen_seconds, peak_memory
 from workflows.scene.toml import resolved
+from workflows.stages.assembly import mesh
 from workflows.stages.bodies import Drawing, drawing, lined
+from workflows.stages.parts import Parts
 from workflows.stages.strike import around
 
 STEEL = {"young": 210e9, "poisson": 0.3, "density": 7850.0}
@@ -67,7 +69,8 @@ class Look(BaseModel):
     touching: list[SeenPair]
     holes: list[SeenHole]
     masses: list[SeenMass] = []
-    dofs: int
+    dofs: int  # of the meshes
+    unknowns: int | None = None  # about, of a run: less what ties, joints and supports take
     memory_bytes: float
     seconds: float
     remarks: list[str]
@@ -108,8 +111,9 @@ class Look(BaseModel):
             lines += ["", aligned_text(("carried", "on", "mass [kg]"), cells)]
 
         seconds = float(f"{self.seconds:.2g}")
+        left = f", some {self.unknowns:,} once joined and held" if self.unknowns else " in all"
         cost = (
-            f"{self.dofs:,} dofs in all; modes and reduction take some {seconds:g} s of one core "
+            f"{self.dofs:,} dofs{left}; modes and reduction take some {seconds:g} s of one core "
             f"and {self.memory_bytes / 1e9:.2g} GB, within a factor of 2"
         )
         return "\n".join([*lines, "", cost, *self.remarks])
@@ -119,7 +123,9 @@ class Seen(NamedTuple):
     """The report, the meshes for a picture, and a scene to start from."""
 
     look: Look
+    scene: Scene
     meshes: dict[str, Mesh]
+    parts: Parts | None  # what a run has; None where the scene lacks what a run needs
     starter: str | None  # TOML; None where no plane face offers itself to the chain
 
 
@@ -133,16 +139,24 @@ def of_file(path: Path) -> Scene:
 def look(scene: Scene, source: str) -> Seen:
     """Bodies, pairs and holes of a scene, from its geometry alone and a mesh as a run has it."""
     scene = scene.written_out
+    parts, refusal = None, []
+    if scene.strike is not None:
+        try:
+            parts = mesh(scene)
+        except InvalidScene as why:
+            refusal = [f"A run refuses this scene: {why}"]
+
     # holes and remarks need the CAD kernel, whose session ends with the context
     with drawing(scene, lines=False) as geometry:
-        holes, starter, meshes = (
+        holes, starter, remarks = (
             _holes(geometry),
             _starter(geometry, Path(source)),
-            _meshes(scene, geometry),
+            _remarks(geometry) + refusal,
         )
+        meshes = _meshes(scene, geometry) if parts is None else parts.meshes
 
     # nodes of quadratic elements: corners and edges
-    nodes = {name: float(mesh.nvertices + mesh.nedges) for name, mesh in meshes.items()}
+    nodes = {name: float(skin.nvertices + skin.nedges) for name, skin in meshes.items()}
     bodies = []
     for name, body in geometry.bodies.items():
         material = scene.material_name(body.name)
@@ -158,6 +172,7 @@ def look(scene: Scene, source: str) -> Seen:
                 dofs=int(3 * nodes[name]),
             )
         )
+    dofs = int(3 * sum(nodes.values()))
     report = Look(
         name=source,
         unit=geometry.unit,
@@ -168,12 +183,32 @@ def look(scene: Scene, source: str) -> Seen:
         ],
         holes=holes,
         masses=[SeenMass(name=one.name, on=one.on, mass_kg=one.mass) for one in scene.masses or ()],
-        dofs=int(3 * sum(nodes.values())),
+        dofs=dofs,
+        unknowns=None if parts is None else dofs - constrained_dofs(parts),
         memory_bytes=peak_memory(scene, nodes),
         seconds=foreseen_seconds(nodes),
-        remarks=_remarks(geometry),
+        remarks=remarks,
     )
-    return Seen(report, meshes, starter)
+    return Seen(report, scene, meshes, parts, starter)
+
+
+def constrained_dofs(parts: Parts) -> int:
+    """Dofs that ties, rigid sides of joints and supports take from those of the meshes: of each
+    node on such a face, those in its directions. Springs of joints add at most six a joint."""
+    connections = parts.connections
+    faces = [(tie.slave, 3) for tie in connections.ties]
+    faces += [(held.face, len(held.directions)) for held in connections.held]
+    for joint in connections.joints:
+        sides = [side for side in (joint.first, joint.second) if side is not None]
+        faces += [(side.face, 3) for side in sides if side.coupling == "rigid"]
+    dofs = 0
+    for name, directions in faces:
+        body, _, face = name.partition(":")
+        skin = parts.meshes[body]
+        corners = np.zeros(skin.nvertices, dtype=bool)
+        corners[skin.facets[:, skin.boundaries[face]]] = True
+        dofs += directions * int(corners.sum() + corners[skin.edges].all(axis=0).sum())
+    return dofs
 
 
 def _meshes(scene: Scene, geometry: Drawing) -> dict[str, Mesh]:

@@ -1,0 +1,408 @@
+"""The cycle that shakers keep up of chain, frictional contact and structure, by harmonic balance.
+
+All bodies are linear between their contacts. Cut there, their approach and shift y (c contacts:
+between spheres, at the wall along n, t1, t2) answer the contacts' forces f at each harmonic W of
+the shakers' period by a receptance that is known in closed form,
+
+    y = s - C f,    C = sum b b^T / (k - m W^2) + sum phi phi^T / (w^2 - W^2 + 2 i z w W) + S
+
+over spheres, their turns and the wall's modes, with s of the shakers, f and y from rest. The
+contacts answer y over time: Hertz' law with its damper, and the frictional contact led twice round
+the path (alternating between frequency and time: T. M. Cameron, J. H. Griffin, J. Appl. Mech. 56
+(1989) 149). What is to vanish is
+
+    r = (1 + C K)^-1 (s - C f(y) - y)
+
+where K are stiffnesses of the contacts: for f = K y, r is the whole way to the solution. Newton's
+method finds it, -dr/dy known along directions that are added where a step is poor (generalised
+conjugate residuals: S. C. Eisenstat, H. C. Elman, M. H. Schultz, SIAM J. Numer. Anal. 20 (1983)
+345) and along each step (C. G. Broyden, Math. Comp. 19 (1965) 577). Nothing but the path between
+samples is approximate: there is no step in the bodies' motion.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from coupling.spatial_march import Before, Body, Moving
+from dem.friction import stick_stiffness
+from dem.kernels.arguments import Array
+from dem.kernels.lateral import Springs, press_round
+from dem.kernels.spatial import (
+    BEYOND_MODES,
+    BY_CONTACT,
+    BY_SHAKERS,
+    DAMPED,
+    RUBBED,
+    Contacts,
+    SavedSpatial,
+)
+
+
+class BalanceSearch(NamedTuple):
+    """How a cycle is searched for."""
+
+    # of the contacts; 10 to 120 are usual, and cycles that slip as a whole are found by few or none
+    most_evaluations: int = 160
+    laps: int = 2  # of the frictional contact round a cycle
+    directions: int = 60  # of a Newton step, at most
+    linear: float = 0.1  # of a Newton step's equation that may be left
+    # change of r over a step from which the next one takes no new directions; 0.1 to 0.5 take as
+    # many evaluations to 20 %
+    good: float = 0.3
+    cut_backs: int = 3  # of a Newton step that leads further away, each to its half
+    nudge: float = 1e-6  # of the cycle's size: differences along a direction; not varied
+    stuck: float = 0.8  # K across, of the contact's stiffness where it sticks; 0.6 to 0.8 tried
+    weak: float = 1e-9  # of the contact's stiffness: springs of bodies that nothing holds
+
+
+USUAL_BALANCE_SEARCH = BalanceSearch()
+
+
+class Learned(NamedTuple):
+    """What differs -dr/dy from 1 on a cycle, by pairs: P = 1 + sum w e^T is near its inverse."""
+
+    w: list  # of (N, c), in units of force
+    e: list  # of (N, c), orthonormal for those found together, with the mean over time
+
+    def step(self, r: Array) -> Array:
+        """P r."""
+        share = [float(np.vdot(e, r)) / len(r) for e in self.e]
+        return r + sum(x * w for x, w in zip(share, self.w, strict=True))
+
+    def resampled(self, n_samples: int) -> "Learned":
+        """The same of a cycle of other times."""
+        return Learned(*([resampled(x, n_samples) for x in part] for part in self))
+
+
+class Cut(NamedTuple):
+    """The bodies, cut at their contacts, at h harmonics of a period."""
+
+    omega: Array  # (h,) [rad/s]
+    C: Array  # (h, c, c) [m/N] answer of approach and shift to contact forces
+    shaken: Array  # (h, c) [m] s, as numpy.fft.rfft counts it
+    K: Array  # (c,) [N/m] of the contacts under their static forces, the last ones sticking
+    rest: Array  # (c,) [m] overlaps at rest, 0 across
+    force: Array  # (c,) [N] at rest
+    sphere: Array  # (h, n) [m/N] of the spheres along the chain
+    across: Array  # (h, d) [m/N] of the last sphere's centre across
+    turn: Array  # (h,) [rad/(N m)] of its turn
+    modes: Array  # (h, k) [s^2] of the modes
+    push: Array  # (h, k) of the shakers on the modes, as numpy.fft.rfft counts it
+    residual: Array  # (h, 1 + d) [m] motion L f of the contact
+
+
+class Answer(NamedTuple):
+    """What the contacts answer a cycle, at N times."""
+
+    force: Array  # (N, c) [N], dampers included
+    elastic: Array  # (N, c) [N] without dampers
+    stick: Array  # (N,) share of the area
+    heat: float  # [J] of friction in a period
+    damped: float  # [J] of the dampers in a period
+    creep: float  # change of the tangential force over the period, over its largest
+    contacts: Contacts  # springs of the frictional contact at t = 0
+    slip: Array  # (d,) [m] where these are
+
+
+class Balance(NamedTuple):
+    """A cycle in which forces and motions agree, at N times from t = 0 on."""
+
+    cut: Cut
+    y: Array  # (N, c) [m]
+    answer: Answer
+    change: float  # of y by a step of r, over its size, both as forces K y
+    evaluations: int
+    learned: Learned
+
+
+def cut_at_contacts(body: Body, before: Before, n_samples: int, search: BalanceSearch) -> Cut:
+    """The bodies of a chain before the striker, at the harmonics of the shakers' period."""
+    chain, static, wall, Q = body.prepared.chain, body.prepared.static, body.wall, body.to_frame
+    n, d = chain.mass.size, len(body.frame)
+    inverse = 1.0 / np.asarray(chain.mass, float)
+    inverse[before.held] = 0.0
+    A = np.array(chain.A, float)
+    A[: before.n_absent] = 0.0
+    k = 1.5 * (A**2 * np.maximum(static.force, 0.0)) ** (1.0 / 3.0)
+    a = math.sqrt(body.last.law.radius * (max(static.force[-1], 0.0) / A[-1]) ** (2.0 / 3.0))
+    k_t = float(stick_stiffness(body.last.law, a))
+    omega = 2.0 * np.pi / body.shakers.period * np.arange(n_samples // 2 + 1)
+
+    def oscillator(inverse: Array, stiffness: Array) -> Array:
+        """(h, ...) [m/N] receptance of masses on springs; 0 of those held fast."""
+        inverse, stiffness = np.atleast_1d(inverse), np.atleast_1d(stiffness)
+        free = inverse > 0.0
+        mass = 1.0 / np.where(free, inverse, 1.0)
+        soft = np.maximum(stiffness, search.weak * max(k.max(), k_t))
+        return free / (soft - np.multiply.outer(omega**2, mass))
+
+    leaf, R = np.broadcast_to(chain.springs[0], n), float(chain.radius[-1])
+    inverse_across, inverse_inertia = body.mobility()
+    arm = np.where(inverse_across > 0.0, body.arm_stiffness(), 0.0)
+    kappa = float(body.last.arm_rotation) if inverse_inertia > 0.0 else 0.0
+    sphere = oscillator(inverse, leaf)
+    across = oscillator(inverse_across, arm)
+    turn = oscillator(inverse_inertia * R**2, kappa / R**2)[:, 0]  # of R psi under T
+    w = np.asarray(wall.omega, float)
+    modes = 1.0 / (w**2 - omega[:, None] ** 2 + 2j * wall.zeta * w * omega[:, None])
+
+    # spheres join contacts before and behind, the wall's modes and S the last ones
+    phi, c = Q @ wall.phi.T, n + d
+    C = np.zeros((omega.size, c, c), complex)
+    last = np.arange(n - 1, c)
+    for i in range(n):
+        b = np.zeros(c)
+        b[i] = 1.0
+        b[i - 1 if i else i] -= 1.0 if i else 0.0
+        C += sphere[:, i, None, None] * np.outer(b, b)
+    for j in range(d):
+        C[:, n + j, n + j] += across[:, j] + turn
+    at_wall = np.einsum("ik,hk,jk->hij", phi, modes, phi, optimize=True)
+    C[np.ix_(np.arange(omega.size), last, last)] += at_wall + Q @ wall.residual_compliance @ Q.T
+
+    # the shakers' forces at their harmonics
+    push, shaken, residual = (np.zeros((omega.size, m), complex) for m in (w.size, c, 1 + d))
+    for j, frequency in enumerate(np.asarray(body.shakers.frequency, float)):
+        h = round(frequency * body.shakers.period)
+        force = 0.5 * n_samples * body.shakers.force[j] * np.exp(1j * body.shakers.phase[j])
+        push[h] += force * wall.load[:, j]
+        residual[h] += force * (Q @ wall.load_residual[:, j])
+    shaken[:, last] -= (modes * push) @ phi.T + residual
+
+    offset = float(wall.phi[:, 0] @ static.q)
+    rest = np.zeros(c)
+    rest[: n - 1] = static.x[:-1] - static.x[1:]
+    S = np.asarray(wall.residual_compliance, float)
+    rest[n - 1] = static.x[-1] - offset - S[0, 0] * static.force[-1]
+    force = np.append(static.force, np.zeros(d))
+    K = np.append(k, np.full(d, k_t))
+    return Cut(omega, C, shaken, K, rest, force, sphere, across, turn, modes, push, residual)
+
+
+def answer(
+    body: Body, before: Before, cut: Cut, y: Array, memory: Answer | None, laps: int
+) -> Answer:
+    """What the contacts answer the cycle y (N, c) [m], led round it so many times from a contact
+    pressed and never sheared, or from what another cycle left."""
+    chain, law = body.prepared.chain, body.last.law
+    n, d, N = chain.mass.size, len(body.frame), len(y)
+    A = np.array(chain.A, float)
+    A[: before.n_absent] = 0.0
+    overlap = np.maximum(cut.rest[:n] + y[:, :n], 0.0)
+    elastic = A * overlap**1.5
+    pressure, damped = np.ones((N, n)), 0.0
+    if body.prepared.damping is not None:
+        gamma = np.asarray(chain.gamma, float)
+        rate = np.fft.irfft(1j * cut.omega[:, None] * np.fft.rfft(y[:, :n], axis=0), N, axis=0)
+        pressure = np.maximum(1.0 + gamma * rate, 0.0)
+        lost = np.mean((pressure - 1.0) * elastic * rate, axis=0)
+        damped = body.shakers.period * float(lost.sum())
+
+    tangential, stick = np.zeros((N, d)), np.zeros(N)
+    path = np.column_stack([overlap[:, -1], pressure[:, -1], y[:, n:]])
+    if memory is None:
+        contacts, slip = body.at_rest().contacts, np.zeros(d)
+        at_rest = np.zeros((1, 2 + d))
+        at_rest[0, :2] = max(float(cut.rest[n - 1]), 0.0), 1.0
+        springs = Springs(contacts.row, contacts.room, contacts.cells)
+        press_round(law, 1, at_rest, springs, slip, tangential[:1], stick[:1])
+    else:
+        contacts, slip = memory.contacts.copied(), memory.slip.copy()
+        springs = Springs(contacts.row, contacts.room, contacts.cells)
+    heat, change = press_round(law, laps, path, springs, slip, tangential, stick)
+    return Answer(
+        force=np.column_stack([elastic * pressure, tangential]),
+        elastic=np.column_stack([elastic, tangential]),
+        stick=stick,
+        heat=heat,
+        damped=damped,
+        creep=change / (float(np.abs(tangential).max()) or 1.0),
+        contacts=contacts,
+        slip=slip,
+    )
+
+
+def balance(
+    body: Body,
+    before: Before,
+    n_samples: int,
+    tolerance: float,
+    creep: float,
+    *,
+    start: Balance | None = None,
+    search: BalanceSearch = USUAL_BALANCE_SEARCH,
+) -> Balance:
+    """A cycle of n_samples to a change of `tolerance`, from one of any number of samples; its
+    change is above the tolerance where none is found.
+
+    In one direction a contact comes into its cycle at once; across that direction what slips
+    little forgets its shear over many periods, which are added until one creeps by `creep`.
+    """
+    cut = cut_at_contacts(body, before, n_samples, search)
+    N, c, d = n_samples, cut.K.size, len(body.frame)
+    K = cut.K.copy()
+    K[c - d :] *= search.stuck
+    A = np.linalg.inv(np.eye(c) + cut.C * K)
+    AC = A @ cut.C
+    linear = (A @ cut.shaken[:, :, None])[:, :, 0]
+    units = np.where(K > 0.0, K, 1.0)
+    evaluations, memory = 0, None
+
+    def residual(y: Array) -> tuple[Array, Answer]:
+        """r, as forces K r, and what the contacts answer."""
+        nonlocal evaluations
+        evaluations += 1
+        now = answer(body, before, cut, y, memory, search.laps)
+        beyond = np.fft.rfft(now.force - cut.force - K * y, axis=0)
+        r = np.fft.irfft(linear - (AC @ beyond[:, :, None])[:, :, 0], N, axis=0) - y
+        return units * r, now
+
+    def size(r: Array) -> float:
+        return float(np.sqrt(np.vdot(r, r) / N))
+
+    y = np.fft.irfft(linear, N, axis=0) if start is None else resampled(start.y, N)
+    learned = Learned([], []) if start is None else start.learned.resampled(N)
+    r, now = residual(y)
+    trusted = True  # what was learned
+    while True:
+        change = size(r) / (size(units * y) or 1.0)
+        best = Balance(cut, y, now, change, evaluations, learned)
+        if change <= tolerance and now.creep <= creep:
+            return best
+        if evaluations >= search.most_evaluations:
+            return best._replace(change=max(change, now.creep))
+        if not math.isfinite(change):
+            return best._replace(change=math.inf)
+
+        # in its cycle but for what creeps: on from there
+        if change <= tolerance:
+            memory = now
+            r, now = residual(y)
+            continue
+
+        # a step by what is known of dr/dy, which becomes known along the step
+        if trusted:
+            s = learned.step(r)
+            r_after, now_after = residual(y + s / units)
+            e, norm = r - r_after, size(r - r_after)
+            if norm > 0.0:
+                learned.w.append((s - learned.step(e)) / norm)
+                learned.e.append(e / norm)
+            trusted = size(r_after) <= search.good * size(r)
+            if size(r_after) <= size(r):
+                y, r, now = y + s / units, r_after, now_after
+            continue
+
+        # Newton's step: directions d, each what is known to solve what remains, and e = -dr/dy d
+        remaining, s, D, E = r, np.zeros_like(r), [], []
+        length = search.nudge * size(units * y)
+        while len(D) < search.directions and size(remaining) > search.linear * size(r):
+            direction = learned.step(remaining)
+            direction = direction / size(direction)
+            e = (r - residual(y + length * direction / units)[0]) / length
+            for d_before, e_before in zip(D, E, strict=True):
+                share = float(np.vdot(e_before, e)) / N
+                e, direction = e - share * e_before, direction - share * d_before
+            norm = size(e)
+            if not norm > 0.0:
+                break
+            D.append(direction / norm)
+            E.append(e / norm)
+            share = float(np.vdot(E[-1], remaining)) / N
+            remaining, s = remaining - share * E[-1], s + share * D[-1]
+        new = [direction - learned.step(e) for direction, e in zip(D, E, strict=True)]
+        learned = Learned([*learned.w, *new], [*learned.e, *E])
+        for _ in range(search.cut_backs + 1):
+            r_after, now_after = residual(y + s / units)
+            if size(r_after) < size(r):
+                break
+            s = 0.5 * s
+        y, r, now, trusted = y + s / units, r_after, now_after, True
+
+
+def resampled(y: Array, n_samples: int) -> Array:
+    """A cycle (N, c) at other times: harmonics beyond those of the fewer samples are 0."""
+    out = np.zeros((n_samples // 2 + 1, y.shape[1]), complex)
+    spectrum = np.fft.rfft(y, axis=0)
+    m = min(len(out), len(spectrum)) - 1
+    out[:m] = spectrum[:m] * (n_samples / len(y))
+    return np.fft.irfft(out, n_samples, axis=0)
+
+
+def cycle_of(body: Body, balance: Balance, n_saves: int) -> tuple[Moving, SavedSpatial]:
+    """The state at t = 0, and n_saves + 1 instants of the period as a march would save them.
+
+    Of the energies the last instant has what a period adds: friction's heat, what is lost in
+    dampers, work of the contact and of the shakers on the modes, and on the motion L f; the first
+    instant has none, and those between are not known.
+    """
+    cut, answer, y = balance.cut, balance.answer, balance.y
+    n, N = body.prepared.chain.mass.size, len(y)
+    wall, Q, R = body.wall, body.to_frame, float(body.prepared.chain.radius[-1])
+    period, rate = body.shakers.period, 1j * cut.omega[:, None]
+    f = np.fft.rfft(answer.force - cut.force, axis=0)
+
+    def over_time(spectrum: Array) -> Array:
+        return np.fft.irfft(spectrum, N, axis=0)
+
+    # the modes under forces; the spheres by approach and shift from there on, as soft springs would
+    # make much of what little the forces still change by
+    phi = Q @ wall.phi.T
+    q = cut.modes * (f[:, n - 1 :] @ phi + cut.push)
+    wall_motion = q @ phi.T
+    at_wall = np.fft.rfft(y, axis=0)
+    at_wall[:, n - 1 :] += wall_motion + f[:, n - 1 :] @ (Q @ wall.residual_compliance @ Q.T)
+    at_wall[:, n - 1 :] += cut.residual
+    x = np.cumsum(at_wall[:, n - 1 :: -1], axis=1)[:, ::-1] * (cut.sphere[0] > 0.0)
+    u, turned = -cut.across * f[:, n:], -cut.turn[:, None] * f[:, n:]
+    missing = at_wall[:, n:] - u - turned
+    moves = cut.across[0] != 0.0
+    u, psi = u + moves * missing, (turned + ~moves * missing * (cut.turn[0] != 0.0)) / R
+
+    # work and losses: the mean of a product is 2 Re sum A B* / N^2
+    def mean(a: Array, b: Array) -> float:
+        return 2.0 * float(np.real(np.vdot(b, a))) / N**2
+
+    work = period * mean(rate * q, cut.push)
+    beyond = period * mean(rate * f[:, n - 1 :], cut.residual)
+    lost = period * mean(rate * q, 2.0 * wall.zeta * wall.omega * (rate * q))
+
+    # as saved
+    every = np.append(np.arange(0, N, N // n_saves), 0)
+    k = n_saves + 1
+    energy = np.zeros((k, 9))
+    energy[-1, RUBBED] = answer.heat
+    energy[-1, DAMPED] = answer.damped
+    energy[-1, BY_CONTACT] = lost - work
+    energy[-1, BY_SHAKERS] = work
+    energy[-1, BEYOND_MODES] = beyond
+    across = np.stack([over_time(part) for part in (u, rate * u, psi, rate * psi)], axis=1)
+    static = body.prepared.static
+    saved = SavedSpatial(
+        x=(static.x + over_time(x))[every],
+        v=over_time(rate * x)[every],
+        contact_force=answer.force[every, :n],
+        across=across[every],
+        force=answer.elastic[every, n - 1 :],
+        slip=y[every, n:],
+        wall=np.stack([over_time(wall_motion), over_time(rate * wall_motion)], axis=1)[every],
+        stick=answer.stick[every],
+        motion=over_time(cut.residual)[every],
+        energy=energy,
+        q=np.zeros((k, 0)),
+        p=np.zeros((k, 0)),
+    )
+
+    moving = body.at_rest()
+    motion = moving.motion
+    for values, at_0 in (
+        (motion.x, saved.x[0]), (motion.v, saved.v[0]), (motion.u, across[0, 0]),
+        (motion.u_v, across[0, 1]), (motion.psi, across[0, 2]), (motion.spin, across[0, 3]),
+        (motion.q, over_time(q)[0]), (motion.p, over_time(rate * q)[0]),
+        (motion.force, saved.force[0]), (motion.slip, y[0, n:]), (motion.wall, saved.wall[0]),
+    ):  # fmt: skip
+        values[:] = at_0
+    motion.f[1:] = answer.elastic[0, :n]
+    return moving._replace(contacts=answer.contacts), saved

@@ -1,0 +1,138 @@
+"""The cycle that shakers keep up, by harmonic balance: closed forms, marches from it, energy."""
+
+import numpy as np
+import pytest
+from spatial_contact import last, random_wall, row
+
+from coupling.harmonic_balance import balance, cycle_of
+from coupling.periodic_state import (
+    USUAL_PERIODIC_SEARCH,
+    period_of,
+    periodic_state,
+    still,
+    still_modes,
+    with_still,
+    without_still,
+)
+from coupling.spatial_march import Before, ShakerForces, SpatialSearch, body_of
+from coupling.spatial_wall import spatial_wall_of_modes
+from dem.friction import tangential_law
+
+ARM = {"arm_stiffness": np.array([2e6, 3e6]), "arm_rotation": 300.0}
+
+
+def shaken(force, frequency, *, seed=1, n=1, S=0.0, n_cells=256, **fields):
+    """A chain on a random wall under one shaker, partly slipping, and nothing that strikes."""
+    wall = random_wall(seed, load=np.random.default_rng(seed).normal(size=(4, 1)))._replace(
+        zeta=np.full(4, 0.05),
+        residual_compliance=S * np.array([[1.0, 0.3, -0.2], [0.3, 1.2, 0.4], [-0.2, 0.4, 0.8]]),
+        load_residual=1e-9 * np.array([[0.3], [1.0], [-0.5]]),
+    )  # fmt: skip
+    chain = row(n, preload=40.0, leaf_stiffness=1e5 if n > 1 else None, **fields)
+    shakers = ShakerForces(np.array([force]), np.array([frequency]), np.array([0.4]))
+    search = SpatialSearch(n_cells=n_cells)
+    return body_of(chain, wall, np.zeros(n), last(chain, **ARM), shakers, search)
+
+
+def at_rest_before(body):
+    return Before(np.zeros(body.prepared.chain.mass.size, bool), 0)
+
+
+def test_a_sphere_that_sticks_and_a_mode_are_two_linear_oscillators():
+    """Arm and mode along t1, the contact's stiffness between them, friction without bound: the
+    receptance of both in closed form."""
+    chain, frequency, force = row(preload=100.0), 800.0, 5.0
+    body = last(chain, arm_stiffness=np.full(2, 2e6), arm_rotation=np.inf)
+    R, E, nu = 0.0127, 210e9, 0.3
+    body = body._replace(law=tangential_law(1e5, R, E, nu, np.inf, E, nu))
+    wall = spatial_wall_of_modes([2 * np.pi * 500.0], [0.03], [[0.0, 0.8, 0.0]], load=[[0.6]])
+    shakers = ShakerForces(np.array([force]), np.array([frequency]), np.array([0.3]))
+    marched = body_of(chain, wall, [0.0], body, shakers)
+    cycle = balance(marched, at_rest_before(marched), 512, 1e-10, 1e-10)
+
+    w, k_t, m = 2 * np.pi * frequency, 3.840868e7, float(chain.mass[0])
+    omega = 2 * np.pi * 500.0
+    # sphere u on arm and contact; mode q, its point at 0.8 q
+    D = np.array([
+        [2e6 + k_t - m * w**2, -0.8 * k_t],
+        [-0.8 * k_t, omega**2 + 0.64 * k_t - w**2 + 2j * 0.03 * omega * w],
+    ])  # fmt: skip
+    u, q = np.linalg.solve(D, [0.0, 0.6 * force * np.exp(0.3j)])
+    t = np.arange(512) / 512 / frequency
+    expected = np.real((u - 0.8 * q) * np.exp(1j * w * t))
+    np.testing.assert_allclose(cycle.y[:, 1], expected, atol=2e-5 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(
+    ("n", "S", "fields"),
+    [(1, 0.0, {}), (1, 3e-9, {}), (3, 0.0, {"dissipation": "hunt-crossley", "gamma": 0.5})],
+)
+def test_periods_marched_from_a_cycle_come_back_to_it_as_the_square_of_the_step(n, S, fields):
+    """Forces over the period after, by two steps: what a fourth of the difference leaves is below
+    1e-4 of the largest, where shear forgotten over many periods and the samples leave 3e-5."""
+    body = shaken(60.0, 500.0, n=n, S=S, **fields)
+    before, cycle = at_rest_before(body), None
+    for n_samples in (512, 2048):
+        cycle = balance(body, before, n_samples, 1e-8, 1e-6, start=cycle)
+    assert cycle.change < 1e-8
+    assert 0.05 < cycle.answer.stick.min() < 0.95
+    moving, saved = cycle_of(body, cycle, 256)
+    off = []
+    for n_steps in (4096, 8192):
+        period = period_of(body, before, n_steps, USUAL_PERIODIC_SEARCH)
+        start = moving.copied()
+        body.settle(start, period.system, 0.0)
+        marched = period.march(start)
+        off.append((marched.force - saved.force)[:, 1:] / np.abs(saved.force[:, 1:]).max())
+    assert np.abs(off[0]).max() < 3e-3
+    assert np.abs((4.0 * off[1] - off[0]) / 3.0).max() < 1e-4
+    gained = marched.energy[-1] - marched.energy[0]
+    assert saved.energy[-1, 2] == pytest.approx(gained[2], rel=2e-3)
+    assert np.sum(saved.energy[-1, 6:8]) == pytest.approx(np.sum(gained[6:8]), rel=2e-3)
+    assert saved.energy[-1, 4] == pytest.approx(gained[4], rel=2e-2, abs=1e-15)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_work_is_heat_and_losses_to_far_below_the_error(seed):
+    """Of a cycle to 1e-3, work and losses differ by less than 1e-4 of the work: what samples and
+    cells leave of the path's area."""
+    body = shaken(30.0, 300.0, seed=seed)
+    state = periodic_state(body, at_rest_before(body), error=1e-3)
+    assert state.cycle.stick_share.min() < 1.0
+    assert state.balance < 1e-4
+
+
+def test_modes_far_above_the_contacts_neither_feed_nor_change_a_march_of_periods():
+    """One of 100 times the contact's rate, its period near a step: at rest in its forces it leaves
+    the contact's static motion, and the state at t = 0 has its displacement and velocity."""
+    body = shaken(30.0, 500.0)
+    omega = 100.0 * body.rate
+    wall = body.wall
+    stiff = wall._replace(
+        omega=np.append(wall.omega, omega),
+        zeta=np.append(wall.zeta, 0.005),
+        phi=np.vstack([wall.phi, omega * np.array([3e-5, 5e-5, 2e-5])]),
+        load=np.vstack([wall.load, [[1.0]]]),
+        sense=np.zeros((5, 0)),
+    )
+    body = body_of(
+        body.prepared.chain, stiff, [0.0], body.last, body.shakers, SpatialSearch(n_cells=256)
+    )
+    assert list(still_modes(body)) == [False] * 4 + [True]
+    slow = still(body)
+    np.testing.assert_allclose(
+        slow.wall.residual_compliance, np.outer(stiff.phi[-1], stiff.phi[-1]) / omega**2
+    )
+    before = at_rest_before(body)
+    cycle = balance(body, before, 1024, 1e-8, 1e-5)
+    moving, saved = cycle_of(body, cycle, 256)
+    rate = (saved.force[1] - saved.force[-2]) * 256 * 500.0 / 2.0
+    again = with_still(body, without_still(body, moving), rate).motion
+    np.testing.assert_allclose(again.q, moving.motion.q, rtol=1e-3)
+    np.testing.assert_allclose(again.p[:4], moving.motion.p[:4])
+    period = period_of(slow, before, 4096, USUAL_PERIODIC_SEARCH)
+    start = without_still(body, moving).copied()
+    slow.settle(start, period.system, 0.0)
+    marched = period.march(start)
+    off = np.abs(marched.force - saved.force)[:, 1:].max()
+    assert off < 3e-3 * np.abs(saved.force[:, 1:]).max()
