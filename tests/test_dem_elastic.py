@@ -207,10 +207,9 @@ def test_sensitivities_are_differences_of_runs(name, gamma):
     zeros = np.zeros((5, p)), np.zeros((5, p)), np.zeros((5, p)), np.zeros(p), *np.zeros((3, 2, p))
     d = Directions(*zeros)
     d.A[:, 0] = chain.A
-    exponent = np.zeros((5, p))
     if p == 2:
-        exponent[:, 1] = 1.0
-        d = d._replace(exponent=exponent)
+        d = d._replace(parameters=np.zeros((1, 5, p)))
+        d.parameters[0, :, 1] = 1.0
     numbers = dict(duration=1.2e-4, dt=1e-7, observed=[0, 2, 4])
     exact = march_with_sensitivities(chain, SPRUNG, struck(), d, **numbers)
     for j, parameter in enumerate(parameters):
@@ -272,13 +271,13 @@ def test_a_power_of_three_halves_is_hertz_law():
     assert np.abs(runs[0].v - runs[1].v).max() < 1e-10
     forces = np.array([0.0, 1.0, 300.0])
     A = np.full(3, 2e10)
-    assert ElasticLaw(A, np.full(3, 1.5)).hertz(forces) == pytest.approx(A, rel=1e-13)
+    assert ElasticLaw(A, {"exponent": np.full(3, 1.5)}).hertz(forces) == pytest.approx(A, rel=1e-13)
 
 
 BAD = {
     "exponent[0] is 0.5": row(1.0)._replace(exponent=np.full(5, 0.5)),
     "exponent 5 is above 4": row(1.0)._replace(exponent=np.full(5, 5.0)),
-    "two laws": row(1.0)._replace(table=dem.force_table(KNOTS, FORCES)),
+    "exponent and table belong to no law": row(1.0)._replace(table=dem.force_table(KNOTS, FORCES)),
     "yield_overlap is of Hertz contacts": row(2.0)._replace(yield_overlap=np.ones(5)),
 }
 

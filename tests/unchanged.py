@@ -25,9 +25,9 @@ TOLERANCE = 1e-12  # of the largest number of an array: rounding of another orde
 SCENES = ("rig-rom rig-rom-269 rig-rom-907 rig-full-tie cantilever plate-on-bolts beam "
           "slender-beam plate upright sensed-beam rig-1dof rig-half-space rig-rigid "
           "free-chain oblique-sphere shaken-plane").split()  # fmt: skip
-STUDIES = ("axial-force beam-length beam-thickness boundary-distance damping energy joints "
-           "plastic-contact plate-thickness rig singularity solid-beam solid-plate sphere-mass "
-           "striker wall-modulus wall-thickness walls").split()  # fmt: skip
+STUDIES = ("axial-force beam-length beam-thickness boundary-distance damping energy friction "
+           "joints plastic-contact plate-thickness rig singularity solid-beam solid-plate "
+           "sphere-mass striker wall-modulus wall-thickness walls").split()  # fmt: skip
 VERIFIED = ("solitary-wave contacts half-spaces chain-and-wall structures contact-node reductions "
             "formulas").split()  # fmt: skip
 

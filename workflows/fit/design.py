@@ -29,13 +29,18 @@ from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
 from workflows.report.tables import Table, short
 from workflows.scene import Instrument, InvalidScene
+from workflows.scene.places import has_friction
 from workflows.stages.pipeline import Pipeline
 from workflows.stages.progress import Progress
+from workflows.stages.signals import sensors as sensors_of
 from workflows.sweep.cases import Base
 from workflows.sweep.design import grid, require_free
 
 NEAR = 0.01  # of the bounds' distance: walls are computed as far to either side of the scene's
 MOST_CASES = 200
+# step of difference quotients, in scales: half a percent of the bounds, where periodic states of
+# shakers are found to a thousandth of what such a step changes
+OF_STATES = 0.25
 MOST_CURVES = 8  # in a picture
 
 
@@ -50,10 +55,17 @@ class CandidateChain(NamedTuple):
     """One chain: the spheres that may be watched, and what each would tell."""
 
     values: dict[str, Any]  # of the keys that are varied
-    spheres: tuple[int, ...]  # from 2 on
-    bars: NDArray[np.float64]  # (m, n) two-sigma of the numbers, in SI units
+    places: tuple[str | int, ...]  # spheres from 2 on, then sensors on the structure
+    bars: NDArray[np.float64]  # (m, n) two-sigma, at m places, of the numbers, in SI units
     by_noise: NDArray[np.float64]  # (m, n) share of the noise in their squares
     records: NDArray[np.float64]  # (m, n) [s] after the first touch that are long enough
+
+    rubs: bool = False  # on a structure, with friction
+
+    @property
+    def spheres(self) -> tuple[int, ...]:
+        """Those among the places."""
+        return tuple(place for place in self.places if isinstance(place, int))
 
 
 def designed(
@@ -113,17 +125,27 @@ def _candidate(
     else:
         sensors = tuple(Sensor(i - 1, "force") for i in spheres)
         noise, unknown_gain = USUAL_NOISE, True
+    places: tuple[str | int, ...] = spheres
+    if has_friction(scene):
+        on_structure = [each for each in sensors_of(scene) if each.column is not None]
+        sensors = (*sensors, *(sensor._replace(gain=1.0) for sensor in on_structure))
+        named = [each.label for each in scene.output.sensors or () if each.on is not None]
+        places = (*spheres, *named)
 
     with marched(scene.name):
         if wall not in walls:
             box = Bounds(*ends(nearby))
             model = structure(base, keys, box, n, lambda name: nullcontext())
             model = model.through(theta) if model.between else model
-            walls[wall] = CandidateWalls(model, better_walls(scene))
+            rubs = model.rubbing is not None  # no better wall of three directions is known
+            walls[wall] = CandidateWalls(model, {} if rubs else better_walls(scene))
         model = walls[wall].model.of(scene, base)
         t = np.arange(int(scene.time.duration * instrument.sampling)) / instrument.sampling
         step = STEPS * model(theta).step
+        model = model.stepped(theta, step)
         forward = StructureForward(model, sensors, step)
+        if model.rubbing is not None and model.rubbing.near is not None:
+            forward = forward._replace(difference=OF_STATES)
         causes, records = foreseen(
             forward, unknowns(sought, per_record, [trigger("trigger", 0.0)]), theta, t,
             noise=noise, unknown_gain=unknown_gain,
@@ -131,7 +153,10 @@ def _candidate(
         )  # fmt: skip
     squares = {cause: part[:, :n] ** 2 for cause, part in causes.items()}
     whole = sum(squares.values())
-    return CandidateChain(values, spheres, np.sqrt(whole), squares[NOISE] / whole, records[:, :n])
+    return CandidateChain(
+        values, places, np.sqrt(whole), squares[NOISE] / whole, records[:, :n],
+        model.rubbing is not None,
+    )  # fmt: skip
 
 
 def _finding(sought: tuple[Parameter, ...], chains: list[CandidateChain]) -> Finding:
@@ -145,7 +170,7 @@ def _finding(sought: tuple[Parameter, ...], chains: list[CandidateChain]) -> Fin
         (*chain.values.values(), sphere, *map(float, np.concatenate(numbers_of_sphere)))
         for chain in chains
         for sphere, *numbers_of_sphere in zip(
-            chain.spheres, chain.bars, chain.by_noise, chain.records, strict=True
+            chain.places, chain.bars, chain.by_noise, chain.records, strict=True
         )
     )
 
@@ -157,9 +182,9 @@ def _finding(sought: tuple[Parameter, ...], chains: list[CandidateChain]) -> Fin
         for i, p in enumerate(sought):
             best, worst = int(chain.bars[:, i].argmin()), int(chain.bars[:, i].argmax())
             printed.append((
-                *chain.values.values(), p.name, chain.spheres[best], float(chain.bars[best, i]),
+                *chain.values.values(), p.name, chain.places[best], float(chain.bars[best, i]),
                 float(chain.bars[best, i] / (p.high - p.low)),
-                f"{chain.by_noise[best, i]:.0%}", chain.spheres[worst],
+                f"{chain.by_noise[best, i]:.0%}", chain.places[worst],
                 float(chain.bars[worst, i]), 1e3 * float(chain.records[best, i]),
             ))  # fmt: skip
 
@@ -167,12 +192,18 @@ def _finding(sought: tuple[Parameter, ...], chains: list[CandidateChain]) -> Fin
     for i, p in enumerate(sought):
         curves = [
             Line(_with_values(chain.values).removeprefix(" with ") or None,
-                 np.array(chain.spheres, float), chain.bars[:, i] / (p.high - p.low), "o-")
+                 np.array(chain.spheres, float),
+                 chain.bars[: len(chain.spheres), i] / (p.high - p.low), "o-")
             for chain in chains[:MOST_CURVES]
         ]  # fmt: skip
         words = f"{p.name}\ntwo sigma over bounds"
         panels_of_numbers.append(Panel("", "sphere that is watched", words, curves, "y"))
         sentences.append(_on_best(p, i, chains))
+    if any(chain.rubs for chain in chains):
+        sentences.append(
+            "With friction on the structure bars hold noise and the error of the steps: no better "
+            "mesh or reduction is computed in three directions."
+        )
     sentences.append(
         "Bars are of one impact whose velocity and trigger are found with the rest; n impacts make "
         "their parts by noise shorter by the root of n. They hold noise and the known errors of "
@@ -196,10 +227,10 @@ def _on_best(p: Parameter, i: int, chains: list[CandidateChain]) -> str:
             "or find fewer numbers."
         )
     how = "told" if share <= INSPECTION_LIMITS.told else "weakly told"
-    where = _with_values(best.values)
+    where, place = _with_values(best.values), best.places[sphere]
+    by = f"sphere {place}" if isinstance(place, int) else place
     return (
-        f"{p.name} is {how} best by sphere {best.spheres[sphere]}{where}: two sigma "
-        f"{short(float(bar))} {p.unit}".rstrip()
+        f"{p.name} is {how} best by {by}{where}: two sigma {short(float(bar))} {p.unit}".rstrip()
         + f" of one impact, in records of {1e3 * best.records[sphere, i]:.3g} ms or longer."
     )
 

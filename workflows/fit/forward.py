@@ -15,10 +15,12 @@ that differences of two runs are smooth in the numbers; chains of one evaluation
 threads.
 """
 
+from __future__ import annotations
+
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +32,9 @@ from dem.sensitivities import march_with_sensitivities
 from workflows.fit.parameter import UNIFORM, Parameter, Rig, directions, ends, rig_at, scales
 from workflows.fit.sensed import require_summable, sensed, with_gains
 from workflows.fit.signals import Filter, Signals
+
+if TYPE_CHECKING:
+    from workflows.fit.rubbing import RubbingRun  # of scenes with friction on a structure alone
 
 NO_FILTER = Filter()
 SEARCH_SAMPLING = 0.15  # time between samples of a search, over that of the stiffest contact
@@ -80,20 +85,20 @@ class ChainForward:
         k = len(windows)
         return k if self.filters.band else k - int(windows.any(axis=1)[::-1].argmax())
 
-    def with_steps(self, steps: float) -> "ChainForward":
+    def with_steps(self, steps: float) -> ChainForward:
         """The same model with other steps, in usual ones."""
         return ChainForward(self.rig, self.parameters, self.signals, self.filters, steps)
 
-    def with_system(self, system: Rig) -> "ChainForward":
+    def with_system(self, system: Rig) -> ChainForward:
         """The same model of another rig, whose steps are its own usual ones."""
         return ChainForward(system, self.parameters, self.signals, self.filters, self.steps)
 
-    def of_velocities(self) -> "ChainForward":
+    def of_velocities(self) -> ChainForward:
         """The same model with the velocities of the sensors' spheres."""
         signals = self.signals._replace(channels=None)
         return ChainForward(self.rig, self.parameters, signals, self.filters, self.steps)
 
-    def coarser(self, steps: float) -> "ChainForward":
+    def coarser(self, steps: float) -> ChainForward:
         """Larger steps, in usual ones, and fewer samples, for a search."""
         dt = self.signals.t[1] - self.signals.t[0]
         stride = max(1, int(SEARCH_SAMPLING * self.time_scale / dt))
@@ -195,7 +200,7 @@ class Unknowns(NamedTuple):
         low, high = self.ends()
         return bounded * np.sqrt(UNIFORM) / (high - low)
 
-    def only(self, shots: Sequence[int]) -> "Unknowns":
+    def only(self, shots: Sequence[int]) -> Unknowns:
         """The same of these records alone; the numbers of others stay among the parameters."""
         return self._replace(of_system=self.of_system[shots], trigger=self.trigger[shots])
 
@@ -223,16 +228,17 @@ class StructureForward(NamedTuple):
     sensors: tuple[Sensor, ...]
     dt: float  # [s]
     within: Callable[[NDArray[np.float64], NDArray[np.float64]], Callable] | None = None
+    difference: float = DIFFERENCE  # step of a difference quotient, in scales
 
-    def narrowed(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> "StructureForward":
+    def narrowed(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> StructureForward:
         """The same with a system made for shared numbers between these ends, and no others."""
         return self.with_system(self.within(low, high))
 
-    def with_system(self, system: Callable[[NDArray[np.float64]], Rig]) -> "StructureForward":
+    def with_system(self, system: Callable[[NDArray[np.float64]], Rig]) -> StructureForward:
         """The same of another structure."""
         return self._replace(system=system)
 
-    def with_steps(self, factor: float) -> "StructureForward":
+    def with_steps(self, factor: float) -> StructureForward:
         """The same with steps so many times as long."""
         return self._replace(dt=factor * self.dt)
 
@@ -290,29 +296,38 @@ class StructureForward(NamedTuple):
     ) -> NDArray[np.float64]:
         """(p,) steps of the difference quotients, towards the inside of the bounds."""
         _, high = unknowns.ends()
-        step = DIFFERENCE * unknowns.scale
+        step = self.difference * unknowns.scale
         return np.where(theta + step > high, -step, step)
 
-    def _runs(self, values, lengths) -> list[Trajectory]:
+    def _runs(self, values, lengths) -> list[Trajectory | RubbingRun]:
         systems = [self.system(v) for v in values]
         if sum(lengths) < FEW_STEPS * self.dt:
             return list(map(self._run, systems, lengths))
         with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
             return list(pool.map(self._run, systems, lengths))
 
-    def _run(self, system: Rig, duration: float) -> Trajectory:
+    def _run(self, system: Rig, duration: float) -> Trajectory | RubbingRun:
+        if system.across is not None:
+            from workflows.fit.rubbing import march_rubbing
+
+            return march_rubbing(system, duration, self.dt)
         n = int(np.ceil(duration / self.dt))
         return march(
             system.chain, system.wall, system.v0, duration=n * self.dt, dt=self.dt, n_save=n
         )
 
     def _sensed(
-        self, runs: Sequence[Trajectory], at: NDArray[np.float64], order: int = 0
+        self, runs: Sequence[Trajectory | RubbingRun], at: NDArray[np.float64], order: int = 0
     ) -> NDArray[np.float64]:
         """(k, m, len(runs)) signals of runs as long as one another at the times `at` (k,) [s], or
         their time derivatives; outside of the runs signals stand still."""
         t = runs[0].t
-        quantities = [measured(self.sensors, t, run.x, run.v, run.contact_force) for run in runs]
+        quantities = [
+            measured(
+                self.sensors, t, run.x, run.v, run.contact_force, getattr(run, "structure", None)
+            )
+            for run in runs
+        ]
         inside = np.clip(at, 0.0, t[-1])
         y = signals(self.sensors, t, np.stack(quantities, axis=-1), inside, order)
         if order:

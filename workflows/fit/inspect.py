@@ -58,6 +58,12 @@ def inspected(
     began = perf_counter()
     records = alike(records)
     scene = base.with_values({})
+    if scene.shakers:
+        raise InvalidScene(
+            f"shakers.{scene.shakers[0].name}: inspect takes records of a structure at rest, since "
+            "each of its many runs would look for a periodic state; strike with the shaker off and "
+            "drop [[shakers]] (`beadwave design` takes them)."
+        )
 
     # numbers of the structure first, then those of each record
     shared = scene_parameters.shared(base, request.find, request.bounds)
@@ -124,6 +130,8 @@ def problem(
     stiffest = min(rigs, key=lambda rig: rig.step)
     step, time_scale = stiffest.step, stiffest.time_scale
     within = model.within if model.between else None
+    with marched(model.scene.name):
+        model = model.stepped(starts[0], STEPS * step)
     forward = StructureForward(model, sensors, STEPS * step, within)
 
     # each record beside the model at the start: samples, noise, sizes, columns, first touch

@@ -1,8 +1,10 @@
 """Chain and wall of a scene as functions of numbers in it; a reduced wall between computed ones."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from functools import lru_cache, partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from joblib import Memory
@@ -23,14 +25,21 @@ from workflows.fit.parametric_wall import (
 )
 from workflows.fit.scene_parameters import number, put, scene_at
 from workflows.scene import InvalidScene, RomWall, Scene
+from workflows.scene.places import has_friction
+from workflows.stages.chain import Start, flat, initial_velocity, on_surface
 from workflows.stages.chain import chain as chain_of
-from workflows.stages.chain import initial_velocity, on_surface
 from workflows.stages.pipeline import Pipeline, needs_structure, pipeline_of
 from workflows.stages.progress import Progress, quiet
 from workflows.stages.walls import simple_wall, wall_of
 from workflows.sweep.cases import Base
 
+if TYPE_CHECKING:
+    from coupling.spatial_wall import SpatialWall
+    from workflows.fit.rubbing import Rubbing
+
 DEGREE_BEAM, DEGREE_BODIES = 3, 2  # of the polynomials between walls: beams are computed quickly
+# keys of a shaker that leave the structure as it is; its stinger and its place do not
+OF_SHAKING = ("force", "displacement", "velocity", "acceleration", "frequency", "phase")
 CHAINS = 16  # chains that are cached: many runs differ in the wall alone
 
 
@@ -52,6 +61,7 @@ class VariedScene(NamedTuple):
     of_wall: tuple[int, ...] = ()  # places of the keys that change the reduced wall
     between: ParametricWall | None = None  # the reduced wall, where keys change it
     fixed: dem.Wall | None = None  # the reduced wall, where none does
+    rubbing: Rubbing | None = None  # friction on a structure, of the scene's own values
 
     def __call__(self, values: NDArray[np.float64]) -> Rig:
         """What is marched; raises CouplingError for values that no scene may have."""
@@ -66,20 +76,44 @@ class VariedScene(NamedTuple):
                 wall = self.between(values[list(self.of_wall)])
             else:
                 wall = self.fixed if isinstance(scene.wall, RomWall) else simple_wall(scene)
-            return Rig(chain, wall, initial_velocity(scene))
+            rig = Rig(chain, wall, initial_velocity(scene))
+            return rig if self.rubbing is None else self.rubbed(rig, scene)
         except InvalidScene as reason:
             raise coupling.CouplingError(str(reason)) from None
 
-    def of(self, scene: Scene, base: Base) -> "VariedScene":
+    def rubbed(self, rig: Rig, scene: Scene) -> Rig:
+        """The rig with the friction, the arm and the shakers of a scene."""
+        from workflows.stages.friction import last_sphere
+        from workflows.stages.structure_friction import shaker_forces
+
+        begin = Start(rig.chain, rig.v0, flat=flat(on_surface(scene, self.surface)))
+        across = self.rubbing._replace(last=last_sphere(scene, begin))
+        if across.shakers is not None:
+            across = across._replace(shakers=shaker_forces(scene))
+        return rig._replace(across=across)
+
+    def stepped(self, values: NDArray[np.float64], dt: float) -> VariedScene:
+        """The same, with friction prepared for marches by steps of dt [s] near these values.
+        Raises CouplingError where shakers lead to no periodic state."""
+        if self.rubbing is None:
+            return self
+        from workflows.fit.rubbing import prepared
+
+        try:
+            return self._replace(rubbing=prepared(self(values), dt))
+        except dem.UnstableStep as reason:
+            raise coupling.CouplingError(str(reason)) from None
+
+    def of(self, scene: Scene, base: Base) -> VariedScene:
         """The same walls behind the chain of another scene."""
         rows = _keyed_chains(base, scene, self.keys, self.surface)
         return self._replace(scene=scene, base=base, rows=rows)
 
-    def behind(self, wall: dem.Wall | coupling.CoupledWall) -> "VariedScene":
+    def behind(self, wall: dem.Wall | coupling.CoupledWall) -> VariedScene:
         """The same chain before this wall, whatever the values of its keys."""
         return self._replace(between=None, fixed=wall)
 
-    def within(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> "VariedScene":
+    def within(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> VariedScene:
         """The same with walls computed between narrower bounds (n,) of the first keys, where
         enough of them can be."""
         places = list(self.of_wall)
@@ -91,7 +125,7 @@ class VariedScene(NamedTuple):
             return self
         return self._replace(between=between)
 
-    def through(self, values: NDArray[np.float64]) -> "VariedScene":
+    def through(self, values: NDArray[np.float64]) -> VariedScene:
         """The same with the wall that is computed at these values; raises CouplingError where none
         can be."""
         try:
@@ -111,6 +145,13 @@ def structure(
     InvalidScene for walls that cannot follow.
     """
     scene = base.with_values({})
+    across = [key for key in keys if key.split(".")[0] in ("friction", "arm", "shakers")]
+    if across and not has_friction(scene):
+        raise InvalidScene(
+            f"{across[0]} moves no sphere along the chain: {scene.name} has no structure that "
+            'turns friction into motion along its normal; take wall.kind = "rom" with an assembly, '
+            "bodies or a file of three columns."
+        )
     pipeline = pipeline_of(scene, progress)
     meshed = needs_structure(scene) and scene.bending is None
     surface = pipeline("surface") if meshed else None
@@ -122,12 +163,24 @@ def structure(
     # a key changes the wall where it changes the name under which the wall is cached
     of_wall = []
     for i, key in enumerate(keys):
+        if key.startswith("shakers.") and key.split(".")[-1] in OF_SHAKING:
+            continue
         changed = base.with_values({key: _a_little_more(number(scene, key))})
         if Pipeline(changed, Memory(None, verbose=0)).key("wall") != pipeline.key("wall"):
             of_wall.append(i)
     if any(i >= n_shared for i in of_wall):
         raise InvalidScene(
             f"--each {keys[of_wall[-1]]} changes the structure, which all records share; find it."
+        )
+    if has_friction(scene):
+        if of_wall:
+            raise InvalidScene(
+                f"{keys[of_wall[0]]} changes the structure, and {scene.name} has friction on it: "
+                "find numbers of the structure without [friction], and of friction, arm, shakers "
+                "and chain with the structure as it is."
+            )
+        return plain._replace(
+            fixed=pipeline("wall"), rubbing=_rubbing(scene, pipeline("spatial-wall"))
         )
     if not of_wall:
         return plain._replace(fixed=_with_modes(scene, pipeline("wall")))
@@ -136,6 +189,15 @@ def structure(
         wall_box = Bounds(box.low[of_wall], box.high[of_wall])
         between = _wall_between(base, tuple(keys[i] for i in of_wall), wall_box, degree)
     return plain._replace(of_wall=tuple(of_wall), between=between)
+
+
+def _rubbing(scene: Scene, wall: SpatialWall) -> Rubbing:
+    """Friction on a structure as the scene has it; the last sphere is that of a rig's chain."""
+    from workflows.fit.rubbing import Rubbing
+    from workflows.stages.structure_friction import shaker_forces
+
+    shakers = shaker_forces(scene) if scene.shakers else None
+    return Rubbing(wall, None, shakers, scene.friction.upstream == "held")
 
 
 def _keyed_chains(
@@ -197,7 +259,9 @@ def _wall_between(base: Base, keys: tuple[str, ...], box: Bounds, degree: int) -
 
 def better_models(model: VariedScene, values: NDArray[np.float64]) -> dict[str, list[BetterModel]]:
     """Models of the same structure at the values (q,) of the keys that are better in one respect,
-    by the cause of the error: see `better_walls`."""
+    by the cause of the error: see `better_walls`; none of a structure in three directions."""
+    if model.rubbing is not None:
+        return {}
     try:
         walls = better_walls(scene_at(model.base, model.keys, values))
     except FAILURES:  # values that no scene may have: the bars name the causes that they hold

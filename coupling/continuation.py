@@ -1,0 +1,142 @@
+"""Periodic states one after the other, each from its neighbour's: of a curve, or of a study.
+
+The state of a neighbouring amplitude, frequency, coefficient or arm is a good first guess, and the
+linear system with the contact's stiffness and damping over the neighbour's cycle a good Jacobian
+(`coupling.periodic_state`). What the contact keeps of its past comes along: a state reached so may
+have another mean force than one from a contact that was never sheared, by residual slip.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from coupling.periodic_state import (
+    USUAL_PERIODIC_SEARCH,
+    PeriodicSearch,
+    PeriodicState,
+    fixed_point,
+    linear_period,
+    period_of,
+    periodic_state,
+)
+from coupling.spatial_march import Before, Body, Moving
+from dem.kernels.arguments import Steps
+
+
+class SteadyState(NamedTuple):
+    """A periodic state at t = 0, and what its cycle shows."""
+
+    moving: Moving
+    energy: float  # [J] heat of friction in a period
+    friction: float  # [N] half of peak to peak, along the direction that slips most
+    slip: float  # [m] half of peak to peak
+    stick: float  # least share of the contact's area that sticks in the cycle
+    n_steps: int  # of a period
+    speed: float  # [m/s] largest of spheres and of the wall at the contact
+    error: float  # change from period to period, and of a cold start by its steps
+
+
+# a neighbour's state is near: a search that needs more than this is started cold instead
+NEIGHBOURS = USUAL_PERIODIC_SEARCH._replace(most_iterations=4)
+
+
+def cold_state(
+    body: Body,
+    before: Before,
+    *,
+    error: float,
+    speed: float,
+    search: PeriodicSearch = USUAL_PERIODIC_SEARCH,
+) -> SteadyState:
+    """The periodic state from a contact that was never sheared. Raises UnstableStep where none is
+    found; arguments as in `periodic_state`."""
+    return steady(periodic_state(body, before, error=error, speed=speed, search=search))
+
+
+def steady(state: PeriodicState) -> SteadyState:
+    """What a search from rest left."""
+    cycle = state.cycle
+    amplitude = 0.5 * np.ptp(cycle.friction_force, axis=0)
+    speed = max(state.wall_speed, float(np.abs(state.moving.motion.v).max()))
+    return SteadyState(
+        state.moving,
+        cycle.energy,
+        float(amplitude[cycle.axis]),
+        float(0.5 * np.ptp(cycle.slip[:, cycle.axis])),
+        float(cycle.stick_share.min()),
+        cycle.n_steps // cycle.periods,
+        speed,
+        state.error_estimate + cycle.periodicity_error,
+    )
+
+
+def neighbouring_state(
+    body: Body,
+    before: Before,
+    neighbour: SteadyState,
+    *,
+    error: float,
+    speed: float,
+    search: PeriodicSearch = NEIGHBOURS,
+) -> SteadyState:
+    """The periodic state of a body, from that of a similar one with as many bodies and modes, by
+    its steps of a period; from rest where that is not near enough. Raises UnstableStep."""
+    period = period_of(body, before, neighbour.n_steps, search)
+    moving = neighbour.moving.copied()
+    body.settle(moving, period.system, 0.0)
+    saved = period.march(moving.copied())
+    M, weights = linear_period(period, saved)
+    units = np.where(weights > 0.0, weights, 1.0)
+    point = fixed_point(
+        period, moving, search, search.periodicity * error, units[:, None] * M / units
+    )
+    if not point.change <= search.accepted * error:
+        return cold_state(body, before, error=error, speed=speed)
+    saved = point.saved
+    axis = int(np.ptp(saved.slip, axis=0).argmax())
+    speeds = np.concatenate([saved.v, saved.wall[:, 1]], axis=1)
+    return SteadyState(
+        point.moving,
+        float(saved.energy[-1, 2] - saved.energy[0, 2]),
+        float(0.5 * np.ptp(saved.force[:, 1 + axis])),
+        float(0.5 * np.ptp(saved.slip[:, axis])),
+        float(saved.stick.min()),
+        neighbour.n_steps,
+        float(np.abs(speeds).max()),
+        max(point.change, neighbour.error),
+    )
+
+
+def later(body: Body, before: Before, state: SteadyState, turn: float) -> tuple[Body, Moving]:
+    """Body and state with all shakers this share of the common period later in their cycle: a
+    periodic state holds every phase."""
+    T = body.shakers.period
+    n_steps = state.n_steps
+    n = round((turn % 1.0) * n_steps)
+    moving, h = state.moving.copied(), T / n_steps
+    if n:
+        system = body.stepped(h, before_striker=before)
+        body.march(moving, system, -T, Steps(h, 1, n))
+    phase = body.shakers.phase + 2.0 * math.pi * body.shakers.frequency * n * h
+    return body._replace(shakers=body.shakers._replace(phase=phase)), moving
+
+
+def before_striker(body: Body, v0: ArrayLike, *, upstream_held: bool = False) -> Before:
+    """The chain before velocities v0 (n,) [m/s]: a first sphere that moves and that nothing presses
+    is the striker, and not there yet; `upstream_held` holds all but the last."""
+    v0 = np.asarray(v0, float)
+    striker = v0.size > 1 and v0[0] > 0.0 and body.prepared.static.force[0] == 0.0
+    held = np.zeros(v0.size, bool)
+    held[:-1] = upstream_held
+    held[0] |= striker
+    return Before(held, int(striker))
+
+
+def struck(moving: Moving, before: Before, v0: ArrayLike) -> None:
+    """Add velocities v0 (n,) [m/s] of the chain to a state, in place; a striker that was not there
+    touches the second sphere."""
+    if before.n_absent:
+        moving.motion.x[0] = moving.motion.x[1]
+    moving.motion.v[:] += np.asarray(v0, float)
