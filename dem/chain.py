@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dem.checks import arrays, require, scalar, spread, vector, whole
-from dem.elastic import EXPONENTS, ElasticLaw
+from dem.elastic import ElasticLaw
 from dem.kernels.arguments import Array, ForceTable
-from dem.kernels.laws import DAMPING_LAWS
+from dem.kernels.laws import DAMPING_LAWS, ELASTIC_LAWS, SHAPE_PARAMETERS
 from dem.spheres import hertz_coefficient, mass
 from dem.walls import Wall, rigid_wall
 
 PER_SPHERE = (
     "mass", "radius", "A", "gamma", "leaf_stiffness", "leaf_anchor", "yield_overlap", "friction",
-    "exponent",
+    *SHAPE_PARAMETERS,
 )  # fmt: skip
 
 
@@ -64,7 +64,9 @@ class Chain(NamedTuple):
     @property
     def elastic(self) -> ElasticLaw:
         """The elastic law of the contacts."""
-        return ElasticLaw(self.A, self.exponent, self.table)
+        given = {name: getattr(self, name) for name in SHAPE_PARAMETERS}
+        given = {name: values for name, values in given.items() if values is not None}
+        return ElasticLaw(self.A, given, self.table)
 
     @property
     def jumps(self) -> bool:
@@ -160,7 +162,7 @@ def row_of_spheres(
     contacts = A.shape[-1]
     sizes = {
         "gamma": contacts, "leaf_stiffness": n, "leaf_anchor": n, "yield_overlap": contacts,
-        "friction": n, "exponent": contacts,
+        "friction": n, **dict.fromkeys(SHAPE_PARAMETERS, contacts),
     }  # fmt: skip
     for name in sizes.keys() & fields.keys():
         if fields[name] is not None:
@@ -202,22 +204,29 @@ def validate(chain: Chain, wall: Wall | None, v0: ArrayLike) -> None:
         vector("gamma", chain.gamma, n_contacts, at_least=0.0)
 
     # the shape of the elastic force
-    if chain.exponent is not None:
-        exponent = vector("exponent", chain.exponent, n_contacts, at_least=EXPONENTS[0])
+    law = chain.elastic
+    for name in law.parameters:
+        low, high = SHAPE_PARAMETERS[name].low, SHAPE_PARAMETERS[name].high
+        largest = vector(name, getattr(chain, name), n_contacts, at_least=low).max(initial=low)
+        require(largest <= high, f"{name} {largest:g} is above {high:g}; lower it")
+    fields = [*law.parameters, *(["table"] if law.table is not None else [])]
+    if fields:
+        named = " and ".join(fields)
         require(
-            exponent.max(initial=1.0) <= EXPONENTS[1],
-            f"exponent {exponent.max(initial=1.0):g} is above {EXPONENTS[1]:g}; lower it",
+            law.name is not None,
+            f"{named} belong to no law; leave some of them out: a law has "
+            + ", or ".join(
+                " and ".join(p.name for p in of.parameters) or "table"
+                for of in ELASTIC_LAWS.values()
+            ),
         )
-        require(chain.table is None, "exponent and table are two laws; leave one of them out")
-    if chain.elastic.shape is not None:
         require(
             chain.yield_overlap is None,
-            "yield_overlap is of Hertz contacts; leave it out, or exponent and table",
+            f"yield_overlap is of Hertz contacts; leave it out, or {named}",
         )
         require(
             wall is None or wall.mobility == 0.0,
-            "a dashpot wall takes Hertz contacts alone; take another wall, or leave out exponent "
-            "and table",
+            f"a dashpot wall takes Hertz contacts alone; take another wall, or leave out {named}",
         )
 
     # leaf springs and guides

@@ -83,7 +83,8 @@ class Chains:
     @property
     def elastic(self) -> ElasticLaw:
         """The elastic law of the contacts, (n_chains, n_contacts)."""
-        return ElasticLaw(self.A, self.arrays.get("exponent"), self.chain.table)
+        parameters = {name: self.arrays[name] for name in self.chain.elastic.parameters}
+        return ElasticLaw(self.A, parameters, self.chain.table)
 
     @property
     def free(self) -> bool:

@@ -6,6 +6,8 @@ R. E. Carlson, SIAM J. Numer. Anal. 17 (1980) 238): the force has a continuous s
 energy is its exact integral.
 """
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -16,34 +18,49 @@ from dem.kernels import laws
 from dem.kernels.arguments import Array, ForceTable, Shape
 from dem.spheres import hertz_energy, hertz_overlap, hertz_stiffness
 
-EXPONENTS = (1.0, 4.0)  # of a power law: below 1 a contact is infinitely stiff at first touch
-
 
 class ElasticLaw(NamedTuple):
-    """F = A phi(delta) of contacts, (..., n_contacts) each; without exponent and table Hertz'."""
+    """F = A phi(delta) of contacts, (..., n_contacts) each; Hertz' without parameters and table."""
 
     A: Array  # [N/m^n], or a factor on the table
-    exponent: Array | None = None  # n of phi = delta^n
+    # by the names of `laws.SHAPE_PARAMETERS`, as the exponent n of phi = delta^n
+    parameters: Mapping[str, Array] = MappingProxyType({})
     table: ForceTable | None = None
+
+    @property
+    def name(self) -> str | None:
+        """The law of `laws.ELASTIC_LAWS` that has just these parameters, or the table; None for
+        Hertz' law, and for what is no law."""
+        given = set(self.parameters)
+        for name, law in laws.ELASTIC_LAWS.items():
+            tabulated = law.number == laws.TABLE
+            if given == {p.name for p in law.parameters} and tabulated == (self.table is not None):
+                return name
+        return None
 
     @property
     def shape(self) -> Shape | None:
         """What kernels take beside A, None for Hertz' law."""
-        if self.exponent is not None:
-            return Shape(np.ascontiguousarray(self.exponent, float), ForceTable(*np.zeros((6, 0))))
-        return None if self.table is None else Shape(None, self.table)
+        if self.name is None:
+            return None
+        law = laws.ELASTIC_LAWS[self.name]
+        parameters = np.zeros((0, 0))
+        if law.parameters:
+            rows = (np.asarray(self.parameters[p.name], float) for p in law.parameters)
+            parameters = np.stack(np.broadcast_arrays(*rows))
+        return Shape(law.number, parameters, self.table or ForceTable(*np.zeros((6, 0))))
 
     @property
     def opening(self) -> float:
         """Power a with which the force of a contact sets in, F ~ t^a: the smallest of all."""
-        if self.table is not None:
-            return 1.0
-        return 1.5 if self.exponent is None else float(np.min(self.exponent, initial=np.inf))
+        return laws.opening(self.shape)
 
     def at(self, contacts: object) -> "ElasticLaw":
         """The law of some contacts, an index of the last axis."""
-        exponent = None if self.exponent is None else np.asarray(self.exponent)[..., contacts]
-        return ElasticLaw(np.asarray(self.A)[..., contacts], exponent, self.table)
+        of_these = {
+            name: np.asarray(values)[..., contacts] for name, values in self.parameters.items()
+        }
+        return ElasticLaw(np.asarray(self.A)[..., contacts], of_these, self.table)
 
     def force(self, overlap: ArrayLike) -> Array:
         """Force [N] at an overlap >= 0 [m]."""
@@ -82,21 +99,18 @@ class ElasticLaw(NamedTuple):
         """Overlap [m] at which a contact holds an energy [J], to 1e-3 of it, and above."""
         if self.shape is None:
             return (2.5 * np.asarray(energy, float) / self.A) ** 0.4
-        if self.exponent is not None:
-            power = np.asarray(self.exponent) + 1.0
-            return (power * np.asarray(energy, float) / self.A) ** (1.0 / power)
+        return self._each(laws.shape_overlap_of_energy, np.asarray(energy, float) / self.A)
 
-        # U grows with the overlap: a bracket, then halved
-        share = np.asarray(energy, float) / self.A
-        high = np.full(share.shape, self.table.overlap[-1])
-        while (short := self._each(laws.shape_energy, high) < share).any():
-            high = np.where(short, 2.0 * high, high)
-        low = np.zeros_like(high)
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            short = self._each(laws.shape_energy, middle) < share
-            low, high = np.where(short, middle, low), np.where(short, high, middle)
-        return high
+    def by_parameters(self, overlap: Array) -> Array:
+        """Derivatives of the force at an overlap (n_contacts,) by the law's parameters,
+        (n_parameters, n_contacts); 0 where a contact is open."""
+        shape = self.shape
+        derivative = np.zeros((len(self.parameters), overlap.size))
+        for j, i in np.ndindex(derivative.shape):
+            if overlap[i] > 0.0:
+                by = laws.shape_by_parameter.py_func(j, i, overlap[i], shape)[0]
+                derivative[j, i] = self.A[i] * by
+        return derivative
 
     def fold(self, compliance: float) -> Array:
         """Overlap [m] at which 1 + s k = 0 for a spring s < 0 in series, beyond which no force
@@ -106,28 +120,21 @@ class ElasticLaw(NamedTuple):
         if self.shape is None:
             return (2.0 / (3.0 * compliance * self.A)) ** 2
         steepest = -1.0 / (compliance * np.asarray(self.A, float))
-        if self.exponent is not None:
-            n = np.asarray(self.exponent, float)
-            with np.errstate(divide="ignore", over="ignore"):
-                return (steepest / n) ** (1.0 / (n - 1.0))
+        return self._each(laws.shape_fold, steepest)
 
-        # the slope b + 2 c x + 3 d x^2 behind a knot reaches the steepest at the lesser root x > 0,
-        # written without the difference of its two terms; behind the last knot it is constant
-        knots, b, c, d = (self.table.overlap, *self.table[2:5])
-        missing = steepest[..., None] - b
-        with np.errstate(divide="ignore", invalid="ignore"):
-            x = missing / (c + np.sqrt(c**2 + 3.0 * d * missing))
-        x = np.where(missing <= 0.0, 0.0, x)
-        reached = (x >= 0.0) & (x <= np.append(np.diff(knots), 0.0))
-        return np.where(reached, knots + x, np.inf).min(axis=-1)
+    def _each(self, formula, values):
+        """A formula of `laws`, uncompiled, at every value beside the parameters of its contact."""
+        formula, shape = getattr(formula, "py_func", formula), self.shape
+        values = np.asarray(values, float)
+        if laws.ELASTIC_LAWS[self.name].on_arrays:  # contact 0 has the parameters of all
+            return formula(0, values, shape._replace(parameters=shape.parameters[:, None]))
 
-    def _each(self, shape, values):
-        """`shape` of `laws` at every value, beside the exponents or the table."""
-        if self.exponent is not None:
-            exponent = np.asarray(self.exponent, float)[None]  # contact 0 has all of them
-            return shape.py_func(0, np.asarray(values, float), exponent, None)
-        each = np.vectorize(lambda value: shape.py_func(0, value, None, self.table), otypes=[float])
-        return each(values) if np.size(values) else np.zeros(np.shape(values))
+        def at(value, *parameters):
+            of_contact = np.array(parameters).reshape(-1, 1)
+            return formula(0, value, shape._replace(parameters=of_contact))
+
+        each = np.vectorize(at, otypes=[float])
+        return each(values, *shape.parameters) if values.size else np.zeros(values.shape)
 
 
 def elastic_law(contact: "ElasticLaw | ArrayLike") -> ElasticLaw:

@@ -21,7 +21,7 @@ from dem.kernels.lanes import (
     WallSprings,
     march_lanes,
 )
-from dem.kernels.laws import DAMPING_LAWS
+from dem.kernels.laws import DAMPING_LAWS, ELASTIC_LAWS
 from dem.kernels.oscillators import oscillator_propagator
 from dem.prepared import prepare
 from dem.schemes import Scheme
@@ -59,20 +59,26 @@ def march_side_by_side(
     correction = method.correction if chains.elastic.shape is None else None
 
     # four blocks at a time are dealt to the threads; shapes of forces are those of one block
-    law = chains.elastic
-    exponent = law.exponent
-    if exponent is not None:
-        exponent = _packed(np.pad(exponent, ((0, 0), (0, int(chains.free))), constant_values=2.0))
-    size = 4 if law.shape is None else 1
+    law, shape = chains.elastic, chains.elastic.shape
+    idle = 0, int(chains.free)  # the last sphere of a free chain has a contact with A = 0
+    parameters = [] if shape is None else [
+        _packed(np.pad(values, ((0, 0), idle), constant_values=parameter.low))
+        for values, parameter in zip(
+            shape.parameters, ELASTIC_LAWS[law.name].parameters, strict=True
+        )
+    ]  # fmt: skip
+    size = 4 if shape is None else 1
     pieces = [slice(i, i + size) for i in range(0, n, size)]
 
     def march(piece):
-        shape = law.shape
-        if exponent is not None:
-            shape = shape._replace(exponent=exponent[piece].ravel())
+        block = _sliced(blocks, piece)
+        if parameters:
+            of_block = np.stack([values[piece].ravel() for values in parameters])
+            block = block._replace(shape=shape._replace(parameters=of_block))
+        elif shape is not None:
+            block = block._replace(shape=shape)
         march_lanes(
-            _sliced(blocks, piece)._replace(shape=shape), method.a, method.b, correction, steps,
-            observed, _sliced(saved, piece),
+            block, method.a, method.b, correction, steps, observed, _sliced(saved, piece)
         )  # fmt: skip
 
     if threads == 1 or len(pieces) == 1:

@@ -130,10 +130,10 @@ def march_with_sensitivities(
     load[-1] = directions.preload
     d = directions
     given = (d.A, d.gamma, d.phi, d.omega, d.zeta, load)
-    exponent = None if d.exponent is None else np.ascontiguousarray(d.exponent, float)
+    parameters = None if d.parameters is None else np.ascontiguousarray(d.parameters, float)
     slopes = Slopes(
         *(np.ascontiguousarray(values, float) for values in given), d_static.offset,
-        d_static.force, exponent,
+        d_static.force, parameters,
     )  # fmt: skip
 
     start = SphereDerivatives(static.x, np.array(v0, float), d_static.x, directions.v0)

@@ -20,7 +20,8 @@ class Directions(NamedTuple):
     phi: Array  # (k, p)
     omega: Array  # (k, p)
     zeta: Array  # (k, p)
-    exponent: Array | None = None  # (n_contacts, p) of a power law
+    # (n_parameters, n_contacts, p) in the order of the law's row of `laws.ELASTIC_LAWS`
+    parameters: Array | None = None
 
 
 class StaticSensitivities(NamedTuple):
@@ -63,9 +64,9 @@ def static_sensitivities(
 
     # dF at fixed positions, (n_contacts, p), and what it and the preload unbalance, -dr (n, p)
     source = by_A[:, None] * directions.A
-    if directions.exponent is not None:
-        growth = np.log(overlap, out=np.zeros_like(overlap), where=overlap > 0.0)
-        source += (chain.A * by_A * growth)[:, None] * directions.exponent
+    if directions.parameters is not None:
+        by_parameters = soft * chain.elastic.by_parameters(overlap)
+        source += np.einsum("jc,jcp->cp", by_parameters, directions.parameters)
     if walled:
         source[-1] += by_compliance * d_compliance
     load = np.zeros((n, p))

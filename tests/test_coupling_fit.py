@@ -87,7 +87,7 @@ def test_a_rig_has_its_parameters_and_their_directions():
     np.testing.assert_allclose(at.wall.phi**-2, 0.8)
     np.testing.assert_allclose(at.wall.zeta, 0.05 + 0.7 * 0.01)
     given = directions(rig, parameters, theta)
-    assert not np.any(given.exponent)  # Hertz' law has none
+    assert given.parameters is None  # Hertz' law has none
     for j, p in enumerate(parameters):
         h = 1e-5 * p.start * np.eye(len(parameters))[j]
         pairs = zip(numbers(theta + h), numbers(theta - h), strict=True)

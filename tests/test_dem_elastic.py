@@ -177,13 +177,13 @@ def test_a_chain_of_a_batch_is_the_chain_alone(name, wall):
     chain = LAWED[name]
     wall = {"rigid": dem.rigid_wall(), "sprung": SPRUNG, "free": None}[wall]
     if wall is None:
-        chain = chain._replace(
-            A=chain.A[:-1], exponent=None if chain.exponent is None else chain.exponent[:-1]
-        )
+        fewer = {key: values[:-1] for key, values in chain.elastic.parameters.items()}
+        chain = chain._replace(A=chain.A[:-1], **fewer)
     factors = np.linspace(0.5, 2.0, LANES + 3)[:, None]
     many = chain._replace(A=chain.A * factors)
-    if chain.exponent is not None:
-        many = many._replace(exponent=np.maximum(chain.exponent * factors**-0.03, 1.0))
+    for key, values in chain.elastic.parameters.items():
+        varied = np.maximum(values * factors**-0.03, laws.SHAPE_PARAMETERS[key].low)
+        many = many._replace(**{key: varied})
     chains = dem.Chains(many, wall, struck())
     batch = dem.march_batch(chains, duration=1.5e-4, error=1e-5, n_save=60, threads=1)
     for i in (0, 7, LANES + 2):
@@ -200,22 +200,23 @@ def test_a_chain_of_a_batch_is_the_chain_alone(name, wall):
 @pytest.mark.parametrize("gamma", [0.0, 0.3])
 def test_sensitivities_are_differences_of_runs(name, gamma):
     chain, parameters = LAWED[name]._replace(preload=15.0, gamma=np.full(5, gamma)), ["A"]
+    law = chain.elastic
     chain = chain._replace(dissipation="hunt-crossley" if gamma else "none")
-    if chain.exponent is not None and name != "n = 1":
-        parameters.append("exponent")
+    if law.parameters and name != "n = 1":  # the least exponent has none below it
+        parameters += [p.name for p in laws.ELASTIC_LAWS[law.name].parameters]
     p = len(parameters)
     zeros = np.zeros((5, p)), np.zeros((5, p)), np.zeros((5, p)), np.zeros(p), *np.zeros((3, 2, p))
     d = Directions(*zeros)
     d.A[:, 0] = chain.A
-    exponent = np.zeros((5, p))
-    if p == 2:
-        exponent[:, 1] = 1.0
-        d = d._replace(exponent=exponent)
+    if p > 1:
+        d = d._replace(parameters=np.zeros((p - 1, 5, p)))
+        for j, parameter in enumerate(parameters[1:]):
+            d.parameters[j, :, 1 + j] = getattr(chain, parameter)
     numbers = dict(duration=1.2e-4, dt=1e-7, observed=[0, 2, 4])
     exact = march_with_sensitivities(chain, SPRUNG, struck(), d, **numbers)
     for j, parameter in enumerate(parameters):
         e = 1e-6
-        step = chain.A * e if parameter == "A" else e
+        step = getattr(chain, parameter) * e
         ends = [
             march_with_sensitivities(
                 chain._replace(**{parameter: getattr(chain, parameter) + sign * step}),
@@ -272,13 +273,13 @@ def test_a_power_of_three_halves_is_hertz_law():
     assert np.abs(runs[0].v - runs[1].v).max() < 1e-10
     forces = np.array([0.0, 1.0, 300.0])
     A = np.full(3, 2e10)
-    assert ElasticLaw(A, np.full(3, 1.5)).hertz(forces) == pytest.approx(A, rel=1e-13)
+    assert ElasticLaw(A, {"exponent": np.full(3, 1.5)}).hertz(forces) == pytest.approx(A, rel=1e-13)
 
 
 BAD = {
     "exponent[0] is 0.5": row(1.0)._replace(exponent=np.full(5, 0.5)),
     "exponent 5 is above 4": row(1.0)._replace(exponent=np.full(5, 5.0)),
-    "two laws": row(1.0)._replace(table=dem.force_table(KNOTS, FORCES)),
+    "exponent and table belong to no law": row(1.0)._replace(table=dem.force_table(KNOTS, FORCES)),
     "yield_overlap is of Hertz contacts": row(2.0)._replace(yield_overlap=np.ones(5)),
 }
 

@@ -123,6 +123,9 @@ def test_a_look_at_a_mesh_counts_its_own_dofs(meshes, capsys):
     }
     run = pipeline_of(scene("mine.toml"), lambda name: nullcontext())
     assert report["dofs"] == run("model").structure.n_dofs
+    assert beadwave("look", "mine.toml", "--out=seen") == 0
+    page = Path("seen/faces.html").read_text()
+    assert "base:-z" in page and "cover:hole" in page
 
 
 @pytest.mark.slow

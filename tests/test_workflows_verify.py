@@ -42,7 +42,12 @@ QUICK = ("solitary-wave", "contacts", "chain-and-wall", "friction")
 
 
 @pytest.mark.parametrize(
-    "group", [*QUICK, pytest.param("three-directions", marks=pytest.mark.slow)]
+    "group",
+    [
+        *QUICK,
+        pytest.param("three-directions", marks=pytest.mark.slow),
+        pytest.param("coupled-directions", marks=pytest.mark.slow),
+    ],
 )
 def test_published_and_exact_numbers_are_reached(group):
     rows = [*rows_of(group, catalogue.catalogue("verify")[group])]

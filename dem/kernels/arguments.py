@@ -64,8 +64,9 @@ class ForceTable(NamedTuple):
 class Shape(NamedTuple):
     """Shape phi of a force A phi(d) that is not Hertz'."""
 
-    exponent: Array | None  # (n_contacts,) phi = d^exponent; None for a table
-    table: ForceTable  # the same for all contacts, empty beside exponents
+    law: int  # number of a row of `laws.ELASTIC_LAWS`
+    parameters: Array  # (n_parameters, n_contacts) in the order of that row
+    table: ForceTable  # the same for all contacts, empty for other laws than a table
 
 
 class Damping(NamedTuple):

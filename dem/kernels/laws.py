@@ -10,15 +10,17 @@
     dampers              F + c d',  c = gamma or gamma F                       `damping_impulse`
 
 Every kernel takes the law from here. An argument `shape` that is None is Hertz' law, and the others
-are compiled out. A further elastic law is a field of `arguments.Shape` and a branch in each
-function of the section "shapes" below; a further damping law is a row of `DAMPING_LAWS` and, where
-c is neither gamma nor gamma F, a branch in `damper_coefficient`. A of two bodies is
+are compiled out. A further elastic law is a row of `ELASTIC_LAWS` and a branch in each function of
+the section "shapes" below; a further damping law is a row of `DAMPING_LAWS` and, where c is neither
+gamma nor gamma F, a branch in `damper_coefficient`. A of two bodies is
 `dem.spheres.hertz_coefficient`. K. L. Johnson, Contact Mechanics, Cambridge 1985, chap. 4; C.
 Thornton, J. Appl. Mech. 64 (1997) 383; K. H. Hunt, F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440.
 """
 
 import math
 from typing import NamedTuple
+
+import numpy as np
 
 from dem.kernels.arguments import (
     DASH,
@@ -51,6 +53,32 @@ DAMPING_LAWS = {
     "linear-clipped": DampingLaw(LINEAR_CLIPPED, grows=False, clipped=True),
     "hunt-crossley": DampingLaw(HUNT_CROSSLEY, grows=True, clipped=True),
 }
+
+
+class ShapeParameter(NamedTuple):
+    """A number of every contact, beside A, that the shape of its force depends on."""
+
+    name: str  # a field of `dem.Chain` and, in a scene, a key of [contact]
+    low: float  # what it may be
+    high: float
+    scale: float  # a change that counts as large in a fit; not varied systematically
+
+
+class ElasticShape(NamedTuple):
+    """What all but the formulas need to know of a law whose force is not Hertz'."""
+
+    number: int
+    parameters: tuple[ShapeParameter, ...]
+    on_arrays: bool  # the formulas, uncompiled, take arrays as well as numbers
+
+
+POWER, TABLE = range(2)
+ELASTIC_LAWS = {
+    # below n = 1 a contact is infinitely stiff at first touch
+    "power": ElasticShape(POWER, (ShapeParameter("exponent", 1.0, 4.0, 0.02),), on_arrays=True),
+    "table": ElasticShape(TABLE, (), on_arrays=False),
+}
+SHAPE_PARAMETERS = {p.name: p for law in ELASTIC_LAWS.values() for p in law.parameters}
 CLOSE = 1e-4  # relative change of overlap below which a difference is a derivative to 1e-9
 STOPPED = 1e4  # damping rate times step beyond which nothing of the motion is left to stop
 
@@ -98,7 +126,7 @@ def elastic_force(i: int, d: float, A: Array, shape: Shape | None) -> float:
     """F = A phi(d) [N] of contact i at the overlap d >= 0 [m]."""
     if shape is None:
         return hertz_force(d, A[i])
-    return A[i] * shape_force(i, d, shape.exponent, shape.table)
+    return A[i] * shape_force(i, d, shape)
 
 
 @fastmath_inline
@@ -106,7 +134,7 @@ def elastic_stiffness(i: int, d: float, A: Array, shape: Shape | None) -> float:
     """k = A phi'(d) [N/m] of contact i at the overlap d >= 0."""
     if shape is None:
         return 1.5 * A[i] * math.sqrt(d)
-    return A[i] * shape_slope(i, d, shape.exponent, shape.table)
+    return A[i] * shape_slope(i, d, shape)
 
 
 @fastmath_inline
@@ -114,7 +142,7 @@ def stored_energy(i: int, d: float, force: float, A: Array, shape: Shape | None)
     """U [J] of contact i at the overlap d >= 0, where its force is known: 2/5 F d of Hertz' law."""
     if shape is None:
         return 0.4 * force * d
-    return A[i] * shape_energy(i, d, shape.exponent, shape.table)
+    return A[i] * shape_energy(i, d, shape)
 
 
 @fastmath_inline
@@ -122,43 +150,57 @@ def pressed_overlap(i: int, force: float, A: Array, shape: Shape | None) -> floa
     """Overlap [m] of contact i under a force >= 0."""
     if shape is None:
         return (force / A[i]) ** (2.0 / 3.0)
-    return shape_overlap(i, force / A[i], shape.exponent, shape.table)
+    return shape_overlap(i, force / A[i], shape)
 
 
 @fastmath
-def shape_force(i: int, d: float, exponent: Array | None, table: ForceTable) -> float:
+def shape_force(i: int, d: float, shape: Shape) -> float:
     """phi(d): d^n, or the table's."""
-    if exponent is not None:
-        return d ** exponent[i]
+    if shape.law == POWER:
+        return d ** shape.parameters[0, i]
+    table = shape.table
     j = segment(d, table.overlap)
     return table.force[j] + risen(d - table.overlap[j], j, table)
 
 
 @fastmath
-def shape_slope(i: int, d: float, exponent: Array | None, table: ForceTable) -> float:
+def shape_slope(i: int, d: float, shape: Shape) -> float:
     """phi'(d)."""
-    if exponent is not None:
-        return exponent[i] * d ** (exponent[i] - 1.0)
+    if shape.law == POWER:
+        n = shape.parameters[0, i]
+        return n * d ** (n - 1.0)
+    table = shape.table
     j = segment(d, table.overlap)
     t = d - table.overlap[j]
     return table.slope[j] + t * (2.0 * table.square[j] + 3.0 * table.cube[j] * t)
 
 
 @fastmath
-def shape_bend(i: int, d: float, exponent: Array | None, table: ForceTable) -> float:
+def shape_bend(i: int, d: float, shape: Shape) -> float:
     """phi''(d); 0 at d = 0, where that of an exponent below 2 is infinite."""
-    if exponent is not None:
-        n = exponent[i]
+    if shape.law == POWER:
+        n = shape.parameters[0, i]
         return n * (n - 1.0) * d ** (n - 2.0) if d > 0.0 else 0.0
+    table = shape.table
     j = segment(d, table.overlap)
     return 2.0 * table.square[j] + 6.0 * table.cube[j] * (d - table.overlap[j])
 
 
 @fastmath
-def shape_energy(i: int, d: float, exponent: Array | None, table: ForceTable) -> float:
+def shape_by_parameter(j: int, i: int, d: float, shape: Shape) -> tuple[float, float]:
+    """Derivatives of phi(d) and of phi'(d) by parameter j of the law, at d > 0; of d^n by n,
+    d^n ln d  and  d^(n-1) (1 + n ln d)."""
+    n, log = shape.parameters[0, i], math.log(d)
+    return d**n * log, d ** (n - 1.0) * (1.0 + n * log)
+
+
+@fastmath
+def shape_energy(i: int, d: float, shape: Shape) -> float:
     """Integral of phi from 0 to d, exact."""
-    if exponent is not None:
-        return d ** (exponent[i] + 1.0) / (exponent[i] + 1.0)
+    if shape.law == POWER:
+        n = shape.parameters[0, i]
+        return d ** (n + 1.0) / (n + 1.0)
+    table = shape.table
     j = segment(d, table.overlap)
     t = d - table.overlap[j]
     rise = t * (table.slope[j] / 2.0 + t * (table.square[j] / 3.0 + table.cube[j] / 4.0 * t))
@@ -166,10 +208,11 @@ def shape_energy(i: int, d: float, exponent: Array | None, table: ForceTable) ->
 
 
 @fastmath
-def shape_overlap(i: int, value: float, exponent: Array | None, table: ForceTable) -> float:
+def shape_overlap(i: int, value: float, shape: Shape) -> float:
     """d of phi(d) = value >= 0."""
-    if exponent is not None:
-        return value ** (1.0 / exponent[i])
+    if shape.law == POWER:
+        return value ** (1.0 / shape.parameters[0, i])
+    table = shape.table
     j = segment(value, table.force)
     above = value - table.force[j]
     if j == table.overlap.size - 1:
@@ -193,6 +236,50 @@ def shape_overlap(i: int, value: float, exponent: Array | None, table: ForceTabl
         if abs(t - old) <= 1e-15 * high:
             break
     return table.overlap[j] + t
+
+
+def shape_overlap_of_energy(i: int, energy: float, shape: Shape) -> float:
+    """d at which the integral of phi reaches an energy >= 0, and not below it; not compiled."""
+    if shape.law == POWER:
+        power = shape.parameters[0, i] + 1.0
+        return (power * energy) ** (1.0 / power)
+
+    # the energy grows with the overlap: a bracket, then halved
+    low, high = 0.0, shape.table.overlap[-1]
+    while shape_energy.py_func(i, high, shape) < energy:
+        high *= 2.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if shape_energy.py_func(i, middle, shape) < energy:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def shape_fold(i: int, steepest: float, shape: Shape) -> float:
+    """Least d at which phi' reaches a slope > 0, inf where none does; not compiled."""
+    if shape.law == POWER:
+        n = shape.parameters[0, i]
+        with np.errstate(divide="ignore", over="ignore"):
+            return (steepest / n) ** (1.0 / (n - 1.0))
+
+    # the slope b + 2 c x + 3 d x^2 behind a knot reaches the steepest at the lesser root x > 0,
+    # written without the difference of its two terms; behind the last knot it is constant
+    knots, b, c, d = (shape.table.overlap, *shape.table[2:5])
+    missing = steepest - b
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x = missing / (c + np.sqrt(c**2 + 3.0 * d * missing))
+    x = np.where(missing <= 0.0, 0.0, x)
+    reached = (x >= 0.0) & (x <= np.append(np.diff(knots), 0.0))
+    return np.where(reached, knots + x, np.inf).min()
+
+
+def opening(shape: Shape | None) -> float:
+    """Power a with which the force of a contact sets in, F ~ d^a: the smallest of all contacts."""
+    if shape is None:
+        return 1.5
+    return float(np.min(shape.parameters[0], initial=np.inf)) if shape.law == POWER else 1.0
 
 
 @fastmath
@@ -225,7 +312,7 @@ def mean_elastic(
     c0, c1 = max(d0, 0.0), max(d1, 0.0)
     if c0 == 0.0 and c1 == 0.0:
         return 0.0, 0.0
-    mean = A[i] * mean_shape(i, c0, c1, shape.exponent, shape.table)
+    mean = A[i] * mean_shape(i, c0, c1, shape)
     if abs(c1 - c0) < CLOSE * max(c0, c1):
         return mean, 0.5 * elastic_stiffness(i, 0.5 * (c0 + c1), A, shape)
     mean *= (c1 - c0) / (d1 - d0)
@@ -233,24 +320,24 @@ def mean_elastic(
 
 
 @ieee_inline
-def mean_shape(i: int, d0: float, d1: float, exponent: Array | None, table: ForceTable) -> float:
+def mean_shape(i: int, d0: float, d1: float, shape: Shape) -> float:
     """Mean of phi between two overlaps that are not both 0.
 
     Of d^n, with r = d1/d0 <= 1 or its inverse,  d^n (1 - r^(n+1)) / ((n+1) (1 - r)).
     """
     low, high = min(d0, d1), max(d0, d1)
-    if exponent is not None:
-        power = exponent[i] + 1.0
+    if shape.law == POWER:
+        n = shape.parameters[0, i]
         gap = (high - low) / high
         if gap == 0.0:
-            return high ** exponent[i]
-        lost = -math.expm1(power * math.log1p(-gap)) if low > 0.0 else 1.0
-        return high ** exponent[i] * lost / (power * gap)
+            return high**n
+        lost = -math.expm1((n + 1.0) * math.log1p(-gap)) if low > 0.0 else 1.0
+        return high**n * lost / ((n + 1.0) * gap)
     if high == low:
-        return shape_force(i, high, exponent, table)
+        return shape_force(i, high, shape)
 
     # Gauss' rule of two points is exact on each cubic
-    total = 0.0
+    table, total = shape.table, 0.0
     j, last = segment(low, table.overlap), segment(high, table.overlap)
     start = low
     while j < last:

@@ -12,18 +12,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.kernels.arguments import Array, ForceTable, Shape
+from dem.kernels.arguments import Array, Shape
 from dem.kernels.compiled import fastmath, fastmath_inline, fastmath_march
 from dem.kernels.laws import (
     elastic_indentation,
     hertz_force,
     shape_bend,
+    shape_by_parameter,
     shape_force,
     shape_slope,
 )
 
-# rows of f (6, n_contacts); the last one of a power law alone
-FORCE, BY_OVERLAP, BY_STIFFNESS, BY_RATE, BY_LOSS, BY_EXPONENT = range(6)
+# rows of f (5 + n_parameters, n_contacts); from the last one on by the parameters of the shape
+FORCE, BY_OVERLAP, BY_STIFFNESS, BY_RATE, BY_LOSS, BY_PARAMETERS = range(6)
 
 
 class SensitivityRig(NamedTuple):
@@ -56,7 +57,7 @@ class Slopes(NamedTuple):
     load: Array
     offset: Array
     rest_force: Array
-    exponent: Array | None = None  # of a power law
+    parameters: Array | None = None  # (n_parameters, n_contacts, p) of the shape of the force
 
 
 class SphereDerivatives(NamedTuple):
@@ -100,7 +101,7 @@ def contact(
     A, gamma = stiffnesses[i], gammas[i]
     d = max(gap, 0.0) if s == 0.0 else elastic_indentation(i, gap, s, stiffnesses, shape)
     if shape is not None:
-        shaped_contact(d, rate, (A, gamma), s, i, shape.exponent, shape.table, f)
+        shaped_contact(d, rate, (A, gamma), s, i, shape, f)
         return
     root = math.sqrt(d)
     soft = 1.0 / (1.0 + 1.5 * s * A * root)
@@ -117,14 +118,13 @@ def contact(
 
 @fastmath
 def shaped_contact(
-    d: float, rate: float, factors: tuple[float, float], s: float, i: int,
-    exponent: Array | None, table: ForceTable, f: Array,
+    d: float, rate: float, factors: tuple[float, float], s: float, i: int, shape: Shape, f: Array,
 ) -> None:  # fmt: skip
     """`contact` of a force A phi(d) with the stiffness k and its derivative k' by d: the overlap
     follows the gap by soft = 1 / (1 + s k), the damper acts by gamma soft^2; factors A, gamma."""
     A, gamma = factors
-    phi, slope = shape_force(i, d, exponent, table), shape_slope(i, d, exponent, table)
-    bend = A * shape_bend(i, d, exponent, table)
+    phi, slope = shape_force(i, d, shape), shape_slope(i, d, shape)
+    bend = A * shape_bend(i, d, shape)
     soft = 1.0 / (1.0 + s * A * slope)
     loss = gamma * rate * soft * soft
     share = max(1.0 + loss, 0.0)
@@ -135,12 +135,11 @@ def shaped_contact(
     f[BY_STIFFNESS, i] = share * phi * soft - falling * (slope - bend * s * phi * soft)
     f[BY_RATE, i] = gamma * elastic * soft * soft if share > 0.0 else 0.0
     f[BY_LOSS, i] = rate * elastic * soft * soft if share > 0.0 else 0.0
-    if exponent is not None and d > 0.0:
-        log = math.log(d)
-        by_exponent = A * phi * log
-        steeper = A * d ** (exponent[i] - 1.0) * (1.0 + exponent[i] * log)
-        f[BY_EXPONENT, i] = share * by_exponent * soft
-        f[BY_EXPONENT, i] -= falling * (steeper - bend * s * by_exponent * soft)
+    if d > 0.0:
+        for j in range(shape.parameters.shape[0]):
+            stronger, steeper = shape_by_parameter(j, i, d, shape)
+            f[BY_PARAMETERS + j, i] = share * A * stronger * soft
+            f[BY_PARAMETERS + j, i] -= falling * A * (steeper - bend * s * stronger * soft)
 
 
 @fastmath_inline
@@ -177,7 +176,7 @@ def accelerations(x: Array, f: Array, rig: SensitivityRig, a: Array) -> None:
 @fastmath_inline
 def contact_sensitivities(
     spheres: SphereDerivatives, modal: Modal, f: Array, phi: Array, slopes: Slopes,
-    exponent: Array | None, dF: Array,
+    by_parameters: Array | None, dF: Array,
 ) -> None:  # fmt: skip
     """Derivatives of all contact forces by the parameters into dF (n_contacts, p)."""
     X, V, z, Z = spheres.X, spheres.V, modal.z, modal.Z
@@ -191,9 +190,10 @@ def contact_sensitivities(
             dF[i, m] = (
                 k * X[i, m] + c * V[i, m] + by_A * slopes.A[i, m] + by_gamma * slopes.gamma[i, m]
             )
-        if exponent is not None:
-            for m in range(p):
-                dF[i, m] += f[BY_EXPONENT, i] * exponent[i, m]
+        if by_parameters is not None:
+            for j in range(by_parameters.shape[0]):
+                for m in range(p):
+                    dF[i, m] += f[BY_PARAMETERS + j, i] * by_parameters[j, i, m]
         if i < n - 1:
             for m in range(p):
                 dF[i, m] -= k * X[i + 1, m] + c * V[i + 1, m]
@@ -290,7 +290,7 @@ def add(
 class Workspace(NamedTuple):
     """What a march with sensitivities works on, the spheres' start included."""
 
-    f: Array  # (6, n_contacts) as FORCE .. BY_EXPONENT
+    f: Array  # (5 + n_parameters, n_contacts) as FORCE .. BY_PARAMETERS
     a: Array  # (n,) accelerations
     dF: Array  # (n_contacts, p)
     dA: Array  # (n, p)
@@ -308,7 +308,8 @@ def workspace(spheres: SphereDerivatives, rig: SensitivityRig) -> Workspace:
     (n, p), n_contacts, k = spheres.X.shape, rig.A.size, rig.phi.size
     starts = (SphereDerivatives(*(values.copy() for values in spheres)) for _ in range(3))
     modes = (Modal(np.zeros((2, k)), np.zeros((2, k, p))) for _ in range(3))
-    forces = np.zeros((6, n_contacts)), np.zeros(n), np.zeros((n_contacts, p)), np.zeros((n, p))
+    rows = BY_PARAMETERS + (0 if rig.shape is None else len(rig.shape.parameters))
+    forces = np.zeros((rows, n_contacts)), np.zeros(n), np.zeros((n_contacts, p)), np.zeros((n, p))
     return Workspace(*forces, *starts, *modes, Stages(np.zeros(4), np.zeros((4, p))))
 
 
@@ -334,7 +335,7 @@ def march(
             accelerations(at_stage.x, f, rig, a)
             if p > 0:
                 contact_sensitivities(
-                    at_stage, modal_at_stage, f, rig.phi, slopes, slopes.exponent, dF
+                    at_stage, modal_at_stage, f, rig.phi, slopes, slopes.parameters, dF
                 )
                 acceleration_sensitivities(at_stage.X, dF, rig, slopes.load, dA)
             if n_contacts == n:

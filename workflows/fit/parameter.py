@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from dem import Chain, Wall
+from dem.kernels.laws import ELASTIC_LAWS, SHAPE_PARAMETERS
 from dem.sensitivities import STEPS_PER_TIME_SCALE, Directions, usual_step
 
 if TYPE_CHECKING:
@@ -36,8 +37,8 @@ class Parameter(NamedTuple):
     """One number to be fitted; `scale` is a change of it that counts as large."""
 
     name: str
-    # contact, stiffness, exponent, preload, dissipation, striker, trigger, frequency, mass,
-    # damping, gain
+    # contact, stiffness, a name of SHAPE_PARAMETERS, preload, dissipation, striker, trigger,
+    # frequency, mass, damping, gain
     kind: str
     start: float
     low: float
@@ -134,8 +135,8 @@ def rig_at(rig: Rig, parameters: tuple[Parameter, ...], theta: np.ndarray) -> Ri
                 A[p.index] *= value
             case "stiffness":
                 A *= value / p.start
-            case "exponent":
-                chain = chain._replace(exponent=np.full(A.size, value))
+            case name if name in SHAPE_PARAMETERS:
+                chain = chain._replace(**{name: np.full(A.size, value)})
             case "preload":
                 chain = chain._replace(preload=value)
             case "dissipation":
@@ -160,8 +161,10 @@ def directions(rig: Rig, parameters: tuple[Parameter, ...], theta: np.ndarray) -
     k = 0 if rig.wall is None else rig.wall.omega.size
     sizes = (n_contacts, n_contacts, n)
     d = Directions(*(np.zeros((s, p)) for s in sizes), np.zeros(p), *np.zeros((3, k, p)))
-    if rig.chain.exponent is not None:
-        d = d._replace(exponent=np.zeros((n_contacts, p)))
+    law = rig.chain.elastic
+    names = [p.name for p in ELASTIC_LAWS[law.name].parameters] if law.name else []
+    if names:
+        d = d._replace(parameters=np.zeros((len(names), n_contacts, p)))
     A = rig_at(rig, parameters, theta).chain.A
     for j, (parameter, value) in enumerate(zip(parameters, theta, strict=True)):
         match parameter.kind:
@@ -169,8 +172,8 @@ def directions(rig: Rig, parameters: tuple[Parameter, ...], theta: np.ndarray) -
                 d.A[parameter.index, j] = A[parameter.index] / value
             case "stiffness":
                 d.A[:, j] = A / value
-            case "exponent":
-                d.exponent[:, j] = 1.0
+            case name if name in names:
+                d.parameters[names.index(name), :, j] = 1.0
             case "preload":
                 d.preload[j] = 1.0
             case "dissipation":

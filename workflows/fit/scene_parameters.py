@@ -9,6 +9,7 @@ import numpy as np
 
 import coupling
 import dem
+from dem.kernels.laws import SHAPE_PARAMETERS
 from workflows.fit.forward import OWN, SHARED
 from workflows.fit.parameter import RATIOS, Parameter, Rig
 from workflows.fit.parameter import trigger as first_touch
@@ -21,6 +22,7 @@ from workflows.scene import (
     Scene,
     nearest,
 )
+from workflows.scene.contact import KEYS as CONTACT_KEYS
 from workflows.scene.quantities import entries
 from workflows.scene.toml import changed
 from workflows.stages.chain import chain, initial_velocity
@@ -40,7 +42,6 @@ CONTACT = Range(0.2, 5.0, 0.1)  # factor on the scene's stiffness
 FACTOR = Range(0.05, 20.0, 0.1)  # of the start: preload, frequency and mass of the wall
 SPEED_RANGE = Range(0.3, 3.0, 0.1)  # of the start
 POWER = Range(1e-3, 1e3, 0.1)  # of the stiffness of a power law: tenfold for 0.2 of exponent
-EXPONENT = Range(1.0, 4.0, 0.02)  # of a power law
 LOSS = Range(0.0, 10.0, 0.05)  # [s/m]
 RATIO = Range(0.0, 0.5, 0.01)  # damping ratio
 LOSS_START = 0.05  # [s/m] where the scene has none
@@ -52,8 +53,9 @@ SMALLEST = 1e-3  # of the start, of a parameter that is varied by factors; its i
 LATEST = 1e-2  # [s] of the trigger to either side of the estimate
 CRITICAL = 0.99  # damping ratio
 NAMES = (
-    "contacts", "contact.N", "contact.stiffness", "contact.exponent", "preload", "dissipation",
-    "striker", "trigger", "wall.frequency", "wall.mass", "wall.damping",
+    "contacts", "contact.N", "contact.stiffness",
+    *(f"contact.{parameter}" for parameter in SHAPE_PARAMETERS),
+    "preload", "dissipation", "striker", "trigger", "wall.frequency", "wall.mass", "wall.damping",
 )  # fmt: skip
 
 
@@ -152,15 +154,16 @@ def _named(scene: Scene, name: str, trigger: float) -> list[Parameter]:
     if key == "contact" and suffix.isdigit() and 1 <= int(suffix) <= scene.n_contacts:
         i = int(suffix) - 1
         return [Parameter(f"contact {i + 1}", "contact", 1.0, *CONTACT, "", i)]
-    if name in ("contact.stiffness", "contact.exponent"):
+    if key == "contact" and (suffix == "stiffness" or suffix in SHAPE_PARAMETERS):
         start = getattr(scene.contact, suffix)
         if start is None or isinstance(start, tuple):
+            laws = " or ".join(f'"{law}"' for law, keys in CONTACT_KEYS.items() if suffix in keys)
             raise InvalidScene(
-                f'--free {name} needs contact.law = "power" with one value for all contacts; give '
+                f"--free {name} needs contact.law = {laws} with one value for all contacts; give "
                 f"{name} one value."
             )
-        if suffix == "exponent":
-            return [Parameter(name, suffix, start, *EXPONENT)]
+        if suffix in SHAPE_PARAMETERS:
+            return [Parameter(name, suffix, start, *SHAPE_PARAMETERS[suffix][1:])]
         return by_factors(suffix, start, POWER, "N/m^n")
     if name == "preload":
         force = scene.preload.force if scene.preload else 0.0
@@ -247,8 +250,8 @@ def calibrated_scene(
         match p.kind:
             case "contact":
                 factors[p.index] *= x
-            case "stiffness" | "exponent":
-                scene = scene.but(contact={p.kind: x})
+            case key if key == "stiffness" or key in SHAPE_PARAMETERS:
+                scene = scene.but(contact={key: x})
             case "preload":
                 scene = scene.but(preload=(scene.preload or Preload()).but(force=x))
             case "dissipation":

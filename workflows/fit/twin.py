@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import BaseModel
 
 import dem
+from dem.kernels.laws import SHAPE_PARAMETERS
 from workflows.files.record import SYNTHETIC, Record
 from workflows.fit import scene_parameters
 from workflows.fit.calibrate import Calibrated, CalibrationRequest, calibrated
@@ -56,8 +57,8 @@ class Truth(NamedTuple):
                 return scene.striker.velocity
             case "preload":
                 return scene.preload.force if scene.preload else 0.0
-            case "stiffness" | "exponent":
-                return float(getattr(scene.contact, p.kind))
+            case key if key == "stiffness" or key in SHAPE_PARAMETERS:
+                return float(getattr(scene.contact, key))
             case "dissipation":
                 return float(np.max(scene.contact.coefficient))
         if isinstance(scene.wall, OneDofWall):

@@ -96,6 +96,24 @@ def page(folder: Path, summary: Summary, data: dict[str, Any] | None = None) -> 
     )
 
 
+def standing_alone(name: str, data: dict[str, Any]) -> str:
+    """The page `page/NAME.html.jinja` with its data, its script and its style, in one file that
+    opens without a network."""
+    from jinja2 import Environment
+
+    scripts = [bundle.text("vendor/ogl.min.js"), bundle.bundled(name)]
+    styles = [bundle.text("style.css"), bundle.text(f"{name}.css")]
+    environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    return environment.from_string(bundle.text(f"{name}.html.jinja")).render(
+        data=data,
+        json=Markup(harmless_json(data)),
+        scripts=[*map(Markup, scripts)],
+        styles=[*map(Markup, styles)],
+        script_hashes=Markup("".join(map(_digest, scripts))),
+        style_hashes=Markup("".join(map(_digest, styles))),
+    )
+
+
 def require_summary(folder: Path) -> Summary:
     """The summary of a run folder; raises InvalidScene where there is none."""
     path = folder / "summary.json"

@@ -18,12 +18,13 @@ from workflows.scene.units import (
 )
 
 PowerStiffness = Annotated[float, Field(gt=0, le=1e30, allow_inf_nan=False)]
-Exponent = Annotated[float, Field(ge=1, le=4)]  # dem.elastic.EXPONENTS
+Exponent = Annotated[float, Field(ge=1, le=4)]  # dem.kernels.laws
 KEYS = {
     "thornton": {"yield_pressure": "in Pa"},
     "power": {"stiffness": "in N/m^exponent", "exponent": "from 1 to 4"},
     "table": {"file": "of overlaps and forces"},
-}  # that a law needs, and no other has
+}  # that a law needs, and that laws without it do not have
+CIRCULAR = ("hertz", "thornton")  # laws of circular contacts, the others state their own force
 
 
 class ContactTable(SceneTable):
@@ -38,7 +39,8 @@ class ContactTable(SceneTable):
     # force over overlap
     law: Literal["hertz", "thornton", "power", "table"] = "hertz"
     stiffness: one_or_each(PowerStiffness) | None = None  # k of law = "power", [N/m^exponent]
-    exponent: one_or_each(Exponent) | None = None  # of the overlap, law = "power"; one per contact
+    # of the overlap, law = "power"; one per contact
+    exponent: one_or_each(Exponent) | None = Field(None, examples=[2.0])
     file: str | None = None  # CSV of overlap [m] and force [N], law = "table"
     yield_pressure: one_or_each(YieldPressure) | None = None  # [Pa] one per contact, as those below
     # damping of the contacts
@@ -61,11 +63,17 @@ class ContactTable(SceneTable):
 
     @model_validator(mode="after")
     def _keys_of_its_law(self) -> "ContactTable":
+        needed = KEYS.get(self.law, {})
         for law, keys in KEYS.items():
             for key, unit in keys.items():
                 given = getattr(self, key) is not None
                 if law == self.law and not given:
                     raise ValueError(f'law = "{law}" needs {key} {unit}: add it')
-                if law != self.law and given:
+                if key not in needed and given:
                     raise ValueError(f'{key} belongs to law = "{law}": drop it or take that law')
         return self
+
+    @property
+    def shaped(self) -> bool:
+        """Whether the contacts have a force of their own in the place of Hertz'."""
+        return self.law not in CIRCULAR

@@ -34,7 +34,6 @@ class SceneLimits(NamedTuple):
 
 
 LIMITS = SceneLimits()
-PER_CONTACT = ("coefficient", "stiffness_factor", "yield_pressure", "stiffness", "exponent")
 
 
 def contradictions(scene: Scene) -> Iterator[str]:
@@ -209,7 +208,7 @@ def _of_chain(scene: Scene) -> Iterator[str]:
 
     # lists have a value for each sphere, each contact, each measured mode
     lists = [(f"chain.{key}", getattr(chain, key), chain.count) for key in type(chain).model_fields]
-    lists += [(f"contact.{key}", getattr(contact, key), scene.n_contacts) for key in PER_CONTACT]
+    lists += [(f"contact.{key}", values, scene.n_contacts) for key, values in contact]
     if scene.guides:
         lists += [("guides.force", scene.guides.force, chain.count)]
     if scene.leaf_springs:
@@ -261,7 +260,7 @@ def _of_chain(scene: Scene) -> Iterator[str]:
         }
         for excluder in (name for name, is_given in excluded.items() if is_given):
             yield f'contact.law = "thornton" is not marched with {excluder}; change one of them.'
-    if contact.law in ("power", "table") and isinstance(scene.wall, DashpotWall):
+    if contact.shaped and isinstance(scene.wall, DashpotWall):
         yield (
             f'contact.law = "{contact.law}" is not marched with wall.kind = "dashpot"; change one '
             "of them."

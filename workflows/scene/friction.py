@@ -117,7 +117,7 @@ def of_friction(scene: "Scene") -> Iterator[str]:
                 )
 
     # contacts: elastic spheres, whose pressure is Hertz'
-    if contact.law in ("power", "table"):
+    if contact.shaped:
         yield (
             f'[friction] with contact.law = "{contact.law}", of which no tangential law is known; '
             'take contact.law = "hertz", or drop [friction].'

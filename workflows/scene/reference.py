@@ -15,6 +15,7 @@ from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
 
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from workflows.scene.bodies import General, Meshing
@@ -31,7 +32,6 @@ KIND = "which of the tables below it is"
 # or by its last word in all tables
 EXAMPLES: dict[str, Any] = {
     "contact.stiffness": 3e12,
-    "contact.exponent": 2.0,
     "contact.file": "force.csv",
     "name": "lid", "scene.name": "my-rig", "unusual": ["chain.radius"],
     "chain.count": 17, "chain.radius": "12.7 mm", "chain.initial_velocity": [0.3, 0.0, 0.0],
@@ -192,7 +192,7 @@ def _keys_of(table: type[BaseModel], path: tuple[str, ...], of: str = "") -> Ite
             tuple(sorted(INSTEAD.get(".".join(key), ()))),
             meanings.get(name) or field.description or "",
             of,
-            f"{name} = {_toml(_example('.'.join(key), annotation, field.default))}",
+            f"{name} = {_toml(_example('.'.join(key), annotation, field))}",
         )
 
 
@@ -272,8 +272,10 @@ def _usual(quantity: Quantity | None) -> str:
     return f"{quantity.low:g} to {quantity.high:g} {unit}"
 
 
-def _example(key: str, annotation: Any, default: Any) -> Any:
-    """A value that the key may have: of EXAMPLES, its first word, or its default."""
+def _example(key: str, annotation: Any, field: FieldInfo) -> Any:
+    """A value that the key may have: of its field, of EXAMPLES, its first word, or its default."""
+    if field.examples:
+        return field.examples[0]
     full = key if "." in key else f"scene.{key}"
     for name in (full, key.rpartition(".")[2]):
         if name in EXAMPLES:
@@ -281,7 +283,7 @@ def _example(key: str, annotation: Any, default: Any) -> Any:
             pair = _values(annotation).startswith("list of 2: number")
             return (value, value) if pair and not isinstance(value, list) else value
     words = re.findall(r'"([^"]*)"', _values(annotation))
-    return words[-1] if words else default
+    return words[-1] if words else field.default
 
 
 def _toml(default: Any) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 import coupling
 import dem
 from dem import spheres
+from dem.kernels.laws import ELASTIC_LAWS, SHAPE_PARAMETERS
 from workflows.files.force_file import force_table
 from workflows.scene import ContactTable, InvalidScene, RigidWall, RomWall, Scene
 from workflows.scene.gravity import friction
@@ -61,7 +62,7 @@ def ellipse(scene: Scene) -> coupling.EllipticalContact:
 TOGETHER = {
     "chain": ("radius", "density", "young", "poisson"),
     "striker": ("velocity",),
-    "contact": ("stiffness_factor", "coefficient", "stiffness", "exponent"),
+    "contact": ("stiffness_factor", "coefficient", "stiffness", *SHAPE_PARAMETERS),
     "leaf_springs": ("stiffness", "offset"),
     "preload": ("force", "mass"),
     "wall": ("frequency", "mass", "damping_ratio", "coefficient", "young", "poisson"),
@@ -116,15 +117,17 @@ def chain(scene: Scene) -> dem.Chain:
 
     # Hertz' law of a curved face, or another law in the place of Hertz'
     match contact.law:
-        case "power":
-            given = (np.asarray(x, float) for x in (contact.stiffness, contact.exponent))
-            factor = np.asarray(contact.stiffness_factor, float)
-            stiffness, exponent, factor, _ = np.broadcast_arrays(*given, factor, row.A)
-            row = row._replace(A=stiffness * factor, exponent=exponent.copy())
         case "table":
             factor = np.asarray(contact.stiffness_factor, float)
             A = np.broadcast_to(factor, np.broadcast_shapes(factor.shape, row.A.shape)).copy()
             row = row._replace(A=A, table=force_table(contact.file))
+        case law if law in ELASTIC_LAWS:
+            names = [parameter.name for parameter in ELASTIC_LAWS[law].parameters]
+            keys = ("stiffness", "stiffness_factor", *names)
+            given = (np.asarray(getattr(contact, key), float) for key in keys)
+            _, stiffness, factor, *parameters = np.broadcast_arrays(row.A, *given)
+            parameters = (values.copy() for values in parameters)
+            row = row._replace(A=stiffness * factor, **dict(zip(names, parameters, strict=True)))
         case _:
             row.A[-1] *= ellipse(scene).stiffness
 

@@ -36,7 +36,9 @@ def pictures(
 def picture_of_parts(scene: Scene, mesh: Parts) -> Picture:
     """Picture of the meshed assembly with the chain, and what joins and holds it; raises
     NoPicture."""
-    spheres = np.broadcast_to(scene.chain.radius, scene.chain.count)[::-1].tolist()
+    spheres = []
+    if scene.chain is not None:
+        spheres = np.broadcast_to(scene.chain.radius, scene.chain.count)[::-1].tolist()
     return _rendered(_at_rest(mesh.meshes), fixtures(mesh) | {"spheres": spheres})[0]
 
 

@@ -1,6 +1,8 @@
 """The files that a run folder has of an assembly, made once and kept: a run whose results are kept
 loads no finite elements to write them."""
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -14,25 +16,24 @@ from workflows.stages.walls import save
 
 def mode_files(scene: Scene, modes: AssemblyModes) -> dict[str, bytes]:
     """Content of modes.vtu, by its name."""
-    with TemporaryDirectory() as folder:
-        path = Path(folder, "modes.vtu")
-        mode_field.write(path, modes.field)
-        return {path.name: path.read_bytes()}
+    return written({"modes.vtu": lambda path: mode_field.write(path, modes.field)})
 
 
 def model_files(scene: Scene, reduction: rom.ReducedModel) -> dict[str, bytes]:
     """Content of rom.npz and rom.mat, by name."""
-    with TemporaryDirectory() as folder:
-        paths = Path(folder, "rom.npz"), Path(folder, "rom.mat")
-        for path in paths:
-            save(path, reduction, scene.damping)
-        return {path.name: path.read_bytes() for path in paths}
+    write = partial(save, reduced=reduction, table=scene.damping)
+    return written({"rom.npz": write, "rom.mat": write})
 
 
 def response_files(scene: Scene, response: Response) -> dict[str, bytes]:
     """Content of response.npz and its picture, by name."""
+    curves = written({"response.npz": lambda path: save_response(path, response.found)})
+    return curves | {f"figures/{response.picture.name}.png": response.picture.png}
+
+
+def written(writers: dict[str, Callable[[Path], None]]) -> dict[str, bytes]:
+    """Content of files, by name, each as its function writes it to a path of that name."""
     with TemporaryDirectory() as folder:
-        path = Path(folder, "response.npz")
-        save_response(path, response.found)
-        picture = response.picture
-        return {path.name: path.read_bytes(), f"figures/{picture.name}.png": picture.png}
+        for name, write in writers.items():
+            write(Path(folder, name))
+        return {name: Path(folder, name).read_bytes() for name in writers}

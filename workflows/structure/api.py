@@ -73,7 +73,8 @@ def look(
 
     source   a STEP file, or a scene with an assembly
     starter  write a scene of the STEP file to start from
-    out      folder for the picture with the names
+    out      folder for the picture with the names, and for faces.html, on which a click on a face
+             shows the selectors that pick it
 
     Raises InvalidScene for bad input.
     """
@@ -88,11 +89,15 @@ def look(
     options = {"inputs": inputs, "ending": ".toml", "overwrite": overwrite}
     file = OutputFile(starter, "--scene", **options) if starter else None
     folder = picture_folder(out, inputs, overwrite, "assembly")
+    if folder:
+        folder.require("faces.html")
     with progress("look"):
-        glance = looking.look(with_assembly(scene), str(source) if path else scene.name)
+        shown = str(source) if path else scene.name
+        glance = looking.look(with_assembly(scene), shown, with_page=folder is not None)
         result = Looked(glance.look, glance)
         if folder:
             write_pictures(folder, (result.plot(),))
+            folder.write("faces.html", glance.page.encode())
     if file:
         looking.write_starter(file, glance, path)
     return result

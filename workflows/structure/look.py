@@ -19,6 +19,7 @@ from workflows.stages.assembly import mesh
 from workflows.stages.bodies import Drawing, drawing, lined
 from workflows.stages.parts import Parts
 from workflows.stages.strike import around
+from workflows.structure.face_page import face_page
 
 STEEL = {"young": 210e9, "poisson": 0.3, "density": 7850.0}
 PATCH = 2e-3  # [m] radius of the starter scene's patch
@@ -127,6 +128,7 @@ class Seen(NamedTuple):
     meshes: dict[str, Mesh]
     parts: Parts | None  # what a run has; None where the scene lacks what a run needs
     starter: str | None  # TOML; None where no plane face offers itself to the chain
+    page: str | None  # HTML, on which a click on a face shows its selectors
 
 
 def of_file(path: Path) -> Scene:
@@ -136,8 +138,9 @@ def of_file(path: Path) -> Scene:
     return resolved(tables, str(path))
 
 
-def look(scene: Scene, source: str) -> Seen:
-    """Bodies, pairs and holes of a scene, from its geometry alone and a mesh as a run has it."""
+def look(scene: Scene, source: str, *, with_page: bool = False) -> Seen:
+    """Bodies, pairs and holes of a scene, from its geometry alone and a mesh as a run has it, and
+    the page of its faces."""
     scene = scene.written_out
     parts, refusal = None, []
     if scene.strike is not None:
@@ -154,6 +157,7 @@ def look(scene: Scene, source: str) -> Seen:
             _remarks(geometry) + refusal,
         )
         meshes = _meshes(scene, geometry) if parts is None else parts.meshes
+        page = face_page(source, geometry) if with_page else None
 
     # nodes of quadratic elements: corners and edges
     nodes = {name: float(skin.nvertices + skin.nedges) for name, skin in meshes.items()}
@@ -189,7 +193,7 @@ def look(scene: Scene, source: str) -> Seen:
         seconds=foreseen_seconds(nodes),
         remarks=remarks,
     )
-    return Seen(report, scene, meshes, parts, starter)
+    return Seen(report, scene, meshes, parts, starter, page)
 
 
 def constrained_dofs(parts: Parts) -> int:

@@ -135,7 +135,7 @@ class CheckedGroup:
         return given or any(key.startswith("friction.") for key in keys)
 
     @property
-    def joins(self) -> bool:
+    def side_by_side(self) -> bool:
         """Whether its chains may march side by side."""
         scene = self.scene
         differs = {key.split(".")[0] for key in self.group.columns}

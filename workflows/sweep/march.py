@@ -37,8 +37,8 @@ def rows(checked: CheckedGroup, shared: SharedWall, signals: bool) -> list[Rows]
         return [*finished, failed]
 
     # cases that march; the batch takes walls of oscillators alone
-    joins = checked.joins and not isinstance(shared.wall, coupling.CoupledWall)
-    take = _side_by_side if joins and len(group.cases) > 1 else _one_by_one
+    side_by_side = checked.side_by_side and not isinstance(shared.wall, coupling.CoupledWall)
+    take = _side_by_side if side_by_side and len(group.cases) > 1 else _one_by_one
     return finished + take(checked, group, shared, signals)
 
 

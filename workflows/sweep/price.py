@@ -56,7 +56,7 @@ def price(base: Base, design: Design, workers: int) -> Price:
     for group in spread(all_groups):
         sample.append(sharing(base, design, group.take(spread(range(len(group.cases)))), False))
     walls = [group for group in sample if group.scene is not None]
-    joining = [group for group in walls if group.tasks[-1].checked.joins]
+    joining = [group for group in walls if group.tasks[-1].checked.side_by_side]
     n_sampled = sum(len(task.checked.group.cases) for group in sample for task in group.tasks)
     refusals = [
         message for group in sample for task in group.tasks
@@ -84,7 +84,7 @@ def price(base: Base, design: Design, workers: int) -> Price:
         first = walls[0]
         reduced = models(first.source) if first.key is not None else None
         shared, checked = shared_wall(first.scene, first.source, reduced), first.tasks[-1].checked
-        cases = next(checked.pieces(TIMED if checked.joins else 1))
+        cases = next(checked.pieces(TIMED if checked.side_by_side else 1))
         rows(cases, shared, False)  # compiles
         started = perf_counter()
         timed_rows = rows(cases, shared, False)
@@ -94,7 +94,7 @@ def price(base: Base, design: Design, workers: int) -> Price:
 
         # three times the signals of all cases that march or wait to be stored at once
         output, n_together = first.scene.output, 1
-        if checked.joins:
+        if checked.side_by_side:
             n_together = min(design.n_cases, (AT_ONCE + 1) * CHUNK)
         per_case = output.samples * (len(output.spheres) + 1)
         memory_GB = GB_PER_NUMBER * 3 * per_case * n_together

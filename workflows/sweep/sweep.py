@@ -104,7 +104,7 @@ def _in_this_process(groups: Iterator[Sharing]) -> Iterator[list[Rows]]:
                 shared = shared_wall(group.scene, group.source, latest.get(group.key))
 
             for task in group.tasks:
-                if task.checked.scene is None or not task.checked.joins:
+                if task.checked.scene is None or not task.checked.side_by_side:
                     yield rows(task.checked, shared, task.signals)
                     continue
                 running.append(pool.submit(rows, task.checked, shared, task.signals))

@@ -38,7 +38,7 @@ def sharings(base: Base, design: Design, cases: list[int], signals: bool) -> Ite
 def sharing(base: Base, design: Design, group: Group, signals: bool) -> Sharing:
     """The tasks of a group of cases."""
     scenes = checked(base, group)
-    size = CHUNK if scenes.scene and scenes.joins else ALONE
+    size = CHUNK if scenes.scene and scenes.side_by_side else ALONE
     tasks = [Task(piece, signals) for piece in scenes.pieces(size)]
     if scenes.scene is None:
         return Sharing(None, None, None, tasks)

@@ -1,0 +1,49 @@
+"""Triangles of the faces of bodies, to look at."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.facets import triangles
+from geometry.solids import Body
+
+if TYPE_CHECKING:
+    from geometry.own_mesh import OwnMesh
+
+ACROSS = 12.0  # triangles along the diagonal of a body, curved faces have more; chosen by eye
+
+
+def face_triangles(bodies: Iterable[Body]) -> dict[int, NDArray[np.float64]]:
+    """Corners (n, 3, 3) [m] by the tag of a face; to be called in the bodies' ``with model(...)``,
+    whose mesh it takes the place of."""
+    import gmsh
+
+    bodies = list(bodies)
+    gmsh.model.mesh.clear()
+    largest = max(float(np.linalg.norm(body.upper - body.lower)) for body in bodies)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", largest / ACROSS)
+    gmsh.model.mesh.generate(2)
+    found = {}
+    for face in (face for body in bodies for face in body.faces):
+        nodes, points, _ = gmsh.model.mesh.getNodes(2, face.tag, includeBoundary=True)
+        place = dict(zip(nodes.tolist(), points.reshape(-1, 3), strict=True))
+        _, corners = gmsh.model.mesh.getElementsByType(2, face.tag)  # type 2: triangles
+        found[face.tag] = np.array([place[n] for n in corners.tolist()]).reshape(-1, 3, 3)
+    gmsh.model.mesh.clear()
+    return found
+
+
+def own_face_triangles(own: OwnMesh) -> dict[str, dict[int, NDArray[np.float64]]]:
+    """The same of a user's mesh, by body and tag."""
+    found: dict[str, dict[int, NDArray[np.float64]]] = {}
+    for name, skin in own.skins.items():
+        n, width = skin.corners.shape[:2]
+        at = np.arange(n * width).reshape(n, width)
+        corners = skin.corners.reshape(-1, 3)[at if width == 3 else triangles(at)]
+        tag = skin.tag if width == 3 else np.tile(skin.tag, 2)
+        found[name] = {int(one): corners[tag == one] for one in np.unique(tag)}
+    return found

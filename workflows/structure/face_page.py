@@ -1,0 +1,78 @@
+"""A page on which a click on a face shows the selectors that pick it (`beadwave look --out`)."""
+
+from typing import Any
+
+import numpy as np
+
+from geometry.errors import InvalidGeometry
+from geometry.selectors import faces
+from geometry.solids import ALIGNED, Body, Face
+from workflows.report.report import standing_alone
+from workflows.stages.bodies import Drawing
+
+
+def face_page(name: str, geometry: Drawing) -> str:
+    """HTML; to be called while the drawing is open."""
+    from geometry.face_triangles import face_triangles, own_face_triangles
+
+    if geometry.own:
+        triangles = own_face_triangles(geometry.own)
+    else:
+        by_tag = face_triangles(geometry.bodies.values())
+        triangles = dict.fromkeys(geometry.bodies, by_tag)
+    rows: list[dict[str, Any]] = []
+    for body in geometry.bodies.values():
+        for face in body.faces:
+            corners = triangles[body.name][face.tag]
+            sides = corners[:, 1:] - corners[:, :1]
+            largest = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).argmax()
+            point = corners[largest].mean(axis=0)
+            picked = []
+            for text in words(body, face, point):
+                tags = _tags(text, geometry.bodies)
+                if face.tag in tags:
+                    picked.append({"text": text, "faces": len(tags)})
+                    if "@" in text:  # the shortest of the points does
+                        break
+            rows.append(
+                {
+                    "body": body.name,
+                    "kind": _described(face),
+                    "selectors": sorted(picked, key=lambda row: row["faces"] != 1),
+                    "points": corners.reshape(-1).round(7).tolist(),
+                }
+            )
+    return standing_alone("faces", {"name": name, "faces": rows})
+
+
+def words(body: Body, face: Face, point: np.ndarray) -> list[str]:
+    """Selectors that may pick a face with this point (3,) [m] on it, those by the point last; see
+    `geometry.selectors`."""
+    texts = []
+    if face.normal is not None and np.abs(face.normal).max() > 1 - ALIGNED:
+        axis = int(np.abs(face.normal).argmax())
+        texts.append(f"{body.name}:{'+' if face.normal[axis] > 0 else '-'}{'xyz'[axis]}")
+    if face.name:
+        texts.append(f"{body.name}:#{face.name}")
+    if face.axis is not None and face.radius is not None:
+        what = "hole" if face.hollow else "cylinder"
+        texts += [f"{body.name}:{what}({2e3 * face.radius:.6g} mm)", f"{body.name}:{what}"]
+    for digits in (3, 4, 5, 7):  # of the point, that is rounded as far as it still picks the face
+        texts.append(
+            f"{body.name}@" + ",".join(f"{x:.{digits}g}" for x in point.round(digits) + 0.0)
+        )
+    return texts
+
+
+def _tags(text: str, bodies: dict[str, Body]) -> tuple[int, ...]:
+    try:
+        return faces(text, bodies).tags
+    except InvalidGeometry:
+        return ()
+
+
+def _described(face: Face) -> str:
+    area = f"{1e6 * face.area:.4g} mm²"
+    if face.radius is not None:
+        return f"{face.kind} of {2e3 * face.radius:.4g} mm, {area}"
+    return f"{face.kind}, {area}"
