@@ -38,6 +38,7 @@ class SteadyState(NamedTuple):
     error: float  # change from period to period, and of a cold start by its steps
 
 
+PHASE = 0.05  # [rad] of the fastest contact in a step, at most: a tenth of a percent a period
 # a neighbour's state is near: a search that needs more than this is started cold instead
 NEIGHBOURS = USUAL_PERIODIC_SEARCH._replace(most_iterations=4)
 
@@ -52,11 +53,11 @@ def cold_state(
 ) -> SteadyState:
     """The periodic state from a contact that was never sheared. Raises UnstableStep where none is
     found; arguments as in `periodic_state`."""
-    return steady(periodic_state(body, before, error=error, speed=speed, search=search))
+    return steady(body, periodic_state(body, before, error=error, speed=speed, search=search))
 
 
-def steady(state: PeriodicState) -> SteadyState:
-    """What a search from rest left."""
+def steady(body: Body, state: PeriodicState) -> SteadyState:
+    """What a search from rest left; its cycle may be one of samples, coarser than a march takes."""
     cycle = state.cycle
     amplitude = 0.5 * np.ptp(cycle.friction_force, axis=0)
     speed = max(state.wall_speed, float(np.abs(state.moving.motion.v).max()))
@@ -66,7 +67,7 @@ def steady(state: PeriodicState) -> SteadyState:
         float(amplitude[cycle.axis]),
         float(0.5 * np.ptp(cycle.slip[:, cycle.axis])),
         float(cycle.stick_share.min()),
-        cycle.n_steps // cycle.periods,
+        max(cycle.n_steps // cycle.periods, math.ceil(body.shakers.period * body.rate / PHASE)),
         speed,
         state.error_estimate + cycle.periodicity_error,
     )
@@ -84,6 +85,7 @@ def neighbouring_state(
     """The periodic state of a body, from that of a similar one with as many bodies and modes, by
     its steps of a period; from rest where that is not near enough. Raises UnstableStep."""
     period = period_of(body, before, neighbour.n_steps, search)
+    n_steps = period.steps.n_save * period.steps.stride
     moving = neighbour.moving.copied()
     body.settle(moving, period.system, 0.0)
     saved = period.march(moving.copied())
@@ -103,7 +105,7 @@ def neighbouring_state(
         float(0.5 * np.ptp(saved.force[:, 1 + axis])),
         float(0.5 * np.ptp(saved.slip[:, axis])),
         float(saved.stick.min()),
-        neighbour.n_steps,
+        n_steps,
         float(np.abs(speeds).max()),
         max(point.change, neighbour.error),
     )

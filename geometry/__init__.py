@@ -2,6 +2,7 @@
 
     geometry.shapes        bodies to be drawn; geometry.cad: drawn, or read from STEP files
     geometry.lined         hexahedra between prescribed grid lines
+    geometry.drawing       the bodies of an assembly, from shapes, STEP or a mesh, and their meshes
     geometry.touching      which bodies touch, on which faces
     geometry.joints        faces, touching pairs and places of joints that a scene names
     geometry.body_mesh     bodies meshed, faces that touch imprinted on each other

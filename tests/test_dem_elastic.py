@@ -54,6 +54,24 @@ def test_stiffness_energy_and_overlap_follow_from_the_force(name):
 
 
 @pytest.mark.parametrize("name", LAWED)
+def test_derivatives_by_the_parameters_follow_from_force_and_stiffness(name):
+    """By central differences, whose error is (h ln d)^2 / 6: 2e-8 at most."""
+    law = LAWED[name].elastic.at(np.s_[2:3])
+    shape = law.shape
+    for j, values in enumerate(shape.parameters):
+        h = 1e-5 * values[0]
+        step = h * (np.arange(len(shape.parameters)) == j)[:, None]
+        ends = [shape._replace(parameters=shape.parameters + sign * step) for sign in (1, -1)]
+        for d in (3e-7, 9.3e-6, 4e-5):
+            exact = laws.shape_by_parameter(j, 0, d, shape)
+            for formula, derivative in zip(
+                (laws.shape_force, laws.shape_slope), exact, strict=True
+            ):
+                difference = (formula(0, d, ends[0]) - formula(0, d, ends[1])) / (2 * h)
+                assert derivative == pytest.approx(difference, rel=1e-7)
+
+
+@pytest.mark.parametrize("name", LAWED)
 @pytest.mark.parametrize("s", [2e-9, 3e-8])
 def test_contact_and_spring_in_series_make_up_the_gap(name, s):
     chain = LAWED[name]
@@ -177,13 +195,13 @@ def test_a_chain_of_a_batch_is_the_chain_alone(name, wall):
     chain = LAWED[name]
     wall = {"rigid": dem.rigid_wall(), "sprung": SPRUNG, "free": None}[wall]
     if wall is None:
-        chain = chain._replace(
-            A=chain.A[:-1], exponent=None if chain.exponent is None else chain.exponent[:-1]
-        )
+        fewer = {key: values[:-1] for key, values in chain.elastic.parameters.items()}
+        chain = chain._replace(A=chain.A[:-1], **fewer)
     factors = np.linspace(0.5, 2.0, LANES + 3)[:, None]
     many = chain._replace(A=chain.A * factors)
-    if chain.exponent is not None:
-        many = many._replace(exponent=np.maximum(chain.exponent * factors**-0.03, 1.0))
+    for key, values in chain.elastic.parameters.items():
+        varied = np.maximum(values * factors**-0.03, laws.SHAPE_PARAMETERS[key].low)
+        many = many._replace(**{key: varied})
     chains = dem.Chains(many, wall, struck())
     batch = dem.march_batch(chains, duration=1.5e-4, error=1e-5, n_save=60, threads=1)
     for i in (0, 7, LANES + 2):
@@ -200,21 +218,23 @@ def test_a_chain_of_a_batch_is_the_chain_alone(name, wall):
 @pytest.mark.parametrize("gamma", [0.0, 0.3])
 def test_sensitivities_are_differences_of_runs(name, gamma):
     chain, parameters = LAWED[name]._replace(preload=15.0, gamma=np.full(5, gamma)), ["A"]
+    law = chain.elastic
     chain = chain._replace(dissipation="hunt-crossley" if gamma else "none")
-    if chain.exponent is not None and name != "n = 1":
-        parameters.append("exponent")
+    if law.parameters and name != "n = 1":  # the least exponent has none below it
+        parameters += [p.name for p in laws.ELASTIC_LAWS[law.name].parameters]
     p = len(parameters)
     zeros = np.zeros((5, p)), np.zeros((5, p)), np.zeros((5, p)), np.zeros(p), *np.zeros((3, 2, p))
     d = Directions(*zeros)
     d.A[:, 0] = chain.A
-    if p == 2:
-        d = d._replace(parameters=np.zeros((1, 5, p)))
-        d.parameters[0, :, 1] = 1.0
+    if p > 1:
+        d = d._replace(parameters=np.zeros((p - 1, 5, p)))
+        for j, parameter in enumerate(parameters[1:]):
+            d.parameters[j, :, 1 + j] = getattr(chain, parameter)
     numbers = dict(duration=1.2e-4, dt=1e-7, observed=[0, 2, 4])
     exact = march_with_sensitivities(chain, SPRUNG, struck(), d, **numbers)
     for j, parameter in enumerate(parameters):
         e = 1e-6
-        step = chain.A * e if parameter == "A" else e
+        step = getattr(chain, parameter) * e
         ends = [
             march_with_sensitivities(
                 chain._replace(**{parameter: getattr(chain, parameter) + sign * step}),

@@ -92,7 +92,7 @@ REFUSED = {
         {"at": [0.008, 0.0]}
     ],
     "is that of no body": [{"inertia": [1e-6, 1e-6, 3e-6]}],
-    "masses.0.mass = -1.0 must be greater than 0": [{"mass": -1.0}],
+    "masses.a.mass = -1.0 must be greater than 0": [{"mass": -1.0}],
 }
 
 

@@ -30,7 +30,8 @@ def accuracy(call: Call) -> None:
 CASES = (
     "joint-stiffness, rayleigh-damping, young, unlike-materials, unlike-radii, radius, "
     "striker-speed, preload, sonic-vacuum, dissipation, spheres, step, drift, time-reversal, "
-    "float-extremes, wall-mode-frequency, one-dof-wall, wall-damping, dashpot-wall"
+    "float-extremes, wall-mode-frequency, one-dof-wall, wall-damping, dashpot-wall, "
+    "shaken-preload, shaken-friction, shaken-separation, shaken-phase"
 )
 CASE = f"only this case; may be repeated: {CASES}"
 
@@ -46,7 +47,7 @@ def stability(
     ] = False,
 ) -> None:
     """Stiff and extreme cases with a verdict each."""
-    from workflows.evidence.stability.verdicts import brief
+    from workflows.evidence.stability.table import brief
     from workflows.report import finding
 
     result = call()

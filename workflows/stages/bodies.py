@@ -10,18 +10,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 import fem
 import geometry.joints
 from geometry import InvalidGeometry
-from geometry.contacts import Neighbours, TouchingPair, require_apart
+from geometry.contacts import TouchingPair
+from geometry.drawing import Drawing, Sizing, drawn, meshed
 from geometry.joints import JointWords, Picked, TieWords, Words, picked
 from geometry.lined import lined_mesh
-from geometry.own_mesh import OwnMesh, own_mesh
-from geometry.solids import Body, require_size
 from workflows.files.mesh import volumes_of
 from workflows.files.step import require_step
 from workflows.scene import InvalidScene, Scene
@@ -29,20 +28,11 @@ from workflows.scene.bodies import GROUND, SHARE, Solid, UnderTable
 from workflows.scene.places import named_faces
 from workflows.scene.shapes import grid_lines, shapes
 from workflows.scene.size import too_large_mesh
-from workflows.stages.parts import GMSH_NEEDS, STRIKE, Parts
+from workflows.stages.parts import STRIKE, Parts
 from workflows.stages.strike import around, struck
 
 if TYPE_CHECKING:
     from skfem import Mesh
-
-
-class Drawing(NamedTuple):
-    """The bodies in the CAD kernel or in a mesh, and which of them touch; see `geometry`."""
-
-    bodies: dict[str, Body]
-    unit: str | None  # of length in the STEP file; None for drawn bodies
-    near: Neighbours
-    own: OwnMesh | None = None  # the user's mesh, if bodies come from one
 
 
 @contextmanager
@@ -56,27 +46,11 @@ def drawing(scene: Scene, coarser: float = 1.0, *, lines: bool = True) -> Iterat
             volumes = volumes_of(Path(table.mesh))
         else:
             volumes = lined(scene, coarser) if lines else {}
-        if volumes:
-            own = own_mesh(volumes, table.gap)
-            require_size(own.bodies)
-            require_apart(own.meeting.near)
-            yield Drawing(own.bodies, None, own.meeting.near, own)
-            return
-        try:
-            from geometry.cad import model
-            from geometry.touching import neighbours
-        except OSError as missing:
-            raise ValueError(
-                f"gmsh cannot start ({missing}); install its shared libraries (Debian: "
-                f"{GMSH_NEEDS})."
-            ) from None
-        if table.step:
-            require_step(Path(table.step))
-        with model(shapes(scene), Path(table.step) if table.step else None) as cad:
-            require_size(cad.bodies)
-            near = neighbours(cad.bodies, table.gap)
-            require_apart(near)
-            yield Drawing(cad.bodies, cad.unit, near)
+        step = Path(table.step) if table.step and not volumes else None
+        if step:
+            require_step(step)
+        with drawn({} if volumes else shapes(scene), step, volumes, table.gap) as bodies:
+            yield bodies
     except InvalidGeometry as error:
         raise InvalidScene(f"{scene.name}: {error}") from None
 
@@ -84,10 +58,10 @@ def drawing(scene: Scene, coarser: float = 1.0, *, lines: bool = True) -> Iterat
 def lined(scene: Scene, coarser: float = 1.0) -> dict[str, Mesh]:
     """Meshes of bodies with prescribed grid lines, of which all sizes are multiplied by mesh.scale
     and `coarser`; empty for a scene without such lines."""
-    drawn, scale, meshes = shapes(scene), coarser * scene.mesh.scale, {}
+    solids, scale, meshes = shapes(scene), coarser * scene.mesh.scale, {}
     for name, lines in grid_lines(scene, scale).items():
         try:
-            meshes[name] = lined_mesh(drawn[name], lines, scale * scene.seed_of(name))
+            meshes[name] = lined_mesh(solids[name], lines, scale * scene.seed_of(name))
         except InvalidGeometry as error:
             raise InvalidGeometry(f"bodies.{name}: {error}") from None
     return meshes
@@ -165,46 +139,24 @@ def parts(scene: Scene, coarser: float = 1.0) -> Parts:
                 )
             named[STRIKE] = face.face
 
-        # master and slave of a tie: the slave has the finer mesh, in a mesh of the user's the
-        # smaller volume. One order of all bodies, so that ties never form a circle
-        by_volume = {name: 1 / body.volume for name, body in bodies.items()}
-        if layout.own:
-            fineness = by_volume
-            followers = [sorted(t.bodies, key=lambda body: fineness[body])[1] for t in ties]
-            try:
-                meshes = layout.own.marked(
-                    named, selection.patches, list(zip(ties, followers, strict=True))
-                )
-            except ValueError as error:
-                raise InvalidScene(f"{scene.name}: {error}") from None
-        else:
-            from geometry.body_mesh import body_meshes
-            from geometry.sizes import Fine, Sizes, default_seeds
+        sizing = Sizing(
+            gap,
+            scene.mesh.scale,
+            {name: scene.seed_of(name) for name in bodies},
+            [(face.face.body, face.point, scene.strike.size)] if face else [],
+            coarser,
+            "tet" if scene.mesh.element == "tet" else None,
+        )
+        meshes, fineness = meshed(layout, selection, ties, named, sizing)
 
-            scale, usual = scene.mesh.scale, default_seeds(bodies)
-            seeds = {name: scale * (scene.seed_of(name) or usual[name]) for name in bodies}
-            fine = [Fine(face.face.body, face.point, scale * scene.strike.size)] if face else []
-            meshes = body_meshes(
-                bodies,
-                ties,
-                gap=gap,
-                sizes=Sizes(seeds, fine, coarser),
-                named=named,
-                patches=selection.patches,
-                element="tet" if scene.mesh.element == "tet" else None,
-            )
-            # ties of parts have the smaller volume as slave, and the others then too
-            fineness = by_volume if selection.partly else {
-                n: mesh.nelements / bodies[n].volume for n, mesh in meshes.items()
-            }  # fmt: skip
-
-    # nodes of quadratic elements: a mesh that does not fit into memory is refused before assembly
-    nodes = {name: float(m.nvertices + m.nedges) for name, m in meshes.items()}
-    for sentence in too_large_mesh(scene, "the mesh of [assembly]", nodes):
-        raise InvalidScene(f"{scene.name}: {sentence}")
     made_of = {name: material(scene.made_of(name)) for name in meshes}
     connections, rigid = _connections(scene, selection, ties, fineness)
-    return Parts(meshes, made_of, connections, rigid, face, _load(scene, selection))
+    whole = Parts(meshes, made_of, connections, rigid, face, _load(scene, selection))
+
+    # a mesh that does not fit into memory is refused before assembly
+    for sentence in too_large_mesh(scene, "the mesh of [assembly]", whole.nodes):
+        raise InvalidScene(f"{scene.name}: {sentence}")
+    return whole
 
 
 def tied_pairs(scene: Scene, layout: Drawing, selection: Picked) -> list[TouchingPair]:

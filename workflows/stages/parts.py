@@ -10,9 +10,6 @@ import fem
 from geometry.struck import Struck
 
 STRIKE = "strike"  # name of the face that the chain leans on
-GMSH_NEEDS = (
-    "apt-get install libgl1 libglu1-mesa libgomp1 libxcursor1 libxft2 libxinerama1 libxrender1"
-)
 
 
 class Parts(NamedTuple):

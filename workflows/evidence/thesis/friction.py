@@ -70,7 +70,7 @@ class FrictionOptions(NamedTuple):
     arms: tuple[float, ...] = (0.5, 2.0)  # factors on the arm's stiffness
     patches: tuple[float, ...] = (0.5, 0.0)  # factors on the distance from the face's middle
     sticking: float = 2.0  # coefficient at which nothing slips in a cycle, and no one measures
-    state_error: float = 3e-3  # of the periodic states: at 1e-3 some in gross slip are not found
+    state_error: float = 3e-3  # of the periodic states
     coarser: float = 3.0  # times as large an error where none is found; the row states it
     error: float = 1e-4  # of the marches: a third of what the differences are judged by
     n_cells: int = 64  # of the contact: 64, 128 and 256 left loops 4e-4 apart
@@ -253,8 +253,8 @@ def shaken_run(
     states: dict[str, SteadyState],
     options: FrictionOptions,
 ) -> ContactRun:
-    """The run of a case with this coefficient. Its periodic state is looked for from the one of
-    the same coefficient that was found last, else of another, and kept in `states`. Raises
+    """The run of a case with this coefficient. Its periodic state is looked for from rest, that of
+    a contact that sticks from the last one found, and kept in `states`. Raises
     UnstableStep."""
     body, v0 = rig.body(coefficient, options.n_cells), rig.start.velocity
     before = before_striker(body, v0, upstream_held=case.scene.friction.upstream == "held")
@@ -266,7 +266,8 @@ def shaken_run(
     if key not in states:
         near = states.get(f"{coefficient:g} with {modes}", states.get(modes))
         try:
-            if near is None:
+            # a contact that sticks is nearly linear: another one's state is near
+            if near is None or coefficient < options.sticking:
                 states[key] = cold_state(body, before, **wanted)
             else:
                 states[key] = neighbouring_state(body, before, near, **wanted)

@@ -1,0 +1,115 @@
+"""The bodies of an assembly, from shapes, a STEP file or a mesh, and their meshes.
+
+with drawn(shapes, step, volumes, gap) as drawing:    bodies, and which of them touch
+    chosen = picked(words, drawing.bodies, ...)       `geometry.joints`
+    meshes, fineness = meshed(drawing, chosen, ties, named, sizing)
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+from skfem import Mesh
+
+from geometry.contacts import Neighbours, TouchingPair, require_apart
+from geometry.errors import InvalidGeometry
+from geometry.joints import Picked
+from geometry.own_mesh import OwnMesh, own_mesh
+from geometry.selectors import Selected
+from geometry.shapes import Shape
+from geometry.solids import Body, Vector, require_size
+
+GMSH_NEEDS = (
+    "apt-get install libgl1 libglu1-mesa libgomp1 libxcursor1 libxft2 libxinerama1 libxrender1"
+)
+
+
+class Drawing(NamedTuple):
+    """The bodies in the CAD kernel or in a mesh, and which of them touch."""
+
+    bodies: dict[str, Body]
+    unit: str | None  # of length in the STEP file; None for drawn bodies
+    near: Neighbours
+    own: OwnMesh | None = None  # the mesh, if bodies come from one
+
+
+class Sizing(NamedTuple):
+    """Element sizes that are asked for; those of a mesh that is given stay."""
+
+    gap: float  # [m] up to which faces touch
+    scale: float  # on all sizes below
+    seeds: Mapping[str, float | None]  # [m] of each body; None: by its shape
+    fine: Sequence[tuple[str, Vector, float]]  # bodies, points in them [m], sizes there [m]
+    coarser: float  # on all sizes, those that the shape of a body bounds too
+    element: str | None  # "tet": tetrahedra alone
+
+
+@contextmanager
+def drawn(
+    shapes: Mapping[str, Shape], step: Path | None, volumes: Mapping[str, Mesh], gap: float
+) -> Iterator[Drawing]:
+    """The bodies of a mesh's volumes, or, if there are none, of shapes and a STEP file in the CAD
+    kernel until the context ends.
+
+    Raises InvalidGeometry for bodies that nobody can build; ValueError for what gmsh cannot draw,
+    and where gmsh cannot start.
+    """
+    if volumes:
+        own = own_mesh(volumes, gap)
+        require_size(own.bodies)
+        require_apart(own.meeting.near)
+        yield Drawing(own.bodies, None, own.meeting.near, own)
+        return
+    try:
+        from geometry.cad import model
+        from geometry.touching import neighbours
+    except OSError as missing:
+        raise ValueError(
+            f"gmsh cannot start ({missing}); install its shared libraries (Debian: {GMSH_NEEDS})."
+        ) from None
+    with model(shapes, step) as cad:
+        require_size(cad.bodies)
+        near = neighbours(cad.bodies, gap)
+        require_apart(near)
+        yield Drawing(cad.bodies, cad.unit, near)
+
+
+def meshed(
+    drawing: Drawing, chosen: Picked, ties: Sequence[TouchingPair], named: Mapping[str, Selected],
+    sizing: Sizing,
+) -> tuple[dict[str, Mesh], dict[str, float]]:  # fmt: skip
+    """Meshes of the bodies, with named faces, patches and ties as boundaries, and the fineness by
+    which of two bodies tied the finer one is the slave; to be called once in `drawn`.
+
+    One order of all bodies, so that ties never form a circle: the finer mesh, in a mesh that is
+    given and where faces are tied in part the smaller volume. Raises InvalidGeometry.
+    """
+    bodies = drawing.bodies
+    by_volume = {name: 1 / body.volume for name, body in bodies.items()}
+    if drawing.own:
+        slaves = [sorted(tie.bodies, key=lambda body: by_volume[body])[1] for tie in ties]
+        tied = list(zip(ties, slaves, strict=True))
+        try:
+            return drawing.own.marked(named, chosen.patches, tied), by_volume
+        except ValueError as error:
+            raise InvalidGeometry(str(error)) from None
+
+    from geometry.body_mesh import body_meshes
+    from geometry.sizes import Fine, Sizes, default_seeds
+
+    scale, usual = sizing.scale, default_seeds(bodies)
+    seeds = {name: scale * (sizing.seeds[name] or usual[name]) for name in bodies}
+    fine = [Fine(body, point, scale * size) for body, point, size in sizing.fine]
+    meshes = body_meshes(
+        bodies,
+        ties,
+        gap=sizing.gap,
+        sizes=Sizes(seeds, fine, sizing.coarser),
+        named=named,
+        patches=chosen.patches,
+        element=sizing.element,
+    )
+    if chosen.partly:
+        return meshes, by_volume
+    return meshes, {name: mesh.nelements / bodies[name].volume for name, mesh in meshes.items()}

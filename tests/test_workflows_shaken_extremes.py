@@ -1,0 +1,52 @@
+"""Friction on a shaken structure: the example of cycles' energy, and cases of `stability`."""
+
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from workflows.evidence.stability import shaken
+from workflows.evidence.stability.trials import judged
+
+WHERE = spec_from_file_location(
+    "cycle_energy", Path(__file__).parents[1] / "examples" / "cycle_energy.py"
+)
+EXAMPLE = module_from_spec(WHERE)
+WHERE.loader.exec_module(EXAMPLE)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", [0, 1, 5])
+def test_the_energy_of_a_random_cycle_closes_to_the_error(scene):
+    closure = EXAMPLE.closure(EXAMPLE.scene(np.random.default_rng([0, scene])))
+    assert closure.balance < 1.0
+    assert closure.change < 1.0
+
+
+def test_the_balance_notices_losses_that_are_left_out(monkeypatch):
+    cycle = EXAMPLE.scene(np.random.default_rng([0, 0]))
+    state = EXAMPLE.periodic_state(
+        cycle.body,
+        EXAMPLE.Before(np.zeros(cycle.body.prepared.chain.mass.size, bool), 0),
+        error=1e-2,
+    )
+    monkeypatch.setattr(
+        EXAMPLE, "periodic_state", lambda *a, **k: state._replace(heat=0.5 * state.heat)
+    )
+    assert EXAMPLE.closure(cycle).balance > 0.4 * state.heat / abs(state.work) / cycle.error
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("case", "parameter"),
+    [
+        (shaken.shaken_friction, "0.1, off"),
+        (shaken.shaken_friction, "0, resonance"),
+        (shaken.shaken_preload, "0.1 N, resonance"),
+        (shaken.shaken_separation, "300 N"),
+    ],
+)
+def test_extremes_of_a_shaken_contact_are_accurate(case, parameter):
+    (trial,) = [each for each in case() if each.parameter == parameter]
+    assert judged(trial).verdict == "accurate"
