@@ -104,6 +104,7 @@ class Body(NamedTuple):
     frame: Array  # (n_directions, 2) directions across in t1, t2
     rate: float  # [rad/s] of the fastest contact
     search: SpatialSearch
+    stiffness: float = 0.0  # [N/m] of the contact at the wall under its largest force
 
     @property
     def to_frame(self) -> Array:
@@ -330,7 +331,7 @@ def body_of(
     meets = 1.0 / float(chain.mass[-1]) + float(chain.radius[-1]) ** 2 / last.inertia
     meets += float(np.square(wall.phi[slow, 1:]).sum(axis=0).max(initial=0.0))
     rate = max(fastest_rate(prepared, v0), math.sqrt(k_t * meets))
-    return Body(prepared, wall, last, shakers, frame, rate, search)
+    return Body(prepared, wall, last, shakers, frame, rate, search, max(k_n, k_t))
 
 
 def along_normal(wall: SpatialWall) -> Wall:
@@ -410,6 +411,14 @@ def march_to_error(
 
     # a contact that nothing presses or strikes has no rate
     first = search.dt or (search.phase / body.rate if body.rate > 0.0 else spacing)
+    if search.dt is None:
+        # kicks of the contact near a multiple of half a mode's period feed it, by a rate of
+        # k phi^2 / 2 omega less its damping: below 2 / omega there is none
+        omega, phi = np.asarray(body.wall.omega, float), np.asarray(body.wall.phi, float)
+        square = np.square(phi).sum(axis=1)
+        growth = body.stiffness * square / (2.0 * np.maximum(omega, 1e-300))
+        fed = omega[(growth - body.wall.zeta * omega) * duration > 1.0]
+        first = min(first, 2.0 / fed.max(initial=1e-300))
     stride = max(1, math.ceil(spacing / first * (1 - 1e-9)))
     coarse, _ = run(stride, n_cells)
 

@@ -66,7 +66,8 @@ def strain(
     young = np.broadcast_to(np.asarray(young, float), chain.mass.shape)
     peak = np.asarray(contact_force).max(axis=0, initial=0.0)
     R = radii_of_contacts(chain.radius)
-    R, smaller = (values[: peak.size] for values in (R, _lesser(chain.radius)))
+    smaller = np.append(np.minimum(chain.radius[:-1], chain.radius[1:]), chain.radius[-1:])
+    R, smaller = R[: peak.size], smaller[: peak.size]
     E_star = modulus_of_contact(chain.elastic.hertz(peak), R)
 
     # first yield lies below the surface where p0 = 1.6 Y (Johnson, sec. 6.1), Y of the softer side
@@ -94,11 +95,6 @@ def strain(
         None if worst is None or np.isnan(stated[softer[worst]]) else float(stated[softer[worst]]),
         float((np.abs(v).max(axis=0) / sound).max()),
     )
-
-
-def _lesser(values):
-    """(n,) smaller value of each sphere and the next; that of the last sphere at the wall."""
-    return np.append(np.minimum(values[:-1], values[1:]), values[-1:])
 
 
 def outside(strain: Strain) -> tuple[str, ...]:

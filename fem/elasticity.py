@@ -136,7 +136,11 @@ def _matrices(basis: Basis, material) -> tuple[csr_matrix, csr_matrix]:
         K = element_stiffness(gradient, gradient, points.dx, C)
         if order_M != order_K:
             points = Basis(basis.mesh, element, intorder=order_M, elements=cells)
-        M = _element_mass(points, material.density)
+
+        # int rho phi_i phi_j dV, the same along x, y and z, (n_elements, n, n)
+        phi = np.stack([np.broadcast_to(np.asarray(p[0]), points.dx.shape) for p in points.basis])
+        P = phi.transpose(1, 0, 2)
+        M = (P * material.density * points.dx[:, None]) @ P.transpose(0, 2, 1)
         return (
             scattered(K, basis.element_dofs[:, cells], basis.N),
             scattered(M, points.element_dofs, points.N),
@@ -162,13 +166,6 @@ def element_stiffness(
     D = ((first * dx[:, None]) @ second.transpose(0, 2, 1)).reshape(-1, m, dim, n, dim)
     K = D.transpose(0, 1, 3, 2, 4).reshape(-1, dim * dim) @ C
     return K.reshape(-1, m, n, dim, dim).transpose(0, 1, 3, 2, 4).reshape(-1, m * dim, n * dim)
-
-
-def _element_mass(basis: Basis, density: float) -> NDArray[np.float64]:
-    """int rho phi_i phi_j dV of elements, the same along x, y and z, (n_elements, n, n)."""
-    phi = np.stack([np.broadcast_to(np.asarray(p[0]), basis.dx.shape) for p in basis.basis])
-    P = phi.transpose(1, 0, 2)
-    return (P * density * basis.dx[:, None]) @ P.transpose(0, 2, 1)
 
 
 def along_each_axis(A: csr_matrix) -> csr_matrix:

@@ -53,7 +53,11 @@ class EffectiveMass(NamedTuple):
 def health(reduced: ReducedModel) -> Health:
     """Measure a reduced model without the matrices it came from; see Health."""
     findings = []
-    asymmetry = max(_asymmetry(A) for A in (reduced.K, reduced.M, reduced.C) if A is not None)
+    # largest |a_ij - a_ji| over the largest |a_ij|
+    matrices, tiny = (reduced.K, reduced.M, reduced.C), np.finfo(float).tiny
+    asymmetry = max(
+        float(np.abs(A - A.T).max() / max(np.abs(A).max(), tiny)) for A in matrices if A is not None
+    )
     if asymmetry > 1e-9:
         findings.append(f"the matrices are not symmetric (relative difference {asymmetry:.1e}).")
 
@@ -122,11 +126,6 @@ def _extremes(A: np.ndarray) -> tuple[float, float]:
             return 1 / of_inverse, highest
     eigenvalues = np.linalg.eigvalsh(A)
     return float(eigenvalues[0]), float(eigenvalues[-1])
-
-
-def _asymmetry(A: np.ndarray) -> float:
-    """Largest |a_ij - a_ji| over the largest |a_ij|."""
-    return float(np.abs(A - A.T).max() / max(np.abs(A).max(), np.finfo(float).tiny))
 
 
 def _unit_diagonal(A: np.ndarray) -> np.ndarray:

@@ -75,6 +75,7 @@ def test_periods_marched_from_a_cycle_come_back_to_it_as_the_square_of_the_step(
     for n_samples in (512, 2048):
         cycle = balance(body, before, n_samples, 1e-8, 1e-6, start=cycle)
     assert cycle.change < 1e-8
+    assert cycle.answer.creep <= 1e-6
     assert 0.05 < cycle.answer.stick.min() < 0.95
     moving, saved = cycle_of(body, cycle, 256)
     off = []

@@ -199,3 +199,22 @@ def test_few_cells_are_in_the_stated_error_and_more_are_taken_to_an_error():
     run = march_space(chain, wall, [0.1], body, **options, error=1e-3, search=search)
     assert run.lateral.n_cells > 8
     assert np.abs(run.lateral.sphere_t_v - runs[1].lateral.sphere_t_v).max() < 1e-3 * 0.1
+
+
+@pytest.mark.parametrize("detuned", [-0.13, -0.2])
+def test_a_mode_whose_period_is_near_the_first_step_does_not_blow_up(detuned):
+    """Pressed for 2 ms against a fast mode of 2e-9 m/N: kicked once in every period less a
+    fiftieth, it left no finite state."""
+    chain, wall = row(preload=40.0), random_wall(1)
+    body = last(chain, arm_stiffness=np.full(2, 2e6), arm_rotation=np.inf)
+    omega = (2 * np.pi + detuned) / 5e-6  # 0.3 over the contact's rate, in a hundredth of 2 ms
+    stiff = wall._replace(
+        omega=np.append(wall.omega, omega),
+        zeta=np.append(wall.zeta, 0.005),
+        phi=np.vstack([wall.phi, omega * np.array([4e-5, 2e-5, 1e-5])]),
+        load=np.zeros((5, 0)),
+        sense=np.zeros((5, 0)),
+    )
+    run = march_space(chain, stiff, [0.05], body, duration=2e-3, n_save=100, error=1e-2)
+    assert run.lateral.error_estimate <= 1e-2
+    assert run.lateral.energy_error < 1e-3

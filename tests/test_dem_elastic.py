@@ -54,6 +54,24 @@ def test_stiffness_energy_and_overlap_follow_from_the_force(name):
 
 
 @pytest.mark.parametrize("name", LAWED)
+def test_derivatives_by_the_parameters_follow_from_force_and_stiffness(name):
+    """By central differences, whose error is (h ln d)^2 / 6: 2e-8 at most."""
+    law = LAWED[name].elastic.at(np.s_[2:3])
+    shape = law.shape
+    for j, values in enumerate(shape.parameters):
+        h = 1e-5 * values[0]
+        step = h * (np.arange(len(shape.parameters)) == j)[:, None]
+        ends = [shape._replace(parameters=shape.parameters + sign * step) for sign in (1, -1)]
+        for d in (3e-7, 9.3e-6, 4e-5):
+            exact = laws.shape_by_parameter(j, 0, d, shape)
+            for formula, derivative in zip(
+                (laws.shape_force, laws.shape_slope), exact, strict=True
+            ):
+                difference = (formula(0, d, ends[0]) - formula(0, d, ends[1])) / (2 * h)
+                assert derivative == pytest.approx(difference, rel=1e-7)
+
+
+@pytest.mark.parametrize("name", LAWED)
 @pytest.mark.parametrize("s", [2e-9, 3e-8])
 def test_contact_and_spring_in_series_make_up_the_gap(name, s):
     chain = LAWED[name]

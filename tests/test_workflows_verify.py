@@ -271,10 +271,10 @@ def test_the_command_prints_rows_for_machines_and_writes_the_table(capsys, monke
 
 
 def test_a_row_outside_ends_in_status_1_and_its_name(capsys, monkeypatch):
-    def off(groups, progress):
+    def off(folder, groups, progress):
         return finding((row_of(lambda: pair(2.0, 1.0)),))
 
-    monkeypatch.setattr(catalogue, "verify", off)
+    monkeypatch.setattr(catalogue, "verdicts", off)
     assert command(monkeypatch) == 1
     printed = capsys.readouterr()
     assert "x (outside)" in printed.out and "1 rows are outside" in printed.err

@@ -47,7 +47,7 @@ def stability(
     ] = False,
 ) -> None:
     """Stiff and extreme cases with a verdict each."""
-    from workflows.evidence.stability.verdicts import brief
+    from workflows.evidence.stability.table import brief
     from workflows.report import finding
 
     result = call()

@@ -109,7 +109,10 @@ def stability(
     from workflows.evidence import catalogue
 
     return _written(
-        lambda: catalogue.stability(tuple(cases), progress), "stability", out, overwrite
+        lambda: catalogue.verdicts("stability", tuple(cases), progress),
+        "stability",
+        out,
+        overwrite,
     )
 
 
@@ -129,7 +132,9 @@ def verify(
     """
     from workflows.evidence import catalogue
 
-    return _written(lambda: catalogue.verify(tuple(groups), progress), "verify", out, overwrite)
+    return _written(
+        lambda: catalogue.verdicts("verify", tuple(groups), progress), "verify", out, overwrite
+    )
 
 
 def _written(

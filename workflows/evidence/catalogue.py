@@ -24,8 +24,7 @@ RETURNED = {
     "stability": "Iterator[Trial]",
     "verify": "Iterator[Comparison]",
 }
-
-
+OPTION = {"stability": "--case", "verify": "--group"}  # by which names are given
 TAKEN = {"thesis": ["scene", "progress"], "accuracy": ["scene", "progress"]}  # first arguments
 
 
@@ -117,25 +116,12 @@ def accuracy_alone() -> tuple[str, ...]:
     return tuple(name for name, entry in entries if getattr(entry.loaded(), "ALONE", False))
 
 
-def stability(cases: tuple[str, ...], progress: Progress) -> Finding:
-    """Verdicts on the trials of these cases, of all without any."""
-    from workflows.evidence.stability.trials import judged
-    from workflows.evidence.stability.verdicts import finding
-
+def verdicts(folder: str, names: tuple[str, ...], progress: Progress) -> Finding:
+    """Verdicts on the cases of `stability`, or the groups of `verify`, of these names, of all
+    without any; what a row is, and how rows are shown, is in the folder's module `table`."""
+    table = import_module(f"{__package__}.{folder}.table")
     rows = []
-    for name, trials in chosen("stability", cases, "--case").items():
+    for name, entry in chosen(folder, names, OPTION[folder]).items():
         with progress(name):
-            rows += map(judged, trials())
-    return finding(tuple(rows))
-
-
-def verify(groups: tuple[str, ...], progress: Progress) -> Finding:
-    """Comparisons of these groups, of all without any."""
-    from workflows.evidence.verify.comparisons import rows_of
-    from workflows.evidence.verify.table import finding
-
-    rows = []
-    for name, comparisons in chosen("verify", groups, "--group").items():
-        with progress(name):
-            rows += rows_of(name, comparisons)
-    return finding(tuple(rows))
+            rows += table.rows_of(name, entry)
+    return table.finding(tuple(rows))

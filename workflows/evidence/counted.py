@@ -1,4 +1,4 @@
-"""Pieces of a study, one after another, with the time that is left."""
+"""Pieces of a study, one after another, with the time that is left; verdicts, counted."""
 
 from collections.abc import Callable, Iterable, Iterator
 from time import perf_counter
@@ -26,3 +26,10 @@ def counted(
             left = f" ({i + 1} of {len(pieces)}, about {seconds:.0f} s left)"
         with progress(name(piece) + left):
             yield piece
+
+
+def verdict_count(rows: tuple, noun: str, verdicts: Iterable[str]) -> str:
+    """How many rows have each of these verdicts, and the seconds of all."""
+    each = [row.verdict for row in rows]
+    counts = ", ".join(f"{each.count(verdict)} {verdict}" for verdict in verdicts)
+    return f"{len(rows)} {noun}: {counts}; {sum(row.seconds for row in rows):.0f} s."

@@ -16,7 +16,7 @@ class CalloutLayout(NamedTuple):
 
     cells: int = 45  # across the picture, in which the nearest point hides the others
     visible: int = 3  # a body is visible that is the nearest in more cells than these
-    margin: float = 0.1  # of the picture's width, between bodies and names
+    margin: float = 0.2  # of the picture's width, between bodies and names
     lines: int = 16  # of text that fit on its height
 
 

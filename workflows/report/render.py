@@ -155,7 +155,8 @@ def assembly(
 
     millimetres = [1e3 * x for x in grid.bounds]
     axes = plotter.show_bounds(
-        axes_ranges=millimetres, xtitle="x [mm]", ytitle="y [mm]", ztitle="z [mm]", n_xlabels=3,
+        bounds=grid.bounds, axes_ranges=millimetres, xtitle="x [mm]", ytitle="y [mm]",
+        ztitle="z [mm]", n_xlabels=3,
         n_ylabels=3, n_zlabels=3, fmt="%.0f", font_size=11, location="outer", color="#505050",
     )  # fmt: skip
     axes.SetAxisLabels(1, pv.convert_array(np.array(["", *axes.y_labels[1:]])))  # x has that corner

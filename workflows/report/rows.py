@@ -70,7 +70,10 @@ def results(summary: Summary) -> list[tuple[str, str]]:
         rows += [
             ("velocity across, t1 and t2", listed([si(x, "m/s") for x in across.velocity_m_s])),
             ("spin about t1 and t2", listed([si(x, "rad/s") for x in across.spin_rad_s])),
-            ("surface velocity, end over start", NONE if back is None else digits(back, 4)),
+            (
+                "velocity at contact, end over start",
+                NONE if back is None else digits(back, 4),
+            ),
             ("heat of friction", si(across.dissipated_J, "J")),
             ("loop of a period", friction_loop(across)),
             ("contact when the wave comes", contact_state(across)),
@@ -127,7 +130,8 @@ def arrivals(waves: SphereWaves, summary: Summary, sphere: str) -> str:
     """Times and peak velocities of the waves that pass a sphere, with their errors."""
     passing = []
     for wave in waves.arrivals:
-        name, key = wave.name or "unnamed", f"{sphere}: {wave.name or 'unnamed'}"
+        # a chain too short for tracks: waves by their time alone
+        name, key = wave.name or "at", f"{sphere}: {wave.name or 'unnamed'}"
         time = with_error(summary, f"{key}: time_s", si(wave.time_s, "s"))
         velocity = si(wave.peak_velocity_m_s, "m/s")
         velocity = with_error(summary, f"{key}: peak_velocity_m_s", velocity)

@@ -284,6 +284,9 @@ SENTENCES = {
     "string_pattern_mismatch": "{key} = {shown} must be letters, digits, '.', '-' and '_', the "
     "first a letter, a digit or '_'; change it.",
     "string_too_long": "{key} = {shown} must have at most {max_length} characters; give another.",
+    "string_too_short": "{key} is empty; give a text, or drop it.",
+    "rows": "{key} is a list of tables, of which this scene has none to change; write [[{key}]] in "
+    "the scene file, once for each.",
     "model_type": "{key} = {value!r} must be a table; write [{key}] with keys below it.",
 }
 SENTENCES["model_attributes_type"] = SENTENCES["model_type"]
@@ -295,15 +298,20 @@ def _sentence(
     """The sentence of an error of pydantic, with the key as the user wrote it."""
     value, type_ = error["input"], error["type"]
     type_ = "empty" if type_ == "too_short" and not value else type_
+    if isinstance(value, dict) and type_ == "tuple_type" and len(error["loc"]) == 1:
+        type_ = "rows"
     n = len(value) if isinstance(value, list | tuple) else 0
 
-    # the location in the user's tables, without the branches of unions that pydantic adds
+    # the location in the user's tables, without the branches of unions that pydantic adds; rows of
+    # lists by their names, else counted from 1
     key, table = list(prefix), tables
     for part in error["loc"]:
         in_table = isinstance(table, dict) and part in table
         in_list = isinstance(table, list | tuple) and isinstance(part, int) and part < len(table)
         if in_table or in_list:
-            key, table = [*key, str(part)], table[part]
+            table = table[part]
+            named = in_list and isinstance(table, dict) and table.get("name")
+            key.append(str(named or (part + 1 if in_list else part)))
     if type_ == "missing":
         key.append(str(error["loc"][-1]))
     return SENTENCES.get(type_, "{key} = {shown} {allowed}; change it.").format(

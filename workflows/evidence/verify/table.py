@@ -1,8 +1,11 @@
 """Comparisons as a table with sources and a count, and a sentence on rows that are wrong."""
 
-from workflows.evidence.verify.comparisons import VERDICTS, ComparisonRow
+from workflows.evidence.counted import verdict_count
+from workflows.evidence.verify.comparisons import VERDICTS, ComparisonRow, rows_of
 from workflows.report.finding import Finding
 from workflows.report.tables import Table
+
+__all__ = ["finding", "rows_of", "wrong"]
 
 PRINTED = ("group", "quantity", "ours", "theirs", "difference", "allowed", "seconds")
 
@@ -25,9 +28,7 @@ def finding(rows: tuple[ComparisonRow, ...]) -> Finding:
     sentences += [
         f"{row.group} {row.verdict}: {row.source}" for row in rows if row.difference is None
     ]
-    verdicts = [row.verdict for row in rows]
-    counts = ", ".join(f"{verdicts.count(v)} {v}" for v in VERDICTS)
-    sentences.append(f"{len(rows)} rows: {counts}; {sum(row.seconds for row in rows):.0f} s.")
+    sentences.append(verdict_count(rows, "rows", VERDICTS))
     return Finding(
         (Table("verify", ComparisonRow._fields, rows, (PRINTED, *lines)),), tuple(sentences)
     )

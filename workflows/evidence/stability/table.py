@@ -1,6 +1,9 @@
 """Verdicts on stiff and extreme cases as a table, in full or a line a case."""
 
-from workflows.evidence.stability.trials import VERDICTS, TrialRow
+from collections.abc import Callable, Iterator
+
+from workflows.evidence.counted import verdict_count
+from workflows.evidence.stability.trials import VERDICTS, Trial, TrialRow, judged
 from workflows.report.finding import Finding
 from workflows.report.tables import Table
 
@@ -8,12 +11,15 @@ BRIEF = ("case", *VERDICTS, "error/allowed", "seconds")
 PRINTED = ("case", "parameter", "verdict", "value", "allowed", "seconds")
 
 
+def rows_of(_: str, trials: Callable[[], Iterator[Trial]]) -> Iterator[TrialRow]:
+    """The rows of a case, each computed when it is taken from the iterator."""
+    return map(judged, trials())
+
+
 def finding(rows: tuple[TrialRow, ...]) -> Finding:
     """The table, the sentence of each trial that is not merely accurate, and a count."""
     sentences = [_sentence(row) for row in rows if row.verdict != "accurate"]
-    verdicts = [row.verdict for row in rows]
-    counts = ", ".join(f"{verdicts.count(v)} {v}" for v in VERDICTS)
-    sentences.append(f"{len(rows)} cases: {counts}; {sum(row.seconds for row in rows):.0f} s.")
+    sentences.append(verdict_count(rows, "cases", VERDICTS))
     lines = (tuple(getattr(row, name) for name in PRINTED) for row in rows)
     table = Table("stability", TrialRow._fields, rows, (PRINTED, *lines))
     return Finding((table,), tuple(sentences))
