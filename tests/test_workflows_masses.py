@@ -117,3 +117,10 @@ def test_an_input_deck_without_the_masses_is_refused(folder):
 
 def test_look_lists_what_faces_carry():
     assert re.search(r"sensor +bar:\+x +0\.06", str(beadwave.look("bar.toml")))
+
+
+def test_a_mass_on_a_held_face_is_refused():
+    changes = {"assembly.held": ["bar:+x"]}
+    with pytest.raises(InvalidScene, match=r"masses\.sensor: on = 'bar:\+x' is held"):
+        pipeline(changes)("model")
+    pipeline({"assembly.held": ["bar:-y"]})("model")

@@ -38,10 +38,20 @@ def model(scene: Scene, mesh: Parts) -> fem.Model:
 
 
 def _with_masses(scene: Scene, mesh: Parts, structure: fem.Structure) -> fem.Structure:
-    """The structure with what its faces carry; raises InvalidScene for a disc that leaves its face
-    and for a face that is not plane."""
+    """The structure with what its faces carry; raises InvalidScene for a disc that leaves its face,
+    for a face that is not plane and for one that is held."""
     for table in scene.masses or ():
         face = mesh.face(mass_face(table.name))
+        below = set(mesh.facets(face).tolist())
+        if any(
+            below <= set(mesh.facets(held.face).tolist())
+            for held in mesh.connections.held
+            if held.face.partition(":")[0] == face.partition(":")[0] and held.directions == "xyz"
+        ):
+            raise InvalidScene(
+                f"{scene.name}: masses.{table.name}: on = {table.on!r} is held, a mass there does "
+                "not move; choose a face that is free."
+            )
         place = table.at, table.radius, table.mass, table.height, table.inertia or (0.0,) * 3
         try:
             structure = fem.with_carried(structure, [fem.CarriedMass(table.name, face, *place)])

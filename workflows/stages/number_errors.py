@@ -127,7 +127,10 @@ def numbers_of(
         numbers["tof_s"] = wall.tof, "s", width, None
         numbers["arr_2_9"] = wall.arr, "1", width, None
         numbers["peak_wall_force_N"] = float(run.contact_force[:, -1].max()), "N", width, None
-        numbers["contact_time_s"] = width, "s", width, None
+        # its ends are where the force sets in and dies away, which small changes of the force move
+        # far: of four tubes and profiles of `examples/mesh_errors.py 77` the least stated error of
+        # it was 0.45 of the true one with one width, 0.62 with three, 0.79 with five
+        numbers["contact_time_s"] = width, "s", 5 * width, None
     widths = [label.arrival.width for labels in waves.labels.values() for label in labels]
     widest = max(filter(np.isfinite, widths), default=float(run.t[-1]))
     for sphere, labels in waves.labels.items():

@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
 from skfem import Mesh
 
 import fem
@@ -23,6 +25,11 @@ class Parts(NamedTuple):
     def face(self, name: str) -> str:
         """A named face as "body:name"."""
         return next(f"{b}:{name}" for b, m in self.meshes.items() if name in (m.boundaries or {}))
+
+    def facets(self, name: str) -> NDArray[np.int64]:
+        """Numbers in their body's mesh of the facets of a face "body:name"."""
+        body, _, face = name.partition(":")
+        return np.asarray(self.meshes[body].boundaries[face])
 
     @property
     def nodes(self) -> dict[str, float]:

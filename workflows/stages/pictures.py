@@ -70,9 +70,8 @@ def fixtures(mesh: Parts) -> dict[str, Any]:
 
 def _facets(mesh: Parts, name: str) -> NDArray[np.float64]:
     """Corners (n_facets, 3 or 4, 3) [m] of a face "body:face"."""
-    body, _, face = name.partition(":")
-    skin = mesh.meshes[body]
-    return skin.p[:, skin.facets[:, skin.boundaries[face]]].transpose(2, 1, 0)
+    skin = mesh.meshes[name.partition(":")[0]]
+    return skin.p[:, skin.facets[:, mesh.facets(name)]].transpose(2, 1, 0)
 
 
 def _at_rest(meshes: dict[str, Mesh]) -> field_file.ModeField:

@@ -207,10 +207,9 @@ def constrained_dofs(parts: Parts) -> int:
         faces += [(side.face, 3) for side in sides if side.coupling == "rigid"]
     dofs = 0
     for name, directions in faces:
-        body, _, face = name.partition(":")
-        skin = parts.meshes[body]
+        skin = parts.meshes[name.partition(":")[0]]
         corners = np.zeros(skin.nvertices, dtype=bool)
-        corners[skin.facets[:, skin.boundaries[face]]] = True
+        corners[skin.facets[:, parts.facets(name)]] = True
         dofs += directions * int(corners.sum() + corners[skin.edges].all(axis=0).sum())
     return dofs
 
