@@ -96,6 +96,7 @@ REFUSED = {
     "chain=3": ("chain", "3", "table"),
     "chain.radius=[0.1, 0.2]": ("chain.radius", "2 values", "17"),
     "chain.radius=[0.1, -0.2]": ("chain.radius.2", "-0.2"),
+    "masses.on=head": ("masses is a list of tables", "[[masses]]"),
     "chain.poisson=0.6": ("chain.poisson", "0.6", "0.5"),
     "contact.stiffness_factor=[1, 2]": ("contact.stiffness_factor", "2 values", "17"),
     "contact.dissipation=foo": ("contact.dissipation", "'foo'", "hunt-crossley"),
