@@ -239,6 +239,19 @@ def record_of_wav(rate: int, samples: NDArray, name: str, force_channel: int) ->
     )  # fmt: skip
 
 
+def motion_of(channel: dict) -> tuple[str, float]:
+    """Quantity of a data set 58's response, "" where it is not known, and what its unit is in m and
+    s; raises ValueError where its unit and its type contradict each other."""
+    unit = str(channel.get("ordinate_axis_units_lab", "")).strip()
+    by_type = QUANTITIES.get(int(channel.get("ordinate_spec_data_type", 0)), "")
+    by_unit, scale = MOTIONS.get(unit, ("", 1.0))
+    if by_unit not in QUANTITIES.values():  # no unit, volts, or a word that is none
+        return by_type, 1.0
+    if by_type and by_type != by_unit:
+        raise ValueError(f"a response in {unit} is one of {by_type} by its type; correct either")
+    return by_unit, scale
+
+
 def records_of_data_sets(sets: Sequence[dict]) -> list[TimeRecord]:
     """The records of data sets 58; raises ValueError where they hold none."""
     sets = [s for s in sets if s["func_type"] == TIME_RESPONSE]
@@ -272,15 +285,24 @@ def records_of_data_sets(sets: Sequence[dict]) -> list[TimeRecord]:
         scale = (
             NEWTONS.get(str(force.get("ordinate_axis_units_lab", "")).strip(), 1.0) if force else 1
         )
+        motions = [motion_of(s) for s in sensors]
+        if len({quantity for quantity, _ in motions}) > 1:
+            listed = " and ".join(dict.fromkeys(quantity or "of no unit" for quantity, _ in motions))
+            raise ValueError(f"its responses are {listed}; shapes need one quantity")
         records.append(
             TimeRecord(
                 require_even(t),
                 scale * np.asarray(force["data"], float) if force else None,
-                np.array([np.asarray(s["data"], float) for s in sensors]),
+                np.array(
+                    [
+                        size * np.asarray(s["data"], float)
+                        for s, (_, size) in zip(sensors, motions, strict=True)
+                    ]
+                ),
                 degree_of_freedom(int(node), int(direction)),
                 tuple(degree_of_freedom(int(s["rsp_node"]), int(s["rsp_dir"])) for s in sensors),
                 str(sensors[0]["id1"]).strip(),
-                QUANTITIES.get(int(sensors[0].get("ordinate_spec_data_type", 0)), ""),
+                motions[0][0],
             )
         )
     return records

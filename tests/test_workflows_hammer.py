@@ -7,6 +7,7 @@ from test_fem_subspace import F, ambient
 
 from fem.correlation import mac
 from fem.hammer_files import SYNTHETIC, Responses
+from fem.hit_records import records_of_data_sets
 from fem.hits import FrequencyResponses
 from fem.poly_reference import IdentifiedModes
 from fem.synthetic_hits import HammerDefects, synthetic_hits
@@ -224,6 +225,25 @@ def test_universal_files_of_hits_hold_points_and_come_back_as_targets(hits, tmp_
     for i, hz in enumerate(test.modes.frequency_hz):
         shape = measured_shape(modes, float(hz))
         assert mac(shape.values[:, None], hits.phi[:, [i]])[0, 0] > 0.95
+
+
+def test_responses_of_universal_files_are_scaled_by_their_unit():
+    """g, mm/s^2 and a unit that is no word of ours, by type accelerations; unit against type."""
+    t = np.arange(100) / 1000
+
+    def channels(unit, kind=12):
+        shared = {"func_type": 1, "x": t, "id1": "", "rsp_node": 1, "ref_node": 1, "ref_dir": 3}
+        force = {**shared, "rsp_dir": 3, "ordinate_spec_data_type": 13, "data": np.sin(t)}
+        motion = {"rsp_dir": 1, "ordinate_spec_data_type": kind, "ordinate_axis_units_lab": unit}
+        return [force, {**shared, **motion, "data": np.cos(t)}]
+
+    for unit, scale in (("g", 9.80665), ("mm/s^2", 1e-3), ("NONE", 1.0)):
+        (record,) = records_of_data_sets(channels(unit))
+        np.testing.assert_allclose(record.response[0], scale * np.cos(t), rtol=1e-12)
+        assert record.quantity == "accelerations"
+    assert records_of_data_sets(channels("mm/s", kind=0))[0].quantity == "velocities"
+    with pytest.raises(ValueError, match="in mm/s is one of accelerations by its type"):
+        records_of_data_sets(channels("mm/s"))
 
 
 def test_a_band_outside_of_the_responses_is_refused_with_what_they_hold(csv):

@@ -1,0 +1,194 @@
+"""Resonance curves of a shaken structure whose contact slips the more the harder it is shaken.
+
+Amplitudes over the shaker's frequency, followed up and down, and over its force, by harmonic
+balance (`coupling.resonance`). With little force the contact sticks and the structure is tied to
+the arm; with much it slips and the structure moves as it would alone. Two points are marched in
+time as well.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from coupling.continuation import before_striker, cold_state
+from coupling.resonance import CurvePoint, HarmonicBalance, curve
+from coupling.stuck_wall import stuck_wall
+from dem import UnstableStep
+from dem.friction import stick_stiffness
+from dem.spheres import hertz_overlap
+from workflows.evidence.counted import counted
+from workflows.evidence.prose import rendered
+from workflows.evidence.thesis.friction import Rig, name_of, rig_of
+from workflows.files.run_folder import Picture
+from workflows.report.finding import Finding
+from workflows.report.plots import Line, Panel, panels
+from workflows.report.tables import Table
+from workflows.scene import InvalidScene, Scene
+from workflows.scene.places import has_friction
+from workflows.stages.progress import Progress
+
+SCENE = "rig-shaker"
+COLUMNS = (
+    "force_N", "peak_hz", "motion_um", "per_force_um_N", "slip_um", "friction_N", "loop_uJ",
+    "cycle", "damping", "mode_hz", "up_down",
+)  # fmt: skip
+BESIDE = ("force_N", "frequency_hz", "quantity", "balance", "march")
+
+
+class ResonanceOptions(NamedTuple):
+    """What the study varies, and how finely."""
+
+    forces: tuple[float, ...] = (0.1, 0.5, 1.0, 2.0)  # factors on the shaker's
+    n_frequencies: int = 13
+    beyond: float = 0.15  # of the lower and the higher of the linear resonances, to either side
+    checked: tuple[float, ...] = (1.0, 2.0)  # of the forces, at the scene's frequency
+    march_error: float = 3e-3
+    n_cells: int = 64  # of the march
+    balance: HarmonicBalance = HarmonicBalance()
+
+
+class ForceCurve(NamedTuple):
+    """A curve under one force, up and down in frequency."""
+
+    force: float  # [N]
+    up: list[CurvePoint]
+    down: list[CurvePoint]  # in order of frequency, too
+
+    @property
+    def peak(self) -> CurvePoint:
+        """The point of the largest motion."""
+        return max(self.up, key=lambda point: point.motion)
+
+    @property
+    def apart(self) -> float:
+        """Largest difference of the motion up and down, over the largest motion."""
+        pairs = zip(self.up, self.down, strict=True)
+        return max(abs(a.motion - b.motion) for a, b in pairs) / self.peak.motion
+
+
+def resonance(
+    scene: Scene, progress: Progress, options: ResonanceOptions = ResonanceOptions()
+) -> Finding:
+    """Resonance curves of the shaken structure from a contact that sticks to one that slips."""
+    if not has_friction(scene) or len(scene.shakers or ()) != 1 or scene.shakers[0].stinger:
+        raise InvalidScene(
+            f"{scene.name} has no structure with [friction] that one shaker pushes by a force; "
+            "take rig-shaker."
+        )
+    rig = rig_of(scene, progress)
+    body = rig.body(scene.friction.coefficient, options.n_cells)
+    free, stuck = linear_resonances(rig)
+    low, high = (1.0 - options.beyond) * min(free, stuck), (1.0 + options.beyond) * max(free, stuck)
+    frequencies = np.linspace(low, high, options.n_frequencies)
+
+    curves = []
+    for factor in counted(options.forces, progress, "{:g} of the force".format):
+        force = factor * scene.shakers[0].force
+        up = curve(body, frequencies, [force] * len(frequencies), options.balance)
+        down = curve(body, frequencies[::-1], [force] * len(frequencies), options.balance)
+        curves.append(ForceCurve(force, up, down[::-1]))
+    rows = tuple(
+        (c.force, c.peak.frequency, 1e6 * c.peak.motion, 1e6 * c.peak.motion / c.force,
+         1e6 * c.peak.slip, c.peak.friction, 1e6 * c.peak.energy, name_of(c.peak.stick),
+         c.peak.damping, equivalent_frequency(rig, c.peak.stiffness), c.apart)
+        for c in curves
+    )  # fmt: skip
+
+    # the scene's frequency, over the force up and down, and marched in time
+    frequency = scene.shakers[0].frequency
+    forces = scene.shakers[0].force * np.geomspace(min(options.forces), max(options.forces), 9)
+    with progress("level"):
+        rising = curve(body, [frequency] * len(forces), forces, options.balance)
+        falling = curve(body, [frequency] * len(forces), forces[::-1], options.balance)[::-1]
+    beside = []
+    for factor in counted(options.checked, progress, "march at {:g} of the force".format):
+        beside += marched_beside(scene, rig, factor, options)
+
+    sentences = rendered(
+        __file__, free=free, stuck=stuck, curves=curves, rows=rows, options=options,
+        marched=[abs(row[3] / row[4] - 1.0) for row in beside if row[4]],
+        frequency=frequency, scene=scene,
+    )  # fmt: skip
+    figure = panels_of(curves, rising, falling, frequency)
+    tables = (Table("resonance", COLUMNS, rows), Table("march", BESIDE, tuple(beside)))
+    return Finding(tables, sentences, (Picture("study_resonance", figure),))
+
+
+def linear_resonances(rig: Rig) -> tuple[float, float]:
+    """Frequencies [Hz] of the mode that the shaker moves most across at the contact: without
+    friction, and on a contact that sticks."""
+    return equivalent_frequency(rig, 0.0), equivalent_frequency(rig, rest_stiffness(rig))
+
+
+def rest_stiffness(rig: Rig) -> float:
+    """[N/m] of the contact at rest, across, all of it sticking."""
+    body = rig.body(1.0, 16)
+    overlap = hertz_overlap(float(body.prepared.static.force[-1]), rig.start.chain.A[-1])
+    return float(stick_stiffness(rig.last.law, np.sqrt(rig.last.law.radius * float(overlap))))
+
+
+def equivalent_frequency(rig: Rig, stiffness: float) -> float:
+    """[Hz] of the mode that the shaker moves most, its contact a spring across [N/m]."""
+    wall = stuck_wall(rig.wall, stiffness, rig.last, float(rig.start.chain.mass[-1]))
+    moved = np.abs(wall.load[:, 0]) / np.maximum(wall.omega, 1.0) ** 2
+    moved[wall.omega < 1.0] = 0.0
+    return float(wall.omega[moved.argmax()]) / (2.0 * np.pi)
+
+
+def marched_beside(
+    scene: Scene, rig: Rig, factor: float, options: ResonanceOptions
+) -> list[tuple[float, float, str, float, float]]:
+    """Rows of the scene's frequency by harmonic balance and by the march in time; nan where it
+    finds no periodic state."""
+    shaker = scene.shakers[0]
+    force = factor * shaker.force
+    forced = rig._replace(shakers=rig.shakers._replace(force=np.array([force])))
+    body = forced.body(scene.friction.coefficient, options.n_cells)
+    point = curve(body, [shaker.frequency], [force], options.balance)[0]
+    before = before_striker(
+        body, rig.start.velocity, upstream_held=scene.friction.upstream == "held"
+    )
+    try:
+        state = cold_state(
+            body, before, error=options.march_error, speed=float(np.abs(rig.start.velocity).max())
+        )
+        marched = (1e6 * state.slip, state.friction, 1e6 * state.energy)
+    except UnstableStep:
+        marched = (float("nan"),) * 3
+    balanced = (1e6 * point.slip, point.friction, 1e6 * point.energy)
+    return [
+        (force, shaker.frequency, name, a, b)
+        for name, a, b in zip(("slip_um", "friction_N", "loop_uJ"), balanced, marched, strict=True)
+    ]
+
+
+def panels_of(
+    curves: list[ForceCurve], rising: list[CurvePoint], falling: list[CurvePoint], frequency: float
+) -> bytes:
+    """Motion and loop over frequency, and over the force at the scene's frequency."""
+    over, loops = [], []
+    for i, c in enumerate(curves):
+        f = np.array([point.frequency for point in c.up])
+        for points, style in ((c.up, "-"), (c.down, "o")):
+            name = f"{c.force:g} N" if style == "-" else None
+            per_force = np.array([1e6 * point.motion for point in points]) / c.force
+            over.append(Line(name, f, per_force, style, i, 1.2))
+            energy = np.array([1e6 * point.energy for point in points])
+            loops.append(Line(name, f, np.maximum(energy, 1e-6), style, i, 1.2))
+    level = [
+        Line(name, np.array([p.force for p in points]), np.array([1e6 * p.motion for p in points]),
+             style, 0, 1.2)
+        for name, points, style in (("up", rising, "-"), ("down", falling, "o"))
+    ]  # fmt: skip
+    damping = [
+        Line(name, np.array([p.force for p in points]),
+             np.array([max(p.damping, 1e-6) for p in points]), style, 1, 1.2)
+        for name, points, style in (("up", rising, "-"), ("down", falling, "o"))
+    ]  # fmt: skip
+    sets = [
+        Panel("lines up, marks down", "frequency [Hz]", "motion over force [µm/N]", over),
+        Panel("", "frequency [Hz]", "loop of a period [µJ]", loops, "y"),
+        Panel(f"at {frequency:g} Hz", "force [N]", "motion [µm]", level, "xy"),
+        Panel(f"at {frequency:g} Hz", "force [N]", "damping ratio by friction", damping, "xy"),
+    ]
+    return panels(sets, columns=2, size=(5.5, 3.2))
