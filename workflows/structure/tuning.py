@@ -41,6 +41,7 @@ class FitTolerances(NamedTuple):
 
     disagreement: float = 1e-3  # of the full model and the projection
     of_mesh: float = 0.01  # of a mesh that is fine enough to tune on; finer ones halve the error
+    at_bound: float = 1e-3  # of a value from its bound
     largest_miss: float = 0.05  # of a fit: three times what the thesis' own matches miss, table 5.3
 
 
@@ -235,6 +236,15 @@ def _remarks(
         remarks.append(
             f"The fit was repeated with what these modes determine: --free {','.join(names)}."
         )
+
+    for parameter, x in zip(fit.parameters, fit.value, strict=True):
+        for bound in (parameter.lower, parameter.upper):
+            if abs(np.log(x / bound)) < TOLERANCES.at_bound:
+                remarks.append(
+                    f"{parameter.name} ends at its bound, {bound:.3g} {_unit(parameter.name)}: "
+                    "these modes ask for more than it may do; free another value, or look at the "
+                    "targets."
+                )
 
     # modes that are missed now and were met while all were free: of a joint much stiffer than its
     # scene has it, the modes give a lower bound of the stiffness and no more
