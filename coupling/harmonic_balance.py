@@ -54,6 +54,7 @@ class BalanceSearch(NamedTuple):
     cut_backs: int = 3  # of a Newton step that leads further away, each to its half
     nudge: float = 1e-6  # of the cycle's size: differences along a direction; not varied
     stuck: float = 0.8  # K across, of the contact's stiffness where it sticks; 0.6 to 0.8 tried
+    lightest: float = 1e-2  # K at least, over its largest, by which motions are weighed
     weak: float = 1e-9  # of the contact's stiffness: springs of bodies that nothing holds
 
 
@@ -247,7 +248,8 @@ def balance(
     A = np.linalg.inv(np.eye(c) + cut.C * K)
     AC = A @ cut.C
     linear = (A @ cut.shaken[:, :, None])[:, :, 0]
-    units = np.where(K > 0.0, K, 1.0)
+    # contacts that little presses are weighed as well, else their spheres drift unseen
+    units = np.maximum(K, search.lightest * K.max())
     evaluations, memory = 0, None
 
     def residual(y: Array) -> tuple[Array, Answer]:

@@ -231,6 +231,19 @@ def curve(
     """Points at frequencies [Hz] and forces [N] in pairs, each from the one before; where a step is
     too long it is divided, and where the curve turns back the next one starts anew. Raises
     CouplingError where the curve cannot be followed."""
+    chain, static = body.prepared.chain, body.prepared.static
+    if np.ndim(body.wall.load) != 2 or body.wall.load.shape[1] != 1:
+        raise CouplingError("a resonance curve is that of one shaker; give one.")
+    if not static.force[-1] > 0.0:
+        raise CouplingError("nothing presses the last contact; give a preload.")
+    if not min(frequencies) > 0.0:
+        raise CouplingError(f"frequencies must be above 0 Hz, {min(frequencies):g} is not.")
+    damped = chain.gamma is not None and chain.dissipation != "none"
+    if damped and float(np.broadcast_to(chain.gamma, chain.mass.size)[-1]) > 0.0:
+        raise CouplingError(
+            "resonance curves leave the damper of the last contact out; take a restitution of 1 "
+            "there, or march to the periodic state."
+        )
     points: list[CurvePoint] = []
 
     def towards(

@@ -83,4 +83,6 @@ def sine_tests(file: Path) -> list[tuple[float, float, float]]:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    if len(sys.argv) != 2:
+        sys.exit("give the folder of the data: python examples/bolted_beam.py BRBtesting")
+    main(sys.argv[1])

@@ -287,7 +287,9 @@ def records_of_data_sets(sets: Sequence[dict]) -> list[TimeRecord]:
         )
         motions = [motion_of(s) for s in sensors]
         if len({quantity for quantity, _ in motions}) > 1:
-            listed = " and ".join(dict.fromkeys(quantity or "of no unit" for quantity, _ in motions))
+            listed = " and ".join(
+                dict.fromkeys(quantity or "of no unit" for quantity, _ in motions)
+            )
             raise ValueError(f"its responses are {listed}; shapes need one quantity")
         records.append(
             TimeRecord(

@@ -137,6 +137,25 @@ def concentric(
     return tuple(holes)
 
 
+def missed(
+    touch: TouchingPair, bodies: Mapping[str, Body], gap: float
+) -> tuple[tuple[Vector, float], ...]:
+    """Holes of both bodies that open into each other across a plane in which they touch, and are
+    about two axes: centre (3,) of the first one's [m], and the distance of the axes [m]."""
+    first, second = (bodies[name] for name in touch.bodies)
+    misses = []
+    for contact in touch.contacts:
+        plane = first.face(contact.faces[0])
+        if plane.normal is None:
+            continue
+        at_plane = (_at_plane(body, plane) for body in (first, second))
+        for (diameter, centre), (diameter_2, centre_2) in product(*at_plane):
+            distance = float(np.linalg.norm(centre - centre_2))
+            if SAME + gap < distance < (diameter + diameter_2) / 2:
+                misses.append((centre, distance))
+    return tuple(misses)
+
+
 def _at_plane(body: Body, plane: Face) -> list[tuple[float, Vector]]:
     """Diameters [m] and centres (3,) on a plane of the bores that reach it or end at a chamfer
     below it."""

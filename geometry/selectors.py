@@ -66,8 +66,12 @@ def touches(
         if (a in first and b in second) or (b in first and a in second)
     ]
     if not pairs:
+        listed = _listed(touch.name for touch in touching)
         raise InvalidGeometry(
-            f'"{pattern}" do not touch; touching pairs are {_listed(t.name for t in touching)}.'
+            f'"{pattern}" do not touch; '
+            + (f"touching pairs are {listed}." if touching else "no bodies do.")
+            + " Move them together, or bridge a small gap by assembly.gap; `beadwave look` says "
+            "how far faces miss each other."
         )
     return pairs
 

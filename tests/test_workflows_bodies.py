@@ -171,6 +171,22 @@ def test_a_look_at_a_scene_that_a_run_refuses_says_so_and_goes_on(capsys):
     assert said.splitlines()[-1].startswith("A run refuses this scene: cantilever")
 
 
+def test_a_look_at_a_scene_without_a_strike_says_what_is_refused_as_well(capsys):
+    text = scene("cantilever")
+    Path("bare.toml").write_text(toml(text.but(strike=None, wall=None)))
+    assert beadwave("look", "bare.toml", '--set=assembly.held=["beam:+q"]') == 0
+    assert "A run refuses this scene:" in capsys.readouterr().out.splitlines()[-1]
+
+
+def test_holes_that_miss_each_other_are_refused_and_not_left_out():
+    """One of four, by a millimetre: the other three would hold the plate without it."""
+    holes = [[0.02, 0.02], [0.18, 0.02], [0.18, 0.08], [0.02, 0.081]]
+    with pytest.raises(InvalidScene, match=r"near \[0\.02, 0\.081, 0\.03\] m miss .* 1 mm"):
+        pipeline_of(
+            scene("plate-on-bolts", {"bodies.base.holes.at": holes}), lambda name: nullcontext()
+        )("mesh")
+
+
 @pytest.mark.slow
 def test_the_picture_of_a_look_has_chain_bolts_and_held_faces(tmp_path):
     """Colours of what is drawn beside the meshes; without them the picture has none of these."""
@@ -324,7 +340,7 @@ motion = "z"
 @pytest.mark.parametrize(
     ("at", "message"),
     [
-        ("[[0.0, 0.0]]", r"joints\.0\.at\.0\.2 is missing"),
+        ("[[0.0, 0.0]]", r"joints\.pin\.at\.1\.3 is missing"),
         ("[]", "an empty list; give at least one value"),
         ("[[0.0, 0.0, 'x']]", "no number with a unit"),
         ("'hole'", "must be 'holes'"),

@@ -220,7 +220,7 @@ def test_a_mesh_that_fits_no_memory_is_refused(monkeypatch):
 
 @pytest.mark.parametrize(
     ("point", "words"),
-    [("[0]", "patch.point.1 is missing"), ("[0, 0, 0]", "3 values; give 2"), ("[]", "missing")],
+    [("[0]", "patch.point.2 is missing"), ("[0, 0, 0]", "3 values; give 2"), ("[]", "missing")],
 )
 def test_a_point_has_two_coordinates(point, words):
     with pytest.raises(InvalidScene, match=words):

@@ -189,7 +189,7 @@ def shape_bend(i: int, d: float, shape: Shape) -> float:
 @fastmath
 def shape_by_parameter(j: int, i: int, d: float, shape: Shape) -> tuple[float, float]:
     """Derivatives of phi(d) and of phi'(d) by parameter j of the law, at d > 0; of d^n by n,
-    d^n ln d  and  d^(n-1) (1 + n ln d)."""
+    d^n ln d  and  d^(n-1) (1 + n ln d). A second law with parameters needs a branch here."""
     n, log = shape.parameters[0, i], math.log(d)
     return d**n * log, d ** (n - 1.0) * (1.0 + n * log)
 

@@ -329,20 +329,18 @@ class Bolts(JointStiffnesses):
     `sides` say how the first and the second body are held under a washer: rigid (RBE2) or by the
     mean of their motion (RBE3). In place of a washer a bolt may hold its "share" of the common
     face, half-way to the next bolts. Both sides of a thread move by their mean over the length that
-    shank and bore have in common. `frame` "normal" has z along the bolt.
+    shank and bore have in common. `frame` "normal" has z along the bolt. Stiffnesses are
+    those of one bolt.
     """
 
     name: Annotated[str, Field(pattern=r"^\w[\w-]*$")]  # by which keys and results call it
     between: Pair  # the pair, "a|b"; "a|ground"
-    # [m] "holes" through both, a "thread", or points
     at: (
         Literal["holes", "thread"]
         | Annotated[tuple[Place3, ...], Field(strict=False, min_length=1)]
-    ) = "holes"  # or a thread, or points [m]
-    # [m] radius held; of holes their diameter, or a "share" of the face
-    washer: of(Positive, LENGTH, 1e-4, 0.3) | Literal["share"] | None = (
-        None  # [m] radius; of holes their diameter
-    )
+    ) = "holes"  # [m] "holes" through both, a "thread", or the points of the bolts
+    # [m] radius that is held, without one that of the holes; or a "share" of the face
+    washer: of(Positive, LENGTH, 1e-4, 0.3) | Literal["share"] | None = None
     # how each side is held: rigid (RBE2), or by its mean (RBE3)
     sides: Annotated[
         tuple[Literal["rigid", "mean"], Literal["rigid", "mean"]], Field(strict=False)

@@ -71,7 +71,8 @@ EXAMPLES: dict[str, Any] = {
     "seed": "4 mm", "output.instrument.seed": 7, "between": "lid|base",
     **dict.fromkeys(("kx", "ky", "kz"), "50 MN/m"), **dict.fromkeys(("krx", "kry", "krz"), 1e4),
     **dict.fromkeys(("cx", "cy", "cz"), 100.0), **dict.fromkeys(("crx", "cry", "crz"), 0.1),
-    "joints.NAME.at": "holes", "washer": "9 mm",
+    "joints.NAME.at": "holes", "washer": "9 mm", "sides": ["rigid", "mean"],
+    "assembly.parts": ["block", "sheets", "sheets_support"],
     "strike.on": "lid:+z", "strike.at": [0.0, "20 mm"], "strike.radius": "2 mm",
     "strike.nodes": [[0.0, 0.02], [0.0, 0.021]], "title": "pitch",
     "assembly.held.N.under.at": [[0.09, 0.09, 0.0]], "ties.N.under.at": [[0.015, 0.0, 0.011]],
@@ -323,6 +324,7 @@ def _meanings(table: type[BaseModel]) -> dict[str, str]:
             while lines[line].strip().startswith("#"):
                 above.insert(0, lines[line].strip("# "))
                 line -= 1
+            behind = re.sub(r"^type: ignore\S*", "", behind).strip()
             words = behind or " ".join(above)
             # its unit, or its units, come from its type
             meanings[node.target.id] = re.sub(r"^\[[^]]*\] ", "", words)

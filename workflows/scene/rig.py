@@ -101,6 +101,7 @@ class Steel(SceneTable):
 
 
 class _Rig(SceneTable):
+    # of the rig that are there, from the block down
     parts: Annotated[tuple[Literal[PARTS], ...], Field(strict=False)] = PARTS  # type: ignore[valid-type]
     young: Modulus = 210e9  # [Pa] Young's modulus of all parts
     poisson: Compressible = 0.3  # Poisson's ratio of all parts

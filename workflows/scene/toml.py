@@ -285,10 +285,10 @@ SENTENCES = {
     "first a letter, a digit or '_'; change it.",
     "string_too_long": "{key} = {shown} must have at most {max_length} characters; give another.",
     "string_too_short": "{key} is empty; give a text, or drop it.",
-    "rows": "{key} is a list of tables, of which this scene has none to change; write [[{key}]] in "
-    "the scene file, once for each.",
+    "rows": "{key} is a list of tables: write [[{key}]], two brackets, once for each.",
     "model_type": "{key} = {value!r} must be a table; write [{key}] with keys below it.",
 }
+LISTS_OF_TABLES = {(name,) for name in ("shakers", "ties", "masses", "loads", "targets")}
 SENTENCES["model_attributes_type"] = SENTENCES["model_type"]
 
 
@@ -298,7 +298,7 @@ def _sentence(
     """The sentence of an error of pydantic, with the key as the user wrote it."""
     value, type_ = error["input"], error["type"]
     type_ = "empty" if type_ == "too_short" and not value else type_
-    if isinstance(value, dict) and type_ == "tuple_type" and len(error["loc"]) == 1:
+    if isinstance(value, dict) and type_ == "tuple_type" and error["loc"] in LISTS_OF_TABLES:
         type_ = "rows"
     n = len(value) if isinstance(value, list | tuple) else 0
 
@@ -310,10 +310,12 @@ def _sentence(
         in_list = isinstance(table, list | tuple) and isinstance(part, int) and part < len(table)
         if in_table or in_list:
             table = table[part]
-            named = in_list and isinstance(table, dict) and table.get("name")
-            key.append(str(named or (part + 1 if in_list else part)))
+            name = table.get("name") if in_list and isinstance(table, dict) else None
+            counted = str(part + 1) if in_list else str(part)
+            key.append(name if isinstance(name, str) and name else counted)
     if type_ == "missing":
-        key.append(str(error["loc"][-1]))
+        last = error["loc"][-1]
+        key.append(str(last + 1 if isinstance(last, int) else last))
     return SENTENCES.get(type_, "{key} = {shown} {allowed}; change it.").format(
         key=repr(".".join(key))[1:-1] or "the scene",
         value=value,

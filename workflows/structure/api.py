@@ -93,7 +93,8 @@ def look(
         folder.require("faces.html")
     with progress("look"):
         shown = str(source) if path else scene.name
-        glance = looking.look(with_assembly(scene), shown, with_page=folder is not None)
+        whole, page = not is_step, folder is not None
+        glance = looking.look(with_assembly(scene), shown, whole=whole, with_page=page)
         result = Looked(glance.look, glance)
         if folder:
             write_pictures(folder, (result.plot(),))

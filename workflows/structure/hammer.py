@@ -224,6 +224,10 @@ def hammer_test(
     paired = nearest_modes(modes.frequency_hz.tolist(), dict(expected_hz))
     rows = []
     lines = np.abs(f - modes.frequency_hz[:, None]).argmin(axis=1)
+    decays = [
+        decay_of(test, modes, i) if test.kind == "ring-downs" else [] for i in range(len(lines))
+    ]
+    not_linear = np.array([varies(steps) for steps in decays])
     height = np.array([np.abs(H[:, :, max(n - 2, 0) : n + 3]).max() for n in lines])
     for i, (hz, zeta) in enumerate(zip(modes.frequency_hz, modes.zeta, strict=True)):
         line = int(lines[i])
@@ -249,10 +253,10 @@ def hammer_test(
             remarks.append("complex shape")
         if modes.zeta_deviation[i] > remarkable.zeta * zeta:
             remarks.append("damping uncertain")
-        if tone := combination_tone(i, modes.frequency_hz, modes.zeta, height):
-            remarks.append(f"likely no mode: {tone}")
-        steps = decay_of(test, modes, i) if test.kind == "ring-downs" else []
-        if varies(steps):
+        if tone := combination_tone(i, modes.frequency_hz, modes.zeta, height, not_linear):
+            remarks.append(f"perhaps no mode: {tone}")
+        steps = decays[i]
+        if not_linear[i]:
             least, most = (pick(steps, key=lambda step: step.zeta) for pick in (min, max))
             remarks.append(
                 f"damping depends on amplitude: {100 * most.zeta:.3g} % at {most.amplitude:.2g}, "

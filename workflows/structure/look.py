@@ -138,12 +138,12 @@ def of_file(path: Path) -> Scene:
     return resolved(tables, str(path))
 
 
-def look(scene: Scene, source: str, *, with_page: bool = False) -> Seen:
+def look(scene: Scene, source: str, *, whole: bool = True, with_page: bool = False) -> Seen:
     """Bodies, pairs and holes of a scene, from its geometry alone and a mesh as a run has it, and
-    the page of its faces."""
+    the page of its faces; not `whole` is what has bodies alone, as a STEP file."""
     scene = scene.written_out
     parts, refusal = None, []
-    if scene.strike is not None:
+    if whole:
         try:
             parts = mesh(scene)
         except InvalidScene as why:

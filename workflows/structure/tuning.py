@@ -153,6 +153,13 @@ def tuned(
         started = perf_counter()
         fit = tune(basis, parameters, match)
         of_all = fit if of_all is None else of_all
+        if beyond := [n for n in match if not np.isfinite(fit.modes_hz[n - 1])]:
+            target = (scene.targets or ())[beyond[0] - 1 : beyond[0]]
+            number = target[0].number if target and target[0].number else beyond[0]
+            raise InvalidScene(
+                f"{scene.name}: mode {number} is beyond the modes that are computed for a fit; "
+                "match lower ones."
+            )
         missed = _misses(dict(enumerate(fit.modes_hz, start=1)), match)
         subset = parameters if missed else determined(basis, parameters, match, fit)
         seconds = perf_counter() - started

@@ -139,6 +139,13 @@ def friction(
             f"the study compares contacts that stick and slip on a shaken structure, which "
             f"{scene.name} is not; take rig-shaker."
         )
+    needs = {
+        "an [arm] of one stiffness": scene.arm is not None and np.ndim(scene.arm.stiffness) == 0,
+        "shakers that push by a force": all(shaker.force is not None for shaker in scene.shakers),
+        "a [patch] whose point can be moved": scene.patch is not None,
+    }
+    if missing := [need for need, given in needs.items() if not given]:
+        raise InvalidScene(f"{scene.name}: the study needs {missing[0]}; take rig-shaker.")
 
     states: dict[str, SteadyState] = {}
     rows, compared, refused = [], [], []
@@ -160,7 +167,7 @@ def friction(
         )  # fmt: skip
 
     with progress("mechanisms"):
-        mechanisms = alone(rig_of(scene, progress), spheres, options)
+        mechanisms = alone(rig_of(scene, progress), spheres, scene.time.duration, options)
     mechanism_rows = tuple(
         (name, 1e3 * found.first, 1e3 * found.later, 1e3 * found.error)
         for name, found in mechanisms.items()
@@ -328,9 +335,11 @@ def between(one: ContactRun, other: ContactRun) -> Difference:
     return Difference(arrival, amplitude, first, later, one.error + other.error)
 
 
-def alone(rig: Rig, spheres: tuple[int, ...], options: FrictionOptions) -> dict[str, Difference]:
+def alone(
+    rig: Rig, spheres: tuple[int, ...], duration: float, options: FrictionOptions
+) -> dict[str, Difference]:
     """What a contact that sticks changes in the waves beside one without tangential force, without
-    shakers, by what is switched on."""
+    shakers, over a duration [s], by what is switched on."""
     v0, chain = rig.start.velocity, rig.start.chain
     mass = float(chain.mass[-1])
     clamped = rig.last._replace(arm_stiffness=np.full(2, np.inf), arm_rotation=np.inf)
@@ -344,7 +353,7 @@ def alone(rig: Rig, spheres: tuple[int, ...], options: FrictionOptions) -> dict[
         last = with_coefficient(rig._replace(last=last), coefficient)
         search = USUAL_SPATIAL_SEARCH._replace(n_cells=options.n_cells)
         march = march_space(
-            chain, wall, v0, last, duration=options.n_save * 1e-6, error=options.error,
+            chain, wall, v0, last, duration=duration, error=options.error,
             n_save=options.n_save, search=search,
         )  # fmt: skip
         error = float(np.abs(v0).max()) * march.trajectory.error_estimate
