@@ -592,7 +592,7 @@ def test_no_option_replaces_a_file_that_beadwave_did_not_write(arguments, monkey
     for place in ("pipeline.pipeline.Pipeline.__call__", "assembly.look.look",
                   "assembly.tuning.tuned", "assembly.export.write_model",
                   "assembly.export.require_formats", "assembly.hammer.virtual_test"):  # fmt: skip
-        monkeypatch.setattr(f"workflows.{place}", lambda *_: reached.append(1) or 1 / 0)
+        monkeypatch.setattr(f"workflows.{place}", lambda *_, **__: reached.append(1) or 1 / 0)
     for name in THEIRS:
         Path(name).write_text("# mine\n")
     before = contents(".")

@@ -70,7 +70,9 @@ def resonance(
     scene: Scene, progress: Progress, options: ResonanceOptions = ResonanceOptions()
 ) -> Finding:
     """Resonance curves of the shaken structure from a contact that sticks to one that slips."""
-    if not has_friction(scene) or len(scene.shakers or ()) != 1 or scene.shakers[0].stinger:
+    shakers = scene.shakers or ()
+    structure = scene.assembly is not None and scene.arm is not None and has_friction(scene)
+    if not structure or len(shakers) != 1 or shakers[0].force is None:
         raise InvalidScene(
             f"{scene.name} has no structure with [friction] that one shaker pushes by a force; "
             "take rig-shaker."
