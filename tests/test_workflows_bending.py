@@ -16,6 +16,7 @@ from command_line import beadwave
 from coupling.reduced_wall import wall_of
 from workflows.evidence.accuracy.mesh import mesh
 from workflows.files.scene import scene
+from workflows.run.second_process import RUN
 from workflows.scene import InvalidScene
 from workflows.stages import bending
 from workflows.stages.impact import impact
@@ -328,3 +329,11 @@ def test_the_file_of_a_reduced_beam_is_its_wall(tmp_path):
 def test_an_unusable_number_is_refused(key):
     with pytest.raises(InvalidScene, match=f"beam.{key}"):
         scene("beam", (f"beam.{key}=-1.0",))
+
+
+@pytest.mark.parametrize("name", ["beam", "plate"])
+def test_no_stage_of_a_run_reads_what_a_beam_or_a_plate_lacks(name):
+    """The key of a stage holds all that it and the stages before it read."""
+    stages = pipeline_of(scene(name), lambda stage: nullcontext())
+    keys = [stages.key(stage) for stage in (*RUN, "mode-files", "model-files", "response-files")]
+    assert len(set(keys)) == len(keys)

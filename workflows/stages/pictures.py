@@ -29,8 +29,19 @@ def pictures(
 ) -> tuple[Picture, ...]:
     """Pictures of the meshed assembly with what strikes, joins and holds it, and of four modes;
     raises NoPicture."""
-    strike = [*contact.spot.point, *contact.spot.inward]
-    return _rendered(modes.field, fixtures(mesh) | {"strike": list(map(float, strike))})
+    return _rendered(modes.field, fixtures(mesh) | {"strike": _struck(contact)})
+
+
+def pictures_of_plate(
+    scene: Scene, modes: AssemblyModes, contact: fem.ContactPatch
+) -> tuple[Picture, ...]:
+    """Pictures of a beam or a plate with the impact, and of four modes; raises NoPicture."""
+    return _rendered(modes.field, {"strike": _struck(contact)})
+
+
+def _struck(contact: fem.ContactPatch) -> list[float]:
+    """The point struck and the direction of the force (6,)."""
+    return [float(x) for x in (*contact.spot.point, *contact.spot.inward)]
 
 
 def picture_of_parts(scene: Scene, mesh: Parts) -> Picture:

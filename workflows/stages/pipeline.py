@@ -202,6 +202,7 @@ BENDING = ASSEMBLY | {
     "contact": Stage(".bending:contact", tables_of(), ("model",), kept=False, listed=False),
     "reduction": Stage(".bending:reduction", tables_of("reduction"), ("model",)),
     "full-response": Stage(".response:full_response", tables_of(), ("model", "contact")),
+    "pictures": Stage(".pictures:pictures_of_plate", tables_of(), ("modes", "contact")),
     "second-mesh": Stage(".bending:second_mesh", tables_of(*BENT, "reduction"), ()),
     "other-theories": Stage(".bending:other_theories", tables_of(*BENT, "reduction"), ()),
     "theory-error": Stage(
