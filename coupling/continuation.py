@@ -23,6 +23,7 @@ from coupling.periodic_state import (
 )
 from coupling.spatial_march import Before, Body, Moving
 from dem.kernels.arguments import Steps
+from dem.kernels.spatial import RUBBED
 
 
 class SteadyState(NamedTuple):
@@ -101,7 +102,7 @@ def neighbouring_state(
     speeds = np.concatenate([saved.v, saved.wall[:, 1]], axis=1)
     return SteadyState(
         point.moving,
-        float(saved.energy[-1, 2] - saved.energy[0, 2]),
+        float(saved.energy[-1, RUBBED] - saved.energy[0, RUBBED]),
         float(0.5 * np.ptp(saved.force[:, 1 + axis])),
         float(0.5 * np.ptp(saved.slip[:, axis])),
         float(saved.stick.min()),
@@ -120,6 +121,7 @@ def later(body: Body, before: Before, state: SteadyState, turn: float) -> tuple[
     moving, h = state.moving.copied(), T / n_steps
     if n:
         system = body.stepped(h, before_striker=before)
+        body.settle(moving, system, -T)
         body.march(moving, system, -T, Steps(h, 1, n))
     phase = body.shakers.phase + 2.0 * math.pi * body.shakers.frequency * n * h
     return body._replace(shakers=body.shakers._replace(phase=phase)), moving
@@ -130,10 +132,10 @@ def before_striker(body: Body, v0: ArrayLike, *, upstream_held: bool = False) ->
     is the striker, and not there yet; `upstream_held` holds all but the last."""
     v0 = np.asarray(v0, float)
     striker = v0.size > 1 and v0[0] > 0.0 and body.prepared.static.force[0] == 0.0
-    held = np.zeros(v0.size, bool)
-    held[:-1] = upstream_held
-    held[0] |= striker
-    return Before(held, int(striker))
+    rests = np.zeros(v0.size, bool)
+    rests[:-1] = upstream_held
+    rests[0] |= striker
+    return Before(rests, int(striker))
 
 
 def struck(moving: Moving, before: Before, v0: ArrayLike) -> None:

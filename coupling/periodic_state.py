@@ -375,7 +375,7 @@ def step_of(M: Array, weights: Array, residual: Array) -> Array:
     return z / units
 
 
-class Found(NamedTuple):
+class RepeatedMotion(NamedTuple):
     """A state that comes back, what a cycle from it saves, and how far both may be trusted."""
 
     moving: Moving
@@ -401,10 +401,10 @@ def periodic_state(
     From a contact that was pressed and never sheared. Raises UnstableStep where 200 periods, one
     after the other, lead to none.
     """
-    found, start = balanced(body, before, error, speed, search)
-    if found is None:
-        found = shot(body, before, error, speed, search, start)
-    state, saved, n_periods, T = found.moving, found.saved, found.n_periods, body.shakers.period
+    motion, start = balanced(body, before, error, speed, search)
+    if motion is None:
+        motion = shot(body, before, error, speed, search, start)
+    state, saved, n_periods, T = motion.moving, motion.saved, motion.n_periods, body.shakers.period
 
     # heat counts from the striker on
     springs = state.contacts.row if state.contacts.cells is None else state.contacts.cells
@@ -423,10 +423,10 @@ def periodic_state(
         sphere_t=saved.across[:, 0] @ frame,
         stick_share=saved.stick,
         energy=heat,
-        periodicity_error=found.change,
+        periodicity_error=motion.change,
         drift=float(np.hypot(*((saved.across[-1, 0] - saved.across[0, 0]) @ frame))),
-        error_estimate=found.error_estimate,
-        n_steps=found.n_steps,
+        error_estimate=motion.error_estimate,
+        n_steps=motion.n_steps,
         periods=n_periods,
         unbalanced=abs(work - heat - in_dampers - in_wall),
     )
@@ -438,12 +438,12 @@ def periodic_state(
         slip_mean=middle,
         wall_speed=float(np.abs(saved.wall[:, 1]).max()),
         n_periods=n_periods,
-        impacting=found.impacting,
+        impacting=motion.impacting,
         work=work,
         heat=heat,
         lost_in_dampers=in_dampers,
         lost_in_wall=in_wall,
-        error_estimate=found.error_estimate,
+        error_estimate=motion.error_estimate,
     )
 
 
@@ -473,7 +473,7 @@ def numbers_of(saved: SavedSpatial, speed: float) -> Numbers:
 
 def balanced(
     body: Body, before: Before, error: float, speed: float, search: PeriodicSearch
-) -> tuple[Found | None, Moving | None]:
+) -> tuple[RepeatedMotion | None, Moving | None]:
     """The state by harmonic balance (`coupling.harmonic_balance`), to an error, beside a cycle of
     half as many samples and cells; None where that finds none, or a contact that opens, and then a
     state near to it where there is one.
@@ -523,7 +523,7 @@ def balanced(
     if extrapolated > max(search.proven, 2.0 * error):
         return None, moving.divided(body.search.n_cells)
     change = max(cycle.change, cycle.answer.creep)
-    return Found(moving, saved, change, estimate, 1, False, n_samples), None
+    return RepeatedMotion(moving, saved, change, estimate, 1, False, n_samples), None
 
 
 def still(body: Body) -> Body:
@@ -573,7 +573,7 @@ def with_still(body: Body, moving: Moving, rate: Array) -> Moving:
 def shot(
     whole: Body, before: Before, error: float, speed: float, search: PeriodicSearch,
     start: Moving | None = None,
-) -> Found:  # fmt: skip
+) -> RepeatedMotion:  # fmt: skip
     """The state by Newton's method on periods marched, from rest or else from `start`, to an error
     beside longer steps and half as many cells; by periods one after the other where it finds
     none. Raises UnstableStep."""
@@ -627,7 +627,7 @@ def shot(
     rate = (saved.force[-1] - saved.force[-2]) * (search.cycle_saves / T)
     steps = period.steps.n_save * period.steps.stride * n_periods
     moving = with_still(whole, state, rate)
-    return Found(moving, saved, change, estimate, n_periods, impacting, steps)
+    return RepeatedMotion(moving, saved, change, estimate, n_periods, impacting, steps)
 
 
 def stays(period: Period, state: Moving, search: PeriodicSearch) -> bool:

@@ -252,29 +252,29 @@ def curve(
         """The point at f, F by ever shorter steps from where the guess is."""
         parts = 1
         while parts <= options.finer:
-            start, found = guess, None
+            start, reached = guess, None
             for share in np.arange(1, parts + 1) / parts:
                 at = (begin[0] + share * (f - begin[0]), begin[1] + share * (F - begin[1]))
-                found = point(body, *at, start, options)
-                if found is None:
+                reached = point(body, *at, start, options)
+                if reached is None:
                     break
-                start = found.harmonics
-            if found is not None:
-                return found
+                start = reached.harmonics
+            if reached is not None:
+                return reached
             parts *= 4
         return None
 
     for f, F in zip(frequencies, forces, strict=True):
-        found = None
+        reached = None
         if points:
             before = points[-1]
-            found = towards(f, F, (before.frequency, before.force), before.harmonics)
-        if found is None:  # the first one, or the curve turns back here: from a small force
-            found = towards(f, F, (f, 0.0), None)
-        if found is None:
+            reached = towards(f, F, (before.frequency, before.force), before.harmonics)
+        if reached is None:  # the first one, or the curve turns back here: from a small force
+            reached = towards(f, F, (f, 0.0), None)
+        if reached is None:
             raise CouplingError(
                 f"the resonance curve cannot be followed to {f:.4g} Hz at {F:.3g} N; take a "
                 "smaller force, or a larger preload: contacts may open within the cycle."
             )
-        points.append(found)
+        points.append(reached)
     return points

@@ -55,9 +55,11 @@ def stuck_wall(wall: SpatialWall, stiffness: float, last: LastSphere, mass: floa
     phi = np.zeros((len(omega), 3))
     phi[:, 0] = vectors.T @ along
     load = vectors.T @ np.vstack([wall.load, np.zeros((len(of_sphere), wall.load.shape[1]))])
-    left = np.zeros((3, 3))
-    left[0, 0] = S[0, 0] - S[0, 1:] @ C @ S[1:, 0]
-    return spatial_wall_of_modes(omega, zeta, phi, load=load)._replace(residual_compliance=left)
+    compliance = np.zeros((3, 3))
+    compliance[0, 0] = S[0, 0] - S[0, 1:] @ C @ S[1:, 0]
+    return spatial_wall_of_modes(omega, zeta, phi, load=load)._replace(
+        residual_compliance=compliance
+    )
 
 
 def uncoupled_wall(wall: SpatialWall) -> SpatialWall:

@@ -5,9 +5,9 @@ steel beams, a lap joint of three bolts, free ends) after the stroke of a hammer
 named as such, and frequency and damping of the first mode over the amplitude at sensor 3, beside
 those of sine tests in which that amplitude was held:
 
-    m (omega_0^2 - omega^2 + 2 i zeta omega_0 omega) a / (-omega^2) = f,
+    m (omega_0^2 - omega^2 + 2 i zeta omega_0 omega) u = f,
 
-fitted to force and acceleration within 46 degrees of the resonance. Both sides are measured; in the
+fitted to force and displacement within 46 degrees of the resonance. Both sides are measured; in the
 sine tests a shaker was attached.
 
 The data are not part of beadwave: clone github.com/mattiacenedese/BRBtesting (GPL-3.0) and see
@@ -73,11 +73,12 @@ def sine_tests(file: Path) -> list[tuple[float, float, float]]:
         f, force, amplitude, phase = (np.asarray(test[name], dtype=float) for name in names)
         near = np.abs(phase + np.pi / 2) < NEAR
         omega = 2 * np.pi * f[near]
-        mass = (force / amplitude * np.exp(-1j * phase))[near]  # dynamic mass f / a
-        columns = np.column_stack([np.ones_like(omega), -1 / omega**2])
-        m, k = np.linalg.lstsq(columns, mass.real, rcond=None)[0]
+        # f / (omega^2 u): amplitudes are of the acceleration, phases of the displacement u
+        ratio = (force / amplitude * np.exp(-1j * phase))[near]
+        columns = np.column_stack([1 / omega**2, -np.ones_like(omega)])
+        k, m = np.linalg.lstsq(columns, ratio.real, rcond=None)[0]
         omega_0 = np.sqrt(k / m)
-        zeta = np.median(np.abs(mass.imag) * omega) / (2 * abs(m) * omega_0)
+        zeta = np.median(ratio.imag * omega) / (2 * m * omega_0)
         rows.append((float(amplitude[near].mean()), float(omega_0) / (2 * np.pi), float(zeta)))
     return sorted(rows)
 

@@ -52,20 +52,20 @@ class Closure(NamedTuple):
 def main(n_scenes: int = 20, seed: int = 0) -> None:
     closures = [closure(scene(np.random.default_rng([seed, i]))) for i in range(n_scenes)]
     numbers = np.array([each[:4] for each in closures])
-    found = np.isfinite(numbers[:, 0])
-    partly = found & (numbers[:, 2] > 0.0)
-    print(f"{n_scenes} scenes: {found.sum()} found, {partly.sum()} of them stick in part")
+    solved = np.isfinite(numbers[:, 0])
+    partly = solved & (numbers[:, 2] > 0.0)
+    print(f"{n_scenes} scenes: {solved.sum()} solved, {partly.sum()} of them stick in part")
     for i, each in enumerate(closures):
         if each.refusal:
             print(f"  scene {i}: {each.refusal}")
     print(f"{'':32} {'median':>8} {'95 %':>8} {'largest':>8}")
     for name, values in (
-        ("balance over work and error", numbers[found, 0]),
-        ("change over the error", numbers[found, 1]),
-        ("seconds of processor", numbers[found, 3]),
+        ("balance over work and error", numbers[solved, 0]),
+        ("change over the error", numbers[solved, 1]),
+        ("seconds of processor", numbers[solved, 3]),
     ):
         print(f"{name:32}", *(f"{x:8.2g}" for x in np.quantile(values, [0.5, 0.95, 1.0])))
-    print(f"{100 * np.mean(numbers[found, 0] > 1.0):.1f} % do not close to the error")
+    print(f"{100 * np.mean(numbers[solved, 0] > 1.0):.1f} % do not close to the error")
 
 
 def closure(cycle: RandomCycle) -> Closure:

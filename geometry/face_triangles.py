@@ -27,23 +27,23 @@ def face_triangles(bodies: Iterable[Body]) -> dict[int, NDArray[np.float64]]:
     largest = max(float(np.linalg.norm(body.upper - body.lower)) for body in bodies)
     gmsh.option.setNumber("Mesh.MeshSizeMax", largest / ACROSS)
     gmsh.model.mesh.generate(2)
-    found = {}
+    corners_of = {}
     for face in (face for body in bodies for face in body.faces):
         nodes, points, _ = gmsh.model.mesh.getNodes(2, face.tag, includeBoundary=True)
         place = dict(zip(nodes.tolist(), points.reshape(-1, 3), strict=True))
-        _, corners = gmsh.model.mesh.getElementsByType(2, face.tag)  # type 2: triangles
-        found[face.tag] = np.array([place[n] for n in corners.tolist()]).reshape(-1, 3, 3)
+        _, nodes_of = gmsh.model.mesh.getElementsByType(2, face.tag)  # type 2: triangles
+        corners_of[face.tag] = np.array([place[n] for n in nodes_of.tolist()]).reshape(-1, 3, 3)
     gmsh.model.mesh.clear()
-    return found
+    return corners_of
 
 
 def own_face_triangles(own: OwnMesh) -> dict[str, dict[int, NDArray[np.float64]]]:
     """The same of a user's mesh, by body and tag."""
-    found: dict[str, dict[int, NDArray[np.float64]]] = {}
+    corners_of: dict[str, dict[int, NDArray[np.float64]]] = {}
     for name, skin in own.skins.items():
         n, width = skin.corners.shape[:2]
         at = np.arange(n * width).reshape(n, width)
         corners = skin.corners.reshape(-1, 3)[at if width == 3 else triangles(at)]
         tag = skin.tag if width == 3 else np.tile(skin.tag, 2)
-        found[name] = {int(one): corners[tag == one] for one in np.unique(tag)}
-    return found
+        corners_of[name] = {int(one): corners[tag == one] for one in np.unique(tag)}
+    return corners_of

@@ -4,7 +4,7 @@ A bore consists of cylinder faces of one axis and radius that join without a gap
 three quarters around, so that a fillet is none.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from math import pi
 from typing import NamedTuple
@@ -117,43 +117,50 @@ def _span(face: Face, axis_of: Face) -> tuple[float, float]:
     return lower, upper
 
 
+class Facing(NamedTuple):
+    """A hole of each body of a touching pair, where they open into a plane in which these touch."""
+
+    diameters: tuple[float, float]  # m
+    centres: tuple[Vector, Vector]  # (3,) [m]
+    plane: Face  # of the first body
+    faces: tuple[int, int]  # tags of the planes
+
+    @property
+    def distance(self) -> float:
+        """[m] between the axes."""
+        return float(np.linalg.norm(self.centres[0] - self.centres[1]))
+
+
+def facing(touch: TouchingPair, bodies: Mapping[str, Body]) -> Iterator[Facing]:
+    """Every hole of the first body with every one of the second, across the planes of contact."""
+    first, second = (bodies[name] for name in touch.bodies)
+    for contact in touch.contacts:
+        plane = first.face(contact.faces[0])
+        if plane.normal is None:
+            continue
+        for one, other in product(_at_plane(first, plane), _at_plane(second, plane)):
+            diameters, centres = zip(one, other, strict=True)
+            yield Facing(diameters, centres, plane, contact.faces)
+
+
 def concentric(
     touch: TouchingPair, bodies: Mapping[str, Body], gap: float
 ) -> tuple[Concentric, ...]:
     """Holes of both bodies about one axis, across a plane in which they touch."""
-    first, second = (bodies[name] for name in touch.bodies)
-    holes = []
-    for contact in touch.contacts:
-        plane = first.face(contact.faces[0])
-        if plane.normal is None:
-            continue
-        at_plane = (_at_plane(body, plane) for body in (first, second))
-        for (diameter, centre), (diameter_2, centre_2) in product(*at_plane):
-            if np.linalg.norm(centre - centre_2) <= SAME + gap:
-                diameters = (diameter, diameter_2)
-                holes.append(
-                    Concentric(touch.bodies, centre, plane.normal, diameters, contact.faces)
-                )
-    return tuple(holes)
+    return tuple(
+        Concentric(touch.bodies, pair.centres[0], pair.plane.normal, pair.diameters, pair.faces)
+        for pair in facing(touch, bodies)
+        if pair.distance <= SAME + gap
+    )
 
 
-def missed(
-    touch: TouchingPair, bodies: Mapping[str, Body], gap: float
-) -> tuple[tuple[Vector, float], ...]:
-    """Holes of both bodies that open into each other across a plane in which they touch, and are
-    about two axes: centre (3,) of the first one's [m], and the distance of the axes [m]."""
-    first, second = (bodies[name] for name in touch.bodies)
-    misses = []
-    for contact in touch.contacts:
-        plane = first.face(contact.faces[0])
-        if plane.normal is None:
-            continue
-        at_plane = (_at_plane(body, plane) for body in (first, second))
-        for (diameter, centre), (diameter_2, centre_2) in product(*at_plane):
-            distance = float(np.linalg.norm(centre - centre_2))
-            if SAME + gap < distance < (diameter + diameter_2) / 2:
-                misses.append((centre, distance))
-    return tuple(misses)
+def misaligned(touch: TouchingPair, bodies: Mapping[str, Body], gap: float) -> tuple[Facing, ...]:
+    """Holes of both bodies that open into each other and are about two axes."""
+    return tuple(
+        pair
+        for pair in facing(touch, bodies)
+        if SAME + gap < pair.distance < sum(pair.diameters) / 2
+    )
 
 
 def _at_plane(body: Body, plane: Face) -> list[tuple[float, Vector]]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from geometry.contacts import TouchingPair
 from geometry.errors import InvalidGeometry
-from geometry.holes import LIMITS, bores, concentric, crossed, engaged, missed
+from geometry.holes import LIMITS, bores, concentric, crossed, engaged, misaligned
 from geometry.patches import Disc, Patch, Share, Spots, ThreadBand
 from geometry.selectors import Selected, bodies_named, faces, touches
 from geometry.solids import Body, Vector
@@ -176,11 +176,11 @@ def _place_bolts(
     for touch in pairs:
         if joint.at == "holes":
             places += concentric(touch, bodies, gap)
-            for centre, distance in missed(touch, bodies, gap):
-                at = ", ".join(f"{x:.4g}" for x in centre.round(6) + 0.0)
+            for pair in misaligned(touch, bodies, gap):
+                at = ", ".join(f"{x:.4g}" for x in pair.centres[0].round(6) + 0.0)
                 raise InvalidGeometry(
                     f'{joint.key}: two holes of "{touch.name}" near [{at}] m miss each other by '
-                    f"{1e3 * distance:.3g} mm; align them, or give the bolts by at = "
+                    f"{1e3 * pair.distance:.3g} mm; align them, or give the bolts by at = "
                     "[[x, y, z], ...] and washer."
                 )
             continue

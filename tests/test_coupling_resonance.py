@@ -131,3 +131,18 @@ def test_a_curve_that_cannot_be_followed_is_refused():
     options = HarmonicBalance(most_iterations=0)
     with pytest.raises(CouplingError, match="cannot be followed to 100 Hz at 8 N"):
         curve(block(), [100.0], [8.0], options)
+
+
+@pytest.mark.parametrize(
+    ("changes", "frequency", "said"),
+    [
+        ({"gamma": np.array([20.0]), "dissipation": "hunt-crossley"}, 100.0, "leave the damper"),
+        ({}, 0.0, "frequencies must be above 0 Hz"),
+    ],
+)
+def test_a_curve_refuses_what_it_would_leave_out(changes, frequency, said):
+    body = block()
+    chain = body.prepared.chain._replace(**changes)
+    body = body._replace(prepared=body.prepared._replace(chain=chain))
+    with pytest.raises(CouplingError, match=said):
+        curve(body, [frequency], [1.0])

@@ -37,6 +37,21 @@ def test_a_scene_without_a_shaken_structure_is_refused(name):
         friction(scene(name), quiet)
 
 
+@pytest.mark.parametrize(
+    ("table", "changes", "said"),
+    [
+        ("arm", {"stiffness": (2e6, 1e6)}, "an .arm. of one stiffness"),
+        ("shakers", {"force": None, "velocity": 1e-3, "stinger": 1e6}, "push by a force"),
+    ],
+)
+def test_a_rig_that_the_study_cannot_vary_is_refused_in_a_sentence(table, changes, said):
+    rig = scene("rig-shaker")
+    changed = rig.arm.but(**changes) if table == "arm" else (rig.shakers[0].but(**changes),)
+    rig = rig.but(**{table: changed})
+    with pytest.raises(InvalidScene, match=said):
+        friction(rig, quiet)
+
+
 @pytest.mark.slow
 def test_slip_shows_in_later_waves_and_through_the_structures_coupling_alone():
     """On a coarse mesh as on the rig's: the first reflected wave of a contact that slips in part

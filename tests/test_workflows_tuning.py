@@ -216,3 +216,13 @@ def test_a_tuned_scene_is_judged_by_what_it_was_tuned_to():
             scene(result, {"targets": wrong})
     plate = scene("plate-on-bolts", {"targets": [{"hz": 900.0, "number": 1}]})
     assert retargeted(plate, {1: 950.0}).measured_hz == (950.0,)
+
+
+@pytest.mark.slow
+def test_a_value_that_ends_at_its_bound_and_a_mode_beyond_those_computed_are_named(shared_cache):
+    """110 Hz cannot become 300 Hz by twice the modulus."""
+    free = ("materials.aluminium.young",)
+    report = tune("cantilever", match="1=300", free=free, out=None).report
+    assert any("ends at its bound, 2 of the scene's" in remark for remark in report.remarks)
+    with pytest.raises(InvalidScene, match="mode 199 is beyond the modes that are computed"):
+        tune("cantilever", match="199=300", free=free, out=None)

@@ -52,8 +52,7 @@ def write_report(folder: RunFolder, data: dict[str, Any] | None = None) -> Path:
 def page(folder: Path, summary: Summary, data: dict[str, Any] | None = None) -> str:
     """The page of a run folder: `page/page.html.jinja` filled in, `first_screen.py` says what comes
     first."""
-    from jinja2 import Environment  # only who writes a page pays
-    from PIL import Image
+    from PIL import Image  # only who writes a page pays
 
     try:
         scene = load(str(folder / "scene.toml"))
@@ -73,44 +72,39 @@ def page(folder: Path, summary: Summary, data: dict[str, Any] | None = None) -> 
             few.save(raw, "PNG")
             pictures[name] = b64encode(raw.getvalue()).decode()
 
-    # styles and scripts, and the digests by which the page allows them
-    scripts = [*map(bundle.text, ("vendor/ogl.min.js", "vendor/uplot.min.js"))]
-    scripts.append(bundle.bundled("main"))
-    styles = [*map(bundle.text, ("vendor/uplot.min.css", "style.css"))]
-
-    environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    numbers: tuple[Callable, ...] = (si, percent, difference, figures, grouped, share_percent)
-    environment.filters |= {filter.__name__: filter for filter in numbers}
-    return environment.from_string(bundle.text("page.html.jinja")).render(
+    return in_one_file(
+        "page",
+        scripts=["vendor/ogl.min.js", "vendor/uplot.min.js"],
+        module="main",
+        styles=["vendor/uplot.min.css", "style.css"],
         summary=summary,
         scene=scene,
         scene_toml=scene_toml.read_text(encoding="utf-8") if scene_toml.is_file() else "",
         pictures=pictures,
         captions=CAPTIONS,
         data=Markup(harmless_json(data)),
-        scripts=[*map(Markup, scripts)],
-        styles=[*map(Markup, styles)],
-        script_hashes=Markup("".join(map(_digest, scripts))),
-        style_hashes=Markup("".join(map(_digest, styles))),
         **page_rows.context(scene, summary, data),
     )
 
 
-def standing_alone(name: str, data: dict[str, Any]) -> str:
-    """The page `page/NAME.html.jinja` with its data, its script and its style, in one file that
-    opens without a network."""
-    from jinja2 import Environment
+def in_one_file(
+    template: str, *, scripts: list[str], module: str, styles: list[str], **context: Any
+) -> str:
+    """The page of `page/TEMPLATE.html.jinja`, which opens without a network: scripts, a module with
+    all that it imports, and styles stand in it, with the digests by which its policy allows them."""
+    from jinja2 import Environment  # only who writes a page pays
 
-    scripts = [bundle.text("vendor/ogl.min.js"), bundle.bundled(name)]
-    styles = [bundle.text("style.css"), bundle.text(f"{name}.css")]
+    script_texts = [*map(bundle.text, scripts), bundle.bundled(module)]
+    style_texts = [*map(bundle.text, styles)]
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    return environment.from_string(bundle.text(f"{name}.html.jinja")).render(
-        data=data,
-        json=Markup(harmless_json(data)),
-        scripts=[*map(Markup, scripts)],
-        styles=[*map(Markup, styles)],
-        script_hashes=Markup("".join(map(_digest, scripts))),
-        style_hashes=Markup("".join(map(_digest, styles))),
+    numbers: tuple[Callable, ...] = (si, percent, difference, figures, grouped, share_percent)
+    environment.filters |= {filter.__name__: filter for filter in numbers}
+    return environment.from_string(bundle.text(f"{template}.html.jinja")).render(
+        scripts=[*map(Markup, script_texts)],
+        styles=[*map(Markup, style_texts)],
+        script_hashes=Markup("".join(map(_digest, script_texts))),
+        style_hashes=Markup("".join(map(_digest, style_texts))),
+        **context,
     )
 
 

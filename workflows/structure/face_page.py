@@ -3,11 +3,12 @@
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 from geometry.errors import InvalidGeometry
 from geometry.selectors import faces
 from geometry.solids import ALIGNED, Body, Face
-from workflows.report.report import standing_alone
+from workflows.report.report import harmless_json, in_one_file
 from workflows.stages.bodies import Drawing
 
 
@@ -42,7 +43,10 @@ def face_page(name: str, geometry: Drawing) -> str:
                     "points": corners.reshape(-1).round(7).tolist(),
                 }
             )
-    return standing_alone("faces", {"name": name, "faces": rows})
+    return in_one_file(
+        "faces", scripts=["vendor/ogl.min.js"], module="faces", styles=["style.css", "faces.css"],
+        name=name, faces=rows, data=Markup(harmless_json({"faces": rows})),
+    )  # fmt: skip
 
 
 def words(body: Body, face: Face, point: np.ndarray) -> list[str]:

@@ -169,8 +169,8 @@ def friction(
     with progress("mechanisms"):
         mechanisms = alone(rig_of(scene, progress), spheres, scene.time.duration, options)
     mechanism_rows = tuple(
-        (name, 1e3 * found.first, 1e3 * found.later, 1e3 * found.error)
-        for name, found in mechanisms.items()
+        (name, 1e3 * change.first, 1e3 * change.later, 1e3 * change.error)
+        for name, change in mechanisms.items()
     )
 
     by_state: dict[str, list[Difference]] = {}

@@ -6,11 +6,13 @@ the arm; with much it slips and the structure moves as it would alone. Two point
 time as well.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from coupling.continuation import before_striker, cold_state
+from coupling.errors import CouplingError
 from coupling.resonance import CurvePoint, HarmonicBalance, curve
 from coupling.stuck_wall import stuck_wall
 from dem import UnstableStep
@@ -83,11 +85,17 @@ def resonance(
     low, high = (1.0 - options.beyond) * min(free, stuck), (1.0 + options.beyond) * max(free, stuck)
     frequencies = np.linspace(low, high, options.n_frequencies)
 
+    def follow(f: Sequence[float], forces: Sequence[float]) -> list[CurvePoint]:
+        try:
+            return curve(body, f, forces, options.balance)
+        except CouplingError as why:
+            raise InvalidScene(f"{scene.name}: {why}") from None
+
     curves = []
     for factor in counted(options.forces, progress, "{:g} of the force".format):
         force = factor * scene.shakers[0].force
-        up = curve(body, frequencies, [force] * len(frequencies), options.balance)
-        down = curve(body, frequencies[::-1], [force] * len(frequencies), options.balance)
+        up = follow(frequencies, [force] * len(frequencies))
+        down = follow(frequencies[::-1], [force] * len(frequencies))
         curves.append(ForceCurve(force, up, down[::-1]))
     rows = tuple(
         (c.force, c.peak.frequency, 1e6 * c.peak.motion, 1e6 * c.peak.motion / c.force,
@@ -100,8 +108,8 @@ def resonance(
     frequency = scene.shakers[0].frequency
     forces = scene.shakers[0].force * np.geomspace(min(options.forces), max(options.forces), 9)
     with progress("level"):
-        rising = curve(body, [frequency] * len(forces), forces, options.balance)
-        falling = curve(body, [frequency] * len(forces), forces[::-1], options.balance)[::-1]
+        rising = follow([frequency] * len(forces), forces)
+        falling = follow([frequency] * len(forces), forces[::-1])[::-1]
     beside = []
     for factor in counted(options.checked, progress, "march at {:g} of the force".format):
         beside += marched_beside(scene, rig, factor, options)

@@ -1,6 +1,7 @@
 // The faces of an assembly: a click on one shows the words of a scene that pick it.
 
 import { cameraOf } from "./camera.js";
+import { LINES } from "./lines.js";
 import { outline } from "./mesh.js";
 import { curveColour, onTheme } from "./theme.js";
 
@@ -23,20 +24,6 @@ const SURFACE = {
       colour = vec4(mix(light * mix(tint, vec3(1.0), 0.35), vec3(0.95, 0.45, 0.1), picked), 1.0);
     }`,
 };
-const LINES = {
-  vertex: `#version 300 es
-    in vec3 position;
-    uniform mat4 modelViewMatrix; uniform mat4 projectionMatrix;
-    void main() {
-      gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
-      gl_Position.z -= 0.0004 * gl_Position.w; // before the faces that they bound
-    }`,
-  fragment: `#version 300 es
-    precision highp float;
-    out vec4 colour;
-    void main() { colour = vec4(0.1, 0.13, 0.16, 1.0); }`,
-};
-
 const { faces } = JSON.parse(document.getElementById("data").textContent);
 const panel = document.getElementById("picked");
 const rows = [...document.querySelectorAll("tbody tr")];
@@ -92,7 +79,7 @@ function viewOf(canvas) {
     const [joined, merged] = together(position, corners);
     const index = outline(joined, merged, 3);
     const line = new OGL.Geometry(gl, { position: { size: 3, data: joined }, index: { data: index } });
-    const black = new OGL.Program(gl, LINES);
+    const black = new OGL.Program(gl, { ...LINES, uniforms: { tint: { value: [0.1, 0.13, 0.16] } } });
     new OGL.Mesh(gl, { mode: gl.LINES, geometry: line, program: black }).setParent(scene);
     return { position, uniforms, number: bodies.indexOf(body) };
   });

@@ -1,6 +1,7 @@
 // The 3-D view: the assembly, or a simple wall in its place, and the spheres before it.
 
 import { cameraOf } from "./camera.js";
+import { LINES } from "./lines.js";
 import { cross, dot, outline, triangles, unit } from "./mesh.js";
 import { rgb } from "./theme.js";
 import { wallOf } from "./wall.js";
@@ -28,20 +29,6 @@ const SURFACE = {
         : s < 2.0 ? mix(ramp[1], ramp[2], s - 1.0) : mix(ramp[2], ramp[3], s - 2.0);
       colour = vec4(light * base, 1.0);
     }`,
-};
-
-const LINES = {
-  vertex: `#version 300 es
-    in vec3 position;
-    uniform mat4 modelViewMatrix; uniform mat4 projectionMatrix;
-    void main() {
-      gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
-      gl_Position.z -= 0.0004 * gl_Position.w; // before the faces that they bound
-    }`,
-  fragment: `#version 300 es
-    precision highp float;
-    uniform vec3 tint; out vec4 colour;
-    void main() { colour = vec4(tint, 1.0); }`,
 };
 
 const SPHERES = {
