@@ -91,7 +91,8 @@ def in_one_file(
     template: str, *, scripts: list[str], module: str, styles: list[str], **context: Any
 ) -> str:
     """The page of `page/TEMPLATE.html.jinja`, which opens without a network: scripts, a module with
-    all that it imports, and styles stand in it, with the digests by which its policy allows them."""
+    all that it imports and styles stand in it, with the digests by which its policy allows them.
+    """
     from jinja2 import Environment  # only who writes a page pays
 
     script_texts = [*map(bundle.text, scripts), bundle.bundled(module)]
