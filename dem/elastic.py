@@ -7,7 +7,6 @@ energy is its exact integral.
 """
 
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +23,7 @@ class ElasticLaw(NamedTuple):
 
     A: Array  # [N/m^n], or a factor on the table
     # by the names of `laws.SHAPE_PARAMETERS`, as the exponent n of phi = delta^n
-    parameters: Mapping[str, Array] = MappingProxyType({})
+    parameters: Mapping[str, Array] = {}
     table: ForceTable | None = None
 
     @property

@@ -1,5 +1,7 @@
 """Contacts of a power law F = k d^n and of a table, in every scheme, beside formulas and scipy."""
 
+import pickle
+
 import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
@@ -341,3 +343,8 @@ def test_the_fold_of_a_table_is_the_first_overlap_where_the_stiffness_meets_the_
 def test_a_table_whose_steps_are_too_small_for_a_cubic_is_refused():
     with pytest.raises(dem.InvalidChain, match="row 2 is too small beside its force"):
         dem.force_table([0.0, 1e-300, 1e-6], [0.0, 1.0, 2.0])
+
+
+def test_a_law_goes_to_another_process_and_back():
+    law = pickle.loads(pickle.dumps(ElasticLaw(np.array([1e9]))))
+    assert law.name is None and law.parameters == {} and law.A == 1e9
