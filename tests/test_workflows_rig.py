@@ -142,7 +142,9 @@ def test_screws_may_be_many_or_one(screw_x):
             ("assembly.constraint=full-tie", "mesh.element=tet", "mesh.seed=0.02"),
             marks=pytest.mark.slow,
         ),
-        ("patch.weights=thesis", "targets=[{number=2, hz=270.0}]"),
+        pytest.param(
+            ("patch.weights=thesis", "targets=[{number=2, hz=270.0}]"), marks=pytest.mark.slow
+        ),
     ],
 )
 def test_the_scene_written_out_is_an_ordinary_scene_of_the_same_model(changes):
