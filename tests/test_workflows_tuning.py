@@ -226,3 +226,44 @@ def test_a_value_that_ends_at_its_bound_and_a_mode_beyond_those_computed_are_nam
     assert any("ends at its bound, 2 of the scene's" in remark for remark in report.remarks)
     with pytest.raises(InvalidScene, match="mode 199 is beyond the modes that are computed"):
         tune("cantilever", match="199=300", free=free, out=None)
+
+
+@pytest.mark.slow
+def test_targets_by_number_are_called_by_the_numbers_of_their_modes(tmp_path):
+    path = tmp_path / "block.toml"
+    path.write_text(
+        "# a block on springs\n"
+        'assembly = { held = ["base:-z"], material = "steel", touching = "free" }\n'
+        "[bodies.base]\nbox = [0.06, 0.04, 0.02]\nseed = 0.02\n"
+        "[bodies.block]\nbox = [0.06, 0.04, 0.02]\nseed = 0.02\nat = [0.0, 0.0, 0.02]\n"
+        '[[joints]]\nname = "pads"\nbetween = "block|base"\n'
+        "at = [[-0.02, 0.0, 0.01], [0.02, 0.0, 0.01]]\n"
+        "washer = 0.008\nkz = 1e7  # N/m, of the pads\nkx = 1e7\nky = 1e7\n"
+        "krx = 500.0\nkry = 500.0\nkrz = 500.0\n"
+    )
+    computed = pipeline_of(scene(path), silent)("modes").omega / (2 * np.pi)
+    hz = {2: 0.99 * float(computed[1]), 3: 0.99 * float(computed[2])}
+    free = ("joints.pads.kz", "joints.pads.ky")
+    tuning = tune(path, match=hz, free=free, out=tmp_path / "tuned.toml")
+    report = tuning.report
+    keyed = report.match, report.modes_hz, report.full_order_hz, report.mac, report.computed_mode
+    assert all([*one] == ["2", "3"] for one in keyed)
+    assert report.computed_mode == {"2": 2, "3": 3}
+    np.testing.assert_allclose([*report.modes_hz.values()], [*hz.values()], rtol=0.01)
+    lines = report.text().splitlines()
+    assert [line.split()[:4] for line in lines[1:3]] == [
+        ["2", "computed", "mode", "2"],
+        ["3", "computed", "mode", "3"],
+    ]
+
+    # the scene that was written, its modes table, and what --match names of it
+    written = tmp_path / "tuned.toml"
+    rows = mode_table(pipeline_of(scene(written), silent)).rows
+    assert [row.hammer_mode for row in rows[:4]] == [None, 2, 3, None]
+    assert rows[2].hammer_hz == pytest.approx(hz[3])
+    assert [*tune(written, match=[3], free=free[:1]).report.match] == ["3"]
+    with pytest.raises(InvalidScene, match="must name modes 2 or 3 of the targets"):
+        tune(written, match="1", free=free)
+    twice = {"targets": [{"hz": 900.0, "number": 2}, {"hz": 950.0, "number": 2}]}
+    with pytest.raises(InvalidScene, match="2 tables of number = 2"):
+        scene(path, twice)

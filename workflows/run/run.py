@@ -216,9 +216,10 @@ def summary_of(
         # MAC of the modes that are targets, where it is there without computing it
         if any(mode.target for mode in numbers["modes"]) and pipeline.kept("mac"):
             mac = pipeline("mac")
+            column = {n: j for j, n in enumerate(scene.measured_numbers)}
             numbers["modes"] = tuple(
-                mode.model_copy(update={"mac": float(mac[mode.number - 1, mode.target - 1])})
-                if mode.target and not isnan(mac[mode.number - 1, mode.target - 1])
+                mode.model_copy(update={"mac": float(mac[mode.number - 1, column[mode.target]])})
+                if mode.target and not isnan(mac[mode.number - 1, column[mode.target]])
                 else mode
                 for mode in numbers["modes"]
             )

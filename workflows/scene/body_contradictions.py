@@ -58,6 +58,12 @@ def of_bodies(scene: Scene) -> Iterator[str]:
         if body.holes and body.holes.rings and not body.lines:
             yield f"bodies.{name}.holes.rings end on bodies.{name}.lines, which is missing; add it."
 
+    # targets
+    by_number = Counter(target.number for target in scene.targets or () if target.number)
+    for number, times in by_number.items():
+        if times > 1:
+            yield f"targets has {times} tables of number = {number}; give each mode once."
+
     # materials
     materials = scene.materials or {}
     named = {"assembly": assembly.material}

@@ -155,6 +155,18 @@ class Scene(SceneTable):
         return tuple(target.hz for target in self.written_out.targets or ())
 
     @property
+    def measured_numbers(self) -> tuple[int, ...]:
+        """What tables and keys call each measured mode: the number of the computed mode where all
+        are known by it, else their places in the list, from 1."""
+        numbers = tuple(target.number for target in self.written_out.targets or ())
+        return tuple(range(1, len(numbers) + 1)) if None in numbers else numbers
+
+    @property
+    def measured_modes(self) -> dict[int, float]:
+        """Frequencies of the measured modes by their numbers."""
+        return dict(zip(self.measured_numbers, self.measured_hz, strict=True))
+
+    @property
     def floats(self) -> bool:
         """Whether nothing joins the structure to the ground."""
         if self.bending is not None:

@@ -60,7 +60,7 @@ def structure_numbers(
 ) -> StructureNumbers:
     """Numbers and warnings of an assembly. Of the computed modes those that the summary lists, with
     the score of the target that each one is paired with, if any; their MAC comes later."""
-    listed = []
+    listed, names = [], scene.measured_numbers
     for number, target in zip(modes.field.number, modes.field.target, strict=True):
         j = number - 1
         mode = ModeFound(
@@ -73,7 +73,7 @@ def structure_numbers(
             i = target - 1  # targets count from 1
             mode = mode.model_copy(
                 update={
-                    "target": int(target),
+                    "target": names[i],
                     "target_hz": scene.measured_hz[i],
                     "shape": shape_names(scene)[i],
                     "score": float(modes.score[i]),
@@ -82,7 +82,7 @@ def structure_numbers(
         listed.append(mode)
     health = reduction_health(reduction)
     numbers = {
-        "modes_hz": modes.paired_hz,
+        "modes_hz": {str(names[int(i) - 1]): hz for i, hz in modes.paired_hz.items()},
         "modes": tuple(listed),
         "dofs": modes.n_dofs,
         "load_factor": modes.load_factor,

@@ -272,9 +272,8 @@ def tune(
         match = ",".join(map(str, match))
     remarks: list[str] = []
     if chosen.measured_hz or chosen.of_dimensions or not (match or hammer):
-        measured_hz = with_targets(chosen).measured_hz
-        all_modes = ",".join(map(str, range(1, len(measured_hz) + 1)))
-        wanted = targets(all_modes if match is None else match, measured_hz)
+        measured = with_targets(chosen).measured_modes
+        wanted = dict(measured) if match is None else targets(match, measured)
         if hammer:
             from workflows.structure.hammer import applied, hammer_test, measured_shapes, recognised
 
@@ -288,7 +287,7 @@ def tune(
         test = hammer_test(Path(hammer), {})
         chosen, wanted, remarks = as_targets(test, pipeline_of(chosen, progress), match)
     else:
-        chosen, wanted, remarks = numbered(chosen, match)
+        chosen, wanted = numbered(chosen, match)
 
     # where to, before the fit: a file that cannot be written is refused at once
     path = f"{chosen.name}-tuned.toml" if out is USUAL else out
@@ -394,7 +393,7 @@ def hammer(
     )
 
     with progress("identification"):
-        wanted = dict(enumerate(chosen.measured_hz, start=1))
+        wanted = chosen.measured_modes
         test = hammer_test(paths, wanted, reading, choice)
     if not chosen.of_dimensions and measured_shapes(test):
         test = recognised(test, pipeline_of(chosen, progress), wanted)

@@ -12,10 +12,10 @@ import fem
 from fem.correlation import measured_pairs
 from fem.decay import AmplitudeStep, over_amplitude, varies
 from fem.distortion import combination_tone
+from fem.half_power import half_power_bandwidth
 from fem.hammer_files import SYNTHETIC, Responses
 from fem.hammer_test import accelerances, corner_readings, nearest_modes, with_noise
 from fem.hit_records import node_and_axis
-from fem.identification import half_power_bandwidth
 from fem.measured_shapes import MeasuredShape, along_directions
 from fem.poly_reference import IdentifiedModes, identified_modes
 from fem.subspace import subspace_modes
@@ -374,7 +374,8 @@ def recognised(test: IdentifiedTest, pipeline: Pipeline, wanted: Collection[int]
     likeness = fem.mac(np.column_stack([s.shape for s in shapes]), reading)
     measured_hz = np.array([row.frequency_hz for row in report.rows])
     pairs = measured_pairs(measured_hz, computed_hz, likeness, fem.mac(reading, reading))
-    number = {j: n for n, j in enumerate(modes.index.tolist(), start=1) if n in wanted}
+    numbers = zip(scene.measured_numbers, modes.index.tolist(), strict=True)
+    number = {j: n for n, j in numbers if n in wanted}
     rows = []
     for i, row in enumerate(report.rows):
         update: dict = {"mode": None, "remarks": [*row.remarks, *pairs.doubts[i]]}
@@ -412,7 +413,7 @@ def as_targets(
     test: IdentifiedTest, pipeline: Pipeline, match: str | None
 ) -> tuple[Scene, dict[int, float], list[str]]:
     """The scene of bodies with the test's modes as its targets and its damping, the frequencies to
-    tune to by the target's place, and what they were paired by; raises InvalidScene.
+    tune to by the mode's number, and what they were paired by; raises InvalidScene.
 
     A target is recognised by its measured shape where the file holds it; otherwise by the number of
     the computed mode that it is like, and where no points are known by its place in the order of
@@ -448,12 +449,14 @@ def as_targets(
         else MeasuredMode(hz=row.frequency_hz, number=n)
         for row, n in zip(rows, number, strict=True)
     )
-    rows = [row.model_copy(update={"mode": i}) for i, row in enumerate(rows, start=1)]
-    scene, hz = applied(
-        scene.but(targets=tables), test.report.model_copy(update={"rows": rows}), None
-    )
+    scene = scene.but(targets=tables)
+    rows = [
+        row.model_copy(update={"mode": n})
+        for n, row in zip(scene.measured_numbers, rows, strict=True)
+    ]
+    scene, hz = applied(scene, test.report.model_copy(update={"rows": rows}), None)
     if match:
-        hz = {place: hz[place] for place in targets(match, scene.measured_hz)}
+        hz = {n: hz[n] for n in targets(match, scene.measured_modes)}
     how = (
         "by the shapes of their points"
         if by_shape
@@ -543,11 +546,11 @@ def applied(
     frequencies to tune to, {mode: Hz}; raises InvalidScene for modes without a resonance."""
     if not report.targets:
         raise InvalidScene(f"{report.file} has no resonance near the modes wanted; name others.")
-    wanted = targets(match, scene.measured_hz) if match else {}
+    wanted = targets(match, scene.measured_modes) if match else {}
     missing = sorted(set(wanted) - set(report.targets))
     if missing:
         raise InvalidScene(f"{report.file} has no resonance near modes {missing}; leave them out.")
-    ratios = [report.damping.get(i) for i in range(1, len(scene.measured_hz) + 1)]
+    ratios = [report.damping.get(i) for i in scene.measured_numbers]
     if None not in ratios:
         scene = scene.but(damping=ModalDampingTable(kind="modal", ratio=tuple(ratios)))
     return scene, report.targets

@@ -76,7 +76,7 @@ class ModeTable(BaseModel):
 def mode_table(pipeline: Pipeline) -> ModeTable:
     """Computed modes, each with the measured one that it is paired with."""
     scene, modes, mac = pipeline.scene, pipeline("modes"), pipeline("mac")
-    shape = dict(enumerate(shape_names(scene), start=1))
+    shape = shape_names(scene)
     struck = scene.bending is not None or scene.written_out.strike is not None
     participation = np.abs(pipeline("contact").w @ modes.phi) if struck else [None] * len(mac)
     measured = {int(j): i for i, j in enumerate(modes.index) if j >= 0}
@@ -94,11 +94,11 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
         row.why = whys[j]
         if j in measured:
             i = measured[j]
-            row.hammer_mode, row.hammer_hz = i + 1, scene.measured_hz[i]
+            row.hammer_mode, row.hammer_hz = scene.measured_numbers[i], scene.measured_hz[i]
             row.difference_percent = 100 * (hz / scene.measured_hz[i] - 1)
             row.score = float(modes.score[i])
             row.mac = None if np.isnan(mac[j][i]) else float(mac[j][i])
-            row.shape = shape.get(i + 1)
+            row.shape = shape[i]
         rows.append(row)
     return ModeTable(
         scene=scene.name,
@@ -118,7 +118,7 @@ def mac_picture(pipeline: Pipeline) -> Picture:
         raise InvalidScene(
             f"{pipeline.scene.name}: there are no targets for a MAC matrix; add [[targets]]."
         )
-    stiff = [f"mode {i}" for i in range(1, mac.shape[1] + 1)]
+    stiff = [f"mode {n}" for n in pipeline.scene.measured_numbers]
     figure, (axis,) = plots.subplots(1, 1, (5, 1.2 + 0.26 * len(mac)))
     names = [f"{f:.0f} Hz" for f in hz], stiff
     plots.heat_map(axis, mac, names, "MAC", legible=0.05, limits=(0, 1))

@@ -29,6 +29,8 @@ from workflows.stages.progress import Progress
 from workflows.structure import parameters as of_bodies
 from workflows.thesis import HAMMER_TEST_HZ
 
+HAMMER_TEST = dict(enumerate(HAMMER_TEST_HZ, start=1))
+
 JOINTS = ("head", "foot")
 SHIFT = of_bodies.SHIFT
 STARTS = {"ky": (1e6, *SHIFT[1:]), "kz": (3e7, *SHIFT[1:]), "kt": (1e8, *SHIFT[1:])}
@@ -60,9 +62,10 @@ class TuningReport(BaseModel):
     """A fit: frequencies wanted and met, fitted values with their deviations, remarks."""
 
     scene: str
-    match: dict[str, float]
+    match: dict[str, float]  # this and the next two by the number of the measured mode
     modes_hz: dict[str, float]
     full_order_hz: dict[str, float]
+    computed_mode: dict[str, int]  # number of the full model's mode that each is paired with
     stiffness: dict[str, float]
     deviation: dict[str, float | None]
     undetermined: dict[str, float | Literal["rigid"]]  # keys of the scene, the values they keep
@@ -81,14 +84,19 @@ class TuningReport(BaseModel):
             hz = (None if x is None else f"{x:.2f}" for x in frequencies)
             error = self.mesh_error_percent.get(i)
             of_mesh = None if error is None else f"{error:.2g} %"
-            modes.append((i, *hz, of_mesh, f"{self.mac[i]:.2f}"))
+            computed = self.computed_mode.get(i)
+            partner = None if computed is None else f"computed mode {computed}"
+            modes.append((i, partner, *hz, of_mesh, f"{self.mac[i]:.2f}"))
         values = []
         for name, value in self.stiffness.items():
             spread = self.deviation[name]
             text = "not determined by these modes" if spread is None else f"+- {100 * spread:.2g} %"
             values.append((name, f"{value:.5g}", _unit(name), text))
         cost = f"{self.evaluations} evaluations in {self.seconds:.2f} s"
-        head = ("mode", "wanted", "fitted", "full model", "mesh error", "MAC")
+        head = (
+            "mode", "paired with", "wanted [Hz]", "fitted [Hz]", "full model [Hz]", "mesh error",
+            "MAC",
+        )  # fmt: skip
         return "\n".join(
             [
                 aligned_text(head, modes), "", aligned_text(("value", "fitted", "", ""), values),
@@ -119,7 +127,8 @@ def tuned(
 ) -> tuple[Scene, TuningReport]:
     """The scene with fitted joints, and the report.
 
-    match  {mode: Hz} wanted;  free  names of what may vary, `usual` ones for the rig without any
+    match  {mode: Hz} wanted, modes by `Scene.measured_numbers`
+    free   names of what may vary, `usual` ones for the rig without any
 
     Raises InvalidScene for what has no joints, and where the modes determine no parameter though
     they are met.
@@ -145,23 +154,24 @@ def tuned(
     # a fit of all candidates, then again of those alone that the modes determine; the others stay
     # as they were in the scene
     parameters, of_all = candidates, None
+    number = scene.measured_numbers
+    by_place = {number.index(n) + 1: hz for n, hz in match.items()}
     while True:
         loose = loosened(scene, parameters)
         basis = pipeline_of(loose, progress)("tuning-basis")
         if not scene.of_dimensions:
             parameters = of_bodies.on_bodies(scene, parameters, list(basis.forms))
         started = perf_counter()
-        fit = tune(basis, parameters, match)
+        fit = tune(basis, parameters, by_place)
         of_all = fit if of_all is None else of_all
-        if beyond := [n for n in match if not np.isfinite(fit.modes_hz[n - 1])]:
-            target = (scene.targets or ())[beyond[0] - 1 : beyond[0]]
-            number = target[0].number if target and target[0].number else beyond[0]
+        modes_hz = dict(zip(number, map(float, fit.modes_hz), strict=True))
+        if beyond := [n for n in match if not np.isfinite(modes_hz[n])]:
             raise InvalidScene(
-                f"{scene.name}: mode {number} is beyond the modes that are computed for a fit; "
+                f"{scene.name}: mode {beyond[0]} is beyond the modes that are computed for a fit; "
                 "match lower ones."
             )
-        missed = _misses(dict(enumerate(fit.modes_hz, start=1)), match)
-        subset = parameters if missed else determined(basis, parameters, match, fit)
+        missed = _misses(modes_hz, match)
+        subset = parameters if missed else determined(basis, parameters, by_place, fit)
         seconds = perf_counter() - started
         if len(subset) == len(parameters):
             break
@@ -177,32 +187,35 @@ def tuned(
     # the full model with the fitted values is the judge of the projection
     result = retargeted(at_values(loose, fit.parameters, fit.value), match)
     full = pipeline_of(result, progress)
-    confirmed, mac = full("modes").paired_hz, shape_mac(full)
+    computed, mac = full("modes"), shape_mac(full)
+    confirmed = {str(number[int(i) - 1]): hz for i, hz in computed.paired_hz.items()}
 
     # what the mesh is worth in these modes, in percent
-    computed = full("modes")
     by_mesh = full("missed-energy")
     of_mesh, shapes = by_mesh.of_frequencies(computed.omega), by_mesh.shapes_of(computed.omega)
     mesh_percent = {
         str(i): 100 * float(of_mesh[j])
-        for i, j in enumerate(computed.index, start=1)
+        for i, j in zip(number, computed.index, strict=True)
         if j >= 0 and np.isfinite(of_mesh[j])
     }
     causes = {
         str(i): by_mesh.causes[shapes[j]]
-        for i, j in enumerate(computed.index, start=1)
+        for i, j in zip(number, computed.index, strict=True)
         if j >= 0 and by_mesh.causes and shapes[j] >= 0
     }
 
     names = [p.name for p in fit.parameters]
     undetermined = [p for p in candidates if p.name not in names]
     unchanged = {key: value for p in undetermined for key, value in scene_values(scene, p)}
-    modes_hz = {str(i): float(hz) for i, hz in enumerate(fit.modes_hz, start=1)}
+    report_hz = {str(n): hz for n, hz in modes_hz.items()}
     report = TuningReport(
         scene=scene.name,
         match={str(n): hz for n, hz in match.items()},
-        modes_hz=modes_hz,
+        modes_hz=report_hz,
         full_order_hz=confirmed,
+        computed_mode={
+            str(n): int(j) + 1 for n, j in zip(number, computed.index, strict=True) if j >= 0
+        },
         stiffness=dict(zip(names, map(float, fit.value), strict=True)),
         deviation={
             name: float(s) if np.isfinite(s) else None
@@ -216,7 +229,7 @@ def tuned(
         mesh_error_percent=mesh_percent,
         remarks=[
             *_remarks(scene, match, fit, of_all, unchanged, candidates, confirmed, mac),
-            *worth_of_the_mesh(scene, match, modes_hz, mesh_percent, causes),
+            *worth_of_the_mesh(scene, match, report_hz, mesh_percent, causes),
         ],
     )
     return result, report
@@ -235,6 +248,10 @@ def _remarks(
     """Sentences on the reliability of a fit. `of_all` is the fit of all candidates; `unchanged` has
     the scene's keys, with their values, that the modes do not determine."""
     names, remarks = [p.name for p in fit.parameters], []
+    numbers = scene.measured_numbers
+    fitted, met_by_all = (
+        dict(zip(numbers, map(float, one.modes_hz), strict=True)) for one in (fit, of_all)
+    )
     modes = "mode " + ", ".join(map(str, match))
     for key, x in unchanged.items():
         value = "rigid" if np.isinf(x) else f"{x:g}"
@@ -258,8 +275,8 @@ def _remarks(
     contradicted = [
         f"mode {n}"
         for n, hz in match.items()
-        if abs(fit.modes_hz[n - 1] / hz - 1) > TOLERANCES.disagreement
-        and abs(of_all.modes_hz[n - 1] / hz - 1) < TOLERANCES.disagreement / 2
+        if abs(fitted[n] / hz - 1) > TOLERANCES.disagreement
+        and abs(met_by_all[n] / hz - 1) < TOLERANCES.disagreement / 2
     ]
     if contradicted:
         values = [
@@ -272,7 +289,7 @@ def _remarks(
             "not determine: set a value like this in the scene, inf for rigid, and tune again."
         )
 
-    missed = {n: float(fit.modes_hz[n - 1]) / hz - 1 for n, hz in match.items()}
+    missed = {n: fitted[n] / hz - 1 for n, hz in match.items()}
     for n, error in missed.items():
         if abs(error) > TOLERANCES.disagreement:
             remarks.append(f"mode {n} is missed by {100 * error:+.1f} %.")
@@ -285,7 +302,7 @@ def _remarks(
         )
 
     for i, hz in confirmed.items():
-        if abs(fit.modes_hz[int(i) - 1] / hz - 1) > TOLERANCES.disagreement:
+        if abs(fitted[int(i)] / hz - 1) > TOLERANCES.disagreement:
             remarks.append(
                 f"the full model has mode {i} at {hz:.2f} Hz: the projection is inaccurate."
             )
@@ -339,26 +356,30 @@ def usual(match: dict[int, float]) -> tuple[str, ...]:
     return (*joint, "block.young", "block.density") if 4 in match else joint
 
 
-def targets(match: str, measured_hz: tuple[float, ...] = HAMMER_TEST_HZ) -> dict[int, float]:
-    """The modes named in "1,3,4", or "1=51.2,3=905" with frequencies of one's own."""
+def targets(match: str, measured: Mapping[int, float] = HAMMER_TEST) -> dict[int, float]:
+    """The modes named in "1,3,4", or "1=51.2,3=905" with frequencies of one's own; `measured` has
+    those of the scene [Hz] by number."""
     pairs = [item.partition("=") for item in match.split(",")]
     try:
-        wanted = {int(n): float(hz) if eq else measured_hz[int(n) - 1] for n, eq, hz in pairs}
-    except (ValueError, IndexError):
+        wanted = {int(n): float(hz) if eq else measured[int(n)] for n, eq, hz in pairs}
+    except (ValueError, KeyError):
         wanted = {}
     if len(wanted) < len(pairs) or not all(
-        1 <= n <= len(measured_hz) and 0 < hz < np.inf for n, hz in wanted.items()
+        n in measured and 0 < hz < np.inf for n, hz in wanted.items()
     ):
+        numbers = list(measured)
+        consecutive = numbers == [*range(1, len(numbers) + 1)] and len(numbers) > 1
+        known = f"1 to {len(numbers)}" if consecutive else " or ".join(map(str, numbers))
         raise InvalidScene(
-            f"--match {match} must name modes 1 to {len(measured_hz)}, each once, as in 1,3,4 or "
-            "1=51.2,3=905 (Hz)."
+            f"--match {match} must name modes {known} of the targets, each once, as in "
+            f"{','.join(map(str, numbers[:3]))} or {numbers[0]}={measured[numbers[0]]:g} (Hz)."
         )
     return wanted
 
 
-def numbered(scene: Scene, match: str) -> tuple[Scene, dict[int, float], list[str]]:
-    """A scene of bodies with the modes of "1=738.6,3=2210.8" [Hz] as its targets, these by their
-    place among the targets, and a sentence where places and modes differ; raises InvalidScene."""
+def numbered(scene: Scene, match: str) -> tuple[Scene, dict[int, float]]:
+    """A scene of bodies with the modes of "1=738.6,3=2210.8" [Hz] as its targets, and these;
+    raises InvalidScene."""
     pairs = [item.partition("=") for item in match.split(",")]
     try:
         hz = {int(n): float(value) for n, _, value in pairs}
@@ -371,10 +392,7 @@ def numbered(scene: Scene, match: str) -> tuple[Scene, dict[int, float], list[st
             "1=738.6,3=2210.8."
         )
     tables = tuple(MeasuredMode(number=n, hz=f) for n, f in sorted(hz.items()))
-    places = {n: place for place, n in enumerate(sorted(hz), start=1)}
-    moved = [f"target {place} is mode {n}" for n, place in places.items() if place != n]
-    sentence = [f"{', '.join(moved)}."] if moved else []
-    return scene.but(targets=tables), {places[n]: f for n, f in sorted(hz.items())}, sentence
+    return scene.but(targets=tables), dict(sorted(hz.items()))
 
 
 def freed(names: tuple[str, ...]) -> list[TuningParameter]:
@@ -457,7 +475,7 @@ def at_values(scene: Scene, parameters: list[TuningParameter], value) -> Scene:
 def retargeted(scene: Scene, match: dict[int, float]) -> Scene:
     """The scene with the frequencies that it was tuned to among its targets."""
     if not scene.of_dimensions:
-        numbered = enumerate(scene.targets or (), start=1)
+        numbered = zip(scene.measured_numbers, scene.targets or (), strict=True)
         tables = [target.but(hz=match.get(n, target.hz)) for n, target in numbered]
     else:
         hz = {target.number: target.hz for target in scene.targets or ()} | match
@@ -468,8 +486,11 @@ def retargeted(scene: Scene, match: dict[int, float]) -> Scene:
 def shape_mac(full: Pipeline) -> dict[str, float]:
     """MAC of the computed modes with those of stiff joints by number, as `beadwave modes` has
     it."""
-    index, mac = full("modes").index, full("mac")
-    return {str(j + 1): float(mac[i, j]) if i >= 0 else np.nan for j, i in enumerate(index)}
+    index, mac, numbers = full("modes").index, full("mac"), full.scene.measured_numbers
+    return {
+        str(n): float(mac[i, j]) if i >= 0 else np.nan
+        for j, (n, i) in enumerate(zip(numbers, index, strict=True))
+    }
 
 
 def write_scene(scene: Scene, file: OutputFile, report: TuningReport, source: Source) -> Scene:
