@@ -131,20 +131,14 @@ def test_screws_may_be_many_or_one(screw_x):
     assert sum(shares) == pytest.approx(overlap, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes",
     [
         (),
-        pytest.param(
-            ("assembly.constraint=screw-tie", "assembly.fixing=corners"), marks=pytest.mark.slow
-        ),
-        pytest.param(
-            ("assembly.constraint=full-tie", "mesh.element=tet", "mesh.seed=0.02"),
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(
-            ("patch.weights=thesis", "targets=[{number=2, hz=270.0}]"), marks=pytest.mark.slow
-        ),
+        ("assembly.constraint=screw-tie", "assembly.fixing=corners"),
+        ("assembly.constraint=full-tie", "mesh.element=tet", "mesh.seed=0.02"),
+        ("patch.weights=thesis", "targets=[{number=2, hz=270.0}]"),
     ],
 )
 def test_the_scene_written_out_is_an_ordinary_scene_of_the_same_model(changes):
