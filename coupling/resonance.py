@@ -46,6 +46,8 @@ class HarmonicBalance(NamedTuple):
     most_iterations: int = 30
     finer: int = 16  # parts of a step to the next frequency, where a whole one does not converge
     hold: float = 1.0  # [N/m] along the chain, of a chain that nothing holds; not varied
+    # of a mode's stiffness: what a harmonic may leave of it at least; below, H loses its digits
+    resonant: float = 1e-9
 
 
 class CurvePoint(NamedTuple):
@@ -63,11 +65,18 @@ class CurvePoint(NamedTuple):
     harmonics: Array  # (n_harmonics + 1, 3) complex, of r
 
 
-def receptances(body: Body, omega: float, hold: float) -> tuple[Array, Array]:
+def receptances(body: Body, omega: float, options: HarmonicBalance) -> tuple[Array, Array]:
     """H (3, 3) of the relative motion under contact forces, and r^0 (3,) complex under the unit
-    force of the first shaker, at a circular frequency."""
+    force of the first shaker, at a circular frequency. Raises CouplingError where that is the
+    frequency of a mode without damping."""
     wall, chain, static = body.wall, body.prepared.chain, body.prepared.static
-    response = 1.0 / (wall.omega**2 - omega**2 + 2j * wall.zeta * wall.omega * omega)
+    dynamic = wall.omega**2 - omega**2 + 2j * wall.zeta * wall.omega * omega
+    if (np.abs(dynamic) <= options.resonant * wall.omega**2).any():
+        raise CouplingError(
+            f"a mode without damping lies at {omega / (2.0 * np.pi):.6g} Hz, a harmonic of the "
+            "shaker; give it damping, or take another frequency."
+        )
+    response, hold = 1.0 / dynamic, options.hold
     H = (wall.phi.T * response) @ wall.phi + wall.residual_compliance
     alone = -((wall.phi.T * response) @ wall.load[:, 0] + wall.load_residual[:, 0])
 
@@ -131,7 +140,7 @@ def point(
     harmonics of a neighbour; None where Newton's method does not find it."""
     m, k = options.n_harmonics, options.n_instants
     omega = 2.0 * np.pi * frequency
-    systems = [receptances(body, h * omega, options.hold) for h in range(m + 1)]
+    systems = [receptances(body, h * omega, options) for h in range(m + 1)]
     H = np.array([H for H, _ in systems])
     driven = np.zeros((m + 1, 3), complex)
     driven[1] = force * systems[1][1]

@@ -16,17 +16,18 @@ Mechanics (1985), 7.2.
 import numpy as np
 
 from coupling.spatial_wall import SpatialWall, spatial_wall_of_modes
+from dem import Chain
 from dem.lateral import LastSphere
 
 
-def stuck_wall(wall: SpatialWall, stiffness: float, last: LastSphere, mass: float) -> SpatialWall:
-    """The wall with its contact's tangential springs [N/m] and the last sphere of this mass [kg],
-    its arm included, held across; stiffness 0 leaves the modes as they are along the normal alone.
+def stuck_wall(wall: SpatialWall, stiffness: float, last: LastSphere, chain: Chain) -> SpatialWall:
+    """The wall with its contact's tangential springs [N/m] and the chain's last sphere, its arm
+    included, held across; stiffness 0 leaves the modes as they are along the normal alone.
 
     Damping ratios are those of the modes on the diagonal: what the springs couple of it is left
     out.
     """
-    S = wall.residual_compliance
+    S, mass, radius = wall.residual_compliance, float(chain.mass[-1]), float(chain.radius[-1])
     C = np.zeros((2, 2))
     if stiffness > 0.0:
         C = np.linalg.inv(np.eye(2) / stiffness + S[1:, 1:])
@@ -38,7 +39,6 @@ def stuck_wall(wall: SpatialWall, stiffness: float, last: LastSphere, mass: floa
             columns.append(direction / np.sqrt(mass))
             squares.append(float(k) / mass)
     if np.isfinite(last.arm_rotation):
-        radius = last.law.radius
         for direction in np.eye(2):
             columns.append(radius * direction / np.sqrt(last.inertia))
             squares.append(last.arm_rotation / last.inertia)

@@ -47,9 +47,9 @@ def with_carried(
     Raises OffFace where a disc leaves its face, ValueError for a face that is not plane.
     """
     carried = []
+    disc, share = disc_quadrature("area", points.radial, points.around)
     for body in masses:
         spot = planar_spot(structure, body.face, body.at)
-        disc, share = disc_quadrature("area", points.radial, points.around)
         on_face = spot.point + body.radius * disc @ spot.axes
         try:
             P = trace(structure, body.face, on_face)

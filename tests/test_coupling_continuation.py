@@ -23,6 +23,7 @@ def shaken_body(force=100.0, coefficient=1.0):
     return body_of(chain, wall, [0.0], sphere._replace(law=law), shakers)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("force", "coefficient"), [(110.0, 1.0), (100.0, 0.9), (160.0, 1.0)])
 def test_the_state_from_a_neighbours_is_the_one_from_rest(force, coefficient):
     """Up to ten errors: what the contact keeps of the neighbour moves the mean force alone."""
@@ -95,14 +96,25 @@ def test_a_contact_that_sticks_on_a_constant_area_is_a_part_of_the_structure(arm
         chain, wall, v0, sphere._replace(law=law), duration=2e-3, error=1e-6, n_save=400
     ).trajectory.v[:, -1]
     clamped = sphere._replace(law=law, arm_stiffness=np.full(2, np.inf), arm_rotation=np.inf)
-    mass = float(chain.mass[-1])
-    held = stuck_wall(wall, k_t, sphere, mass)
-    none = stuck_wall(wall, 0.0, sphere, mass)
+    held = stuck_wall(wall, k_t, sphere, chain)
+    none = stuck_wall(wall, 0.0, sphere, chain)
     left = beside(held, clamped, chain, v0, full)
     assert left < 1e-3  # measured 4e-5 to 3e-4
     assert beside(none, clamped, chain, v0, full) > 30 * left
 
 
+def test_a_sphere_that_sticks_turns_about_its_middle_on_a_curved_surface_too():
+    """Of a wall at rest: k_t R^2 / I, whatever the relative radius of the contact."""
+    chain = row(preload=20.0)
+    sphere = last(chain, arm_stiffness=np.full(2, np.inf), arm_rotation=0.0)
+    curved = sphere._replace(law=sphere.law._replace(radius=0.25 * sphere.law.radius))
+    rest = random_wall(2)._replace(phi=np.zeros((4, 3)))
+    omega = stuck_wall(rest, 1e6, curved, chain).omega
+    expected = float(chain.radius[-1]) * np.sqrt(1e6 / sphere.inertia)
+    assert np.sum(np.abs(omega / expected - 1.0) < 1e-12) == 2
+
+
+@pytest.mark.slow
 def test_directions_that_do_not_act_on_each_other_leave_the_chain_alone():
     chain, v0 = row(3, preload=20.0), np.array([0.1, 0.0, 0.0])
     wall = random_wall(2)

@@ -111,7 +111,7 @@ def test_the_resonance_falls_from_the_stuck_mode_to_the_free_one_as_the_force_gr
     body = block(0.01)
     a = np.sqrt(body.last.law.radius * hertz_overlap(PRESS, body.prepared.chain.A[-1]))
     k_t = float(stick_stiffness(body.last.law, a))
-    stuck = stuck_wall(body.wall, k_t, body.last, float(body.prepared.chain.mass[-1])).omega
+    stuck = stuck_wall(body.wall, k_t, body.last, body.prepared.chain).omega
     stuck = float(stuck[0]) / 2 / np.pi
     frequencies = np.linspace(90.0, 1.1 * stuck, 30)
     peaks = []
@@ -130,7 +130,14 @@ def test_the_resonance_falls_from_the_stuck_mode_to_the_free_one_as_the_force_gr
 def test_a_curve_that_cannot_be_followed_is_refused():
     options = HarmonicBalance(most_iterations=0)
     with pytest.raises(CouplingError, match="cannot be followed to 100 Hz at 8 N"):
-        curve(block(), [100.0], [8.0], options)
+        curve(block(0.01), [100.0], [8.0], options)
+
+
+@pytest.mark.parametrize("frequency", [100.0, 50.0])
+def test_a_mode_without_damping_is_not_shaken_at_its_own_frequency(frequency):
+    """Nor at that of which it is a harmonic: the mode lies at 100 Hz."""
+    with pytest.raises(CouplingError, match="without damping lies at 100 Hz"):
+        curve(block(), [frequency], [1.0])
 
 
 @pytest.mark.parametrize(

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from fem.half_power import half_power_bandwidth
 from fem.hits import FrequencyResponses
-from fem.identification import half_power_bandwidth
 from fem.poly_reference import identified_modes
 
 F = np.arange(1.0, 2000.0, 0.25)

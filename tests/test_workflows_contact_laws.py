@@ -5,9 +5,11 @@ import pytest
 
 import beadwave
 import dem
+from dem.kernels.laws import SHAPE_PARAMETERS
 from workflows.files.force_file import force_table
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
+from workflows.scene.contact import EXPONENTS
 from workflows.stages.chain import chain, together
 from workflows.sweep.cases import SIDE_BY_SIDE
 
@@ -22,6 +24,11 @@ def test_a_scene_sets_the_force_of_its_contacts(tmp_path):
     path.write_text("overlap,force\n0,0\n1e-6,4\n\n3e-6,30\n")
     row = chain(scene("rig-rigid", ("contact.law=table", f"contact.file={path}")))
     assert row.elastic.force(np.full(17, 1e-6)) == pytest.approx(4.0, rel=1e-14)
+
+
+def test_a_scene_takes_the_exponents_that_the_law_takes():
+    exponent = SHAPE_PARAMETERS["exponent"]
+    assert (exponent.low, exponent.high) == EXPONENTS
 
 
 @pytest.mark.parametrize(

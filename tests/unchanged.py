@@ -10,6 +10,7 @@ exits with 1 if there is any. Seconds, memory, dates, versions and paths are lef
 follow from the numbers and are not compared.
 """
 
+import argparse
 import csv
 import json
 import re
@@ -180,14 +181,26 @@ def compare(before: Path, after: Path, groups: list[str]) -> int:
 
 def main() -> int:
     """See the docstring of the module."""
-    what, place, *groups = sys.argv[1:]
-    groups = groups or list(COMMANDS)
-    if what == "freeze":
-        run(Path(place), groups)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("what", choices=["freeze", "compare"])
+    parser.add_argument("place", type=Path, help="folder of the results before")
+    parser.add_argument(
+        "groups", nargs="*", metavar="group", help=f"{', '.join(COMMANDS)}; all without"
+    )
+    given = parser.parse_args()
+    groups = given.groups or list(COMMANDS)
+    if unknown := [group for group in groups if group not in COMMANDS]:
+        parser.error(f"no group {unknown[0]!r}; take {', '.join(COMMANDS)}")
+    if given.what == "freeze":
+        run(given.place, groups)
         return 0
-    after = Path(f"{place}-after")
+    if not given.place.is_dir():
+        parser.error(f"no folder {given.place}; freeze it first, on the code as it was")
+    after = given.place.with_name(f"{given.place.name}-after")
     run(after, groups)
-    return int(compare(Path(place), after, groups) > 0)
+    return int(compare(given.place, after, groups) > 0)
 
 
 if __name__ == "__main__":

@@ -45,6 +45,7 @@ MOVED_MODULES = {
     "coupling.work_precision.sizes": "workflows.evidence.accuracy.chain_length",
     "coupling.work_precision.orders": "workflows.evidence.accuracy.time",
     "coupling.work_precision.population": "workflows.evidence.accuracy.batch",
+    "fem.identification": "fem.half_power",
     "geometry.bodies": "geometry.naming",
     "geometry.foreseen": "geometry.body_mesh",
     "geometry.prism": "geometry.hexahedra",

@@ -18,10 +18,12 @@ from workflows.scene.units import (
 )
 
 PowerStiffness = Annotated[float, Field(gt=0, le=1e30, allow_inf_nan=False)]
-Exponent = Annotated[float, Field(ge=1, le=4)]  # dem.kernels.laws
+# as `dem.kernels.laws.ELASTIC_LAWS` has them: scenes are read without numba, and a test compares
+EXPONENTS = (1.0, 4.0)
+Exponent = Annotated[float, Field(ge=EXPONENTS[0], le=EXPONENTS[1])]
 KEYS = {
     "thornton": {"yield_pressure": "in Pa"},
-    "power": {"stiffness": "in N/m^exponent", "exponent": "from 1 to 4"},
+    "power": {"stiffness": "in N/m^exponent", "exponent": "from {:g} to {:g}".format(*EXPONENTS)},
     "table": {"file": "of overlaps and forces"},
 }  # that a law needs, and that laws without it do not have
 CIRCULAR = ("hertz", "thornton")  # laws of circular contacts, the others state their own force

@@ -12,10 +12,10 @@ import fem
 from fem.correlation import measured_pairs
 from fem.decay import AmplitudeStep, over_amplitude, varies
 from fem.distortion import combination_tone
+from fem.half_power import half_power_bandwidth
 from fem.hammer_files import SYNTHETIC, Responses
 from fem.hammer_test import accelerances, corner_readings, nearest_modes, with_noise
 from fem.hit_records import node_and_axis
-from fem.identification import half_power_bandwidth
 from fem.measured_shapes import MeasuredShape, along_directions
 from fem.poly_reference import IdentifiedModes, identified_modes
 from fem.subspace import subspace_modes

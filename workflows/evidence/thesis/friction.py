@@ -341,7 +341,6 @@ def alone(
     """What a contact that sticks changes in the waves beside one without tangential force, without
     shakers, over a duration [s], by what is switched on."""
     v0, chain = rig.start.velocity, rig.start.chain
-    mass = float(chain.mass[-1])
     clamped = rig.last._replace(arm_stiffness=np.full(2, np.inf), arm_rotation=np.inf)
     sprung = rig.last._replace(arm_rotation=np.inf)
     turning = clamped._replace(arm_rotation=0.0)
@@ -360,9 +359,9 @@ def alone(
         return ContactRun(observed(rig, march, spheres, ""), "stick", 1.0, 0.0, 0.0, error)
 
     def fixed(last: LastSphere) -> ContactRun:
-        return run(stuck_wall(rig.wall, k_t, last, mass), clamped, options.sticking)
+        return run(stuck_wall(rig.wall, k_t, last, chain), clamped, options.sticking)
 
-    none = run(stuck_wall(rig.wall, 0.0, clamped, mass), clamped, options.sticking)
+    none = run(stuck_wall(rig.wall, 0.0, clamped, chain), clamped, options.sticking)
     runs = {
         "all but the structure's coupling": run(
             uncoupled_wall(rig.wall), rig.last, options.sticking

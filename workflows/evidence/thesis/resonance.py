@@ -139,7 +139,7 @@ def rest_stiffness(rig: Rig) -> float:
 
 def equivalent_frequency(rig: Rig, stiffness: float) -> float:
     """[Hz] of the mode that the shaker moves most, its contact a spring across [N/m]."""
-    wall = stuck_wall(rig.wall, stiffness, rig.last, float(rig.start.chain.mass[-1]))
+    wall = stuck_wall(rig.wall, stiffness, rig.last, rig.start.chain)
     moved = np.abs(wall.load[:, 0]) / np.maximum(wall.omega, 1.0) ** 2
     moved[wall.omega < 1.0] = 0.0
     return float(wall.omega[moved.argmax()]) / (2.0 * np.pi)
