@@ -104,6 +104,8 @@ def test_a_pipe_is_called_what_it_is_and_not_waited_for(file, arguments, capfd):
         (["accuracy", "free-chain", "--stage=wall-modes"], "has no [wall]"),
         (["impact", "rig-1dof", "--rom=" + "n" * 300 + ".npz"], "too long"),
         (["run", "--nope"], "No such option"),
+        (["run", "mine.toml"], "there is no file /"),
+        (["run", "rig-rgid"], "the nearest known is 'rig-rigid'"),
         (["sweep", "rig-rigid", "--over=striker.velocity=1e308:-1e308:3"], "two finite numbers"),
         (["sweep", "rig-rigid", "--over=preload.force=1,2", "--of=arr"], "name it by --open"),
         (

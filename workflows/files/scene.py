@@ -56,6 +56,10 @@ def scene_text(name: str | None) -> SceneText:
             )
         text = path.read_text(encoding="utf-8-sig")  # some editors put a byte order mark
     except FileNotFoundError:
+        if path.suffix == ".toml":
+            raise InvalidScene(
+                f"there is no file {path.absolute()}; give the path of one."
+            ) from None
         raise InvalidScene(
             f"no scene {name!r}: neither a file nor a built-in scene has this name; "
             f"{nearest(name, scenes)}."

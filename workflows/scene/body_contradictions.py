@@ -7,6 +7,7 @@ from math import isinf
 from workflows.scene.bodies import GROUND, THREAD, Bolts
 from workflows.scene.named_materials import NAMED
 from workflows.scene.scene import Scene
+from workflows.scene.scene_table import nearest
 
 OF_BODIES = ("bodies", "materials", "ties", "strike", "loads")
 
@@ -70,10 +71,9 @@ def of_bodies(scene: Scene) -> Iterator[str]:
     named |= {f"bodies.{name}": body.material for name, body in bodies.items()}
     for key, name in named.items():
         if name is not None and name not in materials:
-            names = ", ".join([*materials, *(name for name in NAMED if name not in materials)])
             yield (
-                f"{key}.material = {name!r} is not known, there are {names}; take one of them, or "
-                f"describe it in [materials.{name}]."
+                f"{key}.material = {name!r} is not known, {nearest(name, {**materials, **NAMED})}; "
+                f"take a known one, or describe it in [materials.{name}]."
             )
     for name in bodies:
         if scene.material_name(name) is None:
