@@ -62,6 +62,7 @@ class PeriodicSearch(NamedTuple):
     refined: float = 2.0  # steps of a period over those before, until the error is met
     share: float = 0.5  # of the error, for the steps of a period
     most_steps: float = 1e5  # of a period
+    hopeless: float = 0.5  # of an error, that steps refined twice leave: no shorter ones are tried
 
     # by harmonic balance
     samples: float = 5.0  # over a period of the fastest contact, at first
@@ -582,7 +583,7 @@ def shot(
     T = body.shakers.period
     n_steps = max(search.cycle_steps, math.ceil(T * body.rate / search.phase))
     tolerance = search.periodicity * error
-    coarse, estimate, point = None, math.inf, None
+    coarse, estimates, point = None, [math.inf], None
     two_directions, n_cells = len(body.frame) == 2, body.search.n_cells // 2
     state = body._replace(search=body.search._replace(n_cells=n_cells)).at_rest()
     while True:
@@ -608,10 +609,12 @@ def shot(
         numbers = numbers_of(saved, speed)
         if coarse is not None and coarse.speeds.shape == numbers.speeds.shape:
             order = 1.0 if two_directions else 2.0
-            estimate = richardson(numbers.difference(coarse), search.refined, order)
+            estimates.append(richardson(numbers.difference(coarse), search.refined, order))
+        estimate = estimates[-1]
         if estimate <= search.share * error or (coarse is not None and n_periods > 1):
             break
-        if n_steps * search.refined > search.most_steps:
+        stuck = len(estimates) > 3 and estimate > search.hopeless * estimates[-3]
+        if stuck or n_steps * search.refined > search.most_steps:
             raise UnstableStep(
                 f"the periodic state changes by {estimate:.1g} of its speeds at {n_steps} steps a "
                 "period; ask for a larger error"

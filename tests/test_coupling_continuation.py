@@ -23,6 +23,7 @@ def shaken_body(force=100.0, coefficient=1.0):
     return body_of(chain, wall, [0.0], sphere._replace(law=law), shakers)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("force", "coefficient"), [(110.0, 1.0), (100.0, 0.9), (160.0, 1.0)])
 def test_the_state_from_a_neighbours_is_the_one_from_rest(force, coefficient):
     """Up to ten errors: what the contact keeps of the neighbour moves the mean force alone."""
@@ -113,6 +114,7 @@ def test_a_sphere_that_sticks_turns_about_its_middle_on_a_curved_surface_too():
     assert np.sum(np.abs(omega / expected - 1.0) < 1e-12) == 2
 
 
+@pytest.mark.slow
 def test_directions_that_do_not_act_on_each_other_leave_the_chain_alone():
     chain, v0 = row(3, preload=20.0), np.array([0.1, 0.0, 0.0])
     wall = random_wall(2)

@@ -79,6 +79,7 @@ def result():
     return inverted(problem(3.5e-3), n_shared=3, gains=["gain"])
 
 
+@pytest.mark.slow
 def test_thickness_modulus_and_axial_force_are_found_within_their_bars(result):
     off = np.abs(result.value[:3] - TRUTH)
     assert (off <= 1.5 * result.uncertainty.two_sigma[:3]).all()

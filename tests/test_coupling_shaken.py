@@ -61,6 +61,7 @@ def test_a_plain_integrator_goes_round_in_the_cycle(force, S):
     np.testing.assert_allclose(y[7], before.moving.motion.p, atol=2e-4 * np.abs(y[7]).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_shakers_work_is_friction_and_damping_in_random_cycles(seed):
     """To the error asked; from stick to slip all over."""

@@ -114,6 +114,7 @@ def test_a_residual_compliance_stands_for_modes_that_are_fast():
     assert b.trajectory.v[-1, 0] == pytest.approx(a.trajectory.v[-1, 0], abs=2e-4)
 
 
+@pytest.mark.slow
 def test_a_stated_error_is_above_the_true_one_in_random_impacts():
     """Chains of one to three spheres; the ledger closes, and friction's heat never falls."""
     for seed in range(6):

@@ -48,7 +48,7 @@ def test_the_later_wave_is_left_out_and_nothing_else(name):
     assert np.array_equal(same_wave(grid(), time, WIDTH), ~later)
 
 
-@pytest.mark.parametrize("kept", [0.9, 0.6, 0.35, 0.2])
+@pytest.mark.parametrize("kept", [pytest.param(0.9, marks=pytest.mark.slow), 0.6, 0.35, 0.2])
 @pytest.mark.parametrize("name", scans())
 def test_no_later_wave_stays_in_a_thinned_scan(name, kept):
     time, later = scans()[name]

@@ -86,6 +86,7 @@ def test_a_column_rests_as_the_weight_above_says(name):
     assert static.x[0] == static.x[1]  # in flight, just touching
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WALLS)
 def test_a_column_moves_as_an_independent_integration_says(name):
     chain, wall = column(), WALLS[name]

@@ -56,6 +56,7 @@ def test_two_masses_joined_by_a_jenkins_element_move_by_the_known_amplitudes():
     assert Q[-1] - Q[-steps - 1] == pytest.approx(2.510848e-3, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_coulomb_friction_gives_the_amplitude_of_den_hartog():
     """J. P. Den Hartog, Trans. ASME 53 (1931) 107: frequency ratio 0.8, friction over force 0.3.
     A spring in the element takes a time ~ stiffness^(-1/2) at each return: three stiffnesses are

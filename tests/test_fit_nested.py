@@ -69,6 +69,7 @@ def test_a_frame_of_two_storeys_has_two_lobes_with_their_masses():
         assert np.all(np.abs(lobe.mean / best - 1) < 0.05)
 
 
+@pytest.mark.slow
 def test_a_parameter_that_does_nothing_is_named_and_leaves_the_evidence():
     def likelihood(theta):
         return -0.5 * ((theta[0] - 0.3) / 0.05) ** 2

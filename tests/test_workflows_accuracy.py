@@ -66,6 +66,7 @@ def test_peers_solve_the_same_equations_with_with_all_parts(case):
     assert peers.energy_error(full, peers.SCIPY["DOP853"](full, 1e-12).y) < 1e-7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(peers.SCIPY))
 def test_a_peers_error_falls_with_its_tolerance(case, name):
     truth = reference(case)

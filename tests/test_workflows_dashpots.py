@@ -57,6 +57,7 @@ def test_a_run_with_dashpots_loses_what_its_ledger_says(damped):
     assert trajectory.energy_error < 1e-6
 
 
+@pytest.mark.slow
 def test_the_error_stated_of_a_run_with_dashpots_is_that_of_a_finer_one(damped):
     """Stated from a march of half the steps: at least the difference to one of twice as many,
     at most a thousand times it (an order of 8 leaves 2^8 between the two)."""

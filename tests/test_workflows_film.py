@@ -49,6 +49,7 @@ def test_a_film_of_an_upright_chain_shows_it_whole(tmp_path, monkeypatch):
     assert np.ptp(rows) > 2 * np.ptp(columns)
 
 
+@pytest.mark.slow
 def test_paraview_gets_the_displacements_of_the_trajectory(folder):
     assert beadwave("film", str(folder), "--pvd") == 0
     entries = re.findall(

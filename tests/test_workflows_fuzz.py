@@ -28,6 +28,7 @@ def test_a_step_file_that_crashes_its_reader_is_refused(tmp_path, monkeypatch, c
     assert fuzz.main(3, 1, ("step",)) == 0, capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(fuzz.kinds()))
 def test_the_files_that_are_changed_are_good_themselves(name, tmp_path):
     kind = fuzz.kinds()[name]

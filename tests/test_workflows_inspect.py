@@ -90,6 +90,7 @@ def test_thickness_modulus_and_axial_force_come_out_within_their_bars(result):
     assert result[0].report.explained
 
 
+@pytest.mark.slow
 def test_bars_say_what_share_noise_and_each_error_of_the_model_have(result):
     for row in result[0].report.numbers:
         assert set(row.bar_by) == {"noise", "time", "mesh", "reduction", "theory"}

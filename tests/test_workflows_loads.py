@@ -53,6 +53,7 @@ def modes(capsys, *arguments):
     return [row["frequency_hz"] for row in computed["rows"]], computed["load_factor"]
 
 
+@pytest.mark.slow
 def test_a_pressed_cantilever_is_slower_and_tells_its_buckling_load(cantilever, capsys):
     """Euler's load of a column on a foot, its weak axis; lambda_1 falls about in proportion."""
     free, none = modes(capsys, "cantilever")
@@ -74,6 +75,7 @@ def test_a_loaded_scene_reads_back_and_says_what_it_bears(cantilever, capsys):
     assert "of the load that buckles it" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_tendon_buckles_a_cantilever_as_a_hinged_bar(cantilever, capsys):
     """Its force passes through the foot; a spring along the beam leaves bending alone."""
     (slow, *further), mu = modes(capsys, cantilever(ROD))

@@ -159,6 +159,7 @@ def test_what_the_thesis_scheme_cannot_do_is_refused(change, words):
         scene("rig-rom", (*COARSE, "patch.weights=thesis", change))
 
 
+@pytest.mark.slow
 def test_pruning_leaves_out_modes_within_the_error(tmp_path):
     whole, pruned = pipeline(), pipeline("wall.prune=true")
     assert len(pruned("wall").omega) < len(whole("wall").omega)
@@ -238,6 +239,7 @@ def test_an_error_that_cannot_be_estimated_is_a_warning(monkeypatch):
     assert any("mesh could not be estimated: the coarse" in words for words in summary.warnings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", ["reduction", "missed-energy"])
 def test_errors_of_reduction_and_mesh_are_those_up_to_the_horizon(source):
     """Beyond it two runs part whatever the reduction; a run that left there is told no error."""

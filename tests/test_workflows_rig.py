@@ -131,17 +131,13 @@ def test_screws_may_be_many_or_one(screw_x):
     assert sum(shares) == pytest.approx(overlap, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes",
     [
         (),
-        pytest.param(
-            ("assembly.constraint=screw-tie", "assembly.fixing=corners"), marks=pytest.mark.slow
-        ),
-        pytest.param(
-            ("assembly.constraint=full-tie", "mesh.element=tet", "mesh.seed=0.02"),
-            marks=pytest.mark.slow,
-        ),
+        ("assembly.constraint=screw-tie", "assembly.fixing=corners"),
+        ("assembly.constraint=full-tie", "mesh.element=tet", "mesh.seed=0.02"),
         ("patch.weights=thesis", "targets=[{number=2, hz=270.0}]"),
     ],
 )

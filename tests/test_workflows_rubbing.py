@@ -61,6 +61,7 @@ def numbers(inspection):
     return {number.name: number for number in inspection.report.numbers}
 
 
+@pytest.mark.slow
 def test_friction_and_arm_are_found_from_a_record_of_one_sphere():
     """Within three bars of two sigma, from a start 15 % off; the bars are a small part of the
     bounds, so that the start is no answer."""
@@ -72,6 +73,7 @@ def test_friction_and_arm_are_found_from_a_record_of_one_sphere():
     assert "SYNTHETIC" in found.report.text()
 
 
+@pytest.mark.slow
 def test_design_foresees_the_bars_that_inspect_finds():
     """The same sphere and sensor: within a factor of 2: the
     misfit rises more slowly than the parabola of its curvature, 1.6 times for the arm."""

@@ -116,6 +116,7 @@ def test_forces_of_spheres_on_leaf_springs_are_bad_input(tmp_path):
         fitted(None, data="f.csv", **{"leaf_springs": {"stiffness": 1e3}})
 
 
+@pytest.mark.slow
 def test_an_impulse_beside_the_strikers_momentum_is_told(tmp_path):
     record = made()
     for factor, expected in ((1.0, False), (1.15, True)):

@@ -132,6 +132,7 @@ def test_responses_at_many_points_tell_the_shapes_of_their_peaks(known, roving):
     assert index == TARGETS and np.all(score > 0.95)
 
 
+@pytest.mark.slow
 def test_a_hammer_test_at_many_points_names_the_modes_by_their_shapes(known):
     """The first two modes of the beam change places in frequency: the nearest would be wrong."""
     points, shapes, omega = known[0][::4], known[1][:, ::4], known[2]

@@ -20,6 +20,7 @@ QUICK = sorted(
     {*catalogue.catalogue("stability")}
     - {"joint-stiffness", "rayleigh-damping", "drift", "unlike-radii"}
 )
+SLOW = {"shaken-phase", "shaken-preload", "shaken-separation"}
 HEAVY = ("100000", "x 100", "mass x 1e-06", "1e+06")
 
 
@@ -58,7 +59,9 @@ def test_sentence_of_a_refusal_is_the_engines():
     assert run_of(dem.UnstableStep("take less")).sentence == "take less"
 
 
-@pytest.mark.parametrize("case", QUICK)
+@pytest.mark.parametrize(
+    "case", [pytest.param(case, marks=[pytest.mark.slow] * (case in SLOW)) for case in QUICK]
+)
 def test_no_case_fails(case):
     trials = [t for t in trials_of(case) if not str(t.parameter).endswith(HEAVY)]
     rows = [judged(trial) for trial in trials]

@@ -148,6 +148,7 @@ def test_what_a_structure_with_friction_does_not_take_is_refused(sentence):
         scene("block.toml", (*FRICTION, *REFUSED[sentence]))
 
 
+@pytest.mark.slow
 def test_a_reduced_model_of_friction_is_a_wall_of_another_run(capsys):
     """rom.npz of a run, with its w of three columns, taken as wall.file: the same answer."""
     sets = [f"--set={change}" for change in FRICTION]

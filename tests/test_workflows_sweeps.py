@@ -1002,6 +1002,7 @@ def test_indices_need_a_design_for_them():
         result.effects("sphere_4_tof_s")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("over", "sample"),
     [
