@@ -123,7 +123,11 @@ def test_a_look_at_a_mesh_counts_its_own_dofs(meshes, capsys):
     }
     run = pipeline_of(scene("mine.toml"), lambda name: nullcontext())
     assert report["dofs"] == run("model").structure.n_dofs
+    capsys.readouterr()
     assert beadwave("look", "mine.toml", "--out=seen") == 0
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last == "written: seen/faces.html, seen/figures/assembly.png"
+    assert all(Path(name).exists() for name in last.removeprefix("written: ").split(", "))
     page = Path("seen/faces.html").read_text()
     assert "base:-z" in page and "cover:hole" in page
 

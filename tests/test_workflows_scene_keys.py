@@ -74,3 +74,33 @@ def test_a_key_is_explained_by_a_name_of_the_user_s_own(capsys):
 def test_a_key_that_no_table_has_is_refused_with_the_nearest(arguments, sentence, capsys):
     assert beadwave("scene", *arguments) == 2
     assert sentence in capsys.readouterr().err
+
+
+def keys_printed(capsys, word):
+    assert beadwave("scene", "--key", word, "--json") == 0
+    return [entry["key"] for entry in json.loads(capsys.readouterr().out)["keys"]]
+
+
+def test_a_word_finds_the_keys_that_have_it_then_those_that_contain_it(capsys):
+    thickness = keys_printed(capsys, "thickness")
+    assert thickness == [
+        "beam.thickness", "bodies.NAME.plate.thickness", "plate.thickness",
+        "assembly.sheet_thickness", "wall.plate_thickness",
+    ]  # fmt: skip
+    assert keys_printed(capsys, "held")[0] == "assembly.held"
+    assert keys_printed(capsys, "chain.radius") == ["chain.radius"]
+
+
+@pytest.mark.parametrize(
+    ("symbol", "key"),
+    [("friction.mu", "friction.coefficient"), ("chain.E", "chain.young")],
+)
+def test_a_symbol_names_the_key_that_it_stands_for(symbol, key, capsys):
+    assert beadwave("scene", "--key", symbol) == 2
+    assert f"the nearest known is {key!r}" in capsys.readouterr().err
+
+
+def test_a_key_like_none_names_the_tables_and_not_hundreds_of_keys(capsys):
+    assert beadwave("scene", "--key", "qqq") == 2
+    message = capsys.readouterr().err
+    assert "`beadwave scene --key TABLE`" in message and len(message) < 500

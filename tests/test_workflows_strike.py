@@ -219,6 +219,7 @@ def test_a_strike_beside_its_face_is_refused_before_anything_is_meshed(text, cha
     assert (
         said.startswith(f"mine: strike.on = {on!r}: the patch of radius 0.00") and "(" not in said
     )
+    assert "; it lies between [" in said
 
 
 def test_a_sphere_larger_than_its_hollow_is_refused():

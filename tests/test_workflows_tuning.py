@@ -2,12 +2,15 @@
 
 import json
 import sys
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from command_line import beadwave
 from workflows.commands.app import main
+from workflows.files.output_file import OutputFile
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
 from workflows.stages.pipeline import pipeline_of
@@ -22,6 +25,7 @@ from workflows.structure.tuning import (
     targets,
     tuned,
     usual,
+    write_scene,
 )
 
 COARSE = (
@@ -226,6 +230,28 @@ def test_a_value_that_ends_at_its_bound_and_a_mode_beyond_those_computed_are_nam
     assert any("ends at its bound, 2 of the scene's" in remark for remark in report.remarks)
     with pytest.raises(InvalidScene, match="mode 199 is beyond the modes that are computed"):
         tune("cantilever", match="199=300", free=free, out=None)
+
+
+@pytest.mark.parametrize("out", ["given/tuned.toml", "tuned.toml"])
+def test_a_tuned_scene_of_a_step_file_keeps_its_comments(out, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    source = Path("given/mine.toml")
+    source.parent.mkdir()
+    Path("given/part.step").touch()
+    source.write_text(
+        '# of a test\nassembly = { step = "part.step", held = ["base:-z"], material = "steel" }\n'
+        '[[joints]]\nname = "bolts"  # M6\nbetween = "lid|base"\nkz = 1e8  # N/m\n'
+        "[[targets]]\nnumber = 3\nhz = 990.0\n"
+    )
+    given = scene(source)
+    (bolts,) = given.joints
+    result = given.but(joints=(bolts.but(kz=2e8),))
+    report = SimpleNamespace(match={"3": 990.0})
+    file = OutputFile(out, "--out", inputs=(), ending=".toml", overwrite=False)
+    write_scene(result, file, report, source)
+    text = Path(out).read_text()
+    assert "# of a test" in text and "# M6" in text and "200000000.0" in text
+    assert scene(out).but(name=given.name) == result
 
 
 @pytest.mark.slow

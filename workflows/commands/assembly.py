@@ -58,6 +58,11 @@ def modes(
 def look(call: Call) -> None:
     """Bodies, masses, touching pairs, holes, size of the mesh."""
     print_report(call().found, call.json, call.quiet)
+    out, starter = call.given.get("out"), call.given.get("starter")
+    files = [f"{out}/{name}" for name in ("faces.html", "figures/assembly.png")] if out else []
+    files += [starter] if starter else []
+    if files:
+        print_lines(f"written: {', '.join(map(str, files))}", json=call.json, quiet=call.quiet)
 
 
 @verb(

@@ -8,6 +8,7 @@ A render without a GL library kills its process: the run that started it loses t
 
 import json
 import sys
+from collections import Counter
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -42,7 +43,9 @@ class RenderSettings(NamedTuple):
 
     split: int = 4  # of a triangle's sides, between the points that tell which body is in front
     chain: float = 0.5  # length of the chain that is drawn over the assembly's size
-    bolt: float = 0.05  # length of the pin at a joint over the assembly's size
+    # length of the pin at a joint over the assembly's size: longer than most covers are thick
+    bolt: float = 0.09
+    slender: float = 0.1  # radius of that pin over its length
     slant: float = 52.0  # [deg] of the view from the direction of the impact, about the vertical
     above: float = 0.55  # height of the eye over its distance along the ground
     largest_mode: float = 0.05  # largest displacement of a mode as drawn over the assembly's size
@@ -128,10 +131,13 @@ def assembly(
         legend.append(("held face", HELD))
     for _, centre, axis in fixtures.joints:
         length = settings.bolt * grid.length
-        pin = pv.Cylinder(center=centre, direction=axis, radius=0.12 * length, height=length)
+        pin = pv.Cylinder(
+            center=centre, direction=axis, radius=settings.slender * length, height=length
+        )
         plotter.add_mesh(pin, color=BOLT, **MATT)
     if fixtures.joints:
-        names_of_joints = ", ".join(dict.fromkeys(name for name, *_ in fixtures.joints))
+        number = Counter(name for name, *_ in fixtures.joints)
+        names_of_joints = ", ".join(f"{name} ({n})" for name, n in number.items())
         legend.append((f"joints: {names_of_joints}", BOLT))
     if fixtures.strike:
         point, direction = np.array(fixtures.strike[:3]), np.array(fixtures.strike[3:])

@@ -115,9 +115,9 @@ class Solid(SceneTable):
 class PlateTable(SceneTable):
     """A plate: its outline in its own x-y plane, extruded along z."""
 
-    # [m] corners in its x-y plane
+    # [m] corners in its x-y plane; its origin is that of these coordinates, on its lower face
     outline: Annotated[tuple[Point, ...], Field(strict=False, min_length=3)]
-    thickness: Size  # [m] along its z
+    thickness: Size  # [m] along its z, from z = 0 up
 
 
 class Ringed(SceneTable):
@@ -133,7 +133,7 @@ class Holes(SceneTable):
     """Round holes through a plate."""
 
     diameter: Size  # [m] of all these holes
-    at: Annotated[tuple[Point, ...], Field(strict=False, min_length=1)]  # x, y in its plane [m]
+    at: Annotated[tuple[Point, ...], Field(strict=False, min_length=1)]  # [m] x, y as in outline
     rings: Annotated[tuple[Ringed, ...], Field(strict=False)] | None = None  # one a hole
 
 
@@ -180,7 +180,7 @@ class CylinderTable(SceneTable):
     """A cylinder along its own z, or with a `bore` a tube."""
 
     radius: Size  # [m] outer radius
-    length: Size  # [m] along its z
+    length: Size  # [m] along its z; its origin is on the axis, half-way
     bore: of(Annotated[Number, Field(ge=0)], LENGTH, 1e-5, 50) = 0.0  # [m] inner radius of a tube
 
 
@@ -189,13 +189,14 @@ class BodyTable(SceneTable):
 
     material: str | None = None  # a name in [materials], or a named material
     seed: Seed | None = None  # [m] size of its elements
-    # [m] lengths along x, y, z
+    # [m] lengths along x, y, z; its origin is its middle
     box: Annotated[tuple[Size, Size, Size], Field(strict=False)] | None = None
     plate: PlateTable | None = None
     cylinder: CylinderTable | None = None
     holes: Holes | None = None
     lines: LinesTable | None = None
-    at: Place3 | None = None  # [m] where its own origin is
+    # [m] where its origin is: the middle of a box or a cylinder, that of a plate's outline
+    at: Place3 | None = None
     turn: Vector | None = None  # [degrees] about the global x, then y, then z
 
     @property
@@ -345,7 +346,8 @@ class Bolts(JointStiffnesses):
     sides: Annotated[
         tuple[Literal["rigid", "mean"], Literal["rigid", "mean"]], Field(strict=False)
     ] = ("rigid", "mean")
-    # axes of the springs: z along the bolt, or the global ones
+    # axes of the springs: "normal" has z along the bolt, which is normal to the faces, and x near
+    # the first global axis that is more than 26 degrees off it; or the global axes
     frame: Literal["normal", "global"] = "normal"
 
     @model_validator(mode="before")

@@ -15,12 +15,13 @@ class JointStiffnesses(SceneTable):
     cx to crz are dashpots beside the springs [N s/m], [N m s/rad]; a rigid direction takes none.
     """
 
-    kx: Spring = float("inf")  # [N/m] along x
-    ky: Spring = float("inf")  # [N/m] along y
-    kz: Spring = float("inf")  # [N/m] along z
-    krx: TurnSpring = float("inf")  # [N m/rad] about x
-    kry: TurnSpring = float("inf")  # [N m/rad] about y
-    krz: TurnSpring = float("inf")  # [N m/rad] about z
+    kx: Spring = float("inf")  # [N/m] along x of its axes
+    ky: Spring = float("inf")  # [N/m] along y of its axes
+    # [N/m] along z of its axes: in [[joints]] along the bolt, see frame; of the rig vertical
+    kz: Spring = float("inf")
+    krx: TurnSpring = float("inf")  # [N m/rad] about x of its axes
+    kry: TurnSpring = float("inf")  # [N m/rad] about y of its axes
+    krz: TurnSpring = float("inf")  # [N m/rad] about z of its axes
     cx: Dashpot = 0.0  # [N s/m] dashpot along x
     cy: Dashpot = 0.0  # [N s/m] dashpot along y
     cz: Dashpot = 0.0  # [N s/m] dashpot along z

@@ -136,20 +136,27 @@ def scene_keys() -> tuple[KeyEntry, ...]:
 
 
 def entries_of(key: str) -> tuple[KeyEntry, ...]:
-    """The entries of a key, its names as NAME or as the user's own, or of all keys of a table.
-    Raises InvalidScene for a key that no table has."""
+    """The entries of a key, its names as NAME or as the user's own, or of all keys of a table; of
+    a word alone of all keys that have it as one of their words, then of those that contain it,
+    sorted. Raises InvalidScene for what no key contains."""
     words = key.split(".")
-    found = tuple(
+    entries = tuple(
         entry
         for entry in scene_keys()
         if len(path := entry.key.split(".")) >= len(words)
         and all(w == p or p in ("NAME", "N") for w, p in zip(words, path, strict=False))
     )
-    if not found:
-        raise InvalidScene(
-            f"{key!r} is no key of a scene, {nearest(key, {entry.key for entry in scene_keys()})}."
-        )
-    return found
+    if not entries and len(words) == 1:
+        containing = [entry for entry in scene_keys() if key and key in entry.key]
+        entries = tuple(sorted(containing, key=lambda e: (key not in e.key.split("."), e.key)))
+    if not entries:
+        known = {entry.key for entry in scene_keys()}
+        close = nearest(key, known)
+        if close.startswith("known"):  # hundreds: the tables are enough
+            tables = dict.fromkeys(entry.key.split(".")[0] for entry in scene_keys())
+            close = f"`beadwave scene --key TABLE` lists those of {', '.join(tables)}"
+        raise InvalidScene(f"{key!r} is no key of a scene, {close}.")
+    return entries
 
 
 def _keys_of(table: type[BaseModel], path: tuple[str, ...], of: str = "") -> Iterator[KeyEntry]:

@@ -46,9 +46,20 @@ class InvalidScene(ValueError):
     """One sentence: the key, the value found, the value allowed, what to do."""
 
 
+# what users write for a key: symbols of the literature and other words
+SYNONYMS = {
+    "mu": "coefficient", "friction_coefficient": "coefficient", "rho": "density", "E": "young",
+    "modulus": "young", "youngs_modulus": "young", "nu": "poisson", "zeta": "ratio",
+    "v": "velocity", "speed": "velocity", "n": "count", "fixed": "held",
+}  # fmt: skip
+
+
 def nearest(word: str, words: Iterable[str]) -> str:
     """The end of a message: which of the words is most like this one, or all of them."""
     names = list(words)
+    table, dot, last = word.rpartition(".")
+    if (spelled := table + dot + SYNONYMS.get(last, last)) in names:
+        return f"the nearest known is {spelled!r}"
     close = get_close_matches(word, names, n=1, cutoff=0.6)
     return f"the nearest known is {close[0]!r}" if close else f"known are {', '.join(names)}"
 

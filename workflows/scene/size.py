@@ -192,7 +192,8 @@ def too_large_mesh(scene: Scene, name: str, nodes: dict[str, float]) -> Iterator
         yield (
             f"{name} has {3 * sum(nodes.values()):.2g} unknowns, most of them in "
             f"{max(nodes, key=nodes.get)}, and a run would take {_gigabytes(needed)} of memory, "
-            f"{_gigabytes(free)} are free; give a coarser mesh."
+            f"{_gigabytes(free)} are free; give a coarser mesh, and look at the lengths: a number "
+            'without a unit is in metres, 8 mm are 0.008 or "8 mm".'
         )
 
 

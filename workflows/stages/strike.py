@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ from workflows.stages.parts import STRIKE, Parts
 
 if TYPE_CHECKING:  # these load gmsh
     from geometry.selectors import Selected
-    from geometry.solids import Body
+    from geometry.solids import Body, Face
 
 MIDDLE = (0.0, 0.0)  # of a plane face
 
@@ -80,7 +80,7 @@ def struck(scene: Scene, bodies: Mapping[str, Body], selected: Selected) -> Stru
             raise InvalidScene(f"{scene.name}: strike.radius: {error}") from None
         hit = hit._replace(point=hit.foot)
         if min(body.distance(hit.point, tag) for tag in hit.face.tags) > strike.radius:
-            raise _off_face(scene, hit.point)
+            raise _off_face(scene, hit.point, faces)
         return hit
 
     # plane face: the patch must lie on it. Not checked at the middle, the default, where a face
@@ -88,7 +88,7 @@ def struck(scene: Scene, bodies: Mapping[str, Body], selected: Selected) -> Stru
     rim = around(hit.point, hit.normal, strike.radius, ROOM.n_rim)
     off = max(min(body.distance(p, tag) for tag in hit.face.tags) for p in rim)
     if off > ROOM.off_face * strike.radius and (strike.point or tuple(strike.at) != MIDDLE):
-        raise _off_face(scene, hit.point)
+        raise _off_face(scene, hit.point, faces)
     return hit
 
 
@@ -102,12 +102,17 @@ def around(
     return point + radius * np.vstack([np.zeros(3), rim])
 
 
-def _off_face(scene: Scene, point: NDArray[np.float64]) -> InvalidScene:
-    strike = scene.strike
+def _off_face(scene: Scene, point: NDArray[np.float64], faces: Sequence[Face] = ()) -> InvalidScene:
+    strike, extent = scene.strike, ""
+    if faces:
+        lower = np.min([face.lower for face in faces], axis=0)
+        upper = np.max([face.upper for face in faces], axis=0)
+        corners = [(np.round(corner, 6) + 0.0).tolist() for corner in (lower, upper)]
+        extent = f"; it lies between {corners[0]} and {corners[1]} m"
     return InvalidScene(
         f"{scene.name}: strike.on = {strike.on!r}: the patch of radius {strike.radius:g} m at "
         f"{np.round(point, 6).tolist()} m leaves that face; move it by strike.at, or take a "
-        "smaller strike.radius."
+        f"smaller strike.radius{extent}."
     )
 
 

@@ -32,6 +32,7 @@ from workflows.thesis import HAMMER_TEST_HZ
 HAMMER_TEST = dict(enumerate(HAMMER_TEST_HZ, start=1))
 
 JOINTS = ("head", "foot")
+FILE_KEYS = ("step", "mesh", "file", "receptance")  # of tables of a scene that name a file
 SHIFT = of_bodies.SHIFT
 STARTS = {"ky": (1e6, *SHIFT[1:]), "kz": (3e7, *SHIFT[1:]), "kt": (1e8, *SHIFT[1:])}
 FACTOR = (1.0, 0.85, 1.15)  # of the block's modulus and density
@@ -497,7 +498,7 @@ def write_scene(scene: Scene, file: OutputFile, report: TuningReport, source: So
     """Write the tuned scene as TOML with a first line on where its joints come from, and return it.
 
     One that was read from a file keeps this file's name of it, comments and order, as far as
-    reading that back gives the scene: a file in another folder may name its own files otherwise.
+    reading that back gives the scene; in another folder it names its own files by full paths.
     """
     text = toml(scene)
     if source is None or isinstance(source, str | Path):
@@ -506,10 +507,19 @@ def write_scene(scene: Scene, file: OutputFile, report: TuningReport, source: So
         original = scene_text(None if source is None else str(source)).text
         tables = [tomllib.loads(toml(one)) for one in (load_scene(source), scene)]
         before, after = ({k: v for k, v in one.items() if k != "name"} for one in tables)
-        commented = with_values(original, before, after)
-        read = completed(Written(scene.name, parsed(commented, scene.name), file.path.parent))
-        if read.model_copy(update={"name": scene.name}) == scene:
-            scene, text = read, commented
+        # files by the paths of the source, else by their full ones
+        elsewhere = {
+            table: {k: v for k, v in value.items() if k not in FILE_KEYS} for table, value
+            in before.items() if isinstance(value, dict)
+        }  # fmt: skip
+        named_anew = {k: v for k, v in before.items() if k != "targets"} | elsewhere
+        for known in (before, named_anew):
+            commented = with_values(original, known, after)
+            tables = parsed(commented, scene.name)
+            read = completed(Written(scene.name, tables, file.path.parent.resolve()))
+            if read.model_copy(update={"name": scene.name}) == scene:
+                scene, text = read, commented
+                break
     wanted = ", ".join(f"{n}: {hz:g} Hz" for n, hz in report.match.items())
     first = f"# Joints inferred from modes {wanted}; deviations assume 0.1 % in frequency.\n"
     with file.writing() as path:
