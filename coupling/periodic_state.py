@@ -38,6 +38,7 @@ from dem.kernels.spatial import (
 from dem.kernels.tangential import HEAT
 from dem.lateral import Cycle
 from dem.prepared import prepare
+from dem.richardson import richardson
 
 
 class PeriodicSearch(NamedTuple):
@@ -502,7 +503,7 @@ def balanced(
             return None, moving.divided(body.search.n_cells)
         numbers, estimate = numbers_of(saved, speed), math.inf
         if coarse is not None:
-            estimate = numbers.difference(coarse) / (2.0**order - 1.0)
+            estimate = richardson(numbers.difference(coarse), 2.0, order)
         if estimate <= search.share * error:
             break
         coarse, n_samples, n_cells = numbers, 2 * n_samples, 2 * n_cells
@@ -608,7 +609,7 @@ def shot(
         numbers = numbers_of(saved, speed)
         if coarse is not None and coarse.speeds.shape == numbers.speeds.shape:
             order = 1.0 if two_directions else 2.0
-            estimates.append(numbers.difference(coarse) / (search.refined**order - 1.0))
+            estimates.append(richardson(numbers.difference(coarse), search.refined, order))
         estimate = estimates[-1]
         if estimate <= search.share * error or (coarse is not None and n_periods > 1):
             break

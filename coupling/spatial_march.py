@@ -43,6 +43,7 @@ from dem.lateral import (
     require_hertz,
 )
 from dem.prepared import PreparedChain, prepare
+from dem.richardson import richardson
 from dem.stability import fastest_rate
 
 
@@ -448,7 +449,7 @@ def march_to_error(
             )
         saved, moving = run(finer, n_cells)
         change = difference(saved, coarse, radius)
-        of_steps = search.safety * change / speed / ((finer / stride) ** order - 1.0)
+        of_steps = richardson(search.safety * change / speed, finer / stride, order)
         estimate = of_cells + of_steps
         if search.dt is not None or estimate <= error:
             break

@@ -30,6 +30,7 @@ from dem.kernels.arguments import Array
 from dem.kernels.lanes import LaneSteps
 from dem.lanes import LaneRuns, march_side_by_side
 from dem.prepared import prepare
+from dem.richardson import richardson
 from dem.schemes import SCHEMES, named_scheme
 from dem.stability import UnstableStep, fastest_rate, marching_scheme, stability_interval
 from dem.step_control import EPSILON, StepSearch, lost_in_rounding, march_to_error
@@ -245,7 +246,7 @@ def _march_to_error(chains, error, request, search=USUAL_SEARCH):
         fallen = coarse_difference / (coarse_steps / coarser_steps) ** search.fastest_order
         difference = np.where(fallen < np.inf, np.maximum(difference, fallen), difference)
 
-        # estimate e = difference / ((H/h)^p - 1). For the first pair p is assumed; later it is the
+        # Richardson's estimate. For the first pair p is assumed; later it is the
         # order that two differences show, less a caution. Where differences hardly fall p is small
         # and e larger than the difference
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -254,7 +255,7 @@ def _march_to_error(chains, error, request, search=USUAL_SEARCH):
         order = np.clip(order - search.caution, search.slowest_order, search.later_order)
         order = np.where(refined, order, search.first_order)
         ratio = fine.n_steps / coarse_steps
-        estimate = difference / (ratio**order - 1.0)
+        estimate = richardson(difference, ratio, order)
 
         # of refined chains also the effect of rounding: the same march from velocities changed by
         # the length of a random walk of the roundings of all evaluations. The changes alternate in

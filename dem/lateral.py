@@ -47,6 +47,7 @@ from dem.kernels.tangential import (
     slide_cells,
     tangential_force,
 )
+from dem.richardson import richardson
 from dem.stability import UnstableStep
 from dem.trajectory import Trajectory, march
 from dem.walls import Wall
@@ -405,7 +406,7 @@ def march_lateral(
             float(np.abs(saved.v - coarse.v).max()),
             float(chain.radius[-1]) * float(np.abs(saved.spin - coarse.spin).max()),
         )
-        estimate = before + search.safety * change / speed / ((finer / stride) ** order - 1.0)
+        estimate = before + richardson(search.safety * change / speed, finer / stride, order)
         total = saved.energy[:, :BY_WALL].sum(axis=1) - saved.energy[:, BY_WALL]
         scale = max(kinetic, float(np.abs(saved.energy).max())) or 1.0
         ledger = float(np.abs(total - total[0]).max()) / scale

@@ -39,6 +39,7 @@ from dem.chain import Chain, State, validate
 from dem.checks import columns, positive, saves
 from dem.kernels.arguments import Array
 from dem.prepared import PreparedChain, prepare
+from dem.richardson import richardson
 from dem.schemes import SCHEMES, Scheme
 from dem.stability import (
     UnstableStep,
@@ -299,7 +300,7 @@ def march_to_error(
         while True:
             for coarse in unlike[len(constants) :]:
                 d = _velocity_difference(coarse, fine, observed, speed)
-                constants.append(d / ((coarse.dt / h) ** order - 1.0))
+                constants.append(richardson(d, coarse.dt / h, order))
             alone = safety * (difference if no_order else max(constants))
             near = sum(march.dt <= search.ratio**2 * h for march in unlike)
             if near >= wanted or max(alone / error, energy) > 1.0:

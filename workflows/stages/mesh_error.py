@@ -97,6 +97,8 @@ class MissedByMesh(NamedTuple):
 
     def shapes_of(self, omega: NDArray[np.float64]) -> NDArray[np.int64]:
         """Which shapes (m,) are these modes (m,) [rad/s]; -1 of rigid motions, and of none."""
+        if not len(self.omega):
+            return np.full(len(omega), -1)
         nearest = np.abs(self.omega - omega[:, None]).argmin(axis=1)
         pairs = np.abs(self.omega[nearest] - omega) <= OPTIONS.pairs * omega
         pairs &= omega > fem.correlation.RIGID * np.max(omega, initial=0.0)
