@@ -5,7 +5,9 @@ from importlib.metadata import version as installed
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
+from docutils.nodes import SkipNode
 from fields import fields
+from latex2mathml.converter import convert
 from plain_docstrings import as_rst, escaped
 
 project = "beadwave"
@@ -13,7 +15,7 @@ author = "The beadwave authors"
 copyright = f"{author}, GPL-3.0-or-later"
 release = installed("beadwave")
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.mathjax"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary"]
 exclude_patterns = ["_build", "_site", "jupyter_execute", "templates"]
 templates_path = ["templates"]
 autosummary_generate = True  # a page for each function and class, in docs/reference
@@ -25,6 +27,7 @@ myst_heading_anchors = 3
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 autodoc_default_options = {"members": True, "imported-members": True}
+html_math_renderer = "mathml"  # by the browser itself: pages are read without a network
 html_theme = "furo"
 html_static_path = ["static"]
 html_css_files = ["site.css"]
@@ -33,7 +36,12 @@ html_copy_source = False
 
 
 def setup(app):
-    """Docstrings as they are written, and the fields of a class with their comments."""
+    """Formulas, docstrings as they are written, and the fields of a class with their comments."""
+
+    def formula(translator, node):
+        display = "block" if node.tagname == "math_block" else "inline"
+        translator.body.append(convert(node.astext(), display=display))
+        raise SkipNode
 
     def plain(app, what, name, object, options, lines):
         lines[:] = as_rst(lines)
@@ -46,5 +54,6 @@ def setup(app):
     def listed_above(app, what, name, object, skip, options):
         return True if (object.__doc__ or "").startswith("Alias for field number") else None
 
+    app.add_html_math_renderer("mathml", (formula, None), (formula, None))
     app.connect("autodoc-process-docstring", plain)
     app.connect("autodoc-skip-member", listed_above)

@@ -158,6 +158,7 @@ def test_signs_of_a_sentence_mean_nothing_to_markdown_but_its_code_stays():
 def test_the_pages_build_without_a_warning(tmp_path, monkeypatch):
     pytest.importorskip("sphinx")
     pytest.importorskip("myst_nb")
+    pytest.importorskip("latex2mathml")
     copied = shutil.copytree(
         DOCS, tmp_path / "docs", ignore=lambda _, names: [n for n in names if n[:1] == "_"]
     )
@@ -172,3 +173,6 @@ def test_the_pages_build_without_a_warning(tmp_path, monkeypatch):
     assert done.returncode == 0, done.stderr
     page = (tmp_path / "site" / "api.html").read_text(encoding="utf-8")
     assert "Contact stiffnesses and wall parameters fitted" in page
+    assert "cKDTree" not in page  # nor anything else that a module imports
+    theory = (tmp_path / "site" / "theory.html").read_text(encoding="utf-8")
+    assert theory.count("<math") > 50 and "\\omega" not in theory
