@@ -34,11 +34,18 @@ def test_errors_of_cells_in_two_directions_hold():
 
 def test_an_error_stated_five_times_too_small_is_noticed(monkeypatch):
     run, march_lateral = EXAMPLE.pressed(np.random.default_rng([0, 4])), EXAMPLE.march_lateral
-    honest = EXAMPLE.trial(run)
+    march_to_error, honest = EXAMPLE.dem.march_to_error, EXAMPLE.trial(run)
 
-    def boasting(*scene, **options):
-        across = march_lateral(*scene, **options)
-        return across._replace(error_estimate=0.2 * across.error_estimate)
+    def fifth(march):
+        return march._replace(error_estimate=0.2 * march.error_estimate)
 
-    monkeypatch.setattr(EXAMPLE, "march_lateral", boasting)
+    def boasting_along(*scene, **options):
+        along, report = march_to_error(*scene, **options)
+        return fifth(along), report
+
+    def boasting_across(*scene, **options):
+        return fifth(march_lateral(*scene, **options))
+
+    monkeypatch.setattr(EXAMPLE.dem, "march_to_error", boasting_along)
+    monkeypatch.setattr(EXAMPLE, "march_lateral", boasting_across)
     assert EXAMPLE.trial(run).ratio < 0.3 * honest.ratio
