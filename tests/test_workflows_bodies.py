@@ -448,7 +448,7 @@ def test_match_gives_targets_to_a_scene_without_any(capsys):
     assert beadwave(*order, f"--match=2={f!r}") == 0
     report = json.loads(capsys.readouterr().out)
     assert report["stiffness"]["joints.bolts.kz"] == pytest.approx(8e6, rel=1e-2)
-    assert report["remarks"][0] == "target 1 is mode 2."
+    assert report["computed_mode"] == {"2": 2} and report["match"] == {"2": f}
     (target,) = scene("t.toml").targets
     assert (target.number, target.hz) == (2, f)
     for match in ("3", "3=a", "0=10", "500=10", "1=-5", "1=10,1=12"):
