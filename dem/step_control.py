@@ -25,7 +25,8 @@ missed 1.35e-6 where they differed by 1.6e-7). There C is the largest of three c
 different phases, which cost less than a finer one: with two of them 9 of 434 such scenes state less
 than their true error, with three 3. What marches cannot show is treated apart, see
 `march_to_error`. Of 2000 other scenes (`python examples/step_errors.py 2000 57`) 0.4 % state less
-than their true error: 0.1 % of those with smooth forces, 1.1 % of those whose contacts yield."""
+than their true error: 0.1 % of those with smooth forces, 1.1 % of those whose contacts yield.
+"""
 
 import math
 from collections.abc import Sequence
@@ -151,7 +152,8 @@ def march_to_error(
 ) -> Controlled:
     """Trajectory whose velocities on the observed spheres (indices, None for all) are off by less
     than `error` times the largest initial speed, and whose energy ledger closes to
-    `search.energy_error`, usually error / 100.
+    `search.energy_error`, usually error / 100. The velocity error stated is at least `search.least`
+    times `error`.
 
     A coarse march comes first; its ledger sets the step of the next, which is compared with it.
     Where the pair does not do, finer marches follow. Beyond the estimate above:

@@ -70,16 +70,16 @@ def main(n_scenes: int = 20, seed: int = 0) -> None:
 
 def closure(cycle: RandomCycle) -> Closure:
     """The periodic state of a scene, and how its energy closes."""
-    n, begun = cycle.body.prepared.chain.mass.size, time.process_time()
+    n, started = cycle.body.prepared.chain.mass.size, time.process_time()
     try:
         state = periodic_state(cycle.body, Before(np.zeros(n, bool), 0), error=cycle.error)
     except (dem.UnstableStep, CouplingError) as error:
-        return Closure(*[np.nan] * 3, time.process_time() - begun, str(error).split(";")[0])
+        return Closure(*[np.nan] * 3, time.process_time() - started, str(error).split(";")[0])
     return Closure(
         state.balance / cycle.error,
         state.cycle.periodicity_error / cycle.error,
         float(state.cycle.stick_share.min()),
-        time.process_time() - begun,
+        time.process_time() - started,
     )
 
 

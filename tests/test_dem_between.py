@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from dem import SCHEMES, Chain, Wall, dashpot_wall, march, march_to_error, rigid_wall
+from dem import (
+    SCHEMES,
+    Chain,
+    StepSearch,
+    Wall,
+    dashpot_wall,
+    march,
+    march_to_error,
+    rigid_wall,
+)
 from dem.between import run_between
 from dem.prepared import prepare
 from dem.schemes import named_scheme
@@ -128,6 +137,17 @@ def test_samples_agree_with_an_integrator_of_another_kind():
     force = A[1] * np.maximum(exact[1] - phi * exact[2], 0.0) ** 1.5
     assert abs(run.contact_force[:, 1].max() - force.max()) < 2e-6 * force.max()
     assert largest(run.wall_v, phi * exact[5]) < 1e-6
+
+
+@pytest.mark.parametrize(("scene", "error"), [("dashpot", 1e-3), ("residual", 1e-5)])
+def test_no_less_than_a_thirtieth_of_the_error_asked_is_stated(scene, error):
+    """Where the ledger asks for short steps, two marches differ by less than that."""
+    chain, wall = SCENES[scene]
+    options = {"duration": DURATION, "error": error, "n_save": 100}
+    bare = march_to_error(chain, wall, V0, search=StepSearch(least=0.0), **options)
+    assert bare.step_report.error_estimate < 0.5 * error / 30
+    run, report = march_to_error(chain, wall, V0, **options)
+    assert run.error_estimate == report.error_estimate == error / 30
 
 
 def test_a_wall_of_too_many_modes_to_save_is_run_by_steps_that_end_at_the_samples():

@@ -1,6 +1,7 @@
 """Verdicts: what is accurate, refused, flagged and failed, and runs that say where they end."""
 
 import json
+import re
 import sys
 
 import numpy as np
@@ -67,6 +68,15 @@ def test_no_case_fails(case):
     rows = [judged(trial) for trial in trials]
     assert rows and not [row for row in rows if row.verdict == "failed"]
     assert all(row.sentence for row in rows if row.verdict != "accurate")
+
+
+@pytest.mark.slow
+def test_a_periodic_state_that_shorter_steps_do_not_improve_is_refused_early():
+    """From 1024 steps a period on: at 65536 without that rule, nine times as long."""
+    (resonant,) = [t for t in trials_of("shaken-preload") if t.parameter == "0 N, resonance"]
+    row = judged(resonant)
+    assert row.verdict == "refused" and "shorter steps do not help" in row.sentence
+    assert int(re.search(r"at (\d+) steps", row.sentence)[1]) < 20_000
 
 
 def test_a_million_steps_do_not_drift():

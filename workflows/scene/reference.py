@@ -150,8 +150,7 @@ def entries_of(key: str) -> tuple[KeyEntry, ...]:
         containing = [entry for entry in scene_keys() if key and key in entry.key]
         entries = tuple(sorted(containing, key=lambda e: (key not in e.key.split("."), e.key)))
     if not entries:
-        known = {entry.key for entry in scene_keys()}
-        close = nearest(key, known)
+        close = nearest(key, {entry.key for entry in scene_keys()})
         if close.startswith("known"):  # hundreds: the tables are enough
             tables = dict.fromkeys(entry.key.split(".")[0] for entry in scene_keys())
             close = f"`beadwave scene --key TABLE` lists those of {', '.join(tables)}"

@@ -92,9 +92,9 @@ def look(
     if folder:
         folder.require("faces.html")
     with progress("look"):
-        shown = str(source) if path else scene.name
+        title = str(source) if path else scene.name
         whole, page = not is_step, folder is not None
-        glance = looking.look(with_assembly(scene), shown, whole=whole, with_page=page)
+        glance = looking.look(with_assembly(scene), title, whole=whole, with_page=page)
         result = Looked(glance.look, glance)
         if folder:
             write_pictures(folder, (result.plot(),))

@@ -16,7 +16,7 @@ from pydantic import BaseModel
 import fem
 from fem.tuning import Tuning, TuningParameter, determined, tune
 from workflows.files.output_file import OutputFile
-from workflows.files.scene import Source, Written, completed, scene_text
+from workflows.files.scene import FILE_KEYS, Source, Written, completed, scene_text
 from workflows.files.scene import scene as load_scene
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, Scene, nearest
@@ -27,12 +27,8 @@ from workflows.stages.mesh_causes import Cause, refinement, size_for
 from workflows.stages.pipeline import Pipeline, pipeline_of
 from workflows.stages.progress import Progress
 from workflows.structure import parameters as of_bodies
-from workflows.thesis import HAMMER_TEST_HZ
-
-HAMMER_TEST = dict(enumerate(HAMMER_TEST_HZ, start=1))
 
 JOINTS = ("head", "foot")
-FILE_KEYS = ("step", "mesh", "file", "receptance")  # of tables of a scene that name a file
 SHIFT = of_bodies.SHIFT
 STARTS = {"ky": (1e6, *SHIFT[1:]), "kz": (3e7, *SHIFT[1:]), "kt": (1e8, *SHIFT[1:])}
 FACTOR = (1.0, 0.85, 1.15)  # of the block's modulus and density
@@ -63,7 +59,7 @@ class TuningReport(BaseModel):
     """A fit: frequencies wanted and met, fitted values with their deviations, remarks."""
 
     scene: str
-    match: dict[str, float]  # this and the next two by the number of the measured mode
+    match: dict[str, float]  # [Hz] wanted; this and the next three by the modes' numbers
     modes_hz: dict[str, float]
     full_order_hz: dict[str, float]
     computed_mode: dict[str, int]  # number of the full model's mode that each is paired with
@@ -357,7 +353,7 @@ def usual(match: dict[int, float]) -> tuple[str, ...]:
     return (*joint, "block.young", "block.density") if 4 in match else joint
 
 
-def targets(match: str, measured: Mapping[int, float] = HAMMER_TEST) -> dict[int, float]:
+def targets(match: str, measured: Mapping[int, float]) -> dict[int, float]:
     """The modes named in "1,3,4", or "1=51.2,3=905" with frequencies of one's own; `measured` has
     those of the scene [Hz] by number."""
     pairs = [item.partition("=") for item in match.split(",")]
@@ -512,9 +508,9 @@ def write_scene(scene: Scene, file: OutputFile, report: TuningReport, source: So
             table: {k: v for k, v in value.items() if k not in FILE_KEYS} for table, value
             in before.items() if isinstance(value, dict)
         }  # fmt: skip
-        named_anew = {k: v for k, v in before.items() if k != "targets"} | elsewhere
-        for known in (before, named_anew):
-            commented = with_values(original, known, after)
+        without_files = {k: v for k, v in before.items() if k != "targets"} | elsewhere
+        for unchanged in (before, without_files):
+            commented = with_values(original, unchanged, after)
             tables = parsed(commented, scene.name)
             read = completed(Written(scene.name, tables, file.path.parent.resolve()))
             if read.model_copy(update={"name": scene.name}) == scene:
