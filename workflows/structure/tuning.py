@@ -18,6 +18,7 @@ from fem.tuning import Tuning, TuningParameter, determined, tune
 from workflows.files.output_file import OutputFile
 from workflows.files.scene import FILE_KEYS, Source, Written, completed, scene_text
 from workflows.files.scene import scene as load_scene
+from workflows.report.numbers import supported
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, Scene, nearest
 from workflows.scene.bodies import MeasuredMode
@@ -186,7 +187,10 @@ def tuned(
             )
         parameters = subset
 
-    # the full model with the fitted values is the judge of the projection
+    # the full model with the fitted values, to the digits that their deviations support, is the
+    # judge of the projection
+    fitted = [supported(x, x * s) for x, s in zip(fit.value, fit.deviation, strict=True)]
+    fit = fit._replace(value=np.array(fitted))
     result = retargeted(at_values(loose, fit.parameters, fit.value), match)
     full = pipeline_of(result, progress)
     computed, mac = full("modes"), shape_mac(full)
@@ -476,7 +480,7 @@ def at_values(scene: Scene, parameters: list[TuningParameter], value) -> Scene:
             joint, key = spring.split(".")
             joints.setdefault(joint, {})[key] = float(x)
         if not p.springs:
-            steel[p.of] = float(x) * getattr(scene.assembly, p.of)
+            steel[p.of] = of_bodies.times(x, getattr(scene.assembly, p.of))
     result = scene.but(joints=joints)
     if steel:
         from workflows.scene.rig import Steel
