@@ -201,6 +201,10 @@ def tuned(
         if target.shape and computed.index[k] >= 0
     }
 
+    # the measured shape is the proof of a joint where there is one, else that of stiff joints
+    likeness = {i: (value, "that of stiff joints") for i, value in mac.items()}
+    likeness |= {i: (value, "the measured one") for i, value in measured_mac.items()}
+
     # what the mesh is worth in these modes, in percent
     by_mesh = full("missed-energy")
     of_mesh, shapes = by_mesh.of_frequencies(computed.omega), by_mesh.shapes_of(computed.omega)
@@ -240,9 +244,7 @@ def tuned(
         seconds=seconds,
         mesh_error_percent=mesh_percent,
         remarks=[
-            *_remarks(
-                scene, match, fit, of_all, unchanged, candidates, confirmed, mac, measured_mac
-            ),
+            *_remarks(scene, match, fit, of_all, unchanged, candidates, confirmed, likeness),
             *worth_of_the_mesh(scene, match, report_hz, mesh_percent, causes),
         ],
     )
@@ -257,11 +259,11 @@ def _remarks(
     unchanged: dict[str, float],
     candidates: Sequence[TuningParameter],
     confirmed: dict[str, float],
-    mac: dict[str, float],
-    measured_mac: dict[str, float],
+    likeness: dict[str, tuple[float, str]],
 ) -> list[str]:
     """Sentences on the reliability of a fit. `of_all` is the fit of all candidates; `unchanged` has
-    the scene's keys, with their values, that the modes do not determine."""
+    the scene's keys, with their values, that the modes do not determine; `likeness` the MAC of each
+    mode and with which shape."""
     names, remarks = [p.name for p in fit.parameters], []
     numbers = scene.measured_numbers
     fitted, met_by_all = (
@@ -321,10 +323,8 @@ def _remarks(
             remarks.append(
                 f"the full model has mode {i} at {hz:.2f} Hz: the projection is inaccurate."
             )
-    # the measured shape is the proof where there is one, else that of stiff joints
-    for i, value in (mac | measured_mac).items():
+    for i, (value, compared) in likeness.items():
         if value < 0.8:
-            compared = "the measured one" if i in measured_mac else "that of stiff joints"
             remarks.append(
                 f"the shape of mode {i} has a MAC of {value:.2f} with {compared}: a frequency that "
                 "matches is no proof of the joint."
