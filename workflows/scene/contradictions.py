@@ -135,7 +135,7 @@ def _of_rig_assembly(scene: Scene) -> Iterator[str]:
             )
 
     # a dashpot acts on the elongation of a spring: there must be a spring, and it must give way
-    for joint, table in scene.springs.items():
+    for joint, table in scene.bushings.items():
         for key, coefficient in table.dashpots.items():
             name = f"joints.{joint}.c{key[1:]} = {coefficient}"
             if scene.assembly.constraint != "wires":
@@ -167,7 +167,7 @@ def _of_reading(scene: Scene, table: str) -> Iterator[str]:
 
 def _dashpots(scene: Scene) -> Iterator[str]:
     """Dashpots in joints couple the modes of the wall."""
-    if not any(table.dashpots for table in scene.springs.values()):
+    if not any(table.dashpots for table in scene.bushings.values()):
         return
     if scene.reduction.kind != "craig-bampton":
         yield (
@@ -256,7 +256,7 @@ def _of_chain(scene: Scene) -> Iterator[str]:
         excluded = {
             'wall.kind = "dashpot"': isinstance(scene.wall, DashpotWall),
             'patch.weights = "thesis"': scene.patch is not None and scene.patch.weights == "thesis",
-            "dashpots in joints": any(table.dashpots for table in scene.springs.values()),
+            "dashpots in joints": any(table.dashpots for table in scene.bushings.values()),
         }
         for excluder in (name for name, is_given in excluded.items() if is_given):
             yield f'contact.law = "thornton" is not marched with {excluder}; change one of them.'

@@ -138,7 +138,7 @@ class Scene(SceneTable):
         return None if self.assembly is None else self.written_out.assembly.mesh
 
     @property
-    def springs(self) -> dict[str, JointStiffnesses]:
+    def bushings(self) -> dict[str, JointStiffnesses]:
         """Stiffnesses and dashpots of the joints by name."""
         if isinstance(self.joints, Joints):
             return dict(self.joints)
@@ -147,7 +147,7 @@ class Scene(SceneTable):
     def stiffness(self, spring: str) -> float:
         """Stiffness [N/m] or [N m/rad] of a spring "joint.direction"."""
         joint, _, direction = spring.rpartition(".")
-        return getattr(self.springs[joint], direction)
+        return getattr(self.bushings[joint], direction)
 
     @property
     def measured_hz(self) -> tuple[float, ...]:

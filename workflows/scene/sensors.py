@@ -161,7 +161,7 @@ def of_place(scene: "Scene", sensor: SensorTable, key: str) -> Iterator[str]:
         )
     elif not fullmatch(FACE, sensor.on):
         yield f'{key}.on = "{sensor.on}" is no face; name one, as on = "block:+y".'
-    elif any(table.dashpots for table in scene.springs.values()):
+    elif any(table.dashpots for table in scene.bushings.values()):
         yield (
             f"{key} reads a structure by its modes, which dashpots in joints couple; set these to "
             "0, or take a sensor of a sphere."

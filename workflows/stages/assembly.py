@@ -77,7 +77,7 @@ def _require_kept(
     moves = f'{scene.name}: "{body}" can still move along or about {", ".join(motions)}, which '
     k = {
         f"joints.{name}.{key}": getattr(joint, key)
-        for name, joint in scene.springs.items()
+        for name, joint in scene.bushings.items()
         for key in fem.DIRECTIONS
     }
     free = [key for key, value in k.items() if value == 0]
@@ -107,7 +107,7 @@ def solid(scene: Scene, body: str) -> fem.Material | fem.Orthotropic:
 
 def dashpots(scene: Scene, model: fem.Model):
     """C of the dashpots in the joints; None where there are none."""
-    tables = {joint: table.dashpots for joint, table in scene.springs.items()}
+    tables = {joint: table.dashpots for joint, table in scene.bushings.items()}
     named = {f"{joint}.{key}": c for joint, table in tables.items() for key, c in table.items()}
     return fem.dashpots(model, named) if named else None
 

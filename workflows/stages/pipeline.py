@@ -368,7 +368,7 @@ def needs_structure(scene: Scene) -> bool:
 def couples(scene: Scene) -> bool:
     """Whether dashpots or the thesis' scheme make a wall that is marched by its own integrator."""
     scene = scene.written_out
-    dashpots = any(table.dashpots for table in scene.springs.values())
+    dashpots = any(table.dashpots for table in scene.bushings.values())
     return dashpots or (scene.strike is not None and scene.strike.weights == "thesis")
 
 

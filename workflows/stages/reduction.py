@@ -174,7 +174,7 @@ def _require_held(scene: Scene, modes: AssemblyModes) -> None:
     lowest = modes.omega.min() / (2 * np.pi)
     if lowest > LIMITS.floating:
         return
-    springs = scene.springs.items()
+    springs = scene.bushings.items()
     open_joints = [
         f"joints.{joint}.{key} = {k:g}"
         for joint, table in springs

@@ -16,7 +16,7 @@ FACTORS = (*MATERIAL, "mass")  # keys of which a factor is fitted
 
 def known(scene: Scene) -> list[str]:
     """Names of all stiffnesses of joints, of all moduli and densities, and of carried masses."""
-    of_joints = [f"joints.{name}.{key}" for name in scene.springs for key in fem.DIRECTIONS]
+    of_joints = [f"joints.{name}.{key}" for name in scene.bushings for key in fem.DIRECTIONS]
     of_materials = [f"materials.{name}.{key}" for name in scene.materials for key in MATERIAL]
     return of_joints + of_materials + [f"masses.{mass.name}.mass" for mass in scene.masses or ()]
 
@@ -72,7 +72,7 @@ def scene_value(scene: Scene, name: str) -> float:
     mass [kg]."""
     table, entry, key = name.split(".")
     masses = {mass.name: mass for mass in scene.masses or ()}
-    tables = {"joints": scene.springs, "materials": scene.materials, "masses": masses}
+    tables = {"joints": scene.bushings, "materials": scene.materials, "masses": masses}
     return getattr(tables[table][entry], key)
 
 

@@ -433,7 +433,7 @@ def scene_values(scene: Scene, p: TuningParameter) -> list[tuple[str, float]]:
         return [(p.name, of_bodies.scene_value(scene, p.name))]
     if p.springs:
         keys = [spring.split(".") for spring in p.springs]
-        return [(f"{joint}.{key}", getattr(scene.springs[joint], key)) for joint, key in keys]
+        return [(f"{joint}.{key}", getattr(scene.bushings[joint], key)) for joint, key in keys]
     of_block = getattr(scene.assembly.block, p.of, None)
     return [(p.name, getattr(scene.assembly, p.of) if of_block is None else of_block)]
 

@@ -125,7 +125,7 @@ def reduction(scene: Scene, progress: Progress) -> Finding:
             f'the scene {scene.name} has no chain before an assembly with wall.kind = "rom"; '
             "take rig-rom."
         )
-    if any(table.dashpots for table in scene.springs.values()):
+    if any(table.dashpots for table in scene.bushings.values()):
         raise InvalidScene(
             "joints have dashpots, which this study would leave out of the responses it compares; "
             "set joints.head.cx .. joints.foot.crz to 0."
