@@ -49,8 +49,8 @@ TOLERANCES = FitTolerances()
 
 def _unit(name: str) -> str:
     """Unit of a fitted value: of a stiffness by its direction, the last word of its name; of a
-    material's value, which is a factor, what it multiplies."""
-    if name.endswith(of_bodies.FACTORS):
+    material's value or a spring's between points, which is a factor, what it multiplies."""
+    if name.endswith(of_bodies.FACTORS) or name.startswith("springs."):
         return "of the rest's" if name.startswith("block.") else "of the scene's"
     return "N m/rad" if name.rpartition(".")[2].startswith("kr") else "N/m"
 
