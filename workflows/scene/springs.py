@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
+from workflows.scene.bodies import GROUND, General
 from workflows.scene.quantities import of
 from workflows.scene.scene_table import Dashpot, Point, Positive, SceneTable
 from workflows.scene.shakers import AXES, FACE, Direction, Face
@@ -15,7 +16,6 @@ from workflows.scene.units import LENGTH, STIFFNESS
 if TYPE_CHECKING:
     from workflows.scene.scene import Scene
 
-GROUND = "ground"
 ALONG = "k"  # the key of a stiffness along one direction
 KEYS = ("kx", "ky", "kz", ALONG)
 Stiffness = of(Positive, STIFFNESS, 1.0, 1e9)
@@ -129,7 +129,7 @@ def of_springs(scene: "Scene") -> Iterator[str]:
     if scene.springs and scene.assembly is None:
         yield "[[springs]] sit on faces of an [assembly]; add one, or drop them."
     bodies = scene.bodies or {}
-    drawn = scene.assembly is not None and not scene.assembly.file and not scene.of_dimensions
+    drawn = isinstance(scene.assembly, General) and not scene.assembly.file
     for spring in scene.springs or ():
         for end in spring.ends:
             selector = getattr(spring, end)
