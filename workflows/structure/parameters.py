@@ -101,16 +101,21 @@ def with_values(scene: Scene, value: Mapping[str, float]) -> Scene:
             joints[entry] = joints[entry].model_copy(update={key: float(x)})
         elif table == "masses":
             one = masses[entry]
-            inertia = one.inertia and tuple(float(x) * J for J in one.inertia)
-            update = {"mass": float(x) * one.mass, "inertia": inertia}
+            inertia = one.inertia and tuple(times(x, J) for J in one.inertia)
+            update = {"mass": times(x, one.mass), "inertia": inertia}
             masses[entry] = one.model_copy(update=update)
         elif table == "springs":
             update = {key: float(x) * getattr(springs[entry], key)}
             springs[entry] = springs[entry].model_copy(update=update)
         else:
-            update = {key: float(x) * scene_value(scene, name)}
+            update = {key: times(x, scene_value(scene, name))}
             materials[entry] = materials[entry].model_copy(update=update)
     update = {"joints": tuple(joints.values()) or None, "materials": materials}
     update["masses"] = tuple(masses.values()) or None
     update["springs"] = tuple(springs.values()) or None
     return scene.model_copy(update=update)
+
+
+def times(factor: float, value: float) -> float:
+    """A value times a factor, without the digits that rounding makes of short numbers."""
+    return float(f"{float(factor) * value:.12g}")
