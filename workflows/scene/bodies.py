@@ -43,6 +43,7 @@ Size = of(Positive, LENGTH, 1e-5, 50)
 Place = of(Number, LENGTH, 0, 100)
 Place3 = Annotated[tuple[Place, Place, Place], Field(strict=False, description="x, y, z")]
 Corner = Annotated[tuple[Length, Length], Field(strict=False, description="x, y")]
+Sides = Annotated[tuple[Size, Size, Size], Field(strict=False, description="lengths along x, y, z")]
 Vector = Annotated[tuple[float, float, float], Field(strict=False, description="x, y, z")]
 Three = Annotated[tuple[Modulus, Modulus, Modulus], Field(strict=False)]
 
@@ -204,9 +205,7 @@ class BodyTable(SceneTable):
     material: str | None = None  # a name in [materials], or a named material
     seed: Seed | None = None  # [m] size of its elements
     # [m] lengths along x, y, z; its origin is its middle
-    box: Annotated[
-        tuple[Size, Size, Size], Field(strict=False, description="lengths along x, y, z")
-    ] | None = None  # fmt: skip
+    box: Sides | None = None
     plate: PlateTable | None = None
     cylinder: CylinderTable | None = None
     holes: Holes | None = None
