@@ -419,7 +419,7 @@ def test_a_joint_is_tuned_to_a_target_of_the_scene(capsys):
     report = json.loads(capsys.readouterr().out)
     assert report["stiffness"]["joints.pin.kz"] == pytest.approx(5e7, rel=1e-4)
     assert report["full_order_hz"]["1"] == pytest.approx(hz, rel=1e-6)
-    assert scene("tuned.toml").springs["pin"].kz == pytest.approx(5e7, rel=1e-4)
+    assert scene("tuned.toml").bushings["pin"].kz == pytest.approx(5e7, rel=1e-4)
 
 
 ARM = """
@@ -467,7 +467,7 @@ def test_what_modes_do_not_determine_keeps_its_value_and_the_rest_is_fitted_agai
     assert report["undetermined"] == {f"joints.bolts.{key}": "rigid" for key in rigid}
     assert f"{rigid[0]} is not determined by mode 1, 2: it stays rigid." in report["remarks"][0]
     assert report["remarks"][len(rigid)].endswith(f"determine: --free {','.join(fitted)}.")
-    assert all(getattr(scene("tuned.toml").springs["bolts"], key) == np.inf for key in rigid)
+    assert all(getattr(scene("tuned.toml").bushings["bolts"], key) == np.inf for key in rigid)
     _, rows = modes_of(capsys, "tuned.toml")
     assert [row["frequency_hz"] for row in rows[:6]] == pytest.approx(hz, rel=1e-4)
 
@@ -480,7 +480,7 @@ def test_a_tuned_scene_keeps_comments_and_order_of_its_file(capsys):
         == 0
     )
     _, *lines = Path("t.toml").read_text().splitlines()
-    kz = scene("t.toml").springs["bolts"].kz
+    kz = scene("t.toml").bushings["bolts"].kz
     assert 1e4 < kz < 1e12 and kz != 1e7
     same = text.replace("kz = 1e7", f"kz = {kz!r}").splitlines()
     assert lines[: len(same)] == same

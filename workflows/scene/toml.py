@@ -293,7 +293,7 @@ SENTENCES = {
     "rows": "{key} is a list of tables: write [[{key}]], two brackets, once for each.",
     "model_type": "{key} = {value!r} must be a table; write [{key}] with keys below it.",
 }
-LISTS_OF_TABLES = {(name,) for name in ("shakers", "ties", "masses", "loads", "targets")}
+LISTS_OF_TABLES = {(name,) for name in ("shakers", "ties", "masses", "springs", "loads", "targets")}
 SENTENCES["model_attributes_type"] = SENTENCES["model_type"]
 
 

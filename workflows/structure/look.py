@@ -1,4 +1,4 @@
-"""An assembly at a glance: bodies, masses, touching pairs, holes, the size of its mesh."""
+"""An assembly at a glance: bodies, masses, springs, touching pairs, holes, the size of its mesh."""
 
 from collections import Counter
 from pathlib import Path
@@ -57,8 +57,19 @@ class SeenMass(BaseModel):
     mass_kg: float
 
 
+class SeenSpring(BaseModel):
+    """Equal springs from points of a face to the ground or to another face."""
+
+    name: str
+    on: str
+    to: str
+    number: int
+    stiffness: dict[str, float]  # [N/m] of each by key
+
+
 class Look(BaseModel):
-    """Bodies, touching pairs, holes, carried masses, the cost of a run; `remarks` in sentences."""
+    """Bodies, touching pairs, holes, carried masses, springs, the cost of a run; `remarks` in
+    sentences."""
 
     name: str
     unit: str | None
@@ -66,6 +77,7 @@ class Look(BaseModel):
     touching: list[SeenPair]
     holes: list[SeenHole]
     masses: list[SeenMass] = []
+    springs: list[SeenSpring] = []
     dofs: int  # of the meshes
     unknowns: int | None = None  # about, of a run: less what ties, joints and supports take
     memory_bytes: float
@@ -106,6 +118,13 @@ class Look(BaseModel):
         if self.masses:
             cells = [(one.name, one.on, f"{one.mass_kg:.4g}") for one in self.masses]
             lines += ["", aligned_text(("carried", "on", "mass [kg]"), cells)]
+
+        if self.springs:
+            cells = []
+            for one in self.springs:
+                stiffness = ", ".join(f"{key} {k:.4g}" for key, k in one.stiffness.items())
+                cells.append((one.name, one.on, one.to, one.number, stiffness))
+            lines += ["", aligned_text(("springs", "on", "to", "number", "each [N/m]"), cells)]
 
         seconds = float(f"{self.seconds:.2g}")
         left = f", some {self.unknowns:,} once joined and held" if self.unknowns else " in all"
@@ -183,6 +202,12 @@ def look(scene: Scene, source: str, *, whole: bool = True, with_page: bool = Fal
         ],
         holes=holes,
         masses=[SeenMass(name=one.name, on=one.on, mass_kg=one.mass) for one in scene.masses or ()],
+        springs=[
+            SeenSpring(
+                name=one.name, on=one.on, to=one.to, number=len(one.at), stiffness=one.stiffnesses
+            )
+            for one in scene.springs or ()
+        ],
         dofs=dofs,
         unknowns=None if parts is None else dofs - constrained_dofs(parts),
         memory_bytes=peak_memory(scene, nodes),

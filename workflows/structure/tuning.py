@@ -50,8 +50,8 @@ TOLERANCES = FitTolerances()
 
 def _unit(name: str) -> str:
     """Unit of a fitted value: of a stiffness by its direction, the last word of its name; of a
-    material's value, which is a factor, what it multiplies."""
-    if name.endswith(of_bodies.FACTORS):
+    material's value or a spring's between points, which is a factor, what it multiplies."""
+    if name.endswith(of_bodies.FACTORS) or name.startswith("springs."):
         return "of the rest's" if name.startswith("block.") else "of the scene's"
     return "N m/rad" if name.rpartition(".")[2].startswith("kr") else "N/m"
 
@@ -453,7 +453,7 @@ def scene_values(scene: Scene, p: TuningParameter) -> list[tuple[str, float]]:
         return [(p.name, of_bodies.scene_value(scene, p.name))]
     if p.springs:
         keys = [spring.split(".") for spring in p.springs]
-        return [(f"{joint}.{key}", getattr(scene.springs[joint], key)) for joint, key in keys]
+        return [(f"{joint}.{key}", getattr(scene.bushings[joint], key)) for joint, key in keys]
     of_block = getattr(scene.assembly.block, p.of, None)
     return [(p.name, getattr(scene.assembly, p.of) if of_block is None else of_block)]
 
