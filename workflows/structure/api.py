@@ -246,11 +246,11 @@ def tune(
 ) -> Tuned:
     """Joint stiffnesses, and materials, fitted to measured modes (`beadwave tune`).
 
-    hammer  a hammer test (.csv, .uff, .mat, .wav) to take frequencies and damping from; its modes
-            become the targets of a scene of bodies without any, by shape where points are known
-    match   modes to meet, as 1,3,4 or with frequencies of one's own 1=51.2,3=905 [Hz]; default all
-            targets of the scene. Of a scene of bodies without targets these are numbers of its
-            computed modes, and become its targets
+    hammer  a hammer test (.csv, .uff, .mat, .wav) to take frequencies and damping from; in a scene
+            of bodies without targets its modes become the targets, by shape where points are known
+    match   modes to meet, as 1,3,4, or with frequencies in Hz, as 1=51.2,3=905; default all targets
+            of the scene. In a scene of bodies without targets the numbers count its computed modes,
+            which become its targets
     free    what to vary: joints.NAME.kz,materials.NAME.young; of the rig head.ky, head.kz,
             head.kry, head.kt (kx and kz as one), foot.ky, ..., block.young, block.density
     out     the tuned scene (.toml)
@@ -353,7 +353,7 @@ def hammer(
                    responses: .uff, .mat, or .csv with a header line, then frequency_hz, re_1, im_1,
                    re_2, im_2, ... on each line (Hz; receptance, mobility or accelerance in any
                    unit)
-    scene          the scene whose modes they are paired with; default: rig-rom
+    scene          the scene with whose modes those of the test are paired; default: rig-rom
     points         points of the nodes: .csv (node, x, y, z in metres) or .uff
     band           frequencies to identify in [Hz], as 40:950
     estimator      H1, H2 or Hv
