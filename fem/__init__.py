@@ -64,6 +64,7 @@ from fem.prestress import FaceForce, Heat, Load, prestressed
 from fem.response import receptance
 from fem.rods import Rod
 from fem.spot import Spot, planar_spot, round_spot
+from fem.springs import PointSpring, SpringEnd, with_springs
 from fem.stress_error import Faces, MissedEnergy, Pushed, missed_energy
 from fem.surface import OnSurface, on_surface
 from fem.threads import one_thread
@@ -98,6 +99,7 @@ __all__ = [
     "Orthotropic",
     "Pairing",
     "PlateBesideSolid",
+    "PointSpring",
     "Pushed",
     "RigidBody",
     "Rod",
@@ -106,6 +108,7 @@ __all__ = [
     "Sheet",
     "Side",
     "Spot",
+    "SpringEnd",
     "Structure",
     "SwayingTable",
     "Target",
@@ -148,4 +151,5 @@ __all__ = [
     "target_mac",
     "tube",
     "with_carried",
+    "with_springs",
 ]

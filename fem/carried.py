@@ -16,6 +16,7 @@ from scipy.sparse import csr_matrix
 from fem.contact_patch import disc_quadrature
 from fem.elasticity import Carried, Structure
 from fem.joints import distributing
+from fem.room import room_on_face
 from fem.spot import planar_spot
 from fem.trace import OffFace, trace
 
@@ -54,9 +55,10 @@ def with_carried(
         try:
             P = trace(structure, body.face, on_face)
         except OffFace:
+            room = room_on_face(structure, body.face, body.at, body.radius)
             raise OffFace(
                 f"a disc of radius {body.radius:g} m at {list(body.at)} m from the middle of "
-                f"{body.face!r} leaves that face; move it or make it smaller."
+                f"{body.face!r} leaves that face; {room}; move it or make it smaller."
             ) from None
         centre = spot.point - body.height * spot.inward
         C = csr_matrix(csr_matrix(distributing(on_face, share, centre)) @ P)

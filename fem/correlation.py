@@ -19,6 +19,7 @@ from fem.model import Model
 from fem.modes import Modes
 
 RIGID = 1e-4  # frequency over the highest one, below which a mode is a rigid-body motion
+SPRINGS = "springs:"  # before the name of springs between points among the bodies
 MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
 STRAIN = "strain"
 
@@ -44,7 +45,8 @@ class BodyMotion(NamedTuple):
 
 
 class Number(NamedTuple):
-    """A mode identified by its number, from 1, among those that strain something."""
+    """A mode identified by its number, from 1, among those that strain bodies or joints: rigid
+    motions on springs between points do not count, as those of what floats."""
 
     number: int
 
@@ -73,7 +75,8 @@ class Pairing(NamedTuple):
 
 
 class BodyForms(NamedTuple):
-    """Energies and rigid motions of one body in coordinates q (m,) of u = V @ q."""
+    """Energies and rigid motions of one body in coordinates q (m,) of u = V @ q; of springs between
+    points the strain energy alone."""
 
     K: NDArray[np.float64]  # (m, m) its strain energy is q^T K q / 2
     M: NDArray[np.float64]  # (m, m) its kinetic energy v^T M v / 2
@@ -102,6 +105,13 @@ class ShapeMatch(NamedTuple):
 
 # of targets: a start far from the measured frequencies keeps its pairs as it is tuned to them
 FROM_AFAR = ShapeMatch(spread=1.0, farthest=10.0)
+
+
+class RigidLimits(NamedTuple):
+    """When a mode on springs between points is a rigid motion; not varied."""
+
+    # share of its strain energy in these springs: 1 - 1e-6 of a box on cords, 1e-6 of its bending
+    suspended: float = 0.5
 
 
 class MeasuredPairs(NamedTuple):
@@ -174,6 +184,7 @@ def pair(model: Model, modes: Modes, targets: Sequence[Target]) -> Pairing:
     """The targets among the modes of a model."""
     bodies = {target.body for target in targets if isinstance(target, BodyMotion)}
     forms = {body: body_forms(model, body, modes.phi) for body in bodies}
+    forms |= spring_forms(model, modes.phi)
     by_mode = [t.within(modes.phi) if isinstance(t, Shape) else t for t in targets]
     return paired(forms, modes._replace(phi=np.eye(len(modes.omega))), by_mode)
 
@@ -192,7 +203,7 @@ def paired(
     targets by shape are paired one-to-one, on MAC and frequency together. No mode with a share or
     MAC below `smallest` is paired.
     """
-    elastic = modes.omega > RIGID * modes.omega.max()
+    elastic = strains(modes, forms)
     character = np.zeros((len(targets), len(modes.omega)))
     for i, target in enumerate(targets):
         if isinstance(target, Number):
@@ -220,6 +231,34 @@ def paired(
         index[shapes] = one_to_one(measured_hz, modes.frequency_hz, character[shapes], match)[0]
     score = np.where(index >= 0, character[range(len(targets)), index], 0.0)
     return Pairing(index, score, character)
+
+
+def strains(
+    modes: Modes, forms: Mapping[str, BodyForms], limits: RigidLimits = RigidLimits()
+) -> NDArray[np.bool_]:
+    """Which modes (k,) strain bodies or joints; the others are rigid motions, free or on springs
+    between points."""
+    in_springs = sum(
+        (
+            np.sum(modes.phi * (form.K @ modes.phi), axis=0)
+            for name, form in forms.items()
+            if name.startswith(SPRINGS)
+        ),
+        start=np.zeros(len(modes.omega)),
+    )
+    elastic = modes.omega > RIGID * modes.omega.max()
+    return elastic & (in_springs < limits.suspended * modes.omega**2)
+
+
+def spring_forms(model: Model, V: NDArray[np.float64]) -> dict[str, BodyForms]:
+    """Energies of the springs between points, SPRINGS + "name.kx", for displacements V (n, m) of a
+    model's free dofs."""
+    m, forms = V.shape[1], {}
+    for one in model.structure.springs:
+        r = one.B @ (model.T @ V)
+        energy = one.stiffness * (r.T @ r)
+        forms[f"{SPRINGS}{one.name}"] = BodyForms(energy, np.zeros((m, m)), np.zeros((6, m)))
+    return forms
 
 
 def body_forms(model: Model, body: str, V: NDArray[np.float64]) -> BodyForms:

@@ -1,17 +1,17 @@
-"""Viscous dampers in the joints: C = sum_j c_j e_j e_j^T on the elongations of the springs.
+"""Viscous dampers in joints and in springs between points: C = sum_j c_j e_j e_j^T on elongations.
 
-They couple the undamped modes, each joint all of them, so no modal ratios stand for this C.
+They couple the undamped modes, each of them all, so no modal ratios stand for this C.
 """
 
 import numpy as np
-from scipy.sparse import csc_array, diags_array
+from scipy.sparse import csc_array, csr_array, diags_array
 
 from fem.model import Model
 
 
 def dashpots(model: Model, coefficient: dict[str, float]) -> csc_array:
     """C (n, n) [N s/m] of c [N s/m or N m s/rad] by spring, "joint.direction", equal for
-    all joints of one name.
+    all joints of one name; and of the structure's springs between points.
 
     Raises ValueError for a direction that has no elongation, being rigid.
     """
@@ -20,4 +20,9 @@ def dashpots(model: Model, coefficient: dict[str, float]) -> csc_array:
             raise ValueError(f"no spring {name} gives way; a rigid direction cannot damp.")
     c = np.zeros(model.K0.shape[0])
     c[model.elongation] = [coefficient.get(name, 0.0) for name in model.spring]
-    return csc_array(diags_array(c))
+    C = csc_array(diags_array(c))
+    for one in model.structure.springs:
+        if one.dashpot:
+            B = csr_array(one.B @ model.T)
+            C = C + one.dashpot * (B.T @ B)
+    return csc_array(C)

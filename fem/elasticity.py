@@ -36,6 +36,15 @@ class Carried(NamedTuple):
     M: csr_matrix  # (ndof, ndof) [kg]
 
 
+class PointSprings(NamedTuple):
+    """Springs of one name and stiffness between points, or from points to the ground."""
+
+    name: str
+    B: csr_matrix  # (m, ndof) their elongations
+    stiffness: float  # [N/m] of each
+    dashpot: float = 0.0  # [N s/m] of each
+
+
 class Structure(NamedTuple):
     """All bodies, unjoined and free: x, y, z of node after node, body after body."""
 
@@ -45,6 +54,7 @@ class Structure(NamedTuple):
     K: csr_matrix  # (ndof, ndof) [N/m]
     M: csr_matrix  # (ndof, ndof) [kg], with the masses that faces carry
     carried: tuple[Carried, ...] = ()  # these masses, each alone
+    springs: tuple[PointSprings, ...] = ()  # between points; no part of K
 
     @property
     def n_dofs(self) -> int:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import null_space
 from scipy.sparse import block_diag, csr_matrix, diags_array, vstack
 
 from fem.correlation import MOTIONS
@@ -67,12 +68,15 @@ def loose_bodies(
     springs = n + np.flatnonzero((k > 0) & np.isfinite(k))
     table = np.arange(n + 2 * len(k), n_total)
     E = vstack([*violations, Phi[springs], Phi[table]]).tocsr()
+    points = vstack([csr_matrix((0, n)), *(one.B for one in structure.springs)]) @ Phi[:n]
+    of_all = vstack([E, points]).tocsr()
 
-    # null space; without the assembly's own motions where nothing resists these
-    values, z = np.linalg.eigh((E.T @ E).toarray())
+    # null space; without the assembly's own motions where nothing but springs between points
+    # resists these: on cords it may be free in some directions
+    values, z = np.linalg.eigh((of_all.T @ of_all).toarray())
     Z = z[:, values <= free**2 * values[-1]]
     if np.abs(E @ R).max(initial=0.0) <= free * np.abs(R).max() * np.sqrt(values[-1]):
-        common = np.linalg.qr(R)[0]
+        common = np.linalg.qr(R @ null_space(points @ R, rcond=free))[0]
         U, s, _ = np.linalg.svd(Z - common @ (common.T @ Z), full_matrices=False)
         Z = U[:, s > 0.5]
 

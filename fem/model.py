@@ -69,7 +69,7 @@ class Connections(NamedTuple):
 class Model(NamedTuple):
     """K(k) = K0 + sum_j k_j e_j e_j^T over the joints' elongations, and M."""
 
-    K0: csc_matrix  # (n, n) joints open [N/m]
+    K0: csc_matrix  # (n, n) joints open, with the springs between points [N/m]
     M: csc_matrix  # (n, n) [kg]
     T: csr_matrix  # (ndof, n) displacements of the mesh: u_mesh = T @ u
     free: NDArray[np.int64]  # (n,) where u stands among all dofs: mesh, elongations, mean motions
@@ -129,6 +129,11 @@ def joined(
         of_sway = reduction.T[-2:]
         K = (K + sway.stiffness * (of_sway.T @ of_sway)).tocsc()
         M = (M + sway.mass * (of_sway.T @ of_sway)).tocsc()
+
+    # springs between points, B (m, n): K + B^T k B
+    for one in structure.springs:
+        B = csr_matrix(one.B @ T)
+        K = (K + one.stiffness * (B.T @ B)).tocsc()
 
     # springs of finite stiffness whose elongation no constraint holds
     springs = np.flatnonzero((reduction.free >= n) & (reduction.free < n + len(k)))

@@ -33,7 +33,7 @@ from skfem import Basis, Element, FacetBasis, Mesh, MeshHex
 
 from fem.elasticity import ELEMENTS, element_stiffness
 from fem.half_space import HalfSpaceField
-from fem.joints import Tie
+from fem.joints import Tie, rigid_motion
 from fem.materials import Material, Orthotropic
 from fem.model import Held, Model
 from fem.sagging import sagging
@@ -99,14 +99,20 @@ def missed_energy(
         mesh, material = basis.mesh, materials[body]
         element, C, order = element_of(mesh), stiffness_of(material), 4 + isinstance(mesh, MeshHex)
         field = pushed.half_space if pushed is not None and pushed.half_space.body == body else None
-        local = at_elements(basis, model.T[structure.dofs(body)] @ u)
+        # apart from the body's rigid motion R q, whose rounding in single precision would strain a
+        # body on soft springs more than these do
+        nodes = structure.points[structure.dofs(body)[0::3] // 3]
+        R = rigid_motion(nodes, nodes.mean(axis=0)) / np.array([1.0] * 3 + [np.ptp(nodes)] * 3)
+        of_body = model.T[structure.dofs(body)] @ u
+        q = np.linalg.solve(R.T @ R, R.T @ of_body)
+        local, rigid = at_elements(basis, of_body - R @ q), at_elements(basis, R)
         if field is not None:  # as one displacement more
             half_space = np.zeros((basis.N, 1))
             half_space[field.dofs - structure.first[body]] = field.u
             local = np.concatenate([local, at_elements(basis, half_space)], axis=3)
         m = local.shape[3]
-        inertia_of = np.zeros((m, m), np.float32)
-        inertia_of[:k, :k] = D
+        inertia_of, rigid_inertia = np.zeros((m, m), np.float32), np.zeros((6, m), np.float32)
+        inertia_of[:k, :k], rigid_inertia[:, :k] = D, q @ D
         n_cells, n = local.shape[:2]
         n_lacking = 19 if isinstance(mesh, MeshHex) else 10
         residual = np.zeros((n_cells, n_lacking, 3, m), np.float32)
@@ -198,7 +204,8 @@ def missed_energy(
             K = element_stiffness(db, gradient, at.dx, C).astype(np.float32)
             M = (material.density * b * at.dx).transpose(1, 0, 2) @ phi.transpose(1, 2, 0)
             u_e = local[cells]
-            inertia = M.astype(np.float32) @ (u_e @ inertia_of).reshape(len(cells), n, 3 * m)
+            accelerated = u_e @ inertia_of + rigid[cells] @ rigid_inertia
+            inertia = M.astype(np.float32) @ accelerated.reshape(len(cells), n, 3 * m)
             r = residual[cells] + inertia.reshape(len(cells), -1, 3, m)
             r -= (K @ u_e.reshape(len(cells), 3 * n, m)).reshape(r.shape)
             if field is not None:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh, null_space
 from scipy.optimize import least_squares
 
-from fem.correlation import RIGID, BodyForms, Shape, Target, body_forms, paired
+from fem.correlation import RIGID, BodyForms, Shape, Target, body_forms, paired, spring_forms
 from fem.factorisation import Factor, factorised
 from fem.model import Model
 from fem.modes import SHIFT_HZ, Modes, deflated, modes
@@ -37,7 +37,7 @@ class TuningParameter(NamedTuple):
     start: float
     lower: float
     upper: float
-    bodies: tuple[str, ...] = ()  # whose material the factor multiplies
+    bodies: tuple[str, ...] = ()  # whose material, or stiffness, the factor multiplies
     of: Literal["young", "density"] = "young"
     before: tuple[float, ...] = ()  # stiffness of each spring, inf where rigid; or the one factor
 
@@ -50,7 +50,8 @@ class TuningBasis(NamedTuple):
     elongation: NDArray[np.float64]  # (n_springs, m)
     spring: tuple[str, ...]  # (n_springs,) their names
     stiffness: NDArray[np.float64]  # (n_springs,) where no parameter sets it
-    forms: dict[str, BodyForms]  # of every body and carried mass, in the same coordinates
+    # of every body, carried mass and spring between points, in the same coordinates
+    forms: dict[str, BodyForms]
     targets: tuple[Target, ...]  # what identifies the modes to tune, 1, 2, ...
 
 
@@ -106,6 +107,8 @@ def tuning_basis(
     K = model._replace(stiffness=settings.soft * unit_stiffness).K
     pulls = np.zeros((K.shape[0], len(model.elongation)))
     pulls[model.elongation, range(len(model.elongation))] = 1.0
+    of_points = [(one.B @ model.T).toarray().T for one in model.structure.springs]
+    pulls = np.hstack([pulls, *of_points])
     # of a structure that floats K is singular: shifted by its inertia, without the rigid motions R
     R = soft.phi[:, soft.omega < RIGID * soft.omega.max()]
     shift = (2 * np.pi * SHIFT_HZ) ** 2 if R.shape[1] else 0.0
@@ -126,7 +129,9 @@ def tuning_basis(
         V[model.elongation],
         model.spring,
         model.stiffness,
-        {body: body_forms(model, body, V) for body in model.structure.basis} | of_carried,
+        {body: body_forms(model, body, V) for body in model.structure.basis}
+        | of_carried
+        | spring_forms(model, V),
         tuple(t.within(V) if isinstance(t, Shape) else t for t in targets),
     )
 

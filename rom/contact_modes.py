@@ -229,14 +229,15 @@ def krylov_space(
         random = np.random.default_rng(0).standard_normal((len(w), options.random))
         loads = np.column_stack([w, M @ random])
 
-    # K^-1 w (inertia relief where the structure floats), and what it has beyond the retained modes
+    # what K^-1 w (inertia relief where the structure floats) has beyond the retained modes, whose
+    # share leaves the loads and, for rounding, the result: on soft cords K^-1 w is a million times
+    # as large as the rest, and no digit of that would be left
     elastic, rigid = retained.omega > 0, retained.phi[:, retained.omega == 0]
     participation = retained.phi.T @ loads
-    static = attachment_modes(problem, loads, rigid)
-    compliance = np.sqrt(np.maximum(np.einsum("ij,ij->j", static, K @ static), 0.0))
-    static -= retained.phi[:, elastic] @ (
-        participation[elastic] / retained.omega[elastic, None] ** 2
-    )
+    static = attachment_modes(problem, loads - M @ (retained.phi @ participation), rigid)
+    static -= retained.phi @ (retained.phi.T @ (M @ static))
+    energy = np.sum((participation[elastic] / retained.omega[elastic, None]) ** 2, axis=0)
+    compliance = np.sqrt(energy + np.maximum(np.einsum("ij,ij->j", static, K @ static), 0.0))
     block, R = k_orthonormalised(static, static.T @ (K @ static), K, 1e-12 * compliance)
     participation = participation[:, 0]
     if not block.shape[1]:

@@ -7,6 +7,7 @@ from scipy.optimize import brentq
 from skfem import MeshHex
 
 import fem
+from fem.room import room_on_face
 from fem.tuning import CARRIED, TuningParameter, spectrum, tuning_basis
 
 STEEL = fem.Material(210e9, 0.0, 7850.0)  # without Poisson's ratio a thin beam is one of theory
@@ -104,5 +105,22 @@ def test_a_density_leaves_masses_on_faces_as_they_are():
 
 def test_a_disc_that_leaves_its_face_is_refused():
     wide = fem.CarriedMass("a", "beam:left", (0.003, 0.0), 4e-3, TIP)
-    with pytest.raises(ValueError, match="leaves that face; move it or make it smaller"):
+    with pytest.raises(ValueError, match=r"that face; the face is 0\.01 x 0\.01 m along y"):
         fem.with_carried(beam(6), [wide])
+    with pytest.raises(ValueError, match=r"for it is \[0\.001, 0\.0\]; move it or make it smaller"):
+        fem.with_carried(beam(6), [wide])
+    with pytest.raises(ValueError, match="where such a disc has no room"):
+        fem.with_carried(beam(6), [wide._replace(radius=6e-3)])
+
+
+def test_the_nearest_place_for_a_disc_beside_a_hole_is_as_far_from_it_as_its_radius():
+    """A square of 60 mm without its middle one of 20 mm; the grid of places is 2.2 mm wide."""
+    lines = np.linspace(-0.03, 0.03, 13), np.linspace(-0.03, 0.03, 13), [0.0, 0.01]
+    mesh = MeshHex.init_tensor(*map(np.asarray, lines))
+    middle = np.abs(mesh.p[:2, mesh.t].mean(axis=1)).max(axis=0) < 0.01
+    mesh = mesh.remove_elements(np.flatnonzero(middle))
+    mesh = mesh.with_boundaries({"top": lambda x: x[2] > 0.01 - 1e-9})
+    frame = fem.assemble({"frame": mesh}, {"frame": STEEL})
+    clause = room_on_face(frame, "frame:top", (0.002, 0.001), 4e-3)
+    place = [float(x) for x in clause.partition("nearest place for it is [")[2][:-1].split(",")]
+    assert 0.014 <= max(map(abs, place)) <= 0.014 + 2.2e-3

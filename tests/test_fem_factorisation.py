@@ -1,3 +1,5 @@
+import sys
+
 import numpy as np
 import pytest
 from scipy.sparse import csc_matrix, csr_matrix, diags_array, eye_array, kron
@@ -9,6 +11,7 @@ from fem.factorisation import Pardiso, _superlu, has_pardiso
 from fem.grouping import grouped, minimum_degree_work
 from fem.multifrontal import Cholesky, NotPositiveDefinite, Singular, plan
 from fem.nested_dissection import edges, nested_dissection
+from workflows.installation import doctor
 
 STEEL = Material(210e9, 0.3, 7850.0)
 
@@ -68,6 +71,23 @@ def test_the_library_of_the_solver_is_searched_for_once(monkeypatch):
 
     monkeypatch.setattr("pypardiso.pardiso_wrapper.find_library", searched)
     assert Pardiso(spring_chain(5)).solve(np.ones(5)).any()
+
+
+def test_a_solver_without_its_library_is_done_without(monkeypatch, tmp_path):
+    text = "class PyPardisoSolver:\n    def __init__(self): raise ImportError('no mkl_rt')\n"
+    (tmp_path / "pypardiso.py").write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "pypardiso", raising=False)
+    monkeypatch.setattr(factorisation, "WORTH_PARDISO", 10)
+    for answer in (has_pardiso, factorisation._mkl):
+        answer.cache_clear()
+    try:
+        assert factorised(spring_chain(50)).solve(np.eye(50)[:, -1])[-1] == pytest.approx(50.0)
+        monkeypatch.setattr(doctor, "version", lambda name: "1.0")
+        assert "missing: mkl: pypardiso finds no library mkl_rt" in doctor.doctor().text()
+    finally:
+        for answer in (has_pardiso, factorisation._mkl):
+            answer.cache_clear()
 
 
 def brick(n, held):

@@ -247,8 +247,9 @@ def test_a_starter_strikes_where_nothing_lies_and_holes_at_an_edge_are_reported(
     (message,) = seen["remarks"]
     assert "has a hole of 10 mm that an edge cuts" in message
     start = scene("start.toml")
-    assert start.strike.on != "body-1:+z"  # its middle lies under the block
-    covered = start.but(strike={"on": "body-1:+z"})
+    assert start.strike.on == "body-1:+z"  # its middle lies under the block, which ends at 10 mm
+    assert abs(start.strike.at[1]) > 0.012
+    covered = start.but(strike={"at": (0.0, 0.0)})
     with pytest.raises(InvalidScene, match=r'"body-2" lies on body-1 at the point struck, \[0.0, '):
         pipeline_of(covered, lambda name: nullcontext())("mesh")
     beside = covered.but(strike={"on": "body-1:+z", "at": (0.0175, 0.0)})
@@ -256,6 +257,59 @@ def test_a_starter_strikes_where_nothing_lies_and_holes_at_an_edge_are_reported(
     close_by = covered.but(strike={"on": "body-1:+z", "at": (0.0165, 0.0)})
     with pytest.raises(InvalidScene, match=r"less than 0.002 m beside it; move it by strike.at"):
         pipeline_of(close_by, lambda name: nullcontext())("mesh")
+
+
+def turned(direction, bore):
+    """A shaft of 24 mm, with a shoulder of 16 mm, along a direction (3,), bored through."""
+    x, y, z = direction
+    with session(), silent():
+        occ = gmsh.model.occ
+        shaft = occ.addCylinder(0, 0, 0, 0.04 * x, 0.04 * y, 0.04 * z, 0.012)
+        end = occ.addCylinder(0.04 * x, 0.04 * y, 0.04 * z, 0.03 * x, 0.03 * y, 0.03 * z, 0.008)
+        ends = [(3, end)] if bore < 0.008 else []
+        if ends:
+            occ.fuse([(3, shaft)], ends)
+        else:
+            occ.remove([(3, end)], recursive=True)
+        tool = occ.addCylinder(-0.001 * x, -0.001 * y, -0.001 * z, 0.1 * x, 0.1 * y, 0.1 * z, bore)
+        occ.synchronize()
+        occ.cut([(3, tag) for _, tag in gmsh.model.getEntities(3) if tag != tool], [(3, tool)])
+        occ.synchronize()
+        gmsh.write("turned.step")
+
+
+@pytest.mark.parametrize(
+    ("direction", "bore", "on", "held"),
+    [
+        ((0.0, 0.0, 1.0), 0.004, "body:+z", "body:-z"),
+        ((1.0, 0.0, 0.0), 0.004, "body:-x", "body:+x"),
+        ((0.0, 0.0, 1.0), 0.0105, "body:cylinder(24 mm)", "body:-z"),
+        ((0.6, 0.0, 0.8), 0.004, "body@", "body@"),
+    ],
+)
+def test_the_starter_of_a_turned_part_strikes_beside_its_bore(direction, bore, on, held, capsys):
+    """The patch lies on the part, as a run wants it, and another face is held."""
+    turned(direction, bore)
+    assert beadwave("look", "turned.step", "--scene=start.toml") == 0
+    start = scene("start.toml", ("mesh.scale=3",))
+    assert start.strike.on.startswith(on) and start.assembly.held[0].startswith(held)
+    assert start.strike.on != start.assembly.held[0]
+    struck = pipeline_of(start, lambda name: nullcontext())("mesh").struck
+    along = struck.point @ np.array(direction)
+    off_axis = np.linalg.norm(struck.point - along * np.array(direction))
+    assert bore + start.strike.radius < off_axis < 0.012 + 1e-9
+
+
+def test_the_starter_of_a_ball_floats(capsys):
+    """No plane face can be held, and free modes need none."""
+    with session(), silent():
+        gmsh.model.occ.addSphere(0, 0, 0, 0.02)
+        gmsh.model.occ.synchronize()
+        gmsh.write("ball.step")
+    assert beadwave("look", "ball.step", "--scene=start.toml") == 0
+    start = scene("start.toml")
+    assert start.assembly.held == () and start.reduction.kind == "free-modes"
+    assert start.strike.at == (0.0, 0.0, 0.02)
 
 
 def refused(capsys, text, *more):
@@ -365,7 +419,7 @@ def test_a_joint_is_tuned_to_a_target_of_the_scene(capsys):
     report = json.loads(capsys.readouterr().out)
     assert report["stiffness"]["joints.pin.kz"] == pytest.approx(5e7, rel=1e-4)
     assert report["full_order_hz"]["1"] == pytest.approx(hz, rel=1e-6)
-    assert scene("tuned.toml").springs["pin"].kz == pytest.approx(5e7, rel=1e-4)
+    assert scene("tuned.toml").bushings["pin"].kz == pytest.approx(5e7, rel=1e-4)
 
 
 ARM = """
@@ -413,7 +467,7 @@ def test_what_modes_do_not_determine_keeps_its_value_and_the_rest_is_fitted_agai
     assert report["undetermined"] == {f"joints.bolts.{key}": "rigid" for key in rigid}
     assert f"{rigid[0]} is not determined by mode 1, 2: it stays rigid." in report["remarks"][0]
     assert report["remarks"][len(rigid)].endswith(f"determine: --free {','.join(fitted)}.")
-    assert all(getattr(scene("tuned.toml").springs["bolts"], key) == np.inf for key in rigid)
+    assert all(getattr(scene("tuned.toml").bushings["bolts"], key) == np.inf for key in rigid)
     _, rows = modes_of(capsys, "tuned.toml")
     assert [row["frequency_hz"] for row in rows[:6]] == pytest.approx(hz, rel=1e-4)
 
@@ -426,7 +480,7 @@ def test_a_tuned_scene_keeps_comments_and_order_of_its_file(capsys):
         == 0
     )
     _, *lines = Path("t.toml").read_text().splitlines()
-    kz = scene("t.toml").springs["bolts"].kz
+    kz = scene("t.toml").bushings["bolts"].kz
     assert 1e4 < kz < 1e12 and kz != 1e7
     same = text.replace("kz = 1e7", f"kz = {kz!r}").splitlines()
     assert lines[: len(same)] == same

@@ -98,7 +98,11 @@ def test_the_reduced_model_of_a_shaken_scene_has_the_static_response_to_its_word
 
 def test_a_shaker_that_leaves_its_face_is_refused():
     wide = with_shakers({"at": [0.023, 0.0]})
-    sentence = "shakers.shaker: a disc of radius 0.005 m at [0.023, 0.0] m from the middle of"
+    sentence = (
+        "shakers.shaker: a disc of radius 0.005 m at [0.023, 0.0] m from the middle of 'block:-x' "
+        "leaves that face; the face is 0.05 x 0.04 m along y and z, and the nearest place for it "
+        "is [0.02, 0.0]; move it by shakers.shaker.at, or make shakers.shaker.radius smaller."
+    )
     with pytest.raises(InvalidScene, match=re.escape(sentence)):
         pipeline(wide)("reduction")
 

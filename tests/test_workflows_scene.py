@@ -145,6 +145,23 @@ def test_a_refusal_names_the_key_the_value_and_what_is_allowed(change):
     assert "\n" not in sentence and sentence.endswith(".") and not sentence.endswith("..")
 
 
+TOO_SHORT = {
+    "joints.bolts.at=[[0.02, 0.02]]": ".1 = [0.02, 0.02] has 2 values; give 3: x, y, z.",
+    "bodies.base.at=[0, 0]": " = [0, 0] has 2 values; give 3: x, y, z.",
+    "bodies.base.plate.outline=[[0]]": ".1 = [0] has 1 value; give 2: x, y.",
+    "bodies.base.box=[1, 1]": " = [1, 1] has 2 values; give 3: lengths along x, y, z.",
+    "strike.nodes=[[0.1]]": ".1 = [0.1] has 1 value; give 2.",
+}
+
+
+@pytest.mark.parametrize("change", TOO_SHORT)
+def test_a_list_that_is_too_short_is_refused_with_what_it_must_hold(change):
+    with pytest.raises(InvalidScene) as refusal:
+        scene("plate-on-bolts", (change,))
+    key = change.partition("=")[0]
+    assert str(refusal.value) == f"plate-on-bolts: {key}{TOO_SHORT[change]}"
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [("preload.force=3", "preload.force = 3"), ("contact.coefficient=0.5", "0.5 at the wall")],
@@ -220,7 +237,12 @@ def test_a_mesh_that_fits_no_memory_is_refused(monkeypatch):
 
 @pytest.mark.parametrize(
     ("point", "words"),
-    [("[0]", "patch.point.2 is missing"), ("[0, 0, 0]", "3 values; give 2"), ("[]", "missing")],
+    [
+        ("[0]", "1 value; give 2"),
+        ("[0, 0, 0]", "3 values; give 2"),
+        ("[]", "0 values; give 2"),
+        ("0", "must be a list of 2"),
+    ],
 )
 def test_a_point_has_two_coordinates(point, words):
     with pytest.raises(InvalidScene, match=words):

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import beadwave
-from fem import on_surface
+from fem import mac, on_surface
 from fem.hammer_test import accelerances
 from workflows.files.scene import scene
+from workflows.files.shapes import measured_shape
 from workflows.scene import InvalidScene
 from workflows.stages.pipeline import pipeline_of
 
@@ -204,6 +205,10 @@ def test_a_shape_is_tuned_to_by_the_command(known, capsys):
     assert report.stiffness["materials.steel.young"] == pytest.approx(SHIFT**2, rel=1e-6)
     assert report.full_order_hz["1"] == pytest.approx(hz, rel=1e-6)
     assert json.loads(report.model_dump_json())["mac"]["1"] > 0.98
+    # a modulus that scales all of K leaves the shape as it was: the MAC is that of the noise
+    clean, measured = (values[:, 1:].reshape(-1, 1) for values in (shapes[2], noisy(shapes[2])))
+    assert report.measured_mac["1"] == pytest.approx(mac(clean, measured)[0, 0], abs=1e-6)
+    assert "measured MAC" in report.text()
 
 
 @pytest.mark.parametrize(
@@ -260,6 +265,19 @@ def test_designed_points_computed_hits_and_their_modes_tune_a_model(capsys):
     )
     report = beadwave.tune("aimed.toml", free="materials.steel.young").report
     assert report.stiffness["materials.steel.young"] == pytest.approx(0.96, rel=2e-3)
+
+    # a node without coordinates is named, and the shapes at the others tell the modes as well
+    lines = Path("points.csv").read_text().splitlines()
+    missing = lines.pop(3).split(",")
+    Path("some.csv").write_text("\n".join(lines))
+    some = beadwave.hammer("hits.mat", "beam.toml", points="some.csv", out="some").report
+    assert any(
+        remark.startswith(f"1 of 8 points have no coordinates ({missing[0]}+{missing[-1]})")
+        for remark in some.remarks
+    )
+    assert [row.computed_hz for row in some.rows] == [row.computed_hz for row in test.report.rows]
+    for row in some.rows:
+        assert len(measured_shape(Path("some/modes.uff"), row.frequency_hz).points) == 7
 
 
 def test_designs_that_cannot_be_are_refused_in_a_sentence():

@@ -99,6 +99,8 @@ A_THOUSAND_OFF = {
     "rig-rom assembly.screw_x=[-15, 15]": "did you mean -0.015 (-15 mm)?",
     "rig-rom assembly.block.density=7.4": "did you mean 7400 (7.4 g/cm^3)?",
     "rig-rom mesh.seed=6": "did you mean 0.006 (6 mm)?",
+    "plate-on-bolts bodies.cover.plate.thickness=6": "did you mean 0.006 (6 mm)?",
+    "plate-on-bolts bodies.cover.plate.thickness=6 m": "(20 times the longer side of its outline)",
 }
 
 
@@ -126,6 +128,15 @@ def test_an_unusual_number_is_meant_where_its_key_is_listed():
     assert result.chain.radius == 12.7 and result.unusual == ("chain.radius",)
     tables = tomllib.loads(toml(result))
     assert tables["chain"]["radius"] == 12.7 and resolved(tables, "again") == result
+
+
+def test_a_long_bar_that_is_drawn_as_a_plate_is_meant_where_its_key_is_listed():
+    """The range of a thickness depends on the outline; a scene written out keeps the key."""
+    key = "bodies.cover.plate.thickness"
+    result = scene("plate-on-bolts", (f'unusual=["{key}"]', f"{key}=6", "mesh.scale=20"))
+    assert result.unusual == (key,)
+    assert resolved(tomllib.loads(toml(result)), "again").bodies == result.bodies
+    assert scene("plate-on-bolts", (f"{key}=0.3",)).unusual is None
 
 
 def test_a_new_value_of_a_key_listed_as_unusual_is_checked_again(tmp_path):

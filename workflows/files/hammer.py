@@ -279,12 +279,14 @@ def write_modes(
     path: Path, test: MeasuredTest, frequency_hz: NDArray, zeta: NDArray, phi: NDArray
 ) -> None:
     """Write points, shapes phi (p, n) and responses as data sets 15, 55 and 58; shapes are the real
-    parts of those turned to be as real as can be, along the directions of their points."""
+    parts of those turned to be as real as can be, along the directions of their points. Where some
+    nodes have coordinates, shapes are written at these alone."""
     library = pyuff()
     ends = [node_and_axis(name) or (i, 3) for i, name in enumerate(test.responses.points, 1)]
     numbers = sorted({node for node, _ in ends})
     sets = []
-    if all(node in test.nodes for node in numbers):
+    if placed := [node for node in numbers if node in test.nodes]:
+        numbers = placed
         x, y, z = np.array([test.nodes[node] for node in numbers]).T
         zero = [0] * len(numbers)
         sets.append(library.prepare_15(numbers, zero, zero, zero, list(x), list(y), list(z)))
@@ -293,6 +295,8 @@ def write_modes(
         turned = (shape * np.exp(-0.5j * np.angle(np.sum(shape**2)))).real
         r = np.zeros((3, len(numbers)))
         for (node, axis), value in zip(ends, turned, strict=True):
+            if node not in numbers:
+                continue
             r[abs(axis) - 1, numbers.index(node)] = np.sign(axis) * value
         sets.append(
             library.prepare_55(

@@ -36,6 +36,7 @@ from workflows.fit.scaling import Scaled, scaled
 from workflows.fit.sensed import Channels
 from workflows.fit.signals import Filter, Signals, aligned, lag_of, noise_of_mean
 from workflows.fit.windows import Options
+from workflows.report.numbers import supported
 from workflows.scene import InvalidScene, OneDofWall, Scene
 from workflows.scene.units import GAINS
 from workflows.stages.chain import initial_velocity
@@ -165,7 +166,9 @@ def calibrated(
     if "trigger" not in names:
         report.remarks.append(f"The first touch was held at {1e6 * trigger:.5g} us of the record.")
     name = f"{scene.name}-calibrated"
-    result = scene_parameters.calibrated_scene(scene, fit.parameters, fit.value, name)
+    bars = fit.uncertainty.two_sigma
+    written = np.array([supported(x, bar) for x, bar in zip(fit.value, bars, strict=True)])
+    result = scene_parameters.calibrated_scene(scene, fit.parameters, written, name)
     return Calibrated(result, report, fit, forward)
 
 

@@ -25,6 +25,7 @@ from workflows.fit.plausibility import (
 )
 from workflows.fit.record import marched, sensor_of, usable
 from workflows.fit.structure import VariedScene, better_models, structure
+from workflows.report.numbers import supported
 from workflows.scene import InvalidScene, Scene
 from workflows.stages.progress import Progress
 from workflows.sweep.cases import Base
@@ -93,7 +94,9 @@ def inspected(
     if answer.no_wall:
         result = scene_parameters.put(scene, keys[:n], values)
     else:
-        result = scene_parameters.scene_at(base, keys[:n], values)
+        bars = inversion.uncertainty.two_sigma[:n]
+        written = np.array([supported(x, bar) for x, bar in zip(values, bars, strict=True)])
+        result = scene_parameters.scene_at(base, keys[:n], written)
     judged = Judged(
         inversion,
         rivals,

@@ -77,6 +77,7 @@ class Installation(BaseModel):
 
 def doctor() -> Installation:
     """What is installed, what is missing and what that costs (`beadwave doctor`)."""
+    from fem.factorisation import has_pardiso
     from workflows.files.cache_folder import cache_folder
     from workflows.scene.memory import free_memory
     from workflows.stages.cache import LIBRARIES as NEEDED
@@ -89,6 +90,9 @@ def doctor() -> Installation:
             version(name)
         except PackageNotFoundError:
             missing.append(Absent(name, costs, f"./install.sh {extra}"))
+    if "pypardiso" not in (absent.name for absent in missing) and not has_pardiso():
+        costs = "pypardiso finds no library mkl_rt, and " + MISSING["pypardiso"][1]
+        missing.append(Absent("mkl", costs, "pip install --force-reinstall mkl"))
     for name, package, costs in missing_libraries():
         unknown = f"the package that apt-file search {name} names"
         missing.append(Absent(name, costs, f"apt-get install {package}" if package else unknown))

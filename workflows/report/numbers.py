@@ -31,6 +31,21 @@ def figures(value: float, n: int = 4) -> str:
     return grouped(value) if abs(value) >= 10.0**n - 0.5 else f"{value:#.{n}g}".rstrip(".")
 
 
+def supported(value: float, deviation: float) -> float:
+    """A fitted value to two digits beyond the first one of its deviation, and to four at least;
+    where the deviation is not known, to four.
+
+    >>> supported(35133923.98926383, 4.6e5), supported(0.0499998, 1e-6), supported(31.41592, 99.0)
+    (35134000.0, 0.0499998, 31.42)
+    """
+    if not value or not isfinite(value):
+        return value
+    last = floor(log10(abs(value))) - 3
+    if deviation > 0 and isfinite(deviation):
+        last = min(last, floor(log10(deviation)) - 2)
+    return float(f"{value:.{max(floor(log10(abs(value))) - last, 0)}e}")
+
+
 def grouped(value: float) -> str:
     """A whole number in groups of three digits."""
     return f"{value:,.0f}".replace(",", "\u202f")

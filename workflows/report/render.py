@@ -159,7 +159,8 @@ def assembly(
         size = 0.3, 0.033 * len(legend)
         plotter.add_legend(legend, bcolor="white", face="rectangle", loc="upper left", size=size)
 
-    millimetres = [1e3 * x for x in grid.bounds]
+    # to a micrometre: an end at -1e-17 m is 0, not -0
+    millimetres = [round(1e3 * x, 3) + 0.0 for x in grid.bounds]
     axes = plotter.show_bounds(
         bounds=grid.bounds, axes_ranges=millimetres, xtitle="x [mm]", ytitle="y [mm]",
         ztitle="z [mm]", n_xlabels=3,

@@ -1,8 +1,10 @@
-"""The words that a key of a scene may be, for the sentence that asks for it."""
+"""What a key of a scene may be, for the sentence that asks for it: words, or how many values."""
 
 from collections.abc import Iterator, Sequence
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic.fields import FieldInfo
 
 
 def allowed_words(model: Any, path: Sequence[str | int]) -> str:
@@ -15,6 +17,42 @@ def allowed_words(model: Any, path: Sequence[str | int]) -> str:
     literals = (kind for kind in kinds if get_origin(kind) is Literal)
     words = [repr(word) for literal in literals for word in get_args(literal)]
     return " or ".join([", ".join(words[:-1]), *words[-1:]][len(words) < 2 :])
+
+
+def wanted_values(model: Any, path: Sequence[str | int]) -> str:
+    """How many values the list at a path of keys below a table must have, as in "3: x, y, z"; ""
+    where any number will do. Parts of the path that are no keys, as pydantic's names for the
+    branches of a union, are passed over."""
+    annotations = [model]
+    for key in path:
+        below = [child for annotation in annotations for child in _below(annotation, key)]
+        annotations = below or annotations
+    for annotation in annotations:
+        for kind in _kinds(annotation):
+            values = get_args(kind) if get_origin(kind) is tuple else ()
+            if values and values[-1] is not Ellipsis:
+                names = [m.description for m in _metadata(annotation) if m.description]
+                return ": ".join([str(len(values)), *names])
+    return ""
+
+
+def _below(annotation: Any, key: str | int) -> Iterator[Any]:
+    """The annotations of what stands under a key of a table, or at a place of a list."""
+    for kind in _kinds(annotation):
+        field = getattr(kind, "model_fields", {}).get(key)
+        values = get_args(kind)
+        if field:
+            yield field.annotation
+        elif get_origin(kind) is dict and isinstance(key, str):
+            yield values[1]
+        elif get_origin(kind) is tuple and isinstance(key, int):
+            yield values[0] if values[-1] is Ellipsis else values[min(key, len(values) - 1)]
+
+
+def _metadata(annotation: Any) -> Iterator[FieldInfo]:
+    """The pydantic fields beside an annotation, at any depth of its unions."""
+    for one in (annotation, *get_args(annotation)):
+        yield from (m for m in getattr(one, "__metadata__", ()) if isinstance(m, FieldInfo))
 
 
 def _kinds(annotation: Any) -> Iterator[Any]:

@@ -14,10 +14,11 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from workflows.scene.joints import JointStiffnesses
-from workflows.scene.quantities import of
+from workflows.scene.quantities import Quantity, of
 from workflows.scene.scene_table import (
     Density,
     Frequency,
+    Length,
     Number,
     Point,
     Positive,
@@ -34,13 +35,16 @@ GROUND = "ground"
 THREAD = "thread"  # a shank in a bore, in place of holes
 SHARE = "share"  # of the common face, in place of a washer
 SHAPES = ("box", "plate", "cylinder")
+LONGEST_BAR = 20  # length of a bar drawn as a plate, over the longer side of its outline
 Modulus = of(Positive, PRESSURE, 1e6, 2e12)  # rubber to diamond
 Compressible = Annotated[float, Field(gt=-1, lt=0.5)]  # an incompressible solid locks
 Ratio12 = Annotated[float, Field(gt=-10, lt=10)]  # of an orthotropic solid; its moduli bound it
 Size = of(Positive, LENGTH, 1e-5, 50)
 Place = of(Number, LENGTH, 0, 100)
-Place3 = Annotated[tuple[Place, Place, Place], Field(strict=False)]
-Vector = Annotated[tuple[float, float, float], Field(strict=False)]
+Place3 = Annotated[tuple[Place, Place, Place], Field(strict=False, description="x, y, z")]
+Corner = Annotated[tuple[Length, Length], Field(strict=False, description="x, y")]
+Sides = Annotated[tuple[Size, Size, Size], Field(strict=False, description="lengths along x, y, z")]
+Vector = Annotated[tuple[float, float, float], Field(strict=False, description="x, y, z")]
 Three = Annotated[tuple[Modulus, Modulus, Modulus], Field(strict=False)]
 
 
@@ -116,8 +120,19 @@ class PlateTable(SceneTable):
     """A plate: its outline in its own x-y plane, extruded along z."""
 
     # [m] corners in its x-y plane; its origin is that of these coordinates, on its lower face
-    outline: Annotated[tuple[Point, ...], Field(strict=False, min_length=3)]
+    outline: Annotated[tuple[Corner, ...], Field(strict=False, min_length=3)]
     thickness: Size  # [m] along its z, from z = 0 up
+
+    def narrowed(self, name: str, quantity: Quantity) -> Quantity:
+        """The usual range of its number `name`: a thickness is at most that of a bar with this
+        outline, so that one in millimetres beside an outline in metres is asked about."""
+        if name != "thickness":
+            return quantity
+        side = max(max(along) - min(along) for along in zip(*self.outline, strict=True))
+        if not quantity.low < LONGEST_BAR * side < quantity.high:
+            return quantity
+        of_high = f"{LONGEST_BAR} times the longer side of its outline"
+        return quantity._replace(high=float(f"{LONGEST_BAR * side:.3g}"), of_high=of_high)
 
 
 class Ringed(SceneTable):
@@ -125,15 +140,15 @@ class Ringed(SceneTable):
     to the circle of a washer, and on to the rectangle."""
 
     washer: Size  # [m] radius
-    lower: Point  # [m] its lower left corner, x, y in its plane
-    upper: Point  # [m] its upper right corner
+    lower: Corner  # [m] its lower left corner, x, y in its plane
+    upper: Corner  # [m] its upper right corner
 
 
 class Holes(SceneTable):
     """Round holes through a plate."""
 
     diameter: Size  # [m] of all these holes
-    at: Annotated[tuple[Point, ...], Field(strict=False, min_length=1)]  # [m] x, y as in outline
+    at: Annotated[tuple[Corner, ...], Field(strict=False, min_length=1)]  # [m] x, y as in outline
     rings: Annotated[tuple[Ringed, ...], Field(strict=False)] | None = None  # one a hole
 
 
@@ -190,7 +205,7 @@ class BodyTable(SceneTable):
     material: str | None = None  # a name in [materials], or a named material
     seed: Seed | None = None  # [m] size of its elements
     # [m] lengths along x, y, z; its origin is its middle
-    box: Annotated[tuple[Size, Size, Size], Field(strict=False)] | None = None
+    box: Sides | None = None
     plate: PlateTable | None = None
     cylinder: CylinderTable | None = None
     holes: Holes | None = None

@@ -22,6 +22,7 @@ from workflows.scene.named_files import unfit
 from workflows.scene.sensors import of_place
 from workflows.scene.shakers import of_shakers
 from workflows.scene.size import too_large
+from workflows.scene.springs import of_springs
 
 
 class SceneLimits(NamedTuple):
@@ -56,6 +57,7 @@ def contradictions(scene: Scene) -> Iterator[str]:
             yield from _of_reading(scene, "patch")
             yield from _dashpots(scene)
     yield from of_masses(scene)
+    yield from of_springs(scene)
     yield from _of_modes(scene)
     yield from too_large(scene)
     if scene.chain:
@@ -135,7 +137,7 @@ def _of_rig_assembly(scene: Scene) -> Iterator[str]:
             )
 
     # a dashpot acts on the elongation of a spring: there must be a spring, and it must give way
-    for joint, table in scene.springs.items():
+    for joint, table in scene.bushings.items():
         for key, coefficient in table.dashpots.items():
             name = f"joints.{joint}.c{key[1:]} = {coefficient}"
             if scene.assembly.constraint != "wires":
@@ -166,21 +168,22 @@ def _of_reading(scene: Scene, table: str) -> Iterator[str]:
 
 
 def _dashpots(scene: Scene) -> Iterator[str]:
-    """Dashpots in joints couple the modes of the wall."""
-    if not any(table.dashpots for table in scene.springs.values()):
+    """Dashpots couple the modes of the wall."""
+    if not scene.has_dashpots:
         return
-    if scene.reduction.kind != "craig-bampton":
+    in_joints = any(table.dashpots for table in scene.bushings.values())
+    if in_joints and scene.reduction.kind != "craig-bampton":
         yield (
             'dashpots in joints need reduction.kind = "craig-bampton", whose boundary holds them; '
             "change it."
         )
     if scene.time and scene.time.dt is not None:
         yield (
-            "dashpots in joints couple the modes and are marched to an error; give time.error, "
-            "not time.dt."
+            "dashpots in joints and beside springs couple the modes and are marched to an error; "
+            "give time.error, not time.dt."
         )
     if getattr(scene.wall, "prune", False):
-        yield "dashpots in joints couple the modes, none can be left out alone; drop wall.prune."
+        yield "dashpots couple the modes, none can be left out alone; drop wall.prune."
 
 
 def _of_modes(scene: Scene) -> Iterator[str]:
@@ -256,7 +259,7 @@ def _of_chain(scene: Scene) -> Iterator[str]:
         excluded = {
             'wall.kind = "dashpot"': isinstance(scene.wall, DashpotWall),
             'patch.weights = "thesis"': scene.patch is not None and scene.patch.weights == "thesis",
-            "dashpots in joints": any(table.dashpots for table in scene.springs.values()),
+            "dashpots": scene.has_dashpots,
         }
         for excluder in (name for name, is_given in excluded.items() if is_given):
             yield f'contact.law = "thornton" is not marched with {excluder}; change one of them.'

@@ -70,10 +70,10 @@ def _of_structure(scene: "Scene", wall: RomWall) -> Iterator[str]:
             '[friction] needs a contact that is read where it is loaded; take weights "hertz", or '
             "drop [friction]."
         )
-    if wall.file is None and any(table.dashpots for table in scene.springs.values()):
+    if wall.file is None and scene.has_dashpots:
         yield (
-            "[friction] takes a structure by its modes, which dashpots in joints couple; set these "
-            "to 0, or drop [friction]."
+            "[friction] takes a structure by its modes, which dashpots couple; set these to 0, or "
+            "drop [friction]."
         )
 
 

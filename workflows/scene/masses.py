@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from workflows.scene.quantities import of
 from workflows.scene.scene_table import NonNegative, Point, Positive, SceneTable
-from workflows.scene.shakers import FACE
+from workflows.scene.shakers import Face
 from workflows.scene.units import INERTIA, LENGTH, MASS
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ class MassTable(SceneTable):
     """A rigid body on a disc of a plane face, which it moves with and does not stiffen."""
 
     name: Annotated[str, Field(pattern=r"^\w[\w-]*$", max_length=50)]  # by which keys call it
-    on: Annotated[str, Field(pattern=FACE)]  # a plane face, "lid:+z"
+    on: Face  # a plane face, "lid:+z"
     at: Point = (0.0, 0.0)  # [m] from its middle along the two axes that span it
     mass: of(Positive, MASS, 1e-5, 1e3)  # [kg] of it
     radius: of(Positive, LENGTH) = 5e-3  # [m] of the disc

@@ -53,14 +53,26 @@ def has_friction(scene: "Scene") -> bool:
 
 
 def named_faces(scene: "Scene") -> dict[str, str]:
-    """Selectors of the faces of shakers, sensors and masses, by their names in the mesh."""
+    """Selectors of the faces of shakers, sensors, masses and springs, by their names in the
+    mesh."""
     functionals = {place.face: place.on for place in shaker_places(scene) + sensor_places(scene)}
-    return functionals | {mass_face(mass.name): mass.on for mass in scene.masses or ()}
+    masses = {mass_face(mass.name): mass.on for mass in scene.masses or ()}
+    ends = {
+        spring_face(spring.name, end): getattr(spring, end)
+        for spring in scene.springs or ()
+        for end in spring.ends
+    }
+    return functionals | masses | ends
 
 
 def mass_face(name: str) -> str:
     """Name in the mesh of the face that carries a mass."""
     return f"mass-{name}"
+
+
+def spring_face(name: str, end: str) -> str:
+    """Name in the mesh of the face at one end of a spring, "on" or "to"."""
+    return f"spring-{name}-{end}"
 
 
 def words_of(scene: "Scene") -> list[Any]:

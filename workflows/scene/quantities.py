@@ -23,6 +23,7 @@ class Quantity(NamedTuple):
     kind: Kind
     low: float = 0.0
     high: float = inf
+    of_high: str = ""  # what the upper end is, where it depends on other numbers of the table
 
     def read(self, value: Any) -> Any:
         """A number in SI of a text with a unit; anything else as it is."""
@@ -40,8 +41,8 @@ class ScannedNumber(NamedTuple):
     @property
     def unusual(self) -> bool:
         """Whether it lies outside of the usual range; 0 and inf are always usual."""
-        size, (_, low, high) = abs(self.value), self.quantity
-        return size not in (0.0, inf) and not low <= size <= high
+        size, quantity = abs(self.value), self.quantity
+        return size not in (0.0, inf) and not quantity.low <= size <= quantity.high
 
 
 def of(number: Any, kind: Kind, low: float = 0.0, high: float = inf) -> Any:
@@ -76,8 +77,10 @@ def entries(
                     yield from entries(row, given, (*key, getattr(row, "name", str(i + 1))))
             continue
 
-        # a number, or numbers at any depth of a list
+        # a number, or numbers at any depth of a list; a table may narrow the range of one by others
         quantity = quantity_of(type(table), name)
+        if quantity and (narrowed := getattr(table, "narrowed", None)):
+            quantity = narrowed(name, quantity)
         if quantity and value is not None and not isinstance(value, str):
             yield from _numbers(".".join(key), value, below, quantity)
 
@@ -115,7 +118,7 @@ def implausible(numbers: Iterator[ScannedNumber], intended: tuple[str, ...]) -> 
     for number in numbers:
         if not number.unusual or number.key in intended:
             continue
-        kind, low, high = number.quantity
+        kind, low, high, of_high = number.quantity
 
         # the same digits in the first unit that makes the number usual
         text = number.written if isinstance(number.written, str) else f"{number.value:g}"
@@ -130,6 +133,7 @@ def implausible(numbers: Iterator[ScannedNumber], intended: tuple[str, ...]) -> 
 
         value = f"{number.value:g} {kind.unit}"
         usual = f"{low:g} to {high:g} {kind.unit}" if low else f"up to {high:g} {kind.unit}"
+        usual += f" ({of_high})" if of_high else ""
         remedy = f'write "{value}" with its unit'
         if likely:
             remedy = f'did you mean {likely}? Else list the key, unusual = ["{number.key}"]'

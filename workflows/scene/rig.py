@@ -200,7 +200,7 @@ def as_bodies(scene: Scene) -> Scene:
         if a.constraint == "wires":
             # a screw joins its share of the sheet, which moves rigidly, to the mean motion of the
             # face below
-            springs = scene.springs.get(name, JointStiffnesses()).model_dump()
+            springs = scene.bushings.get(name, JointStiffnesses()).model_dump()
             joints.append(
                 Bolts(name=name, between=between, at=at, washer=SHARE, frame="global", **springs)
             )

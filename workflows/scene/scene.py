@@ -31,6 +31,7 @@ from workflows.scene.reduction import Patch, Reduction
 from workflows.scene.scene_table import SceneTable
 from workflows.scene.sensors import Output
 from workflows.scene.shakers import Shaker
+from workflows.scene.springs import SpringTable
 from workflows.scene.time import Time
 from workflows.scene.walls import Wall
 
@@ -72,6 +73,7 @@ class Scene(SceneTable):
     ties: Annotated[tuple[Tied, ...], Several] | None = None
     joints: EitherJoints | None = None
     masses: Annotated[tuple[MassTable, ...], Several] | None = None
+    springs: Annotated[tuple[SpringTable, ...], Several] | None = None
     strike: Strike | None = None
     loads: Annotated[tuple[StaticLoad, ...], Several] | None = None
     targets: Annotated[tuple[MeasuredMode, ...], Several] | None = None
@@ -138,7 +140,7 @@ class Scene(SceneTable):
         return None if self.assembly is None else self.written_out.assembly.mesh
 
     @property
-    def springs(self) -> dict[str, JointStiffnesses]:
+    def bushings(self) -> dict[str, JointStiffnesses]:
         """Stiffnesses and dashpots of the joints by name."""
         if isinstance(self.joints, Joints):
             return dict(self.joints)
@@ -147,7 +149,7 @@ class Scene(SceneTable):
     def stiffness(self, spring: str) -> float:
         """Stiffness [N/m] or [N m/rad] of a spring "joint.direction"."""
         joint, _, direction = spring.rpartition(".")
-        return getattr(self.springs[joint], direction)
+        return getattr(self.bushings[joint], direction)
 
     @property
     def measured_hz(self) -> tuple[float, ...]:
@@ -168,13 +170,26 @@ class Scene(SceneTable):
 
     @property
     def floats(self) -> bool:
-        """Whether nothing joins the structure to the ground."""
+        """Whether nothing joins the structure to the ground, springs included."""
         if self.bending is not None:
             return self.bending.floats
         if self.assembly is None:
             return False
+        hangs = any(spring.to == GROUND for spring in self.springs or ())
+        return self.unsupported and not hangs
+
+    @property
+    def unsupported(self) -> bool:
+        """Whether no face of the assembly is held and no joint holds it to the ground: on springs
+        it may be free in some directions."""
         whole = self.written_out
         return not whole.assembly.held and not any(GROUND in j.partners for j in whole.joints or ())
+
+    @property
+    def has_dashpots(self) -> bool:
+        """Whether dashpots couple the modes of the assembly: in joints or beside springs."""
+        of_joints = any(table.dashpots for table in self.bushings.values())
+        return of_joints or any(any(spring.dashpots.values()) for spring in self.springs or ())
 
     @property
     def struck_body(self) -> str:

@@ -10,7 +10,7 @@ from re import fullmatch
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from workflows.scene.quantities import of
 from workflows.scene.scene_table import Frequency, Number, Point, Positive, SceneTable
@@ -22,6 +22,15 @@ if TYPE_CHECKING:
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 FACE = r"^[^:@*#]+[:@].+$"  # a face of a body: "block:-x", "block@x,y,z"
+
+
+def _face(selector: str) -> str:
+    if not fullmatch(FACE, selector):
+        raise ValueError(f'{selector!r} is no face of a body: write "body:+x"')
+    return selector
+
+
+Face = Annotated[str, AfterValidator(_face)]
 AMPLITUDES = {"displacement": 0, "velocity": 1, "acceleration": 2}  # powers of omega over it
 MOST_CYCLES = 100  # of the slowest shaker in a common period
 

@@ -22,7 +22,7 @@ from workflows.scene import (
     Scene,
     Time,
 )
-from workflows.scene.allowed_words import allowed_words
+from workflows.scene.allowed_words import allowed_words, wanted_values
 from workflows.scene.bodies import General, Meshing
 from workflows.scene.contradictions import contradictions
 from workflows.scene.gravity import fallen
@@ -257,8 +257,12 @@ def _validated(
     if first["type"] == "literal_error" and isinstance(first["input"], list | tuple):
         place = first["loc"][:-1]
         first = next((e for e in errors[1:] if e["loc"][: len(place)] == place), first)
-    words = allowed_words(model, first["loc"])
-    raise InvalidScene(f"{source}: {_sentence(first, tables, prefix, words)}")
+
+    # of a list that is too short, what the whole list must be
+    short = first["type"] == "missing" and isinstance(first["loc"][-1], int)
+    place = first["loc"][:-1] if short else first["loc"]
+    words, wanted = allowed_words(model, first["loc"]), wanted_values(model, place)
+    raise InvalidScene(f"{source}: {_sentence(first, tables, prefix, words, wanted)}")
 
 
 def _require_usual(
@@ -279,8 +283,9 @@ SENTENCES = {
     "value_error": "{key}: {error}.",
     "empty": "{key} is an empty list; give at least one value.",
     "too_short": "{key} = {shown} has {count}; give at least {min_length}.",
-    "too_long": "{key} = {shown} has {count}; give {max_length}.",
-    "tuple_type": "{key} = {shown} must be a list; write {key} = [...].",
+    "too_few": "{key} = {shown} has {count}; give {wanted}.",
+    "too_long": "{key} = {shown} has {count}; give {wanted}.",
+    "tuple_type": "{key} = {shown} must be a list{wanted_values}; write {key} = [...].",
     "string_pattern_mismatch": "{key} = {shown} must be letters, digits, '.', '-' and '_', the "
     "first a letter, a digit or '_'; change it.",
     "string_too_long": "{key} = {shown} must have at most {max_length} characters; give another.",
@@ -288,15 +293,22 @@ SENTENCES = {
     "rows": "{key} is a list of tables: write [[{key}]], two brackets, once for each.",
     "model_type": "{key} = {value!r} must be a table; write [{key}] with keys below it.",
 }
-LISTS_OF_TABLES = {(name,) for name in ("shakers", "ties", "masses", "loads", "targets")}
+LISTS_OF_TABLES = {(name,) for name in ("shakers", "ties", "masses", "springs", "loads", "targets")}
 SENTENCES["model_attributes_type"] = SENTENCES["model_type"]
 
 
 def _sentence(
-    error: dict[str, Any], tables: dict[str, Any], prefix: tuple[str, ...], words: str
+    error: dict[str, Any],
+    tables: dict[str, Any],
+    prefix: tuple[str, ...],
+    words: str,
+    wanted: str,
 ) -> str:
-    """The sentence of an error of pydantic, with the key as the user wrote it."""
+    """The sentence of an error of pydantic, with the key as the user wrote it; `words` are those
+    that it may be, `wanted` how many values (`allowed_words`)."""
     value, type_ = error["input"], error["type"]
+    if type_ == "missing" and isinstance(error["loc"][-1], int):
+        type_ = "too_few"
     type_ = "empty" if type_ == "too_short" and not value else type_
     if isinstance(value, dict) and type_ == "tuple_type" and error["loc"] in LISTS_OF_TABLES:
         type_ = "rows"
@@ -314,13 +326,14 @@ def _sentence(
             counted = str(part + 1) if in_list else str(part)
             key.append(name if isinstance(name, str) and name else counted)
     if type_ == "missing":
-        last = error["loc"][-1]
-        key.append(str(last + 1 if isinstance(last, int) else last))
+        key.append(str(error["loc"][-1]))
     return SENTENCES.get(type_, "{key} = {shown} {allowed}; change it.").format(
         key=repr(".".join(key))[1:-1] or "the scene",
         value=value,
         shown=_shown(value),
         words=words or "it",
+        wanted=wanted or error.get("ctx", {}).get("max_length"),
+        wanted_values=f" of {wanted}" if wanted else "",
         kind=value.get("kind") if isinstance(value, dict) else None,
         count=f"{n} value{'s' * (n != 1)}",
         allowed=error["msg"].replace("Input should", "must", 1),

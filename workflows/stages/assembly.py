@@ -9,7 +9,7 @@ import rom
 from fem.assembly_modes import AssemblyModes, assembly_modes
 from fem.model import Constrained, constrained
 from workflows.scene import InvalidScene, Scene
-from workflows.scene.places import mass_face
+from workflows.scene.places import mass_face, spring_face
 from workflows.stages import bodies, strike
 from workflows.stages.parts import STRIKE, Parts
 from workflows.stages.targets import targets
@@ -24,6 +24,7 @@ def mesh(scene: Scene, coarser: float = 1.0) -> Parts:
 def model(scene: Scene, mesh: Parts) -> fem.Model:
     """The parts assembled, joined and held; raises InvalidScene for bodies that nothing keeps."""
     structure = _with_masses(scene, mesh, fem.assemble(mesh.meshes, mesh.materials))
+    structure = _with_springs(scene, mesh, structure)
     below = scene.table and fem.SwayingTable(scene.table.frequency, scene.table.mass)
     connections = mesh.connections._replace(table=below)
     constraints = constrained(structure, connections)
@@ -42,12 +43,7 @@ def _with_masses(scene: Scene, mesh: Parts, structure: fem.Structure) -> fem.Str
     for a face that is not plane and for one that is held."""
     for table in scene.masses or ():
         face = mesh.face(mass_face(table.name))
-        below = set(mesh.facets(face).tolist())
-        if any(
-            below <= set(mesh.facets(held.face).tolist())
-            for held in mesh.connections.held
-            if held.face.partition(":")[0] == face.partition(":")[0] and held.directions == "xyz"
-        ):
+        if _is_held(mesh, face):
             raise InvalidScene(
                 f"{scene.name}: masses.{table.name}: on = {table.on!r} is held, a mass there does "
                 "not move; choose a face that is free."
@@ -58,6 +54,48 @@ def _with_masses(scene: Scene, mesh: Parts, structure: fem.Structure) -> fem.Str
         except ValueError as error:
             why = str(error).replace(face, table.on).rstrip(".")
             raise InvalidScene(f"{scene.name}: masses.{table.name}: {why}.") from None
+    return structure
+
+
+def _is_held(mesh: Parts, face: str) -> bool:
+    """Whether a face "body:face" is part of one that is held in all directions."""
+    facets = set(mesh.facets(face).tolist())
+    return any(
+        facets <= set(mesh.facets(held.face).tolist())
+        for held in mesh.connections.held
+        if held.face.partition(":")[0] == face.partition(":")[0] and held.directions == "xyz"
+    )
+
+
+def _with_springs(scene: Scene, mesh: Parts, structure: fem.Structure) -> fem.Structure:
+    """The structure with the springs between points of its faces and to the ground, "name.kx";
+    raises InvalidScene for a disc that leaves its face and for a face that is not plane."""
+    for table in scene.springs or ():
+        faces = {mesh.face(spring_face(table.name, end)): getattr(table, end) for end in table.ends}
+        on, *to = faces
+        if all(_is_held(mesh, face) for face in faces):
+            raise InvalidScene(
+                f"{scene.name}: springs.{table.name}: on = {table.on!r} is held, a spring from it "
+                f"to {table.to!r} holds nothing; choose a face that is free."
+            )
+        springs = []
+        for i, at in enumerate(table.at):
+            far = table.to_at[i] if table.to_at else None
+            first = fem.SpringEnd(on, at, table.radius)
+            second = fem.SpringEnd(to[0], far, table.radius) if to else None
+            springs += [
+                fem.PointSpring(
+                    f"{table.name}.{key}", first, second, k, table.along(key), table.dashpots[key]
+                )
+                for key, k in table.stiffnesses.items()
+            ]
+        try:
+            structure = fem.with_springs(structure, springs)
+        except ValueError as error:
+            why = str(error)
+            for face, selector in faces.items():
+                why = why.replace(face, selector)
+            raise InvalidScene(f"{scene.name}: springs.{table.name}: {why.rstrip('.')}.") from None
     return structure
 
 
@@ -77,7 +115,7 @@ def _require_kept(
     moves = f'{scene.name}: "{body}" can still move along or about {", ".join(motions)}, which '
     k = {
         f"joints.{name}.{key}": getattr(joint, key)
-        for name, joint in scene.springs.items()
+        for name, joint in scene.bushings.items()
         for key in fem.DIRECTIONS
     }
     free = [key for key, value in k.items() if value == 0]
@@ -92,7 +130,7 @@ def _require_kept(
             "says assembly.held = []."
         )
     all_free = len(motions) == 6 and scene.reduction.kind == "free-modes"
-    if not (scene.floats or all_free):
+    if not (scene.unsupported or all_free):
         raise InvalidScene(
             f"{moves}{' and '.join(f'{key} = 0' for key in free)} leaves free; give it a "
             "stiffness, or let the assembly float: assembly.held = [], of the rig assembly.parts = "
@@ -106,10 +144,10 @@ def solid(scene: Scene, body: str) -> fem.Material | fem.Orthotropic:
 
 
 def dashpots(scene: Scene, model: fem.Model):
-    """C of the dashpots in the joints; None where there are none."""
-    tables = {joint: table.dashpots for joint, table in scene.springs.items()}
+    """C of the dashpots in joints and beside springs; None where there are none."""
+    tables = {joint: table.dashpots for joint, table in scene.bushings.items()}
     named = {f"{joint}.{key}": c for joint, table in tables.items() for key, c in table.items()}
-    return fem.dashpots(model, named) if named else None
+    return fem.dashpots(model, named) if scene.has_dashpots else None
 
 
 def factor(scene: Scene, model: fem.Model) -> fem.Factor | None:

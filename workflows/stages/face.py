@@ -82,7 +82,10 @@ class StruckFace:
                 f'{key} is bound to nodes of the mesh; a scan takes {table}.weights "hertz" or '
                 '"area".'
             )
-        loose = [f"joints.{name}" for name, table in scene.springs.items() if table.dashpots]
+        loose = [f"joints.{name}" for name, table in scene.bushings.items() if table.dashpots]
+        loose += [
+            f"springs.{one.name}" for one in scene.springs or () if any(one.dashpots.values())
+        ]
         if loose:
             raise InvalidScene(
                 f"{loose[0]} has dashpots, which couple the wall's modes; set them to 0 for a scan."

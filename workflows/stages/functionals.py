@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 import fem
 import rom
+from fem.room import room_on_face
 from fem.trace import OffFace
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.places import Place, has_friction, sensor_places, shaker_places
@@ -33,10 +34,11 @@ def functional(
     try:
         patch = fem.contact_patch(model, face, place.at, place.radius, weights="area")
     except OffFace:
+        room = room_on_face(model.structure, face, place.at, place.radius)
         raise InvalidScene(
             f"{scene.name}: {place.key}: a disc of radius {place.radius:g} m at "
-            f"{list(place.at)} m from the middle of {place.on!r} leaves that face; move it by "
-            f"{place.key}.at, or make {place.key}.radius smaller."
+            f"{list(place.at)} m from the middle of {place.on!r} leaves that face; {room}; move "
+            f"it by {place.key}.at, or make {place.key}.radius smaller."
         ) from None
     except ValueError as error:
         why = str(error).replace(face, place.on)

@@ -25,7 +25,7 @@ import rom
 from fem.assembly_modes import N_MODES, AssemblyModes
 from rom.contact_modes import KrylovOptions
 from workflows.scene import InvalidScene, Scene
-from workflows.scene.places import mass_face
+from workflows.scene.places import mass_face, spring_face
 from workflows.scene.reduction import TO_HZ
 from workflows.stages import assembly as stages
 from workflows.stages import errors
@@ -235,6 +235,8 @@ def energy_of_shapes(
     rigid = {side.face for side in sides if side.coupling == "rigid" and np.isinf(side.within)}
     faces = {side.face for side in sides} - rigid
     faces |= {mesh.face(mass_face(mass.name)) for mass in scene.masses or ()}
+    springs = [(spring.name, end) for spring in scene.springs or () for end in spring.ends]
+    faces |= {mesh.face(spring_face(*end)) for end in springs}
     still = [*connections.held, *(fem.Held(face) for face in sorted(rigid))]
     if load is not None:
         faces |= {force.face for force in load.forces}

@@ -116,7 +116,7 @@ def content(path: str | Path | None) -> str | None:
 
 BENT = ("beam", "plate")
 BODIES = ("assembly", "bodies", "materials", "ties", "joints", "strike", "loads")
-COARSE = tables_of("assembly", "joints", "table", "strike", "masses")
+COARSE = tables_of("assembly", "joints", "table", "strike", "masses", "springs")
 START = (
     "chain", "striker", "contact", "leaf_springs", "preload", "gravity", "guides", "wall", *BENT,
     *BODIES,
@@ -124,7 +124,10 @@ START = (
 ASSEMBLY = {
     "mesh": Stage(".assembly:mesh", _dimensions, (), kept=False),
     "model": Stage(
-        ".assembly:model", tables_of("assembly", "joints", "table", "masses"), ("mesh",), kept=False
+        ".assembly:model",
+        tables_of("assembly", "joints", "table", "masses", "springs"),
+        ("mesh",),
+        kept=False,
     ),
     "tuning-basis": Stage(".assembly:tuning_basis", _targets, ("model",)),
     "factor": Stage(".assembly:factor", tables_of(), ("model",), kept=False, passing=True),
@@ -368,8 +371,7 @@ def needs_structure(scene: Scene) -> bool:
 def couples(scene: Scene) -> bool:
     """Whether dashpots or the thesis' scheme make a wall that is marched by its own integrator."""
     scene = scene.written_out
-    dashpots = any(table.dashpots for table in scene.springs.values())
-    return dashpots or (scene.strike is not None and scene.strike.weights == "thesis")
+    return scene.has_dashpots or (scene.strike is not None and scene.strike.weights == "thesis")
 
 
 class Pipeline:

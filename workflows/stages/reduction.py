@@ -47,7 +47,8 @@ def jointed(
 ) -> Jointed:
     """The reduction of many assemblies that differ in the springs of their joints."""
     C = dashpots(scene, model)
-    boundary = boundary_of(contact, reading(scene, model), C, model.elongation)
+    kept = np.union1d(damped_elongations(model, C), model.elongation)
+    boundary = boundary_of(contact, reading(scene, model), kept)
     reduced = reduction(scene, model, contact, modes, factor, space, keep=model.elongation)
     names, at = np.array(model.spring), np.searchsorted(boundary, model.elongation)
     places = {name: at[names == name] for name in dict.fromkeys(model.spring)}
@@ -79,7 +80,8 @@ def reduction(
             f"{scene.strike.radius} m ends nearer to it than to the next, with elements of "
             f"{scene.strike.size} m; raise the radius or refine the mesh there."
         )
-    boundary = boundary_of(contact, w_reading, C, keep)
+    keep = np.union1d(damped_elongations(model, C), keep)
+    boundary = boundary_of(contact, w_reading, keep)
 
     # modes that were computed already: where the contact chooses, the measured ones are kept in any
     # case and all others compete; a free-modes model of the lowest takes them all
@@ -142,15 +144,20 @@ def reduction(
 
 
 def boundary_of(
-    contact: fem.ContactPatch, w_reading, C, keep: NDArray[np.int64] = NOTHING
+    contact: fem.ContactPatch, w_reading, keep: NDArray[np.int64] = NOTHING
 ) -> NDArray[np.int64]:
-    """Dofs (b,) that a Craig-Bampton model keeps as they are: those that w reads or loads, those
-    with dashpots, and `keep`."""
+    """Dofs (b,) that a Craig-Bampton model keeps as they are: those that w reads or loads, and
+    `keep`."""
     # w reads x alone: y and z of its nodes would add constraint modes that nothing loads
     boundary = np.flatnonzero(contact.w if w_reading is None else contact.w + w_reading)
-    # dashpots on the boundary, since a damper force converges slowly with the number of modes
-    damped = NOTHING if C is None else np.flatnonzero(C.diagonal())
-    return np.union1d(boundary, np.union1d(damped, keep))
+    return np.union1d(boundary, keep)
+
+
+def damped_elongations(model: fem.Model, C) -> NDArray[np.int64]:
+    """Elongations of joints (k,) with dashpots: on the boundary, since a damper force converges
+    slowly with the number of modes. Dashpots beside springs between points, which are far softer
+    than bodies, do without."""
+    return NOTHING if C is None else model.elongation[C.diagonal()[model.elongation] > 0]
 
 
 def names(
@@ -174,7 +181,7 @@ def _require_held(scene: Scene, modes: AssemblyModes) -> None:
     lowest = modes.omega.min() / (2 * np.pi)
     if lowest > LIMITS.floating:
         return
-    springs = scene.springs.items()
+    springs = scene.bushings.items()
     open_joints = [
         f"joints.{joint}.{key} = {k:g}"
         for joint, table in springs

@@ -80,6 +80,7 @@ def look(
     Raises InvalidScene for bad input.
     """
     from workflows.structure import look as looking
+    from workflows.structure.starter import write_starter
 
     path = Path(source) if isinstance(source, str | Path) else None
     is_step = path is not None and path.suffix.lower() in looking.ENDINGS
@@ -101,7 +102,7 @@ def look(
             write_pictures(folder, (result.plot(),))
             folder.write("faces.html", glance.page.encode())
     if file:
-        looking.write_starter(file, glance, path)
+        write_starter(file, glance.starter, path)
     return result
 
 

@@ -19,11 +19,12 @@ def write_model(pipeline: Pipeline, inp: OutputFile | None, step: OutputFile | N
     scene = pipeline.scene
     if step and step.path.suffix.lower() not in (".step", ".stp"):
         raise InvalidScene(f"--step {step.path} must end in .step or .stp.")
-    if inp and scene.masses:
-        raise InvalidScene(
-            f"{scene.name}: [[masses]] are not written to --inp; drop them, or take the matrices "
-            "of beadwave reduce --matrices."
-        )
+    for table in ("masses", "springs"):
+        if inp and getattr(scene, table):
+            raise InvalidScene(
+                f"{scene.name}: [[{table}]] are not written to --inp; drop them, or take the "
+                "matrices of beadwave reduce --matrices."
+            )
     if inp:
         model = pipeline("model")
         struck = scene.bending is not None or scene.written_out.strike is not None

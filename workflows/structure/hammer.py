@@ -288,9 +288,17 @@ def hammer_test(
             left_out=[],
         )
     )  # fmt: skip
+    remarks, missing = opposite_directions(test, modes), points_without_place(test)
+    if test.nodes and missing:
+        points = test.responses.points
+        listed = ", ".join(points[i] for i in missing[:8]) + (", ..." if len(missing) > 8 else "")
+        remarks.append(
+            f"{len(missing)} of {len(points)} points have no coordinates ({listed}); shapes are "
+            "compared at the others: give the nodes of all in --points"
+        )
     report = HammerReport(
         file=named, title=test.title, n_targets=len(expected_hz), rows=rows, left_out=left_out,
-        steps=steps, remarks=opposite_directions(test, modes),
+        steps=steps, remarks=remarks,
     )  # fmt: skip
     return IdentifiedTest(report, test, modes)
 
@@ -350,10 +358,19 @@ def opposite_directions(test: MeasuredTest, modes: IdentifiedModes) -> list[str]
     return sentences
 
 
+def points_without_place(test: MeasuredTest) -> list[int]:
+    """Positions of the points whose node has no coordinates, or that have no node."""
+    ends = [node_and_axis(name) for name in test.responses.points]
+    return [i for i, end in enumerate(ends) if end is None or end[0] not in test.nodes]
+
+
 def measured_shapes(test: IdentifiedTest) -> list[MeasuredShape] | None:
-    """The shape of each mode at the points of the test; None where these are unknown or too few."""
-    ends = [node_and_axis(name) for name in test.test.responses.points]
-    shapes = [along_directions(test.test.nodes, ends, phi) for phi in test.modes.phi.T]
+    """The shape of each mode at the points of the test whose place is known; None where these are
+    too few."""
+    names, missing = test.test.responses.points, set(points_without_place(test.test))
+    placed = [i for i in range(len(names)) if i not in missing]
+    ends = [node_and_axis(names[i]) for i in placed]
+    shapes = [along_directions(test.test.nodes, ends, phi[placed]) for phi in test.modes.phi.T]
     return None if any(shape is None for shape in shapes) else shapes
 
 
@@ -465,7 +482,13 @@ def as_targets(
     listed = ", ".join(
         f"{f:.5g} Hz is mode {n}" for f, n in zip(scene.measured_hz, number, strict=True)
     )
-    return scene, hz, [f"Modes of {file} are paired {how}: {listed}."]
+    doubts = [
+        f"{row.frequency_hz:.5g} Hz: {remark}."
+        for row in rows
+        for remark in row.remarks
+        if remark.startswith("doubtful")
+    ]
+    return scene, hz, [f"Modes of {file} are paired {how}: {listed}.", *doubts]
 
 
 def pictures(test: IdentifiedTest) -> list[Picture]:

@@ -1,8 +1,6 @@
-"""An assembly at a glance: bodies, masses, touching pairs, holes, the size of its mesh."""
+"""An assembly at a glance: bodies, masses, springs, touching pairs, holes, the size of its mesh."""
 
 from collections import Counter
-from json import dumps
-from os.path import relpath
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,7 +8,6 @@ import numpy as np
 from pydantic import BaseModel
 from skfem import Mesh
 
-from workflows.files.output_file import OutputFile
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.size import foreseen_seconds, peak_memory
@@ -18,11 +15,10 @@ from workflows.scene.toml import resolved
 from workflows.stages.assembly import mesh
 from workflows.stages.bodies import Drawing, drawing, lined
 from workflows.stages.parts import Parts
-from workflows.stages.strike import around
 from workflows.structure.face_page import face_page
+from workflows.structure.starter import starter
 
 STEEL = {"young": 210e9, "poisson": 0.3, "density": 7850.0}
-PATCH = 2e-3  # [m] radius of the starter scene's patch
 ENDINGS = (".step", ".stp")
 
 
@@ -61,8 +57,19 @@ class SeenMass(BaseModel):
     mass_kg: float
 
 
+class SeenSpring(BaseModel):
+    """Equal springs from points of a face to the ground or to another face."""
+
+    name: str
+    on: str
+    to: str
+    number: int
+    stiffness: dict[str, float]  # [N/m] of each by key
+
+
 class Look(BaseModel):
-    """Bodies, touching pairs, holes, carried masses, the cost of a run; `remarks` in sentences."""
+    """Bodies, touching pairs, holes, carried masses, springs, the cost of a run; `remarks` in
+    sentences."""
 
     name: str
     unit: str | None
@@ -70,6 +77,7 @@ class Look(BaseModel):
     touching: list[SeenPair]
     holes: list[SeenHole]
     masses: list[SeenMass] = []
+    springs: list[SeenSpring] = []
     dofs: int  # of the meshes
     unknowns: int | None = None  # about, of a run: less what ties, joints and supports take
     memory_bytes: float
@@ -111,6 +119,13 @@ class Look(BaseModel):
             cells = [(one.name, one.on, f"{one.mass_kg:.4g}") for one in self.masses]
             lines += ["", aligned_text(("carried", "on", "mass [kg]"), cells)]
 
+        if self.springs:
+            cells = []
+            for one in self.springs:
+                stiffness = ", ".join(f"{key} {k:.4g}" for key, k in one.stiffness.items())
+                cells.append((one.name, one.on, one.to, one.number, stiffness))
+            lines += ["", aligned_text(("springs", "on", "to", "number", "each [N/m]"), cells)]
+
         seconds = float(f"{self.seconds:.2g}")
         left = f", some {self.unknowns:,} once joined and held" if self.unknowns else " in all"
         cost = (
@@ -127,7 +142,7 @@ class Seen(NamedTuple):
     scene: Scene
     meshes: dict[str, Mesh]
     parts: Parts | None  # what a run has; None where the scene lacks what a run needs
-    starter: str | None  # TOML; None where no plane face offers itself to the chain
+    starter: str | None  # TOML; None where no face offers itself to the chain
     page: str | None  # HTML, on which a click on a face shows its selectors
 
 
@@ -151,9 +166,9 @@ def look(scene: Scene, source: str, *, whole: bool = True, with_page: bool = Fal
 
     # holes and remarks need the CAD kernel, whose session ends with the context
     with drawing(scene, lines=False) as geometry:
-        holes, starter, remarks = (
+        holes, start, remarks = (
             _holes(geometry),
-            _starter(geometry, Path(source)),
+            starter(geometry, Path(source)),
             _remarks(geometry) + refusal,
         )
         meshes = _meshes(scene, geometry) if parts is None else parts.meshes
@@ -187,13 +202,19 @@ def look(scene: Scene, source: str, *, whole: bool = True, with_page: bool = Fal
         ],
         holes=holes,
         masses=[SeenMass(name=one.name, on=one.on, mass_kg=one.mass) for one in scene.masses or ()],
+        springs=[
+            SeenSpring(
+                name=one.name, on=one.on, to=one.to, number=len(one.at), stiffness=one.stiffnesses
+            )
+            for one in scene.springs or ()
+        ],
         dofs=dofs,
         unknowns=None if parts is None else dofs - constrained_dofs(parts),
         memory_bytes=peak_memory(scene, nodes),
         seconds=foreseen_seconds(nodes),
         remarks=remarks,
     )
-    return Seen(report, scene, meshes, parts, starter, page)
+    return Seen(report, scene, meshes, parts, start, page)
 
 
 def constrained_dofs(parts: Parts) -> int:
@@ -262,79 +283,3 @@ def _remarks(geometry: Drawing) -> list[str]:
                 f"slot's end; {body.name}@{at} picks it, {body.name}:hole does not."
             )
     return remarks + [miss.sentence for miss in geometry.near.misses]
-
-
-def _starter(geometry: Drawing, source: Path) -> str | None:
-    """TOML that runs: held at the lowest face that looks down, struck on the highest bare one, if
-    possible on one that looks up. None where no plane face offers itself to the chain."""
-    # plane faces along an axis, each the outermost one of its body there and alone: only such a
-    # face has a word, "body:+z"
-    faces = []
-    for body in geometry.bodies.values():
-        flat = [f for f in body.faces if f.normal is not None and np.abs(f.normal).max() > 1 - 1e-6]
-        names = []
-        for face in flat:
-            axis = int(np.abs(face.normal).argmax())
-            names.append(f"{body.name}:{'+' if face.normal[axis] > 0 else '-'}{'xyz'[axis]}")
-        for face, name in zip(flat, names, strict=True):
-            if names.count(name) == 1:
-                faces.append((body, face, name))
-
-    faces.sort(key=lambda f: (bool(f[1].normal[2] > 0.5), float(f[1].centre[2])), reverse=True)
-    for body, face, name in faces:
-        # a patch fits into its middle, and no other body lies on it
-        points = around((face.lower + face.upper) / 2, face.normal, 2 * PATCH)
-        inside = all(body.distance(point, face.tag) < 1e-9 for point in points)
-        if inside and not geometry.near.over(body.name, points, geometry.bodies, PATCH):
-            struck = name
-            break
-    else:
-        return None
-    down = [(face.centre[2], name) for _, face, name in faces if face.normal[2] < -0.5]
-    return STARTER.format(
-        name=source.stem.replace(" ", "-"),
-        source=source.absolute(),
-        held=dumps([name for _, name in sorted(down, key=lambda f: f[0])][:1]),
-        struck=struck,
-        radius=PATCH,
-    )
-
-
-def write_starter(file: OutputFile, glance: Seen, source: Path) -> None:
-    """Write the scene to start from; raises InvalidScene where no face offers itself."""
-    if glance.starter is None:
-        raise InvalidScene(
-            f"{source} has no plane face across an axis that a patch of {PATCH} m fits into the "
-            "middle of; write the scene by hand."
-        )
-    # the file by a path from the scene, so that both can be moved together
-    relative = relpath(source.absolute(), file.path.absolute().parent)
-    with file.writing() as path:
-        path.write_text(glance.starter.replace(str(source.absolute()), relative), encoding="utf-8")
-
-
-STARTER = """\
-# To start from: {source}. Materials, support, chain and strike are assumed; change them.
-name = "{name}"
-chain = {{ count = 10, radius = 0.00635, density = 7800.0, young = 210e9, poisson = 0.3 }}
-striker = {{ velocity = 0.3 }}
-wall = {{ kind = "rom" }}
-damping = {{ kind = "modal", ratio = 0.005 }}
-time = {{ duration = 1e-3 }}
-output = {{ spheres = [1, 5] }}
-
-[assembly]
-step = "{source}"
-touching = "tied"              # pairs that no [[ties]] or [[joints]] names: "tied", "free", "ask"
-held = {held}
-material = "steel"
-
-[materials.steel]
-young = 210e9                  # Pa
-poisson = 0.3
-density = 7850.0               # kg/m^3
-
-[strike]
-on = "{struck}"
-radius = {radius}
-"""

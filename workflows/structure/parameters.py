@@ -1,24 +1,31 @@
-"""Parameters of an assembly of bodies for `tune`: joint stiffnesses, factors on materials and on
-masses that faces carry."""
+"""Parameters of an assembly of bodies for `tune`: joint stiffnesses, factors on materials, on
+masses that faces carry and on springs between points."""
 
 from collections.abc import Mapping, Sequence
 
 import fem
+from fem.correlation import SPRINGS
 from fem.tuning import CARRIED, TuningParameter
 from workflows.scene import InvalidScene, Scene, nearest
 
 SHIFT = (1e7, 1e4, 1e12)  # start, lower, upper [N/m]
 TURN = (1e2, 1e-1, 1e8)  # [N m/rad]
 FACTOR = (1.0, 0.5, 2.0)  # of a modulus or a density
+OF_SPRING = (1.0, 0.1, 10.0)  # of a cord or foam, of which hardly more than the order is known
 MATERIAL = ("young", "density")
 FACTORS = (*MATERIAL, "mass")  # keys of which a factor is fitted
 
 
 def known(scene: Scene) -> list[str]:
-    """Names of all stiffnesses of joints, of all moduli and densities, and of carried masses."""
-    of_joints = [f"joints.{name}.{key}" for name in scene.springs for key in fem.DIRECTIONS]
+    """Names of all stiffnesses of joints, of all moduli and densities, of carried masses and of
+    springs between points."""
+    of_joints = [f"joints.{name}.{key}" for name in scene.bushings for key in fem.DIRECTIONS]
     of_materials = [f"materials.{name}.{key}" for name in scene.materials for key in MATERIAL]
-    return of_joints + of_materials + [f"masses.{mass.name}.mass" for mass in scene.masses or ()]
+    of_masses = [f"masses.{mass.name}.mass" for mass in scene.masses or ()]
+    of_springs = [
+        f"springs.{one.name}.{key}" for one in scene.springs or () for key in one.stiffnesses
+    ]
+    return of_joints + of_materials + of_masses + of_springs
 
 
 def freed(scene: Scene, names: Sequence[str]) -> list[TuningParameter]:
@@ -44,6 +51,10 @@ def freed(scene: Scene, names: Sequence[str]) -> list[TuningParameter]:
             of_it = (f"{CARRIED}{entry}",)
             parameters.append(TuningParameter(name, (), *FACTOR, of_it, "density", (1.0,)))
             continue
+        if table == "springs":
+            of_it = (f"{SPRINGS}{entry}.{key}",)
+            parameters.append(TuningParameter(name, (), *OF_SPRING, of_it, "young", (1.0,)))
+            continue
         start, lower, upper = TURN if key.startswith("kr") else SHIFT
         value = scene_value(scene, name)
         start = value if lower <= value <= upper else start
@@ -57,7 +68,7 @@ def on_bodies(
     scene: Scene, parameters: Sequence[TuningParameter], bodies: Sequence[str]
 ) -> list[TuningParameter]:
     """The parameters, those of a material with those of the `bodies` that are made of it."""
-    solid = [body for body in bodies if not body.startswith(CARRIED)]
+    solid = [body for body in bodies if not body.startswith((CARRIED, SPRINGS))]
     with_bodies = []
     for p in parameters:
         table, material, _ = p.name.split(".")
@@ -71,28 +82,40 @@ def scene_value(scene: Scene, name: str) -> float:
     """The scene's value of a parameter by its name: a stiffness [N/m, N m/rad], a material's, or a
     mass [kg]."""
     table, entry, key = name.split(".")
-    masses = {mass.name: mass for mass in scene.masses or ()}
-    tables = {"joints": scene.springs, "materials": scene.materials, "masses": masses}
+    masses, springs = ({one.name: one for one in t or ()} for t in (scene.masses, scene.springs))
+    tables = {
+        "joints": scene.bushings, "materials": scene.materials, "masses": masses, "springs": springs
+    }  # fmt: skip
     return getattr(tables[table][entry], key)
 
 
 def with_values(scene: Scene, value: Mapping[str, float]) -> Scene:
-    """The scene with stiffnesses, and with factors on what its materials have and on its masses,
-    whose inertia grows with them."""
+    """The scene with stiffnesses, and with factors on what its materials have, on its masses, whose
+    inertia grows with them, and on its springs between points."""
     joints = {joint.name: joint for joint in scene.joints or ()}
     materials, masses = dict(scene.materials), {mass.name: mass for mass in scene.masses or ()}
+    springs = {spring.name: spring for spring in scene.springs or ()}
     for name, x in value.items():
         table, entry, key = name.split(".")
         if table == "joints":
             joints[entry] = joints[entry].model_copy(update={key: float(x)})
         elif table == "masses":
             one = masses[entry]
-            inertia = one.inertia and tuple(float(x) * J for J in one.inertia)
-            update = {"mass": float(x) * one.mass, "inertia": inertia}
+            inertia = one.inertia and tuple(times(x, J) for J in one.inertia)
+            update = {"mass": times(x, one.mass), "inertia": inertia}
             masses[entry] = one.model_copy(update=update)
+        elif table == "springs":
+            update = {key: float(x) * getattr(springs[entry], key)}
+            springs[entry] = springs[entry].model_copy(update=update)
         else:
-            update = {key: float(x) * scene_value(scene, name)}
+            update = {key: times(x, scene_value(scene, name))}
             materials[entry] = materials[entry].model_copy(update=update)
     update = {"joints": tuple(joints.values()) or None, "materials": materials}
     update["masses"] = tuple(masses.values()) or None
+    update["springs"] = tuple(springs.values()) or None
     return scene.model_copy(update=update)
+
+
+def times(factor: float, value: float) -> float:
+    """A value times a factor, without the digits that rounding makes of short numbers."""
+    return float(f"{float(factor) * value:.12g}")

@@ -18,6 +18,7 @@ from fem.tuning import Tuning, TuningParameter, determined, tune
 from workflows.files.output_file import OutputFile
 from workflows.files.scene import FILE_KEYS, Source, Written, completed, scene_text
 from workflows.files.scene import scene as load_scene
+from workflows.report.numbers import supported
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, Scene, nearest
 from workflows.scene.bodies import MeasuredMode
@@ -54,8 +55,8 @@ TOLERANCES = FitTolerances()
 
 def unit(name: str) -> str:
     """Unit of a fitted value: of a stiffness by its direction, the last word of its name; of a
-    material's value, which is a factor, what it multiplies."""
-    if name.endswith(of_bodies.FACTORS):
+    material's value or a spring's between points, which is a factor, what it multiplies."""
+    if name.endswith(of_bodies.FACTORS) or name.startswith("springs."):
         return "of the rest's" if name.startswith("block.") else "of the scene's"
     return "N m/rad" if name.rpartition(".")[2].startswith("kr") else "N/m"
 
@@ -71,7 +72,8 @@ class TuningReport(BaseModel):
     stiffness: dict[str, float]
     deviation: dict[str, float | None]
     undetermined: dict[str, float | Literal["rigid"]]  # keys of the scene, the values they keep
-    mac: dict[str, float]
+    mac: dict[str, float]  # with the shape of stiff joints
+    measured_mac: dict[str, float] = {}  # with the measured shape, of targets that have one
     mesh_error_percent: dict[str, float] = {}  # the full model's frequencies are too high by
     between_hz: list[float]
     evaluations: int
@@ -88,7 +90,11 @@ class TuningReport(BaseModel):
             of_mesh = None if error is None else f"{error:.2g} %"
             computed = self.computed_mode.get(i)
             partner = None if computed is None else f"computed mode {computed}"
-            modes.append((i, partner, *hz, of_mesh, f"{self.mac[i]:.2f}"))
+            of_shape = self.measured_mac.get(i)
+            macs = (f"{self.mac[i]:.2f}",)
+            if self.measured_mac:
+                macs = (None if of_shape is None else f"{of_shape:.2f}", *macs)
+            modes.append((i, partner, *hz, of_mesh, *macs))
         values = []
         for name, value in self.stiffness.items():
             spread = self.deviation[name]
@@ -97,7 +103,7 @@ class TuningReport(BaseModel):
         cost = f"{self.evaluations} evaluations in {self.seconds:.2f} s"
         head = (
             "mode", "paired with", "wanted [Hz]", "fitted [Hz]", "full model [Hz]", "mesh error",
-            "MAC",
+            *(("measured MAC", "stiff MAC") if self.measured_mac else ("MAC",)),
         )  # fmt: skip
         return "\n".join(
             [
@@ -170,11 +176,23 @@ def tuned(
             )
         parameters = subset
 
-    # the full model with the fitted values is the judge of the projection
+    # the full model with the fitted values, to the digits that their deviations support, is the
+    # judge of the projection
+    fitted = [supported(x, x * s) for x, s in zip(fit.value, fit.deviation, strict=True)]
+    fit = fit._replace(value=np.array(fitted))
     result = retargeted(at_values(loose, fit.parameters, fit.value), match)
     full = pipeline_of(result, progress)
     computed, mac = full("modes"), shape_mac(full)
     confirmed = {str(number[int(i) - 1]): hz for i, hz in computed.paired_hz.items()}
+    measured_mac = {
+        str(n): float(computed.score[k])
+        for k, (n, target) in enumerate(zip(number, result.targets or (), strict=True))
+        if target.shape and computed.index[k] >= 0
+    }
+
+    # the measured shape is the proof of a joint where there is one, else that of stiff joints
+    likeness = {i: (value, "that of stiff joints") for i, value in mac.items()}
+    likeness |= {i: (value, "the measured one") for i, value in measured_mac.items()}
 
     # what the mesh is worth in these modes, in percent
     by_mesh = full("missed-energy")
@@ -209,12 +227,13 @@ def tuned(
         },
         undetermined={key: "rigid" if np.isinf(x) else x for key, x in unchanged.items()},
         mac=mac,
+        measured_mac=measured_mac,
         between_hz=[float(hz) for hz in fit.all_hz if not np.any(np.isclose(hz, fit.modes_hz))],
         evaluations=fit.evaluations,
         seconds=seconds,
         mesh_error_percent=mesh_percent,
         remarks=[
-            *_remarks(scene, match, fit, of_all, unchanged, candidates, confirmed, mac),
+            *_remarks(scene, match, fit, of_all, unchanged, candidates, confirmed, likeness),
             *worth_of_the_mesh(scene, match, report_hz, mesh_percent, causes),
         ],
     )
@@ -250,10 +269,11 @@ def _remarks(
     unchanged: dict[str, float],
     candidates: Sequence[TuningParameter],
     confirmed: dict[str, float],
-    mac: dict[str, float],
+    likeness: dict[str, tuple[float, str]],
 ) -> list[str]:
     """Sentences on the reliability of a fit. `of_all` is the fit of all candidates; `unchanged` has
-    the scene's keys, with their values, that the modes do not determine."""
+    the scene's keys, with their values, that the modes do not determine; `likeness` the MAC of each
+    mode and with which shape."""
     names, remarks = [p.name for p in fit.parameters], []
     numbers = scene.measured_numbers
     fitted, met_by_all = (
@@ -313,11 +333,11 @@ def _remarks(
             remarks.append(
                 f"the full model has mode {i} at {hz:.2f} Hz: the projection is inaccurate."
             )
-    for i, value in mac.items():
+    for i, (value, compared) in likeness.items():
         if value < 0.8:
             remarks.append(
-                f"the shape of mode {i} has a MAC of {value:.2f} with that of stiff joints: a "
-                "frequency that matches is no proof of the joint."
+                f"the shape of mode {i} has a MAC of {value:.2f} with {compared}: a frequency that "
+                "matches is no proof of the joint."
             )
     return remarks
 
@@ -442,7 +462,7 @@ def scene_values(scene: Scene, p: TuningParameter) -> list[tuple[str, float]]:
         return [(p.name, of_bodies.scene_value(scene, p.name))]
     if p.springs:
         keys = [spring.split(".") for spring in p.springs]
-        return [(f"{joint}.{key}", getattr(scene.springs[joint], key)) for joint, key in keys]
+        return [(f"{joint}.{key}", getattr(scene.bushings[joint], key)) for joint, key in keys]
     of_block = getattr(scene.assembly.block, p.of, None)
     return [(p.name, getattr(scene.assembly, p.of) if of_block is None else of_block)]
 
@@ -469,7 +489,7 @@ def at_values(scene: Scene, parameters: list[TuningParameter], value) -> Scene:
             joint, key = spring.split(".")
             joints.setdefault(joint, {})[key] = float(x)
         if not p.springs:
-            steel[p.of] = float(x) * getattr(scene.assembly, p.of)
+            steel[p.of] = of_bodies.times(x, getattr(scene.assembly, p.of))
     result = scene.but(joints=joints)
     if steel:
         from workflows.scene.rig import Steel

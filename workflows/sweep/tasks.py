@@ -54,7 +54,7 @@ def source_of(checked_group: CheckedGroup, design: Design) -> Source:
     keys = []
     for key in values:
         joint, _, direction = key.removeprefix("joints.").rpartition(".")
-        if key.startswith("joints.") and joint in scene.springs and direction in SPRINGS:
+        if key.startswith("joints.") and joint in scene.bushings and direction in SPRINGS:
             keys.append(key)
     if not keys or scene.reduction.kind != "craig-bampton":
         return Source(scene)

@@ -130,7 +130,7 @@ def peers(scene: Scene, progress: Progress, *, options: PeerOptions = PeerOption
         mesh = stages.mesh(coarse)
         model = stages.model(coarse, mesh)
         contact = stages.contact(coarse, mesh, model)
-        boundary = boundary_of(contact, None, None)
+        boundary = boundary_of(contact, None)
         deck = input_deck(model, mesh.materials, n_modes=options.n_modes, w=contact.w)
         body = rom.free_modes(
             model.K, model.M, contact.w, rom.Selection(n_modes=options.wall_modes)

@@ -125,10 +125,10 @@ def reduction(scene: Scene, progress: Progress) -> Finding:
             f'the scene {scene.name} has no chain before an assembly with wall.kind = "rom"; '
             "take rig-rom."
         )
-    if any(table.dashpots for table in scene.springs.values()):
+    if scene.has_dashpots:
         raise InvalidScene(
-            "joints have dashpots, which this study would leave out of the responses it compares; "
-            "set joints.head.cx .. joints.foot.crz to 0."
+            "joints or springs have dashpots, which this study would leave out of the responses it "
+            "compares; set them to 0 (joints.head.cx .. joints.foot.crz of the rig)."
         )
     strike = scene.written_out.strike
     if strike and strike.weights == "thesis":

@@ -98,7 +98,7 @@ def _by_calculix(rig: Scene, pipeline: Pipeline, scale: float) -> np.ndarray:
     ties = [(touching[pair], touching[pair[::-1]]) for pair in touching if pair[1] == STRUCK]
     screws = []
     if rig.assembly.constraint == "wires":
-        a, head = rig.assembly, rig.springs["head"]
+        a, head = rig.assembly, rig.bushings["head"]
         springs = fem.Bushing(*(getattr(head, key) for key in fem.DIRECTIONS))
         for sheet, under in ties:
             nodes = np.unique(sheet)

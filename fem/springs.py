@@ -1,0 +1,111 @@
+"""Springs between points of faces, or from one to the ground: cords, foam, soft mounts.
+
+A spring of stiffness k and dashpot c along a unit vector d joins the rigid motions q = C u nearest
+to the displacements of two discs (RBE3, `fem.joints.distributing`), both taken at the middle s
+between the discs:
+
+    r = d . (q_first(s) - q_second(s)) = b^T u,    K := K + k b b^T,    C := C + c b b^T
+
+No rigid motion of both bodies together elongates it; the ground does not move, and s is the first
+disc's own point there. Discs stay as flexible as they were.
+"""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix, vstack
+
+from fem.carried import DiscPoints
+from fem.contact_patch import disc_quadrature
+from fem.elasticity import PointSprings, Structure
+from fem.joints import distributing
+from fem.spot import Spot, planar_spot
+from fem.trace import OffFace, trace
+
+
+class SpringEnd(NamedTuple):
+    """A disc on a plane face where a spring begins or ends."""
+
+    face: str  # "body:face"
+    at: tuple[float, float] | None  # [m] from the middle of the face; None: nearest to the other
+    radius: float  # [m] of the disc
+
+
+class PointSpring(NamedTuple):
+    """A spring between two discs, or from one to the ground."""
+
+    name: str  # equal for springs that share their stiffness
+    first: SpringEnd
+    second: SpringEnd | None  # None is the ground
+    stiffness: float  # [N/m]
+    # (3,) of any length; "normal" out of the first face; None: from the first disc to the second
+    direction: NDArray[np.float64] | str | None
+    dashpot: float = 0.0  # [N s/m]
+
+
+def with_springs(
+    structure: Structure, springs: Iterable[PointSpring], points: DiscPoints = DiscPoints()
+) -> Structure:
+    """The structure with these springs in `springs`, equal names together; `fem.joined` adds them
+    to K.
+
+    Raises OffFace where a disc leaves its face; ValueError for a face that is not plane, and for a
+    spring without a direction between two discs at one point.
+    """
+    rows: dict[str, list[csr_matrix]] = {}
+    constants: dict[str, tuple[float, float]] = {}
+    for spring in springs:
+        first, second = spring.first, spring.second
+        spot = planar_spot(structure, first.face, first.at or (0.0, 0.0))
+        ends = [(1.0, first, spot)]
+        middle = spot.point
+        if second is not None:
+            opposite = planar_spot(structure, second.face, second.at or (0.0, 0.0))
+            if second.at is None:
+                nearest = np.round(opposite.axes @ (spot.point - opposite.point), 9) + 0.0
+                second = second._replace(at=tuple(nearest.tolist()))
+                opposite = planar_spot(structure, second.face, second.at)
+            ends.append((-1.0, second, opposite))
+            middle = (spot.point + opposite.point) / 2
+
+        direction = spring.direction
+        if isinstance(direction, str):
+            direction = -spot.inward
+        elif direction is None:
+            direction = ends[-1][2].point - spot.point
+            if not np.linalg.norm(direction) > 1e-9:
+                raise ValueError(
+                    f"both ends lie at {np.round(spot.point, 9).tolist()} m and give no direction; "
+                    "give one, or stiffnesses along x, y and z."
+                )
+        d = np.asarray(direction, float) / np.linalg.norm(direction)
+        b = sum(sign * _along(structure, end, s, middle, d, points) for sign, end, s in ends)
+        rows.setdefault(spring.name, []).append(csr_matrix(b))
+        constants[spring.name] = spring.stiffness, spring.dashpot
+    of_names = tuple(
+        PointSprings(name, vstack(b, format="csr"), *constants[name]) for name, b in rows.items()
+    )
+    return structure._replace(springs=structure.springs + of_names)
+
+
+def _along(
+    structure: Structure,
+    end: SpringEnd,
+    spot: Spot,
+    middle: NDArray[np.float64],
+    d: NDArray[np.float64],
+    points: DiscPoints,
+) -> csr_matrix:
+    """d . q(middle) of a disc's rigid motion, (1, ndof)."""
+    disc, share = disc_quadrature("area", points.radial, points.around)
+    on_face = spot.point + end.radius * disc @ spot.axes
+    try:
+        P = trace(structure, end.face, on_face)
+    except OffFace:
+        raise OffFace(
+            f"a disc of radius {end.radius:g} m at {list(end.at or (0.0, 0.0))} m from the middle "
+            f"of {end.face!r} leaves that face; move it or make it smaller."
+        ) from None
+    return csr_matrix(d @ distributing(on_face, share, middle)[:3]) @ P

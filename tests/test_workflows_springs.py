@@ -1,0 +1,216 @@
+"""[[springs]] of a scene: a box on cords in modes, reduction, run and tuning, and refusals."""
+
+import re
+from contextlib import nullcontext
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+import beadwave
+import fem
+import rom
+from workflows.files.output_file import OutputFile
+from workflows.files.scene import scene
+from workflows.scene import InvalidScene
+from workflows.stages.assembly import dashpots
+from workflows.stages.pipeline import pipeline_of
+from workflows.structure.export import write_model
+
+BOX = """
+chain = { count = 2, radius = 0.005, density = 7800.0, young = 210e9, poisson = 0.3 }
+striker = { velocity = 0.1 }
+time = { duration = 1e-4 }
+wall = { kind = "rom" }
+assembly = { held = [], material = "steel" }
+bodies = { box = { box = [0.3, 0.2, 0.05], seed = 0.1 } }
+reduction = { kind = "free-modes", modes = 10, to_hz = 5e3 }
+strike = { on = "box:-x", at = [0.02, 0.0], radius = 0.005 }
+[materials.steel]
+young = 210e9
+poisson = 0.3
+density = 7850.0
+[[springs]]
+name = "cord"                  # assumed: four cords at the corners
+on = "box:+z"
+at = [[0.12, 0.07], [-0.12, 0.07], [-0.12, -0.08], [0.11, -0.08]]
+radius = "10 mm"
+kx = 800.0
+ky = 900.0
+kz = "4 kN/m"
+"""
+POINTS = [(0.12, 0.07), (-0.12, 0.07), (-0.12, -0.08), (0.11, -0.08)]
+DASHPOTS = {"springs.cord.cx": 3.0, "springs.cord.cy": 2.0, "springs.cord.cz": 8.0}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def folder(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        path = tmp_path_factory.mktemp("springs")
+        monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(path / "cache"))
+        monkeypatch.chdir(path)
+        (path / "box.toml").write_text(BOX)
+        yield path
+
+
+def pipeline(changes=(), name="box.toml"):
+    return pipeline_of(scene(name, dict(changes)), lambda name: nullcontext())
+
+
+def rigid_hz(k=(800.0, 900.0, 4000.0)):
+    """Six frequencies of a rigid box on its cords, by hand."""
+    a, b, c = 0.3, 0.2, 0.05
+    m, K = 7850 * a * b * c, np.zeros((6, 6))
+    for x, y in POINTS:
+        z = c / 2
+        moved = np.hstack([np.eye(3), [[0, z, -y], [-z, 0, x], [y, -x, 0]]])
+        K += moved.T @ np.diag(k) @ moved
+    M = np.diag([m] * 3 + [m / 12 * (p * p + q * q) for p, q in ((b, c), (a, c), (a, b))])
+    return np.sqrt(eigh(K, M, eigvals_only=True)) / (2 * np.pi)
+
+
+def test_a_box_on_cords_has_the_modes_of_a_rigid_body_and_a_known_mesh_error():
+    run = pipeline()
+    modes, missed = run("modes"), run("missed-energy")
+    hz = modes.omega / (2 * np.pi)
+    np.testing.assert_allclose(hz[:6], rigid_hz(), rtol=1e-5)
+    error = missed.of_frequencies(modes.omega)
+    assert missed.unknown == "" and np.all(error[:6] < 1e-5) and np.all(error[6:10] > 1e-5)
+
+
+@pytest.mark.parametrize("kind", ["free-modes", "craig-bampton"])
+def test_a_reduced_box_on_cords_answers_as_the_full_one(kind):
+    """At rest, where it moves 1e5 times as far as it gives, at its suspension and between its
+    elastic modes."""
+    run = pipeline({"reduction.kind": kind})
+    model, reduced, w = run("model"), run("reduction"), run("contact").w
+    static = w @ fem.factorised(model.K).solve(w)
+    assert rom.static_compliance(reduced) == pytest.approx(static, rel=1e-7)
+    for hz in (3.0, 40.0, 900.0, 3000.0):
+        s = (2 * np.pi * hz) ** 2
+        full = w @ fem.factorised((model.K - s * model.M).tocsc()).solve(w)
+        small = reduced.w @ np.linalg.solve(reduced.K - s * reduced.M, reduced.w)
+        assert small == pytest.approx(full, rel=2e-3)
+
+
+def test_dashpots_beside_cords_damp_the_reduced_model_as_the_full_one():
+    """Complex receptances at the suspension's modes, where damping decides, and far above."""
+    run = pipeline(DASHPOTS)
+    model, reduced, w = run("model"), run("reduction"), run("contact").w
+    C = dashpots(run.scene, model)
+    for hz in (*rigid_hz(), 50.0, 3000.0):
+        s = 2 * np.pi * hz
+        A = (model.K + 1j * s * C - s**2 * model.M).tocsc()
+        full = w @ np.linalg.solve(A.toarray(), w) if A.shape[0] < 400 else w @ solved(A, w)
+        small = reduced.w @ np.linalg.solve(
+            reduced.K + 1j * s * reduced.C - s**2 * reduced.M, reduced.w
+        )
+        assert abs(small / full - 1) < 2e-3
+
+
+def solved(A, w):
+    from scipy.sparse.linalg import splu
+
+    return splu(A).solve(w.astype(complex))
+
+
+def table(**changes):
+    usual = {"name": "cord", "on": "box:+z", "at": [list(p) for p in POINTS], "radius": 0.01}
+    return [usual | {"kx": 800.0, "ky": 900.0, "kz": 4000.0} | changes]
+
+
+def test_a_run_on_cords_is_that_of_the_box_that_floats_until_the_cords_notice():
+    """0.1 ms are 1e-3 of the suspension's period: velocities agree to that squared and the errors
+    of both reductions."""
+    hung, free = (pipeline({"springs": s})("impact").trajectory for s in (table(), []))
+    t = np.linspace(0, 1e-4, 200)
+    v = [np.interp(t, run.t, run.v[:, 1]) for run in (hung, free)]
+    assert np.abs(v[0] - v[1]).max() < 1e-4 * 0.1
+    assert np.abs(v[0]).max() > 0.05
+
+
+@pytest.mark.slow
+def test_tune_finds_modulus_and_cords_of_a_box():
+    """Targets are the full model's: modes by number count those that strain the box, its heave is
+    known by its motion. A modulus 10 % higher and cords 30 % stiffer."""
+    changes = {"materials.steel.young": 231e9, "springs": table(kz=5200.0)}
+    hz = pipeline(changes)("modes").omega / (2 * np.pi)
+    heave = rigid_hz((800.0, 900.0, 5200.0))
+    motions = [{"hz": float(hz[6]), "number": 1}, {"hz": float(hz[7]), "number": 2}]
+    i = int(np.abs(hz[:6] - np.sqrt(4 * 5200 / 23.55) / (2 * np.pi)).argmin())
+    assert hz[i] == pytest.approx(heave[i], rel=1e-5)
+    targets = [*motions, {"hz": float(hz[i]), "body": "box", "motion": "z"}]
+    tuned = beadwave.tune(
+        "box.toml",
+        changes={"targets": targets},
+        match={1: targets[0]["hz"], 2: targets[1]["hz"], 3: targets[2]["hz"]},
+        free=["materials.steel.young", "springs.cord.kz"],
+    )
+    assert tuned.scene.materials["steel"].young == pytest.approx(231e9, rel=1e-3)
+    assert tuned.scene.springs[0].kz == pytest.approx(5200.0, rel=1e-3)
+
+
+REFUSED = {
+    "springs has 2 tables named 'cord'; give each a name of its own": table() * 2,
+    "springs.cord.kx = -1.0 must be greater than 0": table(kx=-1.0),
+    "springs.cord.kz = 0.0 must be greater than 0": table(kz=0.0),
+    "springs.cord.ky = nan must be": table(ky=float("nan")),
+    "springs.cord.ky = inf must be": table(ky=float("inf")),
+    "springs.cord: k = 500 N/m to the ground has no direction": table(
+        kx=None, ky=None, kz=None, k=500.0
+    ),
+    "springs.cord: has no stiffness: give kx, ky or kz": table(kx=None, ky=None, kz=None),
+    "kx and ky and kz and k exclude each other": table(k=500.0),
+    "springs.cord: direction is that of k": table(direction="z"),
+    'direction = "up" must be': table(kx=None, ky=None, kz=None, k=500.0, direction="up"),
+    "direction = [0.0, 0.0, 0.0] must not be zero": table(
+        kx=None, ky=None, kz=None, k=500.0, direction=[0.0, 0.0, 0.0]
+    ),
+    "springs.cord: c = 3 is beside no spring: give k in N/m": table(c=3.0),
+    'to_at needs a face: give to = "body:-z"': table(to_at=[[0.0, 0.0]]),
+    "springs.cord: a disc of radius 0.01 m at [0.145, 0.0] m from the middle of 'box:+z' leaves": (
+        table(at=[[0.145, 0.0]])
+    ),
+    "springs.cord.on: 'box' is no face of a body": table(on="box"),
+    "springs.cord.on = 'lid:+z' names no body; there are box": table(on="lid:+z"),
+    "springs.cord.to = 'lid:-z' names no body; there are box": table(to="lid:-z"),
+    "springs.cord.to: 'earth' is neither": table(to="earth"),
+    "box:+q": table(on="box:+q"),
+}
+
+
+@pytest.mark.parametrize("sentence", REFUSED)
+def test_what_is_no_spring_is_refused_in_a_sentence(sentence):
+    rows = [{k: v for k, v in row.items() if v is not None} for row in REFUSED[sentence]]
+    with pytest.raises(InvalidScene, match=re.escape(sentence)) as refused:
+        pipeline({"springs": rows})("model")
+    print(refused.value)
+
+
+def test_springs_without_an_assembly_are_refused():
+    with pytest.raises(InvalidScene, match=r"\[\[springs\]\] sit on faces of an \[assembly\]"):
+        scene("rig-rigid", {"springs": table()})
+
+
+def test_an_input_deck_without_the_springs_is_refused(folder):
+    with pytest.raises(InvalidScene, match=r"\[\[springs\]\] are not written to --inp"):
+        write_model(pipeline(), OutputFile(folder / "box.inp", "--inp"), None)
+
+
+def test_look_lists_springs():
+    assert re.search(
+        r"cord +box:\+z +ground +4 +kx 800, ky 900, kz 4000", str(beadwave.look("box.toml"))
+    )
+
+
+def test_another_stiffness_keeps_the_mesh():
+    one, other = pipeline(), pipeline({"springs.cord.kz": 5e3})
+    assert one.key("mesh") == other.key("mesh")
+    assert one.key("modes") != other.key("modes")
+
+
+def test_a_spring_on_a_held_face_is_refused():
+    changes = {"assembly.held": ["box:+z"]}
+    with pytest.raises(InvalidScene, match=r"springs\.cord: on = 'box:\+z' is held"):
+        pipeline(changes)("model")
+    pipeline({"assembly.held": ["box:-y"]})("model")

@@ -1,0 +1,212 @@
+"""A scene to start from, of a STEP file: bodies of steel, a support, and a place that the chain
+strikes."""
+
+from collections.abc import Iterator, Mapping
+from itertools import islice, product
+from json import dumps
+from os.path import relpath
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.spot import SpotLimits, spanning
+from geometry.errors import InvalidGeometry
+from geometry.selectors import faces as selected
+from geometry.solids import ALIGNED, Body, Face
+from workflows.files.output_file import OutputFile
+from workflows.scene import InvalidScene
+from workflows.stages.bodies import Drawing
+from workflows.stages.strike import around
+from workflows.structure.face_page import words
+
+PATCH = 2e-3  # [m] radius of the patch that is struck
+SMALLER = (1e-3, 0.5e-3, 0.25e-3)  # [m] on a face that has no room for it, as the rim of a tube
+ROOM = 1.5  # radius about the place that must lie on the face, over that of the patch
+SMALLEST_ROUND = 0.5e-3  # [m] on a cylinder or a sphere, a tenth of its radius at most
+N_PLACES = 9  # along each side of a face, at which the patch is tried
+N_ROUND = 16  # directions about an axis or a centre in which a round face is tried
+
+
+class StartStrike(NamedTuple):
+    """What the chain strikes."""
+
+    face: Face
+    on: str  # selector
+    at: list[float]  # [m] from the middle of a plane face, or a point [x, y, z]
+    radius: float  # [m] of the patch
+    outward: NDArray[np.float64]  # (3,) normal there
+
+
+def starter(geometry: Drawing, source: Path) -> str | None:
+    """TOML that runs: the chain strikes the highest bare plane face, if possible one that looks up,
+    else a round one; held is the lowest plane face that looks down, else the one opposite. None
+    where no face has room for a patch."""
+    strike = next(_strikes(geometry), None)
+    if strike is None:
+        return None
+
+    # the support: faces that look down, lower ones first, then those that look away from the
+    # chain, the farthest ones first
+    supports = [
+        (
+            (0, face.centre[2]) if face.normal[2] < -0.5
+            else (1 + face.normal @ strike.outward, round(face.centre @ strike.outward, 6)),
+            body,
+            face,
+        )
+        for body, face in _planes(geometry)
+        if face.tag != strike.face.tag
+        and (face.normal[2] < -0.5 or face.normal @ strike.outward < 0.5)
+    ]  # fmt: skip
+    supports.sort(key=lambda support: support[0])
+    words_of = (
+        _word(geometry.bodies, body, face, point)
+        for _, body, face in supports
+        for _, point in islice(_places(body, face, 0.0), 1)
+    )
+    held = next((word for word in words_of if word), None)
+    return STARTER.format(
+        name=source.stem.replace(" ", "-"),
+        source=source.absolute(),
+        held=dumps([held] if held else []),
+        floats="" if held else FLOATS,
+        struck=strike.on,
+        at=f"at = {strike.at}\n" if any(strike.at) else "",
+        radius=f"{strike.radius:g}",
+    )
+
+
+def _planes(geometry: Drawing) -> list[tuple[Body, Face]]:
+    """All plane faces with their bodies, higher ones first."""
+    planes = [(b, f) for b in geometry.bodies.values() for f in b.faces if f.normal is not None]
+    return sorted(planes, key=lambda pair: -pair[1].centre[2])
+
+
+def _strikes(geometry: Drawing) -> Iterator[StartStrike]:
+    """Places for the chain, the best first: a plane face with room for a patch of usual size or
+    half of it, one that looks up before others, a round face, a plane one with room for a smaller
+    patch."""
+    first, *others = SMALLER
+    for up in (True, False):
+        for radius in (PATCH, first):
+            yield from _on_planes(geometry, radius, up)
+    yield from _on_rounds(geometry)
+    for radius, up in product(others, (True, False)):
+        yield from _on_planes(geometry, radius, up)
+
+
+def _on_planes(geometry: Drawing, radius: float, up: bool) -> Iterator[StartStrike]:
+    """Places on plane faces that look up, or on the others, where a patch and some room around it
+    lie on the face and on no other body: the nearest one to the middle of each."""
+    for body, face in _planes(geometry):
+        if (face.normal[2] > 0.5) != up:
+            continue
+        for place, point in _places(body, face, ROOM * radius):
+            points = around(point, face.normal, ROOM * radius)
+            if geometry.near.over(body.name, points, geometry.bodies, radius):
+                continue
+            word = _word(geometry.bodies, body, face, point)
+            # a place from the middle of a face across an axis; a point in space of another one
+            along_axis = np.abs(face.normal).max() > 1 - ALIGNED
+            at = (place if along_axis else point).round(6) + 0.0
+            if word:
+                yield StartStrike(face, word, at.tolist(), radius, face.normal)
+            break
+
+
+def _places(
+    body: Body, face: Face, radius: float
+) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Places (2,) [m] from the middle of a plane face and their points (3,) [m] in space, around
+    which a circle of a radius [m] lies on the face; those near the middle first."""
+    steps = np.linspace(-0.5, 0.5, N_PLACES)
+    grid = np.array(np.meshgrid(steps, steps)).reshape(2, -1).T
+    axes, middle = spanning(face.normal), (face.lower + face.upper) / 2
+    places = grid * (np.abs(axes) @ (face.upper - face.lower))
+    for place in places[np.argsort(np.linalg.norm(places, axis=1), kind="stable")]:
+        point = middle + place @ axes
+        rim = around(point, face.normal, radius, 16)
+        if all(body.distance(p, face.tag) < 1e-9 for p in rim):
+            yield place, point
+
+
+def _on_rounds(geometry: Drawing) -> Iterator[StartStrike]:
+    """Places on outer cylinders and spheres, half-way along them and as high as they are bare."""
+    for body in geometry.bodies.values():
+        rounds = [f for f in body.faces if f.kind in ("cylinder", "sphere") and not f.hollow]
+        for face in sorted(rounds, key=lambda face: -face.area):
+            radius = min(PATCH, float(f"{0.9 * SpotLimits().flat * face.radius:.2g}"))
+            if radius < SMALLEST_ROUND:
+                continue
+            axis = np.eye(3)[1] if face.axis is None else face.axis
+            middle = face.on_axis
+            if face.axis is not None:
+                middle = middle + ((face.centre - middle) @ axis) * axis
+            angles = 2 * np.pi * np.arange(N_ROUND) / N_ROUND
+            outwards = np.column_stack([np.cos(angles), np.sin(angles)]) @ spanning(axis)
+            for outward in outwards[np.argsort(-outwards[:, 2].round(9), kind="stable")]:
+                point = middle + face.radius * outward
+                if body.distance(point, face.tag) > 1e-9:
+                    continue
+                points = around(point, outward, radius)
+                if geometry.near.over(body.name, points, geometry.bodies, radius):
+                    continue
+                if word := _word(geometry.bodies, body, face, point):
+                    at = (point.round(6) + 0.0).tolist()
+                    yield StartStrike(face, word, at, radius, outward)
+                break
+
+
+def _word(bodies: Mapping[str, Body], body: Body, face: Face, point: np.ndarray) -> str | None:
+    """The first selector that picks this face and, of a plane one, no other; see `words`."""
+    for text in words(body, face, point):
+        try:
+            tags = selected(text, bodies).tags
+        except InvalidGeometry:
+            continue
+        if tags == (face.tag,) or (face.normal is None and face.tag in tags):
+            return text
+    return None
+
+
+def write_starter(file: OutputFile, text: str | None, source: Path) -> None:
+    """Write the scene to start from; raises InvalidScene where no face offers itself."""
+    if text is None:
+        raise InvalidScene(
+            f"{source} has no plane face, outer cylinder or sphere with room for a patch of "
+            f"{SMALLER[-1]:g} m; write the scene by hand."
+        )
+    # the file by a path from the scene, so that both can be moved together
+    relative = relpath(source.absolute(), file.path.absolute().parent)
+    with file.writing() as path:
+        path.write_text(text.replace(str(source.absolute()), relative), encoding="utf-8")
+
+
+FLOATS = 'reduction = { kind = "free-modes" }  # of a structure that nothing holds\n'
+STARTER = """\
+# To start from: {source}. Materials, support, chain and strike are assumed; change them.
+name = "{name}"
+chain = {{ count = 10, radius = 0.00635, density = 7800.0, young = 210e9, poisson = 0.3 }}
+striker = {{ velocity = 0.3 }}
+wall = {{ kind = "rom" }}
+damping = {{ kind = "modal", ratio = 0.005 }}
+time = {{ duration = 1e-3 }}
+output = {{ spheres = [1, 5] }}
+{floats}
+[assembly]
+step = "{source}"
+touching = "tied"              # pairs that no [[ties]] or [[joints]] names: "tied", "free", "ask"
+held = {held}
+material = "steel"
+
+[materials.steel]
+young = 210e9                  # Pa
+poisson = 0.3
+density = 7850.0               # kg/m^3
+
+[strike]
+on = "{struck}"
+{at}radius = {radius}
+"""
