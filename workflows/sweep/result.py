@@ -136,10 +136,14 @@ class Sweep:
     def _cases(self) -> Table:
         names = (*self.design.keys, *self.main, "status")
         columns = [self.columns[name].tolist() for name in names]
-        most = [6 if name in self.design.keys else self._digits for name in names]
-        texts = zip(*map(tables.apart, columns, most), strict=True)
+        n = len(self.design.keys)
+        texts = [
+            *map(tables.apart, columns[:n]),
+            *(tables.apart(column, self._digits, zeros=True) for column in columns[n:]),
+        ]
         heading = tuple(map(self._with_unit, names))
-        return Table("cases", names, tuple(zip(*columns, strict=True)), (heading, *texts))
+        rows = zip(*columns, strict=True)
+        return Table("cases", names, tuple(rows), (heading, *zip(*texts, strict=True)))
 
     @cached_property
     def _digits(self) -> int:
