@@ -480,6 +480,30 @@ class MarchedSphere(NamedTuple):
         meets = float(inverse_mass.max()) + float(self.chain.radius[-1]) ** 2 * inverse_inertia
         return math.sqrt(k * meets)
 
+    def swing(
+        self, one: SavedAcross, other: SavedAcross, overlaps: Sequence[float | None]
+    ) -> float:
+        """[m/s] by which two cycles differ: in velocities of the centre and, by the turn, of the
+        surface, and in those of the free motion that starts where the forces of one meet the
+        displacements of the other.
+
+        Forces that differ by dT let a contact of stiffness k swing by dT / k at its rate, and the
+        arm swings by what displacements and turns differ by, at its own. The velocities of a cycle
+        do not show that: they are as slow as the wall.
+        """
+        R, m = float(self.chain.radius[-1]), float(self.chain.mass[-1])
+        inverse_mass, inverse_inertia = self.mobility
+        rate, parts = self.rate(overlaps), [one.v - other.v, R * (one.spin - other.spin)]
+        if rate > 0.0:
+            meets = inverse_mass + R**2 * inverse_inertia  # 1/m of what the force moves: k = w^2 m
+            parts.append(meets / rate * (one.force - other.force))
+        arm = np.where(inverse_mass > 0.0, np.sqrt(self.stiffness / m), 0.0)
+        parts.append(arm * (one.u - other.u))
+        if inverse_inertia > 0.0:
+            turning = math.sqrt(self.last.arm_rotation * inverse_inertia)
+            parts.append(R * turning * (one.psi - other.psi))
+        return max(float(np.abs(part).max()) for part in parts)
+
     def open_springs(self) -> Contacts:
         """Contacts that have not closed yet, with room for the error."""
         fine = math.sqrt(1e-5 / self.error)
@@ -654,13 +678,14 @@ def motion_of(state: Across) -> Array:
 
 
 class ReturningState(NamedTuple):
-    """A state that a period leaves as it is, up to `change` of its force, over the largest."""
+    """A state that a period leaves as it is, up to `change` of its force over the largest, and of
+    its velocities over the wall's."""
 
     state: Across
     springs: Contacts
     last: Marched  # the period that ends there
     change: float
-    matrix: Array | None  # (4 n, 4 n) 1 - J in units of the largest motion, None where all is held
+    matrix: Array | None  # (4 n, 4 n) 1 - J in units of the free motion, None where all is held
 
 
 def returning_state(
@@ -679,10 +704,15 @@ def returning_state(
     periods without success. A sphere without an arm drifts freely: dz is the least one.
     """
     body, search, wall = shaken.body, shaken.body.search, shaken.displacements()
-    n = len(body.frame)
+    n, R = len(body.frame), float(body.chain.radius[-1])
     mass, inertia = body.mobility
     free = bool(mass.any()) or inertia > 0.0
-    B, units, g, dz = matrix, None, None, None
+    B, g, dz = matrix, None, None
+    # the free motion between arm and contact has one size in all units: a matrix in units of the
+    # slow motion of the wall is so stretched that least squares leave that motion out
+    speed = float(np.abs(shaken.motion.speed).max()) or 1.0
+    rate = max(body.rate(shaken.overlaps), 2.0 * math.pi / shaken.motion.period)
+    units = speed * np.repeat([1.0 / rate, 1.0, 1.0 / (R * rate), 1.0 / R], n)
     previous, age = None, 0
     for i in range(search.newton_periods):
         z = motion_of(state)
@@ -691,6 +721,11 @@ def returning_state(
         if previous is not None:
             scale = float(np.abs(saved.force).max()) or 1.0
             change = float(np.abs(saved.force - previous).max()) / scale
+            # forces of two starts that hardly differ are alike, whether they come back or not
+            if free:
+                jumps = (z - motion_of(end.state)) / units
+                change = max(change, float(np.abs(jumps[n : 2 * n]).max()))
+                change = max(change, float(np.abs(jumps[3 * n :]).max()))
             # after so many periods a change is accepted that is small beside the error
             late = i == search.newton_periods - 1
             if change <= (max(periodicity, search.rough * body.error) if late else periodicity):
@@ -700,9 +735,6 @@ def returning_state(
             state, springs = end.state, end.springs
             continue
 
-        if units is None:
-            sizes = [np.abs(values).max() for values in (saved.u, saved.v, saved.psi, saved.spin)]
-            units = np.repeat(np.where(np.array(sizes) > 0.0, sizes, 1.0), n)
         g_before, g = g, (z - motion_of(end.state)) / units
         if B is None or age >= search.broyden_periods:
             B, age = np.eye(4 * n), 0
@@ -797,7 +829,7 @@ def state_on_moving_wall(
 
     # twice as many steps, until nothing changes by more than half of the error
     while True:
-        R, before = float(body.chain.radius[-1]), coarse.last.saved
+        before = coarse.last.saved
         shaken = shaken._replace(n_steps=2 * shaken.n_steps)
         if shaken.n_steps > search.most_steps:
             raise UnstableStep(
@@ -815,8 +847,7 @@ def state_on_moving_wall(
                 coarse = finer._replace(state=end.state, springs=end.springs, last=end)
                 continue
         saved = finer.last.saved
-        velocity = np.abs(saved.v - before.v).max(), R * np.abs(saved.spin - before.spin).max()
-        estimate = search.safety * float(max(velocity)) / speed / 3.0
+        estimate = search.safety * body.swing(saved, before, overlaps) / speed / 3.0
         heat = np.array([np.ptp(cycle.energy[[0, -1], RUBBED]) for cycle in (before, saved)])
         off = search.safety * abs(heat[1] - heat[0]) / 3.0
         close = off <= 0.5 * body.error * float(np.abs(saved.energy).max())

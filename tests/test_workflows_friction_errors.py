@@ -13,11 +13,30 @@ EXAMPLE = module_from_spec(WHERE)
 WHERE.loader.exec_module(EXAMPLE)
 
 
+@pytest.mark.parametrize("scene", [55, 58, 70, 73])
+def test_a_periodic_state_brings_back_velocities_too(scene):
+    """Of spheres that nothing keeps from turning on a contact that sticks: forces of two periods
+    whose starts hardly differed were alike while a turn at the surface came back 1.2 errors off
+    (scene 70), and stated errors were 0.21 to 0.71 of the true ones."""
+    run = EXAMPLE.pressed(np.random.default_rng([0, scene]))
+    along, _ = EXAMPLE.dem.march_to_error(
+        run.chain, run.wall, run.v0, duration=run.duration, n_save=run.n_save, error=run.error
+    )
+    across = EXAMPLE.march_lateral(
+        run.chain, run.wall, run.v0, along, run.last, motion=run.motion, error=run.error
+    )
+    limit = 0.1 * run.error * EXAMPLE.top_speed(run)
+    turn = float(run.chain.radius[-1]) * (across.sphere_spin[-1] - across.sphere_spin[0])
+    assert np.abs(turn).max() < limit
+    assert np.abs(across.sphere_t_v[-1] - across.sphere_t_v[0]).max() < limit
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "scene"),
-    [("oblique", 3), ("oblique", 6), ("oblique", 27), ("pressed", 4), ("struck", 8)],
-)
+    [("oblique", 3), ("oblique", 6), ("oblique", 27), ("pressed", 4), ("pressed", 82),
+     ("struck", 8)],
+)  # fmt: skip
 def test_random_runs_state_their_error_close_the_ledger_and_heat_never_falls(kind, scene):
     trial = EXAMPLE.trial(getattr(EXAMPLE, kind)(np.random.default_rng([0, scene])))
     assert trial.ratio >= 1.0
