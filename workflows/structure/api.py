@@ -14,7 +14,7 @@ import numpy as np
 from workflows.files.hammer import HAMMER
 from workflows.files.output_file import OutputFile, output_files
 from workflows.files.picture_folder import picture_folder
-from workflows.files.run_folder import Picture, picture_named, write_pictures
+from workflows.files.run_folder import NoPicture, Picture, picture_named, write_pictures
 from workflows.files.scene import Changes, Source, files_read
 from workflows.files.scene import scene as load_scene
 from workflows.scene import InvalidScene, Scene
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from workflows.structure.thesis_tables import ThesisTable
     from workflows.structure.tuning import TuningReport
 
-HAMMER_PICTURES = ("hammer", "synthesis", "coherence", "decay", "automac")
+HAMMER_PICTURES = ("hammer", "synthesis", "coherence", "decay", "automac", "shapes")
 
 
 @dataclass(frozen=True, repr=False)
@@ -433,16 +433,25 @@ def hammer(
         measured_shapes,
         pictures,
         recognised,
+        shapes_beside,
         targets_of,
     )
 
     with progress("identification"):
         wanted = chosen.measured_modes
         test = hammer_test(paths, wanted, reading, choice)
+    pipeline = None
     if not chosen.of_dimensions and measured_shapes(test):
-        test = recognised(test, pipeline_of(chosen, progress), wanted)
+        pipeline = pipeline_of(chosen, progress)
+        test = recognised(test, pipeline, wanted)
     with progress("picture"):
-        result = HammerTest(test.report, test.modes, tuple(pictures(test)))
+        drawn = pictures(test)
+        if folder and pipeline:
+            try:
+                drawn += shapes_beside(test, pipeline)
+            except NoPicture as error:
+                test.report.remarks.append(str(error))
+        result = HammerTest(test.report, test.modes, tuple(drawn))
     if folder:
         made = [f"figures/{picture.name}.png" for picture in result.pictures]
         with folder.renewed("modes.json", *made) as renewed:
