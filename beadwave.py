@@ -15,6 +15,7 @@ sets values by their dotted keys. Everything is in SI units: m, kg, s, N, Pa, Hz
     run, impact, load, film      impacts; a finished run folder, and its film
     modes, tune, hammer          an assembly's modes, joints fitted to measured ones, hammer tests
     design_hammer_test           where to hit and watch
+    rank_parameters              what is worth freeing in a fit of joints
     reduce, reduce_matrices      a reduced model: of a scene, of one's own K, M, w
     look, export                 bodies and where they touch; CalculiX, Abaqus, STEP
     calibrate, twin              a chain and its wall fitted to measured velocities
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
         hammer,
         look,
         modes,
+        rank_parameters,
         reduce,
         reduce_matrices,
         thesis_table,
@@ -73,6 +75,7 @@ _HOMES = {
         "hammer",
         "look",
         "modes",
+        "rank_parameters",
         "reduce",
         "reduce_matrices",
         "thesis_table",
@@ -102,6 +105,7 @@ __all__ = [
     "load_sweep",
     "look",
     "modes",
+    "rank_parameters",
     "reduce",
     "reduce_matrices",
     "run",

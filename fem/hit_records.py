@@ -81,10 +81,22 @@ def direction_named(text: str) -> int:
 
 
 def require_even(t: NDArray[np.float64]) -> float:
-    """The step of times [s]; raises ValueError where they are no even, ascending ones."""
+    """The step of times [s]; raises ValueError where they are no even, ascending ones.
+
+    Times that an analyser writes with few digits jump or repeat: they are even where all are within
+    half of the last digit of a line through them, whose slope is the step.
+    """
     steps = np.diff(t)
     if len(t) < 64 or not np.isfinite(t).all():
         raise ValueError(f"it has {len(t)} samples with a time; at least 64 are needed")
+    i = np.arange(len(t)) - 0.5 * (len(t) - 1)
+    dt, late = float(i @ (t - t.mean()) / (i @ i)), t[len(t) // 2 :]
+    digits = (10.0**-k for k in range(10) if not np.any(np.abs(late * 10**k % 1 - 0.5) < 0.499))
+    digit = next(digits, 0.0)
+    # a sample that is missing is a jump of a step too, but a single one
+    often = np.mean(np.abs(steps - dt) > 0.3 * dt) > 0.05
+    if often and np.abs(t - t.mean() - dt * i).max() <= 0.51 * digit < 0.01 * np.ptp(t):
+        return dt
     dt = float((t[-1] - t[0]) / (len(t) - 1))
     if dt <= 0 or np.abs(steps - dt).max() > 0.3 * dt:
         raise ValueError("its times are not evenly spaced in ascending order; resample them")

@@ -178,20 +178,30 @@ def spectrum(
     basis: TuningBasis, parameters: Sequence[TuningParameter], value: NDArray[np.float64]
 ) -> Modes:
     """All modes of the projection at the given values (p,)."""
-    k, K, M = basis.stiffness.copy(), basis.K0, basis.M
+    k = basis.stiffness.copy()
     for p, x in zip(parameters, value, strict=True):
         k[np.isin(basis.spring, p.springs)] = x
-        for form in (basis.forms[body] for body in p.bodies):
-            if p.of == "young":
-                K = K + (x - 1) * form.K
-            else:
-                M = M + (x - 1) * form.M
+    K, M = of_bodies(basis, parameters, value)
     K = K + (basis.elongation.T * k) @ basis.elongation
     standard = M is basis.M  # the identity
     omega2, phi = eigh(
         K, None if standard else M, check_finite=False, driver="evd" if standard else "gvd"
     )
     return Modes(np.sqrt(np.maximum(omega2, 0.0)), phi)
+
+
+def of_bodies(
+    basis: TuningBasis, parameters: Sequence[TuningParameter], value: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """K and M (m, m) of the projection without springs, factors on bodies at the values (p,)."""
+    K, M = basis.K0, basis.M
+    for p, x in zip(parameters, value, strict=True):
+        for form in (basis.forms[body] for body in p.bodies):
+            if p.of == "young":
+                K = K + (x - 1) * form.K
+            else:
+                M = M + (x - 1) * form.M
+    return K, M
 
 
 def sensitivity(
@@ -273,13 +283,9 @@ def tune(
             )  # fmt: skip
         x = min(fits, key=lambda fit: fit.cost).x
 
-    # covariance of ln(value), relative to the largest deviations that count as determined. Bounds
-    # stand for what the data do not say: a value evenly distributed within them has a standard
-    # deviation of their distance over sqrt(12)
     error, J = residual(x)[:n_targets] / frequency_error, jacobian(x)[:n_targets] / frequency_error
-    prior = np.subtract(upper, lower) / np.sqrt(12)
-    limit = np.minimum(settings.unseen * prior, settings.vague)
-    covariance = np.linalg.inv(J.T @ J + np.diag(prior**-2.0)) / np.outer(limit, limit)
+    limit = largest_determined(parameters, settings)
+    covariance = covariance_over(limit, parameters, J)
     uncertainty = np.sqrt(np.diag(covariance))
 
     # every target, those too that were not fitted
@@ -296,6 +302,28 @@ def tune(
         computed.frequency_hz[: index.max() + 1],
         sum(fit.nfev for fit in fits),
     )
+
+
+def largest_determined(
+    parameters: Sequence[TuningParameter], settings: TuningSettings = TuningSettings()
+) -> NDArray[np.float64]:
+    """The largest deviations (p,) of ln(value) that count as determined."""
+    return np.minimum(settings.unseen * _of_bounds(parameters), settings.vague)
+
+
+def covariance_over(
+    limit: NDArray[np.float64], parameters: Sequence[TuningParameter], J: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Covariance (p, p) of ln(value) over `limit` (p,), from the Jacobian J (n, p) of residuals
+    that have a standard deviation of 1, and from the bounds."""
+    prior = _of_bounds(parameters)
+    return np.linalg.inv(J.T @ J + np.diag(prior**-2.0)) / np.outer(limit, limit)
+
+
+def _of_bounds(parameters: Sequence[TuningParameter]) -> NDArray[np.float64]:
+    """Standard deviations (p,) of ln(value) evenly distributed within the bounds, which stand for
+    what the data do not say: their distance over sqrt(12)."""
+    return np.array([np.log(p.upper / p.lower) for p in parameters]) / np.sqrt(12)
 
 
 def determined(

@@ -89,6 +89,22 @@ def test_a_word_finds_the_keys_that_have_it_then_those_that_contain_it(capsys):
     ]  # fmt: skip
     assert keys_printed(capsys, "held")[0] == "assembly.held"
     assert keys_printed(capsys, "chain.radius") == ["chain.radius"]
+    plates = keys_printed(capsys, "plate")
+    assert plates[0] == "plate.length" and plates[-1] == "bodies.NAME.plate.thickness"
+
+
+def test_a_key_is_found_without_the_names_on_its_way(capsys):
+    assert keys_printed(capsys, "joints.between") == ["joints.NAME.between"]
+    assert keys_printed(capsys, "targets.hz") == ["targets.N.hz"]
+    assert keys_printed(capsys, "bodies.plate") == [
+        "bodies.NAME.plate.outline", "bodies.NAME.plate.thickness",
+    ]  # fmt: skip
+    assert "joints.NAME.kx" in keys_printed(capsys, "joints.at-the-foot")
+
+
+def test_a_word_that_no_key_has_finds_the_keys_that_its_meaning_is_of(capsys):
+    grounded = keys_printed(capsys, "ground")
+    assert {"assembly.held", "joints.NAME.between"} <= set(grounded) and len(grounded) < 10
 
 
 @pytest.mark.parametrize(

@@ -231,6 +231,27 @@ def test_whole_numbers_above_those_of_a_float_are_rows_beside_fractions():
     assert result.columns["chain.young"].tolist() == [2.5e11, 2.0**53, 2.1e11]
 
 
+def test_a_sweep_that_observes_the_striker_alone_says_why_it_has_no_echo():
+    changes = SHORT | {"output.spheres": [1]}
+    result = beadwave.sweep("rig-rigid", changes, over={"striker.velocity": [0.1, 0.2]}, out="out")
+    (note,) = result.notes
+    assert note.startswith("Only sphere 1 is observed.") and "output.spheres = [1, 5]" in note
+    result = beadwave.sweep("rig-rigid", SHORT, over={"striker.velocity": [0.1, 0.2]}, out="two")
+    assert result.notes == ()
+
+
+def test_a_table_shows_units_of_keys_and_no_more_digits_than_errors_support():
+    """The echo ratio of elastic spheres does not depend on the speed; its error is below 1e-4."""
+    over = {"striker.velocity": [0.1, 0.2, 0.4]}
+    result = beadwave.sweep("rig-rigid", SHORT, over=over, out="out")
+    (heading, *rows) = (line.split("  ") for line in result.text().splitlines()[2:])
+    assert heading[0] == "striker.velocity [m/s]"
+    ratios = {[cell for cell in row if cell][2].strip() for row in rows}
+    assert 1e-6 < result.columns["error_time"].max() < 1e-4
+    (ratio,) = ratios
+    assert len(ratio) <= len("0.9633")
+
+
 def test_cases_that_are_all_alike_are_rows_each():
     Path("cases.csv").write_text("chain.count,wall.kind\n5,rigid\n6,rigid\n5,rigid\n")
     result = beadwave.sweep("rig-rigid", SHORT, cases=Cases(table="cases.csv"), out="out")

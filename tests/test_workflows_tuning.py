@@ -17,13 +17,13 @@ from workflows.stages.pipeline import pipeline_of
 from workflows.structure.api import tune
 from workflows.structure.mode_table import mode_table
 from workflows.structure.tuning import (
-    _unit,
     freed,
     loosened,
     retargeted,
     started_from,
     targets,
     tuned,
+    unit,
     usual,
     write_scene,
 )
@@ -54,9 +54,9 @@ def rig_targets(match):
 
 def test_fitted_values_have_a_unit_or_name_the_value_that_they_multiply():
     names = ("head.ky", "joints.cover.krz", "block.young", "materials.steel.density")
-    assert [*map(_unit, names)] == ["N/m", "N m/rad", "of the rest's", "of the scene's"]
+    assert [*map(unit, names)] == ["N/m", "N m/rad", "of the rest's", "of the scene's"]
     # the direction says what is stiff, not a joint that happens to be called so
-    assert [*map(_unit, ("joints.krx-left.kz", "joints.kr.krz"))] == ["N/m", "N m/rad"]
+    assert [*map(unit, ("joints.krx-left.kz", "joints.kr.krz"))] == ["N/m", "N m/rad"]
 
 
 def test_targets_are_hammer_test_modes_or_frequencies_of_ones_own():

@@ -91,7 +91,7 @@ def hammer(
         ),
     ] = None,
 ) -> None:
-    """Read a hammer test: modes from hits or responses, with deviations."""
+    """Modes of a hammer test from its hits or responses."""
     from workflows.scene import InvalidScene
     from workflows.structure import api
 
@@ -120,14 +120,32 @@ def hammer(
 
 @verb(
     "workflows.structure.api.tune",
-    json="{match, modes_hz, full_order_hz, stiffness, undetermined, mac, ...}",
+    json="{match, modes_hz, full_order_hz, stiffness, undetermined, mac, ...}; of --rank "
+    "{parameters: [{name, frequency, rank, gain, condition, deviation}], onsets, determined, ...}",
     out=Word("the tuned scene; default NAME-tuned.toml"),
 )
-def tune_joints(call: Call) -> None:
+def tune_joints(
+    call: Call,
+    rank: Annotated[
+        bool,
+        typer.Option(
+            "--rank",
+            help="Fit nothing: list how each mode depends on each value of --free, by default all, "
+            "and which are worth freeing.",
+        ),
+    ] = False,
+) -> None:
     """Fit joint stiffnesses to chosen modes and write a scene."""
-    from workflows.structure.api import USUAL
+    from workflows.scene import InvalidScene
+    from workflows.structure import api
 
-    call.given.setdefault("out", USUAL)
+    if rank:
+        if call.given.pop("overwrite", False) or "out" in call.given:
+            raise InvalidScene("--rank writes no scene; drop --out and --overwrite.")
+        call.function = api.rank_parameters
+        print_report(call(), call.json, call.quiet)
+        return
+    call.given.setdefault("out", api.USUAL)
     result = call()
     print_report(result.report, call.json, call.quiet)
     for sentence in result.report.failures:

@@ -23,7 +23,7 @@ def calibrate(call: Call) -> None:
 
 @verb(
     "workflows.fit.api.twin", json=CALIBRATION,
-    scene=Word("the scene that is fitted; default: rig-1dof"),
+    scene=Word("the scene that is fitted"),
     spheres=SPHERES, bounds=BOUNDS, hold_out=SPHERES, scan=SCAN,
 )  # fmt: skip
 def twin(call: Call) -> None:

@@ -51,25 +51,25 @@ def text(table: Table) -> str:
     return "\n".join("  ".join(cells).rstrip() for cells in zip(*columns, strict=True))
 
 
-def short(value: Any, n: int = 3) -> str:
-    """A value as text: a number in n digits, without a power of ten below 1e5 and for n > 3 with
-    trailing zeros; a word as it is; a dash for None and nan."""
+def short(value: Any, n: int = 3, *, zeros: bool = False) -> str:
+    """A value as text: a number in n digits, without a power of ten below 1e5, with trailing zeros
+    for n > 3 or where `zeros` are asked for; a word as it is; a dash for None and nan."""
     if value is None or (isinstance(value, float) and isnan(value)):
         return "-"
     if not isinstance(value, float):
         return str(value)
     if 10.0**n - 0.5 <= abs(value) < 1e5:
         return f"{value:.0f}"
-    return f"{value:.{n}g}" if n == 3 else f"{value:#.{n}g}".removesuffix(".")
+    return f"{value:#.{n}g}".removesuffix(".") if n > 3 or zeros else f"{value:.{n}g}"
 
 
-def apart(values: Iterable[Any], most_digits: int = 6) -> list[str]:
+def apart(values: Iterable[Any], most_digits: int = 6, *, zeros: bool = False) -> list[str]:
     """Values in three digits, or in more where different values would look alike, up to
-    `most_digits`."""
+    `most_digits`; see `short` for `zeros`."""
     values = list(values)
     n_different = len({short(value, most_digits) for value in values})
     for n in range(3, most_digits + 1):
-        texts = [short(value, n) for value in values]
+        texts = [short(value, n, zeros=zeros) for value in values]
         if len(set(texts)) == n_different:
             break
     return texts

@@ -303,7 +303,8 @@ class General(SceneTable):
     mesh: str | None = None  # or a mesh with named volumes, in metres
     touching: Literal["ask", "tied", "free"] = "ask"  # what touching pairs are that nothing names
     gap: of(Positive, LENGTH, 1e-8, 1e-3) = 1e-5  # [m] up to which faces touch
-    # faces on the ground; [] for a structure that floats
+    # faces on the ground, a roller as { on = "foot:-z", directions = "z" }; [] for a structure that
+    # floats
     held: Annotated[tuple[EitherHold, ...], Field(strict=False)] | None = None
     material: str | None = None  # of bodies that name none
 
@@ -350,7 +351,7 @@ class Bolts(JointStiffnesses):
     """
 
     name: Annotated[str, Field(pattern=r"^\w[\w-]*$")]  # by which keys and results call it
-    between: Pair  # the pair, "a|b"; "a|ground"
+    between: Pair  # the pair, "lid|base"; of holes and the ground "lid:hole|ground"
     at: (
         Literal["holes", "thread"]
         | Annotated[tuple[Place3, ...], Field(strict=False, min_length=1)]

@@ -142,19 +142,30 @@ def scene_keys() -> tuple[KeyEntry, ...]:
 
 
 def entries_of(key: str) -> tuple[KeyEntry, ...]:
-    """The entries of a key, its names as NAME or as the user's own, or of all keys of a table; of
-    a word alone of all keys that have it as one of their words, then of those that contain it,
-    sorted. Raises InvalidScene for what no key contains."""
+    """The entries of a key, its names left out, as NAME or as the user's own, or of all keys of a
+    table; of a word alone of all keys that have it as one of their words, then of those that
+    contain it, sorted, else of those whose meaning has it. Raises InvalidScene for what no key
+    contains."""
     words = key.split(".")
+    paths = {entry: entry.key.split(".") for entry in scene_keys()}
     entries = tuple(
         entry
-        for entry in scene_keys()
-        if len(path := entry.key.split(".")) >= len(words)
+        for entry, path in paths.items()
+        if len(words) > 1 and [p for p in path if p not in ("NAME", "N")][: len(words)] == words
+    )
+    entries = entries or tuple(
+        entry
+        for entry, path in paths.items()
+        if len(path) >= len(words)
         and all(w == p or p in ("NAME", "N") for w, p in zip(words, path, strict=False))
     )
-    if not entries and len(words) == 1:
-        containing = [entry for entry in scene_keys() if key and key in entry.key]
-        entries = tuple(sorted(containing, key=lambda e: (key not in e.key.split("."), e.key)))
+    if not entries and key and len(words) == 1:
+        containing = [entry for entry in paths if key in entry.key]
+        entries = tuple(sorted(containing, key=lambda e: (key not in paths[e], e.key)))
+        word = re.compile(rf"\b{re.escape(key)}s?\b", re.IGNORECASE)
+        entries = entries or tuple(e for e in paths if word.search(e.meaning))
+    elif len(words) == 1:  # a table, and the keys of this name in other tables
+        entries += tuple(e for e in paths if key in paths[e] and e not in entries)
     if not entries:
         close = nearest(key, {entry.key for entry in scene_keys()})
         if close.startswith("known"):  # hundreds: the tables are enough

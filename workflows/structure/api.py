@@ -14,7 +14,7 @@ import numpy as np
 from workflows.files.hammer import HAMMER
 from workflows.files.output_file import OutputFile, output_files
 from workflows.files.picture_folder import picture_folder
-from workflows.files.run_folder import Picture, picture_named, write_pictures
+from workflows.files.run_folder import NoPicture, Picture, picture_named, write_pictures
 from workflows.files.scene import Changes, Source, files_read
 from workflows.files.scene import scene as load_scene
 from workflows.scene import InvalidScene, Scene
@@ -35,10 +35,11 @@ if TYPE_CHECKING:
     from workflows.structure.hammer_design import HammerDesign
     from workflows.structure.look import Look, Seen
     from workflows.structure.mode_table import ModeTable
+    from workflows.structure.ranking import RankReport
     from workflows.structure.thesis_tables import ThesisTable
     from workflows.structure.tuning import TuningReport
 
-HAMMER_PICTURES = ("hammer", "synthesis", "coherence", "decay", "automac")
+HAMMER_PICTURES = ("hammer", "synthesis", "coherence", "decay", "automac", "shapes")
 
 
 @dataclass(frozen=True, repr=False)
@@ -246,11 +247,11 @@ def tune(
 ) -> Tuned:
     """Joint stiffnesses, and materials, fitted to measured modes (`beadwave tune`).
 
-    hammer  a hammer test (.csv, .uff, .mat, .wav) to take frequencies and damping from; its modes
-            become the targets of a scene of bodies without any, by shape where points are known
-    match   modes to meet, as 1,3,4 or with frequencies of one's own 1=51.2,3=905 [Hz]; default all
-            targets of the scene. Of a scene of bodies without targets these are numbers of its
-            computed modes, and become its targets
+    hammer  a hammer test (.csv, .uff, .mat, .wav) to take frequencies and damping from; in a scene
+            of bodies without targets its modes become the targets, by shape where points are known
+    match   modes to meet, as 1,3,4, or with frequencies in Hz, as 1=51.2,3=905; default all targets
+            of the scene. In a scene of bodies without targets the numbers count its computed modes,
+            which become its targets
     free    what to vary: joints.NAME.kz,materials.NAME.young; of the rig head.ky, head.kz,
             head.kry, head.kt (kx and kz as one), foot.ky, ..., block.young, block.density
     out     the tuned scene (.toml)
@@ -260,11 +261,64 @@ def tune(
     with `overwrite` alone. A mode missed by more than 5 % is a failure: `report.failures` lists
     them in sentences, and nothing is written. Raises InvalidScene for bad input.
     """
+    from workflows.structure.tuning import tuned, write_scene
+
+    chosen, wanted, remarks = _with_modes(scene, changes, hammer, match, progress)
+
+    # where to, before the fit: a file that cannot be written is refused at once
+    path = f"{chosen.name}-tuned.toml" if out is USUAL else out
+    inputs = (*files_read(chosen, scene), *((Path(hammer),) if hammer else ()))
+    options = {"inputs": inputs, "ending": ".toml", "overwrite": overwrite}
+    file = OutputFile(path, **options) if path else None
+
+    result, report = tuned(chosen, wanted, _names(free), progress)
+    report = report.model_copy(update={"remarks": [*remarks, *report.remarks]})
+    if file is None or report.failures:
+        return Tuned(result, report, None)
+
+    # a scene is named after its file, where the one it was read from does not name it
+    name = sub(r"[^\w.-]", "-", file.path.stem).lstrip(".-")[:LONGEST_NAME] or "tuned"
+    result = result.model_copy(update={"name": name})
+    return Tuned(write_scene(result, file, report, scene), report, file.path)
+
+
+def rank_parameters(
+    scene: Source = None,
+    changes: Changes = (),
+    *,
+    hammer: str | Path | None = None,
+    match: str | Iterable[int] | Mapping[int, float] | None = None,
+    free: str | Iterable[str] = (),
+    progress: Progress = quiet,
+) -> RankReport:
+    """What is worth freeing in a fit to measured modes, before it (`beadwave tune --rank`).
+
+    Sensitivities d ln f / d ln value of each mode (and of the MAC of modes known by shape) to the
+    values named in `free`, to all that can be freed without, at the values of the scene; the order
+    in which they add most, and those that the modes determine together. Directions of joints that
+    are rigid or open have the stiffness from which on they matter instead. `hammer` and `match` as
+    `tune` takes them. Raises InvalidScene for bad input.
+    """
+    from workflows.structure.ranking import ranked
+
+    chosen, wanted, remarks = _with_modes(scene, changes, hammer, match, progress)
+    report = ranked(chosen, wanted, _names(free), progress)
+    return report.model_copy(update={"remarks": [*remarks, *report.remarks]})
+
+
+def _with_modes(
+    scene: Source,
+    changes: Changes,
+    hammer: str | Path | None,
+    match: str | Iterable[int] | Mapping[int, float] | None,
+    progress: Progress,
+) -> tuple[Scene, dict[int, float], list[str]]:
+    """The scene, the modes {number: Hz} to meet, and remarks on them; raises InvalidScene."""
     if hammer:
         require_file(hammer, HAMMER)
     chosen = with_assembly(load_scene(scene, changes))
     from workflows.stages.pipeline import pipeline_of
-    from workflows.structure.tuning import numbered, targets, tuned, write_scene
+    from workflows.structure.tuning import numbered, targets
 
     # which modes: as `--match` takes them, "1,3,4" or "1=51.2,3=905"
     if isinstance(match, Mapping):
@@ -289,28 +343,17 @@ def tune(
         chosen, wanted, remarks = as_targets(test, pipeline_of(chosen, progress), match)
     else:
         chosen, wanted = numbered(chosen, match)
+    return chosen, wanted, remarks
 
-    # where to, before the fit: a file that cannot be written is refused at once
-    path = f"{chosen.name}-tuned.toml" if out is USUAL else out
-    inputs = (*files_read(chosen, scene), *((Path(hammer),) if hammer else ()))
-    options = {"inputs": inputs, "ending": ".toml", "overwrite": overwrite}
-    file = OutputFile(path, **options) if path else None
 
-    # what may vary
+def _names(free: str | Iterable[str]) -> tuple[str, ...]:
+    """What may vary, by name."""
     names = tuple(free.split(",")) if isinstance(free, str) else free
     if not isinstance(names, Iterable) or not all(isinstance(name, str) for name in names):
         raise InvalidScene(
             f'free = {free!r} must be names, as in ["joints.NAME.kz", "materials.NAME.young"].'
         )
-    result, report = tuned(chosen, wanted, tuple(name.strip() for name in names), progress)
-    report = report.model_copy(update={"remarks": [*remarks, *report.remarks]})
-    if file is None or report.failures:
-        return Tuned(result, report, None)
-
-    # a scene is named after its file, where the one it was read from does not name it
-    name = sub(r"[^\w.-]", "-", file.path.stem).lstrip(".-")[:LONGEST_NAME] or "tuned"
-    result = result.model_copy(update={"name": name})
-    return Tuned(write_scene(result, file, report, scene), report, file.path)
+    return tuple(name.strip() for name in names)
 
 
 @dataclass(frozen=True, repr=False)
@@ -353,7 +396,7 @@ def hammer(
                    responses: .uff, .mat, or .csv with a header line, then frequency_hz, re_1, im_1,
                    re_2, im_2, ... on each line (Hz; receptance, mobility or accelerance in any
                    unit)
-    scene          the scene whose modes they are paired with; default: rig-rom
+    scene          the scene with whose modes those of the test are paired; default: rig-rom
     points         points of the nodes: .csv (node, x, y, z in metres) or .uff
     band           frequencies to identify in [Hz], as 40:950
     estimator      H1, H2 or Hv
@@ -390,16 +433,25 @@ def hammer(
         measured_shapes,
         pictures,
         recognised,
+        shapes_beside,
         targets_of,
     )
 
     with progress("identification"):
         wanted = chosen.measured_modes
         test = hammer_test(paths, wanted, reading, choice)
+    pipeline = None
     if not chosen.of_dimensions and measured_shapes(test):
-        test = recognised(test, pipeline_of(chosen, progress), wanted)
+        pipeline = pipeline_of(chosen, progress)
+        test = recognised(test, pipeline, wanted)
     with progress("picture"):
-        result = HammerTest(test.report, test.modes, tuple(pictures(test)))
+        drawn = pictures(test)
+        if folder and pipeline:
+            try:
+                drawn += shapes_beside(test, pipeline)
+            except NoPicture as error:
+                test.report.remarks.append(str(error))
+        result = HammerTest(test.report, test.modes, tuple(drawn))
     if folder:
         made = [f"figures/{picture.name}.png" for picture in result.pictures]
         with folder.renewed("modes.json", *made) as renewed:

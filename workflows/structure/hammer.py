@@ -9,6 +9,7 @@ from pydantic import BaseModel
 
 import coupling
 import fem
+from fem.assembly_modes import field_of
 from fem.correlation import measured_pairs
 from fem.decay import AmplitudeStep, over_amplitude, varies
 from fem.distortion import combination_tone
@@ -28,6 +29,7 @@ from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, ModalDampingTable, Scene
 from workflows.scene.bodies import MeasuredMode
 from workflows.stages.damping import damping_law
+from workflows.stages.pictures import rendered
 from workflows.stages.pipeline import Pipeline
 from workflows.stages.targets import placed
 from workflows.structure.mode_table import NO_TARGETS
@@ -57,6 +59,12 @@ class Choice(NamedTuple):
     band_hz: tuple[float, float] | None = None
     reject: tuple[int, ...] = ()  # numbers of poles
     accept: tuple[int, ...] = ()
+
+
+class ShapePicture(NamedTuple):
+    """How measured shapes are drawn beside computed ones."""
+
+    most: int = 8  # pairs in one picture; not varied
 
 
 class AmplitudeRow(BaseModel):
@@ -411,6 +419,40 @@ def recognised(test: IdentifiedTest, pipeline: Pipeline, wanted: Collection[int]
             }
         rows.append(row.model_copy(update=update))
     return test._replace(report=report.model_copy(update={"rows": rows}))
+
+
+def shapes_beside(
+    test: IdentifiedTest, pipeline: Pipeline, options: ShapePicture = ShapePicture()
+) -> tuple[Picture, ...]:
+    """Measured shapes as arrows beside the computed modes that they are paired with, of the first
+    pairs of a test that is `recognised`; nothing without any. Raises NoPicture."""
+    model, modes = pipeline("model"), pipeline("modes")
+    computed_hz = modes.omega / (2 * np.pi)
+    index, content = [], []
+    for row, shape in zip(test.report.rows, measured_shapes(test) or [], strict=True):
+        if row.computed_hz is None or len(index) == options.most:
+            continue
+        j = int(np.abs(computed_hz - row.computed_hz).argmin())
+        at = placed(pipeline.scene, model, test.report.file, shape, row.frequency_hz)
+        # turned to be as real as can be, then into the sense of the computed mode
+        values = shape.values * np.exp(-0.5j * np.angle(np.sum(shape.values**2)))
+        values = values.real * np.sign(values.real @ (at.reading @ modes.phi[:, j]))
+        # the directions of a point together
+        points, which = np.unique(shape.points, axis=0, return_inverse=True)
+        displacement = np.zeros_like(points)
+        np.add.at(displacement, which.ravel(), values[:, None] * shape.directions)
+        index.append(j)
+        content.append(
+            {
+                "measured": f"{row.number}: measured {row.frequency_hz:.2f} Hz",
+                "computed": f"computed {row.computed_hz:.2f} Hz, MAC {row.mac:.2f}",
+                "points": points.tolist(), "displacement": displacement.tolist(),
+            }
+        )  # fmt: skip
+    if not index:
+        return ()
+    field = field_of(model, modes, np.array(index), np.zeros(len(index), int))
+    return rendered("workflows.report.render_shapes", field, content, "shapes")
 
 
 def targets_of(test: IdentifiedTest, shapes: Path) -> str:

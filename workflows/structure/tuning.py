@@ -29,11 +29,16 @@ from workflows.stages.pipeline import Pipeline, pipeline_of
 from workflows.stages.progress import Progress
 from workflows.structure import parameters as of_bodies
 
-JOINTS = ("head", "foot")
+PARTS = {"head": "sheets", "foot": "sheets_support"}  # of the rig, that its joints hold
+JOINTS = tuple(PARTS)
 SHIFT = of_bodies.SHIFT
 STARTS = {"ky": (1e6, *SHIFT[1:]), "kz": (3e7, *SHIFT[1:]), "kt": (1e8, *SHIFT[1:])}
 FACTOR = (1.0, 0.85, 1.15)  # of the block's modulus and density
 TANGENTIAL = ("kx", "kz")  # what "kt" stands for
+RIG_NAMES = (
+    *(f"{joint}.{key}" for joint in JOINTS for key in fem.DIRECTIONS),
+    *("block.young", "block.density"),
+)
 
 
 class FitTolerances(NamedTuple):
@@ -48,7 +53,7 @@ class FitTolerances(NamedTuple):
 TOLERANCES = FitTolerances()
 
 
-def _unit(name: str) -> str:
+def unit(name: str) -> str:
     """Unit of a fitted value: of a stiffness by its direction, the last word of its name; of a
     material's value or a spring's between points, which is a factor, what it multiplies."""
     if name.endswith(of_bodies.FACTORS) or name.startswith("springs."):
@@ -94,7 +99,7 @@ class TuningReport(BaseModel):
         for name, value in self.stiffness.items():
             spread = self.deviation[name]
             text = "not determined by these modes" if spread is None else f"+- {100 * spread:.2g} %"
-            values.append((name, f"{value:.5g}", _unit(name), text))
+            values.append((name, f"{value:.5g}", unit(name), text))
         cost = f"{self.evaluations} evaluations in {self.seconds:.2f} s"
         head = (
             "mode", "paired with", "wanted [Hz]", "fitted [Hz]", "full model [Hz]", "mesh error",
@@ -136,23 +141,7 @@ def tuned(
     Raises InvalidScene for what has no joints, and where the modes determine no parameter though
     they are met.
     """
-    if not scene.of_dimensions:
-        candidates = of_bodies.freed(scene, free)
-    else:
-        if scene.assembly.constraint != "wires":
-            raise InvalidScene(
-                f"assembly.constraint = {scene.assembly.constraint!r} has no springs to tune; "
-                "set assembly.constraint=wires."
-            )
-        candidates = [started_from(scene, p) for p in freed(free or usual(match))]
-        for p in candidates:
-            for joint in {spring.split(".")[0] for spring in p.springs}:
-                part = {"head": "sheets", "foot": "sheets_support"}[joint]
-                if part not in scene.assembly.parts:
-                    raise InvalidScene(
-                        f"{p.name} cannot be tuned: assembly.parts = {list(scene.assembly.parts)} "
-                        f"has no {part}; add it, or free something else."
-                    )
+    candidates = candidates_of(scene, free or (usual(match) if scene.of_dimensions else ()))
 
     # a fit of all candidates, then again of those alone that the modes determine; the others stay
     # as they were in the scene
@@ -251,6 +240,27 @@ def tuned(
     return result, report
 
 
+def candidates_of(scene: Scene, names: tuple[str, ...]) -> list[TuningParameter]:
+    """Parameters by name, started from the values that the scene has; raises InvalidScene for what
+    has no joints."""
+    if not scene.of_dimensions:
+        return of_bodies.freed(scene, names)
+    if scene.assembly.constraint != "wires":
+        raise InvalidScene(
+            f"assembly.constraint = {scene.assembly.constraint!r} has no springs to tune; "
+            "set assembly.constraint=wires."
+        )
+    candidates = [started_from(scene, p) for p in freed(names)]
+    for p in candidates:
+        for joint in {spring.split(".")[0] for spring in p.springs}:
+            if PARTS[joint] not in scene.assembly.parts:
+                raise InvalidScene(
+                    f"{p.name} cannot be tuned: assembly.parts = {list(scene.assembly.parts)} "
+                    f"has no {PARTS[joint]}; add it, or free something else."
+                )
+    return candidates
+
+
 def _remarks(
     scene: Scene,
     match: dict[int, float],
@@ -282,7 +292,7 @@ def _remarks(
         for bound in (parameter.lower, parameter.upper):
             if abs(np.log(x / bound)) < TOLERANCES.at_bound:
                 remarks.append(
-                    f"{parameter.name} ends at its bound, {bound:.3g} {_unit(parameter.name)}: "
+                    f"{parameter.name} ends at its bound, {bound:.3g} {unit(parameter.name)}: "
                     "these modes ask for more than it may do; free another value, or look at the "
                     "targets."
                 )
@@ -297,7 +307,7 @@ def _remarks(
     ]
     if contradicted:
         values = [
-            f"{p.name} = {x:.3g} ({_unit(p.name)})"
+            f"{p.name} = {x:.3g} ({unit(p.name)})"
             for p, x in zip(of_all.parameters, of_all.value, strict=True)
             if p.name not in names
         ]
@@ -423,9 +433,8 @@ def freed(names: tuple[str, ...]) -> list[TuningParameter]:
             continue
         directions = TANGENTIAL if key == "kt" else (key,)
         if part not in JOINTS or not set(directions) <= set(fem.DIRECTIONS):
-            names_known = [f"{joint}.{key}" for joint in JOINTS for key in (*fem.DIRECTIONS, "kt")]
-            names_known += ["block.young", "block.density"]
-            raise InvalidScene(f"--free {name} is not known, {nearest(name, names_known)}.")
+            with_both = [*RIG_NAMES, *(f"{joint}.kt" for joint in JOINTS)]
+            raise InvalidScene(f"--free {name} is not known, {nearest(name, with_both)}.")
         springs = tuple(f"{part}.{direction}" for direction in directions)
         bounds = STARTS.get(key, of_bodies.TURN if key.startswith("kr") else SHIFT)
         parameters.append(TuningParameter(name, springs, *bounds))

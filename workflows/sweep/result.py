@@ -25,6 +25,7 @@ CURES = {
     "reduction": "raise reduction.to_hz, or wall.cutoff",
     "mesh": "take smaller elements (mesh.scale below 1, or bodies.NAME.seed; of the rig mesh.seed)",
 }
+ERRORS = ("error_time", "error_reduction", "error_mesh")  # columns, of the striker's speed
 Array = np.ndarray
 
 
@@ -49,7 +50,11 @@ class Sweep:
         self.design = Design(about["kind"], keys, about["base"])
         self.units: dict[str, str] = about["units"]
         self.face: dict[str, Any] | None = about.get("face")
-        self.notes = (*notes, *(_of_points(self.columns) if self.face else ()))
+        self.notes = (
+            *notes,
+            *(_of_points(self.columns) if self.face else ()),
+            *_of_the_striker(self.columns),
+        )
 
     @cached_property
     def outputs(self) -> tuple[str, ...]:
@@ -102,8 +107,7 @@ class Sweep:
         by_label = {}
         for key in keys or self.design.keys:
             _require_name(key, self.design.keys, "key")
-            label = f"{key} [{self.units[key]}]" if key in self.units else key
-            by_label[label] = self.columns[key]
+            by_label[self._with_unit(key)] = self.columns[key]
         return picture(name, self._output(name), by_label)
 
     def pictures(self) -> tuple[Picture, ...]:
@@ -132,8 +136,27 @@ class Sweep:
     def _cases(self) -> Table:
         names = (*self.design.keys, *self.main, "status")
         columns = [self.columns[name].tolist() for name in names]
-        texts = zip(*map(tables.apart, columns), strict=True)
-        return Table("cases", names, tuple(zip(*columns, strict=True)), (names, *texts))
+        n = len(self.design.keys)
+        texts = [
+            *map(tables.apart, columns[:n]),
+            *(tables.apart(column, self._digits, zeros=True) for column in columns[n:]),
+        ]
+        heading = tuple(map(self._with_unit, names))
+        rows = zip(*columns, strict=True)
+        return Table("cases", names, tuple(rows), (heading, *zip(*texts, strict=True)))
+
+    @cached_property
+    def _digits(self) -> int:
+        """Most digits of an output that the smallest of the rows' largest errors supports, 3 to 6;
+        of errors that are not known, 6."""
+        errors = [self.columns[name] for name in ERRORS if name in self.columns]
+        known = np.nan_to_num(errors, nan=0.0).max(axis=0, initial=0.0)
+        smallest = known[known > 0].min(initial=1.0)
+        return int(np.clip(np.ceil(-np.log10(smallest)), 3, 6)) if (known > 0).any() else 6
+
+    def _with_unit(self, name: str) -> str:
+        """The name of a column, with the unit of a key that has one."""
+        return f"{name} [{self.units[name]}]" if name in self.units else name
 
     def _ranges(self) -> Table:
         rows = []
@@ -141,7 +164,7 @@ class Sweep:
             y = self.columns[name][np.isfinite(self.columns[name])]
             rows.append((name, float(y.min()), float(np.median(y)), float(y.max())))
         heading = "output", "smallest", "median", "largest"
-        texts = ((name, *tables.apart(values)) for name, *values in rows)
+        texts = ((name, *tables.apart(values, self._digits)) for name, *values in rows)
         return Table("outputs", heading, tuple(rows), (heading, *texts))
 
     def _effects(self) -> Table | None:
@@ -210,6 +233,17 @@ def _of_points(columns: dict[str, Array]) -> Iterator[str]:
                 f"The reflected wave at sphere {sphere} is left blank at {n_blank} of {n} points: "
                 "it is not that of the points around, or cannot be told."
             )
+
+
+def _of_the_striker(columns: dict[str, Array]) -> Iterator[str]:
+    """A sentence where sphere 1 alone is observed, to which no incident wave comes."""
+    delays = [name for name in columns if name.endswith("_tof_s")]
+    if delays == ["sphere_1_tof_s"] and not np.isfinite(columns["sphere_1_tof_s"]).any():
+        yield (
+            "Only sphere 1 is observed. It strikes, so that no incident wave passes it, and has "
+            "neither an echo delay nor an echo ratio: observe one within the chain as well, "
+            "output.spheres = [1, 5] for example."
+        )
 
 
 def _require_name(name: str, names: tuple[str, ...], what: str) -> None:

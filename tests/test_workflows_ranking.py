@@ -1,0 +1,142 @@
+"""`beadwave tune --rank` beside separate solutions of the full model, on a coarse mesh."""
+
+import json
+
+import numpy as np
+import pytest
+
+from command_line import beadwave
+from workflows.files.scene import scene
+from workflows.scene import InvalidScene
+from workflows.stages.pipeline import pipeline_of
+from workflows.stages.progress import quiet
+from workflows.structure.api import rank_parameters, tune
+from workflows.structure.parameters import scene_value, with_values
+
+PADS = """
+assembly = { held = ["base:-z"], material = "steel", touching = "free" }
+[bodies.base]
+box = [0.06, 0.04, 0.02]
+seed = 0.02
+[bodies.block]
+box = [0.06, 0.04, 0.02]
+seed = 0.02
+at = [0.0, 0.0, 0.02]
+[[joints]]
+name = "pads"
+between = "block|base"
+at = [[-0.02, 0.0, 0.01], [0.02, 0.0, 0.01]]
+washer = 0.008
+kz = 1e7
+kx = 3e8
+krx = 500.0
+krz = 500.0
+[[masses]]
+name = "sensor"
+on = "block:+z"
+mass = 0.02
+radius = 0.008
+"""
+MATCH = (1, 2, 3, 4)
+FREED = (
+    "joints.pads.kx",
+    "joints.pads.kz",
+    "joints.pads.krx",
+    "materials.steel.young",
+    "materials.steel.density",
+    "masses.sensor.mass",
+)
+
+
+@pytest.fixture(scope="module")
+def pads(tmp_path_factory):
+    path = tmp_path_factory.mktemp("pads") / "pads.toml"
+    path.write_text(PADS)
+    return path
+
+
+def full_hz(one):
+    return pipeline_of(one, quiet)("modes").omega[: len(MATCH)] / (2 * np.pi)
+
+
+@pytest.mark.slow
+def test_sensitivities_are_central_differences_of_full_solutions_and_onsets_their_shifts(
+    pads, shared_cache
+):
+    start = scene(pads)
+    hz = full_hz(start)
+    report = rank_parameters(pads, match={n: 1.02 * float(hz[n - 1]) for n in MATCH})
+    np.testing.assert_allclose([*report.computed_hz.values()], hz, rtol=1e-4)
+    rows = {row.name: row for row in report.parameters}
+    assert rows.keys() >= set(FREED)
+    h = 0.01
+    for name in FREED:
+        value = scene_value(start, name) if name.startswith("joints") else 1.0
+        up, down = (full_hz(with_values(start, {name: value * np.exp(x)})) for x in (h, -h))
+        slopes = np.log(up / down) / (2 * h)
+        np.testing.assert_allclose([*rows[name].frequency.values()], slopes, atol=2e-4)
+
+    # all that is stiff, and all that is heavy
+    stiff = [n for n in rows if n.startswith("joints") or n.endswith("young")]
+    for mode in map(str, MATCH):
+        assert sum(rows[n].frequency[mode] for n in stiff) == pytest.approx(0.5, abs=1e-6)
+        assert sum(rows[n].frequency[mode] for n in rows.keys() - stiff) == pytest.approx(-0.5)
+
+    # directions that are rigid: a joint as soft as the onset lowers the mode by 1 %
+    assert [(row.name, row.now) for row in report.onsets] == [
+        ("joints.pads.ky", "rigid"),
+        ("joints.pads.kry", "rigid"),
+    ]
+    for row in report.onsets:
+        for mode, k in row.stiffness.items():
+            if k is not None:
+                shifts = full_hz(with_values(start, {row.name: k})) / hz[int(mode) - 1] - 1
+                assert np.abs(shifts + 0.01).min() < 2e-4
+
+
+@pytest.mark.slow
+def test_what_is_ranked_first_is_what_tune_determines(pads, shared_cache):
+    start = scene(pads)
+    aim = with_values(start, {"joints.pads.kz": 1.1e7, "joints.pads.krx": 480.0})
+    match = {n: float(hz) for n, hz in zip(MATCH, full_hz(aim), strict=True)}
+    free = ("joints.pads.kz", "joints.pads.krx", "joints.pads.krz")
+    report = rank_parameters(pads, match=match, free=free)
+    assert {row.name for row in report.parameters} == set(free)
+    fit = tune(pads, match=match, free=report.determined, out=None).report
+    assert not fit.undetermined and fit.stiffness.keys() == set(report.determined)
+    deviations = {row.name: row.deviation for row in report.parameters}
+    last = report.determined[-1]
+    assert fit.deviation[last] == pytest.approx(deviations[last], rel=0.2)
+    assert f"--free {','.join(report.determined)}." in report.remarks[0]
+
+
+@pytest.mark.slow
+def test_the_command_prints_a_table_or_json_and_writes_nothing(
+    pads, shared_cache, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    arguments = (
+        "tune",
+        str(pads),
+        "--match=1=3000,2=5000",
+        "--free=joints.pads.kz,joints.pads.ky",
+        "--rank",
+    )
+    assert beadwave(*arguments, "--json") == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["parameters"][0]["name"] == "joints.pads.kz"
+    assert report["onsets"][0]["name"] == "joints.pads.ky"
+    assert beadwave(*arguments) == 0
+    text = capsys.readouterr().out
+    assert "joints.pads.kz" in text and "moves a mode by 1 % at" in text
+    assert not list(tmp_path.iterdir())
+    assert beadwave(*arguments, "--out=tuned.toml") == 2
+    assert "--rank writes no scene; drop --out" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_modes_that_are_not_computed_and_names_that_are_not_known_are_refused(pads, shared_cache):
+    with pytest.raises(InvalidScene, match="no computed mode is like mode 199"):
+        rank_parameters(pads, match={199: 5e4}, free="joints.pads.kz")
+    with pytest.raises(InvalidScene, match=r"--free joints.pads.kq is not known"):
+        rank_parameters(pads, match={1: 900.0}, free="joints.pads.kq")
