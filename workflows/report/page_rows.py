@@ -174,6 +174,8 @@ def scene_rows(scene: Scene, summary: Summary) -> list[dict[str, str]]:
         is_mark = first.startswith(("thesis", "inferred", "assumed"))
         if comma and len(first) < 9 and "(" not in first and not is_mark:
             note = rest
+        if source:  # the mark beside it says that already
+            note = note.removeprefix(f"{source.kind}: ").removeprefix(f"{source.kind}, ")
         rows.append(
             {
                 "table": table,
