@@ -276,6 +276,7 @@ def friction_rows(across: FrictionNumbers) -> list[tuple[str, str]]:
         ("peak force of friction", si(across.peak_friction_N, "N")),
         ("mean force of a loop", mean_force(across)),
         ("periods of a loop", "" if across.loop_periods in (None, 1) else str(across.loop_periods)),
+        ("error of a loop's energy", si(across.loop_energy_error_J, "J")),
         ("work less losses of a loop", si(across.loop_unbalanced_J, "J")),
         ("time step across the chain", si(across.dt_s, "s")),
     ]
