@@ -16,6 +16,7 @@ from workflows.scene import InvalidScene
 from workflows.stages.assembly import dashpots
 from workflows.stages.pipeline import pipeline_of
 from workflows.structure.export import write_model
+from workflows.structure.mode_table import mode_table
 
 BOX = """
 chain = { count = 2, radius = 0.005, density = 7800.0, young = 210e9, poisson = 0.3 }
@@ -76,6 +77,8 @@ def test_a_box_on_cords_has_the_modes_of_a_rigid_body_and_a_known_mesh_error():
     np.testing.assert_allclose(hz[:6], rigid_hz(), rtol=1e-5)
     error = missed.of_frequencies(modes.omega)
     assert missed.unknown == "" and np.all(error[:6] < 1e-5) and np.all(error[6:10] > 1e-5)
+    assert "Modes 1, 2, 3, 4, 5, 6 are rigid motions" in mode_table(run).text()
+    assert "count the others, mode 7 as 1" in mode_table(run).text()
 
 
 @pytest.mark.parametrize("kind", ["free-modes", "craig-bampton"])
@@ -101,6 +104,7 @@ def test_cords_along_one_axis_leave_the_others_free():
     hz = run("modes").omega / (2 * np.pi)
     np.testing.assert_allclose(hz[3:6], rigid_hz((0.0, 0.0, 4000.0))[3:], rtol=1e-5)
     assert np.all(hz[:3] < 0.1 * hz[3])
+    assert "Modes 1, 2, 3, 4, 5, 6 are rigid motions" in mode_table(run).text()
     model, reduced, w = run("model"), run("reduction"), run("contact").w
     for f in (1.0, 40.0, 900.0, 3000.0):
         s = (2 * np.pi * f) ** 2

@@ -3,6 +3,8 @@
 import numpy as np
 from pydantic import BaseModel
 
+import fem
+from fem.correlation import spring_forms, strains
 from workflows.files.run_folder import Picture
 from workflows.report import plots
 from workflows.report.tables import aligned_text
@@ -100,12 +102,24 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
             row.mac = None if np.isnan(mac[j][i]) else float(mac[j][i])
             row.shape = shape[i]
         rows.append(row)
+    warnings = list(overconstrained(modes.overconstrained))
+    if scene.bending is None and (scene.floats or scene.springs):
+        by_mode = fem.Modes(modes.omega, np.eye(len(modes.omega)))
+        forms = spring_forms(pipeline("model"), modes.phi)
+        rigid = np.flatnonzero(~strains(by_mode, forms)) + 1
+        if rigid.size:
+            listed = ", ".join(map(str, rigid))
+            first = next(n for n in range(1, len(rows) + 2) if n not in rigid)
+            warnings.append(
+                f"Modes {listed} are rigid motions, free or on springs: --match and the number of "
+                f"a target count the others, mode {first} as 1."
+            )
     return ModeTable(
         scene=scene.name,
         rows=rows,
         error_of="mesh error" if scene.bending is None else "error",
         load_factor=modes.load_factor,
-        warnings=list(overconstrained(modes.overconstrained)),
+        warnings=warnings,
     )
 
 
