@@ -18,12 +18,14 @@ from coupling.periodic_state import (
     PeriodicState,
     fixed_point,
     linear_period,
+    numbers_of,
     period_of,
     periodic_state,
 )
 from coupling.spatial_march import Before, Body, Moving
 from dem.kernels.arguments import Steps
 from dem.kernels.spatial import RUBBED
+from dem.richardson import richardson
 
 
 class SteadyState(NamedTuple):
@@ -36,7 +38,10 @@ class SteadyState(NamedTuple):
     stick: float  # least share of the contact's area that sticks in the cycle
     n_steps: int  # of a period
     speed: float  # [m/s] largest of spheres and of the wall at the contact
-    error: float  # change from period to period, and of a cold start by its steps
+    # change from period to period, and by half as many steps, samples or cells; infinite where
+    # these were not compared
+    error: float
+    cold: bool = True  # from rest: a neighbour's state was not asked for, or not near enough
 
 
 PHASE = 0.05  # [rad] of the fastest contact in a step, at most: a tenth of a percent a period
@@ -81,10 +86,16 @@ def neighbouring_state(
     *,
     error: float,
     speed: float,
+    compared: bool = True,
     search: PeriodicSearch = NEIGHBOURS,
 ) -> SteadyState:
     """The periodic state of a body, from that of a similar one with as many bodies and modes, by
-    its steps of a period; from rest where that is not near enough. Raises UnstableStep."""
+    its steps of a period; from rest where that is not near enough, which `cold` says. Raises
+    UnstableStep.
+
+    The error is that beside half as many steps and cells, twice the time; `compared=False` leaves
+    it out, as differences of neighbours do, whose errors by the steps are alike.
+    """
     period = period_of(body, before, neighbour.n_steps, search)
     n_steps = period.steps.n_save * period.steps.stride
     moving = neighbour.moving.copied()
@@ -97,7 +108,18 @@ def neighbouring_state(
     )
     if not point.change <= search.accepted * error:
         return cold_state(body, before, error=error, speed=speed)
-    saved = point.saved
+    saved, of_steps = point.saved, math.inf
+    if compared:
+        coarser = period_of(body, before, n_steps // 2, search)
+        start, n_cells = point.moving.copied(), body.search.n_cells
+        if point.moving.contacts.cells is not None:
+            start = point.moving.divided(n_cells // 2)
+        body.settle(start, coarser.system, 0.0)
+        other = fixed_point(coarser, start, search, search.periodicity * error, point.jacobian)
+        if other.change <= search.accepted * error:
+            numbers = numbers_of(saved, speed), numbers_of(other.saved, speed)
+            order = 1.0 if len(body.frame) == 2 else 2.0
+            of_steps = richardson(numbers[0].difference(numbers[1]), 2.0, order)
     axis = int(np.ptp(saved.slip, axis=0).argmax())
     speeds = np.concatenate([saved.v, saved.wall[:, 1]], axis=1)
     return SteadyState(
@@ -108,7 +130,8 @@ def neighbouring_state(
         float(saved.stick.min()),
         n_steps,
         float(np.abs(speeds).max()),
-        max(point.change, neighbour.error),
+        point.change + of_steps,
+        cold=False,
     )
 
 

@@ -20,10 +20,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import expm
 
-from coupling.harmonic_balance import balance, cycle_of
+from coupling.harmonic_balance import USUAL_BALANCE_SEARCH, Balance, answer, balance, cycle_of
 from coupling.spatial_march import Before, Body, Moving, along_normal
 from dem import UnstableStep
-from dem.friction import stick_stiffness
+from dem.friction import gross_slip, redivided, stick_stiffness
 from dem.kernels.arguments import Array, Steps
 from dem.kernels.spatial import (
     BEYOND_MODES,
@@ -71,6 +71,9 @@ class PeriodicSearch(NamedTuple):
     cells: int = 32  # of the contact in two directions, at first; samples and cells are doubled
     most_samples: int = 2**15
     creep: float = 0.1  # change of the tangential force over a period, over the error
+    # cells that the error of a cycle's heat is taken from, along its path: where little slips,
+    # that is a ring narrower than a cell, and to 64 of them all sticks
+    ring_cells: int = 8192
     # of the largest tangential force: what periods marched by two steps may leave of a cycle after
     # the square of the step is taken off; or twice the error, if that is more
     proven: float = 5e-3
@@ -389,6 +392,7 @@ class RepeatedMotion(NamedTuple):
     n_periods: int
     impacting: bool
     n_steps: int  # of the cycle
+    loop_error: float  # [J] of friction's heat in the cycle, from half as many steps and cells
 
 
 def periodic_state(
@@ -433,6 +437,7 @@ def periodic_state(
         n_steps=motion.n_steps,
         periods=n_periods,
         unbalanced=abs(work - heat - in_dampers - in_wall),
+        energy_error=motion.loop_error / n_periods,
     )
     mean = float(cycle.friction_force[:-1, cycle.axis].mean())
     return PeriodicState(
@@ -458,9 +463,12 @@ class Numbers(NamedTuple):
     force: float  # logarithm of the amplitude of the tangential force
     slip: float  # the same of the slip
     heat: float  # of friction, over the shakers' work
+    loop: float  # [J] the same heat, which may be small beside what modes take
 
     def difference(self, other: "Numbers") -> float:
-        return max(float(np.abs(a - b).max()) for a, b in zip(self, other, strict=True))
+        """Largest of all but the loop's."""
+        pairs = zip(self[:-1], other[:-1], strict=True)
+        return max(float(np.abs(a - b).max()) for a, b in pairs)
 
 
 def numbers_of(saved: SavedSpatial, speed: float) -> Numbers:
@@ -472,6 +480,7 @@ def numbers_of(saved: SavedSpatial, speed: float) -> Numbers:
         math.log(max(float(np.ptp(saved.force[:, 1:], axis=0).max()), 1e-300)),
         math.log(max(float(np.ptp(saved.slip, axis=0).max()), 1e-300)),
         float(gained[RUBBED]) / (abs(float(gained[BY_SHAKERS] + gained[BEYOND_MODES])) or 1.0),
+        float(gained[RUBBED]),
     )
 
 
@@ -506,6 +515,7 @@ def balanced(
         numbers, estimate = numbers_of(saved, speed), math.inf
         if coarse is not None:
             estimate = richardson(numbers.difference(coarse), 2.0, order)
+            loop_error = richardson(abs(numbers.loop - coarse.loop), 2.0, order)
         if estimate <= search.share * error:
             break
         coarse, n_samples, n_cells = numbers, 2 * n_samples, 2 * n_cells
@@ -527,7 +537,29 @@ def balanced(
     if extrapolated > max(search.proven, 2.0 * error):
         return None, moving.divided(body.search.n_cells)
     change = max(cycle.change, cycle.answer.creep)
-    return RepeatedMotion(moving, saved, change, estimate, 1, False, n_samples), None
+    if two_directions:
+        loop_error += abs(heat_of_path(divided, before, cycle, search) - cycle.answer.heat)
+        loop_error += least_heat(body, search.ring_cells)
+    return RepeatedMotion(moving, saved, change, estimate, 1, False, n_samples, loop_error), None
+
+
+def heat_of_path(body: Body, before: Before, cycle: Balance, search: PeriodicSearch) -> float:
+    """[J] of friction in a period on the path of a cycle in two directions, by `ring_cells`."""
+    fine = cycle.answer.contacts.cells
+    fine = cycle.answer.contacts._replace(cells=redivided(fine, search.ring_cells))
+    memory = cycle.answer._replace(contacts=fine)
+    return answer(body, before, cycle.cut, cycle.y, memory, USUAL_BALANCE_SEARCH.laps).heat
+
+
+def least_heat(body: Body, n_cells: int) -> float:
+    """[J] that a period loses whose slip reaches one cell in: (2/9) (Q / mu P)^3 (mu P)^2 / k, what
+    Mindlin's loop becomes for small forces Q, which slip in 2 Q / (3 mu P) of the area (K. L.
+    Johnson, Contact Mechanics (1985), 7.57)."""
+    law, P = body.last.law, float(body.prepared.static.force[-1])
+    overlap = (P / float(body.prepared.chain.A[-1])) ** (2.0 / 3.0)
+    k = float(stick_stiffness(law, math.sqrt(law.radius * overlap)))
+    slides = (2.0 / 3.0) * float(gross_slip(law, overlap)) * k  # mu P
+    return (2.0 / 9.0) * (1.5 / n_cells) ** 3 * slides**2 / k
 
 
 def still(body: Body) -> Body:
@@ -612,6 +644,7 @@ def shot(
         if coarse is not None and coarse.speeds.shape == numbers.speeds.shape:
             order = 1.0 if two_directions else 2.0
             estimates.append(richardson(numbers.difference(coarse), search.refined, order))
+            loop_error = richardson(abs(numbers.loop - coarse.loop), search.refined, order)
         estimate = estimates[-1]
         if estimate <= search.share * error or (coarse is not None and n_periods > 1):
             break
@@ -634,7 +667,7 @@ def shot(
     rate = (saved.force[-1] - saved.force[-2]) * (search.cycle_saves / T)
     steps = period.steps.n_save * period.steps.stride * n_periods
     moving = with_still(whole, state, rate)
-    return RepeatedMotion(moving, saved, change, estimate, n_periods, impacting, steps)
+    return RepeatedMotion(moving, saved, change, estimate, n_periods, impacting, steps, loop_error)
 
 
 def stays(period: Period, state: Moving, search: PeriodicSearch) -> bool:

@@ -606,6 +606,8 @@ class Cycle(NamedTuple):
     # [N] least and largest mean force along `axis`, also of contacts that were pushed beforehand
     mean_force_range: tuple[float, float] = (0.0, 0.0)
     unbalanced: float | None = None  # [J] shakers' work less all losses of a period, of a structure
+    # [J] of `energy`: from half as many steps, or samples, and cells; infinite where not known
+    energy_error: float = math.inf
 
     @property
     def axis(self) -> int:
@@ -796,11 +798,16 @@ def state_on_moving_wall(
     """State and contact that the wall's motion has become periodic in, at its phase of t = 0.
 
     The motion is ramped up over some periods from a contact that was pressed and never sheared;
-    the state that follows is searched for by few steps a period and again by twice as many, until
-    velocities and heat differ by less than the error: both are of order 2. Where the search fails,
-    a march of 200 periods finds what repeats itself, or raises UnstableStep.
+    the state that follows is searched for by few steps a period and again by twice as many, in two
+    directions with twice as many cells, until velocities and heat differ by less than the error:
+    both are of order 2, and 1 in the cells. Where the search fails, a march of 200 periods finds
+    what repeats itself, or raises UnstableStep.
     """
-    search, period = body.search, motion.period
+    search, period, straight = body.search, motion.period, len(body.frame) == 1
+    if not straight:
+        search = search._replace(n_cells=max(search.n_cells // 2, 1))
+        body = body._replace(search=search)
+    order = 2.0 if straight else 1.0
     fewest = max(search.cycle_steps, math.ceil(math.pi / math.sqrt(body.error)))
     n_steps = max(fewest, math.ceil(period * body.rate(overlaps) / search.cycle_phase))
     shaken = Shaken(body, overlaps, motion, 1, n_steps)
@@ -836,6 +843,15 @@ def state_on_moving_wall(
                 f"the periodic state takes more than {search.most_steps:.1e} steps a period; ask "
                 "for a larger error"
             )
+        if not straight:
+            search = search._replace(n_cells=2 * search.n_cells)
+            body = body._replace(search=search)
+            shaken = shaken._replace(body=body)
+            divided = [
+                springs and Springs(None, None, redivided(springs.cells, body.n_cells))
+                for springs in coarse.springs
+            ]
+            coarse = coarse._replace(springs=Contacts(*divided))
         finer = returning_state(shaken, coarse.state, coarse.springs, coarse.matrix, periodicity)
         if finer is None:
             finer, repeats = marched_until_repeated(shaken, coarse.state, coarse.springs)
@@ -847,9 +863,10 @@ def state_on_moving_wall(
                 coarse = finer._replace(state=end.state, springs=end.springs, last=end)
                 continue
         saved = finer.last.saved
-        estimate = search.safety * body.swing(saved, before, overlaps) / speed / 3.0
+        swing = body.swing(saved, before, overlaps) / speed
+        estimate = richardson(search.safety * swing, 2.0, order)
         heat = np.array([np.ptp(cycle.energy[[0, -1], RUBBED]) for cycle in (before, saved)])
-        off = search.safety * abs(heat[1] - heat[0]) / 3.0
+        off = richardson(search.safety * abs(heat[1] - heat[0]), 2.0, order)
         close = off <= 0.5 * body.error * float(np.abs(saved.energy).max())
         coarse = finer
         if search.dt is not None or (estimate <= 0.5 * body.error and close):
@@ -869,6 +886,7 @@ def state_on_moving_wall(
         periodicity_error=finer.change,
         drift=float(np.hypot(*((saved.u[-1] - saved.u[0]) @ frame))),
         error_estimate=estimate,
+        energy_error=off / shaken.periods,
         n_steps=shaken.steps.n_save * shaken.steps.stride,
         periods=shaken.periods,
     )

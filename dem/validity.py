@@ -107,14 +107,16 @@ def outside(strain: Strain) -> tuple[str, ...]:
             "stiffer material."
         )
     if strain.pressure > strain.yield_pressure:
-        limit = f"the {strain.yield_pressure:.3g} Pa at which "
+        scale, unit = (1e-9, "GPa") if strain.yield_pressure >= 1e8 else (1e-6, "MPa")
+        limit = f"the {scale * strain.yield_pressure:.3g} {unit} at which "
         if strain.yield_stress is None:
             limit += "even hardened steel would yield"
         else:
-            limit += f"its softer side yields, 1.6 times {strain.yield_stress:.3g} Pa"
+            limit += f"its softer side yields, 1.6 times {scale * strain.yield_stress:.3g} {unit}"
         sentences.append(
             f"The pressure of the contact {strain.contact} reaches "
-            f"{strain.pressure:.3g} Pa, above {limit}; the elastic contact is too stiff there."
+            f"{scale * strain.pressure:.3g} {unit}, above {limit}; the elastic contact is too "
+            "stiff there."
         )
     if strain.speed_ratio > SLOW:
         sentences.append(

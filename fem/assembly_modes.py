@@ -69,17 +69,7 @@ def assembly_modes(
     target = np.zeros(len(solution.omega), dtype=int)
     target[paired.index[paired.index >= 0]] = np.flatnonzero(paired.index >= 0) + 1
 
-    # shapes at the vertices of the bodies, in single precision, for pictures
-    structure = model.structure
-    u = (model.T @ solution.phi[:, index]).astype(np.float32)
-    corners = [structure.first[body] + b.nodal_dofs.T for body, b in structure.basis.items()]
-    field = ModeField(
-        {body: basis.mesh for body, basis in structure.basis.items()},
-        index + 1,
-        solution.frequency_hz[index],
-        np.moveaxis(u[np.concatenate(corners)], 2, 0),
-        target[index],
-    )
+    field = field_of(model, solution, index, target[index])
     return AssemblyModes(
         solution.omega,
         solution.phi,
@@ -90,4 +80,21 @@ def assembly_modes(
         field,
         load_factor=model.load_factor,
         overconstrained=model.overconstrained,
+    )
+
+
+def field_of(
+    model: Model, modes: Modes, index: NDArray[np.int64], target: NDArray[np.int64]
+) -> ModeField:
+    """The modes at positions `index` (k,) at the vertices of the bodies, in single precision, for
+    pictures; `target` (k,) as that of `ModeField`."""
+    structure = model.structure
+    u = (model.T @ modes.phi[:, index]).astype(np.float32)
+    corners = [structure.first[body] + b.nodal_dofs.T for body, b in structure.basis.items()]
+    return ModeField(
+        {body: basis.mesh for body, basis in structure.basis.items()},
+        index + 1,
+        modes.omega[index] / (2.0 * np.pi),
+        np.moveaxis(u[np.concatenate(corners)], 2, 0),
+        target,
     )

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, eigh
 
 from rom.factorisation import EPS, Factorise, Pencil, ReductionError, Solver, solutions
-from rom.floating import is_held, pencil
+from rom.floating import held_pencil, is_held
 from rom.lanczos import EigenPairs
 from rom.tall import eighths, gram, shares, squares, turned
 
@@ -78,8 +78,8 @@ def fixed_interface(
 
     # constraint modes by the factor of K_ii, which a held boundary makes positive definite
     if factor is None:
-        inside = pencil(K[:, i][i], M[:, i][i], factorise)
-        if inside.sigma:
+        inside = held_pencil(K[:, i][i], M[:, i][i], factorise)
+        if inside is None:
             raise ReductionError(
                 "the interior still floats with the boundary fixed, or cannot be told from one "
                 "that does beside its largest stiffness; add boundary degrees of freedom, tie the "

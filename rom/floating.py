@@ -1,8 +1,11 @@
-"""Whether K can be factorised as it is, and with what shift where it floats freely.
+"""Whether K can be factorised as it is, and with what shift where it floats freely or hangs softly.
 
 A K that is held by springs at the level of its rounding counts as floating: its lowest eigenvalue
-would be noise.
+would be noise. One that hangs on soft springs (cords, foam) is held, but its suspension answers
+K^-1 a million times as much as what is elastic, which is lost beside it: it is shifted too.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,49 +18,89 @@ from rom.lanczos import LanczosOptions, past_rigid_modes
 ROUGHLY = LanczosOptions(converged=1e-3)
 
 
-def pencil(
-    K: sp.csc_array, M: sp.csc_array, factorise: Factorise, shift: float | None = None
-) -> Pencil:
-    """Factor of K, or of K - shift M where K floats freely and so has none.
+class ShiftLimits(NamedTuple):
+    """Which modes count as a suspension's, and how far a shift lies from zero; not varied."""
 
-    ``shift`` [rad^2/s^2] is negative, of the order of -(omega_1 / 10)^2; without it a floating K
-    gets one from its own first elastic mode. Raises ReductionError where it has none.
+    guess: float = 1e-9  # of K's frequency scale: a shift while no mode is known
+    soft: float = 1e-2  # of that: the lowest omega^2 of a K that is not shifted
+    # ratio of a suspension's highest frequency to the next one; a box on cords has 1000, and a test
+    # on cords should have 10 at least
+    gap: float = 8.0
+    below: float = 10.0  # the first elastic mode over the shift's frequency
+
+
+def pencil(
+    K: sp.csc_array,
+    M: sp.csc_array,
+    factorise: Factorise,
+    shift: float | None = None,
+    limits: ShiftLimits = ShiftLimits(),
+) -> Pencil:
+    """Factor of K, or of K - shift M where K floats freely and so has none, or hangs softly.
+
+    ``shift`` [rad^2/s^2] is negative, of the order of -(omega_1 / 10)^2; without it K gets one from
+    its own first elastic mode. Raises ReductionError where it has none.
     """
     if shift is not None:
         return Pencil(K, M, factorise(sp.csc_array(K - shift * M)), shift)
+    guess = -limits.guess * frequency_scale(K, M)
 
-    # K as it is; a factorisation of a singular matrix fails, or answers with noise
-    try:
-        unshifted = Pencil(K, M, factorise(K))
-    except (RuntimeError, ArithmeticError, ValueError, np.linalg.LinAlgError):
-        unshifted = None
-    if unshifted is not None and is_held(unshifted):
-        return unshifted
-
-    # a guess of the shift finds the first elastic mode, which says whether it was near enough:
-    # too small a shift drowns all modes beside the rigid ones, too large a one slows the search
-    guess = -1e-9 * frequency_scale(K, M)
-    trial = Pencil(K, M, factorise(sp.csc_array(K - guess * M)), guess)
-    omega = past_rigid_modes(trial, options=ROUGHLY).omega
+    # K as it is, unless it hangs so softly that its modes drown all others
+    trial = held_pencil(K, M, factorise)
+    if trial is not None:
+        if lowest_square(trial) > -guess:
+            return trial
+        omega = past_rigid_modes(trial, softer_than=-guess, options=ROUGHLY).omega
+        if omega[0] ** 2 > -limits.soft * guess and not n_suspended(omega):
+            return trial
+    else:
+        # a guess of the shift finds the first elastic mode, which says whether it was near enough:
+        # too small a shift drowns all modes beside the rigid ones, too large a one slows the search
+        trial = Pencil(K, M, factorise(sp.csc_array(K - guess * M)), guess)
+        omega = past_rigid_modes(trial, softer_than=-guess, options=ROUGHLY).omega
     if not omega.any():
         raise ReductionError(
             f"K has at least {len(omega)} rigid-body modes and no elastic one could be found; "
             f"tie the parts that move on their own, or pass shift."
         )
-    sigma = -((omega[omega > 0][0] / 10) ** 2)
-    if 1e-2 < sigma / guess < 1e2:
+    omega = omega[omega > 0]
+    sigma = -((omega[n_suspended(omega)] / limits.below) ** 2)
+    sigma = min(sigma, limits.soft * guess)  # above rounding, also of a soft structure
+    if trial.sigma and sigma / guess < 1e2:
         return trial
     return Pencil(K, M, factorise(sp.csc_array(K - sigma * M)), sigma)
 
 
+def n_suspended(omega: np.ndarray, limits: ShiftLimits = ShiftLimits()) -> int:
+    """How many of the lowest modes omega (k,) [rad/s] ascending, above zero, are rigid motions on
+    soft springs: those below the widest gap between neighbours, if that is wide."""
+    ratio = omega[1:] / np.maximum(omega[:-1], np.finfo(float).tiny)
+    return int(ratio.argmax()) + 1 if len(ratio) and ratio.max() > limits.gap else 0
+
+
+def held_pencil(K: sp.csc_array, M: sp.csc_array, factorise: Factorise) -> Pencil | None:
+    """The factor of K as it is; None where that is singular: a factorisation fails then, or answers
+    with noise."""
+    try:
+        unshifted = Pencil(K, M, factorise(K))
+    except (RuntimeError, ArithmeticError, ValueError, np.linalg.LinAlgError):
+        return None
+    return unshifted if is_held(unshifted) else None
+
+
 def is_held(problem: Pencil) -> bool:
     """Whether the lowest eigenvalue of a K that was factorised as it is stands above rounding."""
+    return lowest_square(problem) > noise(problem.K, problem.M)
+
+
+def lowest_square(problem: Pencil) -> float:
+    """The lowest omega^2 [rad^2/s^2] of a K that was factorised as it is, from above, by inverse
+    iteration; nan where the factor answers with nothing."""
     K, M, factor, _ = problem
-    # inverse iteration: its Rayleigh quotient is the lowest omega^2 from above
     x = np.random.default_rng(0).standard_normal(K.shape[0])
     for _ in range(3):
         x = factor.solve(M @ x)
         if not np.isfinite(x).all() or not x.any():
-            return False
+            return np.nan
         x /= np.linalg.norm(x)
-    return bool(x @ (K @ x) / (x @ (M @ x)) > noise(K, M))
+    return float(x @ (K @ x) / (x @ (M @ x)))

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from rom.contact_modes import contact_modes, finer_space, static_shapes
 from rom.factorisation import Factorise, Pencil, ReductionError, Solver, superlu, symmetric
-from rom.floating import pencil
+from rom.floating import n_suspended, pencil
 from rom.health import require_faithful, require_static_response
 from rom.lanczos import (
     EigenPairs,
@@ -24,6 +24,7 @@ from rom.lanczos import (
     lowest_modes,
     modes_below,
     modes_until,
+    no_modes,
     past_rigid_modes,
 )
 from rom.reduced_model import ReducedModel, contact_functional, of_modes
@@ -169,13 +170,21 @@ def rigid_modes(problem: Pencil, supplied: EigenPairs | None) -> np.ndarray:
 
 
 def retained_modes(problem: Pencil, supplied: EigenPairs | None) -> EigenPairs:
-    """The modes to keep whatever the contact says: the rigid-body ones and those handed in."""
-    rigid = rigid_modes(problem, None)
+    """The modes to keep whatever the contact says: the rigid-body ones, those of a soft suspension
+    and those handed in."""
+    if problem.sigma == 0:
+        return supplied or no_modes(problem.K.shape[0])
+    soft = -problem.sigma
+    omega, phi = past_rigid_modes(problem, softer_than=soft)
+    kept = np.count_nonzero(omega == 0)
+    kept += n_suspended(omega[kept:])
+    omega, phi = omega[:kept], phi[:, :kept]
     if supplied is None:
-        return EigenPairs(np.zeros(rigid.shape[1]), rigid)
-    elastic = supplied.omega > 0  # of the rigid-body ones those handed in may be a part
-    omega = np.append(np.zeros(rigid.shape[1]), supplied.omega[elastic])
-    return EigenPairs(omega, np.column_stack([rigid, supplied.phi[:, elastic]]))
+        return EigenPairs(omega, phi)
+    # of these, those handed in may hold a part
+    others = np.linalg.norm(phi.T @ (problem.M @ supplied.phi), axis=0) < 0.5
+    omega = np.append(omega, supplied.omega[others])
+    return EigenPairs(omega, np.column_stack([phi, supplied.phi[:, others]]))
 
 
 def _lowest_of(pairs: EigenPairs, n_modes: int | None, cutoff_hz: float | None) -> EigenPairs:

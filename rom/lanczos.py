@@ -64,17 +64,20 @@ def lowest_modes(
     return EigenPairs(omega[:n_modes], phi[:, :n_modes])
 
 
-def past_rigid_modes(problem: Pencil, *, options: LanczosOptions = LanczosOptions()) -> EigenPairs:
-    """The lowest modes, so many that one of them is elastic, or `most_rigid`.
+def past_rigid_modes(
+    problem: Pencil, *, softer_than: float = 0.0, options: LanczosOptions = LanczosOptions()
+) -> EigenPairs:
+    """The lowest modes, so many that one of them is elastic with an omega^2 above `softer_than`
+    [rad^2/s^2], or `most_rigid`.
 
     Six modes of a body that floats are rigid, and one more for each motion that a joint leaves
-    free: their number is not known before.
+    free: their number is not known before, nor that of the modes of a soft suspension.
     """
     n = problem.K.shape[0]
     n_modes = min(options.block, n)
     while True:
         pairs = lowest_modes(problem, n_modes, options=options)
-        if pairs.omega.any() or n_modes == min(options.most_rigid, n):
+        if pairs.omega.max() ** 2 > softer_than or n_modes == min(options.most_rigid, n):
             return pairs
         n_modes = min(2 * n_modes, options.most_rigid, n)
 

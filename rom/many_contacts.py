@@ -96,9 +96,10 @@ def _spaces(
     elastic = modes.omega > 0
     shapes, omega, rigid = modes.phi[:, elastic], modes.omega[elastic], modes.phi[:, ~elastic]
 
-    # what the modes leave of the static response; projected, since solver and modes leave rounding
-    v = attachment_modes(problem, W.toarray(order="F"), rigid)
-    v -= shapes @ (phi[:, elastic] / omega**2).T
+    # what the modes leave of the static response: their share leaves the loads and, since solver
+    # and modes leave rounding, the result
+    loads = W.toarray(order="F") - problem.M @ (shapes @ phi[:, elastic].T)
+    v = attachment_modes(problem, loads, rigid)
     v -= shapes @ (shapes.T @ (problem.M @ v))
     static = (W * v).sum(axis=0)
     of_modes = ((phi[:, elastic] / omega) ** 2).sum(axis=1)

@@ -142,12 +142,30 @@ def test_a_pencil_is_shifted_where_it_floats_and_as_asked():
     np.testing.assert_allclose((K - free.sigma * M) @ free.factor.solve(W), W, atol=1e-10)
 
 
-@pytest.mark.parametrize(("link", "n_factors"), [(1e-6, 2), (1e-3, 3), (1.0, 3)])
-def test_a_shift_of_a_billionth_of_the_scale_serves_where_the_first_mode_lies_near(link, n_factors):
-    """Of two stiff chains on a soft link; K itself is tried before, the right shift after it."""
+def two_chains(link):
+    """Two stiff chains on a soft link, free."""
     K, M = (A.tolil() for A in structure(held=False))
     K[5:7, 5:7] += (link - 1) * -K[5, 6] * np.array([[1, -1], [-1, 1]])
-    K, M, factors = K.tocsc(), M.tocsc(), []
+    return K.tocsc(), M.tocsc()
+
+
+def long_chain(n):
+    """A free chain, whose first mode is pi / n of its highest."""
+    K = sp.diags_array([-np.ones(n - 1), np.r_[1, 2 * np.ones(n - 2), 1], -np.ones(n - 1)],
+                       offsets=[-1, 0, 1]).tocsc()  # fmt: skip
+    return K, sp.eye_array(n).tocsc()
+
+
+@pytest.mark.parametrize(
+    ("chain", "n_factors"),
+    [(long_chain(2000), 2), (two_chains(1e-6), 3), (two_chains(1e-3), 3), (two_chains(1.0), 3)],
+)
+def test_a_shift_of_a_billionth_of_the_scale_serves_where_the_first_mode_lies_near(
+    chain, n_factors
+):
+    """K itself is tried before, the right shift after it; on a soft link the mode of that is as
+    good as rigid, and the next one chooses the shift."""
+    (K, M), factors = chain, []
 
     def counted(A):
         factors.append(A)
@@ -157,9 +175,19 @@ def test_a_shift_of_a_billionth_of_the_scale_serves_where_the_first_mode_lies_ne
     assert len(factors) == n_factors
     if n_factors == 2:
         assert result.sigma / (-1e-9 * frequency_scale(K, M)) == pytest.approx(1.0, rel=1e-12)
-    W = np.linspace(1, -1, N)
+    W = np.linspace(1, -1, K.shape[0])
     u = result.factor.solve(W)
     np.testing.assert_allclose(K @ u - result.sigma * (M @ u), W, atol=1e-4)
+
+
+@pytest.mark.parametrize(("k", "is_shifted"), [(1e-9, True), (1e-2, False)])
+def test_a_structure_on_soft_springs_is_shifted_as_one_that_floats(k, is_shifted):
+    """A chain whose first end hangs on k of its own stiffness; the next mode chooses the shift."""
+    K, M = structure(held=False)
+    K = (K + sp.csc_array(([k * K.diagonal().max()], ([0], [0])), shape=K.shape)).tocsc()
+    omega = exact_modes(K, M)[0]
+    result = pencil(K, M, superlu)
+    assert result.sigma == (pytest.approx(-((omega[1] / 10) ** 2), rel=1e-6) if is_shifted else 0)
 
 
 @pytest.mark.parametrize("n_chains", [6, 8, 20])

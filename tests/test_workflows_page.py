@@ -563,6 +563,17 @@ def test_the_comments_of_a_scene_file_stay_with_its_run(tmp_path, monkeypatch):
     assert rows["output.sensors.1.gain"].replace("\u00a0", " ") == "5 mV/N"
 
 
+def test_values_of_a_list_bear_one_unit_and_points_stand_in_brackets(tmp_path):
+    assert beadwave("impact", "rig-1dof", "--set=time.duration=1e-4", f"--out={tmp_path}/out") == 0
+    summary = Summary.model_validate_json((tmp_path / "out" / "summary.json").read_text())
+    rows = {row["full"]: row["value"] for row in scene_rows(load("plate-on-bolts"), summary)}
+    plain = {key: value.replace("\u00a0", " ") for key, value in rows.items()}
+    outline = "(0, 0), (200, 0), (200, 100), (0, 100) mm"
+    assert plain["bodies.base.plate.outline"] == outline
+    assert plain["bodies.cover.at"] == "0, 0, 30 mm" and plain["chain.radius"] == "6.35 mm"
+    assert plain["strike.at"] == "30, 10 mm" and plain["output.spheres"] == "1, 5"
+
+
 @pytest.mark.slow
 def test_numbers_bear_prefixes():
     texts = [si(1.738e5, "Hz"), si(3.02e-7, "s"), si(0.09999, "m"), si(0.0, "N"), si(None, "N")]

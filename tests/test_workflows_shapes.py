@@ -14,6 +14,7 @@ from workflows.files.scene import scene
 from workflows.files.shapes import measured_shape
 from workflows.scene import InvalidScene
 from workflows.stages.pipeline import pipeline_of
+from workflows.structure import hammer
 
 pyuff = pytest.importorskip("pyuff", reason="universal files are optional (the extra `identify`)")
 
@@ -243,6 +244,33 @@ def test_what_is_no_universal_file_is_refused_in_a_sentence():
             Path(name).write_text(content)
         with pytest.raises(InvalidScene, match=message):
             pipeline(BEAM + TARGET.format(100.0).replace("shapes.uff", name))("modes")
+
+
+@pytest.mark.slow
+def test_measured_shapes_are_drawn_beside_the_computed_ones_in_their_sense(known, monkeypatch):
+    points, shapes, omega = known[0][::4], known[1][:, ::4], known[2]
+    written(nodes(points), *responses_58(shapes[:5], SHIFT * omega[:5], noise=1e-4))
+    Path("beam.toml").write_text(BEAM)
+    drawn = {}
+
+    def rendered(module, field, content, name):
+        drawn.update(field=field, content=content)
+        return genuine(module, field, content, name)
+
+    genuine = hammer.rendered
+    monkeypatch.setattr(hammer, "rendered", rendered)
+    test = beadwave.hammer("shapes.uff", "beam.toml", out="out")
+    assert Path("out/figures/shapes.png").exists()
+    paired = [row for row in test.report.rows if row.computed_hz is not None]
+    assert len(drawn["content"]) == len(paired) == len(drawn["field"].number) == 5
+    for i, mode in enumerate(drawn["content"]):
+        assert mode["computed"].startswith(f"computed {drawn['field'].frequency_hz[i]:.2f} Hz")
+        u = np.array(mode["displacement"])[:, 1:]
+        at = [int(np.linalg.norm(points - p, axis=1).argmin()) for p in mode["points"]]
+        number = int(drawn["field"].number[i]) - 1
+        expected = shapes[number][at][:, 1:]
+        likeness = np.sum(u * expected) / np.linalg.norm(u) / np.linalg.norm(expected)
+        assert likeness > 0.99, "against the computed mode" if likeness < 0 else "another shape"
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ What computes is imported by the command that runs, so that each pays only for w
 import sys
 from collections.abc import Callable
 from errno import EDQUOT, EFBIG, ENAMETOOLONG, ENOSPC
-from functools import wraps
+from functools import partial, wraps
 from itertools import pairwise
 from os import environ
 from pathlib import Path
@@ -33,6 +33,7 @@ from workflows.commands.studies import accuracy, run_study, stability, verify
 from workflows.commands.sweeps import scan, sweep
 from workflows.commands.terminal import (
     SummaryPrinter,
+    folded,
     print_files,
     print_lines,
     print_notes,
@@ -209,7 +210,18 @@ def built(name: str) -> Any:
     alone.command(name=name, epilog=f"\b\nExamples:\n{examples}")(
         _without_end_of_file(command.signed(name) if isinstance(command, Verb) else command)
     )
-    return typer.main.get_command(alone)
+    command = typer.main.get_command(alone)
+    for parameter in command.params:
+        if label := getattr(parameter, "display_type", None):  # of typer before 0.26 none
+            parameter.display_type = partial(_in_words, label)
+    return command
+
+
+def _in_words(label: Callable[[Any], str], context: Any) -> str:
+    """What typer calls the type of a value in the help, in plain words."""
+    words = {"str": "text", "float": "number", "int": "integer", "Path": "path"}
+    inner = label(context).strip("<>").removeprefix("list[").removesuffix("]")
+    return f"<{words.get(inner.removesuffix(' range'), inner)}>"
 
 
 for name, command in COMMANDS.items():
@@ -253,12 +265,12 @@ def _status(command: Callable) -> int:
         if number := stopped_by(error):
             raise Stopped(number) from error
         status, sentence = _failure(error)
-        print(f"beadwave: {sentence}", file=sys.stderr)
+        print(folded(f"beadwave: {sentence}", sys.stderr), file=sys.stderr)
         return status
 
     if status == INTERRUPTED:
         sentence = "interrupted; finished stages are kept, the same command goes on."
-        print(f"beadwave: {sentence}", file=sys.stderr)
+        print(folded(f"beadwave: {sentence}", sys.stderr), file=sys.stderr)
     return status
 
 

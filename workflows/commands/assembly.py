@@ -91,7 +91,7 @@ def hammer(
         ),
     ] = None,
 ) -> None:
-    """Read a hammer test: modes from hits or responses, with deviations."""
+    """Modes of a hammer test from its hits or responses."""
     from workflows.scene import InvalidScene
     from workflows.structure import api
 

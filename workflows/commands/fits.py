@@ -3,7 +3,7 @@
 Arguments, defaults and help of each are those of the function that it names (`verb.py`).
 """
 
-from workflows.commands.terminal import print_lines, print_report, print_result
+from workflows.commands.terminal import folded, print_lines, print_report, print_result
 from workflows.commands.verb import Call, Word, verb
 
 CALIBRATION = "the report, {parameters: [...], ...}, see report.json"
@@ -23,7 +23,7 @@ def calibrate(call: Call) -> None:
 
 @verb(
     "workflows.fit.api.twin", json=CALIBRATION,
-    scene=Word("the scene that is fitted; default: rig-1dof"),
+    scene=Word("the scene that is fitted"),
     spheres=SPHERES, bounds=BOUNDS, hold_out=SPHERES, scan=SCAN,
 )  # fmt: skip
 def twin(call: Call) -> None:
@@ -34,7 +34,7 @@ def twin(call: Call) -> None:
 def _print(call: Call) -> None:
     result = call()
     if call.json or not call.quiet:
-        print(result.report.model_dump_json(indent=1) if call.json else result)
+        print(result.report.model_dump_json(indent=1) if call.json else folded(str(result)))
     _print_scene(call)
 
 

@@ -68,5 +68,7 @@ Verbose = Annotated[
 ]
 Quiet = Annotated[
     bool,
-    typer.Option("--quiet", "-q", help="No progress and no text: files, JSON, warnings, errors."),
+    typer.Option(
+        "--quiet", "-q", help="No progress, no text; files, JSON, warnings and errors stay."
+    ),
 ]

@@ -21,7 +21,7 @@ Folder = Annotated[
 def sweep(
     call: Call,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Only tell cases, seconds and memory to expect.")
+        bool, typer.Option("--dry-run", help="Only state cases, seconds and memory to expect.")
     ] = False,
     workers: Annotated[
         int | None, typer.Option(help="Processes of this machine, by Dask.", min=1)
@@ -80,7 +80,7 @@ def _print(call: Call, result: Any) -> None:
     face=Word(metavar="BODY:FACE"), grid=Word(metavar="NxM"),
 )  # fmt: skip
 def scan(call: Call) -> None:
-    """The chain over a face: echo delay, echo ratio and force as a map."""
+    """Echo delay, echo ratio and force as maps over a face."""
     _print(call, call())
 
 

@@ -142,6 +142,8 @@ def _parameter(parameter: Parameter, word: Word, texts: dict[str, str]) -> Param
     one = {"bool": bool, "int": int, "float": float}.get(first, other)
     several = first.startswith(("Changes", "Iterable", "Sequence"))
     typed, default = list[one] if several else one, parameter.default  # type: ignore[valid-type]
+    if isinstance(default, float) and default.is_integer():
+        default = int(default)  # the help shows 240, not 240.0
     if word.required:
         default = Parameter.empty
     elif default in (None, ()) or (default is Parameter.empty and word.required is False):

@@ -26,8 +26,9 @@ from workflows.fit.record import marched
 from workflows.fit.structure import VariedScene, structure
 from workflows.fit.uncertainty import bars_over_time, bounds_information
 from workflows.report.finding import Finding
+from workflows.report.numbers import si
 from workflows.report.plots import Line, Panel, panels
-from workflows.report.tables import Table, short
+from workflows.report.tables import Table
 from workflows.scene import Instrument, InvalidScene
 from workflows.scene.places import has_friction
 from workflows.stages.pipeline import Pipeline
@@ -182,9 +183,10 @@ def _finding(sought: tuple[Parameter, ...], chains: list[CandidateChain]) -> Fin
         for i, p in enumerate(sought):
             best, worst = int(chain.bars[:, i].argmin()), int(chain.bars[:, i].argmax())
             printed.append((
-                *chain.values.values(), p.name, chain.places[best], float(chain.bars[best, i]),
+                *chain.values.values(), f"{p.name} [{p.unit}]" if p.unit else p.name,
+                chain.places[best], float(chain.bars[best, i]),
                 float(chain.bars[best, i] / (p.high - p.low)),
-                f"{chain.by_noise[best, i]:.0%}", chain.places[worst],
+                f"{100 * chain.by_noise[best, i]:.0f} %", chain.places[worst],
                 float(chain.bars[worst, i]), 1e3 * float(chain.records[best, i]),
             ))  # fmt: skip
 
@@ -230,8 +232,8 @@ def _on_best(p: Parameter, i: int, chains: list[CandidateChain]) -> str:
     where, place = _with_values(best.values), best.places[sphere]
     by = f"sphere {place}" if isinstance(place, int) else place
     return (
-        f"{p.name} is {how} best by {by}{where}: two sigma {short(float(bar))} {p.unit}".rstrip()
-        + f" of one impact, in records of {1e3 * best.records[sphere, i]:.3g} ms or longer."
+        f"{p.name} is {how} best by {by}{where}: two sigma {si(float(bar), p.unit)}"
+        f" of one impact, in records of {1e3 * best.records[sphere, i]:.3g} ms or longer."
     )
 
 

@@ -95,7 +95,7 @@ def march_rubbing(
         speed = float(np.abs(rig.v0).max())
         moving = neighbouring_state(
             whole, before, across.near, error=options.neighbour_error, speed=speed,
-            search=NEIGHBOURS,
+            compared=False, search=NEIGHBOURS,
         ).moving  # fmt: skip
     struck(moving, before, rig.v0)
     n, h = math.ceil(duration / dt), dt / across.substeps

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from workflows.report.first_screen import chain_words, facts, wall_words, waves_words
-from workflows.report.numbers import GLUE, NONE, grouped, percent, si
+from workflows.report.numbers import GLUE, NONE, digits, grouped, percent, si
 from workflows.report.packing import unpacked
 from workflows.report.provenance import flat
 from workflows.report.rows import (
@@ -16,6 +16,7 @@ from workflows.report.rows import (
     error_words,
     reduction_rows,
     sensed,
+    spelled,
 )
 from workflows.report.summary import Summary
 from workflows.scene import Scene
@@ -31,8 +32,6 @@ STANDS_FOR = {
     "measured": "The wall is known by its response alone: slab and coil stand for it.",
     "rom": "The wall is a reduced model without a surface: slab and coil stand for it.",
 }
-NAMES = {name: label for label, name in ERROR_OF.items()}
-WAVE_NAMES = {": time_s": ", time", ": peak_velocity_m_s": ", peak velocity"}
 
 
 def context(scene: Scene | None, summary: Summary, data: dict[str, Any]) -> dict[str, Any]:
@@ -118,11 +117,7 @@ def error_causes(summary: Summary) -> tuple[list[str], list[tuple[str, str, list
             continue
         shares = [NONE if x is None else percent(x / abs(error.value), 2) for x in by_cause]
         value = percent(error.value) if error.name == "arr_2_9" else si(error.value, error.unit, 4)
-        name = NAMES.get(error.name, error.name)
-        for key, words in WAVE_NAMES.items():
-            if name.endswith(key):
-                name = f"sphere {name.removesuffix(key)}{words}"
-        rows.append((name, value.removesuffix(f"{GLUE}1"), shares))
+        rows.append((spelled(error.name), value.removesuffix(f"{GLUE}1"), shares))
     return causes, rows
 
 
@@ -132,7 +127,7 @@ def view_note(data: dict[str, Any]) -> str:
         n_points, n = data["assembly"]["points"]["shape"][0], data["assembly"]["n_nodes"]
         thinned = f" Drawn with {grouped(n_points)} of {grouped(n)} outer nodes."
         return (
-            "Surface of the structure, displaced as X + s Σ q_k(t) φ_k(X) from its state at rest, "
+            "Surface of the structure, displaced as X + s Σ qₖ(t) φₖ(X) from its state at rest, "
             "coloured by displacement; spheres by velocity, red towards the wall. Structure and "
             "spheres have factors of their own, without which nothing would be seen to move. Modes "
             "are those that the reduced model holds; modes.vtu has all of them."
@@ -179,6 +174,8 @@ def scene_rows(scene: Scene, summary: Summary) -> list[dict[str, str]]:
         is_mark = first.startswith(("thesis", "inferred", "assumed"))
         if comma and len(first) < 9 and "(" not in first and not is_mark:
             note = rest
+        if source:  # the mark beside it says that already
+            note = note.removeprefix(f"{source.kind}: ").removeprefix(f"{source.kind}, ")
         rows.append(
             {
                 "table": table,
@@ -192,9 +189,31 @@ def scene_rows(scene: Scene, summary: Summary) -> list[dict[str, str]]:
     return rows
 
 
-def _value_words(value: Any, unit: str) -> str:
-    """A value of a scene with its unit, values of a list between commas."""
+def _numbers(value: Any) -> list[float]:
+    """The numbers of a list at any depth; nan for what is none."""
     if isinstance(value, tuple | list):
+        return [number for item in value for number in _numbers(item)]
+    return [float(value) if isinstance(value, int | float) else np.nan]
+
+
+def _listed(values: Any, factor: float) -> str:
+    """Numbers times a factor between commas, those of lists in a list in brackets."""
+    return ", ".join(
+        f"({_listed(item, factor)})" if isinstance(item, tuple | list) else digits(factor * item, 6)
+        for item in values
+    )
+
+
+def _value_words(value: Any, unit: str) -> str:
+    """A value of a scene with its unit: numbers of a list between commas, points in brackets, with
+    the one unit of the largest."""
+    if isinstance(value, tuple | list):
+        numbers = np.array(_numbers(value))
+        if unit and numbers.size > 1 and np.all(np.isfinite(numbers)) and numbers.any():
+            largest = float(np.abs(numbers).max())
+            digits_of_largest, prefixed = _value_words(largest, unit).split(GLUE)
+            factor = float(digits_of_largest.replace("\u202f", "")) / largest
+            return f"{_listed(value, factor)}{GLUE}{prefixed}"
         return ", ".join(_value_words(item, unit) for item in value)
     if isinstance(value, bool) or not isinstance(value, int | float):
         return str(value)

@@ -90,7 +90,7 @@ def assembly(
 ) -> None:
     """The mesh, each body in a colour of its own, with its dimensions, the chain that strikes it,
     pins where bolts are and held faces outlined."""
-    plotter, n, names = _plotter((1, 1)), settings.split, fixtures.bodies
+    plotter, n, names = white_plotter((1, 1)), settings.split, fixtures.bodies
     eye = eye_of(fixtures.strike, settings)
     shares = [(i / n, j / n, (n - i - j) / n) for i in range(n + 1) for j in range(n + 1 - i)]
     points = []
@@ -167,7 +167,7 @@ def assembly(
         n_ylabels=3, n_zlabels=3, fmt="%.0f", font_size=11, location="outer", color="#505050",
     )  # fmt: skip
     axes.SetAxisLabels(1, pv.convert_array(np.array(["", *axes.y_labels[1:]])))  # x has that corner
-    _view(plotter, eye)
+    seen_from(plotter, eye)
     plotter.screenshot(path)
 
 
@@ -178,28 +178,13 @@ def modes(
     names = [name for name in grid.point_data if name.startswith("mode ")]
     names = [name for name in names if MEASURED in name] or names
     rows, columns = GRIDS[min(len(names), 4)]
-    plotter = _plotter((rows, columns))
+    plotter = white_plotter((rows, columns))
     for i, name in enumerate(names[:4]):
         plotter.subplot(i // columns, i % columns)
 
-        # the mode, exaggerated, on the outline at rest
-        u = grid.point_data[name]
-        size = np.linalg.norm(u, axis=1)
-        bent = grid.copy()
-        bent.points = grid.points + settings.largest_mode * grid.length / size.max() * u
-        title = f"{name}: displacement"
-        bent[title] = size / size.max()
-        surface = bent.extract_surface(algorithm=None)
-        plotter.add_mesh(
-            surface, scalars=title, cmap=ramp(RAMP, 64), clim=(0, 1),
-            scalar_bar_args={"title": title, **BAR}, **MATT,
-        )  # fmt: skip
-        edges = surface.extract_feature_edges(settings.edge_angle)
-        at_rest = grid.extract_surface(algorithm=None).extract_feature_edges(settings.edge_angle)
-        plotter.add_mesh(edges, color="#202020", line_width=1.5)
-        plotter.add_mesh(at_rest, color="#909090", line_width=1.0)
+        bent = bent_by(plotter, grid, name, settings)
         plotter.add_text(name, font_size=12, color="black")
-        _view(plotter, eye_of(fixtures.strike, settings))
+        seen_from(plotter, eye_of(fixtures.strike, settings))
 
         # as large as the part of the view beside the colour bar and below the name allows
         camera = plotter.camera
@@ -222,6 +207,29 @@ def modes(
     plotter.screenshot(path)
 
 
+def bent_by(
+    plotter: pv.Plotter, grid: pv.DataSet, name: str, settings: RenderSettings
+) -> pv.DataSet:
+    """Draw a mode, exaggerated and coloured by displacement, on the outline at rest; the bent
+    mesh."""
+    u = grid.point_data[name]
+    size = np.linalg.norm(u, axis=1)
+    bent = grid.copy()
+    bent.points = grid.points + settings.largest_mode * grid.length / size.max() * u
+    title = f"{name}: displacement"
+    bent[title] = size / size.max()
+    surface = bent.extract_surface(algorithm=None)
+    plotter.add_mesh(
+        surface, scalars=title, cmap=ramp(RAMP, 64), clim=(0, 1),
+        scalar_bar_args={"title": title, **BAR}, **MATT,
+    )  # fmt: skip
+    edges = surface.extract_feature_edges(settings.edge_angle)
+    at_rest = grid.extract_surface(algorithm=None).extract_feature_edges(settings.edge_angle)
+    plotter.add_mesh(edges, color="#202020", line_width=1.5)
+    plotter.add_mesh(at_rest, color="#909090", line_width=1.0)
+    return bent
+
+
 def ramp(colours: tuple[str, ...], n: int) -> list[str]:
     """n colours, as hexadecimal texts, interpolated between the given ones."""
     ends = np.array([pv.Color(colour).float_rgb for colour in colours])
@@ -230,14 +238,14 @@ def ramp(colours: tuple[str, ...], n: int) -> list[str]:
     return [pv.Color(colour).hex_rgb for colour in np.transpose(channels).tolist()]
 
 
-def _plotter(shape: tuple[int, int]) -> pv.Plotter:
+def white_plotter(shape: tuple[int, int], size: tuple[int, int] = SIZE) -> pv.Plotter:
     """A white picture of rows and columns of views."""
-    plotter = pv.Plotter(off_screen=True, shape=shape, window_size=list(SIZE), border=False)
+    plotter = pv.Plotter(off_screen=True, shape=shape, window_size=list(size), border=False)
     plotter.set_background("white")
     return plotter
 
 
-def _view(plotter: pv.Plotter, eye: NDArray[np.float64]) -> None:
+def seen_from(plotter: pv.Plotter, eye: NDArray[np.float64]) -> None:
     """Everything from the direction `eye`, in parallel projection."""
     plotter.view_vector(eye, viewup=UP)
     plotter.enable_parallel_projection()

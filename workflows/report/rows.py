@@ -41,6 +41,9 @@ ERROR_OF = {
     "static compliance of the structure": "static_compliance_m_per_N",
 }
 
+NAMES = {name: label for label, name in ERROR_OF.items()}
+WAVE_NAMES = {": time_s": ", time", ": peak_velocity_m_s": ", peak velocity"}
+
 
 def headline(summary: Summary) -> list[tuple[str, str]]:
     """The main results: frequencies, arrivals, TOF, ARR, errors, seconds."""
@@ -273,6 +276,7 @@ def friction_rows(across: FrictionNumbers) -> list[tuple[str, str]]:
         ("peak force of friction", si(across.peak_friction_N, "N")),
         ("mean force of a loop", mean_force(across)),
         ("periods of a loop", "" if across.loop_periods in (None, 1) else str(across.loop_periods)),
+        ("error of a loop's energy", si(across.loop_energy_error_J, "J")),
         ("work less losses of a loop", si(across.loop_unbalanced_J, "J")),
         ("time step across the chain", si(across.dt_s, "s")),
     ]
@@ -311,3 +315,11 @@ def reduction_rows(health: ReductionHealth) -> list[tuple[str, str]]:
         ("receptance error (rms)", receptance_error),
     ]
     return [(label, value) for label, value in rows if value not in (NONE, "")]
+
+
+def spelled(name: str) -> str:
+    """The words for a number that `errors` of a summary names."""
+    for key, words in WAVE_NAMES.items():
+        if name.endswith(key):
+            return f"sphere {name.removesuffix(key)}{words}"
+    return NAMES.get(name, name)

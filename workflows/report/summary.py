@@ -171,6 +171,7 @@ class FrictionNumbers(BaseModel):
     dt_s: float
     error_estimate: float
     loop_energy_J: float | None = None
+    loop_energy_error_J: float | None = None
     loop_tangential_N: float | None = None
     loop_displacement_m: float | None = None
     loop_mean_tangential_range_N: tuple[float, float] | None = None

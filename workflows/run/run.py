@@ -9,6 +9,7 @@ from platform import python_version
 from workflows.files.run_folder import NoPicture, RunFolder, write_pictures
 from workflows.report.provenance import UNKNOWN, Origin
 from workflows.report.report import CAPTIONS, write_report
+from workflows.report.rows import spelled
 from workflows.report.summary import ErrorEstimate, NumberError, StageTime, Summary
 from workflows.run.second_process import IMPACT, RUN, two_processes
 from workflows.scene import MeasuredWall, Scene
@@ -232,8 +233,9 @@ def summary_of(
     explained = [error for error in number_errors if error.why]
     if explained:
         worst = max(explained, key=lambda error: error.relative or 0.0)
-        more = f" (the largest of {len(explained)}; `errors` in summary.json has the others)"
-        sentences.append(f"{worst.name}{more if len(explained) > 1 else ''}: {worst.why}")
+        name, others = spelled(worst.name), len(explained) - 1
+        more = f" Causes of {others} smaller errors are under `errors` in summary.json."
+        sentences.append(f"{name[0].upper()}{name[1:]}: {worst.why}{more if others else ''}")
     return Summary(
         errors=tuple(number_errors),
         scene=scene.name,

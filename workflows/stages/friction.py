@@ -6,6 +6,7 @@ friction leaves alone.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import suppress
 from operator import add
@@ -165,6 +166,7 @@ def cycle_numbers(
     phase = (360.0 * shaker.frequency * float(run.t[at]) + shaker.phase) % 360.0
     return {
         "loop_energy_J": cycle.energy,
+        "loop_energy_error_J": cycle.energy_error if math.isfinite(cycle.energy_error) else None,
         "loop_tangential_N": amplitude(cycle.friction_force[:, cycle.axis]),
         "loop_displacement_m": amplitude(cycle.slip[:, cycle.axis]),
         "loop_mean_tangential_range_N": cycle.mean_force_range,
@@ -219,12 +221,19 @@ def chain_numbers(
 
 
 def unbalanced(lateral: LateralTrajectory) -> Iterator[str]:
-    """A periodic state in which what the shakers give and what is lost differ by a good part of the
-    loop of friction: it is small beside what modes take, or the state is not yet periodic."""
+    """A loop of friction whose error is a good part of it, as of a contact that nearly sticks, and
+    a periodic state in which what the shakers give and what is lost differ by as much: the loop is
+    small beside what modes take, or the state is not yet periodic."""
     cycle = lateral.cycle
-    if cycle is None or cycle.unbalanced is None:
+    if cycle is None:
         return
-    if cycle.unbalanced > BALANCED * cycle.energy:
+    if math.isfinite(cycle.energy_error) and cycle.energy_error > BALANCED * cycle.energy:
+        yield (
+            f"The loop of friction of a period, {si(cycle.energy, 'J')}, has an error of "
+            f"{si(cycle.energy_error, 'J')}: hardly anything of the contact slips, less than its "
+            "cells show; lower time.error, or shake harder, before you rely on the loop."
+        )
+    if cycle.unbalanced is not None and cycle.unbalanced > BALANCED * cycle.energy:
         yield (
             f"In the periodic state the shakers' work and all losses of a period differ by "
             f"{si(cycle.unbalanced, 'J')}, beside a loop of friction of {si(cycle.energy, 'J')}: "

@@ -93,21 +93,30 @@ def _at_rest(meshes: dict[str, Mesh]) -> field_file.ModeField:
 def _rendered(modes: field_file.ModeField, shown: dict[str, Any]) -> tuple[Picture, ...]:
     """Pictures of assembly and modes with the fixtures shown, rendered by a child; raises
     NoPicture."""
+    fixtures_of = {"bodies": [*modes.meshes]} | shown
+    return rendered("workflows.report.render", modes, fixtures_of, "assembly", "modes")
+
+
+def rendered(
+    module: str, modes: field_file.ModeField, content: Any, *names: str
+) -> tuple[Picture, ...]:
+    """Pictures of these names that a child draws, `python -m module modes.vtu content.json
+    NAME.png ...`; raises NoPicture."""
     with TemporaryDirectory() as folder:
-        field, json = Path(folder, "modes.vtu"), Path(folder, "fixtures.json")
+        field, json = Path(folder, "modes.vtu"), Path(folder, "content.json")
         field_file.write(field, modes)
-        json.write_text(dumps({"bodies": [*modes.meshes]} | shown))
-        images = [Path(folder) / "assembly.png", Path(folder) / "modes.png"]
-        arguments = map(str, (field, json, *images))
+        json.write_text(dumps(content))
+        images = [Path(folder) / f"{name}.png" for name in names]
+        drawn = " and ".join(names)
         try:
-            process = child("workflows.report.render", *arguments, seconds=TIME_LIMIT)
+            process = child(module, *map(str, (field, json, *images)), seconds=TIME_LIMIT)
         except TimeoutError:
             raise NoPicture(
-                f"assembly and modes were not rendered within {TIME_LIMIT} s; the rest is complete."
+                f"{drawn} were not rendered within {TIME_LIMIT} s; the rest is complete."
             ) from None
         if process.returncode != 0:
             raise NoPicture(
-                "assembly and modes could not be rendered, the rest is complete; install an "
+                f"{drawn} could not be rendered, the rest is complete; install an "
                 "off-screen GL library (Debian: apt-get install libgl1 libosmesa6) and run again."
             )
         return tuple(Picture(image.stem, image.read_bytes()) for image in images)

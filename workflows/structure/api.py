@@ -14,7 +14,7 @@ import numpy as np
 from workflows.files.hammer import HAMMER
 from workflows.files.output_file import OutputFile, output_files
 from workflows.files.picture_folder import picture_folder
-from workflows.files.run_folder import Picture, picture_named, write_pictures
+from workflows.files.run_folder import NoPicture, Picture, picture_named, write_pictures
 from workflows.files.scene import Changes, Source, files_read
 from workflows.files.scene import scene as load_scene
 from workflows.scene import InvalidScene, Scene
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from workflows.structure.thesis_tables import ThesisTable
     from workflows.structure.tuning import TuningReport
 
-HAMMER_PICTURES = ("hammer", "synthesis", "coherence", "decay", "automac")
+HAMMER_PICTURES = ("hammer", "synthesis", "coherence", "decay", "automac", "shapes")
 
 
 @dataclass(frozen=True, repr=False)
@@ -247,11 +247,11 @@ def tune(
 ) -> Tuned:
     """Joint stiffnesses, and materials, fitted to measured modes (`beadwave tune`).
 
-    hammer  a hammer test (.csv, .uff, .mat, .wav) to take frequencies and damping from; its modes
-            become the targets of a scene of bodies without any, by shape where points are known
-    match   modes to meet, as 1,3,4 or with frequencies of one's own 1=51.2,3=905 [Hz]; default all
-            targets of the scene. Of a scene of bodies without targets these are numbers of its
-            computed modes, and become its targets
+    hammer  a hammer test (.csv, .uff, .mat, .wav) to take frequencies and damping from; in a scene
+            of bodies without targets its modes become the targets, by shape where points are known
+    match   modes to meet, as 1,3,4, or with frequencies in Hz, as 1=51.2,3=905; default all targets
+            of the scene. In a scene of bodies without targets the numbers count its computed modes,
+            which become its targets
     free    what to vary: joints.NAME.kz,materials.NAME.young; of the rig head.ky, head.kz,
             head.kry, head.kt (kx and kz as one), foot.ky, ..., block.young, block.density
     out     the tuned scene (.toml)
@@ -396,7 +396,7 @@ def hammer(
                    responses: .uff, .mat, or .csv with a header line, then frequency_hz, re_1, im_1,
                    re_2, im_2, ... on each line (Hz; receptance, mobility or accelerance in any
                    unit)
-    scene          the scene whose modes they are paired with; default: rig-rom
+    scene          the scene with whose modes those of the test are paired; default: rig-rom
     points         points of the nodes: .csv (node, x, y, z in metres) or .uff
     band           frequencies to identify in [Hz], as 40:950
     estimator      H1, H2 or Hv
@@ -433,16 +433,25 @@ def hammer(
         measured_shapes,
         pictures,
         recognised,
+        shapes_beside,
         targets_of,
     )
 
     with progress("identification"):
         wanted = chosen.measured_modes
         test = hammer_test(paths, wanted, reading, choice)
+    pipeline = None
     if not chosen.of_dimensions and measured_shapes(test):
-        test = recognised(test, pipeline_of(chosen, progress), wanted)
+        pipeline = pipeline_of(chosen, progress)
+        test = recognised(test, pipeline, wanted)
     with progress("picture"):
-        result = HammerTest(test.report, test.modes, tuple(pictures(test)))
+        drawn = pictures(test)
+        if folder and pipeline:
+            try:
+                drawn += shapes_beside(test, pipeline)
+            except NoPicture as error:
+                test.report.remarks.append(str(error))
+        result = HammerTest(test.report, test.modes, tuple(drawn))
     if folder:
         made = [f"figures/{picture.name}.png" for picture in result.pictures]
         with folder.renewed("modes.json", *made) as renewed:

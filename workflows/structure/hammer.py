@@ -9,6 +9,7 @@ from pydantic import BaseModel
 
 import coupling
 import fem
+from fem.assembly_modes import field_of
 from fem.correlation import measured_pairs
 from fem.decay import AmplitudeStep, over_amplitude, varies
 from fem.distortion import combination_tone
@@ -28,6 +29,7 @@ from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, ModalDampingTable, Scene
 from workflows.scene.bodies import MeasuredMode
 from workflows.stages.damping import damping_law
+from workflows.stages.pictures import rendered
 from workflows.stages.pipeline import Pipeline
 from workflows.stages.targets import placed
 from workflows.structure.mode_table import NO_TARGETS
@@ -57,6 +59,12 @@ class Choice(NamedTuple):
     band_hz: tuple[float, float] | None = None
     reject: tuple[int, ...] = ()  # numbers of poles
     accept: tuple[int, ...] = ()
+
+
+class ShapePicture(NamedTuple):
+    """How measured shapes are drawn beside computed ones."""
+
+    most: int = 8  # pairs in one picture; not varied
 
 
 class AmplitudeRow(BaseModel):
@@ -413,6 +421,40 @@ def recognised(test: IdentifiedTest, pipeline: Pipeline, wanted: Collection[int]
     return test._replace(report=report.model_copy(update={"rows": rows}))
 
 
+def shapes_beside(
+    test: IdentifiedTest, pipeline: Pipeline, options: ShapePicture = ShapePicture()
+) -> tuple[Picture, ...]:
+    """Measured shapes as arrows beside the computed modes that they are paired with, of the first
+    pairs of a test that is `recognised`; nothing without any. Raises NoPicture."""
+    model, modes = pipeline("model"), pipeline("modes")
+    computed_hz = modes.omega / (2 * np.pi)
+    index, content = [], []
+    for row, shape in zip(test.report.rows, measured_shapes(test) or [], strict=True):
+        if row.computed_hz is None or len(index) == options.most:
+            continue
+        j = int(np.abs(computed_hz - row.computed_hz).argmin())
+        at = placed(pipeline.scene, model, test.report.file, shape, row.frequency_hz)
+        # turned to be as real as can be, then into the sense of the computed mode
+        values = shape.values * np.exp(-0.5j * np.angle(np.sum(shape.values**2)))
+        values = values.real * np.sign(values.real @ (at.reading @ modes.phi[:, j]))
+        # the directions of a point together
+        points, which = np.unique(shape.points, axis=0, return_inverse=True)
+        displacement = np.zeros_like(points)
+        np.add.at(displacement, which.ravel(), values[:, None] * shape.directions)
+        index.append(j)
+        content.append(
+            {
+                "measured": f"{row.number}: measured {row.frequency_hz:.2f} Hz",
+                "computed": f"computed {row.computed_hz:.2f} Hz, MAC {row.mac:.2f}",
+                "points": points.tolist(), "displacement": displacement.tolist(),
+            }
+        )  # fmt: skip
+    if not index:
+        return ()
+    field = field_of(model, modes, np.array(index), np.zeros(len(index), int))
+    return rendered("workflows.report.render_shapes", field, content, "shapes")
+
+
 def targets_of(test: IdentifiedTest, shapes: Path) -> str:
     """The modes as [[targets]] of a scene, their shapes in a file; a doubtful pair as a comment."""
     blocks = []
@@ -442,9 +484,11 @@ def as_targets(
         test = recognised(test, pipeline, ())
         computed_hz = pipeline("modes").omega / (2 * np.pi)
         rows = [row for row in test.report.rows if row.computed_hz is not None]
-        number = [int(np.abs(computed_hz - row.computed_hz).argmin()) + 1 for row in rows]
-        rows = [rows[i] for i in np.argsort(number)]
-        number.sort()
+        place = [int(np.abs(computed_hz - row.computed_hz).argmin()) for row in rows]
+        rows = [rows[i] for i in np.argsort(place)]
+        # numbers of targets count modes that strain something; others are known by shape alone
+        strained = fem.correlation.strained(pipeline("model"), pipeline("modes"))
+        number = np.where(strained, np.cumsum(strained), 0)[np.sort(place)].tolist()
     else:
         rows = sorted(test.report.rows, key=lambda row: row.frequency_hz)
         number = list(range(1, len(rows) + 1))
@@ -460,11 +504,14 @@ def as_targets(
         except InvalidScene:
             return False
 
+    holds = [holds_shape(row.frequency_hz) for row in rows]
+    kept = [i for i in range(len(rows)) if holds[i] or number[i]]
+    rows, number, holds = ([each[i] for i in kept] for each in (rows, number, holds))
     tables = tuple(
         MeasuredMode(hz=row.frequency_hz, shape=str(file))
-        if holds_shape(row.frequency_hz)
+        if has_shape
         else MeasuredMode(hz=row.frequency_hz, number=n)
-        for row, n in zip(rows, number, strict=True)
+        for row, n, has_shape in zip(rows, number, holds, strict=True)
     )
     scene = scene.but(targets=tables)
     rows = [
@@ -480,7 +527,8 @@ def as_targets(
         else ("in the order of frequencies, since the test has no points")
     )
     listed = ", ".join(
-        f"{f:.5g} Hz is mode {n}" for f, n in zip(scene.measured_hz, number, strict=True)
+        f"{f:.5g} Hz is mode {n}" if n else f"{f:.5g} Hz is a rigid motion"
+        for f, n in zip(scene.measured_hz, number, strict=True)
     )
     doubts = [
         f"{row.frequency_hz:.5g} Hz: {remark}."

@@ -8,6 +8,10 @@ from workflows.report.finding import Finding
 from workflows.report.tables import Table
 
 BRIEF = ("case", *VERDICTS, "error/allowed", "seconds")
+UNITS = {  # of parameters that are numbers
+    "joint-stiffness": "N/m", "young": "Pa", "unlike-materials": "Pa", "radius": "m",
+    "striker-speed": "m/s", "preload": "N", "sonic-vacuum": "N", "dashpot-wall": "N s/m",
+}  # fmt: skip
 PRINTED = ("case", "parameter", "verdict", "value", "allowed", "seconds")
 
 
@@ -53,4 +57,6 @@ def brief(verdicts: Finding) -> Finding:
 
 
 def _sentence(row: TrialRow) -> str:
-    return f"{row.case} {row.parameter}, {row.verdict}: {row.sentence}"
+    parameter = row.parameter if isinstance(row.parameter, str) else f"{row.parameter:g}"
+    unit = f" {UNITS[row.case]}" if parameter != row.parameter and row.case in UNITS else ""
+    return f"{row.case} {parameter}{unit}, {row.verdict}: {row.sentence}"
