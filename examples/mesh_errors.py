@@ -327,11 +327,11 @@ def main(seed: int = 0, n: int = 20) -> None:
     rows = []
     with TemporaryDirectory() as folder:
         for number in range(n):
-            scene = structure(seed, number, Path(folder))
             try:
+                scene = structure(seed, number, Path(folder))
                 more = compared(scene)
-            except ValueError as reason:
-                print(f"{scene.name}: {reason}")
+            except ValueError as reason:  # as of a strike drawn beside its face
+                print(f"{number}: {reason}")
                 continue
             rows += more
             print(f"{scene.name:16} {spread(more)}", flush=True)

@@ -16,6 +16,7 @@ from workflows.scene import InvalidScene
 from workflows.stages.assembly import dashpots
 from workflows.stages.pipeline import pipeline_of
 from workflows.structure.export import write_model
+from workflows.structure.mode_table import mode_table
 
 BOX = """
 chain = { count = 2, radius = 0.005, density = 7800.0, young = 210e9, poisson = 0.3 }
@@ -76,6 +77,8 @@ def test_a_box_on_cords_has_the_modes_of_a_rigid_body_and_a_known_mesh_error():
     np.testing.assert_allclose(hz[:6], rigid_hz(), rtol=1e-5)
     error = missed.of_frequencies(modes.omega)
     assert missed.unknown == "" and np.all(error[:6] < 1e-5) and np.all(error[6:10] > 1e-5)
+    assert "Modes 1, 2, 3, 4, 5, 6 are rigid motions" in mode_table(run).text()
+    assert "count the others, mode 7 as 1" in mode_table(run).text()
 
 
 @pytest.mark.parametrize("kind", ["free-modes", "craig-bampton"])
@@ -101,6 +104,7 @@ def test_cords_along_one_axis_leave_the_others_free():
     hz = run("modes").omega / (2 * np.pi)
     np.testing.assert_allclose(hz[3:6], rigid_hz((0.0, 0.0, 4000.0))[3:], rtol=1e-5)
     assert np.all(hz[:3] < 0.1 * hz[3])
+    assert "Modes 1, 2, 3, 4, 5, 6 are rigid motions" in mode_table(run).text()
     model, reduced, w = run("model"), run("reduction"), run("contact").w
     for f in (1.0, 40.0, 900.0, 3000.0):
         s = (2 * np.pi * f) ** 2
@@ -242,3 +246,21 @@ def test_a_spring_on_a_held_face_is_refused():
     with pytest.raises(InvalidScene, match=r"springs\.cord: on = 'box:\+z' is held"):
         pipeline(changes)("model")
     pipeline({"assembly.held": ["box:-y"]})("model")
+
+
+@pytest.mark.slow
+def test_a_hammer_test_of_a_box_on_cords_tunes_its_modulus(folder):
+    """Points, hits and targets are of the modes that strain the box, numbered from 1; the hits are
+    those of a modulus 10 % higher."""
+    band = "0:6000"
+    plan = beadwave.design_hammer_test("points.csv", 8, "box.toml", band=band)
+    assert min(plan.modes_hz) > 1000
+    changes = {"materials.steel.young": 231e9, "damping.kind": "modal", "damping.ratio": 0.004}
+    points = "points.csv"
+    beadwave.write_hammer_test("hits.mat", "box.toml", changes, points=points, band=band)
+    beadwave.hammer("hits.mat", "box.toml", points=points, out="identified")
+    report = beadwave.tune(
+        "box.toml", hammer="identified/modes.uff", free="materials.steel.young"
+    ).report
+    assert report.stiffness["materials.steel.young"] == pytest.approx(1.1, rel=1e-3)
+    assert "is mode 1, " in report.remarks[0] and "is mode 7" not in report.remarks[0]

@@ -3,6 +3,7 @@
 import numpy as np
 from pydantic import BaseModel
 
+from fem.correlation import strained
 from workflows.files.run_folder import Picture
 from workflows.report import plots
 from workflows.report.tables import aligned_text
@@ -100,12 +101,22 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
             row.mac = None if np.isnan(mac[j][i]) else float(mac[j][i])
             row.shape = shape[i]
         rows.append(row)
+    warnings = list(overconstrained(modes.overconstrained))
+    if scene.bending is None and (scene.floats or scene.springs):
+        rigid = np.flatnonzero(~strained(pipeline("model"), modes)) + 1
+        if rigid.size:
+            listed = ", ".join(map(str, rigid))
+            first = next(n for n in range(1, len(rows) + 2) if n not in rigid)
+            warnings.append(
+                f"Modes {listed} are rigid motions, free or on springs: --match and the number of "
+                f"a target count the others, mode {first} as 1."
+            )
     return ModeTable(
         scene=scene.name,
         rows=rows,
         error_of="mesh error" if scene.bending is None else "error",
         load_factor=modes.load_factor,
-        warnings=list(overconstrained(modes.overconstrained)),
+        warnings=warnings,
     )
 
 
