@@ -342,7 +342,7 @@ material = "steel"
         ('held = []\n[bodies.cap]\nseed = 1e-3', 'no body is called "cap"'),
         ('held = []\n[bodies.lid]\nmaterial = "cast"', "'cast' is not known, known are steel"),
         ('held = []\n[bodies.lid]\nmaterial = "aluminium"', "nearest known is 'aluminium-6082'"),
-        ('held = []\n[[targets]]\nhz = 5.0', "needs body and motion, number or shape"),
+        ('held = []\n[[targets]]\nhz = 5.0', "give one of its number, its shape, and body with motion"),
         ('held = []\n[patch]\nradius = 1e-3', "[patch] belongs to the thesis' rig"),
     ],
 )  # fmt: skip

@@ -116,8 +116,8 @@ class TuningReport(BaseModel):
     def failures(self) -> list[str]:
         """A sentence on each mode that is missed by more than a fit of it may be."""
         return [
-            f"mode {n} of {self.match[n]:g} Hz is missed by {100 * error:+.3g} %, up to "
-            f"{100 * TOLERANCES.largest_miss:g} % is a fit; free what moves this mode, or match "
+            f"mode {n} of {self.match[n]:g} Hz is missed by {100 * error:+.3g} %, where a fit "
+            f"may miss {100 * TOLERANCES.largest_miss:g} %; free what moves this mode, or match "
             "others."
             for n, error in _misses(self.modes_hz, self.match).items()
         ]
