@@ -157,6 +157,7 @@ def test_numbers_count_modes_that_strain_the_box_and_not_those_of_its_cords():
     computed = fem.modes(model.K, model.M, 10)
     targets = [fem.Number(1), fem.Number(2)]
     assert fem.pair(model, computed, targets).index.tolist() == [6, 7]
+    assert fem.correlation.strained(model, computed).tolist() == [False] * 6 + [True] * 4
 
 
 def test_a_body_on_springs_in_all_directions_is_kept_and_one_on_a_single_spring_is_not():

@@ -58,8 +58,9 @@ class HammerDesign(BaseModel):
 
 def elastic(pipeline: Pipeline, band_hz: tuple[float, float] | None) -> NDArray[np.int64]:
     """Which modes lie in a band, the lowest ten without one; raises InvalidScene for none."""
-    hz = pipeline("modes").omega / (2 * np.pi)
-    strained = np.flatnonzero(hz > fem.correlation.RIGID * hz.max())
+    modes = pipeline("modes")
+    hz = modes.omega / (2 * np.pi)
+    strained = np.flatnonzero(fem.correlation.strained(pipeline("model"), modes))
     if band_hz is None:
         return strained[:LOWEST]
     chosen = strained[(hz[strained] >= band_hz[0]) & (hz[strained] <= band_hz[1])]
