@@ -184,9 +184,11 @@ def tuned(
     full = pipeline_of(result, progress)
     computed, mac = full("modes"), shape_mac(full)
     confirmed = {str(number[int(i) - 1]): hz for i, hz in computed.paired_hz.items()}
+    # targets of the rig, which are frequencies, may be fewer than its measured modes
+    of_targets = () if scene.of_dimensions else zip(number, result.targets or (), strict=True)
     measured_mac = {
         str(n): float(computed.score[k])
-        for k, (n, target) in enumerate(zip(number, result.targets or (), strict=True))
+        for k, (n, target) in enumerate(of_targets)
         if target.shape and computed.index[k] >= 0
     }
 
