@@ -117,8 +117,8 @@ class TuningReport(BaseModel):
     def failures(self) -> list[str]:
         """A sentence on each mode that is missed by more than a fit of it may be."""
         return [
-            f"mode {n} of {self.match[n]:g} Hz is missed by {100 * error:+.3g} %, up to "
-            f"{100 * TOLERANCES.largest_miss:g} % is a fit; free what moves this mode, or match "
+            f"mode {n} of {self.match[n]:g} Hz is missed by {100 * error:+.3g} %, where a fit "
+            f"may miss {100 * TOLERANCES.largest_miss:g} %; free what moves this mode, or match "
             "others."
             for n, error in _misses(self.modes_hz, self.match).items()
         ]
@@ -185,9 +185,11 @@ def tuned(
     full = pipeline_of(result, progress)
     computed, mac = full("modes"), shape_mac(full)
     confirmed = {str(number[int(i) - 1]): hz for i, hz in computed.paired_hz.items()}
+    # targets of the rig, which are frequencies, may be fewer than its measured modes
+    of_targets = () if scene.of_dimensions else zip(number, result.targets or (), strict=True)
     measured_mac = {
         str(n): float(computed.score[k])
-        for k, (n, target) in enumerate(zip(number, result.targets or (), strict=True))
+        for k, (n, target) in enumerate(of_targets)
         if target.shape and computed.index[k] >= 0
     }
 
