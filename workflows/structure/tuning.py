@@ -27,6 +27,7 @@ from workflows.stages.mesh_causes import OPTIONS as OF_CAUSES
 from workflows.stages.mesh_causes import Cause, refinement, size_for
 from workflows.stages.pipeline import Pipeline, pipeline_of
 from workflows.stages.progress import Progress
+from workflows.stages.targets import remarks_on_axes
 from workflows.structure import parameters as of_bodies
 
 PARTS = {"head": "sheets", "foot": "sheets_support"}  # of the rig, that its joints hold
@@ -235,6 +236,7 @@ def tuned(
         seconds=seconds,
         mesh_error_percent=mesh_percent,
         remarks=[
+            *(remarks_on_axes(scene) if any(t.shape for t in scene.targets or ()) else ()),
             *_remarks(scene, match, fit, of_all, unchanged, candidates, confirmed, likeness),
             *worth_of_the_mesh(scene, match, report_hz, mesh_percent, causes),
         ],
