@@ -250,6 +250,12 @@ def strains(
     return elastic & (in_springs < limits.suspended * modes.omega**2)
 
 
+def strained(model: Model, modes: Modes) -> NDArray[np.bool_]:
+    """Which modes (k,) of a model strain bodies or joints (`strains`): those that numbers count."""
+    own = modes._replace(phi=np.eye(len(modes.omega)))
+    return strains(own, spring_forms(model, modes.phi))
+
+
 def spring_forms(model: Model, V: NDArray[np.float64]) -> dict[str, BodyForms]:
     """Energies of the springs between points, SPRINGS + "name.kx", for displacements V (n, m) of a
     model's free dofs."""

@@ -59,3 +59,30 @@ def rig(*changes, of="rig-rom"):
 def steel(bodies):
     """One steel for all bodies."""
     return dict.fromkeys(bodies, STEEL)
+
+
+# a block on another, two elastic pads between them and a sensor on top: meshed in a second
+PADS = """
+assembly = { held = ["base:-z"], material = "steel", touching = "free" }
+[bodies.base]
+box = [0.06, 0.04, 0.02]
+seed = 0.02
+[bodies.block]
+box = [0.06, 0.04, 0.02]
+seed = 0.02
+at = [0.0, 0.0, 0.02]
+[[joints]]
+name = "pads"
+between = "block|base"
+at = [[-0.02, 0.0, 0.01], [0.02, 0.0, 0.01]]
+washer = 0.008
+kz = 1e7
+kx = 3e8
+krx = 500.0
+krz = 500.0
+[[masses]]
+name = "sensor"
+on = "block:+z"
+mass = 0.02
+radius = 0.008
+"""

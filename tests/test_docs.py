@@ -154,6 +154,17 @@ def test_signs_of_a_sentence_mean_nothing_to_markdown_but_its_code_stays():
     assert said == r"a\_b \< 2 and `c_d = 1` \[%\]"
 
 
+def test_names_and_meanings_of_a_docstring_are_a_list_and_what_is_indented_stays():
+    """A column of a formula is no name: its lines begin elsewhere."""
+    plain = loaded("plain_docstrings")
+    lines = ["free   what to vary, as", "       joints.NAME.kz", "match  modes  to meet"]
+    assert plain.as_rst(lines) == [
+        "``free``", "    what to vary, as joints.NAME.kz", "", "``match``", "    modes to meet", "",
+    ]  # fmt: skip
+    formula = ["    x'' = -k x   for x > 0", "    x'' = 0      else"]
+    assert plain.as_rst(formula)[0] == ".. code-block:: text"
+
+
 @pytest.mark.slow
 def test_the_pages_build_without_a_warning(tmp_path, monkeypatch):
     pytest.importorskip("sphinx")

@@ -334,3 +334,16 @@ def test_the_command_scene_prints_scenes_alone(text, more, beadwave):
     Path("mine.toml").write_text(f"# mine\n{built_in()['rig-rigid']}")
     status, out, err = beadwave("scene", "mine.toml", *more)
     assert status == 0 and ("striker" in out if more else out == Path("mine.toml").read_text())
+
+
+def test_a_sentence_longer_than_a_terminal_is_folded_between_words_and_tables_are_not(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "40")
+    terminal_like = SimpleNamespace(isatty=lambda: True)
+    sentence = "the mesh makes mode 2 7.4 % too high, more than the fit misses."
+    table = "mode  paired with      wanted [Hz]  fitted [Hz]"
+    folded = terminal.folded(f"{table}\n{sentence}", terminal_like)
+    assert folded.split("\n")[0] == table
+    assert folded.split("\n")[1:] == [
+        "the mesh makes mode 2 7.4 % too high,", "  more than the fit misses.",
+    ]  # fmt: skip
+    assert terminal.folded(sentence, SimpleNamespace(isatty=lambda: False)) == sentence

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from command_line import beadwave
+from known_models import PADS
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
 from workflows.stages.pipeline import pipeline_of
@@ -13,30 +14,6 @@ from workflows.stages.progress import quiet
 from workflows.structure.api import rank_parameters, tune
 from workflows.structure.parameters import scene_value, with_values
 
-PADS = """
-assembly = { held = ["base:-z"], material = "steel", touching = "free" }
-[bodies.base]
-box = [0.06, 0.04, 0.02]
-seed = 0.02
-[bodies.block]
-box = [0.06, 0.04, 0.02]
-seed = 0.02
-at = [0.0, 0.0, 0.02]
-[[joints]]
-name = "pads"
-between = "block|base"
-at = [[-0.02, 0.0, 0.01], [0.02, 0.0, 0.01]]
-washer = 0.008
-kz = 1e7
-kx = 3e8
-krx = 500.0
-krz = 500.0
-[[masses]]
-name = "sensor"
-on = "block:+z"
-mass = 0.02
-radius = 0.008
-"""
 MATCH = (1, 2, 3, 4)
 FREED = (
     "joints.pads.kx",

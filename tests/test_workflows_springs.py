@@ -246,3 +246,21 @@ def test_a_spring_on_a_held_face_is_refused():
     with pytest.raises(InvalidScene, match=r"springs\.cord: on = 'box:\+z' is held"):
         pipeline(changes)("model")
     pipeline({"assembly.held": ["box:-y"]})("model")
+
+
+@pytest.mark.slow
+def test_a_hammer_test_of_a_box_on_cords_tunes_its_modulus(folder):
+    """Points, hits and targets are of the modes that strain the box, numbered from 1; the hits are
+    those of a modulus 10 % higher."""
+    band = "0:6000"
+    plan = beadwave.design_hammer_test("points.csv", 8, "box.toml", band=band)
+    assert min(plan.modes_hz) > 1000
+    changes = {"materials.steel.young": 231e9, "damping.kind": "modal", "damping.ratio": 0.004}
+    points = "points.csv"
+    beadwave.write_hammer_test("hits.mat", "box.toml", changes, points=points, band=band)
+    beadwave.hammer("hits.mat", "box.toml", points=points, out="identified")
+    report = beadwave.tune(
+        "box.toml", hammer="identified/modes.uff", free="materials.steel.young"
+    ).report
+    assert report.stiffness["materials.steel.young"] == pytest.approx(1.1, rel=1e-3)
+    assert "is mode 1, " in report.remarks[0] and "is mode 7" not in report.remarks[0]

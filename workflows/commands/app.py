@@ -33,6 +33,7 @@ from workflows.commands.studies import accuracy, run_study, stability, verify
 from workflows.commands.sweeps import scan, sweep
 from workflows.commands.terminal import (
     SummaryPrinter,
+    folded,
     print_files,
     print_lines,
     print_notes,
@@ -264,12 +265,12 @@ def _status(command: Callable) -> int:
         if number := stopped_by(error):
             raise Stopped(number) from error
         status, sentence = _failure(error)
-        print(f"beadwave: {sentence}", file=sys.stderr)
+        print(folded(f"beadwave: {sentence}", sys.stderr), file=sys.stderr)
         return status
 
     if status == INTERRUPTED:
         sentence = "interrupted; finished stages are kept, the same command goes on."
-        print(f"beadwave: {sentence}", file=sys.stderr)
+        print(folded(f"beadwave: {sentence}", sys.stderr), file=sys.stderr)
     return status
 
 

@@ -121,7 +121,8 @@ def hammer(
 @verb(
     "workflows.structure.api.tune",
     json="{match, modes_hz, full_order_hz, stiffness, undetermined, mac, ...}; of --rank "
-    "{parameters: [{name, frequency, rank, gain, condition, deviation}], onsets, determined, ...}",
+    "{parameters: [{name, frequency, rank, gain, condition, deviation}], onsets, determined, ...}; "
+    "of --posterior {parameters: [{name, median, low, high, says}], lobes, log_evidence, ...}",
     out=Word("the tuned scene; default NAME-tuned.toml"),
 )
 def tune_joints(
@@ -134,16 +135,42 @@ def tune_joints(
             "and which are worth freeing.",
         ),
     ] = False,
+    posterior: Annotated[
+        bool,
+        typer.Option(
+            "--posterior",
+            help="Write no scene: sample all values that fit, with their probability (extra "
+            "posterior; a minute).",
+        ),
+    ] = False,
+    bounds: Annotated[
+        str | None,
+        typer.Option(help="Of --posterior, ends of log-uniform priors: joints.cover.kz=1e6:1e9."),
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Of --posterior, of its random numbers; default 0.")
+    ] = None,
 ) -> None:
     """Fit joint stiffnesses to chosen modes and write a scene."""
     from workflows.scene import InvalidScene
     from workflows.structure import api
 
-    if rank:
+    if rank and posterior:
+        raise InvalidScene("--rank and --posterior are two answers; drop one.")
+    if not posterior and (bounds is not None or seed is not None):
+        raise InvalidScene("--bounds and --seed are those of --posterior; add it, or drop them.")
+    if rank or posterior:
+        option = "--rank" if rank else "--posterior"
         if call.given.pop("overwrite", False) or "out" in call.given:
-            raise InvalidScene("--rank writes no scene; drop --out and --overwrite.")
-        call.function = api.rank_parameters
-        print_report(call(), call.json, call.quiet)
+            raise InvalidScene(f"{option} writes no scene; drop --out and --overwrite.")
+        if rank:
+            call.function = api.rank_parameters
+            print_report(call(), call.json, call.quiet)
+            return
+        from workflows.fit.api import joints_posterior
+
+        call.function = joints_posterior
+        print_report(call(bounds=bounds, seed=seed or 0).report, call.json, call.quiet)
         return
     call.given.setdefault("out", api.USUAL)
     result = call()

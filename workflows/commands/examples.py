@@ -22,6 +22,7 @@ EXAMPLES = {
         "tune rig-rom --match 1=50.2,2=272,3=901,4=8390 --out mine.toml",
         "tune rig-rom --hammer test.csv",
         "tune mine.toml --rank",
+        "tune mine.toml --free joints.cover.kz --posterior",
         "tune mine.toml --free joints.cover.kz,materials.steel.young",
     ),
     "hammer": (

@@ -3,7 +3,7 @@
 Arguments, defaults and help of each are those of the function that it names (`verb.py`).
 """
 
-from workflows.commands.terminal import print_lines, print_report, print_result
+from workflows.commands.terminal import folded, print_lines, print_report, print_result
 from workflows.commands.verb import Call, Word, verb
 
 CALIBRATION = "the report, {parameters: [...], ...}, see report.json"
@@ -34,7 +34,7 @@ def twin(call: Call) -> None:
 def _print(call: Call) -> None:
     result = call()
     if call.json or not call.quiet:
-        print(result.report.model_dump_json(indent=1) if call.json else result)
+        print(result.report.model_dump_json(indent=1) if call.json else folded(str(result)))
     _print_scene(call)
 
 

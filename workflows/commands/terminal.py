@@ -134,24 +134,41 @@ class StageProgress:
         print(f"{', '.join(words)}{hint}.", file=sys.stderr, flush=True)
 
 
+def folded(text: str, stream: Any = None) -> str:
+    """The text with sentences that are longer than a line of the terminal folded between words;
+    columns of tables, and all of it where the stream (stdout) is no terminal, stay as they are."""
+    from shutil import get_terminal_size
+    from textwrap import fill
+
+    if not (sys.stdout if stream is None else stream).isatty():
+        return text
+    width = get_terminal_size().columns
+    return "\n".join(
+        line if len(line) <= width or "  " in line.strip()
+        else fill(line, width, subsequent_indent="  ", break_long_words=False,
+                  break_on_hyphens=False)
+        for line in text.split("\n")
+    )  # fmt: skip
+
+
 def print_result(content: dict, text: str, json: bool, quiet: bool = False) -> None:
     """A result on stdout: JSON for machines, or lines for a person."""
     from json import dumps
 
     if json or not quiet:
-        print(dumps(content, indent=2, allow_nan=False) if json else text)
+        print(dumps(content, indent=2, allow_nan=False) if json else folded(text))
 
 
 def print_report(report: Any, json: bool, quiet: bool = False) -> None:
     """A report that knows both forms: its JSON, or its text."""
     if json or not quiet:
-        print(report.model_dump_json(indent=2) if json else report.text())
+        print(report.model_dump_json(indent=2) if json else folded(report.text()))
 
 
 def print_notes(notes: Iterable[str]) -> None:
     """Sentences on stderr, with --json and --quiet too."""
     for note in notes:
-        print(note, file=sys.stderr)
+        print(folded(note, sys.stderr), file=sys.stderr)
 
 
 def print_lines(*lines: str, json: bool = False, quiet: bool = False) -> None:
@@ -205,7 +222,7 @@ class SummaryPrinter:
                 rows += left_out(summary)
             self._print(rows)
         for warning in summary.warnings:
-            print(f"warning: {warning}", file=sys.stderr)
+            print(folded(f"warning: {warning}", sys.stderr), file=sys.stderr)
 
     def _print(self, rows: Iterable[tuple[str, str]]) -> None:
         for row in rows:

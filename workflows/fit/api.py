@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from workflows.fit.calibrate import Calibrated
     from workflows.fit.inspect import Inspected
+    from workflows.fit.joints_posterior import JointsPosterior
     from workflows.fit.report import CalibrationReport, InspectionReport
     from workflows.fit.twin import Coverage
     from workflows.report.finding import Finding
@@ -396,3 +397,32 @@ def design(
     if folder:
         finding.write(result, folder, scene=start.name, find=find)
     return result
+
+
+def joints_posterior(
+    scene: Source = None,
+    changes: Changes = (),
+    *,
+    hammer: str | Path | None = None,
+    match: str | Iterable[int] | Mapping[int, float] | None = None,
+    free: str | Iterable[str] = (),
+    bounds: str | None = None,
+    seed: int = 0,
+    progress: Progress = quiet,
+) -> JointsPosterior:
+    """Posterior of joint stiffnesses and materials given measured modes, with its lobes, evidence,
+    and what the modes do not determine (`beadwave tune --posterior`; extra posterior).
+
+    `report` has it in numbers, `posterior` the weighted samples. `hammer`, `match` and `free` as
+    `tune` takes them; `bounds` are those of log-uniform priors, as joints.cover.kz=1e6:1e9. Raises
+    InvalidScene for bad input.
+    """
+    from workflows.fit.joints_posterior import posterior_of
+    from workflows.structure.api import names_of, with_modes
+
+    chosen, wanted, remarks = with_modes(scene, changes, hammer, match, progress)
+    if not SEEDS[0] <= seed <= SEEDS[1]:
+        raise InvalidScene(f"--seed {seed} must be a number from 0 to 1e18.")
+    found = posterior_of(chosen, wanted, names_of(free), progress, seed=seed, bounds=bounds)
+    remarks = [*remarks, *found.report.remarks]
+    return found._replace(report=found.report.model_copy(update={"remarks": remarks}))

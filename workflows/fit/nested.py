@@ -29,6 +29,7 @@ class NestedOptions(NamedTuple):
     """Options of the sampler; the two-lobed frame of the tests needs none other than these."""
 
     live: int = 600  # live points; a lobe of a share s of the prior is missed with (1 - s)^live
+    walk: str = "auto"  # of dynesty: "rslice" and "rwalk" find thin, bent posteriors faster
     remaining: float = 0.01  # of ln Z, in the live points when the sampler stops
     neighbours: int = 15  # of each sample in the graph of lobes
     sparse: float = 0.05  # share of the samples in the thinnest places, not part of the graph
@@ -146,6 +147,7 @@ def nested_posterior(
         lambda u: stats.norm.ppf(np.clip(u, 1e-12, 1 - 1e-12)),
         p,
         nlive=options.live,
+        sample=options.walk,
         rstate=np.random.default_rng(seed),
     )
     sampler.run_nested(dlogz=options.remaining, print_progress=False)

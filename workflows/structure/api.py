@@ -263,7 +263,7 @@ def tune(
     """
     from workflows.structure.tuning import tuned, write_scene
 
-    chosen, wanted, remarks = _with_modes(scene, changes, hammer, match, progress)
+    chosen, wanted, remarks = with_modes(scene, changes, hammer, match, progress)
 
     # where to, before the fit: a file that cannot be written is refused at once
     path = f"{chosen.name}-tuned.toml" if out is USUAL else out
@@ -271,7 +271,7 @@ def tune(
     options = {"inputs": inputs, "ending": ".toml", "overwrite": overwrite}
     file = OutputFile(path, **options) if path else None
 
-    result, report = tuned(chosen, wanted, _names(free), progress)
+    result, report = tuned(chosen, wanted, names_of(free), progress)
     report = report.model_copy(update={"remarks": [*remarks, *report.remarks]})
     if file is None or report.failures:
         return Tuned(result, report, None)
@@ -301,12 +301,12 @@ def rank_parameters(
     """
     from workflows.structure.ranking import ranked
 
-    chosen, wanted, remarks = _with_modes(scene, changes, hammer, match, progress)
-    report = ranked(chosen, wanted, _names(free), progress)
+    chosen, wanted, remarks = with_modes(scene, changes, hammer, match, progress)
+    report = ranked(chosen, wanted, names_of(free), progress)
     return report.model_copy(update={"remarks": [*remarks, *report.remarks]})
 
 
-def _with_modes(
+def with_modes(
     scene: Source,
     changes: Changes,
     hammer: str | Path | None,
@@ -346,8 +346,8 @@ def _with_modes(
     return chosen, wanted, remarks
 
 
-def _names(free: str | Iterable[str]) -> tuple[str, ...]:
-    """What may vary, by name."""
+def names_of(free: str | Iterable[str]) -> tuple[str, ...]:
+    """What may vary, by name; raises InvalidScene."""
     names = tuple(free.split(",")) if isinstance(free, str) else free
     if not isinstance(names, Iterable) or not all(isinstance(name, str) for name in names):
         raise InvalidScene(

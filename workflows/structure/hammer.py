@@ -31,7 +31,7 @@ from workflows.scene.bodies import MeasuredMode
 from workflows.stages.damping import damping_law
 from workflows.stages.pictures import rendered
 from workflows.stages.pipeline import Pipeline
-from workflows.stages.targets import placed
+from workflows.stages.targets import placed, remarks_on_axes
 from workflows.structure.mode_table import NO_TARGETS
 from workflows.structure.tuning import targets
 
@@ -418,7 +418,8 @@ def recognised(test: IdentifiedTest, pipeline: Pipeline, wanted: Collection[int]
                 "runner_up_mac": float(likeness[i, second]),
             }
         rows.append(row.model_copy(update=update))
-    return test._replace(report=report.model_copy(update={"rows": rows}))
+    remarks = [*report.remarks, *remarks_on_axes(scene)]
+    return test._replace(report=report.model_copy(update={"rows": rows, "remarks": remarks}))
 
 
 def shapes_beside(
@@ -484,9 +485,11 @@ def as_targets(
         test = recognised(test, pipeline, ())
         computed_hz = pipeline("modes").omega / (2 * np.pi)
         rows = [row for row in test.report.rows if row.computed_hz is not None]
-        number = [int(np.abs(computed_hz - row.computed_hz).argmin()) + 1 for row in rows]
-        rows = [rows[i] for i in np.argsort(number)]
-        number.sort()
+        place = [int(np.abs(computed_hz - row.computed_hz).argmin()) for row in rows]
+        rows = [rows[i] for i in np.argsort(place)]
+        # numbers of targets count modes that strain something; others are known by shape alone
+        strained = fem.correlation.strained(pipeline("model"), pipeline("modes"))
+        number = np.where(strained, np.cumsum(strained), 0)[np.sort(place)].tolist()
     else:
         rows = sorted(test.report.rows, key=lambda row: row.frequency_hz)
         number = list(range(1, len(rows) + 1))
@@ -502,11 +505,14 @@ def as_targets(
         except InvalidScene:
             return False
 
+    holds = [holds_shape(row.frequency_hz) for row in rows]
+    kept = [i for i in range(len(rows)) if holds[i] or number[i]]
+    rows, number, holds = ([each[i] for i in kept] for each in (rows, number, holds))
     tables = tuple(
         MeasuredMode(hz=row.frequency_hz, shape=str(file))
-        if holds_shape(row.frequency_hz)
+        if has_shape
         else MeasuredMode(hz=row.frequency_hz, number=n)
-        for row, n in zip(rows, number, strict=True)
+        for row, n, has_shape in zip(rows, number, holds, strict=True)
     )
     scene = scene.but(targets=tables)
     rows = [
@@ -522,7 +528,8 @@ def as_targets(
         else ("in the order of frequencies, since the test has no points")
     )
     listed = ", ".join(
-        f"{f:.5g} Hz is mode {n}" for f, n in zip(scene.measured_hz, number, strict=True)
+        f"{f:.5g} Hz is mode {n}" if n else f"{f:.5g} Hz is a rigid motion"
+        for f, n in zip(scene.measured_hz, number, strict=True)
     )
     doubts = [
         f"{row.frequency_hz:.5g} Hz: {remark}."

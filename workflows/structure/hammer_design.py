@@ -58,8 +58,9 @@ class HammerDesign(BaseModel):
 
 def elastic(pipeline: Pipeline, band_hz: tuple[float, float] | None) -> NDArray[np.int64]:
     """Which modes lie in a band, the lowest ten without one; raises InvalidScene for none."""
-    hz = pipeline("modes").omega / (2 * np.pi)
-    strained = np.flatnonzero(hz > fem.correlation.RIGID * hz.max())
+    modes = pipeline("modes")
+    hz = modes.omega / (2 * np.pi)
+    strained = np.flatnonzero(fem.correlation.strained(pipeline("model"), modes))
     if band_hz is None:
         return strained[:LOWEST]
     chosen = strained[(hz[strained] >= band_hz[0]) & (hz[strained] <= band_hz[1])]
@@ -73,6 +74,11 @@ def elastic(pipeline: Pipeline, band_hz: tuple[float, float] | None) -> NDArray[
 
 def designed(pipeline: Pipeline, count: int, band_hz: tuple[float, float] | None) -> HammerDesign:
     """Points that tell the modes of a band apart; raises InvalidScene where they cannot."""
+    if pipeline.scene.test_axes:
+        raise InvalidScene(
+            f"{pipeline.scene.name}: points are planned in the axes of the assembly; drop "
+            "[test_axes] for a design."
+        )
     chosen, modes, model = elastic(pipeline, band_hz), pipeline("modes"), pipeline("model")
     try:
         candidates = outside(model)

@@ -3,8 +3,7 @@
 import numpy as np
 from pydantic import BaseModel
 
-import fem
-from fem.correlation import spring_forms, strains
+from fem.correlation import strained
 from workflows.files.run_folder import Picture
 from workflows.report import plots
 from workflows.report.tables import aligned_text
@@ -104,9 +103,7 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
         rows.append(row)
     warnings = list(overconstrained(modes.overconstrained))
     if scene.bending is None and (scene.floats or scene.springs):
-        by_mode = fem.Modes(modes.omega, np.eye(len(modes.omega)))
-        forms = spring_forms(pipeline("model"), modes.phi)
-        rigid = np.flatnonzero(~strains(by_mode, forms)) + 1
+        rigid = np.flatnonzero(~strained(pipeline("model"), modes)) + 1
         if rigid.size:
             listed = ", ".join(map(str, rigid))
             first = next(n for n in range(1, len(rows) + 2) if n not in rigid)
