@@ -23,6 +23,7 @@ from fem.elasticity import Dent, PointSprings, Structure
 from fem.joints import distributing
 from fem.materials import Material, Orthotropic
 from fem.model import Model
+from fem.room import room_on_face
 from fem.spot import Spot, planar_spot
 from fem.trace import OffFace, trace
 
@@ -144,8 +145,10 @@ def _along(
     try:
         P = trace(structure, end.face, on_face)
     except OffFace:
+        at = end.at or (0.0, 0.0)
+        room = room_on_face(structure, end.face, at, end.radius)
         raise OffFace(
-            f"a disc of radius {end.radius:g} m at {list(end.at or (0.0, 0.0))} m from the middle "
-            f"of {end.face!r} leaves that face; move it or make it smaller."
+            f"a disc of radius {end.radius:g} m at {list(at)} m from the middle of {end.face!r} "
+            f"leaves that face; {room}; move it or make it smaller."
         ) from None
     return csr_matrix(d @ distributing(on_face, share, middle)[:3]) @ P
