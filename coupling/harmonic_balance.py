@@ -26,6 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from coupling.spatial_march import Before, Body, Moving
+from dem import UnstableStep
 from dem.friction import stick_stiffness
 from dem.kernels.arguments import Array
 from dem.kernels.lateral import Springs, press_round
@@ -55,7 +56,9 @@ class BalanceSearch(NamedTuple):
     nudge: float = 1e-6  # of the cycle's size: differences along a direction; not varied
     stuck: float = 0.8  # K across, of the contact's stiffness where it sticks; 0.6 to 0.8 tried
     lightest: float = 1e-2  # K at least, over its largest, by which motions are weighed
-    weak: float = 1e-9  # of the contact's stiffness: springs of bodies that nothing holds
+    # of the contact's stiffness: springs of bodies that nothing holds; and of a body's own, what a
+    # harmonic leaves of it where it resonates
+    weak: float = 1e-9
 
 
 USUAL_BALANCE_SEARCH = BalanceSearch()
@@ -89,7 +92,9 @@ class Cut(NamedTuple):
     sphere: Array  # (h, n) [m/N] of the spheres along the chain
     across: Array  # (h, d) [m/N] of the last sphere's centre across
     turn: Array  # (h,) [rad/(N m)] of its turn
-    modes: Array  # (h, k) [s^2] of the modes
+    modes: Array  # (h, k) [s^2] of the modes; 0 of those that resonate
+    resonates: Array  # (h, k) mask of modes without damping at a harmonic, see `resonant_modes`
+    phi: Array  # (k, c) [kg^-1/2] participations of the modes in approach and shift
     push: Array  # (h, k) of the shakers on the modes, as numpy.fft.rfft counts it
     residual: Array  # (h, 1 + d) [m] motion L f of the contact
 
@@ -137,7 +142,9 @@ def cut_at_contacts(body: Body, before: Before, n_samples: int, search: BalanceS
         free = inverse > 0.0
         mass = 1.0 / np.where(free, inverse, 1.0)
         soft = np.maximum(stiffness, search.weak * max(k.max(), k_t))
-        return free / (soft - np.multiply.outer(omega**2, mass))
+        dynamic = soft - np.multiply.outer(omega**2, mass)
+        least = search.weak * soft  # of a body without damping at a harmonic
+        return free / np.where(np.abs(dynamic) < least, least, dynamic)
 
     leaf, R = np.broadcast_to(chain.springs[0], n), float(chain.radius[-1])
     inverse_across, inverse_inertia = body.mobility()
@@ -147,7 +154,9 @@ def cut_at_contacts(body: Body, before: Before, n_samples: int, search: BalanceS
     across = oscillator(inverse_across, arm)
     turn = oscillator(inverse_inertia * R**2, kappa / R**2)[:, 0]  # of R psi under T
     w = np.asarray(wall.omega, float)
-    modes = 1.0 / (w**2 - omega[:, None] ** 2 + 2j * wall.zeta * w * omega[:, None])
+    dynamic = w**2 - omega[:, None] ** 2 + 2j * wall.zeta * w * omega[:, None]
+    resonates = np.abs(dynamic) <= search.weak * w**2
+    modes = ~resonates / np.where(resonates, 1.0, dynamic)
 
     # spheres join contacts before and behind, the wall's modes and S the last ones
     phi, c = Q @ wall.phi.T, n + d
@@ -179,7 +188,47 @@ def cut_at_contacts(body: Body, before: Before, n_samples: int, search: BalanceS
     rest[n - 1] = static.x[-1] - offset - S[0, 0] * static.force[-1]
     force = np.append(static.force, np.zeros(d))
     K = np.append(k, np.full(d, k_t))
-    return Cut(omega, C, shaken, K, rest, force, sphere, across, turn, modes, push, residual)
+    participations = np.zeros((w.size, c))
+    participations[:, last] = phi.T
+    return Cut(
+        omega, C, shaken, K, rest, force, sphere, across, turn, modes, resonates, participations,
+        push, residual,
+    )  # fmt: skip
+
+
+class ResonantModes(NamedTuple):
+    """Modes that the contacts alone hold at a harmonic: their motion q = fixed + gain g under
+    contact forces f = K y + g, and what they move the contacts by, y -= moves q."""
+
+    modes: Array  # (r,) their numbers
+    fixed: Array  # (r,) [kg^1/2 m]
+    gain: Array  # (r, c) [kg^1/2 m/N]
+    moves: Array  # (c, r) [kg^-1/2]
+
+
+def resonant_modes(cut: Cut, h: int, K: Array) -> ResonantModes:
+    """Modes without damping at harmonic h: 0 = P f + p with their participations P and the push p.
+    With the other bodies' y = (1 + C K)^-1 (s - C g - P^T q),
+
+        P K (1 + C K)^-1 P^T q = p + P K (1 + C K)^-1 (s - C g) + P g
+
+    Raises UnstableStep for one that is pushed and that no contact holds."""
+    (modes,) = np.nonzero(cut.resonates[h])
+    P, p = cut.phi[modes], cut.push[h, modes]
+    A = np.linalg.inv(np.eye(K.size) + cut.C[h] * K)
+    moves = A @ P.T
+    held = P @ (K[:, None] * moves)
+    weak = np.linalg.svd(held, compute_uv=False)[-1] <= 1e-12 * np.abs(K).max() * (P**2).sum()
+    if weak and np.abs(p).max() > 0.0:
+        raise UnstableStep(
+            f"the shakers push a mode without damping at its own {cut.omega[h] / 2 / np.pi:.6g} "
+            "Hz, which no contact holds: it grows without end; give it damping, or take another "
+            "frequency"
+        )
+    inverse = np.linalg.pinv(held)
+    fixed = inverse @ (p + P @ (K * (A @ cut.shaken[h])))
+    gain = inverse @ (P - P @ (K[:, None] * (A @ cut.C[h])))
+    return ResonantModes(modes, fixed, gain, moves)
 
 
 def answer(
@@ -248,6 +297,10 @@ def balance(
     A = np.linalg.inv(np.eye(c) + cut.C * K)
     AC = A @ cut.C
     linear = (A @ cut.shaken[:, :, None])[:, :, 0]
+    for h in np.flatnonzero(cut.resonates.any(axis=1)):
+        resonant = resonant_modes(cut, h, K)
+        linear[h] -= resonant.moves @ resonant.fixed
+        AC[h] += resonant.moves @ resonant.gain
     # contacts that little presses are weighed as well, else their spheres drift unseen
     units = np.maximum(K, search.lightest * K.max())
     evaluations, memory = 0, None
@@ -353,6 +406,10 @@ def cycle_of(body: Body, balance: Balance, n_saves: int) -> tuple[Moving, SavedS
     # make much of what little the forces still change by
     phi = Q @ wall.phi.T
     q = cut.modes * (f[:, n - 1 :] @ phi + cut.push)
+    for h in np.flatnonzero(cut.resonates.any(axis=1)):
+        resonant = resonant_modes(cut, h, cut.K)
+        beyond = f[h] - cut.K * np.fft.rfft(y, axis=0)[h]
+        q[h, resonant.modes] = resonant.fixed + resonant.gain @ beyond
     wall_motion = q @ phi.T
     at_wall = np.fft.rfft(y, axis=0)
     at_wall[:, n - 1 :] += wall_motion + f[:, n - 1 :] @ (Q @ wall.residual_compliance @ Q.T)

@@ -64,7 +64,7 @@ from fem.prestress import FaceForce, Heat, Load, prestressed
 from fem.response import receptance
 from fem.rods import Rod
 from fem.spot import Spot, planar_spot, round_spot
-from fem.springs import PointSpring, SpringEnd, with_springs
+from fem.springs import PointSpring, SpringEnd, missed_in_dents, with_springs
 from fem.stress_error import Faces, MissedEnergy, Pushed, missed_energy
 from fem.surface import OnSurface, on_surface
 from fem.threads import one_thread
@@ -134,6 +134,7 @@ __all__ = [
     "mindlin_plate",
     "mirrored",
     "missed_energy",
+    "missed_in_dents",
     "modes",
     "node_patch",
     "normal_frame",

@@ -36,6 +36,13 @@ class Carried(NamedTuple):
     M: csr_matrix  # (ndof, ndof) [kg]
 
 
+class Dent(NamedTuple):
+    """A disc by which a spring dents a body: of E compliance / (1 - nu^2) in a half-space."""
+
+    body: str
+    per_length: float  # [1/m]
+
+
 class PointSprings(NamedTuple):
     """Springs of one name and stiffness between points, or from points to the ground."""
 
@@ -43,6 +50,7 @@ class PointSprings(NamedTuple):
     B: csr_matrix  # (m, ndof) their elongations
     stiffness: float  # [N/m] of each
     dashpot: float = 0.0  # [N s/m] of each
+    dents: tuple[tuple[Dent, ...], ...] = ()  # m of one end or two
 
 
 class Structure(NamedTuple):

@@ -25,6 +25,39 @@ class MeasuredShape(NamedTuple):
     values: NDArray[np.complex128]  # (m,)
 
 
+class RigidFit(NamedTuple):
+    """The turn and the shift that bring points nearest to others: y = turn @ x + shift."""
+
+    turn: NDArray[np.float64]  # (3, 3) a rotation
+    shift: NDArray[np.float64]  # (3,) [m]
+    misfit: NDArray[np.float64]  # (m,) [m] distances that are left
+    mirrored: float  # [m] the largest that a mirror image would leave
+
+    def moved(self, shape: MeasuredShape) -> MeasuredShape:
+        """A shape with its points and directions brought over."""
+        return shape._replace(
+            points=shape.points @ self.turn.T + self.shift,
+            directions=shape.directions @ self.turn.T,
+        )
+
+
+def rigid_fit(points: NDArray[np.float64], onto: NDArray[np.float64]) -> RigidFit:
+    """The rotation R and shift t of the least sum of |R x + t - y|^2 over points x (m, 3) and their
+    places y (m, 3), by the singular values of the covariance sum (y - y0)(x - x0)^T.
+
+    Kabsch, Acta Cryst. A 32 (1976) 922; Arun, Huang and Blostein, IEEE Trans. Pattern Anal. Mach.
+    Intell. 9 (1987) 698.
+    """
+    x_0, y_0 = points.mean(axis=0), onto.mean(axis=0)
+    U, _, Vt = np.linalg.svd((onto - y_0).T @ (points - x_0))
+    sign = np.sign(np.linalg.det(U @ Vt))
+    proper, mirrored = ((U * [1.0, 1.0, last]) @ Vt for last in (sign, -sign))
+    misfits = [
+        np.linalg.norm((points - x_0) @ R.T - (onto - y_0), axis=1) for R in (proper, mirrored)
+    ]
+    return RigidFit(proper, y_0 - proper @ x_0, misfits[0], float(misfits[1].max()))
+
+
 class _Reading(NamedTuple):
     """Displacement of a node along an axis."""
 

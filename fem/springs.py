@@ -10,7 +10,7 @@ No rigid motion of both bodies together elongates it; the ground does not move, 
 disc's own point there. Discs stay as flexible as they were.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -19,8 +19,11 @@ from scipy.sparse import csr_matrix, vstack
 
 from fem.carried import DiscPoints
 from fem.contact_patch import disc_quadrature
-from fem.elasticity import PointSprings, Structure
+from fem.elasticity import Dent, PointSprings, Structure
 from fem.joints import distributing
+from fem.materials import Material, Orthotropic
+from fem.model import Model
+from fem.room import room_on_face
 from fem.spot import Spot, planar_spot
 from fem.trace import OffFace, trace
 
@@ -55,6 +58,7 @@ def with_springs(
     spring without a direction between two discs at one point.
     """
     rows: dict[str, list[csr_matrix]] = {}
+    dents: dict[str, list[tuple[Dent, ...]]] = {}
     constants: dict[str, tuple[float, float]] = {}
     for spring in springs:
         first, second = spring.first, spring.second
@@ -84,10 +88,47 @@ def with_springs(
         b = sum(sign * _along(structure, end, s, middle, d, points) for sign, end, s in ends)
         rows.setdefault(spring.name, []).append(csr_matrix(b))
         constants[spring.name] = spring.stiffness, spring.dashpot
+
+        # mean displacement of a disc under an even pressure, and its turn under the moment of a
+        # force with a lever
+        under = []
+        for _, end, s in ends:
+            a, lever = end.radius, np.linalg.norm(np.cross(middle - s.point, d))
+            per_length = 16 / (3 * np.pi**2 * a) + 0.75 * lever**2 / a**3
+            under.append(Dent(end.face.partition(":")[0], float(per_length)))
+        dents.setdefault(spring.name, []).append(tuple(under))
     of_names = tuple(
-        PointSprings(name, vstack(b, format="csr"), *constants[name]) for name, b in rows.items()
+        PointSprings(name, vstack(b, format="csr"), *constants[name], tuple(dents[name]))
+        for name, b in rows.items()
     )
     return structure._replace(springs=structure.springs + of_names)
+
+
+def missed_in_dents(
+    model: Model, materials: Mapping[str, Material | Orthotropic], u: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Strain energy (k, k) [J] that a mesh can miss in the dents under springs, for displacements u
+    (n, k) of a model's free dofs: sum F F^T c with forces F = k b^T u and the whole compliance c of
+    a half-space, of which elements as large as the discs have next to nothing. A bound.
+
+    c = 16 (1 - nu^2) / (3 pi^2 E a) of the mean under an even pressure, times (2 - nu) / (2 - 2 nu)
+    along the face; 3 (1 - nu^2) lever^2 / (4 E a^3) of a turn (Johnson, Contact Mechanics (1985),
+    sec. 3.4 to 3.6 and 5.3).
+    """
+    missed = np.zeros((u.shape[1], u.shape[1]))
+    for one in model.structure.springs:
+        F = one.stiffness * (one.B @ (model.T @ u))
+        c = [sum(d.per_length * _softness(materials[d.body]) for d in ends) for ends in one.dents]
+        missed += (F.T * np.array(c)) @ F
+    return missed
+
+
+def _softness(material: Material | Orthotropic) -> float:
+    """(1 - nu^2) / E [1/Pa], times what a surface is softer along itself; of the softest axis."""
+    if isinstance(material, Orthotropic):
+        return 1.5 / min(material.young)
+    nu = material.poisson
+    return (1 - nu**2) / material.young * max(1.0, (2 - nu) / (2 - 2 * nu))
 
 
 def _along(
@@ -104,8 +145,10 @@ def _along(
     try:
         P = trace(structure, end.face, on_face)
     except OffFace:
+        at = end.at or (0.0, 0.0)
+        room = room_on_face(structure, end.face, at, end.radius)
         raise OffFace(
-            f"a disc of radius {end.radius:g} m at {list(end.at or (0.0, 0.0))} m from the middle "
-            f"of {end.face!r} leaves that face; move it or make it smaller."
+            f"a disc of radius {end.radius:g} m at {list(at)} m from the middle of {end.face!r} "
+            f"leaves that face; {room}; move it or make it smaller."
         ) from None
     return csr_matrix(d @ distributing(on_face, share, middle)[:3]) @ P

@@ -37,6 +37,7 @@ from rom.fixed_interface import fixed_interface, whole_pencil
 from rom.floating import is_held, pencil
 from rom.health import fixed_interface_hz, require_faithful, require_static_response
 from rom.lanczos import (
+    EigenPairs,
     LanczosOptions,
     known_modes,
     lowest_modes,
@@ -188,6 +189,20 @@ def test_a_structure_on_soft_springs_is_shifted_as_one_that_floats(k, is_shifted
     omega = exact_modes(K, M)[0]
     result = pencil(K, M, superlu)
     assert result.sigma == (pytest.approx(-((omega[1] / 10) ** 2), rel=1e-6) if is_shifted else 0)
+
+
+@pytest.mark.parametrize("k", [1e-6, 1e-9, 1e-11])
+def test_a_space_beside_the_mode_of_a_soft_suspension_keeps_all_digits(k):
+    """The static response is 1 / k of the suspension and 20 of the rest, by all modes of LAPACK."""
+    K, M = long_chain(60)
+    K, w = (K + sp.csc_array(([k], ([0], [0])), shape=K.shape)).tocsc(), np.eye(60)[-1]
+    omega, phi = exact_modes(K, M)
+    suspension = EigenPairs(omega[:1], phi[:, :1])
+    pairs = krylov_space(Pencil(K, M, superlu(K)), w, suspension, 1e-8, 0.1, 20).pairs
+    off = pairs.phi.T @ (K @ pairs.phi) - np.diag(pairs.omega**2)
+    assert np.abs(off).max() < 1e-11
+    exact, static = (np.sum(((f.T @ w) / o)[1:] ** 2) for o, f in ((omega, phi), pairs))
+    assert static == pytest.approx(exact, rel=1e-11)
 
 
 @pytest.mark.parametrize("n_chains", [6, 8, 20])

@@ -342,7 +342,7 @@ material = "steel"
         ('held = []\n[bodies.cap]\nseed = 1e-3', 'no body is called "cap"'),
         ('held = []\n[bodies.lid]\nmaterial = "cast"', "'cast' is not known, known are steel"),
         ('held = []\n[bodies.lid]\nmaterial = "aluminium"', "nearest known is 'aluminium-6082'"),
-        ('held = []\n[[targets]]\nhz = 5.0', "needs body and motion, number or shape"),
+        ('held = []\n[[targets]]\nhz = 5.0', "give one of its number, its shape, and body"),
         ('held = []\n[patch]\nradius = 1e-3', "[patch] belongs to the thesis' rig"),
     ],
 )  # fmt: skip
@@ -395,7 +395,7 @@ motion = "z"
 @pytest.mark.parametrize(
     ("at", "message"),
     [
-        ("[[0.0, 0.0]]", r"joints\.pin\.at\.1\.3 is missing"),
+        ("[[0.0, 0.0]]", r"at\.1 = \[0\.0, 0\.0\] has 2 values; give 3: x, y, z"),
         ("[]", "an empty list; give at least one value"),
         ("[[0.0, 0.0, 'x']]", "no number with a unit"),
         ("'hole'", "must be 'holes'"),

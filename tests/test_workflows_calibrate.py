@@ -93,7 +93,9 @@ def test_the_scene_that_comes_out_is_marked_and_runs(tmp_path, result):
     text = (tmp_path / "scene.toml").read_text()
     assert text.startswith(f"# {SYNTHETIC}\n# contact 1 = ") and "calibrated to data.csv" in text
     again = scene(str(tmp_path / "scene.toml"))
-    np.testing.assert_allclose(again.contact.stiffness_factor, result.fit.value[:6], rtol=1e-15)
+    # to the digits that the bars support
+    off = np.abs(again.contact.stiffness_factor - result.fit.value[:6])
+    assert np.all(off <= 0.005 * result.fit.uncertainty.two_sigma[:6]) and off.max() > 1e-12
     assert again.wall.frequency == result.scene.wall.frequency != 900.0
     finished = CliRunner().invoke(cli.app, ["impact", str(tmp_path / "scene.toml"), "--json"])
     assert finished.exit_code == 0, finished.output

@@ -6,14 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import beadwave
 from fem import mac, on_surface
 from fem.hammer_test import accelerances
+from fem.measured_shapes import rigid_fit
 from workflows.files.scene import scene
 from workflows.files.shapes import measured_shape
 from workflows.scene import InvalidScene
 from workflows.stages.pipeline import pipeline_of
+from workflows.stages.targets import remarks_on_axes
 from workflows.structure import hammer
 
 pyuff = pytest.importorskip("pyuff", reason="universal files are optional (the extra `identify`)")
@@ -317,3 +320,75 @@ def test_designs_that_cannot_be_are_refused_in_a_sentence():
     Path("points.csv").write_text("node,x,y,z,direction\n1,0,0,0,up\n")
     with pytest.raises(InvalidScene, match="direction 'up' is none of x, y, z"):
         beadwave.write_hammer_test("hits.mat", "beam.toml", points="points.csv")
+
+
+TURN = Rotation.from_euler("xyz", [25.0, -40.0, 110.0], degrees=True).as_matrix()
+SHIFTED = np.array([0.3, -1.2, 0.45])  # m
+CORNERS = np.array([[-0.1, 0.006, 0.01], [0.1, 0.006, 0.01], [0.1, 0.006, -0.01], [0.1, -0.006, 0]])
+
+
+def in_the_test(points):
+    """Points of the beam in axes of a test that are turned and shifted against its own."""
+    return (points - SHIFTED) @ TURN
+
+
+def axes_table(points, at=CORNERS):
+    return f"[test_axes]\npoints = {np.asarray(points).tolist()}\nat = {np.asarray(at).tolist()}\n"
+
+
+def test_a_turn_and_a_shift_are_those_that_scipy_aligns():
+    rng = np.random.default_rng(5)
+    x = rng.standard_normal((9, 3))
+    exact = rigid_fit(in_the_test(x), x)
+    np.testing.assert_allclose(exact.turn, TURN, atol=1e-14)
+    np.testing.assert_allclose(exact.shift, SHIFTED, atol=1e-14)
+    assert exact.misfit.max() < 1e-14 and exact.mirrored > 0.5
+    y = x + 0.05 * rng.standard_normal(x.shape)
+    rough = rigid_fit(in_the_test(x), y)
+    from_0 = in_the_test(x) - in_the_test(x).mean(axis=0)
+    turn, rssd = Rotation.align_vectors(y - y.mean(axis=0), from_0)
+    np.testing.assert_allclose(rough.turn, turn.as_matrix(), atol=1e-12)
+    assert np.sqrt(np.sum(rough.misfit**2)) == pytest.approx(rssd, rel=1e-9)
+    # a mirror image is no turn
+    mirror = rigid_fit(x * [1, 1, -1], x)
+    assert np.linalg.det(mirror.turn) == pytest.approx(1.0) and mirror.mirrored < 1e-12
+
+
+def test_a_test_in_axes_of_its_own_finds_the_modes_of_the_beam(known):
+    """Displacements along two turned axes, without noise: the MAC is 1 to rounding of the file."""
+    points, shapes, _ = known
+    turned = [(i, shapes[i] @ TURN, hz) for i, hz in zip(TARGETS, measured_hz(known), strict=True)]
+    written(nodes(in_the_test(points)), *(shape_55(values, hz) for _, values, hz in turned))
+    text = BEAM + "".join(TARGET.format(repr(float(hz))) for hz in measured_hz(known))
+    run = pipeline(text + axes_table(in_the_test(CORNERS)))
+    modes = run("modes")
+    assert modes.index.tolist() == TARGETS and np.all(modes.score > 1 - 1e-6)
+    (sentence,) = remarks_on_axes(run.scene)
+    assert "4 points of [test_axes] miss their places by up to" in sentence
+    with pytest.raises(InvalidScene, match=r"or \[test_axes\] that say how they lie on it"):
+        pipeline(text)("modes")
+
+
+@pytest.mark.parametrize(
+    ("points", "at", "sentence"),
+    [
+        (CORNERS[:3], CORNERS, "points has 3 and at has 4 places: give one each"),
+        (CORNERS[:2], CORNERS[:2], "give at least 3"),
+        (CORNERS[[0, 1, 1]], CORNERS[:3], "the places of points lie on a line"),
+        (1e3 * CORNERS, CORNERS, r"check the order of the points and their unit"),
+    ],
+)  # fmt: skip
+def test_axes_that_no_turn_brings_onto_the_beam_are_refused(known, points, at, sentence):
+    shapes = known[1]
+    written(nodes(known[0]), shape_55(shapes[0], measured_hz(known)[1]))
+    text = BEAM + TARGET.format(repr(float(measured_hz(known)[1])))
+    with pytest.raises(InvalidScene, match=sentence):
+        pipeline(text + axes_table(points, at), "unusual=['test_axes.points']")("modes")
+
+
+def test_left_handed_axes_of_a_test_are_named(known):
+    written(nodes(known[0]), shape_55(known[1][0], measured_hz(known)[1]))
+    text = BEAM + TARGET.format(repr(float(measured_hz(known)[1])))
+    places = np.array([[0.1, 0, 0.01], [-0.1, 0, 0.01], [0.1, 0, -0.01], [0.1, 0.06, 0.01]])
+    with pytest.raises(InvalidScene, match="change the sign of one axis: the test's are left"):
+        pipeline(text + axes_table(places * [1, -1, 1], places))("modes")

@@ -226,7 +226,9 @@ class BodyTable(SceneTable):
         if len(given) > 1:
             raise ValueError(f"{' and '.join(given)} exclude each other: keep one of them")
         if self.holes and not self.plate:
-            raise ValueError("holes belong to a plate: drop them, or draw a plate")
+            raise ValueError(
+                "holes belong to a plate: drop them, draw a plate, or drill the body in a STEP file"
+            )
         if self.lines and not (self.box or self.plate):
             raise ValueError("lines belong to a box or a plate: drop them, or draw one")
         if not given and (self.at or self.turn):
@@ -442,7 +444,10 @@ class MeasuredMode(SceneTable):
         if (self.body is None) != (self.motion is None):
             raise ValueError("body and motion belong together: add the other")
         if sum(key is not None for key in (self.body, self.number, self.shape)) != 1:
-            raise ValueError("needs body and motion, number or shape: give one of the three")
+            raise ValueError(
+                "needs what tells the mode from others: give one of its number, its shape, and "
+                "body with motion"
+            )
         return self
 
     def in_folder(self, folder: Path) -> "MeasuredMode":

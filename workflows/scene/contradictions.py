@@ -14,6 +14,7 @@ from workflows.scene import (
     RomWall,
     Scene,
 )
+from workflows.scene.axes_of_test import of_test_axes
 from workflows.scene.bodies import General
 from workflows.scene.body_contradictions import of_bending, of_bodies, of_the_rig
 from workflows.scene.friction import of_friction
@@ -59,6 +60,7 @@ def contradictions(scene: Scene) -> Iterator[str]:
             yield from _dashpots(scene)
     yield from of_masses(scene)
     yield from of_springs(scene)
+    yield from of_test_axes(scene)
     yield from _of_modes(scene)
     yield from too_large(scene)
     if scene.chain:

@@ -92,6 +92,8 @@ EXAMPLES: dict[str, Any] = {
     **{f"springs.NAME.{key}": "2 kN/m" for key in ("kx", "ky", "kz", "k")},
     **{f"springs.NAME.{key}": 0.5 for key in ("cx", "cy", "cz", "c")},
     "springs.NAME.direction": "normal",
+    "test_axes.points": [[0.0, 0.0, 0.0], ["300 mm", 0.0, 0.0], [0.0, "200 mm", 0.0]],
+    "test_axes.at": [[0.15, 0.1, 0.0], [-0.15, 0.1, 0.0], [0.15, -0.1, 0.0]],
     "hz": 269.0, "motion": "x+ry", "number": 2, "shape": "shapes.uff",
     "table.frequency": 30.0, "table.mass": 50.0, "patch.nodes": [[0.03, 0.0], [0.03, 0.002]],
     "patch.radius": "2 mm",

@@ -4,6 +4,7 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from workflows.scene.axes_of_test import AxesOfTest
 from workflows.scene.bending import Beam, BendingPlateTable
 from workflows.scene.bodies import (
     GROUND,
@@ -77,6 +78,7 @@ class Scene(SceneTable):
     strike: Strike | None = None
     loads: Annotated[tuple[StaticLoad, ...], Several] | None = None
     targets: Annotated[tuple[MeasuredMode, ...], Several] | None = None
+    test_axes: AxesOfTest | None = None
     table: Standing | None = None
     mesh: Any = None
     patch: Patch | None = None

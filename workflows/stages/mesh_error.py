@@ -255,7 +255,7 @@ def energy_of_shapes(
     static_from = KrylovOptions().reach * 2 * np.pi * max(TO_HZ, scene.reduction.to_hz or 0.0)
     return MissedByMesh(
         omega,
-        OPTIONS.safety * G,
+        OPTIONS.safety * G + fem.missed_in_dents(model, mesh.materials, phi),
         None if contact is None else phi.T @ contact.w,
         int(np.sum(omega > static_from)),
         causes=causes(mesh, missed.of_cells),

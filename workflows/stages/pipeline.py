@@ -94,7 +94,7 @@ def _measured(scene: Scene) -> Any:
 
 def _targets(scene: Scene) -> Any:
     files = {target.shape for target in scene.targets or ()}
-    return [tables_of("targets")(scene), sorted(map(str, map(content, files)))]
+    return [tables_of("targets", "test_axes")(scene), sorted(map(str, map(content, files)))]
 
 
 def _reduced(scene: Scene) -> Any:

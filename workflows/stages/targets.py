@@ -7,7 +7,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 import fem
-from fem.measured_shapes import MeasuredShape
+from fem.measured_shapes import MeasuredShape, RigidFit, rigid_fit
 from workflows.files.shapes import measured_shape
 from workflows.scene import InvalidScene, Scene
 
@@ -35,22 +35,54 @@ def shape(scene: Scene, model: fem.Model, file: str | Path, hz: float) -> fem.Sh
     return placed(scene, model, file, measured_shape(Path(file), hz), hz)
 
 
+def axes_of_test(scene: Scene) -> RigidFit | None:
+    """The turn and shift of a test's points onto the assembly; None of a test in its axes."""
+    table = scene.test_axes
+    return None if table is None else rigid_fit(np.array(table.points), np.array(table.at))
+
+
+def remarks_on_axes(scene: Scene) -> list[str]:
+    """A sentence on how well [test_axes] bring the points of a test onto the assembly."""
+    axes = axes_of_test(scene)
+    if axes is None:
+        return []
+    cosine = np.clip((np.trace(axes.turn) - 1) / 2, -1, 1)
+    return [
+        f"The points of the test are turned by {np.degrees(np.arccos(cosine)):.3g} degrees and "
+        f"shifted; {len(axes.misfit)} points of [test_axes] miss their places by up to "
+        f"{1e3 * axes.misfit.max():.2g} mm, root mean square "
+        f"{1e3 * np.sqrt(np.mean(axes.misfit**2)):.2g} mm."
+    ]
+
+
 def placed(
     scene: Scene, model: fem.Model, file: str | Path, measured: MeasuredShape, hz: float
 ) -> fem.Shape:
-    """A shape of a file, at a frequency, on the model; raises InvalidScene for points off the
-    assembly."""
+    """A shape of a file, at a frequency, on the model, where [test_axes] bring it; raises
+    InvalidScene for points off the assembly."""
     structure = model.structure
-    surface = fem.on_surface(structure, measured.points)
     size = float(np.linalg.norm(np.ptp(structure.points, axis=0)))
+    axes = axes_of_test(scene)
+    if axes is not None:
+        worst = int(axes.misfit.argmax())
+        if axes.misfit[worst] > FARTHEST * size:
+            fits = axes.mirrored <= FARTHEST * size
+            remedy = "change the sign of one axis: the test's are left-handed"
+            raise InvalidScene(
+                f"{scene.name}: test_axes: no turn and shift bring point {worst + 1} nearer than "
+                f"{axes.misfit[worst]:.3g} m to its place, allowed are {FARTHEST * size:.3g} m; "
+                f"{remedy if fits else 'check the order of the points and their unit'}."
+            )
+        measured = axes.moved(measured)
+    surface = fem.on_surface(structure, measured.points)
     worst = int(surface.distance.argmax())
     if surface.distance[worst] > FARTHEST * size:
         at = np.round(measured.points[worst], 6).tolist()
+        remedy = "give points in the assembly's axes, or [test_axes] that say how they lie on it,"
         raise InvalidScene(
             f"{scene.name}: shape = {str(file)!r} has a point at {at} m, "
             f"{surface.distance[worst]:.3g} m from the assembly, allowed are "
-            f"{FARTHEST * size:.3g} m; give points in the assembly's axes, in metres or with their "
-            "unit in data set 164."
+            f"{FARTHEST * size:.3g} m; {remedy} in metres or with their unit in data set 164."
         )
     n = len(measured.points)
     along = csr_matrix((measured.directions.ravel(), np.arange(3 * n), np.arange(0, 3 * n + 1, 3)))

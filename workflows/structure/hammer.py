@@ -31,7 +31,7 @@ from workflows.scene.bodies import MeasuredMode
 from workflows.stages.damping import structure_damping
 from workflows.stages.pictures import rendered
 from workflows.stages.pipeline import Pipeline
-from workflows.stages.targets import placed
+from workflows.stages.targets import placed, remarks_on_axes
 from workflows.structure.mode_table import NO_TARGETS
 from workflows.structure.tuning import targets
 
@@ -418,7 +418,8 @@ def recognised(test: IdentifiedTest, pipeline: Pipeline, wanted: Collection[int]
                 "runner_up_mac": float(likeness[i, second]),
             }
         rows.append(row.model_copy(update=update))
-    return test._replace(report=report.model_copy(update={"rows": rows}))
+    remarks = [*report.remarks, *remarks_on_axes(scene)]
+    return test._replace(report=report.model_copy(update={"rows": rows, "remarks": remarks}))
 
 
 def shapes_beside(

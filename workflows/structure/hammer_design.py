@@ -74,6 +74,11 @@ def elastic(pipeline: Pipeline, band_hz: tuple[float, float] | None) -> NDArray[
 
 def designed(pipeline: Pipeline, count: int, band_hz: tuple[float, float] | None) -> HammerDesign:
     """Points that tell the modes of a band apart; raises InvalidScene where they cannot."""
+    if pipeline.scene.test_axes:
+        raise InvalidScene(
+            f"{pipeline.scene.name}: points are planned in the axes of the assembly; drop "
+            "[test_axes] for a design."
+        )
     chosen, modes, model = elastic(pipeline, band_hz), pipeline("modes"), pipeline("model")
     try:
         candidates = outside(model)

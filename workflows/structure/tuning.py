@@ -27,6 +27,7 @@ from workflows.stages.mesh_causes import OPTIONS as OF_CAUSES
 from workflows.stages.mesh_causes import Cause, refinement, size_for
 from workflows.stages.pipeline import Pipeline, pipeline_of
 from workflows.stages.progress import Progress
+from workflows.stages.targets import remarks_on_axes
 from workflows.structure import parameters as of_bodies
 
 PARTS = {"head": "sheets", "foot": "sheets_support"}  # of the rig, that its joints hold
@@ -116,8 +117,8 @@ class TuningReport(BaseModel):
     def failures(self) -> list[str]:
         """A sentence on each mode that is missed by more than a fit of it may be."""
         return [
-            f"mode {n} of {self.match[n]:g} Hz is missed by {100 * error:+.3g} %, up to "
-            f"{100 * TOLERANCES.largest_miss:g} % is a fit; free what moves this mode, or match "
+            f"mode {n} of {self.match[n]:g} Hz is missed by {100 * error:+.3g} %, where a fit "
+            f"may miss {100 * TOLERANCES.largest_miss:g} %; free what moves this mode, or match "
             "others."
             for n, error in _misses(self.modes_hz, self.match).items()
         ]
@@ -184,9 +185,11 @@ def tuned(
     full = pipeline_of(result, progress)
     computed, mac = full("modes"), shape_mac(full)
     confirmed = {str(number[int(i) - 1]): hz for i, hz in computed.paired_hz.items()}
+    # targets of the rig, which are frequencies, may be fewer than its measured modes
+    of_targets = () if scene.of_dimensions else zip(number, result.targets or (), strict=True)
     measured_mac = {
         str(n): float(computed.score[k])
-        for k, (n, target) in enumerate(zip(number, result.targets or (), strict=True))
+        for k, (n, target) in enumerate(of_targets)
         if target.shape and computed.index[k] >= 0
     }
 
@@ -233,6 +236,7 @@ def tuned(
         seconds=seconds,
         mesh_error_percent=mesh_percent,
         remarks=[
+            *(remarks_on_axes(scene) if any(t.shape for t in scene.targets or ()) else ()),
             *_remarks(scene, match, fit, of_all, unchanged, candidates, confirmed, likeness),
             *worth_of_the_mesh(scene, match, report_hz, mesh_percent, causes),
         ],

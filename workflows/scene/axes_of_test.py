@@ -1,0 +1,46 @@
+"""[test_axes]: how the axes of a hammer test lie on the assembly."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from workflows.scene.bodies import Place3
+from workflows.scene.scene_table import SceneTable
+
+if TYPE_CHECKING:
+    from workflows.scene.scene import Scene
+
+ON_A_LINE = 1e-3  # width over length of points that tell no turn about their line; not varied
+Places = Annotated[tuple[Place3, ...], Field(strict=False, min_length=3)]
+
+
+class AxesOfTest(SceneTable):
+    """Points of a hammer test whose places on the assembly are known, three or more that are not on
+    a line: a turn and a shift bring all points and directions of the test onto the assembly."""
+
+    points: Places  # [m] in the axes of the test
+    at: Places  # [m] the same points on the assembly, in its axes
+
+    @model_validator(mode="after")
+    def _of_a_turn(self) -> "AxesOfTest":
+        if len(self.points) != len(self.at):
+            raise ValueError(
+                f"points has {len(self.points)} and at has {len(self.at)} places: give one each"
+            )
+        for name in ("points", "at"):
+            places = np.array(getattr(self, name))
+            spread = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
+            if not spread[1] > ON_A_LINE * spread[0]:
+                raise ValueError(
+                    f"the places of {name} lie on a line, which leaves a turn about it open: give "
+                    "one beside it"
+                )
+        return self
+
+
+def of_test_axes(scene: "Scene") -> Iterator[str]:
+    """Sentences on contradictions between the axes of a test and the rest of a scene."""
+    if scene.test_axes and scene.assembly is None:
+        yield "[test_axes] lie on an [assembly]; add one, or drop them."
