@@ -437,7 +437,7 @@ class MeasuredMode(SceneTable):
     shape: Annotated[str, Field(min_length=1)] | None = None
     title: str | None = None  # what tables call it; body and motion
     zeta: Ratio | None = None  # measured damping ratio, for loss factors
-    zeta_deviation: Ratio | None = None  # its standard deviation; a tenth of it
+    zeta_deviation: Ratio | None = None  # its standard deviation; without one a tenth of it
 
     @model_validator(mode="after")
     def _one_identity(self) -> "MeasuredMode":

@@ -54,9 +54,11 @@ class LossFactorsTable(SceneTable):
     (Ungar and Kerwin 1962). What is not named has none."""
 
     kind: Literal["loss"]
-    materials: LossTable = Field({}, strict=False)  # loss factor of a material by its name
-    joints: LossTable = Field({}, strict=False)  # loss factor of a joint's springs by its name
-    springs: LossTable = Field({}, strict=False)  # the same of springs between points
+    materials: LossTable = Field({}, strict=False)  # loss factors of materials by their names
+    joints: LossTable = Field({}, strict=False)  # loss factors of joints by their names
+    springs: LossTable = Field(
+        {}, strict=False
+    )  # loss factors of springs between points by their names
 
     @property
     def factors(self) -> dict[str, float]:
