@@ -90,12 +90,11 @@ class TuningReport(BaseModel):
             error = self.mesh_error_percent.get(i)
             of_mesh = None if error is None else f"{error:.2g} %"
             computed = self.computed_mode.get(i)
-            partner = None if computed is None else f"computed mode {computed}"
             of_shape = self.measured_mac.get(i)
             macs = (f"{self.mac[i]:.2f}",)
             if self.measured_mac:
                 macs = (None if of_shape is None else f"{of_shape:.2f}", *macs)
-            modes.append((i, partner, *hz, of_mesh, *macs))
+            modes.append((i, computed, *hz, of_mesh, *macs))
         values = []
         for name, value in self.stiffness.items():
             spread = self.deviation[name]
@@ -103,7 +102,7 @@ class TuningReport(BaseModel):
             values.append((name, f"{value:.5g}", unit(name), text))
         cost = f"{self.evaluations} evaluations in {self.seconds:.2f} s"
         head = (
-            "mode", "paired with", "wanted [Hz]", "fitted [Hz]", "full model [Hz]", "mesh error",
+            "mode", "computed", "wanted [Hz]", "fitted [Hz]", "full model [Hz]", "mesh error",
             *(("measured MAC", "stiff MAC") if self.measured_mac else ("MAC",)),
         )  # fmt: skip
         return "\n".join(
