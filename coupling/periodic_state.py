@@ -617,25 +617,34 @@ def shot(
     T = body.shakers.period
     n_steps = max(search.cycle_steps, math.ceil(T * body.rate / search.phase))
     tolerance = search.periodicity * error
-    coarse, estimates, point = None, [math.inf], None
+    coarse, estimates, point, loop_error = None, [math.inf], None, math.inf
     two_directions, n_cells = len(body.frame) == 2, body.search.n_cells // 2
     state = body._replace(search=body.search._replace(n_cells=n_cells)).at_rest()
     while True:
         period = period_of(body, before, n_steps, search)
         if point is None:
-            try:
-                point = fixed_point(period, state.copied(), search, tolerance)
-            except UnstableStep:
-                if start is None:
-                    raise
-            if start is not None and (point is None or point.change > search.accepted * error):
+            # from rest, then from what harmonic balance left; a step of Newton's method may lead to
+            # where contacts meet at any speed: then periods are marched one by one
+            begins = [(state.copied(), search)]
+            if start is not None:
                 near = without_still(whole, start).divided(n_cells)
                 body.settle(near, period.system, 0.0)
-                point = fixed_point(period, near, search._replace(levels=()), tolerance)
+                begins.append((near, search._replace(levels=())))
+            for begin, options in begins:
+                try:
+                    point = fixed_point(period, begin, options, tolerance)
+                except UnstableStep:
+                    continue
+                if point.change <= search.accepted * error:
+                    break
         else:
             point = fixed_point(period, state, search, tolerance, point.jacobian)
-        state, saved, change = point.moving, point.saved, point.change
-        n_periods, impacting = 1, float(saved.force[:, 0].min()) <= 0.0
+        if point is None:
+            change, impacting = math.inf, False
+        else:
+            state, saved, change = point.moving, point.saved, point.change
+            impacting = float(saved.force[:, 0].min()) <= 0.0
+        n_periods = 1
         if change > search.accepted * error or (impacting and not stays(period, state, search)):
             state, saved, change, n_periods = marched_on(
                 period, state, search, search.accepted * error
