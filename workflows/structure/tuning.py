@@ -522,8 +522,8 @@ def shape_mac(full: Pipeline) -> dict[str, float]:
     }
 
 
-def write_scene(scene: Scene, file: OutputFile, report: TuningReport, source: Source) -> Scene:
-    """Write the tuned scene as TOML with a first line on where its joints come from, and return it.
+def write_scene(scene: Scene, file: OutputFile, first: str, source: Source) -> Scene:
+    """Write the scene as TOML with a first line on where its values come from, and return it.
 
     One that was read from a file keeps this file's name of it, comments and order, as far as
     reading that back gives the scene; in another folder it names its own files by full paths.
@@ -548,8 +548,6 @@ def write_scene(scene: Scene, file: OutputFile, report: TuningReport, source: So
             if read.model_copy(update={"name": scene.name}) == scene:
                 scene, text = read, commented
                 break
-    wanted = ", ".join(f"{n}: {hz:g} Hz" for n, hz in report.match.items())
-    first = f"# Joints inferred from modes {wanted}; deviations assume 0.1 % in frequency.\n"
     with file.writing() as path:
-        path.write_text(first + text, encoding="utf-8")
+        path.write_text(f"# {first}\n{text}", encoding="utf-8")
     return scene
