@@ -15,7 +15,7 @@ sets values by their dotted keys. Everything is in SI units: m, kg, s, N, Pa, Hz
     run, impact, load, film      impacts; a finished run folder, and its film
     modes, tune, hammer          an assembly's modes, joints fitted to measured ones, hammer tests
     design_hammer_test           where to hit and watch
-    rank_parameters              what is worth freeing in a fit of joints
+    rank_parameters, fit_losses  what is worth freeing in a fit of joints; loss factors from damping
     reduce, reduce_matrices      a reduced model: of a scene, of one's own K, M, w
     look, export                 bodies and where they touch; CalculiX, Abaqus, STEP
     calibrate, twin              a chain and its wall fitted to measured velocities
@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from workflows.structure.api import (
         design_hammer_test,
         export,
+        fit_losses,
         hammer,
         look,
         modes,
@@ -72,6 +73,7 @@ _HOMES = {
     "workflows.structure.api": (
         "design_hammer_test",
         "export",
+        "fit_losses",
         "hammer",
         "look",
         "modes",
@@ -98,6 +100,7 @@ __all__ = [
     "doctor",
     "export",
     "film",
+    "fit_losses",
     "hammer",
     "impact",
     "inspect",

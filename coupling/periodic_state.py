@@ -73,7 +73,7 @@ class PeriodicSearch(NamedTuple):
     creep: float = 0.1  # change of the tangential force over a period, over the error
     # cells that the error of a cycle's heat is taken from, along its path: where little slips,
     # that is a ring narrower than a cell, and to 64 of them all sticks
-    ring_cells: int = 8192
+    ring_cells: int = 1024  # at least, and twice those of the cycle; 8192 say the same to 12 %
     # of the largest tangential force: what periods marched by two steps may leave of a cycle after
     # the square of the step is taken off; or twice the error, if that is more
     proven: float = 5e-3
@@ -544,9 +544,10 @@ def balanced(
 
 
 def heat_of_path(body: Body, before: Before, cycle: Balance, search: PeriodicSearch) -> float:
-    """[J] of friction in a period on the path of a cycle in two directions, by `ring_cells`."""
-    fine = cycle.answer.contacts.cells
-    fine = cycle.answer.contacts._replace(cells=redivided(fine, search.ring_cells))
+    """[J] of friction in a period on the path of a cycle in two directions, by more cells."""
+    cells = cycle.answer.contacts.cells
+    n_cells = max(search.ring_cells, 2 * body.search.n_cells)
+    fine = cycle.answer.contacts._replace(cells=redivided(cells, n_cells))
     memory = cycle.answer._replace(contacts=fine)
     return answer(body, before, cycle.cut, cycle.y, memory, USUAL_BALANCE_SEARCH.laps).heat
 
@@ -617,25 +618,34 @@ def shot(
     T = body.shakers.period
     n_steps = max(search.cycle_steps, math.ceil(T * body.rate / search.phase))
     tolerance = search.periodicity * error
-    coarse, estimates, point = None, [math.inf], None
+    coarse, estimates, point, loop_error = None, [math.inf], None, math.inf
     two_directions, n_cells = len(body.frame) == 2, body.search.n_cells // 2
     state = body._replace(search=body.search._replace(n_cells=n_cells)).at_rest()
     while True:
         period = period_of(body, before, n_steps, search)
         if point is None:
-            try:
-                point = fixed_point(period, state.copied(), search, tolerance)
-            except UnstableStep:
-                if start is None:
-                    raise
-            if start is not None and (point is None or point.change > search.accepted * error):
+            # from rest, then from what harmonic balance left; a step of Newton's method may lead to
+            # where contacts meet at any speed: then periods are marched one by one
+            begins = [(state.copied(), search)]
+            if start is not None:
                 near = without_still(whole, start).divided(n_cells)
                 body.settle(near, period.system, 0.0)
-                point = fixed_point(period, near, search._replace(levels=()), tolerance)
+                begins.append((near, search._replace(levels=())))
+            for begin, options in begins:
+                try:
+                    point = fixed_point(period, begin, options, tolerance)
+                except UnstableStep:
+                    continue
+                if point.change <= search.accepted * error:
+                    break
         else:
             point = fixed_point(period, state, search, tolerance, point.jacobian)
-        state, saved, change = point.moving, point.saved, point.change
-        n_periods, impacting = 1, float(saved.force[:, 0].min()) <= 0.0
+        if point is None:
+            change, impacting = math.inf, False
+        else:
+            state, saved, change = point.moving, point.saved, point.change
+            impacting = float(saved.force[:, 0].min()) <= 0.0
+        n_periods = 1
         if change > search.accepted * error or (impacting and not stays(period, state, search)):
             state, saved, change, n_periods = marched_on(
                 period, state, search, search.accepted * error

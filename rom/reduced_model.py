@@ -28,6 +28,15 @@ class Surface(NamedTuple):
     bodies: tuple[str, ...] = ()  # their names
 
 
+class StrainShares(NamedTuple):
+    """Shares (k, n) of n parts, "joints.bolts", in the strain energy of modes at hz (k,), which
+    ascend. Files hold the damping itself in their place."""
+
+    hz: np.ndarray
+    parts: tuple[str, ...]
+    shares: np.ndarray
+
+
 class Contact(NamedTuple):
     """The contact of a reduced model, None where its maker does not say.
 
@@ -35,7 +44,8 @@ class Contact(NamedTuple):
     half-space, which the Hertz law holds once more; weights_read (r,): u_w = weights_read^T q where
     that is not w^T q, and the wall not passive; young [Pa], poisson of its surface;
     curvatures [1/m]: principal ones of the surface, < 0 where hollow, None of a plane;
-    modes_hz (k,): the modes that damping ratios belong to; point (3,) [m] and direction (3,): where
+    modes_hz (k,): the modes that damping ratios belong to; strain: of which parts it is, where they
+    have loss factors; point (3,) [m] and direction (3,): where
     the force enters and along what unit vector, into the structure.
     """
 
@@ -47,6 +57,7 @@ class Contact(NamedTuple):
     modes_hz: tuple[float, ...] | None = None
     point: tuple[float, ...] | None = None
     direction: tuple[float, ...] | None = None
+    strain: StrainShares | None = None
 
 
 class MassProperties(NamedTuple):

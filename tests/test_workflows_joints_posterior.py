@@ -144,7 +144,7 @@ def test_bounds_that_cannot_be_are_refused_before_anything_is_computed(pads, bou
 def test_options_that_contradict_each_other_are_refused(pads, capsys):
     start = ("tune", str(pads), "--match=1=480", "--free=joints.pads.kz")
     for more, words in (
-        (("--rank", "--posterior"), "two answers; drop one"),
+        (("--rank", "--posterior"), "different answers; keep one"),
         (("--seed=1",), "--bounds and --seed are those of --posterior"),
         (("--posterior", "--out=x.toml"), "--posterior writes no scene; drop --out"),
         (("--posterior", "--seed=-1"), "--seed -1 must be a number from 0 to 1e18"),

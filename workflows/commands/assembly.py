@@ -122,7 +122,8 @@ def hammer(
     "workflows.structure.api.tune",
     json="{match, modes_hz, full_order_hz, stiffness, undetermined, mac, ...}; of --rank "
     "{parameters: [{name, frequency, rank, gain, condition, deviation}], onsets, determined, ...}; "
-    "of --posterior {parameters: [{name, median, low, high, says}], lobes, log_evidence, ...}",
+    "of --posterior {parameters: [{name, median, low, high, says}], lobes, log_evidence, ...}; "
+    "of --damping {factors: [{name, value, deviation, says}], modes, ...}",
     out=Word("the tuned scene; default NAME-tuned.toml"),
 )
 def tune_joints(
@@ -143,6 +144,14 @@ def tune_joints(
             "posterior; a minute).",
         ),
     ] = False,
+    damping: Annotated[
+        bool,
+        typer.Option(
+            "--damping",
+            help="Fit loss factors of materials and joints to the damping ratios (zeta) of the "
+            "targets, and nothing else.",
+        ),
+    ] = False,
     bounds: Annotated[
         str | None,
         typer.Option(help="Of --posterior, ends of log-uniform priors: joints.cover.kz=1e6:1e9."),
@@ -155,10 +164,19 @@ def tune_joints(
     from workflows.scene import InvalidScene
     from workflows.structure import api
 
-    if rank and posterior:
-        raise InvalidScene("--rank and --posterior are two answers; drop one.")
+    if rank + posterior + damping > 1:
+        raise InvalidScene("--rank, --posterior and --damping are different answers; keep one.")
     if not posterior and (bounds is not None or seed is not None):
         raise InvalidScene("--bounds and --seed are those of --posterior; add it, or drop them.")
+    if damping:
+        if call.given.keys() & {"match", "free"}:
+            raise InvalidScene("--damping takes all targets with zeta; drop --match and --free.")
+        call.function = api.fit_losses
+        result = call()
+        print_report(result.report, call.json, call.quiet)
+        if result.file:
+            print_lines(f"written: {result.file}", json=call.json, quiet=call.quiet)
+        return
     if rank or posterior:
         option = "--rank" if rank else "--posterior"
         if call.given.pop("overwrite", False) or "out" in call.given:

@@ -23,6 +23,7 @@ EXAMPLES = {
         "tune rig-rom --hammer test.csv",
         "tune mine.toml --rank",
         "tune mine.toml --free joints.cover.kz --posterior",
+        "tune mine.toml --damping --out damped.toml",
         "tune mine.toml --free joints.cover.kz,materials.steel.young",
     ),
     "hammer": (

@@ -167,7 +167,7 @@ def assembly(
         n_ylabels=3, n_zlabels=3, fmt="%.0f", font_size=11, location="outer", color="#505050",
     )  # fmt: skip
     axes.SetAxisLabels(1, pv.convert_array(np.array(["", *axes.y_labels[1:]])))  # x has that corner
-    seen_from(plotter, eye)
+    seen_from(plotter, eye, zoom=1.02)
     plotter.screenshot(path)
 
 
@@ -245,11 +245,12 @@ def white_plotter(shape: tuple[int, int], size: tuple[int, int] = SIZE) -> pv.Pl
     return plotter
 
 
-def seen_from(plotter: pv.Plotter, eye: NDArray[np.float64]) -> None:
-    """Everything from the direction `eye`, in parallel projection."""
+def seen_from(plotter: pv.Plotter, eye: NDArray[np.float64], zoom: float = 1.15) -> None:
+    """Everything from the direction `eye`, in parallel projection; labels of axes need some room,
+    a smaller `zoom`."""
     plotter.view_vector(eye, viewup=UP)
     plotter.enable_parallel_projection()
-    plotter.camera.zoom(1.15)
+    plotter.camera.zoom(zoom)
 
 
 def main(arguments: list[str]) -> None:

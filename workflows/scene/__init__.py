@@ -2,7 +2,13 @@
 
 from workflows.scene.chain import LeafSpringsTable, Preload
 from workflows.scene.contact import ContactTable
-from workflows.scene.damping import Damping, ModalDampingTable, NoDamping, RayleighDampingTable
+from workflows.scene.damping import (
+    Damping,
+    LossFactorsTable,
+    ModalDampingTable,
+    NoDamping,
+    RayleighDampingTable,
+)
 from workflows.scene.joints import Joints, JointStiffnesses
 from workflows.scene.mesh import Mesh
 from workflows.scene.reduction import Patch, Reduction
@@ -29,6 +35,7 @@ __all__ = [
     "JointStiffnesses",
     "Joints",
     "LeafSpringsTable",
+    "LossFactorsTable",
     "MeasuredWall",
     "Mesh",
     "ModalDampingTable",

@@ -22,6 +22,7 @@ from workflows.scene.scene_table import (
     Number,
     Point,
     Positive,
+    Ratio,
     SceneTable,
     Seed,
     Spring,
@@ -435,6 +436,8 @@ class MeasuredMode(SceneTable):
     # file of measured shapes (.uff), in place of a motion
     shape: Annotated[str, Field(min_length=1)] | None = None
     title: str | None = None  # what tables call it; body and motion
+    zeta: Ratio | None = None  # measured damping ratio, for loss factors
+    zeta_deviation: Ratio | None = None  # its standard deviation; without one a tenth of it
 
     @model_validator(mode="after")
     def _one_identity(self) -> "MeasuredMode":

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from workflows.scene import (
     DashpotWall,
+    LossFactorsTable,
     MeasuredWall,
     ModalDampingTable,
     RayleighDampingTable,
@@ -197,6 +198,12 @@ def _of_modes(scene: Scene) -> Iterator[str]:
             f"reduction.modes = {table.modes} must be at least {n_measured}, the measured "
             'modes that reduction.choice = "contact" keeps; raise it, or choose "lowest".'
         )
+    if isinstance(scene.damping, LossFactorsTable):
+        if scene.assembly is None or getattr(scene.wall, "file", None):
+            yield (
+                'damping.kind = "loss" shares out the strain of bodies, of which this scene has '
+                'none; take damping.kind = "modal".'
+            )
     if isinstance(scene.damping, RayleighDampingTable) and scene.damping.frequency:
         import coupling
 

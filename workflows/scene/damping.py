@@ -46,10 +46,33 @@ class RayleighDampingTable(SceneTable):
         return self
 
 
+LossTable = dict[str, Ratio]
+
+
+class LossFactorsTable(SceneTable):
+    """Loss factors of parts: each mode is damped by half the mean of them over its strain energy
+    (Ungar and Kerwin 1962). What is not named has none."""
+
+    kind: Literal["loss"]
+    materials: LossTable = Field({}, strict=False)  # loss factors of materials by their names
+    joints: LossTable = Field({}, strict=False)  # loss factors of joints by their names
+    springs: LossTable = Field(
+        {}, strict=False
+    )  # loss factors of springs between points by their names
+
+    @property
+    def factors(self) -> dict[str, float]:
+        """All of them, as "joints.bolts"."""
+        tables = {"materials": self.materials, "joints": self.joints, "springs": self.springs}
+        return {f"{key}.{name}": x for key, table in tables.items() for name, x in table.items()}
+
+
 class NoDamping(SceneTable):
     """An undamped wall."""
 
     kind: Literal["none"] = "none"
 
 
-Damping = Annotated[ModalDampingTable | RayleighDampingTable | NoDamping, Discriminator("kind")]
+Damping = Annotated[
+    ModalDampingTable | RayleighDampingTable | LossFactorsTable | NoDamping, Discriminator("kind")
+]

@@ -98,6 +98,8 @@ EXAMPLES: dict[str, Any] = {
     "table.frequency": 30.0, "table.mass": 50.0, "patch.nodes": [[0.03, 0.0], [0.03, 0.002]],
     "patch.radius": "2 mm",
     "reduction.modes": 40, "reduction.error": 1e-3, "to_hz": "20 kHz", "damping.ratio": 0.01,
+    "damping.materials": {"steel": 0.001}, "damping.joints": {"bolts": 0.02},
+    "damping.springs": {"cord": 0.1}, "zeta": 0.004, "zeta_deviation": 1e-4,
     "damping.alpha": 5.0, "damping.beta": 1e-7, "damping.frequency": ["50 Hz", "8 kHz"],
     "time.dt": "0.5 us", "time.error": 1e-5, "output.spheres": [1, 4, 14],
     "output.sensors.N.on": "block:+y", "output.sensors.N.at": ["10 mm", 0.0],
@@ -276,6 +278,9 @@ def _values(annotation: Any) -> str:
             return f"list of {words}" if words else ""
         each = list(dict.fromkeys(_values(a) for a in arguments))
         return f"list of {len(arguments)}: {', '.join(each)}" if all(each) else ""
+    if origin is dict:
+        words = _values(arguments[1])
+        return f"table by name of {words}" if words else ""
     return {float: "number", int: "whole number", bool: "true or false", str: "text"}.get(
         annotation, ""
     )
@@ -320,6 +325,9 @@ def _toml(default: Any) -> str:
         return ""
     if isinstance(default, tuple | list):
         return f"[{', '.join(map(_toml, default))}]"
+    if isinstance(default, dict):
+        pairs = ", ".join(f"{key} = {_toml(value)}" for key, value in default.items())
+        return f"{{ {pairs} }}" if pairs else "{}"
     if isinstance(default, str):
         return f'"{default}"'
     if isinstance(default, bool):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import dem
-from workflows.scene import Scene
+from workflows.scene import LossFactorsTable, ModalDampingTable, Scene
 from workflows.stages.chain import start
 from workflows.stages.impact import impact
 from workflows.stages.pipeline import couples, needs_structure
@@ -34,6 +34,8 @@ def compilation(scene: Scene) -> NDArray[np.float64]:
         # walls with and without residual compliance call different kernels; the half-space makes
         # this one have it, 1e-9 m/N is about that of the rig's patch
         contact = reduced.contact._replace(half_space=1e-9)
+        if isinstance(scene.damping, LossFactorsTable):  # of parts, which these two modes have not
+            scene = scene.but(damping=ModalDampingTable(kind="modal", ratio=0.01))
         wall = wall_of(scene, reduced._replace(contact=contact))
         surface = dem.Flat(210e9, 0.3)
     else:

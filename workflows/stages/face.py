@@ -20,12 +20,12 @@ from fem.trace import OffFace
 from rom import floating
 from rom.factorisation import Pencil, symmetric
 from rom.lanczos import EigenPairs, modes_below
-from workflows.scene import InvalidScene, ModalDampingTable, Scene
+from workflows.scene import InvalidScene, LossFactorsTable, ModalDampingTable, Scene
 from workflows.scene.reduction import TO_HZ
 from workflows.stages import assembly as stages
 from workflows.stages.assembly import solid, struck
 from workflows.stages.chain import Start, start
-from workflows.stages.damping import damping_law
+from workflows.stages.damping import damping_law, structure_damping
 from workflows.stages.errors import other_mesh
 from workflows.stages.parts import Parts
 from workflows.stages.pipeline import Pipeline, Stage, pipeline_of, tables_of
@@ -149,6 +149,8 @@ class StruckFace:
 
     def _damping(self) -> Damping | None:
         table, hz = self.scene.damping, None
+        if isinstance(table, LossFactorsTable):
+            return structure_damping(self.scene, self.model, self.pipeline("modes"))
         if isinstance(table, ModalDampingTable) and isinstance(table.ratio, tuple):
             hz = tuple(self.pipeline("modes").paired_hz.values())
         return damping_law(table, hz or HAMMER_TEST_HZ)

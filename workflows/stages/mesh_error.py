@@ -136,7 +136,11 @@ class MissedByMesh(NamedTuple):
         if self.unknown:
             raise ValueError(self.unknown)
         if self.split is not None:
-            return self.split.walls
+            # loss factors are shared out as in the run
+            return tuple(
+                wall._replace(contact=wall.contact._replace(strain=contact.strain))
+                for wall in self.split.walls
+            )
         elastic = self.omega > 0
         inverse = np.zeros((len(self.omega), len(self.omega)))
         at = np.ix_(elastic, elastic)

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from joblib import Memory
 
-from workflows.scene import MeasuredWall, RomWall, Scene
+from workflows.scene import LossFactorsTable, MeasuredWall, RomWall, Scene
 from workflows.scene.places import has_friction, named_faces, sensor_places, words_of
 from workflows.scene.size import foreseen_nodes
 from workflows.stages.cache import key, memory
@@ -97,6 +97,13 @@ def _targets(scene: Scene) -> Any:
     return [tables_of("targets", "test_axes")(scene), sorted(map(str, map(content, files)))]
 
 
+def _reduced(scene: Scene) -> Any:
+    tables = tables_of("reduction", "strike", "assembly")(scene)
+    # loss factors ask for the shares of parts in the strain, whatever their values
+    shared = ["strain"] if isinstance(scene.damping, LossFactorsTable) else []
+    return [tables, words_of(scene), *shared]
+
+
 def _dimensions(scene: Scene) -> Any:
     tables = tables_of(*BODIES, "mesh")(scene)
     if scene.strike and any(body.lines for body in (scene.bodies or {}).values()):
@@ -149,7 +156,7 @@ ASSEMBLY = {
     ),
     "reduction": Stage(
         ".reduction:reduction",
-        lambda scene: [tables_of("reduction", "strike", "assembly")(scene), words_of(scene)],
+        _reduced,
         ("model", "contact", "modes"),
         means=("factor", "krylov-space"),
     ),

@@ -9,9 +9,10 @@ import fem
 import rom
 from fem.assembly_modes import AssemblyModes
 from rom.jointed import Jointed
-from workflows.scene import Scene
+from workflows.scene import LossFactorsTable, Scene
 from workflows.scene.reduction import TO_HZ
 from workflows.stages.assembly import dashpots, solid, struck
+from workflows.stages.damping import strain_of
 from workflows.stages.functionals import with_functionals
 from workflows.stages.strike import surface_of
 
@@ -126,6 +127,8 @@ def reduction(
         point=tuple(contact.spot.point.tolist()),
         direction=tuple(contact.spot.inward.tolist()),
     )
+    if isinstance(scene.damping, LossFactorsTable):
+        struck_surface = struck_surface._replace(strain=strain_of(scene, model, modes))
     outer = fem.outer_nodes(model.structure)
     T = (model.T[outer.dofs.ravel()] @ reduced.T).astype(np.float32)
     body = fem.rigid_body(model.structure)

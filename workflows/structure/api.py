@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from workflows.structure.hammer import HammerReport
     from workflows.structure.hammer_design import HammerDesign
     from workflows.structure.look import Look, Seen
+    from workflows.structure.losses import LossReport
     from workflows.structure.mode_table import ModeTable
     from workflows.structure.ranking import RankReport
     from workflows.structure.thesis_tables import ThesisTable
@@ -276,10 +277,56 @@ def tune(
     if file is None or report.failures:
         return Tuned(result, report, None)
 
-    # a scene is named after its file, where the one it was read from does not name it
+    met = ", ".join(f"{n}: {hz:g} Hz" for n, hz in report.match.items())
+    first = f"Joints inferred from modes {met}; deviations assume 0.1 % in frequency."
+    return Tuned(write_scene(_named(result, file), file, first, scene), report, file.path)
+
+
+def _named(scene: Scene, file: OutputFile) -> Scene:
+    """The scene named after its file, where the one it was read from does not name it."""
     name = sub(r"[^\w.-]", "-", file.path.stem).lstrip(".-")[:LONGEST_NAME] or "tuned"
-    result = result.model_copy(update={"name": name})
-    return Tuned(write_scene(result, file, report, scene), report, file.path)
+    return scene.model_copy(update={"name": name})
+
+
+@dataclass(frozen=True, repr=False)
+class Damped:
+    """The scene with fitted loss factors, the report, and the file it was written to, if any."""
+
+    scene: Scene
+    report: LossReport
+    file: Path | None
+
+    def __repr__(self) -> str:
+        return self.report.text()
+
+
+def fit_losses(
+    scene: Source = None,
+    changes: Changes = (),
+    *,
+    hammer: str | Path | None = None,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+) -> Damped:
+    """Loss factors of materials and joints from the damping ratios of measured modes, by whose
+    strain energy each mode is (`beadwave tune --damping`).
+
+    The ratios are `zeta` of the scene's targets, or those of a `hammer` test. To `out` goes the
+    scene with damping.kind = "loss". Raises InvalidScene for bad input.
+    """
+    from workflows.structure.losses import losses
+    from workflows.structure.tuning import write_scene
+
+    chosen, _, remarks = with_modes(scene, changes, hammer, None, progress)
+    inputs = (*files_read(chosen, scene), *((Path(hammer),) if hammer else ()))
+    file = OutputFile(out, inputs=inputs, ending=".toml", overwrite=overwrite) if out else None
+    result, report = losses(chosen, progress)
+    report = report.model_copy(update={"remarks": [*remarks, *report.remarks]})
+    if file is None:
+        return Damped(result, report, None)
+    first = "Loss factors inferred from the damping ratios of the targets."
+    return Damped(write_scene(_named(result, file), file, first, scene), report, file.path)
 
 
 def rank_parameters(

@@ -28,7 +28,7 @@ from workflows.report.plots import Line, Panel
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, ModalDampingTable, Scene
 from workflows.scene.bodies import MeasuredMode
-from workflows.stages.damping import damping_law
+from workflows.stages.damping import structure_damping
 from workflows.stages.pictures import rendered
 from workflows.stages.pipeline import Pipeline
 from workflows.stages.targets import placed, remarks_on_axes
@@ -461,7 +461,10 @@ def targets_of(test: IdentifiedTest, shapes: Path) -> str:
     blocks = []
     for row in test.report.rows:
         doubts = [remark for remark in row.remarks if remark.startswith("doubtful")]
-        lines = ["[[targets]]", f"hz = {row.frequency_hz:.6g}", f'shape = "{shapes}"']
+        lines = [
+            "[[targets]]", f"hz = {row.frequency_hz:.6g}", f'shape = "{shapes}"',
+            f"zeta = {row.zeta:.4g}", f"zeta_deviation = {row.zeta_deviation:.2g}",
+        ]  # fmt: skip
         if doubts or (row.mac is None and row.runner_up_mac is not None):
             why = doubts[0] if doubts else "no computed mode is like it"
             lines = [f"# {why}", *(f"# {line}" for line in lines)]
@@ -509,9 +512,9 @@ def as_targets(
     kept = [i for i in range(len(rows)) if holds[i] or number[i]]
     rows, number, holds = ([each[i] for i in kept] for each in (rows, number, holds))
     tables = tuple(
-        MeasuredMode(hz=row.frequency_hz, shape=str(file))
+        MeasuredMode(hz=row.frequency_hz, shape=str(file), **_damped(row))
         if has_shape
-        else MeasuredMode(hz=row.frequency_hz, number=n)
+        else MeasuredMode(hz=row.frequency_hz, number=n, **_damped(row))
         for row, n, has_shape in zip(rows, number, holds, strict=True)
     )
     scene = scene.but(targets=tables)
@@ -625,7 +628,16 @@ def applied(
     ratios = [report.damping.get(i) for i in scene.measured_numbers]
     if None not in ratios:
         scene = scene.but(damping=ModalDampingTable(kind="modal", ratio=tuple(ratios)))
+    if not scene.of_dimensions:
+        of_test = {row.mode: _damped(row) for row in report.rows if row.mode}
+        tables = zip(scene.measured_numbers, scene.targets or (), strict=True)
+        scene = scene.but(targets=tuple(table.but(**of_test.get(n, {})) for n, table in tables))
     return scene, report.targets
+
+
+def _damped(row: HammerRow) -> dict[str, float]:
+    """The damping of a row as keys of a target."""
+    return {"zeta": row.zeta, "zeta_deviation": row.zeta_deviation}
 
 
 def virtual_test(pipeline: Pipeline) -> Responses:
@@ -634,7 +646,7 @@ def virtual_test(pipeline: Pipeline) -> Responses:
     H_ij = sum_k phi_ik phi_jk (-omega^2) / (omega_k^2 - omega^2 + 2 i zeta_k omega_k omega)
     """
     scene, modes = pipeline.scene, pipeline("modes")
-    damping = damping_law(scene.damping, scene.measured_hz)
+    damping = structure_damping(scene, pipeline("model"), modes)
     if damping is None:
         raise InvalidScene("a virtual test needs damping; set damping.kind=modal with a ratio.")
     zeta = coupling.damping_ratios(damping, modes.omega)

@@ -14,7 +14,7 @@ from fem.sensor_placement import effective_independence, outside
 from fem.synthetic_hits import HammerDefects, Striking, struck
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene
-from workflows.stages.damping import damping_law
+from workflows.stages.damping import structure_damping
 from workflows.stages.pipeline import Pipeline
 from workflows.stages.targets import placed
 
@@ -119,7 +119,7 @@ def computed_hits(
     highest mode, records last until the lowest has fallen to a thousandth, 2^16 samples at most.
     """
     scene, model, modes = pipeline.scene, pipeline("model"), pipeline("modes")
-    damping = damping_law(scene.damping, scene.measured_hz)
+    damping = structure_damping(scene, model, modes)
     if damping is None:
         raise InvalidScene("computed hits need damping; set damping.kind=modal with a ratio.")
     chosen = elastic(pipeline, band_hz)

@@ -90,12 +90,11 @@ class TuningReport(BaseModel):
             error = self.mesh_error_percent.get(i)
             of_mesh = None if error is None else f"{error:.2g} %"
             computed = self.computed_mode.get(i)
-            partner = None if computed is None else f"computed mode {computed}"
             of_shape = self.measured_mac.get(i)
             macs = (f"{self.mac[i]:.2f}",)
             if self.measured_mac:
                 macs = (None if of_shape is None else f"{of_shape:.2f}", *macs)
-            modes.append((i, partner, *hz, of_mesh, *macs))
+            modes.append((i, computed, *hz, of_mesh, *macs))
         values = []
         for name, value in self.stiffness.items():
             spread = self.deviation[name]
@@ -103,7 +102,7 @@ class TuningReport(BaseModel):
             values.append((name, f"{value:.5g}", unit(name), text))
         cost = f"{self.evaluations} evaluations in {self.seconds:.2f} s"
         head = (
-            "mode", "paired with", "wanted [Hz]", "fitted [Hz]", "full model [Hz]", "mesh error",
+            "mode", "computed", "wanted [Hz]", "fitted [Hz]", "full model [Hz]", "mesh error",
             *(("measured MAC", "stiff MAC") if self.measured_mac else ("MAC",)),
         )  # fmt: skip
         return "\n".join(
@@ -523,8 +522,8 @@ def shape_mac(full: Pipeline) -> dict[str, float]:
     }
 
 
-def write_scene(scene: Scene, file: OutputFile, report: TuningReport, source: Source) -> Scene:
-    """Write the tuned scene as TOML with a first line on where its joints come from, and return it.
+def write_scene(scene: Scene, file: OutputFile, first: str, source: Source) -> Scene:
+    """Write the scene as TOML with a first line on where its values come from, and return it.
 
     One that was read from a file keeps this file's name of it, comments and order, as far as
     reading that back gives the scene; in another folder it names its own files by full paths.
@@ -549,8 +548,6 @@ def write_scene(scene: Scene, file: OutputFile, report: TuningReport, source: So
             if read.model_copy(update={"name": scene.name}) == scene:
                 scene, text = read, commented
                 break
-    wanted = ", ".join(f"{n}: {hz:g} Hz" for n, hz in report.match.items())
-    first = f"# Joints inferred from modes {wanted}; deviations assume 0.1 % in frequency.\n"
     with file.writing() as path:
-        path.write_text(first + text, encoding="utf-8")
+        path.write_text(f"# {first}\n{text}", encoding="utf-8")
     return scene

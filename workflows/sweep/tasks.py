@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from math import isfinite
 from typing import NamedTuple
 
-from workflows.scene import InvalidScene, Scene
+from workflows.scene import InvalidScene, LossFactorsTable, Scene
 from workflows.sweep.cases import Base, CheckedGroup, Group, checked, groups
 from workflows.sweep.core.design import Design
 from workflows.sweep.models import Source, models_key
@@ -56,7 +56,11 @@ def source_of(checked_group: CheckedGroup, design: Design) -> Source:
         joint, _, direction = key.removeprefix("joints.").rpartition(".")
         if key.startswith("joints.") and joint in scene.bushings and direction in SPRINGS:
             keys.append(key)
-    if not keys or scene.reduction.kind != "craig-bampton":
+    # shares of parts in the strain of modes change with the stiffness of joints
+    one_by_one = scene.reduction.kind != "craig-bampton" or isinstance(
+        scene.damping, LossFactorsTable
+    )
+    if not keys or one_by_one:
         return Source(scene)
     try:
         other_values = {key: value for key, value in values.items() if key not in keys}
