@@ -116,13 +116,12 @@ def verdict(chain: Chain, wall: Wall | CoupledWall | None, v0: ArrayLike) -> Ver
     sentences = [
         f"Predicted peak force {place} {force:.3g} N, contact stiffness {1e-6 * stiffness:.3g} "
         "MN/m.",
-        f"Highest frequency of the contacts {omega / 2e3 / np.pi:.3g} kHz.",
+        f"Highest frequency of the contacts {_frequency(omega)}.",
     ]
     if n_modes:
-        highest = np.max(wall.omega) / 2e3 / np.pi
         sentences.append(
-            f"The wall has {n_modes} mode{'s' if n_modes > 1 else ''} up to {highest:.3g} kHz and "
-            f"a residual compliance of {1e9 * s:.3g} nm/N."
+            f"The wall has {n_modes} mode{'s' if n_modes > 1 else ''} up to "
+            f"{_frequency(np.max(wall.omega))} and a residual compliance of {1e9 * s:.3g} nm/N."
         )
     passive = energy_source is None
     return Verdict(
@@ -169,3 +168,9 @@ def large_step_error(error: float | None) -> Iterator[str]:
             f"The step leaves an error of {error:.2g} in the velocities; take a smaller time.dt, "
             "or ask for time.error."
         )
+
+
+def _frequency(omega: float) -> str:
+    """The frequency of omega [rad/s] with its unit."""
+    hz = omega / (2 * np.pi)
+    return f"{1e-3 * hz:.3g} kHz" if hz >= 1e3 else f"{hz:.3g} Hz"

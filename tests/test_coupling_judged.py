@@ -231,9 +231,9 @@ def test_a_verdict_tells_force_stiffness_and_frequencies(kind, last):
         shared = np.sqrt(ks[i] * ks[i + 1]) / m[i + 1]
         rows[i] += shared
         rows[i + 1] += shared
-    assert f"{np.sqrt(rows.max()) / 2e3 / np.pi:.3g} kHz" in result.sentences[1]
+    assert f"{np.sqrt(rows.max()) / 2 / np.pi:.3g} Hz" in result.sentences[1]
     if wall:
-        words = f"2 modes up to {3e-3 / 2 / np.pi:.3g} kHz and a residual compliance of 2e+08 nm/N"
+        words = f"2 modes up to {3.0 / 2 / np.pi:.3g} Hz and a residual compliance of 2e+08 nm/N"
         assert words in result.sentences[2]
 
 
@@ -261,7 +261,7 @@ def test_a_sphere_alone_has_neither_contact_nor_frequency():
     assert result.possible and result.passive and result.predicted_peak_force == 0.0
     assert result.sentences == (
         "Predicted peak force between spheres 0 N, contact stiffness 0 MN/m.",
-        "Highest frequency of the contacts 0 kHz.",
+        "Highest frequency of the contacts 0 Hz.",
     )
 
 
@@ -314,7 +314,7 @@ def test_walls_without_damping_and_with_one_mode_are_said_to_work():
     one = Wall(OMEGA[1:], np.zeros(1), PHI[1:])
     result = verdict(chain, one, speeds(3))
     assert result.passive and result.findings == () and result.n_wall_modes == 1
-    assert result.sentences[2].startswith(f"The wall has 1 mode up to {3e-3 / 2 / np.pi:.3g} kHz")
+    assert result.sentences[2].startswith(f"The wall has 1 mode up to {3.0 / 2 / np.pi:.3g} Hz")
     assert verdict(chain, one._replace(mobility=0.5), speeds(3)).passive
     still = coupled(damped=False)
     assert verdict(chain, still, speeds(3)).passive

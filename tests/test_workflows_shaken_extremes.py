@@ -27,7 +27,7 @@ def test_the_energy_of_a_random_cycle_closes_to_the_error(scene):
 @pytest.mark.parametrize("scene", [pytest.param(6, marks=pytest.mark.slow), 8, 12, 18])
 def test_the_energy_of_a_loop_has_an_error_of_its_own(scene):
     """Of all of the contact that slips to a ring of 0.3 % and less of its area, beside a search to
-    a thirtieth of the error: the error is 1.7 to 2.6 times what the loops differ by, where half as
+    a thirtieth of the error: the error is 1.6 to 2.6 times what the loops differ by, where half as
     many samples and cells alone told 0.16 to 2.5 times. A contact to whose cells all sticks loses
     something."""
     cycle = EXAMPLE.scene(np.random.default_rng([0, scene]))

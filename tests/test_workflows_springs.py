@@ -291,3 +291,17 @@ def test_a_hammer_test_of_a_box_on_cords_tunes_its_modulus(folder):
     ).report
     assert report.stiffness["materials.steel.young"] == pytest.approx(1.1, rel=1e-3)
     assert "is mode 1, " in report.remarks[0] and "is mode 7" not in report.remarks[0]
+
+
+def test_modes_whose_errors_arise_at_one_place_share_a_sentence():
+    table = mode_table(pipeline())
+    worst, other, elsewhere = (
+        row.model_copy(update={"error_percent": error, "why": f"why {error}", "place": place})
+        for row, error, place in zip(
+            table.rows[6:], (9.0, 6.0, 7.0), ("there", "there", "here"), strict=False
+        )
+    )
+    rows = [other, worst, elsewhere]
+    text = table.model_copy(update={"rows": rows}).text()
+    assert f"Mode {worst.number}: why 9.0 The smaller error of mode {other.number} arises" in text
+    assert f"Mode {elsewhere.number}: why 7.0" in text and "why 6.0" not in text

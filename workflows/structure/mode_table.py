@@ -33,6 +33,7 @@ class ModeRow(BaseModel):
     # of the mesh, by which the frequency is too high; of a beam or a plate of mesh and theory
     error_percent: float | None = None
     why: str = ""  # where an error above 5 % comes from, and what helps
+    place: str = ""  # where it comes from, alone
     hammer_mode: int | None = None
     hammer_hz: float | None = None
     difference_percent: float | None = None
@@ -70,7 +71,19 @@ class ModeTable(BaseModel):
         legend = READING if any(row.hammer_mode for row in self.rows) else NO_TARGETS
         load = LOADED.format(100 * self.load_factor) if self.load_factor is not None else ""
         shapes = ", ".join(f"{r.hammer_mode}: {r.shape}" for r in self.rows if r.shape)
-        whys = [f"Mode {row.number}: {row.why}" for row in self.rows if row.why]
+        # of the modes whose errors arise at one place the worst has the sentence
+        at_place: dict[str, list[ModeRow]] = {}
+        for row in self.rows:
+            if row.why:
+                at_place.setdefault(row.place, []).append(row)
+        whys = []
+        for rows in at_place.values():
+            worst = max(rows, key=lambda row: row.error_percent)
+            others = ", ".join(str(row.number) for row in rows if row is not worst)
+            ones = "errors of modes" if len(rows) > 2 else "error of mode"
+            arise = "arise" if len(rows) > 2 else "arises"
+            more = f" The smaller {ones} {others} {arise} there too." if others else ""
+            whys.append(f"Mode {worst.number}: {worst.why}{more}")
         return "\n".join([table, "", *filter(None, (shapes, legend, load, *self.warnings, *whys))])
 
 
@@ -84,15 +97,17 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
     if scene.bending is None:
         missed = pipeline("missed-energy")
         error, whys = missed.of_frequencies(modes.omega), missed.explained(scene, modes.omega)
+        causes = missed.causes if any(whys) else ()
+        places = [causes[k].place if causes else "" for k in missed.shapes_of(modes.omega)]
     else:
         errors = {e.name: e.relative for e in pipeline("structure-errors")}
         error = [errors.get(f"mode {i + 1}", np.nan) for i in range(len(modes.omega))]
-        whys = [""] * len(error)
+        whys = places = [""] * len(error)
     rows = []
     for j, hz in enumerate(modes.omega / (2 * np.pi)):
         row = ModeRow(number=j + 1, frequency_hz=hz, participation=participation[j])
         row.error_percent = None if np.isnan(error[j]) else 100 * float(error[j])
-        row.why = whys[j]
+        row.why, row.place = whys[j], places[j] if whys[j] else ""
         if j in measured:
             i = measured[j]
             row.hammer_mode, row.hammer_hz = scene.measured_numbers[i], scene.measured_hz[i]
