@@ -13,7 +13,9 @@ from fem.loss_factors import damping_ratios_of, loss_factors
 from known_models import PADS
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene, LossFactorsTable
+from workflows.stages.assembly import mesh
 from workflows.stages.damping import damping, strain_of, structure_damping
+from workflows.stages.face import StruckFace
 from workflows.stages.pipeline import pipeline_of
 from workflows.stages.progress import quiet
 from workflows.structure.api import fit_losses
@@ -152,6 +154,15 @@ def test_a_run_and_its_errors_take_the_ratios_of_the_loss_factors(shared_cache, 
     assert reduced.contact.strain.parts == ("materials.steel", "joints.pads")
     rom.save_npz(tmp_path / "r.npz", reduced)
     assert rom.load_npz(tmp_path / "r.npz").contact.strain is None
+
+
+@pytest.mark.slow
+def test_a_scan_and_its_second_mesh_take_the_ratios_of_the_loss_factors(shared_cache, tmp_path):
+    one = scene(silent_scene(tmp_path, STRUCK + PADS + LOSS))
+    zeta, hz = ratios(one)
+    for face in (StruckFace(one), StruckFace(one, mesh(one, 0.8))):
+        computed = damping_ratios(face._damping(), 2 * np.pi * hz)
+        np.testing.assert_allclose(computed, zeta)
 
 
 def test_what_has_no_ratios_or_no_such_parts_is_refused(lossy, shared_cache, capsys):

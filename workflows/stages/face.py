@@ -150,7 +150,9 @@ class StruckFace:
     def _damping(self) -> Damping | None:
         table, hz = self.scene.damping, None
         if isinstance(table, LossFactorsTable):
-            return structure_damping(self.scene, self.model, self.pipeline("modes"))
+            # of the mesh of the scene, on a second one too: their shares are alike
+            whole = self.pipeline
+            return structure_damping(self.scene, whole("model"), whole("modes"))
         if isinstance(table, ModalDampingTable) and isinstance(table.ratio, tuple):
             hz = tuple(self.pipeline("modes").paired_hz.values())
         return damping_law(table, hz or HAMMER_TEST_HZ)
