@@ -117,3 +117,31 @@ def test_modes_that_are_not_computed_and_names_that_are_not_known_are_refused(pa
         rank_parameters(pads, match={199: 5e4}, free="joints.pads.kz")
     with pytest.raises(InvalidScene, match=r"--free joints.pads.kq is not known"):
         rank_parameters(pads, match={1: 900.0}, free="joints.pads.kq")
+
+
+@pytest.mark.slow
+def test_the_rig_ranks_its_joints_and_block_with_the_slopes_of_full_solutions(shared_cache):
+    coarse = {"mesh.seed": 0.012, "mesh.block_seed": 0.05, "mesh.support_seed": 0.1}
+    start = scene("rig-rom", coarse | {"mesh.contact_seed": 0.03})
+    report = rank_parameters(start)
+    rows = {row.name: row for row in report.parameters}
+    assert {row.name for row in report.onsets} == {
+        *("head.kx", "head.krx", "head.krz"),
+        *(f"foot.{key}" for key in ("kx", "ky", "kz", "krx", "kry", "krz")),
+    }
+    assert report.determined[:2] == ["head.kz", "head.ky"]
+    h = 0.01
+    for name, number in (("ky", 1), ("kz", 2)):
+        k = getattr(start.joints.head, name)
+        up, down = (
+            pipeline_of(scene(start, {f"joints.head.{name}": k * np.exp(x)}), quiet)(
+                "modes"
+            ).paired_hz[str(number)]
+            for x in (h, -h)
+        )
+        slope = np.log(up / down) / (2 * h)
+        assert rows[f"head.{name}"].frequency[str(number)] == pytest.approx(slope, abs=2e-3)
+    # an assembly without sheets below has no foot to free
+    alone = scene(start, {"assembly.parts": ["block", "sheets"]})
+    names = [row.name for row in rank_parameters(alone, match=[1]).onsets]
+    assert not any(name.startswith("foot") for name in names)
