@@ -56,11 +56,10 @@ def source_of(checked_group: CheckedGroup, design: Design) -> Source:
         joint, _, direction = key.removeprefix("joints.").rpartition(".")
         if key.startswith("joints.") and joint in scene.bushings and direction in SPRINGS:
             keys.append(key)
+    if not keys or scene.reduction.kind != "craig-bampton":
+        return Source(scene)
     # shares of parts in the strain of modes change with the stiffness of joints
-    one_by_one = scene.reduction.kind != "craig-bampton" or isinstance(
-        scene.damping, LossFactorsTable
-    )
-    if not keys or one_by_one:
+    if isinstance(scene.damping, LossFactorsTable):
         return Source(scene)
     try:
         other_values = {key: value for key, value in values.items() if key not in keys}
