@@ -55,7 +55,7 @@ REFUSED = {
     "arm.stiffness has 3 values": {"arm.stiffness": [1.0, 2.0, 3.0]},
     "[guides] hold the last sphere": {"guides.force": 0.1},
     "must be up to 10 kg m^2": {"arm.inertia": 20.0},
-    "striker.tangential_velocity.2 is missing": {"striker.tangential_velocity": [0.1]},
+    "tangential_velocity = [0.1] has 1 value; give 2.": {"striker.tangential_velocity": [0.1]},
 }
 
 

@@ -14,8 +14,9 @@ from known_models import PADS
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene, LossFactorsTable
 from workflows.stages.assembly import mesh
-from workflows.stages.damping import damping, strain_of, structure_damping
+from workflows.stages.damping import damping
 from workflows.stages.face import StruckFace
+from workflows.stages.loss_factors import strain_of, structure_damping
 from workflows.stages.pipeline import pipeline_of
 from workflows.stages.progress import quiet
 from workflows.structure.api import fit_losses

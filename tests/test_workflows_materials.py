@@ -69,7 +69,7 @@ def test_yield_is_judged_by_the_softer_side_of_each_contact():
     assert (strain.contact, strain.yield_stress) == ("at the wall", 260e6)
     assert strain.yield_pressure == pytest.approx(1.6 * 260e6)
     (sentence,) = dem.outside(strain)
-    assert "contact at the wall reaches" in sentence and "1.6 times 2.6e+08 Pa" in sentence
+    assert "contact at the wall reaches" in sentence and "1.6 times 0.26 GPa" in sentence
 
     hard = dem.strain(chain, 210e9, force, np.zeros((2, 3)), yield_stress=2e9, of_wall=(7e10, 9e9))
     assert hard.contact == "of spheres 1 and 2"

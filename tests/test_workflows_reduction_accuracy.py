@@ -95,7 +95,7 @@ def test_a_shared_solution_is_the_same_and_its_seconds_count_again():
 
 def test_a_scene_with_dashpots_is_refused_not_compared_without_them():
     damped = scene("rig-rom", ("joints.head.cz=100.0",))
-    with pytest.raises(InvalidScene, match="joints have dashpots"):
+    with pytest.raises(InvalidScene, match="joints or springs have dashpots"):
         study.reduction(damped, lambda name: nullcontext())
 
 

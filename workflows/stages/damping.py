@@ -3,24 +3,18 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 import coupling
-import fem
-from fem.loss_factors import damping_ratios_of, strain_shares
 from workflows.scene import (
     Damping,
     InvalidScene,
     LossFactorsTable,
     ModalDampingTable,
     RayleighDampingTable,
-    Scene,
 )
 from workflows.thesis import HAMMER_TEST_HZ
 
 if TYPE_CHECKING:
     import rom
-    from fem.assembly_modes import AssemblyModes
 
 
 def damping(table: Damping, reduced: "rom.ReducedModel") -> coupling.Damping | None:
@@ -29,6 +23,8 @@ def damping(table: Damping, reduced: "rom.ReducedModel") -> coupling.Damping | N
     have given the ratios of the assembly's modes in its reduction; higher ones take the last one's.
     Raises InvalidScene for a model that was reduced without them."""
     if isinstance(table, LossFactorsTable):
+        from workflows.stages.loss_factors import law_of_loss  # a simple wall loads no elements
+
         if reduced.contact.strain is None:
             raise InvalidScene(
                 'damping.kind = "loss" needs the bodies whose strain it shares out, which this '
@@ -51,38 +47,3 @@ def damping_law(table: Damping, hammer_modes_hz: Sequence[float]) -> coupling.Da
         case ModalDampingTable(ratio=ratio):
             return coupling.ModalDamping(ratio, hammer_modes_hz, "nearest")
     return None
-
-
-def law_of_loss(table: LossFactorsTable, strain: "rom.StrainShares") -> coupling.Damping:
-    """Damping law of loss factors; raises InvalidScene for names that are not of the assembly."""
-    for name in table.factors:
-        if name not in strain.parts:
-            kind, _, part = name.partition(".")
-            known = [one.partition(".")[2] for one in strain.parts if one.startswith(f"{kind}.")]
-            raise InvalidScene(
-                f"damping.{kind}.{part} is not of this assembly; it has "
-                f"{', '.join(known) or 'none of these'}."
-            )
-    zeta = damping_ratios_of(strain.shares, [table.factors.get(one, 0.0) for one in strain.parts])
-    return coupling.ModalDamping(zeta, strain.hz, "nearest")
-
-
-def structure_damping(
-    scene: Scene, model: fem.Model, modes: "AssemblyModes"
-) -> coupling.Damping | None:
-    """Damping law of a scene for the modes of its assembly."""
-    if isinstance(scene.damping, LossFactorsTable):
-        return law_of_loss(scene.damping, strain_of(scene, model, modes))
-    return damping_law(scene.damping, scene.measured_hz)
-
-
-def strain_of(scene: Scene, model: fem.Model, modes: "AssemblyModes") -> "rom.StrainShares":
-    """Of which materials, joints and springs the strain energy is, of the modes that have some."""
-    import rom
-
-    whole = scene.written_out
-    material = {body: whole.material_name(body) or "" for body in model.structure.basis}
-    parts, shares = strain_shares(model, fem.Modes(modes.omega, modes.phi), material)
-    hz, first = np.unique(modes.omega / (2 * np.pi), return_index=True)
-    strains = shares[first].sum(axis=1) > 0
-    return rom.StrainShares(hz[strains], parts, shares[first][strains])

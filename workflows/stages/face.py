@@ -25,8 +25,9 @@ from workflows.scene.reduction import TO_HZ
 from workflows.stages import assembly as stages
 from workflows.stages.assembly import solid, struck
 from workflows.stages.chain import Start, start
-from workflows.stages.damping import damping_law, structure_damping
+from workflows.stages.damping import damping_law
 from workflows.stages.errors import other_mesh
+from workflows.stages.loss_factors import structure_damping
 from workflows.stages.parts import Parts
 from workflows.stages.pipeline import Pipeline, Stage, pipeline_of, tables_of
 from workflows.thesis import HAMMER_TEST_HZ

@@ -12,8 +12,8 @@ from rom.jointed import Jointed
 from workflows.scene import LossFactorsTable, Scene
 from workflows.scene.reduction import TO_HZ
 from workflows.stages.assembly import dashpots, solid, struck
-from workflows.stages.damping import strain_of
 from workflows.stages.functionals import with_functionals
+from workflows.stages.loss_factors import strain_of
 from workflows.stages.strike import surface_of
 
 NOTHING = np.empty(0, np.int64)

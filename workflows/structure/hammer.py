@@ -28,7 +28,7 @@ from workflows.report.plots import Line, Panel
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, ModalDampingTable, Scene
 from workflows.scene.bodies import MeasuredMode
-from workflows.stages.damping import structure_damping
+from workflows.stages.loss_factors import structure_damping
 from workflows.stages.pictures import rendered
 from workflows.stages.pipeline import Pipeline
 from workflows.stages.targets import placed, remarks_on_axes

@@ -14,7 +14,7 @@ from fem.sensor_placement import effective_independence, outside
 from fem.synthetic_hits import HammerDefects, Striking, struck
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene
-from workflows.stages.damping import structure_damping
+from workflows.stages.loss_factors import structure_damping
 from workflows.stages.pipeline import Pipeline
 from workflows.stages.targets import placed
 

@@ -9,7 +9,7 @@ from fem.loss_factors import LossOptions, loss_factors
 from workflows.report.numbers import supported
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, LossFactorsTable, Scene
-from workflows.stages.damping import strain_of
+from workflows.stages.loss_factors import strain_of
 from workflows.stages.pipeline import pipeline_of
 from workflows.stages.progress import Progress
 

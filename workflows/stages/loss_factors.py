@@ -1,0 +1,50 @@
+"""The damping law of loss factors, from the strain that materials, joints and springs share."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import coupling
+import fem
+from fem.loss_factors import damping_ratios_of, strain_shares
+from workflows.scene import InvalidScene, LossFactorsTable, Scene
+from workflows.stages.damping import damping_law
+
+if TYPE_CHECKING:
+    import rom
+    from fem.assembly_modes import AssemblyModes
+
+
+def law_of_loss(table: LossFactorsTable, strain: "rom.StrainShares") -> coupling.Damping:
+    """Damping law of loss factors; raises InvalidScene for names that are not of the assembly."""
+    for name in table.factors:
+        if name not in strain.parts:
+            kind, _, part = name.partition(".")
+            known = [one.partition(".")[2] for one in strain.parts if one.startswith(f"{kind}.")]
+            raise InvalidScene(
+                f"damping.{kind}.{part} is not of this assembly; it has "
+                f"{', '.join(known) or 'none of these'}."
+            )
+    zeta = damping_ratios_of(strain.shares, [table.factors.get(one, 0.0) for one in strain.parts])
+    return coupling.ModalDamping(zeta, strain.hz, "nearest")
+
+
+def structure_damping(
+    scene: Scene, model: fem.Model, modes: "AssemblyModes"
+) -> coupling.Damping | None:
+    """Damping law of a scene for the modes of its assembly."""
+    if isinstance(scene.damping, LossFactorsTable):
+        return law_of_loss(scene.damping, strain_of(scene, model, modes))
+    return damping_law(scene.damping, scene.measured_hz)
+
+
+def strain_of(scene: Scene, model: fem.Model, modes: "AssemblyModes") -> "rom.StrainShares":
+    """Of which materials, joints and springs the strain energy is, of the modes that have some."""
+    import rom
+
+    whole = scene.written_out
+    material = {body: whole.material_name(body) or "" for body in model.structure.basis}
+    parts, shares = strain_shares(model, fem.Modes(modes.omega, modes.phi), material)
+    hz, first = np.unique(modes.omega / (2 * np.pi), return_index=True)
+    strains = shares[first].sum(axis=1) > 0
+    return rom.StrainShares(hz[strains], parts, shares[first][strains])
