@@ -205,18 +205,18 @@ def ranked(
             onsets.append(OnsetRow(name=p.name, now=is_now, stiffness=stiffness))
 
     determined = [row.name for row in rows[: order.n_determined]]
-    mode = "mode " + ", ".join(map(str, match))
+    several, error = len(match) > 1, f"at {100 * options.frequency_error:g} % in frequency"
+    mode = f"{'modes' if several else 'mode'} {', '.join(map(str, match))}"
+    does = "determine together" if several else "determines"
     remarks = [
-        f"{mode} determine together, at {100 * options.frequency_error:g} % in frequency: "
-        f"--free {','.join(determined)}."
+        f"{mode} {does}, {error}: --free {','.join(determined)}."
         if determined
-        else f"{mode}: no value of these is determined at {100 * options.frequency_error:g} % in "
-        "frequency; match others, or more."
+        else f"{mode}: no value of these is determined {error}; match others, or more."
     ]
     errors = {n: hz[i] / match[n] - 1 for n, i in at.items()}
-    if far := [f"{n} ({100 * x:+.0f} %)" for n, x in errors.items() if abs(x) > options.far]:
+    if far := [f"mode {n} ({100 * x:+.0f} %)" for n, x in errors.items() if abs(x) > options.far]:
         remarks.append(
-            f"mode {', '.join(far)} far from the target: sensitivities at the fitted values will "
+            f"Far from the target: {', '.join(far)}. Sensitivities at the fitted values will "
             "differ, rank again after a fit."
         )
     for n, i in at.items():
