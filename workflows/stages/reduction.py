@@ -194,7 +194,8 @@ def _require_held(scene: Scene, modes: AssemblyModes) -> None:
     held = [hold.on for hold in scene.assembly.holds]
     loose = ", ".join(open_joints) or f"assembly.held = {held} (of the rig: assembly.parts)"
     if scene.springs:
-        loose = f"springs {', '.join(spring.name for spring in scene.springs)} that leave that motion free"
+        names = ", ".join(spring.name for spring in scene.springs)
+        loose = f"springs ({names}) that leave that motion free"
     raise ValueError(
         "the assembly, or a part of it, is not held: its lowest mode is below "
         f"{LIMITS.floating:g} Hz, with {loose}. Constraint modes need what is held; hold it, or "
