@@ -112,7 +112,7 @@ def hammer(
         return
     print_report(call().report, call.json, call.quiet)
     if out := call.given.get("out"):
-        files = ("modes.json", "modes.uff", "targets.toml")
+        files = ("modes.json", "poles.html", "modes.uff", "targets.toml")
         names = [name for name in files if (out / name).exists()]
         line = f"written: {out}/{', '.join([*names, 'figures'])}"
         print_lines(line, json=call.json, quiet=call.quiet)

@@ -451,9 +451,10 @@ def hammer(
     force_channel  channel of the force in .wav files; 0: ring-downs
     reject         poles to leave out by their numbers, as 3,7
     accept         poles to take, though they were left out
-    out            folder for modes.json, modes.uff, where the points are known targets.toml, and
+    out            folder for modes.json, poles.html (the stability diagram, on which a click takes
+                   a pole or leaves it out), modes.uff, where the points are known targets.toml, and
                    pictures: stability diagram, responses measured and of the modes, coherence,
-                   AutoMAC
+                   AutoMAC, measured shapes beside computed ones
 
     The modes are paired with the measured modes of `scene` by frequency, or where the points of the
     test are known one-to-one with the modes of an assembly of bodies, by the MAC of their shapes
@@ -473,7 +474,7 @@ def hammer(
     inputs = (*files_read(chosen, scene), *paths, *((reading.points,) if reading.points else ()))
     folder = picture_folder(out, inputs, overwrite, *HAMMER_PICTURES)
     if folder:
-        folder.require("modes.json", "modes.uff", "targets.toml")
+        folder.require("modes.json", "poles.html", "modes.uff", "targets.toml")
     from workflows.stages.pipeline import pipeline_of
     from workflows.structure.hammer import (
         hammer_test,
@@ -483,6 +484,7 @@ def hammer(
         shapes_beside,
         targets_of,
     )
+    from workflows.structure.pole_page import command_of, pole_page
 
     with progress("identification"):
         wanted = chosen.measured_modes
@@ -503,6 +505,8 @@ def hammer(
         made = [f"figures/{picture.name}.png" for picture in result.pictures]
         with folder.renewed("modes.json", *made) as renewed:
             renewed.write("modes.json", test.report.model_dump_json(indent=1) + "\n")
+            command = command_of(paths, scene, changes, reading, choice, folder.path)
+            renewed.write("poles.html", pole_page(test, choice, command))
             write_pictures(renewed, result.pictures)
             if find_spec("pyuff"):
                 with renewed.writing("modes.uff") as draft:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel
 
 import coupling
@@ -17,6 +18,7 @@ from fem.half_power import half_power_bandwidth
 from fem.hammer_files import SYNTHETIC, Responses
 from fem.hammer_test import accelerances, corner_readings, nearest_modes, with_noise
 from fem.hit_records import node_and_axis
+from fem.hits import FrequencyResponses
 from fem.measured_shapes import MeasuredShape, along_directions
 from fem.poly_reference import IdentifiedModes, identified_modes
 from fem.subspace import subspace_modes
@@ -543,12 +545,20 @@ def as_targets(
     return scene, hz, [f"Modes of {file} are paired {how}: {listed}.", *doubts]
 
 
+def summed_response(
+    responses: FrequencyResponses,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Frequencies above 0 (k,) [Hz], and the root of the sum of the squares of all responses."""
+    within = responses.frequency_hz > 0
+    size = np.sqrt(np.sum(np.abs(responses.H) ** 2, axis=(0, 1)))
+    return responses.frequency_hz[within], size[within]
+
+
 def pictures(test: IdentifiedTest) -> list[Picture]:
     """Stability diagram, measured over synthesised responses, coherence and AutoMAC."""
     responses, modes, rows = test.test.responses, test.modes, test.report.rows
     f, H = responses.frequency_hz, responses.H
-    within = f > 0
-    size = np.sqrt(np.sum(np.abs(H) ** 2, axis=(0, 1)))[within]
+    within, size = f > 0, summed_response(responses)[1]
 
     # poles of every order over the sum of all responses; lines at the modes, with their numbers
     top = max(order for order, _ in modes.diagram)
