@@ -1,6 +1,7 @@
 """Measured shapes as targets: written from a known model with noise, paired by MAC, refused."""
 
 import json
+import re
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -247,6 +248,40 @@ def test_what_is_no_universal_file_is_refused_in_a_sentence():
             Path(name).write_text(content)
         with pytest.raises(InvalidScene, match=message):
             pipeline(BEAM + TARGET.format(100.0).replace("shapes.uff", name))("modes")
+
+
+def driven_at_the_last_point(shapes, omega, scale=1.0):
+    """Accelerances of all points to a hammer that strikes the last one along z."""
+    n = shapes.shape[1]
+    ends = [(i, axis) for i in range(n) for axis in (1, 2)]
+    read = np.array([shapes[:, i, axis] for i, axis in ends])
+    hz = np.arange(50.0, 1.1 * omega.max() / (2 * np.pi), 1.0)
+    H = scale * accelerances(read, shapes[:, -1, 2], omega, np.full(len(omega), 0.004), hz)
+    for (i, axis), h in zip(ends, H, strict=True):
+        yield pyuff.prepare_58(
+            binary=0, func_type=4, rsp_node=i + 1, rsp_dir=axis + 1, ref_node=n, ref_dir=3,
+            data=h, x=hz, id1="test", rsp_ent_name="r", ref_ent_name="h", abscissa_spacing=1,
+            abscissa_spec_data_type=18, ordinate_spec_data_type=12, orddenom_spec_data_type=13,
+        )  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("scale", "sentence"),
+    [
+        (1.0, None),
+        (1 / 9.80665, "0.102 times what the model gives at .* in g that are called m/s"),
+        (3.0, "3 times what .* look at units and sensitivities, or at its mass"),
+    ],
+)
+def test_responses_that_have_not_the_models_size_are_named(known, scale, sentence):
+    points, shapes, omega = known[0][::4], known[1][:, ::4], known[2]
+    written(nodes(points), *driven_at_the_last_point(shapes[:5], SHIFT * omega[:5], scale))
+    Path("beam.toml").write_text(BEAM)
+    remarks = beadwave.hammer("shapes.uff", "beam.toml").report.remarks
+    of_size = [remark for remark in remarks if "times what the model gives" in remark]
+    assert len(of_size) == (sentence is not None)
+    assert all(re.search(sentence, remark) for remark in of_size)
 
 
 @pytest.mark.slow

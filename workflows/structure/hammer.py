@@ -21,6 +21,7 @@ from fem.hit_records import node_and_axis
 from fem.hits import FrequencyResponses
 from fem.measured_shapes import MeasuredShape, along_directions
 from fem.poly_reference import IdentifiedModes, identified_modes
+from fem.response_scale import POWERS, remark_on_scale, response_scale
 from fem.subspace import subspace_modes
 from workflows.files.hammer import MeasuredTest, Reading, measured_test
 from workflows.files.run_folder import Picture
@@ -420,8 +421,45 @@ def recognised(test: IdentifiedTest, pipeline: Pipeline, wanted: Collection[int]
                 "runner_up_mac": float(likeness[i, second]),
             }
         rows.append(row.model_copy(update=update))
-    remarks = [*report.remarks, *remarks_on_axes(scene)]
+    # pairs of which nothing is doubted tell whether the responses have the model's size
+    sure = np.array([i for i, j in enumerate(pairs.index) if j >= 0 and not pairs.doubts[i]], int)
+    of_scale = scale_beside(test, pipeline, reading, sure, pairs.index[sure])
+    remarks = [*report.remarks, *([of_scale] if of_scale else []), *remarks_on_axes(scene)]
     return test._replace(report=report.model_copy(update={"rows": rows, "remarks": remarks}))
+
+
+def scale_beside(
+    test: IdentifiedTest,
+    pipeline: Pipeline,
+    reading: NDArray[np.float64],
+    measured: NDArray[np.int64],
+    computed: NDArray[np.int64],
+) -> str:
+    """A sentence where the responses of some measured modes have another size than those of the
+    computed modes that they are; "" where they agree, or where the places of the hammer, or the
+    quantity, are not known. `reading` (p, k) are the computed modes at the points with a place."""
+    responses, nodes = test.test.responses, test.test.nodes
+    ends = [node_and_axis(name) for name in responses.references]
+    if test.test.quantity not in POWERS or not all(end and end[0] in nodes for end in ends):
+        return ""
+    points, axes = (np.array(values) for values in zip(*ends, strict=True))
+    hit = MeasuredShape(
+        np.array([nodes[node] for node in points.tolist()]),
+        np.sign(axes)[:, None] * np.eye(3)[np.abs(axes) - 1],
+        np.ones(len(axes), complex),
+    )
+    model, modes = pipeline("model"), pipeline("modes")
+    at_references = placed(pipeline.scene, model, test.report.file, hit, 0.0).reading @ modes.phi
+    missing = points_without_place(test.test)
+    chosen = test.modes._replace(
+        frequency_hz=test.modes.frequency_hz[measured],
+        phi=np.delete(test.modes.phi, missing, axis=0)[:, measured],
+        participation=test.modes.participation[measured],
+    )
+    scale = response_scale(
+        chosen, test.test.quantity, reading[:, computed], at_references[:, computed]
+    )
+    return remark_on_scale(scale)
 
 
 def shapes_beside(
