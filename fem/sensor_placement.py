@@ -101,3 +101,13 @@ def effective_independence(
         q = np.linalg.qr(phi[kept])[0]
         kept = np.delete(kept, int(np.sum(q**2, axis=1).argmin()))
     return kept
+
+
+def one_more_point(phi: NDArray[np.float64], candidates: NDArray[np.float64]) -> tuple[int, float]:
+    """Which of c candidates tells two modes apart best beside the points that there are: its
+    position, and the MAC of both with it; from their shapes phi (p, 2) and candidates (c, 2)."""
+    cross = (phi[:, 0] @ phi[:, 1] + candidates[:, 0] * candidates[:, 1]) ** 2
+    sizes = np.sum(phi**2, axis=0) + candidates**2
+    mac = cross / np.maximum(sizes[:, 0] * sizes[:, 1], 1e-300)
+    best = int(mac.argmin())
+    return best, float(mac[best])

@@ -6,7 +6,7 @@ from skfem import MeshHex
 
 from fem import Connections, Material, Tie, assemble, joined
 from fem.correlation import mac
-from fem.sensor_placement import effective_independence, outside
+from fem.sensor_placement import effective_independence, one_more_point, outside
 
 STEEL = Material(210e9, 0.3, 7850.0)
 
@@ -57,3 +57,13 @@ def test_candidates_lie_outside_and_away_from_where_bodies_meet():
     sides = np.where(candidates.axes == 2, 0.08, 0.04)
     assert np.all(np.isclose(on_face, 0.0) | np.isclose(on_face, sides))
     assert np.all(candidates.reading % 3 == candidates.axes)
+
+
+def test_one_more_point_is_the_one_that_lowers_the_mac_most():
+    rng = np.random.default_rng(0)
+    phi = rng.normal(size=(4, 1)) * [1.0, 1.02] + 0.02 * rng.normal(size=(4, 2))
+    candidates = rng.normal(size=(30, 2))
+    best, with_it = one_more_point(phi, candidates)
+    each = [mac(*np.split(np.vstack([phi, row]), 2, axis=1))[0, 0] for row in candidates]
+    assert best == int(np.argmin(each)) and with_it == pytest.approx(min(each), rel=1e-12)
+    assert with_it < mac(phi[:, :1], phi[:, 1:])[0, 0]

@@ -284,6 +284,26 @@ def test_responses_that_have_not_the_models_size_are_named(known, scale, sentenc
     assert all(re.search(sentence, remark) for remark in of_size)
 
 
+def test_one_more_point_is_named_where_two_modes_look_alike(known):
+    """Three points near the tip along y see all bending about z alike."""
+    run = pipeline(BEAM)
+    model, modes = run("model"), run("modes")
+    points = np.array([[0.098, 0.006, 0.0], [0.096, 0.006, 0.0], [0.094, 0.006, 0.0]])
+    reading = (on_surface(model.structure, points).P @ model.T @ modes.phi)[1::3]
+    bending = np.flatnonzero(np.abs(reading[0]) > 0.5 * np.abs(reading).max())[:2]
+    assert mac(reading[:, bending[:1]], reading[:, bending[1:]])[0, 0] > 0.8
+    sentence = hammer.points_that_tell(model, modes, reading, bending)[0]
+    at = np.array([float(x) for x in re.search(r"\[(.*)\]", sentence)[1].split(",")])
+    row = "xyz".index(re.search(r"along (.)", sentence)[1])
+    both = [int(np.abs(modes.omega / 2 / np.pi - float(hz)).argmin())
+            for hz in re.findall(r"([\d.]+) Hz", sentence)]  # fmt: skip
+    more = (on_surface(model.structure, at[None]).P @ model.T @ modes.phi)[row]
+    with_it = np.vstack([reading, more])[:, both]
+    stated = float(re.search(r"MAC ([\d.]+) with it", sentence)[1])
+    assert mac(with_it[:, :1], with_it[:, 1:])[0, 0] == pytest.approx(stated, abs=0.01)
+    assert stated < 0.5
+
+
 @pytest.mark.slow
 def test_measured_shapes_are_drawn_beside_the_computed_ones_in_their_sense(known, monkeypatch):
     points, shapes, omega = known[0][::4], known[1][:, ::4], known[2]

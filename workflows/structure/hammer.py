@@ -10,8 +10,8 @@ from pydantic import BaseModel
 
 import coupling
 import fem
-from fem.assembly_modes import field_of
-from fem.correlation import measured_pairs
+from fem.assembly_modes import AssemblyModes, field_of
+from fem.correlation import ShapeMatch, measured_pairs
 from fem.decay import AmplitudeStep, over_amplitude, varies
 from fem.distortion import combination_tone
 from fem.half_power import half_power_bandwidth
@@ -22,6 +22,7 @@ from fem.hits import FrequencyResponses
 from fem.measured_shapes import MeasuredShape, along_directions
 from fem.poly_reference import IdentifiedModes, identified_modes
 from fem.response_scale import POWERS, remark_on_scale, response_scale
+from fem.sensor_placement import one_more_point, outside
 from fem.subspace import subspace_modes
 from workflows.files.hammer import MeasuredTest, Reading, measured_test
 from workflows.files.run_folder import Picture
@@ -424,8 +425,46 @@ def recognised(test: IdentifiedTest, pipeline: Pipeline, wanted: Collection[int]
     # pairs of which nothing is doubted tell whether the responses have the model's size
     sure = np.array([i for i, j in enumerate(pairs.index) if j >= 0 and not pairs.doubts[i]], int)
     of_scale = scale_beside(test, pipeline, reading, sure, pairs.index[sure])
-    remarks = [*report.remarks, *([of_scale] if of_scale else []), *remarks_on_axes(scene)]
+    more = points_that_tell(model, modes, reading, pairs.index[pairs.index >= 0])
+    remarks = [*report.remarks, *([of_scale] if of_scale else []), *more, *remarks_on_axes(scene)]
     return test._replace(report=report.model_copy(update={"rows": rows, "remarks": remarks}))
+
+
+def points_that_tell(
+    model: fem.Model,
+    modes: AssemblyModes,
+    reading: NDArray[np.float64],
+    paired: NDArray[np.int64],
+    match: ShapeMatch = ShapeMatch(),
+    most: int = 3,
+) -> list[str]:
+    """Sentences on where one more point would tell paired modes from others that look alike at the
+    points of the test, `reading` (p, k); of the first `most`, each and the nearest in frequency."""
+    auto_mac, hz = np.nan_to_num(fem.mac(reading, reading)), modes.omega / (2 * np.pi)
+    alike = []
+    for j in paired:
+        others = np.flatnonzero((auto_mac[j] > match.alike) & (np.arange(len(hz)) != j))
+        if others.size:
+            nearest = np.abs(np.log(np.maximum(hz[others], 1e-9) / max(hz[j], 1e-9))).argmin()
+            alike.append((int(j), int(others[nearest])))
+    if not alike:
+        return []
+    try:
+        places = outside(model)
+    except ValueError:  # no face looks along an axis
+        return []
+    at_places = (model.T @ modes.phi)[places.reading]
+    sentences = []
+    for j, k in alike[:most]:
+        best, with_it = one_more_point(reading[:, [j, k]], at_places[:, [j, k]])
+        if with_it < match.alike:
+            at = ", ".join(f"{x:.4g}" for x in places.points[best].round(5) + 0.0)
+            sentences.append(
+                f"one more point at [{at}] m along {'xyz'[places.axes[best]]} would tell the shape "
+                f"at {hz[j]:.2f} Hz from that at {hz[k]:.2f} Hz: MAC {with_it:.2f} with it, "
+                f"{auto_mac[j, k]:.2f} without"
+            )
+    return sentences
 
 
 def scale_beside(
