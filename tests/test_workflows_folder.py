@@ -552,12 +552,12 @@ def test_no_command_replaces_what_it_reads(arguments, monkeypatch, capsys):
     monkeypatch.setattr("workflows.stages.pipeline.Pipeline.__call__", None)
     monkeypatch.setattr("workflows.structure.hammer.hammer_test", None)
     monkeypatch.setattr(
-        "workflows.structure.hammer.applied", lambda chosen, *_: (chosen, {1: 50.0})
+        "workflows.structure.pairing.applied", lambda chosen, *_: (chosen, {1: 50.0})
     )
     monkeypatch.setattr(
         "workflows.structure.hammer.hammer_test", lambda *_: IdentifiedTest(None, None, None)
     )
-    monkeypatch.setattr("workflows.structure.hammer.measured_shapes", lambda _: None)
+    monkeypatch.setattr("workflows.structure.pairing.measured_shapes", lambda _: None)
     Path("d").mkdir()
     own = "rig-1dof" if arguments[0] == "twin" else "rig-rom"
     for name in ("mine.toml", "mine.npz", "mine.step", "mine.csv", "mine.uff", "d/scene.toml",

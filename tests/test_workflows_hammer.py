@@ -19,11 +19,11 @@ from workflows.scene import InvalidScene
 from workflows.structure.hammer import (
     Choice,
     IdentifiedTest,
-    applied,
     hammer_test,
     opposite_directions,
     pictures,
 )
+from workflows.structure.pairing import applied
 
 RIG = {1: 51.0, 2: 269.0, 3: 907.0, 4: 8425.0}
 LINES = np.arange(10.0, 1200.0, 0.2)

@@ -18,7 +18,7 @@ from workflows.files.shapes import measured_shape
 from workflows.scene import InvalidScene
 from workflows.stages.pipeline import pipeline_of
 from workflows.stages.targets import remarks_on_axes
-from workflows.structure import hammer
+from workflows.structure import pairing
 
 pyuff = pytest.importorskip("pyuff", reason="universal files are optional (the extra `identify`)")
 
@@ -292,7 +292,7 @@ def test_one_more_point_is_named_where_two_modes_look_alike(known):
     reading = (on_surface(model.structure, points).P @ model.T @ modes.phi)[1::3]
     bending = np.flatnonzero(np.abs(reading[0]) > 0.5 * np.abs(reading).max())[:2]
     assert mac(reading[:, bending[:1]], reading[:, bending[1:]])[0, 0] > 0.8
-    sentence = hammer.points_that_tell(model, modes, reading, bending)[0]
+    sentence = pairing.points_that_tell(model, modes, reading, bending)[0]
     at = np.array([float(x) for x in re.search(r"\[(.*)\]", sentence)[1].split(",")])
     row = "xyz".index(re.search(r"along (.)", sentence)[1])
     both = [int(np.abs(modes.omega / 2 / np.pi - float(hz)).argmin())
@@ -315,8 +315,8 @@ def test_measured_shapes_are_drawn_beside_the_computed_ones_in_their_sense(known
         drawn.update(field=field, content=content)
         return genuine(module, field, content, name)
 
-    genuine = hammer.rendered
-    monkeypatch.setattr(hammer, "rendered", rendered)
+    genuine = pairing.rendered
+    monkeypatch.setattr(pairing, "rendered", rendered)
     test = beadwave.hammer("shapes.uff", "beam.toml", out="out")
     assert Path("out/figures/shapes.png").exists()
     paired = [row for row in test.report.rows if row.computed_hz is not None]

@@ -377,14 +377,16 @@ def with_modes(
         measured = with_targets(chosen).measured_modes
         wanted = dict(measured) if match is None else targets(match, measured)
         if hammer:
-            from workflows.structure.hammer import applied, hammer_test, measured_shapes, recognised
+            from workflows.structure.hammer import hammer_test
+            from workflows.structure.pairing import applied, measured_shapes, recognised
 
             test = hammer_test(Path(hammer), wanted)
             if not chosen.of_dimensions and measured_shapes(test):
                 test = recognised(test, pipeline_of(chosen, progress), wanted)
             chosen, wanted = applied(chosen, test.report, match)
     elif hammer:
-        from workflows.structure.hammer import as_targets, hammer_test
+        from workflows.structure.hammer import hammer_test
+        from workflows.structure.pairing import as_targets
 
         test = hammer_test(Path(hammer), {})
         chosen, wanted, remarks = as_targets(test, pipeline_of(chosen, progress), match)
@@ -476,10 +478,9 @@ def hammer(
     if folder:
         folder.require("modes.json", "poles.html", "modes.uff", "targets.toml")
     from workflows.stages.pipeline import pipeline_of
-    from workflows.structure.hammer import (
-        hammer_test,
+    from workflows.structure.hammer import hammer_test, pictures
+    from workflows.structure.pairing import (
         measured_shapes,
-        pictures,
         recognised,
         shapes_beside,
         targets_of,
