@@ -54,6 +54,10 @@ def test_the_page_holds_poles_of_the_report_and_a_command_that_repeats_it(measur
     assert words[:3] == ["beadwave", "hammer", "a test.csv"]
     assert beadwave(*words[1:], "--reject=2") == 0  # over its own result
     assert json.loads(Path("out/modes.json").read_text())["rows"] == report["rows"]
+    said = "modes are paired with those of rig-rom, as no --scene is given"
+    assert said in report["remarks"]
+    assert beadwave("hammer", str(measured), "--scene=rig-rom", "--out=named") == 0
+    assert said not in json.loads(Path("named/modes.json").read_text())["remarks"]
 
 
 def test_a_command_names_what_is_not_usual():

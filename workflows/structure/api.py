@@ -490,6 +490,10 @@ def hammer(
     with progress("identification"):
         wanted = chosen.measured_modes
         test = hammer_test(paths, wanted, reading, choice)
+    if scene is None and test.report.targets:
+        test.report.remarks.append(
+            f"modes are paired with those of {chosen.name}, as no --scene is given"
+        )
     pipeline = None
     if not chosen.of_dimensions and measured_shapes(test):
         pipeline = pipeline_of(chosen, progress)
