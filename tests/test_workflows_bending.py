@@ -184,7 +184,9 @@ def test_the_stated_error_of_the_elements_is_that_against_finer_ones(name, chang
     found = mesh(chosen, lambda stage: nullcontext())
     errors = {row.parameter: row.error for row in found.tables[0].rows}
     stated = computed(name, *changes)("mesh-error")
-    rounding = 1e-6  # of two meshes that have converged: what the marches between them differ by
+    # of two meshes that have converged: what the marches between them differ by, 0.7e-6 to 1.1e-6
+    # on two processors
+    rounding = 3e-6
     assert f"{stated:.1e}" in found.sentences[0]
     assert errors[1.0] < rounding or 1 < stated / errors[1.0] < 3
     assert errors[1.0] < errors[2.0] and errors[min(errors)] < max(errors[1.0], rounding)

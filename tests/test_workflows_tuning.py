@@ -280,10 +280,8 @@ def test_targets_by_number_are_called_by_the_numbers_of_their_modes(tmp_path):
     assert report.computed_mode == {"2": 2, "3": 3}
     np.testing.assert_allclose([*report.modes_hz.values()], [*hz.values()], rtol=0.01)
     lines = report.text().splitlines()
-    assert [line.split()[:4] for line in lines[1:3]] == [
-        ["2", "computed", "mode", "2"],
-        ["3", "computed", "mode", "3"],
-    ]
+    head = next(i for i, line in enumerate(lines) if line.split()[:1] == ["2"])
+    assert [line.split()[:2] for line in lines[head : head + 2]] == [["2", "2"], ["3", "3"]]
 
     # the scene that was written, its modes table, and what --match names of it
     written = tmp_path / "tuned.toml"
