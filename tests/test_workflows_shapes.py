@@ -318,7 +318,8 @@ def test_measured_shapes_are_drawn_beside_the_computed_ones_in_their_sense(known
     genuine = pairing.rendered
     monkeypatch.setattr(pairing, "rendered", rendered)
     test = beadwave.hammer("shapes.uff", "beam.toml", out="out")
-    assert Path("out/figures/shapes.png").exists()
+    assert Path("out/figures/shapes.png").exists() and Path("out/figures/mac.png").exists()
+    assert {picture.name for picture in test.pictures} >= {"mac", "shapes"}
     paired = [row for row in test.report.rows if row.computed_hz is not None]
     assert len(drawn["content"]) == len(paired) == len(drawn["field"].number) == 5
     for i, mode in enumerate(drawn["content"]):

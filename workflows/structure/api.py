@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from workflows.structure.thesis_tables import ThesisTable
     from workflows.structure.tuning import TuningReport
 
-HAMMER_PICTURES = ("hammer", "synthesis", "coherence", "decay", "automac", "shapes")
+HAMMER_PICTURES = ("hammer", "synthesis", "coherence", "decay", "automac", "mac", "shapes")
 
 
 @dataclass(frozen=True, repr=False)
@@ -414,8 +414,8 @@ class HammerTest:
     pictures: tuple[Picture, ...]
 
     def plot(self, name: str | None = None) -> Picture:
-        """A picture: "hammer" (the stability diagram), "synthesis", "coherence", "decay" or
-        "automac"."""
+        """A picture: "hammer" (the stability diagram), "synthesis", "coherence", "decay", "automac"
+        or "mac" (with the modes of the model)."""
         return picture_named(self.pictures, name)
 
     def __repr__(self) -> str:
@@ -456,7 +456,7 @@ def hammer(
     out            folder for modes.json, poles.html (the stability diagram, on which a click takes
                    a pole or leaves it out), modes.uff, where the points are known targets.toml, and
                    pictures: stability diagram, responses measured and of the modes, coherence,
-                   AutoMAC, measured shapes beside computed ones
+                   AutoMAC, MAC with computed modes, measured shapes beside computed ones
 
     The modes are paired with the measured modes of `scene` by frequency, or where the points of the
     test are known one-to-one with the modes of an assembly of bodies, by the MAC of their shapes
@@ -480,6 +480,7 @@ def hammer(
     from workflows.stages.pipeline import pipeline_of
     from workflows.structure.hammer import hammer_test, pictures
     from workflows.structure.pairing import (
+        mac_with_model,
         measured_shapes,
         recognised,
         shapes_beside,
@@ -500,6 +501,8 @@ def hammer(
         test = recognised(test, pipeline, wanted)
     with progress("picture"):
         drawn = pictures(test)
+        if pipeline:
+            drawn += mac_with_model(test, pipeline)
         if folder and pipeline:
             try:
                 drawn += shapes_beside(test, pipeline)

@@ -17,6 +17,7 @@ from fem.response_scale import POWERS, remark_on_scale, response_scale
 from fem.sensor_placement import one_more_point, outside
 from workflows.files.run_folder import Picture
 from workflows.files.shapes import measured_shape
+from workflows.report import plots
 from workflows.scene import InvalidScene, ModalDampingTable, Scene
 from workflows.scene.bodies import MeasuredMode
 from workflows.stages.pictures import rendered
@@ -42,6 +43,21 @@ def measured_shapes(test: IdentifiedTest) -> list[MeasuredShape] | None:
     return None if any(shape is None for shape in shapes) else shapes
 
 
+def likeness_of(
+    test: IdentifiedTest, pipeline: Pipeline, measured: list[MeasuredShape]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """MAC (n, k) of the measured shapes with the computed modes, and these at the points of the
+    test (p, k); raises InvalidScene for points off the assembly."""
+    model, modes = pipeline("model"), pipeline("modes")
+    shapes = [
+        placed(pipeline.scene, model, test.report.file, shape, row.frequency_hz)
+        for shape, row in zip(measured, test.report.rows, strict=True)
+    ]
+    # all shapes of one test are read at the same points
+    reading = shapes[0].reading @ modes.phi
+    return fem.mac(np.column_stack([s.shape for s in shapes]), reading), reading
+
+
 def recognised(test: IdentifiedTest, pipeline: Pipeline, wanted: Collection[int]) -> IdentifiedTest:
     """The test with its modes paired one-to-one with computed ones, on MAC and frequency together;
     that of a wanted target's mode gets the target's number. As it is without points of shapes."""
@@ -50,13 +66,7 @@ def recognised(test: IdentifiedTest, pipeline: Pipeline, wanted: Collection[int]
         return test
     model, modes = pipeline("model"), pipeline("modes")
     computed_hz = modes.omega / (2 * np.pi)
-    shapes = [
-        placed(scene, model, report.file, shape, row.frequency_hz)
-        for shape, row in zip(measured, report.rows, strict=True)
-    ]
-    # all shapes of one test are read at the same points
-    reading = shapes[0].reading @ modes.phi
-    likeness = fem.mac(np.column_stack([s.shape for s in shapes]), reading)
+    likeness, reading = likeness_of(test, pipeline, measured)
     measured_hz = np.array([row.frequency_hz for row in report.rows])
     pairs = measured_pairs(measured_hz, computed_hz, likeness, fem.mac(reading, reading))
     numbers = zip(scene.measured_numbers, modes.index.tolist(), strict=True)
@@ -155,6 +165,32 @@ def scale_beside(
         chosen, test.test.quantity, reading[:, computed], at_references[:, computed]
     )
     return remark_on_scale(scale)
+
+
+def mac_with_model(
+    test: IdentifiedTest, pipeline: Pipeline, above: float = 1.25, most: int = 40
+) -> tuple[Picture, ...]:
+    """The MAC of the measured shapes with the computed modes at the points of the test, up to
+    `above` times the highest measured frequency, at most so many; nothing without shapes."""
+    measured, rows = measured_shapes(test), test.report.rows
+    if measured is None:
+        return ()
+    likeness, _ = likeness_of(test, pipeline, measured)
+    hz = pipeline("modes").omega / (2 * np.pi)
+    shown = np.flatnonzero(hz <= above * max(row.frequency_hz for row in rows))[:most]
+    if not shown.size:
+        return ()
+    figure, (axis,) = plots.subplots(1, 1, (2.6 + 0.42 * len(shown), 1.8 + 0.3 * len(rows)))
+    names = (
+        [f"{row.number}: {row.frequency_hz:.4g} Hz" for row in rows],
+        [f"{f:.4g} Hz" for f in hz[shown]],
+    )
+    values = np.nan_to_num(likeness[:, shown])  # of a mode that no point sees
+    plots.heat_map(axis, values, names, "MAC", legible=0.1, limits=(0, 1))
+    axis.tick_params(axis="x", rotation=60)
+    axis.set_xlabel("computed modes")
+    axis.set_ylabel("measured modes")
+    return (Picture("mac", plots.png(figure)),)
 
 
 def shapes_beside(
