@@ -8,6 +8,7 @@ import subprocess
 import sys
 from hashlib import sha256
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -465,6 +466,7 @@ def test_of_two_runs_into_one_folder_one_is_refused(capsys):
 
 HOLDING = """
 from pathlib import Path
+from types import SimpleNamespace
 from workflows.files.run_folder import RunFolder
 folder = RunFolder(Path("out"))
 with folder.run("name = 'first'"), folder.writing("rom.npz") as part:
@@ -554,9 +556,8 @@ def test_no_command_replaces_what_it_reads(arguments, monkeypatch, capsys):
     monkeypatch.setattr(
         "workflows.structure.pairing.applied", lambda chosen, *_: (chosen, {1: 50.0})
     )
-    monkeypatch.setattr(
-        "workflows.structure.hammer.hammer_test", lambda *_: IdentifiedTest(None, None, None)
-    )
+    identified = IdentifiedTest(SimpleNamespace(steps=[]), None, None)
+    monkeypatch.setattr("workflows.structure.hammer.hammer_test", lambda *_: identified)
     monkeypatch.setattr("workflows.structure.pairing.measured_shapes", lambda _: None)
     Path("d").mkdir()
     own = "rig-1dof" if arguments[0] == "twin" else "rig-rom"

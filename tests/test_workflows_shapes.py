@@ -168,6 +168,10 @@ def test_a_hammer_test_gives_targets_to_a_scene_without_any(known):
     assert all(target.shape.endswith("shapes.uff") for target in tuned.scene.targets)
     assert tuned.scene.damping.ratio == pytest.approx([0.004] * len(tuned.scene.targets), rel=0.1)
     assert "by the shapes of their points" in tuned.report.remarks[0]
+    # the way from the file to the fitted value
+    steps = [remark for remark in tuned.report.remarks if remark.startswith("shapes.uff: ")]
+    assert steps[0] == "shapes.uff: read responses, responses 8."
+    assert steps[1].startswith("shapes.uff: poly-reference identification, from_hz 50, to_hz ")
 
 
 def test_a_hammer_test_without_points_is_paired_in_the_order_of_frequencies(known):

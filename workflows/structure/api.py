@@ -384,12 +384,14 @@ def with_modes(
             if not chosen.of_dimensions and measured_shapes(test):
                 test = recognised(test, pipeline_of(chosen, progress), wanted)
             chosen, wanted = applied(chosen, test.report, match)
+            remarks = [step.text() for step in test.report.steps]
     elif hammer:
         from workflows.structure.hammer import hammer_test
         from workflows.structure.pairing import as_targets
 
         test = hammer_test(Path(hammer), {})
         chosen, wanted, remarks = as_targets(test, pipeline_of(chosen, progress), match)
+        remarks += [step.text() for step in test.report.steps]
     else:
         chosen, wanted = numbered(chosen, match)
     return chosen, wanted, remarks

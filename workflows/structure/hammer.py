@@ -101,6 +101,16 @@ class StepRow(BaseModel):
     options: dict[str, float | int | str | None]
     left_out: list[str]
 
+    def text(self) -> str:
+        """What was done with which options, and what was left out."""
+        given = [
+            f"{name} {value:.6g}" if isinstance(value, float) else f"{name} {value}"
+            for name, value in self.options.items()
+            if value not in (None, "")
+        ]
+        left_out = f"; left out: {'; '.join(self.left_out)}" if self.left_out else ""
+        return f"{self.file}: {', '.join([self.step, *given])}{left_out}."
+
 
 class HammerReport(BaseModel):
     """The modes of a hammer test, each beside the mode that it is paired with."""
