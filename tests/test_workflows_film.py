@@ -41,7 +41,7 @@ def test_a_film_of_an_upright_chain_shows_it_whole(tmp_path, monkeypatch):
     monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
     changes = [f"--set={change}" for change in (*SMALL, "gravity={}", "chain.count=9")]
     assert beadwave("run", "rig-rigid", f"--out={tmp_path / 'run'}", *changes) == 0
-    assert beadwave("film", str(tmp_path / "run"), "--seconds=0.5") == 0
+    assert beadwave("film", str(tmp_path / "run"), "--out=film.gif", "--seconds=0.5") == 0
     with Image.open(tmp_path / "run" / "film.gif") as film:
         view = np.asarray(film.convert("L"), dtype=float)[30:624]  # below the words
     rows, columns = np.nonzero(view < 240)
