@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from fem.correlation import spring_forms
+from fem.correlation import RIGID, spring_forms
 from fem.model import Model
 from fem.modes import Modes
 
@@ -46,7 +46,7 @@ def strain_shares(
     "joints.bolts", and their shares (k, n) of the strain energy of each mode; those of a rigid
     motion are 0. `material` names that of each body."""
     shares: dict[str, NDArray[np.float64]] = {}
-    elastic = modes.omega > 1e-4 * modes.omega.max()
+    elastic = modes.omega > RIGID * modes.omega.max()
     total = np.where(elastic, modes.omega**2, np.inf)  # twice the energy of a mode of unit mass
 
     def add(name: str, energy: NDArray[np.float64]) -> None:

@@ -423,6 +423,6 @@ def joints_posterior(
     chosen, wanted, remarks = with_modes(scene, changes, hammer, match, progress)
     if not SEEDS[0] <= seed <= SEEDS[1]:
         raise InvalidScene(f"--seed {seed} must be a number from 0 to 1e18.")
-    found = posterior_of(chosen, wanted, names_of(free), progress, seed=seed, bounds=bounds)
-    remarks = [*remarks, *found.report.remarks]
-    return found._replace(report=found.report.model_copy(update={"remarks": remarks}))
+    result = posterior_of(chosen, wanted, names_of(free), progress, seed=seed, bounds=bounds)
+    remarks = [*remarks, *result.report.remarks]
+    return result._replace(report=result.report.model_copy(update={"remarks": remarks}))

@@ -48,8 +48,9 @@ class PosteriorOptions(NamedTuple):
     least_error: float = 1e-4  # ends of the prior of the model's relative error: nothing beside a
     largest_error: float = 0.3  # measurement, and a model of which frequencies say nothing
     at_end: float = 0.05  # share of the prior, nearer to whose end a bar says a bound alone
-    # what few modes leave open is a thin, bent surface, which uniform draws did not fill in 600 s
-    # where walks took 40 s; 200 live points leave ln Z to 0.2, the mixture's samples to less
+    # what few modes leave open is a thin, bent surface: uniform draws had not filled one in 600 s,
+    # walks filled a milder one in 90 s; 200 live points leave ln Z to 0.2, the mixture's samples to
+    # less
     sampler: NestedOptions = NestedOptions(live=200, walk="rwalk", drawn=8192)
 
 
@@ -224,16 +225,16 @@ def posterior_of(
     by_place = {numbers.index(n) + 1: hz for n, hz in match.items()}
     places = [n - 1 for n in by_place]
     with progress("posterior"):
-        found = joints_posterior(basis, parameters, by_place, seed=seed, options=options)
+        posterior = joints_posterior(basis, parameters, by_place, seed=seed, options=options)
 
     # each parameter: what its posterior says beyond the prior
     rows, shares = [], (0.5, 0.025, 0.975)
     ends = [(p.lower, p.upper) for p in parameters] + [(options.least_error, options.largest_error)]
-    for j, (name, (lower, upper)) in enumerate(zip(found.names, ends, strict=True)):
-        median, low, high = quantiles(found.samples[:, j], found.weights, shares)
+    for j, (name, (lower, upper)) in enumerate(zip(posterior.names, ends, strict=True)):
+        median, low, high = quantiles(posterior.samples[:, j], posterior.weights, shares)
         at_low, at_high = (np.log(x / lower) / np.log(upper / lower) for x in (low, high))
-        says = "value"
-        if name in found.undetermined or (at_low < options.at_end and at_high > 1 - options.at_end):
+        says, spans = "value", at_low < options.at_end and at_high > 1 - options.at_end
+        if name in posterior.undetermined or spans:
             says = "nothing"
         elif at_high > 1 - options.at_end:
             says = "lower bound"
@@ -247,19 +248,19 @@ def posterior_of(
         )  # fmt: skip
 
     lobes = []
-    for k, lobe in enumerate(found.lobes):
-        of_lobe = found.lobe == k
+    for k, lobe in enumerate(posterior.lobes):
+        of_lobe = posterior.lobe == k
         of_each = [
-            quantiles(found.samples[of_lobe, j], found.weights[of_lobe], shares[1:])
-            for j in range(len(found.names))
+            quantiles(posterior.samples[of_lobe, j], posterior.weights[of_lobe], shares[1:])
+            for j in range(len(posterior.names))
         ]
         hz = matched_hz(basis, parameters, places, lobe.best[:-1])
         lobes.append(
             LobeRow(
                 mass=lobe.mass,
-                best=dict(zip(found.names, map(float, lobe.best), strict=True)),
-                low={name: low for name, (low, _) in zip(found.names, of_each, strict=True)},
-                high={name: high for name, (_, high) in zip(found.names, of_each, strict=True)},
+                best=dict(zip(posterior.names, map(float, lobe.best), strict=True)),
+                low={name: low for name, (low, _) in zip(posterior.names, of_each, strict=True)},
+                high={name: high for name, (_, high) in zip(posterior.names, of_each, strict=True)},
                 modes_hz={
                     str(n): float(f) if np.isfinite(f) else None
                     for n, f in zip(match, hz, strict=True)
@@ -268,9 +269,10 @@ def posterior_of(
         )  # fmt: skip
 
     remarks = [f"{p.name} is not determined by these modes." for p in rows if p.says == "nothing"]
+    least = [quantiles(x, posterior.weights, (0.05,))[0] for x in posterior.samples.T]
     remarks += [
-        f"{p.name} is at least {quantiles(found.samples[:, j], found.weights, (0.05,))[0]:.3g} "
-        f"{p.unit} (95 %): these modes know no upper end, rigid fits as well."
+        f"{p.name} is at least {least[j]:.3g} {p.unit} (95 %): these modes know no upper end, "
+        "rigid fits as well."
         for j, p in enumerate(rows)
         if p.says == "lower bound" and p.name.startswith(("joints.", "head.", "foot."))
     ]
@@ -281,7 +283,7 @@ def posterior_of(
         )
 
     # the full model at the most likely values is the judge of the projection
-    full = pipeline_of(at_values(loose, parameters, found.lobes[0].best[:-1]), progress)
+    full = pipeline_of(at_values(loose, parameters, posterior.lobes[0].best[:-1]), progress)
     for i, hz in full("modes").paired_hz.items():
         n = numbers[int(i) - 1]
         best = lobes[0].modes_hz.get(str(n))
@@ -295,11 +297,11 @@ def posterior_of(
         match={str(n): hz for n, hz in match.items()},
         parameters=rows,
         lobes=lobes,
-        log_evidence=found.log_evidence,
-        log_evidence_error=found.log_evidence_error,
-        effective=found.effective,
-        evaluations=found.evaluations,
+        log_evidence=posterior.log_evidence,
+        log_evidence_error=posterior.log_evidence_error,
+        effective=posterior.effective,
+        evaluations=posterior.evaluations,
         seed=seed,
         remarks=remarks,
     )
-    return JointsPosterior(report, found)
+    return JointsPosterior(report, posterior)
