@@ -280,7 +280,7 @@ def posterior_of(
             )
         )  # fmt: skip
 
-    remarks = [f"The measurement's error is {errors.text()}; that of the model is sampled."]
+    remarks = [f"Errors of the measurement: {errors.text()}; that of the model is sampled."]
     remarks += [f"{p.name} is not determined by these modes." for p in rows if p.says == "nothing"]
     least = [quantiles(x, posterior.weights, (0.05,))[0] for x in posterior.samples.T]
     remarks += [

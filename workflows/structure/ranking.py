@@ -84,7 +84,7 @@ class RankReport(BaseModel):
                 n,
                 f"{self.computed_hz[n]:.2f}",
                 f"{hz:.2f}",
-                f"{100 * (self.computed_hz[n] / hz - 1):+.2f} %",
+                f"{round(100 * (self.computed_hz[n] / hz - 1), 2) + 0.0:+.2f} %",
             )
             + ((f"{self.mac[n]:.2f}" if n in self.mac else None,) if self.mac else ())
             for n, hz in self.match.items()

@@ -59,19 +59,23 @@ class FrequencyErrors(NamedTuple):
 
     relative: dict[int, float]  # by the modes' numbers
     measured: tuple[int, ...]  # modes whose deviation is that of their test
+    least: float  # below which none is taken
 
     def text(self) -> str:
-        """In words: "0.1 % in frequency", or the test's own deviations from the smallest on."""
-        assumed = {n: s for n, s in self.relative.items() if n not in self.measured}
+        """In words: "0.1 % in frequency", or the test's own deviations and where they are not
+        taken."""
+        assumed = [n for n in self.relative if n not in self.measured]
         if not self.measured:
-            return f"{100 * max(assumed.values()):g} % in frequency"
-        own = [100 * self.relative[n] for n in self.measured]
-        low, high = f"{min(own):.2g}", f"{max(own):.2g}"
-        words = f"the test's own deviations, {low if low == high else f'{low} to {high}'} %"
+            return f"{100 * self.relative[assumed[0]]:g} % in frequency"
+        ends = [min, max]
+        low, high = (f"{100 * end(self.relative[n] for n in self.measured):.2g}" for end in ends)
+        parts = [f"{low} %" if low == high else f"{low} to {high} %"]
+        if any(self.relative[n] == self.least for n in self.measured):
+            parts.append(f"none below {100 * self.least:g} % is taken")
         if assumed:
             listed = ", ".join(map(str, assumed))
-            words += f" ({100 * max(assumed.values()):g} % for mode {listed}, which has none)"
-        return f"{words} in frequency"
+            parts.append(f"{100 * self.relative[assumed[0]]:g} % for mode {listed} without one")
+        return f"the test's own deviations in frequency ({'; '.join(parts)})"
 
 
 def frequency_errors(
@@ -91,7 +95,7 @@ def frequency_errors(
         if (table := tables[n]).hz_deviation is not None and table.hz == hz
     }
     relative = {n: max(of_test[n], least) if n in of_test else assumed for n in match}
-    return FrequencyErrors(relative, tuple(of_test))
+    return FrequencyErrors(relative, tuple(of_test), least)
 
 
 def unit(name: str) -> str:
