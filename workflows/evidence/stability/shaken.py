@@ -12,8 +12,7 @@ from coupling.spatial_march import ShakerForces, SpatialRun, body_of, march_spac
 from coupling.spatial_wall import SpatialWall, spatial_wall_of_modes
 from dem.friction import tangential_law
 from dem.lateral import LastSphere
-from workflows.evidence.stability.outcomes import STEEL, Outcome
-from workflows.evidence.stability.trials import Trial
+from workflows.evidence.stability.trials import STEEL, Outcome, Trial
 
 R, NU, MU, LOAD = 0.0127, 0.3, 0.2, 50.0  # m, N pressed
 SPEED = 0.1  # m/s of the striker

@@ -15,8 +15,14 @@ import numpy as np
 import dem
 from dem.spheres import contact_modulus, yield_overlap
 from workflows.evidence.prose import rendered
-from workflows.evidence.thesis.observed_run import Observed, Setup, observed
-from workflows.evidence.thesis.records import record, wave_cells, wave_columns
+from workflows.evidence.thesis.observed_run import (
+    Observed,
+    Setup,
+    observed,
+    record,
+    wave_cells,
+    wave_columns,
+)
 from workflows.evidence.thesis.requirements import last, require_chain, require_echo
 from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding

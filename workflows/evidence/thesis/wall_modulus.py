@@ -16,8 +16,7 @@ import dem
 from dem.spheres import time_scale
 from dem.waves.measures import exponent
 from workflows.evidence.prose import rendered
-from workflows.evidence.thesis.observed_run import Observed, RecordOptions, Setup, observed
-from workflows.evidence.thesis.records import record
+from workflows.evidence.thesis.observed_run import Observed, RecordOptions, Setup, observed, record
 from workflows.evidence.thesis.requirements import bare, last, require_chain
 from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
