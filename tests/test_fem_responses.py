@@ -187,7 +187,7 @@ def test_noise_is_that_which_was_added(exact):
 
 
 def test_a_model_that_cannot_follow_widens_the_bars(places, exact):
-    """A true structure on cords six times as stiff, whose stiffness is not free: the residual says so,
+    """A true structure on cords six times as stiff, which are not free: the residual says so,
     and bars hold the truth that bars of noise alone miss by far."""
     model, _, group = exact
     cord = PARAMETERS[5]
