@@ -11,6 +11,7 @@ import gmsh
 import numpy as np
 import pytest
 from PIL import Image
+from scipy.integrate import quad
 from skfem import Basis, FacetBasis
 
 from command_line import beadwave
@@ -130,6 +131,56 @@ def test_a_look_at_a_step_file_reports_masses_pairs_and_holes(step, capsys):
     assert hole["diameter_m"] == pytest.approx(0.008) and hole["axis"] == [0, 0, 1]
     assert seen["seconds"] > 0 and seen["memory_bytes"] > 0
     assert seen["unit"] == "mm" and seen["dofs"] == sum(b["dofs"] for b in seen["bodies"])
+
+
+FLANGE = """
+assembly = { held = ["flange:-z"], material = "steel" }
+[bodies.flange]
+cylinder = { radius = "40 mm", bore = "10 mm", length = "15 mm" }
+seed = "10 mm"
+[[bodies.flange.holes]]
+diameter = "9 mm"
+at = [["30 mm", 0], ["-30 mm", 0]]
+[[bodies.flange.holes]]
+diameter = "5 mm"
+around = [[45, "0 mm"]]
+depth = "12 mm"
+"""
+
+
+def test_a_drawn_flange_has_its_mass_and_holes_of_two_diameters(capsys):
+    """The blind hole: chords of its flat bottom at 28 mm from the axis up to the round face."""
+    Path("flange.toml").write_text(FLANGE)
+    assert beadwave("look", "flange.toml", "--out=seen", "--json") == 0
+    seen = json.loads(capsys.readouterr().out)
+    blind = quad(lambda s: 2 * np.sqrt(2.5**2 - s**2) * (np.sqrt(40**2 - s**2) - 28), -2.5, 2.5)[0]
+    drilled = np.pi * (40**2 - 10**2 - 2 * 4.5**2) * 15 - blind
+    assert seen["bodies"][0]["mass_kg"] == pytest.approx(7850 * drilled * 1e-9, rel=1e-5)
+    holes = [(round(1e3 * hole["diameter_m"], 6), hole["number"]) for hole in seen["holes"]]
+    assert sorted(holes) == [(5, 1), (9, 2), (20, 1)]
+    assert "flange:hole" in Path("seen/faces.html").read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('around = [[45, "0 mm"]]', "", r"bodies\.flange\.holes\.2: holes are placed by at = "),
+        ('"0 mm"', '"6 mm"', r"bodies\.flange: hole of 0\.005 m .* between -0\.005 m and 0\.005 m"),
+        ('"12 mm"', '"30 mm"', r"bodies\.flange: depth = 0\.03 m .* to end before the bore"),
+        ('"-30 mm"', '"23 mm"', r"bodies\.flange: holes at .* overlap: .* must exceed 0\.009 m"),
+        ("cylinder = {", 'box = [0.1, 0.1, 0.1]\nfoo = {', "unknown key 'foo'"),
+        ('cylinder = { radius = "40 mm", bore = "10 mm", length = "15 mm" }',
+         "box = [0.1, 0.1, 0.1]", "holes belong to a plate or a cylinder"),
+        ('cylinder = { radius = "40 mm", bore = "10 mm", length = "15 mm" }',
+         "plate = { outline = [[0, 0], [0.1, 0], [0, 0.1]], thickness = 0.01 }",
+         r"holes\.around are in the round face of a cylinder"),
+    ],
+)  # fmt: skip
+def test_holes_that_cannot_be_drilled_are_refused_by_their_key(old, new, message):
+    assert old in FLANGE
+    Path("flange.toml").write_text(FLANGE.replace(old, new))
+    with pytest.raises(InvalidScene, match=message):
+        pipeline_of(scene("flange.toml"), lambda name: nullcontext())("mesh")
 
 
 def test_a_look_at_the_rig_tells_what_it_is_made_of(capsys):
