@@ -26,8 +26,6 @@ from workflows.structure.face_page import words
 PATCH = 2e-3  # [m] radius of the patch that is struck
 SMALLER = (1e-3, 0.5e-3, 0.25e-3)  # [m] on a face that has no room for it, as the rim of a tube
 ROOM = 1.5  # radius about the place that must lie on the face, over that of the patch
-SMALLEST_ROUND = 0.5e-3  # [m] on a cylinder or a sphere, a tenth of its radius at most
-N_PLACES = 9  # along each side of a face, at which the patch is tried
 N_ROUND = 16  # directions about an axis or a centre in which a round face is tried
 
 
@@ -135,7 +133,8 @@ def _places(
 ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Places (2,) [m] from the middle of a plane face and their points (3,) [m] in space, around
     which a circle of a radius [m] lies on the face; those near the middle first."""
-    steps = np.linspace(-0.5, 0.5, N_PLACES)
+    # the patch is tried at 9 places along each side of a face
+    steps = np.linspace(-0.5, 0.5, 9)
     grid = np.array(np.meshgrid(steps, steps)).reshape(2, -1).T
     axes, middle = spanning(face.normal), (face.lower + face.upper) / 2
     places = grid * (np.abs(axes) @ (face.upper - face.lower))
@@ -152,7 +151,8 @@ def _on_rounds(geometry: Drawing) -> Iterator[StartStrike]:
         rounds = [f for f in body.faces if f.kind in ("cylinder", "sphere") and not f.hollow]
         for face in sorted(rounds, key=lambda face: -face.area):
             radius = min(PATCH, float(f"{0.9 * SpotLimits().flat * face.radius:.2g}"))
-            if radius < SMALLEST_ROUND:
+            # on a cylinder or a sphere at least 0.5 mm, a tenth of its radius at most
+            if radius < 0.5e-3:
                 continue
             axis = np.eye(3)[1] if face.axis is None else face.axis
             middle = face.on_axis

@@ -27,7 +27,6 @@ from workflows.stages.chain import initial_velocity
 from workflows.stages.progress import Progress
 
 PUBLISHED = (0.39, 0.47)  # J. Yang et al. (2011): ratios between which the second wave fades out
-EQUAL = 1 / (2**1.5 - 1)  # ratio at which the wall's contact is as stiff as the spheres'
 RATIOS = np.unique(
     np.concatenate([np.geomspace(3e-3, 30, 17), np.arange(0.25, 0.6, 0.02)]).round(4)
 )
@@ -95,6 +94,7 @@ def wall_modulus(
     very_soft = [i for i, case in enumerate(cases) if case.ratio < options.very_soft]
     slope = exponent([cases[i].run.chain.A[-1] for i in very_soft], [seconds[i] for i in very_soft])
     gone = critical(cases, options.faded)
+    # 1 / (2**1.5 - 1): ratio at which the wall's contact is as stiff as the spheres'
     sentences = rendered(
         __file__,
         faded=options.faded,
@@ -106,7 +106,7 @@ def wall_modulus(
         soft=options.soft,
         stiff=max(case.second for case in cases if case.ratio > options.soft),
         parted=max((case.ratio for case in cases if case.apart > 0.0), default=None),
-        equal=EQUAL,
+        equal=1 / (2**1.5 - 1),
         slope=slope,
         tau=tau,
     )

@@ -19,7 +19,6 @@ from workflows.files.scene import scene
 from workflows.stages.pipeline import pipeline_of
 from workflows.stages.progress import quiet
 
-OWN_SHARE = 1e-3  # of the body's mass at the contact, that the tied sphere takes
 SOURCE = "Exudyn, ObjectGenericODE2 and ObjectContactSphereSphere, step 0.1 us"
 
 
@@ -56,7 +55,8 @@ def velocities(
     # the reduced body in coordinates whose first is u_w = w^T q
     S = np.column_stack([body.w / (body.w @ body.w), null_space(body.w[None])])
     M, K = S.T @ body.M @ S, S.T @ body.K @ S
-    tied_mass = OWN_SHARE * M[0, 0]
+    # 1e-3 of the body's mass at the contact, that the tied sphere takes
+    tied_mass = 1e-3 * M[0, 0]
     M[0, 0] -= tied_mass
     zeros = [0.0] * len(M)
     modes = system.AddNode(

@@ -30,7 +30,6 @@ from workflows.stages.progress import quiet
 LEAST, MOST = 1.0, 10.0  # the 5 % point and the median of stated over true errors
 FLOOR = 1e-10  # a true error below it is counted as it: the references resolve no less
 NORMAL, SHARES = 0.954, (0.90, 0.98)  # of bars that hold the truth: expected, allowed
-N_FITTED = 120
 FINER = {"none": 8, "hunt-crossley": 8, "linear": 64, "linear-clipped": 64}  # of the step
 
 
@@ -131,7 +130,7 @@ def points(name: str, ratios: list[float]) -> tuple[Comparison, ...]:
 
 def honest_bars() -> Iterator[Comparison]:
     """Share of two-sigma bars that hold the truth: chains and walls fitted to noisy velocities."""
-    yield share_of_bars(np.array([errors_in_bars(seed) for seed in range(N_FITTED)]))
+    yield share_of_bars(np.array([errors_in_bars(seed) for seed in range(120)]))
 
 
 def errors_in_bars(seed: int) -> NDArray[np.float64]:

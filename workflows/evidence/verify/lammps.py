@@ -17,9 +17,7 @@ import dem
 from workflows.evidence.verify.comparisons import Comparison, compared, require_module
 
 CONTACT = "hertz/material {young!r} {damping!r} {poisson!r} tangential linear_nohistory 0 0"
-R, RHO, E, NU = 0.0127, 7800.0, 210e9, 0.3  # m, kg/m^3, Pa: the rig's spheres
 SOURCE = "LAMMPS, package GRANULAR, pair hertz/material and fix wall/gran, step 25 ns"
-ODD = np.arange(17) % 2
 
 
 class LammpsSpheres(NamedTuple):
@@ -112,16 +110,20 @@ class LammpsCase(NamedTuple):
     wall: bool
 
 
-DIMER = LammpsSpheres(
-    R, np.where(ODD, 8500.0, RHO), np.where(ODD, 103e9, E), np.where(ODD, 0.34, NU)
+RIG = LammpsSpheres(0.0127, 7800.0, 210e9, 0.3)  # the rig's
+BRASS = np.arange(17) % 2 == 1
+DIMER = RIG._replace(
+    density=np.where(BRASS, 8500.0, RIG.density),
+    young=np.where(BRASS, 103e9, RIG.young),
+    poisson=np.where(BRASS, 0.34, RIG.poisson),
 )
-TAPERED = LammpsSpheres(R * 0.95 ** np.arange(12), RHO, E, NU)
+TAPERED = RIG._replace(radius=RIG.radius * 0.95 ** np.arange(12))
 CASES = {
-    "17 spheres at a wall": LammpsCase(LammpsSpheres(R, RHO, E, NU), 17, True),
-    "17 free spheres": LammpsCase(LammpsSpheres(R, RHO, E, NU), 17, False),
+    "17 spheres at a wall": LammpsCase(RIG, 17, True),
+    "17 free spheres": LammpsCase(RIG, 17, False),
     "dimer of steel and brass at a wall": LammpsCase(DIMER, 17, True),
     "tapered by 5 % at a wall": LammpsCase(TAPERED, 12, True),
-    "9 spheres at a wall, linear dampers": LammpsCase(LammpsSpheres(R, RHO, E, NU, 10.0), 9, True),
+    "9 spheres at a wall, linear dampers": LammpsCase(RIG._replace(damping=10.0), 9, True),
 }
 
 
