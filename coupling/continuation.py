@@ -44,7 +44,6 @@ class SteadyState(NamedTuple):
     cold: bool = True  # from rest: a neighbour's state was not asked for, or not near enough
 
 
-PHASE = 0.05  # [rad] of the fastest contact in a step, at most: a tenth of a percent a period
 # a neighbour's state is near: a search that needs more than this is started cold instead
 NEIGHBOURS = USUAL_PERIODIC_SEARCH._replace(most_iterations=4)
 
@@ -67,13 +66,14 @@ def steady(body: Body, state: PeriodicState) -> SteadyState:
     cycle = state.cycle
     amplitude = 0.5 * np.ptp(cycle.friction_force, axis=0)
     speed = max(state.wall_speed, float(np.abs(state.moving.motion.v).max()))
+    # at most 0.05 rad of the fastest contact in a step: a tenth of a percent a period
     return SteadyState(
         state.moving,
         cycle.energy,
         float(amplitude[cycle.axis]),
         float(0.5 * np.ptp(cycle.slip[:, cycle.axis])),
         float(cycle.stick_share.min()),
-        max(cycle.n_steps // cycle.periods, math.ceil(body.shakers.period * body.rate / PHASE)),
+        max(cycle.n_steps // cycle.periods, math.ceil(body.shakers.period * body.rate / 0.05)),
         speed,
         state.error_estimate + cycle.periodicity_error,
     )

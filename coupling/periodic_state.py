@@ -84,11 +84,6 @@ class PeriodicSearch(NamedTuple):
 USUAL_PERIODIC_SEARCH = PeriodicSearch()
 
 
-# of the contacts' rate: faster modes are at rest in the forces of a march of periods, whose motion
-# they would change by the square of the inverse; at 4 or less steps of `phase` miss no period
-STILL = 8.0
-
-
 class PeriodicState(NamedTuple):
     """A state at t = 0 that comes back, and its last cycle."""
 
@@ -585,7 +580,10 @@ def still(body: Body) -> Body:
 
 def still_modes(body: Body) -> Array:
     """(k,) mask of the modes that `still` leaves at rest."""
-    return np.asarray(body.wall.omega) > STILL * body.rate
+    # modes faster than 8 times the contacts' rate are at rest in the forces of a march of periods,
+    # whose motion they would change by the square of the inverse; at 4 or less steps of `phase`
+    # miss no period
+    return np.asarray(body.wall.omega) > 8.0 * body.rate
 
 
 def without_still(body: Body, moving: Moving) -> Moving:

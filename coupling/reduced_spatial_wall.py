@@ -25,8 +25,6 @@ from coupling.reduced_wall import moving_mask
 from coupling.spatial_wall import SpatialWall, spatial_wall_of_modes
 from rom import Columns, ModalWall, ReducedModel, modal
 
-SPANNED = 1e-7  # of the largest singular value of the rest's static shapes: rounding; not varied
-
 
 def spatial_wall_of(
     reduced: ReducedModel,
@@ -79,7 +77,8 @@ def modes_and_oscillators(
     length = np.linalg.norm(X, axis=0)
     X = X[:, length > 0] / length[length > 0]
     U, sizes, _ = np.linalg.svd(X, full_matrices=False)
-    U = U[:, sizes > SPANNED * sizes.max(initial=0.0)]
+    # 1e-7 of the largest singular value of the rest's static shapes: rounding
+    U = U[:, sizes > 1e-7 * sizes.max(initial=0.0)]
     of_rest, turn = eigh(U.T @ (squared[:, None] * U))
     shapes = np.zeros((len(modes.omega), len(of_rest)))
     shapes[rest] = U @ turn

@@ -26,8 +26,6 @@ from dem.trajectory import Trajectory
 
 # limits of the model, as the sources above state them
 SMALL_CONTACT = 0.1  # contact radius over the smaller sphere's
-YIELD_STRAIN = 0.01  # yield stress over Young's modulus of hardened steel, a hard material
-FIRST_YIELD = 1.6  # pressure over the yield stress
 SLOW = 0.01  # speed over that of sound in a bar
 
 
@@ -75,9 +73,11 @@ def strain(
     stated = np.broadcast_to(stated.astype(float), chain.mass.shape)
     E_wall, Y_wall = of_wall or (np.inf, np.nan)
     stated, of_all = np.append(stated, Y_wall), np.append(young, E_wall)
-    Y = np.where(np.isnan(stated), YIELD_STRAIN * of_all, stated)
+    # unless stated, 0.01 of Young's modulus: hardened steel, a hard material
+    Y = np.where(np.isnan(stated), 0.01 * of_all, stated)
     softer = np.where(Y[1:] < Y[:-1], np.arange(1, Y.size), np.arange(Y.size - 1))[: peak.size]
-    yielding = FIRST_YIELD * Y[softer]
+    # the largest pressure at first yield is 1.6 times the yield stress
+    yielding = 1.6 * Y[softer]
     pressure = max_pressure(peak, R, E_star) * (chain.yield_overlap is None)
     worst = int((pressure / yielding).argmax()) if peak.size else None
 

@@ -23,8 +23,8 @@ import numpy as np
 
 import dem
 from workflows.evidence.accuracy.peers import Problem
-from workflows.evidence.accuracy.problem_variants import with_parts
 from workflows.evidence.accuracy.problems import problem as problem_of
+from workflows.evidence.accuracy.problems import with_parts
 from workflows.files.scene import scene
 
 SCENES = ("free-chain", "rig-rigid", "rig-half-space", "rig-1dof")

@@ -35,8 +35,6 @@ from fem.tuning import (
     of_bodies,
 )
 
-REPEATED = 1e-6  # relative distance of two frequencies whose shapes are arbitrary; not varied
-
 
 class AtScene(NamedTuple):
     """The assembly in a tuning basis with every parameter at the value that its scene has."""
@@ -104,7 +102,8 @@ def mac_sensitivity(
     omega2 = scene.modes.omega**2
     distance = omega2[mode] - omega2
     others = np.arange(len(omega2)) != mode
-    if np.any(np.abs(distance[others]) < 2 * REPEATED * omega2[mode]):
+    # frequencies within 1e-6 of each other have arbitrary shapes
+    if np.any(np.abs(distance[others]) < 2 * 1e-6 * omega2[mode]):
         return np.full(len(parameters), np.nan)
 
     # MAC = |c|^2 / (u u  psi psi), with c = psi^H u of the shape u read at the sensors

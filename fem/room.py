@@ -7,8 +7,6 @@ from fem.elasticity import Structure
 from fem.spot import planar_spot
 from fem.trace import face_nodes, located
 
-N_PLACES = 25  # along each side of the face, at which a disc is tried
-
 
 def room_on_face(structure: Structure, face: str, at: tuple[float, float], radius: float) -> str:
     """The sides of a plane face [m] and the place nearest to `at` [m] where a disc of a radius [m]
@@ -27,7 +25,8 @@ def room_on_face(structure: Structure, face: str, at: tuple[float, float], radiu
     room = half - radius
     if np.all(room >= 0):
         moved = np.clip(at, -room, room)
-        grid = np.linspace(-room, room, N_PLACES)
+        # a disc is tried at 25 places along each side of the face
+        grid = np.linspace(-room, room, 25)
         places = np.vstack([moved, np.array(np.meshgrid(*grid.T)).reshape(2, -1).T])
         places = places[np.argsort(np.linalg.norm(places - at, axis=1), kind="stable")]
         rim = np.linspace(0.0, 2 * np.pi, 32, endpoint=False)

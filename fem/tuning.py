@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh, null_space
 from scipy.optimize import least_squares
+from scipy.sparse import csr_matrix
 
 from fem.correlation import RIGID, BodyForms, Shape, Target, body_forms, paired, spring_forms
 from fem.factorisation import Factor, factorised
@@ -92,9 +93,11 @@ def tuning_basis(
     targets: Sequence[Target],
     *,
     n_modes: int = 24,
+    loads: csr_matrix | None = None,
     settings: BasisSettings = BasisSettings(),
 ) -> TuningBasis:
-    """Project a model of finite springs; takes two solves for modes and one for attachments."""
+    """Project a model of finite springs; takes two solves for modes and one for attachments, to
+    which `loads` (l, n) add the static shapes of forces that act along their rows."""
     # "joint.krx" and the like: the direction is the last word of a spring's name
     is_turn = np.array([name.rpartition(".")[2].startswith("kr") for name in model.spring], bool)
     unit_stiffness = np.where(is_turn, settings.lever, 1.0)
@@ -108,7 +111,7 @@ def tuning_basis(
     pulls = np.zeros((K.shape[0], len(model.elongation)))
     pulls[model.elongation, range(len(model.elongation))] = 1.0
     of_points = [(one.B @ model.T).toarray().T for one in model.structure.springs]
-    pulls = np.hstack([pulls, *of_points])
+    pulls = np.hstack([pulls, *of_points, *([] if loads is None else [loads.toarray().T])])
     # of a structure that floats K is singular: shifted by its inertia, without the rigid motions R
     R = soft.phi[:, soft.omega < RIGID * soft.omega.max()]
     shift = (2 * np.pi * SHIFT_HZ) ** 2 if R.shape[1] else 0.0

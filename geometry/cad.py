@@ -16,7 +16,7 @@ import numpy as np
 
 from geometry.errors import InvalidGeometry
 from geometry.gmsh_session import session, silent
-from geometry.shapes import Box, Cylinder, Shape
+from geometry.shapes import Box, Cylinder, Hole, Shape
 from geometry.solids import Body, Face, Vector, off_axis
 from geometry.step_file import check_step, face_names, n_solids, name_solids, unit
 
@@ -70,8 +70,13 @@ def _solid(shape: Shape) -> int:
     """Tag of a shape built in the kernel, turned about x, y, z in turn, then moved to its place."""
     occ = gmsh.model.occ
 
-    def upright(radius: float, length: float, x: float = 0.0, y: float = 0.0) -> int:
-        return occ.addCylinder(x, y, -length / 2, 0, 0, length, radius)
+    def upright(radius: float, length: float) -> int:
+        return occ.addCylinder(0, 0, -length / 2, 0, 0, length, radius)
+
+    def down(hole: Hole, top: float, height: float) -> int:
+        """A drill along z from above the upper face at `top`; its ends outside of the body."""
+        length = height + (2 * height if hole.depth is None else hole.depth)
+        return occ.addCylinder(*hole.at, top + height, 0, 0, -length, hole.diameter / 2)
 
     # the shape at the origin, and the cylinders to be cut out of it
     drills: list[int] = []
@@ -82,16 +87,28 @@ def _solid(shape: Shape) -> int:
         tag = upright(shape.radius, shape.length)
         if shape.bore:
             drills = [upright(shape.bore, shape.length)]
+        drills += [down(hole, shape.length / 2, shape.length) for hole in shape.holes]
+        for hole in shape.radial_holes:
+            a = np.radians(hole.angle)
+            outward = np.array([np.cos(a), np.sin(a), 0.0])
+            # from outside of the round face, half a radius off it, to the depth below it
+            start = 1.5 * shape.radius * outward + [0, 0, hole.height]
+            reach = 3 * shape.radius if hole.depth is None else 0.5 * shape.radius + hole.depth
+            drills.append(occ.addCylinder(*start, *(-reach * outward), hole.diameter / 2))
     else:
         points = [occ.addPoint(x, y, 0) for x, y in shape.outline]
         ends = zip(points, points[1:] + points[:1], strict=True)
         face = occ.addPlaneSurface([occ.addCurveLoop([occ.addLine(*pair) for pair in ends])])
         extruded = occ.extrude([(2, face)], 0, 0, shape.thickness)
         (tag,) = [tag for dimension, tag in extruded if dimension == 3]
-        # four times the thickness: the drills' own ends lie outside of the plate
-        drills = [upright(h.diameter / 2, 4 * shape.thickness, *h.at) for h in shape.holes]
+        drills = [down(hole, shape.thickness, shape.thickness) for hole in shape.holes]
     if drills:
-        ((_, tag),), _ = occ.cut([(3, tag)], [(3, drill) for drill in drills])
+        pieces, _ = occ.cut([(3, tag)], [(3, drill) for drill in drills])
+        if len(pieces) != 1:
+            raise InvalidGeometry(
+                f"holes cut a body into {len(pieces)} pieces; move them, or make them smaller."
+            )
+        ((_, tag),) = pieces
 
     for axis, degrees in zip(np.eye(3), shape.turn, strict=True):
         occ.rotate([(3, tag)], 0, 0, 0, *axis, np.radians(degrees))

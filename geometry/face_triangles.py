@@ -27,10 +27,11 @@ def face_triangles(bodies: Iterable[Body]) -> dict[int, NDArray[np.float64]]:
     largest = max(float(np.linalg.norm(body.upper - body.lower)) for body in bodies)
     gmsh.option.setNumber("Mesh.MeshSizeMax", largest / ACROSS)
     gmsh.model.mesh.generate(2)
+    # of all faces: a node on the seam of a round face may be listed with another face alone
+    nodes, points, _ = gmsh.model.mesh.getNodes()
+    place = dict(zip(nodes.tolist(), points.reshape(-1, 3), strict=True))
     corners_of = {}
     for face in (face for body in bodies for face in body.faces):
-        nodes, points, _ = gmsh.model.mesh.getNodes(2, face.tag, includeBoundary=True)
-        place = dict(zip(nodes.tolist(), points.reshape(-1, 3), strict=True))
         _, nodes_of = gmsh.model.mesh.getElementsByType(2, face.tag)  # type 2: triangles
         corners_of[face.tag] = np.array([place[n] for n in nodes_of.tolist()]).reshape(-1, 3, 3)
     gmsh.model.mesh.clear()

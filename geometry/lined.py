@@ -132,6 +132,11 @@ def _rectangles(shape: Shape, lines: Lines, x: Coordinates, y: Coordinates) -> l
         )
     rectangles = []
     for hole, ring in zip(holes, lines.rings, strict=True):
+        if hole.depth is not None:
+            raise InvalidGeometry(
+                f"depth = {hole.depth} m of the hole at {list(hole.at)} m: between lines holes go "
+                "through; drop its depth, or the lines."
+            )
         numbers = []
         for axis, along in enumerate((x, y)):
             ends = [int(np.argmin(abs(along - e[axis]))) for e in (ring.lower, ring.upper)]

@@ -1,4 +1,4 @@
-"""Shapes to draw a body of: a box, an extruded outline with round holes, a cylinder or a tube.
+"""Shapes to draw a body of: a box, an outline extruded and drilled, a cylinder or a tube, drilled.
 
 Each is drawn in axes of its own, turned about them, then moved: turn = (a, b, c) degrees turns it
 by a about the global x, then by b about y, then by c about z.
@@ -38,16 +38,29 @@ class Box:
 
 @dataclass(frozen=True)
 class Hole:
-    """A round hole through a plate [m]."""
+    """A round hole along z [m], from the upper face as deep as `depth`; None: through the body."""
 
     diameter: float
     at: PlanePoint
+    depth: float | None = None
+
+
+@dataclass(frozen=True)
+class RadialHole:
+    """A round hole towards the axis of a cylinder, as deep as `depth` below its round face; None:
+    through the body."""
+
+    diameter: float
+    angle: float  # [degrees] about z, from x
+    height: float  # [m] on z
+    depth: float | None = None
 
 
 @dataclass(frozen=True)
 class Slab:
     """An outline of straight edges [m], extruded; raises InvalidGeometry for one that crosses
-    itself, for a thickness of zero, and for holes that meet the edge or each other."""
+    itself, for a thickness of zero, and for holes that meet the edge or each other or are as deep
+    as the plate."""
 
     outline: tuple[PlanePoint, ...]
     thickness: float
@@ -59,15 +72,23 @@ class Slab:
         _positive("thickness", self.thickness)
         _require_place(self)
         _check_plate(np.array(self.outline, dtype=float), self.holes)
+        _check_depths(self.holes, self.thickness, "the plate is thick")
 
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A cylinder or, with a bore, a tube; both are radii [m]."""
+    """A cylinder or, with a bore, a tube; both are radii [m].
+
+    Raises InvalidGeometry for a bore as wide as the cylinder, for holes that meet the edge of the
+    face that they are drilled into, the bore or each other there, and for holes too deep. Inside of
+    the body holes may meet.
+    """
 
     radius: float
     length: float
     bore: float = 0.0
+    holes: tuple[Hole, ...] = ()
+    radial_holes: tuple[RadialHole, ...] = ()
     at: Point = NOWHERE
     turn: Point = NOWHERE
 
@@ -80,19 +101,40 @@ class Cylinder:
                 f"bore = {self.bore} m, a radius, must lie between 0 and the tube's "
                 f"radius = {self.radius} m."
             )
+        _check_ends(self)
+        _check_round_face(self)
 
 
 Shape = Box | Slab | Cylinder
 
 
 def volume(shape: Shape) -> float:
-    """Volume of a shape [m^3]."""
+    """Volume of a shape [m^3]; what holes that meet share is taken off twice."""
     if isinstance(shape, Box):
         return float(np.prod(shape.sides))
     if isinstance(shape, Cylinder):
-        return pi * (shape.radius**2 - shape.bore**2) * shape.length
-    solid = abs(_signed_area(np.array(shape.outline)))
-    return (solid - sum(pi / 4 * hole.diameter**2 for hole in shape.holes)) * shape.thickness
+        solid, height = pi * (shape.radius**2 - shape.bore**2), shape.length
+    else:
+        solid, height = abs(_signed_area(np.array(shape.outline))), shape.thickness
+    drilled = sum(pi / 4 * h.diameter**2 * (h.depth or height) for h in shape.holes)
+    if isinstance(shape, Cylinder):
+        drilled += sum(_volume(hole, shape) for hole in shape.radial_holes)
+    return solid * height - drilled
+
+
+def _volume(hole: RadialHole, cylinder: Cylinder) -> float:
+    """Volume [m^3] that a radial hole takes from a cylinder: chords along the hole, beside its
+    middle by s = r sin a, less what lies in the bore, summed over equal steps of a; within 1e-6 of
+    the body where the hole is wider than the bore, else nearer."""
+    a = (np.arange(-1000, 1000) + 0.5) * pi / 2000
+    s = hole.diameter / 2 * np.sin(a)
+    outer = np.sqrt(cylinder.radius**2 - s**2)
+    inner = np.sqrt(np.maximum(cylinder.bore**2 - s**2, 0))
+    tip = -np.inf if hole.depth is None else cylinder.radius - hole.depth
+    near = np.maximum(outer - np.maximum(inner, tip), 0)
+    far = np.maximum(-inner - np.maximum(-outer, tip), 0)
+    width = hole.diameter / 2 * np.cos(a)  # half of it, and ds / da
+    return float(2 * width**2 @ (near + far) * pi / 2000)
 
 
 def in_place(points: NDArray[np.float64], shape: Shape) -> NDArray[np.float64]:
@@ -159,14 +201,89 @@ def _check_plate(outline: NDArray[np.float64], holes: tuple[Hole, ...]) -> None:
                 f"hole of {hole.diameter} m at {list(hole.at)} is not inside the outline: its "
                 f"centre must lie inside, more than {radius} m from every edge."
             )
-        for earlier in holes[:i]:
-            distance = float(np.linalg.norm(centre - earlier.at))
-            if distance <= radius + earlier.diameter / 2:
+        _check_apart(hole, holes[:i])
+
+
+def _check_apart(hole: Hole, others: tuple[Hole, ...]) -> None:
+    for other in others:
+        distance = float(np.linalg.norm(np.subtract(hole.at, other.at)))
+        least = (hole.diameter + other.diameter) / 2
+        if distance <= least:
+            raise InvalidGeometry(
+                f"holes at {list(other.at)} and {list(hole.at)} overlap: their centres are "
+                f"{distance:.6g} m apart, which must exceed {least:.6g} m."
+            )
+
+
+def _check_depths(holes: tuple[Hole, ...], height: float, words: str) -> None:
+    for hole in holes:
+        if hole.depth is None:
+            continue
+        _positive("hole's depth", hole.depth)
+        if hole.depth >= height:
+            raise InvalidGeometry(
+                f"depth = {hole.depth} m of the hole at {list(hole.at)} must be less than {words}, "
+                f"{height} m; without depth it goes through."
+            )
+
+
+def _check_ends(cylinder: Cylinder) -> None:
+    """Raises InvalidGeometry for holes that cannot be drilled into the ends of a cylinder."""
+    for i, hole in enumerate(cylinder.holes):
+        _positive("hole's diameter", hole.diameter)
+        off, r = float(np.linalg.norm(hole.at)), hole.diameter / 2
+        least = cylinder.bore + r if cylinder.bore else 0.0
+        if not (off + r < cylinder.radius and (off > least or not cylinder.bore)):
+            beyond = f"more than {least:.6g} m and " if cylinder.bore else ""
+            raise InvalidGeometry(
+                f"hole of {hole.diameter} m at {list(hole.at)} is not inside the end of the "
+                f"cylinder: its centre must be {beyond}less than {cylinder.radius - r:.6g} m from "
+                "the axis."
+            )
+        _check_apart(hole, cylinder.holes[:i])
+    _check_depths(cylinder.holes, cylinder.length, "the cylinder is long")
+
+
+def _check_round_face(cylinder: Cylinder) -> None:
+    """Raises InvalidGeometry for holes that cannot be drilled into the round face of a cylinder."""
+    R, half = cylinder.radius, cylinder.length / 2
+    mouths: list[tuple[RadialHole, float]] = []  # holes with the angles at which they open [rad]
+    for hole in cylinder.radial_holes:
+        _positive("hole's diameter", hole.diameter)
+        r, place = hole.diameter / 2, [hole.angle, hole.height]
+        if not (np.all(np.isfinite(place)) and r < R and abs(hole.height) + r < half):
+            raise InvalidGeometry(
+                f"hole of {hole.diameter} m around the cylinder at {place} is not inside its round "
+                f"face: its diameter must be less than {2 * R:.6g} m, and its height lie between "
+                f"{r - half:.6g} m and {half - r:.6g} m."
+            )
+        if hole.depth is not None:
+            _positive("hole's depth", hole.depth)
+            words = f"depth = {hole.depth} m of the hole around the cylinder at {place} must be "
+            # beyond it the flat bottom cuts the round face on the far side
+            deepest = R + np.sqrt(R**2 - r**2)
+            if hole.depth >= deepest:
                 raise InvalidGeometry(
-                    f"holes at {list(earlier.at)} and {list(hole.at)} overlap: their centres are "
-                    f"{distance:.6g} m apart, which must exceed "
-                    f"{radius + earlier.diameter / 2:.6g} m."
+                    f"{words}less than {deepest:.6g} m; without depth it goes through."
                 )
+            # between them the flat bottom leaves a skin on the bore that thins out to nothing
+            grazes, opens = R - cylinder.bore, R - np.sqrt(max(cylinder.bore**2 - r**2, 0))
+            if cylinder.bore and grazes <= hole.depth <= opens:
+                raise InvalidGeometry(
+                    f"{words}less than {grazes:.6g} m, to end before the bore, or more than "
+                    f"{opens:.6g} m, to open into it."
+                )
+        angles = [hole.angle] if hole.depth else [hole.angle, hole.angle + 180]
+        for angle in np.radians(angles):
+            for other, at in mouths:
+                apart = abs((angle - at + pi) % (2 * pi) - pi)
+                clear = np.arcsin(r / R) + np.arcsin(other.diameter / 2 / R)
+                if apart <= clear and abs(hole.height - other.height) <= r + other.diameter / 2:
+                    raise InvalidGeometry(
+                        f"holes around the cylinder at {[other.angle, other.height]} and {place} "
+                        "meet in its round face; move one, or give one that ends inside its depth."
+                    )
+        mouths += [(hole, angle) for angle in np.radians(angles)]
 
 
 def _distance(point, a, b) -> float:

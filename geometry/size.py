@@ -24,14 +24,14 @@ class TetrahedraCount(NamedTuple):
 
 
 COUNT = TetrahedraCount()
-RINGS = 300.0  # nodes of hexahedra around a hole, however large the seed; measured as above
 
 
 def n_nodes(shape: Shape, lines: Lines, seed: float) -> float:
     """Nodes of quadratic hexahedra between grid lines, within a tenth; exact without holes."""
     n = [n_cells(stops, seed) for stops in stops_of(shape, lines)]
     grid = prod(k + 1 for k in n) * (1 + sum(k / (k + 1) for k in n))
-    return grid + RINGS * len(lines.rings)
+    # 300 nodes of hexahedra around a hole, however large the seed; measured as above
+    return grid + 300.0 * len(lines.rings)
 
 
 def n_nodes_of_tetrahedra(shape: Shape, seed: float, fine: float | None = None) -> float:

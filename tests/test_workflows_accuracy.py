@@ -15,10 +15,9 @@ import dem
 from workflows.commands.app import main
 from workflows.evidence.accuracy import chain_length, curves, folder, parts, peers, runs, time
 from workflows.evidence.accuracy.batch import population, step_of_median
+from workflows.evidence.accuracy.curves import ratios, seconds_at
 from workflows.evidence.accuracy.growth import growth_exponent, line
-from workflows.evidence.accuracy.problem_variants import lengthened, modal_wall
-from workflows.evidence.accuracy.problems import problem
-from workflows.evidence.accuracy.ratios import ratios, seconds_at
+from workflows.evidence.accuracy.problems import lengthened, modal_wall, problem
 from workflows.evidence.accuracy.row import AccuracyRow, table_of
 from workflows.evidence.accuracy.runs import (
     ReferenceRun,

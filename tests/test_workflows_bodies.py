@@ -1,6 +1,7 @@
 """Scenes of any assembly through the commands: modes against theory, runs, tuning, refusals."""
 
 import json
+import re
 import tomllib
 from contextlib import nullcontext
 from importlib.util import module_from_spec, spec_from_file_location
@@ -11,6 +12,7 @@ import gmsh
 import numpy as np
 import pytest
 from PIL import Image
+from scipy.integrate import quad
 from skfem import Basis, FacetBasis
 
 from command_line import beadwave
@@ -132,6 +134,56 @@ def test_a_look_at_a_step_file_reports_masses_pairs_and_holes(step, capsys):
     assert seen["unit"] == "mm" and seen["dofs"] == sum(b["dofs"] for b in seen["bodies"])
 
 
+FLANGE = """
+assembly = { held = ["flange:-z"], material = "steel" }
+[bodies.flange]
+cylinder = { radius = "40 mm", bore = "10 mm", length = "15 mm" }
+seed = "10 mm"
+[[bodies.flange.holes]]
+diameter = "9 mm"
+at = [["30 mm", 0], ["-30 mm", 0]]
+[[bodies.flange.holes]]
+diameter = "5 mm"
+around = [[45, "0 mm"]]
+depth = "12 mm"
+"""
+
+
+def test_a_drawn_flange_has_its_mass_and_holes_of_two_diameters(capsys):
+    """The blind hole: chords of its flat bottom at 28 mm from the axis up to the round face."""
+    Path("flange.toml").write_text(FLANGE)
+    assert beadwave("look", "flange.toml", "--out=seen", "--json") == 0
+    seen = json.loads(capsys.readouterr().out)
+    blind = quad(lambda s: 2 * np.sqrt(2.5**2 - s**2) * (np.sqrt(40**2 - s**2) - 28), -2.5, 2.5)[0]
+    drilled = np.pi * (40**2 - 10**2 - 2 * 4.5**2) * 15 - blind
+    assert seen["bodies"][0]["mass_kg"] == pytest.approx(7850 * drilled * 1e-9, rel=1e-5)
+    holes = [(round(1e3 * hole["diameter_m"], 6), hole["number"]) for hole in seen["holes"]]
+    assert sorted(holes) == [(5, 1), (9, 2), (20, 1)]
+    assert "flange:hole" in Path("seen/faces.html").read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('around = [[45, "0 mm"]]', "", r"bodies\.flange\.holes\.2: holes are placed by at = "),
+        ('"0 mm"', '"6 mm"', r"bodies\.flange: hole of 0\.005 m .* between -0\.005 m and 0\.005 m"),
+        ('"12 mm"', '"30 mm"', r"bodies\.flange: depth = 0\.03 m .* to end before the bore"),
+        ('"-30 mm"', '"23 mm"', r"bodies\.flange: holes at .* overlap: .* must exceed 0\.009 m"),
+        ("cylinder = {", 'box = [0.1, 0.1, 0.1]\nfoo = {', "unknown key 'foo'"),
+        ('cylinder = { radius = "40 mm", bore = "10 mm", length = "15 mm" }',
+         "box = [0.1, 0.1, 0.1]", "holes belong to a plate or a cylinder"),
+        ('cylinder = { radius = "40 mm", bore = "10 mm", length = "15 mm" }',
+         "plate = { outline = [[0, 0], [0.1, 0], [0, 0.1]], thickness = 0.01 }",
+         r"holes\.around are in the round face of a cylinder"),
+    ],
+)  # fmt: skip
+def test_holes_that_cannot_be_drilled_are_refused_by_their_key(old, new, message):
+    assert old in FLANGE
+    Path("flange.toml").write_text(FLANGE.replace(old, new))
+    with pytest.raises(InvalidScene, match=message):
+        pipeline_of(scene("flange.toml"), lambda name: nullcontext())("mesh")
+
+
 def test_a_look_at_the_rig_tells_what_it_is_made_of(capsys):
     """Its block is 131.5 x 98.2 x 41.5 mm; the dofs are those of its own mesh."""
     assert beadwave("look", "rig-rom", "--json") == 0
@@ -209,6 +261,25 @@ def test_the_starter_scene_of_a_step_file_has_modes_and_a_reduced_model(step, ca
     with np.load("rom.npz") as held:
         assert held["w"].sum() == pytest.approx(-1.0)  # the chain travels down
     assert len(Path("start.toml").read_text().splitlines()) <= 25
+
+
+def test_a_starter_offers_bolts_where_holes_go_through_both_bodies(capsys):
+    """Bolts leave the faces free between them: without comment signs modes are lower than tied."""
+    holes = tuple(Hole(0.008, (x, 0.02)) for x in (0.01, 0.05))
+    sheet = ((0, 0), (0.06, 0), (0.06, 0.04), (0, 0.04))
+    bolted = {
+        "base.1": Slab(sheet, 0.01, holes),
+        "lid": Slab(sheet, 0.006, holes, at=(0.0, 0.0, 0.01)),
+    }
+    write_step(bolted, Path("bolted.step"))
+    assert beadwave("look", "bolted.step", "--scene=tied.toml", "-q") == 0
+    text = Path("tied.toml").read_text()
+    assert "# 2 holes through both base.1 and lid: bolts in place of the tie\n" in text
+    Path("bolts.toml").write_text(re.sub(r"^# (\[\[|name|between|kz)", r"\1", text, flags=re.M))
+    assert scene("bolts.toml").joints[0].name == "base-1-lid"
+    capsys.readouterr()
+    first = [modes_of(capsys, name)[1][0]["frequency_hz"] for name in ("tied.toml", "bolts.toml")]
+    assert first[1] < 0.5 * first[0]
 
 
 def test_a_look_counts_the_elements_that_the_scene_asks_for(step, capsys):

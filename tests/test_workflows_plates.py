@@ -8,7 +8,7 @@ import pytest
 
 import coupling
 from workflows.evidence import catalogue
-from workflows.evidence.thesis import plate_sizes, plates
+from workflows.evidence.thesis import plates
 from workflows.evidence.thesis.boundary_distance import BoundaryDistanceOptions, boundary_distance
 from workflows.evidence.thesis.collision import first_contact
 from workflows.evidence.thesis.wall_thickness import WallThicknessOptions, wall_thickness
@@ -53,7 +53,7 @@ def column(finding, name, **where):
 def solid(ratio, **changes):
     rig = scene("rig-half-space")
     plate = plates.steel(rig, plates.diameter(rig) / ratio)
-    size = plate_sizes.sizes(plate, RISE, RISE)._replace(**changes)
+    size = plates.sizes(plate, RISE, RISE)._replace(**changes)
     return rig, plate, plates.middle_wall(plate, size)
 
 
@@ -69,7 +69,7 @@ def test_a_sphere_rebounds_from_a_solid_plate_as_from_zeners(ratio):
 
 def test_edges_that_answer_within_the_contact_are_felt():
     """The size of the plate matters only then: a third of it gives the sphere more back."""
-    size = plate_sizes.sizes(solid(4.0)[1], RISE, RISE)
+    size = plates.sizes(solid(4.0)[1], RISE, RISE)
     rig, plate, small = solid(4.0, reach=size.reach / 3)
     zener = plates.rebound(rig, coupling.infinite_plate(plate))
     assert abs(plates.rebound(rig, small) / zener - 1) > 0.1

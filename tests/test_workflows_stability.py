@@ -14,8 +14,7 @@ from workflows.commands.app import main
 from workflows.evidence import catalogue
 from workflows.evidence.stability import steps as stability_steps
 from workflows.evidence.stability.chains import spheres_of, striker_velocity
-from workflows.evidence.stability.outcomes import Outcome, settled
-from workflows.evidence.stability.trials import Trial, judged
+from workflows.evidence.stability.trials import Outcome, Trial, judged, settled
 
 QUICK = sorted(
     {*catalogue.catalogue("stability")}

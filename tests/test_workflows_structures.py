@@ -7,9 +7,9 @@ import pytest
 
 from workflows.evidence import catalogue
 from workflows.evidence.thesis.axial_force import AxialForceOptions
+from workflows.evidence.thesis.bent import StructuresOptions
 from workflows.evidence.thesis.solid_beam import SolidBeamOptions
 from workflows.evidence.thesis.solid_plate import SolidPlateOptions
-from workflows.evidence.thesis.structures import StructuresOptions
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
 

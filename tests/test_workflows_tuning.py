@@ -256,6 +256,13 @@ def test_a_tuned_scene_of_a_step_file_keeps_its_comments(out, tmp_path, monkeypa
     assert "# of a test" in text and "# M6" in text and "200000000.0" in text
     assert scene(out).but(name=given.name) == result
 
+    # of a table that had defaults alone the value that was set
+    coarse = result.but(mesh={"scale": 2.0})
+    write_scene(coarse, file, "Of mode 3.", source)
+    text = Path(out).read_text()
+    assert "[mesh]\nscale = 2.0\n" in text and "element" not in text
+    assert scene(out).but(name=given.name) == coarse
+
 
 @pytest.mark.slow
 def test_targets_by_number_are_called_by_the_numbers_of_their_modes(tmp_path):

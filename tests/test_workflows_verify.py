@@ -12,16 +12,17 @@ import fem
 from fem import joints
 from workflows.commands.app import main
 from workflows.evidence import catalogue
-from workflows.evidence.verify import comparisons, honest_steps, lammps
+from workflows.evidence.verify import comparisons, honest_errors, lammps
 from workflows.evidence.verify.comparisons import (
     PeerMissing,
     compared,
+    finding,
     require_module,
     require_program,
     rows_of,
+    wrong,
 )
 from workflows.evidence.verify.random_scenes import DAMPED, LAWS, WALLS, comparison
-from workflows.evidence.verify.table import finding, wrong
 
 
 def row_of(run):
@@ -151,7 +152,7 @@ def test_an_error_on_purpose_is_outside(group, error, n_outside, monkeypatch):
 @pytest.mark.slow
 def test_stated_errors_of_steps_are_true_or_larger_where_forces_are_smooth():
     """0.69 at 5 % before yielding contacts were taken for what they are, 1.8 since."""
-    rows = honest_steps.points("steps", honest_steps.step_ratios(("none", "hunt-crossley")))
+    rows = honest_errors.points("steps", honest_errors.step_ratios(("none", "hunt-crossley")))
     assert len(rows) == 3
     assert all(row.difference <= row.allowed for row in rows), rows
 
@@ -159,9 +160,9 @@ def test_stated_errors_of_steps_are_true_or_larger_where_forces_are_smooth():
 @pytest.mark.slow
 def test_two_sigma_bars_hold_the_truth_as_often_as_they_say():
     """Bars half or twice as long do not."""
-    off = np.array([honest_steps.errors_in_bars(seed) for seed in range(50)])
+    off = np.array([honest_errors.errors_in_bars(seed) for seed in range(50)])
     honest = [
-        honest_steps.share_of_bars(off / longer).difference == 0 for longer in (1.0, 0.5, 2.0)
+        honest_errors.share_of_bars(off / longer).difference == 0 for longer in (1.0, 0.5, 2.0)
     ]
     assert honest == [True, False, False]
 

@@ -11,7 +11,7 @@ from matplotlib.image import imread
 import dem
 from command_line import COARSE_RIG
 from workflows.evidence import catalogue
-from workflows.evidence.thesis import rig_walls, walls
+from workflows.evidence.thesis import walls
 from workflows.evidence.thesis.energy import chain_alone
 from workflows.evidence.thesis.observed_run import RecordOptions, Setup, observed
 from workflows.evidence.thesis.plastic_contact import plastic_contact
@@ -151,8 +151,8 @@ def standing():
     """The default reduced wall, coarse, beside those that need no mesh."""
     usual = scene("rig-rom", COARSE)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rig_walls, "ROMS", {"ROM all four": "rig-rom"})
-        return usual, tuple(rig_walls.rig_walls(usual, quiet))
+        patch.setattr(walls, "ROMS", {"ROM all four": "rig-rom"})
+        return usual, tuple(walls.rig_walls(usual, quiet))
 
 
 @pytest.mark.slow
@@ -191,7 +191,7 @@ def test_equal_waves_are_no_distance_apart_and_distant_ones_sqrt_2(own_cache):
     spheres = (1, 4, 14)
     names = ("half-space", "1-DOF 8425", "1-DOF 907", "ROM all four", "1-DOF 240")
     runs = {
-        name: rig_walls.impact_run(usual, named[name], spheres, RecordOptions(error=1e-3))
+        name: walls.impact_run(usual, named[name], spheres, RecordOptions(error=1e-3))
         for name in names
     }
     plain, high, nine, rom, low = runs.values()

@@ -42,8 +42,6 @@ from dem.kernels.ledger import save
 from dem.kernels.modes import modal_energy
 from dem.kernels.numbers import larger, smaller
 
-NEAR = 0.7  # of a step: a contact that closed no longer ago still bends the next step's motion
-
 
 class Between(NamedTuple):
     """Spheres at k samples; modes (k, n_modes) from their static state."""
@@ -152,7 +150,8 @@ def touch(h: float, i: int, k: int, c: int, gaps: Gaps) -> Touch:
     curvature = h * h * gaps.bend[i, c]
     if g0 <= 0.0 and g1 > 0.0:
         at, slope, curvature = crossing(g0, r0, g1, r1)
-    elif 0.0 < g0 < NEAR * r0 and g1 > 0.0:
+    # 0.7 of a step: a contact that closed no longer ago still bends the next step's motion
+    elif 0.0 < g0 < 0.7 * r0 and g1 > 0.0:
         at = -g0 / r0
         fall = r0 + curvature * at
         if fall > 0.0:

@@ -13,8 +13,6 @@ from dem.kernels.compiled import ieee, ieee_march
 from dem.kernels.laws import elastic_force, elastic_indentation, elastic_stiffness
 from dem.kernels.numbers import larger
 
-BEYOND = 0.25  # of the energy's slope at a step's start, that it may rise with at its end
-
 
 class Bearing(NamedTuple):
     """What holds n spheres at rest."""
@@ -129,7 +127,8 @@ def rest(x: Array, bearing: Bearing, floor: float, n_iterations: int, room: Newt
         for _halving in range(40):
             add(x, scale, change, trial)
             static_residual(trial, bearing, bearing.shape, f, r)
-            better = dot(r, change) >= -BEYOND * downhill
+            # the energy may rise at the step's end with 0.25 of its slope at the start
+            better = dot(r, change) >= -0.25 * downhill
             if better:
                 break
             scale *= 0.5

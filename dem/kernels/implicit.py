@@ -47,7 +47,6 @@ from dem.kernels.laws import (
 from dem.kernels.ledger import save
 
 LEAD = 55.0  # in `lead`: a damper of z = 4 leaves exp(-4) of the velocity
-FREELY = 0.75  # of the way of a free body: what springs hold more is not led, see `lead`
 
 
 class StepStates(NamedTuple):
@@ -285,7 +284,8 @@ def mean_force(
     if c * stops > STOPPED:
         c, strengthening = STOPPED / stops, 0.0
     ahead, bend = 0.0, 0.0
-    if compliance * per_dt * per_dt > FREELY * 0.5 * inverse_mass[i]:
+    # 0.75 of the way of a free body: what springs hold more is not led, see `lead`
+    if compliance * per_dt * per_dt > 0.75 * 0.5 * inverse_mass[i]:
         stops = math.copysign(stops, per_dt)
         ahead, bend = lead(c * stops)
     mean = (g1 - g0) * per_dt

@@ -34,10 +34,7 @@ from dem.kernels.laws import (
 )
 
 LANES = 16
-WEAK = 0.1  # damping rate times step up to which ten terms of the exponential are exact
 NO_GAP = 1e-300  # [m] below any, above what a root makes 0
-NEWTON = 1e-9  # change of a root after which the next one is below rounding
-BEFORE_FOLD = 0.999999  # of the way to where no force answers
 
 
 class LaneSteps(NamedTuple):
@@ -375,8 +372,10 @@ def spring_forces(x: Array, A: Array, springs: WallSprings, f: Array) -> None:
             e, y = s[lane] * A[lane], f[lane]
             gap = max(x[lane] - x[lane + LANES], NO_GAP)
             change = (gap - y * y * (1.0 + e * y)) / (y * (2.0 + 3.0 * e * y))
-            f[lane] = min(y + change, BEFORE_FOLD * fold[lane])
-            moved += 1.0 if abs(change) > NEWTON * y else 0.0
+            # 0.999999 of the way to where no force answers
+            f[lane] = min(y + change, 0.999999 * fold[lane])
+            # 1e-9: change of a root after which the next one is below rounding
+            moved += 1.0 if abs(change) > 1e-9 * y else 0.0
         if moved == 0.0:
             break
     for lane in range(LANES):
@@ -452,7 +451,8 @@ def damping_impulses(row: int, dt: float, lanes: Lanes, impulse: Array) -> None:
         share = 1.0 / 24.0 - z * (1.0 / 120.0 - z * (1.0 / 720.0 - z * (1.0 / 5040.0 - z * share)))
         impulse[lane] = c * w * dt * (1.0 - z * (0.5 - z * (1.0 / 6.0 - z * share)))
         pulls = 1.0 if c * w + f[j + LANES] < 0.0 else 0.0
-        strong += (1.0 if abs(z) > WEAK else 0.0) + (pulls if clipped else 0.0)
+        # 0.1: damping rate times step up to which ten terms of the exponential are exact
+        strong += (1.0 if abs(z) > 0.1 else 0.0) + (pulls if clipped else 0.0)
     if strong == 0.0:
         return
     for lane in range(LANES):

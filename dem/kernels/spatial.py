@@ -35,7 +35,6 @@ HERTZ, SPRINGS, RUBBED, SWING, DAMPED, BY_CONTACT, BY_SHAKERS, BEYOND_MODES, FIN
 # work of the shakers on the modes, and on the motion L f of the contact
 IN_DAMPERS, ON_MODES, SHAKEN, SHAKEN_BEYOND = range(4)
 ITERATIONS = 60  # for the force on a residual compliance; some six are usual
-ANEW = 15  # iterations after which the tangent is that of stick again; not varied
 ROUNDING = 1e-12  # of the force, to which it is found
 
 
@@ -320,7 +319,8 @@ def touch(
             answer[0] = math.nan
 
         # J = -(1 + K S) of the contact that sticks, then Broyden's updates from step to step
-        if J[0, 0] == 0.0 or iteration == ANEW:
+        # after 15 iterations the tangent is that of stick again
+        if J[0, 0] == 0.0 or iteration == 15:
             a = math.sqrt(law.radius * overlap)
             k_n, k_t = 1.5 * A * math.sqrt(overlap), 2.0 * a * law.modulus
             for i in range(d):

@@ -45,6 +45,6 @@ def progress(console: Console) -> Progress:
     """A line per stage: name, bar, time."""
     # a print goes above the bars where it is seen on the same terminal, and to its file otherwise
     return Progress(
-        TextColumn("{task.description:>20}"), _Bar(), _Time(), console=console,
+        TextColumn("{task.description:>26}"), _Bar(), _Time(), console=console,
         redirect_stdout=sys.stdout.isatty(),
     )  # fmt: skip

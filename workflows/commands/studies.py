@@ -19,7 +19,7 @@ from workflows.commands.verb import Call, Word, verb
 )  # fmt: skip
 def accuracy(call: Call) -> None:
     """Error against run time, beside other integrators."""
-    from workflows.evidence.accuracy.machine import machine
+    from workflows.evidence.accuracy.folder import machine
     from workflows.report import finding
 
     result = call()
@@ -47,7 +47,7 @@ def stability(
     ] = False,
 ) -> None:
     """Stiff and extreme cases with a verdict each."""
-    from workflows.evidence.stability.table import brief
+    from workflows.evidence.stability.trials import brief
     from workflows.report import finding
 
     result = call()
@@ -71,7 +71,7 @@ def verify(
     if listed:
         _list("verify", "groups", call.json)
         return
-    from workflows.evidence.verify.table import wrong
+    from workflows.evidence.verify.comparisons import wrong
     from workflows.report import finding
 
     result = call()

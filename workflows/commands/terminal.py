@@ -11,6 +11,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from workflows.commands.durations import Durations
+from workflows.report.stage_words import stage_words
 
 if TYPE_CHECKING:
     from workflows.report.summary import Summary
@@ -104,11 +105,11 @@ class StageProgress:
     @contextmanager
     def _shown(self, name: str, expected: float | None) -> Iterator[int | None]:
         """A bar, whose number comes out, or a line after a second."""
-        task, timer = None, None
+        task, timer, words = None, None, stage_words(name)
         if self._bars:
-            task = self._bars.add_task(name, total=None, expected=expected, left=self.left)
+            task = self._bars.add_task(words, total=None, expected=expected, left=self.left)
         elif self._tells:
-            timer = Timer(PATIENCE, self._tell, (name, expected))
+            timer = Timer(PATIENCE, self._tell, (words, expected))
             timer.daemon = True
             timer.start()
         self._running[name] = perf_counter()
@@ -129,7 +130,7 @@ class StageProgress:
         left = self.left()
         if left and left > max(expected or 0.0, PATIENCE):
             words.append(f"{left:.0f} s to the end")
-        hint = "" if self._told else "; --quiet drops these lines"
+        hint = "" if self._told else " (--quiet: no progress, no text)"
         self._told = True
         print(f"{', '.join(words)}{hint}.", file=sys.stderr, flush=True)
 
@@ -217,7 +218,7 @@ class SummaryPrinter:
                 rows += [("verdict", sentence) for sentence in sentences]
                 for stage in summary.stages:
                     cached = "  (kept)" if stage.cached else ""
-                    rows.append((stage.name, f"{stage.seconds:.2f} s{cached}"))
+                    rows.append((stage_words(stage.name), f"{stage.seconds:.2f} s{cached}"))
             else:
                 rows += left_out(summary)
             self._print(rows)

@@ -25,6 +25,7 @@ RETURNED = {
     "verify": "Iterator[Comparison]",
 }
 OPTION = {"stability": "--case", "verify": "--group"}  # by which names are given
+ROWS = {"stability": "trials", "verify": "comparisons"}  # module of a row and of their table
 TAKEN = {"thesis": ["scene", "progress"], "accuracy": ["scene", "progress"]}  # first arguments
 
 
@@ -118,10 +119,10 @@ def accuracy_alone() -> tuple[str, ...]:
 
 def verdicts(folder: str, names: tuple[str, ...], progress: Progress) -> Finding:
     """Verdicts on the cases of `stability`, or the groups of `verify`, of these names, of all
-    without any; what a row is, and how rows are shown, is in the folder's module `table`."""
-    table = import_module(f"{__package__}.{folder}.table")
+    without any."""
+    of_rows = import_module(f"{__package__}.{folder}.{ROWS[folder]}")
     rows = []
     for name, entry in chosen(folder, names, OPTION[folder]).items():
         with progress(name):
-            rows += table.rows_of(name, entry)
-    return table.finding(tuple(rows))
+            rows += of_rows.rows_of(name, entry)
+    return of_rows.finding(tuple(rows))

@@ -14,8 +14,6 @@ from signal import SIGALRM, setitimer
 from subprocess import DEVNULL, CompletedProcess, Popen, TimeoutExpired, run
 from threading import Thread
 
-GRACE = 5.0  # s that a child may take longer to end itself
-
 
 def child(module: str, *arguments: str, seconds: float) -> CompletedProcess[bytes]:
     """What `python -m module arguments` left: exit status, stdout and stderr.
@@ -25,9 +23,8 @@ def child(module: str, *arguments: str, seconds: float) -> CompletedProcess[byte
     command = _command(seconds, module, *arguments)
     try:
         with _lifeline() as end:
-            ended = run(
-                command, capture_output=True, stdin=end, timeout=seconds + GRACE, check=False
-            )
+            # a child may take 5 s longer to end itself
+            ended = run(command, capture_output=True, stdin=end, timeout=seconds + 5.0, check=False)
     except TimeoutExpired:
         raise TimeoutError(f"{module} took more than {seconds:g} s") from None
     if ended.returncode == -SIGALRM:

@@ -14,7 +14,6 @@ from signal import ITIMER_PROF, setitimer
 import numpy as np
 
 REFUSED = 3
-LEAST = 2**30  # bytes that the readers themselves take
 Arrays = dict[str, np.ndarray]
 
 
@@ -107,7 +106,8 @@ def main() -> None:
     setitimer(ITIMER_PROF, float(seconds))  # of work, so that a busy machine refuses nothing
     from workflows.scene.memory import free_memory
 
-    limit = max(LEAST, free_memory())
+    # the readers themselves take 2**30 bytes
+    limit = max(2**30, free_memory())
     if limit < float("inf"):
         setrlimit(RLIMIT_DATA, (int(limit), int(limit)))
     try:

@@ -37,12 +37,7 @@ from workflows.stages.signals import sensors as sensors_of
 from workflows.sweep.cases import Base
 from workflows.sweep.design import grid, require_free
 
-NEAR = 0.01  # of the bounds' distance: walls are computed as far to either side of the scene's
 MOST_CASES = 200
-# step of difference quotients, in scales: half a percent of the bounds, where periodic states of
-# shakers are found to a thousandth of what such a step changes
-OF_STATES = 0.25
-MOST_CURVES = 8  # in a picture
 
 
 class CandidateWalls(NamedTuple):
@@ -104,7 +99,8 @@ def _candidate(
     # walls within a little of the scene's values
     nearby = []
     for p in sought:
-        value, reach = scene_parameters.number(scene, p.name), NEAR * (p.high - p.low)
+        # 0.01 of the bounds' distance: walls are computed as far to either side of the scene's
+        value, reach = scene_parameters.number(scene, p.name), 0.01 * (p.high - p.low)
         nearby.append(p._replace(start=value, low=value - reach, high=value + reach))
     each = scene_parameters.usual_each(scene, ",".join(p.name for p in sought))
     per_record = scene_parameters.per_record(base, each, 1)
@@ -146,7 +142,9 @@ def _candidate(
         model = model.stepped(theta, step)
         forward = StructureForward(model, sensors, step)
         if model.rubbing is not None and model.rubbing.near is not None:
-            forward = forward._replace(difference=OF_STATES)
+            # 0.25: step of difference quotients, in scales: half a percent of the bounds, where
+            # periodic states of shakers are found to a thousandth of what such a step changes
+            forward = forward._replace(difference=0.25)
         causes, records = foreseen(
             forward, unknowns(sought, per_record, [trigger("trigger", 0.0)]), theta, t,
             noise=noise, unknown_gain=unknown_gain,
@@ -192,11 +190,12 @@ def _finding(sought: tuple[Parameter, ...], chains: list[CandidateChain]) -> Fin
 
     panels_of_numbers, sentences = [], []
     for i, p in enumerate(sought):
+        # at most 8 curves in a picture
         curves = [
             Line(_with_values(chain.values).removeprefix(" with ") or None,
                  np.array(chain.spheres, float),
                  chain.bars[: len(chain.spheres), i] / (p.high - p.low), "o-")
-            for chain in chains[:MOST_CURVES]
+            for chain in chains[:8]
         ]  # fmt: skip
         words = f"{p.name}\ntwo sigma over bounds"
         panels_of_numbers.append(Panel("", "sphere that is watched", words, curves, "y"))
@@ -246,7 +245,6 @@ def _with_values(values: dict[str, Any]) -> str:
 
 
 INSTANTS = 80  # record lengths at which bars are computed
-ENOUGH = 2.0  # times the bar of the whole record: a record that is long enough has no longer one
 
 
 def foreseen(
@@ -291,7 +289,8 @@ def foreseen(
     for i in range(m):
         bars = bars_over_time(slopes[None, :, i, None], B, ends)[:, :n]
         causes[NOISE][i] = bars[-1] * scales(unknowns.parameters)
-        records[i] = t[ends[np.argmax(bars <= ENOUGH * bars[-1], axis=0)] - 1]
+        # a record that is long enough has bars of at most twice those of the whole one
+        records[i] = t[ends[np.argmax(bars <= 2.0 * bars[-1], axis=0)] - 1]
         for cause, of_cause in by_cause.items():
             differences = np.array([change.share * change.signals[:, i] for change in of_cause])
             b = biases(slopes[:, i], differences.T, B)

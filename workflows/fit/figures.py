@@ -28,11 +28,6 @@ if TYPE_CHECKING:
     from workflows.fit.report import InspectionReport
 
 
-CORNER = 4  # parameters in the picture of a posterior, the least determined ones
-MOST_RECORDS = 6  # in a picture of signals
-WIDE = 5.0  # largest misfit of a scan over its least, from which on the axis is logarithmic
-
-
 def calibration_pictures(result: Calibrated) -> tuple[Picture, ...]:
     """Signals, parameters, correlation, and the scan and posterior where there are any."""
     fit, report, posterior = result.fit, result.report, result.posterior
@@ -85,7 +80,8 @@ def scan(report, face: str) -> bytes:
     """Misfit over the wall's frequency with the chain of the first waves held."""
     f, misfit = np.array(report.scan_hz), 1e3 * np.array(report.scan_misfit_m_s)
     row = next(row for row in report.parameters if row.name == "wall.frequency")
-    wide = misfit.max() > WIDE * misfit.min() > 0
+    # 5.0: largest misfit of a scan over its least, from which on the axis is logarithmic
+    wide = misfit.max() > 5.0 * misfit.min() > 0
     panel = Panel(
         "", "frequency of the wall [Hz]", "misfit of all samples, rms [mm/s]",
         [Line(None, f, misfit, "o-")], "xy" if wide else "x", None if wide else (0.0, None),
@@ -160,7 +156,8 @@ def correlation(fit, face: str) -> bytes:
 def corner(fit, posterior, rows, face: str) -> bytes:
     """Marginals and pairs of the least determined parameters beside the Gaussian of the bars."""
     size = np.nan_to_num(fit.uncertainty.two_sigma / [p.scale for p in fit.parameters])
-    chosen = np.sort(np.argsort(-size, kind="stable")[:CORNER])
+    # the picture of a posterior has the 4 parameters that are determined least
+    chosen = np.sort(np.argsort(-size, kind="stable")[:4])
     n = len(chosen)
     figure, axes = subplots(n, n, (1.6 + 2.1 * n, 1.4 + 2.0 * n), sharex="col")
     panels = np.reshape(axes, (n, n))
@@ -247,7 +244,8 @@ def inspection_pictures(result: Inspected, report: InspectionReport) -> tuple[Pi
 
 def recorded_signals(result: Inspected, report: InspectionReport, face: str) -> bytes:
     """Records and model, and the residual over the noise; two panels per record."""
-    shots, models = result.judged.fit.shots[:MOST_RECORDS], result.judged.inversion.model
+    # at most 6 records in a picture of signals
+    shots, models = result.judged.fit.shots[:6], result.judged.inversion.model
     figure, panels = residual_pairs(len(shots), 2.1)
     for s, (shot, (upper, lower)) in enumerate(zip(shots, panels, strict=True)):
         for i, name in enumerate(report.sensors):

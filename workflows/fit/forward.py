@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from workflows.fit.rubbing import RubbingRun  # of scenes with friction on a structure alone
 
 NO_FILTER = Filter()
-SEARCH_SAMPLING = 0.15  # time between samples of a search, over that of the stiffest contact
 
 
 class ChainForward:
@@ -101,7 +100,8 @@ class ChainForward:
     def coarser(self, steps: float) -> ChainForward:
         """Larger steps, in usual ones, and fewer samples, for a search."""
         dt = self.signals.t[1] - self.signals.t[0]
-        stride = max(1, int(SEARCH_SAMPLING * self.time_scale / dt))
+        # a search has samples every 0.15 of the stiffest contact's time
+        stride = max(1, int(0.15 * self.time_scale / dt))
         thinned = self.signals._replace(t=self.signals.t[::stride], v=self.signals.v[::stride])
         return ChainForward(self.rig, self.parameters, thinned, self.filters, steps)
 
@@ -155,8 +155,6 @@ def refined(t: np.ndarray, factor: int) -> np.ndarray:
 
 
 SHARED, OWN = "shared", "own"  # kinds of numbers: of all records, of each
-DIFFERENCE = 1e-5  # step of a difference quotient, in scales
-FEW_STEPS = 10_000  # of all runs together: below, threads would cost more than they save
 
 
 class Shot(NamedTuple):
@@ -228,7 +226,7 @@ class StructureForward(NamedTuple):
     sensors: tuple[Sensor, ...]
     dt: float  # [s]
     within: Callable[[NDArray[np.float64], NDArray[np.float64]], Callable] | None = None
-    difference: float = DIFFERENCE  # step of a difference quotient, in scales
+    difference: float = 1e-5  # step of a difference quotient, in scales
 
     def narrowed(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> StructureForward:
         """The same with a system made for shared numbers between these ends, and no others."""
@@ -301,7 +299,8 @@ class StructureForward(NamedTuple):
 
     def _runs(self, values, lengths) -> list[Trajectory | RubbingRun]:
         systems = [self.system(v) for v in values]
-        if sum(lengths) < FEW_STEPS * self.dt:
+        # below 10 000 steps of all runs together threads would cost more than they save
+        if sum(lengths) < 10_000 * self.dt:
             return list(map(self._run, systems, lengths))
         with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
             return list(pool.map(self._run, systems, lengths))

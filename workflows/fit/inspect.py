@@ -166,9 +166,6 @@ def problem(
     return fit, tuple(f"gain {name}" for name in gains), noise_known
 
 
-ROUNDS = 3  # of walls computed at the answer, at most
-
-
 class Answer(NamedTuple):
     """An end of the search, found again with walls computed where it lies."""
 
@@ -193,7 +190,8 @@ def answered(
         end_fit = fit._replace(forward=search.forward)
         model, moved, no_wall = end_fit.forward.system, None, ""
         inversion = inverted(end_fit, begin=end.point, n_shared=n_shared, gains=gains)
-        for _ in range(ROUNDS if model.between else 0):
+        # walls are computed at the answer three times at most
+        for _ in range(3 if model.between else 0):
             try:
                 model = model.through(inversion.value[: len(model.keys)])
                 fit_there = end_fit._replace(forward=end_fit.forward._replace(system=model))

@@ -22,7 +22,6 @@ from workflows.fit.parameter import Parameter, Rig
 from workflows.fit.signals import Filter, aligned
 from workflows.fit.windows import Options
 
-MARCHED = 1e-8  # relative velocity error of the march that makes the data
 OVERSAMPLED = 4  # samples of the march per sample of the instrument
 
 
@@ -59,7 +58,8 @@ def clean_signals(
     """The known rig marched for a duration [s] and filtered; spheres are counted from 1."""
     rate, observed = OVERSAMPLED * twin.sampling, [n - 1 for n in spheres]
     n = round(duration * rate)
-    run = march_to_error(chain, wall, v0, duration=n / rate, error=MARCHED, n_save=n)
+    # 1e-8: relative velocity error of the march that makes the data
+    run = march_to_error(chain, wall, v0, duration=n / rate, error=1e-8, n_save=n)
     return shown(run.trajectory.v[:, observed], v0[observed], twin, spheres)
 
 

@@ -103,12 +103,10 @@ def rms(residual: NDArray[np.float64]) -> float:
 
 
 PRIOR = 3e-5  # rms of a parameter one scale off its start, over the fastest sphere
-CONVERGED = 1e-10  # relative fall of the misfit, or step, at which a fit ends
 IMPOSSIBLE_RESIDUAL = (
     1e3  # residual over the fastest sphere that stands for a run that is impossible
 )
 CLOSE = 4  # contacts between the ends of a cycle of three, at most
-DISTINCT = 0.1  # scales between two contacts below which a swap changes nothing
 
 
 class WindowFit:
@@ -148,7 +146,7 @@ class WindowFit:
         *,
         max_runs: int = 60,
         prior: bool = False,
-        tolerance: float = CONVERGED,
+        tolerance: float = 1e-10,  # relative fall of the misfit, or step, at which it ends
     ) -> Solution:
         """The least misfit on the windows from z (p,) on, by `max_runs` of the model at most;
         parameters that are not free stay. With a prior, a weak spring pulls each to its start."""
@@ -175,7 +173,8 @@ class WindowFit:
         for order in three_cycles(contacts) if cycles else combinations(contacts, 2):
             z_swapped = z.copy()
             z_swapped[list(order)] = z[[*order[1:], order[0]]]
-            if np.abs(z_swapped - z).max() < DISTINCT:
+            # a swap of contacts that differ by less than 0.1 scales changes nothing
+            if np.abs(z_swapped - z).max() < 0.1:
                 continue
             r = self.residual(z_swapped, windows)
             swaps.append((rms(r - Q @ (Q.T @ r)), z_swapped))
@@ -199,7 +198,6 @@ def weights(spread: np.ndarray) -> np.ndarray:
 
 
 HUGE = 1e3  # residual over the noise that stands for a run that is impossible
-LEAST_ROUNDING = 1e-3  # share of the noise's square below which exp(..) has long vanished
 
 
 class RecordFit(NamedTuple):
@@ -226,7 +224,8 @@ class RecordFit(NamedTuple):
         shows most of it: 2 q exp(-pi^2/6 (1/q - 1)) with q the share of D^2/12 in the noise, whose
         square is sigma^2 + D^2/12."""
         shares = [np.max((shot.rounding / shot.noise) ** 2) for shot in self.shots]
-        q = np.clip(max(shares), LEAST_ROUNDING, 1.0)
+        # 1e-3: share of the noise's square below which exp(..) has long vanished
+        q = np.clip(max(shares), 1e-3, 1.0)
         return float(2.0 * q * np.exp(-(np.pi**2) / 6.0 * (1.0 / q - 1.0)))
 
     def of_shots(self, shots: Sequence[int], stride: int = 1) -> "RecordFit":

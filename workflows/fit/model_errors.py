@@ -20,11 +20,7 @@ from numpy.typing import NDArray
 from workflows.fit.uncertainty import Uncertainty, combinations
 
 NOISE, TIME = "noise", "time"
-# e(h) over e(h) - e(h/2) of the order 1.5, to which a spring F ~ d^1.5 that opens bounds any
-# scheme: halved steps took the differences of a chain of 17 down by 2.9
-TIME_SHARE = 1 / (1 - 2**-1.5)
 LEAST_SHARE = 0.01  # of a cause in the square of a bar, from which on a table names it
-UNDETERMINED = 1e-12  # of the largest singular value: directions below take no bias
 
 
 class Forward(Protocol):
@@ -77,7 +73,9 @@ def changes(
 ) -> dict[str, list[ModelChange]]:
     """By cause what better models change in the signals that `shown` computes of a forward model:
     smaller steps of time, and each of the models. `usual` is shown(forward)."""
-    by_cause = {TIME: [ModelChange(shown(forward.with_steps(0.5)) - usual, TIME_SHARE)]}
+    # 1 / (1 - 2**-1.5): e(h) over e(h) - e(h/2) of the order 1.5, to which a spring F ~ d^1.5 that
+    # opens bounds any scheme: halved steps took the differences of a chain of 17 down by 2.9
+    by_cause = {TIME: [ModelChange(shown(forward.with_steps(0.5)) - usual, 1 / (1 - 2**-1.5))]}
     for cause, better in models.items():
         by_cause[cause] = []
         for model in better:
@@ -133,7 +131,8 @@ def biases(
         values, vectors = np.linalg.eigh(B)
         rows = np.vstack([J, np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T])
         known = np.vstack([d, np.zeros((len(B), d.shape[1]))])
-    return np.linalg.lstsq(rows, known, rcond=UNDETERMINED)[0]
+    # 1e-12 of the largest singular value: directions below take no bias
+    return np.linalg.lstsq(rows, known, rcond=1e-12)[0]
 
 
 def shares(causes: Mapping[str, NDArray[np.float64]], i: int) -> dict[str, float]:

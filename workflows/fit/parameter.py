@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 OF_WALL = ("frequency", "mass", "damping")
 UNIFORM = 12.0  # the variance of a uniform distribution is its width squared over this
 TRIGGER_REACH = 1e-4  # [s] bounds of a trigger to either side of its estimate
-TRIGGER_SCALE = 3e-6  # [s] a change of a trigger that counts as large
-AT_BOUND = 1e-6  # of the bounds' distance: parameters nearer to a bound lie at it
 # > 0, varied by factors
 RATIOS = (
     "contact",
@@ -61,7 +59,8 @@ class Parameter(NamedTuple):
 def trigger(name: str, estimate: float) -> Parameter:
     """The first touch on a record's clock, about its estimate [s]."""
     low, high = estimate - TRIGGER_REACH, estimate + TRIGGER_REACH
-    return Parameter(name, "trigger", estimate, low, high, TRIGGER_SCALE, "s")
+    # 3e-6 s: a change of a trigger that counts as large
+    return Parameter(name, "trigger", estimate, low, high, 3e-6, "s")
 
 
 def coordinates(parameters: Sequence[Parameter], theta: np.ndarray) -> np.ndarray:
@@ -101,7 +100,8 @@ def ends(parameters: Sequence[Parameter]) -> tuple[np.ndarray, np.ndarray]:
 def at_bound(parameters: Sequence[Parameter], value: np.ndarray) -> np.ndarray:
     """(p,) whether each value (p,) lies at one of its bounds; never where a bound is infinite."""
     low, high = ends(parameters)
-    margin = AT_BOUND * (high - low)
+    # 1e-6 of the bounds' distance: parameters nearer to a bound lie at it
+    margin = 1e-6 * (high - low)
     return np.isfinite(margin) & ((value - low <= margin) | (high - value <= margin))
 
 

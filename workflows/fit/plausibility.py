@@ -207,9 +207,7 @@ def first_touch(text: str, estimate: float, t: np.ndarray) -> float:
     return trigger
 
 
-RESOLVED = 1e-4  # of the largest signal: noise below this is below what the model resolves
 USUAL_NOISE = 0.01  # of the largest signal, taken where a record does not show its noise
-LEVELS = 4096  # of 12 bits: a record of no more different values has been rounded by its instrument
 
 
 def called_apart(records: tuple[Recorded, ...]) -> tuple[Recorded, ...]:
@@ -277,7 +275,8 @@ def noise_of(record: Recorded, time_scale: float) -> tuple[np.ndarray, bool]:
     rms = np.array([np.nan if estimate is None else estimate for estimate in estimates])
     is_known = bool(np.isfinite(rms).all())
     rms = np.where(np.isfinite(rms), rms, USUAL_NOISE * largest)
-    floor = np.maximum(RESOLVED * largest, rounding(record.y))
+    # 1e-4 of the largest signal: noise below this is below what the model resolves
+    floor = np.maximum(1e-4 * largest, rounding(record.y))
     return np.maximum(rms, floor), is_known
 
 
@@ -285,5 +284,6 @@ def rounding(y: np.ndarray) -> np.ndarray:
     """rms (m,) of what an instrument of few levels rounds off signals (k, m): D / sqrt(12) of its
     step D, 0 of a signal that takes more values than such an instrument has."""
     levels = [np.unique(column) for column in y.T]
-    steps = [np.median(np.diff(u)) if 1 < len(u) <= LEVELS else 0.0 for u in levels]
+    # a record of no more than 4096 values, 12 bits, has been rounded by its instrument
+    steps = [np.median(np.diff(u)) if 1 < len(u) <= 4096 else 0.0 for u in levels]
     return np.array(steps) / np.sqrt(12.0)

@@ -128,11 +128,6 @@ def _on_impulses(
             )
 
 
-HIGH = 0.3  # of the largest force: crests above it are waves
-PARTED = 0.1  # of the crest: a force that stays above it before the next wave belongs to both
-GONE = 0.02  # of the crest: a wave has passed when the force is below it
-
-
 class Impulse(NamedTuple):
     """Of the first wave."""
 
@@ -144,13 +139,16 @@ class Impulse(NamedTuple):
 def incident_impulse(t: NDArray[np.float64], force: NDArray[np.float64]) -> Impulse | None:
     """Integral of a force (k,) [N] over t (k,) [s] from the start of a record to where its first
     wave has passed; None without a wave, or where the next one comes before that."""
-    crests = peaks(force, HIGH * force.max(initial=0.0))
+    # 0.3 of the largest force: crests above it are waves
+    crests = peaks(force, 0.3 * force.max(initial=0.0))
     if not crests:
         return None
     crest = crests[0]
     falling = force[crest : crests[1] if len(crests) > 1 else None]
-    passed = np.flatnonzero(falling < GONE * force[crest])
+    # 0.02 of the crest: a wave has passed when the force is below it
+    passed = np.flatnonzero(falling < 0.02 * force[crest])
     end = crest + int(passed[0] if passed.size else falling.argmin())
-    if force[end] > PARTED * force[crest]:
+    # 0.1 of the crest: a force that stays above it before the next wave belongs to both
+    if force[end] > 0.1 * force[crest]:
         return None
     return Impulse(float(np.trapezoid(force[: end + 1], t[: end + 1])), float(t[end]), end + 1)

@@ -44,14 +44,11 @@ SPEED_RANGE = Range(0.3, 3.0, 0.1)  # of the start
 POWER = Range(1e-3, 1e3, 0.1)  # of the stiffness of a power law: tenfold for 0.2 of exponent
 LOSS = Range(0.0, 10.0, 0.05)  # [s/m]
 RATIO = Range(0.0, 0.5, 0.01)  # damping ratio
-LOSS_START = 0.05  # [s/m] where the scene has none
-PRELOAD_START = 1.0  # [N] where the scene has none
 RATIO_START = 0.01  # where the scene has none
 
 # what --bounds may say at most
 SMALLEST = 1e-3  # of the start, of a parameter that is varied by factors; its inverse the largest
 LATEST = 1e-2  # [s] of the trigger to either side of the estimate
-CRITICAL = 0.99  # damping ratio
 NAMES = (
     "contacts", "contact.N", "contact.stiffness",
     *(f"contact.{parameter}" for parameter in SHAPE_PARAMETERS),
@@ -115,7 +112,8 @@ def parameters(
         elif p.kind == "trigger":
             smallest, largest = p.start - LATEST, p.start + LATEST
         else:
-            smallest, largest = 0.0, CRITICAL if p.kind == "damping" else np.inf
+            # damping stays below the critical one
+            smallest, largest = 0.0, 0.99 if p.kind == "damping" else np.inf
         for key in _keys(p):
             if key not in bounds:
                 continue
@@ -167,9 +165,11 @@ def _named(scene: Scene, name: str, trigger: float) -> list[Parameter]:
         return by_factors(suffix, start, POWER, "N/m^n")
     if name == "preload":
         force = scene.preload.force if scene.preload else 0.0
-        return by_factors("preload", force or PRELOAD_START, FACTOR, "N")
+        # 1 N where the scene has none
+        return by_factors("preload", force or 1.0, FACTOR, "N")
     if name == "dissipation":
-        start = float(np.max(scene.contact.coefficient)) or LOSS_START
+        # 0.05 s/m where the scene has none
+        start = float(np.max(scene.contact.coefficient)) or 0.05
         return [Parameter(name, "dissipation", start, *LOSS, "s/m")]
     if name == "striker" and scene.striker:
         return by_factors("striker", scene.striker.velocity, SPEED_RANGE, "m/s")
@@ -279,7 +279,6 @@ def calibrated_scene(
 
 
 USUAL_BOUNDS = {SHARED: (0.7, 1.4), OWN: (0.5, 2.0)}  # factors on the scene's value
-SCALE = 0.02  # of the bounds' distance: a change that counts as large
 MOST_NUMBERS = 12
 SPEED = "striker.velocity"
 
@@ -348,7 +347,8 @@ def _bounded(
             "change the scene."
         )
     unit = next((entry.quantity.kind.unit for entry in entries(scene) if entry.key == key), "")
-    return Parameter(key, kind, start, low, high, SCALE * (high - low), unit)
+    # 0.02 of the bounds' distance: a change that counts as large
+    return Parameter(key, kind, start, low, high, 0.02 * (high - low), unit)
 
 
 def per_record(base: Base, each: str, n_records: int) -> list[list[Parameter]]:

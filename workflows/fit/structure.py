@@ -40,7 +40,6 @@ if TYPE_CHECKING:
 DEGREE_BEAM, DEGREE_BODIES = 3, 2  # of the polynomials between walls: beams are computed quickly
 # keys of a shaker that leave the structure as it is; its stinger and its place do not
 OF_SHAKING = ("force", "displacement", "velocity", "acceleration", "frequency", "phase")
-CHAINS = 16  # chains that are cached: many runs differ in the wall alone
 
 
 class KeyedChains(NamedTuple):
@@ -222,7 +221,8 @@ def _keyed_chains(
         if not all(map(np.array_equal, usual, changed)):
             of_chain.append(i)
     names = tuple(keys[i] for i in of_chain)
-    return KeyedChains(tuple(of_chain), lru_cache(CHAINS)(partial(chain, names)))
+    # 16 chains are cached: many runs differ in the wall alone
+    return KeyedChains(tuple(of_chain), lru_cache(16)(partial(chain, names)))
 
 
 def _a_little_more(value: float) -> float:

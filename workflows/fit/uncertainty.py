@@ -34,8 +34,6 @@ from workflows.fit.least_squares import RecordFit
 from workflows.fit.parameter import UNIFORM, Parameter, scales
 
 LEAST_SHARE = 0.3  # of a parameter in a combination, from which on the text names it
-LEAST_SPECTRUM = 0.2  # of the noise that a fit is taken to leave at any frequency, at least
-LAGS = 10  # of the autocovariance that count, in correlation lengths
 
 
 class Combination(NamedTuple):
@@ -123,7 +121,8 @@ def noise_along(U: np.ndarray, residual: np.ndarray) -> np.ndarray:
         U_f = np.fft.rfft(U[:, i], size, axis=0)
         absorbed = np.sum(np.abs(U_f) ** 2, axis=1) / k
         power = np.abs(np.fft.rfft(residual[:, i], size)) ** 2
-        power = power / np.maximum(1.0 - absorbed, LEAST_SPECTRUM)
+        # a fit is taken to leave at least 0.2 of the noise at any frequency
+        power = power / np.maximum(1.0 - absorbed, 0.2)
 
         # autocovariance r at the lags that count, as an even sequence; its spectrum is that of R,
         # at least 0, which the cut at the last lag may violate
@@ -143,7 +142,8 @@ def lags_that_count(r: np.ndarray) -> int:
     tenth, at most a quarter of all."""
     fallen = np.flatnonzero(np.abs(r) < 0.1 * r[0])
     first = int(fallen[0]) if fallen.size else len(r) // 4
-    return min(LAGS * max(first, 1), len(r) // 4)
+    # lags of the autocovariance count up to 10 correlation lengths
+    return min(10 * max(first, 1), len(r) // 4)
 
 
 def combinations(
@@ -195,9 +195,6 @@ def felt_from(
     squares = np.cumsum(np.sum(slopes**2, axis=(0, 2)), axis=0)
     determined = squares >= (2.0 / (share * width)) ** 2
     return np.where(determined.any(axis=0), determined.argmax(axis=0), len(determined))
-
-
-LONGER = 1.5  # factor from one trial of t to the next, until the misfit has risen enough
 
 
 class Valley(NamedTuple):
@@ -292,7 +289,8 @@ def stretch_factor(valley: Valley, step: NDArray[np.float64], i: int) -> float:
     t, t_before, rise_before, rise = 1.0, 0.0, 0.0, valley.rise(step, i)
     while rise < enough and t < room:
         t_before, rise_before = t, rise
-        t = min(LONGER * t, room)
+        # 1.5: factor from one trial of t to the next, until the misfit has risen enough
+        t = min(1.5 * t, room)
         rise = valley.rise(t * step, i)
     if rise < enough:
         return t

@@ -105,7 +105,6 @@ class GrowingWindows:
         return best, runs
 
 
-VALLEYS = 4  # minima of the misfit from which on the rest of the wall is fitted, at most
 IMPOSSIBLE = 10.0  # misfit over the fastest sphere that only an impossible run has
 
 
@@ -130,7 +129,8 @@ def scanned(
     misfit = np.array([fit.misfit(trial, everything) for trial in trials])
     possible = misfit < IMPOSSIBLE * fit.largest
     scan = Scan(fit.parameters[place].name, frequencies[possible], misfit[possible])
-    return [trials[possible][i] for i in local_minima(scan.misfit)[:VALLEYS]], scan
+    # the rest of the wall is fitted from 4 minima of the misfit on, at most
+    return [trials[possible][i] for i in local_minima(scan.misfit)[:4]], scan
 
 
 def local_minima(misfit: np.ndarray) -> np.ndarray:

@@ -23,7 +23,6 @@ from workflows.report.render import MATT, RAMP, ramp
 SIZE = (1248, 624)  # of the view, in pixels
 TOWARDS, REST, AWAY = np.array([[200, 55, 27], [185, 194, 203], [29, 95, 180]]) / 255
 HEAD = (11, 92, 173)
-GIF_COLOURS = 96  # grey spheres, three ramps of colour and curves; fewer bytes than with 256
 
 
 def frames(run: dict, strip: Image.Image) -> Iterator[Image.Image]:
@@ -119,7 +118,8 @@ def main(arguments: list[str]) -> None:
         run = {key: file[key] for key in file.files}
     pictures, rate = frames(run, Image.open(folder / "strip.png").convert("RGB")), int(run["rate"])
     if name.endswith(".gif"):
-        first, *others = [picture.quantize(GIF_COLOURS) for picture in pictures]
+        # 96 colours: grey spheres, three ramps of colour and curves; fewer bytes than with 256
+        first, *others = [picture.quantize(96) for picture in pictures]
         first.save(
             folder / name, save_all=True, append_images=others, duration=1000 // rate, loop=0
         )

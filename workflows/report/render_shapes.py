@@ -17,7 +17,6 @@ from workflows.report.render import EYE, IMPACT, MATT, RenderSettings, bent_by, 
 from workflows.report.render import white_plotter as plotter_of
 
 VIEW = (520, 340)  # pixels of a view
-ARROW = 0.12  # longest arrow over the structure's size
 DOT = 0.008  # radius of a point over the structure's size
 
 
@@ -46,7 +45,8 @@ def shapes(
         row, pair = divmod(i, pairs)
         plotter.subplot(row, 2 * pair)
         points, u = np.array(mode.points), np.array(mode.displacement)
-        u = ARROW * grid.length / np.linalg.norm(u, axis=1).max() * u
+        # the longest arrow is 0.12 of the structure's size
+        u = 0.12 * grid.length / np.linalg.norm(u, axis=1).max() * u
         plotter.add_mesh(skin, color="#dfe4e9", opacity=0.35, **MATT)
         plotter.add_mesh(outline, color="#909090", line_width=1.0)
         for point, along in zip(points, u, strict=True):

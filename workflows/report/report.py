@@ -20,6 +20,7 @@ from workflows.files.scene import scene as load
 from workflows.report import bundle, page_rows
 from workflows.report.numbers import difference, figures, grouped, percent, share_percent, si
 from workflows.report.page_data import page_data
+from workflows.report.stage_words import stage_words
 from workflows.report.summary import Summary
 from workflows.scene import InvalidScene
 from workflows.scene.named_files import unfit
@@ -98,8 +99,10 @@ def in_one_file(
     script_texts = [*map(bundle.text, scripts), bundle.bundled(module)]
     style_texts = [*map(bundle.text, styles)]
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    numbers: tuple[Callable, ...] = (si, percent, difference, figures, grouped, share_percent)
-    environment.filters |= {filter.__name__: filter for filter in numbers}
+    texts: tuple[Callable, ...] = (
+        si, percent, difference, figures, grouped, share_percent, stage_words,
+    )  # fmt: skip
+    environment.filters |= {filter.__name__: filter for filter in texts}
     return environment.from_string(bundle.text(f"{template}.html.jinja")).render(
         scripts=[*map(Markup, script_texts)],
         styles=[*map(Markup, style_texts)],

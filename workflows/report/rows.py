@@ -1,6 +1,7 @@
 """Rows of a summary for the terminal and the page: label, value with unit, meaning."""
 
 from workflows.report.numbers import GLUE, NONE, digits, grouped, percent, si
+from workflows.report.stage_words import stage_words
 from workflows.report.summary import (
     FrictionNumbers,
     ReductionHealth,
@@ -113,7 +114,9 @@ def errors_and_seconds(summary: Summary) -> list[tuple[str, str]]:
         seconds = "kept results"
     else:
         longest = sorted(spent, key=spent.get, reverse=True)[:3]
-        stages = [f"{name} {digits(spent[name])}" for name in longest if spent[name] >= 0.05]
+        stages = [
+            f"{stage_words(name)} {digits(spent[name])}" for name in longest if spent[name] >= 0.05
+        ]
         seconds = digits(run_seconds(summary)) + (f" ({', '.join(stages)})" if stages else "")
     rows.append(("seconds", seconds))
     return [(label, value) for label, value in rows if value not in ("", NONE)]

@@ -12,7 +12,6 @@ from workflows.scene.scene_table import SceneTable
 if TYPE_CHECKING:
     from workflows.scene.scene import Scene
 
-ON_A_LINE = 1e-3  # width over length of points that tell no turn about their line; not varied
 Places = Annotated[tuple[Place3, ...], Field(strict=False, min_length=3)]
 
 
@@ -32,7 +31,8 @@ class AxesOfTest(SceneTable):
         for name in ("points", "at"):
             places = np.array(getattr(self, name))
             spread = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
-            if not spread[1] > ON_A_LINE * spread[0]:
+            # points in a strip narrower than 1e-3 of its length tell no turn about their line
+            if not spread[1] > 1e-3 * spread[0]:
                 raise ValueError(
                     f"the places of {name} lie on a line, which leaves a turn about it open: give "
                     "one beside it"

@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from workflows.scene.named_materials import with_numbers
+from workflows.scene.named_materials import of_named_material
 from workflows.scene.quantities import of
 from workflows.scene.scene_table import (
     Density,
@@ -84,10 +84,7 @@ class Beam(SceneTable):
         n_turns = (shift > 0) + (other_shift > 0)
         return n_turns == 0 or (n_turns == 1 and turn == 0 and other_turn == 0)
 
-    @model_validator(mode="before")
-    @classmethod
-    def _of_named_material(cls, table: Any) -> Any:
-        return with_numbers(table)
+    _of_named_material = of_named_material()
 
     @model_validator(mode="after")
     def _one_section(self) -> "Beam":
@@ -166,10 +163,7 @@ class BendingPlateTable(SceneTable):
         supported = [edge for edge in self.edges if edge != "free"]
         return not supported or supported == ["hinged"]
 
-    @model_validator(mode="before")
-    @classmethod
-    def _of_named_material(cls, table: Any) -> Any:
-        return with_numbers(table)
+    _of_named_material = of_named_material()
 
     @model_validator(mode="after")
     def _struck_inside(self) -> "BendingPlateTable":

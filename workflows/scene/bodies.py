@@ -44,6 +44,9 @@ Size = of(Positive, LENGTH, 1e-5, 50)
 Place = of(Number, LENGTH, 0, 100)
 Place3 = Annotated[tuple[Place, Place, Place], Field(strict=False, description="x, y, z")]
 Corner = Annotated[tuple[Length, Length], Field(strict=False, description="x, y")]
+AngleHeight = Annotated[
+    tuple[float, Length], Field(strict=False, description="angle [degrees], height [m]")
+]
 Sides = Annotated[tuple[Size, Size, Size], Field(strict=False, description="lengths along x, y, z")]
 Vector = Annotated[tuple[float, float, float], Field(strict=False, description="x, y, z")]
 Three = Annotated[tuple[Modulus, Modulus, Modulus], Field(strict=False)]
@@ -146,11 +149,35 @@ class Ringed(SceneTable):
 
 
 class Holes(SceneTable):
-    """Round holes through a plate."""
+    """Round holes of one diameter through a plate or a cylinder; several of these tables,
+    [[bodies.NAME.holes]], for several diameters."""
 
-    diameter: Size  # [m] of all these holes
-    at: Annotated[tuple[Corner, ...], Field(strict=False, min_length=1)]  # [m] x, y as in outline
+    diameter: Size  # [m] of all holes of this table
+    # [m] x, y of holes along z: of a plate as in its outline, of a cylinder from its axis
+    at: Annotated[tuple[Corner, ...], Field(strict=False, min_length=1)] | None = None
+    # [degrees, m] of holes into the round face of a cylinder, towards its axis: the angle about its
+    # z in degrees, from x, and the height on z from its middle
+    around: Annotated[tuple[AngleHeight, ...], Field(strict=False, min_length=1)] | None = None
+    # [m] below the upper face, z of the plate or cylinder, or below the round one; without it
+    # through the whole body
+    depth: Size | None = None
     rings: Annotated[tuple[Ringed, ...], Field(strict=False)] | None = None  # one a hole
+
+    @model_validator(mode="after")
+    def _placed(self) -> "Holes":
+        if (self.at is None) == (self.around is None):
+            raise ValueError(
+                "holes are placed by at = [[x, y]], or around = [[angle, height]] into the round "
+                "face of a cylinder: give one of the two"
+            )
+        return self
+
+
+OneOrMoreHoles = Annotated[
+    Annotated[Holes, Tag("one")]
+    | Annotated[tuple[Holes, ...], Field(strict=False, min_length=1), Tag("several")],
+    Discriminator(lambda value: "several" if isinstance(value, list | tuple) else "one"),
+]
 
 
 class LineTable(SceneTable):
@@ -209,7 +236,7 @@ class BodyTable(SceneTable):
     box: Sides | None = None
     plate: PlateTable | None = None
     cylinder: CylinderTable | None = None
-    holes: Holes | None = None
+    holes: OneOrMoreHoles | None = None
     lines: LinesTable | None = None
     # [m] where its origin is: the middle of a box or a cylinder, that of a plate's outline
     at: Place3 | None = None
@@ -220,14 +247,24 @@ class BodyTable(SceneTable):
         """Which shape it has."""
         return next((shape for shape in SHAPES if getattr(self, shape) is not None), None)
 
+    @property
+    def all_holes(self) -> tuple[Holes, ...]:
+        """The tables of its holes, one for each diameter."""
+        return (self.holes,) if isinstance(self.holes, Holes) else self.holes or ()
+
     @model_validator(mode="after")
     def _one_shape(self) -> "BodyTable":
         given = [shape for shape in SHAPES if getattr(self, shape) is not None]
         if len(given) > 1:
             raise ValueError(f"{' and '.join(given)} exclude each other: keep one of them")
-        if self.holes and not self.plate:
+        if self.holes and not (self.plate or self.cylinder):
             raise ValueError(
-                "holes belong to a plate: drop them, draw a plate, or drill the body in a STEP file"
+                "holes belong to a plate or a cylinder: drop them, draw the body as a plate, or "
+                "drill it in a STEP file"
+            )
+        if self.plate and any(holes.around for holes in self.all_holes):
+            raise ValueError(
+                "holes.around are in the round face of a cylinder: place those of a plate by at"
             )
         if self.lines and not (self.box or self.plate):
             raise ValueError("lines belong to a box or a plate: drop them, or draw one")

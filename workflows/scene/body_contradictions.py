@@ -56,7 +56,7 @@ def of_bodies(scene: Scene) -> Iterator[str]:
         if scene.seed_of(name) is None:
             yield f"bodies.{name}.lines needs bodies.{name}.seed, the size between them; add it."
     for name, body in bodies.items():
-        if body.holes and body.holes.rings and not body.lines:
+        if any(holes.rings for holes in body.all_holes) and not body.lines:
             yield f"bodies.{name}.holes.rings end on bodies.{name}.lines, which is missing; add it."
 
     # targets

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
-from workflows.scene.named_materials import with_numbers
+from workflows.scene.named_materials import of_named_material
 from workflows.scene.quantities import of
 from workflows.scene.scene_table import (
     Count,
@@ -49,10 +49,7 @@ class ChainTable(SceneTable):
     # [m/s] of every sphere, in place of [striker]
     initial_velocity: Annotated[tuple[Velocity, ...], Field(strict=False)] | None = None
 
-    @model_validator(mode="before")
-    @classmethod
-    def _of_named_material(cls, table: Any) -> Any:
-        return with_numbers(table)
+    _of_named_material = of_named_material()
 
 
 class Striker(SceneTable):

@@ -25,7 +25,10 @@ def _change(
         there, was = table.get(key), before.get(key)
         if value == was:
             continue
-        if isinstance(value, Mapping) and isinstance(there, MutableMapping):
+        if there is None and isinstance(value, Mapping) and isinstance(was, Mapping):
+            # a table whose values were all defaults: those that differ alone
+            table[key] = {k: v for k, v in value.items() if v != was.get(k)}
+        elif isinstance(value, Mapping) and isinstance(there, MutableMapping):
             _change(there, was if isinstance(was, Mapping) else {}, value)
         elif _tables(value) and _tables(there) and len(value) == len(there):
             were = was if _tables(was) and len(was) == len(value) else [{}] * len(value)

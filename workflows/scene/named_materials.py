@@ -7,6 +7,8 @@ temper and batch differ by some per cent in stiffness and by much more in yield 
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
+from pydantic import model_validator
+
 
 class NamedMaterial(NamedTuple):
     """Numbers of a grade at room temperature, and where they stand."""
@@ -79,3 +81,10 @@ def with_numbers(table: Any, numbers: Iterable[str] = NUMBERS) -> Any:
     else:
         return table
     return of_name | {key: value for key, value in table.items() if value is not None}
+
+
+def of_named_material(*numbers: str):
+    """The validator of a table with a `material`, which fills in these numbers, or all."""
+    return model_validator(mode="before")(
+        lambda cls, table: with_numbers(table, numbers or NUMBERS)
+    )

@@ -68,6 +68,7 @@ EXAMPLES: dict[str, Any] = {
     "bodies.NAME.turn": [0.0, 90.0, 0.0], "radius": "10 mm",
     "outline": [[0.0, 0.0], [0.1, 0.0], [0.1, 0.05], [0.0, 0.05]],
     "bodies.NAME.holes.at": [["20 mm", "20 mm"], ["80 mm", "20 mm"]],
+    "around": [[0.0, 0.0], [90.0, "20 mm"]], "depth": "8 mm",
     "seed": "4 mm", "output.instrument.seed": 7, "between": "lid|base",
     **dict.fromkeys(("kx", "ky", "kz"), "50 MN/m"), **dict.fromkeys(("krx", "kry", "krz"), 1e4),
     **dict.fromkeys(("cx", "cy", "cz"), 100.0), **dict.fromkeys(("crx", "cry", "crz"), 0.1),
@@ -157,6 +158,14 @@ def entries_of(key: str) -> tuple[KeyEntry, ...]:
         for entry, path in paths.items()
         if len(words) > 1 and [p for p in path if p not in ("NAME", "N")][: len(words)] == words
     )
+    if len(words) > 1 and not entries and (bare := [w for w in words if not w.isdigit()]) != words:
+        # a row of a list that may be one table, holes.2.diameter
+        entries = tuple(
+            entry
+            for entry, path in paths.items()
+            if len(path) >= len(bare)
+            and all(w == p or p == "NAME" for w, p in zip(bare, path, strict=False))
+        )
     entries = entries or tuple(
         entry
         for entry, path in paths.items()
@@ -189,6 +198,9 @@ def _keys_of(table: type[BaseModel], path: tuple[str, ...], of: str = "") -> Ite
         )
         tables = EITHER.get(name, ()) if table is Scene else ()
         below = [(t, ()) for t in tables] or [*_tables(annotation)]
+        # one table or a list of them: the keys of the one
+        alone = [t for t, step in below if not step]
+        below = [(t, step) for t, step in below if not (step and t in alone)]
 
         # tables of several kinds: their kind is one key, and each of their keys says of which
         kinds = {t: _kind(t) for t, _ in below if len(below) > 1}

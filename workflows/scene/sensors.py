@@ -124,17 +124,15 @@ class Output(SceneTable):
     instrument: Instrument | None = None
 
 
-# of the frequency up to which a reduced model holds: low pass of a sensor on the structure. A block
-# of 6 cm to 25 kHz then shows accelerations to 1e-3, under a band to 25 kHz to 1e-2
-BAND = 0.5
-
-
 def low_pass_of(scene: "Scene", sensor: SensorTable) -> float | None:
     """[Hz] of a sensor's filter: one on the structure shows no more than the reduced model's
     band."""
     if sensor.low_pass or sensor.on is None:
         return sensor.low_pass
-    return BAND * ((scene.reduction and scene.reduction.to_hz) or TO_HZ)
+    # low pass of a sensor on the structure, at half of the frequency up to which a reduced model
+    # holds: a block of 6 cm to 25 kHz then shows accelerations to 1e-3, under a band to 25 kHz to
+    # 1e-2
+    return 0.5 * ((scene.reduction and scene.reduction.to_hz) or TO_HZ)
 
 
 def of_place(scene: "Scene", sensor: SensorTable, key: str) -> Iterator[str]:

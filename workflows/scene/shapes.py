@@ -1,8 +1,10 @@
 """What the tables of [bodies] draw, as `geometry` has it: shapes and grid lines."""
 
+from geometry.errors import InvalidGeometry
 from geometry.grid_lines import Stop, refined
 from geometry.lined import Lines, Ring
-from geometry.shapes import Box, Cylinder, Hole, Shape, Slab
+from geometry.shapes import Box, Cylinder, Hole, RadialHole, Shape, Slab
+from workflows.scene.bodies import BodyTable
 from workflows.scene.scene import Scene
 
 
@@ -20,7 +22,7 @@ def grid_lines(scene: Scene, scale: float = 1.0) -> dict[str, Lines]:
             ]
             for along in (body.lines.x, body.lines.y, body.lines.z)
         ]  # fmt: skip
-        rings = (body.holes.rings or ()) if body.holes else ()
+        rings = [ring for holes in body.all_holes for ring in holes.rings or ()]
         lines[name] = Lines(*stops, [Ring(r.washer, r.lower, r.upper) for r in rings])
     return lines
 
@@ -31,14 +33,29 @@ def shapes(scene: Scene) -> dict[str, Shape]:
     for name, body in (scene.bodies or {}).items():
         if not body.drawn:
             continue
-        place = {key: getattr(body, key) for key in ("at", "turn") if getattr(body, key)}
-        if body.box:
-            solids[name] = Box(body.box, **place)
-        elif body.cylinder:
-            solids[name] = Cylinder(**body.cylinder.model_dump(), **place)
-        else:
-            points = body.holes.at if body.holes else ()
-            holes = tuple(Hole(body.holes.diameter, point) for point in points)
-            plate = body.plate
-            solids[name] = Slab(plate.outline, plate.thickness, holes, **place)
+        try:
+            solids[name] = _shape(body)
+        except InvalidGeometry as error:
+            raise InvalidGeometry(f"bodies.{name}: {error}") from None
     return solids
+
+
+def _shape(body: BodyTable) -> Shape:
+    place = {key: getattr(body, key) for key in ("at", "turn") if getattr(body, key)}
+    if body.box:
+        return Box(body.box, **place)
+
+    along = tuple(
+        Hole(holes.diameter, point, holes.depth)
+        for holes in body.all_holes
+        for point in holes.at or ()
+    )
+    if body.plate:
+        return Slab(body.plate.outline, body.plate.thickness, along, **place)
+
+    radial = tuple(
+        RadialHole(holes.diameter, angle, height, holes.depth)
+        for holes in body.all_holes
+        for angle, height in holes.around or ()
+    )
+    return Cylinder(**body.cylinder.model_dump(), holes=along, radial_holes=radial, **place)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, model_validator
 
-from workflows.scene.named_materials import with_numbers
+from workflows.scene.named_materials import of_named_material, with_numbers
 from workflows.scene.quantities import of
 from workflows.scene.scene_table import (
     Count,
@@ -46,10 +46,7 @@ class HalfSpaceWall(SceneTable):
     poisson: Poisson = 0.3  # Poisson's ratio
     yield_stress: YieldStress | None = None  # [Pa] beyond which a run warns
 
-    @model_validator(mode="before")
-    @classmethod
-    def _of_named_material(cls, table: Any) -> Any:
-        return with_numbers(table, ("young", "poisson", "yield_stress"))
+    _of_named_material = of_named_material("young", "poisson", "yield_stress")
 
 
 class OneDofWall(SceneTable):
@@ -64,10 +61,7 @@ class OneDofWall(SceneTable):
     poisson: Poisson = 0.3  # Poisson's ratio
     yield_stress: YieldStress | None = None  # [Pa] beyond which a run warns
 
-    @model_validator(mode="before")
-    @classmethod
-    def _of_named_material(cls, table: Any) -> Any:
-        return with_numbers(table, ("young", "poisson", "yield_stress"))
+    _of_named_material = of_named_material("young", "poisson", "yield_stress")
 
 
 class DashpotWall(SceneTable):

@@ -19,8 +19,6 @@ from workflows.stages.number_errors import MarchedPair, numbers_with_errors, wit
 from workflows.stages.quantity_errors import marched, of_reduction
 from workflows.stages.reduction import SecondModel
 
-SAME_MODE = 5e-3  # relative, of a mode's frequency and that which the reduced model has
-
 
 def quantity_errors(
     scene: Scene,
@@ -70,7 +68,8 @@ def structure_errors(
     own, rows = elastic(reduction), []
     for i, omega in enumerate(modes.omega):
         j = int(np.abs(own - omega).argmin())
-        if abs(own[j] - omega) > SAME_MODE * omega:
+        # a mode's frequency and that of the reduced model, if it has it, differ by 5e-3 at most
+        if abs(own[j] - omega) > 5e-3 * omega:
             continue
         errors = dict.fromkeys(causes, 0.0)
         for cause, theirs, model in models:

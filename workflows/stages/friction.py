@@ -42,7 +42,6 @@ if TYPE_CHECKING:
 ARRIVED = 0.01  # of a wave's rise of force, at which it has reached the wall; not varied
 ALL_STICKS = 0.999  # share of the area from which the contact sticks; not varied
 BALANCED = 0.05  # of a loop, up to which work and losses may differ unreported; not varied
-COUPLED = 0.01  # of Dundurs' constant: from there on the neglected coupling is reported; not varied
 
 
 def friction(
@@ -248,7 +247,8 @@ def neglected_coupling(scene: Scene, start: Start):
     a, b = ((1.0 - 2.0 * n) * (1.0 + n) / e for e, n in ((E, nu), start.flat))
     c, d = ((1.0 - n) * (1.0 + n) / e for e, n in ((E, nu), start.flat))
     beta = 0.5 * (a - b) / (c + d)
-    if abs(beta) > COUPLED:
+    # 0.01 of Dundurs' constant: from there on the neglected coupling is reported
+    if abs(beta) > 0.01:
         yield (
             f"Sphere and wall differ, Dundurs' constant is {beta:.2g}: friction and pressure then "
             "act on each other, which the tangential law leaves out; take it for an estimate, or "

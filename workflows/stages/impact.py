@@ -10,7 +10,6 @@ from workflows.scene import InvalidScene, RomWall, Scene
 from workflows.stages.chain import Start, start
 from workflows.stages.walls import wall_of
 
-PRUNED_AT = 1e-4  # error of the velocities to prune by where the scene gives a step; the default
 MOST_WORK = 1e10  # steps times spheres, minutes to an hour
 
 
@@ -83,7 +82,8 @@ def pruning(scene: Scene, start: Start, whole_wall: dem.Wall) -> PrunedWall:
     if isinstance(whole_wall, coupling.CoupledWall):
         raise ValueError("wall.prune needs a wall that is read where it is pushed; drop the key.")
     time = scene.time
-    error = PRUNED_AT if time.error is None else time.error
+    # where the scene gives a step, modes are pruned by the default error of the velocities
+    error = 1e-4 if time.error is None else time.error
     pruned = coupling.prune(
         start.chain, whole_wall, start.velocity, duration=time.duration, error=error
     )

@@ -30,7 +30,6 @@ from workflows.stages.pipeline import Pipeline
 from workflows.structure.mode_table import NO_TARGETS
 
 VIRTUAL_LINES = np.arange(10.0, 10_000.0, 0.2)  # [Hz]
-VIRTUAL_NOISE = 2e-3  # of the rms response
 
 
 # of a residue at a driving point
@@ -462,5 +461,6 @@ def virtual_test(pipeline: Pipeline) -> Responses:
     phi_corner = corner_readings(pipeline("model"), scene.struck_body) @ modes.phi
     phi_hit = np.array([1.0, 1.0, 1.0]) / np.sqrt(3) @ phi_corner
     H = accelerances(phi_corner, phi_hit, modes.omega, zeta, VIRTUAL_LINES)
-    noisy = with_noise(H, VIRTUAL_NOISE, np.random.default_rng(0))
+    # noise of 2e-3 of the rms response
+    noisy = with_noise(H, 2e-3, np.random.default_rng(0))
     return Responses(VIRTUAL_LINES, noisy, SYNTHETIC)

@@ -18,7 +18,6 @@ from workflows.stages.loss_factors import structure_damping
 from workflows.stages.pipeline import Pipeline
 from workflows.stages.targets import placed
 
-LOWEST = 10  # elastic modes that are looked at without a band
 DEFECTS = HammerDefects(noise=0.01, double=0.05, overload=0.05, cross=0.01)
 
 
@@ -62,7 +61,8 @@ def elastic(pipeline: Pipeline, band_hz: tuple[float, float] | None) -> NDArray[
     hz = modes.omega / (2 * np.pi)
     strained = np.flatnonzero(fem.correlation.strained(pipeline("model"), modes))
     if band_hz is None:
-        return strained[:LOWEST]
+        # 10 elastic modes that are looked at without a band
+        return strained[:10]
     chosen = strained[(hz[strained] >= band_hz[0]) & (hz[strained] <= band_hz[1])]
     if not len(chosen):
         raise InvalidScene(

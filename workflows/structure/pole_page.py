@@ -14,13 +14,12 @@ from workflows.files.hammer import Reading
 from workflows.report.report import harmless_json, in_one_file
 from workflows.structure.hammer import Choice, IdentifiedTest, summed_response
 
-MOST_LINES = 4000  # of the response on the page: what a screen can show, peaks kept; not varied
-
 
 def pole_page(test: IdentifiedTest, choice: Choice, command: str) -> str:
     """HTML; `command` is the one that repeats the test, without its --reject and --accept."""
     report, modes = test.report, test.modes
-    frequency, response = at_most(*summed_response(test.test.responses), MOST_LINES)
+    # 4000 lines of the response on the page: what a screen can show, peaks kept
+    frequency, response = at_most(*summed_response(test.test.responses), 4000)
     taken = [
         {"number": row.number, "hz": row.frequency_hz, "zeta": row.zeta, "taken": True,
          "found": row.number not in choice.accept, "why": "; ".join(row.remarks)}

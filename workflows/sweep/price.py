@@ -13,9 +13,6 @@ from workflows.sweep.models import is_kept, models, shared_wall
 from workflows.sweep.sweep import AT_ONCE
 from workflows.sweep.tasks import CHUNK, sharing
 
-TIMED = 64  # cases side by side that are timed, or one alone
-SAMPLE = 100  # walls, and cases on a wall, that stand for all
-GB_PER_NUMBER = 8e-9
 Item = TypeVar("Item")
 
 
@@ -84,7 +81,8 @@ def price(base: Base, design: Design, workers: int) -> Price:
         first = walls[0]
         reduced = models(first.source) if first.key is not None else None
         shared, checked = shared_wall(first.scene, first.source, reduced), first.tasks[-1].checked
-        cases = next(checked.pieces(TIMED if checked.side_by_side else 1))
+        # 64 cases side by side are timed, or one alone
+        cases = next(checked.pieces(64 if checked.side_by_side else 1))
         rows(cases, shared, False)  # compiles
         started = perf_counter()
         timed_rows = rows(cases, shared, False)
@@ -97,7 +95,7 @@ def price(base: Base, design: Design, workers: int) -> Price:
         if checked.side_by_side:
             n_together = min(design.n_cases, (AT_ONCE + 1) * CHUNK)
         per_case = output.samples * (len(output.spheres) + 1)
-        memory_GB = GB_PER_NUMBER * 3 * per_case * n_together
+        memory_GB = 8e-9 * 3 * per_case * n_together
 
     # parts of a scene that the lanes of `dem.batch` do not take
     if n_side_by_side:
@@ -119,7 +117,7 @@ def price(base: Base, design: Design, workers: int) -> Price:
     )  # fmt: skip
 
 
-def spread(items: Sequence[Item], n: int = SAMPLE) -> list[Item]:
+def spread(items: Sequence[Item], n: int = 100) -> list[Item]:
     """All of them, or `n` in equal distances, the first and the last among them."""
     if len(items) <= n:
         return list(items)

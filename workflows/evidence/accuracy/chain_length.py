@@ -3,8 +3,7 @@
 from workflows.evidence.accuracy import peers
 from workflows.evidence.accuracy.curves import over_size
 from workflows.evidence.accuracy.growth import growths
-from workflows.evidence.accuracy.problem_variants import lengthened
-from workflows.evidence.accuracy.problems import problem
+from workflows.evidence.accuracy.problems import lengthened, problem
 from workflows.evidence.accuracy.row import table_of
 from workflows.evidence.accuracy.runs import FIXED, limit, peer_rows, reference, scheme_row
 from workflows.evidence.prose import rendered

@@ -26,7 +26,6 @@ from workflows.stages.progress import Progress
 
 SCENE = "rig-rom"
 ALONE = True  # ten seconds of one core, which change with the versions of numba and LLVM only
-LONGEST = 600.0  # s for the child, some 30 times what the largest variant of a chain takes
 
 
 def compile(scene: Scene, progress: Progress) -> Finding:
@@ -38,7 +37,8 @@ def compile(scene: Scene, progress: Progress) -> Finding:
         )
     with TemporaryDirectory() as folder, progress("compilation"):
         Path(folder, "scene").write_bytes(dumps(scene))
-        ended = child("workflows.evidence.accuracy.compile", folder, seconds=LONGEST)
+        # 600 s for the child: some 30 times what the largest variant of a chain takes
+        ended = child("workflows.evidence.accuracy.compile", folder, seconds=600.0)
         if ended.returncode:
             raise RuntimeError(ended.stderr.decode(errors="replace"))
         record = json.loads(Path(folder, "variants.json").read_text(encoding="utf-8"))

@@ -1,8 +1,7 @@
 """What each optional part of a scene costs: the same step and scheme with one part more."""
 
 import dem
-from workflows.evidence.accuracy.problem_variants import bare, modal_wall, with_parts
-from workflows.evidence.accuracy.problems import problem
+from workflows.evidence.accuracy.problems import bare, modal_wall, problem, with_parts
 from workflows.evidence.accuracy.row import AccuracyRow, table_of
 from workflows.evidence.accuracy.runs import marched, observed, relative_error, timed
 from workflows.evidence.prose import rendered

@@ -196,16 +196,16 @@ def chain_velocities(method: str, setting: float) -> Callable[[], NDArray[np.flo
         arguments = problem.chain, problem.wall, problem.v0
         return lambda: dem.march_to_error(*arguments, error=setting, **saves).trajectory.v[1:]
     if method == LAMMPS:
-        from workflows.evidence.verify import lammps_chain
+        from workflows.evidence.verify import lammps
 
-        row = lammps_chain.LammpsSpheres(*spheres[:4])
-        return lambda: lammps_chain.velocities(row, problem.v0, dt=setting, wall=True, **saves)
+        row = lammps.LammpsSpheres(*spheres[:4])
+        return lambda: lammps.velocities(row, problem.v0, dt=setting, wall=True, **saves)
     if method == EXUDYN:
         from rom import load_npz
-        from workflows.evidence.verify import exudyn_scene
+        from workflows.evidence.verify import exudyn
 
         body = load_npz("body.npz")
-        return lambda: exudyn_scene.velocities(problem.chain, body, problem.v0, dt=setting, **saves)
+        return lambda: exudyn.velocities(problem.chain, body, problem.v0, dt=setting, **saves)
     solver, n = peers.peers()[method], spheres.count
     return lambda: solver(problem, setting).y[1:, n : 2 * n]
 

@@ -22,7 +22,6 @@ from dem.spheres import time_scale
 NONE, LINEAR, CLIPPED, HUNT_CROSSLEY = (
     DAMPING_LAWS[name].number for name in ("none", "linear", "linear-clipped", "hunt-crossley")
 )
-SMALLEST_RTOL = 2.3e-14  # scipy raises anything below 100 eps
 
 
 class Problem(NamedTuple):
@@ -189,13 +188,14 @@ def adaptive(method: str, *, steps: int = 0) -> Solver:
 
     def solve(problem: Problem, tolerance: float) -> PeerSolution:
         constants = equations(problem)
+        # 2.3e-14: scipy raises anything below 100 eps
         solution = integrate.solve_ivp(
             lambda t, y: rate(y, *constants),
             (0.0, problem.duration),
             initial_state(problem),
             method=method,
             t_eval=_instants(problem),
-            rtol=max(tolerance, SMALLEST_RTOL),
+            rtol=max(tolerance, 2.3e-14),
             atol=tolerance * magnitudes(problem),
             max_step=problem.duration / steps if steps else np.inf,
         )

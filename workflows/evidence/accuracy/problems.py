@@ -3,12 +3,15 @@
 import numpy as np
 
 import dem
+from dem.spheres import force_scale
 from workflows.evidence.accuracy.peers import Problem
 from workflows.scene import InvalidScene, Scene
 from workflows.stages.chain import initial_velocity
 from workflows.stages.impact import require_start
 from workflows.stages.pipeline import pipeline_of
 from workflows.stages.progress import Progress
+
+SPACING, MASS = 400.0, 4.2  # [Hz], [kg] of the block in the synthetic wall
 
 
 def problem(scene: Scene, progress: Progress) -> Problem:
@@ -32,3 +35,75 @@ def problem(scene: Scene, progress: Progress) -> Problem:
     spheres = scene.output.spheres or range(1, scene.chain.count + 1)
     v0, duration = initial_velocity(scene), scene.time.duration
     return Problem(chain, wall, v0, duration, observed=np.array(spheres) - 1, n_save=100)
+
+
+def pressed(case: Problem) -> Problem:
+    """The case between a spring on the first sphere and a rigid wall, hit too softly to open: the
+    spring presses as hard as the first collision would, and the velocities are a hundredth."""
+    n = case.v0.size
+    speed = float(np.abs(case.v0).max())
+    peak = force_scale(case.chain.mass[0], case.chain.A[0], speed)
+    first = np.eye(n)[0]
+    stiffness = 0.01 * peak ** (1 / 3) * case.chain.A[0] ** (2 / 3)
+    chain = case.chain._replace(leaf_stiffness=stiffness * first, leaf_anchor=None, preload=0.0)
+    A = chain.A if chain.A.size == n else np.append(chain.A, chain.A[-1])
+    squeezed = n * (peak / A.min()) ** (2 / 3) + peak / stiffness
+    chain = chain._replace(A=A, leaf_anchor=squeezed * first)
+    return case._replace(chain=chain, wall=dem.rigid_wall(), v0=0.01 * case.v0, n_save=10)
+
+
+def lengthened(case: Problem, n: int) -> Problem:
+    """The case with n spheres, the middle one repeated."""
+    chain, n_old = case.chain, case.v0.size
+    if n <= n_old:
+        return case
+    spheres = np.r_[: n_old // 2, np.full(n - n_old, n_old // 2), n_old // 2 : n_old]
+    contacts = spheres[: chain.A.size - n_old] if chain.A.size < n_old else spheres  # a free end
+    per_sphere = {
+        name: values[spheres]
+        for name in ("mass", "radius", "leaf_stiffness", "leaf_anchor")
+        if (values := getattr(chain, name)) is not None
+    }
+    v0 = np.where(np.arange(n) < n_old, np.resize(case.v0, n), 0.0)
+    return case._replace(chain=chain._replace(A=chain.A[contacts], **per_sphere), v0=v0)
+
+
+def modal_wall(wall: dem.Wall | None, count: int) -> dem.Wall:
+    """The wall's own modes, continued at equal spacing by those of a free block."""
+    wall = dem.rigid_wall() if wall is None else wall
+    n_own = min(count, wall.omega.size)
+    lowest = wall.omega[n_own - 1] + 2 * np.pi * SPACING if n_own else 2 * np.pi * 50.0
+    more = lowest + 2 * np.pi * SPACING * np.arange(count - n_own)
+    return wall._replace(
+        omega=np.append(wall.omega[:n_own], more),
+        zeta=np.append(wall.zeta[:n_own], np.zeros(count - n_own)),
+        phi=np.append(wall.phi[:n_own], np.full(count - n_own, np.sqrt(2.0 / MASS))),
+    )
+
+
+def bare(chain: dem.Chain) -> dem.Chain:
+    """The spheres and their Hertz contacts alone."""
+    return dem.Chain(chain.mass, chain.radius, chain.A)
+
+
+def with_parts(case: Problem) -> dict[str, Problem]:
+    """The bare case and the case with each part."""
+    chain, n = case.chain, case.chain.mass.size
+    contacts = np.ones(chain.A.size)
+    yields = 1e-3 * chain.radius[0] * contacts
+    chains = {
+        "bare": chain,
+        "leaf springs": chain._replace(leaf_stiffness=np.full(n, 1e3)),
+        "preload": chain._replace(preload=10.0),
+        "linear-clipped": chain._replace(dissipation="linear-clipped", gamma=10.0 * contacts),
+        "hunt-crossley": chain._replace(dissipation="hunt-crossley", gamma=0.1 * contacts),
+        "plastic contacts": chain._replace(yield_overlap=yields),
+    }
+    walls = {
+        "residual spring": case.wall._replace(residual_compliance=1e-9),
+        "1 wall mode": modal_wall(None, 1),
+        "40 wall modes": modal_wall(None, 40),
+        "dashpot wall": dem.dashpot_wall(1e4),
+    }
+    cases = {name: case._replace(chain=chain) for name, chain in chains.items()}
+    return cases | {name: case._replace(wall=wall) for name, wall in walls.items()}

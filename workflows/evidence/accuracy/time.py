@@ -4,12 +4,10 @@ from collections.abc import Iterable
 
 import dem
 from workflows.evidence.accuracy import peers
-from workflows.evidence.accuracy.curves import picture
+from workflows.evidence.accuracy.curves import picture, ratios
 from workflows.evidence.accuracy.growth import growth_exponent
 from workflows.evidence.accuracy.peers import Problem
-from workflows.evidence.accuracy.problem_variants import pressed
-from workflows.evidence.accuracy.problems import problem
-from workflows.evidence.accuracy.ratios import ratios
+from workflows.evidence.accuracy.problems import pressed, problem
 from workflows.evidence.accuracy.row import AccuracyRow, table_of
 from workflows.evidence.accuracy.runs import controlled_rows, peer_rows, reference, scheme_rows
 from workflows.evidence.prose import rendered

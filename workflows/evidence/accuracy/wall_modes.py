@@ -1,11 +1,9 @@
 """The scene's chain before walls of more and more modes."""
 
 from workflows.evidence.accuracy import peers
-from workflows.evidence.accuracy.curves import DRAWN, over_size, picture
+from workflows.evidence.accuracy.curves import DRAWN, over_size, picture, ratios
 from workflows.evidence.accuracy.growth import at_one_setting, growth
-from workflows.evidence.accuracy.problem_variants import MASS, SPACING, modal_wall
-from workflows.evidence.accuracy.problems import problem
-from workflows.evidence.accuracy.ratios import ratios
+from workflows.evidence.accuracy.problems import MASS, SPACING, modal_wall, problem
 from workflows.evidence.accuracy.row import table_of
 from workflows.evidence.accuracy.runs import (
     CONTROLLED,

@@ -8,8 +8,7 @@ from joblib import Memory
 
 import coupling
 import dem
-from workflows.evidence.stability.outcomes import Outcome, settled
-from workflows.evidence.stability.trials import Trial
+from workflows.evidence.stability.trials import Outcome, Trial, settled
 from workflows.files.scene import scene as load
 from workflows.stages.chain import chain, initial_velocity
 from workflows.stages.pipeline import Pipeline

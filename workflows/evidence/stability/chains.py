@@ -9,8 +9,7 @@ from functools import partial
 import numpy as np
 
 import dem
-from workflows.evidence.stability.outcomes import Outcome, collisions, settled
-from workflows.evidence.stability.trials import Trial
+from workflows.evidence.stability.trials import Outcome, Trial, collisions, settled
 
 RIG = {"radius": 0.0127, "density": 7800.0, "young": 210e9, "poisson": 0.3}
 STEEL = dem.Flat(210e9, 0.3)

@@ -9,8 +9,7 @@ import coupling
 import dem
 from coupling.verdict import large_step_error
 from workflows.evidence.stability.chains import SPEED, spheres_of, squeezed, striker_velocity
-from workflows.evidence.stability.outcomes import Outcome, finer, settled
-from workflows.evidence.stability.trials import Trial
+from workflows.evidence.stability.trials import Outcome, Trial, finer, settled
 
 
 def step() -> Iterator[Trial]:

@@ -7,8 +7,7 @@ import numpy as np
 
 import dem
 from workflows.evidence.stability.chains import SPEED, N, spheres_of, striker_velocity
-from workflows.evidence.stability.outcomes import Outcome, settled
-from workflows.evidence.stability.trials import Trial
+from workflows.evidence.stability.trials import Outcome, Trial, settled
 
 
 def wall_mode_frequency() -> Iterator[Trial]:

@@ -2,7 +2,7 @@
 
 from workflows.evidence.prose import rendered
 from workflows.evidence.thesis import bent
-from workflows.evidence.thesis.structures import StructuresOptions, compared
+from workflows.evidence.thesis.bent import StructuresOptions, compared
 from workflows.report.finding import Finding
 from workflows.scene import InvalidScene, Scene
 from workflows.stages.progress import Progress

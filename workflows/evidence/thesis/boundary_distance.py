@@ -15,9 +15,9 @@ import dem
 from coupling.plate import Plate, group_speed
 from workflows.evidence.counted import counted
 from workflows.evidence.prose import rendered
-from workflows.evidence.thesis import plate_sizes, plates
+from workflows.evidence.thesis import plates
 from workflows.evidence.thesis.collision import Collision, CollisionRun
-from workflows.evidence.thesis.plate_sizes import PlateSizes
+from workflows.evidence.thesis.plates import PlateSizes
 from workflows.evidence.thesis.requirements import FEWEST, require_chain
 from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
@@ -134,7 +134,7 @@ def boundary_distance(
         # no wave is back before the end of the contact with the infinite plate; fine elements run
         # all along the line of contacts, and the patch does not reach the edge
         until = plates.collision(scene, coupling.infinite_plate(plate)).contact.seconds
-        size = plate_sizes.sizes(plate, deep.contact.seconds, until)
+        size = plates.sizes(plate, deep.contact.seconds, until)
         nearest = options.diameters[0] * diameter
         return size._replace(contact_seed=nearest, patch=min(size.patch, nearest / 2))
 

@@ -40,7 +40,6 @@ from workflows.stages import assembly as stages
 from workflows.stages.chain import initial_velocity
 from workflows.stages.progress import Progress
 
-SHORTEST = 8  # spheres on which a wave takes its shape and keeps it for a while
 WAVE = 0.99366  # of the striker's energy; the rest is the recoil of the first spheres
 MOVING = 5 / 9  # of the wave's energy, by the virial theorem of the Hertz chain
 SHARE = "energy [% of the striker's]"
@@ -67,7 +66,8 @@ class WallInBothSchemes(NamedTuple):
 def energy(scene: Scene, progress: Progress, options: EnergyOptions = EnergyOptions()) -> Finding:
     """Energy of coupled runs with and without the wall's (thesis, figures 2.7, 7.1 to 7.9)."""
     require_rig(scene)
-    require_chain(scene, SHORTEST)
+    # on 8 spheres a wave takes its shape and keeps it for a while
+    require_chain(scene, 8)
     duration, schemes = options.duration, options.schemes
     with progress("chain alone"):
         free, shares = chain_alone(scene)

@@ -15,8 +15,14 @@ import numpy as np
 import dem
 from dem.spheres import contact_modulus, yield_overlap
 from workflows.evidence.prose import rendered
-from workflows.evidence.thesis.observed_run import Observed, Setup, observed
-from workflows.evidence.thesis.records import record, wave_cells, wave_columns
+from workflows.evidence.thesis.observed_run import (
+    Observed,
+    Setup,
+    observed,
+    record,
+    wave_cells,
+    wave_columns,
+)
 from workflows.evidence.thesis.requirements import last, require_chain, require_echo
 from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
@@ -28,7 +34,6 @@ from workflows.stages.progress import Progress
 
 FACTOR = 3.0  # thesis, section 7.2
 CONSTRAINT = 1.6  # contact yield stress over yield stress, K. L. Johnson, sec. 6.1
-NEVER = 1.0  # m, a yield overlap that no contact reaches
 
 
 class PlasticContactOptions(NamedTuple):
@@ -72,7 +77,8 @@ def plastic_contact(
         last(scene.chain.young), last(scene.chain.poisson), flat.young, flat.poisson
     )
     for stress in options.yield_stresses:
-        overlap = np.full(len(elastic.A), NEVER)
+        # no contact reaches a yield overlap of 1 m
+        overlap = np.full(len(elastic.A), 1.0)
         overlap[-1] = float(yield_overlap(elastic.radius[-1], modulus, CONSTRAINT * stress))
         laws[f"yields at {1e-9 * stress:g} GPa"] = elastic._replace(yield_overlap=overlap)
 

@@ -11,10 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from workflows.evidence.prose import rendered
-from workflows.evidence.thesis.observed_run import Observed, RecordOptions, Setup
-from workflows.evidence.thesis.records import record
+from workflows.evidence.thesis.observed_run import Observed, RecordOptions, Setup, record
 from workflows.evidence.thesis.requirements import require_chain, require_echo, require_rig
-from workflows.evidence.thesis.rig_walls import HALF_SPACE, RIGID, impact_run, one_dof, rig_walls
+from workflows.evidence.thesis.walls import HALF_SPACE, RIGID, impact_run, one_dof, rig_walls
 from workflows.evidence.thesis.wave_distance import DependenceLimits, separation, spread
 from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding

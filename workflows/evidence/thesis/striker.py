@@ -15,8 +15,7 @@ import dem
 from dem.spheres import time_scale
 from dem.waves.measures import exponent, leading_share
 from workflows.evidence.prose import rendered
-from workflows.evidence.thesis.observed_run import Setup, observed, round_trip
-from workflows.evidence.thesis.records import record
+from workflows.evidence.thesis.observed_run import Setup, observed, record, round_trip
 from workflows.evidence.thesis.requirements import bare, require_chain
 from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding

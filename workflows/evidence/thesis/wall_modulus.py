@@ -16,8 +16,7 @@ import dem
 from dem.spheres import time_scale
 from dem.waves.measures import exponent
 from workflows.evidence.prose import rendered
-from workflows.evidence.thesis.observed_run import Observed, RecordOptions, Setup, observed
-from workflows.evidence.thesis.records import record
+from workflows.evidence.thesis.observed_run import Observed, RecordOptions, Setup, observed, record
 from workflows.evidence.thesis.requirements import bare, last, require_chain
 from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
@@ -28,7 +27,6 @@ from workflows.stages.chain import initial_velocity
 from workflows.stages.progress import Progress
 
 PUBLISHED = (0.39, 0.47)  # J. Yang et al. (2011): ratios between which the second wave fades out
-EQUAL = 1 / (2**1.5 - 1)  # ratio at which the wall's contact is as stiff as the spheres'
 RATIOS = np.unique(
     np.concatenate([np.geomspace(3e-3, 30, 17), np.arange(0.25, 0.6, 0.02)]).round(4)
 )
@@ -96,6 +94,7 @@ def wall_modulus(
     very_soft = [i for i, case in enumerate(cases) if case.ratio < options.very_soft]
     slope = exponent([cases[i].run.chain.A[-1] for i in very_soft], [seconds[i] for i in very_soft])
     gone = critical(cases, options.faded)
+    # 1 / (2**1.5 - 1): ratio at which the wall's contact is as stiff as the spheres'
     sentences = rendered(
         __file__,
         faded=options.faded,
@@ -107,7 +106,7 @@ def wall_modulus(
         soft=options.soft,
         stiff=max(case.second for case in cases if case.ratio > options.soft),
         parted=max((case.ratio for case in cases if case.apart > 0.0), default=None),
-        equal=EQUAL,
+        equal=1 / (2**1.5 - 1),
         slope=slope,
         tau=tau,
     )

@@ -14,9 +14,9 @@ import coupling
 import dem
 from workflows.evidence.counted import counted
 from workflows.evidence.prose import rendered
-from workflows.evidence.thesis import plate_sizes, plates
+from workflows.evidence.thesis import plates
 from workflows.evidence.thesis.collision import Collision
-from workflows.evidence.thesis.plate_sizes import PlateSizeRules
+from workflows.evidence.thesis.plates import PlateSizeRules
 from workflows.evidence.thesis.requirements import FEWEST, require_chain
 from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
@@ -86,9 +86,7 @@ def wall_thickness(
     # solid plates, so large that no wave is back before the end of the contact with Zener's plate;
     # one of them with mesh, modes, size and patch varied
     sizes = {
-        z.ratio: plate_sizes.sizes(
-            plate_of(z.ratio), deep.contact.seconds, z.collision.contact.seconds
-        )
+        z.ratio: plates.sizes(plate_of(z.ratio), deep.contact.seconds, z.collision.contact.seconds)
         for z in thin
     }
     solid, checks = [], []

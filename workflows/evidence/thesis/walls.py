@@ -4,25 +4,24 @@ Thesis, section 7.2, figures 7.13 to 7.16. The measured waveforms are not in its
 compared with each other, by the distances of `workflows.evidence.thesis.wave_distance`.
 """
 
+from collections.abc import Iterator
 from itertools import combinations
 from math import inf, isnan
 
 import numpy as np
 
+import dem
 from workflows.evidence.prose import rendered
-from workflows.evidence.thesis.observed_run import Observed
-from workflows.evidence.thesis.records import record, wave_cells, wave_columns
-from workflows.evidence.thesis.requirements import require_chain, require_echo, require_rig
-from workflows.evidence.thesis.rig_walls import (
-    HALF_SPACE,
-    N_WAVES,
-    ONE_DOF_HZ,
-    RIGID,
-    ROMS,
-    impact_run,
-    one_dof,
-    rig_walls,
+from workflows.evidence.thesis.observed_run import (
+    Observed,
+    RecordOptions,
+    Setup,
+    observed,
+    record,
+    wave_cells,
+    wave_columns,
 )
+from workflows.evidence.thesis.requirements import require_chain, require_echo, require_rig
 from workflows.evidence.thesis.wave_distance import (
     DependenceLimits,
     dependence,
@@ -32,14 +31,56 @@ from workflows.evidence.thesis.wave_distance import (
     spread,
 )
 from workflows.files.run_folder import Picture
+from workflows.files.scene import scene as built_in
 from workflows.report.finding import Finding
 from workflows.report.plots import matrix, panels
 from workflows.report.tables import Table
-from workflows.scene import Scene
+from workflows.scene import HalfSpaceWall, RigidWall, Scene
+from workflows.stages.chain import chain, initial_velocity
+from workflows.stages.pipeline import pipeline_of
 from workflows.stages.progress import Progress
 
+ONE_DOF_HZ = (269.0, 907.0, 8425.0, 700.0, 240.0)  # thesis, sections 7.2 and 7.3
+ROMS = {"ROM 269": "rig-rom-269", "ROM 907": "rig-rom-907", "ROM all four": "rig-rom"}
+SHARED = ("mesh", "patch", "reduction")  # tables that reduced walls take from the user's scene
+HALF_SPACE, RIGID = "half-space", "rigid"
+N_WAVES = 4  # reflected waves that the thesis speaks of
 NUMBERS = range(1, N_WAVES + 1)  # of reflected waves
 ALIKE = (("ROM 907", 907), ("ROM 269", 700), (HALF_SPACE, 8425))  # walls that the thesis compares
+
+
+def one_dof(hz: float) -> str:
+    """Name of a one-mass wall."""
+    return f"1-DOF {hz:g}"
+
+
+def rig_walls(scene: Scene, progress: Progress) -> Iterator[Setup]:
+    """All walls before the scene's chain; one-mass walls as in rig-1dof, reduced ones built in."""
+    plain = chain(scene.but(wall=HalfSpaceWall(kind="half-space")))
+    yield Setup(HALF_SPACE, plain, dem.rigid_wall())
+    yield Setup(RIGID, chain(scene.but(wall=RigidWall(kind="rigid"))), dem.rigid_wall())
+    mass = built_in("rig-1dof").wall
+    for hz in ONE_DOF_HZ:
+        yield Setup(one_dof(hz), plain, dem.one_dof_wall(hz, mass.mass, mass.damping_ratio))
+    for name, scene_name in ROMS.items():
+        # a built-in scene with the mesh, patch and reduction of this one
+        reduced = built_in(scene_name)
+        tables = {key: getattr(scene, key) or getattr(reduced, key) for key in SHARED}
+        with progress(name):
+            yield Setup(name, plain, pipeline_of(reduced.but(**tables), progress)("wall"))
+
+
+def impact_run(
+    scene: Scene,
+    standing: Setup,
+    spheres: tuple[int, ...],
+    options: RecordOptions = RecordOptions(),
+) -> Observed:
+    """The chain against one of the walls, for the scene's duration."""
+    v0, duration = initial_velocity(scene), scene.time.duration
+    return observed(standing, v0, duration=duration, spheres=spheres, options=options)
+
+
 MOVING = tuple(map(one_dof, (269, 907, 700, 240)))  # one-mass walls that move within the contact
 FIGURES = {
     "half-space (figure 7.13)": (HALF_SPACE, RIGID, one_dof(8425)),

@@ -10,18 +10,17 @@ from coupling.periodic_state import PeriodicState, periodic_state
 from coupling.spatial_march import (
     Before,
     ShakerForces,
-    SpatialRun,
     SpatialSearch,
     body_of,
     march_space,
 )
 from coupling.spatial_wall import SpatialWall, spatial_wall_of_modes
-from dem.friction import tangential_law, tangential_modulus
+from dem.friction import tangential_modulus
 from dem.kernels.tangential import WIDTH
 from dem.lateral import LastSphere
 from workflows.evidence.verify.comparisons import Comparison, compared
+from workflows.evidence.verify.friction import MU, NU, E, R, sphere_with_friction
 
-R, RHO, E, NU, MU = 0.0127, 7800.0, 210e9, 0.3, 0.2  # m, kg/m^3, Pa
 SPEED, ACROSS = 0.1, (0.06, 0.05)  # m/s struck, along n and along t1, t2
 LOAD, FORCE, FREQUENCY, PHASE = 40.0, 60.0, 1000.0, 0.4  # N pressed, N and Hz shaken, rad
 ARM, TURN = np.array([2e6, 3e6]), 300.0  # N/m, N m/rad
@@ -33,7 +32,7 @@ def coupled_directions() -> Iterator[Comparison]:
     """Oblique impacts and a shaken cycle on coupled modes, walls mirrored and turned."""
     # impacts, free and on an arm
     for name, seed, arm in (("free", 1, {}), ("on an arm", 2, {"arm_stiffness": ARM})):
-        wall, (chain, last) = _wall(seed), _sphere(velocity=np.array(ACROSS), **arm)
+        wall, (chain, last) = _wall(seed), sphere_with_friction(velocity=np.array(ACROSS), **arm)
         run = march_space(chain, wall, [SPEED], last, duration=1.5e-4, error=1e-5, n_save=20)
         start = np.concatenate([[0.0, SPEED, 0.0, 0.0], ACROSS, np.zeros(12)])
         end, _ = _plain(chain, wall, last, start, 1.5e-4, 1e-7)
@@ -46,7 +45,7 @@ def coupled_directions() -> Iterator[Comparison]:
                        allowed=1e-4, of=SPEED, source=PLAIN)  # fmt: skip
 
     # the cycle that a shaker keeps up, and a period of the plain integrator from its start
-    wall, (chain, last) = _wall(1), _sphere(LOAD, arm_stiffness=ARM, arm_rotation=TURN)
+    wall, (chain, last) = _wall(1), sphere_with_friction(LOAD, arm_stiffness=ARM, arm_rotation=TURN)
     shakers = ShakerForces(np.array([FORCE]), np.array([FREQUENCY]), np.array([PHASE]))
     body = body_of(chain, wall, [0.0], last, shakers)
     state = periodic_state(body, Before(np.zeros(1, bool), 0), error=1e-4)
@@ -71,19 +70,17 @@ def coupled_directions() -> Iterator[Comparison]:
         S = 3e-9 * np.array([[1.0, 0.3, -0.2], [0.3, 1.2, 0.4], [-0.2, 0.4, 0.8]])
         wall = _wall(3)._replace(residual_compliance=S)
         changed = wall._replace(phi=wall.phi @ Q.T, residual_compliance=Q @ S @ Q.T)
-        a, b = (
-            _by_steps(w, P[1:, 1:] @ ACROSS) for w, P in ((wall, np.eye(3)), (changed, Q))
-        )  # fmt: skip
+        runs = []
+        for w, P in ((wall, np.eye(3)), (changed, Q)):
+            chain, last = sphere_with_friction(velocity=P[1:, 1:] @ ACROSS)
+            search = SpatialSearch(dt=2e-7)
+            runs.append(
+                march_space(chain, w, [SPEED], last, duration=1.5e-4, n_save=50, search=search)
+            )
+        a, b = runs
         yield compared("impact on a wall with residual compliance, forces along n, t1, t2 [N]",
                        a.contact_force @ Q.T, b.contact_force,
                        allowed=1e-9, source=source)  # fmt: skip
-
-
-def _sphere(preload: float = 0.0, **fields) -> tuple[dem.Chain, LastSphere]:
-    chain = dem.row_of_spheres(R, RHO, E, NU, count=1, flat=dem.Flat(E, NU), preload=preload)
-    law = tangential_law(MU, R, E, NU, np.inf, E, NU)
-    inertia = 0.4 * float(chain.mass[0]) * R**2
-    return chain, LastSphere(law, inertia, **({"velocity": np.zeros(2)} | fields))
 
 
 def _wall(seed: int) -> SpatialWall:
@@ -92,12 +89,6 @@ def _wall(seed: int) -> SpatialWall:
     omega = 2 * np.pi * np.exp(rng.uniform(np.log(200), np.log(6000), 4))
     phi = rng.normal(size=(4, 3)) / np.sqrt(rng.uniform(1, 10, 4))[:, None]
     return spatial_wall_of_modes(omega, np.full(4, 0.05), phi, load=rng.normal(size=(4, 1)))
-
-
-def _by_steps(wall: SpatialWall, across: np.ndarray) -> SpatialRun:
-    chain, last = _sphere(velocity=across)
-    search = SpatialSearch(dt=2e-7)
-    return march_space(chain, wall, [SPEED], last, duration=1.5e-4, n_save=50, search=search)
 
 
 def _plain_cycle(

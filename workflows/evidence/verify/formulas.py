@@ -18,9 +18,6 @@ from scipy.optimize import brentq, root
 from dem import Chain, Wall
 
 RTOL = 1e-11
-# A contact loads again beyond this much of its deepest overlap: the rounding at the turn itself
-# must not count as a new load.
-AGAIN = 1.0 + 1e-9
 Array = NDArray[np.float64]
 
 
@@ -179,7 +176,9 @@ def _phase(equations, y, deepest, loading, span, longest):
         def passed(_, y):
             if loading[i]:
                 return -equations.gaps(y)[1][i]
-            return equations.overlaps(y, deepest)[i] - AGAIN * deepest[i]
+            # a contact loads again beyond 1 + 1e-9 of its deepest overlap: the rounding at the turn
+            # itself must not count as a new load
+            return equations.overlaps(y, deepest)[i] - (1.0 + 1e-9) * deepest[i]
 
         passed.terminal, passed.direction = True, 1.0
         return passed

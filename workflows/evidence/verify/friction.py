@@ -55,17 +55,17 @@ def friction() -> Iterator[Comparison]:
                        allowed=1e-4, of=1.0, source=PLAIN)  # fmt: skip
 
 
-def _sphere(preload: float = 0.0) -> tuple[dem.Chain, LastSphere]:
-    chain = dem.row_of_spheres(
-        R, RHO, E, NU, count=1, flat=dem.Flat(E, NU), preload=preload
-    )  # fmt: skip
+def sphere_with_friction(preload: float = 0.0, **fields) -> tuple[dem.Chain, LastSphere]:
+    """One sphere on a flat of its material, preloaded [N], with more fields of `LastSphere`."""
+    chain = dem.row_of_spheres(R, RHO, E, NU, count=1, flat=dem.Flat(E, NU), preload=preload)
     law = tangential_law(MU, R, E, NU, np.inf, E, NU)
-    return chain, LastSphere(law, 0.4 * float(chain.mass[0]) * R**2, np.zeros(2))
+    inertia = 0.4 * float(chain.mass[0]) * R**2
+    return chain, LastSphere(law, inertia, **({"velocity": np.zeros(2)} | fields))
 
 
 def _loop(amplitude: float) -> float:
     """Energy [J] of a period of a plane that moves by an amplitude [m]."""
-    chain, last = _sphere(LOAD)
+    chain, last = sphere_with_friction(LOAD)
     wall, rest = dem.rigid_wall(), np.zeros(1)
     along = dem.march(chain, wall, rest, duration=0.1, dt=2.5e-5, n_save=4)
     clamped = last._replace(arm_stiffness=np.full(2, np.inf), arm_rotation=np.inf)
@@ -76,7 +76,7 @@ def _loop(amplitude: float) -> float:
 def _impact(psi: float) -> tuple[float, float]:
     """Velocity [m/s] of the surface at the contact after an oblique impact, and before it."""
     v = psi * MU * (2.0 - NU) * SPEED / (2.0 * (1.0 - NU))
-    chain, last = _sphere()
+    chain, last = sphere_with_friction()
     wall, v0 = dem.rigid_wall(), np.array([SPEED])
     along = dem.march_to_error(
         chain, wall, v0, duration=2e-4, error=1e-5, n_save=100

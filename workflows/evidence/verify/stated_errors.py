@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 ROUNDING = 1e-12  # true errors below it are rounding
-REFERENCES = 5  # tried, each by half the steps of the last
 COLUMNS = (
     f"{'runs':>5} {'refused':>7} {'unknown':>7} {'below':>8} {'least':>6} {'median':>7} {'95 %':>7}"
 )
@@ -17,12 +16,12 @@ Run = TypeVar("Run")
 
 def stated_over_true(
     run: Run, stated: float, finer: Callable[[int], Run], difference: Callable[[Run, Run], float],
-    agreement: float, references: int = REFERENCES,
+    agreement: float, references: int = 5,
 ) -> float:  # fmt: skip
     """Stated over true error of a run; NaN where no two references agree.
 
-    `finer(i)` is the i-th reference. The finer of the first two that differ by no more than
-    `agreement` of the stated error stands for the truth.
+    `finer(i)` is the i-th of so many references, each by half the steps of the last. The finer of
+    the first two that differ by no more than `agreement` of the stated error stands for the truth.
     """
     coarser = None
     for i in range(references):

@@ -1,0 +1,31 @@
+"""What a person reads in place of the name of a stage, by which summaries and caches call it."""
+
+WORDS = {
+    "model": "stiffness and mass",
+    "tuning-basis": "basis of the fit",
+    "factor": "factors of the stiffness",
+    "krylov-space": "search for modes",
+    "mac": "comparison of modes",
+    "contact": "contact patch",
+    "reduction": "reduction to the contact",
+    "second-mesh": "second mesh",
+    "missed-energy": "errors of frequencies",
+    "full-response": "response of the full model",
+    "response": "response at the contact",
+    "pictures": "pictures of modes",
+    "figures": "plots",
+    "other-theories": "other theories",
+    "theory-error": "error of the theory",
+    "reduction-error": "error of the reduction",
+    "mesh-error": "error of the mesh",
+    "quantity-errors": "errors of peaks and times",
+    "receptance-error": "error of the receptance",
+    "record": "record of sensors",
+    "signals": "plots of sensors",
+}
+
+
+def stage_words(name: str) -> str:
+    """Words for a stage; a name in brackets, or one that is not listed, stays as it is."""
+    stage, bracket, rest = name.partition(" (")
+    return WORDS.get(stage, stage) + bracket + rest
