@@ -8,7 +8,7 @@ stage whose result is kept never looks at the stages it needs: a new sphere leav
 elements alone.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext, suppress
 from hashlib import sha256
 from importlib import import_module
@@ -158,14 +158,17 @@ ASSEMBLY = {
         ".reduction:reduction",
         _reduced,
         ("model", "contact", "modes"),
-        means=("factor", "krylov-space"),
+        means=("factor", "krylov-space", "half-space"),
+    ),
+    "half-space": Stage(
+        ".reduction:half_space", tables_of("strike"), ("mesh", "model"), kept=False, listed=False
     ),
     "second-mesh": Stage(".errors:second_mesh", COARSE, ("mesh",)),
     "missed-energy": Stage(
         ".mesh_error:missed_energy",
         tables_of("reduction", "strike"),
         ("mesh", "model", "modes"),
-        means=("krylov-space",),
+        means=("krylov-space", "half-space"),
     ),
     "full-response": Stage(
         ".response:full_response",
@@ -512,6 +515,16 @@ class Pipeline:
             self.kept(need) if self._stages[need].kept else self.ready(need)
             for need in self._stages[name].needs + self._stages[name].means
         )
+
+    def prepare(self, names: Sequence[str]) -> bool:
+        """Compute a result that these stages need and that no cache keeps, where all that it needs
+        is there; False where there is none to compute."""
+        needs = [need for name in names for need in self._stages[name].needs]
+        for need in needs:
+            if not self._stages[need].kept and need not in self._results and self.ready(need):
+                self(need)
+                return True
+        return False
 
     def compute(self, name: str) -> Any:
         """Run a stage on the results it needs."""
