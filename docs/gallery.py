@@ -93,8 +93,8 @@ def small(png: bytes) -> bytes:
 
 
 def view(name: str) -> str:
-    """How much of a picture its tile shows, a class of static/site.css: all of one panel, else about
-    the first of two or three panels in a row, which are some 700 and 570 pixels wide."""
+    """How much of a picture its tile shows, a class of static/site.css: a single panel whole, else
+    about the first of two or three in a row, which are some 700 and 570 pixels wide."""
     width, height = Image.open(HERE / f"{name}.png").size
     columns = 1 if width < 1100 else 2 if width < 1500 else 3
     # of a picture that fills a tile this width is seen before it is enlarged
