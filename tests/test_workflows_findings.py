@@ -13,7 +13,7 @@ import beadwave
 import workflows.evidence
 from dem.waves.measures import exponent
 from workflows.evidence import catalogue, counted, prose
-from workflows.evidence.accuracy import batch, peers, runs, time, wall_modes
+from workflows.evidence.accuracy import batch, cost, peers, runs, time, wall_modes
 from workflows.evidence.accuracy.row import AccuracyRow
 from workflows.evidence.prose import rendered
 from workflows.files.scene import scene
@@ -144,7 +144,7 @@ def test_the_study_of_wall_modes_says_what_a_mode_costs(few_peers, monkeypatch):
 def test_the_study_of_populations_says_runs_a_second(monkeypatch):
     monkeypatch.setattr(batch, "POPULATION", 16)
     many = SimpleNamespace(dt=1e-6, energy_error=np.zeros(3), n_steps=800)
-    timed = runs.Timed(many, warm=16e-3, cold=1.0)
+    timed = cost.Timed(many, cost.Seconds(16e-3, 0.0), cost.Seconds(1.0, 0.0))
     monkeypatch.setattr(batch, "timed", lambda *_, **__: timed)
     monkeypatch.setattr(batch, "step_of_median", lambda *_: (1e-6, 1e-4))
     finding = batch.batch(scene("rig-rigid", SHORT), lambda name: nullcontext())

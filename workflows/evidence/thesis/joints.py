@@ -8,7 +8,6 @@ such a curve, each row a fit of modes 1 to 3 with more left free. Thesis, sectio
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 import fem
 from fem.tuning import spectrum, tune
@@ -30,13 +29,7 @@ COLUMNS = (
     "free at the head joints", *(f"f{i} [Hz]" for i in range(1, 5)), "miss of 1-3 [%]",
     "MAC of 2",
 )  # fmt: skip
-
-
-class JointsOptions(NamedTuple):
-    """What the study varies."""
-
-    # [N/m] tangential stiffnesses along a curve
-    tangential: NDArray[np.float64] = np.geomspace(1e6, 1e10, 33)
+TANGENTIAL = np.geomspace(1e6, 1e10, 33)  # [N/m] stiffnesses along a curve
 
 
 class Freedom(NamedTuple):
@@ -69,7 +62,7 @@ class Conflict(NamedTuple):
     second: float
 
 
-def joints(scene: Scene, progress: Progress, options: JointsOptions = JointsOptions()) -> Finding:
+def joints(scene: Scene, progress: Progress) -> Finding:
     """The conflict of modes 2 and 3, and joint stiffnesses that resolve it (thesis, table 5.3)."""
     with_assembly(scene)
     targets_hz = np.array(list(TARGETS.values()))
@@ -93,7 +86,7 @@ def joints(scene: Scene, progress: Progress, options: JointsOptions = JointsOpti
         # modes 2 and 3 over the tangential stiffness, the normal one fitted to mode 1
         normal, tangential = parameters
         points = []
-        for k in options.tangential:
+        for k in TANGENTIAL:
             fixed = tangential._replace(start=k, lower=0.999 * k, upper=1.001 * k)
             met = tune(basis, [normal, fixed], {1: TARGETS[1]}, n_starts=2)
             modes = spectrum(basis, parameters, met.value)

@@ -34,13 +34,8 @@ from workflows.stages.progress import Progress
 
 FACTOR = 3.0  # thesis, section 7.2
 CONSTRAINT = 1.6  # contact yield stress over yield stress, K. L. Johnson, sec. 6.1
-
-
-class PlasticContactOptions(NamedTuple):
-    """What the study varies."""
-
-    # [Pa] of the softer material; assumed, from structural to quenched steel
-    yield_stresses: tuple[float, ...] = (0.5e9, 0.75e9, 1.0e9)
+# [Pa] of the softer material; assumed, from structural to quenched steel
+YIELD_STRESSES = (0.5e9, 0.75e9, 1.0e9)
 
 
 class LastContactLaw(NamedTuple):
@@ -58,9 +53,7 @@ class Later(NamedTuple):
     yielding: list[float]  # [s]
 
 
-def plastic_contact(
-    scene: Scene, progress: Progress, options: PlasticContactOptions = PlasticContactOptions()
-) -> Finding:
+def plastic_contact(scene: Scene, progress: Progress) -> Finding:
     """Three times the contact stiffness against a contact that yields (thesis, section 7.2)."""
     spheres = require_chain(scene)
     sphere, v0 = max(spheres), initial_velocity(scene)
@@ -76,7 +69,7 @@ def plastic_contact(
     modulus = contact_modulus(
         last(scene.chain.young), last(scene.chain.poisson), flat.young, flat.poisson
     )
-    for stress in options.yield_stresses:
+    for stress in YIELD_STRESSES:
         # no contact reaches a yield overlap of 1 m
         overlap = np.full(len(elastic.A), 1.0)
         overlap[-1] = float(yield_overlap(elastic.radius[-1], modulus, CONSTRAINT * stress))
@@ -139,7 +132,7 @@ def plastic_contact(
         yielding=yielding,
         later=later,
         sphere=sphere,
-        stresses=options.yield_stresses,
+        stresses=YIELD_STRESSES,
         constraint=CONSTRAINT,
     )
 
