@@ -377,7 +377,7 @@ def test_a_body_on_springs_of_another_heaves_as_two_masses_do():
     loose = [spring | {"kx": None, "ky": None} for spring in STACK["springs"][:2]]
     loose = [{k: v for k, v in spring.items() if v is not None} for spring in loose]
     with pytest.raises(
-        InvalidScene, match="can still move along or about x, y, rz, .* give a spring"
+        InvalidScene, match=r"can still move along or about x, y, rz, .* give a spring"
     ):
         pipeline_of(scene(STACK | {"springs": loose}), lambda name: nullcontext())("modes")
 
