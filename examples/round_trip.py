@@ -209,7 +209,7 @@ def round_trips(test: Test, joints: int, tests: int, first: int) -> Counts:
             bars = deviation_beside(aimed, fit, measured, left_out, frequency_error=errors)
             true = np.array([x for p, x in zip(candidates, true_value, strict=True) if p in of_all])
             spare = len(measured) - len(of_all)
-            scatter = max(1.0, np.sqrt(fit.misfit / spare)) if spare else 1.0
+            scatter = max(1.0, np.sqrt(fit.misfit / spare)) if spare > 0 else 1.0
             z = np.log(fit.value / true) / (bars * scatter)
             counts += Counts(
                 values=len(true),

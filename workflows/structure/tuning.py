@@ -232,7 +232,7 @@ def tuned(
     beside = deviation_beside(basis, fit, by_place, left_out, **by_error)
     fit = fit._replace(deviation=beside)
     spare = len(match) - len(fit.parameters)
-    scatter = max(1.0, np.sqrt(fit.misfit / spare)) if spare else 1.0
+    scatter = max(1.0, np.sqrt(fit.misfit / spare)) if spare > 0 else 1.0
     fit = fit._replace(deviation=fit.deviation * scatter)
 
     # the full model with the fitted values, to the digits that their deviations support, is the
@@ -415,9 +415,9 @@ def worth_of_the_bars(errors: FrequencyErrors, scatter: float, spare: int) -> li
             f"The modes scatter about the fit by {scatter:.2g} times these errors"
             f"{'' if errors.measured else f' ({errors.text()})'}: bars are widened by that."
         )
-    elif errors.measured and not spare:
+    elif errors.measured and spare <= 0:
         sentences.append(
-            "There are as many values as modes, so nothing shows what the model misses: bars hold "
+            "There are as many values as modes, or more, so nothing shows what the model misses: bars hold "
             "the errors of the measurement alone."
         )
     return sentences
