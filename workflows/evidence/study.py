@@ -123,6 +123,6 @@ def counted(
 
 def verdict_count(rows: tuple, noun: str, verdicts: Iterable[str]) -> str:
     """How many rows have each of these verdicts, and the seconds of all."""
-    each = [row.verdict for row in rows]
-    counts = ", ".join(f"{each.count(verdict)} {verdict}" for verdict in verdicts)
+    verdict_of_rows = [row.verdict for row in rows]
+    counts = ", ".join(f"{verdict_of_rows.count(verdict)} {verdict}" for verdict in verdicts)
     return f"{len(rows)} {noun}: {counts}; {sum(row.seconds for row in rows):.0f} s."

@@ -186,11 +186,11 @@ def friction(
         mechanisms=mechanisms,
         refused=refused,
         by_arrival={
-            state: sum(each.arrival > options.timing for each in differences)
+            state: sum(change.arrival > options.timing for change in differences)
             for state, differences in by_state.items()
         },
         by_later={
-            state: sum(is_seen(each, options) for each in differences)
+            state: sum(is_seen(change, options) for change in differences)
             for state, differences in by_state.items()
         },
     )

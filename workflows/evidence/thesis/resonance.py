@@ -108,15 +108,15 @@ def resonance(
     with progress("level"):
         rising = follow([frequency] * len(forces), forces)
         falling = follow([frequency] * len(forces), forces[::-1])[::-1]
-    beside = []
+    marched = []
     for factor in counted(options.checked, progress, "march at {:g} of the force".format):
-        beside += marched_beside(scene, rig, factor, options)
+        marched += marched_beside(scene, rig, factor, options)
 
     figure = panels_of(curves, rising, falling, frequency)
     return concluded(
-        __file__, COLUMNS, rows, figure, Table("march", BESIDE, tuple(beside)),
+        __file__, COLUMNS, rows, figure, Table("march", BESIDE, tuple(marched)),
         free=free, stuck=stuck, curves=curves, rows=rows, options=options,
-        marched=[abs(row[3] / row[4] - 1.0) for row in beside if row[4]],
+        marched=[abs(row[3] / row[4] - 1.0) for row in marched if row[4]],
         frequency=frequency, scene=scene,
     )  # fmt: skip
 
