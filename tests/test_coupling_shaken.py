@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from spatial_contact import last, plain_march, random_wall, row
+from spatial_contact import last, random_wall, row
 
 import dem
 from coupling.shaken_march import march_shaken
@@ -10,6 +10,7 @@ from coupling.spatial_march import ShakerForces, body_of
 from coupling.spatial_wall import spatial_wall_of_modes
 from dem.checks import InvalidChain
 from dem.friction import loop_amplitude, loop_energy
+from workflows.evidence.verify.coupled_directions import plain_march
 
 
 def shaken(seed, *, force, frequency, preload, arm=None, n_modes=4, n=1, error=1e-4, **run):

@@ -3,7 +3,7 @@ from the formulas, limits that are known, energy, symmetries."""
 
 import numpy as np
 import pytest
-from spatial_contact import MU, NU, E, R, last, plain_march, random_wall, row
+from spatial_contact import MU, NU, E, R, last, random_wall, row
 
 import dem
 from coupling.errors import CouplingError
@@ -15,6 +15,7 @@ from coupling.spatial_wall import (
 )
 from dem.checks import InvalidChain
 from dem.lateral import march_lateral
+from workflows.evidence.verify.coupled_directions import plain_march
 
 OBLIQUE = {
     "coupled modes": (1, {}, {}, 0.0),
