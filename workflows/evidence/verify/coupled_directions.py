@@ -2,6 +2,7 @@
 written from the formulas, and beside the same wall mirrored and turned."""
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -37,7 +38,7 @@ def coupled_directions() -> Iterator[Comparison]:
         wall, (chain, last) = _wall(seed), sphere_with_friction(velocity=np.array(ACROSS), **arm)
         run = march_space(chain, wall, [SPEED], last, duration=1.5e-4, error=1e-5, n_save=20)
         end, _ = plain_march(
-            chain, wall, [SPEED], last, duration=1.5e-4, dt=1e-7, deepest=6e-6
+            chain, wall, [SPEED], last, duration=1.5e-4, dt=1e-7, bristles=Bristles(6e-6)
         )  # fmt: skip
         ours = [run.trajectory.v[-1, 0], *run.lateral.sphere_t_v[-1]]
         yield compared(f"oblique impact, sphere {name}, velocity along n, t1, t2 [m/s]",
@@ -53,8 +54,9 @@ def coupled_directions() -> Iterator[Comparison]:
     body = body_of(chain, wall, [0.0], last, shakers)
     state = periodic_state(body, Before(np.zeros(1, bool), 0), error=1e-4)
     end, history = plain_march(
-        chain, wall, [0.0], last, duration=1.0 / FREQUENCY, dt=1e-6, deepest=6e-6,
-        begin=state.moving, shaker=(FORCE, 2 * np.pi * FREQUENCY, PHASE),
+        chain, wall, [0.0], last, duration=1.0 / FREQUENCY, dt=1e-6,
+        bristles=Bristles(6e-6),
+        shaken=ShakenStart(state.moving, FORCE, 2 * np.pi * FREQUENCY, PHASE),
     )  # fmt: skip
     T, slip = history[:, 1:3], history[:, 3:]
     heat = float(np.sum(0.5 * (T[1:] + T[:-1]) * np.diff(slip, axis=0)))
@@ -97,17 +99,31 @@ def _wall(seed: int) -> SpatialWall:
     return spatial_wall_of_modes(omega, np.full(4, 0.05), phi, load=rng.normal(size=(4, 1)))
 
 
+class Bristles(NamedTuple):
+    """How many, and the largest overlap [m] that they reach."""
+
+    deepest: float
+    count: int = 800
+
+
+class ShakenStart(NamedTuple):
+    """A state to start from, and the shaker: its force [N], circular frequency [rad/s], phase."""
+
+    moving: Moving
+    force: float
+    omega: float
+    phase: float
+
+
 def plain_march(
     chain: dem.Chain, wall: SpatialWall, v0: ArrayLike, last: LastSphere, *, duration: float,
-    dt: float, deepest: float, begin: Moving | None = None,
-    shaker: tuple[float, float, float] | None = None, n_bristles: int = 800,
+    dt: float, bristles: Bristles, shaken: ShakenStart | None = None,
 ) -> tuple[list[np.ndarray], np.ndarray]:  # fmt: skip
     """Runge and Kutta's method of order 4 over spheres, arm and modes; the contact is a row of
     bristles that a step moves as a whole, each back to its circle.
 
-    Gives the last x, v, u, u', psi, psi', q, q', and force and slip over time (k, 5). `deepest` [m]
-    is the largest overlap that the bristles reach; `shaker` its force [N], circular frequency
-    [rad/s] and phase; `begin` where to start, None for rest with v0.
+    Gives the last x, v, u, u', psi, psi', q, q', and force and slip over time (k, 5); from
+    rest with v0, or from a `shaken` state.
     """
     E_star, G_star = E / (2.0 * (1.0 - NU**2)), tangential_modulus(E, NU, E, NU)
     n, k, m = chain.mass.size, wall.omega.size, np.asarray(chain.mass)
@@ -117,7 +133,7 @@ def plain_march(
     free = np.isfinite(arm)
     arm = np.where(free, arm, 0.0)
     # more bristles at the edge of the largest contact: x = a sin(theta)
-    edges = np.sqrt(deepest * R) * np.sin(np.linspace(0, np.pi / 2, n_bristles + 1))
+    edges = np.sqrt(bristles.deepest * R) * np.sin(np.linspace(0, np.pi / 2, bristles.count + 1))
     x_b, width = 0.5 * (edges[1:] + edges[:-1]), 2.0 * np.diff(edges)
 
     def contact(gap, q_pressure, b, slip, F):
@@ -141,29 +157,29 @@ def plain_march(
     F0 = static.force[-1]
     ends = np.cumsum([n, n, 2, 2, 2, 2, k])
     offset = wall.phi[:, 0] @ static.q
-    bristles, slip, F = np.zeros((n_bristles, 2)), np.zeros(2), np.array([F0, 0.0, 0.0])
+    stretch, slip, F = np.zeros((bristles.count, 2)), np.zeros(2), np.array([F0, 0.0, 0.0])
     y = np.concatenate([static.x, v0, [0, 0], last.velocity, np.zeros(4 + 2 * k)])
-    if begin is not None:
-        m_, cells = begin.motion, begin.contacts.cells
+    if shaken is not None:
+        m_, cells = shaken.moving.motion, shaken.moving.contacts.cells
         y = np.concatenate([m_.x, m_.v, m_.u, m_.u_v, m_.psi, m_.spin, m_.q, m_.p])
         slip, F = m_.slip.copy(), m_.force.copy()
         xi = np.arange(len(cells.u)) * cells.state[WIDTH]
-        bristles = np.column_stack([np.interp(x_b**2, xi, u) for u in cells.u.T])
+        stretch = np.column_stack([np.interp(x_b**2, xi, u) for u in cells.u.T])
 
     def rate(t, y):
         x, v, u, uv, psi, spin, q, p = np.split(y, ends)
         U, V = wall.phi.T @ q, wall.phi.T @ p
         gap = np.array([x[-1] - offset - U[0], *(u + R * psi - U[1:])])
         w = v[-1] - V[0]
-        force, b, s = contact(gap, max(1 + gamma[-1] * w, 0.0), bristles, slip, F)
+        force, b, s = contact(gap, max(1 + gamma[-1] * w, 0.0), stretch, slip, F)
         f = np.append(chain.A[:-1] * np.maximum(x[:-1] - x[1:], 0) ** 1.5, force[0])
         approach = np.append(v[:-1] - v[1:], w)
         f = f * np.maximum(1 + gamma * approach, 0.0)
         net = np.append(0.0, f[:-1]) - f - leaf * (x - anchor) + chain.steady
         T = force[1:]
         push = wall.phi @ [f[-1] - F0, *T]
-        if shaker is not None:
-            push = push + wall.load[:, 0] * shaker[0] * np.cos(shaker[1] * t + shaker[2])
+        if shaken is not None:
+            push = push + wall.load[:, 0] * shaken.force * np.cos(shaken.omega * t + shaken.phase)
         a = push - 2 * wall.zeta * wall.omega * p - wall.omega**2 * q
         kappa = last.arm_rotation
         turn = (-R * T - kappa * psi) / last.inertia if np.isfinite(kappa) else np.zeros(2)
@@ -178,6 +194,6 @@ def plain_march(
         k3, _ = rate(t + dt / 2, y + dt / 2 * k2)
         k4, _ = rate(t + dt, y + dt * k3)
         y = y + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        _, (bristles, slip, F) = rate(t + dt, y)
+        _, (stretch, slip, F) = rate(t + dt, y)
         history.append([*F, *slip])
     return np.split(y, ends), np.array(history)
