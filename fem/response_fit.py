@@ -273,8 +273,8 @@ def covariance_of_groups(
         return simple
     shifts = []
     for g in groups:
-        own = group == g
-        shifts.append(np.linalg.solve(A - J[own].T @ J[own], J[own].T @ e[own]))
+        members = group == g
+        shifts.append(np.linalg.solve(A - J[members].T @ J[members], J[members].T @ e[members]))
     shifts = np.array(shifts) - np.mean(shifts, axis=0)
     widened = stdtrit(G - 1, 0.975) / 1.96
     jackknife = (G - 1) / G * shifts.T @ shifts * widened**2

@@ -336,8 +336,8 @@ def write_modes(
                 )
             )  # fmt: skip
     file = library.UFF(str(path))
-    for i, one in enumerate(sets):
-        file.write_sets(one, mode="add" if i else "overwrite")
+    for i, response in enumerate(sets):
+        file.write_sets(response, mode="add" if i else "overwrite")
 
 
 def write_synthetic(file: OutputFile, test: Responses) -> None:

@@ -282,14 +282,14 @@ def _values(annotation: Any) -> str:
         words = ", ".join(f'"{a}"' for a in arguments)
         return words if len(arguments) == 1 else f"one of {words}"
     if origin in (Union, UnionType):
-        each = [_values(a) for a in arguments if a is not NoneType]
-        return " or ".join(dict.fromkeys(words for words in each if words))
+        alternatives = [_values(a) for a in arguments if a is not NoneType]
+        return " or ".join(dict.fromkeys(words for words in alternatives if words))
     if origin is tuple:
         if arguments[-1] is Ellipsis:
             words = _values(arguments[0])
             return f"list of {words}" if words else ""
-        each = list(dict.fromkeys(_values(a) for a in arguments))
-        return f"list of {len(arguments)}: {', '.join(each)}" if all(each) else ""
+        alternatives = list(dict.fromkeys(_values(a) for a in arguments))
+        return f"list of {len(arguments)}: {', '.join(alternatives)}" if all(alternatives) else ""
     if origin is dict:
         words = _values(arguments[1])
         return f"table by name of {words}" if words else ""

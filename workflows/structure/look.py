@@ -116,14 +116,14 @@ class Look(BaseModel):
             lines += ["", aligned_text(head, cells)]
 
         if self.masses:
-            cells = [(one.name, one.on, f"{one.mass_kg:.4g}") for one in self.masses]
+            cells = [(mass.name, mass.on, f"{mass.mass_kg:.4g}") for mass in self.masses]
             lines += ["", aligned_text(("carried", "on", "mass [kg]"), cells)]
 
         if self.springs:
             cells = []
-            for one in self.springs:
-                stiffness = ", ".join(f"{key} {k:.4g}" for key, k in one.stiffness.items())
-                cells.append((one.name, one.on, one.to, one.number, stiffness))
+            for spring in self.springs:
+                stiffness = ", ".join(f"{key} {k:.4g}" for key, k in spring.stiffness.items())
+                cells.append((spring.name, spring.on, spring.to, spring.number, stiffness))
             lines += ["", aligned_text(("springs", "on", "to", "number", "each [N/m]"), cells)]
 
         seconds = float(f"{self.seconds:.2g}")
