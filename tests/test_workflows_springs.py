@@ -344,6 +344,16 @@ def test_modes_whose_errors_arise_at_one_place_share_a_sentence():
     assert f"Mode {elsewhere.number}: why 7.0" in text and "why 6.0" not in text
 
 
+def test_tune_says_which_modes_numbers_of_targets_are_on_springs():
+    """Six modes hang on the cords: number 1 is mode 7."""
+    hz = pipeline()("modes").omega[6] / (2 * np.pi)
+    match = f"1={1.002 * hz:.6g}"
+    remarks = beadwave.tune(
+        "box.toml", match=match, free="materials.steel.young", out=None
+    ).report.remarks
+    assert remarks[0].endswith("not rigid motions, free or on springs: 1 is mode 7.")
+
+
 CORNERS = [
     [[x * a, y * b] for a, b in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
     for x, y in ((0.08, 0.05), (0.1, 0.07))

@@ -191,6 +191,13 @@ def look(scene: Scene, source: str, *, whole: bool = True, with_page: bool = Fal
                 dofs=int(3 * nodes[name]),
             )
         )
+    mass_of = {body.name: body.mass_kg for body in bodies}
+    heavy = [
+        f"{one.name} of {one.mass:g} kg is heavier than {one.on.partition(':')[0]}, "
+        f"{carrying:.4g} kg, which carries it; check its unit."
+        for one in scene.masses or ()
+        if (carrying := mass_of.get(one.on.partition(":")[0])) and one.mass > carrying
+    ]
     dofs = int(3 * sum(nodes.values()))
     report = Look(
         name=source,
@@ -212,7 +219,7 @@ def look(scene: Scene, source: str, *, whole: bool = True, with_page: bool = Fal
         unknowns=None if parts is None else dofs - constrained_dofs(parts),
         memory_bytes=peak_memory(scene, nodes),
         seconds=foreseen_seconds(nodes),
-        remarks=remarks,
+        remarks=remarks + heavy,
     )
     return Seen(report, scene, meshes, parts, start, page)
 
