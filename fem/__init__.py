@@ -48,6 +48,7 @@ from fem.elasticity import Structure, assemble
 from fem.factorisation import Factor, factorised
 from fem.grounding import RigidBody, rigid_body
 from fem.half_space import (
+    HalfSpaceField,
     half_space_fields,
     half_space_matrix,
     half_space_on_mesh,
@@ -85,6 +86,7 @@ __all__ = [
     "FaceForce",
     "Faces",
     "Factor",
+    "HalfSpaceField",
     "Heat",
     "Held",
     "Joint",

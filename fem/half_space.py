@@ -165,13 +165,12 @@ def half_spaces_on_mesh(
     options: HalfSpaceMesh = HalfSpaceMesh(),
 ) -> list[float]:
     """`half_space_on_mesh` [m/N] at several patches of one face, by one factorisation."""
-    compliances = []
+    compliances: list[float] = []
     for field in half_space_fields(
         model, face, patches, material, mirrors=mirrors, within=within, options=options
     ):
-        some = patches[len(compliances) : len(compliances) + field.u.shape[1]]
-        w = np.column_stack([patch.on_mesh[field.dofs] for patch in some])
-        compliances += (w * field.u).sum(axis=0).tolist()
+        together = patches[len(compliances) : len(compliances) + field.u.shape[1]]
+        compliances += field.compliances(together)
     return compliances
 
 
@@ -183,6 +182,11 @@ class HalfSpaceField(NamedTuple):
     ends: NDArray[np.int64]  # facets on which they end, beside the struck face
     dofs: NDArray[np.int64]  # (n,) of the structure
     u: NDArray[np.float64]  # (n, m) [m] by a unit force on each of m patches
+
+    def compliances(self, patches: Sequence[ContactPatch]) -> list[float]:
+        """w^T u [m/N] of each of these m patches."""
+        w = np.column_stack([patch.on_mesh[self.dofs] for patch in patches])
+        return (w * self.u).sum(axis=0).tolist()
 
 
 def half_space_fields(

@@ -319,11 +319,11 @@ def of_resonances(
     hz = np.maximum(modes.frequency_hz[index], 1e-3)
     solid, values = solid_ones(parameters, value)
     slopes = np.zeros((len(index), len(parameters)))
-    own = [isinstance(p, TuningParameter) for p in parameters]
+    is_solid = [isinstance(p, TuningParameter) for p in parameters]
     chosen = Modes(np.maximum(modes.omega[index], 1e-3), modes.phi[:, index])
-    slopes[:, own] = sensitivity(basis, solid, values, chosen).reshape(len(index), -1)
+    slopes[:, is_solid] = sensitivity(basis, solid, values, chosen).reshape(len(index), -1)
     e, error = np.log(hz / resonances.hz), resonances.error
-    if not all(own):
+    if not all(is_solid):
         zeta = np.maximum(computed.zeta[index], 1e-9)
         e = np.append(e, np.log(zeta / resonances.zeta))
         error = np.append(error, resonances.zeta_error)
@@ -354,8 +354,8 @@ def covariance_of_groups(
         return simple
     shifts = []
     for g in groups:
-        own = group == g
-        shifts.append(np.linalg.solve(A - J[own].T @ J[own], J[own].T @ e[own]))
+        members = group == g
+        shifts.append(np.linalg.solve(A - J[members].T @ J[members], J[members].T @ e[members]))
     shifts = np.array(shifts) - np.mean(shifts, axis=0)
     widened = stdtrit(G - 1, 0.975) / 1.96
     jackknife = (G - 1) / G * shifts.T @ shifts * widened**2

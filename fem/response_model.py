@@ -117,12 +117,14 @@ def members(model: ResponseModel, part: str) -> tuple[NDArray[np.bool_], list[st
     """Which springs of joints (s,), and which bodies, are of a part: "materials.steel",
     "joints.bolts" or "springs.cord"."""
     kind, _, name = part.partition(".")
-    springs = np.array([one.rpartition(".")[0] == name for one in model.basis.spring], bool)
+    springs = np.array([spring.rpartition(".")[0] == name for spring in model.basis.spring], bool)
     between = [body for body in model.basis.forms if body.startswith(SPRINGS)]
     bodies = {
         "joints": [],
         "materials": [body for body, made_of in model.damping.material.items() if made_of == name],
-        "springs": [one for one in between if one[len(SPRINGS) :].rpartition(".")[0] == name],
+        "springs": [
+            spring for spring in between if spring[len(SPRINGS) :].rpartition(".")[0] == name
+        ],
     }[kind]
     return springs & (kind == "joints"), bodies
 
@@ -146,8 +148,8 @@ def part_stiffness(
 def part_slope(model: ResponseModel, part: str, p: TuningParameter) -> NDArray[np.float64]:
     """dK_j / d value (m, m) of a part by a parameter, of which it may have none."""
     basis, (springs, bodies) = model.basis, members(model, part)
-    own = basis.elongation[springs & np.isin(basis.spring, p.springs)]
-    slope = own.T @ own
+    elongations = basis.elongation[springs & np.isin(basis.spring, p.springs)]
+    slope = elongations.T @ elongations
     for body in p.bodies if p.of == "young" else ():
         if body in bodies:
             slope = slope + basis.forms[body].K
@@ -166,8 +168,8 @@ def response_model(
     points, references = (np.asarray(one.reading) for one in basis.targets[-2:])
     rows = {}
     for name in damping.dashpot:
-        own = np.array([one == name for one in basis.spring], bool)
-        rows[name] = basis.elongation[own]
+        beside = np.array([spring == name for spring in basis.spring], bool)
+        rows[name] = basis.elongation[beside]
         if (between := f"{SPRINGS}{name}") in basis.forms:
             # their form is k times the sum of squares of elongations, which are its roots
             square, directions = np.linalg.eigh(basis.forms[between].K / (stiffness or {})[name])

@@ -1,6 +1,7 @@
 """Scenes of any assembly through the commands: modes against theory, runs, tuning, refusals."""
 
 import json
+import re
 import tomllib
 from contextlib import nullcontext
 from importlib.util import module_from_spec, spec_from_file_location
@@ -245,7 +246,8 @@ def test_the_picture_of_a_look_has_chain_bolts_and_held_faces(tmp_path):
     for red, green, blue in ((31, 95, 191), (200, 55, 27)):  # HELD, IMPACT of report.render
         near = np.abs(np.asarray(whole, float) - (red, green, blue)).max(axis=2) < 40
         assert near.sum() > 100
-    shown = fixtures(pipeline_of(scene("plate-on-bolts"), lambda name: nullcontext())("mesh"))
+    run = pipeline_of(scene("plate-on-bolts"), lambda name: nullcontext())
+    shown = fixtures(run.scene, run("mesh"))
     assert [name for name, *_ in shown["joints"]] == ["bolts"] * 4
     for _, _, axis in shown["joints"]:
         assert np.abs(axis) == pytest.approx([0, 0, 1], abs=1e-9)
@@ -260,6 +262,25 @@ def test_the_starter_scene_of_a_step_file_has_modes_and_a_reduced_model(step, ca
     with np.load("rom.npz") as held:
         assert held["w"].sum() == pytest.approx(-1.0)  # the chain travels down
     assert len(Path("start.toml").read_text().splitlines()) <= 25
+
+
+def test_a_starter_offers_bolts_where_holes_go_through_both_bodies(capsys):
+    """Bolts leave the faces free between them: without comment signs modes are lower than tied."""
+    holes = tuple(Hole(0.008, (x, 0.02)) for x in (0.01, 0.05))
+    sheet = ((0, 0), (0.06, 0), (0.06, 0.04), (0, 0.04))
+    bolted = {
+        "base.1": Slab(sheet, 0.01, holes),
+        "lid": Slab(sheet, 0.006, holes, at=(0.0, 0.0, 0.01)),
+    }
+    write_step(bolted, Path("bolted.step"))
+    assert beadwave("look", "bolted.step", "--scene=tied.toml", "-q") == 0
+    text = Path("tied.toml").read_text()
+    assert "# 2 holes through both base.1 and lid: bolts in place of the tie\n" in text
+    Path("bolts.toml").write_text(re.sub(r"^# (\[\[|name|between|kz)", r"\1", text, flags=re.M))
+    assert scene("bolts.toml").joints[0].name == "base-1-lid"
+    capsys.readouterr()
+    first = [modes_of(capsys, name)[1][0]["frequency_hz"] for name in ("tied.toml", "bolts.toml")]
+    assert first[1] < 0.5 * first[0]
 
 
 def test_a_look_counts_the_elements_that_the_scene_asks_for(step, capsys):

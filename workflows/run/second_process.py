@@ -141,7 +141,9 @@ def main() -> None:
     while unclaimed := [name for name in names if not (folder / name).exists()]:
         ready = next((name for name in unclaimed if pipeline.ready(name)), None)
         if ready is None:
-            sleep(PAUSE)
+            # meanwhile what these stages need and no cache keeps, as a mesh
+            if not pipeline.prepare(unclaimed):
+                sleep(PAUSE)
             continue
         if not claim(folder, ready):
             continue

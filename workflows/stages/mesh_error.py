@@ -31,7 +31,7 @@ from workflows.stages import assembly as stages
 from workflows.stages import errors
 from workflows.stages.mesh_causes import Cause, causes, explanation
 from workflows.stages.parts import Parts
-from workflows.stages.reduction import reading
+from workflows.stages.reduction import half_space_at
 
 
 class MeshErrorOptions(NamedTuple):
@@ -122,11 +122,11 @@ class MissedByMesh(NamedTuple):
         if self.w is None or not np.all(self.omega > 0):
             return None
         if self.split is not None:
-            own, finer = (
+            of_run, finer = (
                 rom.static_compliance(wall) - (wall.contact.half_space or 0.0)
                 for wall in self.split.walls
             )
-            return self.split.share * abs(finer - own)
+            return self.split.share * abs(finer - of_run)
         u = self.w / self.omega**2
         return float(u @ self.energy @ u)
 
@@ -164,11 +164,13 @@ def missed_energy(
     model: fem.Model,
     modes: AssemblyModes,
     space: rom.Space | None = None,
+    field: fem.HalfSpaceField | None = None,
 ) -> MissedByMesh:
-    """The assembly's modes, and what its contact moves; the space is that of a held assembly. A
-    run stands without what cannot be estimated: the result says why."""
+    """The assembly's modes, and what its contact moves; the space is that of a held assembly, the
+    field that of the half-space at its contact. A run stands without what cannot be estimated: the
+    result says why."""
     try:
-        return energy_of_shapes(scene, mesh, model, modes, space)
+        return energy_of_shapes(scene, mesh, model, modes, space, field)
     except ValueError as reason:
         return MissedByMesh(np.empty(0), np.empty((0, 0)), None, unknown=str(reason))
 
@@ -179,6 +181,7 @@ def energy_of_shapes(
     model: fem.Model,
     modes: AssemblyModes,
     space: rom.Space | None = None,
+    field: fem.HalfSpaceField | None = None,
 ) -> MissedByMesh:
     """The same; raises ValueError where a second mesh, or its modes, cannot be had."""
     try:
@@ -208,8 +211,8 @@ def energy_of_shapes(
         split = stages.model(scene, split_mesh)
         lowest = fem.modes(split.K, split.M, min(len(modes.omega), split.K.shape[0] - 2))
         walls = tuple(
-            errors.wall_model(scene, one, stages.contact(scene, parts, one))
-            for one, parts in ((model, mesh), (split, split_mesh))
+            errors.wall_model(scene, on_mesh, stages.contact(scene, parts, on_mesh))
+            for on_mesh, parts in ((model, mesh), (split, split_mesh))
         )
         w = phi.T @ contact.w
         pair = SplitMesh(lowest.omega, walls, share)
@@ -228,11 +231,9 @@ def energy_of_shapes(
         omega = np.append(omega[:n_modes], np.sqrt(stiffness))
         D = np.diag(np.append(omega[:-1] ** 2, 0.0))
         D[:-1, -1] = -w[:n_modes] / length
-        if reading(scene, model) is None:  # else nothing is taken off
-            local = stages.solid(scene, scene.struck_body)
-            fields = fem.half_space_fields(model, stages.struck(scene), [contact], local)
-            force = np.append(np.zeros(n_modes), 1 / length)
-            pushed = fem.Pushed(force, next(fields))
+        field = field or half_space_at(scene, model, contact)
+        if field is not None:
+            pushed = fem.Pushed(np.append(np.zeros(n_modes), 1 / length), field)
 
     connections, load = mesh.connections, mesh.load
     sides = [side for j in connections.joints for side in (j.first, j.second) if side]

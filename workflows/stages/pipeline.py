@@ -8,7 +8,7 @@ stage whose result is kept never looks at the stages it needs: a new sphere leav
 elements alone.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext, suppress
 from hashlib import sha256
 from importlib import import_module
@@ -158,14 +158,17 @@ ASSEMBLY = {
         ".reduction:reduction",
         _reduced,
         ("model", "contact", "modes"),
-        means=("factor", "krylov-space"),
+        means=("factor", "krylov-space", "half-space"),
+    ),
+    "half-space": Stage(
+        ".reduction:half_space", tables_of("strike"), ("mesh", "model"), kept=False, listed=False
     ),
     "second-mesh": Stage(".errors:second_mesh", COARSE, ("mesh",)),
     "missed-energy": Stage(
         ".mesh_error:missed_energy",
         tables_of("reduction", "strike"),
         ("mesh", "model", "modes"),
-        means=("krylov-space",),
+        means=("krylov-space", "half-space"),
     ),
     "full-response": Stage(
         ".response:full_response",
@@ -438,10 +441,10 @@ class Pipeline:
         if self.beside is not None and self.beside.has(name):
             with self._progress(name):
                 elsewhere = self.beside.seconds(name, self._meanwhile)
-        kept = self._stages[name].kept
-        result = self._kept(name, self.key(name), self) if kept else self.compute(name)
+        is_kept = self._stages[name].kept
+        result = self._kept(name, self.key(name), self) if is_kept else self.compute(name)
         seconds = perf_counter() - started - (self._spent - spent)
-        if kept and name not in self._computed:
+        if is_kept and name not in self._computed:
             self._report_behind(name)
         if self._stages[name].listed:
             self._spent += seconds
@@ -512,6 +515,16 @@ class Pipeline:
             self.kept(need) if self._stages[need].kept else self.ready(need)
             for need in self._stages[name].needs + self._stages[name].means
         )
+
+    def prepare(self, names: Sequence[str]) -> bool:
+        """Compute a result that these stages need and that no cache keeps, where all that it needs
+        is there; False where there is none to compute."""
+        needs = [need for name in names for need in self._stages[name].needs]
+        for need in needs:
+            if not self._stages[need].kept and need not in self._results and self.ready(need):
+                self(need)
+                return True
+        return False
 
     def compute(self, name: str) -> Any:
         """Run a stage on the results it needs."""

@@ -9,11 +9,13 @@ import fem
 import rom
 from fem.assembly_modes import AssemblyModes
 from rom.jointed import Jointed
-from workflows.scene import LossFactorsTable, Scene
+from workflows.scene import InvalidScene, LossFactorsTable, Scene
 from workflows.scene.reduction import TO_HZ
+from workflows.stages.assembly import contact as patch
 from workflows.stages.assembly import dashpots, solid, struck
 from workflows.stages.functionals import with_functionals
 from workflows.stages.loss_factors import strain_of
+from workflows.stages.parts import Parts
 from workflows.stages.strike import surface_of
 
 NOTHING = np.empty(0, np.int64)
@@ -48,8 +50,8 @@ def jointed(
 ) -> Jointed:
     """The reduction of many assemblies that differ in the springs of their joints."""
     C = dashpots(scene, model)
-    kept = np.union1d(damped_elongations(model, C), model.elongation)
-    boundary = boundary_of(contact, reading(scene, model), kept)
+    boundary_dofs = np.union1d(damped_elongations(model, C), model.elongation)
+    boundary = boundary_of(contact, reading(scene, model), boundary_dofs)
     reduced = reduction(scene, model, contact, modes, factor, space, keep=model.elongation)
     names, at = np.array(model.spring), np.searchsorted(boundary, model.elongation)
     places = {name: at[names == name] for name in dict.fromkeys(model.spring)}
@@ -64,13 +66,14 @@ def reduction(
     modes: AssemblyModes,
     factor: fem.Factor | None = None,
     space: rom.Space | None = None,
+    field: fem.HalfSpaceField | None = None,
     *,
     keep: NDArray[np.int64] = NOTHING,
 ) -> rom.ReducedModel:
     """The model in few coordinates at the contact, with the way back to the outer nodes alone.
 
-    The factor is that of K, where it is held, and the space one of this contact. `keep` are
-    further dofs that stay as they are.
+    The factor is that of K, where it is held, the space and the field of a half-space are those of
+    this contact. `keep` are further dofs that stay as they are.
     """
     # the thesis' scheme reads the wall elsewhere than it pushes
     scene = scene.written_out
@@ -121,7 +124,7 @@ def reduction(
         )
 
     # what it carries: the contact's law, the way back to the outer nodes, names, masses
-    struck_surface = contact_of(scene, model, contact)._replace(
+    struck_surface = contact_of(scene, model, contact, field)._replace(
         weights_read=None if w_reading is None else w_reading @ reduced.T,
         modes_hz=tuple(modes.paired_hz.values()) or None,
         point=tuple(contact.spot.point.tolist()),
@@ -179,7 +182,7 @@ def names(
 
 
 def _require_held(scene: Scene, modes: AssemblyModes) -> None:
-    """Raise ValueError with the keys to change where a reduction failed on parts that nothing
+    """Raise InvalidScene with the keys to change where a reduction failed on parts that nothing
     holds."""
     lowest = modes.omega.min() / (2 * np.pi)
     if lowest > LIMITS.floating:
@@ -196,8 +199,8 @@ def _require_held(scene: Scene, modes: AssemblyModes) -> None:
     if scene.springs:
         names = ", ".join(spring.name for spring in scene.springs)
         loose = f"springs ({names}) that leave that motion free"
-    raise ValueError(
-        "the assembly, or a part of it, is not held: its lowest mode is below "
+    raise InvalidScene(
+        f"{scene.name}: the assembly, or a part of it, is not held: its lowest mode is below "
         f"{LIMITS.floating:g} Hz, with {loose}. Constraint modes need what is held; hold it, or "
         'take reduction.kind = "free-modes".'
     )
@@ -252,13 +255,34 @@ def mass_captured(model: fem.Model, reduced: rom.ReducedModel, along: NDArray[np
     return rom.effective_mass(reduced, model.structure.M, motion, model.T).captured
 
 
-def contact_of(scene: Scene, model: fem.Model, contact: fem.ContactPatch) -> rom.Contact:
-    """The material that is struck, and the half-space that the Hertz law holds once more."""
-    steel = solid(scene, scene.struck_body)
-    # the thesis' scheme reads outside of the local dent, so that there is nothing to subtract
+def half_space(scene: Scene, mesh: Parts, model: fem.Model) -> fem.HalfSpaceField | None:
+    """The field of the half-space that the Hertz law holds once more; None where none is known, and
+    who needs one says why."""
+    try:
+        return half_space_at(scene, model, patch(scene, mesh, model))
+    except (InvalidScene, ValueError):
+        return None
+
+
+def half_space_at(
+    scene: Scene, model: fem.Model, contact: fem.ContactPatch
+) -> fem.HalfSpaceField | None:
+    """None of the thesis' scheme, which reads outside of the local dent: nothing is subtracted."""
     if reading(scene, model) is not None:
-        local = 0.0
-    else:
-        local = fem.half_space_on_mesh(model, struck(scene), contact, steel)
-    spot = contact.spot
-    return surface_of(steel, spot.inward, spot.radii)._replace(half_space=local)
+        return None
+    material = solid(scene, scene.struck_body)
+    return next(fem.half_space_fields(model, struck(scene), [contact], material))
+
+
+def contact_of(
+    scene: Scene,
+    model: fem.Model,
+    contact: fem.ContactPatch,
+    field: fem.HalfSpaceField | None = None,
+) -> rom.Contact:
+    """The material that is struck, and the half-space that the Hertz law holds once more, whose
+    field is computed where it is not handed in."""
+    field, spot = field or half_space_at(scene, model, contact), contact.spot
+    material = solid(scene, scene.struck_body)
+    local = 0.0 if field is None else field.compliances([contact])[0]
+    return surface_of(material, spot.inward, spot.radii)._replace(half_space=local)

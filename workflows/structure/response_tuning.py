@@ -612,7 +612,7 @@ def damping_start(
 ) -> NDArray[np.float64]:
     """The values with those of damping that bring the ratios of the modes nearest to the measured
     ones (least squares without negative values; ratios are linear in them)."""
-    own = [j for j, p in enumerate(parameters) if isinstance(p, DampingParameter)]
+    damped = [j for j, p in enumerate(parameters) if isinstance(p, DampingParameter)]
 
     def ratios(x: NDArray[np.float64]) -> NDArray[np.float64]:
         computed = computed_responses(model, parameters, x, np.array([1.0]))
@@ -620,10 +620,10 @@ def damping_start(
         return np.where(index < 0, np.nan, computed.zeta[index])
 
     without = value.copy()
-    without[own] = 0.0
+    without[damped] = 0.0
     fixed = ratios(without)
     columns = []
-    for j in own:
+    for j in damped:
         x = without.copy()
         x[j] = value[j]
         columns.append((ratios(x) - fixed) / value[j])
@@ -632,13 +632,13 @@ def damping_start(
     known = np.isfinite(A).all(axis=1) & np.isfinite(b)
     result = value.copy()
     if known.any():
-        scale = value[own]
+        scale = value[damped]
         weight = 1 / measured[known]  # relative errors of ratios
         x, _ = nnls(A[known] * scale * weight[:, None], np.maximum(b[known], 0) * weight)
-        lower = np.array([parameters[j].lower for j in own])
-        upper = np.array([parameters[j].upper for j in own])
+        lower = np.array([parameters[j].lower for j in damped])
+        upper = np.array([parameters[j].upper for j in damped])
         # none begins at zero, from where a logarithm does not return
-        result[own] = np.clip(np.maximum(x, 0.03) * scale, 2 * lower, 0.5 * upper)
+        result[damped] = np.clip(np.maximum(x, 0.03) * scale, 2 * lower, 0.5 * upper)
     return result
 
 

@@ -6,6 +6,7 @@ from itertools import islice, product
 from json import dumps
 from os.path import relpath
 from pathlib import Path
+from re import sub
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from fem.spot import SpotLimits, spanning
 from geometry.errors import InvalidGeometry
+from geometry.holes import concentric
 from geometry.selectors import faces as selected
 from geometry.solids import ALIGNED, Body, Face
 from workflows.files.output_file import OutputFile
@@ -23,8 +25,6 @@ from workflows.structure.face_page import words
 
 PATCH = 2e-3  # [m] radius of the patch that is struck
 SMALLER = (1e-3, 0.5e-3, 0.25e-3)  # [m] on a face that has no room for it, as the rim of a tube
-ROOM = 1.5  # radius about the place that must lie on the face, over that of the patch
-N_ROUND = 16  # directions about an axis or a centre in which a round face is tried
 
 
 class StartStrike(NamedTuple):
@@ -37,10 +37,11 @@ class StartStrike(NamedTuple):
     outward: NDArray[np.float64]  # (3,) normal there
 
 
-def starter(geometry: Drawing, source: Path) -> str | None:
+def starter(geometry: Drawing, source: Path, gap: float) -> str | None:
     """TOML that runs: the chain strikes the highest bare plane face, if possible one that looks up,
-    else a round one; held is the lowest plane face that looks down, else the one opposite. None
-    where no face has room for a patch."""
+    else a round one; held is the lowest plane face that looks down, else the one opposite. Pairs
+    whose holes, off each other by up to `gap` [m], take bolts have them as a comment. None where
+    no face has room for a patch."""
     strike = next(_strikes(geometry), None)
     if strike is None:
         return None
@@ -70,6 +71,17 @@ def starter(geometry: Drawing, source: Path) -> str | None:
         source=source.absolute(),
         held=dumps([held] if held else []),
         floats="" if held else FLOATS,
+        bolts="".join(
+            BOLTS.format(
+                n=n,
+                s="s" * (n > 1),
+                of=" and ".join(touch.bodies),
+                pair=touch.name,
+                name=sub(r"[^\w-]+", "-", "-".join(touch.bodies)),
+            )
+            for touch in geometry.near.touching
+            if (n := len(concentric(touch, geometry.bodies, gap)))
+        ),
         struck=strike.on,
         at=f"at = {strike.at}\n" if any(strike.at) else "",
         radius=f"{strike.radius:g}",
@@ -98,11 +110,12 @@ def _strikes(geometry: Drawing) -> Iterator[StartStrike]:
 def _on_planes(geometry: Drawing, radius: float, up: bool) -> Iterator[StartStrike]:
     """Places on plane faces that look up, or on the others, where a patch and some room around it
     lie on the face and on no other body: the nearest one to the middle of each."""
+    room = 1.5  # radius about the place that must lie on the face, over that of the patch
     for body, face in _planes(geometry):
         if (face.normal[2] > 0.5) != up:
             continue
-        for place, point in _places(body, face, ROOM * radius):
-            points = around(point, face.normal, ROOM * radius)
+        for place, point in _places(body, face, room * radius):
+            points = around(point, face.normal, room * radius)
             if geometry.near.over(body.name, points, geometry.bodies, radius):
                 continue
             word = _word(geometry.bodies, body, face, point)
@@ -133,6 +146,7 @@ def _places(
 
 def _on_rounds(geometry: Drawing) -> Iterator[StartStrike]:
     """Places on outer cylinders and spheres, half-way along them and as high as they are bare."""
+    n_round = 16  # directions about an axis or a centre in which a round face is tried
     for body in geometry.bodies.values():
         rounds = [f for f in body.faces if f.kind in ("cylinder", "sphere") and not f.hollow]
         for face in sorted(rounds, key=lambda face: -face.area):
@@ -144,7 +158,7 @@ def _on_rounds(geometry: Drawing) -> Iterator[StartStrike]:
             middle = face.on_axis
             if face.axis is not None:
                 middle = middle + ((face.centre - middle) @ axis) * axis
-            angles = 2 * np.pi * np.arange(N_ROUND) / N_ROUND
+            angles = 2 * np.pi * np.arange(n_round) / n_round
             outwards = np.column_stack([np.cos(angles), np.sin(angles)]) @ spanning(axis)
             for outward in outwards[np.argsort(-outwards[:, 2].round(9), kind="stable")]:
                 point = middle + face.radius * outward
@@ -185,6 +199,13 @@ def write_starter(file: OutputFile, text: str | None, source: Path) -> None:
 
 
 FLOATS = 'reduction = { kind = "free-modes" }  # of a structure that nothing holds\n'
+BOLTS = """
+# {n} hole{s} through both {of}: bolts in place of the tie
+# [[joints]]
+# name = "{name}"
+# between = "{pair}"
+# kz = 1e8                     # N/m, along each bolt; directions that are not listed are rigid
+"""
 STARTER = """\
 # To start from: {source}. Materials, support, chain and strike are assumed; change them.
 name = "{name}"
@@ -205,7 +226,7 @@ material = "steel"
 young = 210e9                  # Pa
 poisson = 0.3
 density = 7850.0               # kg/m^3
-
+{bolts}
 [strike]
 on = "{struck}"
 {at}radius = {radius}
