@@ -16,6 +16,7 @@ sets values by their dotted keys. Everything is in SI units: m, kg, s, N, Pa, Hz
     modes, tune, hammer          an assembly's modes, joints fitted to measured ones, hammer tests
     design_hammer_test           where to hit and watch
     rank_parameters, fit_losses  what is worth freeing in a fit of joints; loss factors from damping
+    joints_posterior             all joints and materials that measured modes allow
     reduce, reduce_matrices      a reduced model: of a scene, of one's own K, M, w
     look, export                 bodies and where they touch; CalculiX, Abaqus, STEP
     calibrate, twin              a chain and its wall fitted to measured velocities
@@ -44,7 +45,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from workflows.evidence.api import accuracy, stability, studies, study, verify
-    from workflows.fit.api import calibrate, design, inspect, twin
+    from workflows.fit.api import calibrate, design, inspect, joints_posterior, twin
     from workflows.installation.doctor import doctor
     from workflows.run.api import Run, film, impact, load, run, scene, scenes
     from workflows.scene import InvalidScene, Scene
@@ -66,7 +67,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "workflows.evidence.api": ("accuracy", "stability", "studies", "study", "verify"),
-    "workflows.fit.api": ("calibrate", "design", "inspect", "twin"),
+    "workflows.fit.api": ("calibrate", "design", "inspect", "joints_posterior", "twin"),
     "workflows.installation.doctor": ("doctor",),
     "workflows.run.api": ("Run", "film", "impact", "load", "run", "scene", "scenes"),
     "workflows.scene": ("InvalidScene", "Scene"),
@@ -104,6 +105,7 @@ __all__ = [
     "hammer",
     "impact",
     "inspect",
+    "joints_posterior",
     "load",
     "load_sweep",
     "look",

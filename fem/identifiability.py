@@ -1,6 +1,6 @@
 """What measured frequencies say of an assembly's parameters, before any of them is fitted.
 
-    S_ij = (d ln f_i / d ln p_j) limit_j / frequency error
+    S_ij = (d ln f_i / d ln p_j) limit_j / frequency error_i
 
 counts the measurement errors by which target i moves while parameter j moves by `limit_j`, the
 deviation above which a fit calls it undetermined. Rank-revealing QR of S takes one parameter after
@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import eigh, null_space, qr
 
 from fem.correlation import Shape
@@ -180,16 +180,18 @@ def ranking(
     parameters: Sequence[TuningParameter],
     slopes: NDArray[np.float64],
     *,
-    frequency_error: float = 1e-3,
+    frequency_error: ArrayLike = 1e-3,
     least: float = 1e-9,
     settings: TuningSettings = TuningSettings(),
 ) -> Ranking:
-    """Parameters ranked by d ln f / d ln p (n, p) of n targets.
+    """Parameters ranked by d ln f / d ln p (n, p) of n targets, with a relative frequency_error of
+    all or of each (n,).
 
     `least` is the column of S, over the largest, that counts as zero: rounding of the slopes.
     """
     limit = largest_determined(parameters, settings)
-    S = slopes * limit / frequency_error
+    weighted = slopes / np.broadcast_to(frequency_error, len(slopes))[:, None]
+    S = weighted * limit
     _, R, order = qr(S, mode="economic", pivoting=True)
     gain = np.abs(np.diag(R))
     order = order[: np.count_nonzero(gain > least * max(gain[0], 1.0))]
@@ -199,8 +201,7 @@ def ranking(
         first = order[:n]
         condition.append(np.linalg.cond(S[:, first]))
         chosen = [parameters[i] for i in first]
-        J = slopes[:, first] / frequency_error
-        covariance = covariance_over(limit[first], chosen, J)
+        covariance = covariance_over(limit[first], chosen, weighted[:, first])
         deviation.append(np.sqrt(covariance[-1, -1]) * limit[j])
         if n == n_determined + 1 and np.linalg.norm(covariance, 2) <= 1.0:
             n_determined = n

@@ -231,8 +231,8 @@ def tune(
     parameters: Sequence[TuningParameter],
     target_hz: Mapping[int, float],
     *,
-    frequency_error: float = 1e-3,
-    regularisation: float = 1e-4,
+    frequency_error: float | Mapping[int, float] = 1e-3,
+    regularisation: float = 0.1,
     n_starts: int = 12,
     seed: int = 0,
     settings: TuningSettings = TuningSettings(),
@@ -242,17 +242,21 @@ def tune(
     Least squares in x = ln(value), from the start values and from `n_starts - 1` random ones
     within the bounds, of the residuals
 
-        ln(f_i(x) / target_i),    regularisation (x_j - x_j(start)).
+        w_i ln(f_i(x) / target_i),    regularisation min(s) (x_j - x_j(start)).
 
     The second residuals pull weakly towards the start and so decide what the targets leave open.
-    `deviation` is the standard deviation of ln(value), from the covariance (J^T J)^-1
-    frequency_error^2 with the Jacobian J of the first residuals.
+    frequency_error s_i, relative, is that of all targets or {1, 2, ...: of each}, and
+    w_i = min(s) / s_i. `deviation` is the standard deviation of ln(value), from the covariance
+    (J^T S^-2 J)^-1 with the Jacobian J of ln f and S = diag(s).
     """
     start, lower, upper = (
         np.log([getattr(p, key) for p in parameters]) for key in ("start", "lower", "upper")
     )
     measured_hz = np.array(list(target_hz.values()))
     n_targets = len(target_hz)
+    errors = frequency_error if isinstance(frequency_error, Mapping) else None
+    s = np.array([errors[n] if errors else frequency_error for n in target_hz])
+    weight, pull = s.min() / s, regularisation * s.min()
 
     def matched(x: NDArray[np.float64]) -> tuple[Modes, NDArray[np.int64]]:
         """Modes at exp(x), and which of them each target is, -1 where none."""
@@ -264,14 +268,14 @@ def tune(
         computed, index = matched(x)
         error = np.log(np.maximum(computed.frequency_hz[index], 1e-3) / measured_hz)
         error = np.where(index < 0, settings.unfitted, error)
-        return np.concatenate([error, regularisation * (x - start)])
+        return np.concatenate([weight * error, pull * (x - start)])
 
     def jacobian(x: NDArray[np.float64]) -> NDArray[np.float64]:
         computed, index = matched(x)
         of_targets = Modes(computed.omega[index], computed.phi[:, index])
         J = sensitivity(basis, parameters, np.exp(x), of_targets)
         J[index < 0] = 0.0
-        return np.vstack([J, regularisation * np.eye(len(x))])
+        return np.vstack([weight[:, None] * J, pull * np.eye(len(x))])
 
     # modes swap places as joints stiffen, so the sum of squares has several minima: many starts
     fits, x = [], np.zeros(0)
@@ -286,7 +290,7 @@ def tune(
             )  # fmt: skip
         x = min(fits, key=lambda fit: fit.cost).x
 
-    error, J = residual(x)[:n_targets] / frequency_error, jacobian(x)[:n_targets] / frequency_error
+    error, J = residual(x)[:n_targets] / s.min(), jacobian(x)[:n_targets] / s.min()
     limit = largest_determined(parameters, settings)
     covariance = covariance_over(limit, parameters, J)
     uncertainty = np.sqrt(np.diag(covariance))
@@ -335,10 +339,12 @@ def determined(
     target_hz: Mapping[int, float],
     fit: Tuning,
     *,
+    frequency_error: float | Mapping[int, float] = 1e-3,
     settings: TuningSettings = TuningSettings(),
 ) -> tuple[TuningParameter, ...]:
-    """The parameters, of a fit of all of them, that the targets determine; none where they
-    determine none. The others are at the values they had before (`TuningParameter.before`).
+    """The parameters, of a fit of all of them with this frequency_error, that the targets
+    determine; none where they determine none. The others are at the values they had before
+    (`TuningParameter.before`).
 
     Backward elimination, one parameter at a time. A direction that was rigid, or stiffer than its
     bounds, stays so if the other parameters alone meet the targets as closely (likelihood ratio,
@@ -358,7 +364,9 @@ def determined(
         for dropped in rigid if fit.is_determined else rigid + elastic:
             remaining = [p for p in parameters if p is not dropped]
             reduced = at_before(basis, dropped)
-            refit = tune(reduced, remaining, target_hz, settings=settings)
+            refit = tune(
+                reduced, remaining, target_hz, frequency_error=frequency_error, settings=settings
+            )
             refits[dropped.name] = remaining, reduced, refit
             if refit.misfit <= allowed:
                 break

@@ -136,6 +136,10 @@ def test_the_ranking_takes_what_the_targets_tell_and_leaves_what_others_tell_alr
     np.testing.assert_allclose(rank.condition, [1, 15], rtol=1e-12)
     # frequency error over slope, less what the bounds say already
     np.testing.assert_allclose(rank.deviation, [1e-3 / 0.3, 1e-3 / 0.02], rtol=1e-3)
+    # each target by its own error: the second one is known ten times as well
+    of_each = ranking(springs, slopes, frequency_error=[1e-3, 1e-4, 1e-3])
+    np.testing.assert_allclose(of_each.gain, np.log(2) * np.array([300, 200]), rtol=1e-12)
+    np.testing.assert_allclose(of_each.deviation, [1e-3 / 0.3, 1e-4 / 0.02], rtol=1e-3)
     # of 0.001 a frequency error is a factor of e: not known within a factor of two
     assert ranking(springs[:1], np.array([[1e-3]])).n_determined == 0
 

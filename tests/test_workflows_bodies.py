@@ -1,6 +1,7 @@
 """Scenes of any assembly through the commands: modes against theory, runs, tuning, refusals."""
 
 import json
+import re
 import tomllib
 from contextlib import nullcontext
 from importlib.util import module_from_spec, spec_from_file_location
@@ -260,6 +261,25 @@ def test_the_starter_scene_of_a_step_file_has_modes_and_a_reduced_model(step, ca
     with np.load("rom.npz") as held:
         assert held["w"].sum() == pytest.approx(-1.0)  # the chain travels down
     assert len(Path("start.toml").read_text().splitlines()) <= 25
+
+
+def test_a_starter_offers_bolts_where_holes_go_through_both_bodies(capsys):
+    """Bolts leave the faces free between them: without comment signs modes are lower than tied."""
+    holes = tuple(Hole(0.008, (x, 0.02)) for x in (0.01, 0.05))
+    sheet = ((0, 0), (0.06, 0), (0.06, 0.04), (0, 0.04))
+    bolted = {
+        "base.1": Slab(sheet, 0.01, holes),
+        "lid": Slab(sheet, 0.006, holes, at=(0.0, 0.0, 0.01)),
+    }
+    write_step(bolted, Path("bolted.step"))
+    assert beadwave("look", "bolted.step", "--scene=tied.toml", "-q") == 0
+    text = Path("tied.toml").read_text()
+    assert "# 2 holes through both base.1 and lid: bolts in place of the tie\n" in text
+    Path("bolts.toml").write_text(re.sub(r"^# (\[\[|name|between|kz)", r"\1", text, flags=re.M))
+    assert scene("bolts.toml").joints[0].name == "base-1-lid"
+    capsys.readouterr()
+    first = [modes_of(capsys, name)[1][0]["frequency_hz"] for name in ("tied.toml", "bolts.toml")]
+    assert first[1] < 0.5 * first[0]
 
 
 def test_a_look_counts_the_elements_that_the_scene_asks_for(step, capsys):

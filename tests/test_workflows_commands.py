@@ -312,7 +312,7 @@ def test_a_stage_says_one_line_where_nobody_watches_a_terminal(monkeypatch, capf
             assert lines == []
             continue
         first, second = lines
-        hint = "; --quiet drops these lines"
+        hint = r" \(--quiet: no progress, no text\)"
         assert re.fullmatch(
             rf"beadwave: now factors of the stiffness, about \d+ s, \d+ s to the end{hint}\.", first
         )

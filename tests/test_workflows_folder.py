@@ -657,6 +657,16 @@ def test_without_a_cache_of_ones_own_no_file_is_taken_for_ours(cache, monkeypatc
         OutputFile("a.toml")
 
 
+def test_a_file_that_cannot_be_written_is_named_as_the_user_did():
+    # nothing can be made below /proc/self/fd, whoever asks
+    with (
+        pytest.raises(OSError) as refused,
+        writing_file(Path("/proc/self/fd/a.toml")) as draft,
+    ):
+        draft.write_text("")
+    assert refused.value.filename == "/proc/self/fd/a.toml"
+
+
 def test_two_options_name_two_files(capsys):
     assert beadwave("reduce", "--out=a.mat", "--matrices=./a.mat") == 2
     assert "--out and --matrices both name" in capsys.readouterr().err

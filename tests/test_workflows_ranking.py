@@ -145,3 +145,49 @@ def test_the_rig_ranks_its_joints_and_block_with_the_slopes_of_full_solutions(sh
     alone = scene(start, {"assembly.parts": ["block", "sheets"]})
     names = [row.name for row in rank_parameters(alone, match=[1]).onsets]
     assert not any(name.startswith("foot") for name in names)
+
+
+@pytest.mark.slow
+def test_bars_rest_on_the_deviations_of_the_test_where_targets_have_them(pads, shared_cache):
+    """0.02 % and 0.4 % in place of 0.1 %: of rank and fit alike, and a frequency of one's own takes
+    no deviation of another one."""
+    hz = full_hz(scene(pads))
+    share = np.array([2e-4, 4e-3, 1e-6, 1e-3])
+    targets = [
+        {"number": n, "hz": float(f)} | ({"hz_deviation": float(s * f)} if n < 4 else {})
+        for n, f, s in zip(MATCH, hz, share, strict=True)
+    ]
+    aimed, free = scene(pads, {"targets": targets}), ("joints.pads.kz",)
+    report = rank_parameters(aimed, free=free)
+    # no model is closer than 0.01 %; without a deviation 0.1 % is taken
+    expected = np.array([2e-4, 4e-3, 1e-4, 1e-3])
+    np.testing.assert_allclose([*report.frequency_error.values()], expected, rtol=1e-12)
+    words = "(0.01 to 0.4 %; none below 0.01 % is taken; 0.1 % for mode 4 without one)"
+    assert f"at the test's own deviations in frequency {words}" in report.remarks[0]
+    (row,) = report.parameters
+    slopes = np.array([*row.frequency.values()])
+    alone = 1 / np.linalg.norm(slopes / expected)
+    assert row.deviation == pytest.approx(alone, rel=1e-3)
+
+    # the fit has the same bars where it meets the modes, wider ones where it does not
+    fit = tune(aimed, free=free, out=None).report
+    assert fit.frequency_error == report.frequency_error
+    assert fit.deviation["joints.pads.kz"] == pytest.approx(alone, rel=0.01)
+    assert any("Bars rest on the test's own deviations" in remark for remark in fit.remarks)
+    apart = {
+        n: f * (1 + e) for n, f, e in zip(MATCH, hz.tolist(), (9e-4, 0, -4e-4, 0), strict=True)
+    }
+    moved = [target | {"hz": apart[n]} for n, target in zip(MATCH, targets, strict=True)]
+    wider = tune(scene(pads, {"targets": moved}), free=free, out=None).report
+    assert wider.deviation["joints.pads.kz"] > 2 * alone
+    assert any("bars are widened by that" in remark for remark in wider.remarks)
+
+    other = rank_parameters(aimed, match={1: float(hz[0]) * 1.001}, free=free)
+    assert other.frequency_error == {"1": 1e-3} and "at 0.1 % in frequency" in other.remarks[0]
+
+
+def test_a_deviation_as_large_as_its_frequency_is_refused(pads):
+    for value, words in ((900.0, "is not below hz = 900 Hz"), (0.0, "must be greater than 0")):
+        with pytest.raises(InvalidScene, match=words) as refused:
+            scene(pads, {"targets": [{"number": 1, "hz": 900.0, "hz_deviation": value}]})
+        assert "hz_deviation" in str(refused.value)

@@ -357,6 +357,14 @@ def test_designed_points_computed_hits_and_their_modes_tune_a_model(capsys):
     report = beadwave.tune("aimed.toml", free="materials.steel.young").report
     assert report.stiffness["materials.steel.young"] == pytest.approx(0.96, rel=2e-3)
 
+    # the test's deviations go with its frequencies, by the file of targets and by --hammer
+    aimed = scene("aimed.toml")
+    for table, row in zip(aimed.targets, test.report.rows, strict=True):
+        assert table.hz_deviation == pytest.approx(row.frequency_deviation_hz, rel=0.05)
+        assert abs(table.hz - row.frequency_hz) < 0.1 * row.frequency_deviation_hz
+    direct = beadwave.tune("beam.toml", hammer="hits.mat", free="materials.steel.young").report
+    assert max(direct.frequency_error.values()) < 1e-3
+
     # a node without coordinates is named, and the shapes at the others tell the modes as well
     lines = Path("points.csv").read_text().splitlines()
     missing = lines.pop(3).split(",")

@@ -2,6 +2,7 @@
 
 import re
 from contextlib import nullcontext
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from scipy.linalg import eigh
 import beadwave
 import fem
 import rom
+from command_line import beadwave as beadwave_command
 from workflows.files.output_file import OutputFile
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
@@ -126,8 +128,7 @@ def test_a_reduced_box_on_cords_answers_as_the_full_one(kind):
 def test_cords_along_one_axis_leave_the_others_free():
     """Vertical cords alone: three rigid motions at 0 Hz, and those that they resist as by hand; the
     contact's receptance between the modes as the full one's, far below that of a free mass."""
-    rows = [{k: v for k, v in table()[0].items() if k not in ("kx", "ky")}]
-    run = pipeline({"springs": rows})
+    run = pipeline({"springs": vertical_alone()})
     hz = run("modes").omega / (2 * np.pi)
     np.testing.assert_allclose(hz[3:6], rigid_hz((0.0, 0.0, 4000.0))[3:], rtol=1e-5)
     assert np.all(hz[:3] < 0.1 * hz[3])
@@ -138,6 +139,38 @@ def test_cords_along_one_axis_leave_the_others_free():
         full = w @ fem.factorised((model.K - s * model.M).tocsc()).solve(w)
         small = reduced.w @ np.linalg.solve(reduced.K - s * reduced.M, reduced.w)
         assert small == pytest.approx(full, rel=2e-3)
+
+
+def vertical_alone():
+    return [{k: v for k, v in table()[0].items() if k not in ("kx", "ky")}]
+
+
+def test_cords_that_leave_a_motion_free_are_refused_where_a_model_needs_what_is_held(capsys):
+    Path("vertical.toml").write_text(BOX.replace("kx = 800.0\nky = 900.0\n", ""))
+    arguments = "reduce", "vertical.toml", "--set=reduction.kind=craig-bampton", "--out=r.npz"
+    assert beadwave_command(*arguments) == 2
+    assert "with springs (cord) that leave that motion free" in capsys.readouterr().err
+    assert not Path("r.npz").exists()
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"preload.force": 5.0}, "preload.force = 5 N presses"),
+        ({"gravity.inclination": 30.0}, "gravity.inclination = 30 deg presses"),
+    ],
+)
+def test_a_force_along_which_cords_hold_nothing_is_refused_by_naming_them(changes, words):
+    sentence = f"{words} the structure along the strike, where it moves freely on springs.cord; "
+    with pytest.raises(InvalidScene, match=sentence):
+        pipeline({"springs": vertical_alone(), **changes})("impact")
+    # leaf springs under the spheres give way until these press the structure; cords along the
+    # strike hold it
+    with pytest.raises(InvalidScene, match=sentence):
+        changes_of_chain = {**changes, "leaf_springs.stiffness": 1e3}
+        pipeline({"springs": vertical_alone(), **changes_of_chain})("impact")
+    run = pipeline({"springs": table(), **changes})("impact")
+    assert np.isfinite(run.trajectory.v).all()
 
 
 def test_dashpots_beside_cords_damp_the_reduced_model_as_the_full_one():

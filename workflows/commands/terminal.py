@@ -130,7 +130,7 @@ class StageProgress:
         left = self.left()
         if left and left > max(expected or 0.0, PATIENCE):
             words.append(f"{left:.0f} s to the end")
-        hint = "" if self._told else "; --quiet drops these lines"
+        hint = "" if self._told else " (--quiet: no progress, no text)"
         self._told = True
         print(f"{', '.join(words)}{hint}.", file=sys.stderr, flush=True)
 

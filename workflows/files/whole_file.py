@@ -20,6 +20,10 @@ def writing_file(path: Path) -> Iterator[Path]:
     try:
         yield draft
         replace(draft, path)
+    except OSError as error:
+        if error.filename == str(draft):  # a user knows the file alone
+            error.filename = str(path)
+        raise
     finally:
         draft.unlink(missing_ok=True)
 

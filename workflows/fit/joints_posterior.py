@@ -33,6 +33,7 @@ from workflows.structure.tuning import (
     TOLERANCES,
     at_values,
     candidates_of,
+    frequency_errors,
     loosened,
     unit,
     usual,
@@ -44,7 +45,8 @@ MODEL_ERROR = "model error"
 class PosteriorOptions(NamedTuple):
     """Errors of the likelihood, and what a posterior says sentences about."""
 
-    frequency_error: float = 1e-3  # relative, of a measured frequency; that of `tune`
+    # relative, of a measured frequency, where its test states none; that of `tune`
+    frequency_error: float = 1e-3
     least_error: float = 1e-4  # ends of the prior of the model's relative error: nothing beside a
     largest_error: float = 0.3  # measurement, and a model of which frequencies say nothing
     at_end: float = 0.05  # share of the prior, nearer to whose end a bar says a bound alone
@@ -81,6 +83,7 @@ class PosteriorReport(BaseModel):
 
     scene: str
     match: dict[str, float]  # [Hz] measured, by the modes' numbers
+    frequency_error: dict[str, float]  # relative, of these
     parameters: list[PosteriorRow]
     lobes: list[LobeRow]  # the heaviest first
     log_evidence: float
@@ -152,11 +155,15 @@ def joints_posterior(
     *,
     seed: int,
     priors: Sequence[Prior] | None = None,
+    frequency_error: Mapping[int, float] | None = None,
     options: PosteriorOptions = PosteriorOptions(),
 ) -> NestedPosterior:
     """Posterior of the parameters, and last of the model's error, given the targets {1, 2, ...: Hz}
-    of a basis; `priors` of the parameters stand for log-uniform ones within their bounds."""
+    of a basis; `priors` of the parameters stand for log-uniform ones within their bounds, and
+    frequency_error {1, 2, ...: relative} for that of the options."""
     places, measured = [n - 1 for n in target_hz], np.array([*target_hz.values()])
+    errors = frequency_error or dict.fromkeys(target_hz, options.frequency_error)
+    d = np.array([errors[n] for n in target_hz])
     lost = measured * np.exp(TuningSettings().unfitted)
     if priors is None:
         priors = [log_uniform(p.name, p.lower, p.upper) for p in parameters]
@@ -165,7 +172,7 @@ def joints_posterior(
     def log_likelihood(theta: NDArray[np.float64]) -> float:
         hz = matched_hz(basis, parameters, places, theta[:-1])
         hz = np.where(np.isnan(hz), lost, np.maximum(hz, 1e-3))
-        return frequencies_log_likelihood(hz, measured, options.frequency_error, theta[-1])
+        return frequencies_log_likelihood(hz, measured, d, theta[-1])
 
     return nested_posterior(log_likelihood, [*priors, of_error], seed=seed, options=options.sampler)
 
@@ -224,8 +231,13 @@ def posterior_of(
     numbers = scene.measured_numbers
     by_place = {numbers.index(n) + 1: hz for n, hz in match.items()}
     places = [n - 1 for n in by_place]
+    # what a model misses is sampled: the test's deviations are taken however small they are
+    errors = frequency_errors(scene, match, assumed=options.frequency_error, least=0.0)
+    by_error = {numbers.index(n) + 1: s for n, s in errors.relative.items()}
     with progress("posterior"):
-        posterior = joints_posterior(basis, parameters, by_place, seed=seed, options=options)
+        posterior = joints_posterior(
+            basis, parameters, by_place, seed=seed, frequency_error=by_error, options=options
+        )
 
     # each parameter: what its posterior says beyond the prior
     rows, shares = [], (0.5, 0.025, 0.975)
@@ -268,7 +280,8 @@ def posterior_of(
             )
         )  # fmt: skip
 
-    remarks = [f"{p.name} is not determined by these modes." for p in rows if p.says == "nothing"]
+    remarks = [f"Errors of the measurement: {errors.text()}; that of the model is sampled."]
+    remarks += [f"{p.name} is not determined by these modes." for p in rows if p.says == "nothing"]
     least = [quantiles(x, posterior.weights, (0.05,))[0] for x in posterior.samples.T]
     remarks += [
         f"{p.name} is at least {least[j]:.3g} {p.unit} (95 %): these modes know no upper end, "
@@ -295,6 +308,7 @@ def posterior_of(
     report = PosteriorReport(
         scene=scene.name,
         match={str(n): hz for n, hz in match.items()},
+        frequency_error={str(n): s for n, s in errors.relative.items()},
         parameters=rows,
         lobes=lobes,
         log_evidence=posterior.log_evidence,

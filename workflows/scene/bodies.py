@@ -30,7 +30,7 @@ from workflows.scene.scene_table import (
     one_or_each,
     text_or_table,
 )
-from workflows.scene.units import FORCE, LENGTH, PRESSURE
+from workflows.scene.units import FORCE, FREQUENCY, LENGTH, PRESSURE
 
 GROUND = "ground"
 THREAD = "thread"  # a shank in a bore, in place of holes
@@ -473,6 +473,8 @@ class MeasuredMode(SceneTable):
     # file of measured shapes (.uff), in place of a motion
     shape: Annotated[str, Field(min_length=1)] | None = None
     title: str | None = None  # what tables call it; body and motion
+    # [Hz] its standard deviation, for bars of what is fitted; without one 0.1 % of it
+    hz_deviation: of(Positive, FREQUENCY) | None = None
     zeta: Ratio | None = None  # measured damping ratio, for loss factors
     zeta_deviation: Ratio | None = None  # its standard deviation; without one a tenth of it
 
@@ -484,6 +486,11 @@ class MeasuredMode(SceneTable):
             raise ValueError(
                 "needs what tells the mode from others: give one of its number, its shape, and "
                 "body with motion"
+            )
+        if self.hz_deviation is not None and self.hz_deviation >= self.hz:
+            raise ValueError(
+                f"hz_deviation = {self.hz_deviation:g} Hz is not below hz = {self.hz:g} Hz: give "
+                "the standard deviation of the frequency, or drop it"
             )
         return self
 

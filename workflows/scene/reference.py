@@ -100,7 +100,7 @@ EXAMPLES: dict[str, Any] = {
     "patch.radius": "2 mm",
     "reduction.modes": 40, "reduction.error": 1e-3, "to_hz": "20 kHz", "damping.ratio": 0.01,
     "damping.materials": {"steel": 0.001}, "damping.joints": {"bolts": 0.02},
-    "damping.springs": {"cord": 0.1}, "zeta": 0.004, "zeta_deviation": 1e-4,
+    "damping.springs": {"cord": 0.1}, "hz_deviation": 0.05, "zeta": 0.004, "zeta_deviation": 1e-4,
     "damping.alpha": 5.0, "damping.beta": 1e-7, "damping.frequency": ["50 Hz", "8 kHz"],
     "time.dt": "0.5 us", "time.error": 1e-5, "output.spheres": [1, 4, 14],
     "output.sensors.N.on": "block:+y", "output.sensors.N.at": ["10 mm", 0.0],

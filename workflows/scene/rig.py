@@ -246,12 +246,16 @@ def as_bodies(scene: Scene) -> Scene:
         held.append(Hold(**hold))
 
     # measured modes: those of the thesis, with the frequencies that the scene gives in their place
-    hz = {target.number: target.hz for target in scene.targets or ()}
+    given = {target.number: target for target in scene.targets or ()}
     rows = zip(HAMMER_TEST["hz"], HAMMER_TEST["motion"], HAMMER_TEST["shape"], strict=True)
     targets = tuple(
-        MeasuredMode(hz=hz.get(i, measured), body=HAMMER_TEST["body"], motion=motion, title=shape)
+        MeasuredMode(
+            hz=given[i].hz if i in given else measured,
+            hz_deviation=given[i].hz_deviation if i in given else None,
+            body=HAMMER_TEST["body"], motion=motion, title=shape,
+        )
         for i, (measured, motion, shape) in enumerate(rows, start=1)
-    )
+    )  # fmt: skip
 
     own = mesh.file
     bodies = {

@@ -182,7 +182,7 @@ def names(
 
 
 def _require_held(scene: Scene, modes: AssemblyModes) -> None:
-    """Raise ValueError with the keys to change where a reduction failed on parts that nothing
+    """Raise InvalidScene with the keys to change where a reduction failed on parts that nothing
     holds."""
     lowest = modes.omega.min() / (2 * np.pi)
     if lowest > LIMITS.floating:
@@ -199,8 +199,8 @@ def _require_held(scene: Scene, modes: AssemblyModes) -> None:
     if scene.springs:
         names = ", ".join(spring.name for spring in scene.springs)
         loose = f"springs ({names}) that leave that motion free"
-    raise ValueError(
-        "the assembly, or a part of it, is not held: its lowest mode is below "
+    raise InvalidScene(
+        f"{scene.name}: the assembly, or a part of it, is not held: its lowest mode is below "
         f"{LIMITS.floating:g} Hz, with {loose}. Constraint modes need what is held; hold it, or "
         'take reduction.kind = "free-modes".'
     )

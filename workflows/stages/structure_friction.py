@@ -33,6 +33,7 @@ from workflows.stages import signals
 from workflows.stages.chain import Start
 from workflows.stages.damping import damping
 from workflows.stages.friction import last_sphere
+from workflows.stages.walls import pressed_off_its_springs
 
 if TYPE_CHECKING:
     from coupling.sensors import SensorRecord
@@ -116,7 +117,8 @@ def march(scene: Scene, start: Start, wall: SpatialWall) -> SpatialRun:
         held = scene.friction.upstream == "held"
         return march_shaken(body, start.velocity, upstream_held=held, **run).run
     except (dem.InvalidChain, dem.NoEquilibrium) as error:
-        raise InvalidScene(f"{scene.name}: {str(error).rstrip('.')}.") from None
+        of_springs = isinstance(error, dem.NoEquilibrium) and pressed_off_its_springs(scene)
+        raise InvalidScene(of_springs or f"{scene.name}: {str(error).rstrip('.')}.") from None
 
 
 def impact(scene: Scene, start: Start, wall: dem.Wall, march: SpatialRun) -> coupling.Impact:

@@ -8,12 +8,15 @@ structure, or of `wall.file`) by `coupling.reduced_wall`. To add a kind of wall,
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 import coupling
 import dem
 from workflows.scene import (
     Damping,
     DashpotWall,
     HalfSpaceWall,
+    InvalidScene,
     MeasuredWall,
     OneDofWall,
     RigidWall,
@@ -45,7 +48,41 @@ def wall_of(
         reduced, health = measured(scene.wall)
         modes = health.modes
     law, cutoff = damping(scene.damping, reduced), scene.wall.cutoff
-    return reduced_wall.wall_of(reduced, damping=law, cutoff_hz=cutoff, modes=modes)
+    wall = reduced_wall.wall_of(reduced, damping=law, cutoff_hz=cutoff, modes=modes)
+    require_support(scene, wall)
+    return wall
+
+
+def require_support(scene: Scene, wall: dem.Wall | coupling.CoupledWall) -> None:
+    """Raise InvalidScene where a steady force presses a structure that its springs leave free along
+    the strike; wall arrays may have a row for each point struck."""
+    moving = wall.force if isinstance(wall, coupling.CoupledWall) else wall.phi
+    drifts = np.any((wall.omega == 0.0) & (moving != 0.0))
+    if drifts and (sentence := pressed_off_its_springs(scene)):
+        raise InvalidScene(sentence)
+
+
+def pressed_off_its_springs(scene: Scene) -> str:
+    """A sentence on the steady force that presses a structure on springs, and what would hold it;
+    "" without springs, without such a force, and where leaf springs that start bent may hold it
+    off."""
+    if not scene.springs or (scene.leaf_springs and np.any(scene.leaf_springs.offset)):
+        return ""
+    pressing = {
+        "preload.force": (scene.preload.force if scene.preload else 0.0, "N"),
+        "gravity.inclination": (
+            scene.gravity.inclination if scene.gravity and scene.gravity.along > 0 else 0.0, "deg"
+        ),
+    }  # fmt: skip
+    for key, (value, unit) in pressing.items():
+        if np.max(value) > 0:
+            names = ", ".join(f"springs.{spring.name}" for spring in scene.springs)
+            return (
+                f"{scene.name}: {key} = {np.max(value):g} {unit} presses the structure along the "
+                f"strike, where it moves freely on {names}; give a spring a stiffness in that "
+                f"direction (kx, ky or kz), hold a face, or set {key} to 0."
+            )
+    return ""
 
 
 def simple_wall(scene: Scene) -> dem.Wall | None:

@@ -262,7 +262,7 @@ def tune(
     with `overwrite` alone. A mode missed by more than 5 % is a failure: `report.failures` lists
     them in sentences, and nothing is written. Raises InvalidScene for bad input.
     """
-    from workflows.structure.tuning import tuned, write_scene
+    from workflows.structure.tuning import frequency_errors, tuned, write_scene
 
     chosen, wanted, remarks = with_modes(scene, changes, hammer, match, progress)
 
@@ -278,7 +278,8 @@ def tune(
         return Tuned(result, report, None)
 
     met = ", ".join(f"{n}: {hz:g} Hz" for n, hz in report.match.items())
-    first = f"Joints inferred from modes {met}; deviations assume 0.1 % in frequency."
+    errors = frequency_errors(chosen, wanted).text()
+    first = f"Joints inferred from modes {met}; deviations rest on {errors}."
     return Tuned(write_scene(_named(result, file), file, first, scene), report, file.path)
 
 

@@ -168,7 +168,7 @@ def look(scene: Scene, source: str, *, whole: bool = True, with_page: bool = Fal
     with drawing(scene, lines=False) as geometry:
         holes, start, remarks = (
             _holes(geometry),
-            starter(geometry, Path(source)),
+            starter(geometry, Path(source), scene.assembly.gap),
             _remarks(geometry) + refusal,
         )
         meshes = _meshes(scene, geometry) if parts is None else parts.meshes

@@ -18,6 +18,7 @@ from fem.sensor_placement import one_more_point, outside
 from workflows.files.run_folder import Picture
 from workflows.files.shapes import measured_shape
 from workflows.report import plots
+from workflows.report.numbers import supported
 from workflows.scene import InvalidScene, ModalDampingTable, Scene
 from workflows.scene.bodies import MeasuredMode
 from workflows.stages.pictures import rendered
@@ -233,7 +234,9 @@ def targets_of(test: IdentifiedTest, shapes: Path) -> str:
     for row in test.report.rows:
         doubts = [remark for remark in row.remarks if remark.startswith("doubtful")]
         lines = [
-            "[[targets]]", f"hz = {row.frequency_hz:.6g}", f'shape = "{shapes}"',
+            "[[targets]]", f"hz = {supported(row.frequency_hz, row.frequency_deviation_hz)}",
+            *([f"hz_deviation = {row.frequency_deviation_hz:.2g}"] if has_deviation(row) else ()),
+            f'shape = "{shapes}"',
             f"zeta = {row.zeta:.4g}", f"zeta_deviation = {row.zeta_deviation:.2g}",
         ]  # fmt: skip
         if doubts or (row.mac is None and row.runner_up_mac is not None):
@@ -283,9 +286,9 @@ def as_targets(
     kept = [i for i in range(len(rows)) if holds[i] or number[i]]
     rows, number, holds = ([each[i] for i in kept] for each in (rows, number, holds))
     tables = tuple(
-        MeasuredMode(hz=row.frequency_hz, shape=str(file), **_damped(row))
+        MeasuredMode(shape=str(file), **_of_test(row))
         if has_shape
-        else MeasuredMode(hz=row.frequency_hz, number=n, **_damped(row))
+        else MeasuredMode(number=n, **_of_test(row))
         for row, n, has_shape in zip(rows, number, holds, strict=True)
     )
     scene = scene.but(targets=tables)
@@ -328,13 +331,27 @@ def applied(
     ratios = [report.damping.get(i) for i in scene.measured_numbers]
     if None not in ratios:
         scene = scene.but(damping=ModalDampingTable(kind="modal", ratio=tuple(ratios)))
-    if not scene.of_dimensions:
-        of_test = {row.mode: _damped(row) for row in report.rows if row.mode}
-        tables = zip(scene.measured_numbers, scene.targets or (), strict=True)
-        scene = scene.but(targets=tuple(table.but(**of_test.get(n, {})) for n, table in tables))
+    of_test = {row.mode: _of_test(row) for row in report.rows if row.mode}
+    if scene.of_dimensions:  # targets of the rig are frequencies by number
+        tables = {table.number: table for table in scene.targets or ()}
+        for n, row in of_test.items():
+            values = {key: row[key] for key in ("hz", "hz_deviation")}
+            tables[n] = MeasuredMode(number=n, **values)
+        return scene.but(targets=tuple(tables[n] for n in sorted(tables))), report.targets
+    numbered = zip(scene.measured_numbers, scene.targets or (), strict=True)
+    scene = scene.but(targets=tuple(table.but(**of_test.get(n, {})) for n, table in numbered))
     return scene, report.targets
 
 
-def _damped(row: HammerRow) -> dict[str, float]:
-    """The damping of a row as keys of a target."""
-    return {"zeta": row.zeta, "zeta_deviation": row.zeta_deviation}
+def _of_test(row: HammerRow) -> dict[str, float | None]:
+    """Frequency and damping of a row with their deviations, as keys of a target."""
+    deviation = row.frequency_deviation_hz if has_deviation(row) else None
+    return {
+        "hz": row.frequency_hz, "hz_deviation": deviation,
+        "zeta": row.zeta, "zeta_deviation": row.zeta_deviation,
+    }  # fmt: skip
+
+
+def has_deviation(row: HammerRow) -> bool:
+    """Whether the deviation of a row's frequency is known; of one line it is not."""
+    return 0 < row.frequency_deviation_hz < row.frequency_hz

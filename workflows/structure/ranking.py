@@ -27,6 +27,7 @@ from workflows.structure.tuning import (
     PARTS,
     RIG_NAMES,
     candidates_of,
+    frequency_errors,
     loosened,
     unit,
 )
@@ -35,7 +36,6 @@ from workflows.structure.tuning import (
 class RankingOptions(NamedTuple):
     """What a ranking says sentences about; values not varied."""
 
-    frequency_error: float = 1e-3  # relative, of a measured frequency; that of `tune`
     change: float = 0.01  # of a frequency, that a rigid or an open spring makes at its onset
     far: float = 0.1  # of a target from its mode, beyond which slopes at the scene say little
     close: float = 5e-3  # of two frequencies, below which shapes exchange as parameters change
@@ -68,6 +68,7 @@ class RankReport(BaseModel):
 
     scene: str
     match: dict[str, float]  # [Hz] wanted, by the modes' numbers
+    frequency_error: dict[str, float]  # relative, of these
     computed_hz: dict[str, float]  # with the scene's values
     mac: dict[str, float]  # of targets by shape, with the scene's values
     parameters: list[RankedParameter]  # the ranked ones first
@@ -83,7 +84,7 @@ class RankReport(BaseModel):
                 n,
                 f"{self.computed_hz[n]:.2f}",
                 f"{hz:.2f}",
-                f"{100 * (self.computed_hz[n] / hz - 1):+.2f} %",
+                f"{round(100 * (self.computed_hz[n] / hz - 1), 2) + 0.0:+.2f} %",
             )
             + ((f"{self.mac[n]:.2f}" if n in self.mac else None,) if self.mac else ())
             for n, hz in self.match.items()
@@ -177,7 +178,8 @@ def ranked(
 
     elastic = [p for p in candidates if state(p) == "elastic" and (p.springs or p.bodies)]
     slopes = frequency_sensitivity(basis, elastic, now)[index]
-    order = ranking(elastic, slopes, frequency_error=options.frequency_error)
+    errors = frequency_errors(scene, match)
+    order = ranking(elastic, slopes, frequency_error=np.array([*errors.relative.values()]))
     of_mac = {
         str(n): mac_sensitivity(basis, elastic, now, target, at[n]) for n, target in shapes.items()
     }
@@ -205,7 +207,7 @@ def ranked(
             onsets.append(OnsetRow(name=p.name, now=is_now, stiffness=stiffness))
 
     determined = [row.name for row in rows[: order.n_determined]]
-    several, error = len(match) > 1, f"at {100 * options.frequency_error:g} % in frequency"
+    several, error = len(match) > 1, f"at {errors.text()}"
     mode = f"{'modes' if several else 'mode'} {', '.join(map(str, match))}"
     does = "determine together" if several else "determines"
     remarks = [
@@ -213,8 +215,8 @@ def ranked(
         if determined
         else f"{mode}: no value of these is determined {error}; match others, or more."
     ]
-    errors = {n: hz[i] / match[n] - 1 for n, i in at.items()}
-    if far := [f"mode {n} ({100 * x:+.0f} %)" for n, x in errors.items() if abs(x) > options.far]:
+    apart = {n: hz[i] / match[n] - 1 for n, i in at.items()}
+    if far := [f"mode {n} ({100 * x:+.0f} %)" for n, x in apart.items() if abs(x) > options.far]:
         remarks.append(
             f"Far from the target: {', '.join(far)}. Sensitivities at the fitted values will "
             "differ, rank again after a fit."
@@ -230,6 +232,7 @@ def ranked(
     return RankReport(
         scene=scene.name,
         match={str(n): wanted for n, wanted in match.items()},
+        frequency_error={str(n): s for n, s in errors.relative.items()},
         computed_hz={str(n): float(hz[i]) for n, i in at.items()},
         mac={
             str(n): float(mac(t.reading @ now.modes.phi[:, [at[n]]], t.shape[:, None])[0, 0])

@@ -6,6 +6,7 @@ from itertools import islice, product
 from json import dumps
 from os.path import relpath
 from pathlib import Path
+from re import sub
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from fem.spot import SpotLimits, spanning
 from geometry.errors import InvalidGeometry
+from geometry.holes import concentric
 from geometry.selectors import faces as selected
 from geometry.solids import ALIGNED, Body, Face
 from workflows.files.output_file import OutputFile
@@ -37,10 +39,11 @@ class StartStrike(NamedTuple):
     outward: NDArray[np.float64]  # (3,) normal there
 
 
-def starter(geometry: Drawing, source: Path) -> str | None:
+def starter(geometry: Drawing, source: Path, gap: float) -> str | None:
     """TOML that runs: the chain strikes the highest bare plane face, if possible one that looks up,
-    else a round one; held is the lowest plane face that looks down, else the one opposite. None
-    where no face has room for a patch."""
+    else a round one; held is the lowest plane face that looks down, else the one opposite. Pairs
+    whose holes, off each other by up to `gap` [m], take bolts have them as a comment. None where
+    no face has room for a patch."""
     strike = next(_strikes(geometry), None)
     if strike is None:
         return None
@@ -70,6 +73,17 @@ def starter(geometry: Drawing, source: Path) -> str | None:
         source=source.absolute(),
         held=dumps([held] if held else []),
         floats="" if held else FLOATS,
+        bolts="".join(
+            BOLTS.format(
+                n=n,
+                s="s" * (n > 1),
+                of=" and ".join(touch.bodies),
+                pair=touch.name,
+                name=sub(r"[^\w-]+", "-", "-".join(touch.bodies)),
+            )
+            for touch in geometry.near.touching
+            if (n := len(concentric(touch, geometry.bodies, gap)))
+        ),
         struck=strike.on,
         at=f"at = {strike.at}\n" if any(strike.at) else "",
         radius=f"{strike.radius:g}",
@@ -185,6 +199,13 @@ def write_starter(file: OutputFile, text: str | None, source: Path) -> None:
 
 
 FLOATS = 'reduction = { kind = "free-modes" }  # of a structure that nothing holds\n'
+BOLTS = """
+# {n} hole{s} through both {of}: bolts in place of the tie
+# [[joints]]
+# name = "{name}"
+# between = "{pair}"
+# kz = 1e8                     # N/m, along each bolt; directions that are not listed are rigid
+"""
 STARTER = """\
 # To start from: {source}. Materials, support, chain and strike are assumed; change them.
 name = "{name}"
@@ -205,7 +226,7 @@ material = "steel"
 young = 210e9                  # Pa
 poisson = 0.3
 density = 7850.0               # kg/m^3
-
+{bolts}
 [strike]
 on = "{struck}"
 {at}radius = {radius}

@@ -54,6 +54,50 @@ class FitTolerances(NamedTuple):
 TOLERANCES = FitTolerances()
 
 
+class FrequencyErrors(NamedTuple):
+    """Relative standard deviations of the frequencies that a fit is to meet."""
+
+    relative: dict[int, float]  # by the modes' numbers
+    measured: tuple[int, ...]  # modes whose deviation is that of their test
+    least: float  # below which none is taken
+
+    def text(self) -> str:
+        """In words: "0.1 % in frequency", or the test's own deviations and where they are not
+        taken."""
+        assumed = [n for n in self.relative if n not in self.measured]
+        if not self.measured:
+            return f"{100 * self.relative[assumed[0]]:g} % in frequency"
+        ends = [min, max]
+        low, high = (f"{100 * end(self.relative[n] for n in self.measured):.2g}" for end in ends)
+        parts = [f"{low} %" if low == high else f"{low} to {high} %"]
+        if any(self.relative[n] == self.least for n in self.measured):
+            parts.append(f"none below {100 * self.least:g} % is taken")
+        if assumed:
+            listed = ", ".join(map(str, assumed))
+            parts.append(f"{100 * self.relative[assumed[0]]:g} % for mode {listed} without one")
+        return f"the test's own deviations in frequency ({'; '.join(parts)})"
+
+
+def frequency_errors(
+    scene: Scene,
+    match: Mapping[int, float],
+    *,
+    assumed: float = 1e-3,
+    least: float = 1e-4,
+) -> FrequencyErrors:
+    """Errors of the modes {number: Hz}: hz_deviation of their targets, where the frequency is the
+    target's and this is known, else `assumed`. None is below `least`, since no model is closer than
+    that to what it stands for, however long a test was averaged."""
+    tables = dict(zip(scene.measured_numbers, scene.written_out.targets or (), strict=True))
+    of_test = {
+        n: table.hz_deviation / table.hz
+        for n, hz in match.items()
+        if (table := tables[n]).hz_deviation is not None and table.hz == hz
+    }
+    relative = {n: max(of_test[n], least) if n in of_test else assumed for n in match}
+    return FrequencyErrors(relative, tuple(of_test), least)
+
+
 def unit(name: str) -> str:
     """Unit of a fitted value: of a stiffness by its direction, the last word of its name; of a
     material's value or a spring's between points, which is a factor, what it multiplies."""
@@ -72,6 +116,7 @@ class TuningReport(BaseModel):
     computed_mode: dict[str, int]  # number of the full model's mode that each is paired with
     stiffness: dict[str, float]
     deviation: dict[str, float | None]
+    frequency_error: dict[str, float]  # relative, of the modes wanted, on which deviations rest
     undetermined: dict[str, float | Literal["rigid"]]  # keys of the scene, the values they keep
     mac: dict[str, float]  # with the shape of stiff joints
     measured_mac: dict[str, float] = {}  # with the measured shape, of targets that have one
@@ -148,13 +193,15 @@ def tuned(
     parameters, of_all = candidates, None
     number = scene.measured_numbers
     by_place = {number.index(n) + 1: hz for n, hz in match.items()}
+    errors = frequency_errors(scene, match)
+    by_error = {"frequency_error": {number.index(n) + 1: s for n, s in errors.relative.items()}}
     while True:
         loose = loosened(scene, parameters)
         basis = pipeline_of(loose, progress)("tuning-basis")
         if not scene.of_dimensions:
             parameters = of_bodies.on_bodies(scene, parameters, list(basis.forms))
         started = perf_counter()
-        fit = tune(basis, parameters, by_place)
+        fit = tune(basis, parameters, by_place, **by_error)
         of_all = fit if of_all is None else of_all
         modes_hz = dict(zip(number, map(float, fit.modes_hz), strict=True))
         if beyond := [n for n in match if not np.isfinite(modes_hz[n])]:
@@ -163,7 +210,9 @@ def tuned(
                 "match lower ones."
             )
         missed = _misses(modes_hz, match)
-        subset = parameters if missed else determined(basis, parameters, by_place, fit)
+        subset = parameters
+        if not missed:
+            subset = determined(basis, parameters, by_place, fit, **by_error)
         seconds = perf_counter() - started
         if len(subset) == len(parameters):
             break
@@ -175,6 +224,11 @@ def tuned(
                 "match others."
             )
         parameters = subset
+
+    # modes that are missed by more than their errors tell of the model: bars are as wide as that
+    spare = len(match) - len(fit.parameters)
+    scatter = max(1.0, np.sqrt(fit.misfit / spare)) if spare else 1.0
+    fit = fit._replace(deviation=fit.deviation * scatter)
 
     # the full model with the fitted values, to the digits that their deviations support, is the
     # judge of the projection
@@ -227,6 +281,7 @@ def tuned(
             name: float(s) if np.isfinite(s) else None
             for name, s in zip(names, fit.deviation, strict=True)
         },
+        frequency_error={str(n): s for n, s in errors.relative.items()},
         undetermined={key: "rigid" if np.isinf(x) else x for key, x in unchanged.items()},
         mac=mac,
         measured_mac=measured_mac,
@@ -237,6 +292,7 @@ def tuned(
         remarks=[
             *(remarks_on_axes(scene) if any(t.shape for t in scene.targets or ()) else ()),
             *_remarks(scene, match, fit, of_all, unchanged, candidates, confirmed, likeness),
+            *worth_of_the_bars(errors, scatter, spare),
             *worth_of_the_mesh(scene, match, report_hz, mesh_percent, causes),
         ],
     )
@@ -343,6 +399,23 @@ def _remarks(
                 "matches is no proof of the joint."
             )
     return remarks
+
+
+def worth_of_the_bars(errors: FrequencyErrors, scatter: float, spare: int) -> list[str]:
+    """Sentences on what bars rest on, where that is a test's own deviations or a model that misses
+    the modes; `spare` modes are more than the values fitted."""
+    sentences = [f"Bars rest on {errors.text()}."] if errors.measured else []
+    if scatter > 1:
+        sentences.append(
+            f"The modes scatter about the fit by {scatter:.2g} times these errors"
+            f"{'' if errors.measured else f' ({errors.text()})'}: bars are widened by that."
+        )
+    elif errors.measured and not spare:
+        sentences.append(
+            "There are as many values as modes, so nothing shows what the model misses: bars hold "
+            "the errors of the measurement alone."
+        )
+    return sentences
 
 
 def worth_of_the_mesh(
@@ -505,11 +578,18 @@ def retargeted(scene: Scene, match: dict[int, float]) -> Scene:
     """The scene with the frequencies that it was tuned to among its targets."""
     if not scene.of_dimensions:
         numbered = zip(scene.measured_numbers, scene.targets or (), strict=True)
-        tables = [target.but(hz=match.get(n, target.hz)) for n, target in numbered]
+        tables = [_moved(target, match.get(n, target.hz)) for n, target in numbered]
     else:
-        hz = {target.number: target.hz for target in scene.targets or ()} | match
-        tables = [MeasuredMode(number=n, hz=hz[n]) for n in sorted(hz)]
+        given = {target.number: target for target in scene.targets or ()}
+        new = {n: MeasuredMode(number=n, hz=hz) for n, hz in match.items() if n not in given}
+        given = {n: _moved(target, match.get(n, target.hz)) for n, target in given.items()}
+        tables = [table for _, table in sorted((given | new).items())]
     return scene.but(targets=tuple(tables))
+
+
+def _moved(target: MeasuredMode, hz: float) -> MeasuredMode:
+    """The target at a frequency [Hz]; the deviation of another one does not go with it."""
+    return target if hz == target.hz else target.but(hz=hz, hz_deviation=None)
 
 
 def shape_mac(full: Pipeline) -> dict[str, float]:

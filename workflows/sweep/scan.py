@@ -26,6 +26,7 @@ from workflows.scene.toml import undoes
 from workflows.stages.chain import Start
 from workflows.stages.errors import MARGIN, SHORTER
 from workflows.stages.face import StruckFace, to_hz
+from workflows.stages.walls import require_support
 from workflows.sweep.cases import Base
 from workflows.sweep.core.continuity import same_wave
 from workflows.sweep.core.rows import (
@@ -168,6 +169,7 @@ def scan(
         march, cases = _March(scene, face.begun), np.array(list(patches))
         walls = face.walls(list(patches.values()), options.finer)
         wall = walls.all(options.beyond, options.far * to_hz(scene))
+        require_support(scene, wall)
         finer = walls.all(options.finer)
         impossible = march.impossible(wall)
         if impossible:
