@@ -235,9 +235,9 @@ def resonant_modes(cut: Cut, h: int, K: Array) -> ResonantModes:
     return ResonantModes(modes, fixed, gain, moves)
 
 
-def let_go(body: Body, cut: Cut, pushed: Array) -> tuple[Contacts, Array]:
+def let_go(body: Body, cut: Cut, pushed: Array) -> tuple[Contacts, Array, Array]:
     """The contact pressed, pushed to and fro by (d,) [m], and let go where all bodies rest under
-    the force that it then holds, at a shift (d,) [m]."""
+    the force (d,) [N] that it then holds, at a shift (d,) [m]; contact, shift and force."""
     n, d = body.prepared.chain.mass.size, len(body.frame)
     contacts, slip, force = body.at_rest().contacts, np.zeros(d), np.zeros((2, d))
     path = np.zeros((2, 2 + d))
@@ -245,7 +245,7 @@ def let_go(body: Body, cut: Cut, pushed: Array) -> tuple[Contacts, Array]:
     path[:, 2:] = -pushed, pushed
     springs = Springs(contacts.row, contacts.room, contacts.cells)
     press_round(body.last.law, 1, path, springs, slip, force, np.zeros(2))
-    return contacts, -cut.C[0, n:, n:].real @ force[0]
+    return contacts, -cut.C[0, n:, n:].real @ force[0], force[0]
 
 
 def answer(
@@ -277,7 +277,7 @@ def answer(
     tangential, stick = np.zeros((N, d)), np.zeros(N)
     path = np.column_stack([overlap[:, -1], pressure[:, -1], y[:, n:]])
     if memory is None:
-        contacts, slip = let_go(body, cut, np.zeros(d) if pushed is None else pushed)
+        contacts, slip, _ = let_go(body, cut, np.zeros(d) if pushed is None else pushed)
     else:
         contacts, slip = memory.contacts.copied(), memory.slip.copy()
     springs = Springs(contacts.row, contacts.room, contacts.cells)

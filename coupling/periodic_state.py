@@ -578,18 +578,21 @@ def pushed_forces(
     body: Body, before: Before, n_samples: int, cycle: Balance, search: PeriodicSearch
 ) -> list[Array] | None:
     """Tangential forces (n_samples, n_directions) [N] of the cycles beside this one from contacts
-    that were pushed to either side before; empty where all come into one, None where a cycle is not
-    found."""
+    that were pushed before to either side of what slips most; empty where all come into one, None
+    where a cycle is not found."""
     if not remembers(body, cycle.answer.stick):
         return []
     n, law = body.prepared.chain.mass.size, body.last.law
     push = search.pushed * float(gross_slip(law, cycle.cut.rest[n - 1]))
+    along = np.ptp(cycle.y[:, n:], axis=0)
+    amplitude = 0.5 * np.ptp(cycle.answer.force[:, n:], axis=0).max()
     forces = []
     for way in (push, -push):
-        pushed = np.full(len(body.frame), way)
-        # its first guess: from where the bodies rest that the contact holds aside
+        pushed = way * (along == along.max())
+        # its first guess: one turning point of the force reaches what the contact holds at most
+        _, shift, held = let_go(body, cycle.cut, pushed)
         y = cycle.y.copy()
-        y[:, n:] += let_go(body, cycle.cut, pushed)[1]
+        y[:, n:] += shift * max(1.0 - amplitude / np.linalg.norm(held), 0.0)
         other = balance(
             body, before, n_samples, search.pushed_change, search.pushed_creep,
             start=cycle._replace(y=y), pushed=pushed,
