@@ -15,6 +15,8 @@ import beadwave
 from workflows.report import tables
 
 HERE = Path(__file__).parent / "gallery"
+ASPECT = 1.18  # of a tile's picture, width over height, in static/site.css
+VIEWS = {"one-panel": 1.0, "two-panels": 1.5, "three-panels": 2.8}  # enlargement in a tile
 
 PAGE = """# {title}
 
@@ -53,7 +55,7 @@ its own, and says what holds. A page is what its command prints and draws:
 {entries}
 ::::
 """
-ENTRY = """:::{{container}} tile
+ENTRY = """:::{{container}} tile {view}
 [![{title}]({name}.png)]({name}.md)
 
 **[{title}]({name}.md)**
@@ -90,10 +92,24 @@ def small(png: bytes) -> bytes:
     return written.getvalue()
 
 
+def view(name: str) -> str:
+    """How much of a picture its tile shows, a class of static/site.css: a single panel whole, else
+    about the first of two or three in a row, which are some 700 and 570 pixels wide."""
+    width, height = Image.open(HERE / f"{name}.png").size
+    columns = 1 if width < 1100 else 2 if width < 1500 else 3
+    # of a picture that fills a tile this width is seen before it is enlarged
+    seen = min(width, ASPECT * height)
+    enlarged = seen / (width / columns)
+    return "whole" if columns == 1 else min(VIEWS, key=lambda view: abs(VIEWS[view] - enlarged))
+
+
 def index(studies: dict[str, str]) -> None:
     """Write the list of the pages that are there."""
     there = {name: shows for name, shows in studies.items() if (HERE / f"{name}.md").is_file()}
-    entries = [ENTRY.format(title=title(n), name=n, shows=shows) for n, shows in there.items()]
+    entries = [
+        ENTRY.format(title=title(n), name=n, shows=shows, view=view(n))
+        for n, shows in there.items()
+    ]
     text = INDEX.format(names="\n".join(there), entries="\n\n".join(entries))
     (HERE / "index.md").write_text(text, encoding="utf-8")
 

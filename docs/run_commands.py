@@ -14,10 +14,13 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from workflows.commands.terminal import LABEL, fold
+
 DOCS = Path(__file__).parent
 BLOCK = re.compile(r"^```(sh|python)\n(.*?)^```\n(?:\n```text\n(.*?)^```\n)?", re.M | re.S)
 # of stages: others each time
-SECONDS = re.compile(r"^ +([\w-]+ +\d+\.\d\d s( +\(kept\))?|seconds  .*| +[a-z-]+ \d+\.\d+\))$")
+SECONDS = re.compile(r"^ +([\w -]+?  +\d+\.\d\d s( +\(kept\))?|seconds  .*)$")
+WIDTH = 100  # of sentences, as on a terminal; what the pages have room for
 HEAD, TAIL = 18, 8  # lines of a long output that are shown
 
 
@@ -60,7 +63,14 @@ def _block(block: re.Match, folder: Path, most: int) -> str:
 
 
 def _shortened(output: str, most: int) -> str:
-    lines = [line for line in output.splitlines() if not SECONDS.match(line)]
+    lines: list[str] = []
+    of_seconds = False
+    whole = (line if line.startswith(" ") else fold(line, WIDTH) for line in output.splitlines())
+    for line in "\n".join(whole).splitlines():
+        # a row of seconds, and the lines in which it goes on
+        of_seconds = bool(SECONDS.match(line)) or (of_seconds and line.startswith(" " * LABEL))
+        if not of_seconds:
+            lines.append(line)
     if len(lines) > most:
         lines = [*lines[:HEAD], "...", *lines[-TAIL:]]
     return "".join(f"{line}\n" for line in lines)

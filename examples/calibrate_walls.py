@@ -20,6 +20,7 @@ import beadwave
 from workflows.files.scene import scene
 from workflows.scene import Scene
 from workflows.stages import bending
+from workflows.stages.chain import Start
 from workflows.stages.impact import impact
 from workflows.stages.pipeline import pipeline_of
 from workflows.stages.progress import quiet
@@ -68,10 +69,15 @@ def main(beams: int = 20, wall: str = "usual", seed: int = 1) -> None:
             f"{largest} {shares[largest]:.0%}",
             flush=True,
         )
+    print_bars(by_noise, by_all, f"{len(by_all)} parameters")
+
+
+def print_bars(by_noise, by_all, numbers: str) -> None:
+    """How many numbers lie within their bars, by the noise alone and by all that is known."""
     for name, ratios in (("noise alone", by_noise), ("all that is known", by_all)):
         off = np.array(ratios)
         print(
-            f"bars of {name}: {np.mean(off <= 1):.0%} of {off.size} parameters within one bar, "
+            f"bars of {name}: {np.mean(off <= 1):.0%} of {numbers} within one bar, "
             f"{np.mean(off <= 2):.0%} within two; rms {np.sqrt(np.mean(off**2)):.2f}, "
             f"most {off.max():.2f} bars"
         )
@@ -79,11 +85,23 @@ def main(beams: int = 20, wall: str = "usual", seed: int = 1) -> None:
 
 def random_beam(rng: np.random.Generator, seed: int) -> tuple[Scene, Scene, dict[str, float]]:
     """The scene that a calibration starts from, the true one, and the true parameters."""
-    h = rng.uniform(0.006, 0.015)
+    start = with_beam(rng, SCENE, seed, rng.uniform(0.006, 0.015), slenderest=10)
+    factors = [float(x) for x in rng.uniform(0.9, 1.1, SCENE["chain"]["count"])]
+    velocity = 0.3 * rng.uniform(0.95, 1.05)
+    changes = {"contact.stiffness_factor": factors, "striker.velocity": velocity}
+    truth = {f"contact {i}": factor for i, factor in enumerate(factors, 1)} | {"striker": velocity}
+    return scene(start), scene(start, changes), truth
+
+
+def with_beam(
+    rng: np.random.Generator, tables: dict, seed: int, h: float, slenderest: float
+) -> dict:
+    """The tables of a scene with a beam of thickness h [m], at least so many times as long, and
+    with the seed of its noise."""
     beam = {
         "thickness": h,
         "width": h * rng.uniform(0.7, 2.2),
-        "length": h * rng.uniform(10, 24),
+        "length": h * rng.uniform(slenderest, 24),
         "young": 70e9,
         "poisson": 0.33,
         "density": 2700.0,
@@ -91,13 +109,8 @@ def random_beam(rng: np.random.Generator, seed: int) -> tuple[Scene, Scene, dict
         "right": str(rng.choice(["hinged", "clamped"])),
     }
     beam["position"] = beam["length"] * rng.uniform(0.4, 0.6)
-    instrument = SCENE["output"]["instrument"] | {"seed": seed}
-    start = SCENE | {"output": SCENE["output"] | {"instrument": instrument}, "beam": beam}
-    factors = [float(x) for x in rng.uniform(0.9, 1.1, SCENE["chain"]["count"])]
-    velocity = 0.3 * rng.uniform(0.95, 1.05)
-    changes = {"contact.stiffness_factor": factors, "striker.velocity": velocity}
-    truth = {f"contact {i}": factor for i, factor in enumerate(factors, 1)} | {"striker": velocity}
-    return scene(start), scene(start, changes), truth
+    instrument = tables["output"]["instrument"] | {"seed": seed}
+    return tables | {"output": tables["output"] | {"instrument": instrument}, "beam": beam}
 
 
 def calibrated(start: Scene, true: Scene, wall: str):
@@ -108,12 +121,17 @@ def calibrated(start: Scene, true: Scene, wall: str):
         better = bending.reduction(true.but(reduction={"error": 1e-5}), model)
     else:
         better = bending.other_theories(true)[WALLS.index(wall)].reduced
-    run = impact(true, of("start"), wall_of(true, better))
-    recorded = record(true, run, waves(true, of("start"), run))
     with TemporaryDirectory() as folder:
-        file = Path(folder) / "record.csv"
-        file.write_text(csv_text(true, recorded))
+        file = write_record(Path(folder), true, of("start"), better)
         return beadwave.calibrate(start, file, free="contacts,striker,trigger", starts=2).report
+
+
+def write_record(folder: Path, true: Scene, start: Start, reduced) -> Path:
+    """A file with what the sensors of the true scene record before a reduced wall."""
+    run = impact(true, start, wall_of(true, reduced))
+    file = folder / "record.csv"
+    file.write_text(csv_text(true, record(true, run, waves(true, start, run))))
+    return file
 
 
 if __name__ == "__main__":

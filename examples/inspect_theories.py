@@ -10,33 +10,25 @@ Run it: python examples/inspect_theories.py [beams] [solid | usual] [seed]      
 """
 
 import sys
-from contextlib import nullcontext
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import calibrate_walls  # the same experiment, with velocities that `calibrate` takes
 import numpy as np
 
 import beadwave
 from workflows.files.scene import scene
 from workflows.scene import Scene
 from workflows.stages import bending
-from workflows.stages.impact import impact
 from workflows.stages.pipeline import pipeline_of
-from workflows.stages.signals import csv_text, record
-from workflows.stages.walls import wall_of
-from workflows.stages.waves import waves
+from workflows.stages.progress import quiet
 
 NOISE = 0.003  # of the largest force
 FIND = ("beam.thickness", "beam.young")
 THEORIES = ("solid", "usual")  # in the order of bending.other_theories
-SCENE = {
+SCENE = calibrate_walls.SCENE | {
     "name": "theories",
-    "chain": {"count": 6, "radius": 0.006, "density": 7800.0, "young": 210e9, "poisson": 0.3},
-    "striker": {"velocity": 0.3},
-    "wall": {"kind": "rom"},
-    "damping": {"kind": "modal", "ratio": 0.003},
     "time": {"duration": 1.2e-3},
-    "reduction": {"error": 1e-3},
     "output": {
         "spheres": [4],
         "samples": 1201,
@@ -63,31 +55,13 @@ def main(beams: int = 40, theory: str = "usual", seed: int = 1) -> None:
         mm = f"{1e3 * beam.thickness:.2f} x {1e3 * beam.width:.1f} x {1e3 * beam.length:.0f} mm"
         ratios = " ".join(f"{r:6.2f}" for r in (*by_noise[-1], *by_all[-1]))
         print(f"{mm:28} {beam.left:8}{beam.right:8} {ratios}  {report.explained}", flush=True)
-    for name, off in (("noise alone", by_noise), ("all that is known", by_all)):
-        off = np.array(off)
-        print(
-            f"bars of {name}: {np.mean(off <= 1):.0%} of the numbers within one bar, "
-            f"{np.mean(off <= 2):.0%} within two; rms {np.sqrt(np.mean(off**2)):.2f}, "
-            f"most {off.max():.2f} bars"
-        )
+    calibrate_walls.print_bars(by_noise, by_all, "the numbers")
 
 
 def random_beam(rng: np.random.Generator, seed: int) -> tuple[Scene, Scene]:
     """The scene that an inspection starts from, and the true one."""
     h = rng.uniform(0.008, 0.015)
-    beam = {
-        "thickness": h,
-        "width": h * rng.uniform(0.7, 2.2),
-        "length": h * rng.uniform(14, 24),
-        "young": 70e9,
-        "poisson": 0.33,
-        "density": 2700.0,
-        "left": str(rng.choice(["hinged", "clamped"])),
-        "right": str(rng.choice(["hinged", "clamped"])),
-    }
-    beam["position"] = beam["length"] * rng.uniform(0.4, 0.6)
-    instrument = SCENE["output"]["instrument"] | {"seed": seed}
-    tables = SCENE | {"output": SCENE["output"] | {"instrument": instrument}, "beam": beam}
+    tables = calibrate_walls.with_beam(rng, SCENE, seed, h, slenderest=14)
     truth = {
         "beam.thickness": h * rng.uniform(0.95, 1.05),
         "beam.young": 70e9 * rng.uniform(0.95, 1.05),
@@ -97,13 +71,10 @@ def random_beam(rng: np.random.Generator, seed: int) -> tuple[Scene, Scene]:
 
 def inspected(start: Scene, true: Scene, theory: str):
     """The report of an inspection of a record that the true beam makes by another theory."""
-    of = pipeline_of(true, lambda name: nullcontext())
+    of = pipeline_of(true, quiet)
     other = bending.other_theories(true)[THEORIES.index(theory)]
-    run = impact(true, of("start"), wall_of(true, other.reduced))
-    recorded = record(true, run, waves(true, of("start"), run))
     with TemporaryDirectory() as folder:
-        file = Path(folder) / "record.csv"
-        file.write_text(csv_text(true, recorded))
+        file = calibrate_walls.write_record(Path(folder), true, of("start"), other.reduced)
         bounds = ",".join(
             f"{key}={0.85 * number(start, key)}:{1.15 * number(start, key)}" for key in FIND
         )

@@ -434,8 +434,8 @@ def identified_modes(
         raise ValueError("the responses hold NaN or inf, or one is zero; leave it out")
     ends = band_hz or (0.0, float(test.frequency_hz[-1]))
     parts = [
-        candidates(test, own, ends, options)
-        for own in bands_between_modes(test, ends, options)
+        candidates(test, band, ends, options)
+        for band in bands_between_modes(test, ends, options)
     ]  # fmt: skip
 
     # numbers of the poles in each band's own part, all bands together

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from skfem import Mesh
 
 from fem.elasticity import Structure
 from fem.sagging import area_vectors
@@ -46,12 +47,26 @@ def planar_spot(
     at: tuple[float, float],
     limits: SpotLimits = SpotLimits(),
 ) -> Spot:
-    """The spot `at` [m] from the middle of a plane face along the two axes that span it.
+    """The spot `at` [m] from the middle of a plane face "body:face" along the two axes that span
+    it. Raises ValueError for a face that is not plane."""
+    body, facets = structure.facets(face)
+    return plane_spot(structure.basis[body].mesh, facets, face, at, limits)
+
+
+def plane_spot(
+    mesh: Mesh,
+    facets: NDArray[np.int64],
+    face: str,
+    at: tuple[float, float],
+    limits: SpotLimits = SpotLimits(),
+) -> Spot:
+    """The spot `at` [m] from the middle of the plane face that some facets of a mesh make up,
+    called `face`, along the two axes that span it.
 
     These are the two global axes farthest from the normal, in their order, laid into the plane.
     Raises ValueError for a face that is not plane.
     """
-    corners, middles = _facets(structure, face)
+    corners, middles = _corners_and_middles(mesh, facets)
     points = corners.reshape(3, -1).T
 
     # the mean normal; facets may be numbered either way round: all turned like the largest one
@@ -90,7 +105,8 @@ def round_spot(
 
     Raises ValueError for a point on the axis, and where the mesh of the face is not as round.
     """
-    corners, middles = _facets(structure, face)
+    body, facets = structure.facets(face)
+    corners, middles = _corners_and_middles(structure.basis[body].mesh, facets)
     point = np.asarray(near, dtype=float)
     away = _across(point - centre, axis)
     if np.linalg.norm(away) < 1e-9 * radius:
@@ -115,10 +131,10 @@ def round_spot(
     return Spot(point - away + radius * outward, -convex * outward, along, radii, gap)
 
 
-def _facets(structure: Structure, face: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Corners (3, n_corners, n) of a face's facets and middles (n, 3) of the elements behind."""
-    body, facets = structure.facets(face)
-    mesh = structure.basis[body].mesh
+def _corners_and_middles(
+    mesh: Mesh, facets: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Corners (3, n_corners, n) of facets and middles (n, 3) of the elements behind."""
     cells = mesh.t[:, mesh.f2t[0, facets]]
     return mesh.p[:, mesh.facets[:, facets]], mesh.p[:, cells].mean(axis=1).T
 

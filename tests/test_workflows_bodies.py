@@ -246,7 +246,8 @@ def test_the_picture_of_a_look_has_chain_bolts_and_held_faces(tmp_path):
     for red, green, blue in ((31, 95, 191), (200, 55, 27)):  # HELD, IMPACT of report.render
         near = np.abs(np.asarray(whole, float) - (red, green, blue)).max(axis=2) < 40
         assert near.sum() > 100
-    shown = fixtures(pipeline_of(scene("plate-on-bolts"), lambda name: nullcontext())("mesh"))
+    run = pipeline_of(scene("plate-on-bolts"), lambda name: nullcontext())
+    shown = fixtures(run.scene, run("mesh"))
     assert [name for name, *_ in shown["joints"]] == ["bolts"] * 4
     for _, _, axis in shown["joints"]:
         assert np.abs(axis) == pytest.approx([0, 0, 1], abs=1e-9)

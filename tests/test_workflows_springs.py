@@ -2,10 +2,12 @@
 
 import re
 from contextlib import nullcontext
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 from scipy.linalg import eigh
 
 import beadwave
@@ -14,8 +16,10 @@ import rom
 from command_line import beadwave as beadwave_command
 from workflows.files.output_file import OutputFile
 from workflows.files.scene import scene
+from workflows.report.render import coil
 from workflows.scene import InvalidScene
 from workflows.stages.assembly import dashpots
+from workflows.stages.pictures import fixtures
 from workflows.stages.pipeline import pipeline_of
 from workflows.structure.export import write_model
 from workflows.structure.mode_table import mode_table
@@ -338,3 +342,88 @@ def test_modes_whose_errors_arise_at_one_place_share_a_sentence():
     text = table.model_copy(update={"rows": rows}).text()
     assert f"Mode {worst.number}: why 9.0 The smaller error of mode {other.number} arises" in text
     assert f"Mode {elsewhere.number}: why 7.0" in text and "why 6.0" not in text
+
+
+def test_tune_says_which_modes_numbers_of_targets_are_on_springs():
+    """Six modes hang on the cords: number 1 is mode 7."""
+    hz = pipeline()("modes").omega[6] / (2 * np.pi)
+    match = f"1={1.002 * hz:.6g}"
+    remarks = beadwave.tune(
+        "box.toml", match=match, free="materials.steel.young", out=None
+    ).report.remarks
+    assert remarks[0].endswith("not rigid motions, free or on springs: 1 is mode 7.")
+
+
+CORNERS = [
+    [[x * a, y * b] for a, b in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
+    for x, y in ((0.08, 0.05), (0.1, 0.07))
+]
+STACK = {
+    "assembly": {"held": [], "material": "steel"},
+    "bodies": {
+        "lower": {"box": [0.3, 0.2, 0.05], "seed": 0.1},
+        "upper": {"box": [0.2, 0.15, 0.05], "at": [0.0, 0.0, 0.15], "seed": 0.1},
+    },
+    "materials": {"steel": {"young": 210e9, "poisson": 0.3, "density": 7850.0}},
+    "springs": [
+        {"name": "mount", "on": "upper:-z", "at": CORNERS[0], "to": "lower:+z"}
+        | {"kx": 5e3, "ky": 5e3, "kz": 1e4},
+        {"name": "foam", "on": "lower:-z", "at": CORNERS[1]} | {"kx": 5e3, "ky": 5e3, "kz": 5e3},
+        {"name": "bungee", "on": "upper:+x", "at": [0.01, 0.0], "k": 1.0, "direction": [1, 0, 1]},
+    ],
+    "masses": [{"name": "sensor", "on": "lower:+x", "at": [0.02, 0.01], "mass": 0.01}],
+}
+
+
+def test_a_body_on_springs_of_another_heaves_as_two_masses_do():
+    """m2 on 4 k2 on m1 on 4 k1; springs of 1 N/m and a mass of 10 g beside 23 kg."""
+    hz = pipeline_of(scene(STACK), lambda name: nullcontext())("modes").omega / (2 * np.pi)
+    m1, m2 = 7850 * 0.3 * 0.2 * 0.05 + 0.01, 7850 * 0.2 * 0.15 * 0.05
+    K = np.array([[2e4 + 4e4, -4e4], [-4e4, 4e4]])
+    heave = np.sqrt(eigh(K, np.diag([m1, m2]), eigvals_only=True)) / (2 * np.pi)
+    for f in heave:
+        assert np.abs(hz / f - 1).min() < 5e-4
+    # nothing across the springs: the motion is named
+    loose = [spring | {"kx": None, "ky": None} for spring in STACK["springs"][:2]]
+    loose = [{k: v for k, v in spring.items() if v is not None} for spring in loose]
+    with pytest.raises(
+        InvalidScene, match=r"can still move along or about x, y, rz, .* give a spring"
+    ):
+        pipeline_of(scene(STACK | {"springs": loose}), lambda name: nullcontext())("modes")
+
+
+def test_one_point_is_a_list_of_one(folder):
+    one, several = (scene("box.toml", {"springs": table(at=at)}) for at in ([0.1, 0.0], [[0.1, 0]]))
+    assert one.springs == several.springs
+    (folder / "one.toml").write_text(re.sub(r"at = \[\[0.12.*", 'at = ["100 mm", 0.0]', BOX))
+    assert scene("one.toml").springs[0].at == ((0.1, 0.0),)
+
+
+@pytest.mark.slow
+def test_the_picture_has_each_spring_from_its_face_to_the_ground_or_the_other_body():
+    run = pipeline_of(scene(STACK), lambda name: nullcontext())
+    drawn = fixtures(run.scene, run("mesh"))
+    named = [(name, grounded) for name, *_, grounded in drawn["springs"]]
+    assert named == [("mount", False)] * 4 + [("foam", True)] * 4 + [("bungee", True)]
+    (_, start, end, _), *_ = drawn["springs"]
+    np.testing.assert_allclose(start, [0.08, 0.05, 0.125], atol=1e-12)
+    np.testing.assert_allclose(end, [0.08, 0.05, 0.025], atol=1e-12)
+    _, start, down, _ = drawn["springs"][4]
+    np.testing.assert_allclose([start, down], [[0.1, 0.07, -0.025], [0, 0, -1]], atol=1e-12)
+    np.testing.assert_allclose(drawn["springs"][8][2], np.array([1, 0, 1]) / np.sqrt(2), atol=1e-12)
+    (mass,) = drawn["masses"]
+    assert mass[0] == "sensor" and mass[3] == 0.005
+    np.testing.assert_allclose(mass[1:3], [[0.15, 0.02, 0.01], [1, 0, 0]], atol=1e-12)
+
+    whole = Image.open(BytesIO(beadwave.look(STACK).plot().png)).convert("RGB")
+    for colour in ((47, 125, 79), (122, 63, 157)):  # SPRING, MASS of report.render
+        assert (np.abs(np.asarray(whole, float) - colour).max(axis=2) < 40).sum() > 100
+
+
+def test_a_coil_is_straight_at_its_ends_and_winds_around_its_axis():
+    start, end = np.array([0.1, 0.2, -0.3]), np.array([0.4, -0.2, 0.9])
+    path = coil(start, end, 0.02, 7)
+    np.testing.assert_allclose([path[0], path[-1]], [start, end], atol=1e-12)
+    axis = (end - start) / np.linalg.norm(end - start)
+    away = (path - start) - np.outer((path - start) @ axis, axis)
+    assert np.linalg.norm(away, axis=1).max() == pytest.approx(0.02)

@@ -139,11 +139,16 @@ def folded(text: str, stream: Any = None) -> str:
     """The text with sentences that are longer than a line of the terminal folded between words;
     columns of tables, and all of it where the stream (stdout) is no terminal, stay as they are."""
     from shutil import get_terminal_size
-    from textwrap import fill
 
     if not (sys.stdout if stream is None else stream).isatty():
         return text
-    width = get_terminal_size().columns
+    return fold(text, get_terminal_size().columns)
+
+
+def fold(text: str, width: int) -> str:
+    """The text with sentences longer than `width` folded between words; columns stay."""
+    from textwrap import fill
+
     return "\n".join(
         line if len(line) <= width or "  " in line.strip()
         else fill(line, width, subsequent_indent="  ", break_long_words=False,

@@ -9,7 +9,7 @@ A render without a GL library kills its process: the run that started it loses t
 import json
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -29,6 +29,7 @@ STEEL = (
     "#c9a0dc", "#6f7f3f", "#e0a8a0", "#3f6f6f", "#8c8cc8", "#b0b070",
 )  # fmt: skip
 IMPACT, SPHERE, HELD, BOLT = "#c8371b", "#9aa7b4", "#1f5fbf", "#202020"
+SPRING, MASS = "#2f7d4f", "#7a3f9d"
 RAMP = ("#cfd5db", "#f3c35f", "#e2622f", "#8b1a3a")  # of displacements, as in the report page
 MATT = {"ambient": 0.35, "diffuse": 0.75, "specular": 0.0}
 BAR = {
@@ -46,6 +47,12 @@ class RenderSettings(NamedTuple):
     # length of the pin at a joint over the assembly's size: longer than most covers are thick
     bolt: float = 0.09
     slender: float = 0.1  # radius of that pin over its length
+    # of a spring to the ground over the assembly's size, and of any coil: turns, radius and wire
+    # over the assembly's size
+    spring: float = 0.16
+    turns: int = 7
+    coil: tuple[float, float] = (0.013, 0.003)
+    smallest_mass: float = 0.012  # radius of a mass as drawn over the assembly's size
     slant: float = 52.0  # [deg] of the view from the direction of the impact, about the vertical
     above: float = 0.55  # height of the eye over its distance along the ground
     largest_mode: float = 0.05  # largest displacement of a mode as drawn over the assembly's size
@@ -62,6 +69,9 @@ class Fixtures(NamedTuple):
     spheres: Sequence[float] = ()  # radii [m], from the wall on
     joints: Sequence[tuple[str, list[float], list[float]]] = ()  # name, centre (3,), axis (3,)
     held: Sequence[list[list[float]]] = ()  # facets of held faces, corners (n, 3) each
+    # name, point (3,), the other end (3,), or of one to the ground the direction (3,) to it
+    springs: Sequence[tuple[str, list[float], list[float], bool]] = ()
+    masses: Sequence[tuple[str, list[float], list[float], float]] = ()  # name, point, out, radius
 
 
 def eye_of(strike: list[float] | None, settings: RenderSettings) -> NDArray[np.float64]:
@@ -83,6 +93,23 @@ def round_the_edge(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     beside = [a - (a @ x) * x for a in away]
     y = max(beside, key=np.linalg.norm)
     return corners[np.argsort(np.arctan2(away @ y / np.linalg.norm(y), away @ x))]
+
+
+def coil(
+    start: NDArray[np.float64], end: NDArray[np.float64], radius: float, turns: int
+) -> NDArray[np.float64]:
+    """Points (n, 3) of a helical spring from start to end (3,), straight at both ends."""
+    axis = end - start
+    length = np.linalg.norm(axis)
+    axis = axis / length
+    across = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
+    across = across / np.linalg.norm(across)
+    beside = np.cross(axis, across)
+    t = np.linspace(0.0, 1.0, 40 * turns)
+    swing = radius * np.clip(np.minimum(t, 1 - t) / 0.12, 0.0, 1.0)[:, None]
+    angle = 2 * np.pi * turns * t[:, None]
+    around = np.cos(angle) * across + np.sin(angle) * beside
+    return start + t[:, None] * length * axis + swing * around
 
 
 def assembly(
@@ -136,9 +163,27 @@ def assembly(
         )
         plotter.add_mesh(pin, color=BOLT, **MATT)
     if fixtures.joints:
-        number = Counter(name for name, *_ in fixtures.joints)
-        names_of_joints = ", ".join(f"{name} ({n})" for name, n in number.items())
-        legend.append((f"joints: {names_of_joints}", BOLT))
+        legend.append((f"joints: {_numbered(name for name, *_ in fixtures.joints)}", BOLT))
+    for _, start, other, grounded in fixtures.springs:
+        radius, wire = (share * grid.length for share in settings.coil)
+        end = np.array(start) + settings.spring * grid.length * np.array(other)
+        end = end if grounded else np.array(other)
+        path_of_wire = pv.lines_from_points(coil(np.array(start), end, radius, settings.turns))
+        plotter.add_mesh(path_of_wire.tube(radius=wire), color=SPRING, **MATT)
+        if grounded:
+            plate = pv.Cylinder(center=end, direction=other, radius=1.6 * radius, height=2 * wire)
+            plotter.add_mesh(plate, color=SPRING, **MATT)
+    if fixtures.springs:
+        legend.append((f"springs: {_numbered(name for name, *_ in fixtures.springs)}", SPRING))
+    for _, point, out, radius in fixtures.masses:
+        radius = max(radius, settings.smallest_mass * grid.length)
+        body = pv.Cylinder(
+            center=np.array(point) + 0.5 * radius * np.array(out), direction=out, radius=radius,
+            height=radius,
+        )  # fmt: skip
+        plotter.add_mesh(body, color=MASS, **MATT)
+    if fixtures.masses:
+        legend.append((f"masses: {_numbered(name for name, *_ in fixtures.masses)}", MASS))
     if fixtures.strike:
         point, direction = np.array(fixtures.strike[:3]), np.array(fixtures.strike[3:])
         depth = 0.0
@@ -169,6 +214,11 @@ def assembly(
     axes.SetAxisLabels(1, pv.convert_array(np.array(["", *axes.y_labels[1:]])))  # x has that corner
     seen_from(plotter, eye, zoom=1.02)
     plotter.screenshot(path)
+
+
+def _numbered(names: Iterable[str]) -> str:
+    """Each name once, with how often it comes: "cover (4), foot (2)"."""
+    return ", ".join(f"{name} ({n})" for name, n in Counter(names).items())
 
 
 def modes(

@@ -90,6 +90,8 @@ def _numbers(key: str, value: Any, written: Any, quantity: Quantity) -> Iterator
         yield ScannedNumber(key, value, written, quantity)
         return
     texts = written if isinstance(written, list | tuple) else (None,) * len(value)
+    if len(texts) != len(value):  # one point, written without the list around it
+        texts = (texts,)
     for number, text in zip(value, texts, strict=True):
         yield from _numbers(key, number, text, quantity)
 

@@ -25,7 +25,7 @@ from workflows.files.mesh import volumes_of
 from workflows.files.step import require_step
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.bodies import GROUND, SHARE, Solid, UnderTable
-from workflows.scene.places import named_faces
+from workflows.scene.places import named_faces, spring_face
 from workflows.scene.shapes import grid_lines, shapes
 from workflows.scene.size import too_large_mesh
 from workflows.stages.parts import STRIKE, Parts
@@ -181,10 +181,15 @@ def tied_pairs(scene: Scene, layout: Drawing, selection: Picked) -> list[Touchin
             f"{lines}"
         )
 
-    # a body among others that touches none and is not held would keep its rigid motions
+    # a body among others that touches none, is not held and on no springs would keep its rigid
+    # motions; whether springs hold it in all directions is judged with the model
     n_holds = len(scene.assembly.holds)
     held = {selection.faces[f"held-{i + 1}"].body for i in range(n_holds)}
     held |= {body for place in selection.joints for body in place.bodies}
+    held |= {
+        selection.faces[spring_face(spring.name, end)].body
+        for spring in scene.springs or () for end in spring.ends
+    }  # fmt: skip
     free = [name for name in layout.near.free(layout.bodies) if name not in held]
     if len(layout.bodies) > 1 and free:
         misses = [m.sentence for m in layout.near.misses if set(m.bodies) & set(free)]

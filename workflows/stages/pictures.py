@@ -4,6 +4,7 @@ Where no graphics library is installed, pyvista ends its process with a segmenta
 `try` can catch.
 """
 
+from collections.abc import Iterator
 from json import dumps
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,9 +17,12 @@ from skfem import Mesh
 import fem
 from fem import mode_field as field_file
 from fem.assembly_modes import AssemblyModes
+from fem.spot import Spot, plane_spot
 from workflows.files.child import child
 from workflows.files.run_folder import NoPicture, Picture
 from workflows.scene import Scene
+from workflows.scene.bodies import GROUND
+from workflows.scene.places import mass_face, spring_face
 from workflows.stages.parts import Parts
 
 TIME_LIMIT = 120  # s, of the child; not varied
@@ -29,7 +33,7 @@ def pictures(
 ) -> tuple[Picture, ...]:
     """Pictures of the meshed assembly with what strikes, joins and holds it, and of four modes;
     raises NoPicture."""
-    return _rendered(modes.field, fixtures(mesh) | {"strike": _struck(contact)})
+    return _rendered(modes.field, fixtures(scene, mesh) | {"strike": _struck(contact)})
 
 
 def pictures_of_plate(
@@ -50,7 +54,7 @@ def picture_of_parts(scene: Scene, mesh: Parts) -> Picture:
     spheres = []
     if scene.chain is not None:
         spheres = np.broadcast_to(scene.chain.radius, scene.chain.count)[::-1].tolist()
-    return _rendered(_at_rest(mesh.meshes), fixtures(mesh) | {"spheres": spheres})[0]
+    return _rendered(_at_rest(mesh.meshes), fixtures(scene, mesh) | {"spheres": spheres})[0]
 
 
 def picture_of(meshes: dict[str, Mesh]) -> Picture:
@@ -58,7 +62,7 @@ def picture_of(meshes: dict[str, Mesh]) -> Picture:
     return _rendered(_at_rest(meshes), {})[0]
 
 
-def fixtures(mesh: Parts) -> dict[str, Any]:
+def fixtures(scene: Scene, mesh: Parts) -> dict[str, Any]:
     """What `report.render` draws beside the meshes, as JSON takes it."""
     strike, joints = None, []
     if mesh.struck is not None:
@@ -76,7 +80,54 @@ def fixtures(mesh: Parts) -> dict[str, Any]:
         "held": [
             facet.tolist() for side in mesh.connections.held for facet in _facets(mesh, side.face)
         ],
+        "springs": [*_springs(scene, mesh)],
+        "masses": [*_masses(scene, mesh)],
     }
+
+
+def _springs(scene: Scene, mesh: Parts) -> Iterator[tuple[str, list[float], list[float], bool]]:
+    """Each spring between points: its name, where it begins (3,) [m], and where it ends or, of one
+    to the ground, the direction (3,) in which it leaves; whether that is the ground. A spring that
+    a run refuses is left out."""
+    for table in scene.springs or ():
+        for i, at in enumerate(table.at):
+            first = _spot(mesh, spring_face(table.name, "on"), at)
+            if first is None:
+                continue
+            if table.to == GROUND:
+                # along its direction, out of the body; of several stiffnesses along the normal
+                (key, *others) = table.stiffnesses
+                along = "normal" if others else table.along(key)
+                outward = -first.inward
+                d = outward if along == "normal" else np.array(along) / np.linalg.norm(along)
+                d = d if d @ outward >= 0 else -d
+                yield table.name, first.point.tolist(), d.tolist(), True
+                continue
+            face = spring_face(table.name, "to")
+            far = _spot(mesh, face, table.to_at[i] if table.to_at else (0.0, 0.0))
+            if far is not None and not table.to_at:  # the point opposite
+                away = far.axes @ (first.point - far.point)
+                far = far._replace(point=far.point + away @ far.axes)
+            if far is not None:
+                yield table.name, first.point.tolist(), far.point.tolist(), False
+
+
+def _masses(scene: Scene, mesh: Parts) -> Iterator[tuple[str, list[float], list[float], float]]:
+    """Each mass on a face: its name, its point (3,) [m], the direction (3,) out of the body, and
+    the radius [m] of its disc. One that a run refuses is left out."""
+    for table in scene.masses or ():
+        spot = _spot(mesh, mass_face(table.name), table.at)
+        if spot is not None:
+            yield table.name, spot.point.tolist(), (-spot.inward).tolist(), table.radius
+
+
+def _spot(mesh: Parts, name: str, at: tuple[float, float]) -> Spot | None:
+    """The spot on a named plane face; None on one that is not plane."""
+    face = mesh.face(name)
+    try:
+        return plane_spot(mesh.meshes[face.partition(":")[0]], mesh.facets(face), face, at)
+    except ValueError:
+        return None
 
 
 def _facets(mesh: Parts, name: str) -> NDArray[np.float64]:

@@ -108,15 +108,12 @@ def computed_hits(
     nodes: dict[int, NDArray[np.float64]],
     directions: dict[int, int],
     band_hz: tuple[float, float] | None,
-    *,
-    sensors: int = 3,
-    repeats: int = 3,
-    seed: int = 0,
 ) -> Hits:
     """Records of hits at nodes along their directions, with noise, double hits and overloads.
 
-    The hammer roves, sensors are at the nodes that tell the modes apart best. Pulses reach to the
-    highest mode, records last until the lowest has fallen to a thousandth, 2^16 samples at most.
+    The hammer roves and hits each node three times; three sensors are at the nodes that tell the
+    modes apart best. Pulses reach to the highest mode, records last until the lowest has fallen to
+    a thousandth, 2^16 samples at most.
     """
     scene, model, modes = pipeline.scene, pipeline("model"), pipeline("modes")
     damping = structure_damping(scene, model, modes)
@@ -125,8 +122,9 @@ def computed_hits(
     chosen = elastic(pipeline, band_hz)
     hz = modes.omega[chosen] / (2 * np.pi)
     zeta = coupling.damping_ratios(damping, modes.omega)[chosen]
-    if len(nodes) < sensors:
-        raise InvalidScene(f"{len(nodes)} points; computed hits need {sensors} or more.")
+    n_sensors = 3
+    if len(nodes) < n_sensors:
+        raise InvalidScene(f"{len(nodes)} points; computed hits need {n_sensors} or more.")
 
     # the shape at each node along its direction
     numbers = sorted(nodes)
@@ -136,14 +134,14 @@ def computed_hits(
     reading = placed(scene, model, "--points", spots, float(hz[0])).reading
     phi = np.asarray(reading @ modes.phi)[:, chosen]
     side = phi[::-1]  # a side hit moves what another point moves
-    few = min(sensors, len(chosen))
-    watched = effective_independence(phi[:, :few], sensors)
+    few = min(n_sensors, len(chosen))
+    watched = effective_independence(phi[:, :few], n_sensors)
 
     dt = 1 / (2.56 * 1.2 * hz[-1])
     seconds = 0.05 + np.log(1e3) / float(np.min(2 * np.pi * hz * zeta))
     k = int(min(seconds / dt, 2**16))
-    rng = np.random.default_rng(seed)
-    plan = Striking(len(numbers), repeats, dt, k, 1.0 / hz[-1])
+    rng = np.random.default_rng(0)
+    plan = Striking(len(numbers), 3, dt, k, 1.0 / hz[-1])
     force, response, point, _ = struck(rng, (hz, zeta), (phi, side, phi[watched]), DEFECTS, plan)
     names = tuple(degree_of_freedom(n, int(axis)) for n, axis in zip(numbers, axes, strict=True))
     return Hits(

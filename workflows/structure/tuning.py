@@ -268,14 +268,22 @@ def tuned(
     undetermined = [p for p in candidates if p.name not in names]
     unchanged = {key: value for p in undetermined for key, value in scene_values(scene, p)}
     report_hz = {str(n): hz for n, hz in modes_hz.items()}
+    computed_mode = {n: int(j) + 1 for n, j in zip(number, computed.index, strict=True) if j >= 0}
+    of_numbers = []
+    if not scene.of_dimensions and (scene.floats or scene.springs) and result.targets:
+        by_number = {t.number for t in result.targets} & computed_mode.keys()
+        counted = [f"{n} is mode {computed_mode[n]}" for n in sorted(by_number)]
+        if counted:
+            of_numbers.append(
+                "numbers of targets count modes that strain bodies or joints, not rigid motions, "
+                f"free or on springs: {', '.join(counted)}."
+            )
     report = TuningReport(
         scene=scene.name,
         match={str(n): hz for n, hz in match.items()},
         modes_hz=report_hz,
         full_order_hz=confirmed,
-        computed_mode={
-            str(n): int(j) + 1 for n, j in zip(number, computed.index, strict=True) if j >= 0
-        },
+        computed_mode={str(n): j for n, j in computed_mode.items()},
         stiffness=dict(zip(names, map(float, fit.value), strict=True)),
         deviation={
             name: float(s) if np.isfinite(s) else None
@@ -290,6 +298,7 @@ def tuned(
         seconds=seconds,
         mesh_error_percent=mesh_percent,
         remarks=[
+            *of_numbers,
             *(remarks_on_axes(scene) if any(t.shape for t in scene.targets or ()) else ()),
             *_remarks(scene, match, fit, of_all, unchanged, candidates, confirmed, likeness),
             *worth_of_the_bars(errors, scatter, spare),

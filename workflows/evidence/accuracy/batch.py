@@ -7,11 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 import dem
+from workflows.evidence.accuracy.cost import timed
 from workflows.evidence.accuracy.peers import Problem
 from workflows.evidence.accuracy.problems import problem
 from workflows.evidence.accuracy.row import AccuracyRow, table_of
-from workflows.evidence.accuracy.runs import limit, timed
-from workflows.evidence.prose import rendered
+from workflows.evidence.accuracy.runs import limit
+from workflows.evidence.study import rendered
 from workflows.report.finding import Finding
 from workflows.scene import Scene
 from workflows.stages.progress import Progress
@@ -49,9 +50,9 @@ def batch(scene: Scene, progress: Progress) -> Finding:
     for n in sorted({1, cpu_count() or 1}):
         run, warm, cold = timed(lambda n=n: many.marched(dt, threads=n), budget=2.0)
         rows.append(AccuracyRow(
-            "batch", f"{SCHEME}, {n} threads", run.dt, error, warm / POPULATION,
+            "batch", f"{SCHEME}, {n} threads", run.dt, error, warm.clock / POPULATION,
             float(np.median(run.energy_error)), run.n_steps,
-            run.n_steps * dem.SCHEMES[SCHEME].evaluations, cold / POPULATION,
+            run.n_steps * dem.SCHEMES[SCHEME].evaluations, cold.clock / POPULATION,
         ))  # fmt: skip
     single, best = rows[0], min(rows, key=lambda row: row.seconds)
 

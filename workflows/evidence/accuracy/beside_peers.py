@@ -40,7 +40,7 @@ from workflows.evidence.accuracy.peer_process import (
 from workflows.evidence.accuracy.peers import SCIPY, SUNDIALS
 from workflows.evidence.accuracy.row import AccuracyRow, table_of
 from workflows.evidence.accuracy.runs import reference
-from workflows.evidence.prose import rendered
+from workflows.evidence.study import rendered
 from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
@@ -84,7 +84,7 @@ class Measured(NamedTuple):
     """What a method found in its process, and what that took."""
 
     value: NDArray[np.float64]
-    cold: NDArray[np.float64]  # (2,) [s] of the processor and on the clock, first call
+    cold: NDArray[np.float64]  # (2,) [s] on the clock and of the processor, first call
     warm: NDArray[np.float64]  # (2,) [s] of the quickest later one
     bytes: float | None
 
@@ -159,8 +159,7 @@ def structure_rows(
     """Modes and condensation of K, M (n, n) at the contact w (n,) by every method that is there;
     CalculiX, which makes its own matrices, from the deck."""
     truth = structure_truth(K, M, w, boundary, options.n_modes)
-    rows: list[AccuracyRow] = []
-    failures: list[Failed] = []
+    results: list[AccuracyRow | Failed] = []
     with TemporaryDirectory() as name:
         folder = Path(name)
         for letter, A in (("K", K), ("M", M)):
@@ -174,23 +173,25 @@ def structure_rows(
                     continue
                 with progress(f"{work}, {method}"):
                     measured = in_own_process(folder, work, method)
-                if isinstance(measured, Failed):
-                    failures.append(measured)
-                else:
-                    rows.append(_row(work, method, measured, measured.value, truth[work]))
+                results.append(_row(work, method, measured, truth[work]))
         if deck is not None and CALCULIX not in missing:
             with progress(f"{MODES} and compliance, {CALCULIX}"):
                 measured = in_own_process(folder, MODES, CALCULIX)
             if isinstance(measured, Failed):
-                failures.append(measured)
+                results.append(measured)
             else:
                 # one run gives both; of the condensation it has the compliance alone
-                *hz, compliance = measured.value
-                both = {MODES: np.array(hz), CONDENSATION: np.array([compliance])}
-                for work, value in both.items():
-                    rows.append(_row(work, CALCULIX, measured, value, truth[work][: len(value)]))
-    rows.sort(key=lambda row: row.parameter != MODES)
-    return rows, failures
+                for work, part in ((MODES, slice(None, -1)), (CONDENSATION, slice(-1, None))):
+                    of_work = measured._replace(value=measured.value[part])
+                    results.append(_row(work, CALCULIX, of_work, truth[work]))
+    rows, failures = _parted(results)
+    return sorted(rows, key=lambda row: row.parameter != MODES), failures
+
+
+def _parted(results: list[AccuracyRow | Failed]) -> tuple[list[AccuracyRow], list[Failed]]:
+    """Rows, and methods that failed."""
+    failures = [result for result in results if isinstance(result, Failed)]
+    return [result for result in results if not isinstance(result, Failed)], failures
 
 
 def structure_truth(K, M, w: NDArray, b: NDArray, n_modes: int) -> Mapping[str, NDArray]:
@@ -209,15 +210,21 @@ def structure_truth(K, M, w: NDArray, b: NDArray, n_modes: int) -> Mapping[str, 
     return {MODES: hz[0], CONDENSATION: np.append(w @ u, hz[1])}
 
 
-def _row(work: str, method: str, measured: Measured, value: NDArray, truth: NDArray) -> AccuracyRow:
-    """Of a method whose error is the largest relative one of its values (k,)."""
-    return _costed(work, method, measured, float(np.abs(value[: len(truth)] / truth - 1).max()))
+def _row(
+    work: str, method: str, measured: Measured | Failed, truth: NDArray
+) -> AccuracyRow | Failed:
+    """Of a method whose error is the largest relative one of the values (k,) that both have."""
+    if isinstance(measured, Failed):
+        return measured
+    k = min(len(measured.value), len(truth))
+    error = np.abs(measured.value[:k] / truth[:k] - 1).max()
+    return _costed(work, method, measured, float(error))
 
 
 def _costed(
     work: str, method: str, measured: Measured, error: float, setting: float | None = None
 ) -> AccuracyRow:
-    (processor_cold, cold), (processor, warm) = measured.cold, measured.warm
+    (cold, processor_cold), (warm, processor) = measured.cold, measured.warm
     return AccuracyRow(
         "peers", method, work, error, float(warm), seconds_cold=float(cold), setting=setting,
         processor_seconds=float(processor), processor_cold=float(processor_cold),
@@ -233,8 +240,7 @@ def chain_rows(
     with the setting of our true error. LAMMPS has no reduced wall, our scene of Exudyn needs one.
     """
     methods = [*SCIPY, *SUNDIALS, LAMMPS if body is None else EXUDYN]
-    rows: list[AccuracyRow] = []
-    failures: list[Failed] = []
+    results: list[AccuracyRow | Failed] = []
     with TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "chain.json").write_text(dumps(spheres._asdict()), encoding="utf-8")
@@ -250,18 +256,18 @@ def chain_rows(
                 if method != BEADWAVE:
                     searched = in_own_process(folder, "setting", method)
                     if isinstance(searched, Failed):
-                        failures.append(searched._replace(work=work))
+                        results.append(searched._replace(work=work))
                         continue
                     setting = float(searched.value)
                 measured = in_own_process(folder, work, method, setting)
             if isinstance(measured, Failed):
-                failures.append(measured)
+                results.append(measured)
                 continue
             error = float(np.abs(measured.value - truth).max() / spheres.speed)
-            rows.append(_costed(work, method, measured, error, setting))
+            results.append(_costed(work, method, measured, error, setting))
             if method == BEADWAVE:
                 np.savez(folder / "truth.npz", v=truth, error=error, speed=spheres.speed)
-    return rows, failures
+    return _parted(results)
 
 
 def in_own_process(folder: Path, work: str, method: str, setting: float = 0.0) -> Measured | Failed:

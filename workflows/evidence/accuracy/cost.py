@@ -1,15 +1,63 @@
-"""What work costs: seconds on the clock, and the most memory that the process held meanwhile."""
+"""What work costs: seconds on the clock and of the processor, and the most memory meanwhile."""
 
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from resource import RUSAGE_CHILDREN, getrusage
 from subprocess import DEVNULL, Popen
-from time import perf_counter, sleep
+from time import perf_counter, process_time, sleep
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from workflows.evidence.accuracy.growth import growth_exponent
+
+
+class Seconds(NamedTuple):
+    """Of one call: on the clock, and of the processor, which other work on the machine spoils
+    least; that of this process and its ended children."""
+
+    clock: float
+    processor: float
+
+
+class Timed(NamedTuple):
+    """A result, the seconds of its first call, and of the quickest of some later ones."""
+
+    result: Any
+    warm: Seconds
+    cold: Seconds
+
+
+def timed(
+    call: Callable[[], Any], *, budget: float = 0.1, repeats: int = 30, slow: float = np.inf
+) -> Timed:
+    """Call once, which may compile, then again while the budget [s] lasts; a first call of `slow`
+    seconds is its own warm time."""
+
+    def once() -> tuple[Any, Seconds]:
+        processor, clock = processor_seconds(), perf_counter()
+        result = call()
+        clock = perf_counter() - clock
+        return result, Seconds(clock, processor_seconds() - processor)
+
+    result, cold = once()
+    warm: list[Seconds] = []
+    while cold.clock < slow and len(warm) < repeats and sum(s.clock for s in warm) < budget:
+        warm.append(once()[1])
+    return Timed(result, min(warm, default=cold), cold)
+
+
+def least_seconds(calls: tuple[Callable[[], object], ...], repeats: int) -> list[float]:
+    """Processor seconds of the quickest of some runs of every call, the calls in turns."""
+    turns = [[timed(call, repeats=0).cold.processor for call in calls] for _ in range(repeats)]
+    return np.min(turns, axis=0).tolist()
+
+
+def processor_seconds() -> float:
+    """Of this process and its ended children."""
+    children = getrusage(RUSAGE_CHILDREN)
+    return process_time() + children.ru_utime + children.ru_stime
 
 
 class Cost(NamedTuple):

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from json import loads
 from pathlib import Path
 from resource import RUSAGE_CHILDREN, getrusage
-from time import perf_counter, process_time
+from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +19,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, eigsh
 
-from workflows.evidence.accuracy.cost import peak
+from workflows.evidence.accuracy.cost import peak, timed
 
 RESULT = "result.npz"
 BEADWAVE, SUPERLU, PARDISO, CALCULIX = "beadwave", "scipy, SuperLU", "scipy, PARDISO", "CalculiX"
@@ -28,14 +28,7 @@ LAMMPS, EXUDYN = "LAMMPS", "Exudyn"
 # what the search for a setting tries, the coarsest first
 TOLERANCES = tuple(10.0**-k for k in range(2, 12))
 STEPS = tuple(8e-7 / 2**k for k in range(7))  # [s]
-
-
-class RepeatedCalls(NamedTuple):
-    """How often a call is repeated for its warm time, and when a search ends."""
-
-    budget: float = 1.0  # [s] of all repeats; not varied
-    most: int = 20
-    slow: float = 20.0  # [s] of a first call that is not repeated, or followed by a finer setting
+SLOW = 20.0  # [s] of a call that is not repeated, or followed by a finer setting
 
 
 class Spheres(NamedTuple):
@@ -58,37 +51,17 @@ def main(task: str, method: str, setting: float) -> None:
         return
     call = {MODES: modes, CONDENSATION: condensation}.get(task)
     call = chain_velocities(method, setting) if call is None else call(method)
-    value, cold, warm = timed_twice(call)
+    # repeats of 1 s in all; a first call of SLOW is not repeated
+    value, warm, cold = timed(call, budget=1.0, repeats=20, slow=SLOW)
     # ccx is a child of this process, which holds less than it when it starts it
     bytes_held = 1024.0 * getrusage(RUSAGE_CHILDREN).ru_maxrss if method == CALCULIX else None
-    np.savez(RESULT, value=value, cold=cold, warm=warm, bytes=bytes_held or peak("self") or np.nan)
-
-
-def timed_twice(
-    call: Callable[[], NDArray], repeats: RepeatedCalls = RepeatedCalls()
-) -> tuple[NDArray, tuple[float, float], tuple[float, float]]:
-    """What a call returns, seconds of the processor and on the clock of its first run, and the
-    smallest of later ones; a slow one is run once, and is its own warm time."""
-
-    def once() -> tuple[NDArray, tuple[float, float]]:
-        processor, clock = _processor_seconds(), perf_counter()
-        value = call()
-        return value, (_processor_seconds() - processor, perf_counter() - clock)
-
-    value, cold = once()
-    warm: list[tuple[float, float]] = []
-    if cold[1] < repeats.slow:
-        while not warm or (
-            len(warm) < repeats.most and sum(clock for _, clock in warm) < repeats.budget
-        ):
-            warm.append(once()[1])
-    return value, cold, min(warm, key=lambda seconds: seconds[1], default=cold)
-
-
-def _processor_seconds() -> float:
-    """Of this process and its ended children."""
-    children = getrusage(RUSAGE_CHILDREN)
-    return process_time() + children.ru_utime + children.ru_stime
+    np.savez(
+        RESULT,
+        value=value,
+        cold=cold,
+        warm=warm,
+        bytes=bytes_held or peak("self") or np.nan,
+    )
 
 
 def modes(method: str) -> Callable[[], NDArray[np.float64]]:
@@ -228,7 +201,7 @@ def problem_of(spheres: Spheres, body: Path):
     return Problem(chain, wall, v0, spheres.duration, observed, spheres.n_save)
 
 
-def setting_of_equal_error(method: str, repeats: RepeatedCalls = RepeatedCalls()) -> float:
+def setting_of_equal_error(method: str) -> float:
     """The setting with which a method's true error is that in truth.npz, at most; the finest one
     that was tried where none reaches it."""
     with np.load("truth.npz") as content:
@@ -243,7 +216,7 @@ def setting_of_equal_error(method: str, repeats: RepeatedCalls = RepeatedCalls()
         return float(np.abs(v - truth).max() / speed) if len(v) == len(truth) else np.inf
 
     settings = STEPS if method in (LAMMPS, EXUDYN) else TOLERANCES
-    return equal_error(error, settings, wanted, lambda: seconds[0] > repeats.slow)
+    return equal_error(error, settings, wanted, lambda: seconds[0] > SLOW)
 
 
 def equal_error(

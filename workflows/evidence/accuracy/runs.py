@@ -5,14 +5,14 @@ and relative to the largest initial speed. The reference is a symmetric splittin
 DOP853 at the limit of its tolerances, its steps held small, must agree with it.
 """
 
-from collections.abc import Callable, Iterable, Iterator
-from time import perf_counter, process_time
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 
 import dem
 from workflows.evidence.accuracy import peers
+from workflows.evidence.accuracy.cost import timed
 from workflows.evidence.accuracy.peers import Problem, Solver
 from workflows.evidence.accuracy.row import AccuracyRow
 
@@ -22,14 +22,6 @@ CONTROLLED = "march_to_error"
 FIXED = "rkn6"  # the scheme that is run at one step for all sizes of a chain or a wall
 
 
-class Timed(NamedTuple):
-    """A result, the smallest time of some calls and that of the first [s]."""
-
-    result: Any
-    warm: float
-    cold: float
-
-
 class ReferenceRun(NamedTuple):
     """Velocities of the observed spheres, and how well two methods agree on them."""
 
@@ -37,30 +29,6 @@ class ReferenceRun(NamedTuple):
     difference: float  # largest difference of the two, over the largest initial speed
     checked_by: str
     scheme: str = "rkn6a"
-
-
-def timed(call: Callable[[], Any], *, budget: float = 0.1, repeats: int = 30) -> Timed:
-    """Call once, which may compile, then again while the budget [s] lasts."""
-    started = perf_counter()
-    result = call()
-    cold = perf_counter() - started
-    warm: list[float] = []
-    while len(warm) < repeats and sum(warm) < budget:
-        started = perf_counter()
-        call()
-        warm.append(perf_counter() - started)
-    return Timed(result, min(warm), cold)
-
-
-def least_seconds(calls: tuple[Callable[[], object], ...], repeats: int) -> list[float]:
-    """Processor seconds of the quickest of some runs of every call, the calls in turns."""
-    best = [np.inf] * len(calls)
-    for _ in range(repeats):
-        for i, call in enumerate(calls):
-            started = process_time()
-            call()
-            best[i] = min(best[i], process_time() - started)
-    return best
 
 
 def reference(problem: Problem, *, finer: float = 512.0, independent: bool = True) -> ReferenceRun:
@@ -154,14 +122,14 @@ def scheme_row(
     truth: ReferenceRun,
     scheme: str,
     dt: float,
-    parameter: float | None = None,
+    parameter: float | str | None = None,
 ) -> AccuracyRow:
     """One scheme at one step."""
     trajectory, warm, cold = timed(lambda: marched(problem, scheme, dt))
     return AccuracyRow(
         study, scheme, trajectory.dt if parameter is None else parameter,
-        relative_error(problem, trajectory.v, truth.v), warm, trajectory.energy_error,
-        trajectory.n_steps, trajectory.n_steps * dem.SCHEMES[scheme].evaluations, cold,
+        relative_error(problem, trajectory.v, truth.v), warm.clock, trajectory.energy_error,
+        trajectory.n_steps, trajectory.n_steps * dem.SCHEMES[scheme].evaluations, cold.clock,
         trajectory.dt,
     )  # fmt: skip
 
@@ -181,8 +149,9 @@ def controlled_rows(study: str, problem: Problem, truth: ReferenceRun) -> Iterat
             )
         )
         yield AccuracyRow(
-            study, CONTROLLED, error, relative_error(problem, trajectory.v, truth.v), warm,
-            trajectory.energy_error, trajectory.n_steps, report.evaluations, cold, trajectory.dt,
+            study, CONTROLLED, error, relative_error(problem, trajectory.v, truth.v), warm.clock,
+            trajectory.energy_error, trajectory.n_steps, report.evaluations, cold.clock,
+            trajectory.dt,
         )  # fmt: skip
 
 
@@ -207,9 +176,9 @@ def peer_rows(
                 break
             yield AccuracyRow(
                 study, name, tolerance if parameter is None else parameter,
-                relative_error(problem, velocities(problem, solution.y), truth.v), warm,
+                relative_error(problem, velocities(problem, solution.y), truth.v), warm.clock,
                 peers.energy_error(problem, solution.y), solution.steps, solution.evaluations,
-                cold, tolerance,
+                cold.clock, tolerance,
             )  # fmt: skip
-            if warm > slow:
+            if warm.clock > slow:
                 break

@@ -8,15 +8,12 @@ such a curve, each row a fit of modes 1 to 3 with more left free. Thesis, sectio
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 import fem
 from fem.tuning import spectrum, tune
-from workflows.evidence.prose import rendered
-from workflows.files.run_folder import Picture
+from workflows.evidence.study import concluded
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
-from workflows.report.tables import Table
 from workflows.scene import Joints, JointStiffnesses, Scene
 from workflows.scene.parts import with_assembly
 from workflows.stages.pipeline import pipeline_of
@@ -30,13 +27,7 @@ COLUMNS = (
     "free at the head joints", *(f"f{i} [Hz]" for i in range(1, 5)), "miss of 1-3 [%]",
     "MAC of 2",
 )  # fmt: skip
-
-
-class JointsOptions(NamedTuple):
-    """What the study varies."""
-
-    # [N/m] tangential stiffnesses along a curve
-    tangential: NDArray[np.float64] = np.geomspace(1e6, 1e10, 33)
+TANGENTIAL = np.geomspace(1e6, 1e10, 33)  # [N/m] stiffnesses along a curve
 
 
 class Freedom(NamedTuple):
@@ -69,7 +60,7 @@ class Conflict(NamedTuple):
     second: float
 
 
-def joints(scene: Scene, progress: Progress, options: JointsOptions = JointsOptions()) -> Finding:
+def joints(scene: Scene, progress: Progress) -> Finding:
     """The conflict of modes 2 and 3, and joint stiffnesses that resolve it (thesis, table 5.3)."""
     with_assembly(scene)
     targets_hz = np.array(list(TARGETS.values()))
@@ -93,7 +84,7 @@ def joints(scene: Scene, progress: Progress, options: JointsOptions = JointsOpti
         # modes 2 and 3 over the tangential stiffness, the normal one fitted to mode 1
         normal, tangential = parameters
         points = []
-        for k in options.tangential:
+        for k in TANGENTIAL:
             fixed = tangential._replace(start=k, lower=0.999 * k, upper=1.001 * k)
             met = tune(basis, [normal, fixed], {1: TARGETS[1]}, n_starts=2)
             modes = spectrum(basis, parameters, met.value)
@@ -118,10 +109,6 @@ def joints(scene: Scene, progress: Progress, options: JointsOptions = JointsOpti
     best = fits[BEST]
     _, second, third, _ = best.modes_hz
     further = [float(f) for f in best.all_hz if second < f < third]
-    sentences = rendered(
-        __file__, wanted=TARGETS, conflicts=conflicts, best=macs[BEST], miss=misses[BEST],
-        further=further,
-    )  # fmt: skip
 
     lines = [Line(freedom.name, *hz.T, colour=i) for i, (freedom, hz) in enumerate(curves.items())]
     free_hz = fits[-1].modes_hz
@@ -130,5 +117,7 @@ def joints(scene: Scene, progress: Progress, options: JointsOptions = JointsOpti
         Line("all freedoms", free_hz[1:2], free_hz[2:3], "x", 2),
     ]
     figure = [Panel("settings that meet mode 1", "mode 2 [Hz]", "mode 3 [Hz]", lines)]
-    picture = Picture("study_joints", panels(figure, size=(7, 4.5)))
-    return Finding((Table("joints", COLUMNS, rows),), sentences, (picture,))
+    return concluded(
+        __file__, COLUMNS, rows, panels(figure, size=(7, 4.5)),
+        wanted=TARGETS, conflicts=conflicts, best=macs[BEST], miss=misses[BEST], further=further,
+    )  # fmt: skip
