@@ -227,7 +227,7 @@ def tuned(
 
     # modes that are missed by more than their errors tell of the model: bars are as wide as that
     spare = len(match) - len(fit.parameters)
-    scatter = max(1.0, np.sqrt(fit.misfit / spare)) if spare else 1.0
+    scatter = max(1.0, np.sqrt(fit.misfit / spare)) if spare > 0 else 1.0
     fit = fit._replace(deviation=fit.deviation * scatter)
 
     # the full model with the fitted values, to the digits that their deviations support, is the
@@ -401,12 +401,16 @@ def _remarks(
             remarks.append(
                 f"the full model has mode {i} at {hz:.2f} Hz: the projection is inaccurate."
             )
-    for i, (value, compared) in likeness.items():
-        if value < 0.8:
-            remarks.append(
-                f"the shape of mode {i} has a MAC of {value:.2f} with {compared}: a frequency that "
-                "matches is no proof of the joint."
-            )
+    for compared in dict.fromkeys(words for _, words in likeness.values()):
+        unlike = {i: x for i, (x, words) in likeness.items() if x < 0.8 and words == compared}
+        if len(unlike) == 1:
+            ((i, value),) = unlike.items()
+            subject = f"the shape of mode {i} has a MAC of {value:.2f} with {compared}"
+        else:
+            modes, values = ", ".join(unlike), ", ".join(f"{x:.2f}" for x in unlike.values())
+            subject = f"the shapes of modes {modes} have a MAC of {values} with {compared}"
+        if unlike:
+            remarks.append(f"{subject}: a frequency that matches is no proof of the joint.")
     return remarks
 
 
