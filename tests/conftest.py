@@ -52,6 +52,16 @@ def own_folder(tmp_path, monkeypatch):
 
 
 @pytest.fixture(scope="module")
+def module_folder(tmp_path_factory):
+    """All tests of a file work in this folder, and keep results there."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        path = tmp_path_factory.mktemp("module")
+        monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(path / "cache"))
+        monkeypatch.chdir(path)
+        yield path
+
+
+@pytest.fixture(scope="module")
 def cache(tmp_path_factory):
     """A cache of results that the tests of a file share."""
     return tmp_path_factory.mktemp("cache")
