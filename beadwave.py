@@ -15,6 +15,7 @@ sets values by their dotted keys. Everything is in SI units: m, kg, s, N, Pa, Hz
     run, impact, load, film      impacts; a finished run folder, and its film
     modes, tune, hammer          an assembly's modes, joints fitted to measured ones, hammer tests
     design_hammer_test           where to hit and watch
+    tune_to_responses            a model fitted to frequency responses themselves
     rank_parameters, fit_losses  what is worth freeing in a fit of joints; loss factors from damping
     joints_posterior             all joints and materials that measured modes allow
     reduce, reduce_matrices      a reduced model: of a scene, of one's own K, M, w
@@ -61,6 +62,7 @@ if TYPE_CHECKING:
         reduce_matrices,
         thesis_table,
         tune,
+        tune_to_responses,
         write_hammer_test,
     )
     from workflows.sweep.api import Cases, load_sweep, scan, sweep, sweep_price
@@ -83,6 +85,7 @@ _HOMES = {
         "reduce_matrices",
         "thesis_table",
         "tune",
+        "tune_to_responses",
         "write_hammer_test",
     ),
     "workflows.sweep.api": ("Cases", "load_sweep", "scan", "sweep", "sweep_price"),
@@ -124,6 +127,7 @@ __all__ = [
     "sweep_price",
     "thesis_table",
     "tune",
+    "tune_to_responses",
     "twin",
     "verify",
     "write_hammer_test",

@@ -31,15 +31,13 @@ def spatial_wall_of(
     *,
     damping: Damping | None = None,
     cutoff_hz: float | None = None,
-    modes: ModalWall | None = None,
 ) -> SpatialWall:
     """The wall of a reduced model whose contact is known along n, t1 and t2, its half-space taken
     out.
 
     Modes below cutoff_hz [Hz] move one by one; None takes all that are more than static shapes.
-    damping adds to what C of the model gives. modes are those of `rom.modal(reduced)`, where they
-    are known. Raises CouplingError for a model that is known along the normal only, and where C
-    couples the modes.
+    damping adds to what C of the model gives. Raises CouplingError for a model that is known along
+    the normal only, and where C couples the modes.
     """
     columns = reduced.columns
     if columns is None or columns.across is None:
@@ -47,7 +45,7 @@ def spatial_wall_of(
             "the reduced model knows its contact along the normal only; friction needs w with "
             "three columns, along n, t1 and t2."
         )
-    moving = modes_and_oscillators(reduced, functionals(reduced), cutoff_hz=cutoff_hz, modes=modes)
+    moving = modes_and_oscillators(reduced, functionals(reduced), cutoff_hz)
     omega, phi, _, D = moving
     zeta = damping_ratios(damping, omega) + matrix_ratios(D, omega)
     n_loads = 0 if columns.load is None else columns.load.shape[1]
@@ -57,15 +55,11 @@ def spatial_wall_of(
 
 
 def modes_and_oscillators(
-    reduced: ReducedModel,
-    W: np.ndarray,
-    *,
-    cutoff_hz: float | None = None,
-    modes: ModalWall | None = None,
+    reduced: ReducedModel, W: np.ndarray, cutoff_hz: float | None = None
 ) -> ModalWall:
     """Modes below the cutoff [Hz] and oscillators for the others, phi (k, p) their participations
     at p functionals W (r, p); arguments as in spatial_wall_of."""
-    modes = modal(reduced) if modes is None else modes
+    modes = modal(reduced)
     mask = moving_mask(modes, reduced, cutoff_hz)
     phi = modes.vectors.T @ W
 

@@ -27,7 +27,6 @@ from rom import ReducedModel
 # instants of the driven modes between two of a run, 1 us apart: 4 and 8 differ by 7e-6 of an
 # acceleration by modes of 300 Hz to 17 kHz
 FINER = 4
-CRITICAL = 1e-7  # distance from critical damping, where the two roots are one; not varied
 
 
 class Sensed(NamedTuple):
@@ -80,13 +79,14 @@ def sensed_in_run(
 
     # over a step F is linear: z(h) = E z(0) + phi (F_0 (E - 1) / lambda + the slope's part)
     q, p = np.zeros((2, n // finer + 1, len(omega)))
+    critical = 1e-7  # distance from critical damping, where the two roots are one
     for j, (w, ratio) in enumerate(zip(omega, zeta, strict=True)):
         if w == 0.0:
             p_fine = np.append(0.0, np.cumsum(h / 2 * (F[1:] + F[:-1])))
             q_fine = np.cumsum(h * p_fine[:-1] + h**2 * (F[:-1] / 3 + F[1:] / 6))
             q[:, j], p[:, j] = np.append(0.0, q_fine)[::finer], p_fine[::finer]
             continue
-        ratio = ratio if abs(ratio - 1.0) > CRITICAL else 1.0 - CRITICAL
+        ratio = ratio if abs(ratio - 1.0) > critical else 1.0 - critical
         swing = 1j * w * np.sqrt(1.0 - ratio**2 + 0j)
         lambdas = -ratio * w + swing, -ratio * w - swing
         z = []

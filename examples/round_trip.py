@@ -42,7 +42,7 @@ from workflows.stages.targets import placed
 from workflows.structure.hammer_design import hits_of_modes
 from workflows.structure.tuning import at_values, candidates_of, loosened
 
-POINTS, REPEATS, SCATTER, COARSER = 12, 3, 0.3, 2.0
+POINTS, SCATTER, COARSER = 12, 0.3, 2.0
 DEFECTS = HammerDefects(noise=0.02, double=0.05, overload=0.05, cross=0.01)
 LONGEST = 2**14  # samples of a record
 LEAST = 1e-4  # relative error of a frequency, below which `tune` takes none
@@ -159,7 +159,7 @@ def round_trips(test: Test, joints: int, tests: int, first: int) -> Counts:
             names = tuple(f"point {i + 1}" for i in range(len(phi)))
             hits = hits_of_modes(
                 (hz, zeta), phi, test.watched, names,
-                repeats=REPEATS, seed=100 * seed + draw, defects=DEFECTS, longest=LONGEST,
+                seed=100 * seed + draw, defects=DEFECTS, longest=LONGEST,
             )  # fmt: skip
             responses = frequency_responses(hits)
             identified = identified_modes(responses, (0.5 * hz[0], 1.05 * hz[-1]))

@@ -30,7 +30,6 @@ from scipy.optimize import root
 from fem.materials import Material, Orthotropic
 from fem.spot import spanning
 
-N_OMEGA = 128  # angles of omega in half a turn, over which S, H and L are means
 N_DIRECTIONS = 128  # of kappa in half a turn; periodic sums, whose errors fall exponentially
 
 Anisotropic = Material | Orthotropic
@@ -70,7 +69,8 @@ def half_space(material: Anisotropic, inward: NDArray[np.float64]) -> HalfSpace:
     """The half-space of a material below a plane with this inward unit normal (3,)."""
     axes = np.vstack([spanning(inward), inward])
     bare = HalfSpace(material.elasticity, axes, np.empty((0, 3)), np.empty((0, 3)))
-    omega = np.pi * np.arange(N_OMEGA) / N_OMEGA
+    n_omega = 128  # angles of omega in half a turn, over which S, H and L are means
+    omega = np.pi * np.arange(n_omega) / n_omega
     planes = bare.planes(np.pi * np.arange(N_DIRECTIONS) / N_DIRECTIONS)
     Q, R, T = _turned(*(matrix[:, None] for matrix in planes), omega)
 

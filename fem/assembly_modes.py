@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from fem.constraints import Overconstrained
 from fem.correlation import RIGID, Target, effective_mass, pair
-from fem.factorisation import Factor
 from fem.mode_field import ModeField
 from fem.model import Model
 from fem.modes import Modes, modes, require_accurate
@@ -40,10 +39,9 @@ class AssemblyModes(NamedTuple):
 def assembly_modes(
     model: Model,
     targets: Sequence[Target],
-    factor: Factor | None = None,
     known: Modes | None = None,
 ) -> AssemblyModes:
-    """The lowest modes, the targets among them; the factor is that of K, where it is held.
+    """The lowest modes, the targets among them.
 
     `known` are the lowest modes, at least `N_MODES[0]` of them, where they are there already.
     Raises ValueError for modes that are lost in the rounding of K.
@@ -55,7 +53,7 @@ def assembly_modes(
     for n_modes in N_MODES:
         n = min(n_modes, model.K.shape[0] - 2)
         if known is None:
-            solution = modes(model.K, model.M, n, factor=factor)
+            solution = modes(model.K, model.M, n)
         else:
             solution = Modes(known.omega[:n], known.phi[:, :n])
         paired = pair(model, solution, targets)

@@ -64,5 +64,5 @@ def with_carried(
         C = csr_matrix(csr_matrix(distributing(on_face, share, centre)) @ P)
         inertia = np.array([body.mass] * 3 + list(body.inertia))
         carried.append(Carried(body.name, csr_matrix(C.T @ C.multiply(inertia[:, None]))))
-    M = sum((one.M for one in carried), start=structure.M).tocsr()
+    M = sum((mass.M for mass in carried), start=structure.M).tocsr()
     return structure._replace(M=M, carried=structure.carried + tuple(carried))

@@ -252,18 +252,18 @@ def strains(
 
 def strained(model: Model, modes: Modes) -> NDArray[np.bool_]:
     """Which modes (k,) of a model strain bodies or joints (`strains`): those that numbers count."""
-    own = modes._replace(phi=np.eye(len(modes.omega)))
-    return strains(own, spring_forms(model, modes.phi))
+    of_modes = modes._replace(phi=np.eye(len(modes.omega)))
+    return strains(of_modes, spring_forms(model, modes.phi))
 
 
 def spring_forms(model: Model, V: NDArray[np.float64]) -> dict[str, BodyForms]:
     """Energies of the springs between points, SPRINGS + "name.kx", for displacements V (n, m) of a
     model's free dofs."""
     m, forms = V.shape[1], {}
-    for one in model.structure.springs:
-        r = one.B @ (model.T @ V)
-        energy = one.stiffness * (r.T @ r)
-        forms[f"{SPRINGS}{one.name}"] = BodyForms(energy, np.zeros((m, m)), np.zeros((6, m)))
+    for spring in model.structure.springs:
+        r = spring.B @ (model.T @ V)
+        energy = spring.stiffness * (r.T @ r)
+        forms[f"{SPRINGS}{spring.name}"] = BodyForms(energy, np.zeros((m, m)), np.zeros((6, m)))
     return forms
 
 
@@ -271,8 +271,8 @@ def body_forms(model: Model, body: str, V: NDArray[np.float64]) -> BodyForms:
     """Energies and rigid motions of a body for displacements V (n, m) of a model's free dofs."""
     structure, dofs = model.structure, model.structure.dofs(body)
     u, K, M = model.T[dofs] @ V, structure.K[dofs][:, dofs], structure.M[dofs][:, dofs]
-    for one in structure.carried:  # a density has no part in these
-        M = M - one.M[dofs][:, dofs]
+    for mass in structure.carried:  # a density has no part in these
+        M = M - mass.M[dofs][:, dofs]
     nodes = structure.points[dofs[0::3] // 3]
     lumped = np.asarray(M.sum(axis=1)).ravel()[0::3]
     centre_of_mass = lumped @ nodes / lumped.sum()

@@ -21,8 +21,8 @@ def dashpots(model: Model, coefficient: dict[str, float]) -> csc_array:
     c = np.zeros(model.K0.shape[0])
     c[model.elongation] = [coefficient.get(name, 0.0) for name in model.spring]
     C = csc_array(diags_array(c))
-    for one in model.structure.springs:
-        if one.dashpot:
-            B = csr_array(one.B @ model.T)
-            C = C + one.dashpot * (B.T @ B)
+    for spring in model.structure.springs:
+        if spring.dashpot:
+            B = csr_array(spring.B @ model.T)
+            C = C + spring.dashpot * (B.T @ B)
     return csc_array(C)

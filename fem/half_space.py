@@ -169,8 +169,8 @@ def half_spaces_on_mesh(
     for field in half_space_fields(
         model, face, patches, material, mirrors=mirrors, within=within, options=options
     ):
-        some = patches[len(compliances) : len(compliances) + field.u.shape[1]]
-        compliances += field.compliances(some)
+        together = patches[len(compliances) : len(compliances) + field.u.shape[1]]
+        compliances += field.compliances(together)
     return compliances
 
 

@@ -193,8 +193,8 @@ def frequency_responses(
         H.append(response)
         coherence.append(squared_coherence)
         if len(rows) > 1:
-            each = [np.arange(len(rows)) != h for h in range(len(rows))]
-            change = [estimate(f[w], x[w], estimator)[0] - response for w in each]
+            without_one = [np.arange(len(rows)) != h for h in range(len(rows))]
+            change = [estimate(f[w], x[w], estimator)[0] - response for w in without_one]
             sensors = np.arange(len(hits.sensors))
             deletions.append(Deletions(np.array([i]), sensors, np.array(change)[:, None]))
             halves.append([estimate(f[h::2], x[h::2], estimator)[0] for h in (0, 1)])

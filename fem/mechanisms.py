@@ -68,7 +68,7 @@ def loose_bodies(
     springs = n + np.flatnonzero((k > 0) & np.isfinite(k))
     table = np.arange(n + 2 * len(k), n_total)
     E = vstack([*violations, Phi[springs], Phi[table]]).tocsr()
-    points = vstack([csr_matrix((0, n)), *(one.B for one in structure.springs)]) @ Phi[:n]
+    points = vstack([csr_matrix((0, n)), *(spring.B for spring in structure.springs)]) @ Phi[:n]
     of_all = vstack([E, points]).tocsr()
 
     # null space; without the assembly's own motions where nothing but springs between points

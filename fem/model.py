@@ -131,9 +131,9 @@ def joined(
         M = (M + sway.mass * (of_sway.T @ of_sway)).tocsc()
 
     # springs between points, B (m, n): K + B^T k B
-    for one in structure.springs:
-        B = csr_matrix(one.B @ T)
-        K = (K + one.stiffness * (B.T @ B)).tocsc()
+    for spring in structure.springs:
+        B = csr_matrix(spring.B @ T)
+        K = (K + spring.stiffness * (B.T @ B)).tocsc()
 
     # springs of finite stiffness whose elongation no constraint holds
     springs = np.flatnonzero((reduction.free >= n) & (reduction.free < n + len(k)))

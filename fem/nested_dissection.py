@@ -17,7 +17,6 @@ from scipy.sparse import csr_matrix, diags_array
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
 MIDDLE = 2  # label of the separator, beside 0 and 1 of the halves
-UNBOUNDED = 2**30  # capacity of an edge that no minimum cut may contain
 
 
 class Dissection(NamedTuple):
@@ -174,12 +173,13 @@ def _least_separator(sub: Subgraph, side: NDArray[np.int8], band: float) -> NDAr
     # a vertex is a pipe of its weight, from number to n + number; source 2 n and sink 2 n + 1 are
     # the halves
     inside = (number[end] >= 0) & (start != end)
+    unbounded = 2**30  # capacity of an edge that no minimum cut may contain
     pipes = np.concatenate(
         [
             [np.arange(n), n + np.arange(n), sub.weight[vertices]],
-            [n + number[start[inside]], number[end[inside]], np.full(inside.sum(), UNBOUNDED)],
-            [np.full(len(rims[0]), 2 * n), rims[0], np.full(len(rims[0]), UNBOUNDED)],
-            [n + rims[1], np.full(len(rims[1]), 2 * n + 1), np.full(len(rims[1]), UNBOUNDED)],
+            [n + number[start[inside]], number[end[inside]], np.full(inside.sum(), unbounded)],
+            [np.full(len(rims[0]), 2 * n), rims[0], np.full(len(rims[0]), unbounded)],
+            [n + rims[1], np.full(len(rims[1]), 2 * n + 1), np.full(len(rims[1]), unbounded)],
         ],
         axis=1,
     )

@@ -436,8 +436,8 @@ def identified_modes(
     ends = band_hz or (0.0, float(test.frequency_hz[-1]))
     with one_thread():  # eigenvalues of some hundred rows: 30 s a test in place of 2 on busy cores
         parts = [
-            candidates(test, own, ends, options)
-            for own in bands_between_modes(test, ends, options)
+            candidates(test, band, ends, options)
+            for band in bands_between_modes(test, ends, options)
         ]  # fmt: skip
 
     # numbers of the poles in each band's own part, all bands together

@@ -4,12 +4,13 @@
 
 at every point, reference and line, real and imaginary part with the variance
 
-    sigma^2 = (noise / |H|)^2 + level^2
+    sigma^2 = (noise^2 + absent^2 |s|^(2 power)) / |H|^2 + level^2
 
-The noise is that of the measurement; the level is the error of the model, one number for all lines,
-found with the values: it makes the sum of r^2 / sigma^2 what is left of the number of residuals.
-Far from the answer the level is large and every line weighs alike; near it each line weighs by its
-noise. Values x move on a logarithmic scale within bounds; slopes are exact (`fem.response_model`).
+The noise is that of the measurement. Where it does not explain the residual the model has an error,
+of two parts that are found with the values (largest likelihood): `level`, relative, and `absent`, a
+receptance as of modes that the model lacks, which counts most in antiresonances. Far from the
+answer every line weighs alike; near it each weighs by its noise. Values x move on a
+logarithmic scale within bounds; slopes are exact (`fem.response_model`).
 
 A resonance that is far from the measured one makes a minimum of its own, so that a fit has to begin
 where frequencies agree: `fem.tuning.tune` finds such values.
@@ -24,13 +25,22 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, minimize
 from scipy.special import stdtrit
 
-from fem.response_model import Parameter, ResponseModel, computed_responses
-from fem.tuning import largest_determined
+from fem.correlation import paired
+from fem.modes import Modes
+from fem.response_model import (
+    ComputedResponses,
+    Parameter,
+    ResponseModel,
+    computed_responses,
+    solid_ones,
+)
+from fem.tuning import TuningParameter, TuningSettings, largest_determined, sensitivity
 
 DB = 20 / np.log(10)  # dB in a unit of ln
+UNFITTED = TuningSettings().unfitted
 
 
 class FitOptions(NamedTuple):
@@ -53,12 +63,22 @@ class MeasuredResponses(NamedTuple):
     group: NDArray[np.int64]  # (f,) which resonance a line is of, for errors that lines share
 
 
-class FrequencyTargets(NamedTuple):
-    """Frequencies that are fitted beside the responses, of modes known by their place."""
+class Resonances(NamedTuple):
+    """Frequencies that are fitted beside the responses; the first targets of the basis tell which
+    computed modes they are."""
 
-    mode: NDArray[np.int64]
-    hz: NDArray[np.float64]
-    error: float  # relative
+    hz: NDArray[np.float64]  # (n,)
+    group: NDArray[np.int64]  # (n,) as that of the lines around each
+    error: NDArray[np.float64]  # (n,) relative deviation
+    zeta: NDArray[np.float64]  # (n,) damping ratios, fitted likewise where damping is free
+    zeta_error: NDArray[np.float64]  # (n,) relative
+
+
+class ModelError(NamedTuple):
+    """What a model is off beyond the noise; both 0 where the noise explains the residual."""
+
+    level: float = 0.0  # relative
+    absent: float = 0.0  # in the unit of a receptance
 
 
 class ResponseFit(NamedTuple):
@@ -69,7 +89,7 @@ class ResponseFit(NamedTuple):
     deviation: NDArray[np.float64]  # (n,) of ln(value), one standard deviation
     of_noise: NDArray[np.float64]  # (n,) the same of the noise alone
     covariance: NDArray[np.float64]  # (n, n) of ln(value)
-    level: float  # of the model's error, in ln; 0 where the noise explains the residual
+    error: ModelError
     objective: float  # -2 ln(likelihood)
     evaluations: int
 
@@ -82,7 +102,7 @@ class Misfit(NamedTuple):
     noise_decibel: float  # what the noise makes of the first
 
 
-def noise_of_neighbours(H: NDArray[np.complex128], width: int = 25) -> NDArray[np.float64]:
+def noise_of_neighbours(H: NDArray[np.complex128], width: int = 100) -> NDArray[np.float64]:
     """Standard deviation of real and imaginary part of H (..., f), from fourth differences of
     neighbouring lines: of white noise their variance is 70 times its own. The median over `width`
     lines on each side leaves out the peaks, where H is no cubic."""
@@ -134,21 +154,42 @@ def misfit(measured: MeasuredResponses, H: NDArray[np.complex128]) -> Misfit:
     )  # fmt: skip
 
 
-def level_of(
-    r: NDArray[np.float64], noise: NDArray[np.float64], left: float, significant: float
-) -> float:
-    """The level at which sum r^2 / (noise^2 + level^2) is `left`; 0 where the sum of noise alone is
-    not `significant` times as much."""
-    if np.sum((r / noise) ** 2) <= significant * left:
-        return 0.0
-    low, high = 0.0, float(np.sqrt(np.sum(r**2) / left))
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        if np.sum(r**2 / (noise**2 + middle**2)) > left:
-            low = middle
-        else:
-            high = middle
-    return high
+class Weights(NamedTuple):
+    """How k residuals of h lines are weighed, real parts first."""
+
+    heard: NDArray[np.bool_]  # (p, r, f) which lines say something
+    noise: NDArray[np.float64]  # (k,) deviation by noise alone
+    error: ModelError
+    sigma: NDArray[np.float64]  # (k,) deviation
+    magnitude: NDArray[np.float64] | None  # (h,) by which differences are divided; None: logarithms
+
+
+def model_error(
+    r: NDArray[np.float64],
+    noise: NDArray[np.float64],
+    unit: NDArray[np.float64],
+    left: float,
+    significant: float,
+) -> ModelError:
+    """The error of the model for which residuals r (k,) are most likely, with deviations
+    sqrt(noise^2 + (absent unit)^2 + level^2); `unit` (k,) is what a receptance of 1 is of each."""
+    chi = np.sum((r / noise) ** 2) / left
+    if chi <= significant:
+        return ModelError()
+    size = np.sqrt(np.mean(r**2))
+    typical = size / np.sqrt(np.mean(unit**2))
+
+    def unlikely(x: NDArray[np.float64]) -> float:
+        variance = noise**2 + size**2 * np.exp(2 * x[0]) + (typical * unit) ** 2 * np.exp(2 * x[1])
+        return float(np.mean(r**2 / variance + np.log(variance)))
+
+    # both within a factor of a million below what either would have to be alone
+    best = minimize(
+        unlikely, [-0.5, -1.5], method="Nelder-Mead", bounds=[(-14, 3)] * 2,
+        options={"xatol": 0.02, "fatol": 1e-6, "maxiter": 120},
+    )  # fmt: skip
+    level, absent = np.exp(best.x)
+    return ModelError(float(size * level), float(typical * absent))
 
 
 def fit_responses(
@@ -156,9 +197,13 @@ def fit_responses(
     parameters: Sequence[Parameter],
     start: NDArray[np.float64],
     measured: MeasuredResponses,
+    resonances: Resonances | None = None,
     options: FitOptions = FitOptions(),
 ) -> ResponseFit:
     """Least squares from the values `start` (n,), with weights renewed until values rest.
+
+    ln(f / f_measured) of `resonances` are residuals as well, and where damping is free the same of
+    their damping ratios.
 
     Deviations: of noise alone where it explains the residual. Otherwise the model has an error,
     which lines around one resonance share. Then they are those of the weights with noise and level,
@@ -169,6 +214,7 @@ def fit_responses(
     x = np.clip(np.log(start), lower, upper)
     size = np.abs(measured.H)
     floor = np.finfo(float).eps * size.max()
+    s = 2j * np.pi * measured.frequency_hz + model.shift
     n, evaluations, last = len(parameters), 0, {}
 
     def at(x: NDArray[np.float64]):
@@ -184,78 +230,113 @@ def fit_responses(
     def stacked(r: NDArray) -> NDArray[np.float64]:
         return np.concatenate([r.real, r.imag], axis=0)
 
-    level, objective, deviation = np.inf, np.inf, np.full(n, np.inf)
-    for _ in range(options.rounds):
-        # weights of this round: noise over the computed magnitude, which no measured line biases
+    def weights(x: NDArray[np.float64]) -> Weights:
+        """How residuals are weighed next to x; noise is over the computed magnitude, so that no
+        measured line biases its own weight."""
         H = at(x).H
-        relative = np.maximum(measured.noise, floor) / np.maximum(np.abs(H), floor)
+        magnitude = np.maximum(np.abs(H), floor)
+        relative = np.maximum(measured.noise, floor) / magnitude
         heard = (relative < options.faint) & (measured.noise < options.faint * size)
-        noise = np.tile(relative[heard], 2)
+        noise, r = np.tile(relative[heard], 2), stacked(log_ratio(H, measured.H)[heard])
         left = max(noise.size - n, 1)
-        r = stacked(log_ratio(H, measured.H)[heard])
-        level = level_of(r, noise, left, options.significant)
-        sigma = np.sqrt(noise**2 + level**2)
+        unit = np.tile((np.abs(s) ** model.power / magnitude)[heard], 2)
+        error = model_error(r, noise, unit, left, options.significant)
+        if any(error):
+            sigma = np.sqrt(noise**2 + error.level**2 + (error.absent * unit) ** 2)
+            return Weights(heard, noise, error, sigma, None)
+        # noise is what is left: all lines, and ln(H / H_measured) as (H - H_measured) / |H|, of
+        # which noise has no bias; the residual says how large it is better than lines do
+        noise, r = np.tile(relative.ravel(), 2), stacked(((H - measured.H) / magnitude).ravel())
+        noise = noise * np.sqrt(np.mean((r / noise) ** 2))
+        return Weights(np.ones_like(heard), noise, error, noise, magnitude.ravel())
 
-        def residual(x, heard=heard, sigma=sigma):
-            return stacked(log_ratio(at(x).H, measured.H)[heard]) / sigma
+    def residual(x: NDArray[np.float64], weights: Weights) -> NDArray[np.float64]:
+        H, heard = at(x).H, weights.heard
+        if weights.magnitude is None:
+            r = log_ratio(H, measured.H)[heard]
+        else:
+            r = (H - measured.H)[heard] / weights.magnitude
+        e = stacked(r) / weights.sigma
+        if resonances is None:
+            return e
+        return np.append(e, of_resonances(model, parameters, np.exp(x), at(x), resonances)[0])
 
-        def jacobian(x, heard=heard, sigma=sigma):
-            computed = at(x)
-            slopes = (computed.slopes / computed.H)[:, heard]
-            return (np.concatenate([slopes.real, slopes.imag], axis=1) / sigma).T
+    def jacobian(x: NDArray[np.float64], weights: Weights) -> NDArray[np.float64]:
+        computed = at(x)
+        over = computed.H[weights.heard] if weights.magnitude is None else weights.magnitude
+        J = stacked((computed.slopes[:, weights.heard] / over).T) / weights.sigma[:, None]
+        if resonances is None:
+            return J
+        return np.vstack([J, of_resonances(model, parameters, np.exp(x), computed, resonances)[1]])
 
-        if not n:
-            break
+    for _ in range(options.rounds if n else 0):
+        now = weights(x)
         fit = least_squares(
             residual, x, jacobian, bounds=(lower, upper), max_nfev=options.evaluations,
-            xtol=1e-9, ftol=1e-9, gtol=1e-12,
+            args=(now,), xtol=1e-9, ftol=1e-9, gtol=1e-12,
         )  # fmt: skip
         evaluations += fit.nfev
         moved, x = np.abs(fit.x - x), fit.x
-        information = fit.jac.T @ fit.jac
-        deviation = np.sqrt(np.diag(np.linalg.inv(information + prior_information(parameters))))
-        if np.all(moved < options.still * deviation):
+        information = fit.jac.T @ fit.jac + prior_information(parameters)
+        if np.all(moved < options.still * np.sqrt(np.diag(np.linalg.inv(information)))):
             break
 
-    # the level at the values found, and how likely they are
-    H = at(x).H
-    relative = np.maximum(measured.noise, floor) / np.maximum(np.abs(H), floor)
-    heard = (relative < options.faint) & (measured.noise < options.faint * size)
-    noise, r = np.tile(relative[heard], 2), stacked(log_ratio(H, measured.H)[heard])
-    left = max(noise.size - n, 1)
-    level = level_of(r, noise, left, options.significant)
-    if level == 0:  # then the residual says how large the noise is, better than lines do
-        noise = noise * np.sqrt(np.sum((r / noise) ** 2) / left)
-    sigma = np.sqrt(noise**2 + level**2)
-    objective = float(np.sum((r / sigma) ** 2 + 2 * np.log(sigma)))
+    # how likely the values found are, and their deviations
+    now = weights(x)
+    e, error = residual(x, now), now.error
+    objective = float(e @ e + 2 * np.sum(np.log(now.sigma)))
     if not n:
-        return ResponseFit(
-            (), np.zeros(0), *[np.zeros(0)] * 2, np.zeros((0, 0)), level, objective, 0
-        )
-
-    slopes = (at(x).slopes / H)[:, heard]
-    J = np.concatenate([slopes.real, slopes.imag], axis=1).T
-    prior = prior_information(parameters)
-    of_noise = np.linalg.inv((J / noise[:, None]).T @ (J / noise[:, None]) + prior)
+        none = np.zeros(0)
+        return ResponseFit((), none, none, none, np.zeros((0, 0)), error, objective, 0)
+    J, prior = jacobian(x, now), prior_information(parameters)
+    alone = jacobian(x, now._replace(sigma=now.noise))
+    of_noise = np.linalg.inv(alone.T @ alone + prior)
     covariance = of_noise
-    if level > 0:
-        weighted, e = J / sigma[:, None], r / sigma
-        covariance = covariance_of_groups(weighted, e, line_groups(measured, heard), prior)
+    if any(error):
+        group = np.tile(np.broadcast_to(measured.group, size.shape)[now.heard], 2)
+        if resonances is not None:
+            times = (len(e) - len(group)) // len(resonances.group)
+            group = np.append(group, np.tile(resonances.group, times))
+        covariance = covariance_of_groups(J, e, group, prior)
     return ResponseFit(
         tuple(parameters), np.exp(x), np.sqrt(np.diag(covariance)), np.sqrt(np.diag(of_noise)),
-        covariance, level, objective, evaluations,
+        covariance, error, objective, evaluations,
     )  # fmt: skip
+
+
+def of_resonances(
+    model: ResponseModel,
+    parameters: Sequence[Parameter],
+    value: NDArray[np.float64],
+    computed: ComputedResponses,
+    resonances: Resonances,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """ln(f / f_measured) (k,) of resonances, and of damping ratios where damping is free, over
+    their deviations, and slopes to ln(value) (k or 2 k, n); a constant of those that no computed
+    mode is like."""
+    basis, modes = model.basis, computed.modes
+    index = paired(basis.forms, modes, basis.targets[: len(resonances.hz)]).index
+    hz = np.maximum(modes.frequency_hz[index], 1e-3)
+    solid, values = solid_ones(parameters, value)
+    slopes = np.zeros((len(index), len(parameters)))
+    is_solid = [isinstance(p, TuningParameter) for p in parameters]
+    chosen = Modes(np.maximum(modes.omega[index], 1e-3), modes.phi[:, index])
+    slopes[:, is_solid] = sensitivity(basis, solid, values, chosen).reshape(len(index), -1)
+    e, error = np.log(hz / resonances.hz), resonances.error
+    if not all(is_solid):
+        zeta = np.maximum(computed.zeta[index], 1e-9)
+        e = np.append(e, np.log(zeta / resonances.zeta))
+        error = np.append(error, resonances.zeta_error)
+        slopes = np.vstack([slopes, computed.zeta_slopes[:, index].T / zeta[:, None]])
+        index = np.tile(index, 2)
+    slopes[index < 0] = 0.0
+    return np.where(index < 0, UNFITTED, e) / error, slopes / error[:, None]
 
 
 def prior_information(parameters: Sequence[Parameter]) -> NDArray[np.float64]:
     """What bounds say of ln(value): the information (n, n) of an even distribution within them."""
     span = np.array([np.log(p.upper / p.lower) for p in parameters])
     return np.diag(12.0 / span**2)
-
-
-def line_groups(measured: MeasuredResponses, heard: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """The group of each residual, real parts and then imaginary ones."""
-    return np.tile(np.broadcast_to(measured.group, heard.shape)[heard], 2)
 
 
 def covariance_of_groups(
@@ -273,8 +354,8 @@ def covariance_of_groups(
         return simple
     shifts = []
     for g in groups:
-        own = group == g
-        shifts.append(np.linalg.solve(A - J[own].T @ J[own], J[own].T @ e[own]))
+        members = group == g
+        shifts.append(np.linalg.solve(A - J[members].T @ J[members], J[members].T @ e[members]))
     shifts = np.array(shifts) - np.mean(shifts, axis=0)
     widened = stdtrit(G - 1, 0.975) / 1.96
     jackknife = (G - 1) / G * shifts.T @ shifts * widened**2

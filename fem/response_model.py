@@ -83,6 +83,7 @@ class ComputedResponses(NamedTuple):
     slopes: NDArray[np.complex128] | None  # (n, p, r, f) dH / d ln(value)
     modes: Modes  # of the undamped projection
     zeta: NDArray[np.float64]  # (m,) damping ratios, dashpots to first order
+    zeta_slopes: NDArray[np.float64] | None  # (n, m) d zeta / d ln(value)
 
 
 def with_dampings(
@@ -116,12 +117,14 @@ def members(model: ResponseModel, part: str) -> tuple[NDArray[np.bool_], list[st
     """Which springs of joints (s,), and which bodies, are of a part: "materials.steel",
     "joints.bolts" or "springs.cord"."""
     kind, _, name = part.partition(".")
-    springs = np.array([one.rpartition(".")[0] == name for one in model.basis.spring], bool)
+    springs = np.array([spring.rpartition(".")[0] == name for spring in model.basis.spring], bool)
     between = [body for body in model.basis.forms if body.startswith(SPRINGS)]
     bodies = {
         "joints": [],
         "materials": [body for body, made_of in model.damping.material.items() if made_of == name],
-        "springs": [one for one in between if one[len(SPRINGS) :].rpartition(".")[0] == name],
+        "springs": [
+            spring for spring in between if spring[len(SPRINGS) :].rpartition(".")[0] == name
+        ],
     }[kind]
     return springs & (kind == "joints"), bodies
 
@@ -145,8 +148,8 @@ def part_stiffness(
 def part_slope(model: ResponseModel, part: str, p: TuningParameter) -> NDArray[np.float64]:
     """dK_j / d value (m, m) of a part by a parameter, of which it may have none."""
     basis, (springs, bodies) = model.basis, members(model, part)
-    own = basis.elongation[springs & np.isin(basis.spring, p.springs)]
-    slope = own.T @ own
+    elongations = basis.elongation[springs & np.isin(basis.spring, p.springs)]
+    slope = elongations.T @ elongations
     for body in p.bodies if p.of == "young" else ():
         if body in bodies:
             slope = slope + basis.forms[body].K
@@ -165,8 +168,8 @@ def response_model(
     points, references = (np.asarray(one.reading) for one in basis.targets[-2:])
     rows = {}
     for name in damping.dashpot:
-        own = np.array([one == name for one in basis.spring], bool)
-        rows[name] = basis.elongation[own]
+        beside = np.array([spring == name for spring in basis.spring], bool)
+        rows[name] = basis.elongation[beside]
         if (between := f"{SPRINGS}{name}") in basis.forms:
             # their form is k times the sum of squares of elongations, which are its roots
             square, directions = np.linalg.eigh(basis.forms[between].K / (stiffness or {})[name])
@@ -231,7 +234,7 @@ def computed_responses(
     of_dashpots = sum((np.sum(row**2, axis=0) for row in active), np.zeros(len(omega)))
     ratios = (c + of_dashpots) / (2 * root)
     if not slopes:
-        return ComputedResponses(H, None, modes, ratios)
+        return ComputedResponses(H, None, modes, ratios, None)
 
     apart = np.subtract.outer(lam, lam)
     close = np.abs(apart) < CLOSE * lam[-1]
@@ -248,7 +251,9 @@ def computed_responses(
         """A (m, m) u_r, (m, f, r), by real products."""
         return (A @ flat.view(float)).view(complex).reshape(u_r.shape)
 
+    C_dashpots = sum((row.T @ row for row in active), np.zeros_like(G))
     result = np.empty((len(parameters), *H.shape), complex)
+    zeta_slopes = np.empty((len(parameters), len(omega)))
     for j, (p, x) in enumerate(zip(parameters, value, strict=True)):
         # dZ / d ln(value) = dK + s^2 dM + s dC in the modes
         dK, dM = np.zeros_like(G), np.zeros_like(G)
@@ -264,9 +269,8 @@ def computed_responses(
             d_lam = np.diag(dK) - lam * np.diag(dM)
             d_root = d_lam / (2 * root)
             dc = 2 * zeta * d_root + damping.beta * d_lam
-            if damping.loss:
-                # B_lk = dK_lk - lam_k dM_lk; d phi_k = sum_l phi_l B_lk / (lam_k - lam_l) - ...
-                mixed = (dK - dM * lam).T * slope_of  # [k, l]
+            # d phi_k = sum_l phi_l (dK_lk - lam_k dM_lk) / (lam_k - lam_l) - phi_k dM_kk / 2
+            mixed = (dK - dM * lam).T * slope_of  # [k, l]
             for part, eta in damping.loss.items():
                 S = strain[part]
                 dE = x * np.sum(phi * (part_slope(model, part, p) @ phi), axis=0)
@@ -274,8 +278,11 @@ def computed_responses(
                 dc = dc + eta * (dE / root - np.diag(S) * d_root / root**2)
             dC = G * dK + (c - lam * G) * dM
             np.fill_diagonal(dC, dc + c * np.diag(dM))
+            of_shapes = 2 * np.sum(C_dashpots * mixed, axis=1) - np.diag(C_dashpots) * np.diag(dM)
+            zeta_slopes[j] = (dc + of_shapes) / (2 * root) - ratios * d_root / root
         elif p.kind == "dashpot":
             dC = x * (rows[str(p.key)].T @ rows[str(p.key)])
+            zeta_slopes[j] = np.diag(dC) / (2 * root)
         else:
             by_mode = lam if p.kind == "beta" else np.ones(len(omega))  # of alpha
             if p.kind == "ratio":
@@ -283,10 +290,11 @@ def computed_responses(
             elif p.kind == "loss":
                 by_mode = np.diag(strain[str(p.key)]) / root
             dC = np.diag(x * by_mode)
+            zeta_slopes[j] = x * by_mode / (2 * root)
         image = s[:, None] * product(dC)
         if dK.any():
             image = image + product(dK)
         if dM.any():
             image = image + (s**2)[:, None] * product(dM)
         result[j] = -np.matmul(u_p, image.transpose(1, 0, 2)).transpose(1, 2, 0) * scale
-    return ComputedResponses(H, result, modes, ratios)
+    return ComputedResponses(H, result, modes, ratios, zeta_slopes)

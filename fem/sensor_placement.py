@@ -53,10 +53,10 @@ def outside(model: Model, options: Spread = Spread()) -> Candidates:
     usable, length = along.any(axis=1), np.zeros(len(outer.points))
     np.maximum.at(length, outer.faces.ravel(), np.repeat(edge, outer.faces.shape[1]))
     for body in np.unique(outer.body):
-        own = outer.body == body
-        if not own.all():
-            distance = cKDTree(outer.points[~own]).query(outer.points[own])[0]
-            usable[own] &= distance > options.apart * length[own]
+        on_body = outer.body == body
+        if not on_body.all():
+            distance = cKDTree(outer.points[~on_body]).query(outer.points[on_body])[0]
+            usable[on_body] &= distance > options.apart * length[on_body]
     nodes = np.flatnonzero(usable)
     if not len(nodes):
         raise ValueError("no face of the outside looks along x, y or z; name points by hand")

@@ -116,9 +116,11 @@ def missed_in_dents(
     sec. 3.4 to 3.6 and 5.3).
     """
     missed = np.zeros((u.shape[1], u.shape[1]))
-    for one in model.structure.springs:
-        F = one.stiffness * (one.B @ (model.T @ u))
-        c = [sum(d.per_length * _softness(materials[d.body]) for d in ends) for ends in one.dents]
+    for spring in model.structure.springs:
+        F = spring.stiffness * (spring.B @ (model.T @ u))
+        c = [
+            sum(d.per_length * _softness(materials[d.body]) for d in ends) for ends in spring.dents
+        ]
         missed += (F.T * np.array(c)) @ F
     return missed
 

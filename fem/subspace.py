@@ -107,8 +107,8 @@ def subspace_modes(
             f"{shortest} samples a block at {1 / dt:.4g} Hz; {4 * s} are needed: record longer, or "
             "identify from a higher frequency on"
         )
-    each = np.array([correlations(y, 2 * s) for y in records])
-    mean, n = each.mean(axis=0), len(each)
+    lags = np.array([correlations(y, 2 * s) for y in records])
+    mean, n = lags.mean(axis=0), len(lags)
 
     # poles that recur over orders, and in every other block
     orders = range(4, min(options.largest_order, (s - 1) * m) + 1, 2)
@@ -125,7 +125,7 @@ def subspace_modes(
     halves = []
     if n > 3:
         halves = [
-            stable_poles(subspace_poles(each[h::2].mean(axis=0), dt, orders), stability)
+            stable_poles(subspace_poles(lags[h::2].mean(axis=0), dt, orders), stability)
             for h in (0, 1)
         ]
     chosen: list[tuple[int, StablePole]] = []
@@ -176,7 +176,7 @@ def subspace_modes(
     deleted = np.full((n, len(poles)), np.nan, complex)
     deleted_phi = np.full((n, *phi.shape), np.nan, complex)
     for b in range(n if n > 1 else 0):
-        rest = (n * mean - each[b]) / (n - 1)
+        rest = (n * mean - lags[b]) / (n - 1)
         by_order = {o: (p, L) for o, p, L in subspace_poles(rest, dt, tuple({*own_order}))}
         for i, order in enumerate(own_order):
             some, L = by_order[order]

@@ -110,7 +110,7 @@ def tuning_basis(
     K = model._replace(stiffness=settings.soft * unit_stiffness).K
     pulls = np.zeros((K.shape[0], len(model.elongation)))
     pulls[model.elongation, range(len(model.elongation))] = 1.0
-    of_points = [(one.B @ model.T).toarray().T for one in model.structure.springs]
+    of_points = [(spring.B @ model.T).toarray().T for spring in model.structure.springs]
     pulls = np.hstack([pulls, *of_points, *([] if loads is None else [loads.toarray().T])])
     # of a structure that floats K is singular: shifted by its inertia, without the rigid motions R
     R = soft.phi[:, soft.omega < RIGID * soft.omega.max()]
@@ -123,8 +123,8 @@ def tuning_basis(
     # masses that faces carry: bodies that nothing strains
     u, m = model.T @ V, V.shape[1]
     of_carried = {
-        f"{CARRIED}{one.name}": BodyForms(np.zeros((m, m)), u.T @ (one.M @ u), np.zeros((6, m)))
-        for one in model.structure.carried
+        f"{CARRIED}{mass.name}": BodyForms(np.zeros((m, m)), u.T @ (mass.M @ u), np.zeros((6, m)))
+        for mass in model.structure.carried
     }
     return TuningBasis(
         V.T @ (model.K0 @ V),

@@ -46,5 +46,5 @@ def own_face_triangles(own: OwnMesh) -> dict[str, dict[int, NDArray[np.float64]]
         at = np.arange(n * width).reshape(n, width)
         corners = skin.corners.reshape(-1, 3)[at if width == 3 else triangles(at)]
         tag = skin.tag if width == 3 else np.tile(skin.tag, 2)
-        corners_of[name] = {int(one): corners[tag == one] for one in np.unique(tag)}
+        corners_of[name] = {int(label): corners[tag == label] for label in np.unique(tag)}
     return corners_of

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from spatial_contact import last, plain_march, random_wall, row
+from spatial_contact import last, random_wall, row
 
 import dem
 from coupling.shaken_march import march_shaken
@@ -10,6 +10,7 @@ from coupling.spatial_march import ShakerForces, body_of
 from coupling.spatial_wall import spatial_wall_of_modes
 from dem.checks import InvalidChain
 from dem.friction import loop_amplitude, loop_energy
+from workflows.evidence.verify.coupled_directions import Bristles, ShakenStart, plain_march
 
 
 def shaken(seed, *, force, frequency, preload, arm=None, n_modes=4, n=1, error=1e-4, **run):
@@ -50,8 +51,9 @@ def test_a_plain_integrator_goes_round_in_the_cycle(force, S):
         body_of(chain, wall, [0.0], body, shakers), [0.0], duration=1e-5, n_save=2, error=1e-4
     ).before
     y, history = plain_march(
-        chain, wall, [0.0], body, duration=1e-3, dt=1e-6, deepest=2.5e-6, begin=before.moving,
-        shaker=(force, 2 * np.pi * 1000.0, 0.4), n_bristles=600,
+        chain, wall, [0.0], body, duration=1e-3, dt=1e-6,
+        bristles=Bristles(2.5e-6, 600),
+        shaken=ShakenStart(before.moving, force, 2 * np.pi * 1000.0, 0.4),
     )  # fmt: skip
     T, slip = history[:, 1:3], history[:, 3:]
     mine = before.cycle.friction_force

@@ -3,7 +3,7 @@ from the formulas, limits that are known, energy, symmetries."""
 
 import numpy as np
 import pytest
-from spatial_contact import MU, NU, E, R, last, plain_march, random_wall, row
+from spatial_contact import MU, NU, E, R, last, random_wall, row
 
 import dem
 from coupling.errors import CouplingError
@@ -15,6 +15,7 @@ from coupling.spatial_wall import (
 )
 from dem.checks import InvalidChain
 from dem.lateral import march_lateral
+from workflows.evidence.verify.coupled_directions import Bristles, plain_march
 
 OBLIQUE = {
     "coupled modes": (1, {}, {}, 0.0),
@@ -37,7 +38,7 @@ def test_an_oblique_impact_on_coupled_modes_is_that_of_a_plain_integrator(name):
     body = last(chain, (0.06, 0.05), **arm)
     run = march_space(chain, wall, [0.1], body, duration=1.5e-4, error=1e-5, n_save=100)
     y, _ = plain_march(
-        chain, wall, [0.1], body, duration=1.5e-4, dt=1e-7, deepest=5e-6, n_bristles=600
+        chain, wall, [0.1], body, duration=1.5e-4, dt=1e-7, bristles=Bristles(5e-6, 600)
     )
     assert run.trajectory.v[-1, 0] == pytest.approx(y[1][0], abs=3e-6)
     np.testing.assert_allclose(run.lateral.sphere_t_v[-1], y[3], atol=3e-6)

@@ -15,7 +15,7 @@ import dem
 from workflows.commands.app import main
 from workflows.evidence.accuracy import chain_length, curves, folder, parts, peers, runs, time
 from workflows.evidence.accuracy.batch import population, step_of_median
-from workflows.evidence.accuracy.cost import timed
+from workflows.evidence.accuracy.cost import least_seconds, timed
 from workflows.evidence.accuracy.curves import ratios, seconds_at
 from workflows.evidence.accuracy.growth import growth_exponent, line
 from workflows.evidence.accuracy.problems import lengthened, modal_wall, problem
@@ -137,6 +137,14 @@ def test_the_first_call_does_not_count_as_warm():
     calls = iter([0.02, 0.0, 0.0])
     run = timed(lambda: __import__("time").sleep(next(calls, 0.0)), repeats=2)
     assert run.cold.clock > 0.015 > run.warm.clock
+
+
+def test_a_slow_first_call_is_its_own_warm_time_and_calls_take_turns():
+    order = []
+    run = timed(lambda: order.append("slow"), slow=0.0)
+    assert order == ["slow"] and run.warm == run.cold
+    seconds = least_seconds((lambda: order.append("a"), lambda: order.append("b")), repeats=2)
+    assert order[1:] == ["a", "b", "a", "b"] and len(seconds) == 2
 
 
 @pytest.mark.slow

@@ -12,10 +12,10 @@ from jinja2 import UndefinedError
 import beadwave
 import workflows.evidence
 from dem.waves.measures import exponent
-from workflows.evidence import catalogue, counted, prose
+from workflows.evidence import catalogue, study
 from workflows.evidence.accuracy import batch, cost, peers, runs, time, wall_modes
 from workflows.evidence.accuracy.row import AccuracyRow
-from workflows.evidence.prose import rendered
+from workflows.evidence.study import rendered
 from workflows.files.scene import scene
 from workflows.report.finding import Finding
 from workflows.report.tables import Table, as_csv, records, short, text
@@ -72,14 +72,14 @@ def test_a_template_says_paragraphs_and_refuses_a_number_that_nobody_computed(tm
 @pytest.mark.parametrize(
     ("written", "words"),
     [
-        (prose.places(-1e-9, 2), "0.00"),
-        (prose.places(float("nan"), 2), "-"),
-        (prose.percent(0.1234, 1), "12.3 %"),
-        (prose.between([0.25, 0.1, 0.2], 1), "0.1 to 0.2"),
-        (prose.between([0.1, 0.101], 1), "0.1"),
-        (prose.listed([1, 2, 3]), "1, 2 and 3"),
-        (prose.listed(["one"]), "one"),
-        (prose.verdict(None), "cannot be judged"),
+        (study.places(-1e-9, 2), "0.00"),
+        (study.places(float("nan"), 2), "-"),
+        (study.percent(0.1234, 1), "12.3 %"),
+        (study.between([0.25, 0.1, 0.2], 1), "0.1 to 0.2"),
+        (study.between([0.1, 0.101], 1), "0.1"),
+        (study.listed([1, 2, 3]), "1, 2 and 3"),
+        (study.listed(["one"]), "one"),
+        (study.verdict(None), "cannot be judged"),
     ],
 )
 def test_numbers_are_written_in_one_form(written, words):
@@ -187,7 +187,7 @@ def test_what_takes_minutes_is_left_out_by_default_named_and_brought_by_thorough
 
 def test_from_the_second_piece_on_a_study_says_how_many_are_left_and_how_long(monkeypatch):
     clock = iter((0.0, 10.0, 16.0))
-    monkeypatch.setattr(counted, "perf_counter", lambda: next(clock))
+    monkeypatch.setattr(study, "perf_counter", lambda: next(clock))
     shown, worked = [], []
 
     @contextmanager
@@ -196,7 +196,7 @@ def test_from_the_second_piece_on_a_study_says_how_many_are_left_and_how_long(mo
         yield
         worked.append(name)
 
-    for piece in counted.counted((1, 2, 3), progress, "{} mm".format):
+    for piece in study.counted((1, 2, 3), progress, "{} mm".format):
         assert len(shown) == piece == len(worked) + 1  # the stage runs while the piece is worked on
     assert shown == worked == [
         "1 mm", "2 mm (2 of 3, about 20 s left)", "3 mm (3 of 3, about 8 s left)",

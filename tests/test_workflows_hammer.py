@@ -1,5 +1,7 @@
 """A hammer-test file in, frequencies and damping out, a tuned scene at the end; data synthetic."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.io import savemat, wavfile
@@ -11,7 +13,13 @@ from fem.hit_records import records_of_data_sets
 from fem.hits import FrequencyResponses
 from fem.poly_reference import IdentifiedModes
 from fem.synthetic_hits import HammerDefects, synthetic_hits
-from workflows.files.hammer import MeasuredTest, measured_test, write_modes, write_synthetic
+from workflows.files.hammer import (
+    MeasuredTest,
+    measured_test,
+    points_and_directions,
+    write_modes,
+    write_synthetic,
+)
 from workflows.files.output_file import OutputFile
 from workflows.files.scene import scene
 from workflows.files.shapes import measured_shape
@@ -402,3 +410,32 @@ def test_ambient_records_are_identified_without_a_force(tmp_path):
     np.testing.assert_allclose([row.frequency_hz for row in test.report.rows], F, rtol=0.01)
     assert [step.step for step in test.report.steps][-1] == "subspace identification"
     assert {"hammer", "synthesis", "automac"} <= {picture.name for picture in pictures(test)}
+
+
+def test_points_in_millimetres_are_those_in_metres_where_the_header_says_so(tmp_path):
+    (tmp_path / "m.csv").write_text("node,x,y,z,direction\n1,0.16,-0.015,0.04,-y\n2,0,0,1,\n")
+    (tmp_path / "mm.csv").write_text(
+        "node,x [mm],y [mm],z [mm],direction\n1,160,-15,40,-y\n2,0,0,1000,\n"
+    )
+    (one, signs), (other, others) = (
+        points_and_directions(tmp_path / f"{u}.csv") for u in ("m", "mm")
+    )
+    assert signs == others and one.keys() == other.keys() == {1, 2}
+    for node in one:
+        np.testing.assert_allclose(other[node], one[node], rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("1,0.1,0.2,0.3\n2,0.1,0.2,0.4\n", "its first line holds numbers, not names of columns"),
+        ("node,z,y,x\n1,0.1,0.2,0.3\n", "its columns are node, z, y, x"),
+        ("node,x [in],y,z\n1,0.1,0.2,0.3\n", "the units in, not m or mm"),
+        ("node,x [m],y [mm],z\n1,0.1,0.2,0.3\n", "the units m, mm, not m or mm"),
+        ("node,x,y,z\n1,0.1,0.2,0.3\n1,0.1,0.2,0.4\n", "node 1 stands in two lines"),
+    ],
+)
+def test_points_that_can_be_misread_are_refused(text, words, tmp_path):
+    (tmp_path / "points.csv").write_text(text)
+    with pytest.raises(InvalidScene, match=re.escape(words)):
+        points_and_directions(tmp_path / "points.csv")

@@ -38,13 +38,9 @@ HEAVIER = {"masses.sensor.mass": 0.072, "masses.sensor.inertia": [4.8e-6] * 3}
 
 
 @pytest.fixture(scope="module", autouse=True)
-def folder(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        path = tmp_path_factory.mktemp("masses")
-        monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(path / "cache"))
-        monkeypatch.chdir(path)
-        (path / "bar.toml").write_text(BAR)
-        yield path
+def folder(module_folder):
+    (module_folder / "bar.toml").write_text(BAR)
+    return module_folder
 
 
 def pipeline(changes=()):
@@ -94,6 +90,7 @@ REFUSED = {
         {"at": [0.008, 0.0]}
     ],
     "is that of no body": [{"inertia": [1e-6, 1e-6, 3e-6]}],
+    "has a radius of gyration of 6.32 m, allowed are 2 m": [{"inertia": [0.4, 0.4, 0.3]}],
     "masses.a.mass = -1.0 must be greater than 0": [{"mass": -1.0}],
 }
 
@@ -119,6 +116,8 @@ def test_an_input_deck_without_the_masses_is_refused(folder):
 
 def test_look_lists_what_faces_carry():
     assert re.search(r"sensor +bar:\+x +0\.06", str(beadwave.look("bar.toml")))
+    report = beadwave.look("bar.toml", {"masses.sensor.mass": 60.0}).found
+    assert re.match(r"sensor of 60 kg is heavier than bar, 0\.\d+ kg", report.remarks[-1])
 
 
 def test_a_mass_on_a_held_face_is_refused():

@@ -12,6 +12,7 @@ from workflows.scene.size import (
     peak_memory,
     too_large_mesh,
 )
+from workflows.stages.assembly import mesh
 
 GB = 1e9
 
@@ -130,3 +131,21 @@ def test_a_container_limit_counts_and_its_cached_files_do_not(tmp_path):
 
 def test_free_memory_is_less_than_the_machine_has():
     assert 0 < memory.free_memory() < 1e15
+
+
+@pytest.mark.parametrize(
+    ("seed", "holes"),
+    [
+        ("10 mm", {"diameter": "8 mm", "at": [[0.02, 0.0], [-0.02, 0.0], [0.0, 0.02]]}),
+        ("6 mm", {"diameter": "5 mm", "around": [[0.0, 0.0]]}),
+        ("6 mm", {"diameter": "5 mm", "around": [[0.0, 0.0]], "depth": "12 mm"}),
+    ],
+)
+def test_nodes_around_holes_are_foreseen(seed, holes):
+    """Holes have up to six times the nodes of the rest; measured from -4 to +47 %."""
+    bodies = {"disc": {"cylinder": {"radius": 0.04, "length": 0.02}, "holes": holes, "seed": seed}}
+    assembly = {"held": ["disc:-z"], "material": "steel"}
+    drilled = scene({"assembly": assembly, "bodies": bodies, "mesh": {"element": "tet"}})
+    (made,) = mesh(drilled.written_out).nodes.values()
+    (foreseen,) = foreseen_nodes(drilled).values()
+    assert 0.8 * made < foreseen < 1.6 * made

@@ -51,13 +51,9 @@ DASHPOTS = {"springs.cord.cx": 3.0, "springs.cord.cy": 2.0, "springs.cord.cz": 8
 
 
 @pytest.fixture(scope="module", autouse=True)
-def folder(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        path = tmp_path_factory.mktemp("springs")
-        monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(path / "cache"))
-        monkeypatch.chdir(path)
-        (path / "box.toml").write_text(BOX)
-        yield path
+def folder(module_folder):
+    (module_folder / "box.toml").write_text(BOX)
+    return module_folder
 
 
 def pipeline(changes=(), name="box.toml"):
@@ -342,6 +338,16 @@ def test_modes_whose_errors_arise_at_one_place_share_a_sentence():
     text = table.model_copy(update={"rows": rows}).text()
     assert f"Mode {worst.number}: why 9.0 The smaller error of mode {other.number} arises" in text
     assert f"Mode {elsewhere.number}: why 7.0" in text and "why 6.0" not in text
+
+
+def test_tune_says_which_modes_numbers_of_targets_are_on_springs():
+    """Six modes hang on the cords: number 1 is mode 7."""
+    hz = pipeline()("modes").omega[6] / (2 * np.pi)
+    match = f"1={1.002 * hz:.6g}"
+    remarks = beadwave.tune(
+        "box.toml", match=match, free="materials.steel.young", out=None
+    ).report.remarks
+    assert remarks[0].endswith("not rigid motions, free or on springs: 1 is mode 7.")
 
 
 CORNERS = [

@@ -123,7 +123,8 @@ def hammer(
     json="{match, modes_hz, full_order_hz, stiffness, undetermined, mac, ...}; of --rank "
     "{parameters: [{name, frequency, rank, gain, condition, deviation}], onsets, determined, ...}; "
     "of --posterior {parameters: [{name, median, low, high, says}], lobes, log_evidence, ...}; "
-    "of --damping {factors: [{name, value, deviation, says}], modes, ...}",
+    "of --damping {factors: [{name, value, deviation, says}], modes, ...}; of --frf {values: "
+    "[{name, value, low, high}], resonances, before, after, ...}",
     out=Word("the tuned scene; default NAME-tuned.toml"),
 )
 def tune_joints(
@@ -152,6 +153,29 @@ def tune_joints(
             "targets, and nothing else.",
         ),
     ] = False,
+    frf: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Fit to the responses of a hammer test themselves, magnitude and phase, and to "
+            "their resonances: .uff, .csv, .mat or .wav, responses or hits. --match then numbers "
+            "resonances from the lowest; --free may name damping.ratio, damping.joints.NAME, "
+            "joints.NAME.cz, ... as well.",
+        ),
+    ] = None,
+    points: Annotated[
+        Path | None,
+        typer.Option(help="Of --frf, points of the nodes: .csv (node, x, y, z in m) or .uff."),
+    ] = None,
+    band: Annotated[
+        str | None,
+        typer.Option(metavar="FROM:TO", help="Of --frf, frequencies to fit in [Hz], as 40:950."),
+    ] = None,
+    pictures: Annotated[
+        Path | None,
+        typer.Option(
+            help="Of --frf, a folder for the picture of responses, measured, before and after."
+        ),
+    ] = None,
     bounds: Annotated[
         str | None,
         typer.Option(help="Of --posterior, ends of log-uniform priors: joints.cover.kz=1e6:1e9."),
@@ -164,10 +188,25 @@ def tune_joints(
     from workflows.scene import InvalidScene
     from workflows.structure import api
 
-    if rank + posterior + damping > 1:
-        raise InvalidScene("--rank, --posterior and --damping are different answers; keep one.")
+    if rank + posterior + damping + bool(frf) > 1:
+        raise InvalidScene(
+            "--rank, --posterior, --damping and --frf are different answers; keep one."
+        )
+    of_frf = {"--points": points, "--band": band, "--pictures": pictures}
+    if not frf and (alone := [name for name, value in of_frf.items() if value is not None]):
+        raise InvalidScene(f"{alone[0]} is an option of --frf; add it, or drop {alone[0]}.")
     if not posterior and (bounds is not None or seed is not None):
         raise InvalidScene("--bounds and --seed are those of --posterior; add it, or drop them.")
+    if frf:
+        if "hammer" in call.given:
+            raise InvalidScene("--hammer and --frf both name a test; keep one.")
+        call.function = api.tune_to_responses
+        call.given.setdefault("out", api.USUAL)
+        result = call(files=frf, points=points, band=band, pictures=pictures)
+        print_report(result.report, call.json, call.quiet)
+        files = [str(result.file), *([f"{pictures}/figures/responses.png"] if pictures else [])]
+        print_lines(f"written: {', '.join(files)}", json=call.json, quiet=call.quiet)
+        return
     if damping:
         if call.given.keys() & {"match", "free"}:
             raise InvalidScene("--damping takes all targets with zeta; drop --match and --free.")

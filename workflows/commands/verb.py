@@ -87,7 +87,9 @@ class Verb:
             for one in signature(function).parameters.values()
             if one.name in known
         }
-        own = {one.name: one for one in [*signature(self.command).parameters.values()][1:]}
+        own_parameters = {
+            one.name: one for one in [*signature(self.command).parameters.values()][1:]
+        }
         printing = {
             "quiet": Parameter("quiet", Parameter.KEYWORD_ONLY, annotation=Quiet, default=False),
             "json": Parameter(
@@ -97,14 +99,14 @@ class Verb:
         last = {name: of_function.pop(name) for name in LAST if name in of_function}
 
         def run(**given: Any) -> None:
-            of_command = {name: given.pop(name) for name in own}
+            of_command = {name: given.pop(name) for name in own_parameters}
             # what was not typed is the function's default
             typed = {name: value for name, value in given.items() if value is not None}
             subject = next((given[one] for one in of_function), None)
             self.command(Call(f"{name} {subject}", function, typed), **of_command)
 
         run.__doc__ = self.__doc__
-        parameters = of_function | own | last | printing
+        parameters = of_function | own_parameters | last | printing
         run.__signature__ = Signature(  # type: ignore[attr-defined]
             [one.replace(kind=Parameter.KEYWORD_ONLY) for one in parameters.values()]
         )

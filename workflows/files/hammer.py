@@ -2,7 +2,7 @@
 content is in `fem.hammer_files` and `fem.hit_records`."""
 
 from pathlib import Path
-from re import sub
+from re import findall, sub
 from typing import NamedTuple
 from warnings import catch_warnings, simplefilter
 
@@ -40,6 +40,7 @@ from workflows.scene import InvalidScene
 from workflows.scene.named_files import require_file
 
 HAMMER = "give a hammer test as .csv, .uff, .mat or .wav"
+METRES = {"m": 1.0, "mm": 1e-3}  # in a header of points
 CSV = (
     "a CSV needs frequency_hz, re_1, im_1, ... or time [s], force [N], response 1 [m/s^2], ... in "
     "its header line and numbers below"
@@ -218,8 +219,8 @@ def content_of(
 
 
 def points_of_file(path: Path) -> dict[int, NDArray[np.float64]]:
-    """Points [m] of nodes by number, of a .csv with node, x, y, z below a header line or a .uff;
-    raises InvalidScene where it has none."""
+    """Points [m] of nodes by number, of a .csv with node, x, y, z below a header line, which may
+    name the unit, x [mm], or of a .uff; raises InvalidScene where it has none."""
     return points_and_directions(path)[0]
 
 
@@ -235,12 +236,25 @@ def points_and_directions(
             points = points_of_nodes(data_sets(path, *POINTS, UNITS))
         else:
             points = {}
-            _, *lines = path.read_text(encoding="utf-8-sig").splitlines() or [""]
+            head, *lines = path.read_text(encoding="utf-8-sig").splitlines() or [""]
+            names = [cell.partition("[")[0].strip().lower() for cell in head.split(",")]
+            if names[0].isdigit():
+                raise ValueError("its first line holds numbers, not names of columns")
+            if {"x", "y", "z"} <= set(names) and names[1:4] != ["x", "y", "z"]:
+                raise ValueError(f"its columns are {', '.join(names)}")
+            units = set(findall(r"\[(.*?)\]", head)) or {"m"}
+            if len(units) > 1 or not units <= METRES.keys():
+                raise ValueError(
+                    f"its header has the units {', '.join(sorted(units))}, not m or mm"
+                )
+            metres = METRES[units.pop()]
             for line in filter(str.strip, lines):
                 node, *cells = line.split(",")
                 if len(cells) not in (3, 4):
                     raise ValueError(f"{line[:40]!r} is not node, x, y, z")
-                points[int(node)] = np.array([float(cell) for cell in cells[:3]])
+                if int(node) in points:
+                    raise ValueError(f"node {int(node)} stands in two lines")
+                points[int(node)] = metres * np.array([float(cell) for cell in cells[:3]])
                 if len(cells) == 4 and cells[3].strip():
                     directions[int(node)] = direction_named(cells[3])
             if not np.isfinite(list(points.values())).all():
@@ -250,7 +264,7 @@ def points_and_directions(
     except (Unreadable, ValueError, KeyError, IndexError) as error:
         raise InvalidScene(
             f"--points {path} holds no points that can be read ({str(error).rstrip('.')}); give "
-            "node, x, y, z in metres below a header line, or data set 15 or 2411."
+            "node, x, y, z in m below a header line (or mm, by x [mm]), or data set 15 or 2411."
         ) from None
     return points, directions
 
@@ -322,8 +336,8 @@ def write_modes(
                 )
             )  # fmt: skip
     file = library.UFF(str(path))
-    for i, one in enumerate(sets):
-        file.write_sets(one, mode="add" if i else "overwrite")
+    for i, response in enumerate(sets):
+        file.write_sets(response, mode="add" if i else "overwrite")
 
 
 def write_synthetic(file: OutputFile, test: Responses) -> None:

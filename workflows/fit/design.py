@@ -244,9 +244,6 @@ def _with_values(values: dict[str, Any]) -> str:
     return f" with {text}" if text else ""
 
 
-INSTANTS = 80  # record lengths at which bars are computed
-
-
 def foreseen(
     forward: StructureForward,
     unknowns: Unknowns,
@@ -283,7 +280,8 @@ def foreseen(
     B = np.zeros((p, p))
     B[:n, :n] = bounds_information(unknowns.parameters)
 
-    ends = np.unique(np.linspace(len(t) / INSTANTS, len(t), INSTANTS).astype(int))
+    n_lengths = 80  # record lengths at which bars are computed
+    ends = np.unique(np.linspace(len(t) / n_lengths, len(t), n_lengths).astype(int))
     causes = {cause: np.zeros((m, n)) for cause in (NOISE, *by_cause)}
     records = np.zeros((m, n))
     for i in range(m):

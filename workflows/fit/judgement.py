@@ -186,7 +186,6 @@ def on_posterior(posterior: Posterior, fit: CalibrationResult, *, seed: int, sec
 
 AT_BOUND = "at its bound"
 UNEXPLAINED = "not explained"
-INSTANTS = 60  # record lengths for which bars are computed
 
 
 class InspectionLimits(NamedTuple):
@@ -264,7 +263,8 @@ class Judged(NamedTuple):
         """Times (k,) [s] since the first touch, and the bars (k, p) of records that end there."""
         inversion, t = self.inversion, self.fit.shots[0].t
         k = len(t)
-        ends = np.unique(np.linspace(k / INSTANTS, k, INSTANTS).astype(int))
+        n_lengths = 60  # record lengths for which bars are computed
+        ends = np.unique(np.linspace(k / n_lengths, k, n_lengths).astype(int))
         bars = bars_over_time(inversion.slopes, bounds_information(inversion.parameters), ends)
         return t[ends - 1] - self._touch, bars * scales(inversion.parameters)
 

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 OF_WALL = ("frequency", "mass", "damping")
 UNIFORM = 12.0  # the variance of a uniform distribution is its width squared over this
-TRIGGER_REACH = 1e-4  # [s] bounds of a trigger to either side of its estimate
 # > 0, varied by factors
 RATIOS = (
     "contact",
@@ -58,7 +57,8 @@ class Parameter(NamedTuple):
 
 def trigger(name: str, estimate: float) -> Parameter:
     """The first touch on a record's clock, about its estimate [s]."""
-    low, high = estimate - TRIGGER_REACH, estimate + TRIGGER_REACH
+    reach = 1e-4  # [s] bounds of a trigger to either side of its estimate
+    low, high = estimate - reach, estimate + reach
     # 3e-6 s: a change of a trigger that counts as large
     return Parameter(name, "trigger", estimate, low, high, 3e-6, "s")
 

@@ -48,7 +48,6 @@ RATIO_START = 0.01  # where the scene has none
 
 # what --bounds may say at most
 SMALLEST = 1e-3  # of the start, of a parameter that is varied by factors; its inverse the largest
-LATEST = 1e-2  # [s] of the trigger to either side of the estimate
 NAMES = (
     "contacts", "contact.N", "contact.stiffness",
     *(f"contact.{parameter}" for parameter in SHAPE_PARAMETERS),
@@ -105,12 +104,13 @@ def parameters(
     if unknown:
         raise InvalidScene(f"--bounds {unknown[0]} is not among the free parameters; free it.")
 
+    latest = 1e-2  # [s] of the trigger to either side of the estimate
     # the bounds that are given: around the start, within what a parameter may be at all
     for i, p in enumerate(free):
         if p.kind in RATIOS:
             smallest, largest = SMALLEST * p.start, p.start / SMALLEST
         elif p.kind == "trigger":
-            smallest, largest = p.start - LATEST, p.start + LATEST
+            smallest, largest = p.start - latest, p.start + latest
         else:
             # damping stays below the critical one
             smallest, largest = 0.0, 0.99 if p.kind == "damping" else np.inf

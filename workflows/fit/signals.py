@@ -15,7 +15,6 @@ from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
 from workflows.fit.sensed import Channels
 
 ORDER = 4  # of both filters, Butterworth
-RISE = 0.3  # of the largest signal: the level at which a first wave has arrived
 DELAY = 1.0 / np.sin(np.pi / 8.0)  # at low frequency, times the angular cut-off, of order 4
 
 
@@ -177,8 +176,9 @@ def lag_of(t: np.ndarray, v: np.ndarray, model: np.ndarray) -> float:
 def rise(t: np.ndarray, y: np.ndarray) -> float:
     """Time [s] at which the first of the signals y (k, m) has risen to its first wave."""
     share = np.abs(y - y[0]).max(axis=1) / np.abs(y - y[0]).max()
-    i = max(int(np.argmax(share > RISE)), 1)
-    return float(np.interp(RISE, share[i - 1 : i + 1], t[i - 1 : i + 1]))
+    level = 0.3  # of the largest signal: the level at which a first wave has arrived
+    i = max(int(np.argmax(share > level)), 1)
+    return float(np.interp(level, share[i - 1 : i + 1], t[i - 1 : i + 1]))
 
 
 def noise_between_waves(t: np.ndarray, v: np.ndarray, time_scale: float) -> float | None:

@@ -17,7 +17,6 @@ from workflows.report.render import EYE, IMPACT, MATT, RenderSettings, bent_by, 
 from workflows.report.render import white_plotter as plotter_of
 
 VIEW = (520, 340)  # pixels of a view
-DOT = 0.008  # radius of a point over the structure's size
 
 
 class Compared(NamedTuple):
@@ -41,6 +40,7 @@ def shapes(
     plotter = plotter_of((rows, 2 * pairs), (2 * pairs * VIEW[0], rows * VIEW[1]))
     skin = grid.extract_surface(algorithm=None)
     outline = skin.extract_feature_edges(settings.edge_angle)
+    dot = 0.008  # radius of a point over the structure's size
     for i, (mode, name) in enumerate(zip(modes, names, strict=True)):
         row, pair = divmod(i, pairs)
         plotter.subplot(row, 2 * pair)
@@ -50,12 +50,12 @@ def shapes(
         plotter.add_mesh(skin, color="#dfe4e9", opacity=0.35, **MATT)
         plotter.add_mesh(outline, color="#909090", line_width=1.0)
         for point, along in zip(points, u, strict=True):
-            plotter.add_mesh(pv.Sphere(DOT * grid.length, center=point), color="#202020", **MATT)
-            if (length := float(np.linalg.norm(along))) > 2 * DOT * grid.length:
+            plotter.add_mesh(pv.Sphere(dot * grid.length, center=point), color="#202020", **MATT)
+            if (length := float(np.linalg.norm(along))) > 2 * dot * grid.length:
                 arrow = pv.Arrow(
-                    point, along, scale=length, shaft_radius=DOT * grid.length / (2 * length),
-                    tip_radius=1.5 * DOT * grid.length / length,
-                    tip_length=min(0.5, 4 * DOT * grid.length / length),
+                    point, along, scale=length, shaft_radius=dot * grid.length / (2 * length),
+                    tip_radius=1.5 * dot * grid.length / length,
+                    tip_length=min(0.5, 4 * dot * grid.length / length),
                 )  # fmt: skip
                 plotter.add_mesh(arrow, color=IMPACT, **MATT)
         plotter.add_text(mode.measured, font_size=12, color="black")

@@ -22,6 +22,7 @@ WORDS = {
     "receptance-error": "error of the receptance",
     "record": "record of sensors",
     "signals": "plots of sensors",
+    "spatial-wall": "wall in three directions",
 }
 
 

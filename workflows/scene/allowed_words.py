@@ -51,8 +51,8 @@ def _below(annotation: Any, key: str | int) -> Iterator[Any]:
 
 def _metadata(annotation: Any) -> Iterator[FieldInfo]:
     """The pydantic fields beside an annotation, at any depth of its unions."""
-    for one in (annotation, *get_args(annotation)):
-        yield from (m for m in getattr(one, "__metadata__", ()) if isinstance(m, FieldInfo))
+    for member in (annotation, *get_args(annotation)):
+        yield from (m for m in getattr(member, "__metadata__", ()) if isinstance(m, FieldInfo))
 
 
 def _kinds(annotation: Any) -> Iterator[Any]:

@@ -152,7 +152,7 @@ class Holes(SceneTable):
     """Round holes of one diameter through a plate or a cylinder; several of these tables,
     [[bodies.NAME.holes]], for several diameters."""
 
-    diameter: Size  # [m] of all holes of this table
+    diameter: Size  # [m] of all holes that this table drills
     # [m] x, y of holes along z: of a plate as in its outline, of a cylinder from its axis
     at: Annotated[tuple[Corner, ...], Field(strict=False, min_length=1)] | None = None
     # [degrees, m] of holes into the round face of a cylinder, towards its axis: the angle about its

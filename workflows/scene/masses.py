@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator
+from math import sqrt
 from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, model_validator
@@ -14,6 +15,7 @@ from workflows.scene.units import INERTIA, LENGTH, MASS
 if TYPE_CHECKING:
     from workflows.scene.scene import Scene
 
+LONGEST_GYRATION = 2.0  # [m] of what a face carries: a machine of 5 m has 1.5 m
 Moment = of(NonNegative, INERTIA, 0, 10)
 
 
@@ -36,6 +38,13 @@ class MassTable(SceneTable):
             raise ValueError(
                 f"inertia = {list(J)} is that of no body: none of the three may exceed the sum of "
                 "the other two; change it"
+            )
+        gyration = sqrt(max(J) / self.mass)
+        if gyration > LONGEST_GYRATION:
+            raise ValueError(
+                f"inertia = {list(J)} kg m^2 of {self.mass:g} kg has a radius of gyration of "
+                f"{gyration:.3g} m, allowed are {LONGEST_GYRATION:g} m; write it with its unit, as "
+                '"400 g mm^2"'
             )
         return self
 

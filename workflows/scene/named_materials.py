@@ -74,8 +74,8 @@ def with_numbers(table: Any, numbers: Iterable[str] = NUMBERS) -> Any:
     list of names a list of numbers."""
     name = table.get("material") if isinstance(table, dict) else None
     if isinstance(name, list | tuple) and name and all(isinstance(n, str) for n in name):
-        each = [named_material(n) for n in name]
-        of_name = {key: [getattr(material, key) for material in each] for key in numbers}
+        materials = [named_material(n) for n in name]
+        of_name = {key: [getattr(material, key) for material in materials] for key in numbers}
     elif isinstance(name, str):
         of_name = {key: getattr(named_material(name), key) for key in numbers}
     else:

@@ -149,8 +149,8 @@ def scene_keys() -> tuple[KeyEntry, ...]:
 def entries_of(key: str) -> tuple[KeyEntry, ...]:
     """The entries of a key, its names left out, as NAME or as the user's own, or of all keys of a
     table; of a word alone of all keys that have it as one of their words, then of those that
-    contain it, sorted, else of those whose meaning has it. Raises InvalidScene for what no key
-    contains."""
+    contain it, sorted, and unless it is one of their words of those whose meaning has it, or each
+    of several words. Raises InvalidScene for what no key contains."""
     words = key.split(".")
     paths = {entry: entry.key.split(".") for entry in scene_keys()}
     entries = tuple(
@@ -175,8 +175,15 @@ def entries_of(key: str) -> tuple[KeyEntry, ...]:
     if not entries and key and len(words) == 1:
         containing = [entry for entry in paths if key in entry.key]
         entries = tuple(sorted(containing, key=lambda e: (key not in paths[e], e.key)))
-        word = re.compile(rf"\b{re.escape(key)}s?\b", re.IGNORECASE)
-        entries = entries or tuple(e for e in paths if word.search(e.meaning))
+        # a word that is no key, as bolt: keys that are about it too; of several words about all
+        if not any(key in path for path in paths.values()):
+            stems = [re.escape(w.rstrip("s")) for w in re.findall(r"\w{3,}", key)]
+            about = [re.compile(rf"\b{stem}(s|ed|ing)?\b", re.IGNORECASE) for stem in stems]
+            entries += tuple(
+                e for e in paths
+                if about and e not in entries and all(a.search(e.meaning) or
+                any(a.fullmatch(p) for p in paths[e]) for a in about)
+            )  # fmt: skip
     elif len(words) == 1:  # a table, and the keys of this name in other tables
         entries += tuple(e for e in paths if key in paths[e] and e not in entries)
     if not entries:
@@ -282,14 +289,14 @@ def _values(annotation: Any) -> str:
         words = ", ".join(f'"{a}"' for a in arguments)
         return words if len(arguments) == 1 else f"one of {words}"
     if origin in (Union, UnionType):
-        each = [_values(a) for a in arguments if a is not NoneType]
-        return " or ".join(dict.fromkeys(words for words in each if words))
+        alternatives = [_values(a) for a in arguments if a is not NoneType]
+        return " or ".join(dict.fromkeys(words for words in alternatives if words))
     if origin is tuple:
         if arguments[-1] is Ellipsis:
             words = _values(arguments[0])
             return f"list of {words}" if words else ""
-        each = list(dict.fromkeys(_values(a) for a in arguments))
-        return f"list of {len(arguments)}: {', '.join(each)}" if all(each) else ""
+        alternatives = list(dict.fromkeys(_values(a) for a in arguments))
+        return f"list of {len(arguments)}: {', '.join(alternatives)}" if all(alternatives) else ""
     if origin is dict:
         words = _values(arguments[1])
         return f"table by name of {words}" if words else ""

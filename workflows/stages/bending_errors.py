@@ -65,15 +65,19 @@ def structure_errors(
 
     causes = {"mesh": (second,), **({"theory": others} if others else {})}
     models = [(cause, elastic(m.reduced), m) for cause, of in causes.items() for m in of]
-    own, rows = elastic(reduction), []
+    reduced_omega, rows = elastic(reduction), []
     for i, omega in enumerate(modes.omega):
-        j = int(np.abs(own - omega).argmin())
+        j = int(np.abs(reduced_omega - omega).argmin())
         # a mode's frequency and that of the reduced model, if it has it, differ by 5e-3 at most
-        if abs(own[j] - omega) > 5e-3 * omega:
+        if abs(reduced_omega[j] - omega) > 5e-3 * omega:
             continue
         errors = dict.fromkeys(causes, 0.0)
         for cause, theirs, model in models:
-            moved = abs(theirs[j] / own[j] - 1) if len(theirs) == len(own) else np.nan
+            moved = (
+                abs(theirs[j] / reduced_omega[j] - 1)
+                if len(theirs) == len(reduced_omega)
+                else np.nan
+            )
             errors[cause] += model.left * moved * omega / (2 * np.pi)
         rows.append(with_errors(f"mode {i + 1}", omega / (2 * np.pi), "Hz", errors))
 

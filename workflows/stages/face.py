@@ -85,7 +85,9 @@ class StruckFace:
             )
         loose = [f"joints.{name}" for name, table in scene.bushings.items() if table.dashpots]
         loose += [
-            f"springs.{one.name}" for one in scene.springs or () if any(one.dashpots.values())
+            f"springs.{spring.name}"
+            for spring in scene.springs or ()
+            if any(spring.dashpots.values())
         ]
         if loose:
             raise InvalidScene(

@@ -41,7 +41,6 @@ if TYPE_CHECKING:
 
 ARRIVED = 0.01  # of a wave's rise of force, at which it has reached the wall; not varied
 ALL_STICKS = 0.999  # share of the area from which the contact sticks; not varied
-BALANCED = 0.05  # of a loop, up to which work and losses may differ unreported; not varied
 
 
 def friction(
@@ -226,13 +225,14 @@ def unbalanced(lateral: LateralTrajectory) -> Iterator[str]:
     cycle = lateral.cycle
     if cycle is None:
         return
-    if math.isfinite(cycle.energy_error) and cycle.energy_error > BALANCED * cycle.energy:
+    balanced = 0.05  # of a loop, up to which work and losses may differ unreported
+    if math.isfinite(cycle.energy_error) and cycle.energy_error > balanced * cycle.energy:
         yield (
             f"The loop of friction of a period, {si(cycle.energy, 'J')}, has an error of "
             f"{si(cycle.energy_error, 'J')}: hardly anything of the contact slips, less than its "
             "cells show; lower time.error, or shake harder, before you rely on the loop."
         )
-    if cycle.unbalanced is not None and cycle.unbalanced > BALANCED * cycle.energy:
+    if cycle.unbalanced is not None and cycle.unbalanced > balanced * cycle.energy:
         yield (
             f"In the periodic state the shakers' work and all losses of a period differ by "
             f"{si(cycle.unbalanced, 'J')}, beside a loop of friction of {si(cycle.energy, 'J')}: "

@@ -38,10 +38,10 @@ def krylov_space(
 
     def enough(omega: NDArray[np.float64], shapes: Callable[[], NDArray[np.float64]]) -> bool:
         """Whether the modes are as many as are listed, the targets among them."""
-        fewest, most = (min(n_modes, n - 2) for n_modes in N_MODES)
-        if len(omega) < fewest:
+        smallest, largest = (min(n_modes, n - 2) for n_modes in N_MODES)
+        if len(omega) < smallest:
             return False
-        if len(omega) >= most or not sought:
+        if len(omega) >= largest or not sought:
             return True
         return bool(np.all(fem.pair(model, fem.Modes(omega, shapes()), sought).index >= 0))
 

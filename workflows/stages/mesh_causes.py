@@ -74,14 +74,14 @@ def causes(mesh: Parts, missed: Mapping[str, NDArray[np.float64]]) -> tuple[Caus
         return body, touching(body, mesh.meshes[body].facets[:, mesh.meshes[body].boundaries[name]])
 
     places += [ErrorPlace(*at(face), words, True, remedy) for face, words, remedy in faces]
-    for body, one in mesh.meshes.items():
-        inner = touching(body, inner_edges(one))
+    for body, mesh_of_body in mesh.meshes.items():
+        inner = touching(body, inner_edges(mesh_of_body))
         places.append(ErrorPlace(body, inner, f"at sharp inner edges of {body}", True, "a fillet"))
     places += [ErrorPlace(*at(face), words, True, remedy) for face, words, remedy in held]
-    for body, one in mesh.meshes.items():
+    for body, mesh_of_body in mesh.meshes.items():
         words = f"in parts of {body} that are one element thick"
-        places.append(ErrorPlace(body, one_thick(one), words))
-        places.append(ErrorPlace(body, np.ones(one.nelements, bool), f"within {body}"))
+        places.append(ErrorPlace(body, one_thick(mesh_of_body), words))
+        places.append(ErrorPlace(body, np.ones(mesh_of_body.nelements, bool), f"within {body}"))
 
     energy = np.zeros((len(places), next(iter(missed.values())).shape[1]))
     for body, of_cells in missed.items():

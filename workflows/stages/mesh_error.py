@@ -122,11 +122,11 @@ class MissedByMesh(NamedTuple):
         if self.w is None or not np.all(self.omega > 0):
             return None
         if self.split is not None:
-            own, finer = (
+            of_run, finer = (
                 rom.static_compliance(wall) - (wall.contact.half_space or 0.0)
                 for wall in self.split.walls
             )
-            return self.split.share * abs(finer - own)
+            return self.split.share * abs(finer - of_run)
         u = self.w / self.omega**2
         return float(u @ self.energy @ u)
 
@@ -211,8 +211,8 @@ def energy_of_shapes(
         split = stages.model(scene, split_mesh)
         lowest = fem.modes(split.K, split.M, min(len(modes.omega), split.K.shape[0] - 2))
         walls = tuple(
-            errors.wall_model(scene, one, stages.contact(scene, parts, one))
-            for one, parts in ((model, mesh), (split, split_mesh))
+            errors.wall_model(scene, on_mesh, stages.contact(scene, parts, on_mesh))
+            for on_mesh, parts in ((model, mesh), (split, split_mesh))
         )
         w = phi.T @ contact.w
         pair = SplitMesh(lowest.omega, walls, share)

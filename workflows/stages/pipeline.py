@@ -441,10 +441,10 @@ class Pipeline:
         if self.beside is not None and self.beside.has(name):
             with self._progress(name):
                 elsewhere = self.beside.seconds(name, self._meanwhile)
-        kept = self._stages[name].kept
-        result = self._kept(name, self.key(name), self) if kept else self.compute(name)
+        is_kept = self._stages[name].kept
+        result = self._kept(name, self.key(name), self) if is_kept else self.compute(name)
         seconds = perf_counter() - started - (self._spent - spent)
-        if kept and name not in self._computed:
+        if is_kept and name not in self._computed:
             self._report_behind(name)
         if self._stages[name].listed:
             self._spent += seconds

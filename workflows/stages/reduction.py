@@ -50,8 +50,8 @@ def jointed(
 ) -> Jointed:
     """The reduction of many assemblies that differ in the springs of their joints."""
     C = dashpots(scene, model)
-    kept = np.union1d(damped_elongations(model, C), model.elongation)
-    boundary = boundary_of(contact, reading(scene, model), kept)
+    boundary_dofs = np.union1d(damped_elongations(model, C), model.elongation)
+    boundary = boundary_of(contact, reading(scene, model), boundary_dofs)
     reduced = reduction(scene, model, contact, modes, factor, space, keep=model.elongation)
     names, at = np.array(model.spring), np.searchsorted(boundary, model.elongation)
     places = {name: at[names == name] for name in dict.fromkeys(model.spring)}

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from workflows.structure.losses import LossReport
     from workflows.structure.mode_table import ModeTable
     from workflows.structure.ranking import RankReport
+    from workflows.structure.response_tuning import ResponseReport
     from workflows.structure.thesis_tables import ThesisTable
     from workflows.structure.tuning import TuningReport
 
@@ -287,6 +288,85 @@ def _named(scene: Scene, file: OutputFile) -> Scene:
     """The scene named after its file, where the one it was read from does not name it."""
     name = sub(r"[^\w.-]", "-", file.path.stem).lstrip(".-")[:LONGEST_NAME] or "tuned"
     return scene.model_copy(update={"name": name})
+
+
+@dataclass(frozen=True, repr=False)
+class TunedToResponses:
+    """The scene with fitted values, its report, the file it was written to, and `plot()`: measured
+    responses under those computed before and after."""
+
+    scene: Scene
+    report: ResponseReport
+    pictures: tuple[Picture, ...]
+    file: Path | None
+
+    def plot(self, name: str | None = None) -> Picture:
+        """The picture "responses"."""
+        return picture_named(self.pictures, name)
+
+    def __repr__(self) -> str:
+        return self.report.text()
+
+
+def tune_to_responses(
+    files: Iterable[str | Path] | str | Path,
+    scene: Source = None,
+    changes: Changes = (),
+    *,
+    free: str | Iterable[str] = (),
+    points: str | Path | None = None,
+    band: str | tuple[float, float] | None = None,
+    match: str | Iterable[int] | None = None,
+    out: str | Path | None = None,
+    pictures: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+) -> TunedToResponses:
+    """Stiffness, mass and damping fitted to measured responses (`beadwave tune --frf`).
+
+    The magnitude in dB and the phase of all responses are fitted, each line weighed by its noise,
+    from values that meet the frequencies of the identified resonances. `files` and `points` as
+    `hammer` takes them; places of hammer and sensors must be known. `free` names values of
+    stiffness and mass as `tune` does, and of damping: damping.ratio, damping.alpha, damping.beta,
+    damping.materials.NAME, damping.joints.NAME, joints.NAME.cz, springs.NAME.cz. `band` [Hz] and
+    `match`, numbers of resonances from the lowest on, choose the lines that are read; others are
+    predicted. `out` is the tuned scene, `pictures` a folder. Raises InvalidScene for bad input.
+    """
+    given = [files] if isinstance(files, str | Path) else list(files)
+    if not given:
+        raise InvalidScene(f"no file; {HAMMER}.")
+    paths = [require_file(file, HAMMER) for file in given]
+    chosen = with_assembly(load_scene(scene, changes))
+    band_hz, numbers = _band(band), None if match is None else _resonances(match)
+    from workflows.files.hammer import Reading
+    from workflows.structure.response_tuning import tuned_to_responses
+    from workflows.structure.tuning import write_scene
+
+    reading = Reading(points=Path(points) if points else None)
+    path = f"{chosen.name}-tuned.toml" if out is USUAL else out
+    inputs = (*files_read(chosen, scene), *paths, *((reading.points,) if reading.points else ()))
+    file = OutputFile(path, inputs=inputs, ending=".toml", overwrite=overwrite) if path else None
+    folder = picture_folder(pictures, inputs, overwrite, "responses")
+    result, report, drawn = tuned_to_responses(
+        chosen, paths, names_of(free), progress, reading=reading, band_hz=band_hz, match=numbers
+    )
+    if folder:
+        write_pictures(folder, drawn)
+    if file is None:
+        return TunedToResponses(result, report, drawn, None)
+    first = f"Values inferred from the responses in {report.file}."
+    written = write_scene(_named(result, file), file, first, scene)
+    return TunedToResponses(written, report, drawn, file.path)
+
+
+def _resonances(match: str | Iterable[int]) -> tuple[int, ...]:
+    """Numbers of resonances, as (1, 2, 4) or "1,2,4"; raises InvalidScene for others."""
+    try:
+        return tuple(map(int, match.split(",") if isinstance(match, str) else match))
+    except (TypeError, ValueError):
+        raise InvalidScene(
+            f"--match {match}: with --frf these are numbers of resonances, as 1,2,4."
+        ) from None
 
 
 @dataclass(frozen=True, repr=False)

@@ -405,7 +405,7 @@ def pictures(test: IdentifiedTest) -> list[Picture]:
             f"{row.number}", (row.frequency_hz, span[1]), (0, 2),
             textcoords="offset points", ha="center", fontsize=8,
         )  # fmt: skip
-    made = [Picture("hammer", plots.png(figure))]
+    drawn = [Picture("hammer", plots.png(figure))]
 
     # the responses with most energy, four at most
     energy = np.sum(np.abs(H) ** 2, axis=2)
@@ -419,7 +419,7 @@ def pictures(test: IdentifiedTest) -> list[Picture]:
         ]
         title = f"{responses.points[i]} to {responses.references[j]}"
         panels.append(Panel(title, "frequency [Hz]", "response", lines, "y", legend="above"))
-    made.append(Picture("synthesis", plots.panels(panels, size=(9, 2.6))))
+    drawn.append(Picture("synthesis", plots.panels(panels, size=(9, 2.6))))
 
     if responses.coherence is not None:
         low, middle = np.quantile(responses.coherence, [0.1, 0.5], axis=(0, 1))
@@ -428,7 +428,7 @@ def pictures(test: IdentifiedTest) -> list[Picture]:
             Line("a tenth lie below", f[within], low[within], "-", 1, 0.8),
         ]
         panel = Panel("coherence", "frequency [Hz]", "coherence", lines, "", (0.0, 1.02), "above")
-        made.append(Picture("coherence", plots.panels([panel], size=(9, 2.8))))
+        drawn.append(Picture("coherence", plots.panels([panel], size=(9, 2.8))))
     names = [f"{row.number}: {row.frequency_hz:.4g} Hz" for row in rows]
     decaying = [row for row in rows if row.over_amplitude]
     if decaying:
@@ -440,12 +440,12 @@ def pictures(test: IdentifiedTest) -> list[Picture]:
             for k, row in enumerate(decaying[:8])
         ]  # fmt: skip
         panel = Panel("damping over amplitude", "amplitude", "damping ratio [%]", lines, "x")
-        made.append(Picture("decay", plots.panels([panel], size=(8, 3.6))))
+        drawn.append(Picture("decay", plots.panels([panel], size=(8, 3.6))))
     if len(responses.points) > 1 and len(rows) > 1:
-        made.append(
+        drawn.append(
             Picture("automac", plots.matrix(fem.mac(modes.phi, modes.phi), names, "AutoMAC"))
         )
-    return made
+    return drawn
 
 
 def virtual_test(pipeline: Pipeline) -> Responses:

@@ -108,14 +108,11 @@ def computed_hits(
     nodes: dict[int, NDArray[np.float64]],
     directions: dict[int, int],
     band_hz: tuple[float, float] | None,
-    *,
-    sensors: int = 3,
-    repeats: int = 3,
-    seed: int = 0,
 ) -> Hits:
     """Records of hits at nodes along their directions, with noise, double hits and overloads.
 
-    The hammer roves, sensors are at the nodes that tell the modes apart best.
+    The hammer roves and hits each node three times; three sensors are at the nodes that tell the
+    modes apart best.
     """
     scene, model, modes = pipeline.scene, pipeline("model"), pipeline("modes")
     damping = structure_damping(scene, model, modes)
@@ -124,8 +121,9 @@ def computed_hits(
     chosen = elastic(pipeline, band_hz)
     hz = modes.omega[chosen] / (2 * np.pi)
     zeta = coupling.damping_ratios(damping, modes.omega)[chosen]
-    if len(nodes) < sensors:
-        raise InvalidScene(f"{len(nodes)} points; computed hits need {sensors} or more.")
+    n_sensors = 3
+    if len(nodes) < n_sensors:
+        raise InvalidScene(f"{len(nodes)} points; computed hits need {n_sensors} or more.")
 
     # the shape at each node along its direction
     numbers = sorted(nodes)
@@ -134,10 +132,10 @@ def computed_hits(
     spots = MeasuredShape(np.array([nodes[n] for n in numbers]), along, np.ones(len(axes), complex))
     reading = placed(scene, model, "--points", spots, float(hz[0])).reading
     phi = np.asarray(reading @ modes.phi)[:, chosen]
-    few = min(sensors, len(chosen))
-    watched = effective_independence(phi[:, :few], sensors)
+    few = min(n_sensors, len(chosen))
+    watched = effective_independence(phi[:, :few], n_sensors)
     names = tuple(degree_of_freedom(n, int(axis)) for n, axis in zip(numbers, axes, strict=True))
-    return hits_of_modes((hz, zeta), phi, watched, names, repeats=repeats, seed=seed)
+    return hits_of_modes((hz, zeta), phi, watched, names)
 
 
 def hits_of_modes(
@@ -146,13 +144,12 @@ def hits_of_modes(
     watched: NDArray[np.int64],
     names: tuple[str, ...],
     *,
-    repeats: int = 3,
     seed: int = 0,
     defects: HammerDefects = DEFECTS,
     longest: int = 2**16,
 ) -> Hits:
-    """Records of hits at points (p,) of a structure with frequencies [Hz] and damping ratios (n,)
-    and mass-normalised shapes phi (p, n) there, sensors at the points `watched`.
+    """Records of three hits at each of p points of a structure with frequencies [Hz] and damping
+    ratios (n,) and mass-normalised shapes phi (p, n) there, sensors at the points `watched`.
 
     Pulses reach to the highest mode, records last until the lowest has fallen to a thousandth, of
     `longest` samples at most.
@@ -163,7 +160,7 @@ def hits_of_modes(
     seconds = 0.05 + np.log(1e3) / float(np.min(2 * np.pi * hz * zeta))
     k = int(min(seconds / dt, longest))
     rng = np.random.default_rng(seed)
-    plan = Striking(len(names), repeats, dt, k, 1.0 / hz[-1])
+    plan = Striking(len(names), 3, dt, k, 1.0 / hz[-1])
     force, response, point, _ = struck(rng, poles, (phi, side, phi[watched]), defects, plan)
     return Hits(
         dt,

@@ -116,14 +116,14 @@ class Look(BaseModel):
             lines += ["", aligned_text(head, cells)]
 
         if self.masses:
-            cells = [(one.name, one.on, f"{one.mass_kg:.4g}") for one in self.masses]
+            cells = [(mass.name, mass.on, f"{mass.mass_kg:.4g}") for mass in self.masses]
             lines += ["", aligned_text(("carried", "on", "mass [kg]"), cells)]
 
         if self.springs:
             cells = []
-            for one in self.springs:
-                stiffness = ", ".join(f"{key} {k:.4g}" for key, k in one.stiffness.items())
-                cells.append((one.name, one.on, one.to, one.number, stiffness))
+            for spring in self.springs:
+                stiffness = ", ".join(f"{key} {k:.4g}" for key, k in spring.stiffness.items())
+                cells.append((spring.name, spring.on, spring.to, spring.number, stiffness))
             lines += ["", aligned_text(("springs", "on", "to", "number", "each [N/m]"), cells)]
 
         seconds = float(f"{self.seconds:.2g}")
@@ -191,6 +191,13 @@ def look(scene: Scene, source: str, *, whole: bool = True, with_page: bool = Fal
                 dofs=int(3 * nodes[name]),
             )
         )
+    mass_of = {body.name: body.mass_kg for body in bodies}
+    heavy = [
+        f"{one.name} of {one.mass:g} kg is heavier than {one.on.partition(':')[0]}, "
+        f"{carrying:.4g} kg, which carries it; check its unit."
+        for one in scene.masses or ()
+        if (carrying := mass_of.get(one.on.partition(":")[0])) and one.mass > carrying
+    ]
     dofs = int(3 * sum(nodes.values()))
     report = Look(
         name=source,
@@ -212,7 +219,7 @@ def look(scene: Scene, source: str, *, whole: bool = True, with_page: bool = Fal
         unknowns=None if parts is None else dofs - constrained_dofs(parts),
         memory_bytes=peak_memory(scene, nodes),
         seconds=foreseen_seconds(nodes),
-        remarks=remarks,
+        remarks=remarks + heavy,
     )
     return Seen(report, scene, meshes, parts, start, page)
 

@@ -58,11 +58,11 @@ class LossReport(BaseModel):
         parts = [row.name for row in self.factors]
         modes = [
             (
-                n, f"{one.computed_hz:.2f}", f"{100 * one.zeta:.4g} %",
-                f"{100 * one.zeta_deviation:.2g} %", f"{100 * one.fitted:.4g} %",
-                *(f"{100 * one.shares[part]:.3g} %" for part in parts),
+                n, f"{mode.computed_hz:.2f}", f"{100 * mode.zeta:.4g} %",
+                f"{100 * mode.zeta_deviation:.2g} %", f"{100 * mode.fitted:.4g} %",
+                *(f"{100 * mode.shares[part]:.3g} %" for part in parts),
             )
-            for n, one in self.modes.items()
+            for n, mode in self.modes.items()
         ]  # fmt: skip
         head = ("mode", "computed [Hz]", "damping", "+-", "fitted", *parts)
         return "\n".join([*lines, aligned_text(head, modes), "", *self.remarks])

@@ -23,7 +23,9 @@ def known(scene: Scene) -> list[str]:
     of_materials = [f"materials.{name}.{key}" for name in scene.materials for key in MATERIAL]
     of_masses = [f"masses.{mass.name}.mass" for mass in scene.masses or ()]
     of_springs = [
-        f"springs.{one.name}.{key}" for one in scene.springs or () for key in one.stiffnesses
+        f"springs.{spring.name}.{key}"
+        for spring in scene.springs or ()
+        for key in spring.stiffnesses
     ]
     return of_joints + of_materials + of_masses + of_springs
 

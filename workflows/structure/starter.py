@@ -25,8 +25,6 @@ from workflows.structure.face_page import words
 
 PATCH = 2e-3  # [m] radius of the patch that is struck
 SMALLER = (1e-3, 0.5e-3, 0.25e-3)  # [m] on a face that has no room for it, as the rim of a tube
-ROOM = 1.5  # radius about the place that must lie on the face, over that of the patch
-N_ROUND = 16  # directions about an axis or a centre in which a round face is tried
 
 
 class StartStrike(NamedTuple):
@@ -112,11 +110,12 @@ def _strikes(geometry: Drawing) -> Iterator[StartStrike]:
 def _on_planes(geometry: Drawing, radius: float, up: bool) -> Iterator[StartStrike]:
     """Places on plane faces that look up, or on the others, where a patch and some room around it
     lie on the face and on no other body: the nearest one to the middle of each."""
+    room = 1.5  # radius about the place that must lie on the face, over that of the patch
     for body, face in _planes(geometry):
         if (face.normal[2] > 0.5) != up:
             continue
-        for place, point in _places(body, face, ROOM * radius):
-            points = around(point, face.normal, ROOM * radius)
+        for place, point in _places(body, face, room * radius):
+            points = around(point, face.normal, room * radius)
             if geometry.near.over(body.name, points, geometry.bodies, radius):
                 continue
             word = _word(geometry.bodies, body, face, point)
@@ -147,6 +146,7 @@ def _places(
 
 def _on_rounds(geometry: Drawing) -> Iterator[StartStrike]:
     """Places on outer cylinders and spheres, half-way along them and as high as they are bare."""
+    n_round = 16  # directions about an axis or a centre in which a round face is tried
     for body in geometry.bodies.values():
         rounds = [f for f in body.faces if f.kind in ("cylinder", "sphere") and not f.hollow]
         for face in sorted(rounds, key=lambda face: -face.area):
@@ -158,7 +158,7 @@ def _on_rounds(geometry: Drawing) -> Iterator[StartStrike]:
             middle = face.on_axis
             if face.axis is not None:
                 middle = middle + ((face.centre - middle) @ axis) * axis
-            angles = 2 * np.pi * np.arange(N_ROUND) / N_ROUND
+            angles = 2 * np.pi * np.arange(n_round) / n_round
             outwards = np.column_stack([np.cos(angles), np.sin(angles)]) @ spanning(axis)
             for outward in outwards[np.argsort(-outwards[:, 2].round(9), kind="stable")]:
                 point = middle + face.radius * outward

@@ -273,14 +273,22 @@ def tuned(
     undetermined = [p for p in candidates if p.name not in names]
     unchanged = {key: value for p in undetermined for key, value in scene_values(scene, p)}
     report_hz = {str(n): hz for n, hz in modes_hz.items()}
+    computed_mode = {n: int(j) + 1 for n, j in zip(number, computed.index, strict=True) if j >= 0}
+    of_numbers = []
+    if not scene.of_dimensions and (scene.floats or scene.springs) and result.targets:
+        by_number = {t.number for t in result.targets} & computed_mode.keys()
+        counted = [f"{n} is mode {computed_mode[n]}" for n in sorted(by_number)]
+        if counted:
+            of_numbers.append(
+                "numbers of targets count modes that strain bodies or joints, not rigid motions, "
+                f"free or on springs: {', '.join(counted)}."
+            )
     report = TuningReport(
         scene=scene.name,
         match={str(n): hz for n, hz in match.items()},
         modes_hz=report_hz,
         full_order_hz=confirmed,
-        computed_mode={
-            str(n): int(j) + 1 for n, j in zip(number, computed.index, strict=True) if j >= 0
-        },
+        computed_mode={str(n): j for n, j in computed_mode.items()},
         stiffness=dict(zip(names, map(float, fit.value), strict=True)),
         deviation={
             name: float(s) if np.isfinite(s) else None
@@ -295,6 +303,7 @@ def tuned(
         seconds=seconds,
         mesh_error_percent=mesh_percent,
         remarks=[
+            *of_numbers,
             *(remarks_on_axes(scene) if any(t.shape for t in scene.targets or ()) else ()),
             *_remarks(scene, match, fit, of_all, unchanged, candidates, confirmed, likeness),
             *worth_of_the_bars(errors, scatter, spare),
@@ -397,12 +406,16 @@ def _remarks(
             remarks.append(
                 f"the full model has mode {i} at {hz:.2f} Hz: the projection is inaccurate."
             )
-    for i, (value, compared) in likeness.items():
-        if value < 0.8:
-            remarks.append(
-                f"the shape of mode {i} has a MAC of {value:.2f} with {compared}: a frequency that "
-                "matches is no proof of the joint."
-            )
+    for compared in dict.fromkeys(words for _, words in likeness.values()):
+        unlike = {i: x for i, (x, words) in likeness.items() if x < 0.8 and words == compared}
+        if len(unlike) == 1:
+            ((i, value),) = unlike.items()
+            subject = f"the shape of mode {i} has a MAC of {value:.2f} with {compared}"
+        else:
+            modes, values = ", ".join(unlike), ", ".join(f"{x:.2f}" for x in unlike.values())
+            subject = f"the shapes of modes {modes} have a MAC of {values} with {compared}"
+        if unlike:
+            remarks.append(f"{subject}: a frequency that matches is no proof of the joint.")
     return remarks
 
 
@@ -417,8 +430,8 @@ def worth_of_the_bars(errors: FrequencyErrors, scatter: float, spare: int) -> li
         )
     elif errors.measured and spare <= 0:
         sentences.append(
-            "There are as many values as modes, or more, so nothing shows what the model misses: bars hold "
-            "the errors of the measurement alone."
+            "There are no more modes than values, so nothing shows what the model misses: bars "
+            "hold the errors of the measurement alone."
         )
     return sentences
 

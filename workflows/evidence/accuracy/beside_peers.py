@@ -40,7 +40,7 @@ from workflows.evidence.accuracy.peer_process import (
 from workflows.evidence.accuracy.peers import SCIPY, SUNDIALS
 from workflows.evidence.accuracy.row import AccuracyRow, table_of
 from workflows.evidence.accuracy.runs import reference
-from workflows.evidence.prose import rendered
+from workflows.evidence.study import rendered
 from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels

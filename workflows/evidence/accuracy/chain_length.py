@@ -6,7 +6,7 @@ from workflows.evidence.accuracy.growth import growths
 from workflows.evidence.accuracy.problems import lengthened, problem
 from workflows.evidence.accuracy.row import table_of
 from workflows.evidence.accuracy.runs import FIXED, limit, peer_rows, reference, scheme_row
-from workflows.evidence.prose import rendered
+from workflows.evidence.study import rendered
 from workflows.report.finding import Finding
 from workflows.scene import Scene
 from workflows.stages.progress import Progress

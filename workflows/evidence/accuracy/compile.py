@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 from time import process_time
 
 from workflows.evidence.accuracy.row import AccuracyRow, table_of
-from workflows.evidence.prose import rendered
+from workflows.evidence.study import rendered
 from workflows.files.child import child
 from workflows.report.finding import Finding
 from workflows.report.tables import Table

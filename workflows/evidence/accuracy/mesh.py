@@ -22,7 +22,7 @@ from fem.factorisation import has_pardiso
 from geometry import smallest_quality
 from workflows.evidence.accuracy.mesh_of_bending import of_bending
 from workflows.evidence.accuracy.row import AccuracyRow, table_of
-from workflows.evidence.prose import rendered
+from workflows.evidence.study import rendered
 from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels

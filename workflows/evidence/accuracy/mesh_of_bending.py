@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import fem
 from workflows.evidence.accuracy.row import AccuracyRow, table_of
-from workflows.evidence.prose import rendered
+from workflows.evidence.study import rendered
 from workflows.files.run_folder import Picture
 from workflows.report.plots import Line, Panel, panels
 from workflows.report.tables import Table

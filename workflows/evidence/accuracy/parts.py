@@ -3,7 +3,7 @@
 from workflows.evidence.accuracy.problems import bare, modal_wall, problem, with_parts
 from workflows.evidence.accuracy.row import table_of
 from workflows.evidence.accuracy.runs import ReferenceRun, marched, observed, scheme_row
-from workflows.evidence.prose import rendered
+from workflows.evidence.study import rendered
 from workflows.report.finding import Finding
 from workflows.scene import Scene
 from workflows.stages.progress import Progress

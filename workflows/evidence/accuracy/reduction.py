@@ -33,7 +33,7 @@ from fem.assembly_modes import AssemblyModes
 from fem.shared_solutions import SharedSolutions
 from workflows.evidence.accuracy.cost import least_seconds
 from workflows.evidence.accuracy.row import AccuracyRow, table_of
-from workflows.evidence.prose import rendered
+from workflows.evidence.study import rendered
 from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels

@@ -21,7 +21,7 @@ from fem.correlation import RIGID
 from fem.factorisation import has_pardiso
 from workflows.evidence.accuracy.cost import Cost, cost_growth, cost_of_command, costed
 from workflows.evidence.accuracy.row import AccuracyRow, table_of
-from workflows.evidence.prose import rendered
+from workflows.evidence.study import rendered
 from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels

@@ -10,7 +10,7 @@ from workflows.evidence.accuracy.peers import Problem
 from workflows.evidence.accuracy.problems import pressed, problem
 from workflows.evidence.accuracy.row import AccuracyRow, table_of
 from workflows.evidence.accuracy.runs import controlled_rows, peer_rows, reference, scheme_rows
-from workflows.evidence.prose import rendered
+from workflows.evidence.study import rendered
 from workflows.report.finding import Finding
 from workflows.scene import Scene
 from workflows.stages.progress import Progress

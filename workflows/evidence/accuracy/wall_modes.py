@@ -14,7 +14,7 @@ from workflows.evidence.accuracy.runs import (
     scheme_row,
     scheme_rows,
 )
-from workflows.evidence.prose import rendered
+from workflows.evidence.study import rendered
 from workflows.report.finding import Finding
 from workflows.scene import Scene
 from workflows.scene.parts import with_wall

@@ -15,7 +15,7 @@ import numpy as np
 
 import dem
 from dem.spheres import time_scale
-from workflows.evidence.counted import verdict_count
+from workflows.evidence.study import verdict_count
 from workflows.report.finding import Finding
 from workflows.report.tables import Table
 

@@ -7,15 +7,12 @@ passed the observed spheres, and after.
 
 from typing import NamedTuple
 
-from workflows.evidence.counted import counted
-from workflows.evidence.prose import rendered
+from workflows.evidence.study import concluded, counted
 from workflows.evidence.thesis import bent
 from workflows.evidence.thesis.observed_run import Observed
 from workflows.evidence.thesis.wave_distance import felt
-from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
-from workflows.report.tables import Table
 from workflows.scene import InvalidScene, Scene
 from workflows.stages import bending
 from workflows.stages.progress import Progress
@@ -70,8 +67,18 @@ def axial_force(
         for c, d in zip(cases, differences, strict=True)
     )  # fmt: skip
     contact = free.run.contact
-    sentences = rendered(
+
+    sphere = max(free.run.labels)
+    lines = [
+        Line(f"{c.share:g} of buckling", c.run.milliseconds, c.run.velocity(sphere), "-", i, 1.0)
+        for i, c in enumerate(cases)
+    ]
+    figure = [Panel(f"sphere {sphere}", "time [ms]", "velocity [m/s]", lines)]
+    return concluded(
         __file__,
+        COLUMNS,
+        rows,
+        panels(figure, size=(8, 4)),
         load=buckling_load,
         first=max(d.first for d in differences),
         later=max(d.later for d in differences),
@@ -81,12 +88,3 @@ def axial_force(
         arr=[case.run.contact.arr / contact.arr - 1 for case in cases],
         hz=[cases[-1].first_mode, free.first_mode],
     )
-
-    sphere = max(free.run.labels)
-    lines = [
-        Line(f"{c.share:g} of buckling", c.run.milliseconds, c.run.velocity(sphere), "-", i, 1.0)
-        for i, c in enumerate(cases)
-    ]
-    figure = [Panel(f"sphere {sphere}", "time [ms]", "velocity [m/s]", lines)]
-    picture = Picture("study_axial_force", panels(figure, size=(8, 4)))
-    return Finding((Table("axial-force", COLUMNS, rows),), sentences, (picture,))

@@ -1,6 +1,5 @@
 """A chain against beams of one length after the other."""
 
-from workflows.evidence.prose import rendered
 from workflows.evidence.thesis import bent
 from workflows.evidence.thesis.bent import StructuresOptions, compared
 from workflows.report.finding import Finding
@@ -19,5 +18,4 @@ def beam_length(
     lengths = options.factors * scene.beam.length
     lengths = lengths[lengths > 2 * (scene.beam.thickness or 0.0)]  # shorter is no beam
     scenes = [scene.but(beam={"length": x, "position": share * x}) for x in lengths]
-    result = compared("beam-length", "length", scenes, lengths, progress, options)
-    return Finding((result.table,), rendered(__file__, **result.numbers), (result.picture,))
+    return compared(__file__, "length", scenes, lengths, progress, options)

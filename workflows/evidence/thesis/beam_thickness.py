@@ -1,6 +1,5 @@
 """A chain against beams of one thickness after the other."""
 
-from workflows.evidence.prose import rendered
 from workflows.evidence.thesis import bent
 from workflows.evidence.thesis.bent import StructuresOptions, compared
 from workflows.report.finding import Finding
@@ -21,5 +20,4 @@ def beam_thickness(
         )
     values = options.factors * scene.beam.thickness
     scenes = [scene.but(beam={"thickness": value}) for value in values]
-    result = compared("beam-thickness", "thickness", scenes, values, progress, options)
-    return Finding((result.table,), rendered(__file__, **result.numbers), (result.picture,))
+    return compared(__file__, "thickness", scenes, values, progress, options)

@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 import coupling
 import dem
 from dem.waves.measures import WallContact
-from workflows.evidence.counted import counted
+from workflows.evidence.study import concluded, counted
 from workflows.evidence.thesis import bent
 from workflows.evidence.thesis.observed_run import Observed, RecordOptions, Setup, seen
-from workflows.files.run_folder import Picture
+from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
-from workflows.report.tables import Table
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.parts import with_chain
 from workflows.stages import bending
@@ -92,23 +91,15 @@ class StructureCase(NamedTuple):
     peak: float  # [N]
 
 
-class Compared(NamedTuple):
-    """Scenes that differ in one quantity: their table and picture, and the template's numbers."""
-
-    table: Table
-    picture: Picture
-    numbers: dict
-
-
 def compared(
-    name: str,
+    module: str,
     quantity: str,
     scenes: Sequence[Scene],
     values: Sequence[float],
     progress: Progress,
     options: StructuresOptions,
-) -> Compared:
-    """Of the study of a name: its scenes by the values [m] of a quantity."""
+) -> Finding:
+    """The finding of the study of a module: its scenes by the values [m] of a quantity."""
     cases = []
     for scene, value in counted(
         zip(scenes, values, strict=True),
@@ -140,20 +131,6 @@ def compared(
     # the value from which on ARR no longer changes
     same = np.abs(arr / arr[-1] - 1) < options.unchanged
     first_same = len(same) - int(np.argmin(same[::-1])) if not same.all() else 0
-    numbers = {
-        "quantity": quantity,
-        "own": 1e3 * value[usual],
-        "arr": arr,
-        "tof": 1e6 * tof,
-        "arr_known": options.arr_known,
-        "tof_known": 1e6 * options.tof_known,
-        "by_arr": options.arr_known / abs(slopes[0]) if slopes[0] else float("inf"),
-        "by_tof": options.tof_known / tof[usual] / abs(slopes[1]) if slopes[1] else float("inf"),
-        "slopes": slopes,
-        "same": options.unchanged,
-        "unfelt": 1e3 * value[first_same] if first_same < len(value) - 1 else None,
-    }
-
     # what hardly changes stays level: its axis reaches a tenth of the mean to either side
     figure = []
     for title, unit, y in (
@@ -165,5 +142,20 @@ def compared(
         limits = (0.9 * mean, 1.1 * mean) if np.ptp(y) < 0.1 * mean / 4 else None
         line = Line(None, 1e3 * value, y, "o-")
         figure.append(Panel(title, f"{quantity} [mm]", unit, [line], "x", y_limits=limits))
-    picture = Picture(f"study_{name.replace('-', '_')}", panels(figure, columns=3, size=(4.2, 3.0)))
-    return Compared(Table(name, COLUMNS, rows), picture, numbers)
+    return concluded(
+        module,
+        COLUMNS,
+        rows,
+        panels(figure, columns=3, size=(4.2, 3.0)),
+        quantity=quantity,
+        own=1e3 * value[usual],
+        arr=arr,
+        tof=1e6 * tof,
+        arr_known=options.arr_known,
+        tof_known=1e6 * options.tof_known,
+        by_arr=options.arr_known / abs(slopes[0]) if slopes[0] else float("inf"),
+        by_tof=options.tof_known / tof[usual] / abs(slopes[1]) if slopes[1] else float("inf"),
+        slopes=slopes,
+        same=options.unchanged,
+        unfelt=1e3 * value[first_same] if first_same < len(value) - 1 else None,
+    )

@@ -13,16 +13,13 @@ from numpy.typing import NDArray
 import coupling
 import dem
 from coupling.plate import Plate, group_speed
-from workflows.evidence.counted import counted
-from workflows.evidence.prose import rendered
+from workflows.evidence.study import concluded, counted
 from workflows.evidence.thesis import plates
 from workflows.evidence.thesis.collision import Collision, CollisionRun
 from workflows.evidence.thesis.plates import PlateSizes
 from workflows.evidence.thesis.requirements import FEWEST, require_chain
-from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
-from workflows.report.tables import Table
 from workflows.scene import Scene
 from workflows.stages.progress import Progress
 
@@ -167,18 +164,6 @@ def boundary_distance(
         for s in series
         for distance, collision, over_far in zip(s.distance, s.collisions, s.over_far, strict=True)
     )  # fmt: skip
-    sentences = rendered(
-        __file__,
-        checked=checked,
-        changes=changes,
-        sphere=plates.observed_sphere(scene),
-        deep=deep,
-        found=series,
-        close=options.close,
-        higher=all(s.arr[0] > s.far for s in series),
-        settled=all(s.critical < s.distance[-2] for s in series),
-        echo=[s.reach(deep) for s in series],
-    )
 
     # over the distance: ARR beside that of a half-space, the energy that leaves
     names = [f"D/t = {s.ratio:g}" for s in series]
@@ -207,5 +192,18 @@ def boundary_distance(
         ),
         Panel(f"force at the plate, D/t = {base.ratio:g}", "time [ms]", "force [N]", forces),
     ]  # fmt: skip
-    picture = Picture("study_boundary_distance", panels(figure, columns=2, size=(5.6, 3.4)))
-    return Finding((Table("boundary-distance", COLUMNS, rows),), sentences, (picture,))
+    return concluded(
+        __file__,
+        COLUMNS,
+        rows,
+        panels(figure, columns=2, size=(5.6, 3.4)),
+        checked=checked,
+        changes=changes,
+        sphere=plates.observed_sphere(scene),
+        deep=deep,
+        found=series,
+        close=options.close,
+        higher=all(s.arr[0] > s.far for s in series),
+        settled=all(s.critical < s.distance[-2] for s in series),
+        echo=[s.reach(deep) for s in series],
+    )

@@ -10,8 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 import coupling
-from workflows.evidence.counted import counted
-from workflows.evidence.prose import rendered
+from workflows.evidence.study import concluded, counted
 from workflows.evidence.thesis.requirements import require_rig
 from workflows.evidence.thesis.schemes import (
     ROUNDING,
@@ -21,10 +20,8 @@ from workflows.evidence.thesis.schemes import (
     of_the_thesis,
     one_functional,
 )
-from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
-from workflows.report.tables import Table
 from workflows.scene import Scene
 from workflows.stages import assembly as stages
 from workflows.stages.progress import Progress
@@ -75,11 +72,6 @@ def damping(
         ),
     )
     ours, *others = runs
-    sentences = rendered(
-        __file__, ours=ours, grown=ours.growth, others=[(run, run.growth) for run in others],
-        most=max(1.5 * ours.gain.largest, ROUNDING), duration=options.duration,
-        rayleigh=RAYLEIGH, ratio=zeta[0], frequency=HAMMER_TEST_HZ[0],
-    )  # fmt: skip
 
     # figure 6.5: velocities of the last sphere and of the wall, each run with the same limits
     figure = []
@@ -114,5 +106,9 @@ def damping(
     title = "Rayleigh damping of the thesis (figure 6.6)"
     figure.append(Panel(title, "frequency [Hz]", "damping ratio [%]", lines, "xy"))
 
-    picture = Picture("study_damping", panels(figure, columns=2, size=(5.6, 3)))
-    return Finding((Table("damping", ("quantity", "value"), rows),), sentences, (picture,))
+    return concluded(
+        __file__, ("quantity", "value"), rows, panels(figure, columns=2, size=(5.6, 3)),
+        ours=ours, grown=ours.growth, others=[(run, run.growth) for run in others],
+        most=max(1.5 * ours.gain.largest, ROUNDING), duration=options.duration,
+        rayleigh=RAYLEIGH, ratio=zeta[0], frequency=HAMMER_TEST_HZ[0],
+    )  # fmt: skip

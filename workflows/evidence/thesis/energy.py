@@ -18,8 +18,7 @@ from geometry.grid_lines import refined
 from geometry.lined import SAME, lined_mesh
 from geometry.lined import Lines as GridLines
 from geometry.shapes import Box
-from workflows.evidence.counted import counted
-from workflows.evidence.prose import rendered
+from workflows.evidence.study import concluded, counted
 from workflows.evidence.thesis.observed_run import RecordOptions, round_trip
 from workflows.evidence.thesis.requirements import bare, require_chain, require_rig
 from workflows.evidence.thesis.schemes import (
@@ -31,10 +30,8 @@ from workflows.evidence.thesis.schemes import (
     of_the_thesis,
     one_functional,
 )
-from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
-from workflows.report.tables import Table
 from workflows.scene import Scene
 from workflows.stages import assembly as stages
 from workflows.stages.chain import initial_velocity
@@ -102,20 +99,10 @@ def energy(scene: Scene, progress: Progress, options: EnergyOptions = EnergyOpti
         named.append((f"{wall.name}, one functional", wall.one_functional))
         named.append((f"{wall.name}, thesis", wall.thesis))
     rows = tuple((name, run.gain.largest, run.gain.final, run.missing) for name, run in named)
-    table = Table("energy", ("wall", "bump", "gain_at_end", "missing_without_wall"), rows)
 
     # what the thesis leaves out in a first approximation
     ours, run = assembly.one_functional, assembly.one_functional.trajectory
     preload, leaf_springs = ours.change(run.work_preload), ours.change(run.energy_leaf)
-    sentences = rendered(
-        __file__, alone=shares, on_the_way=1 - WAVE * (1 - MOVING), walls=walls,
-        seeds=[options.finer * scene.mesh.contact_seed, scene.mesh.contact_seed],
-        rise=max(ROUNDING, 1.5 * max(wall.one_functional.gain.largest for wall in walls)),
-        missing=[wall.one_functional.missing for wall in walls],
-        held={
-            "preload": float(np.abs(preload).max()), "leaf": float(np.abs(leaf_springs).max())
-        },
-    )  # fmt: skip
 
     # figure 2.7: the chain alone
     share = 100 / free.energy_kinetic[0]
@@ -177,8 +164,19 @@ def energy(scene: Scene, progress: Progress, options: EnergyOptions = EnergyOpti
     label = "change [% of the striker's]"
     figure.append(Panel("preload and leaf springs", "time [ms]", label, lines))
 
-    picture = Picture("study_energy", panels(figure, columns=3, size=(4.6, 3)))
-    return Finding((table,), sentences, (picture,))
+    return concluded(
+        __file__,
+        ("wall", "bump", "gain_at_end", "missing_without_wall"),
+        rows,
+        panels(figure, columns=3, size=(4.6, 3)),
+        alone=shares, on_the_way=1 - WAVE * (1 - MOVING), walls=walls,
+        seeds=[options.finer * scene.mesh.contact_seed, scene.mesh.contact_seed],
+        rise=max(ROUNDING, 1.5 * max(wall.one_functional.gain.largest for wall in walls)),
+        missing=[wall.one_functional.missing for wall in walls],
+        held={
+            "preload": float(np.abs(preload).max()), "leaf": float(np.abs(leaf_springs).max())
+        },
+    )  # fmt: skip
 
 
 def chain_alone(scene: Scene) -> tuple[dem.Trajectory, WaveEnergy]:

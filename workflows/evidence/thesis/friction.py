@@ -36,11 +36,9 @@ from dem.lateral import LastSphere
 from dem.prepared import prepare
 from dem.spheres import hertz_overlap
 from dem.waves.solitary import WIDTH, speed
-from workflows.evidence.counted import counted
-from workflows.evidence.prose import rendered
+from workflows.evidence.study import concluded, counted
 from workflows.evidence.thesis.observed_run import Observed, RecordOptions, Setup, seen
 from workflows.evidence.thesis.requirements import require_chain
-from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
 from workflows.report.tables import Table
@@ -176,27 +174,26 @@ def friction(
     by_state: dict[str, list[Difference]] = {}
     for _, slips, _, difference in compared:
         by_state.setdefault(slips.state, []).append(difference)
-    sentences = rendered(
+    return concluded(
         __file__,
+        COLUMNS,
+        tuple(rows),
+        picture(compared, spheres),
+        Table("mechanisms", MECHANISMS, mechanism_rows),
         by_state=by_state,
         striker=float(np.abs(rig_of(scene, progress).start.velocity).max()),
         options=options,
         mechanisms=mechanisms,
         refused=refused,
         by_arrival={
-            state: sum(each.arrival > options.timing for each in differences)
+            state: sum(change.arrival > options.timing for change in differences)
             for state, differences in by_state.items()
         },
         by_later={
-            state: sum(is_seen(each, options) for each in differences)
+            state: sum(is_seen(change, options) for change in differences)
             for state, differences in by_state.items()
         },
     )
-    tables = (
-        Table("friction", COLUMNS, tuple(rows)),
-        Table("mechanisms", MECHANISMS, mechanism_rows),
-    )
-    return Finding(tables, sentences, (picture(compared, spheres),))
 
 
 def label(case: Case) -> str:
@@ -382,8 +379,8 @@ def coefficient_of(rig: Rig) -> float:
     return rig.last.law.bound * rig.last.law.modulus / modulus
 
 
-def picture(compared: list[tuple], spheres: tuple[int, ...]) -> Picture:
-    """What slip changes at each sphere over time, for the largest difference of each state."""
+def picture(compared: list[tuple], spheres: tuple[int, ...]) -> bytes:
+    """PNG: what slip changes at each sphere over time, for the largest difference of each state."""
     chosen = {}
     for case, slips, sticks, difference in compared:
         before = chosen.get(slips.state)
@@ -401,4 +398,4 @@ def picture(compared: list[tuple], spheres: tuple[int, ...]) -> Picture:
             Panel(f"sphere {sphere}", "time [ms]", "with slip less stuck [mm/s]", lines,
                   legend="above" if sphere == spheres[0] else "inside")
         )  # fmt: skip
-    return Picture("study_friction", panels(sets, size=(8, 2.6)))
+    return panels(sets, size=(8, 2.6))

@@ -11,11 +11,9 @@ import numpy as np
 
 import fem
 from fem.tuning import spectrum, tune
-from workflows.evidence.prose import rendered
-from workflows.files.run_folder import Picture
+from workflows.evidence.study import concluded
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
-from workflows.report.tables import Table
 from workflows.scene import Joints, JointStiffnesses, Scene
 from workflows.scene.parts import with_assembly
 from workflows.stages.pipeline import pipeline_of
@@ -111,10 +109,6 @@ def joints(scene: Scene, progress: Progress) -> Finding:
     best = fits[BEST]
     _, second, third, _ = best.modes_hz
     further = [float(f) for f in best.all_hz if second < f < third]
-    sentences = rendered(
-        __file__, wanted=TARGETS, conflicts=conflicts, best=macs[BEST], miss=misses[BEST],
-        further=further,
-    )  # fmt: skip
 
     lines = [Line(freedom.name, *hz.T, colour=i) for i, (freedom, hz) in enumerate(curves.items())]
     free_hz = fits[-1].modes_hz
@@ -123,5 +117,7 @@ def joints(scene: Scene, progress: Progress) -> Finding:
         Line("all freedoms", free_hz[1:2], free_hz[2:3], "x", 2),
     ]
     figure = [Panel("settings that meet mode 1", "mode 2 [Hz]", "mode 3 [Hz]", lines)]
-    picture = Picture("study_joints", panels(figure, size=(7, 4.5)))
-    return Finding((Table("joints", COLUMNS, rows),), sentences, (picture,))
+    return concluded(
+        __file__, COLUMNS, rows, panels(figure, size=(7, 4.5)),
+        wanted=TARGETS, conflicts=conflicts, best=macs[BEST], miss=misses[BEST], further=further,
+    )  # fmt: skip

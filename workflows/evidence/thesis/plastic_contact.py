@@ -14,7 +14,7 @@ import numpy as np
 
 import dem
 from dem.spheres import contact_modulus, yield_overlap
-from workflows.evidence.prose import rendered
+from workflows.evidence.study import concluded
 from workflows.evidence.thesis.observed_run import (
     Observed,
     Setup,
@@ -24,10 +24,8 @@ from workflows.evidence.thesis.observed_run import (
     wave_columns,
 )
 from workflows.evidence.thesis.requirements import last, require_chain, require_echo
-from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
-from workflows.report.tables import Table
 from workflows.scene import HalfSpaceWall, RigidWall, Scene
 from workflows.stages.chain import chain, initial_velocity
 from workflows.stages.progress import Progress
@@ -107,7 +105,6 @@ def plastic_contact(scene: Scene, progress: Progress) -> Finding:
         "last contact", "force_N", "contact_us", "restitution", "lost_%",
         *wave_columns((1, 2)),
     )  # fmt: skip
-    table = Table("plastic-contact", columns, tuple(rows))
 
     # delays of the second reflected wave, of the first where not all laws send a second
     later = None
@@ -121,20 +118,6 @@ def plastic_contact(scene: Scene, progress: Progress) -> Finding:
 
     steel, stiff, *yielding = cases
     peaks = [row[1] for row in rows]
-    sentences = rendered(
-        __file__,
-        force=steel.run.trajectory.contact_force.max(axis=0).tolist(),
-        pressure=steel.run.pressures.tolist(),
-        rigid_pressure=rigid.pressures.tolist(),
-        factor=FACTOR,
-        change=[peak / peaks[0] - 1 for peak in peaks[1:]],
-        stiff=stiff,
-        yielding=yielding,
-        later=later,
-        sphere=sphere,
-        stresses=YIELD_STRESSES,
-        constraint=CONSTRAINT,
-    )
 
     # force over approach while the last contact is not far open
     loops = []
@@ -166,5 +149,20 @@ def plastic_contact(scene: Scene, progress: Progress) -> Finding:
         ),
         *(record(f"sphere {s}", [case.run for case in cases], s) for s in spheres),
     ]
-    picture = Picture("study_plastic_contact", panels(figure, columns=3, size=(4.8, 3.2)))
-    return Finding((table,), sentences, (picture,))
+    return concluded(
+        __file__,
+        columns,
+        tuple(rows),
+        panels(figure, columns=3, size=(4.8, 3.2)),
+        force=steel.run.trajectory.contact_force.max(axis=0).tolist(),
+        pressure=steel.run.pressures.tolist(),
+        rigid_pressure=rigid.pressures.tolist(),
+        factor=FACTOR,
+        change=[peak / peaks[0] - 1 for peak in peaks[1:]],
+        stiff=stiff,
+        yielding=yielding,
+        later=later,
+        sphere=sphere,
+        stresses=YIELD_STRESSES,
+        constraint=CONSTRAINT,
+    )

@@ -1,6 +1,5 @@
 """A chain against plates of one thickness after the other."""
 
-from workflows.evidence.prose import rendered
 from workflows.evidence.thesis import bent
 from workflows.evidence.thesis.bent import StructuresOptions, compared
 from workflows.report.finding import Finding
@@ -17,5 +16,4 @@ def plate_thickness(
     bent.require(scene, "plate")
     values = options.factors * scene.plate.thickness
     scenes = [scene.but(plate={"thickness": value}) for value in values]
-    result = compared("plate-thickness", "thickness", scenes, values, progress, options)
-    return Finding((result.table,), rendered(__file__, **result.numbers), (result.picture,))
+    return compared(__file__, "thickness", scenes, values, progress, options)

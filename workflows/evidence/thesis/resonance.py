@@ -18,10 +18,8 @@ from coupling.stuck_wall import stuck_wall
 from dem import UnstableStep
 from dem.friction import stick_stiffness
 from dem.spheres import hertz_overlap
-from workflows.evidence.counted import counted
-from workflows.evidence.prose import rendered
+from workflows.evidence.study import concluded, counted
 from workflows.evidence.thesis.friction import Rig, name_of, rig_of
-from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
 from workflows.report.tables import Table
@@ -110,18 +108,17 @@ def resonance(
     with progress("level"):
         rising = follow([frequency] * len(forces), forces)
         falling = follow([frequency] * len(forces), forces[::-1])[::-1]
-    beside = []
+    marched = []
     for factor in counted(options.checked, progress, "march at {:g} of the force".format):
-        beside += marched_beside(scene, rig, factor, options)
+        marched += marched_beside(scene, rig, factor, options)
 
-    sentences = rendered(
-        __file__, free=free, stuck=stuck, curves=curves, rows=rows, options=options,
-        marched=[abs(row[3] / row[4] - 1.0) for row in beside if row[4]],
+    figure = panels_of(curves, rising, falling, frequency)
+    return concluded(
+        __file__, COLUMNS, rows, figure, Table("march", BESIDE, tuple(marched)),
+        free=free, stuck=stuck, curves=curves, rows=rows, options=options,
+        marched=[abs(row[3] / row[4] - 1.0) for row in marched if row[4]],
         frequency=frequency, scene=scene,
     )  # fmt: skip
-    figure = panels_of(curves, rising, falling, frequency)
-    tables = (Table("resonance", COLUMNS, rows), Table("march", BESIDE, tuple(beside)))
-    return Finding(tables, sentences, (Picture("study_resonance", figure),))
 
 
 def linear_resonances(rig: Rig) -> tuple[float, float]:

@@ -10,15 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workflows.evidence.prose import rendered
+from workflows.evidence.study import concluded
 from workflows.evidence.thesis.observed_run import Observed, RecordOptions, Setup, record
 from workflows.evidence.thesis.requirements import require_chain, require_echo, require_rig
 from workflows.evidence.thesis.walls import HALF_SPACE, RIGID, impact_run, one_dof, rig_walls
 from workflows.evidence.thesis.wave_distance import DependenceLimits, separation, spread
-from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
 from workflows.report.plots import panels
-from workflows.report.tables import Table
 from workflows.scene import HalfSpaceWall, LeafSpringsTable, Preload, Scene
 from workflows.stages.chain import chain, contact_radius, start
 from workflows.stages.progress import Progress
@@ -162,11 +160,16 @@ def rig(scene: Scene, progress: Progress, options: RigOptions = RigOptions()) ->
         "unknown", "value", "seen", "hold",
         *(f"t{k}_us" for k in NUMBERS), *(f"v{k}_%" for k in NUMBERS),
     )  # fmt: skip
-    table = Table("rig", columns, tuple(rows))
 
     stiffness, press = _leaf_springs(scene, options.leaf_stiffness)
-    sentences = rendered(
+
+    drawn_runs = [default.runs[name] for name in (MAIN, HALF_SPACE, one_dof(907), one_dof(240))]
+    figure = [record(f"sphere {s}", drawn_runs, s) for s in SPHERES]
+    return concluded(
         __file__,
+        columns,
+        tuple(rows),
+        panels(figure, size=(8, 2.6)),
         arm=scene.preload or Preload(),
         stiffness=stiffness,
         press=press,
@@ -187,10 +190,6 @@ def rig(scene: Scene, progress: Progress, options: RigOptions = RigOptions()) ->
         wanted=COUNTS,
         n_arms=len(options.light_arms),
     )
-
-    drawn_runs = [default.runs[name] for name in (MAIN, HALF_SPACE, one_dof(907), one_dof(240))]
-    figure = [record(f"sphere {s}", drawn_runs, s) for s in SPHERES]
-    return Finding((table,), sentences, (Picture("study_rig", panels(figure, size=(8, 2.6))),))
 
 
 def _variations(scene: Scene, options: RigOptions) -> Iterator[Variation]:

@@ -13,12 +13,9 @@ from numpy.typing import NDArray
 
 import fem
 from fem.trace import trace
-from workflows.evidence.counted import counted
-from workflows.evidence.prose import rendered
-from workflows.files.run_folder import Picture
+from workflows.evidence.study import concluded, counted
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
-from workflows.report.tables import Table
 from workflows.scene import Scene
 from workflows.scene.parts import with_assembly
 from workflows.stages import assembly as stages
@@ -111,19 +108,6 @@ def singularity(
     by_patch = np.array([mesh.patch_structure for mesh in meshes])
     by_node = np.array([mesh.node_structure for mesh in meshes])
     before_last, last = meshes[-2:]
-    sentences = rendered(
-        __file__,
-        radius=radius,
-        sunk=sunk,
-        growth=growth,
-        last=last,
-        recovery_change=abs(last.recovery / before_last.recovery - 1),
-        patch_change=abs(last.patch / before_last.patch - 1),
-        # a half-space at the distance of the recovery points, u = (1 - nu^2) F / (pi E r)
-        dent=(1 - steel.poisson**2) / (np.pi * steel.young * radius),
-        patch_spread=float(np.ptp(by_patch) / np.mean(by_patch)),
-        node_spread=float(np.ptp(by_node) / np.mean(by_node)),
-    )
 
     # displacement of the face on each mesh, force at the node and force over the patch
     figure = []
@@ -161,5 +145,19 @@ def singularity(
     title = "the structure's own compliance, against the finest mesh"
     figure.append(Panel(title, "contact seed [mm]", "difference [ppm]", lines, "xy"))
 
-    picture = Picture("study_singularity", panels(figure, columns=2, size=(5.2, 3.6)))
-    return Finding((Table("singularity", COLUMNS, rows),), sentences, (picture,))
+    return concluded(
+        __file__,
+        COLUMNS,
+        rows,
+        panels(figure, columns=2, size=(5.2, 3.6)),
+        radius=radius,
+        sunk=sunk,
+        growth=growth,
+        last=last,
+        recovery_change=abs(last.recovery / before_last.recovery - 1),
+        patch_change=abs(last.patch / before_last.patch - 1),
+        # a half-space at the distance of the recovery points, u = (1 - nu^2) F / (pi E r)
+        dent=(1 - steel.poisson**2) / (np.pi * steel.young * radius),
+        patch_spread=float(np.ptp(by_patch) / np.mean(by_patch)),
+        node_spread=float(np.ptp(by_node) / np.mean(by_node)),
+    )

@@ -14,15 +14,12 @@ import geometry
 import rom
 from coupling.reduced_wall import wall_from_reduced
 from fem.hinged import euler_bernoulli
-from workflows.evidence.counted import counted
-from workflows.evidence.prose import rendered
+from workflows.evidence.study import concluded, counted
 from workflows.evidence.thesis import bent
 from workflows.evidence.thesis.observed_run import Observed
 from workflows.evidence.thesis.wave_distance import distance
-from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
-from workflows.report.tables import Table
 from workflows.scene import InvalidScene, Scene
 from workflows.stages import bending
 from workflows.stages.progress import Progress
@@ -114,9 +111,9 @@ def solid_beam(
         title = f"{1e3 * thickness:.3g} mm thick, sphere {sphere}"
         figure.append(Panel(title, "time [ms]", "velocity [m/s]", lines))
 
-    picture = Picture("study_solid_beam", panels(figure, columns=3, size=(4.4, 3.2)))
-    sentences = rendered(__file__, worst=worst)
-    return Finding((Table("solid-beam", COLUMNS, tuple(rows)),), sentences, (picture,))
+    return concluded(
+        __file__, COLUMNS, tuple(rows), panels(figure, columns=3, size=(4.4, 3.2)), worst=worst,
+    )  # fmt: skip
 
 
 def _solid_wall(

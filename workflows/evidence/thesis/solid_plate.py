@@ -7,12 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workflows.evidence.prose import rendered
+from workflows.evidence.study import concluded
 from workflows.evidence.thesis import bent
-from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
-from workflows.report.tables import Table
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.toml import resolved
 from workflows.stages.pipeline import pipeline_of
@@ -73,11 +71,11 @@ def solid_plate(
     off = {name: theory[name] / solid[name] - 1 for name in COLUMNS[1:]}
     off["tof_us"] = theory["tof_us"] - solid["tof_us"]
     mesh = models["solid"]("mesh-error") if scene.time.dt is None else None
-    sentences = rendered(__file__, off=off, mesh=mesh)
 
     figure = [Panel(f"sphere {sphere}", "time [ms]", "velocity [m/s]", lines)]
-    picture = Picture("study_solid_plate", panels(figure, size=(8, 3.4)))
-    return Finding((Table("solid-plate", COLUMNS, tuple(rows)),), sentences, (picture,))
+    return concluded(
+        __file__, COLUMNS, tuple(rows), panels(figure, size=(8, 3.4)), off=off, mesh=mesh,
+    )  # fmt: skip
 
 
 def as_solid(scene: Scene, options: SolidPlateOptions) -> Scene:

@@ -11,13 +11,11 @@ import numpy as np
 
 import dem
 from dem.waves.measures import exponent
-from workflows.evidence.prose import rendered
+from workflows.evidence.study import concluded
 from workflows.evidence.thesis.observed_run import Observed, Setup, observed, round_trip
 from workflows.evidence.thesis.requirements import bare, last, require_chain
-from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
-from workflows.report.tables import Table
 from workflows.scene import InvalidScene, Scene
 from workflows.stages.chain import initial_velocity
 from workflows.stages.progress import Progress
@@ -91,13 +89,7 @@ def sphere_mass(
         powers[by] = MassMeasures(*(exponent(options.masses, column) for column in columns))
 
     rows = tuple((case.by, case.mass, *case.measures) for case in cases)
-    table = Table("sphere-mass", ("by", "mass_kg", *MassMeasures._fields), rows)
     striker_speed = cases[0].run.trajectory.v[0].max()
-    sentences = rendered(
-        __file__, power=powers, sphere=sphere,
-        peaks=[case.measures.peak_velocity_m_s / striker_speed for case in cases],
-        arr=[case.measures.arr for case in cases], contact=cases[0].run.contact,
-    )  # fmt: skip
 
     # velocities of the observed spheres, a panel for each mass of figure 2.9
     figure = []
@@ -121,5 +113,9 @@ def sphere_mass(
             lines.append(Line(f"by {by}, power {power:+.2f}", *np.transpose(points), "o-"))
         figure.append(Panel(name, "mass of a sphere [kg]", f"{name} [{unit}]", lines, "xy"))
 
-    picture = Picture("study_sphere_mass", panels(figure, columns=3, size=(4.4, 3)))
-    return Finding((table,), sentences, (picture,))
+    return concluded(
+        __file__, ("by", "mass_kg", *MassMeasures._fields), rows,
+        panels(figure, columns=3, size=(4.4, 3)), power=powers, sphere=sphere,
+        peaks=[case.measures.peak_velocity_m_s / striker_speed for case in cases],
+        arr=[case.measures.arr for case in cases], contact=cases[0].run.contact,
+    )  # fmt: skip

@@ -14,13 +14,11 @@ import numpy as np
 import dem
 from dem.spheres import time_scale
 from dem.waves.measures import exponent, leading_share
-from workflows.evidence.prose import rendered
+from workflows.evidence.study import concluded
 from workflows.evidence.thesis.observed_run import Setup, observed, record, round_trip
 from workflows.evidence.thesis.requirements import bare, require_chain
-from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
-from workflows.report.tables import Table
 from workflows.scene import Scene
 from workflows.stages.chain import initial_velocity
 from workflows.stages.progress import Progress
@@ -98,12 +96,6 @@ def striker(
         *((f"{v:g} m/s", *m, None, None) for v, m in zip(options.speeds, measures, strict=True)),
         *((f"mass x {h.ratio:g}", None, None, None, h.share, REFERENCE[h.ratio]) for h in heavy),
     )
-    table = Table("striker", ("striker", *SpeedMeasures._fields, "leader_share", "reference"), rows)
-    sentences = rendered(
-        __file__, power=powers, slowest=options.speeds[0], fastest=options.speeds[-1],
-        contact=columns.contact_us, off=max(abs(h.share - REFERENCE[h.ratio]) for h in heavy),
-        light=heavy[0], equal=next(h for h in heavy if h.ratio == 1.0), heavy=heavy[-1],
-    )  # fmt: skip
 
     # records at the outermost sphere, and the power laws
     sphere = max(spheres)
@@ -135,5 +127,10 @@ def striker(
         Panel("leading wave", mass, share, shares, "x"),
     ]
 
-    picture = Picture("study_striker", panels(figure, columns=2, size=(5.4, 3.2)))
-    return Finding((table,), sentences, (picture,))
+    return concluded(
+        __file__, ("striker", *SpeedMeasures._fields, "leader_share", "reference"), rows,
+        panels(figure, columns=2, size=(5.4, 3.2)),
+        power=powers, slowest=options.speeds[0], fastest=options.speeds[-1],
+        contact=columns.contact_us, off=max(abs(h.share - REFERENCE[h.ratio]) for h in heavy),
+        light=heavy[0], equal=next(h for h in heavy if h.ratio == 1.0), heavy=heavy[-1],
+    )  # fmt: skip

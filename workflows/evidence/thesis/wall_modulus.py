@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 import dem
 from dem.spheres import time_scale
 from dem.waves.measures import exponent
-from workflows.evidence.prose import rendered
+from workflows.evidence.study import concluded
 from workflows.evidence.thesis.observed_run import Observed, RecordOptions, Setup, observed, record
 from workflows.evidence.thesis.requirements import bare, last, require_chain
-from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
-from workflows.report.tables import Table, short
+from workflows.report.tables import short
 from workflows.scene import Scene
 from workflows.stages.chain import initial_velocity
 from workflows.stages.progress import Progress
@@ -95,21 +94,6 @@ def wall_modulus(
     slope = exponent([cases[i].run.chain.A[-1] for i in very_soft], [seconds[i] for i in very_soft])
     gone = critical(cases, options.faded)
     # 1 / (2**1.5 - 1): ratio at which the wall's contact is as stiff as the spheres'
-    sentences = rendered(
-        __file__,
-        faded=options.faded,
-        published=PUBLISHED,
-        critical=gone,
-        critical_young=gone and [gpa[ratio] for ratio in gone],
-        least=min((case for case in cases if case.ratio < 1.0), key=lambda case: case.second),
-        below=cases[0].second > cases[-1].second,
-        soft=options.soft,
-        stiff=max(case.second for case in cases if case.ratio > options.soft),
-        parted=max((case.ratio for case in cases if case.apart > 0.0), default=None),
-        equal=1 / (2**1.5 - 1),
-        slope=slope,
-        tau=tau,
-    )
 
     # over the modulus: contact time, tau_c, and the second wave with where it fades out
     modulus = "Young's modulus of the wall [GPa]"
@@ -138,8 +122,24 @@ def wall_modulus(
     walls = [case.run._replace(name=f"E = {short(gpa[case.ratio])} GPa") for case in nearest]
     figure.append(record(f"sphere {sphere}: a soft wall reflects later, and twice", walls, sphere))
 
-    picture = Picture("study_wall_modulus", panels(figure, columns=2, size=(5.4, 3.2)))
-    return Finding((Table("wall-modulus", COLUMNS, rows),), sentences, (picture,))
+    return concluded(
+        __file__,
+        COLUMNS,
+        rows,
+        panels(figure, columns=2, size=(5.4, 3.2)),
+        faded=options.faded,
+        published=PUBLISHED,
+        critical=gone,
+        critical_young=gone and [gpa[ratio] for ratio in gone],
+        least=min((case for case in cases if case.ratio < 1.0), key=lambda case: case.second),
+        below=cases[0].second > cases[-1].second,
+        soft=options.soft,
+        stiff=max(case.second for case in cases if case.ratio > options.soft),
+        parted=max((case.ratio for case in cases if case.apart > 0.0), default=None),
+        equal=1 / (2**1.5 - 1),
+        slope=slope,
+        tau=tau,
+    )
 
 
 def critical(cases: list[WallModulusCase], faded: float) -> tuple[float, float] | None:

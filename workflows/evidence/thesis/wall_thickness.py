@@ -12,16 +12,13 @@ import numpy as np
 
 import coupling
 import dem
-from workflows.evidence.counted import counted
-from workflows.evidence.prose import rendered
+from workflows.evidence.study import concluded, counted
 from workflows.evidence.thesis import plates
 from workflows.evidence.thesis.collision import Collision
 from workflows.evidence.thesis.plates import PlateSizeRules
 from workflows.evidence.thesis.requirements import FEWEST, require_chain
-from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
-from workflows.report.tables import Table
 from workflows.scene import Scene
 from workflows.stages.progress import Progress
 
@@ -119,7 +116,6 @@ def wall_thickness(
             (model, impacted.ratio, 1e3 * plate.thickness, k_h, impacted.restitution,
              *of_chain(collision))
         )  # fmt: skip
-    table = Table("wall-thickness", COLUMNS, tuple(rows))
 
     by_ratio = {plate.ratio: plate for plate in solid}
     agreeing = [
@@ -133,34 +129,6 @@ def wall_thickness(
     striker_speed = np.abs(run.v[0]).max()
     curve_ratio = np.array([z.ratio for z in curve])
     curve_arr = np.array([z.collision.arr for z in curve])
-    sentences = rendered(
-        __file__,
-        sphere=sphere,
-        rebounds=options.rebounds,
-        worst=max(rebounds),
-        thickest=pairs[0],
-        thinnest=pairs[-1],
-        close=options.close,
-        close_from=min(agreeing, default=None),
-        radiated=radiated,
-        carried_hz=omega / (2 * np.pi),
-        speed=coupling.group_speed(plate_of(checked), omega),
-        reach=sizes[checked].reach,
-        half_way=half_way,
-        n_within=sum(diameter / ratio <= half_way for ratio in ratios),
-        n_plates=len(ratios),
-        deep_loss=DEEP_LOSS,
-        striker=striker_speed,
-        fast=striker_speed * (DEEP_LOSS / radiated) ** (5 / 3),  # radiated ~ V^(3/5)
-        two=by_ratio[2.0].collision,
-        negligible=NEGLIGIBLE,
-        five=by_ratio[NEGLIGIBLE].collision,
-        faint=options.faint,
-        faint_from=float(np.interp(-options.faint, -curve_arr, curve_ratio)),  # ARR falls with D/t
-        deep=deep,
-        checked=by_ratio[checked],
-        checks=checks,
-    )
 
     # over D/t: Zener's curve and the solid plates beside levels of a half-space and of the thesis
     def level(name: str, value: float, style: str = "--", colour: int = 2) -> Line:
@@ -209,5 +177,34 @@ def wall_thickness(
     figure.append(Panel(title, "time [ms]", "force [N]", forces))
     figure.append(Panel(f"sphere {sphere}, the same", "time [ms]", "velocity [m/s]", velocities))
 
-    picture = Picture("study_wall_thickness", panels(figure, columns=2, size=(5.6, 3.4)))
-    return Finding((table,), sentences, (picture,))
+    return concluded(
+        __file__,
+        COLUMNS,
+        tuple(rows),
+        panels(figure, columns=2, size=(5.6, 3.4)),
+        sphere=sphere,
+        rebounds=options.rebounds,
+        worst=max(rebounds),
+        thickest=pairs[0],
+        thinnest=pairs[-1],
+        close=options.close,
+        close_from=min(agreeing, default=None),
+        radiated=radiated,
+        carried_hz=omega / (2 * np.pi),
+        speed=coupling.group_speed(plate_of(checked), omega),
+        reach=sizes[checked].reach,
+        half_way=half_way,
+        n_within=sum(diameter / ratio <= half_way for ratio in ratios),
+        n_plates=len(ratios),
+        deep_loss=DEEP_LOSS,
+        striker=striker_speed,
+        fast=striker_speed * (DEEP_LOSS / radiated) ** (5 / 3),  # radiated ~ V^(3/5)
+        two=by_ratio[2.0].collision,
+        negligible=NEGLIGIBLE,
+        five=by_ratio[NEGLIGIBLE].collision,
+        faint=options.faint,
+        faint_from=float(np.interp(-options.faint, -curve_arr, curve_ratio)),  # ARR falls with D/t
+        deep=deep,
+        checked=by_ratio[checked],
+        checks=checks,
+    )

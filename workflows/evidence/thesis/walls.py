@@ -11,7 +11,7 @@ from math import inf, isnan
 import numpy as np
 
 import dem
-from workflows.evidence.prose import rendered
+from workflows.evidence.study import rendered
 from workflows.evidence.thesis.observed_run import (
     Observed,
     RecordOptions,

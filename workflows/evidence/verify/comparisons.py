@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workflows.evidence.counted import verdict_count
+from workflows.evidence.study import verdict_count
 from workflows.report.finding import Finding
 from workflows.report.tables import Table
 

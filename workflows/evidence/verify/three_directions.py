@@ -97,7 +97,7 @@ def _across(held: Held, at: tuple[float, float], radius: float) -> tuple[np.ndar
     """Compliances (2,) [m/N] along t1 and t2 less the half-space's on the mesh, and these."""
     patch = fem.contact_patch(held.model, "bar:+x", at, radius)
     local = np.diag(fem.half_space_matrix(held.model, "bar:+x", patch, held.material))[1:]
-    whole = [each.w @ held.factor.solve(each.w) for each in patch.across(held.model)]
+    whole = [direction.w @ held.factor.solve(direction.w) for direction in patch.across(held.model)]
     return np.array(whole) - local, local
 
 
@@ -111,7 +111,7 @@ def _wall(
     model, factor, _ = _held(*lines)
     patch = fem.contact_patch(model, "bar:+x", at, 3e-3)
     shaker = fem.contact_patch(model, f"bar:{shaken}", shaken_at, 4e-3, weights="area").w
-    W = np.column_stack([patch.w, *(each.w for each in patch.across(model)), shaker])
+    W = np.column_stack([patch.w, *(direction.w for direction in patch.across(model)), shaker])
     selection = rom.Selection(25, to_hz=TO_HZ, choice="contact")
     solver = {"factor": factor, "factorise": factorised}
     reduced = rom.free_modes(model.K, model.M, patch.w, selection, **solver)

@@ -1,12 +1,35 @@
-"""Sentences of a study: the Markdown template beside its module, filled with computed numbers."""
+"""What studies are made with: the finding, sentences of a template, pieces with the time left.
 
-from collections.abc import Iterable
+The sentences of a study are the Markdown template beside its module, filled with computed numbers.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from math import isfinite, isnan
 from pathlib import Path
-from typing import Any
+from time import perf_counter
+from typing import Any, TypeVar
+
+from workflows.files.run_folder import Picture
+from workflows.report.finding import Finding
+from workflows.report.tables import Table
+from workflows.stages.progress import Progress
 
 PREFIXES = {"nano": 1e9, "micro": 1e6, "milli": 1e3, "kilo": 1e-3, "giga": 1e-9}
+
+Piece = TypeVar("Piece")
+
+
+def concluded(
+    module: str, columns: tuple[str, ...], rows: tuple[tuple, ...], picture: bytes, /,
+    *others: Table, **numbers: Any,
+) -> Finding:  # fmt: skip
+    """The finding of a study: its table and others, its picture (PNG), and the sentences of its
+    template with these numbers; module is its __file__, by whose name all three go."""
+    name = Path(module).stem
+    table = Table(name.replace("_", "-"), columns, rows)
+    picture_of_study = Picture(f"study_{name}", picture)
+    return Finding((table, *others), rendered(module, **numbers), (picture_of_study,))
 
 
 def rendered(module: str, **numbers: Any) -> tuple[str, ...]:
@@ -77,3 +100,29 @@ def only_finite(values: Iterable[float]) -> list[float]:
 def verdict(holds: bool | None) -> str:
     """Words for whether a statement holds; None: it cannot be judged."""
     return "cannot be judged" if holds is None else "holds" if holds else "does not hold"
+
+
+def counted(
+    pieces: Iterable[Piece], progress: Progress, name: Callable[[Piece], str]
+) -> Iterator[Piece]:
+    """Each of the pieces, shown as the stage of its name while the caller works on it.
+
+    From the second on the name ends in "(3 of 7, about 40 s left)", from the mean of those before:
+    a first run has no last one to go by.
+    """
+    pieces = tuple(pieces)
+    started = perf_counter()
+    for i, piece in enumerate(pieces):
+        left = ""
+        if i:
+            seconds = (perf_counter() - started) / i * (len(pieces) - i)
+            left = f" ({i + 1} of {len(pieces)}, about {seconds:.0f} s left)"
+        with progress(name(piece) + left):
+            yield piece
+
+
+def verdict_count(rows: tuple, noun: str, verdicts: Iterable[str]) -> str:
+    """How many rows have each of these verdicts, and the seconds of all."""
+    verdict_of_rows = [row.verdict for row in rows]
+    counts = ", ".join(f"{verdict_of_rows.count(verdict)} {verdict}" for verdict in verdicts)
+    return f"{len(rows)} {noun}: {counts}; {sum(row.seconds for row in rows):.0f} s."
