@@ -53,6 +53,14 @@ class MatrixFit(NamedTuple):
     criterion: float = 0.0  # Bayesian information criterion, lower is better
 
 
+class Elements(NamedTuple):
+    """The upper triangle of a symmetric matrix of responses, element by element."""
+
+    omega: NDArray[np.float64]  # (k,) [rad/s]
+    H: NDArray[np.complex128]  # (k, e)
+    deviation: NDArray[np.float64]  # (k, e)
+
+
 def matrix_receptance(fit: MatrixFit, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
     """H (k, m, m) of a fit at frequencies (k,) [Hz] above 0."""
     w = 2 * np.pi * np.asarray(frequency_hz, float)[:, None]
@@ -101,6 +109,7 @@ def passive_matrix_fit(
     deviation += options.floor * 1e-3  # an element that is 0
 
     omega = 2 * np.pi * f
+    measured = Elements(omega, elements, deviation)
     fits: list[MatrixFit] = []
     for n in options.n_modes:
         if LINES_TO_SPARE * n + 6 > len(f):
@@ -111,8 +120,7 @@ def passive_matrix_fit(
         taken = (omega_j > low) & (omega_j < high) & (zeta < options.zeta[1])
         start = omega_j[taken], np.maximum(zeta[taken], options.zeta[0])
         held, drifting = (
-            _with_factors(omega, elements, deviation, *start, drifts, options, of_matrix)
-            for drifts in (False, True)
+            _with_factors(measured, *start, drifts, options, of_matrix) for drifts in (False, True)
         )
         is_held = held.misfit < max(options.fine, drifting.misfit / options.free)
         fits.append(held if is_held else drifting)
@@ -122,9 +130,7 @@ def passive_matrix_fit(
 
     # the best of these refined; of these the one of fewest modes that is as good
     def refined(omega_j: NDArray, zeta: NDArray, drifts: bool) -> MatrixFit:
-        return _with_factors(
-            omega, elements, deviation, omega_j, zeta, drifts, options, of_matrix, refine=True
-        )
+        return _with_factors(measured, omega_j, zeta, drifts, options, of_matrix, refine=True)
 
     fits.sort(key=lambda fit: fit.criterion)
     best = [refined(*_poles(fit), fit.free.size > 0) for fit in fits[: options.refined]]
@@ -172,9 +178,7 @@ def _poles(fit: MatrixFit) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def _with_factors(
-    omega: NDArray[np.float64],
-    H: NDArray[np.complex128],
-    deviation: NDArray[np.float64],
+    measured: Elements,
     omega_j: NDArray[np.float64],
     zeta: NDArray[np.float64],
     drifts: bool,
@@ -184,7 +188,8 @@ def _with_factors(
     refine: bool = False,
 ) -> MatrixFit:
     """Factors by least squares and their positive part, then to `refine` ln omega, ln zeta and all
-    factors together; H, deviation (k, e) are the upper triangle."""
+    factors together."""
+    omega, H, deviation = measured
     e = H.shape[1]
     m = int((np.sqrt(8 * e + 1) - 1) / 2)
     rows, columns = np.triu_indices(m)
