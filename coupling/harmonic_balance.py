@@ -235,11 +235,31 @@ def resonant_modes(cut: Cut, h: int, K: Array) -> ResonantModes:
     return ResonantModes(modes, fixed, gain, moves)
 
 
+def let_go(body: Body, cut: Cut, pushed: Array) -> tuple[Contacts, Array, Array]:
+    """The contact pressed, pushed to and fro by (d,) [m], and let go where all bodies rest under
+    the force (d,) [N] that it then holds, at a shift (d,) [m]; contact, shift and force."""
+    n, d = body.prepared.chain.mass.size, len(body.frame)
+    contacts, slip, force = body.at_rest().contacts, np.zeros(d), np.zeros((2, d))
+    path = np.zeros((2, 2 + d))
+    path[:, :2] = max(float(cut.rest[n - 1]), 0.0), 1.0
+    path[:, 2:] = -pushed, pushed
+    springs = Springs(contacts.row, contacts.room, contacts.cells)
+    press_round(body.last.law, 1, path, springs, slip, force, np.zeros(2))
+    return contacts, -cut.C[0, n:, n:].real @ force[0], force[0]
+
+
 def answer(
-    body: Body, before: Before, cut: Cut, y: Array, memory: Answer | None, laps: int
+    body: Body,
+    before: Before,
+    cut: Cut,
+    y: Array,
+    memory: Answer | None,
+    laps: int,
+    pushed: Array | None = None,
 ) -> Answer:
-    """What the contacts answer the cycle y (N, c) [m], led round it so many times from a contact
-    pressed and never sheared, or from what another cycle left."""
+    """What the contacts answer the cycle y (N, c) [m], led round it so many times from what another
+    cycle left, or from a contact pressed and never sheared, or else pushed to and fro by (d,) [m]
+    and let go where all bodies rest under the force that it then holds."""
     chain, law = body.prepared.chain, body.last.law
     n, d, N = chain.mass.size, len(body.frame), len(y)
     A = np.array(chain.A, float)
@@ -257,14 +277,10 @@ def answer(
     tangential, stick = np.zeros((N, d)), np.zeros(N)
     path = np.column_stack([overlap[:, -1], pressure[:, -1], y[:, n:]])
     if memory is None:
-        contacts, slip = body.at_rest().contacts, np.zeros(d)
-        at_rest = np.zeros((1, 2 + d))
-        at_rest[0, :2] = max(float(cut.rest[n - 1]), 0.0), 1.0
-        springs = Springs(contacts.row, contacts.room, contacts.cells)
-        press_round(law, 1, at_rest, springs, slip, tangential[:1], stick[:1])
+        contacts, slip, _ = let_go(body, cut, np.zeros(d) if pushed is None else pushed)
     else:
         contacts, slip = memory.contacts.copied(), memory.slip.copy()
-        springs = Springs(contacts.row, contacts.room, contacts.cells)
+    springs = Springs(contacts.row, contacts.room, contacts.cells)
     heat, change = press_round(law, laps, path, springs, slip, tangential, stick)
     return Answer(
         force=np.column_stack([elastic * pressure, tangential]),
@@ -286,10 +302,12 @@ def balance(
     creep: float,
     *,
     start: Balance | None = None,
+    pushed: Array | None = None,
     search: BalanceSearch = USUAL_BALANCE_SEARCH,
 ) -> Balance:
     """A cycle of n_samples to a change of `tolerance`, from one of any number of samples; its
-    change is above the tolerance where none is found.
+    change is above the tolerance where none is found. Before it the contact was never sheared, or
+    pushed to and fro by (d,) [m].
 
     In one direction a contact comes into its cycle at once; across that direction what slips
     little forgets its shear over many periods, which are added until one creeps by `creep`.
@@ -313,7 +331,7 @@ def balance(
         """r, as forces K r, and what the contacts answer."""
         nonlocal evaluations
         evaluations += 1
-        now = answer(body, before, cut, y, memory, search.laps)
+        now = answer(body, before, cut, y, memory, search.laps, pushed)
         beyond = np.fft.rfft(now.force - cut.force - K * y, axis=0)
         r = np.fft.irfft(linear - (AC @ beyond[:, :, None])[:, :, 0], N, axis=0) - y
         return units * r, now

@@ -20,7 +20,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import expm
 
-from coupling.harmonic_balance import USUAL_BALANCE_SEARCH, Balance, answer, balance, cycle_of
+from coupling.harmonic_balance import (
+    USUAL_BALANCE_SEARCH,
+    Balance,
+    answer,
+    balance,
+    cycle_of,
+    let_go,
+)
 from coupling.spatial_march import Before, Body, Moving, along_normal
 from dem import UnstableStep
 from dem.friction import gross_slip, redivided, stick_stiffness
@@ -76,6 +83,11 @@ class PeriodicSearch(NamedTuple):
     # cells that the error of a cycle's heat is taken from, along its path: where little slips,
     # that is a ring narrower than a cell, and to 64 of them all sticks
     ring_cells: int = 1024  # at least, and twice those of the cycle; 8192 say the same to 12 %
+    # of other starts, which give the range of mean forces: pushes over gross slip, from 1 on all
+    # slips; change of a cycle; creep in two directions. Not varied
+    pushed: float = 2.0
+    pushed_change: float = 1e-4
+    pushed_creep: float = 1e-3
     # of the largest tangential force: what periods marched by two steps may leave of a cycle after
     # the square of the step is taken off; or twice the error, if that is more
     proven: float = 5e-3
@@ -390,6 +402,9 @@ class RepeatedMotion(NamedTuple):
     impacting: bool
     n_steps: int  # of the cycle
     loop_error: float  # [J] of friction's heat in the cycle, from half as many steps and cells
+    # (k, n_directions) [N] tangential forces of the cycles that contacts come into which were
+    # pushed to either side before; empty where all come into one, None where that is not known
+    pushed: list[Array] | None
 
 
 def periodic_state(
@@ -436,10 +451,13 @@ def periodic_state(
         unbalanced=abs(work - heat - in_dampers - in_wall),
         energy_error=motion.loop_error / n_periods,
     )
-    mean = float(cycle.friction_force[:-1, cycle.axis].mean())
+    if motion.pushed is not None:
+        forces = [saved.force[:-1, 1:], *motion.pushed]
+        means = [float((force @ frame)[:, cycle.axis].mean()) for force in forces]
+        cycle = cycle._replace(mean_force_range=(min(means), max(means)))
     return PeriodicState(
         moving=state,
-        cycle=cycle._replace(mean_force_range=(mean, mean)),
+        cycle=cycle,
         force=saved.force @ Q,
         slip_mean=middle,
         wall_speed=float(np.abs(saved.wall[:, 1]).max()),
@@ -497,6 +515,7 @@ def balanced(
     n_samples = search.cycle_saves * 2 ** max(
         1, math.ceil(math.log2(resolved / search.cycle_saves))
     )
+    few_samples = n_samples
     two_directions, n_cells, cycle, coarse = len(body.frame) == 2, search.cells, None, None
     order = 1.0 if two_directions else 2.0
     while True:
@@ -537,7 +556,51 @@ def balanced(
     if two_directions:
         loop_error += abs(heat_of_path(divided, before, cycle, search) - cycle.answer.heat)
         loop_error += least_heat(body, search.ring_cells)
-    return RepeatedMotion(moving, saved, change, estimate, 1, False, n_samples, loop_error), None
+    pushed = pushed_forces(
+        body._replace(search=body.search._replace(n_cells=search.cells)),
+        before, few_samples, cycle, search,
+    )  # fmt: skip
+    repeated = RepeatedMotion(
+        moving, saved, change, estimate, 1, False, n_samples, loop_error, pushed
+    )
+    return repeated, None
+
+
+def remembers(body: Body, stick: Array) -> bool:
+    """Whether a mean force may stay that a cycle with these shares (k,) of sticking area began
+    with: where all slips it is forgotten, and a sphere that is free to move or to turn lets it
+    go."""
+    turns = body.mobility()[1] > 0.0 and body.last.arm_rotation == 0.0
+    return bool(stick.min() > 0.0 and body.arm_stiffness().all() and not turns)
+
+
+def pushed_forces(
+    body: Body, before: Before, n_samples: int, cycle: Balance, search: PeriodicSearch
+) -> list[Array] | None:
+    """Tangential forces (n_samples, n_directions) [N] of the cycles beside this one from contacts
+    that were pushed before to either side of what slips most; empty where all come into one, None
+    where a cycle is not found."""
+    if not remembers(body, cycle.answer.stick):
+        return []
+    n, law = body.prepared.chain.mass.size, body.last.law
+    push = search.pushed * float(gross_slip(law, cycle.cut.rest[n - 1]))
+    along = np.ptp(cycle.y[:, n:], axis=0)
+    amplitude = 0.5 * np.ptp(cycle.answer.force[:, n:], axis=0).max()
+    forces = []
+    for way in (push, -push):
+        pushed = way * (along == along.max())
+        # its first guess: one turning point of the force reaches what the contact holds at most
+        _, shift, held = let_go(body, cycle.cut, pushed)
+        y = cycle.y.copy()
+        y[:, n:] += shift * max(1.0 - amplitude / np.linalg.norm(held), 0.0)
+        other = balance(
+            body, before, n_samples, search.pushed_change, search.pushed_creep,
+            start=cycle._replace(y=y), pushed=pushed,
+        )  # fmt: skip
+        if other.change > search.pushed_change:
+            return None
+        forces.append(other.answer.force[:, n:])
+    return forces
 
 
 def heat_of_path(body: Body, before: Before, cycle: Balance, search: PeriodicSearch) -> float:
@@ -678,7 +741,10 @@ def shot(
     moving = with_still(whole, state, rate)
     # what it still changes by from period to period is an error as well
     total = estimate + change
-    return RepeatedMotion(moving, saved, change, total, n_periods, impacting, steps, loop_error)
+    pushed = None if remembers(whole, saved.stick) else []
+    return RepeatedMotion(
+        moving, saved, change, total, n_periods, impacting, steps, loop_error, pushed
+    )
 
 
 def stays(period: Period, state: Moving, search: PeriodicSearch) -> bool:

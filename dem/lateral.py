@@ -161,11 +161,11 @@ class LateralSearch(NamedTuple):
     most_periods: int = 200  # after these there is no periodic state
     subharmonics: int = 4  # periods after which the motion may repeat itself
     # of other starts, which give the range of mean forces to about a hundredth: pushes over gross
-    # slip, from 1 on all slips; nodes of the contact; change of the force between periods; not
+    # slip, from 1 on all slips; nodes of the contact; periods after which the force is taken. Not
     # varied
     pushed: float = 2.0
     pushed_capacity: int = 128
-    pushed_periodicity: float = 1e-3
+    pushed_periods: int = 2
 
 
 USUAL_LATERAL_SEARCH = LateralSearch()
@@ -603,8 +603,9 @@ class Cycle(NamedTuple):
     error_estimate: float  # of the velocities, as that of `LateralTrajectory`
     n_steps: int  # of the march that left it
     periods: int = 1  # of the wall's motion until all repeats itself
-    # [N] least and largest mean force along `axis`, also of contacts that were pushed beforehand
-    mean_force_range: tuple[float, float] = (0.0, 0.0)
+    # [N] least and largest mean force along `axis`, also of contacts that were pushed beforehand;
+    # None where what these come into is not known
+    mean_force_range: tuple[float, float] | None = None
     unbalanced: float | None = None  # [J] shakers' work less all losses of a period, of a structure
     # [J] of `energy`: from half as many steps, or samples, and cells; infinite where not known
     energy_error: float = math.inf
@@ -655,12 +656,16 @@ class Shaken(NamedTuple):
 
     def ramped(self, pushed: Array) -> tuple[Across, Contacts]:
         """What a wall leads to whose motion begins over some periods, on a contact that was
-        pressed, pushed to and fro by (n_directions,) [m], and let go."""
-        state, springs = at_rest(len(self.body.frame)), self.body.open_springs()
+        pressed, pushed to and fro by (n_directions,) [m], and let go where the arm rests under the
+        force that it then holds."""
+        body, R = self.body, float(self.body.chain.radius[-1])
+        state, springs = at_rest(len(body.frame)), body.open_springs()
         if pushed.any():
             for way in (np.zeros_like(pushed), pushed, -pushed):
-                self.body.displace(state, springs, self.overlaps, stacked(u=way))
-            state.slip[:] = 0.0
+                body.displace(state, springs, self.overlaps, stacked(u=way))
+            state.u[:] = -state.force / body.stiffness
+            state.psi[:] = -R * state.force / body.last.arm_rotation
+            state.slip[:] = state.u + R * state.psi
         wall, ramp = self.displacements(), self.body.search.ramp_periods
         share = np.linspace(0.0, 1.0, len(wall))[:, None]
         for i in range(ramp):
@@ -825,13 +830,15 @@ def state_on_moving_wall(
     remembers = coarse.last.saved.stick.min() > 0.0 and body.stiffness.all() and not turns
     if remembers and shaken.periods == 1:
         push = search.pushed * body.last.law.bound * overlaps[0]
-        fewer = search._replace(capacity=search.pushed_capacity, ramp_periods=1)
+        fewer = search._replace(capacity=search.pushed_capacity)
         quick = shaken._replace(body=body._replace(search=fewer))
         for way in (push, -push):
-            pushed = quick.ramped(np.full(len(body.frame), way))
-            other = returning_state(quick, *pushed, coarse.matrix, search.pushed_periodicity)
-            if other is not None:
-                forces.append(other.last.saved.force)
+            # periods one after the other: Newton's steps would shear the contact anew
+            state, springs = quick.ramped(np.full(len(body.frame), way))
+            for _ in range(search.pushed_periods):
+                end = quick.march(state, springs, quick.displacements())
+                state, springs = end.state, end.springs
+            forces.append(end.saved.force)
 
     # twice as many steps, until nothing changes by more than half of the error; in two directions
     # both steps and, after them, cells have a quarter. Cells need no further safety beside order 1:

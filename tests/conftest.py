@@ -44,6 +44,23 @@ def no_lines_of_progress(monkeypatch):
     monkeypatch.setattr("workflows.commands.terminal.PATIENCE", 1e4)
 
 
+@pytest.fixture
+def own_folder(tmp_path, monkeypatch):
+    """A test works in a folder of its own, and keeps results there."""
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def module_folder(tmp_path_factory):
+    """All tests of a file work in this folder, and keep results there."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        path = tmp_path_factory.mktemp("module")
+        monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(path / "cache"))
+        monkeypatch.chdir(path)
+        yield path
+
+
 @pytest.fixture(scope="module")
 def cache(tmp_path_factory):
     """A cache of results that the tests of a file share."""

@@ -18,6 +18,7 @@ from coupling.spatial_march import Before, ShakerForces, SpatialSearch, body_of
 from coupling.spatial_wall import spatial_wall_of_modes
 from dem import UnstableStep
 from dem.friction import tangential_law
+from dem.kernels.lateral import Springs, press_round
 
 ARM = {"arm_stiffness": np.array([2e6, 3e6]), "arm_rotation": 300.0}
 
@@ -171,3 +172,52 @@ def test_modes_far_above_the_contacts_neither_feed_nor_change_a_march_of_periods
     marched = period.march(start)
     off = np.abs(marched.force - saved.force)[:, 1:].max()
     assert off < 3e-3 * np.abs(saved.force[:, 1:]).max()
+
+
+def test_a_stiff_wall_leaves_the_mean_forces_of_pushes_up_to_the_bound():
+    """A clamped sphere on a mode of 1.6e12 N/m that is moved by 0.1 um: as on a wall of prescribed
+    motion one turning point of the force reaches mu P, from either side."""
+    chain, stiffness = row(preload=100.0), (2 * np.pi * 1e5) ** 2 / 0.25
+    wall = spatial_wall_of_modes([2 * np.pi * 1e5], [0.01], [[0.0, 0.5, 0.0]], load=[[0.5]])
+    shakers = ShakerForces(np.array([stiffness * 1e-7]), np.array([100.0]), np.array([0.0]))
+    clamped = last(chain, arm_stiffness=np.full(2, np.inf), arm_rotation=np.inf)
+    body = body_of(chain, wall, [0.0], clamped, shakers)
+    cycle = periodic_state(body, at_rest_before(body), error=1e-3).cycle
+    largest = 20.0 - 0.5 * np.ptp(cycle.friction_force[:, cycle.axis])
+    assert 1.0 < largest < 19.0
+    assert cycle.mean_force_range == pytest.approx((-largest, largest), rel=2e-3)
+
+
+def test_mean_forces_of_pushes_are_those_that_a_march_comes_to():
+    """Arm and wall give way: marched from the rest that the bound of friction keeps, under a shaker
+    whose force grows over a hundred periods."""
+    chain, k, f = row(preload=100.0), 2e6, 20.0
+    wall = spatial_wall_of_modes([2 * np.pi * 900.0], [0.2], [[0.0, 0.5, 0.0]], load=[[0.5]])
+    shakers = ShakerForces(np.array([12.0]), np.array([300.0]), np.array([0.4]))
+    held = last(chain, arm_stiffness=np.full(2, k), arm_rotation=np.inf)
+    body = body_of(chain, wall, [0.0], held, shakers)
+    before, overlap = at_rest_before(body), (100.0 / chain.A[-1]) ** (2.0 / 3.0)
+    cycle = periodic_state(body, before, error=1e-3).cycle
+
+    moving = body.at_rest()
+    path = np.array([[overlap, 1.0, -1.6e-6], [overlap, 1.0, 1.6e-6]])
+    springs = Springs(moving.contacts.row, moving.contacts.room, moving.contacts.cells)
+    press_round(body.last.law, 1, path, springs, np.zeros(1), np.zeros((2, 1)), np.zeros(2))
+    motion = moving.motion
+    motion.u[:], motion.q[:] = f / k, -0.5 * f / body.wall.omega**2
+    motion.slip[:] = motion.u - 0.5 * motion.q
+    for share in np.append(np.linspace(0.0, 1.0, 100), np.ones(10)):
+        grown = shakers._replace(force=share * shakers.force)
+        period = period_of(body._replace(shakers=grown), before, 2048, USUAL_PERIODIC_SEARCH)
+        period.body.settle(moving, period.system, 0.0)
+        saved = period.march(moving)
+    mean = float(saved.force[:-1, 1].mean())
+    assert abs(mean) == pytest.approx(f, abs=0.5)
+    assert cycle.mean_force_range == pytest.approx((mean, -mean), rel=1e-4)
+
+
+def test_a_contact_that_slips_as_a_whole_has_one_mean_force():
+    body = shaken(400.0, 300.0)
+    cycle = periodic_state(body, at_rest_before(body), error=1e-2).cycle
+    assert cycle.stick_share.min() == 0.0
+    assert np.ptp(cycle.mean_force_range) == 0.0

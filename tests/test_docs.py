@@ -56,6 +56,22 @@ def test_the_python_of_the_readme_runs(tmp_path, monkeypatch):
     assert names["result"].summary.peak_wall_force_N == pytest.approx(stated, abs=0.5)
 
 
+@pytest.mark.slow
+def test_the_readme_states_the_numbers_of_its_run(tmp_path):
+    summary = beadwave.run("rig-rom", out=tmp_path / "run").summary
+    errors = summary.error_estimate
+    force = next(error for error in summary.errors if error.name == "peak_wall_force_N")
+    text = (ROOT / "README.md").read_text("utf-8")
+    for stated in (
+        f"{summary.peak_wall_force_N:.0f} N at the wall",
+        f"{errors.time:.1e} (time)".replace("e-0", "e-"),
+        f"{errors.reduction:.1e} (reduction)".replace("e-0", "e-"),
+        f"{100 * errors.mesh:.1f} % (mesh)",
+        f"{summary.peak_wall_force_N:.0f} N ± {100 * force.total / force.value:.2g} %",
+    ):
+        assert stated in text
+
+
 def test_a_line_that_fails_is_an_error(tmp_path):
     page = tmp_path / "wrong.md"
     page.write_text("```sh\nbeadwave impact no-such-scene\n```\n")

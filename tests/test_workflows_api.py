@@ -24,11 +24,7 @@ ROOT = Path(__file__).parents[1]
 SHORT = {"chain.count": 5, "output.spheres": [1, 3], "time.duration": 5e-4}
 ROOMS = ("geometry", "fem", "rom", "dem", "coupling")
 
-
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("own_folder")
 
 
 def test_the_door_opens_without_loading_what_is_behind_it():

@@ -20,11 +20,7 @@ NO_FRICTION = {
     "wall": {"kind": "half-space"},
 }
 
-
-@pytest.fixture(autouse=True)
-def own_cache(tmp_path, monkeypatch):
-    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("own_folder")
 
 
 REFUSED = {

@@ -35,13 +35,9 @@ SHAKER = {"name": "shaker", "on": "block:-x", "direction": "y", "frequency": 100
 
 
 @pytest.fixture(scope="module", autouse=True)
-def folder(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        path = tmp_path_factory.mktemp("functionals")
-        monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(path / "cache"))
-        monkeypatch.chdir(path)
-        (path / "block.toml").write_text(BLOCK)
-        yield path
+def folder(module_folder):
+    (module_folder / "block.toml").write_text(BLOCK)
+    return module_folder
 
 
 def with_shakers(*shakers):

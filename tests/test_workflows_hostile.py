@@ -18,11 +18,7 @@ V = 0.2 * np.exp(-(((T - 1e-4) / 3e-5) ** 2))
 WALL = {"K": 1e7 * np.eye(2), "M": np.eye(2), "w": np.ones(2) / 2}
 SIGNAL = {"t": T, "v": V[:, None], "spheres": 1, "time_unit": "s", "velocity_unit": "m/s"}
 
-
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("own_folder")
 
 
 def refused(capfd, *arguments):

@@ -38,13 +38,9 @@ HEAVIER = {"masses.sensor.mass": 0.072, "masses.sensor.inertia": [4.8e-6] * 3}
 
 
 @pytest.fixture(scope="module", autouse=True)
-def folder(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        path = tmp_path_factory.mktemp("masses")
-        monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(path / "cache"))
-        monkeypatch.chdir(path)
-        (path / "bar.toml").write_text(BAR)
-        yield path
+def folder(module_folder):
+    (module_folder / "bar.toml").write_text(BAR)
+    return module_folder
 
 
 def pipeline(changes=()):

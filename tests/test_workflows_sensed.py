@@ -18,11 +18,7 @@ SENSORS = [
 ]
 SMALL = {"chain.count": 10, "output.spheres": [5], "wall": WALL, "time.duration": 1e-3}
 
-
-@pytest.fixture(autouse=True)
-def own_cache(tmp_path, monkeypatch):
-    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("own_folder")
 
 
 def made(sensors=SENSORS, **changes):

@@ -11,11 +11,7 @@ from workflows.scene import InvalidScene
 
 FORCE = {"sphere": 9, "gain": "2 mV/N", "low_pass": "100 kHz"}
 
-
-@pytest.fixture(autouse=True)
-def own_cache(tmp_path, monkeypatch):
-    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("own_folder")
 
 
 def with_sensors(*sensors, **instrument):

@@ -51,13 +51,9 @@ DASHPOTS = {"springs.cord.cx": 3.0, "springs.cord.cy": 2.0, "springs.cord.cz": 8
 
 
 @pytest.fixture(scope="module", autouse=True)
-def folder(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        path = tmp_path_factory.mktemp("springs")
-        monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(path / "cache"))
-        monkeypatch.chdir(path)
-        (path / "box.toml").write_text(BOX)
-        yield path
+def folder(module_folder):
+    (module_folder / "box.toml").write_text(BOX)
+    return module_folder
 
 
 def pipeline(changes=(), name="box.toml"):

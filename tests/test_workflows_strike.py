@@ -46,11 +46,7 @@ assembly = {{ step = "cut.step", held = ["body:-z"], material = "steel" }}
 strike = {{ on = "body@0,0,WHERE", radius = 1e-3, seed = 4e-3 }}
 """
 
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("own_folder")
 
 
 def pipeline(text, *changes):

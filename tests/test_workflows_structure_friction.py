@@ -16,13 +16,9 @@ FRICTION = ("friction.coefficient=0.2", "arm.stiffness=2e6", "arm.rotation=1e3")
 
 
 @pytest.fixture(scope="module", autouse=True)
-def folder(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        path = tmp_path_factory.mktemp("structure-friction")
-        monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(path / "cache"))
-        monkeypatch.chdir(path)
-        (path / "block.toml").write_text(BLOCK)
-        yield path
+def folder(module_folder):
+    (module_folder / "block.toml").write_text(BLOCK)
+    return module_folder
 
 
 @pytest.mark.slow

@@ -301,3 +301,23 @@ def test_targets_by_number_are_called_by_the_numbers_of_their_modes(tmp_path):
     twice = {"targets": [{"hz": 900.0, "number": 2}, {"hz": 950.0, "number": 2}]}
     with pytest.raises(InvalidScene, match="2 tables of number = 2"):
         scene(path, twice)
+
+
+def test_shapes_of_a_low_mac_share_a_sentence(tmp_path, monkeypatch):
+    """Stiffnesses of pads that are far below those of stiff joints: several shapes are others."""
+    monkeypatch.chdir(tmp_path)
+    Path("pads.toml").write_text(
+        'assembly = { held = ["base:-z"], material = "steel", touching = "free" }\n'
+        "[bodies.base]\nbox = [0.06, 0.04, 0.02]\nseed = 0.02\n"
+        "[bodies.block]\nbox = [0.06, 0.04, 0.02]\nseed = 0.02\nat = [0.0, 0.0, 0.02]\n"
+        '[[joints]]\nname = "pads"\nbetween = "block|base"\n'
+        "at = [[-0.02, 0.0, 0.01], [0.02, 0.0, 0.01]]\nwasher = 0.008\n"
+        "kz = 1e6\nkx = 1e5\nky = 1e5\nkrx = 5.0\nkry = 5.0\nkrz = 5.0\n"
+    )
+    hz = pipeline_of(scene("pads.toml"), silent)("modes").omega[:4] / (2 * np.pi)
+    match = ",".join(f"{n}={float(f):.6g}" for n, f in enumerate(hz, start=1))
+    report = tune("pads.toml", match=match, free="joints.pads.kz,joints.pads.kx", out=None).report
+    unlike = [n for n, value in report.mac.items() if value < 0.8]
+    assert len(unlike) > 1
+    (sentence,) = (s for s in report.remarks if "no proof of the joint" in s)
+    assert sentence.startswith(f"the shapes of modes {', '.join(unlike)} have a MAC of ")

@@ -7,7 +7,7 @@ from rich.progress import Progress, ProgressColumn, Task, TextColumn
 from rich.progress_bar import ProgressBar
 from rich.text import Text
 
-WIDTH = 20  # characters of a bar
+WIDTH = 16  # characters of a bar: name, bar and times fit 80 columns
 FULLEST = 0.97  # of a bar whose stage still runs
 
 

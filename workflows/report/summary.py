@@ -159,6 +159,8 @@ class FrictionNumbers(BaseModel):
     how far the force is from periodic and how far the sphere drifts in a loop; what
     the contact does when the wave reaches it ("stick", "partial slip",
     "gross slip", "open"; at the start where nothing strikes), and the first shaker's phase then.
+    loop_mean_tangential_range_N: of the cycles that contacts come into which were never sheared, or
+    pushed to either side before; None where those are not known.
     """
 
     stick_stiffness_N_m: float

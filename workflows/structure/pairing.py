@@ -302,7 +302,8 @@ def as_targets(
     how = (
         "by the shapes of their points"
         if by_shape
-        else ("in the order of frequencies, since the test has no points")
+        else "in the order of frequencies, since the test has no points (hammer --points pairs "
+        "them by shape)"
     )
     listed = ", ".join(
         f"{f:.5g} Hz is mode {n}" if n else f"{f:.5g} Hz is a rigid motion"

@@ -429,12 +429,16 @@ def _remarks(
             remarks.append(
                 f"the full model has mode {i} at {hz:.2f} Hz: the projection is inaccurate."
             )
-    for i, (value, compared) in likeness.items():
-        if value < 0.8:
-            remarks.append(
-                f"the shape of mode {i} has a MAC of {value:.2f} with {compared}: a frequency that "
-                "matches is no proof of the joint."
-            )
+    for compared in dict.fromkeys(words for _, words in likeness.values()):
+        unlike = {i: x for i, (x, words) in likeness.items() if x < 0.8 and words == compared}
+        if len(unlike) == 1:
+            ((i, value),) = unlike.items()
+            subject = f"the shape of mode {i} has a MAC of {value:.2f} with {compared}"
+        else:
+            modes, values = ", ".join(unlike), ", ".join(f"{x:.2f}" for x in unlike.values())
+            subject = f"the shapes of modes {modes} have a MAC of {values} with {compared}"
+        if unlike:
+            remarks.append(f"{subject}: a frequency that matches is no proof of the joint.")
     return remarks
 
 
