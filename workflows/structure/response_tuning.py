@@ -282,16 +282,17 @@ def tuned_to_responses(
     start = np.array([p.start for p in parameters])
     steps.append(pairing_step(test, near, chosen, n_shapes))
     if len(near) and solids:
-        fit = tune(basis, solids, {i + 1: float(test.modes.frequency_hz[i]) for i in near})
+        hz = test.modes.frequency_hz[near]
+        fit = tune(of_these(basis, near), solids, dict(enumerate(hz.tolist(), start=1)))
         start[: len(solids)] = fit.value
-        met = np.abs(np.log(fit.modes_hz[near] / test.modes.frequency_hz[near]))
+        met = np.abs(np.log(fit.modes_hz / hz))
         steps.append(
             f"values brought to the frequencies of these {len(near)}: off by "
             f"{100 * np.nanmax(met):.2g} % at most."
         )
     if len(near) and of_dampings:
         start = damping_start(response_model(basis, *made), parameters, start, test, near)
-    subset = keep_targets(basis, near)
+    subset = basis._replace(targets=(*of_these(basis, near).targets, *basis.targets[-2:]))
     model_of = response_model(subset, *made)
 
     # from there, and from the scene's own values, to the responses at all lines
@@ -548,11 +549,9 @@ def response_basis(
             return basis, top
 
 
-def keep_targets(basis: TuningBasis, indices: NDArray[np.int64]) -> TuningBasis:
-    """The basis with these of the identified shapes alone, and points and references."""
-    return basis._replace(
-        targets=(*(basis.targets[i] for i in indices.tolist()), *basis.targets[-2:])
-    )
+def of_these(basis: TuningBasis, indices: NDArray[np.int64]) -> TuningBasis:
+    """The basis with these of the identified shapes as its only targets: others have no part."""
+    return basis._replace(targets=tuple(basis.targets[i] for i in indices.tolist()))
 
 
 def unfitted(basis: TuningBasis, solids: Sequence[TuningParameter], made: tuple) -> ResponseModel:
@@ -616,7 +615,7 @@ def damping_start(
 
     def ratios(x: NDArray[np.float64]) -> NDArray[np.float64]:
         computed = computed_responses(model, parameters, x, np.array([1.0]))
-        index = paired(model.basis.forms, computed.modes, model.basis.targets[:-2]).index[near]
+        index = paired(model.basis.forms, computed.modes, of_these(model.basis, near).targets).index
         return np.where(index < 0, np.nan, computed.zeta[index])
 
     without = value.copy()
@@ -653,7 +652,7 @@ def require_signs_and_size(
     """Raise InvalidScene where residues of the paired resonances say that a sensor or the hammer
     looks the other way, or that a unit is another."""
     modes = spectrum(before.basis, [], np.zeros(0))
-    index = paired(before.basis.forms, modes, before.basis.targets[:-2]).index[near]
+    index = paired(before.basis.forms, modes, of_these(before.basis, near).targets).index
     near, index = near[index >= 0], index[index >= 0]
     if not len(near):
         return

@@ -14,7 +14,8 @@ import numpy as np
 from pydantic import BaseModel
 
 import fem
-from fem.tuning import Tuning, TuningParameter, determined, tune
+from fem.correlation import paired
+from fem.tuning import Tuning, TuningBasis, TuningParameter, determined, spectrum, tune
 from workflows.files.output_file import OutputFile
 from workflows.files.scene import FILE_KEYS, Source, Written, completed, scene_text
 from workflows.files.scene import scene as load_scene
@@ -118,6 +119,7 @@ class TuningReport(BaseModel):
     deviation: dict[str, float | None]
     frequency_error: dict[str, float]  # relative, of the modes wanted, on which deviations rest
     undetermined: dict[str, float | Literal["rigid"]]  # keys of the scene, the values they keep
+    held_out_hz: dict[str, float] = {}  # measured, of targets that had no part in the fit
     mac: dict[str, float]  # with the shape of stiff joints
     measured_mac: dict[str, float] = {}  # with the measured shape, of targets that have one
     mesh_error_percent: dict[str, float] = {}  # the full model's frequencies are too high by
@@ -130,7 +132,8 @@ class TuningReport(BaseModel):
         """Aligned lines, then sentences."""
         modes = []
         for i, fitted in self.modes_hz.items():
-            frequencies = self.match.get(i), fitted, self.full_order_hz.get(i)
+            measured = self.match.get(i, self.held_out_hz.get(i))
+            frequencies = measured, fitted, self.full_order_hz.get(i)
             hz = (None if x is None else f"{x:.2f}" for x in frequencies)
             error = self.mesh_error_percent.get(i)
             of_mesh = None if error is None else f"{error:.2g} %"
@@ -139,7 +142,11 @@ class TuningReport(BaseModel):
             macs = (f"{self.mac[i]:.2f}",)
             if self.measured_mac:
                 macs = (None if of_shape is None else f"{of_shape:.2f}", *macs)
-            modes.append((i, computed, *hz, of_mesh, *macs))
+            row = (i, computed, *hz, of_mesh, *macs)
+            if self.held_out_hz:
+                off = None if measured is None else f"{100 * (fitted / measured - 1):+.2f} %"
+                row += (off, "not fitted" if i in self.held_out_hz else "")
+            modes.append(row)
         values = []
         for name, value in self.stiffness.items():
             spread = self.deviation[name]
@@ -149,6 +156,7 @@ class TuningReport(BaseModel):
         head = (
             "mode", "computed", "wanted [Hz]", "fitted [Hz]", "full model [Hz]", "mesh error",
             *(("measured MAC", "stiff MAC") if self.measured_mac else ("MAC",)),
+            *(("off", "") if self.held_out_hz else ()),
         )  # fmt: skip
         return "\n".join(
             [
@@ -175,6 +183,29 @@ def _misses(modes_hz: Mapping[Any, float], match: Mapping[Any, float]) -> dict[A
     return {n: error for n, error in errors.items() if not abs(error) <= TOLERANCES.largest_miss}
 
 
+def fit_to_these(
+    basis: TuningBasis,
+    parameters: list[TuningParameter],
+    places: Sequence[int],
+    hz: Sequence[float],
+    errors: Sequence[float],
+) -> tuple[Tuning, Sequence[TuningParameter]]:
+    """The fit to the targets at these places, in which the others have no part, shapes included;
+    and the parameters that these determine, all where one is missed. `modes_hz` and `all_hz` are of
+    all targets."""
+    of_match = basis._replace(targets=tuple(basis.targets[i] for i in places))
+    wanted, by_error = dict(enumerate(hz, start=1)), dict(enumerate(errors, start=1))
+    fit = tune(of_match, parameters, wanted, frequency_error=by_error)
+    subset: Sequence[TuningParameter] = parameters
+    if not _misses(dict(enumerate(fit.modes_hz.tolist(), start=1)), wanted):
+        subset = determined(of_match, parameters, wanted, fit, frequency_error=by_error)
+    modes = spectrum(basis, parameters, fit.value)
+    index = paired(basis.forms, modes, basis.targets).index
+    index[list(places)] = paired(of_match.forms, modes, of_match.targets).index
+    modes_hz = np.where(index < 0, np.nan, modes.frequency_hz[index])
+    return fit._replace(modes_hz=modes_hz, all_hz=modes.frequency_hz[: index.max() + 1]), subset
+
+
 def tuned(
     scene: Scene, match: dict[int, float], free: tuple[str, ...], progress: Progress
 ) -> tuple[Scene, TuningReport]:
@@ -192,16 +223,15 @@ def tuned(
     # as they were in the scene
     parameters, of_all = candidates, None
     number = scene.measured_numbers
-    by_place = {number.index(n) + 1: hz for n, hz in match.items()}
     errors = frequency_errors(scene, match)
-    by_error = {"frequency_error": {number.index(n) + 1: s for n, s in errors.relative.items()}}
+    wanted = [number.index(n) for n in match], [*match.values()], [*errors.relative.values()]
     while True:
         loose = loosened(scene, parameters)
         basis = pipeline_of(loose, progress)("tuning-basis")
         if not scene.of_dimensions:
             parameters = of_bodies.on_bodies(scene, parameters, list(basis.forms))
         started = perf_counter()
-        fit = tune(basis, parameters, by_place, **by_error)
+        fit, subset = fit_to_these(basis, parameters, *wanted)
         of_all = fit if of_all is None else of_all
         modes_hz = dict(zip(number, map(float, fit.modes_hz), strict=True))
         if beyond := [n for n in match if not np.isfinite(modes_hz[n])]:
@@ -209,10 +239,6 @@ def tuned(
                 f"{scene.name}: mode {beyond[0]} is beyond the modes that are computed for a fit; "
                 "match lower ones."
             )
-        missed = _misses(modes_hz, match)
-        subset = parameters
-        if not missed:
-            subset = determined(basis, parameters, by_place, fit, **by_error)
         seconds = perf_counter() - started
         if len(subset) == len(parameters):
             break
@@ -264,6 +290,7 @@ def tuned(
         if j >= 0 and by_mesh.causes and shapes[j] >= 0
     }
 
+    held_out = {str(n): hz for n, hz in scene.measured_modes.items() if n not in match}
     names = [p.name for p in fit.parameters]
     undetermined = [p for p in candidates if p.name not in names]
     unchanged = {key: value for p in undetermined for key, value in scene_values(scene, p)}
@@ -291,6 +318,7 @@ def tuned(
         },
         frequency_error={str(n): s for n, s in errors.relative.items()},
         undetermined={key: "rigid" if np.isinf(x) else x for key, x in unchanged.items()},
+        held_out_hz=held_out,
         mac=mac,
         measured_mac=measured_mac,
         between_hz=[float(hz) for hz in fit.all_hz if not np.any(np.isclose(hz, fit.modes_hz))],
