@@ -263,7 +263,10 @@ def tuned(
     # that are missed by more than their errors tell of the model: bars are as wide as that
     fitted_names = [p.name for p in fit.parameters]
     left_out = [p for p in candidates if p.name not in fitted_names]
-    beside = deviation_beside(basis, fit, by_place, left_out, **by_error)
+    places, hz, of_each = wanted
+    of_match = basis._replace(targets=tuple(basis.targets[i] for i in places))
+    by_number, by_error = (dict(enumerate(values, start=1)) for values in (hz, of_each))
+    beside = deviation_beside(of_match, fit, by_number, left_out, frequency_error=by_error)
     fit = fit._replace(deviation=beside)
     spare = len(match) - len(fit.parameters)
     scatter = max(1.0, np.sqrt(fit.misfit / spare)) if spare > 0 else 1.0
