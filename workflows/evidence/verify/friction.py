@@ -40,16 +40,16 @@ def friction() -> Iterator[Comparison]:
 
     # oblique impacts of a free sphere; psi = 2 (1 - nu) v_t / (mu (2 - nu) v_n)
     for psi, ratio in ((1.0, -0.0597), (3.0, -0.4599)):
-        ours, v = _impact(psi)
+        ours, v = oblique_impact(psi)
         yield compared(f"impact at psi = {psi:g}, surface velocity [v_t]", ours / v, ratio,
                        allowed=1e-4, of=1.0, source=MAW)  # fmt: skip
     for psi in (4.8, 6.0, 8.0):
-        ours, v = _impact(psi)
+        ours, v = oblique_impact(psi)
         left = 1.0 - 7.0 * MU * SPEED / v
         yield compared(f"impact at psi = {psi:g}, surface velocity [v_t]", ours / v, left,
                        allowed=1e-6, of=1.0, source=COULOMB)  # fmt: skip
     for psi in (0.2, 0.5, 2.0, 4.0):
-        ours, v = _impact(psi)
+        ours, v = oblique_impact(psi)
         yield compared(f"impact at psi = {psi:g}, surface velocity [v_t]", ours / v,
                        _plain_impact(v, E_star, G_star) / v,
                        allowed=1e-4, of=1.0, source=PLAIN)  # fmt: skip
@@ -73,9 +73,14 @@ def _loop(amplitude: float) -> float:
     return march_lateral(chain, wall, rest, along, clamped, motion=motion, error=1e-5).cycle.energy
 
 
-def _impact(psi: float) -> tuple[float, float]:
+def tangential_speed(psi: float) -> float:
+    """[m/s] of psi = 2 (1 - nu) v_t / (mu (2 - nu) v_n)."""
+    return psi * MU * (2.0 - NU) * SPEED / (2.0 * (1.0 - NU))
+
+
+def oblique_impact(psi: float) -> tuple[float, float]:
     """Velocity [m/s] of the surface at the contact after an oblique impact, and before it."""
-    v = psi * MU * (2.0 - NU) * SPEED / (2.0 * (1.0 - NU))
+    v = tangential_speed(psi)
     chain, last = sphere_with_friction()
     wall, v0 = dem.rigid_wall(), np.array([SPEED])
     along = dem.march_to_error(

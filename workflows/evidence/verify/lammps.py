@@ -15,9 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 
 import dem
 from workflows.evidence.verify.comparisons import Comparison, compared, require_module
+from workflows.evidence.verify.friction import MU, SPEED, oblique_impact, tangential_speed
 
 CONTACT = "hertz/material {young!r} {damping!r} {poisson!r} tangential linear_nohistory 0 0"
 SOURCE = "LAMMPS, package GRANULAR, pair hertz/material and fix wall/gran, step 25 ns"
+INCREMENTS = "LAMMPS, package GRANULAR, tangential mindlin/force, step 10 ns"
 
 
 class LammpsSpheres(NamedTuple):
@@ -127,8 +129,31 @@ CASES = {
 }
 
 
+def surface_velocity(psi: float) -> float:
+    """Velocity of a sphere's surface after over before an oblique impact on a plane of its
+    material, by the increments of `mindlin/force`: friction bounds their sum, no slip in a part of
+    the area. psi as in `friction`."""
+    R, v = RIG.radius, tangential_speed(psi)
+    law = (
+        f"hertz/material {RIG.young!r} 0.0 {RIG.poisson!r} tangential mindlin/force NULL 0.0 {MU!r}"
+    )
+    lammps = started()
+    try:
+        lammps.commands_list(_input_script(RIG, np.array([SPEED]), wall=False))
+        lammps.commands_list([
+            f"set type 1 vy {v!r}",
+            f"fix wall all wall/gran granular {law} damping velocity xplane NULL {R!r}",
+            "timestep 1e-8", "run 20000 post no",
+        ])  # fmt: skip
+        velocity = lammps.numpy.extract_atom("v")[0, 1]
+        spin = lammps.numpy.extract_atom("omega")[0, 2]
+    finally:
+        lammps.close()
+    return float(velocity + spin * R) / v
+
+
 def lammps() -> Iterator[Comparison]:
-    """Equal, unlike, tapered and damped chains in LAMMPS."""
+    """Equal, unlike, tapered and damped chains in LAMMPS, and oblique impacts."""
     require_module("lammps", lambda: started().close())
     speed, rough, fine = 0.31, 1e-7, 2.5e-8  # m/s; steps [s]
     saves = {"duration": 1.5e-3, "n_save": 15}
@@ -154,3 +179,10 @@ def lammps() -> Iterator[Comparison]:
         order = np.log(errors[0] / errors[1]) / np.log(rough / fine)
         yield compared(f"{name}: order of its convergence to us", order, 2.0,
                        allowed=0.1, of=1.0, source=SOURCE)  # fmt: skip
+
+    # where all slips both bounds are Coulomb's; where a part does, LAMMPS' law is another one
+    for psi, allowed in ((8.0, 1e-5), (6.0, 1e-5), (3.0, 0.1), (1.0, 0.5), (0.5, 0.6)):
+        ours, v = oblique_impact(psi)
+        yield compared(f"oblique impact at psi = {psi:g}, surface velocity [v_t]", ours / v,
+                       surface_velocity(psi), allowed=allowed, of=1.0,
+                       source=INCREMENTS)  # fmt: skip
