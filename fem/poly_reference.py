@@ -32,6 +32,7 @@ from scipy.special import stdtrit
 
 from fem.correlation import mac
 from fem.hits import Deletions, FrequencyResponses
+from fem.threads import one_thread
 
 
 class Stability(NamedTuple):
@@ -433,10 +434,11 @@ def identified_modes(
     if not np.isfinite(test.H).all() or not test.H.any(axis=2).all():
         raise ValueError("the responses hold NaN or inf, or one is zero; leave it out")
     ends = band_hz or (0.0, float(test.frequency_hz[-1]))
-    parts = [
-        candidates(test, band, ends, options)
-        for band in bands_between_modes(test, ends, options)
-    ]  # fmt: skip
+    with one_thread():  # eigenvalues of some hundred rows: 30 s a test in place of 2 on busy cores
+        parts = [
+            candidates(test, band, ends, options)
+            for band in bands_between_modes(test, ends, options)
+        ]  # fmt: skip
 
     # numbers of the poles in each band's own part, all bands together
     numbered = sorted(

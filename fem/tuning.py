@@ -311,6 +311,38 @@ def tune(
     )
 
 
+def deviation_beside(
+    basis: TuningBasis,
+    fit: Tuning,
+    target_hz: Mapping[int, float],
+    left_out: Sequence[TuningParameter],
+    *,
+    frequency_error: float | Mapping[int, float] = 1e-3,
+    settings: TuningSettings = TuningSettings(),
+) -> NDArray[np.float64]:
+    """Standard deviations (p,) of ln(value) of a fit where springs that were left out of it, at the
+    values they had before, are known to within a factor of two alone.
+
+    From (J^T S^-2 J + P^-2)^-1 of both together, P the deviations that the bounds of those fitted
+    say, and ln 2 of the others. inf where a value is not determined even without these.
+    """
+    elastic = [p for p in left_out if p.springs and 0 < min(p.before) and max(p.before) < np.inf]
+    if not elastic:
+        return fit.deviation
+    errors = frequency_error if isinstance(frequency_error, Mapping) else None
+    s = np.array([errors[n] if errors else frequency_error for n in target_hz])
+    computed = spectrum(basis, fit.parameters, fit.value)
+    index = paired(basis.forms, computed, basis.targets).index[[i - 1 for i in target_hz]]
+    of_targets = Modes(computed.omega[index], computed.phi[:, index])
+    parameters = [*fit.parameters, *elastic]
+    value = np.concatenate([fit.value, [p.before[0] for p in elastic]])
+    J = sensitivity(basis, parameters, value, of_targets) / s[:, None]
+    J[index < 0] = 0.0
+    prior = np.append(_of_bounds(fit.parameters), np.full(len(elastic), settings.vague))
+    together = np.sqrt(np.diag(np.linalg.inv(J.T @ J + np.diag(prior**-2.0))))
+    return np.maximum(fit.deviation, together[: len(fit.parameters)])
+
+
 def largest_determined(
     parameters: Sequence[TuningParameter], settings: TuningSettings = TuningSettings()
 ) -> NDArray[np.float64]:

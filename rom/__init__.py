@@ -10,6 +10,7 @@
     static_compliance, health, effective_mass   what a reduced model is like
     joined_receptance   parts, measured or computed, joined by their receptances
     passive_fit      oscillators of a measured driving-point receptance, which create no energy
+    passive_matrix_fit  those of receptances at several points; coupled: joined to matrices
     save_npz, save_mat, save_h5, load_npz, load_mat, load_h5, load_mtx   files
 
 A ReducedModel holds K (r, r) [N/m], M (r, r) [kg], C (r, r) [N s/m] or None, and w (r,): the wall
@@ -39,6 +40,14 @@ from rom.health import (
 from rom.lanczos import no_modes
 from rom.many_contacts import ManyContacts, many_contacts
 from rom.passive_fit import ModalFit, modal_receptance, passive_fit
+from rom.passive_matrix import (
+    CoupledMatrices,
+    MatrixFit,
+    MatrixOptions,
+    coupled,
+    matrix_receptance,
+    passive_matrix_fit,
+)
 from rom.reduced_model import (
     Columns,
     Contact,
@@ -64,11 +73,14 @@ __all__ = [
     "ColumnOptions",
     "Columns",
     "Contact",
+    "CoupledMatrices",
     "EffectiveMass",
     "Factorise",
     "Health",
     "ManyContacts",
     "MassProperties",
+    "MatrixFit",
+    "MatrixOptions",
     "ModalFit",
     "ModalWall",
     "Pencil",
@@ -81,6 +93,7 @@ __all__ = [
     "Substructure",
     "Surface",
     "compatibility",
+    "coupled",
     "craig_bampton",
     "effective_mass",
     "fixed_interface_hz",
@@ -96,12 +109,14 @@ __all__ = [
     "load_mtx",
     "load_npz",
     "many_contacts",
+    "matrix_receptance",
     "modal",
     "modal_compliance",
     "modal_receptance",
     "modes_alone",
     "no_modes",
     "passive_fit",
+    "passive_matrix_fit",
     "receptance",
     "save_full",
     "save_h5",

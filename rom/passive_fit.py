@@ -7,8 +7,9 @@ With omega_j > 0, zeta_j >= 0 and r_j, r_0, s >= 0 it is what parallel oscillato
 do: passive by construction, whatever noise is in the measurement.
 
 Poles are relocated by relaxed vector fitting (B. Gustavsen, IEEE Trans. Power Delivery 21 (2006)
-1587), residues found by least squares that allow no negative ones (Lawson and Hanson), and both
-refined together. The number of modes is that of the lowest Bayesian information criterion
+1587; of several responses D. Deschrijver et al., IEEE Microw. Wirel. Compon. Lett. 18 (2008) 383),
+residues found by least squares that allow no negative ones (Lawson and Hanson), and both refined
+together. The number of modes is that of the lowest Bayesian information criterion
 k ln(misfit^2) + p ln k.
 """
 
@@ -16,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import block_diag
 from scipy.optimize import least_squares, nnls
 
 from rom.factorisation import ReductionError
@@ -79,7 +81,7 @@ def passive_fit(
     for n in options.n_modes:
         if 4 * n + 6 > len(f):
             break
-        poles = relocated_poles(omega, H / deviation, 1 / deviation, n, options)
+        poles = common_poles(omega, H[:, None], deviation[:, None], n, options)
         omega_j, zeta = np.abs(poles), -poles.real / np.abs(poles)
         low, high = omega[0] / options.outside[0], omega[-1] * options.outside[1]
         taken = (omega_j > low) & (omega_j < high) & (zeta < options.zeta[1])
@@ -133,50 +135,54 @@ def require_driving_point(frequency_hz: NDArray[np.float64], H: NDArray[np.compl
         )
 
 
-def relocated_poles(
+def common_poles(
     omega: NDArray[np.float64],
     H: NDArray[np.complex128],
-    weight: NDArray[np.float64],
+    deviation: NDArray[np.float64],
     n_modes: int,
     options: FitOptions,
 ) -> NDArray[np.complex128]:
-    """Poles (n,) of upper half-plane, stable, by relaxed vector fitting; H (k,) is weighted.
+    """Poles (n,) of upper half-plane, stable, that all elements H (k, e) share, by relaxed vector
+    fitting:
 
-        (sum c_m phi_m + d + e / s^2) - (sum c~_m phi_m + d~) H = 0,    Re sum(sigma) = k
+        (sum c_em phi_m + d_e + g_e / s^2) - (sum c~_m phi_m + d~) H_e = 0,   Re sum(sigma) = k
 
-    phi_m are the partial fractions of the poles; the zeros of sigma = sum c~_m phi_m + d~ are the
-    new poles.
+    Coefficients of the elements are eliminated by QR; the zeros of sigma = sum c~_m phi_m + d~ are
+    the new poles.
     """
     unit = omega[-1]
     s = 1j * omega / unit
     b = np.linspace(omega[0], omega[-1], n_modes + 2)[1:-1] / unit
     poles = -0.01 * b + 1j * b
-    weighted = H / weight
+    weight = 1 / deviation
     for _ in range(options.relocations):
         # real partial fractions of a pair: c' (1/(s-a) + 1/(s-a*)) + c'' i (1/(s-a) - 1/(s-a*))
         up, down = 1 / (s[:, None] - poles), 1 / (s[:, None] - poles.conj())
         phi = np.stack([up + down, 1j * (up - down)], axis=2).reshape(len(s), -1)
-        lines = np.column_stack([np.ones_like(s), 1 / s**2])
+        own = np.column_stack([phi, np.ones_like(s), 1 / s**2])
         sigma = np.column_stack([phi, np.ones_like(s)])
-        A = np.hstack([phi, lines, -sigma * weighted[:, None]]) * weight[:, None]
-        A = np.vstack([A.real, A.imag])
 
-        # sigma does not vanish: the sum of its real part is k, with the size of the response
-        size = np.linalg.norm(H) / len(s)
-        relaxed = np.concatenate([np.zeros(phi.shape[1] + 2), size * sigma.real.sum(axis=0)])
-        A = np.vstack([A, relaxed])
+        # what each element says of sigma once its own coefficients are best
+        left = []
+        for h, w in zip(H.T, weight.T, strict=True):
+            A = np.hstack([own, -sigma * h[:, None]]) * w[:, None]
+            A = np.vstack([A.real, A.imag])
+            R = np.linalg.qr(A / np.linalg.norm(A, axis=0).clip(np.finfo(float).tiny), mode="r")
+            norms = np.linalg.norm(A, axis=0)[own.shape[1] :]
+            left.append(R[own.shape[1] :, own.shape[1] :] * norms)
+
+        # sigma does not vanish: the sum of its real part is k, with the size of the rest
+        scale = np.linalg.norm(H * weight) / len(s)
+        left.append(scale * sigma.real.sum(axis=0)[None])
+        A = np.vstack(left)
         right = np.zeros(len(A))
-        right[-1] = size * len(s)
+        right[-1] = scale * len(s)
         norm = np.maximum(np.linalg.norm(A, axis=0), np.finfo(float).tiny)
         x = np.linalg.lstsq(A / norm, right, rcond=None)[0] / norm
-        c, d = x[phi.shape[1] + 2 : -1], x[-1]
-        if abs(d) < 1e-8:
-            d = 1e-8
+        c, d = x[:-1], x[-1] if abs(x[-1]) > 1e-8 else 1e-8
 
         # zeros of sigma: eigenvalues of A - b c^T / d in the real form of the pairs
-        state = np.zeros((2 * n_modes, 2 * n_modes))
-        for j, a in enumerate(poles):
-            state[2 * j : 2 * j + 2, 2 * j : 2 * j + 2] = [[a.real, a.imag], [-a.imag, a.real]]
+        state = block_diag(*([[a.real, a.imag], [-a.imag, a.real]] for a in poles))
         state -= np.outer(np.tile([2.0, 0.0], n_modes), c) / d
         zeros = np.linalg.eigvals(state)
         zeros = -np.abs(zeros.real) + 1j * zeros.imag  # stable

@@ -176,3 +176,16 @@ def test_calculix_finds_the_same_ten_frequencies(name, scale, capsys):
     rows = answer(capsys, "modes", name, changes)["rows"]
     ours = np.array([row["frequency_hz"] for row in rows[:10]])
     np.testing.assert_allclose(ours / calculix_hz(), 1.0, rtol=PRINTED)
+
+
+@pytest.mark.slow
+def test_a_round_trip_gives_modes_and_joints_of_a_plate_on_bolts_back(capsys):
+    """Modes within 0.05 % and 5 % in damping, none false, and the stiffness within two bars."""
+    spec = spec_from_file_location("round_trip", EXAMPLES / "round_trip.py")
+    round_trip = module_from_spec(spec)
+    spec.loader.exec_module(round_trip)
+    counts = round_trip.main(joints=2, tests=1, first=40, only="plate-on-bolts")["plate-on-bolts"]
+    assert counts.found == counts.modes == 16 and counts.false == 0
+    assert counts.worst_hz < 5e-5 and counts.worst_zeta < 0.01
+    assert counts.values == counts.within == 2 and counts.worst < 1e-3
+    assert "plate-on-bolts" in capsys.readouterr().out

@@ -1,8 +1,6 @@
 """Modes that had no part in a fit are predicted. Synthetic: the structure that is "measured" has a
 finer mesh, a cable and a joint that gives way across, none of which the fitted model can follow."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -94,15 +92,11 @@ def test_three_of_eight_modes_are_predicted_by_a_fit_to_the_others(frame):
 
 @pytest.mark.slow
 def test_modes_that_are_not_matched_have_no_part_in_the_fit(frame):
-    """Their frequencies and shapes changed to others': the fitted values are the same bits."""
+    """With frequencies and shapes of fitted modes in their place the values are the same bits."""
     aimed = scene(frame / "aimed.toml")
     targets = list(aimed.targets)
-    others = [
-        row["frequency_hz"]
-        for row in json.loads((frame / "modes" / "modes.json").read_text())["rows"][8:11]
-    ]
-    for n, hz in zip(map(int, PREDICTED), others, strict=True):
-        targets[n - 1] = targets[n - 1].but(hz=hz)
+    for n, like in zip(map(int, PREDICTED), (4, 5, 7), strict=True):
+        targets[n - 1] = targets[like - 1]
     spoiled = aimed.but(targets=tuple(targets))
     values = [tune(one, match=FITTED, free=FREE).report.stiffness for one in (aimed, spoiled)]
     assert values[0] == values[1]

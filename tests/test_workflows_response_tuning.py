@@ -8,6 +8,7 @@ from command_line import beadwave
 from known_models import PADS
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
+from workflows.structure import response_tuning
 from workflows.structure.api import tune_to_responses, write_hammer_test
 
 DAMPED = PADS + '[damping]\nkind = "modal"  # assumed\nratio = 0.01\n'
@@ -81,10 +82,19 @@ def test_values_of_the_hits_are_found_and_the_scene_keeps_its_comments(folder):
 
 
 @pytest.mark.slow
-def test_resonances_that_are_not_matched_are_predicted(folder):
-    """Lines around the others, and their frequencies, are not read: changed ones change nothing."""
+def test_resonances_that_are_not_matched_are_predicted(folder, monkeypatch):
+    """Lines around the others, and their frequencies, are not read."""
+    fits, fit = [], response_tuning.fit_responses
+
+    def watched(model, parameters, start, measured, resonances):
+        fits.append((measured, resonances))
+        return fit(model, parameters, start, measured, resonances)
+
+    monkeypatch.setattr(response_tuning, "fit_responses", watched)
     report = fitted(folder, match=[1, 3]).report
     assert [r.number for r in report.resonances if r.fitted] == [1, 3]
+    for measured, resonances in fits:
+        assert {*measured.group} == {*resonances.group} == {0, 2}
     second = report.resonances[1]
     assert abs(second.after_hz / second.hz - 1) < 2e-3 and second.mac > 0.95
     assert report.held_out.decibel > 0

@@ -112,8 +112,7 @@ def computed_hits(
     """Records of hits at nodes along their directions, with noise, double hits and overloads.
 
     The hammer roves and hits each node three times; three sensors are at the nodes that tell the
-    modes apart best. Pulses reach to the highest mode, records last until the lowest has fallen to
-    a thousandth, 2^16 samples at most.
+    modes apart best.
     """
     scene, model, modes = pipeline.scene, pipeline("model"), pipeline("modes")
     damping = structure_damping(scene, model, modes)
@@ -133,17 +132,36 @@ def computed_hits(
     spots = MeasuredShape(np.array([nodes[n] for n in numbers]), along, np.ones(len(axes), complex))
     reading = placed(scene, model, "--points", spots, float(hz[0])).reading
     phi = np.asarray(reading @ modes.phi)[:, chosen]
-    side = phi[::-1]  # a side hit moves what another point moves
     few = min(n_sensors, len(chosen))
     watched = effective_independence(phi[:, :few], n_sensors)
+    names = tuple(degree_of_freedom(n, int(axis)) for n, axis in zip(numbers, axes, strict=True))
+    return hits_of_modes((hz, zeta), phi, watched, names)
 
+
+def hits_of_modes(
+    poles: tuple[NDArray[np.float64], NDArray[np.float64]],
+    phi: NDArray[np.float64],
+    watched: NDArray[np.int64],
+    names: tuple[str, ...],
+    *,
+    seed: int = 0,
+    defects: HammerDefects = DEFECTS,
+    longest: int = 2**16,
+) -> Hits:
+    """Records of three hits at each of p points of a structure with frequencies [Hz] and damping
+    ratios (n,) and mass-normalised shapes phi (p, n) there, sensors at the points `watched`.
+
+    Pulses reach to the highest mode, records last until the lowest has fallen to a thousandth, of
+    `longest` samples at most.
+    """
+    hz, zeta = poles
+    side = phi[::-1]  # a side hit moves what another point moves
     dt = 1 / (2.56 * 1.2 * hz[-1])
     seconds = 0.05 + np.log(1e3) / float(np.min(2 * np.pi * hz * zeta))
-    k = int(min(seconds / dt, 2**16))
-    rng = np.random.default_rng(0)
-    plan = Striking(len(numbers), 3, dt, k, 1.0 / hz[-1])
-    force, response, point, _ = struck(rng, (hz, zeta), (phi, side, phi[watched]), DEFECTS, plan)
-    names = tuple(degree_of_freedom(n, int(axis)) for n, axis in zip(numbers, axes, strict=True))
+    k = int(min(seconds / dt, longest))
+    rng = np.random.default_rng(seed)
+    plan = Striking(len(names), 3, dt, k, 1.0 / hz[-1])
+    force, response, point, _ = struck(rng, poles, (phi, side, phi[watched]), defects, plan)
     return Hits(
         dt,
         force,

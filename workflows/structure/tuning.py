@@ -15,7 +15,15 @@ from pydantic import BaseModel
 
 import fem
 from fem.correlation import paired
-from fem.tuning import Tuning, TuningBasis, TuningParameter, determined, spectrum, tune
+from fem.tuning import (
+    Tuning,
+    TuningBasis,
+    TuningParameter,
+    determined,
+    deviation_beside,
+    spectrum,
+    tune,
+)
 from workflows.files.output_file import OutputFile
 from workflows.files.scene import FILE_KEYS, Source, Written, completed, scene_text
 from workflows.files.scene import scene as load_scene
@@ -251,7 +259,15 @@ def tuned(
             )
         parameters = subset
 
-    # modes that are missed by more than their errors tell of the model: bars are as wide as that
+    # bars hold though stiffnesses that the modes leave open are wrong by a factor of two; modes
+    # that are missed by more than their errors tell of the model: bars are as wide as that
+    fitted_names = [p.name for p in fit.parameters]
+    left_out = [p for p in candidates if p.name not in fitted_names]
+    places, hz, of_each = wanted
+    of_match = basis._replace(targets=tuple(basis.targets[i] for i in places))
+    by_number, by_error = (dict(enumerate(values, start=1)) for values in (hz, of_each))
+    beside = deviation_beside(of_match, fit, by_number, left_out, frequency_error=by_error)
+    fit = fit._replace(deviation=beside)
     spare = len(match) - len(fit.parameters)
     scatter = max(1.0, np.sqrt(fit.misfit / spare)) if spare > 0 else 1.0
     fit = fit._replace(deviation=fit.deviation * scatter)
@@ -451,10 +467,10 @@ def worth_of_the_bars(errors: FrequencyErrors, scatter: float, spare: int) -> li
             f"The modes scatter about the fit by {scatter:.2g} times these errors"
             f"{'' if errors.measured else f' ({errors.text()})'}: bars are widened by that."
         )
-    elif errors.measured and not spare:
+    elif errors.measured and spare <= 0:
         sentences.append(
-            "There are as many values as modes, so nothing shows what the model misses: bars hold "
-            "the errors of the measurement alone."
+            "There are no more modes than values, so nothing shows what the model misses: bars "
+            "hold the errors of the measurement alone."
         )
     return sentences
 

@@ -1,0 +1,334 @@
+"""Receptances at several points and directions as oscillators that cannot create energy.
+
+    H(omega) = sum_j phi_j phi_j^T / (omega_j^2 - omega^2 + 2 i zeta_j omega_j omega)
+               - B_0 B_0^T / omega^2 + S,        S positive semidefinite
+
+With omega_j > 0 and zeta_j >= 0 this is what modes of mass-normalised shapes phi_j (m,) at the m
+points, free masses with shapes B_0 and a massless elastic body of compliance S do together, and
+passive by construction: residues are products of a factor with itself, whatever noise is in the
+measurement. A part so known is joined in the time domain to matrices of another (`coupled`).
+
+Poles are common to all elements (`rom.passive_fit.common_poles`). Residues by least squares are cut
+to their positive eigenvalues, and factors, poles and compliance refined together by Gauss and
+Newton's method. The number of modes is that of the lowest
+Bayesian information criterion.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import block_diag
+from scipy.optimize import least_squares
+
+from rom.factorisation import ReductionError
+from rom.passive_fit import FitOptions, common_poles, require_driving_point
+
+LINES_TO_SPARE = 4  # frequencies for each pole of a fit at least; not varied
+
+
+class MatrixOptions(NamedTuple):
+    """How a matrix of receptances is fitted, beside `FitOptions`."""
+
+    # of the largest eigenvalue of a mode's residue, below which others are noise: two modes of one
+    # frequency have two that are alike
+    second: float = 0.1
+    # |H - H^T| over |H|, rms, above which a matrix is no reciprocal structure's
+    reciprocal: float = 0.5
+
+
+class MatrixFit(NamedTuple):
+    """Modes of a part at m points, and how far they are from its receptances."""
+
+    omega: NDArray[np.float64]  # (n,) [rad/s]
+    zeta: NDArray[np.float64]  # (n,)
+    phi: NDArray[np.float64]  # (m, n) [kg^-1/2, rad kg^-1/2 ...] mass-normalised shapes
+    free: NDArray[np.float64]  # (m, k) B_0, shapes of free masses; k = 0 of a part that is held
+    compliance: NDArray[np.float64]  # (m, m) S of the modes above the band
+    misfit: float = 0.0  # root mean square of (H_fit - H) over its deviation
+    error: float = (
+        0.0  # root mean square of |H_fit - H| over that of |H|, points scaled to be alike
+    )
+    asymmetry: float = 0.0  # the same of (H - H^T) / 2, which no reciprocal part has
+    criterion: float = 0.0  # Bayesian information criterion, lower is better
+
+
+class Elements(NamedTuple):
+    """The upper triangle of a symmetric matrix of responses, element by element."""
+
+    omega: NDArray[np.float64]  # (k,) [rad/s]
+    H: NDArray[np.complex128]  # (k, e)
+    deviation: NDArray[np.float64]  # (k, e)
+
+
+def matrix_receptance(fit: MatrixFit, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
+    """H (k, m, m) of a fit at frequencies (k,) [Hz] above 0."""
+    w = 2 * np.pi * np.asarray(frequency_hz, float)[:, None]
+    resonance = 1 / (fit.omega**2 - w**2 + 2j * fit.zeta * fit.omega * w)
+    H = np.einsum("kn,an,bn->kab", resonance, fit.phi, fit.phi)
+    return H - (fit.free @ fit.free.T) / w[:, :, None] ** 2 + fit.compliance
+
+
+def passive_matrix_fit(
+    frequency_hz: ArrayLike,
+    H: ArrayLike,
+    options: FitOptions = FitOptions(),
+    of_matrix: MatrixOptions = MatrixOptions(),
+) -> MatrixFit:
+    """The oscillators of receptances H (k, m, m) [m/N, rad/N, rad/(N m)] at frequencies (k,) [Hz].
+
+    Raises ReductionError for what is no receptance of a passive part: a diagonal that is no driving
+    point's, or a matrix that is not symmetric.
+    """
+    f, H = np.asarray(frequency_hz, float), np.asarray(H, complex)
+    m = H.shape[1] if H.ndim == 3 else 0
+    if H.shape != (len(f), m, m) or not m:
+        raise ReductionError(
+            f"receptances of shape {H.shape} at {len(f)} frequencies are no (k, m, m): give a row "
+            "and a column for each point"
+        )
+    for a in range(m):
+        try:
+            require_driving_point(f, H[:, a, a])
+        except ReductionError as why:
+            raise ReductionError(f"of point {a + 1}: {why}") from None
+
+    # points scaled to be alike, as displacements and turns are not; one half of the matrix
+    size = np.sqrt(np.median(np.abs(np.einsum("kaa->ka", H)), axis=0))
+    scaled = H / np.outer(size, size)
+    total = np.sqrt(np.mean(np.abs(scaled) ** 2))
+    asymmetry = float(np.sqrt(np.mean(np.abs(scaled - scaled.swapaxes(1, 2)) ** 2)) / total)
+    if asymmetry > of_matrix.reciprocal:
+        raise ReductionError(
+            f"H and its transpose differ by {asymmetry:.0%} of H, which a structure has alike: "
+            "check that rows and columns name the same points in one order, with one sign each"
+        )
+    rows, columns = np.triu_indices(m)
+    elements = (scaled + scaled.swapaxes(1, 2))[:, rows, columns] / 2  # (k, e)
+    deviation = np.abs(elements) + options.floor * np.median(np.abs(elements), axis=0)
+    deviation += options.floor * 1e-3  # an element that is 0
+
+    omega = 2 * np.pi * f
+    measured = Elements(omega, elements, deviation)
+    fits: list[MatrixFit] = []
+    for n in options.n_modes:
+        if LINES_TO_SPARE * n + 6 > len(f):
+            break
+        poles = common_poles(omega, elements, deviation, n, options)
+        omega_j, zeta = np.abs(poles), -poles.real / np.abs(poles)
+        low, high = omega[0] / options.outside[0], omega[-1] * options.outside[1]
+        taken = (omega_j > low) & (omega_j < high) & (zeta < options.zeta[1])
+        start = omega_j[taken], np.maximum(zeta[taken], options.zeta[0])
+        held, drifting = (
+            _with_factors(measured, *start, drifts, options, of_matrix) for drifts in (False, True)
+        )
+        is_held = held.misfit < max(options.fine, drifting.misfit / options.free)
+        fits.append(held if is_held else drifting)
+        lowest = min(range(len(fits)), key=lambda i: fits[i].criterion)
+        if fits[-1].misfit < options.fine or len(fits) > lowest + 1 + options.patience:
+            break
+
+    # the best of these refined; of these the one of fewest modes that is as good
+    def refined(omega_j: NDArray, zeta: NDArray, drifts: bool) -> MatrixFit:
+        return _with_factors(measured, omega_j, zeta, drifts, options, of_matrix, refine=True)
+
+    fits.sort(key=lambda fit: fit.criterion)
+    best = [refined(*_poles(fit), fit.free.size > 0) for fit in fits[: options.refined]]
+    lowest_criterion = min(fit.criterion for fit in best)
+    as_good = [fit for fit in best if fit.criterion < lowest_criterion + options.better]
+    fit = min(as_good, key=lambda one: len(one.omega))
+
+    # modes that the noise made, the smallest first: without them the criterion is as good
+    while len(fit.omega) > 1:
+        omega_j, zeta = _poles(fit)
+        height = [
+            np.sum(fit.phi[:, fit.omega == o] ** 2) / (2 * z * o**2)
+            for o, z in zip(omega_j, zeta, strict=True)
+        ]
+        others = np.arange(len(omega_j)) != int(np.argmin(height))
+        fewer = refined(omega_j[others], zeta[others], fit.free.size > 0)
+        if fewer.criterion > fit.criterion + options.better:
+            break
+        fit = fewer
+
+    # back in the units of the points
+    fitted = matrix_receptance(fit, f)
+    error = float(np.sqrt(np.mean(np.abs(fitted - (scaled + scaled.swapaxes(1, 2)) / 2) ** 2)))
+    return fit._replace(
+        phi=fit.phi * size[:, None],
+        free=fit.free * size[:, None],
+        compliance=fit.compliance * np.outer(size, size),
+        error=error / total,
+        asymmetry=asymmetry / 2,
+    )
+
+
+def _factor(residue: NDArray[np.float64], least: float) -> NDArray[np.float64]:
+    """L (m, r) with L L^T nearest to a symmetric residue (m, m), of eigenvalues above `least` times
+    the largest; r = 0 where none is positive."""
+    values, vectors = np.linalg.eigh(residue)
+    kept = values > max(least * values[-1], 0.0)
+    return vectors[:, kept] * np.sqrt(values[kept])
+
+
+def _poles(fit: MatrixFit) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """omega, zeta (n,) of a fit, each once: a pole of two shapes stands twice."""
+    omega, first = np.unique(fit.omega, return_index=True)
+    return omega, fit.zeta[first]
+
+
+def _with_factors(
+    measured: Elements,
+    omega_j: NDArray[np.float64],
+    zeta: NDArray[np.float64],
+    drifts: bool,
+    options: FitOptions,
+    of_matrix: MatrixOptions,
+    *,
+    refine: bool = False,
+) -> MatrixFit:
+    """Factors by least squares and their positive part, then to `refine` ln omega, ln zeta and all
+    factors together."""
+    omega, H, deviation = measured
+    e = H.shape[1]
+    m = int((np.sqrt(8 * e + 1) - 1) / 2)
+    rows, columns = np.triu_indices(m)
+    w = omega[:, None]
+
+    # residues without a constraint, element by element: (n + 2, e)
+    D = 1 / (omega_j**2 - w**2 + 2j * zeta * omega_j * w)
+    lines = np.hstack([D, np.ones_like(w), *([-1 / w**2] if drifts else [])])
+    residues = np.zeros((lines.shape[1], e))
+    for i in range(e):
+        A = lines / deviation[:, [i]]
+        A = np.vstack([A.real, A.imag])
+        norm = np.linalg.norm(A, axis=0)
+        right = np.concatenate([H[:, i].real, H[:, i].imag]) / np.tile(deviation[:, i], 2)
+        residues[:, i] = np.linalg.lstsq(A / norm, right, rcond=None)[0] / norm
+    square = np.zeros((len(residues), m, m))
+    square[:, rows, columns] = square[:, columns, rows] = residues
+
+    # factors L (m, r); one oscillator for each column of a mode's
+    n = len(omega_j)
+    of_modes = [_factor(R, of_matrix.second) for R in square[:n]]
+    of_rest = [_factor(R, 1e-6) for R in square[n:]]  # compliance, then free masses
+    pole_of = np.repeat(np.arange(n), [L.shape[1] for L in of_modes])
+    present = np.unique(pole_of)
+    omega_j, zeta = omega_j[present], zeta[present]
+    pole_of = np.searchsorted(present, pole_of)
+    L = np.hstack([*of_modes, *of_rest])
+    n, n_osc, n_s = len(omega_j), len(pole_of), of_rest[0].shape[1]
+    right = np.concatenate([H.real, H.imag])
+    both = np.vstack([deviation, deviation])
+
+    # each factor in units of what it makes of the response
+    def terms(ln_omega: NDArray[np.float64], ln_zeta: NDArray[np.float64]):
+        """Frequency functions (k, n_l) of the factors' columns."""
+        o, z = np.exp(ln_omega)[pole_of], np.exp(ln_zeta)[pole_of]
+        resonance = 1 / (o**2 - w**2 + 2j * z * o * w)
+        n_free = L.shape[1] - n_osc - n_s
+        return np.hstack([resonance, np.tile(np.ones_like(w), n_s), np.tile(-1 / w**2, n_free)])
+
+    start_terms = terms(np.log(omega_j), np.log(zeta))
+    unit = np.sqrt(np.median(np.abs(H)) / np.abs(start_terms).max(axis=0))  # (n_l,)
+
+    def parts(x: NDArray[np.float64]):
+        g = terms(x[:n], x[n : 2 * n])
+        return g, x[2 * n :].reshape(m, -1) * unit
+
+    def residual(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        g, F = parts(x)
+        fitted = g @ (F[rows] * F[columns]).T  # (k, e)
+        return ((np.concatenate([fitted.real, fitted.imag]) - right) / both).ravel()
+
+    def jacobian(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        g, F = parts(x)
+        o, z = np.exp(x[:n]), np.exp(x[n : 2 * n])
+        product = (F[rows] * F[columns]).T  # (n_l, e)
+        J = np.zeros((len(omega), e, len(x)), complex)
+        for i, (j, resonance) in enumerate(zip(pole_of, g[:, :n_osc].T, strict=True)):
+            square_of = resonance**2
+            by_omega = -square_of * (2 * o[j] ** 2 + 2j * z[j] * o[j] * omega)
+            by_zeta = -square_of * 2j * z[j] * o[j] * omega
+            J[:, :, j] += by_omega[:, None] * product[i]
+            J[:, :, n + j] += by_zeta[:, None] * product[i]
+        for a in range(m):
+            for i in range(F.shape[1]):
+                slope = (rows == a) * F[columns, i] + (columns == a) * F[rows, i]
+                J[:, :, 2 * n + a * F.shape[1] + i] = g[:, [i]] * (slope * unit[i])
+        J = np.concatenate([J.real, J.imag]) / both[:, :, None]
+        return J.reshape(-1, len(x))
+
+    # poles stay near where they were found, so that they do not change places
+    x = np.concatenate([np.log(omega_j), np.log(zeta), (L / unit).ravel()])
+    if refine and len(omega_j):
+        ends = np.log(options.zeta) + np.array([-1e-9, 1e-9])
+        low, high = np.full((2, len(x)), np.inf) * np.array([[-1.0], [1.0]])
+        low[:n], high[:n] = x[:n] - 0.1, x[:n] + 0.1
+        low[n : 2 * n], high[n : 2 * n] = ends
+        x = least_squares(residual, x, jacobian, bounds=(low, high), max_nfev=60).x
+    _, F = parts(x)
+    k = 2 * len(omega) * e
+    misfit = float(np.sqrt(2 * np.mean(residual(x) ** 2)))
+    criterion = k * np.log(max(misfit, 1e-14) ** 2) + (2 * n + F.size) * np.log(k)
+    o, z = np.exp(x[:n])[pole_of], np.exp(x[n : 2 * n])[pole_of]
+    order = np.argsort(o)
+    S = F[:, n_osc : n_osc + n_s]
+    return MatrixFit(
+        o[order], z[order], F[:, :n_osc][:, order], F[:, n_osc + n_s :], S @ S.T, misfit, np.nan,
+        np.nan, float(criterion),
+    )  # fmt: skip
+
+
+class CoupledMatrices(NamedTuple):
+    """A structure joined to a measured part: M q'' + C q' + K q = f."""
+
+    M: NDArray[np.float64]  # (r, r)
+    C: NDArray[np.float64]  # (r, r)
+    K: NDArray[np.float64]  # (r, r)
+    part: NDArray[np.float64]  # (m, r) reads the part's points beyond the joint, without S
+    n: int  # the first coordinates are those of the structure
+
+
+def coupled(
+    K: ArrayLike,
+    M: ArrayLike,
+    C: ArrayLike | None,
+    B: ArrayLike,
+    fit: MatrixFit,
+    stiffness: ArrayLike = np.inf,
+) -> CoupledMatrices:
+    """Matrices of a structure K, M, C (n, n), that is joined at u = B q (m points, B (m, n)) to a
+    part known by a fit, through springs `stiffness` (m,) [N/m, N m/rad], rigid without any.
+
+    The springs and the part's compliance S are in series, K_j = (1 / k + S)^-1: symmetric and
+    positive, so that joined matrices conserve or lose energy. Raises ReductionError where a rigid
+    joint meets a point without a compliance of its own.
+    """
+    K, M, B = (np.asarray(A, float) for A in (K, M, B))
+    C = np.zeros_like(K) if C is None else np.asarray(C, float)
+    m = len(fit.compliance)
+    if B.shape != (m, len(K)):
+        raise ReductionError(f"B {B.shape} does not join {m} points to {len(K)} unknowns")
+    k = np.broadcast_to(np.asarray(stiffness, float), m)
+    if not np.all(k > 0):
+        raise ReductionError(f"stiffness {k.tolist()} must be above 0; inf is rigid")
+    Y = fit.compliance + np.diag(1 / k)
+    scale = np.sqrt(np.diag(Y))
+    if not np.all(scale > 0) or np.linalg.cond(Y / np.outer(scale, scale)) > 1e12:
+        raise ReductionError(
+            "the part has no compliance beyond its modes in some direction, where a rigid joint "
+            "would leave no displacement of its own: give the joints a stiffness"
+        )
+    Kj = np.linalg.inv(Y)
+    part = np.hstack([fit.phi, fit.free])
+    omega = np.append(fit.omega, np.zeros(fit.free.shape[1]))
+    zeta = np.append(fit.zeta, np.zeros(fit.free.shape[1]))
+    D = np.hstack([B, -part])
+    return CoupledMatrices(
+        block_diag(M, np.eye(len(omega))),
+        block_diag(C, np.diag(2 * zeta * omega)),
+        block_diag(K, np.diag(omega**2)) + D.T @ Kj @ D,
+        np.hstack([np.zeros((m, len(K))), part]),
+        len(K),
+    )
