@@ -10,8 +10,7 @@ measurement. A part so known is joined in the time domain to matrices of another
 
 Poles are common to all elements (`rom.passive_fit.common_poles`). Residues by least squares are cut
 to their positive eigenvalues, and factors, poles and compliance refined together by Gauss and
-Newton's method. The number of modes is that of the lowest
-Bayesian information criterion.
+Newton's method. The number of modes is that of the lowest Bayesian information criterion.
 """
 
 from typing import NamedTuple
@@ -46,9 +45,7 @@ class MatrixFit(NamedTuple):
     free: NDArray[np.float64]  # (m, k) B_0, shapes of free masses; k = 0 of a part that is held
     compliance: NDArray[np.float64]  # (m, m) S of the modes above the band
     misfit: float = 0.0  # root mean square of (H_fit - H) over its deviation
-    error: float = (
-        0.0  # root mean square of |H_fit - H| over that of |H|, points scaled to be alike
-    )
+    error: float = 0.0  # rms of |H_fit - H| over that of |H|, points scaled to be alike
     asymmetry: float = 0.0  # the same of (H - H^T) / 2, which no reciprocal part has
     criterion: float = 0.0  # Bayesian information criterion, lower is better
 
