@@ -74,8 +74,12 @@ def _solid(shape: Shape) -> int:
         return occ.addCylinder(0, 0, -length / 2, 0, 0, length, radius)
 
     def down(hole: Hole, top: float, height: float) -> int:
-        """A drill along z from above the upper face at `top`; its ends outside of the body."""
-        length = height + (2 * height if hole.depth is None else hole.depth)
+        """A drill along z through the upper face at `top`, its ends outside of a body that it
+        drills through. The axis of one that does points upwards: downwards a mesh of hexahedra has
+        20 edges around the hole in place of 30, and half as many elements."""
+        if hole.depth is None:
+            return occ.addCylinder(*hole.at, top - 3 * height, 0, 0, 4 * height, hole.diameter / 2)
+        length = height + hole.depth
         return occ.addCylinder(*hole.at, top + height, 0, 0, -length, hole.diameter / 2)
 
     # the shape at the origin, and the cylinders to be cut out of it
