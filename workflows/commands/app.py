@@ -4,6 +4,7 @@ Exit status 0 = done, 1 = the computation failed and says why, 2 = bad input; 13
 What computes is imported by the command that runs, so that each pays only for what it needs.
 """
 
+import gc
 import sys
 from collections.abc import Callable
 from errno import EDQUOT, EFBIG, ENAMETOOLONG, ENOSPC
@@ -237,7 +238,10 @@ def main() -> None:
     environ.setdefault("JOBLIB_MULTIPROCESSING", "0")
     # no child, and none of its children, imports anything from the working directory
     environ.setdefault("PYTHONSAFEPATH", "1")
-    sys.exit(_status(app))
+    status = _status(app)
+    # else the interpreter's last collections walk through all that libraries hold: 0.3 s of a run
+    gc.freeze()
+    sys.exit(status)
 
 
 def _require_values(words: list[str]) -> None:
