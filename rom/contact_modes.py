@@ -153,7 +153,7 @@ def retained_first(M: sp.csc_array, retained: EigenPairs, pairs: EigenPairs) -> 
 
     Each retained mode is told by its product in M with the pairs, one to one (Kuhn's assignment).
     """
-    overlap = np.abs(retained.phi.T @ (M @ pairs.phi))
+    overlap = np.abs((M @ retained.phi).T @ pairs.phi)
     first = linear_sum_assignment(overlap, maximize=True)[1]
     order = np.append(first, np.setdiff1d(np.arange(len(pairs.omega)), first))
     return EigenPairs(pairs.omega[order], pairs.phi[:, order])
