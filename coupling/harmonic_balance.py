@@ -236,8 +236,9 @@ def resonant_modes(cut: Cut, h: int, K: Array) -> ResonantModes:
 
 
 def let_go(body: Body, cut: Cut, pushed: Array) -> tuple[Contacts, Array, Array]:
-    """The contact pressed, pushed to and fro by (d,) [m], and let go where all bodies rest under
-    the force (d,) [N] that it then holds, at a shift (d,) [m]; contact, shift and force."""
+    """Contact, shift (d,) [m] and tangential force (d,) [N] of bodies at rest after the contact was
+    pressed and pushed to and fro by (d,) [m]: friction holds them where the last push has left the
+    force at its bound. Without a push the contact was never sheared."""
     n, d = body.prepared.chain.mass.size, len(body.frame)
     contacts, slip, force = body.at_rest().contacts, np.zeros(d), np.zeros((2, d))
     path = np.zeros((2, 2 + d))
@@ -257,9 +258,9 @@ def answer(
     laps: int,
     pushed: Array | None = None,
 ) -> Answer:
-    """What the contacts answer the cycle y (N, c) [m], led round it so many times from what another
-    cycle left, or from a contact pressed and never sheared, or else pushed to and fro by (d,) [m]
-    and let go where all bodies rest under the force that it then holds."""
+    """What the contacts answer the cycle y (N, c) [m], led round it `laps` times: from what another
+    cycle left, else from rest, after pushes of the frictional contact by (d,) [m] if any
+    (`let_go`)."""
     chain, law = body.prepared.chain, body.last.law
     n, d, N = chain.mass.size, len(body.frame), len(y)
     A = np.array(chain.A, float)

@@ -584,15 +584,16 @@ def pushed_forces(
         return []
     n, law = body.prepared.chain.mass.size, body.last.law
     push = search.pushed * float(gross_slip(law, cycle.cut.rest[n - 1]))
-    along = np.ptp(cycle.y[:, n:], axis=0)
+    axis = int(np.ptp(cycle.y[:, n:], axis=0).argmax())
     amplitude = 0.5 * np.ptp(cycle.answer.force[:, n:], axis=0).max()
     forces = []
     for way in (push, -push):
-        pushed = way * (along == along.max())
-        # its first guess: one turning point of the force reaches what the contact holds at most
-        _, shift, held = let_go(body, cycle.cut, pushed)
+        pushed = np.zeros(len(body.frame))
+        pushed[axis] = way
+        # its first guess: at one turning point the force reaches its bound
+        _, shift, bound = let_go(body, cycle.cut, pushed)
         y = cycle.y.copy()
-        y[:, n:] += shift * max(1.0 - amplitude / np.linalg.norm(held), 0.0)
+        y[:, n:] += shift * max(1.0 - amplitude / np.linalg.norm(bound), 0.0)
         other = balance(
             body, before, n_samples, search.pushed_change, search.pushed_creep,
             start=cycle._replace(y=y), pushed=pushed,

@@ -66,18 +66,18 @@ ENTRY = """:::{{container}} tile {view}
 
 def page(name: str, shows: str) -> None:
     """Write the page of a study; its tables and paragraphs are those that the command prints."""
-    found = beadwave.study(name)
-    (HERE / f"{name}.png").write_bytes(small(found.plot().png))
-    text = "\n\n".join(map(plain, found.sentences))
-    printed = [tables.text(table) for table in found.tables if table.printed != ()]
+    finding = beadwave.study(name)
+    (HERE / f"{name}.png").write_bytes(small(finding.plot().png))
+    text = "\n\n".join(map(plain, finding.sentences))
+    printed = [tables.text(table) for table in finding.tables if table.printed != ()]
     listed = "\n\n".join(map(TABLE.format, printed))
     page = PAGE.format(title=title(name), shows=shows, name=name, found=text, tables=listed)
     (HERE / f"{name}.md").write_text(page.rstrip() + "\n", encoding="utf-8")
 
 
-def plain(said: str) -> str:
+def plain(sentence: str) -> str:
     """A sentence whose signs mean nothing to Markdown, code apart."""
-    return re.sub(r"(`[^`]+`)|([\\`*_\[\]<>$#|{}])", lambda m: m[1] or f"\\{m[2]}", said)
+    return re.sub(r"(`[^`]+`)|([\\`*_\[\]<>$#|{}])", lambda m: m[1] or f"\\{m[2]}", sentence)
 
 
 def title(name: str) -> str:
@@ -97,9 +97,9 @@ def view(name: str) -> str:
     about the first of two or three in a row, which are some 700 and 570 pixels wide."""
     width, height = Image.open(HERE / f"{name}.png").size
     columns = 1 if width < 1100 else 2 if width < 1500 else 3
-    # of a picture that fills a tile this width is seen before it is enlarged
-    seen = min(width, ASPECT * height)
-    enlarged = seen / (width / columns)
+    # width of the picture that a tile which it fills shows before it is enlarged
+    visible = min(width, ASPECT * height)
+    enlarged = visible / (width / columns)
     return "whole" if columns == 1 else min(VIEWS, key=lambda view: abs(VIEWS[view] - enlarged))
 
 

@@ -26,8 +26,8 @@ HEAD, TAIL = 18, 8  # lines of a long output that are shown
 
 def pages() -> dict[str, Path]:
     """The pages with blocks to run, by name."""
-    found = {path.stem: path for path in sorted(DOCS.glob("*.md"))}
-    return {name: path for name, path in found.items() if BLOCK.search(path.read_text())}
+    documents = {path.stem: path for path in sorted(DOCS.glob("*.md"))}
+    return {name: path for name, path in documents.items() if BLOCK.search(path.read_text())}
 
 
 def is_slow(page: Path) -> bool:
@@ -47,7 +47,7 @@ def run(page: Path, *, write: bool = False) -> None:
 
 
 def _block(block: re.Match, folder: Path, most: int) -> str:
-    language, code, shown = block.groups()
+    language, code, output = block.groups()
     bin_folder = Path(sys.executable).parent
     path = f"{bin_folder}{os.pathsep}{os.environ['PATH']}"
     command = ["sh", "-ec", code] if language == "sh" else [sys.executable, "-c", code]
@@ -59,7 +59,7 @@ def _block(block: re.Match, folder: Path, most: int) -> str:
         sys.stderr.write(f"{code}\n{done.stdout}\n{done.stderr}\n")
     done.check_returncode()
     source = f"```{language}\n{code}```\n"
-    return source if shown is None else f"{source}\n```text\n{_shortened(done.stdout, most)}```\n"
+    return source if output is None else f"{source}\n```text\n{_shortened(done.stdout, most)}```\n"
 
 
 def _shortened(output: str, most: int) -> str:

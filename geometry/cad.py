@@ -73,10 +73,10 @@ def _solid(shape: Shape) -> int:
     def upright(radius: float, length: float) -> int:
         return occ.addCylinder(0, 0, -length / 2, 0, 0, length, radius)
 
-    def down(hole: Hole, top: float, height: float) -> int:
-        """A drill along z through the upper face at `top`, its ends outside of a body that it
-        drills through. The axis of one that does points upwards: downwards a mesh of hexahedra has
-        20 edges around the hole in place of 30, and half as many elements."""
+    def drill(hole: Hole, top: float, height: float) -> int:
+        """A cylinder along z that cuts a hole into the upper face, at z = `top`, of a body of this
+        height. Through holes are cut upwards, with both ends outside of the body: cut downwards,
+        hexahedra had 20 edges around a hole in place of 30, and were half as many."""
         if hole.depth is None:
             return occ.addCylinder(*hole.at, top - 3 * height, 0, 0, 4 * height, hole.diameter / 2)
         length = height + hole.depth
@@ -91,7 +91,7 @@ def _solid(shape: Shape) -> int:
         tag = upright(shape.radius, shape.length)
         if shape.bore:
             drills = [upright(shape.bore, shape.length)]
-        drills += [down(hole, shape.length / 2, shape.length) for hole in shape.holes]
+        drills += [drill(hole, shape.length / 2, shape.length) for hole in shape.holes]
         for hole in shape.radial_holes:
             a = np.radians(hole.angle)
             outward = np.array([np.cos(a), np.sin(a), 0.0])
@@ -105,9 +105,9 @@ def _solid(shape: Shape) -> int:
         face = occ.addPlaneSurface([occ.addCurveLoop([occ.addLine(*pair) for pair in ends])])
         extruded = occ.extrude([(2, face)], 0, 0, shape.thickness)
         (tag,) = [tag for dimension, tag in extruded if dimension == 3]
-        drills = [down(hole, shape.thickness, shape.thickness) for hole in shape.holes]
+        drills = [drill(hole, shape.thickness, shape.thickness) for hole in shape.holes]
     if drills:
-        pieces, _ = occ.cut([(3, tag)], [(3, drill) for drill in drills])
+        pieces, _ = occ.cut([(3, tag)], [(3, tool) for tool in drills])
         if len(pieces) != 1:
             raise InvalidGeometry(
                 f"holes cut a body into {len(pieces)} pieces; move them, or make them smaller."
