@@ -47,7 +47,7 @@ def stability(
     ] = False,
 ) -> None:
     """Stiff and extreme cases with a verdict each."""
-    from workflows.evidence.stability.trials import brief
+    from workflows.evidence.harness import brief
     from workflows.report import finding
 
     result = call()
@@ -71,7 +71,7 @@ def verify(
     if listed:
         _list("verify", "groups", call.json)
         return
-    from workflows.evidence.verify.comparisons import wrong
+    from workflows.evidence.harness import wrong
     from workflows.report import finding
 
     result = call()

@@ -12,7 +12,7 @@ from fem.beam import Section
 from fem.factorisation import factorised
 from fem.hinged import euler_bernoulli, lamb_hz
 from geometry.grid_lines import graded
-from workflows.evidence.verify.comparisons import Comparison, compared
+from workflows.evidence.harness import Comparison, compared
 from workflows.evidence.verify.exact_reductions import JOHNSON, sphere_on_modes
 
 STEEL = fem.Material(210e9, 0.3, 7850.0)

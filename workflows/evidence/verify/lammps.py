@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import dem
-from workflows.evidence.verify.comparisons import Comparison, compared, require_module
+from workflows.evidence.harness import Comparison, compared, require_module
 from workflows.evidence.verify.friction import MU, SPEED, oblique_impact, tangential_speed
 
 CONTACT = "hertz/material {young!r} {damping!r} {poisson!r} tangential linear_nohistory 0 0"

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from workflows.evidence.harness import Comparison, compared
 from workflows.evidence.thesis.wall_modulus import PUBLISHED, WallModulusOptions, wall_modulus
-from workflows.evidence.verify.comparisons import Comparison, compared
 from workflows.evidence.verify.published import EXACT
 from workflows.files.scene import scene
 from workflows.stages.progress import quiet

@@ -12,7 +12,7 @@ from coupling.reduced_spatial_wall import spatial_wall_of
 from coupling.spatial_wall import SpatialWall
 from fem.factorisation import Factor, factorised
 from geometry.grid_lines import graded
-from workflows.evidence.verify.comparisons import Comparison, compared
+from workflows.evidence.harness import Comparison, compared
 
 STEEL = fem.Material(210e9, 0.3, 7850.0)
 G = STEEL.young / (2 * (1 + STEEL.poisson))
