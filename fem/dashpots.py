@@ -13,7 +13,7 @@ from fem.model import Model
 
 def dashpots(model: Model, coefficient: dict[str, float]) -> csc_array:
     """C (n, n) [N s/m] of c [N s/m or N m s/rad] by spring, "joint.direction", equal for
-    all joints of one name; and of the structure's springs between points.
+    all joints of one name; of the structure's springs between points, and of measured parts.
 
     Raises ValueError for a direction that has no elongation, being rigid.
     """
@@ -27,6 +27,10 @@ def dashpots(model: Model, coefficient: dict[str, float]) -> csc_array:
         if spring.dashpot:
             B = csr_array(spring.B @ model.T)
             C = C + spring.dashpot * (B.T @ B)
+    for part, at in model.measured:
+        of_part = np.zeros(C.shape[0])
+        of_part[at] = 2 * part.zeta * part.omega
+        C = C + diags_array(of_part)
     return csc_array(C)
 
 
@@ -43,4 +47,7 @@ def dashpot_rows(model: Model, coefficient: Mapping[str, float]) -> csr_matrix:
             for one in model.structure.springs
             if one.name == name
         ]
+    for part, at in model.measured:
+        c = np.sqrt(2 * part.zeta * part.omega)
+        rows.append(csr_matrix((c, (range(len(at)), at)), (len(at), n)))
     return csr_matrix(vstack(rows))

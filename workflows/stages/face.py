@@ -89,6 +89,11 @@ class StruckFace:
             for spring in scene.springs or ()
             if any(spring.dashpots.values())
         ]
+        if scene.measured:
+            raise InvalidScene(
+                f"measured.{scene.measured[0].name} has damping, which couples the wall's modes; a "
+                "scan takes assemblies without [[measured]]."
+            )
         if loose:
             raise InvalidScene(
                 f"{loose[0]} has dashpots, which couple the wall's modes; set them to 0 for a scan."

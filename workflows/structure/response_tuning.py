@@ -108,6 +108,11 @@ def tuned_to_responses(
     """The scene fitted to the responses in the files, at the lines in a band and around the
     resonances numbered in `match`, all without; raises InvalidScene."""
     named = ", ".join(map(str, files))
+    if scene.measured:
+        raise InvalidScene(
+            f"{scene.name}: measured.{scene.measured[0].name} has damping of its own, which a fit "
+            "to responses does not take; fit frequencies, beadwave tune without --frf."
+        )
     with progress("identification"):
         test = hammer_test(list(files), {}, reading)
     if test.test.kind not in ("responses", "hits"):
