@@ -60,7 +60,10 @@ def resonance(
         )
     rig = rig_of(scene, progress)
     body = rig.body(scene.friction.coefficient, options.n_cells)
-    free, stuck = linear_resonances(rig)
+
+    # [Hz] of the mode that the shaker moves most across at the contact: without friction, and on a
+    # contact that sticks
+    free, stuck = (equivalent_frequency(rig, k) for k in (0.0, rest_stiffness(rig)))
     low, high = (1.0 - options.beyond) * min(free, stuck), (1.0 + options.beyond) * max(free, stuck)
     frequencies = np.linspace(low, high, options.n_frequencies)
 
@@ -101,12 +104,6 @@ def resonance(
         marched=[abs(row[3] / row[4] - 1.0) for row in marched if row[4]],
         frequency=frequency, scene=scene,
     )  # fmt: skip
-
-
-def linear_resonances(rig: Rig) -> tuple[float, float]:
-    """Frequencies [Hz] of the mode that the shaker moves most across at the contact: without
-    friction, and on a contact that sticks."""
-    return equivalent_frequency(rig, 0.0), equivalent_frequency(rig, rest_stiffness(rig))
 
 
 def rest_stiffness(rig: Rig) -> float:
