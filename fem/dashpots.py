@@ -3,8 +3,10 @@
 They couple the undamped modes, each of them all, so no modal ratios stand for this C.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
-from scipy.sparse import csc_array, csr_array, diags_array
+from scipy.sparse import csc_array, csr_array, csr_matrix, diags_array, vstack
 
 from fem.model import Model
 
@@ -26,3 +28,19 @@ def dashpots(model: Model, coefficient: dict[str, float]) -> csc_array:
             B = csr_array(spring.B @ model.T)
             C = C + spring.dashpot * (B.T @ B)
     return csc_array(C)
+
+
+def dashpot_rows(model: Model, coefficient: Mapping[str, float]) -> csr_matrix:
+    """Rows (d, n) of which C = rows^T rows [N s/m], of dashpots by the name of the spring beside,
+    "joint.direction" or that of a spring between points."""
+    n = model.K0.shape[0]
+    rows = [csr_matrix((0, n))]
+    for name, c in coefficient.items():
+        at = model.elongation[[spring == name for spring in model.spring]]
+        rows.append(csr_matrix((np.full(len(at), np.sqrt(c)), (range(len(at)), at)), (len(at), n)))
+        rows += [
+            np.sqrt(c) * csr_matrix(one.B @ model.T)
+            for one in model.structure.springs
+            if one.name == name
+        ]
+    return csr_matrix(vstack(rows))

@@ -43,7 +43,7 @@ from workflows.sweep.inputs import Inputs, files_of_scene
 from workflows.sweep.march import observed, saved, taken
 from workflows.sweep.store import About, Store
 
-OF_REFLECTED = ("reflected_s", "reflected_m_s", "tof_s", "arr")
+OF_REFLECTED = ("reflected_s", "reflected_m_s", "echo_delay_s", "echo_ratio")
 PART = 200  # points side by side, whose rows are stored together: what a stopped scan loses
 MOST_POINTS = 10_000
 Array = NDArray[np.float64]
