@@ -170,7 +170,7 @@ def boundary_distance(
         changes=changes,
         sphere=plates.observed_sphere(scene),
         deep=deep,
-        found=series,
+        series=series,
         critical=critical,
         higher=all(s.arr[0] > s.arr[-1] for s in series),
         settled=all(d < s.distance[-2] for d, s in zip(critical, series, strict=True)),
