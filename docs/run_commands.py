@@ -1,18 +1,24 @@
-"""Run what the pages show: each sh block's lines and each python block, page by page.
+"""Run what the pages show: each sh block's lines and each python block, page by page, and compare
+what is printed with the text block below.
 
     python docs/run_commands.py               all pages, in an empty folder each
     python docs/run_commands.py impacts       some
-    python docs/run_commands.py --write       and put what is printed into the text blocks below
+    python docs/run_commands.py --write       and put what is printed into text blocks that differ
 
 A line that fails ends it. Blocks of `console` are not run: they install, or need what is not here.
+What a page leaves out by a line `...` is not compared, nor are columns, folds of lines, seconds and
+megabytes; numbers are compared within `Tolerance`.
 """
 
 import os
 import re
 import subprocess
 import sys
+from decimal import Decimal
+from itertools import pairwise, zip_longest
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 from workflows.commands.terminal import LABEL, fold
 
@@ -20,8 +26,40 @@ DOCS = Path(__file__).parent
 BLOCK = re.compile(r"^```(sh|python)\n(.*?)^```\n(?:\n```text\n(.*?)^```\n)?", re.M | re.S)
 # of stages: others each time
 SECONDS = re.compile(r"^ +([\w -]+?  +\d+\.\d\d s( +\(kept\))?|seconds  .*)$")
+# what a run took and what it used: others each time
+COST = re.compile(r"(?<![\w.])\d+(?:\.\d+)? (?:s|min|h|kB|MB|GB)\b")
+TOKEN = re.compile(
+    r"(?<!\w)[-+]?\d+(?: \d{3})*(?:\.\d+)?(?:e[-+]?\d+)?"  # a number, thousands apart by a space
+    r"|\w+|([^\w\s])\1*"  # a word; a sign, or a rule of them
+)
+NUMBER = re.compile(r"[-+]?\d[\d .]*(?:e[-+]?\d+)?")
+LEFT_OUT = "..."  # a line in place of others
 WIDTH = 100  # of sentences, as on a terminal; what the pages have room for
 HEAD, TAIL = 18, 8  # lines of a long output that are shown
+
+
+class Tolerance(NamedTuple):
+    """How far a number may be from the one that a page quotes."""
+
+    # of its value; other processors and libraries move errors of errors by that, results by less
+    relative: float = 0.01
+    last_digits: int = 1  # units in the last place, of numbers with a decimal point or exponent
+
+
+class Token(NamedTuple):
+    """A word, number or sign of a text, and the number of its line from 0."""
+
+    text: str
+    line: int
+
+
+class Difference(NamedTuple):
+    """Where a text is no longer what is printed: both lines, and the number of the quoted one from
+    0; a line that is not there is empty."""
+
+    line: int
+    quoted: str
+    printed: str
 
 
 def pages() -> dict[str, Path]:
@@ -35,19 +73,39 @@ def is_slow(page: Path) -> bool:
     return page.read_text().startswith("---\nslow: true")
 
 
-def run(page: Path, *, write: bool = False) -> None:
-    """Run the blocks of a page; raises CalledProcessError at the first that fails."""
+def run(page: Path, *, write: bool = False) -> list[str]:
+    """Run the blocks of a page; a message for each text block that differs from what is printed,
+    which replaces it if `write`. Raises CalledProcessError at the first block that fails."""
     text = page.read_text(encoding="utf-8")
     most = 10**6 if "\nwhole: true\n" in text else HEAD + TAIL
+    messages: list[str] = []
+
+    def compared(block: re.Match) -> str:
+        """The block as it is, or with what is printed now where that differs."""
+        language, code, quoted = block.groups()
+        printed = _printed(language, code, Path(folder))
+        if quoted is None:
+            return block[0]
+        difference = first_difference(quoted, printed)
+        if difference is None:
+            return block[0]
+        line = text.count("\n", 0, block.start(3)) + 1 + difference.line
+        messages.append(
+            f"{page.name}, line {line}, is no longer what the commands above it print\n"
+            f"  quoted: {difference.quoted or '(nothing)'}\n"
+            f"  now:    {difference.printed or '(nothing)'}"
+        )
+        return f"```{language}\n{code}```\n\n```text\n{_shortened(printed, most)}```\n"
+
     with TemporaryDirectory() as folder:
         Path(folder, "examples").symlink_to(DOCS.parent / "examples")  # as in a checkout
-        written = BLOCK.sub(lambda block: _block(block, Path(folder), most), text)
+        written = BLOCK.sub(compared, text)
     if write:
         page.write_text(written, encoding="utf-8")
+    return messages
 
 
-def _block(block: re.Match, folder: Path, most: int) -> str:
-    language, code, output = block.groups()
+def _printed(language: str, code: str, folder: Path) -> str:
     bin_folder = Path(sys.executable).parent
     path = f"{bin_folder}{os.pathsep}{os.environ['PATH']}"
     command = ["sh", "-ec", code] if language == "sh" else [sys.executable, "-c", code]
@@ -58,11 +116,77 @@ def _block(block: re.Match, folder: Path, most: int) -> str:
     if done.returncode:
         sys.stderr.write(f"{code}\n{done.stdout}\n{done.stderr}\n")
     done.check_returncode()
-    source = f"```{language}\n{code}```\n"
-    return source if output is None else f"{source}\n```text\n{_shortened(done.stdout, most)}```\n"
+    return _without_seconds(done.stdout)
 
 
-def _shortened(output: str, most: int) -> str:
+def first_difference(quoted: str, printed: str) -> Difference | None:
+    """The first line of a quoted text that is not printed, or a printed one that is not quoted."""
+    # stretches between what is left out: the first begins with the output, the last ends with it
+    lines, ends = quoted.splitlines(), [-1]
+    ends += [i for i, line in enumerate(lines) if line.strip() == LEFT_OUT] + [len(lines)]
+    words = tokens(quoted)
+    stretches = [[w for w in words if a < w.line < b] for a, b in pairwise(ends)]
+    now = tokens(printed)
+
+    begin = 0
+    for i, stretch in enumerate(stretches):
+        last = i == len(stretches) - 1
+        if 0 < i and last:
+            begin = max(begin, len(now) - len(stretch))
+        elif 0 < i:  # the first place where it stands, or where it stood
+            n = len(stretch)
+            places = range(begin, len(now) - n + 1)
+            begin = next((p for p in places if _mismatch(stretch, now[p : p + n]) is None), begin)
+        beside = now[begin : None if last else begin + len(stretch)]
+        k = _mismatch(stretch, beside)
+        if k is not None:
+            was = stretch[k] if k < len(stretch) else None
+            new = beside[k] if k < len(beside) else None
+            line = was.line if was else (stretch[-1].line + 1 if stretch else 0)
+            return Difference(
+                line,
+                quoted.splitlines()[was.line].strip() if was else "",
+                printed.splitlines()[new.line].strip() if new else "",
+            )
+        begin += len(stretch)
+    return None
+
+
+def tokens(text: str) -> list[Token]:
+    """Words, numbers and signs of a text, costs left out; a rule of signs counts as three."""
+    tokens, timed = [], False
+    for line, content in enumerate(text.splitlines()):
+        timed = timed and bool(content.strip())
+        if timed:  # a row of a table whose last column is the seconds that each took
+            content = content.rstrip().rpartition(" ")[0]
+        timed = timed or content.endswith("  seconds")
+        for match in TOKEN.finditer(COST.sub("", content)):
+            word = match[0]
+            tokens.append(Token(word if word[:3] != 3 * word[0] else word[:3], line))
+    return tokens
+
+
+def _mismatch(quoted: list[Token], printed: list[Token]) -> int | None:
+    """The first place at which two lists of tokens differ."""
+    pairs = zip_longest(quoted, printed)
+    return next(
+        (k for k, (a, b) in enumerate(pairs) if not (a and b and _same(a.text, b.text))), None
+    )
+
+
+def _same(quoted: str, printed: str, tolerance: Tolerance = Tolerance()) -> bool:
+    if quoted == printed:
+        return True
+    if not (NUMBER.fullmatch(quoted) and NUMBER.fullmatch(printed)):
+        return False
+    a, b = Decimal(quoted.replace(" ", "")), Decimal(printed.replace(" ", ""))
+    exact = not set(quoted) & set(".e")  # a count
+    last_digit = 0 if exact else tolerance.last_digits * Decimal(10) ** a.as_tuple().exponent
+    return abs(a - b) <= max(Decimal(tolerance.relative) * max(abs(a), abs(b)), last_digit)
+
+
+def _without_seconds(output: str) -> str:
+    """The output with its sentences folded, and without rows of seconds."""
     lines: list[str] = []
     of_seconds = False
     whole = (line if line.startswith(" ") else fold(line, WIDTH) for line in output.splitlines())
@@ -71,19 +195,41 @@ def _shortened(output: str, most: int) -> str:
         of_seconds = bool(SECONDS.match(line)) or (of_seconds and line.startswith(" " * LABEL))
         if not of_seconds:
             lines.append(line)
-    if len(lines) > most:
-        lines = [*lines[:HEAD], "...", *lines[-TAIL:]]
     return "".join(f"{line}\n" for line in lines)
 
 
-def main() -> None:
-    """All pages, or those named."""
-    names = [name for name in sys.argv[1:] if name != "--write"]
+def _shortened(output: str, most: int) -> str:
+    lines = output.splitlines()
+    if len(lines) > most:
+        end = len(lines) - TAIL
+        while re.match(r"  \S", lines[end]) and end > HEAD:  # a sentence goes on there
+            end -= 1
+        lines = [*lines[:HEAD], LEFT_OUT, *lines[end:]]
+    return "".join(f"{line}\n" for line in lines)
+
+
+def main() -> int:
+    """All pages, or those named; exit status 1 if a page quotes what is no longer printed."""
+    names, write = [name for name in sys.argv[1:] if name != "--write"], "--write" in sys.argv
+    unknown = sorted(set(names) - set(pages()))
+    if unknown:
+        print(f"{unknown[0]}: no such page; take of {', '.join(pages())}", file=sys.stderr)
+        return 2
+    messages = []
     for name, page in pages().items():
         if name in names or not names:
             print(f"running the commands of {page.name}", flush=True)
-            run(page, write="--write" in sys.argv)
+            of_page = run(page, write=write)
+            print("\n".join(of_page), end="\n" if of_page else "", flush=True)
+            messages += of_page
+    if messages and not write:
+        print(
+            f"{len(messages)} text blocks are no longer what their commands print; "
+            "docs/run_commands.py --write PAGE puts it there, then read the sentences around it",
+            file=sys.stderr,
+        )
+    return int(bool(messages) and not write)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -28,11 +28,9 @@ class FullResponses(NamedTuple):
     remainder: float  # of the series, relative to what it gives: its next term
 
 
-class SeriesOptions(NamedTuple):
-    """How far the series goes."""
-
-    # falls by the square of the ratio of frequencies each: at a ratio of 1 / 1.5 to 1e-4 in 12
-    terms: int = 12
+# of the series, which falls by the square of the ratio of frequencies each: at modes to 1.5 times
+# the lines to 1e-4
+TERMS = 12
 
 
 def full_responses(
@@ -45,7 +43,6 @@ def full_responses(
     *,
     power: int,
     dashpots: csr_matrix | None = None,
-    options: SeriesOptions = SeriesOptions(),
 ) -> FullResponses:
     """H (p, r, f) = s^power points Z^-1 references^T of a model at s (f,) [1/s], with c (k,) [1/s]
     of its lowest modes and `dashpots` (d, n), C = dashpots^T dashpots [N s/m].
@@ -71,10 +68,10 @@ def full_responses(
     G = np.einsum("ak,kf,bk->fab", at_left, h, at_right, optimize=True)
     tau = -(s**2) + sigma
     x = right.toarray().T
-    for j in range(options.terms + 1):
+    for j in range(TERMS + 1):
         x = deflated(modes.phi, model.M, factor, x if j == 0 else model.M @ x)
         term = tau[:, None, None] ** j * (left @ x)
-        if j == options.terms:
+        if j == TERMS:
             remainder = float(np.abs(term).max() / np.abs(G).max())
         else:
             G = G + term

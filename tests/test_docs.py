@@ -41,8 +41,8 @@ def here(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", QUICK)
-def test_what_a_page_shows_runs(name):
-    COMMANDS_OF.run(COMMANDS_OF.pages()[name])
+def test_what_a_page_shows_is_what_its_commands_print(name):
+    assert COMMANDS_OF.run(COMMANDS_OF.pages()[name]) == []
 
 
 def test_the_python_of_the_readme_runs(tmp_path, monkeypatch):
@@ -94,6 +94,95 @@ def test_commands_options_and_scenes_of_the_pages_are_there():
 def test_every_command_has_its_help_on_the_page():
     text = (DOCS / "commands.md").read_text(encoding="utf-8")
     assert all(f"beadwave {name} --help" in text for name in COMMANDS)
+
+
+QUOTED = """\
+                 time of flight TOF  1.18 ms ± 0.021 %
+mode    Hz  MAC
+---------------
+   1  61.2  1.00
+...
+   9  4126  0.98
+...
+case           accurate  seconds
+time-reversal         4     25.2
+
+21 cases: 21 done; 37.9 s, 120 MB
+"""
+
+
+@pytest.mark.parametrize(
+    ("quoted", "printed"),
+    [
+        ("1.18 ms", "1.19 ms"),  # a unit in the last place
+        ("61.2", "61.79"),  # less than a hundredth
+        ("4126", "4130"),
+        ("37.9 s, 120 MB", "3 s, 99.5 MB"),  # what it cost
+        (
+            "\nmode    Hz  MAC",
+            "\nmode          Hz   MAC",
+        ),  # columns are as wide as their widest cell
+        ("---------------", "----------------"),
+        ("done; 37.9 s,", "done;\n  37.9 s,"),  # folded elsewhere
+        ("...\n   9", "   2  99.9  1.00\n   9"),  # what the page leaves out
+        ("...\n   9", "   9"),
+        ("25.2", "0.313"),
+    ],
+)
+def test_a_page_may_differ_from_what_is_printed_by(quoted, printed):
+    assert QUOTED.count(quoted) == 1
+    assert COMMANDS_OF.first_difference(QUOTED, QUOTED.replace(quoted, printed)) is None
+
+
+@pytest.mark.parametrize(
+    ("quoted", "printed", "line"),
+    [
+        ("1.18 ms", "1.20 ms", 0),
+        ("1.18 ms", "1.18 µs", 0),
+        ("1.18 ms", "-1.18 ms", 0),
+        ("time of flight", "echo delay", 0),
+        ("0.021 %", "nan %", 0),
+        ("61.2", "61.9", 3),
+        ("1.00\n", "1.02\n", 3),
+        ("   1  61.2  1.00\n", "", 3),
+        ("   9  4126  0.98\n", "", 5),
+        ("4     25.2", "5     25.2", 8),  # counts are the same or not
+        ("21 cases", "22 cases", 10),
+        ("120 MB\n", "120 MB\nwritten: x\n", 7),  # the end is another: seen where it begins
+    ],
+)
+def test_a_page_may_not_differ_from_what_is_printed_by(quoted, printed, line):
+    assert QUOTED.count(quoted) == 1
+    difference = COMMANDS_OF.first_difference(QUOTED, QUOTED.replace(quoted, printed))
+    assert difference.line == line
+    assert difference.quoted == QUOTED.splitlines()[line].strip()
+
+
+def test_a_page_that_quotes_what_is_no_longer_printed_is_named_with_its_line(tmp_path):
+    page, text = (
+        tmp_path / "page.md",
+        "# Page\n\n```sh\nprintf 'a\\nb 2\\n'\n```\n\n```text\na\nb 1\n```\n",
+    )
+    page.write_text(text)
+    (message,) = COMMANDS_OF.run(page)
+    assert message.startswith("page.md, line 9, ")
+    assert "quoted: b 1\n" in message and message.endswith("now:    b 2")
+    assert page.read_text() == text
+    COMMANDS_OF.run(page, write=True)
+    assert page.read_text() == text.replace("b 1", "b 2")
+    assert COMMANDS_OF.run(page) == []
+
+
+def test_a_long_output_is_shortened_between_sentences(tmp_path):
+    page = tmp_path / "page.md"
+    lines = [f"row {i}" for i in range(30)] + ["Sentence", "  goes on"] + ["end"] * 7
+    page.write_text(
+        "```sh\nprintf '%s\\n' " + " ".join(f"'{x}'" for x in lines) + "\n```\n\n```text\n```\n"
+    )
+    COMMANDS_OF.run(page, write=True)
+    shown = page.read_text().split("```text\n")[1].splitlines()
+    assert shown[17:21] == ["row 17", "...", "Sentence", "  goes on"]
+    assert COMMANDS_OF.run(page) == []
 
 
 def test_the_interface_lists_all_functions():

@@ -153,8 +153,8 @@ def test_the_study_of_populations_says_runs_a_second(monkeypatch):
 
 def test_what_takes_minutes_is_left_out_by_default_named_and_brought_by_thorough(monkeypatch):
     class Entry(SimpleNamespace):
-        def loaded(self):
-            return self
+        def stated(self, name, default=None):
+            return getattr(self, name, default)
 
         def __call__(self, scene, progress, *, finer=False):
             return Finding((Table(self.name, ("finer",), ((finer,),)),))
@@ -165,7 +165,7 @@ def test_what_takes_minutes_is_left_out_by_default_named_and_brought_by_thorough
         "long": Entry(name="long", SCENE="rig-rigid", ALONE=True),
     }
 
-    def chosen(folder, names, option):
+    def chosen(folder, names):
         return {name: studies[name] for name in names or studies}
 
     monkeypatch.setattr(catalogue, "chosen", chosen)

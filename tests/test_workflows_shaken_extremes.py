@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from workflows.evidence.harness import judged
 from workflows.evidence.stability import shaken
-from workflows.evidence.stability.trials import judged
 
 WHERE = spec_from_file_location(
     "cycle_energy", Path(__file__).parents[1] / "examples" / "cycle_energy.py"

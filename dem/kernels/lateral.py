@@ -125,12 +125,42 @@ def press(
     row: SpringRow | None, room: SpringRow | None, cells: SpringCells | None,
 ) -> None:  # fmt: skip
     """Move the contact on, and its force (n_directions,) [N] with it."""
+    shift(law, d, q, way, row, room, cells)
+    contact_force(law, force, row, cells)
+
+
+@ieee
+def shift(
+    law: TangentialLaw, d: float, q: float, way: tuple[float, float],
+    row: SpringRow | None, room: SpringRow | None, cells: SpringCells | None,
+) -> None:  # fmt: skip
+    """Move the contact on."""
     if row is not None:
         slide(row, room, law, d, q, way[0])
-        force[0] = tangential_force(row, law)
     if cells is not None:
         slide_cells(cells, law, d, q, way[0], way[1])
+
+
+@ieee
+def contact_force(
+    law: TangentialLaw, force: Array, row: SpringRow | None, cells: SpringCells | None
+) -> None:
+    """Fill in the force (n_directions,) [N] of the springs."""
+    if row is not None:
+        force[0] = tangential_force(row, law)
+    if cells is not None:
         force[0], force[1] = cell_force(cells, law, 0), cell_force(cells, law, 1)
+
+
+@ieee
+def stick_and_heat(row: SpringRow | None, cells: SpringCells | None) -> tuple[float, float]:
+    """Share of the area that sticks, friction's heat so far [J]."""
+    stick, heat = 0.0, 0.0
+    if row is not None:
+        stick, heat = row.state[STICK], row.state[HEAT]
+    if cells is not None:
+        stick, heat = cells.state[STICK], cells.state[HEAT]
+    return stick, heat
 
 
 @ieee
@@ -138,11 +168,11 @@ def contact_state(
     law: TangentialLaw, row: SpringRow | None, cells: SpringCells | None
 ) -> tuple[float, float, float]:
     """Share of the area that sticks, stored energy [J], friction's heat so far [J]."""
-    stick, stored, heat = 0.0, 0.0, 0.0
+    stored, (stick, heat) = 0.0, stick_and_heat(row, cells)
     if row is not None:
-        stick, stored, heat = row.state[STICK], stored_energy(row, law), row.state[HEAT]
+        stored = stored_energy(row, law)
     if cells is not None:
-        stick, stored, heat = cells.state[STICK], cell_energy(cells, law), cells.state[HEAT]
+        stored = cell_energy(cells, law)
     return stick, stored, heat
 
 
@@ -248,11 +278,12 @@ def press_round(
     for i in range(laps * k + 1):
         j = i % k
         way2 = path[j, 3] - slip[1] if n == 2 else 0.0
-        way = (path[j, 2] - slip[0], way2)
-        press(law, path[j, 0], path[j, 1], way, force[j], row, room, cells)
+        shift(law, path[j, 0], path[j, 1], (path[j, 2] - slip[0], way2), row, room, cells)
         for m in range(n):
             slip[m] = path[j, 2 + m]
-        stick[j], _, heat = contact_state(law, row, cells)
+        stick[j], heat = stick_and_heat(row, cells)
+        if i >= (laps - 1) * k:
+            contact_force(law, force[j], row, cells)
         if i == (laps - 1) * k:
             heat_before, before1 = heat, force[0, 0]
             before2 = force[0, 1] if n == 2 else 0.0

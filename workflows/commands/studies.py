@@ -23,7 +23,7 @@ def accuracy(call: Call) -> None:
     from workflows.report import finding
 
     result = call()
-    record = finding.record(result, machine=machine()._asdict())
+    record = finding.record(result, machine=machine())
     print_result(record, finding.text(result), call.json, call.quiet)
 
 
@@ -47,7 +47,7 @@ def stability(
     ] = False,
 ) -> None:
     """Stiff and extreme cases with a verdict each."""
-    from workflows.evidence.stability.trials import brief
+    from workflows.evidence.harness import brief
     from workflows.report import finding
 
     result = call()
@@ -71,7 +71,7 @@ def verify(
     if listed:
         _list("verify", "groups", call.json)
         return
-    from workflows.evidence.verify.comparisons import wrong
+    from workflows.evidence.harness import wrong
     from workflows.report import finding
 
     result = call()

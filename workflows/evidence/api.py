@@ -86,11 +86,9 @@ def accuracy(
         files.write(findings, folder)
     result = finding.merged(findings.values())
     if stage == "all" and not thorough and (alone := catalogue.accuracy_alone()):
-        sentence = (
-            f"Left out: the stages {', '.join(alone)}; --stage with the name runs one, --thorough "
-            "all."
-        )
-        result = result._replace(sentences=(*result.sentences, sentence))
+        stages = f"Left out: the stages {', '.join(alone)}; "
+        remedy = "--stage with the name runs one, --thorough all."
+        result = result._replace(sentences=(*result.sentences, stages + remedy))
     return result
 
 
@@ -109,10 +107,7 @@ def stability(
     from workflows.evidence import catalogue
 
     return _written(
-        lambda: catalogue.verdicts("stability", tuple(cases), progress),
-        "stability",
-        out,
-        overwrite,
+        lambda: catalogue.verdicts("stability", tuple(cases), progress), "stability", out, overwrite
     )
 
 

@@ -11,22 +11,21 @@ import ast
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from types import ModuleType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from workflows.evidence.harness import finding, rows_of
+from workflows.evidence.study import counted
 from workflows.report.finding import Finding
 from workflows.scene import InvalidScene, Scene, nearest
 from workflows.stages.progress import Progress
 
-RETURNED = {
-    "thesis": "Finding",
-    "accuracy": "Finding",
-    "stability": "Iterator[Trial]",
-    "verify": "Iterator[Comparison]",
+# what the functions of a folder return, and the option by which their names are given
+FOLDERS = {
+    "thesis": ("Finding", "study"),
+    "accuracy": ("Finding", "--stage"),
+    "stability": ("Iterator[Trial]", "--case"),
+    "verify": ("Iterator[Comparison]", "--group"),
 }
-OPTION = {"stability": "--case", "verify": "--group"}  # by which names are given
-ROWS = {"stability": "trials", "verify": "comparisons"}  # module of a row and of their table
-TAKEN = {"thesis": ["scene", "progress"], "accuracy": ["scene", "progress"]}  # first arguments
 
 
 class CatalogueEntry(NamedTuple):
@@ -36,25 +35,25 @@ class CatalogueEntry(NamedTuple):
     function: str
     shows: str
 
-    def loaded(self) -> ModuleType:
-        """The module, imported."""
-        return import_module(self.module)
-
     def __call__(self, *arguments, **options):
-        return getattr(self.loaded(), self.function)(*arguments, **options)
+        return getattr(import_module(self.module), self.function)(*arguments, **options)
+
+    def stated(self, name: str, default: Any = None) -> Any:
+        """What the module says of its study in capitals, as its usual SCENE."""
+        return getattr(import_module(self.module), name, default)
 
 
 def catalogue(folder: str) -> dict[str, CatalogueEntry]:
     """The studies of a folder by name, read from the source of its modules without an import."""
-    entries = {}
+    returned, entries = FOLDERS[folder][0], {}
     for file in sorted(Path(__file__).with_name(folder).glob("*.py")):
         for node in ast.parse(file.read_text(encoding="utf-8")).body:
             if not isinstance(node, ast.FunctionDef) or node.name.startswith("_"):
                 continue
             first = [argument.arg for argument in node.args.args[:2]]
-            if first != TAKEN.get(folder, first):
+            if returned == "Finding" and first != ["scene", "progress"]:
                 continue  # puts a finding together for the study beside it
-            if node.returns and ast.unparse(node.returns) == RETURNED[folder]:
+            if node.returns and ast.unparse(node.returns) == returned:
                 module = f"{__package__}.{folder}.{file.stem}"
                 shows = (ast.get_docstring(node) or "").partition("\n")[0]
                 name = node.name.replace("_", "-")
@@ -67,24 +66,24 @@ def listing(folder: str) -> str:
     return "\n".join(f"{name:20}{entry.shows}" for name, entry in catalogue(folder).items())
 
 
-def chosen(folder: str, names: tuple[str, ...], option: str) -> dict[str, CatalogueEntry]:
-    """The studies of these names, all if there are none; raises InvalidScene for an unknown name,
-    which it says was given to `option`."""
+def chosen(folder: str, names: tuple[str, ...]) -> dict[str, CatalogueEntry]:
+    """The studies of these names, all if there are none; raises InvalidScene for an unknown one."""
     entries = catalogue(folder)
     for name in names:
         if name not in entries:
+            option = FOLDERS[folder][1]
             raise InvalidScene(f"{option} {name!r} is not known; {nearest(name, entries)}.")
     return {name: entries[name] for name in names} or entries
 
 
 def study(name: str, scene: Scene, progress: Progress) -> Finding:
     """What a study of the thesis finds on the scene."""
-    return chosen("thesis", (name,), "study")[name](scene, progress)
+    return chosen("thesis", (name,))[name](scene, progress)
 
 
 def usual_scene(name: str) -> str | None:
     """The built-in scene that a study is made for, its SCENE; None for the rig."""
-    return getattr(chosen("thesis", (name,), "study")[name].loaded(), "SCENE", None)
+    return chosen("thesis", (name,))[name].stated("SCENE")
 
 
 def accuracy(
@@ -96,33 +95,29 @@ def accuracy(
     what it does not show without them, which becomes a sentence. One with ALONE = True is left out
     where all stages run, unless `thorough`.
     """
+    entries = chosen("accuracy", () if stage == "all" else (stage,))
+    if stage == "all" and not thorough:
+        entries = {name: entry for name, entry in entries.items() if not entry.stated("ALONE")}
     findings = {}
-    for name, entry in chosen("accuracy", () if stage == "all" else (stage,), "--stage").items():
-        module = entry.loaded()
-        if stage == "all" and getattr(module, "ALONE", False) and not thorough:
-            continue
-        with progress(name):
-            options = getattr(module, "THOROUGH", {}) if thorough else {}
-            finding = entry(scene(module.SCENE), progress, **options)
-        if not thorough and hasattr(module, "LEFT_OUT"):
-            sentence = f"Left out of {name}: {module.LEFT_OUT}; --thorough brings it."
-            finding = finding._replace(sentences=(*finding.sentences, sentence))
-        findings[name] = finding
+    for name, entry in counted(entries.items(), progress, lambda pair: pair[0]):
+        options = entry.stated("THOROUGH", {}) if thorough else {}
+        findings[name] = entry(scene(entry.stated("SCENE")), progress, **options)
+        if not thorough and (left_out := entry.stated("LEFT_OUT")):
+            sentence = f"Left out of {name}: {left_out}; --thorough brings it."
+            sentences = (*findings[name].sentences, sentence)
+            findings[name] = findings[name]._replace(sentences=sentences)
     return findings
 
 
 def accuracy_alone() -> tuple[str, ...]:
     """Names of the accuracy studies that run only where they are named, or with `thorough`."""
-    entries = catalogue("accuracy").items()
-    return tuple(name for name, entry in entries if getattr(entry.loaded(), "ALONE", False))
+    return tuple(name for name, entry in catalogue("accuracy").items() if entry.stated("ALONE"))
 
 
 def verdicts(folder: str, names: tuple[str, ...], progress: Progress) -> Finding:
     """Verdicts on the cases of `stability`, or the groups of `verify`, of these names, of all
     without any."""
-    of_rows = import_module(f"{__package__}.{folder}.{ROWS[folder]}")
     rows = []
-    for name, entry in chosen(folder, names, OPTION[folder]).items():
-        with progress(name):
-            rows += of_rows.rows_of(name, entry)
-    return of_rows.finding(tuple(rows))
+    for name, entry in counted(chosen(folder, names).items(), progress, lambda pair: pair[0]):
+        rows += rows_of(name, entry)
+    return finding(folder, tuple(rows))

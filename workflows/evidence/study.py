@@ -119,10 +119,3 @@ def counted(
             left = f" ({i + 1} of {len(pieces)}, about {seconds:.0f} s left)"
         with progress(name(piece) + left):
             yield piece
-
-
-def verdict_count(rows: tuple, noun: str, verdicts: Iterable[str]) -> str:
-    """How many rows have each of these verdicts, and the seconds of all."""
-    verdict_of_rows = [row.verdict for row in rows]
-    counts = ", ".join(f"{verdict_of_rows.count(verdict)} {verdict}" for verdict in verdicts)
-    return f"{len(rows)} {noun}: {counts}; {sum(row.seconds for row in rows):.0f} s."

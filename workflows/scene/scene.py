@@ -28,7 +28,7 @@ from workflows.scene.joints import Joints, JointStiffnesses
 from workflows.scene.masses import MassTable
 from workflows.scene.measured import MeasuredTable
 from workflows.scene.mesh import Standing
-from workflows.scene.named_materials import NAMED, NUMBERS
+from workflows.scene.named_materials import NUMBERS, named_material
 from workflows.scene.reduction import Patch, Reduction
 from workflows.scene.scene_table import SceneTable
 from workflows.scene.sensors import Output
@@ -104,9 +104,9 @@ class Scene(SceneTable):
             if isinstance(table, dict)
         ]
         named = {
-            name: {key: getattr(NAMED[name], key) for key in NUMBERS}
+            name: {key: getattr(material, key) for key in NUMBERS}
             for name in names
-            if isinstance(name, str) and name in NAMED
+            if isinstance(name, str) and (material := named_material(name))
         }
         if not named or not isinstance(materials, dict | None):
             return tables

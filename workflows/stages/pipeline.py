@@ -175,14 +175,21 @@ ASSEMBLY = {
         means=("factor", "krylov-space", "half-space"),
     ),
     "half-space": Stage(
-        ".reduction:half_space", tables_of("strike"), ("mesh", "model"), kept=False, listed=False
+        ".reduction:half_space", tables_of("strike"), ("mesh", "model"), listed=False
+    ),
+    "static-shape": Stage(
+        ".mesh_error:static_shape",
+        tables_of("reduction", "strike"),
+        ("mesh", "model", "modes"),
+        means=("krylov-space",),
+        listed=False,
     ),
     "second-mesh": Stage(".errors:second_mesh", _coarse, ("mesh",)),
     "missed-energy": Stage(
         ".mesh_error:missed_energy",
         tables_of("reduction", "strike"),
         ("mesh", "model", "modes"),
-        means=("krylov-space", "half-space"),
+        means=("static-shape", "half-space"),
     ),
     "full-response": Stage(
         ".response:full_response",
@@ -467,7 +474,7 @@ class Pipeline:
         spent, started = self._spent, perf_counter()
         elsewhere = None
         if self.beside is not None and self.beside.has(name):
-            with self._progress(name):
+            with self._progress(name) if self._stages[name].listed else nullcontext():
                 elsewhere = self.beside.seconds(name, self._meanwhile)
         is_kept = self._stages[name].kept
         result = self._kept(name, self.key(name), self) if is_kept else self.compute(name)
@@ -542,6 +549,13 @@ class Pipeline:
         return all(
             self.kept(need) if self._stages[need].kept else self.ready(need)
             for need in self._stages[name].needs + self._stages[name].means
+        )
+
+    def at_hand(self, name: str) -> bool:
+        """Whether all that the stage needs is kept, or in memory: nothing is computed before it."""
+        needs = self._stages[name].needs + self._stages[name].means
+        return all(
+            need in self._results or (self._stages[need].kept and self.kept(need)) for need in needs
         )
 
     def prepare(self, names: Sequence[str]) -> bool:

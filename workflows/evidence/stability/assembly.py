@@ -8,7 +8,8 @@ from joblib import Memory
 
 import coupling
 import dem
-from workflows.evidence.stability.trials import Outcome, Trial, settled
+from workflows.evidence.harness import Outcome, Trial
+from workflows.evidence.stability.trials import settled
 from workflows.files.scene import scene as load
 from workflows.stages.chain import chain, initial_velocity
 from workflows.stages.pipeline import Pipeline
@@ -23,14 +24,14 @@ COARSE = (
 def joint_stiffness() -> Iterator[Trial]:
     """1 to 1e16 N/m in every direction, rigid joints, and none at all: the block floats."""
     for k in (*10.0 ** np.arange(0, 17, 2), np.inf):
-        yield Trial("joint-stiffness", k, partial(on_joints, k, "preload.force=0.0"))
+        yield Trial(k, partial(on_joints, k, "preload.force=0.0"))
     free = partial(on_joints, 1.0, "preload.force=0.0", 'reduction.kind="free-modes"')
-    yield Trial("joint-stiffness", "1, free-modes", free)
+    yield Trial("1, free-modes", free)
     for kind in ("craig-bampton", "free-modes"):
         for press in (0.0, 10.0):
             changes = f"preload.force={press}", f'reduction.kind="{kind}"'
             name = f"0, free-floating, {kind}, {press:g} N"
-            yield Trial("joint-stiffness", name, partial(on_joints, 0.0, *changes))
+            yield Trial(name, partial(on_joints, 0.0, *changes))
 
 
 def on_joints(k: float, *changes: str) -> Outcome:
@@ -59,7 +60,7 @@ def rayleigh_damping() -> Iterator[Trial]:
     pipeline = _pipeline("chain.count=4", "output.spheres=[1]")
     for factor in (1.0, 10.0, 1e3, 1e5):
         run = partial(_damped, pipeline, factor)
-        yield Trial("rayleigh-damping", f"thesis x {factor:g}", run)
+        yield Trial(f"thesis x {factor:g}", run)
 
 
 def _damped(pipeline: Pipeline, factor: float) -> Outcome:

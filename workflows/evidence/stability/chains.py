@@ -9,7 +9,8 @@ from functools import partial
 import numpy as np
 
 import dem
-from workflows.evidence.stability.trials import Outcome, Trial, collisions, settled
+from workflows.evidence.harness import Outcome, Trial
+from workflows.evidence.stability.trials import collisions, settled
 
 RIG = {"radius": 0.0127, "density": 7800.0, "young": 210e9, "poisson": 0.3}
 STEEL = dem.Flat(210e9, 0.3)
@@ -50,46 +51,46 @@ def at_rigid_wall(
 def young() -> Iterator[Trial]:
     """One Young's modulus for all spheres, from 1 MPa to 1 TPa."""
     for E in 10.0 ** np.arange(6, 13):
-        yield Trial("young", E, partial(at_rigid_wall, young=E, flat=dem.Flat(E, 0.3)))
+        yield Trial(E, partial(at_rigid_wall, young=E, flat=dem.Flat(E, 0.3)))
 
 
 def unlike_materials() -> Iterator[Trial]:
     """Steel next to ever softer spheres."""
     for soft in 10.0 ** np.arange(6, 12):
         E = np.where(np.arange(N) % 2, soft, 210e9)
-        yield Trial("unlike-materials", soft, partial(at_rigid_wall, young=E))
+        yield Trial(soft, partial(at_rigid_wall, young=E))
 
 
 def unlike_radii() -> Iterator[Trial]:
     """Every second sphere smaller, and a chain tapered a thousandfold."""
     for ratio in (0.3, 0.1, 1e-2, 1e-3):
         R = np.where(np.arange(N) % 2, ratio, 1.0) * RIG["radius"]
-        yield Trial("unlike-radii", ratio, partial(at_rigid_wall, radius=R))
+        yield Trial(ratio, partial(at_rigid_wall, radius=R))
     R = RIG["radius"] * np.geomspace(1.0, 1e-3, N)
     run = partial(at_rigid_wall, radius=R, natural_times=3.0)
-    yield Trial("unlike-radii", "tapered to 0.001", run)
+    yield Trial("tapered to 0.001", run)
 
 
 def radius() -> Iterator[Trial]:
     """One radius for all spheres, from 1 um to 1 m."""
     for R in 10.0 ** np.arange(-6, 1):
-        yield Trial("radius", R, partial(at_rigid_wall, radius=R))
+        yield Trial(R, partial(at_rigid_wall, radius=R))
 
 
 def striker_speed() -> Iterator[Trial]:
     """Speeds of the striker from 1 um/s to 100 m/s."""
     for speed in 10.0 ** np.arange(-6, 3):
-        yield Trial("striker-speed", speed, partial(at_rigid_wall, speed=speed))
+        yield Trial(speed, partial(at_rigid_wall, speed=speed))
 
 
 def preload() -> Iterator[Trial]:
     """On the last sphere, and through all spheres by a spring on the first."""
     for force in (0.0, 1e-6, 1.0, 1e2, 1e4, 1e5):
-        yield Trial("preload", force, partial(at_rigid_wall, preload=force, duration=1e-3))
+        yield Trial(force, partial(at_rigid_wall, preload=force, duration=1e-3))
         if force:
             chain, v0 = squeezed(force), striker_velocity()
             run = partial(settled, chain, dem.rigid_wall(), v0, 1e-3)
-            yield Trial("preload", f"{force:g} through all", run)
+            yield Trial(f"{force:g} through all", run)
 
 
 def squeezed(force: float) -> dem.Chain:
@@ -102,7 +103,7 @@ def squeezed(force: float) -> dem.Chain:
 def sonic_vacuum() -> Iterator[Trial]:
     """No preload: the limit of a vanishing one, which only tiny forces reach."""
     for force in (1e-3, 1e-6, 1e-9, 1e-12):
-        yield Trial("sonic-vacuum", force, partial(_vanishing, force))
+        yield Trial(force, partial(_vanishing, force))
 
 
 def _vanishing(force: float) -> Outcome:
@@ -120,11 +121,11 @@ def dissipation() -> Iterator[Trial]:
     for law in ("linear", "linear-clipped", "hunt-crossley"):
         for gamma in (0.0, 1e-3, 1.0, 1e2, 1e4, 1e6, 1e8, 1e12, 1e18):
             run = partial(at_rigid_wall, dissipation=law, gamma=gamma, duration=5e-4)
-            yield Trial("dissipation", f"{law} {gamma:g}", run)
+            yield Trial(f"{law} {gamma:g}", run)
 
 
 def spheres() -> Iterator[Trial]:
     """Chains of 2 to 100 000 spheres."""
     for n in (2, 17, 100, 1000, 10_000, 100_000):
         duration = 3e-4 if n > 1000 else 1e-3
-        yield Trial("spheres", n, partial(at_rigid_wall, count=n, duration=duration, n_save=10))
+        yield Trial(n, partial(at_rigid_wall, count=n, duration=duration, n_save=10))

@@ -12,7 +12,8 @@ from coupling.spatial_march import ShakerForces, SpatialRun, body_of, march_spac
 from coupling.spatial_wall import SpatialWall, spatial_wall_of_modes
 from dem.friction import tangential_law
 from dem.lateral import LastSphere
-from workflows.evidence.stability.trials import STEEL, Outcome, Trial
+from workflows.evidence.harness import Outcome, Trial
+from workflows.evidence.stability.trials import STEEL
 
 R, NU, MU, LOAD = 0.0127, 0.3, 0.2, 50.0  # m, N pressed
 SPEED = 0.1  # m/s of the striker
@@ -23,30 +24,30 @@ ERROR = 1e-3
 def shaken_preload() -> Iterator[Trial]:
     """From no preload to 1 kN, without a shaker and at resonance, where all of it slips."""
     for load in (0.0, 0.1, 1.0, 10.0, 100.0, 1000.0):
-        yield Trial("shaken-preload", f"{load:g} N, off", partial(_outcome, load=load, force=0.0))
+        yield Trial(f"{load:g} N, off", partial(_outcome, load=load, force=0.0))
         resonant = partial(_outcome, load=load, force=2.0 * MU * max(load, 1.0))
-        yield Trial("shaken-preload", f"{load:g} N, resonance", resonant)
+        yield Trial(f"{load:g} N, resonance", resonant)
 
 
 def shaken_friction() -> Iterator[Trial]:
     """Coefficients from 0 to 2, without a shaker and at resonance."""
     for mu in (0.0, 0.01, 0.1, 0.5, 2.0):
-        yield Trial("shaken-friction", f"{mu:g}, off", partial(_outcome, mu=mu, force=0.0))
-        yield Trial("shaken-friction", f"{mu:g}, resonance", partial(_outcome, mu=mu, force=20.0))
+        yield Trial(f"{mu:g}, off", partial(_outcome, mu=mu, force=0.0))
+        yield Trial(f"{mu:g}, resonance", partial(_outcome, mu=mu, force=20.0))
 
 
 def shaken_separation() -> Iterator[Trial]:
     """Shakers that move the wall along its normal too, until the contact opens within a cycle."""
     for force in (10.0, 30.0, 100.0, 300.0, 1000.0):
         run = partial(_outcome, load=10.0, force=force, frequency=700.0, normal=1.0)
-        yield Trial("shaken-separation", f"{force:g} N", run)
+        yield Trial(f"{force:g} N", run)
 
 
 def shaken_phase() -> Iterator[Trial]:
     """Phases all round as the striker arrives, between stick and slip all over."""
     for phase in range(0, 360, 45):
         run = partial(_outcome, force=8.0, phase=float(phase))
-        yield Trial("shaken-phase", f"{phase} deg", run)
+        yield Trial(f"{phase} deg", run)
 
 
 def _outcome(

@@ -8,15 +8,16 @@ import numpy as np
 import coupling
 import dem
 from coupling.verdict import large_step_error
+from workflows.evidence.harness import Outcome, Trial
 from workflows.evidence.stability.chains import SPEED, spheres_of, squeezed, striker_velocity
-from workflows.evidence.stability.trials import Outcome, Trial, finer, settled
+from workflows.evidence.stability.trials import finer, settled
 
 
 def step() -> Iterator[Trial]:
     """0.01 to 100 times the stability limit; a run at a given step must know its error."""
     for scheme in ("verlet", "rkn6", "energy2"):
         for share in (0.01, 0.03, 0.1, 0.3, 0.6, 0.9, 1.1, 3.0, 10.0, 100.0):
-            yield Trial("step", f"{scheme} x {share:g}", partial(_at_share_of_limit, scheme, share))
+            yield Trial(f"{scheme} x {share:g}", partial(_at_share_of_limit, scheme, share))
 
 
 def _at_share_of_limit(scheme: str, share: float) -> Outcome:
@@ -39,7 +40,7 @@ def drift() -> Iterator[Trial]:
     for scheme in ("verlet", "rkn6"):
         for name, press in (("closed contacts", 1e-3), ("opening contacts", 0.0)):
             run = partial(energy_drift, scheme, press, n_steps)
-            yield Trial("drift", f"{scheme}, {n_steps:.0e} steps, {name}", run)
+            yield Trial(f"{scheme}, {n_steps:.0e} steps, {name}", run)
 
 
 def energy_drift(scheme: str, press: float, n_steps: int) -> Outcome:
@@ -69,7 +70,7 @@ def time_reversal() -> Iterator[Trial]:
         "pressed": (squeezed(100.0), oscillator),
     }
     for name, (chain, wall) in cases.items():
-        yield Trial("time-reversal", name, partial(_there_and_back, chain, wall))
+        yield Trial(name, partial(_there_and_back, chain, wall))
 
 
 def _there_and_back(chain: dem.Chain, wall: dem.Wall | None) -> Outcome:
@@ -83,13 +84,13 @@ def _there_and_back(chain: dem.Chain, wall: dem.Wall | None) -> Outcome:
 def float_extremes() -> Iterator[Trial]:
     """Inputs at and beyond the ends of what a float holds."""
     for speed in (0.0, 1e-300, 1e-30, 1e30, 1e300, np.inf, np.nan):
-        yield Trial("float-extremes", f"speed {speed:g}", partial(_absurd, speed=speed))
+        yield Trial(f"speed {speed:g}", partial(_absurd, speed=speed))
     for factor in (1e-300, 1e-30, 1e30, 1e300, np.inf, np.nan, -1.0):
-        yield Trial("float-extremes", f"mass x {factor:g}", partial(_absurd, mass=factor))
-        yield Trial("float-extremes", f"A x {factor:g}", partial(_absurd, A=factor))
+        yield Trial(f"mass x {factor:g}", partial(_absurd, mass=factor))
+        yield Trial(f"A x {factor:g}", partial(_absurd, A=factor))
     for duration in (1e-300, 1e300, np.nan):
         run = partial(_absurd, duration=duration)
-        yield Trial("float-extremes", f"duration {duration:g}", run)
+        yield Trial(f"duration {duration:g}", run)
 
 
 def _absurd(

@@ -6,8 +6,9 @@ from functools import partial
 import numpy as np
 
 import dem
+from workflows.evidence.harness import Outcome, Trial
 from workflows.evidence.stability.chains import SPEED, N, spheres_of, striker_velocity
-from workflows.evidence.stability.trials import Outcome, Trial, settled
+from workflows.evidence.stability.trials import settled
 
 
 def wall_mode_frequency() -> Iterator[Trial]:
@@ -15,9 +16,9 @@ def wall_mode_frequency() -> Iterator[Trial]:
     for frequency in (1e2, 1e3, 1e4, 1e5, 1e6, 1e7):
         for kind, phi in (("light", 0.3), ("stiff", 0.3 * frequency / 1e4)):
             wall = _modes([1e3, frequency], [0.3, phi])
-            yield Trial("wall-mode-frequency", f"{frequency:g} Hz {kind}", _struck(wall))
+            yield Trial(f"{frequency:g} Hz {kind}", _struck(wall))
     wall = _modes(np.geomspace(50.0, 1e7, 150), np.full(150, 0.3))
-    yield Trial("wall-mode-frequency", "150 modes, 50 Hz to 10 MHz", _struck(wall))
+    yield Trial("150 modes, 50 Hz to 10 MHz", _struck(wall))
 
 
 def one_dof_wall() -> Iterator[Trial]:
@@ -26,14 +27,14 @@ def one_dof_wall() -> Iterator[Trial]:
     for frequency in (0.1, 10.0, 1e3, 1e5, 1e6):
         for ratio in (1e-6, 1e-3, 1.0, 1e3, 1e6):
             wall = dem.one_dof_wall(frequency, ratio * mass)
-            yield Trial("one-dof-wall", f"{frequency:g} Hz, mass x {ratio:g}", _struck(wall))
+            yield Trial(f"{frequency:g} Hz, mass x {ratio:g}", _struck(wall))
 
 
 def wall_damping() -> Iterator[Trial]:
     """Damping ratios of three modes, to far above critical."""
     for zeta in (0.0, 0.1, 1.0, 10.0, 1e3, 1e6):
         wall = _modes([50.0, 1e3, 1e5], np.full(3, 0.3), zeta)
-        yield Trial("wall-damping", zeta, _struck(wall))
+        yield Trial(zeta, _struck(wall))
 
 
 def dashpot_wall() -> Iterator[Trial]:
@@ -41,7 +42,7 @@ def dashpot_wall() -> Iterator[Trial]:
     arriving = np.full(N, SPEED)  # all spheres together
     for coefficient in (1e-6, 1e-2, 1e2, 1e4, 1e6, 1e9):
         run = _struck(dem.dashpot_wall(coefficient), arriving)
-        yield Trial("dashpot-wall", coefficient, run)
+        yield Trial(coefficient, run)
 
 
 def _modes(frequency, phi, zeta: float = 0.0) -> dem.Wall:

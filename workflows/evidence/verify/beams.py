@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 
 import fem
 from fem.beam import ENDS, BeamEnd, Section
-from workflows.evidence.verify.comparisons import Comparison, compared
+from workflows.evidence.harness import Comparison, compared
 
 LENGTH, STRUCK = 0.5, 0.19  # m
 STEEL = fem.Material(210e9, 0.3, 7850.0)

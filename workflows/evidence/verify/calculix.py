@@ -10,7 +10,7 @@ from fem import calculix as program
 from fem import factorised, modes
 from fem.abaqus import input_deck
 from fem.model import Model
-from workflows.evidence.verify.comparisons import Comparison, compared, require_program
+from workflows.evidence.harness import Comparison, compared, require_program
 from workflows.files.scene import scene
 from workflows.stages.assembly import dashpots
 from workflows.stages.pipeline import Pipeline, pipeline_of

@@ -17,7 +17,7 @@ from fem import factorised, modes
 from fem.calculix_tied import Screw, tied_deck
 from geometry.cad import write_step
 from geometry.step_tetrahedra import ElementSizes, StepPatch, step_tetrahedra
-from workflows.evidence.verify.comparisons import Comparison, require_program
+from workflows.evidence.harness import Comparison, require_program
 from workflows.files.scene import scene
 from workflows.scene import Scene
 from workflows.scene.rig import screw_cells

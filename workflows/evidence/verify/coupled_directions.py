@@ -21,7 +21,7 @@ from coupling.spatial_wall import SpatialWall, spatial_wall_of_modes
 from dem.friction import tangential_modulus
 from dem.kernels.tangential import WIDTH
 from dem.lateral import LastSphere
-from workflows.evidence.verify.comparisons import Comparison, compared
+from workflows.evidence.harness import Comparison, compared
 from workflows.evidence.verify.friction import MU, NU, E, R, sphere_with_friction
 
 SPEED, ACROSS = 0.1, (0.06, 0.05)  # m/s struck, along n and along t1, t2

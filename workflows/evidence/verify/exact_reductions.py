@@ -11,7 +11,7 @@ import dem
 import rom
 from coupling.radiation import lamb_integral
 from dem.spheres import hertz_coefficient
-from workflows.evidence.verify.comparisons import Comparison, compared
+from workflows.evidence.harness import Comparison, compared
 
 JULIA = "JuliaFEM, ModelReduction.jl, README"
 MILLER = "G. F. Miller, H. Pursey, Proc. R. Soc. A 233 (1955) 55"

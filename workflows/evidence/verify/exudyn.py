@@ -14,7 +14,7 @@ from scipy.linalg import null_space
 import dem
 import rom
 from coupling.reduced_wall import wall_from_reduced
-from workflows.evidence.verify.comparisons import Comparison, compared, require_module
+from workflows.evidence.harness import Comparison, compared, require_module
 from workflows.files.scene import scene
 from workflows.stages.pipeline import pipeline_of
 from workflows.stages.progress import quiet

@@ -8,7 +8,7 @@ import coupling
 import dem
 import fem
 import rom
-from workflows.evidence.verify.comparisons import Comparison
+from workflows.evidence.harness import Comparison
 from workflows.files.scene import scene
 from workflows.stages.damping import damping
 from workflows.stages.impact import impact

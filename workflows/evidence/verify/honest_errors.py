@@ -15,7 +15,7 @@ import dem
 import rom
 from dem.spheres import time_scale
 from rom.truncation import frequencies
-from workflows.evidence.verify.comparisons import Comparison
+from workflows.evidence.harness import Comparison
 from workflows.evidence.verify.random_scenes import LAWS, WALLS
 from workflows.evidence.verify.random_scenes import scene as random_scene
 from workflows.files.scene import scene

@@ -20,7 +20,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 
 import fem
-from workflows.evidence.verify.comparisons import Comparison, compared
+from workflows.evidence.harness import Comparison, compared
 from workflows.files.record import Channel, Recorded
 from workflows.fit.inspect import InspectionRequest
 from workflows.fit.inspect import inspected as inspection

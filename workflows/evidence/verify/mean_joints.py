@@ -15,7 +15,7 @@ from skfem import MeshHex
 
 import fem
 from geometry.grid_lines import graded
-from workflows.evidence.verify.comparisons import Comparison, compared
+from workflows.evidence.harness import Comparison, compared
 
 STEEL = fem.Material(210e9, 0.3, 7850.0)
 HEIGHT, CENTRE = 0.04, np.array([0.013, -0.006, 0.04])  # m

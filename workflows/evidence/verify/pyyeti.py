@@ -17,7 +17,7 @@ from skfem import MeshHex
 
 import fem
 import rom
-from workflows.evidence.verify.comparisons import Comparison, compared, require_module
+from workflows.evidence.harness import Comparison, compared, require_module
 
 SOURCE = "pyYeti, cb.cbcheck"
 EXACT = "the block's density and sides"

@@ -7,7 +7,7 @@ import numpy as np
 
 import dem
 from dem.spheres import force_scale, time_scale
-from workflows.evidence.verify.comparisons import Comparison, compared
+from workflows.evidence.harness import Comparison, compared
 from workflows.evidence.verify.formulas import motion
 
 DAMPED = {"none": 0.0, "linear": 20.0, "linear-clipped": 20.0, "hunt-crossley": 0.2}

@@ -1,0 +1,261 @@
+"""What all evidence is made of: a row is an answer beside what it should be, a group yields rows.
+
+    group, quantity, ours, theirs, difference, allowed, source  ->  verdict, seconds
+
+A group of `verify` is a generator of comparisons: a quantity by us beside the same by an
+independent program, a book, a closed solution.
+
+within   the difference is at most what is allowed
+outside  it is above, or no number
+failed   the computation ended in the sentence below
+skipped  the independent program is not installed, or does not start
+
+A case of `stability` is a generator of trials, whose difference is the measured error of a run.
+
+accurate  the error is at most what the case allows
+refused   the engine declined in the sentence below
+flagged   numerically right, but outside of what the model is valid for, and said so
+failed    neither: a wrong answer without a word
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from importlib import import_module
+from importlib.util import find_spec
+from shutil import which
+from subprocess import run
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workflows.report.finding import Finding
+from workflows.report.tables import Table
+
+NOT_STARTED = (126, 127)  # statuses of a program that the system cannot load
+VERDICTS = {
+    "verify": ("within", "outside", "failed", "skipped"),
+    "stability": ("accurate", "flagged", "refused", "failed"),
+}
+# of stability's table: its column, and the field of a row; verify's table has all fields
+TRIALS = {
+    "case": "group", "parameter": "quantity", "verdict": "verdict", "value": "difference",
+    "allowed": "allowed", "sentence": "source", "seconds": "seconds",
+}  # fmt: skip
+BRIEF = ("case", *VERDICTS["stability"], "error/allowed", "seconds")
+UNITS = {  # of parameters that are numbers
+    "joint-stiffness": "N/m", "young": "Pa", "unlike-materials": "Pa", "radius": "m",
+    "striker-speed": "m/s", "preload": "N", "sonic-vacuum": "N", "dashpot-wall": "N s/m",
+}  # fmt: skip
+
+
+class Comparison(NamedTuple):
+    """A quantity by us and by them; of arrays the entries that differ most."""
+
+    quantity: str
+    ours: float
+    theirs: float
+    difference: float  # largest, over their largest or an absolute scale
+    allowed: float
+    source: str
+
+
+class Outcome(NamedTuple):
+    """The measured error of an answer, what it may be, and what the run warned of."""
+
+    value: float  # error of the velocities over the largest initial speed
+    allowed: float
+    warnings: tuple[str, ...] = ()
+
+
+class Trial(NamedTuple):
+    """A case at a parameter, not yet run."""
+
+    parameter: float | str
+    run: Callable[[], Outcome]
+
+
+class Row(NamedTuple):
+    """A comparison or a trial, its verdict and its seconds; None where there is no number."""
+
+    group: str
+    quantity: float | str  # of a trial the parameter
+    ours: float | None
+    theirs: float | None
+    difference: float | None
+    allowed: float | None
+    seconds: float  # since the row before it
+    verdict: str
+    source: str  # or what was refused, warned of, or went wrong
+
+
+class PeerMissing(Exception):
+    """An independent program is not installed or does not start; says how to install it."""
+
+
+def compared(
+    quantity: str,
+    ours: ArrayLike,
+    theirs: ArrayLike,
+    *,
+    allowed: float,
+    source: str,
+    of: float | None = None,
+) -> Comparison:
+    """The entries of two arrays that differ most, by |ours - theirs| / of; `of` is the largest of
+    theirs unless given. A nan differs more than any number."""
+    a, b = np.broadcast_arrays(np.asarray(ours, float), np.asarray(theirs, float))
+    distance = np.abs(a - b)
+    worst = np.unravel_index(
+        np.argmax(np.where(np.isnan(distance), np.inf, distance)), distance.shape
+    )
+    scale = float(np.abs(b).max()) if of is None else of
+    difference = float(distance[worst]) / scale
+    return Comparison(quantity, float(a[worst]), float(b[worst]), difference, allowed, source)
+
+
+def require_program(name: str, package: str) -> None:
+    """Raises PeerMissing if the program is not on the path or does not start; `package` is the
+    Debian package that installs it."""
+    if which(name) is None:
+        raise PeerMissing(f"{name} is not installed; apt-get install {package} adds it.")
+    version = run([name, "-v"], capture_output=True, text=True, check=False)
+    if version.returncode in NOT_STARTED:
+        why = version.stderr.strip().partition("\n")[0]
+        remedy = f"apt-get install --reinstall {package} repairs it."
+        raise PeerMissing(f"{name} is installed and does not start ({why}); {remedy}")
+
+
+def require_module(name: str, start: Callable[[], object] | None = None) -> None:
+    """Raises PeerMissing if a Python module of the extra `verify` is not installed, or if `start`
+    (the import, if None) does not find a library that the module needs."""
+    if find_spec(name) is None:
+        raise PeerMissing(f"{name} is not installed; ./install.sh verify adds it.")
+    try:
+        (start or partial(import_module, name))()
+    except (ImportError, OSError) as error:
+        why = str(error).strip().partition("\n")[0]
+        remedy = "./install.sh verify adds what it needs."
+        raise PeerMissing(f"{name} is installed and does not start ({why}); {remedy}") from error
+
+
+def rows_of(group: str, pieces: Callable[[], Iterable[Comparison | Trial]]) -> Iterator[Row]:
+    """The rows of a group, each computed when it is taken from the iterator.
+
+    A missing program ends the group with a row `skipped`, any other exception with a row `failed`
+    that holds its message.
+    """
+    started = perf_counter()
+    try:
+        with np.errstate(all="ignore"):
+            for piece in pieces():
+                if isinstance(piece, Trial):
+                    yield judged(piece, group)
+                    continue
+                verdict = "within" if piece.difference <= piece.allowed else "outside"  # for nan
+                since, started = perf_counter() - started, perf_counter()
+                yield Row(group, *piece[:-1], since, verdict, piece.source)
+    except Exception as error:
+        missing = isinstance(error, PeerMissing)
+        verdict = "skipped" if missing else "failed"
+        sentence = str(error) if missing else f"{type(error).__name__}: {error}"
+        since = perf_counter() - started
+        yield Row(group, verdict, None, None, None, None, since, verdict, sentence)
+
+
+def judged(trial: Trial, case: str = "") -> Row:
+    """The verdict on a trial: ValueErrors are how the engine refuses, any other is a failure."""
+    started = perf_counter()
+    value = allowed = None
+    try:
+        with np.errstate(all="ignore"):
+            value, allowed, warnings = trial.run()
+    except ValueError as refusal:
+        verdict, sentence = "refused", str(refusal)
+    except Exception as error:
+        verdict, sentence = "failed", f"{type(error).__name__}: {error}"
+    else:
+        if value <= allowed:  # False for nan
+            verdict, sentence = "flagged" if warnings else "accurate", " ".join(warnings)
+        else:
+            verdict, sentence = "failed", "the error is above what is allowed, unreported."
+    seconds = perf_counter() - started
+    return Row(case, trial.parameter, None, None, value, allowed, seconds, verdict, sentence)
+
+
+def finding(folder: str, rows: tuple[Row, ...]) -> Finding:
+    """The table of a folder's rows, what there is to say of single ones, and a count."""
+    if folder == "stability":
+        lines = [tuple(getattr(row, field) for field in TRIALS.values()) for row in rows]
+        printed = [name for name in TRIALS if name != "sentence"]
+        shown = [tuple(getattr(row, TRIALS[name]) for name in printed) for row in rows]
+        table = Table(folder, tuple(TRIALS), tuple(lines), (tuple(printed), *shown))
+        sentences = [said(row) for row in rows if row.verdict != "accurate"]
+    else:
+        shown = [("group", "quantity", "ours", "theirs", "difference", "allowed", "seconds")]
+        for row in rows:
+            numbers = [None if x is None else f"{x:.7g}" for x in (row.ours, row.theirs)]
+            mark = "" if row.verdict in ("within", "skipped") else f" ({row.verdict})"
+            shown.append((
+                row.group, row.quantity + mark, *numbers, row.difference, row.allowed, row.seconds,
+            ))  # fmt: skip
+        table = Table(folder, Row._fields, rows, tuple(shown))
+
+        # the sources of each group, in order and once each; what was skipped or failed
+        sources: dict[str, dict[str, None]] = {}
+        for row in rows:
+            if row.difference is not None:
+                sources.setdefault(row.group, {})[row.source] = None
+        sentences = [f"{group} beside {'; '.join(names)}." for group, names in sources.items()]
+        sentences += [
+            f"{row.group} {row.verdict}: {row.source}" for row in rows if row.difference is None
+        ]
+
+    verdicts = [row.verdict for row in rows]
+    counts = ", ".join(f"{verdicts.count(verdict)} {verdict}" for verdict in VERDICTS[folder])
+    noun, seconds = "rows" if folder == "verify" else "cases", sum(row.seconds for row in rows)
+    sentences.append(f"{len(rows)} {noun}: {counts}; {seconds:.0f} s.")
+    return Finding((table,), tuple(sentences))
+
+
+def brief(verdicts: Finding) -> Finding:
+    """The same of trials, printed with a line for each case: its trials, the largest share of what
+    is allowed, and one sentence on what was refused or flagged."""
+    table = verdicts.tables[0]
+    by_case: dict[str, list[Row]] = {}
+    for case, parameter, verdict, value, allowed, sentence, seconds in table.rows:
+        row = Row(case, parameter, None, None, value, allowed, seconds, verdict, sentence)
+        by_case.setdefault(case, []).append(row)
+
+    lines, sentences = [BRIEF], []
+    for case, trials in by_case.items():
+        counts = map([row.verdict for row in trials].count, VERDICTS["stability"])
+        shares = [row.difference / row.allowed for row in trials if row.allowed]
+        seconds = sum(row.seconds for row in trials)
+        lines.append((case, *counts, max(shares, default=None), seconds))
+
+        # the first trial of each verdict, in the order of the verdicts' last trials
+        first: dict[str, Row] = {}
+        for row in trials:
+            if row.verdict != "accurate":
+                first[row.verdict] = first.pop(row.verdict, row)
+        sentences += map(said, first.values())
+    sentences.append(verdicts.sentences[-1])
+    return Finding((table._replace(printed=tuple(lines)),), tuple(sentences))
+
+
+def said(row: Row) -> str:
+    """A trial in words."""
+    parameter = row.quantity if isinstance(row.quantity, str) else f"{row.quantity:g}"
+    unit = f" {UNITS[row.group]}" if parameter != row.quantity and row.group in UNITS else ""
+    return f"{row.group} {parameter}{unit}, {row.verdict}: {row.source}"
+
+
+def wrong(comparisons: Finding) -> str | None:
+    """A sentence on the rows that are outside or failed, None where there are none."""
+    rows = map(Row._make, comparisons.tables[0].rows)
+    bad = [f"{row.group}: {row.quantity}" for row in rows if row.verdict in ("outside", "failed")]
+    if not bad:
+        return None
+    return f"{len(bad)} rows are outside of what is allowed: {'; '.join(bad)}."
