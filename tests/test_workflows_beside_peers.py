@@ -7,6 +7,7 @@ from scipy.sparse import csc_array, diags_array, eye_array
 
 from fem.factorisation import has_pardiso
 from workflows.evidence.accuracy import beside_peers, peer_process
+from workflows.evidence.accuracy.cost import Seconds, Timed
 from workflows.evidence.accuracy.peer_process import (
     BEADWAVE,
     CALCULIX,
@@ -116,6 +117,27 @@ def test_memory_is_that_of_the_process_of_the_method():
     with open("/proc/self/status") as status:
         own = next(1024 * int(s.split()[1]) for s in status if s.startswith("VmHWM"))
     assert memory < own
+
+
+def test_one_run_of_calculix_stands_for_its_modes_and_its_compliance(monkeypatch):
+    """Its compliance comes behind its frequencies; a run that fails stands once."""
+    K, M, w, b = springs()
+    structure = Structure(K, M, w, b, N_MODES, deck="*NODE")
+    truth = beside_peers.structure_truth(structure)
+    values = np.append(1.01 * truth[MODES], 1.02 * truth[CONDENSATION][0])
+    cost = Timed(values, warm=Seconds(1.0, 2.0), cold=Seconds(3.0, 4.0))
+    monkeypatch.setattr(beside_peers, "in_own_process", lambda *_: (cost, 5.0))
+    missing = {BEADWAVE, SUPERLU, PARDISO}
+    rows = beside_peers.structure_results(structure, missing, quiet)
+    assert [(row.parameter, row.method) for row in rows] == [
+        (MODES, CALCULIX), (CONDENSATION, CALCULIX),
+    ]  # fmt: skip
+    assert [row.error for row in rows] == pytest.approx([0.01, 0.02], rel=1e-9)
+    assert (rows[0].seconds, rows[0].processor_cold, rows[0].bytes) == (1.0, 4.0, 5.0)
+
+    failed = beside_peers.Failed(CALCULIX, MODES, "no licence")
+    monkeypatch.setattr(beside_peers, "in_own_process", lambda *_: failed)
+    assert beside_peers.structure_results(structure, missing, quiet) == [failed]
 
 
 @pytest.mark.slow

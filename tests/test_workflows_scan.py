@@ -101,7 +101,7 @@ def test_each_point_states_its_own_error_of_the_reduction(thin):
     assert stated.max() > 3 * stated.min() > 0
     for case in (0, 2, 4, 6):
         at = [thin.columns[axis][case].item() for axis in ("x", "y")]
-        (patch,) = struck.placed(np.array([at])).patches.values()
+        (patch,) = struck.placed(np.array([at]))[0].values()
         pairs = finer_space(problem, patch.w, modes, 20e3).pairs
         half_space = float(struck.walls([patch], 1).half_space[0])
         wall = wall_from_reduced(

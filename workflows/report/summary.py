@@ -114,7 +114,7 @@ class NumberError(BaseModel):
     reduction: float | None = None
     mesh: float | None = None
     theory: float | None = None  # of a beam or a plate
-    receptance: float | None = None  # of a measured wall
+    receptance: float | None = None  # of a measured wall, or of measured parts
     total: float | None = None
     why: str = ""  # where the mesh's error comes from if it is large, and what helps
 

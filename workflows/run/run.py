@@ -205,9 +205,11 @@ def summary_of(
             sentences += warnings.model_errors_left_out()
         if not structure and not has_friction(scene):
             number_errors += pipeline("time-errors")
-        if with_errors and isinstance(scene.wall, MeasuredWall):
+        of_wall = isinstance(scene.wall, MeasuredWall)
+        if with_errors and (of_wall or (structure and scene.measured and not scene.friction)):
             errors["receptance"] = pipeline("receptance-error")
             sentences += warnings.large_model_error("receptance", errors["receptance"])
+        if with_errors and of_wall:
             sentences += warnings.narrow_band(scene, pipeline("impact").trajectory)
 
         # the march and its waves

@@ -25,7 +25,7 @@ import rom
 from fem.assembly_modes import N_MODES, AssemblyModes
 from rom.contact_modes import KrylovOptions
 from workflows.scene import InvalidScene, Scene
-from workflows.scene.places import mass_face, spring_face
+from workflows.scene.places import mass_face, part_face, spring_face
 from workflows.scene.reduction import TO_HZ
 from workflows.stages import assembly as stages
 from workflows.stages import errors
@@ -275,6 +275,7 @@ def energy_of_shapes(
     faces |= {mesh.face(mass_face(mass.name)) for mass in scene.masses or ()}
     springs = [(spring.name, end) for spring in scene.springs or () for end in spring.ends]
     faces |= {mesh.face(spring_face(*end)) for end in springs}
+    faces |= {mesh.face(part_face(part.name)) for part in scene.measured or ()}
     still = [*connections.held, *(fem.Held(face) for face in sorted(rigid))]
     if load is not None:
         faces |= {force.face for force in load.forces}

@@ -134,7 +134,7 @@ def structure_results(
         k = min(len(values), len(truth[work]))
         return float(np.abs(values[:k] / truth[work][:k] - 1).max())
 
-    results = []
+    results, both = [], None
     for work in (MODES, CONDENSATION):
         for method in (BEADWAVE, SUPERLU, PARDISO):
             if method in missing:
@@ -143,16 +143,17 @@ def structure_results(
                 call = getattr(peer_process, work)
                 outcome = in_own_process(work, method, measured, call, method, structure)
             results.append(_result(work, method, outcome, lambda v, work=work: off(work, v)))
-        if work == MODES and structure.deck is not None and CALCULIX not in missing:
-            with progress(f"{MODES} and compliance, {CALCULIX}"):
-                arguments = (measured, peer_process.modes, CALCULIX, structure)
-                outcome = in_own_process(MODES, CALCULIX, *arguments)
-            results.append(_result(MODES, CALCULIX, outcome, lambda v: off(MODES, v[:-1])))
-            both = outcome
+        if structure.deck is None or CALCULIX in missing:
+            continue
 
-    # one run of CalculiX gives both; of the condensation it has the compliance alone
-    if structure.deck is not None and CALCULIX not in missing and not isinstance(both, Failed):
-        results.append(_result(CONDENSATION, CALCULIX, both, lambda v: off(CONDENSATION, v[-1:])))
+        # one run of CalculiX gives both; of the condensation it has the compliance alone
+        if work == MODES:
+            with progress(f"{MODES} and compliance, {CALCULIX}"):
+                call = peer_process.modes
+                both = in_own_process(MODES, CALCULIX, measured, call, CALCULIX, structure)
+            results.append(_result(MODES, CALCULIX, both, lambda v: off(MODES, v[:-1])))
+        elif not isinstance(both, Failed):
+            results.append(_result(work, CALCULIX, both, lambda v: off(CONDENSATION, v[-1:])))
     return results
 
 

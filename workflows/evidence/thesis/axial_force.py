@@ -72,7 +72,7 @@ def axial_force(
         first=max(first),
         later=max(later),
         at=min((ms for ms in later_ms if ms == ms), default=None),  # nan: never
-        noticed=options.noticed,
+        options=options,
         tof=[each - tof[unloaded] for each in tof],
         arr=[each / arr[unloaded] - 1 for each in arr],
         hz=[hz[-1], hz[unloaded]],

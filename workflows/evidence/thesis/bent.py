@@ -133,13 +133,11 @@ def compared(
         own=mm[usual],
         arr=arr,
         tof=tof_us,
-        arr_known=options.arr_known,
-        tof_known=1e6 * options.tof_known,
+        options=options,
         by_arr=options.arr_known / abs(slopes[0]) if slopes[0] else float("inf"),
         by_tof=1e6 * options.tof_known / tof_us[usual] / abs(slopes[1])
         if slopes[1]
         else float("inf"),
         slopes=slopes,
-        same=options.unchanged,
         unfelt=mm[first_same] if first_same < len(mm) - 1 else None,
     )

@@ -145,9 +145,7 @@ def walls(
         independent=[s for s in spheres if waves[1]["by_sphere"].get(s, inf) < limits.unmoved],
         rigid=None if isnan(rigid) else rigid,
         second_at=4,  # the sphere at which the thesis sees it most
-        unmoved=limits.unmoved,
-        slight=limits.slight,
-        strong=limits.strong,
+        limits=limits,
     )
 
     records = [
