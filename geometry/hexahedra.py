@@ -234,7 +234,7 @@ def hexahedra(
     n = len(p)
     points = (p + heights[:, None, None] * prism.axis).reshape(-1, 3)
     cylinders = full_cylinders(body.tag, gap)
-    tags = [face.tag for cylinder in cylinders for face in cylinder.faces]
+    tags = [face.tag for cylinder in cylinders for face in cylinder]
     points = enclosing(points, {tag: triangles(layers.face(tag)) for tag in tags}, cylinders)
     quads = quads + np.arange(len(heights) - 1)[:, None, None] * n
     quads = quads.reshape(-1, 4).T

@@ -33,6 +33,7 @@ class ResponseOptions(NamedTuple):
     beyond: float = 1.5  # the projection's modes reach this factor beyond the band
     most_modes: int = 96  # computed for it
     further: float = 1.3  # the full model's modes reach this factor beyond the lines
+    clear: float = 10.0  # times its noise, from which on a response judges the projection
     lasting: float = 0.02  # of a mode's amplitude at the record's end, from which its height is off
     opposite: float = -0.7  # correlation of measured with computed residues of a reversed sensor
     worse: float = 4.0  # rise of -2 ln(likelihood) that a value explains: two deviations

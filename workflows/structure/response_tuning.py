@@ -215,13 +215,18 @@ def tuned_to_responses(
     at_scene = computed_responses(before, [], np.zeros(0), data.frequency_hz).H
     after = computed_responses(model_of, fit.parameters, fit.value, data.frequency_hz).H
     off = [misfit(data, H) for H in (at_scene, after, full.H)]
-    projection_decibel = float(np.abs(20 * np.log10(np.abs(after / full.H))).max())
+    # where a response is no more than noise, as across a plane of symmetry, so is a ratio of two
+    clear = np.abs(data.H) > options.clear * data.noise
+    apart = np.abs(20 * np.log10(np.abs(after / full.H)))
+    projection_decibel = float(apart[clear].max(initial=0.0))
+    projection_rms = float(np.sqrt(np.mean(apart[clear] ** 2))) if clear.any() else 0.0
     held_out = held_out_misfit(of_fit, band_hz, top / options.beyond, options)
     remarks += [
         *(remarks_on_axes(scene) if scene.test_axes else ()),
         *remarks_on_fit(of_fit, off[1], options),
-        f"the full model's responses differ from those of the fit's projection by "
-        f"{projection_decibel:.2g} dB at most, at the lines fitted.",
+        "the full model's responses differ from those of the fit's projection by "
+        f"{projection_rms:.2g} dB (rms), {projection_decibel:.2g} dB at most, where they are "
+        f"{options.clear:g} times their noise.",
     ]
     undetermined_ones = {
         key: "rigid" if np.isinf(x) else x
