@@ -214,7 +214,7 @@ def _force_or_velocity(
     return y
 
 
-def flight(waves: Sequence[SensedWave]) -> tuple[float | None, float | None]:
+def echo(waves: Sequence[SensedWave]) -> tuple[float | None, float | None]:
     """Time [s] from the incident to the first reflected wave and the ratio of their heights; None
     where the sensor does not show both."""
     by_name = {wave.name: wave for wave in waves}

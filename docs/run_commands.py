@@ -36,6 +36,7 @@ NUMBER = re.compile(r"[-+]?\d[\d .]*(?:e[-+]?\d+)?")
 LEFT_OUT = "..."  # a line in place of others
 WIDTH = 100  # of sentences, as on a terminal; what the pages have room for
 HEAD, TAIL = 18, 8  # lines of a long output that are shown
+FEW = 4  # words by which a quoted stretch that is no longer printed is found, for the message
 
 
 class Tolerance(NamedTuple):
@@ -131,12 +132,14 @@ def first_difference(quoted: str, printed: str) -> Difference | None:
     begin = 0
     for i, stretch in enumerate(stretches):
         last = i == len(stretches) - 1
+        n, places = len(stretch), range(begin, len(now) - len(stretch) + 1)
         if 0 < i and last:
-            begin = max(begin, len(now) - len(stretch))
-        elif 0 < i:  # the first place where it stands, or where it stood
-            n = len(stretch)
-            places = range(begin, len(now) - n + 1)
-            begin = next((p for p in places if _mismatch(stretch, now[p : p + n]) is None), begin)
+            places = places[-1:]
+        if 0 < i:  # where it stands, or where its first words do
+            whole = (p for p in places if _mismatch(stretch, now[p : p + n]) is None)
+            few = stretch[:FEW]
+            alike = (p for p in range(begin, len(now)) if _mismatch(few, now[p : p + FEW]) is None)
+            begin = next(whole, next(alike, begin))
         beside = now[begin : None if last else begin + len(stretch)]
         k = _mismatch(stretch, beside)
         if k is not None:

@@ -6,7 +6,7 @@ python docs/scene_keys.py
 from itertools import groupby
 from pathlib import Path
 
-from workflows.scene.named_materials import NAMED
+from workflows.scene.named_materials import NAMED, SYNONYMS
 from workflows.scene.reference import KeyEntry, scene_keys
 
 PAGE = Path(__file__).with_name("scene-keys.md")
@@ -64,10 +64,14 @@ def _materials() -> str:
         f"{m.yield_stress / 1e6:g} | {m.source} |\n"
         for name, m in NAMED.items()
     )
+    other_names = ", ".join(f"`{other}` ({name})" for other, name in SYNONYMS.items())
     return (
         '\n## Materials by name\n\n`material = "steel"` in [chain], [wall], [beam], [plate], '
         "[assembly] and [bodies.NAME] stands for these numbers; numbers beside it replace its own. "
-        "Of a chain, a list names one for each sphere. The yield stress serves a warning alone: a "
+        "Of a chain, a list names one for each sphere. Capitals, spaces in place of hyphens, "
+        "`aluminum`, a T6 behind an alloy and the number of an alloy alone do not matter; "
+        f"{other_names} name the same materials. A family, `aluminium` or `stainless`, is refused "
+        "with the grades that are known. The yield stress serves a warning alone: a "
         "contact is judged by its softer side.\n\n"
         "| material | young [GPa] | poisson | density [kg/m^3] | yield_stress [MPa] | source |\n"
         f"|---|---|---|---|---|---|\n{rows}"

@@ -56,6 +56,7 @@ from fem.half_space import (
 )
 from fem.joints import DIRECTIONS, Bushing, Joint, Side, Tie, normal_frame
 from fem.materials import Material, Orthotropic
+from fem.measured_part import MeasuredPart, PartPoint, joint_stiffness, with_measured
 from fem.mechanisms import Loose, loose_bodies
 from fem.mirror import mirrored
 from fem.model import Connections, Held, Model, SwayingTable, joined
@@ -93,6 +94,7 @@ __all__ = [
     "Load",
     "Loose",
     "Material",
+    "MeasuredPart",
     "MissedEnergy",
     "Model",
     "Modes",
@@ -100,6 +102,7 @@ __all__ = [
     "OnSurface",
     "Orthotropic",
     "Pairing",
+    "PartPoint",
     "PlateBesideSolid",
     "PointSpring",
     "Pushed",
@@ -131,6 +134,7 @@ __all__ = [
     "held",
     "indentation_modulus",
     "joined",
+    "joint_stiffness",
     "loose_bodies",
     "mac",
     "mindlin_plate",
@@ -154,5 +158,6 @@ __all__ = [
     "target_mac",
     "tube",
     "with_carried",
+    "with_measured",
     "with_springs",
 ]

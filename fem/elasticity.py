@@ -53,6 +53,18 @@ class PointSprings(NamedTuple):
     dents: tuple[tuple[Dent, ...], ...] = ()  # m of one end or two
 
 
+class JoinedPart(NamedTuple):
+    """A part of measured oscillators at m points of faces (`fem.measured_part`)."""
+
+    name: str
+    B: csr_matrix  # (m, ndof) motions of the points
+    omega: NDArray[np.float64]  # (k,) [rad/s]
+    zeta: NDArray[np.float64]  # (k,)
+    phi: NDArray[np.float64]  # (m, k) [kg^-1/2]
+    stiffness: NDArray[np.float64]  # (m, m) [N/m] of the joint
+    dents: tuple[Dent, ...] = ()  # (m,) under the points
+
+
 class Structure(NamedTuple):
     """All bodies, unjoined and free: x, y, z of node after node, body after body."""
 
@@ -63,6 +75,7 @@ class Structure(NamedTuple):
     M: csr_matrix  # (ndof, ndof) [kg], with the masses that faces carry
     carried: tuple[Carried, ...] = ()  # these masses, each alone
     springs: tuple[PointSprings, ...] = ()  # between points; no part of K
+    measured: tuple[JoinedPart, ...] = ()  # parts known by receptances; no part of K and M
 
     @property
     def n_dofs(self) -> int:

@@ -49,7 +49,8 @@ def require_free_joints(
     n = structure.n_dofs
     size = np.ptp(structure.points, axis=0).max()
     n_table = 2
-    U = np.zeros((n + 12 * len(centres) + n_table, 6))
+    n_parts = sum(len(part.omega) for part in structure.measured)
+    U = np.zeros((n + 12 * len(centres) + n_parts + n_table, 6))
     U[:n] = rigid_motion(structure.points, np.zeros(3))
     U[n + 6 * len(centres) :][: 6 * len(centres)] = motions_about(centres)
     for constraint in constraints:

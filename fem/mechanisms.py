@@ -56,19 +56,21 @@ def loose_bodies(
     # Phi (n_total, m): these, elongations and motions of joints, and the table
     lengths = np.tile(_lengths(float(np.mean(sizes))), len(connections.joints))
     n_table = 2 if connections.table else 0
-    others = [*(1 / lengths), *(1 / lengths), *[1.0] * n_table]
+    n_parts = sum(len(part.omega) for part in structure.measured)
+    others = [*(1 / lengths), *(1 / lengths), *[1.0] * (n_parts + n_table)]
     blocks = [*map(csr_matrix, G), diags_array(others)] if others else G
     Phi = block_diag(blocks, format="csr")
     about = lengths[:, None] * motions_about(connections.centres)
-    R = np.vstack([*R, 0 * about, about, np.eye(6)[:n_table]])
+    R = np.vstack([*R, 0 * about, about, np.zeros((n_parts, 6)), np.eye(6)[:n_table]])
 
     # E (rows, m): what constraints and springs have against these coordinates
     n_total, constraints, _ = constraints_of_all or constrained(structure, connections)
     violations = [(Phi[c.slaves] - c.A @ Phi) for c in constraints]
     springs = n + np.flatnonzero((k > 0) & np.isfinite(k))
-    table = np.arange(n + 2 * len(k), n_total)
+    table = np.arange(n + 2 * len(k), n_total)  # and oscillators, which are taken to stand still
     E = vstack([*violations, Phi[springs], Phi[table]]).tocsr()
-    points = vstack([csr_matrix((0, n)), *(spring.B for spring in structure.springs)]) @ Phi[:n]
+    between = [*structure.springs, *structure.measured]
+    points = vstack([csr_matrix((0, n)), *(one.B for one in between)]) @ Phi[:n]
     of_all = vstack([E, points]).tocsr()
 
     # null space; without the assembly's own motions where nothing but springs between points

@@ -15,7 +15,7 @@ from fem.constraints import (
     eliminated,
     fixed,
 )
-from fem.elasticity import Structure
+from fem.elasticity import JoinedPart, Structure
 from fem.grounding import require_free_joints
 from fem.joints import DIRECTIONS, Joint, Tie, mean_sides, rigid_sides, tie
 from fem.trace import face_nodes
@@ -80,6 +80,8 @@ class Model(NamedTuple):
     sway: Sway | None = None  # of a table below, on the last two dofs
     overconstrained: tuple[Overconstrained, ...] = ()  # dofs that two constraints would hold
     load_factor: float | None = None  # static load over that which buckles it; None: unloaded
+    # parts known by receptances, each with the positions of its oscillators among the unknowns
+    measured: tuple[tuple[JoinedPart, NDArray[np.int64]], ...] = ()
 
     @property
     def K(self) -> csc_matrix:  # noqa: N802  the name of the field
@@ -92,7 +94,8 @@ class Model(NamedTuple):
 
 
 class Constrained(NamedTuple):
-    """All dofs U = [u, elongations r, motions q of second sides, sway of the table (2)]."""
+    """All dofs U = [u, elongations r, motions q of second sides, oscillators of measured parts,
+    sway of the table (2)]."""
 
     n_total: int
     constraints: list[Constraint]
@@ -135,6 +138,20 @@ def joined(
         B = csr_matrix(spring.B @ T)
         K = (K + spring.stiffness * (B.T @ B)).tocsc()
 
+    # measured parts, D = [B, -phi]: K + D^T k D, and their oscillators
+    measured, first = [], n + 2 * len(k)
+    for part in structure.measured:
+        at = np.searchsorted(reduction.free, first + np.arange(len(part.omega)))
+        first += len(part.omega)
+        measured.append((part, at))
+        place = csr_matrix(
+            (np.ones(len(at)), (range(len(at)), at)), shape=(len(at), len(reduction.free))
+        )
+        D = csr_matrix(part.B @ T - csr_matrix(part.phi) @ place)
+        K = (K + D.T @ csr_matrix(part.stiffness) @ D).tocsc()
+        K = (K + place.T @ diags_array(part.omega**2) @ place).tocsc()
+        M = (M + place.T @ place).tocsc()
+
     # springs of finite stiffness whose elongation no constraint holds
     springs = np.flatnonzero((reduction.free >= n) & (reduction.free < n + len(k)))
     finite = reduction.free[springs] - n
@@ -150,6 +167,7 @@ def joined(
         tuple(names[i] for i in finite),
         sway,
         tuple(overconstrained),
+        measured=tuple(measured),
     )
 
 
@@ -157,7 +175,8 @@ def constrained(structure: Structure, connections: Connections) -> Constrained:
     """All constraints; where two hold a dof the ground comes first, then joints, then ties."""
     n, joints, k = structure.n_dofs, connections.joints, connections.stiffness
     n_table = 2 if connections.table else 0
-    n_total = n + 2 * len(k) + n_table
+    oscillators = sum(len(part.omega) for part in structure.measured)
+    n_total = n + 2 * len(k) + oscillators + n_table
 
     # held faces, and the motions q of joints to the ground
     first = n + 6 * len(joints)

@@ -84,6 +84,7 @@ class ComputedResponses(NamedTuple):
     modes: Modes  # of the undamped projection
     zeta: NDArray[np.float64]  # (m,) damping ratios, dashpots to first order
     zeta_slopes: NDArray[np.float64] | None  # (n, m) d zeta / d ln(value)
+    c: NDArray[np.float64]  # (m,) [1/s] of each mode, dashpots left out
 
 
 def with_dampings(
@@ -234,7 +235,7 @@ def computed_responses(
     of_dashpots = sum((np.sum(row**2, axis=0) for row in active), np.zeros(len(omega)))
     ratios = (c + of_dashpots) / (2 * root)
     if not slopes:
-        return ComputedResponses(H, None, modes, ratios, None)
+        return ComputedResponses(H, None, modes, ratios, None, c)
 
     apart = np.subtract.outer(lam, lam)
     close = np.abs(apart) < CLOSE * lam[-1]
@@ -297,4 +298,4 @@ def computed_responses(
         if dM.any():
             image = image + (s**2)[:, None] * product(dM)
         result[j] = -np.matmul(u_p, image.transpose(1, 0, 2)).transpose(1, 2, 0) * scale
-    return ComputedResponses(H, result, modes, ratios, zeta_slopes)
+    return ComputedResponses(H, result, modes, ratios, zeta_slopes, c)

@@ -85,7 +85,7 @@ def with_springs(
                     "give one, or stiffnesses along x, y and z."
                 )
         d = np.asarray(direction, float) / np.linalg.norm(direction)
-        b = sum(sign * _along(structure, end, s, middle, d, points) for sign, end, s in ends)
+        b = sum(sign * along_disc(structure, end, s, middle, d, points) for sign, end, s in ends)
         rows.setdefault(spring.name, []).append(csr_matrix(b))
         constants[spring.name] = spring.stiffness, spring.dashpot
 
@@ -122,6 +122,10 @@ def missed_in_dents(
             sum(d.per_length * _softness(materials[d.body]) for d in ends) for ends in spring.dents
         ]
         missed += (F.T * np.array(c)) @ F
+    for part, at in model.measured:
+        F = part.stiffness @ (part.B @ (model.T @ u) - part.phi @ u[at])
+        c = [d.per_length * _softness(materials[d.body]) for d in part.dents]
+        missed += (F.T * np.array(c)) @ F
     return missed
 
 
@@ -133,7 +137,7 @@ def _softness(material: Material | Orthotropic) -> float:
     return (1 - nu**2) / material.young * max(1.0, (2 - nu) / (2 - 2 * nu))
 
 
-def _along(
+def along_disc(
     structure: Structure,
     end: SpringEnd,
     spot: Spot,

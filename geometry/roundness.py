@@ -37,14 +37,9 @@ class RimLimits(NamedTuple):
 RIM = RimLimits()
 
 
-class RoundFaces(NamedTuple):
-    """Faces that make up a cylinder, bounded by planes across its axis."""
-
-    faces: tuple[Face, ...]
-
-
-def full_cylinders(volume: int, gap: float) -> list[RoundFaces]:
-    """Cylinders of a body whose nodes may move out without leaving the faces that they border on.
+def full_cylinders(volume: int, gap: float) -> list[tuple[Face, ...]]:
+    """Faces of each cylinder of a body, bounded by planes across its axis, whose nodes may move out
+    without leaving the faces that they border on.
 
     A face that a partner imprinted may have the partner's surface, off by the gap [m], and point
     the opposite way.
@@ -72,26 +67,26 @@ def full_cylinders(volume: int, gap: float) -> list[RoundFaces]:
         neighbours = {tag for edge in edges for tag in gmsh.model.getAdjacencies(1, edge)[0]} - tags
         normals = [faces[tag].normal if tag in faces else None for tag in neighbours]
         if all(normal is not None and parallel(normal, group[0].axis) for normal in normals):
-            cylinders.append(RoundFaces(tuple(group)))
+            cylinders.append(tuple(group))
     return cylinders
 
 
 def enclosing(
-    p: NDArray[np.float64], corners: dict[int, NDArray[np.int64]], cylinders: list[RoundFaces]
+    p: NDArray[np.float64], corners: dict[int, NDArray[np.int64]], cylinders: list[tuple[Face, ...]]
 ) -> NDArray[np.float64]:
     """Points (n, 3) with the nodes on cylinders moved out; corners (m, 3) of the facets by face."""
     moved = p.copy()
     for cylinder in cylinders:
         # s^2 = sum r A / sum |rho . a|, with the mean rho of each facet, as rho is linear on it
-        facets = np.concatenate([corners[face.tag] for face in cylinder.faces])
+        facets = np.concatenate([corners[face.tag] for face in cylinder])
         nodes = np.unique(facets)
-        axis, on_axis = cylinder.faces[0].axis, cylinder.faces[0].on_axis
+        axis, on_axis = cylinder[0].axis, cylinder[0].on_axis
         rho = p - on_axis
         rho -= np.outer(rho @ axis, axis)
         a, b, c = (p[facets[:, i]] for i in range(3))
         area = np.cross(b - a, c - a) / 2
         flux = float(np.sum(abs(np.sum(rho[facets].mean(axis=1) * area, axis=1))))
-        exact = sum(face.radius * face.area for face in cylinder.faces)
+        exact = sum(face.radius * face.area for face in cylinder)
         moved[nodes] += (np.sqrt(exact / flux) - 1) * rho[nodes]
     return moved
 

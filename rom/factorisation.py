@@ -61,9 +61,15 @@ def require_symmetric(A: sp.csc_array | np.ndarray, name: str) -> None:
         raise ReductionError(f"{name} is {A.shape[0]} x {A.shape[1]}; it must be square.")
     if not np.isfinite(A.data if sp.issparse(A) else A).all():
         raise ReductionError(f"{name} holds a value that is not finite.")
+    largest, n = max(A.max(), -A.min(), np.finfo(float).tiny), A.shape[0]
+    # (A - A^T) x of a random x shows whether entries differ, for two products in place of a
+    # transposed matrix: rounding leaves 1e-16 of a row's sum, and entries of x are at least 0.5
+    rng = np.random.default_rng(0)
+    x = rng.uniform(0.5, 1.5, n) * rng.choice([-1.0, 1.0], n)
+    if np.abs(A @ x - A.T @ x).max(initial=0.0) < 1e-10 * largest:
+        return
     # largest |a_ij - a_ji| over the largest |a_ij|; in eighths, for no second matrix of that size
-    largest = max(A.max(), -A.min(), np.finfo(float).tiny)
-    asymmetry = max(abs(A[rows] - A[:, rows].T).max() for rows in eighths(A.shape[0])) / largest
+    asymmetry = max(abs(A[rows] - A[:, rows].T).max() for rows in eighths(n)) / largest
     if asymmetry > 1e-9:
         raise ReductionError(
             f"{name} is not symmetric (largest relative difference {asymmetry:.1e}, allowed 1e-9);"

@@ -116,7 +116,9 @@ def require_driving_point(frequency_hz: NDArray[np.float64], H: NDArray[np.compl
     """Raises ReductionError unless H (k,) may be a driving point's receptance [m/N].
 
     There -Im H >= 0 at every frequency: the force's mean power is -omega Im H |F|^2 / 2. Noise may
-    break this between resonances, where the power is small; so it is summed over |H|.
+    break this between resonances, where the power is small; so it is summed. Of a part that hangs
+    free the noise of its mass line, 1 / omega^2, outweighs all resonances: sums of Im H and of
+    omega^2 Im H must both be wrong.
     """
     if not (np.isfinite(frequency_hz).all() and np.isfinite(H).all()):
         raise ReductionError("it holds NaN or inf; leave those frequencies out")
@@ -126,10 +128,13 @@ def require_driving_point(frequency_hz: NDArray[np.float64], H: NDArray[np.compl
         raise ReductionError(f"it has {len(frequency_hz)} frequencies, at least 16 are needed")
     if not np.any(H):
         raise ReductionError("it is 0 at all frequencies")
-    taken, given = np.sum(np.maximum(-H.imag, 0)), np.sum(np.maximum(H.imag, 0))
-    if given > 0.2 * taken:
+    back = []
+    for weight in (np.ones(len(H)), frequency_hz**2):
+        taken, given = (np.sum(weight * np.maximum(sign * H.imag, 0)) for sign in (-1, 1))
+        back.append(given / max(taken + given, 1e-300))
+    if min(back) > 1 / 6:
         raise ReductionError(
-            f"at its frequencies the structure gives back {given / max(taken + given, 1e-300):.0%} "
+            f"at its frequencies the structure gives back {min(back):.0%} "
             "of the power, so it is not the response of a driving point: take the sensor at the "
             "hit and along it, and check its sign and unit"
         )

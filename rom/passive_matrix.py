@@ -18,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
-from scipy.optimize import least_squares
 
 from rom.factorisation import ReductionError
 from rom.passive_fit import FitOptions, common_poles, require_driving_point
@@ -32,8 +31,20 @@ class MatrixOptions(NamedTuple):
     # of the largest eigenvalue of a mode's residue, below which others are noise: two modes of one
     # frequency have two that are alike
     second: float = 0.1
+    further: tuple[float, ...] = (0.01, 0.001)  # smaller shares, tried where the criterion says so
     # |H - H^T| over |H|, rms, above which a matrix is no reciprocal structure's
     reciprocal: float = 0.5
+    softest: float = 1e-6  # the same of the compliance and of free masses
+    # free masses at most: in how many ways the points can move rigidly. One more, which noise
+    # makes, is a mode of the whole
+    most_free: int = 6
+    # combinations of points by which poles are found, the largest of the responses, where there are
+    # more points; all modes show in them
+    combined: int = 6
+    lines: int = 500  # at which many points are fitted, at most, those near resonances first
+    steps: int = 60  # of the refinement, at most
+    damping: float = 1e-3  # of its first step, relative to the diagonal of the normal matrix
+    still: float = 1e-7  # gain of two steps, relative, at which it ends
 
 
 class MatrixFit(NamedTuple):
@@ -102,11 +113,22 @@ def passive_matrix_fit(
         )
     rows, columns = np.triu_indices(m)
     elements = (scaled + scaled.swapaxes(1, 2))[:, rows, columns] / 2  # (k, e)
-    deviation = np.abs(elements) + options.floor * np.median(np.abs(elements), axis=0)
-    deviation += options.floor * 1e-3  # an element that is 0
-
+    deviation = _deviation(elements, options)
     omega = 2 * np.pi * f
     measured = Elements(omega, elements, deviation)
+
+    # of many points poles from a few combinations, then all factors at fewer lines
+    if m > of_matrix.combined:
+        lines = scaled / np.linalg.norm(scaled, axis=(1, 2), keepdims=True)
+        stacked = np.concatenate([lines.real, lines.imag]).reshape(-1, m)
+        W = np.linalg.svd(stacked, full_matrices=False)[2][: of_matrix.combined].T
+        few = passive_matrix_fit(f, W.T @ scaled @ W, options, of_matrix)
+        at = _lines_kept(omega, few, of_matrix.lines)
+        kept = Elements(omega[at], elements[at], deviation[at])
+        drifts = few.free.size > 0
+        fit = _with_factors(kept, *_poles(few), drifts, options, of_matrix, refine=True)
+        return _in_units(fit, f, scaled, size)
+
     fits: list[MatrixFit] = []
     for n in options.n_modes:
         if LINES_TO_SPARE * n + 6 > len(f):
@@ -148,16 +170,75 @@ def passive_matrix_fit(
             break
         fit = fewer
 
-    # back in the units of the points
-    fitted = matrix_receptance(fit, f)
-    error = float(np.sqrt(np.mean(np.abs(fitted - (scaled + scaled.swapaxes(1, 2)) / 2) ** 2)))
+    # two modes of one frequency where the second moves these points little
+    for second in of_matrix.further:
+        of_two = of_matrix._replace(second=second)
+        drifts = fit.free.size > 0
+        more = _with_factors(measured, *_poles(fit), drifts, options, of_two, refine=True)
+        if more.criterion < fit.criterion - options.better:
+            fit = more
+    return _in_units(fit, f, scaled, size)
+
+
+def _deviation(elements: NDArray[np.complex128], options: FitOptions) -> NDArray[np.float64]:
+    """By which elements (k, e) are weighed: their size, and a share of its median."""
+    size = np.abs(elements)
+    return size + options.floor * np.median(size, axis=0) + options.floor * 1e-3  # of one that is 0
+
+
+def _lines_kept(omega: NDArray[np.float64], fit: MatrixFit, most: int) -> NDArray[np.int64]:
+    """Lines of all, `most` at most: half of them near resonances, the others evenly."""
+    if len(omega) <= most:
+        return np.arange(len(omega))
+    away = np.abs(omega[:, None] - fit.omega) / np.maximum(fit.zeta * fit.omega, 1e-9 * fit.omega)
+    near = np.sort(np.argsort(away.min(axis=1))[: most // 2])
+    even = np.linspace(0, len(omega) - 1, most - len(near)).round().astype(int)
+    return np.union1d(near, even)
+
+
+def _in_units(
+    fit: MatrixFit,
+    f: NDArray[np.float64],
+    scaled: NDArray[np.complex128],
+    size: NDArray[np.float64],
+) -> MatrixFit:
+    """A fit of receptances (k, m, m) over sizes (m, m) in the units of the points, with its
+    error."""
+    total = np.sqrt(np.mean(np.abs(scaled) ** 2))
+    asymmetry = np.sqrt(np.mean(np.abs(scaled - scaled.swapaxes(1, 2)) ** 2)) / total
+    missed = matrix_receptance(fit, f) - (scaled + scaled.swapaxes(1, 2)) / 2
     return fit._replace(
         phi=fit.phi * size[:, None],
         free=fit.free * size[:, None],
         compliance=fit.compliance * np.outer(size, size),
-        error=error / total,
-        asymmetry=asymmetry / 2,
+        error=float(np.sqrt(np.mean(np.abs(missed) ** 2)) / total),
+        asymmetry=float(asymmetry / 2),
     )
+
+
+def refitted(
+    frequency_hz: ArrayLike,
+    H: ArrayLike,
+    fit: MatrixFit,
+    options: FitOptions = FitOptions(),
+    of_matrix: MatrixOptions = MatrixOptions(),
+) -> MatrixFit:
+    """The oscillators of other receptances (k, m, m) of the same part, from the poles of a fit:
+    what noise, or another band, makes of it."""
+    f, H = np.asarray(frequency_hz, float), np.asarray(H, complex)
+    size = np.sqrt(np.median(np.abs(np.einsum("kaa->ka", H)), axis=0))
+    scaled = H / np.outer(size, size)
+    rows, columns = np.triu_indices(H.shape[1])
+    elements = (scaled + scaled.swapaxes(1, 2))[:, rows, columns] / 2
+    omega = 2 * np.pi * f
+    at = _lines_kept(omega, fit, of_matrix.lines)
+    measured = Elements(omega[at], elements[at], _deviation(elements[at], options))
+    of_matrix = of_matrix._replace(most_free=fit.free.shape[1])
+    omega_j, zeta = _poles(fit)
+    again = _with_factors(
+        measured, omega_j, zeta, fit.free.size > 0, options, of_matrix, refine=True
+    )
+    return _in_units(again, f, scaled, size)
 
 
 def _factor(residue: NDArray[np.float64], least: float) -> NDArray[np.float64]:
@@ -208,7 +289,8 @@ def _with_factors(
     # factors L (m, r); one oscillator for each column of a mode's
     n = len(omega_j)
     of_modes = [_factor(R, of_matrix.second) for R in square[:n]]
-    of_rest = [_factor(R, 1e-6) for R in square[n:]]  # compliance, then free masses
+    of_rest = [_factor(R, of_matrix.softest) for R in square[n:]]  # compliance, then free masses
+    of_rest[1:] = [L[:, -of_matrix.most_free :] for L in of_rest[1:]]  # ascending: the largest
     pole_of = np.repeat(np.arange(n), [L.shape[1] for L in of_modes])
     present = np.unique(pole_of)
     omega_j, zeta = omega_j[present], zeta[present]
@@ -238,23 +320,30 @@ def _with_factors(
         fitted = g @ (F[rows] * F[columns]).T  # (k, e)
         return ((np.concatenate([fitted.real, fitted.imag]) - right) / both).ravel()
 
-    def jacobian(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    def normal(x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """J^T J and J^T r, element by element: each depends on two rows of the factors alone."""
         g, F = parts(x)
-        o, z = np.exp(x[:n]), np.exp(x[n : 2 * n])
-        product = (F[rows] * F[columns]).T  # (n_l, e)
-        J = np.zeros((len(omega), e, len(x)), complex)
+        o, z, n_l = np.exp(x[:n]), np.exp(x[n : 2 * n]), F.shape[1]
+        by_pole = np.zeros((2, len(omega), n_osc), complex)  # slopes to ln omega and ln zeta
         for i, (j, resonance) in enumerate(zip(pole_of, g[:, :n_osc].T, strict=True)):
-            square_of = resonance**2
-            by_omega = -square_of * (2 * o[j] ** 2 + 2j * z[j] * o[j] * omega)
-            by_zeta = -square_of * 2j * z[j] * o[j] * omega
-            J[:, :, j] += by_omega[:, None] * product[i]
-            J[:, :, n + j] += by_zeta[:, None] * product[i]
-        for a in range(m):
-            for i in range(F.shape[1]):
-                slope = (rows == a) * F[columns, i] + (columns == a) * F[rows, i]
-                J[:, :, 2 * n + a * F.shape[1] + i] = g[:, [i]] * (slope * unit[i])
-        J = np.concatenate([J.real, J.imag]) / both[:, :, None]
-        return J.reshape(-1, len(x))
+            by_pole[0, :, i] = -(resonance**2) * (2 * o[j] ** 2 + 2j * z[j] * o[j] * omega)
+            by_pole[1, :, i] = -(resonance**2) * 2j * z[j] * o[j] * omega
+        to_pole = np.zeros((n_osc, n))
+        to_pole[np.arange(n_osc), pole_of] = 1.0
+        A, b = np.zeros((len(x), len(x))), np.zeros(len(x))
+        for i, (a, c) in enumerate(zip(rows, columns, strict=True)):
+            product = F[a] * F[c]
+            of_poles = [(d * product[:n_osc]) @ to_pole for d in by_pole]
+            of_factors = [g * (F[c] * unit), g * (F[a] * unit)]
+            J = np.hstack([*of_poles, *of_factors]) / deviation[:, [i]]
+            J = np.vstack([J.real, J.imag])
+            r = (g @ product - H[:, i]) / deviation[:, i]
+            r = np.concatenate([r.real, r.imag])
+            first = 2 * n + n_l * np.array([a, c])
+            at = np.concatenate([np.arange(2 * n), *(f + np.arange(n_l) for f in first)])
+            np.add.at(A, (at[:, None], at), J.T @ J)  # of a diagonal element both rows are one
+            np.add.at(b, at, J.T @ r)
+        return A, b
 
     # poles stay near where they were found, so that they do not change places
     x = np.concatenate([np.log(omega_j), np.log(zeta), (L / unit).ravel()])
@@ -263,7 +352,31 @@ def _with_factors(
         low, high = np.full((2, len(x)), np.inf) * np.array([[-1.0], [1.0]])
         low[:n], high[:n] = x[:n] - 0.1, x[:n] + 0.1
         low[n : 2 * n], high[n : 2 * n] = ends
-        x = least_squares(residual, x, jacobian, bounds=(low, high), max_nfev=60).x
+
+        # Levenberg and Marquardt, steps cut at the bounds
+        damping, cost, still = of_matrix.damping, np.sum(residual(x) ** 2), 0
+        A, b = normal(x)
+        for _ in range(of_matrix.steps):
+            # values at a bound that would go on beyond it stay
+            free = ~((x <= low) & (b > 0) | (x >= high) & (b < 0))
+            of_free = A[np.ix_(free, free)]
+            diagonal = np.diag(of_free)
+            step = np.zeros(len(x))
+            step[free] = np.linalg.solve(
+                of_free + np.diag(damping * (diagonal + 1e-12 * diagonal.mean())), b[free]
+            )
+            trial = np.clip(x - step, low, high)
+            trial_cost = np.sum(residual(trial) ** 2)
+            if not trial_cost < cost:
+                damping *= 8
+                if damping > 1e6:
+                    break
+                continue
+            still = still + 1 if trial_cost > (1 - of_matrix.still) * cost else 0
+            x, cost, damping = trial, trial_cost, max(damping / 8, 1e-12)
+            if still == 2:
+                break
+            A, b = normal(x)
     _, F = parts(x)
     k = 2 * len(omega) * e
     misfit = float(np.sqrt(2 * np.mean(residual(x) ** 2)))

@@ -10,7 +10,7 @@ from coupling.errors import CouplingError
 from coupling.sensors import (
     Sensor,
     _force_or_velocity,
-    flight,
+    echo,
     instants,
     mean_force,
     measured,
@@ -125,12 +125,12 @@ def test_waves_are_found_in_every_quantity_behind_a_coarse_instrument(run, gain)
     tracks = wave_tracks(t, v, F, chain.mass, chain.A)
     named = labels(tracks, t, v[:, BEAD], BEAD + 1)
     for i, sensor in enumerate(sensors):
-        tof, arr = flight(sensed_waves(sensor, at, y[:, i], named))
-        assert tof == pytest.approx(flight_of(named), abs=1e-6)
-        assert arr == pytest.approx(1.0, abs=0.05)
+        delay, ratio = echo(sensed_waves(sensor, at, y[:, i], named))
+        assert delay == pytest.approx(delay_of(named), abs=1e-6)
+        assert ratio == pytest.approx(1.0, abs=0.05)
 
 
-def flight_of(named):
+def delay_of(named):
     return named[1].arrival.time - named[0].arrival.time
 
 
@@ -167,9 +167,9 @@ def test_a_wave_is_the_top_of_the_parabola_through_it(quantity, late, gain):
     for wave, time, height in zip(result, TIMES, heights, strict=True):
         assert wave.time == pytest.approx(time + late, abs=1e-12)
         assert wave.height == pytest.approx(abs(gain) * height, rel=1e-9)
-    tof, arr = flight(result)
-    assert (tof, arr) == (result[1].time - result[0].time, pytest.approx(0.7, rel=1e-9))
-    assert flight(result[:1]) == flight(result[1:]) == flight(()) == (None, None)
+    delay, ratio = echo(result)
+    assert (delay, ratio) == (result[1].time - result[0].time, pytest.approx(0.7, rel=1e-9))
+    assert echo(result[:1]) == echo(result[1:]) == echo(()) == (None, None)
 
 
 def test_a_force_is_summed_from_its_rate_and_a_velocity_is_the_slope_of_a_displacement():

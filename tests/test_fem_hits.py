@@ -15,7 +15,7 @@ from fem.poly_reference import (
     phase_collinearity,
     poles_of_orders,
 )
-from fem.synthetic_hits import HammerDefects, synthetic_hits
+from fem.synthetic_hits import HammerDefects, Striking, struck, synthetic_hits
 
 CLEAN = HammerDefects(noise=0.0, double=0.0, overload=0.0, cross=0.0)
 POLES = 2 * np.pi * np.array([-0.5 + 90j, -0.6 + 200j, -0.7 + 202j])
@@ -28,6 +28,23 @@ def modal_model(f, poles=POLES, points=4, references=2):
     s = 2j * np.pi * f
     terms = 1j / (s - poles[:, None]) - 1j / (s - poles.conj()[:, None])
     return np.einsum("pn,mn,nf->pmf", phi, L, terms), phi, L.T
+
+
+def test_records_of_a_hit_have_the_responses_of_the_modes():
+    """To 1 / 2.56 of the sampling rate; measured: 1e-6 of the largest. Of a force that is linear
+    between samples, responses are up to 6 % lower."""
+    hz, zeta = np.array([90.0, 300.0, 800.0]), np.array([0.02, 0.01, 0.004])
+    one, dt, k = np.ones((1, 3)), 1 / (2.56 * 1.2 * 800.0), 2**14
+    plan = Striking(1, 1, dt, k, 1 / 800.0)
+    rng = np.random.default_rng(0)
+    force, response, *_ = struck(rng, (hz, zeta), (one, one, one), HammerDefects(*[0.0] * 5), plan)
+    f = np.fft.rfftfreq(k, dt)
+    H = np.fft.rfft(response[0, 0]) / np.fft.rfft(force[0])
+    w = 2 * np.pi * np.column_stack([f] * 3)
+    o = 2 * np.pi * hz
+    exact = np.sum(-(w**2) / (o**2 - w**2 + 2j * zeta * o * w), axis=1)
+    within = (f > 10) & (f < 960)
+    assert np.abs(H - exact)[within].max() < 3e-6 * np.abs(exact).max()
 
 
 def test_the_spoiled_hits_are_left_out_and_no_others():

@@ -8,7 +8,9 @@ from scipy.sparse import csc_matrix, csr_matrix
 
 import fem
 from fem.correlation import SPRINGS, Shape
+from fem.dashpots import dashpot_rows
 from fem.factorisation import factorised
+from fem.full_responses import full_responses
 from fem.response_fit import (
     MeasuredResponses,
     Resonances,
@@ -220,3 +222,25 @@ def test_the_misfit_of_a_factor_and_a_turn_is_that_in_decibel_and_degrees(exact)
     measured = MeasuredResponses(LINES, H, np.zeros(H.shape), group)
     off = misfit(measured, 2 * H * np.exp(0.1j))
     np.testing.assert_allclose(off[:2], [20 * np.log10(2), np.degrees(0.1)], rtol=1e-12)
+
+
+def test_the_whole_models_responses_are_those_of_a_solution_at_every_line(places):
+    """Measured: 3e-9, with damping by alpha, dashpots and an exponential window."""
+    model, points, references = places
+    modes = fem.modes(model.K, model.M, 40)
+    s = 2j * np.pi * HZ + 3.0  # an exponential window as well
+    rows = dashpot_rows(model, DASHPOT)
+    full = full_responses(
+        model, modes, np.full(len(modes.omega), 3.0), csr_matrix(points), csr_matrix(references),
+        s, power=2, dashpots=rows,
+    )  # fmt: skip
+    C = 3.0 * model.M + rows.T @ rows
+    for i in range(0, len(HZ), 12):
+        Z = csc_matrix(model.K + s[i] * C + s[i] ** 2 * model.M)
+        direct = s[i] ** 2 * points @ factorised(Z).solve(references[0].astype(complex))
+        np.testing.assert_allclose(full.H[:, 0, i], direct, rtol=1e-7)
+    assert full.remainder < 1e-7
+    with pytest.raises(ValueError, match="give modes beyond the lines"):
+        full_responses(
+            model, modes, np.ones(40), csr_matrix(points), csr_matrix(references), 1e9j + s, power=2
+        )

@@ -1,4 +1,4 @@
-import json
+from os import _exit
 
 import numpy as np
 import pytest
@@ -7,6 +7,7 @@ from scipy.sparse import csc_array, diags_array, eye_array
 
 from fem.factorisation import has_pardiso
 from workflows.evidence.accuracy import beside_peers, peer_process
+from workflows.evidence.accuracy.cost import Seconds, Timed
 from workflows.evidence.accuracy.peer_process import (
     BEADWAVE,
     CALCULIX,
@@ -17,12 +18,12 @@ from workflows.evidence.accuracy.peer_process import (
     PARDISO,
     SUPERLU,
     Spheres,
+    Structure,
 )
 from workflows.stages.progress import quiet
 
 N, N_MODES = 300, 6
-OPTIONS = beside_peers.PeerOptions(n_modes=N_MODES, duration=2e-4, n_save=8, error=1e-3)
-SPHERES = Spheres(0.0127, 7800.0, 210e9, 0.3, 3, 0.3, OPTIONS.duration, OPTIONS.n_save)
+SPHERES = Spheres(0.0127, 7800.0, 210e9, 0.3, 3, 0.3, 2e-4, 8)
 
 
 def springs():
@@ -36,8 +37,8 @@ def springs():
 def test_modes_and_condensation_by_every_method_are_those_of_lapack():
     K, M, w, b = springs()
     missing = {CALCULIX, EXUDYN, LAMMPS} | (set() if has_pardiso() else {PARDISO})
-    rows, failures = beside_peers.structure_rows(K, M, w, b, None, OPTIONS, missing, quiet)
-    assert not failures
+    rows = beside_peers.structure_results(Structure(K, M, w, b, N_MODES), missing, quiet)
+    assert not [row for row in rows if isinstance(row, beside_peers.Failed)]
     methods = [m for m in (BEADWAVE, SUPERLU, PARDISO) if m not in missing]
     assert [(row.parameter, row.method) for row in rows] == [
         (work, method) for work in (MODES, CONDENSATION) for method in methods
@@ -45,7 +46,7 @@ def test_modes_and_condensation_by_every_method_are_those_of_lapack():
 
     # the references that the errors are measured against, against LAPACK: rounding of the largest
     # eigenvalue leaves eps (omega_max / omega_1)^2 = 8e-12 of the smallest
-    truth = beside_peers.structure_truth(K, M, w, b, N_MODES)
+    truth = beside_peers.structure_truth(Structure(K, M, w, b, N_MODES))
     hz = np.sqrt(eigh(K.toarray(), M.toarray(), eigvals_only=True)[:N_MODES]) / (2 * np.pi)
     np.testing.assert_allclose(truth[MODES], hz, rtol=1e-10)
     assert truth[CONDENSATION][0] == pytest.approx(N / 1e8, rel=1e-10)
@@ -59,13 +60,13 @@ def test_modes_and_condensation_by_every_method_are_those_of_lapack():
 @pytest.mark.slow
 def test_an_error_of_a_method_is_seen(monkeypatch):
     K, M, w, b = springs()
-    truth = beside_peers.structure_truth(K, M, w, b, N_MODES)
+    truth = beside_peers.structure_truth(Structure(K, M, w, b, N_MODES))
     monkeypatch.setattr(
         beside_peers, "structure_truth",
         lambda *_: {work: values * 1.01 for work, values in truth.items()},
     )  # fmt: skip
     missing = {PARDISO, CALCULIX, SUPERLU}
-    rows, _ = beside_peers.structure_rows(K, M, w, b, None, OPTIONS, missing, quiet)
+    rows = beside_peers.structure_results(Structure(K, M, w, b, N_MODES), missing, quiet)
     assert [row.error for row in rows] == pytest.approx([1 - 1 / 1.01] * 2, rel=1e-6)
 
 
@@ -73,10 +74,8 @@ def test_an_error_of_a_method_is_seen(monkeypatch):
 def test_integrators_of_the_chain_are_compared_at_our_error(monkeypatch):
     monkeypatch.setattr(beside_peers, "SCIPY", {"DOP853": None})
     monkeypatch.setattr(beside_peers, "SUNDIALS", {})
-    rows, failures = beside_peers.chain_rows("chain", SPHERES, None, OPTIONS, {LAMMPS}, quiet)
-    assert not failures
-    ours, *others = rows
-    assert ours.method == BEADWAVE and 0 < ours.error <= OPTIONS.error
+    ours, *others = beside_peers.chain_results("chain", SPHERES, None, 1e-3, {LAMMPS}, quiet)
+    assert ours.method == BEADWAVE and 0 < ours.error <= 1e-3
     assert [row.method for row in others] == ["DOP853"]
     # at most ours but for the rounding of a run in another process
     assert all(0 < row.error <= ours.error * (1 + 1e-6) for row in others)
@@ -97,32 +96,57 @@ def test_where_no_setting_reaches_the_error_the_best_is_taken():
     assert setting == 0.01
 
 
-def test_a_method_that_fails_is_told_with_its_last_line(tmp_path):
-    failed = beside_peers.in_own_process(tmp_path, MODES, SUPERLU)
+@pytest.mark.parametrize(
+    ("function", "argument", "message"),
+    [(float, "a text", "ValueError: could not convert"), (_exit, 3, "exit status 3")],
+)
+def test_a_method_that_fails_is_told_with_its_last_line(function, argument, message):
+    failed = beside_peers.in_own_process(MODES, SUPERLU, function, argument)
     assert isinstance(failed, beside_peers.Failed)
     assert (failed.method, failed.work) == (SUPERLU, MODES)
-    assert "K.npz" in failed.message
+    assert message in failed.message
 
 
-def test_memory_is_that_of_the_process_of_the_method(tmp_path, monkeypatch):
+def test_memory_is_that_of_the_process_of_the_method():
     held = np.zeros(30_000_000)  # 240 MB of the parent, which are not the child's
     held += 1.0
-    (tmp_path / "chain.json").write_text(json.dumps(SPHERES._asdict()))
-    measured = beside_peers.in_own_process(tmp_path, "chain", BEADWAVE, 1e-3)
+    call = (peer_process.measured, peer_process.chain_velocities, BEADWAVE, SPHERES, None, 1e-3)
+    cost, memory = beside_peers.in_own_process("chain", BEADWAVE, *call)
     assert held[-1] == 1.0
-    assert measured.value.shape == (SPHERES.n_save, SPHERES.count)
+    assert cost.result.shape == (SPHERES.n_save, SPHERES.count)
     with open("/proc/self/status") as status:
         own = next(1024 * int(s.split()[1]) for s in status if s.startswith("VmHWM"))
-    assert measured.bytes < own
+    assert memory < own
+
+
+def test_one_run_of_calculix_stands_for_its_modes_and_its_compliance(monkeypatch):
+    """Its compliance comes behind its frequencies; a run that fails stands once."""
+    K, M, w, b = springs()
+    structure = Structure(K, M, w, b, N_MODES, deck="*NODE")
+    truth = beside_peers.structure_truth(structure)
+    values = np.append(1.01 * truth[MODES], 1.02 * truth[CONDENSATION][0])
+    cost = Timed(values, warm=Seconds(1.0, 2.0), cold=Seconds(3.0, 4.0))
+    monkeypatch.setattr(beside_peers, "in_own_process", lambda *_: (cost, 5.0))
+    missing = {BEADWAVE, SUPERLU, PARDISO}
+    rows = beside_peers.structure_results(structure, missing, quiet)
+    assert [(row.parameter, row.method) for row in rows] == [
+        (MODES, CALCULIX), (CONDENSATION, CALCULIX),
+    ]  # fmt: skip
+    assert [row.error for row in rows] == pytest.approx([0.01, 0.02], rel=1e-9)
+    assert (rows[0].seconds, rows[0].processor_cold, rows[0].bytes) == (1.0, 4.0, 5.0)
+
+    failed = beside_peers.Failed(CALCULIX, MODES, "no licence")
+    monkeypatch.setattr(beside_peers, "in_own_process", lambda *_: failed)
+    assert beside_peers.structure_results(structure, missing, quiet) == [failed]
 
 
 @pytest.mark.slow
 def test_a_peer_that_is_not_installed_is_named_with_what_brings_it():
     K, M, w, b = springs()
     missing = {PARDISO, CALCULIX}
-    rows, failures = beside_peers.structure_rows(K, M, w, b, None, OPTIONS, missing, quiet)
-    absent = {name: peer.source for name, peer in beside_peers.optional_peers().items()}
-    finding = beside_peers.finding("springs", N, rows, failures, absent)
+    rows = beside_peers.structure_results(Structure(K, M, w, b, N_MODES), missing, quiet)
+    absent = {name: source for name, (_, _, source) in beside_peers.OPTIONAL.items()}
+    finding = beside_peers.finding("springs", N, rows, absent)
     text = "\n".join(finding.sentences)
     assert "LAMMPS is not installed; ./install.sh verify adds it." in text
     assert "CalculiX is not installed; the package calculix-ccx of Debian brings it." in text

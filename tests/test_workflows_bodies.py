@@ -175,6 +175,8 @@ def test_a_drawn_flange_has_its_mass_and_holes_of_two_diameters(capsys):
         ('cylinder = { radius = "40 mm", bore = "10 mm", length = "15 mm" }',
          "plate = { outline = [[0, 0], [0.1, 0], [0, 0.1]], thickness = 0.01 }",
          r"holes\.around are in the round face of a cylinder"),
+        ("around = ", 'rings = [{washer = 0.006, lower = [0, 0], upper = [0.02, 0.02]}]\naround = ',
+         r"holes\.rings lie between the grid lines of a plate"),
     ],
 )  # fmt: skip
 def test_holes_that_cannot_be_drilled_are_refused_by_their_key(old, new, message):
@@ -413,7 +415,9 @@ material = "steel"
         ('held = []\n[[joints]]\nname = "b"\nbetween = "lid|base"', "no hole through both"),
         ('held = []\n[bodies.cap]\nseed = 1e-3', 'no body is called "cap"'),
         ('held = []\n[bodies.lid]\nmaterial = "cast"', "'cast' is not known, known are steel"),
-        ('held = []\n[bodies.lid]\nmaterial = "aluminium"', "nearest known is 'aluminium-6082'"),
+        ('held = []\n[bodies.lid]\nmaterial = "aluminium"',
+         "names a family, known of it: aluminium-6082, aluminium-6061, aluminium-7075"),
+        ('held = []\n[bodies.lid]\nmaterial = "titan"', "nearest known is 'titanium'"),
         ('held = []\n[[targets]]\nhz = 5.0', "give one of its number, its shape, and body"),
         ('held = []\n[patch]\nradius = 1e-3', "[patch] belongs to the thesis' rig"),
     ],

@@ -88,7 +88,11 @@ def test_the_upright_chain_runs_and_its_ledger_closes(tmp_path, capsys):
     fallen = G * (kept["x"] - kept["x"][0]) @ mass
     assert kept["work_gravity"] == pytest.approx(fallen, rel=1e-9, abs=1e-15)
     waves = found["sensors"]["force 10"]
-    assert waves["unit"] == "V" and 0.3e-3 < waves["tof_s"] < 1.5e-3 and 0.2 < waves["arr"] < 1.0
+    assert (
+        waves["unit"] == "V"
+        and 0.3e-3 < waves["echo_delay_s"] < 1.5e-3
+        and 0.2 < waves["echo_ratio"] < 1.0
+    )
 
 
 @pytest.mark.slow

@@ -101,7 +101,7 @@ def test_each_point_states_its_own_error_of_the_reduction(thin):
     assert stated.max() > 3 * stated.min() > 0
     for case in (0, 2, 4, 6):
         at = [thin.columns[axis][case].item() for axis in ("x", "y")]
-        (patch,) = struck.placed(np.array([at])).patches.values()
+        (patch,) = struck.placed(np.array([at]))[0].values()
         pairs = finer_space(problem, patch.w, modes, 20e3).pairs
         half_space = float(struck.walls([patch], 1).half_space[0])
         wall = wall_from_reduced(
@@ -171,14 +171,14 @@ def test_a_later_wave_that_is_picked_is_blank(tmp_path, monkeypatch, scanned):
 
     def later(*of, **run):
         table = measured(*of, **run)
-        for name, shift in (("reflected_s", 2e-4), ("tof_s", 2e-4), ("arr", -0.1)):
+        for name, shift in (("reflected_s", 2e-4), ("echo_delay_s", 2e-4), ("echo_ratio", -0.1)):
             for case in planted:
                 table[f"sphere_5_{name}"][case] += shift
         return table
 
     monkeypatch.setattr(scan, "measured", later)
     result = beadwave.scan(BLOCK, grid="5x4", out=tmp_path / "out")
-    for name in ("reflected_s", "reflected_m_s", "tof_s", "arr"):
+    for name in ("reflected_s", "reflected_m_s", "echo_delay_s", "echo_ratio"):
         values, whole = (one.columns[f"sphere_5_{name}"] for one in (result, scanned))
         assert np.flatnonzero(np.isnan(values)).tolist() == list(planted)
         others = np.delete(np.arange(20), planted)
@@ -187,11 +187,11 @@ def test_a_later_wave_that_is_picked_is_blank(tmp_path, monkeypatch, scanned):
     messages = result.columns["message"]
     assert [case for case in range(20) if OTHER in messages[case]] == list(planted)
     assert any("sphere 5 is left blank at 2 of 20 points" in note for note in result.notes)
-    assert not scanned.notes and len(result.plot("sphere_5_tof_s").png) > 1000
+    assert not scanned.notes and len(result.plot("sphere_5_echo_delay_s").png) > 1000
 
 
 def test_mirrored_points_are_equal(scanned):
-    for name in ("sphere_5_arr", "sphere_5_tof_s", "wall_peak_force_N"):
+    for name in ("sphere_5_echo_ratio", "sphere_5_echo_delay_s", "wall_peak_force_N"):
         result = scanned.columns[name].reshape(5, 4)
         assert np.abs(result / result[::-1] - 1.0).max() < 1e-8
         assert np.abs(result / result[:, ::-1] - 1.0).max() < 1e-8
@@ -199,7 +199,7 @@ def test_mirrored_points_are_equal(scanned):
 
 
 def test_the_map_shows_the_face(scanned):
-    assert {p.name for p in scanned.folder.glob("figures/*")} >= {"sphere_5_arr.png"}
+    assert {p.name for p in scanned.folder.glob("figures/*")} >= {"sphere_5_echo_ratio.png"}
     edges = np.array(scanned.face["edges"])
     assert scanned.face["name"] == "block:+z" and scanned.face["axes"] == ["x", "y"]
     length = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1).sum()
@@ -217,7 +217,7 @@ def test_points_in_a_hole_are_rows_that_say_so(tmp_path):
     assert result.columns["status"][4] == "refused"
     assert "leaves the face" in result.columns["message"][4]
     assert np.isnan(result.columns["wall_peak_force_N"][4])
-    assert len(result.plot("sphere_5_arr").png) > 1000
+    assert len(result.plot("sphere_5_echo_ratio").png) > 1000
 
 
 def test_a_finished_scan_is_not_computed_again(scanned, monkeypatch):
@@ -313,7 +313,7 @@ def test_a_killed_scan_goes_on_with_the_points_that_are_missing(tmp_path, scanne
         one.columns["error_time"].max() for one in (result, scanned)
     )  # steps of parts differ
     for name, allowed in (
-        ("sphere_5_tof_s", time),
+        ("sphere_5_echo_delay_s", time),
         ("wall_peak_force_N", time),
         ("error_mesh", 0.05),
     ):

@@ -120,6 +120,21 @@ def test_a_second_process_waits_for_what_its_stage_needs(rig, two):
     assert pipeline.ready("pictures") and not pipeline.ready("response")
 
 
+def test_a_second_process_prepares_mesh_and_model_before_it_claims_what_needs_them(rig, two):
+    run, other = (pipeline_of(rig, lambda name: nullcontext()) for _ in range(2))
+    stages = ("half-space", "missed-energy")
+    assert not any(map(other.at_hand, stages))
+    assert other.prepare(stages) and not other.at_hand("half-space")  # the mesh
+    assert other.prepare(stages) and other.at_hand("half-space")  # the model
+    other("half-space")
+    assert not other.prepare(stages)  # modes and static shape are the run's to compute
+    run("static-shape")
+    assert other.at_hand("missed-energy")
+    np.testing.assert_allclose(
+        other("missed-energy").energy, run("missed-energy").energy, rtol=0, atol=0
+    )
+
+
 @pytest.mark.parametrize("lack", ["a core", "memory", "a cache", "the user's leave", "a chain"])
 def test_a_run_is_one_process_where_two_lack_something(lack, rig, two, monkeypatch):
     match lack:

@@ -7,6 +7,7 @@ import pytest
 
 from command_line import beadwave
 from workflows.files.scene import scene
+from workflows.report.summary import SensorWaves, SphereWaves
 from workflows.scene import InvalidScene
 
 FORCE = {"sphere": 9, "gain": "2 mV/N", "low_pass": "100 kHz"}
@@ -93,7 +94,9 @@ def test_a_run_writes_signals_and_tells_their_waves(tmp_path, capsys):
     step = 2e-3 * force.max() / (2**11 - 1)
     assert np.abs(table[::2, 1] - 2e-3 * force).max() <= 0.5 * step * (1 + 1e-3)
     assert told["force 9"]["unit"] == "V"
-    assert told["force 9"]["tof_s"] == pytest.approx(told["velocity 4"]["tof_s"], rel=0.5)
+    assert told["force 9"]["echo_delay_s"] == pytest.approx(
+        told["velocity 4"]["echo_delay_s"], rel=0.5
+    )
     assert told["force 9"]["largest"] == pytest.approx(2e-3 * force.max(), rel=1e-3)
 
 
@@ -114,4 +117,13 @@ def test_a_sensor_without_a_wave_has_no_arrivals(change, capsys):
     changes = (f"--set={change}", "--set=output.spheres=[1]", sensors)
     assert beadwave("impact", "free-chain", *changes, "--json") == 0
     told = json.loads(capsys.readouterr().out)["sensors"]["force 2"]
-    assert told["tof_s"] is None and told["arr"] is None
+    assert told["echo_delay_s"] is None and told["echo_ratio"] is None
+
+
+@pytest.mark.parametrize("kind", [SphereWaves, SensorWaves])
+def test_the_echo_of_a_summary_has_former_names(kind):
+    of_sensor = {"unit": "V", "largest": 1.0} if kind is SensorWaves else {}
+    former = kind.model_validate({"arrivals": (), "tof_s": 1e-3, "arr": 0.9} | of_sensor)
+    today = kind(arrivals=(), echo_delay_s=1e-3, echo_ratio=0.9, **of_sensor)
+    assert former == today
+    assert {"echo_delay_s", "echo_ratio"} < today.model_dump().keys()

@@ -29,6 +29,7 @@ from workflows.sweep.core.design import Design
 from workflows.sweep.core.effects import sobol_effects
 from workflows.sweep.design import grid, sampled, table
 from workflows.sweep.figures import _spacing
+from workflows.sweep.result import opened
 
 TWO = """
 name = "two"
@@ -360,9 +361,13 @@ def test_cases_side_by_side_are_the_runs_alone(part):
         seen = alone.arrays["v"][:, [0, 3]]
         assert np.abs(signals["v"].values[i] - seen).max() < 2e-4 * speed
         waves = alone.summary.waves["4"]
-        if waves.tof_s:
-            assert result.columns["sphere_4_tof_s"][i] == pytest.approx(waves.tof_s, rel=2e-3)
-            assert result.columns["sphere_4_arr"][i] == pytest.approx(waves.arr, rel=2e-3)
+        if waves.echo_delay_s:
+            assert result.columns["sphere_4_echo_delay_s"][i] == pytest.approx(
+                waves.echo_delay_s, rel=2e-3
+            )
+            assert result.columns["sphere_4_echo_ratio"][i] == pytest.approx(
+                waves.echo_ratio, rel=2e-3
+            )
         if part != "free":
             peak = alone.summary.peak_wall_force_N
             assert result.columns["wall_peak_force_N"][i] == pytest.approx(peak, rel=2e-3)
@@ -393,7 +398,7 @@ def test_a_case_that_is_refused_or_fails_is_a_row():
     assert status[5] != "done"
     message = result.columns["message"].tolist()
     assert "wall.mass = -1 must be greater than 0" in message[0] and message[3] == ""
-    assert np.isnan(result.columns["sphere_4_arr"][:3]).all()
+    assert np.isnan(result.columns["sphere_4_echo_ratio"][:3]).all()
 
 
 def test_a_failing_case_does_not_spoil_the_cases_of_its_march(monkeypatch):
@@ -447,7 +452,9 @@ def test_springs_of_joints_share_one_reduced_model(counted):
         stated = result.columns["error_reduction"][i] + alone.error_estimate.reduction
         assert abs(peaks[i] / alone.peak_wall_force_N - 1.0) < 2 * stated < 1e-3
         waves = alone.waves["5"]
-        assert result.columns["sphere_5_arr"][i] == pytest.approx(waves.arr, rel=2 * stated)
+        assert result.columns["sphere_5_echo_ratio"][i] == pytest.approx(
+            waves.echo_ratio, rel=2 * stated
+        )
 
 
 @pytest.mark.slow
@@ -953,7 +960,7 @@ def test_sobol_indices_are_those_of_the_power_law():
     result = beadwave.sweep(
         "rig-half-space", {"time.duration": 4e-3}, cases=Cases(over, "sobol:128"), out="out"
     )
-    effects = result.effects("sphere_14_tof_s", logarithm=True)
+    effects = result.effects("sphere_14_echo_delay_s", logarithm=True)
     share = (np.array([1.0, 0.4, -0.2]) * np.log([1.4, 1.8, 10.0])) ** 2
     share /= share.sum()
     both = (effects.first, effects.first_error), (effects.total, effects.total_error)
@@ -1020,7 +1027,7 @@ def test_standard_errors_are_the_spread_over_designs():
 def test_indices_need_a_design_for_them():
     result = beadwave.sweep("rig-rigid", SHORT, cases={"striker.velocity": "0.1,0.2"}, out="out")
     with pytest.raises(InvalidScene, match="--sample sobol:n"):
-        result.effects("sphere_4_tof_s")
+        result.effects("sphere_4_echo_delay_s")
 
 
 @pytest.mark.slow
@@ -1038,10 +1045,29 @@ def test_indices_need_a_design_for_them():
 def test_every_design_has_pictures_of_its_main_outputs(over, sample):
     result = beadwave.sweep("rig-rigid", SHORT, cases=Cases(over, sample), out="out")
     names = {path.name for path in Path("out/figures").iterdir()}
-    assert names == {"sphere_4_tof_s.png", "sphere_4_arr.png", "wall_peak_force_N.png"}
+    assert names == {
+        "sphere_4_echo_delay_s.png",
+        "sphere_4_echo_ratio.png",
+        "wall_peak_force_N.png",
+    }
     assert result.plot("energy_error", (next(iter(over)),)).png.startswith(b"\x89PNG")
     with pytest.raises(InvalidScene, match="'sphere_4_tof' is not in the sweep"):
         result.plot("sphere_4_tof")
+
+
+def test_a_table_with_former_names_of_the_echo_is_read_by_those_of_today():
+    import pyarrow.parquet as pq
+
+    result = beadwave.sweep("rig-rigid", SHORT, cases={"striker.velocity": "0.2,0.3"}, out="out")
+    former = {"echo_delay_s": "tof_s", "echo_ratio": "arr"}
+    path = result.folder / "cases.parquet"
+    table = pq.read_table(path)
+    names = table.column_names
+    for today, name in former.items():
+        names = [n.replace(f"_{today}", f"_{name}") for n in names]
+    assert "sphere_4_tof_s" in names and "sphere_4_arr" in names
+    pq.write_table(table.rename_columns(names).replace_schema_metadata(table.schema.metadata), path)
+    assert opened(result.folder).columns.keys() == result.columns.keys()
 
 
 def test_axes_are_logarithmic_for_values_spaced_by_factors():
@@ -1064,9 +1090,9 @@ def test_numbers_on_a_terminal_tell_the_cases_apart():
         result = beadwave.sweep("rig-half-space", SHORT, cases=over, out=f"out-{few}")
         heading, *lines = (line.split() for line in result.text().splitlines()[2:])
         shown = (
-            [line[heading.index("sphere_4_tof_s")] for line in lines]
+            [line[heading.index("sphere_4_echo_delay_s")] for line in lines]
             if few == 4
-            else next(line for line in lines if line[0] == "sphere_4_tof_s")[1:]
+            else next(line for line in lines if line[0] == "sphere_4_echo_delay_s")[1:]
         )
         assert len(set(shown)) == len(shown) > 2
 

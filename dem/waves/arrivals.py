@@ -1,4 +1,4 @@
-"""Solitary waves picked from the velocity of one sphere; time of flight and amplitude ratio.
+"""Solitary waves picked from the velocity of one sphere; echo delay and echo ratio.
 
 Incident waves are peaks of positive velocity (towards the wall), reflected ones of negative
 velocity. J. Yang, C. Silvestro, D. Khatri, L. De Nardo, C. Daraio, Phys. Rev. E 83 (2011) 046606.
@@ -27,8 +27,8 @@ class WavePair(NamedTuple):
 
     incident: Arrival
     reflected: Arrival
-    tof: float  # [s] between the two peaks
-    arr: float  # |reflected| / incident peak velocity
+    echo_delay: float  # [s] between the two peaks; TOF, of the whole chain, is in `measures`
+    echo_ratio: float  # |reflected| / incident peak velocity; ARR is its power 6/5, along the chain
 
 
 def arrivals(t: ArrayLike, v: ArrayLike, *, threshold: float = 0.2) -> list[Arrival]:
@@ -113,18 +113,18 @@ def passage(t: Array, v: Array, **options) -> WavePair | None:
     return WavePair(
         incident,
         reflected,
-        time_of_flight(incident, reflected),
-        amplitude_ratio(incident, reflected),
+        echo_delay(incident, reflected),
+        echo_ratio(incident, reflected),
     )
 
 
-def time_of_flight(incident: Arrival, reflected: Arrival) -> float:
-    """Time of flight TOF [s]: from the peak of the incident wave to that of the reflected one."""
+def echo_delay(incident: Arrival, reflected: Arrival) -> float:
+    """Time [s] at one sphere from the peak of the incident wave to that of the reflected one."""
     return reflected.time - incident.time
 
 
-def amplitude_ratio(incident: Arrival, reflected: Arrival) -> float:
-    """Amplitude ratio ARR of velocities: |reflected| over incident peak velocity, without unit."""
+def echo_ratio(incident: Arrival, reflected: Arrival) -> float:
+    """|reflected| over incident peak velocity at one sphere, without unit."""
     return abs(reflected.peak_velocity / incident.peak_velocity)
 
 

@@ -35,7 +35,7 @@ EXAMPLES = {
     "sweep": (
         "sweep rig-1dof --over wall.frequency=100:1000:19 --over wall.mass=1,3",
         "sweep rig-rigid --over striker.velocity=0.1:1 --over preload.force=1:50 --sample lhs:1000",
-        "sweep --open sweeps/rig-rigid --of sphere_14_tof_s --against striker.velocity",
+        "sweep --open sweeps/rig-rigid --of sphere_14_echo_delay_s --against striker.velocity",
     ),
     "scan": (
         "scan rig-rom --grid 20x20",

@@ -23,7 +23,7 @@ def accuracy(call: Call) -> None:
     from workflows.report import finding
 
     result = call()
-    record = finding.record(result, machine=machine()._asdict())
+    record = finding.record(result, machine=machine())
     print_result(record, finding.text(result), call.json, call.quiet)
 
 

@@ -321,23 +321,43 @@ def write_modes(
                 **unused,
             )
         )  # fmt: skip
-    responses = test.responses
+    _write_sets(path, [*sets, *_response_sets(test.responses, test.title)])
+
+
+def write_responses(
+    path: Path, responses: FrequencyResponses, nodes: dict[int, NDArray[np.float64]], title: str
+) -> None:
+    """Write points and the accelerations over N of all points to all references as data sets 15
+    and 58, as `[[measured]]` and `hammer` read them."""
+    numbers = sorted(nodes)
+    x, y, z = np.array([nodes[node] for node in numbers]).T
+    zero = [0] * len(numbers)
+    points = pyuff().prepare_15(numbers, zero, zero, zero, list(x), list(y), list(z))
+    _write_sets(path, [points, *_response_sets(responses, title)])
+
+
+def _response_sets(responses: FrequencyResponses, title: str) -> list[dict]:
+    """Data sets 58 of all points to all references, in m/s^2 over N."""
+    library, sets = pyuff(), []
     for i, point in enumerate(responses.points):
         for j, reference in enumerate(responses.references):
-            hit = node_and_axis(reference) or (j + 1, 3)
+            at, hit = node_and_axis(point) or (i + 1, 3), node_and_axis(reference) or (j + 1, 3)
             sets.append(
                 library.prepare_58(
-                    binary=0, func_type=4, rsp_node=ends[i][0], rsp_dir=ends[i][1],
-                    ref_node=hit[0], ref_dir=hit[1], data=responses.H[i, j],
-                    x=responses.frequency_hz, id1=test.title[:80] or "NONE",
-                    rsp_ent_name=point[:10], ref_ent_name=reference[:10], abscissa_spacing=1,
-                    abscissa_spec_data_type=18, ordinate_spec_data_type=12,
-                    orddenom_spec_data_type=13,
+                    binary=0, func_type=4, rsp_node=at[0], rsp_dir=at[1], ref_node=hit[0],
+                    ref_dir=hit[1], data=responses.H[i, j], x=responses.frequency_hz,
+                    id1=title[:80] or "NONE", rsp_ent_name=point[:10],
+                    ref_ent_name=reference[:10], abscissa_spacing=1, abscissa_spec_data_type=18,
+                    ordinate_spec_data_type=12, orddenom_spec_data_type=13,
                 )
             )  # fmt: skip
-    file = library.UFF(str(path))
-    for i, response in enumerate(sets):
-        file.write_sets(response, mode="add" if i else "overwrite")
+    return sets
+
+
+def _write_sets(path: Path, sets: list[dict]) -> None:
+    file = pyuff().UFF(str(path))
+    for i, one in enumerate(sets):
+        file.write_sets(one, mode="add" if i else "overwrite")
 
 
 def write_synthetic(file: OutputFile, test: Responses) -> None:

@@ -145,7 +145,7 @@ def files_read(scene: Scene, source: Source = None) -> tuple[Path, ...]:
     """The files that a run of the scene reads: its own, and those that its tables name."""
     is_file = isinstance(source, str | Path) and str(source) not in built_in()
     itself = [source] if is_file else []
-    tables = (*(table for _, table in scene), *(scene.targets or ()))
+    tables = (*(table for _, table in scene), *(scene.targets or ()), *(scene.measured or ()))
     named = [getattr(table, key, None) for table in tables for key in FILE_KEYS]
     return tuple(Path(file) for file in (*itself, *named) if isinstance(file, str | Path) and file)
 

@@ -113,5 +113,5 @@ def widened(
         cause: model_errors.biases(J, np.array([c.share * c.signals for c in changes]).T)
         for cause, changes in by_cause.items()
     }
-    result = model_errors.widened(fit.uncertainty, scale, biases, fit.at_bound)
-    return fit._replace(uncertainty=result.uncertainty, causes=result.causes)
+    bars, causes = model_errors.widened(fit.uncertainty, scale, biases, fit.at_bound)
+    return fit._replace(uncertainty=bars, causes=causes)

@@ -59,13 +59,6 @@ class ColumnTest(NamedTuple):
 TEST = ColumnTest()
 
 
-class Correlations(NamedTuple):
-    """c_ab (r, m, m, s) by stretch, column, sensor and delay."""
-
-    by_delay: NDArray[np.float64]
-    at_touch: int  # of the delays: the record begins with the first touch
-
-
 class Arrangement(NamedTuple):
     """Columns as they would have to be."""
 
@@ -117,12 +110,12 @@ def require_columns(
     first_wave = int((from_start > TEST.arrived * largest).any(axis=1).argmax())
     for window in TEST.windows:
         k = first_wave + int(window.share * (len(t) - first_wave))
-        C = _correlations(y[:k], model, dt, time_scale)
-        if C is None:
+        c, at_touch = _correlations(y[:k], model, dt, time_scale)
+        if c is None:
             return
-        correlation = _agreement(C.by_delay, as_they_are)
-        early = max(C.at_touch - round(TEST.earliest / TEST.sampling), 0)
-        delays = C.by_delay if window.late else C.by_delay[..., early:]
+        correlation = _agreement(c, as_they_are)
+        early = max(at_touch - round(TEST.earliest / TEST.sampling), 0)
+        delays = c if window.late else c[..., early:]
         agreements = [(_agreement(delays, a), a) for a in others]
         best, arrangement = max(agreements, key=itemgetter(0))
         is_clear = best > max(window.least, correlation + window.better)
@@ -176,14 +169,15 @@ def _agreement(C: NDArray[np.float64], arrangement: Arrangement) -> float:
 
 def _correlations(
     y: NDArray[np.float64], model: NDArray[np.float64], dt: float, time_scale: float
-) -> Correlations | None:
-    """Of every column of y (k, m) with every sensor of the model (n, m); None of a record that is
+) -> tuple[NDArray[np.float64] | None, int]:
+    """Correlations c_ab (r, m, m, s) by stretch, column of y (k, m), sensor of the model (n, m) and
+    delay, and the delay at which the record begins with the first touch; None of a record that is
     too short."""
     step = TEST.sampling * time_scale
     at, at_model = (np.arange(0.0, len(x) * dt, step) for x in (y, model))
     q = round(TEST.lag / TEST.sampling)
     if len(at) < 4 * q:
-        return None
+        return None, 0
     width = max(1, round(step / dt))
     y, model = (uniform_filter1d(x, width, axis=0, mode="nearest") for x in (y, model))
 
@@ -197,7 +191,7 @@ def _correlations(
     by_delay = np.array(
         [_by_delay(of_data, changes(model, at_model / stretch)) for stretch in TEST.stretches]
     )
-    return Correlations(by_delay, min(int(TEST.latest * len(of_data)), len(at_model) - q - 1))
+    return by_delay, min(int(TEST.latest * len(of_data)), len(at_model) - q - 1)
 
 
 def _by_delay(y: NDArray[np.float64], model: NDArray[np.float64]) -> NDArray[np.float64]:

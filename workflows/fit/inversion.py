@@ -260,6 +260,6 @@ def widened(
                 biases[cause][n + g, i] = share * gains[fit.gain == g][0] / scale[n + g]
             squares += (share * moved_fit.off(of_model)) ** 2
 
-    result = model_errors.widened(inversion.uncertainty, scale, biases)
+    bars, causes = model_errors.widened(inversion.uncertainty, scale, biases)
     beyond = residual_parts(fit, np.sqrt(squares))
-    return inversion._replace(uncertainty=result.uncertainty, causes=result.causes, beyond=beyond)
+    return inversion._replace(uncertainty=bars, causes=causes, beyond=beyond)

@@ -11,7 +11,6 @@ right, so b counts as a bound of a bias: it joins the bars in quadrature, along 
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from types import MappingProxyType
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -85,21 +84,14 @@ def changes(
     return by_cause
 
 
-class WidenedBars(NamedTuple):
-    """Bars that hold the errors of a model, and what makes them."""
-
-    uncertainty: Uncertainty
-    # part (p,) of the two-sigma bars by noise and by each error, which join in quadrature
-    causes: Mapping[str, NDArray[np.float64]] = MappingProxyType({})
-
-
 def widened(
     bars: Uncertainty,
     scale: NDArray[np.float64],
     biases: Mapping[str, NDArray[np.float64]],
     fixed: NDArray[np.bool_] | None = None,
-) -> WidenedBars:
-    """Bars of noise with the errors of the model that are known.
+) -> tuple[Uncertainty, dict[str, NDArray[np.float64]]]:
+    """Bars of noise with the errors of the model that are known; and the part (p,) of the two-sigma
+    bars by noise and by each error, which join in quadrature.
 
     `scale` (p,) is that of the numbers, `biases` by cause those (p, k) of k better models, in
     scales. Numbers that are `fixed` (p,) have no part; numbers without a bar stay without one.
@@ -118,7 +110,7 @@ def widened(
         two_sigma=np.sqrt(sum(part**2 for part in causes.values())),
         combinations=combinations(in_scales, np.array(blind).reshape(-1, free.sum()), free),
     )
-    return WidenedBars(uncertainty, causes)
+    return uncertainty, causes
 
 
 def biases(

@@ -51,14 +51,6 @@ UNUSED = (  # by parts that their programs do without
 )  # fmt: skip
 
 
-class MissingLibrary(NamedTuple):
-    """A shared library that is not there."""
-
-    name: str
-    package: str | None  # Debian's, None where it is not known here
-    costs: str
-
-
 class Linked(NamedTuple):
     """What an ELF file asks of the loader."""
 
@@ -101,8 +93,9 @@ def linked(path: Path) -> Linked | None:
     return Linked(tuple(needed), tuple(absolute))
 
 
-def missing_libraries(folders: list[str] | None = None) -> list[MissingLibrary]:
-    """What the loader does not find of what wheels ask for; without folders, those of sys.path."""
+def missing_libraries(folders: list[str] | None = None) -> list[tuple[str, str | None, str]]:
+    """What the loader does not find of what wheels ask for: its name, Debian's package, None where
+    it is not known here, and what its absence costs. Without folders, those of sys.path."""
     files = {
         wheel.metadata["Name"]: [Path(wheel.locate_file(file)) for file in wheel.files or ()]
         for wheel in distributions(**({} if folders is None else {"path": folders}))
@@ -123,11 +116,7 @@ def missing_libraries(folders: list[str] | None = None) -> list[MissingLibrary]:
                 if not in_rpath and name not in in_wheels and name not in UNUSED:
                     users.setdefault(name, wheel)
     unknown = {name: (None, f"programs of {wheel} cannot start") for name, wheel in users.items()}
-    return [
-        MissingLibrary(name, *LIBRARIES.get(name, unknown[name]))
-        for name in users
-        if not loads(name)
-    ]
+    return [(name, *LIBRARIES.get(name, unknown[name])) for name in users if not loads(name)]
 
 
 def loads(library: str) -> bool:

@@ -149,8 +149,9 @@ def arrivals(waves: SphereWaves, summary: Summary, sphere: str) -> str:
 def sensed(signal: SensorWaves) -> str:
     """Largest value and waves of a sensor's signal, in a line."""
     parts = [f"up to {si(signal.largest, signal.unit)}"]
-    if signal.tof_s is not None:
-        parts += [f"echo delay {si(signal.tof_s, 's')}", f"echo ratio {percent(signal.arr)}"]
+    if signal.echo_delay_s is not None:
+        delay, ratio = si(signal.echo_delay_s, "s"), percent(signal.echo_ratio)
+        parts += [f"echo delay {delay}", f"echo ratio {ratio}"]
     return listed(parts)
 
 

@@ -19,6 +19,7 @@ WORDS = {
     "reduction-error": "error of the reduction",
     "mesh-error": "error of the mesh",
     "quantity-errors": "errors of peaks and times",
+    "part-errors": "errors of measured parts",
     "receptance-error": "error of the receptance",
     "record": "record of sensors",
     "signals": "plots of sensors",

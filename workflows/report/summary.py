@@ -7,7 +7,11 @@ finite elements to read them.
 
 from typing import Any, NamedTuple
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field
+
+# with the names in folders that an earlier version wrote
+ECHO_DELAY = AliasChoices("echo_delay_s", "tof_s")
+ECHO_RATIO = AliasChoices("echo_ratio", "arr")
 
 
 class StageTime(BaseModel):
@@ -36,12 +40,12 @@ class WaveArrival(BaseModel):
 
 
 class SphereWaves(BaseModel):
-    """Waves at one sphere; between the incident and the first reflected one the time of flight, and
-    the ratio of their forces."""
+    """Waves at one sphere; between the peaks of the incident and the first reflected one the time,
+    and the ratio of their velocities. TOF and ARR, of the whole chain, are in `wall_contact`."""
 
     arrivals: tuple[WaveArrival, ...]
-    tof_s: float | None
-    arr: float | None
+    echo_delay_s: float | None = Field(validation_alias=ECHO_DELAY)
+    echo_ratio: float | None = Field(validation_alias=ECHO_RATIO)
 
 
 class SensedArrival(BaseModel):
@@ -60,8 +64,8 @@ class SensorWaves(BaseModel):
     unit: str
     largest: float
     arrivals: tuple[SensedArrival, ...]
-    tof_s: float | None
-    arr: float | None
+    echo_delay_s: float | None = Field(validation_alias=ECHO_DELAY)
+    echo_ratio: float | None = Field(validation_alias=ECHO_RATIO)
 
 
 class TrackedWave(BaseModel):
@@ -110,7 +114,7 @@ class NumberError(BaseModel):
     reduction: float | None = None
     mesh: float | None = None
     theory: float | None = None  # of a beam or a plate
-    receptance: float | None = None  # of a measured wall
+    receptance: float | None = None  # of a measured wall, or of measured parts
     total: float | None = None
     why: str = ""  # where the mesh's error comes from if it is large, and what helps
 

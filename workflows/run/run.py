@@ -58,6 +58,9 @@ def run(
                 )
             )
 
+            if structure:
+                _begin_mesh_error(pipeline)
+
             # the chain: the impact, and what its sensors record
             if scene.chain:
                 _write_files(pipeline, folder, "chain-files")
@@ -110,6 +113,8 @@ def impact(
     with folder.run(toml(scene), IMPACT_FILES) if folder else nullcontext() as folder:
         with two_processes(pipeline, IMPACT) if needs_structure(scene) else nullcontext():
             planned(pipeline.plan("chain-numbers", *_error_stages(scene)))
+            if needs_structure(scene):
+                _begin_mesh_error(pipeline)
             if needs_structure(scene) and not pipeline.kept("mesh-error"):
                 waves_known(summary_of(pipeline, origin=origin, with_errors=False))
             if needs_structure(scene) and scene.bending is None:
@@ -121,6 +126,13 @@ def impact(
             _write_files(pipeline, folder, "chain-files")
             folder.write("summary.json", summary.text())
     return summary
+
+
+def _begin_mesh_error(pipeline: Pipeline) -> None:
+    """Compute what a second process needs to estimate the mesh's error, which it does while this
+    one reduces the assembly."""
+    if pipeline.scene.bending is None and not pipeline.kept("missed-energy"):
+        pipeline("static-shape")
 
 
 def _error_stages(scene: Scene) -> tuple[str, ...]:
@@ -193,9 +205,11 @@ def summary_of(
             sentences += warnings.model_errors_left_out()
         if not structure and not has_friction(scene):
             number_errors += pipeline("time-errors")
-        if with_errors and isinstance(scene.wall, MeasuredWall):
+        of_wall = isinstance(scene.wall, MeasuredWall)
+        if with_errors and (of_wall or (structure and scene.measured and not scene.friction)):
             errors["receptance"] = pipeline("receptance-error")
             sentences += warnings.large_model_error("receptance", errors["receptance"])
+        if with_errors and of_wall:
             sentences += warnings.narrow_band(scene, pipeline("impact").trajectory)
 
         # the march and its waves

@@ -29,10 +29,11 @@ from time import perf_counter, sleep
 
 from workflows.files.child import while_open
 from workflows.scene import InvalidScene
-from workflows.scene.size import foreseen_nodes, room_for_pictures
+from workflows.scene.size import foreseen_nodes, room_beside
 from workflows.stages.pipeline import Pipeline, couples, pipeline_of
 
-IMPACT = ("compilation",)  # in the order in which the second process takes them
+# in the order in which the second process takes them
+IMPACT = ("compilation", "half-space", "missed-energy")
 RUN = (*IMPACT, "pictures", "response", "figures")
 PAUSE = 0.05  # s between two looks at what the other process has
 
@@ -109,9 +110,13 @@ def two_processes(pipeline: Pipeline, names: tuple[str, ...]) -> Iterator[None]:
 def _wanted(pipeline: Pipeline, name: str) -> bool:
     """Whether the run will need a stage that is not kept."""
     scene = pipeline.scene
-    if not scene.chain and name in (*IMPACT, "figures"):
+    if not scene.chain and name in ("compilation", "half-space", "figures"):
         return False
     if name == "compilation" and (couples(scene) or pipeline.kept("impact")):
+        return False
+    if name in ("half-space", "missed-energy") and scene.bending is not None:
+        return False
+    if name == "half-space" and pipeline.kept("reduction") and pipeline.kept("missed-energy"):
         return False
     return not pipeline.kept(name)
 
@@ -122,7 +127,7 @@ def _have_room(pipeline: Pipeline) -> bool:
     scene = pipeline.scene
     if scene.bending is not None:
         return True
-    return room_for_pictures(scene, foreseen_nodes(scene) or pipeline("mesh").nodes)
+    return room_beside(scene, foreseen_nodes(scene) or pipeline("mesh").nodes)
 
 
 def claim(folder: Path, name: str) -> bool:
@@ -139,9 +144,9 @@ def main() -> None:
     scene, names = loads((folder / "work").read_bytes())
     pipeline = pipeline_of(scene, lambda name: nullcontext())
     while unclaimed := [name for name in names if not (folder / name).exists()]:
-        ready = next((name for name in unclaimed if pipeline.ready(name)), None)
+        ready = next((name for name in unclaimed if pipeline.at_hand(name)), None)
         if ready is None:
-            # meanwhile what these stages need and no cache keeps, as a mesh
+            # meanwhile what these stages need and no cache keeps, as mesh and model
             if not pipeline.prepare(unclaimed):
                 sleep(PAUSE)
             continue

@@ -266,6 +266,11 @@ class BodyTable(SceneTable):
             raise ValueError(
                 "holes.around are in the round face of a cylinder: place those of a plate by at"
             )
+        if self.cylinder and any(holes.rings for holes in self.all_holes):
+            raise ValueError(
+                "holes.rings lie between the grid lines of a plate, which a cylinder has not: drop "
+                "them, the tetrahedra of a cylinder are smaller around its holes without"
+            )
         if self.lines and not (self.box or self.plate):
             raise ValueError("lines belong to a box or a plate: drop them, or draw one")
         if not given and (self.at or self.turn):

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from math import isinf
 
 from workflows.scene.bodies import GROUND, THREAD, Bolts
-from workflows.scene.named_materials import NAMED
+from workflows.scene.named_materials import NAMED, family
 from workflows.scene.scene import Scene
 from workflows.scene.scene_table import nearest
 
@@ -71,9 +71,14 @@ def of_bodies(scene: Scene) -> Iterator[str]:
     named |= {f"bodies.{name}": body.material for name, body in bodies.items()}
     for key, name in named.items():
         if name is not None and name not in materials:
+            members = family(name)
+            why = (
+                f"names a family, known of it: {', '.join(members)}" if members
+                else f"is not known, {nearest(name, {**materials, **NAMED})}"
+            )  # fmt: skip
             yield (
-                f"{key}.material = {name!r} is not known, {nearest(name, {**materials, **NAMED})}; "
-                f"take a known one, or describe it in [materials.{name}]."
+                f"{key}.material = {name!r} {why}; take a known one, or describe it in "
+                f"[materials.{name}]."
             )
     for name in bodies:
         if scene.material_name(name) is None:

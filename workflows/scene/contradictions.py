@@ -20,6 +20,7 @@ from workflows.scene.body_contradictions import of_bending, of_bodies, of_the_ri
 from workflows.scene.friction import of_friction
 from workflows.scene.gravity import of_gravity
 from workflows.scene.masses import of_masses
+from workflows.scene.measured import of_measured
 from workflows.scene.named_files import unfit
 from workflows.scene.sensors import of_place
 from workflows.scene.shakers import of_shakers
@@ -60,6 +61,7 @@ def contradictions(scene: Scene) -> Iterator[str]:
             yield from _dashpots(scene)
     yield from of_masses(scene)
     yield from of_springs(scene)
+    yield from of_measured(scene)
     yield from of_test_axes(scene)
     yield from _of_modes(scene)
     yield from too_large(scene)

@@ -72,8 +72,8 @@ def _of_structure(scene: "Scene", wall: RomWall) -> Iterator[str]:
         )
     if wall.file is None and scene.has_dashpots:
         yield (
-            "[friction] takes a structure by its modes, which dashpots couple; set these to 0, or "
-            "drop [friction]."
+            "[friction] takes a structure by its modes, which dashpots and [[measured]] couple; "
+            "drop these, or drop [friction]."
         )
 
 

@@ -5,6 +5,7 @@ temper and batch differ by some per cent in stiffness and by much more in yield 
 """
 
 from collections.abc import Iterable
+from re import sub
 from typing import Any, NamedTuple
 
 from pydantic import model_validator
@@ -34,6 +35,18 @@ NAMED = {
         70e9, 0.3, 2700.0, 260e6,
         "EN AW-6082 T6, profiles of 5 to 25 mm: EN 755-2; elasticity EN 1999-1-1, 3.2.5",
     ),
+    "aluminium-6061": NamedMaterial(
+        68.9e9, 0.33, 2700.0, 276e6,
+        "6061 T6: ASM Aerospace Specification Metals, MA6061T6",
+    ),
+    "aluminium-7075": NamedMaterial(
+        71.7e9, 0.33, 2810.0, 503e6,
+        "7075 T6: ASM Aerospace Specification Metals, MA7075T6",
+    ),
+    "stainless-304": NamedMaterial(
+        200e9, 0.3, 7900.0, 190e6,
+        "AISI 304 (1.4301), bars: EN 10088-3; elasticity EN 1993-1-4, 2.1.3",
+    ),
     "titanium": NamedMaterial(
         114e9, 0.33, 4430.0, 830e6,
         "Ti-6Al-4V (grade 5), annealed bar: ASM Aerospace Specification Metals, MTP644",
@@ -54,19 +67,52 @@ NAMED = {
     ),
 }  # fmt: skip
 NUMBERS = ("young", "poisson", "density", "yield_stress")
+# other names of the same material
+SYNONYMS = {
+    "acrylic": "pmma", "acrylic-glass": "pmma", "perspex": "pmma", "plexiglas": "pmma",
+    "plexiglass": "pmma", "s355": "steel", "structural-steel": "steel", "100cr6": "bearing-steel",
+    "52100": "bearing-steel", "ti-6al-4v": "titanium", "titanium-grade-5": "titanium",
+    "float-glass": "glass", "soda-lime-glass": "glass",
+}  # fmt: skip
+# words of a name that are spelled otherwise
+SPELLINGS = (
+    (r"[\s_]+", "-"), ("aluminum", "aluminium"), (r"^(en-aw|alu?)(-|$)", r"aluminium\2"),
+    ("^stainless-steel", "stainless"), ("^(aisi|inox)-", "stainless-"), ("-t6$", ""),
+)  # fmt: skip
+# names of many materials beside those that begin a name of theirs, as `aluminium` does
+FAMILIES = {"polymer": ("pmma",), "plastic": ("pmma",), "inox": ("stainless-304",)}
 
 
-def named_material(name: str) -> NamedMaterial:
-    """The material of a name, with spaces or hyphens; raises ValueError for one that is not
-    known."""
-    try:
-        return NAMED[name.strip().lower().replace(" ", "-")]
-    except KeyError:
-        known = ", ".join(NAMED)
+def named_material(name: str) -> NamedMaterial | None:
+    """The material of a name: in capitals or not, with spaces or hyphens, in American spelling, or
+    a synonym; None for one that is not known."""
+    word = _spelled(name)
+    return NAMED.get(SYNONYMS.get(word, word)) or NAMED.get(f"aluminium-{word}")
+
+
+def family(name: str) -> list[str]:
+    """The known materials of the family that a name stands for; none where it stands for none."""
+    word = _spelled(name)
+    return [*FAMILIES.get(word, ()), *(known for known in NAMED if known.startswith(f"{word}-"))]
+
+
+def _spelled(name: str) -> str:
+    word = name.strip().lower()
+    for pattern, replacement in SPELLINGS:
+        word = sub(pattern, replacement, word)
+    return word
+
+
+def numbers_of(name: str) -> NamedMaterial:
+    """The material of a name; raises ValueError for one that is not known."""
+    material, members = named_material(name), family(name)
+    if material is None:
+        why = "names a family" if members else "is not known"
         raise ValueError(
-            f"material = {name!r} is not known, there are {known}; take one of them, or give "
-            "young, poisson and density"
-        ) from None
+            f"material = {name!r} {why}, there are {', '.join(members or NAMED)}; take one of "
+            "them, or give young, poisson and density"
+        )
+    return material
 
 
 def with_numbers(table: Any, numbers: Iterable[str] = NUMBERS) -> Any:
@@ -74,10 +120,10 @@ def with_numbers(table: Any, numbers: Iterable[str] = NUMBERS) -> Any:
     list of names a list of numbers."""
     name = table.get("material") if isinstance(table, dict) else None
     if isinstance(name, list | tuple) and name and all(isinstance(n, str) for n in name):
-        materials = [named_material(n) for n in name]
+        materials = [numbers_of(n) for n in name]
         of_name = {key: [getattr(material, key) for material in materials] for key in numbers}
     elif isinstance(name, str):
-        of_name = {key: getattr(named_material(name), key) for key in numbers}
+        of_name = {key: getattr(numbers_of(name), key) for key in numbers}
     else:
         return table
     return of_name | {key: value for key, value in table.items() if value is not None}

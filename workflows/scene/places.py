@@ -53,8 +53,8 @@ def has_friction(scene: "Scene") -> bool:
 
 
 def named_faces(scene: "Scene") -> dict[str, str]:
-    """Selectors of the faces of shakers, sensors, masses and springs, by their names in the
-    mesh."""
+    """Selectors of the faces of shakers, sensors, masses, springs and measured parts, by their
+    names in the mesh."""
     functionals = {place.face: place.on for place in shaker_places(scene) + sensor_places(scene)}
     masses = {mass_face(mass.name): mass.on for mass in scene.masses or ()}
     ends = {
@@ -62,7 +62,8 @@ def named_faces(scene: "Scene") -> dict[str, str]:
         for spring in scene.springs or ()
         for end in spring.ends
     }
-    return functionals | masses | ends
+    parts = {part_face(part.name): part.on for part in scene.measured or ()}
+    return functionals | masses | ends | parts
 
 
 def mass_face(name: str) -> str:
@@ -73,6 +74,11 @@ def mass_face(name: str) -> str:
 def spring_face(name: str, end: str) -> str:
     """Name in the mesh of the face at one end of a spring, "on" or "to"."""
     return f"spring-{name}-{end}"
+
+
+def part_face(name: str) -> str:
+    """Name in the mesh of the face that is joined to a measured part."""
+    return f"measured-{name}"
 
 
 def words_of(scene: "Scene") -> list[Any]:

@@ -26,8 +26,9 @@ from workflows.scene.friction import Arm, Friction
 from workflows.scene.gravity import Gravity, Guides
 from workflows.scene.joints import Joints, JointStiffnesses
 from workflows.scene.masses import MassTable
+from workflows.scene.measured import MeasuredTable
 from workflows.scene.mesh import Standing
-from workflows.scene.named_materials import NAMED, NUMBERS
+from workflows.scene.named_materials import NUMBERS, named_material
 from workflows.scene.reduction import Patch, Reduction
 from workflows.scene.scene_table import SceneTable
 from workflows.scene.sensors import Output
@@ -75,6 +76,7 @@ class Scene(SceneTable):
     joints: EitherJoints | None = None
     masses: Annotated[tuple[MassTable, ...], Several] | None = None
     springs: Annotated[tuple[SpringTable, ...], Several] | None = None
+    measured: Annotated[tuple[MeasuredTable, ...], Several] | None = None
     strike: Strike | None = None
     loads: Annotated[tuple[StaticLoad, ...], Several] | None = None
     targets: Annotated[tuple[MeasuredMode, ...], Several] | None = None
@@ -102,9 +104,9 @@ class Scene(SceneTable):
             if isinstance(table, dict)
         ]
         named = {
-            name: {key: getattr(NAMED[name], key) for key in NUMBERS}
+            name: {key: getattr(material, key) for key in NUMBERS}
             for name in names
-            if isinstance(name, str) and name in NAMED
+            if isinstance(name, str) and (material := named_material(name))
         }
         if not named or not isinstance(materials, dict | None):
             return tables
@@ -172,13 +174,14 @@ class Scene(SceneTable):
 
     @property
     def floats(self) -> bool:
-        """Whether nothing joins the structure to the ground, springs included."""
+        """Whether nothing joins the structure to the ground, springs and measured parts
+        included."""
         if self.bending is not None:
             return self.bending.floats
         if self.assembly is None:
             return False
         hangs = any(spring.to == GROUND for spring in self.springs or ())
-        return self.unsupported and not hangs
+        return self.unsupported and not hangs and not self.measured
 
     @property
     def unsupported(self) -> bool:
@@ -189,9 +192,11 @@ class Scene(SceneTable):
 
     @property
     def has_dashpots(self) -> bool:
-        """Whether dashpots couple the modes of the assembly: in joints or beside springs."""
+        """Whether dashpots couple the modes of the assembly: in joints, beside springs, or as the
+        damping of measured parts."""
         of_joints = any(table.dashpots for table in self.bushings.values())
-        return of_joints or any(any(spring.dashpots.values()) for spring in self.springs or ())
+        of_springs = any(any(spring.dashpots.values()) for spring in self.springs or ())
+        return of_joints or of_springs or bool(self.measured)
 
     @property
     def struck_body(self) -> str:

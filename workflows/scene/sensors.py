@@ -161,8 +161,8 @@ def of_place(scene: "Scene", sensor: SensorTable, key: str) -> Iterator[str]:
         yield f'{key}.on = "{sensor.on}" is no face; name one, as on = "block:+y".'
     elif scene.has_dashpots:
         yield (
-            f"{key} reads a structure by its modes, which dashpots couple; set these to 0, or take "
-            "a sensor of a sphere."
+            f"{key} reads a structure by its modes, which dashpots and [[measured]] couple; drop "
+            "these, or take a sensor of a sphere."
         )
     low_pass = low_pass_of(scene, sensor)
     if sensor.high_pass and not sensor.low_pass and sensor.high_pass >= low_pass:

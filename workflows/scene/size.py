@@ -177,12 +177,14 @@ def foreseen_nodes(scene: Scene) -> dict[str, float]:
     }
 
 
-def room_for_pictures(scene: Scene, nodes: dict[str, float] | None = None) -> bool:
-    """Whether a process that compiles, and draws the modes, fits into memory beside a run; `nodes`
-    of a mesh that is there."""
+def room_beside(scene: Scene, nodes: dict[str, float] | None = None) -> bool:
+    """Whether a process that compiles, estimates the mesh's error and draws the modes fits into
+    memory beside a run; `nodes` of a mesh that is there."""
     nodes = nodes or foreseen_nodes(scene)
-    drawing = 2 * COSTS.libraries + 8 * 3.0 * sum(nodes.values()) * COSTS.vectors
-    return peak_memory(scene, nodes) + drawing < free_memory()
+    n = 3.0 * sum(nodes.values())
+    matrices = COSTS.matrices[scene.mesh.element] * n
+    second = 2 * COSTS.libraries + matrices + 8 * n * COSTS.vectors
+    return peak_memory(scene, nodes) + second < free_memory()
 
 
 def too_large_mesh(scene: Scene, name: str, nodes: dict[str, float]) -> Iterator[str]:

@@ -96,6 +96,11 @@ def resolved(tables: dict[str, Any], source: str, folder: Path = Path()) -> Scen
     for name, key in (("mesh", "file"), ("assembly", "step"), ("assembly", "mesh")):
         if file := getattr(added.get(name), key, None):
             added[name] = added[name].model_copy(update={key: str(folder / file)})
+    if scene.measured:
+        added["measured"] = tuple(
+            part.model_copy(update={"receptance": str(folder / part.receptance)})
+            for part in scene.measured
+        )
     if any(target.shape for target in scene.targets or ()):
         added["targets"] = tuple(target.in_folder(folder) for target in scene.targets)
 
@@ -293,7 +298,9 @@ SENTENCES = {
     "rows": "{key} is a list of tables: write [[{key}]], two brackets, once for each.",
     "model_type": "{key} = {value!r} must be a table; write [{key}] with keys below it.",
 }
-LISTS_OF_TABLES = {(name,) for name in ("shakers", "ties", "masses", "springs", "loads", "targets")}
+LISTS_OF_TABLES = {
+    (name,) for name in ("shakers", "ties", "masses", "springs", "measured", "loads", "targets")
+}
 SENTENCES["model_attributes_type"] = SENTENCES["model_type"]
 
 

@@ -21,10 +21,16 @@ def mesh(scene: Scene, coarser: float = 1.0) -> Parts:
     return bodies.parts(scene.written_out, coarser)
 
 
-def model(scene: Scene, mesh: Parts) -> fem.Model:
-    """The parts assembled, joined and held; raises InvalidScene for bodies that nothing keeps."""
+def model(scene: Scene, mesh: Parts, fits: dict[str, rom.MatrixFit] | None = None) -> fem.Model:
+    """The parts assembled, joined and held, with measured parts of these fits where they are
+    another's; raises InvalidScene for bodies that nothing keeps."""
     structure = _with_masses(scene, mesh, fem.assemble(mesh.meshes, mesh.materials))
     structure = _with_springs(scene, mesh, structure)
+    if scene.measured:
+        # only these scenes pay for the reader of tests
+        from workflows.stages.measured_parts import with_parts
+
+        structure = with_parts(scene, mesh, structure, fits)
     below = scene.table and fem.SwayingTable(scene.table.frequency, scene.table.mass)
     connections = mesh.connections._replace(table=below)
     constraints = constrained(structure, connections)

@@ -25,7 +25,7 @@ from workflows.files.mesh import volumes_of
 from workflows.files.step import require_step
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.bodies import GROUND, SHARE, Solid, UnderTable
-from workflows.scene.places import named_faces, spring_face
+from workflows.scene.places import named_faces, part_face, spring_face
 from workflows.scene.shapes import grid_lines, shapes
 from workflows.scene.size import too_large_mesh
 from workflows.stages.parts import STRIKE, Parts
@@ -190,6 +190,7 @@ def tied_pairs(scene: Scene, layout: Drawing, selection: Picked) -> list[Touchin
         selection.faces[spring_face(spring.name, end)].body
         for spring in scene.springs or () for end in spring.ends
     }  # fmt: skip
+    held |= {selection.faces[part_face(part.name)].body for part in scene.measured or ()}
     free = [name for name in layout.near.free(layout.bodies) if name not in held]
     if len(layout.bodies) > 1 and free:
         misses = [m.sentence for m in layout.near.misses if set(m.bodies) & set(free)]

@@ -58,13 +58,6 @@ class Outline(NamedTuple):
     edges: NDArray[np.float64]  # (m, 2, 2) ends of the mesh's edges along its rim and its holes
 
 
-class Placed(NamedTuple):
-    """Patches on a face, and why there is none at the other points; both by the point's index."""
-
-    patches: dict[int, fem.ContactPatch]
-    refused: dict[int, str]
-
-
 class StruckFace:
     """The face that a scene strikes, of an assembly that is meshed and joined once.
 
@@ -89,6 +82,11 @@ class StruckFace:
             for spring in scene.springs or ()
             if any(spring.dashpots.values())
         ]
+        if scene.measured:
+            raise InvalidScene(
+                f"measured.{scene.measured[0].name} has damping, which couples the wall's modes; a "
+                "scan takes assemblies without [[measured]]."
+            )
         if loose:
             raise InvalidScene(
                 f"{loose[0]} has dashpots, which couple the wall's modes; set them to 0 for a scan."
@@ -117,8 +115,11 @@ class StruckFace:
         """Where the face ends; raises InvalidScene for one that is not plane."""
         return self.pipeline("outline")
 
-    def placed(self, points: NDArray[np.float64]) -> Placed:
-        """Patches at points (p, 2) [m], measured along the face's axes from its middle."""
+    def placed(
+        self, points: NDArray[np.float64]
+    ) -> tuple[dict[int, fem.ContactPatch], dict[int, str]]:
+        """Patches at points (p, 2) [m], measured along the face's axes from its middle, and why
+        there is none at the others; both by the point's index."""
         table, patches, refused = self.scene.strike, {}, {}
         for i, at in enumerate(points.tolist()):
             try:
@@ -130,7 +131,7 @@ class StruckFace:
                 refused[i] = f"the patch of radius {table.radius:g} m leaves the face at {at} m."
             except ValueError as reason:
                 refused[i] = str(reason)
-        return Placed(patches, refused)
+        return patches, refused
 
     def walls(self, patches: list[fem.ContactPatch], n_beyond: int) -> Walls:
         """The wall at each patch: the shared modes and up to `n_beyond` oscillators of its own for

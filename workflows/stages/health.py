@@ -88,23 +88,36 @@ def structure_numbers(
         "load_factor": modes.load_factor,
         "reduction": health,
     }
-    return StructureNumbers(numbers, tuple(warnings.of_structure(modes, health)))
+    said = list(warnings.of_structure(modes, health))
+    if scene.measured:
+        from workflows.stages.measured_parts import sentences
+
+        said += sentences(scene)
+    return StructureNumbers(numbers, tuple(said))
 
 
 def structure_errors(
-    scene: Scene, modes: AssemblyModes, missed: MissedByMesh, structure: StructureNumbers
+    scene: Scene,
+    modes: AssemblyModes,
+    missed: MissedByMesh,
+    structure: StructureNumbers,
+    of_parts: NDArray[np.float64] | None = None,
 ) -> tuple[NumberError, ...]:
     """What the mesh leaves of error in the frequencies and in the static compliance, as far as it
-    is known."""
+    is known, and the fits of measured parts in the frequencies, `of_parts` (k,)."""
     errors = []
     hz = modes.omega / (2 * np.pi)
     whys = missed.explained(scene, modes.omega)
     for i, relative in enumerate(missed.of_frequencies(modes.omega)):
         if np.isfinite(relative):
-            of_mesh = dict.fromkeys(("mesh", "total"), float(relative * hz[i]))
+            of_mesh = float(relative * hz[i])
+            of_fit = None if of_parts is None else float(of_parts[i] * hz[i])
             errors.append(
-                NumberError(name=f"mode {i + 1}", value=hz[i], unit="Hz", why=whys[i], **of_mesh)
-            )
+                NumberError(
+                    name=f"mode {i + 1}", value=hz[i], unit="Hz", why=whys[i], mesh=of_mesh,
+                    receptance=of_fit, total=of_mesh + (of_fit or 0.0),
+                )
+            )  # fmt: skip
     if missed.of_compliance is not None:
         health = structure.numbers["reduction"]
         value = health.static_compliance_m_per_N - health.half_space_compliance_m_per_N

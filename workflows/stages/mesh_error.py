@@ -25,7 +25,7 @@ import rom
 from fem.assembly_modes import N_MODES, AssemblyModes
 from rom.contact_modes import KrylovOptions
 from workflows.scene import InvalidScene, Scene
-from workflows.scene.places import mass_face, spring_face
+from workflows.scene.places import mass_face, part_face, spring_face
 from workflows.scene.reduction import TO_HZ
 from workflows.stages import assembly as stages
 from workflows.stages import errors
@@ -158,19 +158,59 @@ class MissedByMesh(NamedTuple):
         )  # fmt: skip
 
 
-def missed_energy(
+class StaticShape(NamedTuple):
+    """What the static response at the contact has beyond some modes Phi, as a mass-normalised
+    shape: K phi = M Phi d + w / length."""
+
+    phi: NDArray[np.float64]  # (n,) [kg^-1/2]
+    omega: float  # [rad/s] sqrt(phi^T K phi)
+    length: float  # [kg^1/2 m/N] by the mass, of what the response to 1 N has beyond the modes
+
+
+def static_shape(
     scene: Scene,
     mesh: Parts,
     model: fem.Model,
     modes: AssemblyModes,
     space: rom.Space | None = None,
+) -> StaticShape | None:
+    """That of a held assembly, from its Krylov space: a stage of its own, so that a second process
+    has it while the space serves the reduction. None of what floats and of what is not struck."""
+    if space is None:
+        return None
+    try:
+        w = stages.contact(scene, mesh, model).w
+    except (InvalidScene, ValueError):  # nothing is struck
+        return None
+    order = np.argsort(space.pairs.omega)
+    omega, phi = space.pairs.omega[order], space.pairs.phi[:, order]
+    return _beyond(len(modes.omega), omega, phi, w)
+
+
+def _beyond(
+    n_modes: int, omega: NDArray[np.float64], phi: NDArray[np.float64], w: NDArray[np.float64]
+) -> StaticShape:
+    """The static shape in the space of phi (n, k) beyond its first modes."""
+    of_contact = w @ phi[:, n_modes:]
+    static = of_contact / omega[n_modes:] ** 2
+    length = float(np.linalg.norm(static))
+    stiffness = float(static @ of_contact) / length**2
+    return StaticShape(phi[:, n_modes:] @ (static / length), stiffness**0.5, length)
+
+
+def missed_energy(
+    scene: Scene,
+    mesh: Parts,
+    model: fem.Model,
+    modes: AssemblyModes,
+    static: StaticShape | None = None,
     field: fem.HalfSpaceField | None = None,
 ) -> MissedByMesh:
-    """The assembly's modes, and what its contact moves; the space is that of a held assembly, the
-    field that of the half-space at its contact. A run stands without what cannot be estimated: the
-    result says why."""
+    """The assembly's modes, and what its contact moves; the static shape is that of a held assembly
+    beyond its modes, the field that of the half-space at its contact. A run stands without what
+    cannot be estimated: the result says why."""
     try:
-        return energy_of_shapes(scene, mesh, model, modes, space, field)
+        return energy_of_shapes(scene, mesh, model, modes, static, field)
     except ValueError as reason:
         return MissedByMesh(np.empty(0), np.empty((0, 0)), None, unknown=str(reason))
 
@@ -180,7 +220,7 @@ def energy_of_shapes(
     mesh: Parts,
     model: fem.Model,
     modes: AssemblyModes,
-    space: rom.Space | None = None,
+    static: StaticShape | None = None,
     field: fem.HalfSpaceField | None = None,
 ) -> MissedByMesh:
     """The same; raises ValueError where a second mesh, or its modes, cannot be had."""
@@ -189,20 +229,19 @@ def energy_of_shapes(
     except (InvalidScene, ValueError):  # nothing is struck
         contact = None
 
-    # shapes: the Krylov space's, else the modes and what the contact moves beyond them
-    if space is not None:
-        order = np.argsort(space.pairs.omega)
-        omega, phi = space.pairs.omega[order], space.pairs.phi[:, order]
-    elif contact is None:
-        omega, phi = modes.omega, modes.phi
-    else:
-        n = min(len(modes.omega) + OPTIONS.krylov, model.K.shape[0] - 2)
-        known = modes.omega[: N_MODES[0]], modes.phi[:, : N_MODES[0]]
+    # shapes: the modes and what the contact moves beyond them, of a floating assembly from modes
+    # with residual attachment
+    omega, phi = modes.omega, modes.phi
+    if contact is not None and static is None:
+        n = min(len(omega) + OPTIONS.krylov, model.K.shape[0] - 2)
+        n_modes = min(len(omega), N_MODES[0])
+        known = omega[:n_modes], phi[:, :n_modes]
         selected = rom.Selection(n_modes=n, choice="contact", to_hz=TO_HZ, modes=known)
         reduced = rom.free_modes(model.K, model.M, contact.w, selected, factorise=fem.factorised)
-        omega, phi = np.sqrt(np.diag(reduced.K)), reduced.T
-        order = np.argsort(omega)
-        omega, phi = omega[order], phi[:, order]
+        order = np.argsort(np.diag(reduced.K))
+        of_space, shapes = np.sqrt(np.diag(reduced.K))[order], reduced.T[:, order]
+        static = _beyond(n_modes, of_space, shapes, contact.w)
+        omega, phi = of_space[:n_modes], shapes[:, :n_modes]
 
     # of few elements every one is split; modes are paired by their number
     n_unknowns = 3 * sum(mesh.nodes.values())
@@ -214,26 +253,20 @@ def energy_of_shapes(
             errors.wall_model(scene, on_mesh, stages.contact(scene, parts, on_mesh))
             for on_mesh, parts in ((model, mesh), (split, split_mesh))
         )
-        w = phi.T @ contact.w
         pair = SplitMesh(lowest.omega, walls, share)
+        w = contact.w @ phi
         return MissedByMesh(omega, np.zeros((len(omega),) * 2), w, split=pair)
 
-    # of the Krylov space the modes and what the static response has beyond them: K u = M u D + w
-    # holds of both, of Ritz vectors that have not converged it does not
+    # K u = M u D + w holds of the modes and of the static shape, of Ritz vectors that have not
+    # converged it does not
     D, pushed = np.diag(omega**2), None
     if contact is not None:
-        w = phi.T @ contact.w
-        n_modes = len(modes.omega) if space is not None else min(len(modes.omega), N_MODES[0])
-        static = w[n_modes:] / omega[n_modes:] ** 2
-        length = np.linalg.norm(static)
-        phi = np.column_stack([phi[:, :n_modes], phi[:, n_modes:] @ (static / length)])
-        stiffness = float(static @ w[n_modes:]) / length**2
-        omega = np.append(omega[:n_modes], np.sqrt(stiffness))
-        D = np.diag(np.append(omega[:-1] ** 2, 0.0))
-        D[:-1, -1] = -w[:n_modes] / length
+        D = np.pad(D, (0, 1))
+        D[:-1, -1] = -(contact.w @ phi) / static.length
+        phi, omega = np.column_stack([phi, static.phi]), np.append(omega, static.omega)
         field = field or half_space_at(scene, model, contact)
         if field is not None:
-            pushed = fem.Pushed(np.append(np.zeros(n_modes), 1 / length), field)
+            pushed = fem.Pushed(np.append(np.zeros(len(omega) - 1), 1 / static.length), field)
 
     connections, load = mesh.connections, mesh.load
     sides = [side for j in connections.joints for side in (j.first, j.second) if side]
@@ -242,6 +275,7 @@ def energy_of_shapes(
     faces |= {mesh.face(mass_face(mass.name)) for mass in scene.masses or ()}
     springs = [(spring.name, end) for spring in scene.springs or () for end in spring.ends]
     faces |= {mesh.face(spring_face(*end)) for end in springs}
+    faces |= {mesh.face(part_face(part.name)) for part in scene.measured or ()}
     still = [*connections.held, *(fem.Held(face) for face in sorted(rigid))]
     if load is not None:
         faces |= {force.face for force in load.forces}
@@ -257,7 +291,7 @@ def energy_of_shapes(
     return MissedByMesh(
         omega,
         OPTIONS.safety * G + fem.missed_in_dents(model, mesh.materials, phi),
-        None if contact is None else phi.T @ contact.w,
+        None if contact is None else contact.w @ phi,
         int(np.sum(omega > static_from)),
         causes=causes(mesh, missed.of_cells),
     )

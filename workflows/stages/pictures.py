@@ -22,7 +22,7 @@ from workflows.files.child import child
 from workflows.files.run_folder import NoPicture, Picture
 from workflows.scene import Scene
 from workflows.scene.bodies import GROUND
-from workflows.scene.places import mass_face, spring_face
+from workflows.scene.places import mass_face, part_face, spring_face
 from workflows.stages.parts import Parts
 
 TIME_LIMIT = 120  # s, of the child; not varied
@@ -80,7 +80,7 @@ def fixtures(scene: Scene, mesh: Parts) -> dict[str, Any]:
         "held": [
             facet.tolist() for side in mesh.connections.held for facet in _facets(mesh, side.face)
         ],
-        "springs": [*_springs(scene, mesh)],
+        "springs": [*_springs(scene, mesh), *_parts(scene, mesh)],
         "masses": [*_masses(scene, mesh)],
     }
 
@@ -110,6 +110,28 @@ def _springs(scene: Scene, mesh: Parts) -> Iterator[tuple[str, list[float], list
                 far = far._replace(point=far.point + away @ far.axes)
             if far is not None:
                 yield table.name, first.point.tolist(), far.point.tolist(), False
+
+
+def _parts(scene: Scene, mesh: Parts) -> Iterator[tuple[str, list[float], list[float], bool]]:
+    """Each point of a measured part: its name, where it is (3,) [m], and the direction (3,) out of
+    the body, as springs to the ground are drawn. A part that a run refuses is left out."""
+    if not scene.measured:
+        return
+    # only these scenes pay for the reader of tests
+    from workflows.files.measured_part import receptances
+    from workflows.stages.measured_parts import places_on_face
+
+    for table in scene.measured:
+        spot = _spot(mesh, part_face(table.name), (0.0, 0.0))
+        if spot is None:
+            continue
+        try:
+            places = places_on_face(scene, table, spot, receptances(table))
+        except ValueError:
+            continue
+        for at in places.values():
+            point = _spot(mesh, part_face(table.name), tuple(at.tolist())).point
+            yield table.name, point.tolist(), (-spot.inward).tolist(), True
 
 
 def _masses(scene: Scene, mesh: Parts) -> Iterator[tuple[str, list[float], list[float], float]]:

@@ -123,7 +123,21 @@ def content(path: str | Path | None) -> str | None:
 
 BENT = ("beam", "plate")
 BODIES = ("assembly", "bodies", "materials", "ties", "joints", "strike", "loads")
-COARSE = tables_of("assembly", "joints", "table", "strike", "masses", "springs")
+
+
+def _joined(scene: Scene) -> Any:
+    """What joins bodies, and what they are joined to."""
+    tables = tables_of("assembly", "joints", "table", "masses", "springs", "measured")(scene)
+    if scene.measured:
+        tables["test_axes"] = _plain(scene.test_axes)
+        tables["contents"] = [content(part.receptance) for part in scene.measured]
+    return tables
+
+
+def _coarse(scene: Scene) -> Any:
+    return [_joined(scene), tables_of("strike")(scene)]
+
+
 START = (
     "chain", "striker", "contact", "leaf_springs", "preload", "gravity", "guides", "wall", *BENT,
     *BODIES,
@@ -132,7 +146,7 @@ ASSEMBLY = {
     "mesh": Stage(".assembly:mesh", _dimensions, (), kept=False),
     "model": Stage(
         ".assembly:model",
-        tables_of("assembly", "joints", "table", "masses", "springs"),
+        _joined,
         ("mesh",),
         kept=False,
     ),
@@ -161,14 +175,21 @@ ASSEMBLY = {
         means=("factor", "krylov-space", "half-space"),
     ),
     "half-space": Stage(
-        ".reduction:half_space", tables_of("strike"), ("mesh", "model"), kept=False, listed=False
+        ".reduction:half_space", tables_of("strike"), ("mesh", "model"), listed=False
     ),
-    "second-mesh": Stage(".errors:second_mesh", COARSE, ("mesh",)),
+    "static-shape": Stage(
+        ".mesh_error:static_shape",
+        tables_of("reduction", "strike"),
+        ("mesh", "model", "modes"),
+        means=("krylov-space",),
+        listed=False,
+    ),
+    "second-mesh": Stage(".errors:second_mesh", _coarse, ("mesh",)),
     "missed-energy": Stage(
         ".mesh_error:missed_energy",
         tables_of("reduction", "strike"),
         ("mesh", "model", "modes"),
-        means=("krylov-space", "half-space"),
+        means=("static-shape", "half-space"),
     ),
     "full-response": Stage(
         ".response:full_response",
@@ -268,6 +289,20 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
     wall = Stage(".walls:wall_of", _wall_reads, needs)
     structure = ASSEMBLY if scene.bending is None else BENDING
     impact = IMPACT
+    if scene.measured:
+        errors = ASSEMBLY["structure-errors"]
+        structure = structure | {
+            "part-errors": Stage(".measured_parts:part_errors", tables_of(), ("model", "modes")),
+            "structure-errors": errors._replace(needs=(*errors.needs, "part-errors")),
+        }
+    if scene.measured and scene.chain:
+        impact = impact | {
+            "receptance-error": Stage(
+                ".measured_parts:receptance_error",
+                lambda scene: [_marched(scene), _coarse(scene), tables_of("damping")(scene)],
+                ("mesh", "start", "impact"),
+            )
+        }
     if scene.chain and isinstance(scene.wall, MeasuredWall):
         impact = impact | {
             "receptance-error": Stage(
@@ -439,7 +474,7 @@ class Pipeline:
         spent, started = self._spent, perf_counter()
         elsewhere = None
         if self.beside is not None and self.beside.has(name):
-            with self._progress(name):
+            with self._progress(name) if self._stages[name].listed else nullcontext():
                 elsewhere = self.beside.seconds(name, self._meanwhile)
         is_kept = self._stages[name].kept
         result = self._kept(name, self.key(name), self) if is_kept else self.compute(name)
@@ -514,6 +549,13 @@ class Pipeline:
         return all(
             self.kept(need) if self._stages[need].kept else self.ready(need)
             for need in self._stages[name].needs + self._stages[name].means
+        )
+
+    def at_hand(self, name: str) -> bool:
+        """Whether all that the stage needs is kept, or in memory: nothing is computed before it."""
+        needs = self._stages[name].needs + self._stages[name].means
+        return all(
+            need in self._results or (self._stages[need].kept and self.kept(need)) for need in needs
         )
 
     def prepare(self, names: Sequence[str]) -> bool:

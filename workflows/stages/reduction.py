@@ -50,7 +50,7 @@ def jointed(
 ) -> Jointed:
     """The reduction of many assemblies that differ in the springs of their joints."""
     C = dashpots(scene, model)
-    boundary_dofs = np.union1d(damped_elongations(model, C), model.elongation)
+    boundary_dofs = np.union1d(damped_dofs(model, C), model.elongation)
     boundary = boundary_of(contact, reading(scene, model), boundary_dofs)
     reduced = reduction(scene, model, contact, modes, factor, space, keep=model.elongation)
     names, at = np.array(model.spring), np.searchsorted(boundary, model.elongation)
@@ -84,7 +84,7 @@ def reduction(
             f"{scene.strike.radius} m ends nearer to it than to the next, with elements of "
             f"{scene.strike.size} m; raise the radius or refine the mesh there."
         )
-    keep = np.union1d(damped_elongations(model, C), keep)
+    keep = np.union1d(damped_dofs(model, C), keep)
     boundary = boundary_of(contact, w_reading, keep)
 
     # modes that were computed already: where the contact chooses, the measured ones are kept in any
@@ -159,11 +159,14 @@ def boundary_of(
     return np.union1d(boundary, keep)
 
 
-def damped_elongations(model: fem.Model, C) -> NDArray[np.int64]:
-    """Elongations of joints (k,) with dashpots: on the boundary, since a damper force converges
-    slowly with the number of modes. Dashpots beside springs between points, which are far softer
-    than bodies, do without."""
-    return NOTHING if C is None else model.elongation[C.diagonal()[model.elongation] > 0]
+def damped_dofs(model: fem.Model, C) -> NDArray[np.int64]:
+    """Elongations of joints with dashpots, and oscillators of measured parts (k,): on the boundary,
+    since a damper force converges slowly with the number of modes. Dashpots beside springs between
+    points, which are far softer than bodies, do without."""
+    if C is None:
+        return NOTHING
+    elongations = model.elongation[C.diagonal()[model.elongation] > 0]
+    return np.concatenate([elongations, *(at for _, at in model.measured)])
 
 
 def names(
@@ -171,7 +174,14 @@ def names(
 ) -> tuple[str, ...]:
     """What each coordinate is: displacements of the boundary, then amplitudes of shapes."""
     coordinates = []
+    oscillator = {
+        int(model.free[position]): f"amplitude of oscillator {j} of {part.name}"
+        for part, at in model.measured for j, position in enumerate(at.tolist(), 1)
+    }  # fmt: skip
     for dof in model.free[boundary[: reduced.n_boundary]]:
+        if dof in oscillator:
+            coordinates.append(oscillator[dof])
+            continue
         if dof >= model.structure.n_dofs:
             coordinates.append("elongation of a joint")
             continue

@@ -7,7 +7,7 @@ import numpy as np
 
 from coupling import Impact
 from coupling.band import Band
-from coupling.sensors import Sensor, SensorRecord, flight, sensor_record
+from coupling.sensors import Sensor, SensorRecord, echo, sensor_record
 from dem.waves.chain_waves import ChainWaves
 from workflows.files.record import SYNTHETIC
 from workflows.report.summary import SensedArrival, SensorWaves
@@ -71,10 +71,10 @@ def csv_text(scene: Scene, record: SensorRecord) -> str:
 
 
 def sensor_waves(scene: Scene, record: SensorRecord) -> dict[str, SensorWaves]:
-    """Largest value, time of flight and amplitude ratio of every sensor, by its label."""
+    """Largest value, echo delay and echo ratio of every sensor, by its label."""
     measured = {}
     for i, sensor in enumerate(scene.output.sensors):
-        tof, arr = flight(record.waves[i])
+        delay, ratio = echo(record.waves[i])
         measured[sensor.label] = SensorWaves(
             unit=sensor.unit,
             largest=float(np.abs(record.y[:, i]).max()),
@@ -82,7 +82,7 @@ def sensor_waves(scene: Scene, record: SensorRecord) -> dict[str, SensorWaves]:
                 SensedArrival(name=wave.name, time_s=wave.time, height=wave.height)
                 for wave in record.waves[i]
             ),
-            tof_s=tof,
-            arr=arr,
+            echo_delay_s=delay,
+            echo_ratio=ratio,
         )
     return measured

@@ -25,8 +25,8 @@ def sphere_waves(waves: ChainWaves, t, v, sphere: int) -> SphereWaves:
     listed = [_arrival(label.arrival, label.name, label.alone) for label in labels]
     return SphereWaves(
         arrivals=tuple(listed or [_arrival(wave) for wave in arrivals(t, v)]),
-        tof_s=pair and pair.tof,
-        arr=pair and pair.arr,
+        echo_delay_s=pair and pair.echo_delay,
+        echo_ratio=pair and pair.echo_ratio,
     )
 
 

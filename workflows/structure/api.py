@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from workflows.structure.losses import LossReport
     from workflows.structure.mode_table import ModeTable
     from workflows.structure.ranking import RankReport
-    from workflows.structure.response_tuning import ResponseReport
+    from workflows.structure.response_report import ResponseReport
     from workflows.structure.thesis_tables import ThesisTable
     from workflows.structure.tuning import TuningReport
 

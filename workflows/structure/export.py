@@ -19,7 +19,7 @@ def write_model(pipeline: Pipeline, inp: OutputFile | None, step: OutputFile | N
     scene = pipeline.scene
     if step and step.path.suffix.lower() not in (".step", ".stp"):
         raise InvalidScene(f"--step {step.path} must end in .step or .stp.")
-    for table in ("masses", "springs"):
+    for table in ("masses", "springs", "measured"):
         if inp and getattr(scene, table):
             raise InvalidScene(
                 f"{scene.name}: [[{table}]] are not written to --inp; drop them, or take the "

@@ -67,9 +67,19 @@ class SeenSpring(BaseModel):
     stiffness: dict[str, float]  # [N/m] of each by key
 
 
+class SeenPart(BaseModel):
+    """A part known by measured receptances, and where it is joined."""
+
+    name: str
+    on: str
+    receptance: str
+    motions: tuple[str, ...]  # of its points, "12z"
+    synthetic: bool
+
+
 class Look(BaseModel):
-    """Bodies, touching pairs, holes, carried masses, springs, the cost of a run; `remarks` in
-    sentences."""
+    """Bodies, touching pairs, holes, carried masses, springs, measured parts, the cost of a run;
+    `remarks` in sentences."""
 
     name: str
     unit: str | None
@@ -78,6 +88,7 @@ class Look(BaseModel):
     holes: list[SeenHole]
     masses: list[SeenMass] = []
     springs: list[SeenSpring] = []
+    measured: list[SeenPart] = []
     dofs: int  # of the meshes
     unknowns: int | None = None  # about, of a run: less what ties, joints and supports take
     memory_bytes: float
@@ -125,6 +136,17 @@ class Look(BaseModel):
                 stiffness = ", ".join(f"{key} {k:.4g}" for key, k in spring.stiffness.items())
                 cells.append((spring.name, spring.on, spring.to, spring.number, stiffness))
             lines += ["", aligned_text(("springs", "on", "to", "number", "each [N/m]"), cells)]
+
+        if self.measured:
+            cells = [
+                (
+                    part.name, part.on, ", ".join(part.motions), part.receptance,
+                    "SYNTHETIC" if part.synthetic else "measured",
+                )
+                for part in self.measured
+            ]  # fmt: skip
+            head = ("known by receptances", "joined to", "motions", "file", "")
+            lines += ["", aligned_text(head, cells)]
 
         seconds = float(f"{self.seconds:.2g}")
         left = f", some {self.unknowns:,} once joined and held" if self.unknowns else " in all"
@@ -209,6 +231,7 @@ def look(scene: Scene, source: str, *, whole: bool = True, with_page: bool = Fal
         ],
         holes=holes,
         masses=[SeenMass(name=one.name, on=one.on, mass_kg=one.mass) for one in scene.masses or ()],
+        measured=_seen_parts(scene),
         springs=[
             SeenSpring(
                 name=one.name, on=one.on, to=one.to, number=len(one.at), stiffness=one.stiffnesses
@@ -240,6 +263,26 @@ def constrained_dofs(parts: Parts) -> int:
         corners[skin.facets[:, parts.facets(name)]] = True
         dofs += directions * int(corners.sum() + corners[skin.edges].all(axis=0).sum())
     return dofs
+
+
+def _seen_parts(scene: Scene) -> list[SeenPart]:
+    """Parts known by receptances, as their files have them."""
+    if not scene.measured:
+        return []
+    # only these scenes pay for the reader of tests
+    from workflows.files.measured_part import AXES, receptances
+
+    seen = []
+    for table in scene.measured:
+        part = receptances(table)
+        motions = tuple(f"{n}{AXES[a]}" for n, a in zip(part.node, part.axis, strict=True))
+        seen.append(
+            SeenPart(
+                name=table.name, on=table.on, receptance=Path(table.receptance).name,
+                motions=motions, synthetic="SYNTHETIC" in part.title.upper(),
+            )
+        )  # fmt: skip
+    return seen
 
 
 def _meshes(scene: Scene, geometry: Drawing) -> dict[str, Mesh]:

@@ -17,6 +17,7 @@ mesh error: by which the elements make the frequency too high;
 at contact: participation [kg^-1/2];  score: share of the mode's energy in the motion that
 identifies the measured mode;  MAC: with that mode of stiff joints"""
 LOADED = "The static load is {:.4g} % of the load that buckles it."
+UNSURE = 10.0  # per cent by the fits of measured parts, from which on a mode is doubtful
 NO_TARGETS = "No targets: [[targets]] lists measured modes to set beside these."
 
 
@@ -32,6 +33,7 @@ class ModeRow(BaseModel):
     participation: float | None
     # of the mesh, by which the frequency is too high; of a beam or a plate of mesh and theory
     error_percent: float | None = None
+    part_error_percent: float | None = None  # by the fits of measured parts
     why: str = ""  # where an error above 5 % comes from, and what helps
     place: str = ""  # where it comes from, alone
     hammer_mode: int | None = None
@@ -54,10 +56,13 @@ class ModeTable(BaseModel):
     def text(self) -> str:
         """The table as text, with how to read its columns."""
         cells = []
+        has_parts = any(row.part_error_percent is not None for row in self.rows)
         for row in self.rows:
             at_contact = None if row.participation is None else f"{row.participation:.4f}"
             error = None if row.error_percent is None else f"{row.error_percent:.2g} %"
-            computed = (row.number, f"{row.frequency_hz:.2f}", error, at_contact)
+            of_parts = row.part_error_percent
+            parts = () if not has_parts else (None if of_parts is None else f"{of_parts:.2g} %",)
+            computed = (row.number, f"{row.frequency_hz:.2f}", error, *parts, at_contact)
             if row.hammer_mode is None:
                 cells.append((*computed, "", "", ""))
                 continue
@@ -66,8 +71,12 @@ class ModeTable(BaseModel):
             mac = None if row.mac is None else f"{row.mac:.2f}"
             cells.append((*computed, measured, f"{row.score:.2f}", mac))
         table = aligned_text(
-            ("mode", "Hz", self.error_of, "at contact", "measured", "score", "MAC"), cells
-        )
+            (
+                "mode", "Hz", self.error_of, *(("of parts",) if has_parts else ()), "at contact",
+                "measured", "score", "MAC",
+            ),
+            cells,
+        )  # fmt: skip
         legend = READING if any(row.hammer_mode for row in self.rows) else NO_TARGETS
         load = LOADED.format(100 * self.load_factor) if self.load_factor is not None else ""
         shapes = ", ".join(f"{r.hammer_mode}: {r.shape}" for r in self.rows if r.shape)
@@ -103,10 +112,12 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
         errors = {e.name: e.relative for e in pipeline("structure-errors")}
         error = [errors.get(f"mode {i + 1}", np.nan) for i in range(len(modes.omega))]
         whys = places = [""] * len(error)
+    of_parts = pipeline("part-errors") if scene.measured else None
     rows = []
     for j, hz in enumerate(modes.omega / (2 * np.pi)):
         row = ModeRow(number=j + 1, frequency_hz=hz, participation=participation[j])
         row.error_percent = None if np.isnan(error[j]) else 100 * float(error[j])
+        row.part_error_percent = None if of_parts is None else 100 * float(of_parts[j])
         row.why, row.place = whys[j], places[j] if whys[j] else ""
         if j in measured:
             i = measured[j]
@@ -125,6 +136,18 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
             warnings.append(
                 f"Modes {listed} are rigid motions, free or on springs: --match and the number of "
                 f"a target count the others, mode {first} as 1."
+            )
+    if scene.measured:
+        from workflows.stages.measured_parts import sentences
+
+        warnings += sentences(scene)
+        loose = [str(row.number) for row in rows if row.part_error_percent > UNSURE]
+        if loose:
+            warnings.append(
+                f"Modes {', '.join(loose)} change by more than {UNSURE:g} % with the noise of the "
+                "receptances or the end of their band: they rest on oscillators that noise makes, "
+                "or on motions that these points hardly show; measure with less noise, or at "
+                "points farther apart."
             )
     return ModeTable(
         scene=scene.name,

@@ -3,7 +3,6 @@ of a scene made of them."""
 
 from collections.abc import Collection
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,12 +25,6 @@ from workflows.stages.pipeline import Pipeline
 from workflows.stages.targets import placed, remarks_on_axes
 from workflows.structure.hammer import HammerReport, HammerRow, IdentifiedTest, points_without_place
 from workflows.structure.tuning import targets
-
-
-class ShapePicture(NamedTuple):
-    """How measured shapes are drawn beside computed ones."""
-
-    most: int = 8  # pairs in one picture; not varied
 
 
 def measured_shapes(test: IdentifiedTest) -> list[MeasuredShape] | None:
@@ -195,15 +188,16 @@ def mac_with_model(
 
 
 def shapes_beside(
-    test: IdentifiedTest, pipeline: Pipeline, options: ShapePicture = ShapePicture()
+    test: IdentifiedTest, pipeline: Pipeline, *, most: int = 8
 ) -> tuple[Picture, ...]:
     """Measured shapes as arrows beside the computed modes that they are paired with, of the first
-    pairs of a test that is `recognised`; nothing without any. Raises NoPicture."""
+    pairs of a test that is `recognised`, `most` in one picture (not varied); nothing without any.
+    Raises NoPicture."""
     model, modes = pipeline("model"), pipeline("modes")
     computed_hz = modes.omega / (2 * np.pi)
     index, content = [], []
     for row, shape in zip(test.report.rows, measured_shapes(test) or [], strict=True):
-        if row.computed_hz is None or len(index) == options.most:
+        if row.computed_hz is None or len(index) == most:
             continue
         j = int(np.abs(computed_hz - row.computed_hz).argmin())
         at = placed(pipeline.scene, model, test.report.file, shape, row.frequency_hz)

@@ -74,7 +74,7 @@ def _label(name: str) -> tuple[str, float]:
             break
     if name.startswith("sphere_"):
         sphere, _, wave = quantity.removeprefix("sphere_").partition("_")
-        words = {"tof": "echo delay", "arr": "echo ratio", "incident": "incident wave"}
+        words = {"echo_delay": "echo delay", "echo_ratio": "echo ratio"}
         quantity = f"{words.get(wave, f'{wave} wave')} at sphere {sphere}"
     return f"{quantity.replace('_', ' ')}{unit}", scale
 

@@ -20,7 +20,7 @@ from workflows.sweep.core.rows import DONE, LARGE_ERROR, TEXT, other_wave
 from workflows.sweep.store import ABOUT, SIGNALS, TABLE
 
 SHOWN = 40  # cases of a table on a terminal
-MAIN = ("tof_s", "arr")
+MAIN = ("echo_delay_s", "echo_ratio")
 CURES = {
     "reduction": "raise reduction.to_hz, or wall.cutoff",
     "mesh": "take smaller elements (mesh.scale below 1, or bodies.NAME.seed; of the rig mesh.seed)",
@@ -237,8 +237,8 @@ def _of_points(columns: dict[str, Array]) -> Iterator[str]:
 
 def _of_the_striker(columns: dict[str, Array]) -> Iterator[str]:
     """A sentence where sphere 1 alone is observed, to which no incident wave comes."""
-    delays = [name for name in columns if name.endswith("_tof_s")]
-    if delays == ["sphere_1_tof_s"] and not np.isfinite(columns["sphere_1_tof_s"]).any():
+    delays = [name for name in columns if name.endswith("_echo_delay_s")]
+    if delays == ["sphere_1_echo_delay_s"] and not np.isfinite(columns[delays[0]]).any():
         yield (
             "Only sphere 1 is observed. It strikes, so that no incident wave passes it, and has "
             "neither an echo delay nor an echo ratio: observe one within the chain as well, "
@@ -251,6 +251,14 @@ def _require_name(name: str, names: tuple[str, ...], what: str) -> None:
         raise InvalidScene(f"{what} {name!r} is not in the sweep; {nearest(name, names)}.")
 
 
+def _present(name: str) -> str:
+    """The name of a column, of a former one of today."""
+    for former, today in zip(("_tof_s", "_arr"), MAIN, strict=True):
+        if name.startswith("sphere_") and name.endswith(former):
+            return f"{name.removesuffix(former)}_{today}"
+    return name
+
+
 def opened(folder: str | Path, notes: tuple[str, ...] = ()) -> Sweep:
     """A sweep's folder; raises InvalidScene where it holds no table of ours."""
     path = Path(folder) / TABLE
@@ -260,6 +268,9 @@ def opened(folder: str | Path, notes: tuple[str, ...] = ()) -> Sweep:
         import pyarrow.parquet as pq
 
         table = pq.read_table(path)
+        about = table.schema.metadata
+        names = [_present(name) for name in table.column_names]
+        table = table.rename_columns(names).replace_schema_metadata(about)
         return Sweep(Path(folder), table, notes)
     except ImportError as missing:
         raise InvalidScene(

@@ -43,7 +43,7 @@ from workflows.sweep.inputs import Inputs, files_of_scene
 from workflows.sweep.march import observed, saved, taken
 from workflows.sweep.store import About, Store
 
-OF_REFLECTED = ("reflected_s", "reflected_m_s", "tof_s", "arr")
+OF_REFLECTED = ("reflected_s", "reflected_m_s", "echo_delay_s", "echo_ratio")
 PART = 200  # points side by side, whose rows are stored together: what a stopped scan loses
 MOST_POINTS = 10_000
 Array = NDArray[np.float64]
@@ -158,11 +158,11 @@ def scan(
 
     # a patch at every missing point; those that leave the face are rows with their sentence
     points = np.array(list(design.columns.values())).T
-    placed = face.placed(points[missing])
-    patches = {int(missing[i]): patch for i, patch in placed.patches.items()}
-    if placed.refused:
-        cases = tuple(int(missing[i]) for i in placed.refused)
-        store.add(without_result(spheres, cases, REFUSED, list(placed.refused.values())))
+    placed, refused = face.placed(points[missing])
+    patches = {int(missing[i]): patch for i, patch in placed.items()}
+    if refused:
+        cases = tuple(int(missing[i]) for i in refused)
+        store.add(without_result(spheres, cases, REFUSED, list(refused.values())))
 
     if patches:
         # all walls at once: they share the modes of the structure
@@ -288,13 +288,12 @@ def _on_second_mesh(
     except ValueError as reason:
         message = (f"error_mesh is not known: {reason}",)
         return _SecondMesh(None, row, np.nan, dict.fromkeys(range(len(points)), message))
-    placed = second.placed(points)
-    without = placed.refused
+    patches, without = second.placed(points)
     wall = None
-    if placed.patches:
-        walls = second.walls(list(placed.patches.values()), options.beyond)
+    if patches:
+        walls = second.walls(list(patches.values()), options.beyond)
         wall = walls.all(options.beyond, options.far * to_hz(face.scene))
-        impossible, at = march.impossible(wall), np.array(list(placed.patches))
+        impossible, at = march.impossible(wall), np.array(list(patches))
         without = without | {int(at[i]): reason for i, reason in impossible.items()}
         row[at] = np.arange(len(at))
         row[at[list(impossible)]] = -1

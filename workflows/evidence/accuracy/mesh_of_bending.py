@@ -7,10 +7,8 @@ are reduced as the scene says, and marched with the same steps.
 
 from pathlib import Path
 from time import perf_counter
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 import fem
 from workflows.evidence.accuracy.row import AccuracyRow, table_of
@@ -35,54 +33,40 @@ COLUMNS = (
 )  # fmt: skip
 
 
-class BendingMeshSolution(NamedTuple):
-    """One mesh of a beam or a plate: its frequencies, its waves and what they cost."""
-
-    factor: float  # of the elements' length
-    dofs: int
-    hz: NDArray[np.float64]  # (N_MODES,)
-    v: NDArray[np.float64]  # (k, m) [m/s] of the observed spheres
-    seconds: float  # of model and reduction
-
-
 def of_bending(scene: Scene, progress: Progress) -> tuple[tuple, tuple[str, ...], tuple]:
     """Tables, sentences and pictures."""
     run = pipeline_of(with_chain(scene), progress)
-    solutions = []
+    dofs, hz, v, seconds = [], [], [], []
     for factor in FACTORS:
         with progress(f"elements {factor:.3g} times as long"):
             started = perf_counter()
             model = bending.model(scene, factor)
             reduced = bending.reduction(scene, model)
-            seconds = perf_counter() - started
-            v = velocities(scene, run("start"), wall_of(scene, reduced), run("impact"))
-            hz = fem.modes(model.K, model.M, N_MODES + 3).frequency_hz  # 3: rigid-body motions
-        hz = hz[hz > 1.0][:N_MODES]
-        solutions.append(BendingMeshSolution(factor, len(model.inertia), hz, v, seconds))
+            seconds.append(perf_counter() - started)
+            v.append(velocities(scene, run("start"), wall_of(scene, reduced), run("impact")))
+            f = fem.modes(model.K, model.M, N_MODES + 3).frequency_hz  # 3: rigid-body motions
+        hz.append(f[f > 1.0][:N_MODES])
+        dofs.append(len(model.inertia))
 
     # errors beside the finest mesh: of the waves (k,), of the frequencies (k, N_MODES)
-    *coarser, finest = solutions
     speed = float(np.abs(run("start").velocity).max())
-    waves = [float(np.abs(s.v - finest.v).max() / speed) for s in coarser]
-    hz = [np.abs(s.hz / finest.hz - 1) for s in coarser]
-    rows = tuple(
-        AccuracyRow("mesh", scene.name, s.factor, error, s.seconds)
-        for s, error in zip(coarser, waves, strict=True)
-    )
-    lines = tuple(
-        (scene.name, s.factor, s.dofs, *map(float, (*s.hz, *(100 * f), 100 * error, s.seconds)))
-        for s, f, error in zip(coarser, hz, waves, strict=True)
-    )
-    tables = table_of(rows, printed=False), Table("mesh", COLUMNS, lines)
+    waves = [float(np.abs(of_mesh - v[-1]).max() / speed) for of_mesh in v[:-1]]
+    off = [np.abs(f / hz[-1] - 1) for f in hz[:-1]]
+    rows, lines = [], []
+    for i, (factor, error) in enumerate(zip(FACTORS[:-1], waves, strict=True)):
+        rows.append(AccuracyRow("mesh", scene.name, factor, error, seconds[i]))
+        numbers = map(float, (*hz[i], *(100 * off[i]), 100 * error, seconds[i]))
+        lines.append((scene.name, factor, dofs[i], *numbers))
+    tables = table_of(tuple(rows), printed=False), Table("mesh", COLUMNS, tuple(lines))
     usual = FACTORS.index(1.0)
     sentences = rendered(
         TEMPLATE, name=scene.name, finest=FACTORS[-1], second=bending.FINER,
-        stated=run("mesh-error"), off=waves[usual], hz=hz[usual].tolist(),
+        stated=run("mesh-error"), off=waves[usual], hz=off[usual].tolist(),
     )  # fmt: skip
 
     size, x = "length of the elements over that of a run", FACTORS[:-1]
     modes = [
-        Line(f"mode {i}", x, 100 * errors, "o-") for i, errors in enumerate(np.transpose(hz), 1)
+        Line(f"mode {i}", x, 100 * errors, "o-") for i, errors in enumerate(np.transpose(off), 1)
     ]  # fmt: skip
     spheres = [Line(None, x, 100 * np.array(waves), "o-")]
     sets = [

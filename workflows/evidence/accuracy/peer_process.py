@@ -1,27 +1,25 @@
 """One method's work in a process of its own: its first call, its later ones, its memory.
 
-python -m workflows.evidence.accuracy.peer_process TASK METHOD SETTING
+python -m workflows.evidence.accuracy.peer_process FILE
 
-works in the folder where it is started, on the files that `beside_peers` writes there, and leaves
-RESULT. Its libraries compute in one thread, which the environment it is started in says.
+calls the function that is pickled in the file with the arguments beside it, and leaves there what
+it returns. Its libraries compute in one thread, which the environment it is started in says.
 """
 
 import sys
 from collections.abc import Callable
-from json import loads
 from pathlib import Path
+from pickle import dumps, loads
 from resource import RUSAGE_CHILDREN, getrusage
 from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, eigsh
 
-from workflows.evidence.accuracy.cost import peak, timed
+from workflows.evidence.accuracy.cost import Timed, peak, timed
 
-RESULT = "result.npz"
 BEADWAVE, SUPERLU, PARDISO, CALCULIX = "beadwave", "scipy, SuperLU", "scipy, PARDISO", "CalculiX"
 MODES, CONDENSATION = "modes", "condensation"
 LAMMPS, EXUDYN = "LAMMPS", "Exudyn"
@@ -29,6 +27,17 @@ LAMMPS, EXUDYN = "LAMMPS", "Exudyn"
 TOLERANCES = tuple(10.0**-k for k in range(2, 12))
 STEPS = tuple(8e-7 / 2**k for k in range(7))  # [s]
 SLOW = 20.0  # [s] of a call that is not repeated, or followed by a finer setting
+
+
+class Structure(NamedTuple):
+    """Matrices, the contact, and how many modes are wanted; CalculiX takes the deck."""
+
+    K: object  # (n, n), sparse
+    M: object
+    w: NDArray[np.float64]  # (n,)
+    boundary: NDArray[np.int64]  # (k,)
+    n_modes: int
+    deck: str | None = None
 
 
 class Spheres(NamedTuple):
@@ -44,32 +53,20 @@ class Spheres(NamedTuple):
     n_save: int
 
 
-def main(task: str, method: str, setting: float) -> None:
-    """Do a task by a method and write what it finds and what that took to RESULT."""
-    if task == "setting":
-        np.savez(RESULT, value=setting_of_equal_error(method))
-        return
-    call = {MODES: modes, CONDENSATION: condensation}.get(task)
-    call = chain_velocities(method, setting) if call is None else call(method)
+def measured(work: Callable[..., Callable], method: str, *given) -> tuple[Timed, float | None]:
+    """What the call of a method gives and takes, and the most memory [bytes] of this process."""
     # repeats of 1 s in all; a first call of SLOW is not repeated
-    value, warm, cold = timed(call, budget=1.0, repeats=20, slow=SLOW)
+    cost = timed(work(method, *given), budget=1.0, repeats=20, slow=SLOW)
     # ccx is a child of this process, which holds less than it when it starts it
-    bytes_held = 1024.0 * getrusage(RUSAGE_CHILDREN).ru_maxrss if method == CALCULIX else None
-    np.savez(
-        RESULT,
-        value=value,
-        cold=cold,
-        warm=warm,
-        bytes=bytes_held or peak("self") or np.nan,
-    )
+    of_child = 1024.0 * getrusage(RUSAGE_CHILDREN).ru_maxrss if method == CALCULIX else None
+    return cost, of_child or peak("self")
 
 
-def modes(method: str) -> Callable[[], NDArray[np.float64]]:
-    """A call that gives the lowest frequencies (k,) [Hz] of K.npz and M.npz."""
+def modes(method: str, structure: Structure) -> Callable[[], NDArray[np.float64]]:
+    """A call that gives the lowest frequencies (k,) [Hz]; CalculiX' the compliance behind them."""
+    K, M, _, _, n_modes, deck = structure
     if method == CALCULIX:
         from fem.calculix import answer
-
-        deck = Path("deck.inp").read_text(encoding="utf-8")
 
         def frequencies_and_compliance() -> NDArray[np.float64]:
             # its deck's static step comes along, for its line of the condensation
@@ -77,8 +74,6 @@ def modes(method: str) -> Callable[[], NDArray[np.float64]]:
             return np.append(results.frequency_hz, results.compliance)
 
         return frequencies_and_compliance
-
-    K, M, n_modes = _matrix("K"), _matrix("M"), int(_contact()["n_modes"])
     if method == BEADWAVE:
         import fem
 
@@ -87,14 +82,13 @@ def modes(method: str) -> Callable[[], NDArray[np.float64]]:
     return lambda: shift_inverted(K, M, n_modes, factorise(K))[0]
 
 
-def condensation(method: str) -> Callable[[], NDArray[np.float64]]:
-    """A call that gives the compliance at the contact of contact.npz [m/N] and fixed-interface
-    frequencies [Hz], (1 + k,), of a Craig-Bampton model.
+def condensation(method: str, structure: Structure) -> Callable[[], NDArray[np.float64]]:
+    """A call that gives the compliance at the contact [m/N] and fixed-interface frequencies [Hz],
+    (1 + k,), of a Craig-Bampton model.
 
     The compliance is w_b^T S^-1 w_b with S the model's stiffness at the boundary.
     """
-    K, M, contact = _matrix("K"), _matrix("M"), _contact()
-    w, b, n_modes = contact["w"], contact["boundary"], int(contact["n_modes"])
+    K, M, w, b, n_modes, _ = structure
     if method == BEADWAVE:
         import fem
         import rom
@@ -147,23 +141,15 @@ def _factorise(method: str):
     return superlu
 
 
-def _matrix(name: str) -> sp.csc_array:
-    return sp.csc_array(sp.load_npz(f"{name}.npz"))
-
-
-def _contact() -> dict[str, NDArray]:
-    with np.load("contact.npz") as content:
-        return dict(content)
-
-
-def chain_velocities(method: str, setting: float) -> Callable[[], NDArray[np.float64]]:
-    """A call that gives velocities (n_save, n) [m/s] of the spheres in chain.json, at the body in
-    body.npz or without one at a rigid wall; setting is an error, a tolerance or a step [s]."""
+def chain_velocities(
+    method: str, spheres: Spheres, body, setting: float
+) -> Callable[[], NDArray[np.float64]]:
+    """A call that gives velocities (n_save, n) [m/s] of spheres at a reduced body, or without one
+    at a rigid wall; setting is an error, a tolerance or a step [s]."""
     import dem
     from workflows.evidence.accuracy import peers
 
-    spheres = Spheres(**loads(Path("chain.json").read_text(encoding="utf-8")))
-    problem = problem_of(spheres, Path("body.npz"))
+    problem = problem_of(spheres, body)
     saves = {"duration": spheres.duration, "n_save": spheres.n_save}
     if method == BEADWAVE:
         arguments = problem.chain, problem.wall, problem.v0
@@ -174,26 +160,23 @@ def chain_velocities(method: str, setting: float) -> Callable[[], NDArray[np.flo
         row = lammps.LammpsSpheres(*spheres[:4])
         return lambda: lammps.velocities(row, problem.v0, dt=setting, wall=True, **saves)
     if method == EXUDYN:
-        from rom import load_npz
         from workflows.evidence.verify import exudyn
 
-        body = load_npz("body.npz")
         return lambda: exudyn.velocities(problem.chain, body, problem.v0, dt=setting, **saves)
     solver, n = peers.peers()[method], spheres.count
     return lambda: solver(problem, setting).y[1:, n : 2 * n]
 
 
-def problem_of(spheres: Spheres, body: Path):
-    """The chain at the reduced body in a file, or at a rigid wall where there is no such file."""
+def problem_of(spheres: Spheres, body):
+    """The chain at a reduced body, or without one at a rigid wall."""
     import dem
     from workflows.evidence.accuracy.peers import Problem
 
     wall = dem.rigid_wall()
-    if body.exists():
+    if body is not None:
         from coupling.reduced_wall import wall_from_reduced
-        from rom import load_npz
 
-        wall = wall_from_reduced(load_npz(body), half_space=0.0, cutoff_hz=np.inf)
+        wall = wall_from_reduced(body, half_space=0.0, cutoff_hz=np.inf)
     flat = dem.Flat(spheres.young, spheres.poisson)
     chain = dem.row_of_spheres(*spheres[:4], count=spheres.count, flat=flat)
     v0 = spheres.speed * np.eye(1, spheres.count)[0]
@@ -201,19 +184,19 @@ def problem_of(spheres: Spheres, body: Path):
     return Problem(chain, wall, v0, spheres.duration, observed, spheres.n_save)
 
 
-def setting_of_equal_error(method: str) -> float:
-    """The setting with which a method's true error is that in truth.npz, at most; the finest one
-    that was tried where none reaches it."""
-    with np.load("truth.npz") as content:
-        truth, wanted, speed = content["v"], float(content["error"]), float(content["speed"])
+def setting_of_equal_error(
+    method: str, spheres: Spheres, body, truth: NDArray[np.float64], wanted: float
+) -> float:
+    """The setting with which a method's velocities differ from the truth (n_save, n) by `wanted` of
+    the striker's at most; the finest one that was tried where none does."""
     seconds = [0.0]
 
     def error(setting: float) -> float:
         started = perf_counter()
-        v = chain_velocities(method, setting)()
+        v = chain_velocities(method, spheres, body, setting)()
         seconds[0] = perf_counter() - started
         # an integrator that gives up leaves fewer saves
-        return float(np.abs(v - truth).max() / speed) if len(v) == len(truth) else np.inf
+        return float(np.abs(v - truth).max() / spheres.speed) if len(v) == len(truth) else np.inf
 
     settings = STEPS if method in (LAMMPS, EXUDYN) else TOLERANCES
     return equal_error(error, settings, wanted, lambda: seconds[0] > SLOW)
@@ -244,4 +227,6 @@ def equal_error(
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], sys.argv[2], float(sys.argv[3]))
+    file = Path(sys.argv[1])
+    function, arguments = loads(file.read_bytes())
+    file.write_bytes(dumps(function(*arguments)))

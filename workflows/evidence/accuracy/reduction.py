@@ -81,15 +81,6 @@ def reference(scene: Scene, model: fem.Model, contact: fem.ContactPatch) -> Full
     return FullReference(reduced, f, float(difference / np.linalg.norm(direct)))
 
 
-class ReducedCase(NamedTuple):
-    """A reduced model, how many modes were asked for and how they were chosen."""
-
-    choice: str
-    n_modes: int
-    model: rom.ReducedModel
-    seconds: float  # of the processor, as if it were the only one
-
-
 class ReductionCase(NamedTuple):
     """One reduced wall: what it gets wrong and the seconds it takes."""
 
@@ -100,19 +91,6 @@ class ReductionCase(NamedTuple):
     velocities: float  # relative to the striker
     reduce: float  # [s] of the processor
     march: float  # [s] of the processor
-
-
-class Fall(NamedTuple):
-    """How the error of a method in a band goes with the number of modes."""
-
-    method: str
-    band_hz: float
-    error: dict[int, float]  # by number of modes
-
-    @property
-    def falls(self) -> bool:
-        """With every step of the modes."""
-        return all(finer < coarser for coarser, finer in pairwise(self.error.values()))
 
 
 def reduction(scene: Scene, progress: Progress) -> Finding:
@@ -146,7 +124,7 @@ def reduction(scene: Scene, progress: Progress) -> Finding:
     with progress("reference march"):
         finest = marched(scene, wall_of(scene, truth.reduced), FINER)
 
-    models = []
+    models = []  # the choice, the number of modes, the model and its seconds as if the only one
     for kind, choice, n in product(KINDS, CHOICES, COUNTS):
         with progress(f"{kind} {choice} {n}"):
             to_hz = BANDS_HZ[-1] if choice == "contact" else None
@@ -154,7 +132,7 @@ def reduction(scene: Scene, progress: Progress) -> Finding:
             started = process_time() + full.shared.saved
             reduced = reduced_by(full, kind, selection, full.shared)
             seconds = process_time() + full.shared.saved - started
-            models.append(ReducedCase(choice, n, reduced, seconds))
+            models.append((choice, n, reduced, seconds))
 
     cases = []
     observed = [sphere - 1 for sphere in scene.output.spheres] or slice(None)
@@ -188,7 +166,8 @@ def reduction(scene: Scene, progress: Progress) -> Finding:
             for choice, n, reduced, _ in models
             if (reduced.kind, n) == (KINDS[0], COUNTS[-1])
         }
-        costs = costs_of(scene, full, run("modes"), largest, BANDS_HZ[0])
+        solve = solve_costs(scene, full, run("modes"))
+        marches = march_costs(scene, full, largest, BANDS_HZ[0])
 
     rows = []
     for c in cases:
@@ -207,10 +186,11 @@ def reduction(scene: Scene, progress: Progress) -> Finding:
     for kind, (i, band) in product(KINDS, enumerate(BANDS_HZ)):
         method = method_name(kind, CHOICES[0], True)
         errors = {c.n_modes: c.receptance[i] for c in cases if c.method == method}
-        falls.append(Fall(method, band, errors))
+        does = all(finer < coarser for coarser, finer in pairwise(errors.values()))
+        falls.append((method, band, does, errors))
     sentences = rendered(
         __file__, top=BANDS_HZ[-1], full=truth, size=len(truth.reduced.K), falls=falls,
-        costs=costs, asked=ERROR,
+        solve=solve, marches=marches, asked=ERROR,
     )  # fmt: skip
     tables = table_of(tuple(rows), printed=False), Table("reduction", head, tuple(lines))
     return Finding(tables, sentences, (Picture("accuracy_reduction", _picture(cases)),))
@@ -295,48 +275,11 @@ def marched(scene: Scene, wall: dem.Wall, finer: float) -> dem.Trajectory:
     ).trajectory
 
 
-class SolveCost(NamedTuple):
-    """Seconds of a factorisation, of the eigen-solve of n_modes and of the scene's reduction."""
-
-    n_modes: int
-    factor: float
-    solve: float
-    reduce: float
-
-
-class MarchCost(NamedTuple):
-    """A march to ERROR before a wall of so many oscillators, and that before a rigid one."""
-
-    wall: str
-    n_oscillators: int
-    seconds: float
-    rigid: float
-
-
-class Costs(NamedTuple):
-    """What the scene's reduction costs, and marches with reduced walls."""
-
-    solve: SolveCost
-    marches: tuple[MarchCost, ...]
-
-
-def costs_of(
-    scene: Scene,
-    full: FullModel,
-    modes: AssemblyModes,
-    largest: dict[str, rom.ReducedModel],
-    to_hz: float,
-) -> Costs:
-    """The scene's reduction against the eigen-solve; marches with the `largest` models, and with
-    the modes that an error up to to_hz [Hz] keeps, against a rigid wall."""
-    to_error = rom.Selection(error=ERROR, choice="contact", to_hz=to_hz)
-    models = largest | {
-        f"the modes of reduction.error = {ERROR:g}": reduced_by(
-            full, "free-modes", to_error, full.shared
-        )
-    }
-
-    # each solution with a factorisation of its own
+def solve_costs(
+    scene: Scene, full: FullModel, modes: AssemblyModes
+) -> tuple[int, float, float, float]:
+    """How many modes, and seconds of a factorisation, of their eigen-solve and of the scene's
+    reduction, each with a factorisation of its own."""
     n_modes = scene.reduction.modes or 40
     of_scene = selection(scene)
     if of_scene.by_contact:
@@ -346,8 +289,17 @@ def costs_of(
         lambda: fem.modes(full.K, full.M, n_modes),
         lambda: reduced_by(full, scene.reduction.kind, of_scene, fem.factorised),
     )
-    solve = SolveCost(n_modes, *least_seconds(solutions, repeats=2))
+    return n_modes, *least_seconds(solutions, repeats=2)
 
+
+def march_costs(
+    scene: Scene, full: FullModel, largest: dict[str, rom.ReducedModel], to_hz: float
+) -> list[tuple[str, int, float, float]]:
+    """Of marches to ERROR with the `largest` models, and with the modes that this error up to
+    to_hz [Hz] keeps: the wall, its number of oscillators, seconds, and those of a rigid wall."""
+    to_error = rom.Selection(error=ERROR, choice="contact", to_hz=to_hz)
+    reduced = reduced_by(full, "free-modes", to_error, full.shared)
+    models = largest | {f"the modes of reduction.error = {ERROR:g}": reduced}
     march_scene = scene.but(time={"error": ERROR})
     walls = {name: wall_of(march_scene, model) for name, model in models.items()}
     rigid, *seconds = least_seconds(
@@ -357,8 +309,7 @@ def costs_of(
         ),
         repeats=15,
     )
-    marches = tuple(
-        MarchCost(name, len(wall.omega), march, rigid)
+    return [
+        (name, len(wall.omega), march, rigid)
         for (name, wall), march in zip(walls.items(), seconds, strict=True)
-    )
-    return Costs(solve, marches)
+    ]

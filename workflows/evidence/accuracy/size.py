@@ -49,15 +49,6 @@ class SizedMesh(NamedTuple):
     n_modes: int  # all that the stage computes
 
 
-class LargestShared(NamedTuple):
-    """The largest mesh that both we and CalculiX solved."""
-
-    dofs: int
-    ours: Cost  # of our factor and modes
-    theirs: Cost
-    n_ours: int  # modes
-
-
 def size(scene: Scene, progress: Progress, *, times: tuple[float, ...] = TIMES) -> Finding:
     """Seconds and memory of mesh, assembly, factor, modes and reduction against the unknowns."""
     with_assembly(scene)
@@ -106,19 +97,13 @@ def size(scene: Scene, progress: Progress, *, times: tuple[float, ...] = TIMES) 
 
     # CalculiX beside our factorisation and modes
     solved_by_both = [mesh for mesh in meshes if CALCULIX in mesh.costs]
-    shared = None
-    if solved_by_both:
-        mesh = solved_by_both[-1]
-        modes, theirs = mesh.costs["modes"], mesh.costs[CALCULIX]
-        ours = modes._replace(seconds=mesh.costs["factorise"].seconds + modes.seconds)
-        shared = LargestShared(mesh.dofs, ours, theirs, mesh.n_modes)
     our_costs = {name: cost for name, cost in finest.costs.items() if name != CALCULIX}
     sentences = rendered(
         __file__, last=finest, growths=growths, compared=len(finest.hz), n_modes=N_CALCULIX,
         slowest=max(our_costs, key=lambda name: our_costs[name].seconds),
         largest=max(our_costs, key=lambda name: our_costs[name].bytes or 0.0),
         seconds=sum(cost.seconds for cost in our_costs.values()),
-        solver="PARDISO" if has_pardiso() else None, peer=shared,
+        solver="PARDISO" if has_pardiso() else None, both=solved_by_both[-1:],
     )  # fmt: skip
 
     axes = []

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 from workflows.evidence.study import concluded, counted
 from workflows.evidence.thesis import bent
-from workflows.evidence.thesis.observed_run import Observed
 from workflows.evidence.thesis.wave_distance import felt
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
@@ -29,15 +28,6 @@ class AxialForceOptions(NamedTuple):
     noticed: float = 0.01  # of the striker's velocity: a difference; not varied
 
 
-class AxialLoad(NamedTuple):
-    """A share of the buckling load, the force, the first mode and the run."""
-
-    share: float
-    force: float  # [N]
-    first_mode: float  # [Hz]
-    run: Observed
-
-
 def axial_force(
     scene: Scene, progress: Progress, options: AxialForceOptions = AxialForceOptions()
 ) -> Finding:
@@ -51,27 +41,26 @@ def axial_force(
     pressed = scene.but(beam={"axial_force": small})
     buckling_load = -small / bending.model(pressed).load_factor
 
-    cases = []
-    for share in counted(options.shares, progress, "{:g} of the buckling load".format):
-        force = share * buckling_load
+    forces, hz, runs = [share * buckling_load for share in options.shares], [], []
+    for force in counted(
+        forces, progress, lambda force: f"{force / buckling_load:g} of the buckling load"
+    ):
         loaded = scene.but(beam={"axial_force": force})
-        run = bent.run(loaded, bent.wall(loaded))
-        cases.append(AxialLoad(share, force, bent.first_mode(loaded), run))
-    free = cases[options.shares.index(0.0)]
+        hz.append(bent.first_mode(loaded))
+        runs.append(bent.run(loaded, bent.wall(loaded)))
+    tof, arr = [1e6 * run.contact.tof for run in runs], [run.contact.arr for run in runs]
 
     # velocity differences to the beam without a force
-    differences = [felt(free.run, case.run, options.noticed) for case in cases]
-    rows = tuple(
-        (c.share, c.force, c.first_mode, 1e6 * c.run.contact.tof, c.run.contact.arr, d.first,
-         d.later, 1e3 * d.at)
-        for c, d in zip(cases, differences, strict=True)
-    )  # fmt: skip
-    contact = free.run.contact
+    unloaded = options.shares.index(0.0)
+    differences = (felt(runs[unloaded], run, options.noticed) for run in runs)
+    first, later, at = zip(*differences, strict=True)
+    later_ms = [1e3 * t for t in at]
+    rows = tuple(zip(options.shares, forces, hz, tof, arr, first, later, later_ms, strict=True))
 
-    sphere = max(free.run.labels)
+    sphere = max(runs[0].labels)
     lines = [
-        Line(f"{c.share:g} of buckling", c.run.milliseconds, c.run.velocity(sphere), "-", i, 1.0)
-        for i, c in enumerate(cases)
+        Line(f"{share:g} of buckling", run.milliseconds, run.velocity(sphere), "-", i, 1.0)
+        for i, (share, run) in enumerate(zip(options.shares, runs, strict=True))
     ]
     figure = [Panel(f"sphere {sphere}", "time [ms]", "velocity [m/s]", lines)]
     return concluded(
@@ -80,11 +69,11 @@ def axial_force(
         rows,
         panels(figure, size=(8, 4)),
         load=buckling_load,
-        first=max(d.first for d in differences),
-        later=max(d.later for d in differences),
-        at=min((1e3 * d.at for d in differences if d.at == d.at), default=None),  # nan: never
-        noticed=options.noticed,
-        tof=[1e6 * (case.run.contact.tof - contact.tof) for case in cases],
-        arr=[case.run.contact.arr / contact.arr - 1 for case in cases],
-        hz=[cases[-1].first_mode, free.first_mode],
+        first=max(first),
+        later=max(later),
+        at=min((ms for ms in later_ms if ms == ms), default=None),  # nan: never
+        options=options,
+        tof=[each - tof[unloaded] for each in tof],
+        arr=[each / arr[unloaded] - 1 for each in arr],
+        hz=[hz[-1], hz[unloaded]],
     )

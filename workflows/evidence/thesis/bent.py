@@ -14,7 +14,6 @@ import coupling
 import dem
 from dem.waves.measures import WallContact
 from workflows.evidence.study import concluded, counted
-from workflows.evidence.thesis import bent
 from workflows.evidence.thesis.observed_run import Observed, RecordOptions, Setup, seen
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
@@ -80,17 +79,6 @@ class StructuresOptions(NamedTuple):
     unchanged: float = 0.01  # relative change of ARR that is none
 
 
-class StructureCase(NamedTuple):
-    """A structure by the value that changes, and what the waves say of it."""
-
-    value: float  # [m]
-    first_mode: float  # [Hz]
-    contact: float  # [s]
-    tof: float  # [s]
-    arr: float
-    peak: float  # [N]
-
-
 def compared(
     module: str,
     quantity: str,
@@ -100,32 +88,26 @@ def compared(
     options: StructuresOptions,
 ) -> Finding:
     """The finding of the study of a module: its scenes by the values [m] of a quantity."""
-    cases = []
+    rows = []
     for scene, value in counted(
         zip(scenes, values, strict=True),
         progress,
         lambda pair: f"{quantity} {1e3 * pair[1]:.3g} mm",
     ):
-        run = bent.run(scene, bent.wall(scene))
-        seconds = run.contact.contact_time.seconds
-        peak = float(run.trajectory.contact_force[:, -1].max())
-        measures = bent.tof_and_arr(run.contact)
-        cases.append(StructureCase(value, bent.first_mode(scene), seconds, *measures, peak))
-    rows = tuple(
-        (1e3 * c.value, c.first_mode, 1e6 * c.contact, 1e6 * c.tof, c.arr, c.peak) for c in cases
-    )
-    value, contact, tof, arr = (
-        np.array([getattr(case, field) for case in cases])
-        for field in ("value", "contact", "tof", "arr")
-    )
+        impact = run(scene, wall(scene))
+        contact_us = 1e6 * impact.contact.contact_time.seconds
+        tof, arr = tof_and_arr(impact.contact)
+        peak = float(impact.trajectory.contact_force[:, -1].max())
+        rows.append((1e3 * value, first_mode(scene), contact_us, 1e6 * tof, arr, peak))
+    mm, _, contact_us, tof_us, arr, _ = np.transpose(rows)
 
     # slopes d ln y / d ln x at the scene's own value, between its neighbours: what an instrument
     # tells of it
-    usual = int(np.argmin(np.abs(np.log(value / value[-1] * options.factors[-1]))))
-    x = np.log(value)
+    usual = int(np.argmin(np.abs(np.log(mm / mm[-1] * options.factors[-1]))))
+    x = np.log(mm)
     slopes = [
         float((y[usual + 1] - y[usual - 1]) / (x[usual + 1] - x[usual - 1]))
-        for y in (np.log(arr), np.log(tof))
+        for y in (np.log(arr), np.log(tof_us))
     ]
 
     # the value from which on ARR no longer changes
@@ -135,27 +117,27 @@ def compared(
     figure = []
     for title, unit, y in (
         ("amplitude ratio", "ARR [-]", arr),
-        ("time of flight", "TOF [µs]", 1e6 * tof),
-        ("contact time", "T_c [µs]", 1e6 * contact),
+        ("time of flight", "TOF [µs]", tof_us),
+        ("contact time", "T_c [µs]", contact_us),
     ):
         mean = float(np.nanmean(y))
         limits = (0.9 * mean, 1.1 * mean) if np.ptp(y) < 0.1 * mean / 4 else None
-        line = Line(None, 1e3 * value, y, "o-")
+        line = Line(None, mm, y, "o-")
         figure.append(Panel(title, f"{quantity} [mm]", unit, [line], "x", y_limits=limits))
     return concluded(
         module,
         COLUMNS,
-        rows,
+        tuple(rows),
         panels(figure, columns=3, size=(4.2, 3.0)),
         quantity=quantity,
-        own=1e3 * value[usual],
+        own=mm[usual],
         arr=arr,
-        tof=1e6 * tof,
-        arr_known=options.arr_known,
-        tof_known=1e6 * options.tof_known,
+        tof=tof_us,
+        options=options,
         by_arr=options.arr_known / abs(slopes[0]) if slopes[0] else float("inf"),
-        by_tof=options.tof_known / tof[usual] / abs(slopes[1]) if slopes[1] else float("inf"),
+        by_tof=1e6 * options.tof_known / tof_us[usual] / abs(slopes[1])
+        if slopes[1]
+        else float("inf"),
         slopes=slopes,
-        same=options.unchanged,
-        unfelt=1e3 * value[first_same] if first_same < len(value) - 1 else None,
+        unfelt=mm[first_same] if first_same < len(mm) - 1 else None,
     )

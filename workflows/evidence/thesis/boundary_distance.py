@@ -54,68 +54,34 @@ class EdgeSeries(NamedTuple):
     plate: Plate
     distance: NDArray[np.float64]  # (k,) [m]
     collisions: list[Collision]
-    close: float  # relative difference of ARR below which the edge no longer matters
-
-    @property
-    def arr(self) -> NDArray[np.float64]:
-        """ARR at each distance, (k,)."""
-        return np.array([collision.arr for collision in self.collisions])
-
-    @property
-    def far(self) -> float:
-        """ARR at the largest distance."""
-        return self.collisions[-1].arr
-
-    @property
-    def edge(self) -> float:
-        """ARR at the smallest distance."""
-        return self.collisions[0].arr
-
-    @property
-    def edge_over_far(self) -> float:
-        """ARR at the smallest distance over that at the largest."""
-        return float(self.over_far[0])
+    arr: NDArray[np.float64]  # (k,)
 
     @property
     def over_far(self) -> NDArray[np.float64]:
         """ARR (k,) over that at the largest distance, or over the faintest ARR that counts."""
-        return self.arr / max(self.far, CollisionRun().faintest_arr)
-
-    @property
-    def remaining(self) -> NDArray[np.float64]:
-        """The edge's effect on ARR (k,) over that at the smallest distance."""
-        return (self.arr - self.far) / (self.arr[0] - self.far)
+        return self.arr / max(self.arr[-1], CollisionRun().faintest_arr)
 
     def reach(self, half_space: Collision) -> float:
         """Half the way [m] that bending waves make while a contact with a half-space lasts."""
         seconds = half_space.contact.seconds
         return group_speed(self.plate, np.pi / seconds) * seconds / 2
 
-    @property
-    def critical(self) -> float:
-        """Distance [m] beyond which ARR stays within `close` of that far away."""
+    def critical(self, close: float) -> float:
+        """Distance [m] beyond which ARR stays within a share `close` of that far away."""
         difference = np.abs(self.over_far - self.over_far[-1])
-        last = int(np.flatnonzero(difference > self.close).max(initial=-1))
+        last = int(np.flatnonzero(difference > close).max(initial=-1))
         if last < 0:
             return 0.0
         x, y = self.distance[last : last + 2], difference[last : last + 2]
-        return float(x[0] + (y[0] - self.close) / (y[0] - y[1]) * (x[1] - x[0]))
+        return float(x[0] + (y[0] - close) / (y[0] - y[1]) * (x[1] - x[0]))
 
     @property
     def half_way(self) -> float:
         """Distance [m] at which ARR has fallen half of its way from the edge to far away."""
-        middle = (self.arr[0] + self.far) / 2
+        middle = (self.arr[0] + self.arr[-1]) / 2
         beyond = int((self.arr < middle).argmax())
         x, y = self.distance[beyond - 1 : beyond + 1], self.arr[beyond - 1 : beyond + 1]
         return float(x[0] + (y[0] - middle) / (y[0] - y[1]) * (x[1] - x[0]))
-
-
-class EdgeChange(NamedTuple):
-    """Largest change of ARR at some distances [m] when a series is varied."""
-
-    varied: str
-    arr: float
-    distance: list[float]
 
 
 def boundary_distance(
@@ -139,7 +105,8 @@ def boundary_distance(
         plate, distance = plates.steel(scene, diameter / ratio), diameter * np.array(diameters)
         walls = plates.edge_walls(plate, size, distance)
         collisions = [plates.collision(scene, wall) for wall in walls]
-        return EdgeSeries(ratio, plate, distance, collisions, options.close)
+        arr = np.array([collision.arr for collision in collisions])
+        return EdgeSeries(ratio, plate, distance, collisions, arr)
 
     series = []
     for ratio in counted(options.ratios, progress, "plate, D/t = {:g}".format):
@@ -154,7 +121,7 @@ def boundary_distance(
         with progress(f"D/t = {checked:g}, {name}"):
             varied = struck(checked, size.scaled(**factors), options.drawn)
         largest = float(np.abs(varied.arr - base.arr[at]).max())
-        changes.append(EdgeChange(name, largest, varied.distance.tolist()))
+        changes.append((name, largest, varied.distance.tolist()))
 
     rows = tuple(
         (
@@ -172,7 +139,8 @@ def boundary_distance(
         arr.append(Line(name, 1e3 * s.distance, s.arr, "o-"))
         percent = [100 * collision.lost for collision in s.collisions]
         lost.append(Line(name, 1e3 * s.distance, percent, "o-"))
-        remaining.append(Line(name, s.distance / s.reach(deep), s.remaining, "o-"))
+        left = (s.arr - s.arr[-1]) / (s.arr[0] - s.arr[-1])
+        remaining.append(Line(name, s.distance / s.reach(deep), left, "o-"))
     ends = np.array([0.0, 1e3 * series[0].distance[-1]])
     arr.append(Line("half-space", ends, np.full(2, deep.arr), "--", 5))
 
@@ -182,6 +150,7 @@ def boundary_distance(
         name = f"{1e3 * base.distance[i]:.0f} mm"
         forces.append(Line(name, 1e3 * run.t, run.contact_force[:, -1]))
 
+    critical = [s.critical(options.close) for s in series]
     x = "distance from the clamped edge [mm]"
     figure = [
         Panel("amplitude ratio (v_back / v_in)^(6/5)", x, "ARR", arr),
@@ -197,13 +166,13 @@ def boundary_distance(
         COLUMNS,
         rows,
         panels(figure, columns=2, size=(5.6, 3.4)),
-        checked=checked,
+        options=options,
         changes=changes,
         sphere=plates.observed_sphere(scene),
         deep=deep,
-        found=series,
-        close=options.close,
-        higher=all(s.arr[0] > s.far for s in series),
-        settled=all(s.critical < s.distance[-2] for s in series),
+        series=series,
+        critical=critical,
+        higher=all(s.arr[0] > s.arr[-1] for s in series),
+        settled=all(d < s.distance[-2] for d, s in zip(critical, series, strict=True)),
         echo=[s.reach(deep) for s in series],
     )

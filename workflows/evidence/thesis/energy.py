@@ -52,14 +52,6 @@ class EnergyOptions(NamedTuple):
     schemes: SchemeOptions = SchemeOptions()
 
 
-class WallInBothSchemes(NamedTuple):
-    """A run against one wall in both schemes."""
-
-    name: str
-    one_functional: EnergyRun
-    thesis: EnergyRun
-
-
 def energy(scene: Scene, progress: Progress, options: EnergyOptions = EnergyOptions()) -> Finding:
     """Energy of coupled runs with and without the wall's (thesis, figures 2.7, 7.1 to 7.9)."""
     require_rig(scene)
@@ -84,25 +76,21 @@ def energy(scene: Scene, progress: Progress, options: EnergyOptions = EnergyOpti
         "ROM half-space": StruckBody(block_model, (0.0, 0.0), scene.patch.radius),
         "ROM assembly": StruckBody(rig_model, scene.patch.point, scene.patch.radius),
     }
-    walls = []
+    ours, theirs, named = [], [], [(still.name, still)]  # of both bodies
     for name, body in counted(bodies.items(), progress, lambda pair: pair[0]):
         wall = one_functional(scene, body, schemes)
-        ours = impact_run(scene, "one functional", wall, duration, schemes)
+        ours.append(impact_run(scene, "one functional", wall, duration, schemes))
         wall = of_the_thesis(body, schemes)
-        theirs = impact_run(scene, "thesis", wall, duration, schemes)
-        walls.append(WallInBothSchemes(name, ours, theirs))
-    block, assembly = walls
+        theirs.append(impact_run(scene, "thesis", wall, duration, schemes))
+        named += [(f"{name}, one functional", ours[-1]), (f"{name}, thesis", theirs[-1])]
 
     # largest rise of the total energy, what is left of it, largest gap without the wall's part
-    named = [(still.name, still)]
-    for wall in walls:
-        named.append((f"{wall.name}, one functional", wall.one_functional))
-        named.append((f"{wall.name}, thesis", wall.thesis))
     rows = tuple((name, run.gain.largest, run.gain.final, run.missing) for name, run in named)
 
     # what the thesis leaves out in a first approximation
-    ours, run = assembly.one_functional, assembly.one_functional.trajectory
-    preload, leaf_springs = ours.change(run.work_preload), ours.change(run.energy_leaf)
+    block, assembly = ours
+    run = assembly.trajectory
+    preload, leaf_springs = assembly.change(run.work_preload), assembly.change(run.energy_leaf)
 
     # figure 2.7: the chain alone
     share = 100 / free.energy_kinetic[0]
@@ -122,27 +110,26 @@ def energy(scene: Scene, progress: Progress, options: EnergyOptions = EnergyOpti
     lines = [Line("total", still.milliseconds, 100 * still.total)]
     title = "half-space, total (figure 7.2)"
     figure.append(Panel(title, "time [ms]", SHARE, lines, y_limits=(90.0, 110.0)))
-    for wall, (moved, total, without) in ((block, "345"), (assembly, "786")):
-        ours = wall.one_functional
-        title = f"{wall.name}, one functional (figure 7.{moved})"
-        figure.append(_displacements(title, ours))
+    for name, one, thesis, (moved, total, without) in zip(
+        bodies, ours, theirs, ("345", "786"), strict=True
+    ):
+        figure.append(_displacements(f"{name}, one functional (figure 7.{moved})", one))
         for title, ledger in (
-            (f"{wall.name}, total (figure 7.{total})", "total"),
-            (f"{wall.name}, wall not counted (figure 7.{without})", "without_wall"),
+            (f"{name}, total (figure 7.{total})", "total"),
+            (f"{name}, wall not counted (figure 7.{without})", "without_wall"),
         ):
             lines = [
                 Line(run.name, run.milliseconds, 100 * getattr(run, ledger), colour=i)
-                for i, run in ((1, wall.thesis), (0, ours))
+                for i, run in ((1, thesis), (0, one))
             ]
             figure.append(Panel(title, "time [ms]", SHARE, lines))
 
     # all walls in one, with room for the legend below the curves
-    ours = assembly.one_functional
     lines = [
         Line("half-space", still.milliseconds, 100 * still.total),
-        Line("ROM half-space", block.one_functional.milliseconds, 100 * block.one_functional.total),
-        Line("assembly", ours.milliseconds, 100 * ours.total),
-        Line("assembly, wall not counted", ours.milliseconds, 100 * ours.without_wall),
+        Line("ROM half-space", block.milliseconds, 100 * block.total),
+        Line("assembly", assembly.milliseconds, 100 * assembly.total),
+        Line("assembly, wall not counted", assembly.milliseconds, 100 * assembly.without_wall),
     ]
     lowest = min(line.y.min() for line in lines) / 100
     limits = (100 * (1.8 * lowest - 0.8) - 1, 103.0)
@@ -150,10 +137,10 @@ def energy(scene: Scene, progress: Progress, options: EnergyOptions = EnergyOpti
     figure.append(Panel(title, "time [ms]", SHARE, lines, y_limits=limits))
 
     # the missing energy is the wall's; what preload and leaf springs do
-    t = ours.milliseconds
+    t = assembly.milliseconds
     lines = [
-        Line("missing without the wall", t, 100 * (1 - ours.without_wall)),
-        Line("energy of the wall", t, 100 * (ours.total - ours.without_wall)),
+        Line("missing without the wall", t, 100 * (1 - assembly.without_wall)),
+        Line("energy of the wall", t, 100 * (assembly.total - assembly.without_wall)),
     ]
     title = "ROM assembly: the missing energy is the wall's (figure 7.9)"
     figure.append(Panel(title, "time [ms]", SHARE, lines))
@@ -169,13 +156,11 @@ def energy(scene: Scene, progress: Progress, options: EnergyOptions = EnergyOpti
         ("wall", "bump", "gain_at_end", "missing_without_wall"),
         rows,
         panels(figure, columns=3, size=(4.6, 3)),
-        alone=shares, on_the_way=1 - WAVE * (1 - MOVING), walls=walls,
+        alone=shares, on_the_way=1 - WAVE * (1 - MOVING), theirs=theirs,
         seeds=[options.finer * scene.mesh.contact_seed, scene.mesh.contact_seed],
-        rise=max(ROUNDING, 1.5 * max(wall.one_functional.gain.largest for wall in walls)),
-        missing=[wall.one_functional.missing for wall in walls],
-        held={
-            "preload": float(np.abs(preload).max()), "leaf": float(np.abs(leaf_springs).max())
-        },
+        rise=max(ROUNDING, 1.5 * max(run.gain.largest for run in ours)),
+        missing=[run.missing for run in ours],
+        preload=float(np.abs(preload).max()), leaf=float(np.abs(leaf_springs).max()),
     )  # fmt: skip
 
 

@@ -94,6 +94,11 @@ class Rig(NamedTuple):
     last: LastSphere
     shakers: ShakerForces
 
+    @property
+    def modulus(self) -> float:
+        """E* [Pa] of the contact of the last sphere, from Hertz' coefficient."""
+        return 0.75 * float(self.start.chain.A[-1]) / np.sqrt(self.last.law.radius)
+
     def body(self, coefficient: float, n_cells: int) -> Body:
         """Chain, contact and structure, with another coefficient of friction."""
         search = USUAL_SPATIAL_SEARCH._replace(n_cells=n_cells)
@@ -102,14 +107,13 @@ class Rig(NamedTuple):
 
 
 class ContactRun(NamedTuple):
-    """A run from a periodic state, its waves, and its contact."""
+    """A run observed, the error of its velocities [m/s], and of one from a periodic state the
+    contact: its state in the cycle before the striker, the share of the area that sticks and the
+    shaker's phase [degrees] as the wave arrives, the loop of a period [uJ]."""
 
     observed: Observed
-    state: str  # in the cycle before the striker
-    stick: float  # share of the area that sticks as the wave arrives
-    phase: float  # [degrees] of the shaker
-    energy: float  # [J] loop of a period
-    error: float  # [m/s] of the velocities
+    error: float
+    contact: tuple[str, float, float, float] | None = None
 
 
 class Difference(NamedTuple):
@@ -160,8 +164,8 @@ def friction(
         difference = between(sticks, slips)
         compared.append((case, slips, sticks, difference))
         rows.append(
-            (case.varied, case.value, slips.state, slips.stick, slips.phase, 1e6 * slips.energy,
-             1e6 * difference.arrival, *(1e3 * value for value in difference[1:]))
+            (case.varied, case.value, *slips.contact, 1e6 * difference.arrival,
+             *(1e3 * value for value in difference[1:]))
         )  # fmt: skip
 
     with progress("mechanisms"):
@@ -173,7 +177,7 @@ def friction(
 
     by_state: dict[str, list[Difference]] = {}
     for _, slips, _, difference in compared:
-        by_state.setdefault(slips.state, []).append(difference)
+        by_state.setdefault(slips.contact[0], []).append(difference)
     return concluded(
         __file__,
         COLUMNS,
@@ -244,8 +248,7 @@ def rig_of(scene: Scene, progress: Progress) -> Rig:
 
 def with_coefficient(rig: Rig, coefficient: float) -> LastSphere:
     """The last sphere on a contact of another coefficient: the law's bound is mu E*/G*."""
-    modulus = 0.75 * float(rig.start.chain.A[-1]) / np.sqrt(rig.last.law.radius)
-    bound = coefficient * modulus / rig.last.law.modulus
+    bound = coefficient * rig.modulus / rig.last.law.modulus
     return rig.last._replace(law=rig.last.law._replace(bound=bound))
 
 
@@ -292,13 +295,11 @@ def shaken_run(
     at = int((rise >= ARRIVED * rise.max()).argmax())
     stick = float(run.lateral.stick_share[at])
     shaker, phase = case.scene.shakers[0], float(np.degrees(body.shakers.phase[0]))
+    phase = (360.0 * shaker.frequency * float(run.trajectory.t[at]) + phase) % 360.0
     return ContactRun(
         observed(rig, run, spheres, label(case)),
-        name_of(state.stick),
-        stick,
-        (360.0 * shaker.frequency * float(run.trajectory.t[at]) + phase) % 360.0,
-        state.energy,
         fastest * run.trajectory.error_estimate + state.speed * state.error,
+        (name_of(state.stick), stick, phase, 1e6 * state.energy),
     )
 
 
@@ -353,11 +354,12 @@ def alone(
             n_save=options.n_save, search=search,
         )  # fmt: skip
         error = float(np.abs(v0).max()) * march.trajectory.error_estimate
-        return ContactRun(observed(rig, march, spheres, ""), "stick", 1.0, 0.0, 0.0, error)
+        return ContactRun(observed(rig, march, spheres, ""), error)
 
     def fixed(last: LastSphere) -> ContactRun:
         return run(stuck_wall(rig.wall, k_t, last, chain), clamped, options.sticking)
 
+    of_scene = float(rig.last.law.bound * rig.last.law.modulus / rig.modulus)  # coefficient
     none = run(stuck_wall(rig.wall, 0.0, clamped, chain), clamped, options.sticking)
     runs = {
         "all but the structure's coupling": run(
@@ -368,24 +370,18 @@ def alone(
         "coupling, arm that yields": fixed(sprung),
         "coupling, sphere that turns": fixed(turning),
         "all of these": run(rig.wall, rig.last, options.sticking),
-        "all of these, and slip": run(rig.wall, rig.last, float(coefficient_of(rig))),
+        "all of these, and slip": run(rig.wall, rig.last, of_scene),
     }
     return {name: between(none, each) for name, each in runs.items()}
-
-
-def coefficient_of(rig: Rig) -> float:
-    """The scene's coefficient of friction, of its law."""
-    modulus = 0.75 * float(rig.start.chain.A[-1]) / np.sqrt(rig.last.law.radius)
-    return rig.last.law.bound * rig.last.law.modulus / modulus
 
 
 def picture(compared: list[tuple], spheres: tuple[int, ...]) -> bytes:
     """PNG: what slip changes at each sphere over time, for the largest difference of each state."""
     chosen = {}
     for case, slips, sticks, difference in compared:
-        before = chosen.get(slips.state)
-        if before is None or difference.largest > before[3].largest:
-            chosen[slips.state] = (case, slips, sticks, difference)
+        state = slips.contact[0]
+        if state not in chosen or difference.largest > chosen[state][3].largest:
+            chosen[state] = (case, slips, sticks, difference)
     sets = []
     for sphere in spheres:
         lines = [

@@ -52,14 +52,6 @@ FREEDOMS = (
 BEST = 3  # of these: the fewest freedoms with a stiffness for the vertical direction and a turn
 
 
-class Conflict(NamedTuple):
-    """Where a curve puts one of modes 2 and 3 [Hz] when the other one is met."""
-
-    rigid: bool  # whether the joint's turn in the sheets' plane is
-    third: float
-    second: float
-
-
 def joints(scene: Scene, progress: Progress) -> Finding:
     """The conflict of modes 2 and 3, and joint stiffnesses that resolve it (thesis, table 5.3)."""
     with_assembly(scene)
@@ -96,12 +88,10 @@ def joints(scene: Scene, progress: Progress) -> Finding:
         (freedom.name, *fit.modes_hz.tolist(), miss, mac)
         for freedom, fit, miss, mac in zip(FREEDOMS, fits, misses, macs, strict=True)
     )
+
+    # where each curve puts mode 3 when mode 2 is met, and mode 2 when mode 3 is
     conflicts = [
-        Conflict(
-            rigid=bool(np.isinf(freedom.turn)),
-            third=float(np.interp(TARGETS[2], hz[:, 0], hz[:, 1])),
-            second=float(np.interp(TARGETS[3], hz[:, 1], hz[:, 0])),
-        )
+        (freedom.turn, np.interp(TARGETS[2], *hz.T), np.interp(TARGETS[3], *hz.T[::-1]))
         for freedom, hz in curves.items()
     ]
 

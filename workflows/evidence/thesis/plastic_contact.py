@@ -8,8 +8,6 @@ Hertz up to the yield overlap, then the pressure stays, unloading is elastic alo
 flattened sphere. Thesis, section 7.2; C. Thornton, J. Appl. Mech. 64 (1997) 383.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 import dem
@@ -34,21 +32,6 @@ FACTOR = 3.0  # thesis, section 7.2
 CONSTRAINT = 1.6  # contact yield stress over yield stress, K. L. Johnson, sec. 6.1
 # [Pa] of the softer material; assumed, from structural to quenched steel
 YIELD_STRESSES = (0.5e9, 0.75e9, 1.0e9)
-
-
-class LastContactLaw(NamedTuple):
-    """A law of the last contact, in the chain and for a lone sphere."""
-
-    run: Observed
-    restitution: float  # of the last sphere alone, thrown at the wall with the striker's speed
-
-
-class Later(NamedTuple):
-    """The last reflected wave that all laws send, by its delays against Hertz' law."""
-
-    number: int
-    stiff: float  # [s]
-    yielding: list[float]  # [s]
 
 
 def plastic_contact(scene: Scene, progress: Progress) -> Finding:
@@ -78,10 +61,10 @@ def plastic_contact(scene: Scene, progress: Progress) -> Finding:
         run = observed(setup, v0, duration=scene.time.duration, spheres=spheres)
         return require_echo(scene, run)
 
-    cases = []
+    runs, restitution = [], []
     with progress("contacts"):
         for name, law in laws.items():
-            run = impact(name, law)
+            runs.append(impact(name, law))
 
             # the last sphere alone, without the arm's mass and pull, thrown at the wall
             overlap = None if law.yield_overlap is None else law.yield_overlap[-1:]
@@ -90,78 +73,76 @@ def plastic_contact(scene: Scene, progress: Progress) -> Finding:
             thrown = dem.march(
                 alone, dem.rigid_wall(), np.array([speed]), duration=12 * natural, dt=natural / 200
             )
-            cases.append(LastContactLaw(run, float(-thrown.v[-1, 0] / speed)))
+            restitution.append(float(-thrown.v[-1, 0] / speed))
         rigid = impact("rigid", chain(hertz.but(wall=RigidWall(kind="rigid"))))
 
     rows = []
-    for case in cases:
-        run = case.run.trajectory
-        force = float(run.contact_force[:, -1].max())
-        contact_us = 1e6 * case.run.contact.contact_time.seconds
-        lost_percent = 100 * float(run.dissipated_contact[-1] / run.energy_kinetic[0])
-        waves = wave_cells(case.run, sphere, (1, 2))
-        rows.append((case.run.name, force, contact_us, case.restitution, lost_percent, *waves))
+    for run, rebound in zip(runs, restitution, strict=True):
+        march = run.trajectory
+        force = float(march.contact_force[:, -1].max())
+        contact_us = 1e6 * run.contact.contact_time.seconds
+        lost_percent = 100 * float(march.dissipated_contact[-1] / march.energy_kinetic[0])
+        waves = wave_cells(run, sphere, (1, 2))
+        rows.append((run.name, force, contact_us, rebound, lost_percent, *waves))
     columns = (
         "last contact", "force_N", "contact_us", "restitution", "lost_%",
         *wave_columns((1, 2)),
     )  # fmt: skip
 
     # delays of the second reflected wave, of the first where not all laws send a second
-    later = None
-    for number in (2, 1):
-        waves = [case.run.wave(sphere, "reflected", number) for case in cases]
+    delays = []
+    for later in (2, 1):
+        waves = [run.wave(sphere, "reflected", later) for run in runs]
         if None not in waves:
             of_hertz, *others = (wave.arrival.time for wave in waves)
-            stiff_delay, *yielding_delays = (time - of_hertz for time in others)
-            later = Later(number, stiff_delay, yielding_delays)
+            delays = [time - of_hertz for time in others]
             break
 
-    steel, stiff, *yielding = cases
+    steel = runs[0]
     peaks = [row[1] for row in rows]
 
     # force over approach while the last contact is not far open
     loops = []
-    for case in cases:
-        run = case.run.trajectory
-        approach = 1e6 * run.x[:, -1]
+    for run in runs:
+        approach, force = 1e6 * run.trajectory.x[:, -1], run.trajectory.contact_force[:, -1]
         closed = approach > -0.1 * approach.max()
-        loops.append(Line(case.run.name, approach[closed], run.contact_force[closed, -1]))
+        loops.append(Line(run.name, approach[closed], force[closed]))
 
     # forces of some contacts, and the largest pressure in each, at both walls
-    force, n = steel.run.trajectory.contact_force, len(elastic.A)
+    force, n = steel.trajectory.contact_force, len(elastic.A)
     forces = [
-        Line("at the wall" if k == n else f"spheres {k} and {k + 1}", steel.run.milliseconds,
+        Line("at the wall" if k == n else f"spheres {k} and {k + 1}", steel.milliseconds,
              force[:, k - 1])
         for k in (1, n // 2, n - 1, n)
     ]  # fmt: skip
     number = np.arange(1.0, n + 1)
     pressures = [
-        Line("wall of steel", number, 1e-9 * steel.run.pressures, "o-"),
+        Line("wall of steel", number, 1e-9 * steel.pressures, "o-"),
         Line("rigid surface", number, 1e-9 * rigid.pressures, "o-"),
     ]
 
-    name = steel.run.name
+    name = steel.name
     figure = [
         Panel("last contact: force over approach", "approach to the wall [µm]", "force [N]", loops),
         Panel(f"contact forces, {name} (figure 7.12)", "time [ms]", "force [N]", forces),
         Panel(
             f"largest pressure, {name}", f"contact, {n} at the wall", "pressure [GPa]", pressures
         ),
-        *(record(f"sphere {s}", [case.run for case in cases], s) for s in spheres),
+        *(record(f"sphere {s}", runs, s) for s in spheres),
     ]
     return concluded(
         __file__,
         columns,
         tuple(rows),
         panels(figure, columns=3, size=(4.8, 3.2)),
-        force=steel.run.trajectory.contact_force.max(axis=0).tolist(),
-        pressure=steel.run.pressures.tolist(),
+        force=steel.trajectory.contact_force.max(axis=0).tolist(),
+        pressure=steel.pressures.tolist(),
         rigid_pressure=rigid.pressures.tolist(),
         factor=FACTOR,
         change=[peak / peaks[0] - 1 for peak in peaks[1:]],
-        stiff=stiff,
-        yielding=yielding,
-        later=later,
+        restitution=restitution,
+        number=later,
+        delays=delays,
         sphere=sphere,
         stresses=YIELD_STRESSES,
         constraint=CONSTRAINT,

@@ -47,25 +47,6 @@ class ResonanceOptions(NamedTuple):
     balance: HarmonicBalance = HarmonicBalance()
 
 
-class ForceCurve(NamedTuple):
-    """A curve under one force, up and down in frequency."""
-
-    force: float  # [N]
-    up: list[CurvePoint]
-    down: list[CurvePoint]  # in order of frequency, too
-
-    @property
-    def peak(self) -> CurvePoint:
-        """The point of the largest motion."""
-        return max(self.up, key=lambda point: point.motion)
-
-    @property
-    def apart(self) -> float:
-        """Largest difference of the motion up and down, over the largest motion."""
-        pairs = zip(self.up, self.down, strict=True)
-        return max(abs(a.motion - b.motion) for a, b in pairs) / self.peak.motion
-
-
 def resonance(
     scene: Scene, progress: Progress, options: ResonanceOptions = ResonanceOptions()
 ) -> Finding:
@@ -79,7 +60,10 @@ def resonance(
         )
     rig = rig_of(scene, progress)
     body = rig.body(scene.friction.coefficient, options.n_cells)
-    free, stuck = linear_resonances(rig)
+
+    # [Hz] of the mode that the shaker moves most across at the contact: without friction, and on a
+    # contact that sticks
+    free, stuck = (equivalent_frequency(rig, k) for k in (0.0, rest_stiffness(rig)))
     low, high = (1.0 - options.beyond) * min(free, stuck), (1.0 + options.beyond) * max(free, stuck)
     frequencies = np.linspace(low, high, options.n_frequencies)
 
@@ -89,18 +73,19 @@ def resonance(
         except CouplingError as why:
             raise InvalidScene(f"{scene.name}: {why}") from None
 
-    curves = []
+    rows, curves = [], []  # curves under each force, up and down, in order of frequency
     for factor in counted(options.forces, progress, "{:g} of the force".format):
         force = factor * scene.shakers[0].force
         up = follow(frequencies, [force] * len(frequencies))
         down = follow(frequencies[::-1], [force] * len(frequencies))
-        curves.append(ForceCurve(force, up, down[::-1]))
-    rows = tuple(
-        (c.force, c.peak.frequency, 1e6 * c.peak.motion, 1e6 * c.peak.motion / c.force,
-         1e6 * c.peak.slip, c.peak.friction, 1e6 * c.peak.energy, name_of(c.peak.stick),
-         c.peak.damping, equivalent_frequency(rig, c.peak.stiffness), c.apart)
-        for c in curves
-    )  # fmt: skip
+        curves.append((force, up, down[::-1]))
+        peak = max(up, key=lambda point: point.motion)
+        apart = max(abs(a.motion - b.motion) for a, b in zip(up, down[::-1], strict=True))
+        rows.append(
+            (force, peak.frequency, 1e6 * peak.motion, 1e6 * peak.motion / force, 1e6 * peak.slip,
+             peak.friction, 1e6 * peak.energy, name_of(peak.stick), peak.damping,
+             equivalent_frequency(rig, peak.stiffness), apart / peak.motion)
+        )  # fmt: skip
 
     # the scene's frequency, over the force up and down, and marched in time
     frequency = scene.shakers[0].frequency
@@ -114,17 +99,11 @@ def resonance(
 
     figure = panels_of(curves, rising, falling, frequency)
     return concluded(
-        __file__, COLUMNS, rows, figure, Table("march", BESIDE, tuple(marched)),
-        free=free, stuck=stuck, curves=curves, rows=rows, options=options,
+        __file__, COLUMNS, tuple(rows), figure, Table("march", BESIDE, tuple(marched)),
+        free=free, stuck=stuck, rows=rows, options=options,
         marched=[abs(row[3] / row[4] - 1.0) for row in marched if row[4]],
         frequency=frequency, scene=scene,
     )  # fmt: skip
-
-
-def linear_resonances(rig: Rig) -> tuple[float, float]:
-    """Frequencies [Hz] of the mode that the shaker moves most across at the contact: without
-    friction, and on a contact that sticks."""
-    return equivalent_frequency(rig, 0.0), equivalent_frequency(rig, rest_stiffness(rig))
 
 
 def rest_stiffness(rig: Rig) -> float:
@@ -170,28 +149,27 @@ def marched_beside(
 
 
 def panels_of(
-    curves: list[ForceCurve], rising: list[CurvePoint], falling: list[CurvePoint], frequency: float
+    curves: list[tuple[float, list[CurvePoint], list[CurvePoint]]],
+    rising: list[CurvePoint],
+    falling: list[CurvePoint],
+    frequency: float,
 ) -> bytes:
     """Motion and loop over frequency, and over the force at the scene's frequency."""
     over, loops = [], []
-    for i, c in enumerate(curves):
-        f = np.array([point.frequency for point in c.up])
-        for points, style in ((c.up, "-"), (c.down, "o")):
-            name = f"{c.force:g} N" if style == "-" else None
-            per_force = np.array([1e6 * point.motion for point in points]) / c.force
+    for i, (force, up, down) in enumerate(curves):
+        f = np.array([point.frequency for point in up])
+        for points, style in ((up, "-"), (down, "o")):
+            name = f"{force:g} N" if style == "-" else None
+            per_force = np.array([1e6 * point.motion for point in points]) / force
             over.append(Line(name, f, per_force, style, i, 1.2))
             energy = np.array([1e6 * point.energy for point in points])
             loops.append(Line(name, f, np.maximum(energy, 1e-6), style, i, 1.2))
-    level = [
-        Line(name, np.array([p.force for p in points]), np.array([1e6 * p.motion for p in points]),
-             style, 0, 1.2)
-        for name, points, style in (("up", rising, "-"), ("down", falling, "o"))
-    ]  # fmt: skip
-    damping = [
-        Line(name, np.array([p.force for p in points]),
-             np.array([max(p.damping, 1e-6) for p in points]), style, 1, 1.2)
-        for name, points, style in (("up", rising, "-"), ("down", falling, "o"))
-    ]  # fmt: skip
+    level, damping = [], []
+    for name, points, style in (("up", rising, "-"), ("down", falling, "o")):
+        forces, motion = np.array([(p.force, 1e6 * p.motion) for p in points]).T
+        level.append(Line(name, forces, motion, style, 0, 1.2))
+        ratio = np.array([max(p.damping, 1e-6) for p in points])
+        damping.append(Line(name, forces, ratio, style, 1, 1.2))
     sets = [
         Panel("lines up, marks down", "frequency [Hz]", "motion over force [µm/N]", over),
         Panel("", "frequency [Hz]", "loop of a period [µJ]", loops, "y"),

@@ -80,31 +80,6 @@ class RigVariation(NamedTuple):
         return [verdict.holds for verdict in self.verdicts]
 
 
-class LightArms(NamedTuple):
-    """What an arm without mass shows, whatever pulls and presses: numbers of reflected waves by
-    sphere, and the distance of second waves before different walls."""
-
-    n_walls: int
-    seen: list[tuple[int, ...]]  # of every chain and wall
-    second: list[float]  # of the chains with a second wave
-    limits: DependenceLimits
-
-    @property
-    def n_as_wanted(self) -> int:
-        """Of the chains and walls, that show what the thesis sees."""
-        return self.seen.count(COUNTS)
-
-    @property
-    def most(self) -> tuple[int, ...]:
-        """The most waves, at the second sphere first."""
-        return max(self.seen, key=lambda counts: (counts == COUNTS, counts[1], counts[2]))
-
-    @property
-    def n_slight(self) -> int:
-        """Of the chains, with second waves that depend slightly on the wall."""
-        return sum(self.limits.unmoved <= value < self.limits.slight for value in self.second)
-
-
 def rig(scene: Scene, progress: Progress, options: RigOptions = RigOptions()) -> Finding:
     """What the thesis says of its experiment, against each unknown of the rig (section 7.2)."""
     require_rig(scene)
@@ -121,7 +96,8 @@ def rig(scene: Scene, progress: Progress, options: RigOptions = RigOptions()) ->
             cases.append(RigVariation(variation, runs, verdicts(variation.scene, runs, options)))
     default, *changed = cases
 
-    # an arm without mass: the waves that come back, and whether they depend on the wall
+    # an arm without mass: the waves that come back to each chain and wall, and the distance of the
+    # second ones before different walls
     tried = [wall for wall in walls if wall.name in (MAIN, HALF_SPACE, one_dof(240))]
     counts, second = [], []
     with progress("arm without mass"):
@@ -132,7 +108,7 @@ def rig(scene: Scene, progress: Progress, options: RigOptions = RigOptions()) ->
             counts += [tuple(len(run.reflected(sphere)) for sphere in SPHERES) for run in runs]
             second.append(spread(runs, 2, SPHERES[1:]))
     second = [value for value in second if not np.isnan(value)]
-    light_arms = LightArms(len(tried), counts, second, options.limits)
+    unmoved, slight, _ = options.limits
 
     # a row per variation: waves and statements counted, and by how much each reflected wave at
     # the outermost sphere is later [us] and higher [%], on a wall that the variation changes
@@ -176,17 +152,20 @@ def rig(scene: Scene, progress: Progress, options: RigOptions = RigOptions()) ->
         dissipation=float(np.max(scene.contact.coefficient)),
         radius=float(np.max(scene.chain.radius)),
         verdicts=default.verdicts,
-        kept=[sum(holds) for holds in zip(*(case.holding for case in changed), strict=True)],
+        holding=[sum(holds) for holds in zip(*(case.holding for case in changed), strict=True)],
         n_changes=len(changed),
-        held=sum(default.holding),
+        n_default=sum(default.holding),
         best=max(changed, key=lambda case: sum(case.holding)),
-        visible=options.record.visible,
+        options=options,
         spheres=SPHERES,
         n_waves=NUMBERS[-1],
         main=MAIN,
         one_mass=one_dof(907),
-        wide=options.late,
-        light=light_arms,
+        n_walls=len(tried),
+        counts=counts,
+        most_waves=max(counts, key=lambda seen: (seen == COUNTS, seen[1], seen[2])),
+        second=second,
+        n_slight=sum(unmoved <= value < slight for value in second),
         wanted=COUNTS,
         n_arms=len(options.light_arms),
     )

@@ -5,11 +5,9 @@ then force and reading differ. A patch converges with one functional for both, a
 beyond the half-space under it is the structure's alone. Thesis, figures 6.2 and 6.3.
 """
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 import fem
 from fem.trace import trace
@@ -35,21 +33,6 @@ class SingularityOptions(NamedTuple):
     spot: float = 1e-7  # [m] radius of the patch that reads a point; not varied
 
 
-class MeshCompliances(NamedTuple):
-    """One mesh; compliances [m/N], profiles (k,) [m/N] along y per unit force."""
-
-    seed: float  # [m]
-    n_dofs: int
-    node: float
-    recovery: float
-    patch: float
-    patch_structure: float  # without the half-space under the patch
-    node_structure: float  # without the half-space under the node
-    y: NDArray[np.float64]  # (k,) [m] from the contact
-    under_node: NDArray[np.float64]
-    under_patch: NDArray[np.float64]
-
-
 def singularity(
     scene: Scene, progress: Progress, options: SingularityOptions = SingularityOptions()
 ) -> Finding:
@@ -58,7 +41,10 @@ def singularity(
     steel, radius = stages.solid(scene, "block"), scene.patch.radius
     y, z = scene.patch.point
 
-    meshes, face = [], stages.struck(scene)
+    # compliances [m/N] of each mesh, and displacements (k,) [m/N] at y [m] from the contact under
+    # a unit force at the node and over the patch
+    n_dofs, compliances, profiles, face = [], [], [], stages.struck(scene)
+    along = np.linspace(-options.profile, options.profile, 321)
     for seed in counted(options.seeds, progress, lambda seed: f"contact seed {1e3 * seed:g} mm"):
         fine = scene.but(mesh={"contact_seed": seed})
         model = stages.model(fine, stages.mesh(fine))
@@ -77,60 +63,46 @@ def singularity(
         recovery = sum(spot.w for spot in spots) / 2
 
         # displacement into the wall along a line through the contact
-        along = np.linspace(-options.profile, options.profile, 321)
         offsets = np.column_stack([np.zeros_like(along), along, np.zeros_like(along)])
         P = trace(model.structure, face, patch.spot.point + offsets)[0::3]
-        profile = (patch.spot.inward[0] * (P @ model.T)) @ u
-        meshes.append(
-            MeshCompliances(
-                seed=seed,
-                n_dofs=model.M.shape[0],
-                node=float(of_node),
-                recovery=float(recovery @ u[:, 0]),
-                patch=float(of_patch),
-                patch_structure=float(of_patch - half_space[1]),
-                node_structure=float(of_node - half_space[0]),
-                y=along,
-                under_node=profile[:, 0],
-                under_patch=profile[:, 1],
-            )
-        )
+        profiles.append(((patch.spot.inward[0] * (P @ model.T)) @ u).T)
+        n_dofs.append(model.M.shape[0])
+        compliances.append(
+            (of_node, recovery @ u[:, 0], of_patch, of_patch - half_space[1],
+             of_node - half_space[0])
+        )  # fmt: skip
 
+    # what the structure has by itself, without the half-space under patch or node
+    at_node, at_recovery, at_patch, by_patch, by_node = np.transpose(compliances)
     # what the node sinks in by itself: like 1/h it doubles where the element size halves
-    sunk = [mesh.node - mesh.patch_structure for mesh in meshes]
-    growth = [finer / coarser for coarser, finer in pairwise(sunk)]
-    rows = tuple(
-        (1e3 * m.seed, m.n_dofs, m.node, itself, factor, m.recovery, m.patch, m.patch_structure,
-         m.node_structure)
-        for m, itself, factor in zip(meshes, sunk, [None, *growth], strict=True)
-    )  # fmt: skip
-
-    by_patch = np.array([mesh.patch_structure for mesh in meshes])
-    by_node = np.array([mesh.node_structure for mesh in meshes])
-    before_last, last = meshes[-2:]
+    sunk = at_node - by_patch
+    growth = (sunk[1:] / sunk[:-1]).tolist()
+    mm = [1e3 * seed for seed in options.seeds]
+    numbers = (sunk.tolist(), [None, *growth], *np.transpose(compliances)[1:].tolist())
+    rows = tuple(zip(mm, n_dofs, at_node.tolist(), *numbers, strict=True))
 
     # displacement of the face on each mesh, force at the node and force over the patch
     figure = []
-    limits = (0.0, 1.05e9 * max(mesh.under_node.max() for mesh in meshes))
-    for title, name in (
-        ("force at the node: depends on the mesh (figure 6.2)", "under_node"),
-        ("the same force over a patch: converged", "under_patch"),
+    limits = (0.0, 1.05e9 * max(under_node.max() for under_node, _ in profiles))
+    for title, under in (
+        ("force at the node: depends on the mesh (figure 6.2)", 0),
+        ("the same force over a patch: converged", 1),
     ):
         lines = [
-            Line(f"{1e3 * m.seed:g} mm at the contact", 1e3 * m.y, 1e9 * getattr(m, name))
-            for m in meshes
+            Line(f"{seed:g} mm at the contact", 1e3 * along, 1e9 * profile[under])
+            for seed, profile in zip(mm, profiles, strict=True)
         ]
         x_label, y_label = "y from the contact [mm]", "displacement [nm/N]"
         figure.append(Panel(title, x_label, y_label, lines, y_limits=limits))
 
     # convergence of what each reading has beyond the structure
-    seeds = np.array([1e3 * mesh.seed for mesh in meshes])
+    seeds = np.array(mm)
     lines = [
-        Line(words, seeds, 1e9 * (np.array([getattr(m, name) for m in meshes]) - by_patch), "o-")
-        for name, words in (
-            ("node", "contact node"),
-            ("recovery", "recovery points, force at the node (figure 6.3)"),
-            ("patch", "patch"),
+        Line(words, seeds, 1e9 * (compliance - by_patch), "o-")
+        for compliance, words in (
+            (at_node, "contact node"),
+            (at_recovery, "recovery points, force at the node (figure 6.3)"),
+            (at_patch, "patch"),
         )
     ]
     lines.append(Line("the structure itself", seeds, 1e9 * by_patch, "o-"))
@@ -153,9 +125,9 @@ def singularity(
         radius=radius,
         sunk=sunk,
         growth=growth,
-        last=last,
-        recovery_change=abs(last.recovery / before_last.recovery - 1),
-        patch_change=abs(last.patch / before_last.patch - 1),
+        local=at_recovery[-1] - by_patch[-1],
+        recovery_change=abs(at_recovery[-1] / at_recovery[-2] - 1),
+        patch_change=abs(at_patch[-1] / at_patch[-2] - 1),
         # a half-space at the distance of the recovery points, u = (1 - nu^2) F / (pi E r)
         dent=(1 - steel.poisson**2) / (np.pi * steel.young * radius),
         patch_spread=float(np.ptp(by_patch) / np.mean(by_patch)),

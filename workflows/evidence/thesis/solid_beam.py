@@ -16,7 +16,6 @@ from coupling.reduced_wall import wall_from_reduced
 from fem.hinged import euler_bernoulli
 from workflows.evidence.study import concluded, counted
 from workflows.evidence.thesis import bent
-from workflows.evidence.thesis.observed_run import Observed
 from workflows.evidence.thesis.wave_distance import distance
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
@@ -39,14 +38,6 @@ class SolidBeamOptions(NamedTuple):
     patch: float = 0.15  # of the thickness, radius of the patch, and up to
     largest_patch: float = 2e-3  # [m]
     cutoff_hz: float = 60e3  # up to which the solid's modes move one by one
-
-
-class BeamByTheory(NamedTuple):
-    """A beam by one theory at one thickness."""
-
-    theory: str
-    hz: np.ndarray  # (N_MODES,)
-    run: Observed
 
 
 def solid_beam(
@@ -80,33 +71,34 @@ def solid_beam(
             ("Euler-Bernoulli", thin, dem.Wall(thin, np.zeros(len(thin)), phi, residual)),
             ("solid", solid_omega[nearest], wall_of_solid),
         )
-        cases = []
-        for theory, omega, wall in theories:
-            run = bent.run(hinged, wall._replace(zeta=np.zeros(len(wall.omega))))
-            cases.append(BeamByTheory(theory, omega[:N_MODES] / (2 * np.pi), run))
-        solid = cases[-1]
+        runs = {
+            theory: bent.run(hinged, wall._replace(zeta=np.zeros(len(wall.omega))))
+            for theory, _, wall in theories
+        }
+        solid, hz_solid = runs["solid"], theories[-1][1][:N_MODES] / (2 * np.pi)
 
         # how far both theories are from the solid
-        of_solid = bent.tof_and_arr(solid.run.contact)
+        of_solid = bent.tof_and_arr(solid.contact)
         off = {"mm": 1e3 * thickness, "tof": [], "arr": [], "hz": []}
-        for case in cases:
-            tof, arr = bent.tof_and_arr(case.run.contact)
+        for theory, omega, _ in theories:
+            run, hz = runs[theory], omega[:N_MODES] / (2 * np.pi)
+            tof, arr = bent.tof_and_arr(run.contact)
             waves = float("nan")
-            if case is not solid:
-                waves = distance(case.run, solid.run, 1, tuple(case.run.labels))
+            if run is not solid:
+                waves = distance(run, solid, 1, tuple(run.labels))
                 off["tof"].append(1e6 * (tof - of_solid[0]))
                 off["arr"].append(arr / of_solid[1] - 1)
-                off["hz"].append(np.abs(case.hz / solid.hz - 1).max())
-            rows.append((
-                1e3 * thickness, case.theory, case.hz[0], case.hz[-1],
-                1e6 * case.run.contact.contact_time.seconds, 1e6 * tof, arr, waves,
-            ))  # fmt: skip
+                off["hz"].append(np.abs(hz / hz_solid - 1).max())
+            contact_us = 1e6 * run.contact.contact_time.seconds
+            rows.append((1e3 * thickness, theory, hz[0], hz[-1], contact_us, 1e6 * tof, arr, waves))
         worst.append(off)
 
-        sphere = max(solid.run.labels)
+        sphere = max(solid.labels)
         lines = [
-            Line(case.theory, case.run.milliseconds, case.run.velocity(sphere), style, i, 1.2)
-            for i, (case, style) in enumerate(zip(cases, ("-", ":", "--"), strict=True))
+            Line(theory, run.milliseconds, run.velocity(sphere), style, i, 1.2)
+            for i, ((theory, run), style) in enumerate(
+                zip(runs.items(), ("-", ":", "--"), strict=True)
+            )
         ]
         title = f"{1e3 * thickness:.3g} mm thick, sphere {sphere}"
         figure.append(Panel(title, "time [ms]", "velocity [m/s]", lines))

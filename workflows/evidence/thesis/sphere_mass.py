@@ -12,7 +12,7 @@ import numpy as np
 import dem
 from dem.waves.measures import exponent
 from workflows.evidence.study import concluded
-from workflows.evidence.thesis.observed_run import Observed, Setup, observed, round_trip
+from workflows.evidence.thesis.observed_run import Setup, observed, round_trip
 from workflows.evidence.thesis.requirements import bare, last, require_chain
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
@@ -41,15 +41,6 @@ class MassMeasures(NamedTuple):
     arr: float
 
 
-class MassCase(NamedTuple):
-    """Spheres of one mass."""
-
-    by: str  # what was changed to get there, one of CHANGED
-    mass: float  # [kg]
-    run: Observed
-    measures: MassMeasures
-
-
 def sphere_mass(
     scene: Scene, progress: Progress, options: SphereMassOptions = SphereMassOptions()
 ) -> Finding:
@@ -60,7 +51,7 @@ def sphere_mass(
     sphere, v0 = max(spheres), initial_velocity(scene)
 
     # chains of spheres like the scene's last one but for their mass, m ~ R^3 and m ~ rho
-    cases = []
+    rows, runs = [], []
     with progress("chains"):
         for by in CHANGED:
             for mass in options.masses:
@@ -80,23 +71,21 @@ def sphere_mass(
                     peak_force_N=float(run.trajectory.contact_force[:, -1].max()),
                     arr=run.contact.arr,
                 )
-                cases.append(MassCase(by, mass, run, measures))
+                rows.append((by, mass, *measures))
+                runs.append(run)
 
     # exponents p of measure ~ m^p
-    powers = {}
+    powers, of_measures = {}, {}
     for by in CHANGED:
-        columns = zip(*(case.measures for case in cases if case.by == by), strict=True)
-        powers[by] = MassMeasures(*(exponent(options.masses, column) for column in columns))
-
-    rows = tuple((case.by, case.mass, *case.measures) for case in cases)
-    striker_speed = cases[0].run.trajectory.v[0].max()
+        of_measures[by] = MassMeasures(*np.transpose([row[2:] for row in rows if row[0] == by]))
+        powers[by] = MassMeasures(*(exponent(options.masses, y) for y in of_measures[by]))
+    striker_speed = runs[0].trajectory.v[0].max()
 
     # velocities of the observed spheres, a panel for each mass of figure 2.9
     figure = []
-    for case in cases:
-        if case.by == "radius" and case.mass in FIGURE_2_9:
-            run, R = case.run, case.run.chain.radius[0]
-            title = f"{case.mass:g} kg, R = {1e3 * R:.1f} mm (figure 2.9)"
+    for (by, mass, *_), run in zip(rows, runs, strict=True):
+        if by == "radius" and mass in FIGURE_2_9:
+            title = f"{mass:g} kg, R = {1e3 * run.chain.radius[0]:.1f} mm (figure 2.9)"
             lines = [Line(f"sphere {s}", run.milliseconds, run.velocity(s)) for s in spheres]
             figure.append(Panel(title, "time [ms]", "velocity [m/s]", lines))
 
@@ -108,14 +97,15 @@ def sphere_mass(
     ):
         lines = []
         for by in CHANGED:
-            points = [(c.mass, getattr(c.measures, measure)) for c in cases if c.by == by]
-            power = round(getattr(powers[by], measure), 2) + 0.0
-            lines.append(Line(f"by {by}, power {power:+.2f}", *np.transpose(points), "o-"))
+            y, power = getattr(of_measures[by], measure), getattr(powers[by], measure)
+            label = f"by {by}, power {round(power, 2) + 0.0:+.2f}"
+            lines.append(Line(label, np.array(options.masses), y, "o-"))
         figure.append(Panel(name, "mass of a sphere [kg]", f"{name} [{unit}]", lines, "xy"))
 
     return concluded(
-        __file__, ("by", "mass_kg", *MassMeasures._fields), rows,
+        __file__, ("by", "mass_kg", *MassMeasures._fields), tuple(rows),
         panels(figure, columns=3, size=(4.4, 3)), power=powers, sphere=sphere,
-        peaks=[case.measures.peak_velocity_m_s / striker_speed for case in cases],
-        arr=[case.measures.arr for case in cases], contact=cases[0].run.contact,
+        peaks=[run.wave(sphere, "incident", 1).arrival.peak_velocity / striker_speed
+               for run in runs],
+        arr=[run.contact.arr for run in runs], contact=runs[0].contact,
     )  # fmt: skip

@@ -43,15 +43,6 @@ class SpeedMeasures(NamedTuple):
     peak_force_N: float  # in the middle of the chain
 
 
-class HeavyStriker(NamedTuple):
-    """A striker of another mass before a long free chain."""
-
-    ratio: float  # of its mass to a sphere's
-    trajectory: dem.Trajectory
-    share: float  # of the energy, in the leading wave
-    recoil: float  # its velocity at the end over that at the start
-
-
 def striker(
     scene: Scene, progress: Progress, options: StrikerOptions = StrikerOptions()
 ) -> Finding:
@@ -76,7 +67,7 @@ def striker(
     powers = SpeedMeasures(*(exponent(speeds, values) for values in columns))
 
     # a long free chain of equal spheres behind strikers of each mass, for 55 natural times
-    heavy = []
+    shares, final = [], []  # of the energy in the leading wave; velocities over the striker's
     with progress("masses"):
         material = (scene.chain.radius, scene.chain.density, scene.chain.young, scene.chain.poisson)
         of_first = (float(np.atleast_1d(value)[0]) for value in material)
@@ -89,12 +80,16 @@ def striker(
             struck = chain._replace(mass=mass)
             v0 = np.eye(len(mass))[0] * speed
             run = dem.march(struck, None, v0, duration=55 * unit, dt=0.05 * unit, n_save=1100)
-            share, recoil = leading_share(run, struck), float(run.v[-1, 0] / speed)
-            heavy.append(HeavyStriker(ratio, run, share, recoil))
+            shares.append(leading_share(run, struck))
+            final.append(run.v[-1] / speed)
+    published = [REFERENCE[ratio] for ratio in options.mass_ratios]
 
     rows = (
         *((f"{v:g} m/s", *m, None, None) for v, m in zip(options.speeds, measures, strict=True)),
-        *((f"mass x {h.ratio:g}", None, None, None, h.share, REFERENCE[h.ratio]) for h in heavy),
+        *(
+            (f"mass x {ratio:g}", None, None, None, share, reference)
+            for ratio, share, reference in zip(ratios, shares, published, strict=True)
+        ),
     )
 
     # records at the outermost sphere, and the power laws
@@ -113,24 +108,24 @@ def striker(
     # trains: velocities along the chain at the end, and the leader's share beside the published
     numbers = np.arange(1, options.n_spheres + 1.0)
     profiles = [
-        Line(f"mass x {h.ratio:g}", numbers, h.trajectory.v[-1] / np.abs(h.trajectory.v[0]).max())
-        for h in heavy
+        Line(f"mass x {ratio:g}", numbers, v) for ratio, v in zip(ratios, final, strict=True)
     ]
-    shares = [
-        Line("this run", ratios, np.array([h.share for h in heavy]), "o-"),
-        Line("reference", ratios, np.array([REFERENCE[ratio] for ratio in ratios]), "x", 1),
+    leaders = [
+        Line("this run", ratios, np.array(shares), "o-"),
+        Line("reference", ratios, np.array(published), "x", 1),
     ]
     title = f"{options.n_spheres} free spheres, at the end"
     mass, share = "striker's mass over a sphere's", "share of the energy"
     figure += [
         Panel(title, "sphere", "velocity over the striker's", profiles),
-        Panel("leading wave", mass, share, shares, "x"),
+        Panel("leading wave", mass, share, leaders, "x"),
     ]
 
     return concluded(
         __file__, ("striker", *SpeedMeasures._fields, "leader_share", "reference"), rows,
         panels(figure, columns=2, size=(5.4, 3.2)),
         power=powers, slowest=options.speeds[0], fastest=options.speeds[-1],
-        contact=columns.contact_us, off=max(abs(h.share - REFERENCE[h.ratio]) for h in heavy),
-        light=heavy[0], equal=next(h for h in heavy if h.ratio == 1.0), heavy=heavy[-1],
+        contact=columns.contact_us, off=float(np.abs(np.subtract(shares, published)).max()),
+        ratios=ratios, shares=shares, equal=shares[options.mass_ratios.index(1.0)],
+        recoil=final[0][0],
     )  # fmt: skip

@@ -6,7 +6,6 @@ critical modulus; they appear below it. Thesis, section 2.2.2, figure 2.8; J. Ya
 Rev. E 83 (2011) 046606.
 """
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +15,7 @@ import dem
 from dem.spheres import time_scale
 from dem.waves.measures import exponent
 from workflows.evidence.study import concluded
-from workflows.evidence.thesis.observed_run import Observed, RecordOptions, Setup, observed, record
+from workflows.evidence.thesis.observed_run import RecordOptions, Setup, observed, record
 from workflows.evidence.thesis.requirements import bare, last, require_chain
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
@@ -45,16 +44,6 @@ class WallModulusOptions(NamedTuple):
     drawn: tuple[float, ...] = (0.01, 0.1, 1.0, 10.0)  # ratios whose records are, or the nearest
 
 
-class WallModulusCase(NamedTuple):
-    """A wall by its ratio of moduli, and the run."""
-
-    ratio: float
-    young: float  # [Pa]
-    run: Observed
-    second: float  # largest velocity of the second reflected wave over the striker's
-    apart: float  # [s] the last two spheres are apart while the wall is touched
-
-
 def wall_modulus(
     scene: Scene, progress: Progress, options: WallModulusOptions = WallModulusOptions()
 ) -> Finding:
@@ -66,49 +55,45 @@ def wall_modulus(
 
     # walls from the softest to the stiffest, each until the wave is back at the striker:
     # 2.6 natural times of a sphere in the chain, 12 of the last one at the wall
-    cases = []
+    ratios, young, runs = options.ratios, options.ratios * last(scene.chain.young), []
     with progress("walls"):
-        for ratio in options.ratios:
-            young, nu = ratio * last(scene.chain.young), last(scene.chain.poisson)
-            row = bare(scene, dem.Flat(young, nu))
+        for ratio, E in zip(ratios, young, strict=True):
+            row = bare(scene, dem.Flat(E, last(scene.chain.poisson)))
             in_chain = time_scale(row.mass[0], row.A[0], speed)
             at_wall = time_scale(row.mass[-1], row.A[-1], speed)
             duration = 2.6 * len(row.mass) * in_chain + 12 * at_wall
             setup = Setup(f"{ratio:g}", row, dem.rigid_wall())
-            run = observed(setup, v0, duration=duration, spheres=spheres, options=followed)
-            cases.append(WallModulusCase(ratio, young, run, run.largest(2), run.parted))
+            runs.append(observed(setup, v0, duration=duration, spheres=spheres, options=followed))
 
-    gpa = {case.ratio: 1e-9 * case.young for case in cases}
-    seconds = [case.run.contact.contact_time.seconds for case in cases]
-    tau = [case.run.contact.tau_c for case in cases]
-    rows = tuple(
-        (
-            case.ratio, gpa[case.ratio], 1e6 * contact_time, case.run.contact.tau_c,
-            case.run.contact.arr, case.second, 1e6 * case.apart,
-        )
-        for case, contact_time in zip(cases, seconds, strict=True)
-    )  # fmt: skip
+    # largest velocity of the second reflected wave over the striker's, and the time for which the
+    # last two spheres are apart while the wall is touched
+    second, apart_us = [run.largest(2) for run in runs], [1e6 * run.parted for run in runs]
+    gpa = 1e-9 * young
+    seconds = np.array([run.contact.contact_time.seconds for run in runs])
+    tau, arr = [run.contact.tau_c for run in runs], [run.contact.arr for run in runs]
+    contact_us = (1e6 * seconds).tolist()
+    rows = tuple(zip(ratios, gpa.tolist(), contact_us, tau, arr, second, apart_us, strict=True))
 
     # T_c ~ A^p where the wall alone decides; with one constant tau_c p would be -0.4
-    very_soft = [i for i, case in enumerate(cases) if case.ratio < options.very_soft]
-    slope = exponent([cases[i].run.chain.A[-1] for i in very_soft], [seconds[i] for i in very_soft])
-    gone = critical(cases, options.faded)
+    very_soft = ratios < options.very_soft
+    slope = exponent(np.array([run.chain.A[-1] for run in runs])[very_soft], seconds[very_soft])
+    second = np.array(second)
+    gone = critical(second, options.faded)
     # 1 / (2**1.5 - 1): ratio at which the wall's contact is as stiff as the spheres'
 
     # over the modulus: contact time, tau_c, and the second wave with where it fades out
     modulus = "Young's modulus of the wall [GPa]"
-    x, second = np.array(list(gpa.values())), np.array([case.second for case in cases])
-    fading = [Line(None, x, second, "o-")]
+    fading = [Line(None, gpa, second, "o-")]
     if gone:
-        middle = np.mean([gpa[ratio] for ratio in gone])
+        middle = np.mean(gpa[gone])
         ends = np.array([0, 1.1 * second.max()])
         fading.append(Line("fades out", np.full(2, middle), ends, ":", 1))
-    microseconds = Line(None, x, 1e6 * np.array(seconds), "o-")
+    microseconds = Line(None, gpa, 1e6 * seconds, "o-")
     figure = [
         Panel("contact time (figure 2.8)", modulus, "contact time [µs]", [microseconds], "xy"),
         Panel(
             "dimensionless contact time", modulus, "tau_c [-]",
-            [Line(None, x, np.array(tau), "o-")], "x",
+            [Line(None, gpa, np.array(tau), "o-")], "x",
         ),
         Panel(
             "second reflected wave (figure 2.8)", modulus, "velocity over the striker's",
@@ -118,8 +103,8 @@ def wall_modulus(
 
     # records of a few walls at the outermost sphere
     sphere = max(spheres)
-    nearest = [min(cases, key=lambda c: abs(np.log(c.ratio / ratio))) for ratio in options.drawn]
-    walls = [case.run._replace(name=f"E = {short(gpa[case.ratio])} GPa") for case in nearest]
+    nearest = [int(np.abs(np.log(ratios / ratio)).argmin()) for ratio in options.drawn]
+    walls = [runs[i]._replace(name=f"E = {short(float(gpa[i]))} GPa") for i in nearest]
     figure.append(record(f"sphere {sphere}: a soft wall reflects later, and twice", walls, sphere))
 
     return concluded(
@@ -127,28 +112,25 @@ def wall_modulus(
         COLUMNS,
         rows,
         panels(figure, columns=2, size=(5.4, 3.2)),
-        faded=options.faded,
+        options=options,
         published=PUBLISHED,
-        critical=gone,
-        critical_young=gone and [gpa[ratio] for ratio in gone],
-        least=min((case for case in cases if case.ratio < 1.0), key=lambda case: case.second),
-        below=cases[0].second > cases[-1].second,
-        soft=options.soft,
-        stiff=max(case.second for case in cases if case.ratio > options.soft),
-        parted=max((case.ratio for case in cases if case.apart > 0.0), default=None),
+        critical=ratios[gone],
+        critical_young=gpa[gone],
+        least=min(zip(second[ratios < 1.0], ratios, strict=False)),
+        below=second[0] > second[-1],
+        stiff=second[ratios > options.soft].max(),
+        parted=max(ratios[np.array(apart_us) > 0.0], default=None),
         equal=1 / (2**1.5 - 1),
         slope=slope,
         tau=tau,
     )
 
 
-def critical(cases: list[WallModulusCase], faded: float) -> tuple[float, float] | None:
-    """The neighbouring ratios between which the second wave of a soft wall falls to `faded` of the
-    striker's speed, if it does.
+def critical(second: NDArray[np.float64], faded: float) -> list[int]:
+    """Places of two neighbouring walls, from the softest on, between which the second wave (k,) of
+    a soft one falls to `faded` of the striker's speed; none if it does not.
 
     Of a stiff wall there is another one, which the first may pass into.
     """
-    for softer, stiffer in pairwise(sorted(cases, key=lambda case: case.ratio)):
-        if softer.second > faded >= stiffer.second:
-            return softer.ratio, stiffer.ratio
-    return None
+    falls = (second[:-1] > faded) & (second[1:] <= faded)
+    return [int(falls.argmax()), int(falls.argmax()) + 1] if falls.any() else []

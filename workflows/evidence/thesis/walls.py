@@ -24,7 +24,6 @@ from workflows.evidence.thesis.observed_run import (
 from workflows.evidence.thesis.requirements import require_chain, require_echo, require_rig
 from workflows.evidence.thesis.wave_distance import (
     DependenceLimits,
-    dependence,
     distance,
     overall,
     similarity,
@@ -125,10 +124,13 @@ def walls(
         return similarity(runs, name, one_dof(hz), masses=masses, number=N_WAVES, spheres=spheres)
 
     # the rigid wall has another surface, and so another contact: judged by itself
-    waves = {
-        k: dependence([run for name, run in runs.items() if name != RIGID], k, spheres)
-        for k in NUMBERS
-    }
+    same_surface = [run for name, run in runs.items() if name != RIGID]
+    waves = {}
+    for k in NUMBERS:
+        at_each = {sphere: spread(same_surface, k, (sphere,)) for sphere in spheres}
+        by_sphere = {sphere: value for sphere, value in at_each.items() if not isnan(value)}
+        at_all = spread(same_surface, k, spheres)
+        waves[k] = {"distance": None if isnan(at_all) else at_all, "by_sphere": by_sphere}
     bodies = [runs[name] for name in (*MOVING, *ROMS) if name in runs]
     early = [spread(bodies, k, spheres) for k in NUMBERS[:-1]]
     rigid = distance(runs[RIGID], runs[HALF_SPACE], 1, spheres)
@@ -140,12 +142,10 @@ def walls(
         similarities=[like(name, hz) for name, hz in ALIKE],
         unlike=like("ROM 269", 269),
         waves=waves,
-        independent=[s for s in spheres if waves[1].by_sphere.get(s, inf) < limits.unmoved],
+        independent=[s for s in spheres if waves[1]["by_sphere"].get(s, inf) < limits.unmoved],
         rigid=None if isnan(rigid) else rigid,
         second_at=4,  # the sphere at which the thesis sees it most
-        unmoved=limits.unmoved,
-        slight=limits.slight,
-        strong=limits.strong,
+        limits=limits,
     )
 
     records = [

@@ -8,7 +8,6 @@ passes: 0 for equal waves, sqrt(2) for waves that do not meet.
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations
-from math import isnan
 from typing import NamedTuple
 
 import numpy as np
@@ -131,32 +130,10 @@ class DependenceLimits(NamedTuple):
     strong: float = 0.5  # above it a wave depends strongly on it
 
 
-class Dependence(NamedTuple):
-    """Largest distance of two walls in a reflected wave; None, and no sphere, if none sends it."""
-
-    distance: float | None
-    by_sphere: dict[int, float]
-
-
-def dependence(runs: list[Observed], number: int, spheres: tuple[int, ...]) -> Dependence:
-    """How much the reflected wave `number` depends on the wall, at all spheres and at each."""
-    at_all = spread(runs, number, spheres)
-    spreads = {sphere: spread(runs, number, (sphere,)) for sphere in spheres}
-    by_sphere = {sphere: value for sphere, value in spreads.items() if not isnan(value)}
-    return Dependence(None if isnan(at_all) else at_all, by_sphere)
-
-
-class Felt(NamedTuple):
-    """Largest velocity differences of two runs over the striker's velocity."""
-
-    first: float  # until the first reflected wave has passed
-    later: float
-    at: float  # [s] where the later ones first exceed the threshold, nan where they do not
-
-
-def felt(free: Observed, loaded: Observed, noticed: float) -> Felt:
-    """How far two runs differ at the observed spheres before and after the first reflected wave's
-    end; a difference is noticed above this share of the striker's velocity."""
+def felt(free: Observed, loaded: Observed, noticed: float) -> tuple[float, float, float]:
+    """Largest velocity differences of two runs at the observed spheres, over the striker's
+    velocity, until the first reflected wave has passed and later; and when [s] the later ones
+    first exceed `noticed`, nan where they do not."""
     t, v0 = free.trajectory.t, np.abs(free.trajectory.v[0]).max()
     first, later = [], []
     for sphere in free.labels:
@@ -173,4 +150,4 @@ def felt(free: Observed, loaded: Observed, noticed: float) -> Felt:
 
     largest = np.max(later, axis=0)
     at = float(t[np.argmax(largest > noticed)]) if largest.max() > noticed else float("nan")
-    return Felt(max(first), float(largest.max()), at)
+    return max(first), float(largest.max()), at

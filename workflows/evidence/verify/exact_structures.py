@@ -4,7 +4,6 @@ from collections.abc import Iterator
 
 import numpy as np
 from scipy.linalg import eigh
-from skfem import MeshHex
 
 import fem
 from coupling import RayleighDamping, damping_ratios
@@ -13,6 +12,7 @@ from fem.factorisation import factorised
 from fem.hinged import euler_bernoulli, lamb_hz
 from geometry.grid_lines import graded
 from workflows.evidence.harness import Comparison, compared
+from workflows.evidence.verify.blocks import block, held_block
 from workflows.evidence.verify.exact_reductions import JOHNSON, sphere_on_modes
 
 STEEL = fem.Material(210e9, 0.3, 7850.0)
@@ -30,12 +30,11 @@ def structures() -> Iterator[Comparison]:
     # quadratic elements falls with the fourth power of their length
     length, j = 0.5, np.arange(1, 4)
     exact = (2 * j - 1) / (4 * length) * np.sqrt(STEEL.young / STEEL.density)
-    sides = {"-x": (0, 0.0), "-y": (1, 0.0), "+y": (1, 5e-3), "-z": (2, 0.0), "+z": (2, 5e-3)}
-    rollers = {side: side[1] for side in sides}
+    rollers = {side: side[1] for side in ("-x", "-y", "+y", "-z", "+z")}
     hz = []
     for n in (8, 16):
         lines = (np.linspace(0, length, n + 1), *[(0.0, 5e-3)] * 2)
-        hz.append(_natural_hz(lines, sides, STEEL._replace(poisson=0.0), rollers)[:3])
+        hz.append(_natural_hz(lines, STEEL._replace(poisson=0.0), rollers)[:3])
     yield compared("rod of 16 elements, three frequencies [Hz]", hz[1], exact,
                    allowed=1e-4, source=ROD)  # fmt: skip
     coarse, fine = (f[2] / exact[2] - 1 for f in hz)
@@ -45,12 +44,11 @@ def structures() -> Iterator[Comparison]:
     # bending in plane strain between ends that only move along: standing waves of Lamb's
     length, height = 0.2, 0.02
     exact = np.array([lamb_hz(k, height / 2, STEEL) for k in np.arange(1, 4) * np.pi / length])
-    sides = {"-x": (0, 0.0), "+x": (0, length), "-y": (1, 0.0), "+y": (1, 0.01)}
-    rollers = {side: "z" if side[1] == "x" else "y" for side in sides}
+    rollers = {"-x": "z", "+x": "z", "-y": "y", "+y": "y"}
     hz = []
     for n in (8, 16):
         lines = (np.linspace(0, length, n + 1), [0, 0.01], np.linspace(0, height, n // 8 + 1))
-        hz.append(_natural_hz(lines, sides, STEEL, rollers)[1:4])
+        hz.append(_natural_hz(lines, STEEL, rollers)[1:4])
     yield compared("strip of 16 x 2 elements, three frequencies [Hz]", hz[1], exact,
                    allowed=2e-3, source=LAMB)  # fmt: skip
     coarse, fine = (f[2] / exact[2] - 1 for f in hz)
@@ -65,7 +63,7 @@ def structures() -> Iterator[Comparison]:
     # a block: compliance under the patch, its half-space on the same mesh, and their difference
     seed = 4e-3
     across = [graded(-side / 2, side / 2, 0.0, seed, 12e-3) for side in SIDES[1:]]
-    model = _clamped_block(graded(0.0, SIDES[0], SIDES[0], seed, 12e-3), *across)
+    model = held_block(graded(0.0, SIDES[0], SIDES[0], seed, 12e-3), *across, material=STEEL)
     solver = factorised(model.K)
     for weights, pressure in (("hertz", "Hertz'"), ("area", "even")):
         patch = fem.contact_patch(model, "block:+x", (0.0, 0.0), 6.4e-3, weights=weights)
@@ -88,20 +86,11 @@ def structures() -> Iterator[Comparison]:
                    allowed=5e-3, of=1.0, source="the thesis, (6.1)")  # fmt: skip
 
 
-def _natural_hz(
-    lines, sides: dict[str, tuple[int, float]], material: fem.Material, rollers: dict[str, str]
-) -> np.ndarray:
-    """All natural frequencies [Hz] of a bar of hexahedra on these grid lines.
-
-    `sides` names faces by axis and coordinate [m]; each is held in the directions of `rollers`.
-    """
-    mesh = MeshHex.init_tensor(*(np.asarray(line, float) for line in lines)).with_boundaries({
-        side: lambda x, axis=axis, at=at: np.abs(x[axis] - at) < 1e-9
-        for side, (axis, at) in sides.items()
-    })  # fmt: skip
-    bar = fem.assemble({"bar": mesh}, {"bar": material})
-    supports = [fem.Held(f"bar:{side}", directions) for side, directions in rollers.items()]
-    model = fem.joined(bar, fem.Connections(held=supports))
+def _natural_hz(lines, material: fem.Material, rollers: dict[str, str]) -> np.ndarray:
+    """All natural frequencies [Hz] of a bar of hexahedra on these grid lines, whose faces are held
+    in the directions of `rollers`."""
+    supports = [fem.Held(f"block:{side}", directions) for side, directions in rollers.items()]
+    model = fem.joined(block(*lines, material=material), fem.Connections(held=supports))
     squared = eigh(model.K.toarray(), model.M.toarray(), eigvals_only=True)
     return np.sqrt(np.abs(squared)) / (2 * np.pi)
 
@@ -116,7 +105,7 @@ def contact_node() -> Iterator[Comparison]:
             for end in (SIDES[0], SIDES[1] / 2, SIDES[2] / 2)
         ]
         across = [np.append(-line[:0:-1], line) for line in outward[1:]]
-        model = _clamped_block(SIDES[0] - outward[0][::-1], *across)
+        model = held_block(SIDES[0] - outward[0][::-1], *across, material=STEEL)
         w = fem.node_patch(model, "block:+x", [(0.0, 0.0)]).w
         compliances.append(w @ factorised(model.K).solve(w))
     compliances = np.array(compliances)
@@ -125,12 +114,3 @@ def contact_node() -> Iterator[Comparison]:
     yield compared("struck block, growth of it at half the element",
                    compliances[1:] / compliances[:-1], 2.0,
                    allowed=0.03, of=1.0, source=POINT)  # fmt: skip
-
-
-def _clamped_block(*lines: np.ndarray) -> fem.Model:
-    """The steel block on these grid lines, clamped at -x."""
-    mesh = MeshHex.init_tensor(*lines).with_boundaries({
-        "+x": lambda x: np.abs(x[0] - SIDES[0]) < 1e-9, "-x": lambda x: np.abs(x[0]) < 1e-9,
-    })  # fmt: skip
-    block = fem.assemble({"block": mesh}, {"block": STEEL})
-    return fem.joined(block, fem.Connections(held=[fem.Held("block:-x")]))

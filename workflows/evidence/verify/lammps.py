@@ -104,14 +104,6 @@ def _input_script(spheres: LammpsSpheres, v0: NDArray[np.float64], wall: bool) -
     return script
 
 
-class LammpsCase(NamedTuple):
-    """Spheres, how many, at a wall of the last one's material or free."""
-
-    spheres: LammpsSpheres
-    n: int
-    wall: bool
-
-
 RIG = LammpsSpheres(0.0127, 7800.0, 210e9, 0.3)  # the rig's
 BRASS = np.arange(17) % 2 == 1
 DIMER = RIG._replace(
@@ -120,12 +112,13 @@ DIMER = RIG._replace(
     poisson=np.where(BRASS, 0.34, RIG.poisson),
 )
 TAPERED = RIG._replace(radius=RIG.radius * 0.95 ** np.arange(12))
+# spheres, how many, and whether they stand at a wall of the last one's material or free
 CASES = {
-    "17 spheres at a wall": LammpsCase(RIG, 17, True),
-    "17 free spheres": LammpsCase(RIG, 17, False),
-    "dimer of steel and brass at a wall": LammpsCase(DIMER, 17, True),
-    "tapered by 5 % at a wall": LammpsCase(TAPERED, 12, True),
-    "9 spheres at a wall, linear dampers": LammpsCase(RIG._replace(damping=10.0), 9, True),
+    "17 spheres at a wall": (RIG, 17, True),
+    "17 free spheres": (RIG, 17, False),
+    "dimer of steel and brass at a wall": (DIMER, 17, True),
+    "tapered by 5 % at a wall": (TAPERED, 12, True),
+    "9 spheres at a wall, linear dampers": (RIG._replace(damping=10.0), 9, True),
 }
 
 

@@ -34,8 +34,8 @@ def thesis_tables() -> Iterator[Comparison]:
     rig = scene("rig-rom", ())
     for row in table_52(rig, quiet).rows:
         yield _worst(f"table 5.2, {row.model}", row, [*range(4)], FITTED, "the thesis, table 5.2")
-    for tuning, row in zip(TABLE_53, table_53(rig, quiet).rows, strict=True):
-        matched = [i - 1 for i in tuning.match]
+    for match, row in zip(TABLE_53.values(), table_53(rig, quiet).rows, strict=True):
+        matched = [i - 1 for i in match]
         source = HAMMER if "not in the thesis" in row.model else "the thesis, table 5.3"
         yield _worst(f"table 5.3, {row.model}", row, matched, FITTED, source)
         if unmatched := sorted({*range(4)} - {*matched}):

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from skfem import MeshHex
 
 import fem
 import rom
@@ -13,6 +12,7 @@ from coupling.spatial_wall import SpatialWall
 from fem.factorisation import Factor, factorised
 from geometry.grid_lines import graded
 from workflows.evidence.harness import Comparison, compared
+from workflows.evidence.verify.blocks import held_block
 
 STEEL = fem.Material(210e9, 0.3, 7850.0)
 G = STEEL.young / (2 * (1 + STEEL.poisson))
@@ -82,21 +82,14 @@ def three_directions() -> Iterator[Comparison]:
 
 def _held(*lines: np.ndarray, material: fem.Material = STEEL) -> Held:
     """A bar of hexahedra between these grid lines along x, y and z [m], held at its lower end."""
-    mesh = MeshHex.init_tensor(*(np.asarray(line, float) for line in lines))
-    ends = {
-        f"{sign}{axis}": lambda x, i=i, at=lines[i][j]: np.abs(x[i] - at) < 1e-9
-        for i, axis in enumerate("xyz")
-        for sign, j in (("-", 0), ("+", -1))
-    }
-    bar = fem.assemble({"bar": mesh.with_boundaries(ends)}, {"bar": material})
-    model = fem.joined(bar, fem.Connections(held=[fem.Held("bar:-x")]))
+    model = held_block(*lines, material=material)
     return Held(model, factorised(model.K), material)
 
 
 def _across(held: Held, at: tuple[float, float], radius: float) -> tuple[np.ndarray, np.ndarray]:
     """Compliances (2,) [m/N] along t1 and t2 less the half-space's on the mesh, and these."""
-    patch = fem.contact_patch(held.model, "bar:+x", at, radius)
-    local = np.diag(fem.half_space_matrix(held.model, "bar:+x", patch, held.material))[1:]
+    patch = fem.contact_patch(held.model, "block:+x", at, radius)
+    local = np.diag(fem.half_space_matrix(held.model, "block:+x", patch, held.material))[1:]
     whole = [direction.w @ held.factor.solve(direction.w) for direction in patch.across(held.model)]
     return np.array(whole) - local, local
 
@@ -109,8 +102,8 @@ def _wall(
     counts = {"x": 6, "y": 7, "z": 4}
     lines = [np.linspace(-SIDES[a] / 2, SIDES[a] / 2, counts[a] + 1) for a in order]
     model, factor, _ = _held(*lines)
-    patch = fem.contact_patch(model, "bar:+x", at, 3e-3)
-    shaker = fem.contact_patch(model, f"bar:{shaken}", shaken_at, 4e-3, weights="area").w
+    patch = fem.contact_patch(model, "block:+x", at, 3e-3)
+    shaker = fem.contact_patch(model, f"block:{shaken}", shaken_at, 4e-3, weights="area").w
     W = np.column_stack([patch.w, *(direction.w for direction in patch.across(model)), shaker])
     selection = rom.Selection(25, to_hz=TO_HZ, choice="contact")
     solver = {"factor": factor, "factorise": factorised}
@@ -118,7 +111,7 @@ def _wall(
     reduced, columns = rom.with_columns(
         reduced, model.K, model.M, W[:, 1:], options=rom.ColumnOptions(TO_HZ), **solver
     )
-    local = fem.half_space_matrix(model, "bar:+x", patch, STEEL)
+    local = fem.half_space_matrix(model, "block:+x", patch, STEEL)
     columns = rom.Columns(columns[:, :2], local, patch.axes, load=columns[:, 2:])
     static = W.T @ factor.solve(np.asfortranarray(W))
     return spatial_wall_of(reduced._replace(columns=columns)), static

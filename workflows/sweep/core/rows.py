@@ -19,7 +19,9 @@ ACROSS = (
     "stick_share_at_impact",
 )  # fmt: skip
 TEXT = ("status", "message")
-OF_SPHERE = ("incident_s", "incident_m_s", "reflected_s", "reflected_m_s", "tof_s", "arr")
+OF_SPHERE = (
+    "incident_s", "incident_m_s", "reflected_s", "reflected_m_s", "echo_delay_s", "echo_ratio"
+)  # fmt: skip
 LARGE_ERROR = 0.05  # of velocities, in parts of the striker's; a row and the terminal warn of it
 Array = np.ndarray
 
@@ -51,9 +53,9 @@ def measured(
     m, columns = len(v), {}
     for j, sphere in enumerate(spheres):
         waves = passages(t, v[:, :, j])
-        # time of flight and amplitude ratio of the reflected over the incident wave
-        tof, arr = waves[:, 2] - waves[:, 0], np.abs(waves[:, 3] / waves[:, 1])
-        for name, values in zip(OF_SPHERE, (*waves.T, tof, arr), strict=True):
+        # of the reflected wave after and over the incident one
+        delay, ratio = waves[:, 2] - waves[:, 0], np.abs(waves[:, 3] / waves[:, 1])
+        for name, values in zip(OF_SPHERE, (*waves.T, delay, ratio), strict=True):
             columns[f"sphere_{sphere}_{name}"] = values.tolist()
     columns["wall_peak_force_N"] = wall_force.max(axis=1).tolist()
     columns["wall_peak_s"] = t[wall_force.argmax(axis=1)].tolist()

@@ -1,0 +1,316 @@
+"""Parts known by their receptances, joined to the assembly: where their points are on it."""
+
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag, eigh
+
+import coupling
+import fem
+import rom
+from fem.assembly_modes import AssemblyModes
+from fem.modes import SHIFT_HZ
+from fem.trace import OffFace
+from rom.passive_matrix import refitted
+from workflows.files.measured_part import AXES, PartReceptances, receptances
+from workflows.scene import InvalidScene, Scene
+from workflows.scene.measured import MeasuredTable
+from workflows.scene.places import part_face
+from workflows.stages.cache import key, memory
+from workflows.stages.chain import Start
+from workflows.stages.parts import Parts
+from workflows.stages.targets import axes_of_test
+
+# [m] of a measured point from the plane of its face, over the disc's radius, beyond which axes or
+# units are taken to be wrong; chosen, not varied
+FARTHEST = 2.0
+
+
+class ErrorOptions(NamedTuple):
+    """How the error of a fit is found; none of the values was varied."""
+
+    draws: int = 3  # fits of the responses with their residuals at random phases
+    band: float = 0.8  # of the highest frequency, up to which another fit reads
+
+
+class FittedPart(NamedTuple):
+    """The fit of a part's receptances and others that differ by its errors."""
+
+    receptances: PartReceptances
+    fit: rom.MatrixFit
+    by_noise: tuple[rom.MatrixFit, ...]  # of the fit plus its residuals at random phases
+    by_band: rom.MatrixFit  # of the lower part of the band
+
+    @property
+    def synthetic(self) -> bool:
+        """Whether the file says that its responses were computed."""
+        return "SYNTHETIC" in self.receptances.title.upper()
+
+
+def fitted_part(table: MeasuredTable) -> FittedPart:
+    """The fit of a part's responses, made again only where file or keys have changed; raises
+    InvalidScene for a file that has them not."""
+    status = Path(table.receptance).stat() if Path(table.receptance).is_file() else None
+    stamp = status and (status.st_mtime_ns, status.st_size, status.st_ino)
+    read = ("name", "receptance", "unit", "points", "directions", "highest")
+    return _fitted(tuple((k, getattr(table, k)) for k in read), stamp)
+
+
+@lru_cache(maxsize=8)
+def _fitted(keys: tuple, stamp: tuple[int, int, int] | None) -> FittedPart:
+    table = MeasuredTable.model_construct(**dict(keys))
+    part = receptances(table)
+    contents = [part.frequency_hz.tolist(), part.H.view(float).ravel().tolist()]
+    store = memory()
+    fits = fits_of if store is None else store.cache(fits_of, ignore=["part"])
+    try:
+        fit, by_noise, by_band = fits(key("measured", contents, [], __name__), part)
+    except rom.ReductionError as error:
+        raise InvalidScene(
+            f"measured.{table.name}: {table.receptance}: {str(error).rstrip('.')}."
+        ) from None
+    return FittedPart(part, fit, by_noise, by_band)
+
+
+def fits_of(
+    content: str, part: PartReceptances
+) -> tuple[rom.MatrixFit, tuple[rom.MatrixFit, ...], rom.MatrixFit]:
+    """The fit of receptances, those of its residuals at random phases, and that of the lower part
+    of the band; raises ReductionError. `content` names them in the cache."""
+    f, H, options = part.frequency_hz, part.H, ErrorOptions()
+    of_matrix = rom.MatrixOptions(most_free=rigid_motions(part))
+    fit = rom.passive_matrix_fit(f, H, of_matrix=of_matrix)
+    model, rng = rom.matrix_receptance(fit, f), np.random.default_rng(0)
+    by_noise = []
+    for _ in range(options.draws):
+        phase = np.exp(2j * np.pi * rng.random(H.shape))
+        phase = np.triu(phase) + np.triu(phase, 1).swapaxes(1, 2)
+        by_noise.append(refitted(f, model + (H - model) * phase, fit))
+    inside = f <= options.band * f[-1]
+    return fit, tuple(by_noise), refitted(f[inside], H[inside], fit)
+
+
+def with_parts(
+    scene: Scene,
+    mesh: Parts,
+    structure: fem.Structure,
+    fits: dict[str, rom.MatrixFit] | None = None,
+) -> fem.Structure:
+    """The structure joined to the scene's measured parts, with their fits or others by their names;
+    raises InvalidScene for points that are not on the face."""
+    for table in scene.measured or ():
+        face, part = mesh.face(part_face(table.name)), fitted_part(table)
+        fit = (fits or {}).get(table.name, part.fit)
+        key = f"{scene.name}: measured.{table.name}"
+        try:
+            points = points_on_face(scene, table, face, structure, part)
+            joined = measured_part(table, fit, points)
+            structure = fem.with_measured(structure, [joined])
+        except (OffFace, ValueError) as error:
+            why = str(error).replace(face, table.on).rstrip(".")
+            raise InvalidScene(f"{key}: {why}.") from None
+    return structure
+
+
+def measured_part(
+    table: MeasuredTable, fit: rom.MatrixFit, points: tuple[fem.PartPoint, ...]
+) -> fem.MeasuredPart:
+    """A fit as a part with its points; free masses are oscillators of no stiffness."""
+    n_free = fit.free.shape[1]
+    return fem.MeasuredPart(
+        table.name, np.append(fit.omega, np.zeros(n_free)), np.append(fit.zeta, np.zeros(n_free)),
+        np.hstack([fit.phi, fit.free]), fit.compliance, points, table.stiffness,
+    )  # fmt: skip
+
+
+def points_on_face(
+    scene: Scene, table: MeasuredTable, face: str, structure: fem.Structure, part: FittedPart
+) -> tuple[fem.PartPoint, ...]:
+    """Where and along which direction each motion of a part lies on its face; raises ValueError for
+    nodes without a place, and for places off the face."""
+    middle = fem.planar_spot(structure, face, (0.0, 0.0))
+    measured, axes = part.receptances, axes_of_test(scene)
+    turn = np.eye(3) if axes is None else axes.turn
+    places = places_on_face(scene, table, middle, measured)
+    return tuple(
+        fem.PartPoint(
+            fem.SpringEnd(face, tuple(places[node].tolist()), table.radius),
+            turn @ np.eye(3)[axis], node,
+        )
+        for node, axis in zip(measured.node, measured.axis, strict=True)
+    )  # fmt: skip
+
+
+def places_on_face(
+    scene: Scene, table: MeasuredTable, middle: fem.Spot, measured: PartReceptances
+) -> dict[int, NDArray[np.float64]]:
+    """Where each node lies on its face (2,) [m] from the middle along the axes that span it; raises
+    ValueError for nodes without a place, and for places off the plane of the face."""
+    axes = axes_of_test(scene)
+    turn = np.eye(3) if axes is None else axes.turn
+    shift = np.zeros(3) if axes is None else axes.shift
+    places: dict[int, NDArray[np.float64]] = {}
+    for node in dict.fromkeys(measured.node):
+        if table.at is not None:
+            places[node] = np.array(table.at[table.points.index(node)])
+            continue
+        if node not in measured.place:
+            raise ValueError(
+                f"node {node} of {table.receptance!r} has no coordinates (data set 15 or 2411): "
+                "say by points and at where the nodes lie on the face"
+            )
+        away = turn @ measured.place[node] + shift - middle.point
+        off = abs(float(away @ middle.inward))
+        if off > FARTHEST * table.radius:
+            at = np.round(turn @ measured.place[node] + shift, 6).tolist()
+            raise ValueError(
+                f"node {node} at {at} m lies {off:.3g} m off the plane of {table.on!r}, allowed "
+                f"are {FARTHEST:g} radii, {FARTHEST * table.radius:.3g} m: give coordinates in the "
+                "axes of the assembly, or [test_axes], or points and at"
+            )
+        places[node] = np.round(middle.axes @ away, 9) + 0.0
+    return places
+
+
+def sentences(scene: Scene) -> list[str]:
+    """What each measured part is, how well its responses are fitted, and what it is like as a
+    whole."""
+    remarks = []
+    for table in scene.measured or ():
+        part = fitted_part(table)
+        measured, fit = part.receptances, part.fit
+        kind = "SYNTHETIC, computed, not measured" if part.synthetic else "measured"
+        axes_of: dict[int, str] = {}
+        for node, axis in zip(measured.node, measured.axis, strict=True):
+            axes_of[node] = axes_of.get(node, "") + AXES[axis]
+        points = ", ".join(f"{node}{axes}" for node, axes in axes_of.items())
+        mass = []
+        for a in sorted(set(measured.axis)):
+            of_axis = [i for i, axis in enumerate(measured.axis) if axis == a]
+            B = fit.free[of_axis]
+            if B.size and (square := float(np.mean(np.sum(B**2, axis=1)))) > 0:
+                mass.append(f"{1 / square:.3g} kg along {AXES[a]}")
+        free = f" Below its modes it moves as free masses ({', '.join(mass)})." if mass else ""
+        remarks.append(
+            f"measured.{table.name} ({kind}: {table.receptance}) is joined to {table.on} at "
+            f"{points}: {len(fit.omega)} modes from {measured.frequency_hz[0]:.4g} to "
+            f"{measured.frequency_hz[-1]:.5g} Hz miss {fit.error:.2g} of its receptances (rms), "
+            f"which differ from their transposes by {fit.asymmetry:.2g}.{free}"
+        )
+    return remarks
+
+
+def rigid_motions(part: PartReceptances, flat: float = 1e-3) -> int:
+    """In how many ways the measured motions of a part can move rigidly, up to 6; without places of
+    its nodes six, or as many as there are motions. A spread of points below `flat` of the largest
+    counts as none."""
+    axes = np.eye(3)[list(part.axis)]
+    if not set(part.node) <= part.place.keys():
+        return min(len(axes), 6)
+    places = np.array([part.place[node] for node in part.node])
+    lever = places - places.mean(axis=0)
+    lever /= max(float(np.abs(lever).max()), 1e-12)
+    # a point at p moves by t + theta x p, along an axis a by a . t + (p x a) . theta
+    G = np.hstack([axes, np.cross(lever, axes)])
+    return int(np.linalg.matrix_rank(G, tol=flat * np.linalg.norm(G, 2)))
+
+
+class OtherFits(NamedTuple):
+    """Fits that differ from the scene's by an error, and how much of a change is the error."""
+
+    fits: dict[str, rom.MatrixFit]  # by the name of the part
+    share: float
+
+
+def other_fits(scene: Scene) -> list[OtherFits]:
+    """Fits by noise, whose mean change counts twice, and that of the lower part of the band."""
+    parts = {table.name: fitted_part(table) for table in scene.measured or ()}
+    n = ErrorOptions().draws
+    others = [
+        OtherFits({name: part.by_noise[i] for name, part in parts.items()}, 2 / n) for i in range(n)
+    ]
+    return [*others, OtherFits({name: part.by_band for name, part in parts.items()}, 1.0)]
+
+
+def part_errors(scene: Scene, model: fem.Model, modes: AssemblyModes) -> NDArray[np.float64]:
+    """Relative errors (k,) of the frequencies of modes by the fits of measured parts.
+
+    Modes of the assembly with other fits in the space of its own modes, of the static shapes of
+    forces at the joints, and of all oscillators: to second order in the change. Each is the one
+    whose motion of the assembly is most like the mode's.
+    """
+    at_parts = np.concatenate([at for _, at in model.measured])
+    pulls = np.vstack([(part.B @ model.T).toarray() for part, _ in model.measured]).T
+    shifted = (model.K + (2 * np.pi * SHIFT_HZ) ** 2 * model.M).tocsc()
+    u = np.hstack([modes.phi, fem.factorised(shifted).solve(pulls)])
+    u[at_parts] = 0.0
+    K, M = u.T @ (model.K @ u), u.T @ (model.M @ u)
+    moved = {part.name: part.B @ (model.T @ u) for part, _ in model.measured}
+    for part, _ in model.measured:
+        K -= moved[part.name].T @ part.stiffness @ moved[part.name]
+    size, V = np.linalg.eigh(M)
+    V = V[:, size > 1e-10 * size[-1]] / np.sqrt(size[size > 1e-10 * size[-1]])
+    K, M = V.T @ K @ V, np.eye(V.shape[1])
+    moved = {name: b @ V for name, b in moved.items()}
+
+    tables = {table.name: table for table in scene.measured}
+    points = {table.name: _directions(scene, table) for table in scene.measured}
+
+    def modes_with(fits: dict[str, rom.MatrixFit]) -> tuple[NDArray, NDArray]:
+        """Frequencies (r,) [rad/s] of the whole with these fits, and the assembly's motions."""
+        whole, mass = K.copy(), M
+        for name, fit in fits.items():
+            part = measured_part(tables[name], fit, points[name])
+            stiffness = fem.joint_stiffness(part)
+            D = np.hstack([moved[name], np.zeros((len(moved[name]), len(whole) - len(K)))])
+            D = np.hstack([D, -part.phi])
+            whole = block_diag(whole, np.diag(part.omega**2)) + D.T @ stiffness @ D
+            mass = np.eye(len(whole))
+        squared, x = eigh(whole, mass)
+        return np.sqrt(np.maximum(squared, 0.0)), x[: len(K)]
+
+    n = len(modes.omega)
+    omega, shape = modes_with({name: fitted_part(table).fit for name, table in tables.items()})
+    omega, shape = omega[:n], shape[:, :n]
+    error = np.zeros(n)
+    for other in other_fits(scene):
+        others, shapes = modes_with(other.fits)
+        like = fem.mac(shape, shapes)
+        nearest = others[like.argmax(axis=1)]
+        error += other.share * np.abs(nearest / np.maximum(omega, 1e-9) - 1)
+    return error
+
+
+def _directions(scene: Scene, table: MeasuredTable) -> tuple[fem.PartPoint, ...]:
+    """The points of a part with their directions alone."""
+    measured, axes = fitted_part(table).receptances, axes_of_test(scene)
+    turn = np.eye(3) if axes is None else axes.turn
+    nowhere = fem.SpringEnd(table.on, (0.0, 0.0), table.radius)
+    return tuple(
+        fem.PartPoint(nowhere, turn @ np.eye(3)[axis], node)
+        for node, axis in zip(measured.node, measured.axis, strict=True)
+    )
+
+
+def receptance_error(scene: Scene, mesh: Parts, start: Start, impact: coupling.Impact) -> float:
+    """Relative error of the velocities by the fits of measured parts: the largest change of the
+    observed spheres up to the horizon, before walls with other fits, over the largest initial
+    speed. Walls without the damping of the parts, in both."""
+    from workflows.stages.assembly import contact, model
+    from workflows.stages.errors import velocities, wall_model
+    from workflows.stages.walls import wall_of
+
+    def marched(fits: dict[str, rom.MatrixFit] | None) -> NDArray[np.float64]:
+        joined = model(scene, mesh, fits)
+        reduced = wall_model(scene, joined, contact(scene, mesh, joined))
+        return velocities(scene, start, wall_of(scene, reduced), impact)
+
+    own = marched(None)
+    largest = np.abs(start.velocity).max()
+    return float(
+        sum(one.share * np.abs(marched(one.fits) - own).max() for one in other_fits(scene))
+        / largest
+    )
