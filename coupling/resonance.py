@@ -1,19 +1,19 @@
 """Resonance curves of a structure that a frictional contact holds, by harmonic balance.
 
-The relative motion r of the last sphere and the wall, r = (overlap, slip along t1 and t2), and the
-force F of the contact on the wall are periodic, with harmonics r_h and F_h of the shaker's circular
-frequency omega. All but the contact is linear:
+Approach and shift y of the last contact and its forces f, from rest, have harmonics of the shaker's
+frequency. All but that contact is linear (`coupling.harmonic_balance`), the contacts before it
+springs and dampers under their static forces, which leaves
 
-    r_h - r_h^0 + H(h omega) F_h(r) = 0,   h = 0..n_harmonics
+    y - s + H f(y) = 0,   H = C_ll - C_lu D (1 + C_uu D)^-1 C_ul,   D = k + i omega gamma F
 
-with the receptances H = H_wall + H_sphere of the structure and of sphere, arm and chain, and what
-the shaker alone would move, r^0. F(r) is the contact's own force at equal instants of the cycle:
-Hertz' law and the springs of `dem.kernels.tangential`, after cycles that leave no trace of the
-start. Newton's method solves for r_h; a curve goes from each frequency and each force to the next,
-up and down. T. M. Cameron, J. H. Griffin, J. Appl. Mech. 56 (1989) 149.
+for each harmonic, with C and s of the bodies cut at their contacts, u those before and l the last.
+f(y) is the contact's answer at equal instants of the cycle. Newton's method solves for y: df/dy is
+known from differences, which no frequency changes, and along each step (C. G. Broyden, Math. Comp.
+19 (1965) 577). A curve goes from each frequency and each force to the next, up and down.
+T. M. Cameron, J. H. Griffin, J. Appl. Mech. 56 (1989) 149.
 
-The chain before the last sphere is linear about its static forces: cycles in which those contacts
-open are beyond this, and `coupling.periodic_state` marches them.
+Cycles in which contacts before the last one open are beyond this: `coupling.periodic_state` finds
+them.
 """
 
 from collections.abc import Sequence
@@ -23,9 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupling.errors import CouplingError
-from coupling.spatial_march import Body
-from dem.friction import open_cells
-from dem.kernels.cycles import cycle_forces
+from coupling.harmonic_balance import USUAL_BALANCE_SEARCH, Answer, Cut, answer, cut_at_contacts
+from coupling.spatial_march import Before, Body, ShakerForces
 
 Array = NDArray[np.float64]
 
@@ -38,16 +37,16 @@ class HarmonicBalance(NamedTuple):
     # with 7
     n_harmonics: int = 15
     n_instants: int = 128  # of a cycle
-    n_cells: int = (
-        128  # of the contact: 64 and 256 leave a contact that sticks 0.35 and 0.09 % soft
-    )
+    # of the contact in two directions: 64 and 256 leave one that sticks 0.35 and 0.09 % soft
+    n_cells: int = 128
+    laps: int = 2  # of the contact round a cycle
     nudge: float = 1e-5  # of the gross slip: step of the difference quotients
-    tolerance: float = 1e-5  # of the gross slip and what mu P moves: motion that is left over
+    # motion that is left over: of the gross slip and what mu P moves, and of the cycle's own
+    tolerance: float = 1e-5
+    # of what is left, over a step, from which the next one takes new difference quotients
+    good: float = 0.3
     most_iterations: int = 30
-    finer: int = 16  # parts of a step to the next frequency, where a whole one does not converge
-    hold: float = 1.0  # [N/m] along the chain, of a chain that nothing holds; not varied
-    # of a mode's stiffness: what a harmonic may leave of it at least; below, H loses its digits
-    resonant: float = 1e-9
+    finer: int = 32  # parts of a step to the next frequency, where a whole one does not converge
 
 
 class CurvePoint(NamedTuple):
@@ -62,173 +61,164 @@ class CurvePoint(NamedTuple):
     stick: float  # least share of the area that sticks
     damping: float  # ratio of friction: heat over 4 pi times the mean energy of the modes
     stiffness: float  # [N/m] of the contact across: first harmonics of force over slip
-    harmonics: Array  # (n_harmonics + 1, 3) complex, of r
+    harmonics: Array  # ((2 n_harmonics + 1) c,) [m] of y: means, then cosines, then sines
+    jacobian: Array  # [N/m] df/dy of these
 
 
-def receptances(body: Body, omega: float, options: HarmonicBalance) -> tuple[Array, Array]:
-    """H (3, 3) of the relative motion under contact forces, and r^0 (3,) complex under the unit
-    force of the first shaker, at a circular frequency. Raises CouplingError where that is the
+def without_other_contacts(cut: Cut, body: Body, n_harmonics: int) -> Array:
+    """H (n_harmonics + 1, c, c) of the last contact. Raises CouplingError where a harmonic is the
     frequency of a mode without damping."""
-    wall, chain, static = body.wall, body.prepared.chain, body.prepared.static
-    dynamic = wall.omega**2 - omega**2 + 2j * wall.zeta * wall.omega * omega
-    if (np.abs(dynamic) <= options.resonant * wall.omega**2).any():
+    chain, static, omega = body.prepared.chain, body.prepared.static, cut.omega[: n_harmonics + 1]
+    if cut.resonates[: n_harmonics + 1].any():
+        h = int(cut.resonates.any(axis=1).argmax())
         raise CouplingError(
-            f"a mode without damping lies at {omega / (2.0 * np.pi):.6g} Hz, a harmonic of the "
-            "shaker; give it damping, or take another frequency."
+            f"a mode without damping lies at {cut.omega[h] / (2.0 * np.pi):.6g} Hz, a harmonic of "
+            "the shaker; give it damping, or take another frequency."
         )
-    response, hold = 1.0 / dynamic, options.hold
-    H = (wall.phi.T * response) @ wall.phi + wall.residual_compliance
-    alone = -((wall.phi.T * response) @ wall.load[:, 0] + wall.load_residual[:, 0])
-
-    # the chain along its line, contacts before the last linear about their static forces
-    n = chain.mass.size
-    force = np.maximum(static.force[: n - 1], 0.0)
-    stiffness = 1.5 * (np.asarray(chain.A)[: n - 1] ** 2 * force) ** (1.0 / 3.0)
-    gamma = 0.0
-    if chain.gamma is not None and chain.dissipation != "none":
-        gamma = np.asarray(chain.gamma)[: n - 1]
-    K = np.diag(chain.springs[0] - omega**2 * np.asarray(chain.mass, float)).astype(complex)
-    for i, k in enumerate(stiffness + 1j * omega * gamma * force):
-        b = np.zeros(n)
-        b[i], b[i + 1] = 1.0, -1.0
-        K += k * np.outer(b, b)
-    K[0, 0] += hold
-    H[0, 0] += np.linalg.solve(K, np.eye(n)[-1])[-1]
-
-    # the last sphere across: on its arm, and turning about its middle
-    for j, k in enumerate(np.broadcast_to(body.last.arm_stiffness, 2)):
-        if np.isfinite(k):
-            rest = max(float(k), hold)
-            H[1 + j, 1 + j] += 1.0 / (rest - omega**2 * float(chain.mass[-1]))
-        if np.isfinite(body.last.arm_rotation):
-            turn = max(float(body.last.arm_rotation), hold * chain.radius[-1] ** 2)
-            H[1 + j, 1 + j] += chain.radius[-1] ** 2 / (turn - omega**2 * body.last.inertia)
-    return H, alone
-
-
-class ContactCycle(NamedTuple):
-    """What the contact answers to a motion."""
-
-    force: Array  # (k, 3) [N] on the wall along n, t1, t2, above the static one
-    heat: float  # [J]
-    stick: float
-
-
-def contact_cycle(body: Body, r: Array, options: HarmonicBalance) -> ContactCycle:
-    """Forces over a cycle of relative motion r (k, 3) [m] about the static state."""
-    chain, static = body.prepared.chain, body.prepared.static
-    A, F0 = float(chain.A[-1]), float(static.force[-1])
-    overlap = (F0 / A) ** (2.0 / 3.0) + r[:, 0]
-    force = np.empty((len(r), 3))
-    force[:, 0] = A * np.maximum(overlap, 0.0) ** 1.5 - F0
-    across = np.empty((len(r), 2))
-    heat, stick = cycle_forces(
-        open_cells(options.n_cells), body.last.law, overlap, np.ascontiguousarray(r[:, 1:]), across
-    )
-    force[:, 1:] = across
-    return ContactCycle(force, heat, stick)
+    u, C = chain.mass.size - 1, cut.C[: n_harmonics + 1]
+    D = np.broadcast_to(cut.K[:u], (omega.size, u)).astype(complex)
+    if body.prepared.damping is not None:
+        force = np.maximum(static.force[:u], 0.0)
+        D += 1j * omega[:, None] * np.asarray(chain.gamma)[:u] * force
+    through = np.linalg.solve(np.eye(u) + C[:, :u, :u] * D[:, None, :], C[:, :u, u:])
+    return C[:, u:, u:] - (C[:, u:, :u] * D[:, None, :]) @ through
 
 
 def point(
     body: Body,
     frequency: float,
     force: float,
-    guess: Array | None,
+    guess: CurvePoint | None,
     options: HarmonicBalance = HarmonicBalance(),
 ) -> CurvePoint | None:
-    """The periodic motion under the first shaker's force [N] at a frequency [Hz], from the
-    harmonics of a neighbour; None where Newton's method does not find it."""
-    m, k = options.n_harmonics, options.n_instants
-    omega = 2.0 * np.pi * frequency
-    systems = [receptances(body, h * omega, options) for h in range(m + 1)]
-    H = np.array([H for H, _ in systems])
-    driven = np.zeros((m + 1, 3), complex)
-    driven[1] = force * systems[1][1]
+    """The periodic motion under the first shaker's force [N] at a frequency [Hz], from a neighbour;
+    None where Newton's method does not find it."""
+    m, N = options.n_harmonics, options.n_instants
+    chain, static = body.prepared.chain, body.prepared.static
+    body = body._replace(
+        shakers=ShakerForces(np.array([force]), np.array([frequency]), np.zeros(1)),
+        search=body.search._replace(n_cells=options.n_cells),
+    )
+    # contacts that nothing presses are left out
+    n_absent = int(np.argmax(static.force > 0.0))
+    before = Before(np.zeros(chain.mass.size, bool), n_absent)
+    cut = cut_at_contacts(body, before, N, USUAL_BALANCE_SEARCH)
+    H = without_other_contacts(cut, body, m)
+    last = chain.mass.size - 1
+    c = H.shape[1]
 
-    # unknowns: the real mean, then real and imaginary parts, in units of the gross slip
-    F0, A = float(body.prepared.static.force[-1]), float(body.prepared.chain.A[-1])
+    # of each mean, cosine and sine: what gross slip and mu P move
+    F0, A, law = float(static.force[-1]), float(chain.A[-1]), body.last.law
     overlap = (F0 / A) ** (2.0 / 3.0)
-    unit = max(body.last.law.bound, 1e-3) * overlap
-    bound = body.last.law.bound * body.last.law.modulus * np.sqrt(body.last.law.radius)
-    most = max(bound * overlap**1.5 * 4.0 / 3.0, 1e-3 * F0)  # mu P
+    unit = max(law.bound, 1e-3) * overlap
+    bound = law.bound * law.modulus * np.sqrt(law.radius)
+    most = max(bound * overlap**1.5 * 4.0 / 3.0, 1e-3 * F0)
+    scale = flat(unit + most * np.abs(np.einsum("hii->hi", H)) * (1.0 + 1.0j))
 
-    scale = unit + most * np.abs(np.einsum("hii->hi", H))
+    def answered(x: Array) -> tuple[Array, Answer]:
+        y = np.zeros((N, cut.K.size))
+        y[:, last:] = over_time(harmonics_of(x, c), N)
+        now = answer(body, before, cut, y, None, options.laps)
+        return flat(of_time(now.force[:, last:] - cut.force[last:], m)), now
 
-    def harmonics(x: Array) -> Array:
-        parts = x.reshape(2 * m + 1, 3) * unit
-        return np.vstack([parts[:1], parts[1 : m + 1] + 1j * parts[m + 1 :]])
-
-    def flat(c: Array) -> Array:
-        return np.concatenate([c[:1].real, c[1:].real, c[1:].imag]).ravel()
-
-    t = np.arange(k) / k
-    waves = np.exp(2j * np.pi * np.outer(t, np.arange(m + 1)))
-    weights = np.full(m + 1, 2.0 / k)
-    weights[0] = 1.0 / k
-
-    def answer(x: Array) -> tuple[Array, ContactCycle]:
-        c = harmonics(x)
-        cycle = contact_cycle(body, (waves @ c).real, options)
-        F = weights[:, None] * (waves.conj().T @ cycle.force)
-        return flat((c - driven + np.einsum("hij,hj->hi", H, F)) / scale), cycle
-
-    x = flat(driven if guess is None else guess) / unit
-    residual, cycle = answer(x)
+    driven = flat(2.0 / N * cut.shaken[: m + 1, last:])
+    x, G = (driven, None) if guess is None else (guess.harmonics, guess.jacobian)
+    f, now = answered(x)
+    residual = (x - driven + moved(H, f)) / scale
     size = float(np.linalg.norm(residual))
     for _ in range(options.most_iterations):
-        if size <= options.tolerance:
-            break
-        J = np.empty((len(x), len(x)))
-        for j in range(len(x)):
-            moved = x.copy()
-            moved[j] += options.nudge
-            J[:, j] = (answer(moved)[0] - residual) / options.nudge
-        step = np.linalg.solve(J, -residual)
+        if size <= options.tolerance * min(1.0, float(np.linalg.norm(x / scale))):
+            return shown(body, cut, x, f, G, now, options)
+        if fresh := G is None:
+            nudged = options.nudge * unit * np.eye(x.size)
+            G = np.stack([(answered(x + dx)[0] - f) / dx.max() for dx in nudged], axis=1)
+        J = np.eye(x.size) + np.stack([moved(H, g) for g in G.T], axis=1)
+        dx = np.linalg.solve(J / scale[:, None], -residual)
+
+        # a step that leads further away is cut back along new quotients, not along those of before
         share = 1.0
-        while share > 1e-3:
-            further, of_cycle = answer(x + share * step)
-            if np.linalg.norm(further) < (1.0 - 0.1 * share) * size:
+        while True:
+            f_after, now_after = answered(x + share * dx)
+            after = (x + share * dx - driven + moved(H, f_after)) / scale
+            size_after = float(np.linalg.norm(after))
+            nearer = size_after < (1.0 - 0.1 * share) * size
+            if nearer or not fresh or share < 1e-3:
                 break
             share *= 0.5
-        else:
-            return None
-        x, residual, cycle = x + share * step, further, of_cycle
-        size = float(np.linalg.norm(residual))
-    if not size <= options.tolerance:
-        return None
-    return shown(body, frequency, force, harmonics(x), cycle, options)
+        if not nearer:
+            if fresh:
+                return None
+            G = None
+            continue
+        dx = share * dx
+        G = G + np.outer(f_after - f - G @ dx, dx) / (dx @ dx)
+        if size_after > options.good * size:
+            G = None
+        x, f, now, residual, size = x + dx, f_after, now_after, after, size_after
+    return None
+
+
+def harmonics_of(x: Array, c: int) -> Array:
+    """(m + 1, c) complex amplitudes of means, cosines and sines x ((2 m + 1) c,)."""
+    m = x.size // c // 2
+    parts = x.reshape(2 * m + 1, c)
+    return np.vstack([parts[:1], parts[1 : m + 1] + 1j * parts[m + 1 :]])
+
+
+def flat(amplitudes: Array) -> Array:
+    """Means, cosines and sines of complex amplitudes, the other way round."""
+    a = amplitudes
+    return np.concatenate([a[:1].real, a[1:].real, a[1:].imag]).ravel()
+
+
+def over_time(amplitudes: Array, N: int) -> Array:
+    """(N, c) values at equal instants of a period."""
+    spectrum = 0.5 * N * amplitudes
+    spectrum[0] *= 2.0
+    return np.fft.irfft(spectrum, N, axis=0)
+
+
+def of_time(values: Array, m: int) -> Array:
+    """(m + 1, c) complex amplitudes of values (N, c) over a period."""
+    amplitudes = 2.0 / len(values) * np.fft.rfft(values, axis=0)[: m + 1]
+    amplitudes[0] *= 0.5
+    return amplitudes
+
+
+def moved(H: Array, f: Array) -> Array:
+    """H f of means, cosines and sines."""
+    return flat(np.einsum("hij,hj->hi", H, harmonics_of(f, H.shape[1])))
 
 
 def shown(
-    body: Body, frequency: float, force: float, r: Array, cycle: ContactCycle,
-    options: HarmonicBalance,
-) -> CurvePoint:  # fmt: skip
-    """Amplitudes and energies of a periodic motion with harmonics r (n_harmonics + 1, 3)."""
-    wall, omega = body.wall, 2.0 * np.pi * frequency
-    t = np.arange(options.n_instants) / options.n_instants
-    waves = np.exp(2j * np.pi * np.outer(t, np.arange(len(r))))
-    motion = (waves @ r).real
-    weights = np.full(len(r), 2.0 / options.n_instants)
-    weights[0] = 1.0 / options.n_instants
-    F = weights[:, None] * (waves.conj().T @ cycle.force)
+    body: Body, cut: Cut, x: Array, f: Array, G: Array, now: Answer, options: HarmonicBalance
+) -> CurvePoint:
+    """Amplitudes and energies of a periodic motion."""
+    wall, m, N = body.wall, options.n_harmonics, options.n_instants
+    last, c = body.prepared.chain.mass.size - 1, 1 + len(body.frame)
+    y, F = harmonics_of(x, c), harmonics_of(f, c)
 
     # the modes under contact and shaker: the wall's motion at the contact, and their mean energy
-    q = np.zeros((len(r), wall.omega.size), complex)
-    for h in range(len(r)):
-        push = wall.phi @ F[h] + (force * wall.load[:, 0] if h == 1 else 0.0)
-        q[h] = push / (wall.omega**2 - (h * omega) ** 2 + 2j * wall.zeta * wall.omega * h * omega)
-    u = (waves @ (q @ wall.phi[:, 1:])).real
-    orders = np.arange(1, len(r))[:, None] * omega
-    energy = float(np.sum(0.25 * (wall.omega**2 + orders**2) * np.abs(q[1:]) ** 2))
-    axis = int(np.ptp(motion[:, 1:], axis=0).argmax())
-    slip = 0.5 * float(np.ptp(motion[:, 1 + axis]))
-    across = 0.5 * float(np.ptp(cycle.force[:, 1 + axis]))
-    first = r[1, 1 + axis]
+    push = 2.0 / N * cut.push[: m + 1]
+    q = cut.modes[: m + 1] * (F @ cut.phi[:, last:].T + push)
+    u = over_time(q @ wall.phi[:, 1:], N)
+    mean = 0.25 * (wall.omega**2 + cut.omega[1 : m + 1, None] ** 2) * np.abs(q[1:]) ** 2
+    energy, shift = float(np.sum(mean)), over_time(y, N)[:, 1:]
+    axis = int(np.ptp(shift, axis=0).argmax())
+    friction, first = now.force[:, last + 1 + axis], y[1, 1 + axis]
     return CurvePoint(
-        frequency, force, 0.5 * float(np.ptp(u, axis=0).max()), slip, across, cycle.heat,
-        cycle.stick, cycle.heat / (4.0 * np.pi * energy) if energy > 0.0 else 0.0,
-        float((F[1, 1 + axis] / first).real) if abs(first) > 0.0 else 0.0, r,
-    )  # fmt: skip
+        frequency=float(body.shakers.frequency[0]),
+        force=float(body.shakers.force[0]),
+        motion=0.5 * float(np.ptp(u, axis=0).max()),
+        slip=0.5 * float(np.ptp(shift[:, axis])),
+        friction=0.5 * float(np.ptp(friction)),
+        energy=now.heat,
+        stick=float(now.stick.min()),
+        damping=now.heat / (4.0 * np.pi * energy) if energy > 0.0 else 0.0,
+        stiffness=float((F[1, 1 + axis] / first).real) if abs(first) > 0.0 else 0.0,
+        harmonics=x,
+        jacobian=G,
+    )
 
 
 def curve(
@@ -240,13 +230,13 @@ def curve(
     """Points at frequencies [Hz] and forces [N] in pairs, each from the one before; where a step is
     too long it is divided, and where the curve turns back the next one starts anew. Raises
     CouplingError where the curve cannot be followed."""
-    chain, static = body.prepared.chain, body.prepared.static
     if np.ndim(body.wall.load) != 2 or body.wall.load.shape[1] != 1:
         raise CouplingError("a resonance curve is that of one shaker; give one.")
-    if not static.force[-1] > 0.0:
+    if not body.prepared.static.force[-1] > 0.0:
         raise CouplingError("nothing presses the last contact; give a preload.")
     if not min(frequencies) > 0.0:
         raise CouplingError(f"frequencies must be above 0 Hz, {min(frequencies):g} is not.")
+    chain = body.prepared.chain
     damped = chain.gamma is not None and chain.dissipation != "none"
     if damped and float(np.broadcast_to(chain.gamma, chain.mass.size)[-1]) > 0.0:
         raise CouplingError(
@@ -256,30 +246,25 @@ def curve(
     points: list[CurvePoint] = []
 
     def towards(
-        f: float, F: float, begin: tuple[float, float], guess: Array | None
+        begin: tuple[float, float], end: tuple[float, float], guess: CurvePoint | None, parts: int
     ) -> CurvePoint | None:
-        """The point at f, F by ever shorter steps from where the guess is."""
-        parts = 1
-        while parts <= options.finer:
-            start, reached = guess, None
-            for share in np.arange(1, parts + 1) / parts:
-                at = (begin[0] + share * (f - begin[0]), begin[1] + share * (F - begin[1]))
-                reached = point(body, *at, start, options)
-                if reached is None:
-                    break
-                start = reached.harmonics
-            if reached is not None:
-                return reached
-            parts *= 4
-        return None
+        """The point at the frequency and force of the end, over one between where that is too far
+        from where the guess is."""
+        reached = point(body, *end, guess, options)
+        if reached is None and parts > 1:
+            middle = (0.5 * (begin[0] + end[0]), 0.5 * (begin[1] + end[1]))
+            between = towards(begin, middle, guess, parts // 2)
+            if between is not None:
+                reached = towards(middle, end, between, parts // 2)
+        return reached
 
     for f, F in zip(frequencies, forces, strict=True):
         reached = None
         if points:
             before = points[-1]
-            reached = towards(f, F, (before.frequency, before.force), before.harmonics)
+            reached = towards((before.frequency, before.force), (f, F), before, options.finer)
         if reached is None:  # the first one, or the curve turns back here: from a small force
-            reached = towards(f, F, (f, 0.0), None)
+            reached = towards((f, 0.0), (f, F), None, options.finer)
         if reached is None:
             raise CouplingError(
                 f"the resonance curve cannot be followed to {f:.4g} Hz at {F:.3g} N; take a "

@@ -6,9 +6,10 @@ from spatial_contact import last, random_wall, row
 
 from coupling.continuation import before_striker
 from coupling.errors import CouplingError
+from coupling.harmonic_balance import USUAL_BALANCE_SEARCH, answer, cut_at_contacts
 from coupling.periodic_state import periodic_state
-from coupling.resonance import HarmonicBalance, contact_cycle, curve, point
-from coupling.spatial_march import ShakerForces, body_of
+from coupling.resonance import HarmonicBalance, curve, point
+from coupling.spatial_march import Before, ShakerForces, body_of
 from coupling.spatial_wall import spatial_wall_of_modes
 from coupling.stuck_wall import stuck_wall
 from dem.friction import gross_slip, loop_amplitude, loop_energy, stick_stiffness
@@ -78,9 +79,12 @@ def test_a_cycle_has_johnsons_loop(load):
     overlap = hertz_overlap(PRESS, body.prepared.chain.A[-1])
     most, a = MU * PRESS, float(np.sqrt(law.radius * overlap))
     amplitude = float(loop_amplitude(law, most, load * most, a))
-    motion = np.zeros((512, 3))
-    motion[:, 1] = amplitude * np.cos(2 * np.pi * t)
-    cycle = contact_cycle(body, motion, HarmonicBalance(n_cells=256))
+    shakers = ShakerForces(np.ones(1), np.array([100.0]), np.zeros(1))
+    body, before = body._replace(shakers=shakers), Before(np.zeros(1, bool), 0)
+    cut = cut_at_contacts(body, before, 512, USUAL_BALANCE_SEARCH)
+    y = np.zeros((512, 2))
+    y[:, 1] = amplitude * np.cos(2 * np.pi * t)
+    cycle = answer(body, before, cut, y, None, 2)
     assert np.ptp(cycle.force[:, 1]) / 2 == pytest.approx(load * most, rel=1e-3)
     assert cycle.heat == pytest.approx(float(loop_energy(law, most, load * most, a)), rel=1e-2)
     assert amplitude < gross_slip(law, overlap)
