@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from beadwave import impact
+from beadwave import impact, run
 from command_line import beadwave
 from workflows.files.scene import scene
 from workflows.stages import cache
@@ -523,3 +523,15 @@ def test_a_file_holds_each_wave_once_with_its_error(tmp_path, capsys):
     printed, told = capsys.readouterr()
     assert printed.count("time of flight TOF") == 1 and "±" in printed
     assert told.count("time of flight TOF") == 1 and "±" not in told
+
+
+def test_a_structure_without_a_chain_has_its_page(tmp_path):
+    """Tables of the chain, `[output]` among them, are not there at all."""
+    bar = tmp_path / "bar.toml"
+    bar.write_text(
+        'name = "bar"\nassembly = { held = ["bar:-x"], material = "steel" }\n'
+        "bodies.bar.box = [0.1, 0.02, 0.02]\nmesh.scale = 2\n"
+        'strike = { on = "bar:+z", radius = 2e-3 }\n'
+    )
+    run(bar, out=tmp_path / "run")
+    assert (tmp_path / "run" / "report.html").is_file()

@@ -96,7 +96,7 @@ def page_data(folder: Path, summary: Summary, limits: PageLimits = PageLimits())
         }
 
     # signals of the sensors behind their instants, a plot for each unit
-    if scene.output.sensors and (file := folder / "signals.csv").is_file():
+    if scene.output and scene.output.sensors and (file := folder / "signals.csv").is_file():
         columns = np.loadtxt(file, delimiter=",", skiprows=2, ndmin=2).T
         plots = {}
         for sensor, y in zip(scene.output.sensors, columns[1:], strict=True):

@@ -157,7 +157,7 @@ def scene_rows(scene: Scene, summary: Summary) -> list[dict[str, str]]:
     units = {entry.key: entry.quantity.kind.unit for entry in entries(scene)}
     units |= {
         f"output.sensors.{i}.gain": GAINS[sensor.quantity].unit
-        for i, sensor in enumerate(scene.output.sensors or (), start=1)
+        for i, sensor in enumerate((scene.output and scene.output.sensors) or (), start=1)
     }
     units["gravity.inclination"] = "°"
 
