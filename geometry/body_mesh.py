@@ -155,7 +155,7 @@ def tetrahedra(
         return np.searchsorted(used, np.concatenate([*nodes, []])).reshape(-1, 3)
 
     cylinders = full_cylinders(split.tag, gap)
-    round_faces = [face.tag for cylinder in cylinders for face in cylinder.faces]
+    round_faces = [face.tag for cylinder in cylinders for face in cylinder]
     p = enclosing(p, {tag: corners([tag]) for tag in round_faces}, cylinders)
     t = cells.reshape(-1, 4).T
     mesh = MeshTet(np.ascontiguousarray(p.T), np.ascontiguousarray(t))
