@@ -26,8 +26,8 @@ DOCS = Path(__file__).parent
 BLOCK = re.compile(r"^```(sh|python)\n(.*?)^```\n(?:\n```text\n(.*?)^```\n)?", re.M | re.S)
 # of stages: others each time
 SECONDS = re.compile(r"^ +([\w -]+?  +\d+\.\d\d s( +\(kept\))?|seconds  .*)$")
-# what a run took and what it used: others each time
-COST = re.compile(r"(?<![\w.])\d+(?:\.\d+)? (?:s|min|h|kB|MB|GB)\b")
+# what a run took and what it used: others each time, or on another processor
+COST = re.compile(r"(?<![\w.])\d+(?:\.\d+)? (?:s|min|h|kB|MB|GB|evaluations|independent samples)\b")
 TOKEN = re.compile(
     r"(?<!\w)[-+]?\d+(?: \d{3})*(?:\.\d+)?(?:e[-+]?\d+)?"  # a number, thousands apart by a space
     r"|\w+|([^\w\s])\1*"  # a word; a sign, or a rule of them

@@ -121,7 +121,10 @@ def passive_matrix_fit(
     if m > of_matrix.combined:
         lines = scaled / np.linalg.norm(scaled, axis=(1, 2), keepdims=True)
         stacked = np.concatenate([lines.real, lines.imag]).reshape(-1, m)
+        # turned at random: along the singular vectors themselves responses of one to a force on
+        # another are small, and their relative errors lead the search for poles astray
         W = np.linalg.svd(stacked, full_matrices=False)[2][: of_matrix.combined].T
+        W = W @ np.linalg.qr(np.random.default_rng(0).standard_normal((W.shape[1],) * 2))[0]
         few = passive_matrix_fit(f, W.T @ scaled @ W, options, of_matrix)
         at = _lines_kept(omega, few, of_matrix.lines)
         kept = Elements(omega[at], elements[at], deviation[at])

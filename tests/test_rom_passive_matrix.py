@@ -56,6 +56,25 @@ def test_of_noise_of_2_per_cent_the_truth_is_nearer_than_the_error_stated(units)
     assert 0.01 < fit.asymmetry < 0.02  # of independent noise: 2 % over sqrt(2)
 
 
+def test_of_twelve_motions_of_a_free_part_poles_are_found_from_combinations():
+    """Six rigid motions outweigh all else in the first lines, of which the combinations are made;
+    measured: true error 4e-4, stated 7e-3."""
+    rng = np.random.default_rng(3)
+    omega = 2 * np.pi * np.array([132.0, 139.0, 259.0, 424.0, 549.0, 733.0])
+    S = 3e-5 * rng.normal(size=(12, 15))
+    true = rom.MatrixFit(
+        omega, rng.uniform(0.003, 0.02, 6), rng.normal(size=(12, 6)),
+        0.5 * rng.normal(size=(12, 6)), S @ S.T,
+    )  # fmt: skip
+    hz = np.linspace(5.0, 1000.0, 1200)
+    H = rom.matrix_receptance(true, hz)
+    fit = rom.passive_matrix_fit(hz, noisy(H, 0.01))
+    away = np.abs(fit.omega[:, None] / omega - 1)
+    assert np.all(away.min(axis=0) < 1e-3) and fit.free.shape == (12, 6)
+    assert rms(rom.matrix_receptance(fit, hz) - H) < fit.error * rms(H) < 0.02 * rms(H)
+    assert np.linalg.eigvalsh(fit.compliance)[0] >= -1e-12 * np.trace(fit.compliance)
+
+
 def test_two_modes_of_one_frequency_are_one_pole_of_two_shapes():
     true = known()
     omega, zeta = true.omega.copy(), true.zeta.copy()

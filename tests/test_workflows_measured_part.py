@@ -67,9 +67,8 @@ def bending(pipeline, n=4):
 
 
 def test_an_arm_on_springs_has_the_modes_of_both_solids_on_the_same_springs(arm):
-    """Each within the error stated of the fit and 0.1 %; measured: 3.2, 0.08, 0.02, 0.04 %, where
-    3.5, 0.11, 0.003 and 0.001 % are
-    stated."""
+    """Each within the error stated of the fit and 0.1 %; measured: 3.2, 0.08, 0.02, 0.04 %,
+    where 3.5, 0.11, 0.003 and 0.001 % are stated."""
     text = Path("measured_arm.toml").read_text()
     Path("soft.toml").write_text(text + SOFT)
     table = scene("measured_arm.toml").measured[0]

@@ -34,6 +34,7 @@ class ErrorOptions(NamedTuple):
 
     draws: int = 3  # fits of the responses with their residuals at random phases
     band: float = 0.8  # of the highest frequency, up to which another fit reads
+    most: float = 0.3  # of the receptances missed (rms), above which modes are no model of the part
 
 
 class FittedPart(NamedTuple):
@@ -83,6 +84,11 @@ def fits_of(
     f, H, options = part.frequency_hz, part.H, ErrorOptions()
     of_matrix = rom.MatrixOptions(most_free=rigid_motions(part))
     fit = rom.passive_matrix_fit(f, H, of_matrix=of_matrix)
+    if fit.error > options.most:
+        raise rom.ReductionError(
+            f"modes miss {fit.error:.0%} of its receptances (rms), allowed are {options.most:.0%}: "
+            "check names and signs of the points, or leave out frequencies above some by highest"
+        )
     model, rng = rom.matrix_receptance(fit, f), np.random.default_rng(0)
     by_noise = []
     for _ in range(options.draws):
