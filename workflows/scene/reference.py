@@ -66,6 +66,8 @@ EXAMPLES: dict[str, Any] = {
     "axes": [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
     "box": ["120 mm", "40 mm", "8 mm"], "bodies.NAME.at": [0.0, 0.0, "20 mm"],
     "bodies.NAME.turn": [0.0, 90.0, 0.0], "radius": "10 mm",
+    "measured.NAME.receptance": "table.uff", "measured.NAME.points": [1, 2, 3, 4],
+    "measured.NAME.at": [[0.04, 0.0], [-0.04, 0.0]], "measured.NAME.highest": "800 Hz",
     "outline": [[0.0, 0.0], [0.1, 0.0], [0.1, 0.05], [0.0, 0.05]],
     "bodies.NAME.holes.at": [["20 mm", "20 mm"], ["80 mm", "20 mm"]],
     "around": [[0.0, 0.0], [90.0, "20 mm"]], "depth": "8 mm",

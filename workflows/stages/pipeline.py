@@ -292,13 +292,13 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
     if scene.measured:
         errors = ASSEMBLY["structure-errors"]
         structure = structure | {
-            "part-errors": Stage(".measured_parts:part_errors", tables_of(), ("model", "modes")),
+            "part-errors": Stage(".measured_errors:part_errors", tables_of(), ("model", "modes")),
             "structure-errors": errors._replace(needs=(*errors.needs, "part-errors")),
         }
     if scene.measured and scene.chain:
         impact = impact | {
             "receptance-error": Stage(
-                ".measured_parts:receptance_error",
+                ".measured_errors:receptance_error",
                 lambda scene: [_marched(scene), _coarse(scene), tables_of("damping")(scene)],
                 ("mesh", "start", "impact"),
             )

@@ -1,0 +1,120 @@
+"""What fits of measured parts leave of error in the modes of an assembly and in a run.
+
+Apart from `measured_parts`, which the model needs, so that a changed reduction keeps the modes.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag, eigh
+
+import coupling
+import fem
+import rom
+from fem.assembly_modes import AssemblyModes
+from fem.modes import SHIFT_HZ
+from workflows.scene import Scene
+from workflows.scene.measured import MeasuredTable
+from workflows.stages import assembly
+from workflows.stages.chain import Start
+from workflows.stages.errors import velocities, wall_model
+from workflows.stages.measured_parts import ErrorOptions, fitted_part, measured_part
+from workflows.stages.parts import Parts
+from workflows.stages.targets import axes_of_test
+from workflows.stages.walls import wall_of
+
+
+class OtherFits(NamedTuple):
+    """Fits that differ from the scene's by an error, and how much of a change is the error."""
+
+    fits: dict[str, rom.MatrixFit]  # by the name of the part
+    share: float
+
+
+def other_fits(scene: Scene) -> list[OtherFits]:
+    """Fits by noise, whose mean change counts twice, and that of the lower part of the band."""
+    parts = {table.name: fitted_part(table) for table in scene.measured or ()}
+    n = ErrorOptions().draws
+    others = [
+        OtherFits({name: part.by_noise[i] for name, part in parts.items()}, 2 / n) for i in range(n)
+    ]
+    return [*others, OtherFits({name: part.by_band for name, part in parts.items()}, 1.0)]
+
+
+def part_errors(scene: Scene, model: fem.Model, modes: AssemblyModes) -> NDArray[np.float64]:
+    """Relative errors (k,) of the frequencies of modes by the fits of measured parts.
+
+    Modes of the assembly with other fits in the space of its own modes, of the static shapes of
+    forces at the joints, and of all oscillators: to second order in the change. Each is the one
+    whose motion of the assembly is most like the mode's.
+    """
+    at_parts = np.concatenate([at for _, at in model.measured])
+    pulls = np.vstack([(part.B @ model.T).toarray() for part, _ in model.measured]).T
+    shifted = (model.K + (2 * np.pi * SHIFT_HZ) ** 2 * model.M).tocsc()
+    u = np.hstack([modes.phi, fem.factorised(shifted).solve(pulls)])
+    u[at_parts] = 0.0
+    K, M = u.T @ (model.K @ u), u.T @ (model.M @ u)
+    moved = {part.name: part.B @ (model.T @ u) for part, _ in model.measured}
+    for part, _ in model.measured:
+        K -= moved[part.name].T @ part.stiffness @ moved[part.name]
+    size, V = np.linalg.eigh(M)
+    V = V[:, size > 1e-10 * size[-1]] / np.sqrt(size[size > 1e-10 * size[-1]])
+    K, M = V.T @ K @ V, np.eye(V.shape[1])
+    moved = {name: b @ V for name, b in moved.items()}
+
+    tables = {table.name: table for table in scene.measured}
+    points = {table.name: _directions(scene, table) for table in scene.measured}
+
+    def modes_with(fits: dict[str, rom.MatrixFit]) -> tuple[NDArray, NDArray]:
+        """Frequencies (r,) [rad/s] of the whole with these fits, and the assembly's motions."""
+        whole, mass = K.copy(), M
+        for name, fit in fits.items():
+            part = measured_part(tables[name], fit, points[name])
+            stiffness = fem.joint_stiffness(part)
+            D = np.hstack([moved[name], np.zeros((len(moved[name]), len(whole) - len(K)))])
+            D = np.hstack([D, -part.phi])
+            whole = block_diag(whole, np.diag(part.omega**2)) + D.T @ stiffness @ D
+            mass = np.eye(len(whole))
+        squared, x = eigh(whole, mass)
+        return np.sqrt(np.maximum(squared, 0.0)), x[: len(K)]
+
+    n = len(modes.omega)
+    omega, shape = modes_with({name: fitted_part(table).fit for name, table in tables.items()})
+    omega, shape = omega[:n], shape[:, :n]
+    error = np.zeros(n)
+    for other in other_fits(scene):
+        others, shapes = modes_with(other.fits)
+        like = fem.mac(shape, shapes)
+        nearest = others[like.argmax(axis=1)]
+        error += other.share * np.abs(nearest / np.maximum(omega, 1e-9) - 1)
+    return error
+
+
+def _directions(scene: Scene, table: MeasuredTable) -> tuple[fem.PartPoint, ...]:
+    """The points of a part with their directions alone."""
+    measured, axes = fitted_part(table).receptances, axes_of_test(scene)
+    turn = np.eye(3) if axes is None else axes.turn
+    nowhere = fem.SpringEnd(table.on, (0.0, 0.0), table.radius)
+    return tuple(
+        fem.PartPoint(nowhere, turn @ np.eye(3)[axis], node)
+        for node, axis in zip(measured.node, measured.axis, strict=True)
+    )
+
+
+def receptance_error(scene: Scene, mesh: Parts, start: Start, impact: coupling.Impact) -> float:
+    """Relative error of the velocities by the fits of measured parts: the largest change of the
+    observed spheres up to the horizon, before walls with other fits, over the largest initial
+    speed. Walls without the damping of the parts, in both."""
+
+    def marched(fits: dict[str, rom.MatrixFit] | None) -> NDArray[np.float64]:
+        joined = assembly.model(scene, mesh, fits)
+        reduced = wall_model(scene, joined, assembly.contact(scene, mesh, joined))
+        return velocities(scene, start, wall_of(scene, reduced), impact)
+
+    own = marched(None)
+    largest = np.abs(start.velocity).max()
+    return float(
+        sum(one.share * np.abs(marched(one.fits) - own).max() for one in other_fits(scene))
+        / largest
+    )
