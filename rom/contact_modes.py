@@ -120,17 +120,18 @@ def contact_modes(
         bound, reach_hz = options.exact, max(to_hz, selection.finer_hz)
         n_vectors += options.extra
     if space is not None and space.bound <= bound and space.to_hz >= reach_hz:
-        pairs, bound = retained_first(problem.M, retained, space.pairs), space.bound
+        pairs, bound = space.pairs, space.bound
+        kept = indices_of(retained, pairs, problem.M)
         finer = condensed(pairs, w, reach_hz, options.exact)
     else:
         pairs, bound, *_ = krylov_space(
             problem, w, retained, bound, reach_hz, n_vectors, options=options
         )
-        finer = pairs
+        kept, finer = np.arange(n_retained), pairs
     participation = pairs.phi.T @ w
 
     # the choice: the retained ones, then the others by their weight; n is where the error is met
-    order = _ranked(pairs.omega, participation, n_retained, to_hz)
+    order = _ranked(pairs.omega, participation, kept, to_hz)
     errors = bound + _residual_errors(pairs.omega[order], participation[order], to_hz)
     if error is not None:
         n_modes = max(int(np.argmax(errors <= error)), n_retained)
@@ -148,15 +149,11 @@ def contact_modes(
     return Chosen(modes, residual, float(errors[n]), finer)
 
 
-def retained_first(M: sp.csc_array, retained: EigenPairs, pairs: EigenPairs) -> EigenPairs:
-    """The pairs of a space in another order: those that are the retained modes come first.
-
-    Each retained mode is told by its product in M with the pairs, one to one (Kuhn's assignment).
-    """
-    overlap = np.abs((M @ retained.phi).T @ pairs.phi)
-    first = linear_sum_assignment(overlap, maximize=True)[1]
-    order = np.append(first, np.setdiff1d(np.arange(len(pairs.omega)), first))
-    return EigenPairs(pairs.omega[order], pairs.phi[:, order])
+def indices_of(modes: EigenPairs, pairs: EigenPairs, M: sp.csc_array) -> np.ndarray:
+    """Which of the pairs of a space are these modes (k,): indices (k,), by their products in M, one
+    to one (Kuhn's assignment)."""
+    overlap = np.abs((M @ modes.phi).T @ pairs.phi)
+    return linear_sum_assignment(overlap, maximize=True)[1]
 
 
 def condensed(pairs: EigenPairs, w: np.ndarray, to_hz: float, error: float) -> EigenPairs:
@@ -168,18 +165,20 @@ def condensed(pairs: EigenPairs, w: np.ndarray, to_hz: float, error: float) -> E
     as many pairs as its contact needs.
     """
     omega, phi = pairs.omega, pairs.phi.T @ w
-    order = _ranked(omega, phi, 0, to_hz)
+    order = _ranked(omega, phi, np.empty(0, np.int64), to_hz)
     n = int(np.argmax(_residual_errors(omega[order], phi[order], to_hz) <= error))
     rest = order[n:]
     if not len(rest):
         return pairs
     amplitude = phi[rest] / omega[rest] ** 2
     mass, stiffness = np.sum(amplitude**2), np.sum((amplitude * omega[rest]) ** 2)
-    r = pairs.phi[:, rest] @ (amplitude / np.sqrt(mass))
-    return EigenPairs(
-        np.append(omega[order[:n]], np.sqrt(stiffness / mass)),
-        np.column_stack([pairs.phi[:, order[:n]], r]),
-    )
+    weights = np.zeros(len(omega))
+    weights[rest] = amplitude / np.sqrt(mass)
+    few = np.empty((len(w), n + 1), order="F")
+    for j, column in enumerate(order[:n]):
+        few[:, j] = pairs.phi[:, column]
+    few[:, n] = pairs.phi @ weights
+    return EigenPairs(np.append(omega[order[:n]], np.sqrt(stiffness / mass)), few)
 
 
 def static_shapes(
@@ -359,14 +358,13 @@ def _bound(
     return rms((s**2 * leaving) ** 2) / LOSS / size(receptance)
 
 
-def _ranked(omega: np.ndarray, phi: np.ndarray, n_retained: int, to_hz: float) -> np.ndarray:
-    """Indices (k,) of the modes: the retained ones, then the others by what an oscillator with
-    their first two moments misses of their receptance, the largest first."""
-    s = 2 * np.pi * frequencies(to_hz)[:, None]
-    others, squared = omega[n_retained:], omega[n_retained:] ** 2
-    missed = phi[n_retained:] ** 2 * (s / others) ** 4 / (squared * (1 + 1j * LOSS) - s**2)
-    order = np.argsort(-np.linalg.norm(missed, axis=0))
-    return np.append(np.arange(n_retained), n_retained + order)
+def _ranked(omega: np.ndarray, phi: np.ndarray, kept: np.ndarray, to_hz: float) -> np.ndarray:
+    """Indices (k,) of the modes: those kept, then the others by what an oscillator with their first
+    two moments misses of their receptance, the largest first."""
+    s, others = 2 * np.pi * frequencies(to_hz)[:, None], np.setdiff1d(np.arange(len(omega)), kept)
+    squared = omega[others] ** 2
+    missed = phi[others] ** 2 * (s / omega[others]) ** 4 / (squared * (1 + 1j * LOSS) - s**2)
+    return np.append(kept, others[np.argsort(-np.linalg.norm(missed, axis=0))])
 
 
 def _residual_errors(omega: np.ndarray, phi: np.ndarray, to_hz: float) -> np.ndarray:

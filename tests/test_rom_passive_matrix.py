@@ -264,3 +264,21 @@ def test_joints_that_cannot_be_are_refused():
         rom.coupled(K, M, None, B, known(), [1.0, 0.0, 1.0])
     with pytest.raises(rom.ReductionError, match="does not join 3 points"):
         rom.coupled(K, M, None, B[:2], known())
+
+
+def test_noise_near_0_hz_is_told_from_rows_and_columns_in_another_order():
+    """Noise of accelerations divided by omega^2: the lines from the frequency named on are fitted
+    to the noise that they have, and name it again no more."""
+    true, hz, rng = known(), np.arange(0.1, 2000.0, 1.0), np.random.default_rng(1)
+    H = rom.matrix_receptance(true, hz)
+    w = (2 * np.pi * hz)[:, None, None] ** 2
+    noise = rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape)
+    H = H + 0.01 * rms(w * H) * noise / w
+    with pytest.raises(rom.ReductionError, match=r"lines near 0 Hz are noise; .* lowest = ") as why:
+        rom.passive_matrix_fit(hz, H)
+    lowest = float(str(why.value).split("lowest = ")[1].split(" ")[0])
+    assert 1.0 < lowest < 150.0
+    fit = rom.passive_matrix_fit(hz[hz > lowest], H[hz > lowest])
+    near = np.abs(fit.omega[:, None] / true.omega - 1).min(axis=0)
+    # two modes 3 Hz apart are one of that noise
+    assert near[[0, 3, 4]].max() < 1e-3 and near.max() < 0.01 and fit.asymmetry < 0.1

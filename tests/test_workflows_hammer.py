@@ -1,12 +1,14 @@
 """A hammer-test file in, frequencies and damping out, a tuned scene at the end; data synthetic."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.io import savemat, wavfile
 from test_fem_subspace import F, ambient
 
+import beadwave
 from fem.correlation import mac
 from fem.hammer_files import SYNTHETIC, Responses
 from fem.hit_records import records_of_data_sets
@@ -252,6 +254,14 @@ def test_responses_of_universal_files_are_scaled_by_their_unit():
     assert records_of_data_sets(channels("mm/s", kind=0))[0].quantity == "velocities"
     with pytest.raises(ValueError, match="in mm/s is one of accelerations by its type"):
         records_of_data_sets(channels("mm/s"))
+
+
+def test_files_that_are_not_written_without_pyuff_are_named_with_what_adds_it(csv, monkeypatch):
+    monkeypatch.chdir(csv.parent)
+    monkeypatch.setattr("workflows.structure.api.find_spec", lambda name: None)
+    report = beadwave.hammer(csv, "rig-rom", out="made").report
+    assert "modes.uff is not written" in report.text() and not Path("made/modes.uff").exists()
+    assert "./install.sh identify" in Path("made/modes.json").read_text()
 
 
 def test_a_band_outside_of_the_responses_is_refused_with_what_they_hold(csv):

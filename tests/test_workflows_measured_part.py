@@ -150,6 +150,7 @@ def test_modes_and_look_say_that_the_part_is_synthetic(arm, capsys):
         ('measured.arm.on="rod:+z"', "names no body; there are bar"),
         ("measured.arm.at=[[0,0]]", "at needs points"),
         ("measured.arm.highest=100", "lines above 0 Hz and up to measured.arm.highest = 100 Hz"),
+        ("measured.arm.lowest=50000", "lines above 0 Hz and from measured.arm.lowest = 50000 Hz"),
         ("measured.arm.radius=0.02", "leaves that face"),
         ('measured.arm.receptance="nowhere.uff"', "nowhere.uff does not exist"),
     ],
@@ -157,6 +158,17 @@ def test_modes_and_look_say_that_the_part_is_synthetic(arm, capsys):
 def test_what_does_not_fit_is_refused_in_one_sentence(arm, change, sentence):
     with pytest.raises(InvalidScene, match=sentence):
         pipeline("measured_arm.toml", change)("model")
+
+
+def test_lines_below_the_lowest_are_not_fitted_and_it_is_below_the_highest(arm):
+    every = fitted_part(scene("measured_arm.toml").measured[0]).receptances
+    from_300 = scene("measured_arm.toml", ["measured.arm.lowest=300"]).measured[0]
+    some = fitted_part(from_300).receptances
+    np.testing.assert_array_equal(some.frequency_hz, every.frequency_hz[every.frequency_hz >= 300])
+    np.testing.assert_array_equal(some.H, every.H[every.frequency_hz >= 300])
+    crossed = ["measured.arm.lowest=500", "measured.arm.highest=400"]
+    with pytest.raises(InvalidScene, match="lowest = 500 Hz must be below highest = 400 Hz"):
+        scene("measured_arm.toml", crossed)
 
 
 def test_a_deck_does_without_and_says_so(arm, capsys):

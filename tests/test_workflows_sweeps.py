@@ -28,7 +28,7 @@ from workflows.sweep.cluster import engine
 from workflows.sweep.core.design import Design
 from workflows.sweep.core.effects import sobol_effects
 from workflows.sweep.design import grid, sampled, table
-from workflows.sweep.figures import _spacing
+from workflows.sweep.figures import _spacing, curves
 from workflows.sweep.result import opened
 
 TWO = """
@@ -109,6 +109,27 @@ def test_units_are_read_by_the_key():
     base = base_of("rig-rigid", ())
     result = grid(("chain.radius=5mm:15mm:3",), base.number)
     assert result.columns["chain.radius"] == pytest.approx((0.005, 0.01, 0.015))
+    result = grid(("chain.radius=14mm, 9 mm, 0.011", "wall.kind=rigid"), base.number)
+    assert result.columns["chain.radius"] == pytest.approx((0.014, 0.009, 0.011))
+
+
+def test_a_curve_over_one_of_two_keys_is_drawn_for_each_value_of_the_other():
+    """Not one line through the cases of all of them; words count as values too."""
+    mass, hz = np.repeat([1.0, 3.0], 3), np.tile([200.0, 400.0, 300.0], 2)
+    lines = curves(mass * hz, hz, {"wall.mass [kg]": mass})
+    assert [line.name for line in lines] == ["wall.mass = 1 kg", "wall.mass = 3 kg"]
+    for line, m in zip(lines, (1.0, 3.0), strict=True):
+        np.testing.assert_array_equal(line.x, [200.0, 300.0, 400.0])
+        np.testing.assert_array_equal(line.y, m * line.x)
+    words = curves(hz, hz, {"a": mass, "b": np.array(["x", "y", "x"] * 2)})
+    assert [line.name for line in words] == [
+        "a = 1, b = x",
+        "a = 1, b = y",
+        "a = 3, b = x",
+        "a = 3, b = y",
+    ]
+    many = curves(hz, hz, {"c": np.arange(6.0) + np.arange(6) // 3})
+    assert len(many) == 6 and curves(np.arange(9.0), np.arange(9.0), {"c": np.arange(9.0)}) is None
 
 
 def test_a_latin_hypercube_has_one_value_in_each_slice():

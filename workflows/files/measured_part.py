@@ -96,10 +96,11 @@ def receptances(table: MeasuredTable) -> PartReceptances:
         )
 
     f = responses.frequency_hz
-    within = (f > 0) & (f <= (table.highest or np.inf))
+    within = (f > 0) & (f >= (table.lowest or 0)) & (f <= (table.highest or np.inf))
     if np.count_nonzero(within) < 40:
         raise InvalidScene(
             f"{named} has {np.count_nonzero(within)} lines above 0 Hz"
+            + (f" and from {key_of}.lowest = {table.lowest:g} Hz" if table.lowest else "")
             + (f" and up to {key_of}.highest = {table.highest:g} Hz" if table.highest else "")
             + "; a fit needs 40."
         )

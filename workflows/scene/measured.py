@@ -46,6 +46,7 @@ class MeasuredTable(SceneTable):
     kx: Stiffness | None = None  # [N/m] between part and face at each point; rigid without it
     ky: Stiffness | None = None  # [N/m] along the global y
     kz: Stiffness | None = None  # [N/m] along the global z
+    lowest: Frequency | None = None  # [Hz] from which responses are fitted; all above 0 without it
     highest: Frequency | None = None  # [Hz] up to which responses are fitted; all without it
 
     @model_validator(mode="after")
@@ -59,6 +60,10 @@ class MeasuredTable(SceneTable):
         for number, times in Counter(self.points or ()).items():
             if times > 1:
                 raise ValueError(f"points has node {number} twice: name it once")
+        if self.lowest and self.highest and self.lowest >= self.highest:
+            raise ValueError(
+                f"lowest = {self.lowest:g} Hz must be below highest = {self.highest:g} Hz"
+            )
         return self
 
     @property

@@ -51,7 +51,7 @@ def fitted_part(table: MeasuredTable) -> FittedPart:
     InvalidScene for a file that has them not."""
     status = Path(table.receptance).stat() if Path(table.receptance).is_file() else None
     stamp = status and (status.st_mtime_ns, status.st_size, status.st_ino)
-    read = ("name", "receptance", "unit", "points", "directions", "highest")
+    read = ("name", "receptance", "unit", "points", "directions", "lowest", "highest")
     return _fitted(tuple((k, getattr(table, k)) for k in read), stamp)
 
 
@@ -82,7 +82,7 @@ def fits_of(
     if fit.error > options.most:
         raise rom.ReductionError(
             f"modes miss {fit.error:.0%} of its receptances (rms), allowed are {options.most:.0%}: "
-            "check names and signs of the points, or leave out frequencies above some by highest"
+            "check names and signs of the points, or leave out frequencies by lowest and highest"
         )
     model, rng = rom.matrix_receptance(fit, f), np.random.default_rng(0)
     by_noise = []

@@ -594,12 +594,19 @@ def hammer(
         result = HammerTest(test.report, test.modes, tuple(drawn))
     if folder:
         made = [f"figures/{picture.name}.png" for picture in result.pictures]
+        has_pyuff = find_spec("pyuff") is not None
+        if not has_pyuff:
+            without = "modes.uff and targets.toml are" if measured_shapes(test) else "modes.uff is"
+            test.report.remarks.append(
+                f"{without} not written, as universal files need pyuff; ./install.sh identify adds "
+                "it, then repeat the command"
+            )
         with folder.renewed("modes.json", *made) as renewed:
             renewed.write("modes.json", test.report.model_dump_json(indent=1) + "\n")
             command = command_of(paths, scene, changes, reading, choice, folder.path)
             renewed.write("poles.html", pole_page(test, choice, command))
             write_pictures(renewed, result.pictures)
-            if find_spec("pyuff"):
+            if has_pyuff:
                 with renewed.writing("modes.uff") as draft:
                     write_modes(
                         draft, test.test, test.modes.frequency_hz, test.modes.zeta, test.modes.phi

@@ -34,7 +34,9 @@ def grid(over: Iterable[str], number: Number) -> Design:
         key, values = _split(text, FORMS)
         fields = values.split(":")
         if len(fields) == 1:
-            axes.append(Axis(key, _list_values(values)))
+            # a text that is a number with a unit by its key is that number, as in a range
+            meant = [_with_unit(key, value, number) for value in _list_values(values)]
+            axes.append(Axis(key, tuple(meant)))
             continue
         if len(fields) not in (3, 4) or fields[3:] not in ([], ["log"]):
             raise InvalidScene(f"--over {text} must be {FORMS}, or {RANGE} beside --sample.")
@@ -209,6 +211,16 @@ def _list_values(text: str) -> tuple[Any, ...]:
     if len(document) == 1:
         return tuple(_in_column(value, text) for value in document["values"])
     return tuple(_value(word.strip()) for word in text.split(","))
+
+
+def _with_unit(key: str, value: Any, number: Number) -> Any:
+    """The number that a text with a unit means for its key; any other value as it is."""
+    if not isinstance(value, str) or not value.lstrip("+-.")[:1].isdigit():
+        return value
+    try:
+        return number(key, value)
+    except InvalidScene:
+        return value  # its case is refused, and the others run
 
 
 def _value(text: str) -> Any:

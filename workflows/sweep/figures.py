@@ -10,8 +10,9 @@ ENDINGS = (("_m_s", "m/s", 1.0), ("_s", "\N{MICRO SIGN}s", 1e6), ("_N", "N", 1.0
 Array = np.ndarray
 
 
-def picture(name: str, y: Array, keys: dict[str, Array]) -> Picture:
-    """An output y (n_cases,) over one or more keys, each with a value per case.
+def picture(name: str, y: Array, keys: dict[str, Array], others: dict[str, Array]) -> Picture:
+    """An output y (n_cases,) over one or more keys, each with a value per case. `others` are the
+    keys that vary besides: over one key there is a curve for each of their values.
 
     Raises InvalidScene where no case has the output.
     """
@@ -20,14 +21,16 @@ def picture(name: str, y: Array, keys: dict[str, Array]) -> Picture:
         raise InvalidScene(f"no case has a {name}; choose another output.")
     title, scale = _label(name)
     y, keys = scale * y[finite], {key: values[finite] for key, values in keys.items()}
+    others = {key: values[finite] for key, values in others.items()}
     numeric = [key for key in keys if keys[key].dtype.kind in "fiu"]
 
     # one key of numbers: a curve
     if len(keys) == 1 and numeric:
         ((key, x),) = keys.items()
-        order = np.argsort(x, kind="stable")
-        curve = Line(None, x[order], y[order], "o-")
-        return Picture(name, panels([Panel("", key, title, [curve], _spacing(x))]))
+        lines = curves(y, x, others)
+        if lines is None:
+            lines = [Line(None, x, y, "o", width=0.0)]
+        return Picture(name, panels([Panel("", key, title, lines, _spacing(x), legend="aside")]))
 
     # two keys with every combination: curves or a map
     if len(keys) == 2:
@@ -42,6 +45,26 @@ def picture(name: str, y: Array, keys: dict[str, Array]) -> Picture:
         x = x if key in numeric else np.unique(x, return_inverse=True)[1].astype(float)
         clouds.append(Panel("", key, title, [Line(None, x, y, "o", width=0.0)], _spacing(x)))
     return Picture(name, panels(clouds, columns=min(3, len(clouds)), size=(4, 3)))
+
+
+def curves(y: Array, x: Array, others: dict[str, Array]) -> list[Line] | None:
+    """Outputs y (n,) over x (n,), a line with markers at the cases for each of up to 8 combinations
+    of the other keys' values; None of more, of which no lines can be told apart."""
+    columns = [np.unique(values, return_inverse=True) for values in others.values()]
+    ranks = np.array([rank for _, rank in columns], int).reshape(len(columns), len(x))
+    combinations = np.unique(ranks, axis=1).T
+    if len(combinations) > 8:
+        return None
+    lines = []
+    for combination in combinations:
+        of_line = np.flatnonzero((ranks == combination[:, None]).all(axis=0))
+        of_line = of_line[np.argsort(x[of_line], kind="stable")]
+        name = ", ".join(
+            _named(key, values[rank])
+            for key, (values, _), rank in zip(others, columns, combination, strict=True)
+        )
+        lines.append(Line(name or None, x[of_line], y[of_line], "o-"))
+    return lines
 
 
 def face_map(name: str, y: Array, columns: dict[str, Array], face: dict) -> Picture:
@@ -96,13 +119,11 @@ def _grid(title: str, y: Array, keys: dict[str, Array], numeric: list[str]) -> b
     values = np.full((len(rows), len(columns)), np.nan)
     values[np.searchsorted(rows, a), np.searchsorted(columns, b)] = y
     if column_key in numeric and len(rows) <= 8:
-        row_name, _, unit = row_key.partition(" [")
-        unit = unit.removesuffix("]")
-        curves = [
-            Line(f"{row_name} = {_short(row)} {unit}".rstrip(), columns, line)
+        lines = [
+            Line(_named(row_key, row), columns, line)
             for row, line in zip(rows, values, strict=True)
         ]
-        return panels([Panel("", column_key, title, curves, _spacing(columns), legend="aside")])
+        return panels([Panel("", column_key, title, lines, _spacing(columns), legend="aside")])
 
     # up to 8 labels along each side
     labels = []
@@ -114,6 +135,12 @@ def _grid(title: str, y: Array, keys: dict[str, Array], numeric: list[str]) -> b
     axis.set_ylabel(row_key)
     axis.set_xlabel(column_key)
     return png(figure)
+
+
+def _named(key: str, value: float | str) -> str:
+    """A key with its value as a legend has it: "wall.mass [kg]" and 3.0 as "wall.mass = 3 kg"."""
+    name, _, unit = key.partition(" [")
+    return f"{name} = {_short(value)} {unit.removesuffix(']')}".rstrip()
 
 
 def _short(value: float | str) -> str:

@@ -104,11 +104,14 @@ class Sweep:
         name = output or next(iter(self.main), "")
         if self.face and keys is None:
             return face_map(name, self._output(name), self.columns, self.face)
-        by_label = {}
-        for key in keys or self.design.keys:
+        drawn = keys or self.design.keys
+        for key in drawn:
             _require_name(key, self.design.keys, "key")
-            by_label[self._with_unit(key)] = self.columns[key]
-        return picture(name, self._output(name), by_label)
+        of_keys, others = (
+            {self._with_unit(key): self.columns[key] for key in some}
+            for some in (drawn, [key for key in self.design.keys if key not in drawn])
+        )
+        return picture(name, self._output(name), of_keys, others)
 
     def pictures(self) -> tuple[Picture, ...]:
         """Pictures of the main outputs."""
