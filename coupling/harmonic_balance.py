@@ -84,7 +84,7 @@ class Learned(NamedTuple):
         return Learned(*([resampled(x, n_samples) for x in part] for part in self))
 
 
-class Cut(NamedTuple):
+class CutBodies(NamedTuple):
     """The bodies, cut at their contacts, at h harmonics of a period."""
 
     omega: Array  # (h,) [rad/s]
@@ -103,8 +103,8 @@ class Cut(NamedTuple):
     residual: Array  # (h, 1 + d) [m] motion L f of the contact
 
 
-class Answer(NamedTuple):
-    """What the contacts answer a cycle, at N times."""
+class CycleForces(NamedTuple):
+    """Forces of the contacts over a cycle, at N times."""
 
     force: Array  # (N, c) [N], dampers included
     elastic: Array  # (N, c) [N] without dampers
@@ -119,15 +119,15 @@ class Answer(NamedTuple):
 class Balance(NamedTuple):
     """A cycle in which forces and motions agree, at N times from t = 0 on."""
 
-    cut: Cut
+    cut: CutBodies
     y: Array  # (N, c) [m]
-    answer: Answer
+    answer: CycleForces
     change: float  # of y by a step of r, over its size, both as forces K y
     evaluations: int
     learned: Learned
 
 
-def cut_at_contacts(body: Body, before: Before, n_samples: int, search: BalanceSearch) -> Cut:
+def cut_at_contacts(body: Body, before: Before, n_samples: int, search: BalanceSearch) -> CutBodies:
     """The bodies of a chain before the striker, at the harmonics of the shakers' period."""
     chain, static, wall, Q = body.prepared.chain, body.prepared.static, body.wall, body.to_frame
     n, d = chain.mass.size, len(body.frame)
@@ -194,7 +194,7 @@ def cut_at_contacts(body: Body, before: Before, n_samples: int, search: BalanceS
     K = np.append(k, np.full(d, k_t))
     participations = np.zeros((w.size, c))
     participations[:, last] = phi.T
-    return Cut(
+    return CutBodies(
         omega, C, shaken, K, rest, force, sphere, across, turn, modes, resonates, participations,
         push, residual,
     )  # fmt: skip
@@ -210,7 +210,7 @@ class ResonantModes(NamedTuple):
     moves: Array  # (c, r) [kg^-1/2]
 
 
-def resonant_modes(cut: Cut, h: int, K: Array) -> ResonantModes:
+def resonant_modes(cut: CutBodies, h: int, K: Array) -> ResonantModes:
     """Modes without damping at harmonic h: 0 = P f + p with their participations P and the push p.
     With the other bodies' y = (1 + C K)^-1 (s - C g - P^T q),
 
@@ -235,7 +235,7 @@ def resonant_modes(cut: Cut, h: int, K: Array) -> ResonantModes:
     return ResonantModes(modes, fixed, gain, moves)
 
 
-def let_go(body: Body, cut: Cut, pushed: Array) -> tuple[Contacts, Array, Array]:
+def let_go(body: Body, cut: CutBodies, pushed: Array) -> tuple[Contacts, Array, Array]:
     """Contact, shift (d,) [m] and tangential force (d,) [N] of bodies at rest after the contact was
     pressed and pushed to and fro by (d,) [m]: friction holds them where the last push has left the
     force at its bound. Without a push the contact was never sheared."""
@@ -252,12 +252,12 @@ def let_go(body: Body, cut: Cut, pushed: Array) -> tuple[Contacts, Array, Array]
 def answer(
     body: Body,
     before: Before,
-    cut: Cut,
+    cut: CutBodies,
     y: Array,
-    memory: Answer | None,
+    memory: CycleForces | None,
     laps: int,
     pushed: Array | None = None,
-) -> Answer:
+) -> CycleForces:
     """What the contacts answer the cycle y (N, c) [m], led round it `laps` times: from what another
     cycle left, else from rest, after pushes of the frictional contact by (d,) [m] if any
     (`let_go`)."""
@@ -283,7 +283,7 @@ def answer(
         contacts, slip = memory.contacts.copied(), memory.slip.copy()
     springs = Springs(contacts.row, contacts.room, contacts.cells)
     heat, change = press_round(law, laps, path, springs, slip, tangential, stick)
-    return Answer(
+    return CycleForces(
         force=np.column_stack([elastic * pressure, tangential]),
         elastic=np.column_stack([elastic, tangential]),
         stick=stick,
@@ -328,7 +328,7 @@ def balance(
     units = np.maximum(K, search.lightest * K.max())
     evaluations, memory = 0, None
 
-    def residual(y: Array) -> tuple[Array, Answer]:
+    def residual(y: Array) -> tuple[Array, CycleForces]:
         """r, as forces K r, and what the contacts answer."""
         nonlocal evaluations
         evaluations += 1

@@ -23,7 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupling.errors import CouplingError
-from coupling.harmonic_balance import USUAL_BALANCE_SEARCH, Answer, Cut, answer, cut_at_contacts
+from coupling.harmonic_balance import (
+    USUAL_BALANCE_SEARCH,
+    CutBodies,
+    CycleForces,
+    answer,
+    cut_at_contacts,
+)
 from coupling.spatial_march import Before, Body, ShakerForces
 
 Array = NDArray[np.float64]
@@ -65,7 +71,7 @@ class CurvePoint(NamedTuple):
     jacobian: Array  # [N/m] df/dy of these
 
 
-def without_other_contacts(cut: Cut, body: Body, n_harmonics: int) -> Array:
+def without_other_contacts(cut: CutBodies, body: Body, n_harmonics: int) -> Array:
     """H (n_harmonics + 1, c, c) of the last contact. Raises CouplingError where a harmonic is the
     frequency of a mode without damping."""
     chain, static, omega = body.prepared.chain, body.prepared.static, cut.omega[: n_harmonics + 1]
@@ -115,7 +121,7 @@ def point(
     most = max(bound * overlap**1.5 * 4.0 / 3.0, 1e-3 * F0)
     scale = flat(unit + most * np.abs(np.einsum("hii->hi", H)) * (1.0 + 1.0j))
 
-    def answered(x: Array) -> tuple[Array, Answer]:
+    def answered(x: Array) -> tuple[Array, CycleForces]:
         y = np.zeros((N, cut.K.size))
         y[:, last:] = over_time(harmonics_of(x, c), N)
         now = answer(body, before, cut, y, None, options.laps)
@@ -191,7 +197,13 @@ def moved(H: Array, f: Array) -> Array:
 
 
 def shown(
-    body: Body, cut: Cut, x: Array, f: Array, G: Array, now: Answer, options: HarmonicBalance
+    body: Body,
+    cut: CutBodies,
+    x: Array,
+    f: Array,
+    G: Array,
+    now: CycleForces,
+    options: HarmonicBalance,
 ) -> CurvePoint:
     """Amplitudes and energies of a periodic motion."""
     wall, m, N = body.wall, options.n_harmonics, options.n_instants

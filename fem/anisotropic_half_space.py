@@ -35,7 +35,7 @@ N_DIRECTIONS = 128  # of kappa in half a turn; periodic sums, whose errors fall 
 Anisotropic = Material | Orthotropic
 
 
-class ForceTable(NamedTuple):
+class FieldTable(NamedTuple):
     """Resolution of the tabulated field of a force; values not varied."""
 
     heights: int = 32  # elevations from the surface to the normal, less one
@@ -100,7 +100,7 @@ class SurfaceForce(NamedTuple):
 
 
 def surface_force(
-    material: Anisotropic, inward: NDArray[np.float64], options: ForceTable = ForceTable()
+    material: Anisotropic, inward: NDArray[np.float64], options: FieldTable = FieldTable()
 ) -> SurfaceForce:
     """The field of a unit force along the inward unit normal (3,) of a half-space.
 

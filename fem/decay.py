@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.fft import fft, fftfreq, ifft
 
 
-class Steps(NamedTuple):
+class DecaySteps(NamedTuple):
     """How a decay is cut into steps of the amplitude."""
 
     ratio: float = 1.6  # of amplitudes at a step's ends: 20 steps for the noise of four decades
@@ -47,7 +47,7 @@ def over_amplitude(
     frequency_hz: NDArray[np.float64],
     phi: NDArray[np.complex128],
     mode: int,
-    options: Steps = Steps(),
+    options: DecaySteps = DecaySteps(),
 ) -> list[AmplitudeStep]:
     """Steps of the decay of one mode, largest amplitude first, of a record y (m, k) from its onset
     on and modes frequency_hz (n,), phi (m, n); none where the mode does not stand clear."""
@@ -107,7 +107,7 @@ def over_amplitude(
     return steps if len(steps) >= options.fewest else []
 
 
-def varies(steps: list[AmplitudeStep], options: Steps = Steps()) -> bool:
+def varies(steps: list[AmplitudeStep], options: DecaySteps = DecaySteps()) -> bool:
     """Whether the damping changes over the decay by more than chance: the slope of a straight line
     zeta(ln a) through the steps, weighted by their deviations."""
     if not steps:

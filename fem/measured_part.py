@@ -44,7 +44,7 @@ class MeasuredPart(NamedTuple):
     stiffness: tuple[float, float, float] = (np.inf,) * 3  # [N/m] along x, y, z; inf is rigid
 
 
-class Limits(NamedTuple):
+class PointLimits(NamedTuple):
     """When points of a part move with each other for want of a compliance; not varied."""
 
     condition: float = 1e12  # of the compliance between part and structure, points scaled alike
@@ -54,7 +54,7 @@ def with_measured(
     structure: Structure,
     parts: Iterable[MeasuredPart],
     points: DiscPoints = DiscPoints(),
-    limits: Limits = Limits(),
+    limits: PointLimits = PointLimits(),
 ) -> Structure:
     """The structure with these parts in `measured`; `fem.joined` adds them to K and M.
 
@@ -78,7 +78,7 @@ def with_measured(
     return structure._replace(measured=structure.measured + tuple(joined))
 
 
-def joint_stiffness(part: MeasuredPart, limits: Limits = Limits()) -> NDArray[np.float64]:
+def joint_stiffness(part: MeasuredPart, limits: PointLimits = PointLimits()) -> NDArray[np.float64]:
     """K_j (m, m) [N/m] of the part's compliance and its springs in series; raises ValueError where
     it would be infinite."""
     d = np.array([one.direction for one in part.points])

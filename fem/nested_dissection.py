@@ -55,7 +55,7 @@ class Subgraph(NamedTuple):
         return Subgraph(self.vertices[chosen], graph, self.weight[chosen], self.X[chosen])
 
 
-class Cut(NamedTuple):
+class Separator(NamedTuple):
     """A separator and how bad it is: its unknowns over the product of those of the halves."""
 
     side: NDArray[np.int8]  # (n,) 0, 1 or MIDDLE
@@ -101,7 +101,7 @@ def nested_dissection(
     return domains
 
 
-def _swept_cut(sub: Subgraph, along: NDArray[np.float64], smallest: float) -> Cut:
+def _swept_cut(sub: Subgraph, along: NDArray[np.float64], smallest: float) -> Separator:
     """The best cut across an axis, of those that leave this share of the unknowns in each half.
 
     along (n,) are the positions of the vertices on the axis, in whose order all n + 1 cuts are
@@ -134,7 +134,7 @@ def _swept_cut(sub: Subgraph, along: NDArray[np.float64], smallest: float) -> Cu
     side = (rank >= cut).astype(np.int8)
     crossing = (side == 1) & (first < cut) if is_above else (side == 0) & (last >= cut)
     side[crossing] = MIDDLE
-    return Cut(side, np.min(scores))
+    return Separator(side, np.min(scores))
 
 
 def edges(graph: csr_matrix, rows: NDArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -66,7 +66,7 @@ class StablePole(NamedTuple):
     orders: tuple[int, ...]
 
 
-class LeftOut(NamedTuple):
+class RejectedPole(NamedTuple):
     """A pole that recurs from order to order and is no mode."""
 
     number: int
@@ -88,7 +88,7 @@ class IdentifiedModes(NamedTuple):
     phi_deviation: NDArray[np.float64]  # (p, n) of the complex component
     collinearity: NDArray[np.float64]  # (n,) 1 for a real shape
     orders: NDArray[np.int64]  # (n,) in which the pole recurred
-    left_out: tuple[LeftOut, ...]
+    left_out: tuple[RejectedPole, ...]
     # order and its decaying poles [1/s], of one band after the other
     diagram: tuple[tuple[int, NDArray[np.complex128]], ...]
     # lines (k,) [Hz] and the modal model there (p, m, k), of each band
@@ -200,7 +200,7 @@ def background(frequency_hz: NDArray[np.float64], even: int, odd: int) -> NDArra
     return np.concatenate([[(x[0] / x) ** 2], smooth, 1j * x * smooth[:odd]])
 
 
-class ModalFit(NamedTuple):
+class ResponseModes(NamedTuple):
     """The modal model at the responses (p, m, f), and what a change of H does to it.
 
     Weighted rows of the equations are compressed to the b = 4 n orthonormal columns q (2 f, b) that
@@ -226,7 +226,7 @@ def modal_fit(
     L: NDArray[np.complex128],
     iterations: int,
     terms: tuple[int, int],
-) -> ModalFit:
+) -> ResponseModes:
     """Poles (n,), participation L (n, m) and shapes that fit H (p, m, f) by least squares with
     weights (p, m) [1 / standard deviation], by Gauss and Newton from the poles given, beside a
     background of so many even and odd terms.
@@ -303,7 +303,7 @@ def modal_fit(
             rest = data - stacked(model.reshape(p * m, f)).T
             low = (outside @ (outside.T @ rest)).T.reshape(p, m, 2, f)
             model = model + low[:, :, 0] + 1j * low[:, :, 1]
-            best = ModalFit(
+            best = ResponseModes(
                 at, L_at, phi, cost, normal, np.array(J_all), np.array(local_all), q, model
             )
             best_gradient = gradient
@@ -349,7 +349,7 @@ def bands_between_modes(
         low = cut
 
 
-class Candidates(NamedTuple):
+class PoleCandidates(NamedTuple):
     """Poles of a band that recur from order to order, and what may speak against them."""
 
     own: tuple[float, float]  # [Hz] modes beyond are those of neighbouring bands
@@ -365,7 +365,7 @@ def candidates(
     own: tuple[float, float],
     ends: tuple[float, float],
     options: Stability,
-) -> Candidates:
+) -> PoleCandidates:
     """Recurring poles of the part `own` of a test's band with these `ends` [Hz].
 
     Raises ValueError where it has too few lines.
@@ -418,7 +418,7 @@ def candidates(
             ]
             if not all(near):
                 doubts[i] = "it does not recur in both halves of the hits"
-    return Candidates(own, lines, noise, poles, doubts, [(o, at) for o, at, _ in diagram])
+    return PoleCandidates(own, lines, noise, poles, doubts, [(o, at) for o, at, _ in diagram])
 
 
 def identified_modes(
@@ -492,18 +492,18 @@ def identified_modes(
     )  # fmt: skip
 
 
-def of_pole(number: int, pole: complex, reason: str) -> LeftOut:
+def of_pole(number: int, pole: complex, reason: str) -> RejectedPole:
     """A pole [1/s] that is left out, as frequency and damping ratio."""
-    return LeftOut(number, abs(pole) / (2 * np.pi), -pole.real / abs(pole), reason)
+    return RejectedPole(number, abs(pole) / (2 * np.pi), -pole.real / abs(pole), reason)
 
 
 def fitted_modes(
     test: FrequencyResponses,
-    part: Candidates,
+    part: PoleCandidates,
     chosen: list[tuple[int | None, StablePole]],
     accept: Collection[int],
     options: Stability,
-) -> tuple[list[tuple], list[LeftOut], NDArray[np.complex128]]:
+) -> tuple[list[tuple], list[RejectedPole], NDArray[np.complex128]]:
     """Modes of a band by maximum likelihood, those that are left out, and the model (p, m, f).
 
     `chosen` are poles and their numbers, None for those beyond the band's own part. A mode is a

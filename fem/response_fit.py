@@ -43,7 +43,7 @@ DB = 20 / np.log(10)  # dB in a unit of ln
 UNFITTED = TuningSettings().unfitted
 
 
-class FitOptions(NamedTuple):
+class ResponseFitOptions(NamedTuple):
     """How responses are weighed and what a fit counts as done; values not varied but where said."""
 
     rounds: int = 12  # of weights, at most; 3 to 6 are usual
@@ -144,7 +144,7 @@ def log_ratio(H: NDArray[np.complex128], measured: NDArray[np.complex128]) -> ND
 def misfit(measured: MeasuredResponses, H: NDArray[np.complex128]) -> Misfit:
     """Of responses H (p, r, f), over the lines that say something."""
     relative = measured.noise / np.maximum(np.abs(measured.H), np.finfo(float).tiny)
-    heard = relative < FitOptions().faint
+    heard = relative < ResponseFitOptions().faint
     r = log_ratio(H, measured.H)[heard]
     if not r.size:
         return Misfit(np.nan, np.nan, np.nan)
@@ -198,7 +198,7 @@ def fit_responses(
     start: NDArray[np.float64],
     measured: MeasuredResponses,
     resonances: Resonances | None = None,
-    options: FitOptions = FitOptions(),
+    options: ResponseFitOptions = ResponseFitOptions(),
 ) -> ResponseFit:
     """Least squares from the values `start` (n,), with weights renewed until values rest.
 

@@ -77,6 +77,9 @@ class BasisSettings(NamedTuple):
     soft: float = 1e6  # [N/m] that of the attachment shapes as well
     lever: float = 1e-4  # [m^2] a rotational stiffness is one of shifts at a distance of 10 mm
     dependent: float = 1e-10  # of the largest eigenvalue of V^T M V: below, a shape is dropped
+    # of the length of an attachment: below, what it has beyond the modes is dropped; a point on
+    # the block of the rig has 6e-6
+    rounding: float = 1e-10
 
 
 class TuningSettings(NamedTuple):
@@ -117,8 +120,16 @@ def tuning_basis(
     shift = (2 * np.pi * SHIFT_HZ) ** 2 if R.shape[1] else 0.0
     factor = factorised((K + shift * model.M).tocsc() if shift else K)
     attachments = deflated(R, model.M, factor, pulls)
-    shapes = np.hstack([stiff.phi, soft.phi, attachments])
-    V = _m_orthonormalised(shapes, model.M, settings.dependent)
+    V = _m_orthonormalised(np.hstack([stiff.phi, soft.phi]), model.M, settings.dependent)
+    # what attachments have beyond the modes: in their lengths in M the yielding around a point is
+    # small as (omega_1 / omega)^2 and passes for dependent; once leaves rounding of their size
+    length = np.sqrt(np.sum(attachments * (model.M @ attachments), axis=0))
+    for _ in range(2):
+        attachments = attachments - V @ (V.T @ (model.M @ attachments))
+    beyond = np.sqrt(np.sum(attachments * (model.M @ attachments), axis=0))
+    attachments = attachments[:, beyond > settings.rounding * length]
+    if attachments.shape[1]:
+        V = np.hstack([V, _m_orthonormalised(attachments, model.M, settings.dependent)])
 
     # masses that faces carry: bodies that nothing strains
     u, m = model.T @ V, V.shape[1]

@@ -17,8 +17,8 @@ from workflows.evidence.accuracy.peer_process import (
     MODES,
     PARDISO,
     SUPERLU,
+    EigenProblem,
     Spheres,
-    Structure,
 )
 from workflows.stages.progress import quiet
 
@@ -37,7 +37,7 @@ def springs():
 def test_modes_and_condensation_by_every_method_are_those_of_lapack():
     K, M, w, b = springs()
     missing = {CALCULIX, EXUDYN, LAMMPS} | (set() if has_pardiso() else {PARDISO})
-    rows = beside_peers.structure_results(Structure(K, M, w, b, N_MODES), missing, quiet)
+    rows = beside_peers.structure_results(EigenProblem(K, M, w, b, N_MODES), missing, quiet)
     assert not [row for row in rows if isinstance(row, beside_peers.Failed)]
     methods = [m for m in (BEADWAVE, SUPERLU, PARDISO) if m not in missing]
     assert [(row.parameter, row.method) for row in rows] == [
@@ -46,7 +46,7 @@ def test_modes_and_condensation_by_every_method_are_those_of_lapack():
 
     # the references that the errors are measured against, against LAPACK: rounding of the largest
     # eigenvalue leaves eps (omega_max / omega_1)^2 = 8e-12 of the smallest
-    truth = beside_peers.structure_truth(Structure(K, M, w, b, N_MODES))
+    truth = beside_peers.structure_truth(EigenProblem(K, M, w, b, N_MODES))
     hz = np.sqrt(eigh(K.toarray(), M.toarray(), eigvals_only=True)[:N_MODES]) / (2 * np.pi)
     np.testing.assert_allclose(truth[MODES], hz, rtol=1e-10)
     assert truth[CONDENSATION][0] == pytest.approx(N / 1e8, rel=1e-10)
@@ -60,13 +60,13 @@ def test_modes_and_condensation_by_every_method_are_those_of_lapack():
 @pytest.mark.slow
 def test_an_error_of_a_method_is_seen(monkeypatch):
     K, M, w, b = springs()
-    truth = beside_peers.structure_truth(Structure(K, M, w, b, N_MODES))
+    truth = beside_peers.structure_truth(EigenProblem(K, M, w, b, N_MODES))
     monkeypatch.setattr(
         beside_peers, "structure_truth",
         lambda *_: {work: values * 1.01 for work, values in truth.items()},
     )  # fmt: skip
     missing = {PARDISO, CALCULIX, SUPERLU}
-    rows = beside_peers.structure_results(Structure(K, M, w, b, N_MODES), missing, quiet)
+    rows = beside_peers.structure_results(EigenProblem(K, M, w, b, N_MODES), missing, quiet)
     assert [row.error for row in rows] == pytest.approx([1 - 1 / 1.01] * 2, rel=1e-6)
 
 
@@ -122,7 +122,7 @@ def test_memory_is_that_of_the_process_of_the_method():
 def test_one_run_of_calculix_stands_for_its_modes_and_its_compliance(monkeypatch):
     """Its compliance comes behind its frequencies; a run that fails stands once."""
     K, M, w, b = springs()
-    structure = Structure(K, M, w, b, N_MODES, deck="*NODE")
+    structure = EigenProblem(K, M, w, b, N_MODES, deck="*NODE")
     truth = beside_peers.structure_truth(structure)
     values = np.append(1.01 * truth[MODES], 1.02 * truth[CONDENSATION][0])
     cost = Timed(values, warm=Seconds(1.0, 2.0), cold=Seconds(3.0, 4.0))
@@ -144,7 +144,7 @@ def test_one_run_of_calculix_stands_for_its_modes_and_its_compliance(monkeypatch
 def test_a_peer_that_is_not_installed_is_named_with_what_brings_it():
     K, M, w, b = springs()
     missing = {PARDISO, CALCULIX}
-    rows = beside_peers.structure_results(Structure(K, M, w, b, N_MODES), missing, quiet)
+    rows = beside_peers.structure_results(EigenProblem(K, M, w, b, N_MODES), missing, quiet)
     absent = {name: source for name, (_, _, source) in beside_peers.OPTIONAL.items()}
     finding = beside_peers.finding("springs", N, rows, absent)
     text = "\n".join(finding.sentences)

@@ -13,32 +13,32 @@ from typing import NamedTuple
 from workflows.files.run_folder import marked
 
 
-class Place(NamedTuple):
+class OutputFolder(NamedTuple):
     """A folder to fill, and notes on it for the user, in sentences."""
 
     path: Path | None
     notes: tuple[str, ...] = ()
 
 
-def place(out: str | Path | None, parent: Path, name: str, scene_toml: str) -> Place:
+def place(out: str | Path | None, parent: Path, name: str, scene_toml: str) -> OutputFolder:
     """The folder `out`, or without one a folder in the parent that no other scene fills."""
     if out:
         return given(Path(out), scene_toml)
     usual, path = parent / name, own_folder(parent, name, scene_toml)
     note = f"{usual} is left as it is: it holds another run"
-    return Place(path, () if path == usual else (note,))
+    return OutputFolder(path, () if path == usual else (note,))
 
 
-def given(path: Path, scene_toml: str) -> Place:
+def given(path: Path, scene_toml: str) -> OutputFolder:
     """The folder that the user named; a note if a run of another scene is replaced there."""
     earlier_toml = _scene(path) if marked(path) else None
     if earlier_toml is None or earlier_toml == scene_toml:
-        return Place(path)
+        return OutputFolder(path)
     try:
         earlier = str(loads(earlier_toml).get("name", "unknown"))
     except TOMLDecodeError:
         earlier = "unknown"
-    return Place(path, (f"replaced: what an earlier run of {earlier} left in {path}",))
+    return OutputFolder(path, (f"replaced: what an earlier run of {earlier} left in {path}",))
 
 
 def own_folder(parent: Path, name: str, scene_toml: str) -> Path:

@@ -23,7 +23,7 @@ class ErrorOptions(NamedTuple):
     band: float = 0.8  # of the highest frequency, up to which another fit reads
 
 
-class Fitted(NamedTuple):
+class FitAndErrors(NamedTuple):
     """The fit of a measured response and others that differ by its errors."""
 
     fit: rom.ModalFit
@@ -33,7 +33,7 @@ class Fitted(NamedTuple):
     highest_hz: float
 
 
-def fitted(wall: MeasuredWall) -> Fitted:
+def fitted(wall: MeasuredWall) -> FitAndErrors:
     """The fit of wall.receptance, made again only where file or keys have changed; raises
     InvalidScene for a file that is no driving point's response."""
     status = Path(wall.receptance).stat()
@@ -43,7 +43,7 @@ def fitted(wall: MeasuredWall) -> Fitted:
 
 
 @lru_cache(maxsize=4)
-def _fitted(key: tuple, stamp: tuple[int, int, int]) -> Fitted:
+def _fitted(key: tuple, stamp: tuple[int, int, int]) -> FitAndErrors:
     wall = MeasuredWall(kind="measured", **dict(key))
     f, H = driving_point(wall)
     options = ErrorOptions()
@@ -64,7 +64,7 @@ def _fitted(key: tuple, stamp: tuple[int, int, int]) -> Fitted:
     half_space = wall.half_space or 0.0
     if wall.sensor_distance is not None:
         half_space = surface_compliance(wall.young, wall.poisson, wall.sensor_distance)
-    return Fitted(fit, by_noise, by_band, half_space, float(f[-1]))
+    return FitAndErrors(fit, by_noise, by_band, half_space, float(f[-1]))
 
 
 def driving_point(wall: MeasuredWall) -> tuple[np.ndarray, np.ndarray]:

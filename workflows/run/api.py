@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from workflows.files.own_folder import Place, given, place
+from workflows.files.own_folder import OutputFolder, given, place
 from workflows.files.run_folder import Picture, RunFolder, picture_named
 from workflows.files.scene import Changes, Source, built_in, each, files_read
 from workflows.files.scene import scene as _loaded
@@ -166,7 +166,7 @@ def impact(
     from workflows.stages.pipeline import pipeline_of
 
     inputs = files_read(chosen, scene)
-    path, notes = given(Path(out), toml(chosen)) if out else Place(None)
+    path, notes = given(Path(out), toml(chosen)) if out else OutputFolder(None)
     folder = RunFolder(path, inputs=inputs, overwrite=overwrite) if path else None
     pipeline = pipeline_of(chosen, progress)
     command = origin("impact", chosen, scene, changes)

@@ -19,7 +19,7 @@ from workflows.scene.measured import MeasuredTable
 from workflows.stages import assembly
 from workflows.stages.chain import Start
 from workflows.stages.errors import velocities, wall_model
-from workflows.stages.measured_parts import ErrorOptions, fitted_part, measured_part
+from workflows.stages.measured_parts import PartErrorOptions, fitted_part, measured_part
 from workflows.stages.parts import Parts
 from workflows.stages.targets import axes_of_test
 from workflows.stages.walls import wall_of
@@ -35,7 +35,7 @@ class OtherFits(NamedTuple):
 def other_fits(scene: Scene) -> list[OtherFits]:
     """Fits by noise, whose mean change counts twice, and that of the lower part of the band."""
     parts = {table.name: fitted_part(table) for table in scene.measured or ()}
-    n = ErrorOptions().draws
+    n = PartErrorOptions().draws
     others = [
         OtherFits({name: part.by_noise[i] for name, part in parts.items()}, 2 / n) for i in range(n)
     ]

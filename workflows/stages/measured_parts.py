@@ -24,7 +24,7 @@ from workflows.stages.targets import axes_of_test
 FARTHEST = 2.0
 
 
-class ErrorOptions(NamedTuple):
+class PartErrorOptions(NamedTuple):
     """How the error of a fit is found; none of the values was varied."""
 
     draws: int = 3  # fits of the responses with their residuals at random phases
@@ -76,7 +76,7 @@ def fits_of(
 ) -> tuple[rom.MatrixFit, tuple[rom.MatrixFit, ...], rom.MatrixFit]:
     """The fit of receptances, those of its residuals at random phases, and that of the lower part
     of the band; raises ReductionError. `content` names them in the cache."""
-    f, H, options = part.frequency_hz, part.H, ErrorOptions()
+    f, H, options = part.frequency_hz, part.H, PartErrorOptions()
     of_matrix = rom.MatrixOptions(most_free=rigid_motions(part))
     fit = rom.passive_matrix_fit(f, H, of_matrix=of_matrix)
     if fit.error > options.most:

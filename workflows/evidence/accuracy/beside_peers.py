@@ -33,8 +33,8 @@ from workflows.evidence.accuracy.peer_process import (
     MODES,
     PARDISO,
     SUPERLU,
+    EigenProblem,
     Spheres,
-    Structure,
     measured,
     problem_of,
     shift_inverted,
@@ -103,7 +103,7 @@ def peers(scene: Scene, progress: Progress, *, options: PeerOptions = PeerOption
         mesh = stages.mesh(coarse)
         model = stages.model(coarse, mesh)
         contact = stages.contact(coarse, mesh, model)
-        structure = Structure(
+        structure = EigenProblem(
             model.K, model.M, contact.w, boundary_of(contact, None), options.n_modes,
             input_deck(model, mesh.materials, n_modes=options.n_modes, w=contact.w),
         )  # fmt: skip
@@ -124,7 +124,7 @@ def peers(scene: Scene, progress: Progress, *, options: PeerOptions = PeerOption
 
 
 def structure_results(
-    structure: Structure, missing: set[str], progress: Progress
+    structure: EigenProblem, missing: set[str], progress: Progress
 ) -> list[AccuracyRow | Failed]:
     """Modes and condensation by every method that is there; CalculiX makes its own matrices."""
     structure = structure._replace(K=sp.csc_array(structure.K), M=sp.csc_array(structure.M))
@@ -157,7 +157,7 @@ def structure_results(
     return results
 
 
-def structure_truth(structure: Structure) -> Mapping[str, NDArray]:
+def structure_truth(structure: EigenProblem) -> Mapping[str, NDArray]:
     """Frequencies [Hz] of the modes; compliance w^T K^-1 w [m/N] and fixed-interface frequencies,
     by shifts that none of the methods takes, and a refined solution."""
     K, M, w, b, n_modes, _ = structure

@@ -29,7 +29,7 @@ STEPS = tuple(8e-7 / 2**k for k in range(7))  # [s]
 SLOW = 20.0  # [s] of a call that is not repeated, or followed by a finer setting
 
 
-class Structure(NamedTuple):
+class EigenProblem(NamedTuple):
     """Matrices, the contact, and how many modes are wanted; CalculiX takes the deck."""
 
     K: object  # (n, n), sparse
@@ -62,7 +62,7 @@ def measured(work: Callable[..., Callable], method: str, *given) -> tuple[Timed,
     return cost, of_child or peak("self")
 
 
-def modes(method: str, structure: Structure) -> Callable[[], NDArray[np.float64]]:
+def modes(method: str, structure: EigenProblem) -> Callable[[], NDArray[np.float64]]:
     """A call that gives the lowest frequencies (k,) [Hz]; CalculiX' the compliance behind them."""
     K, M, _, _, n_modes, deck = structure
     if method == CALCULIX:
@@ -82,7 +82,7 @@ def modes(method: str, structure: Structure) -> Callable[[], NDArray[np.float64]
     return lambda: shift_inverted(K, M, n_modes, factorise(K))[0]
 
 
-def condensation(method: str, structure: Structure) -> Callable[[], NDArray[np.float64]]:
+def condensation(method: str, structure: EigenProblem) -> Callable[[], NDArray[np.float64]]:
     """A call that gives the compliance at the contact [m/N] and fixed-interface frequencies [Hz],
     (1 + k,), of a Craig-Bampton model.
 

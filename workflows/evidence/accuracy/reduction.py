@@ -115,7 +115,7 @@ def reduction(scene: Scene, progress: Progress) -> Finding:
     model, patch = run("model"), run("contact")
     contact = contact_of(scene, model, patch)
     scene = on_surface(scene, contact)
-    full = FullModel(model.K, model.M, patch.w, contact, SharedSolutions())
+    full = FullMatrices(model.K, model.M, patch.w, contact, SharedSolutions())
 
     # what the reduced walls are compared with: receptance H at a thousand frequencies, and a march
     truth = run("reference-response")
@@ -230,7 +230,7 @@ def _picture(cases: list[ReductionCase]) -> bytes:
     return panels(sets, columns=3, size=(4.6, 3.6), legend_apart=True)
 
 
-class FullModel(NamedTuple):
+class FullMatrices(NamedTuple):
     """The full model as the reductions need it."""
 
     K: object
@@ -241,7 +241,7 @@ class FullModel(NamedTuple):
 
 
 def reduced_by(
-    full: FullModel, kind: str, selection: rom.Selection, factorise: rom.Factorise
+    full: FullMatrices, kind: str, selection: rom.Selection, factorise: rom.Factorise
 ) -> rom.ReducedModel:
     """The full model reduced by "free-modes" or "craig-bampton", without its T."""
     if kind == "free-modes":
@@ -276,7 +276,7 @@ def marched(scene: Scene, wall: dem.Wall, finer: float) -> dem.Trajectory:
 
 
 def solve_costs(
-    scene: Scene, full: FullModel, modes: AssemblyModes
+    scene: Scene, full: FullMatrices, modes: AssemblyModes
 ) -> tuple[int, float, float, float]:
     """How many modes, and seconds of a factorisation, of their eigen-solve and of the scene's
     reduction, each with a factorisation of its own."""
@@ -293,7 +293,7 @@ def solve_costs(
 
 
 def march_costs(
-    scene: Scene, full: FullModel, largest: dict[str, rom.ReducedModel], to_hz: float
+    scene: Scene, full: FullMatrices, largest: dict[str, rom.ReducedModel], to_hz: float
 ) -> list[tuple[str, int, float, float]]:
     """Of marches to ERROR with the `largest` models, and with the modes that this error up to
     to_hz [Hz] keeps: the wall, its number of oscillators, seconds, and those of a rigid wall."""

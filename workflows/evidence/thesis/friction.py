@@ -86,7 +86,7 @@ class Case(NamedTuple):
     turn: float = 0.0  # of a period
 
 
-class Rig(NamedTuple):
+class MarchedRig(NamedTuple):
     """What marches of a scene take."""
 
     start: Start
@@ -239,14 +239,16 @@ def cases(scene: Scene, options: FrictionOptions) -> Iterator[Case]:
         yield Case("patch [mm]", 1e3 * factor * y, moved)
 
 
-def rig_of(scene: Scene, progress: Progress) -> Rig:
+def rig_of(scene: Scene, progress: Progress) -> MarchedRig:
     """Chain and structure of a scene, its reduced model kept by content."""
     pipeline = pipeline_of(scene, progress)
     start = pipeline("start")
-    return Rig(start, pipeline("spatial-wall"), last_sphere(scene, start), shaker_forces(scene))
+    return MarchedRig(
+        start, pipeline("spatial-wall"), last_sphere(scene, start), shaker_forces(scene)
+    )
 
 
-def with_coefficient(rig: Rig, coefficient: float) -> LastSphere:
+def with_coefficient(rig: MarchedRig, coefficient: float) -> LastSphere:
     """The last sphere on a contact of another coefficient: the law's bound is mu E*/G*."""
     bound = coefficient * rig.modulus / rig.last.law.modulus
     return rig.last._replace(law=rig.last.law._replace(bound=bound))
@@ -254,7 +256,7 @@ def with_coefficient(rig: Rig, coefficient: float) -> LastSphere:
 
 def shaken_run(
     case: Case,
-    rig: Rig,
+    rig: MarchedRig,
     coefficient: float,
     spheres: tuple[int, ...],
     states: dict[str, SteadyState],
@@ -308,7 +310,7 @@ def name_of(stick: float) -> str:
     return "gross slip" if stick == 0.0 else "stick" if stick > ALL_STICKS else "partial slip"
 
 
-def observed(rig: Rig, run: SpatialRun, spheres: tuple[int, ...], name: str) -> Observed:
+def observed(rig: MarchedRig, run: SpatialRun, spheres: tuple[int, ...], name: str) -> Observed:
     """The waves of a run."""
     setup = Setup(name, rig.start.chain, rigid_wall())
     return seen(setup, run.trajectory, spheres=spheres, options=RecordOptions())
@@ -334,7 +336,7 @@ def between(one: ContactRun, other: ContactRun) -> Difference:
 
 
 def alone(
-    rig: Rig, spheres: tuple[int, ...], duration: float, options: FrictionOptions
+    rig: MarchedRig, spheres: tuple[int, ...], duration: float, options: FrictionOptions
 ) -> dict[str, Difference]:
     """What a contact that sticks changes in the waves beside one without tangential force, without
     shakers, over a duration [s], by what is switched on."""

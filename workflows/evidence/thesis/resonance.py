@@ -19,7 +19,7 @@ from dem import UnstableStep
 from dem.friction import stick_stiffness
 from dem.spheres import hertz_overlap
 from workflows.evidence.study import concluded, counted
-from workflows.evidence.thesis.friction import Rig, name_of, rig_of
+from workflows.evidence.thesis.friction import MarchedRig, name_of, rig_of
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
 from workflows.report.tables import Table
@@ -106,14 +106,14 @@ def resonance(
     )  # fmt: skip
 
 
-def rest_stiffness(rig: Rig) -> float:
+def rest_stiffness(rig: MarchedRig) -> float:
     """[N/m] of the contact at rest, across, all of it sticking."""
     body = rig.body(1.0, 16)
     overlap = hertz_overlap(float(body.prepared.static.force[-1]), rig.start.chain.A[-1])
     return float(stick_stiffness(rig.last.law, np.sqrt(rig.last.law.radius * float(overlap))))
 
 
-def equivalent_frequency(rig: Rig, stiffness: float) -> float:
+def equivalent_frequency(rig: MarchedRig, stiffness: float) -> float:
     """[Hz] of the mode that the shaker moves most, its contact a spring across [N/m]."""
     wall = stuck_wall(rig.wall, stiffness, rig.last, rig.start.chain)
     moved = np.abs(wall.load[:, 0]) / np.maximum(wall.omega, 1.0) ** 2
@@ -122,7 +122,7 @@ def equivalent_frequency(rig: Rig, stiffness: float) -> float:
 
 
 def marched_beside(
-    scene: Scene, rig: Rig, factor: float, options: ResonanceOptions
+    scene: Scene, rig: MarchedRig, factor: float, options: ResonanceOptions
 ) -> list[tuple[float, float, str, float, float]]:
     """Rows of the scene's frequency by harmonic balance and by the march in time; nan where it
     finds no periodic state."""

@@ -27,7 +27,7 @@ FULL = "the full model, K^-1"
 RADII = (1e-3, 2e-3, 4e-3, 6e-3)  # m
 
 
-class Held(NamedTuple):
+class HeldBar(NamedTuple):
     """A bar held at -x, with the factor of its stiffness."""
 
     model: fem.Model
@@ -80,13 +80,13 @@ def three_directions() -> Iterator[Comparison]:
                    allowed=1e-9, source=FULL)  # fmt: skip
 
 
-def _held(*lines: np.ndarray, material: fem.Material = STEEL) -> Held:
+def _held(*lines: np.ndarray, material: fem.Material = STEEL) -> HeldBar:
     """A bar of hexahedra between these grid lines along x, y and z [m], held at its lower end."""
     model = held_block(*lines, material=material)
-    return Held(model, factorised(model.K), material)
+    return HeldBar(model, factorised(model.K), material)
 
 
-def _across(held: Held, at: tuple[float, float], radius: float) -> tuple[np.ndarray, np.ndarray]:
+def _across(held: HeldBar, at: tuple[float, float], radius: float) -> tuple[np.ndarray, np.ndarray]:
     """Compliances (2,) [m/N] along t1 and t2 less the half-space's on the mesh, and these."""
     patch = fem.contact_patch(held.model, "block:+x", at, radius)
     local = np.diag(fem.half_space_matrix(held.model, "block:+x", patch, held.material))[1:]
