@@ -333,3 +333,39 @@ def test_a_preload_on_an_assembly_that_floats_is_refused_before_anything_is_comp
     require_start(scene("rig-rom", (*unloaded, "leaf_springs.offset=0")))
     require_start(scene("rig-rom"))
     require_start(scene("cantilever", ("preload.force=1",)))
+
+
+TWO_BODIES = {
+    "bodies": {
+        "foot": {"box": [0.08, 0.06, 0.01], "seed": 0.005, "material": "steel"},
+        "post": {"box": [0.01, 0.06, 0.08], "at": [0, 0, 0.045], "material": "steel"},
+    },
+    "assembly": {"held": ["foot:-z"], "touching": "tied"},
+}
+
+
+@pytest.mark.parametrize(
+    ("change", "known"),
+    [
+        ("bodies.X.material=steel", "there is no body 'X', known are foot, post"),
+        ("bodies.fot.seed=4mm", "there is no body 'fot', the nearest known is 'foot'"),
+        ("bodies.fot.at=[0, 0, 1]", "there is no body 'fot', the nearest known is 'foot'"),
+    ],
+)
+def test_a_change_of_an_unknown_body_is_refused_with_those_that_there_are(change, known):
+    with pytest.raises(InvalidScene, match=known):
+        scene(TWO_BODIES, [change])
+    with pytest.raises(InvalidScene, match="there is no body 'X', the scene has none"):
+        scene("rig-rom", ["bodies.X.material=steel"])
+
+
+def test_a_body_that_the_changes_draw_is_added():
+    cap = ["bodies.cap.material=steel", "bodies.cap.box=[0.01, 0.06, 0.01]"]
+    assert scene(TWO_BODIES, [*cap, "bodies.cap.at=[0, 0, 0.09]"]).bodies["cap"].drawn == "box"
+
+
+def test_a_change_of_one_number_of_a_named_material_leaves_its_others():
+    changed = scene(TWO_BODIES, ["materials.steel.young=190e9"]).made_of("foot")
+    steel = scene(TWO_BODIES).made_of("foot")
+    assert changed.young == 190e9 != steel.young
+    assert (changed.poisson, changed.density) == (steel.poisson, steel.density)

@@ -23,11 +23,13 @@ from workflows.scene import (
     Time,
 )
 from workflows.scene.allowed_words import allowed_words, wanted_values
-from workflows.scene.bodies import General, Meshing
+from workflows.scene.bodies import SHAPES, General, Meshing
 from workflows.scene.contradictions import contradictions
 from workflows.scene.gravity import fallen
+from workflows.scene.named_materials import NUMBERS, named_material
 from workflows.scene.quantities import entries, implausible, unusual_keys
 from workflows.scene.rig import RigTable, check
+from workflows.scene.scene_table import nearest
 
 Change = str | tuple[str, Any]  # "key=value" as --set takes it, or a dotted key and its value
 GENERAL = General.model_fields.keys()  # keys of an assembly of bodies
@@ -156,17 +158,50 @@ def parsed(text: str, source: str) -> dict[str, Any]:
 def changed(tables: dict[str, Any], changes: Iterable[Change]) -> dict[str, Any]:
     """The tables with values set by their dotted keys; raises InvalidScene for what is no key."""
     # `unusual` last: it refers to the final values
-    for key, value in sorted(map(_pair, changes), key=lambda pair: pair[0] == "unusual"):
+    pairs = sorted(map(_pair, changes), key=lambda pair: pair[0] == "unusual")
+    written = tables
+    for key, value in pairs:
         path = key.split(".")
         if not all(path):
             raise InvalidScene(f"the key {key!r} is not dotted words; write chain.count.")
-        tables = _with(tables, path, value, key)
+        tables = _with(_with_named_material(tables, path), path, value, key)
 
         # a key listed as unusual was intended with its former value, not with this one
         unusual = tables.get("unusual")
         if isinstance(unusual, list):
             tables = {**tables, "unusual": [name for name in unusual if name != key]}
+    for key, _ in pairs:
+        _require_known_body(key, written, tables)
     return tables
+
+
+def _with_named_material(tables: dict[str, Any], path: list[str]) -> dict[str, Any]:
+    """The tables with all numbers of a material that is known by its name, where the path is that
+    of one of them and the tables do not have it: the others stay as they were."""
+    table, name = path[0], path[1] if len(path) == 3 else ""
+    named, own = named_material(name), tables.get("materials", {})
+    if table != "materials" or named is None or not isinstance(own, dict) or name in own:
+        return tables
+    numbers = {number: getattr(named, number) for number in NUMBERS}
+    return {**tables, "materials": {**own, name: numbers}}
+
+
+def _require_known_body(key: str, written: dict[str, Any], tables: dict[str, Any]) -> None:
+    """Raises InvalidScene where a dotted key is of a body that is neither among those `written` nor
+    drawn by the changes; bodies of a file are known once it has been read."""
+    first, *rest = key.split(".")
+    assembly = tables.get("assembly", {})
+    of_file = isinstance(assembly, dict) and assembly.keys() & {"step", "mesh"}
+    bodies, known = tables.get("bodies"), written.get("bodies", {})
+    if first != "bodies" or len(rest) < 2 or of_file or not isinstance(bodies, dict):
+        return
+    name, body = rest[0], bodies[rest[0]]
+    if name not in known and not (isinstance(body, dict) and body.keys() & set(SHAPES)):
+        which = nearest(name, known) if known else "the scene has none"
+        raise InvalidScene(
+            f"--set {key}: there is no body {name!r}, {which}; for a further one set its "
+            f"{', '.join(SHAPES[:-1])} or {SHAPES[-1]} as well."
+        )
 
 
 def _pair(change: Change) -> tuple[str, Any]:
