@@ -47,6 +47,9 @@ class Stability(NamedTuple):
     halves: float = 0.01  # relative difference of frequency between the halves of the hits
     largest_zeta: float = 0.15  # damping ratio above which a pole is part of the background
     iterations: int = 8  # of Gauss and Newton; 3 to 5 are usual
+    # even and odd terms of the background, of which the first is taken that the next does not
+    # better by the Bayesian information criterion
+    terms: tuple[tuple[int, int], ...] = ((6, 3), (10, 5), (14, 7), (18, 9))
     least_share: float = 0.01  # of the response's energy at its own frequency that a mode carries
     twin: float = 0.01  # relative distance of two modes that are one, where they are also
     alike: float = 0.97  # in the MAC of shapes and in that of participation factors
@@ -183,15 +186,14 @@ def stable_poles(
     return sorted(stable, key=lambda s: s.pole.imag)
 
 
-def background(
-    frequency_hz: NDArray[np.float64], even: int = 6, odd: int = 3
-) -> NDArray[np.complex128]:
+def background(frequency_hz: NDArray[np.float64], even: int, odd: int) -> NDArray[np.complex128]:
     """What modes outside of the band leave in it (1 + even + odd, f), with x = f over the largest:
     1 / x^2 of rigid motions and Chebyshev polynomials T(2 x^2 - 1), those times i x as well.
 
-    A mode at 1.2 times the band's end is met to 3.5^(1 - even); with two even terms estimates of
-    synthetic tests were up to eleven deviations off. Sampling, dt / (1 - exp((lambda - s) dt)) in
-    place of 1 / (s - lambda), adds odd powers.
+    A mode at 1.2 times the band's end is met to 3.5^(1 - even), one close behind it hardly: with
+    two even terms estimates of synthetic tests were up to eleven deviations off, with
+    six twenty of a weak mode where the band ends beside others. Sampling, in which
+    dt / (1 - exp((lambda - s) dt)) stands for 1 / (s - lambda), adds odd powers.
     """
     x = frequency_hz / frequency_hz[-1]
     smooth = np.polynomial.chebyshev.chebvander(2 * x**2 - 1, even - 1).T
@@ -223,9 +225,11 @@ def modal_fit(
     poles: NDArray[np.complex128],
     L: NDArray[np.complex128],
     iterations: int,
+    terms: tuple[int, int],
 ) -> ResponseModes:
     """Poles (n,), participation L (n, m) and shapes that fit H (p, m, f) by least squares with
-    weights (p, m) [1 / standard deviation], by Gauss and Newton from the poles given.
+    weights (p, m) [1 / standard deviation], by Gauss and Newton from the poles given, beside a
+    background of so many even and odd terms.
 
     With P = 1 / (s - lambda), Q = 1 / (s - lambda*) all columns are c P + c* Q and c P^2 + c* Q^2,
     real combinations of P + Q, i (P - Q), P^2 + Q^2 and i (P^2 - Q^2), whichever point and
@@ -234,7 +238,7 @@ def modal_fit(
     p, m, f = H.shape
     n = len(poles)
     s = 2j * np.pi * frequency_hz
-    rows = background(frequency_hz)
+    rows = background(frequency_hz, *terms)
     outside = np.linalg.qr(stacked(np.concatenate([rows, 1j * rows])).T)[0]
     data = stacked(H.reshape(p * m, f)).T
     beyond = data - outside @ (outside.T @ data)
@@ -367,7 +371,7 @@ def candidates(
     Raises ValueError where it has too few lines.
     """
     low = own[0] / (options.margin if own[0] > ends[0] else 1)
-    high = own[1] * (options.margin if own[1] < ends[1] else 1)
+    high = own[1] * options.margin  # as far as the test has lines
     frequency = test.frequency_hz
     lines = np.flatnonzero((frequency >= low) & (frequency <= high) & (frequency > 0))
     lines = lines[:: -(-len(lines) // options.lines)]
@@ -507,12 +511,13 @@ def fitted_modes(
     """
     f, H, noise = test.frequency_hz[part.lines], test.H[:, :, part.lines], part.noise
     chosen, left_out = list(chosen), []
+    terms, other = options.terms[0], None
 
     # again without what carries no energy of its own
     while True:
         start = np.array([pole.pole for _, pole in chosen])
         L = np.array([pole.participation for _, pole in chosen])
-        fit = modal_fit(f, H, 1 / noise, start, L, options.iterations)
+        fit = modal_fit(f, H, 1 / noise, start, L, options.iterations, terms)
         drop = None
         for i, pole in enumerate(fit.pole):
             line = int(np.abs(f - pole.imag / (2 * np.pi)).argmin())
@@ -538,7 +543,19 @@ def fitted_modes(
             if reason and chosen[i][0] not in accept and (drop is None or share < drop[0]):
                 drop = (share, i, reason)
         if drop is None:
-            break
+            # what modes beyond the band's end leave in it may need more terms
+            further = [t for t in options.terms if t > terms and 8 * sum(t) < len(f)]
+            beside = further[:1] or [t for t in options.terms if t < terms][-1:]
+            if not beside:
+                break
+            other = modal_fit(f, H, 1 / noise, fit.pole, fit.L, options.iterations, beside[0])
+            n_further = 2 * H[:, :, 0].size * (sum(beside[0]) - sum(terms))
+            least = np.finfo(float).eps * np.sum(np.abs(H / noise[:, :, None]) ** 2)
+            gain = 2 * H.size * np.log(max(fit.misfit, least) / max(other.misfit, least))
+            if not further or gain < n_further * np.log(2 * H.size):
+                break
+            terms = further[0]
+            continue
         _, i, reason = drop
         number, pole = chosen.pop(i)
         if number is not None:
@@ -570,7 +587,7 @@ def fitted_modes(
                 direct = local_inverse[i] @ rows[i] if i in rows else 0.0
                 squares[i] += np.sum((of_global[i] @ displacement + direct) ** 2, axis=1)
     else:
-        scatter = fit.misfit / (2 * p * m * (len(f) - background(f).shape[0]))
+        scatter = fit.misfit / (2 * p * m * (len(f) - 1 - sum(terms)))
         covariance = inverse * scatter
         for i in range(p):
             local = scatter * (local_inverse[i] @ local_inverse[i].T)
@@ -593,6 +610,11 @@ def fitted_modes(
     size_variance = (sigma**2 * rr + omega**2 * ii - 2 * sigma * omega * ri) / size**2
     d_real, d_imag = -(omega**2) / size**3, sigma * -omega / size**3
     zeta_variance = d_real**2 * rr + d_imag**2 * ii + 2 * d_real * d_imag * ri
+    if other is not None:
+        # of another number of terms: an error of the background, which the scatter of hits is not
+        moved = other.pole + test.shift
+        size_variance += (np.abs(moved) - size) ** 2
+        zeta_variance += (-moved.real / np.abs(moved) - sigma / size) ** 2
     unit = fit.phi[np.abs(fit.phi).argmax(axis=0), np.arange(n)]
     phi_deviation = np.sqrt(widening * (squares[:, :n] + squares[:, n:])) / np.abs(unit)
     modes = [

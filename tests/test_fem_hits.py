@@ -99,7 +99,7 @@ def test_the_modal_fit_returns_the_model_that_it_is_given():
     """From poles 0.1 % off to the exact ones; 1e-6, as the fit stops at a small gain."""
     f = np.arange(20.0, 400.0, 0.5)
     H, phi, L = modal_model(f)
-    fit = modal_fit(f, H, np.ones((4, 2)), POLES * 1.001, L.astype(complex), 10)
+    fit = modal_fit(f, H, np.ones((4, 2)), POLES * 1.001, L.astype(complex), 10, (6, 3))
     np.testing.assert_allclose(fit.pole, POLES, rtol=1e-6)
     assert np.all(np.diag(mac(fit.phi, phi)) > 1 - 1e-9)
 
@@ -123,9 +123,40 @@ def test_a_mode_beyond_the_band_is_background():
     """A mode at 1.2 times the band's end is met to 3.5^-5, of the size that it has in the band."""
     f = np.arange(20.0, 400.0, 1.0)
     outside = 1 / (1 - (f / 480.0) ** 2)
-    rows = background(f).T
+    rows = background(f, 6, 3).T
     misfit = outside - rows @ np.linalg.lstsq(rows, outside.astype(complex), rcond=None)[0]
     assert np.abs(misfit).max() < 3.5**-5 * np.abs(outside).max()
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_modes_beside_a_band_s_end_are_within_their_deviations(held):
+    """The end lies 0.7 % below a mode, of which the test has lines or has none; of 375 modes of 20
+    tests 97 and 96 % of frequencies and damping ratios lie within two deviations."""
+    ratios = []
+    for seed in (100, 101, 102):
+        test = synthetic_hits(seed, HammerDefects(noise=0.02))
+        responses, hz = frequency_responses(test.hits), test.frequency_hz
+        for k in (4, 5, 6):
+            end, whole = 0.993 * hz[k], responses
+            if hz[k - 1] > 0.985 * end:
+                continue
+            if not held:
+                at = responses.frequency_hz <= end
+                whole = responses._replace(
+                    frequency_hz=responses.frequency_hz[at], H=responses.H[:, :, at],
+                    halves=tuple(half[:, :, at] for half in responses.halves),
+                    deletions=tuple(
+                        d._replace(change=d.change[..., at]) for d in responses.deletions
+                    ),
+                )  # fmt: skip
+            modes = identified_modes(whole, (0.0, end))
+            for i in range(k):
+                j = np.abs(modes.frequency_hz - hz[i]).argmin()
+                if abs(modes.frequency_hz[j] / hz[i] - 1) < 2e-3:
+                    ratios.append((modes.frequency_hz[j] - hz[i]) / modes.frequency_deviation[j])
+                    ratios.append((modes.zeta[j] - test.zeta[i]) / modes.zeta_deviation[j])
+    within = np.mean(np.abs(ratios) < 2.0)
+    assert len(ratios) > 60 and within > 0.9, (len(ratios), within)
 
 
 def test_real_shapes_are_collinear_and_travelling_waves_are_not():
