@@ -587,7 +587,8 @@ def fitted_modes(
                 direct = local_inverse[i] @ rows[i] if i in rows else 0.0
                 squares[i] += np.sum((of_global[i] @ displacement + direct) ** 2, axis=1)
     else:
-        scatter = fit.misfit / (2 * p * m * (len(f) - 1 - sum(terms)))
+        # responses without noise leave rounding, of either sign
+        scatter = max(fit.misfit, 0.0) / (2 * p * m * (len(f) - 1 - sum(terms)))
         covariance = inverse * scatter
         for i in range(p):
             local = scatter * (local_inverse[i] @ local_inverse[i].T)

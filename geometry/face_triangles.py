@@ -19,14 +19,16 @@ ACROSS = 12.0  # triangles along the diagonal of a body, curved faces have more;
 
 def face_triangles(bodies: Iterable[Body]) -> dict[int, NDArray[np.float64]]:
     """Corners (n, 3, 3) [m] by the tag of a face; to be called in the bodies' ``with model(...)``,
-    whose mesh it takes the place of."""
+    whose mesh it takes the place of, before faces are parted by those that touch them."""
     import gmsh
 
     bodies = list(bodies)
     gmsh.model.mesh.clear()
     largest = max(float(np.linalg.norm(body.upper - body.lower)) for body in bodies)
+    usual = gmsh.option.getNumber("Mesh.MeshSizeMax")
     gmsh.option.setNumber("Mesh.MeshSizeMax", largest / ACROSS)
     gmsh.model.mesh.generate(2)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", usual)
     # of all faces: a node on the seam of a round face may be listed with another face alone
     nodes, points, _ = gmsh.model.mesh.getNodes()
     place = dict(zip(nodes.tolist(), points.reshape(-1, 3), strict=True))

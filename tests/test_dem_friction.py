@@ -4,6 +4,10 @@ Numbers of a sphere of R = 12.7 mm on a half-space, both of 210 GPa and 0.3, und
 coefficient of 0.2: K. L. Johnson, Contact Mechanics (1985), sec. 7.2 and 7.4.
 """
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -236,6 +240,33 @@ def test_a_turning_traction_loses_energy_and_closes_its_ledger():
         force = new
     held = cell_energy(cells, LAW) + cells.state[HEAT]
     assert held == pytest.approx(work, rel=1e-3)
+
+
+def test_cells_grow_from_an_overlap_that_is_next_to_nothing():
+    """A chain at rest presses by 1e-320 m before its wave comes; as a program of its own, since a
+    kernel that never ends cannot be stopped from outside."""
+    program = """if True:
+        import numpy as np
+        from dem.friction import open_cells
+        from dem.kernels.tangential import STICK, cell_energy, cell_force, slide_cells
+        from tests.test_dem_friction import D, GROSS, LAW
+        forces = []
+        for first in (0.0, 1e-320, 1e-250):
+            cells = open_cells()
+            slide_cells(cells, LAW, first, 1.0, 0.0, 0.0)
+            assert np.isfinite([cell_force(cells, LAW, 0), cell_energy(cells, LAW)]).all()
+            assert np.isfinite(cells.state).all()
+            slide_cells(cells, LAW, D, 1.0, 0.0, 0.0)
+            slide_cells(cells, LAW, D, 1.0, 0.7 * GROSS, 0.0)
+            forces.append(cell_force(cells, LAW, 0))
+        print(*forces)
+    """
+    run = subprocess.run(
+        [sys.executable, "-c", program], cwd=Path(__file__).parent.parent, check=True,
+        capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+    forces = [float(value) for value in run.stdout.split()]
+    assert forces == pytest.approx(3 * [forces[0]], rel=1e-4) and forces[0] > 0.0
 
 
 def test_a_negative_coefficient_is_refused():

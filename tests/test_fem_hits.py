@@ -119,6 +119,16 @@ def test_deviations_are_the_scatter_of_the_estimates():
     assert np.all((scatter > 0.5) & (scatter < 1.5)), scatter
 
 
+def test_responses_without_noise_have_finite_deviations():
+    """Of rounding, 1e-6 and less; the misfit itself may be rounded below zero."""
+    f = np.arange(20.0, 400.0, 0.5)
+    H, *_ = modal_model(f)
+    test = FrequencyResponses(f, H, tuple("abcd"), tuple("rs"))
+    modes = identified_modes(test, (20.0, 400.0), Stability(poles=20))
+    for deviation in (modes.frequency_deviation, modes.zeta_deviation, modes.phi_deviation):
+        assert np.isfinite(deviation).all() and deviation.max() < 1e-5
+
+
 def test_a_mode_beyond_the_band_is_background():
     """A mode at 1.2 times the band's end is met to 3.5^-5, of the size that it has in the band."""
     f = np.arange(20.0, 400.0, 1.0)

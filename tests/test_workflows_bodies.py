@@ -266,6 +266,20 @@ def test_the_starter_scene_of_a_step_file_has_modes_and_a_reduced_model(step, ca
     assert len(Path("start.toml").read_text().splitlines()) <= 25
 
 
+def test_a_look_at_blind_holes_that_open_into_a_touching_face():
+    """The outline of a foot that stands on two tapped holes parts the face around them."""
+    holes = tuple(Hole(0.008, (0.02, y), depth=0.006) for y in (0.012, 0.028))
+    sheet = ((0, 0), (0.06, 0), (0.06, 0.04), (0, 0.04))
+    tapped = {
+        "base": Slab(sheet, 0.01, holes),
+        "foot": Box((0.03, 0.03, 0.02), at=(0.02, 0.02, 0.02)),
+    }
+    write_step(tapped, Path("tapped.step"))
+    assert beadwave("look", "tapped.step", "--out=seen", "-q") == 0
+    page = Path("seen/faces.html").read_text("utf-8")
+    assert "base:hole" in page and "foot:+z" in page
+
+
 def test_a_starter_offers_bolts_where_holes_go_through_both_bodies(capsys):
     """Bolts leave the faces free between them: without comment signs modes are lower than tied."""
     holes = tuple(Hole(0.008, (x, 0.02)) for x in (0.01, 0.05))

@@ -3,6 +3,7 @@ make: of few elements, of bodies that bores and thickness bound, of the user's o
 
 from contextlib import nullcontext
 from dataclasses import replace
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import numpy as np
@@ -56,6 +57,32 @@ def test_the_error_stated_of_a_few_elements_is_that_against_many(scale):
     held = pipeline("cantilever", (f"mesh.scale={scale}",))
     finer = assembly.mesh(held.scene, 1.5 / scale)
     assert 1 < held("mesh-error") / against(held, finer) < 2.5
+
+
+def test_the_static_compliance_of_a_few_elements_misses_what_is_stated(tmp_path):
+    """A box of 24 elements, without the half-space under its patch, against K^-1 w of meshes whose
+    elements are split in 8 and in 64, with the order that these show: 1.3 times the true error."""
+    path = Path(__file__).parents[1] / "examples" / "mesh_errors.py"
+    spec = spec_from_file_location("mesh_errors", path)
+    example = module_from_spec(spec)
+    spec.loader.exec_module(example)
+    box = example.structure(6151, 0, tmp_path)
+    held = pipeline_of(box.but(mesh={"scale": 2.4 * box.mesh.scale}), lambda name: nullcontext())
+    value, of_mesh, _ = example.stated(held)["static_compliance_m_per_N"]
+
+    compliances, own = [], held("mesh")
+    for times in range(3):
+        split = {n: geometry.refined(m, times) for n, m in own.meshes.items()}
+        mesh = own._replace(meshes=split)
+        model = assembly.model(held.scene, mesh)
+        contact = assembly.contact(held.scene, mesh, model)
+        half_space = contact_of(held.scene, model, contact).half_space
+        solved = fem.factorised(model.K).solve(contact.w)
+        compliances.append(float(contact.w @ solved) - half_space)
+    assert value == pytest.approx(compliances[0], rel=1e-6)
+    coarse, middle, fine = compliances
+    limit = fine + (fine - middle) ** 2 / (2 * middle - coarse - fine)
+    assert 1 < of_mesh / (limit - value) < 1.7
 
 
 @pytest.mark.slow

@@ -2,8 +2,10 @@
 
 from contextlib import nullcontext
 
+import numpy as np
 import pytest
 
+from dem.waves.chain_waves import chain_waves
 from workflows.files.scene import scene
 from workflows.stages.number_errors import (
     MarchedPair,
@@ -47,3 +49,29 @@ def test_what_differs_behind_the_largest_collision_is_no_error_of_it(rebound):
     peak = float(run.contact_force[:, -1].max())
     assert within["peak_wall_force_N"] == pytest.approx((0.02 + 0.1 * 0.02) * peak, rel=1e-6)
     assert within["contact_time_s"] >= 0.1 * 0.02 * 5 * contact.seconds * (1 - 1e-9)
+
+
+def test_a_time_of_flight_is_as_wrong_as_contact_and_travelling_time_together(rebound):
+    """The collision lasts 2 % longer, the waves come back faster by as much: the time of flight
+    stays, and neither of the two is known any better for it."""
+    case, start, impact, waves = rebound
+    run, contact = impact.trajectory, waves.contact
+    n = len(start.chain.mass)
+    longer = 0.02 * contact.contact_time.seconds
+    back = longer / (2 * np.sum(start.chain.radius) / contact.speed_back)
+    force = run.contact_force.copy()
+    onset, opened = contact.contact_time.start, contact.contact_time.end
+    force[:, -1] = np.interp(onset + (run.t - onset) / 1.02, run.t, force[:, -1])
+    later = run.t > opened
+    for i in range(n - 1):
+        faster = opened + (run.t[later] - opened) / (1 - back)
+        force[later, i] = np.interp(faster, run.t, run.contact_force[:, i])
+    changed = run._replace(contact_force=force)
+
+    read = chain_waves(changed, start.chain, case.output.spheres, at_wall=True).contact
+    of_contact = abs(read.contact_time.seconds - contact.contact_time.seconds)
+    on_the_way = abs(read.travelling_time - contact.travelling_time)
+    assert of_contact == pytest.approx(longer, rel=0.05)
+    assert on_the_way == pytest.approx(longer, rel=0.3)
+    assert abs(read.tof - contact.tof) < 0.3 * longer
+    assert errors(rebound, changed)["tof_s"] > of_contact + on_the_way

@@ -242,14 +242,15 @@ def slide_cells(
     """`slide` by (way1, way2) [m] in two directions. Changes the cells.
 
     Cells double in width where the contact outgrows them, so that a contact that grows from nothing
-    is always divided into half of them at least.
+    is always divided into half of them at least. The wave that announces itself through a chain at
+    rest presses by 1e-320 m first, of which a cell's width would round to zero and never grow.
     """
     R, c, u, state = law.radius, law.bound, cells.u, cells.state
     n = u.shape[0] - 1
     d0, q0 = state[OVERLAP], state[PRESSURE]
     edge0, edge = R * larger(d0, 0.0), R * larger(d, 0.0)
     if edge0 == 0.0:
-        state[WIDTH] = 1.5 * edge / n
+        state[WIDTH] = 1.5 * larger(edge, 1e-300) / n
     while edge > n * state[WIDTH]:
         state[WIDTH] *= 2.0
         for k in range(n + 1):

@@ -193,8 +193,9 @@ def look(scene: Scene, source: str, *, whole: bool = True, with_page: bool = Fal
             starter(geometry, Path(source), scene.assembly.gap),
             _remarks(geometry) + refusal,
         )
-        meshes = _meshes(scene, geometry) if parts is None else parts.meshes
+        # meshing parts faces that touch in part, so that the page has them first
         page = face_page(source, geometry) if with_page else None
+        meshes = _meshes(scene, geometry) if parts is None else parts.meshes
 
     # nodes of quadratic elements: corners and edges
     nodes = {name: float(skin.nvertices + skin.nedges) for name, skin in meshes.items()}
