@@ -150,8 +150,8 @@ def explanation(scene: Scene, relative: float, cause: Cause) -> str:
     if scene.own_mesh:
         return f"{why}; take elements {times:.2g} times as large there."
     if times < OPTIONS.finest and cause.remedy:
-        return f"{why}, where smaller elements help little; {cause.remedy} does."
-    return f"{why}; {refinement(scene, times)} would bring it below {100 * OPTIONS.large:.0f} %."
+        return f"{why}, where errors fall slowly with the size of elements; {cause.remedy} helps."
+    return f"{why}; {refinement(scene, times)} would bring it to about {100 * OPTIONS.large:.0f} %."
 
 
 def size_for(wanted: float, relative: float, cause: Cause) -> float:
@@ -160,5 +160,8 @@ def size_for(wanted: float, relative: float, cause: Cause) -> float:
 
 
 def refinement(scene: Scene, times: float) -> str:
-    """The keys that make elements so many times as large."""
-    return f"mesh.scale = {times * scene.mesh.scale:.2g}"
+    """The keys that make elements so many times as large, rounded down to two digits: up, 0.68 of
+    1.5 would be 1.5 again."""
+    scale = times * scene.mesh.scale
+    unit = 10.0 ** (np.floor(np.log10(scale)) - 1)
+    return f"mesh.scale = {np.floor(scale / unit * (1 + 1e-9)) * unit:.2g}"

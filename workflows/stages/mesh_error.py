@@ -113,8 +113,13 @@ class MissedByMesh(NamedTuple):
 
     def at_contact(self, scene: Scene, relative: float) -> str:
         """Why the relative error of a number of the impact, or of the static compliance, is large
-        and what helps: of the shape that follows the force; "" of a small one."""
-        return explanation(scene, relative, self.causes[-1]) if self.causes else ""
+        and what helps: of the shape with the largest part in the error of the compliance; "" of a
+        small one."""
+        if not self.causes:
+            return ""
+        elastic = np.where(self.omega > 0, self.omega, np.inf)
+        part = (self.w / elastic**2) ** 2 * np.diag(self.energy)
+        return explanation(scene, relative, self.causes[int(np.argmax(part))])
 
     @property
     def of_compliance(self) -> float | None:

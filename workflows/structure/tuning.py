@@ -502,7 +502,7 @@ def worth_of_the_mesh(
     times = size_for(wanted, error, cause)
     if times < OF_CAUSES.finest and cause.remedy:
         return [
-            f"{sentence} It arises {cause.place}, where smaller elements help little: take "
+            f"{sentence} It arises {cause.place}, where errors fall slowly with their size: take "
             f"{cause.remedy}, or {refinement(scene, OF_CAUSES.finest)}, and tune again."
         ]
     return [
