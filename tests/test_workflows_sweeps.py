@@ -96,7 +96,7 @@ def test_whole_numbers_stay_whole():
 def test_a_pipe_is_no_table(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(InvalidScene, match="no ordinary file"):
-        table(tmp_path / "pipe")
+        table(tmp_path / "pipe", number)
 
 
 def test_words_and_lists_are_values_too():
@@ -111,6 +111,10 @@ def test_units_are_read_by_the_key():
     assert result.columns["chain.radius"] == pytest.approx((0.005, 0.01, 0.015))
     result = grid(("chain.radius=14mm, 9 mm, 0.011", "wall.kind=rigid"), base.number)
     assert result.columns["chain.radius"] == pytest.approx((0.014, 0.009, 0.011))
+    Path("cases.csv").write_text("chain.radius,wall.kind\n14mm,rigid\n9 mm,rigid\n0.011,rigid\n")
+    result = table(Path("cases.csv"), base.number)
+    assert result.columns["chain.radius"] == pytest.approx((0.014, 0.009, 0.011))
+    assert result.columns["wall.kind"] == ("rigid",) * 3
 
 
 def test_a_curve_over_one_of_two_keys_is_drawn_for_each_value_of_the_other():
@@ -151,7 +155,7 @@ def test_a_sobol_design_swaps_one_column_at_a_time():
 def test_a_table_is_read_as_it_stands(tmp_path):
     path = tmp_path / "cases.csv"
     path.write_text("wall.kind, striker.velocity\nrigid, 0.3\nhalf-space, 0.5\n\n")
-    assert table(path).columns == {
+    assert table(path, number).columns == {
         "wall.kind": ("rigid", "half-space"),
         "striker.velocity": (0.3, 0.5),
     }

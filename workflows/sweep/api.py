@@ -246,7 +246,7 @@ def _design(base: Base, cases: Cases) -> Design:
     if cases.table is not None:
         if texts or cases.sample:
             raise InvalidScene("--cases has all values; leave out --over and --sample.")
-        return design.table(Path(cases.table))
+        return design.table(Path(cases.table), base.number)
     if cases.seed < 0:
         raise InvalidScene(f"--seed {cases.seed} must be 0 or above; change it.")
     if cases.sample:

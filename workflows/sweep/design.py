@@ -98,8 +98,9 @@ def sampled(over: Iterable[str], sample: str, seed: int, number: Number) -> Desi
     return (sobol if kind == "sobol" else latin_hypercube)(axes, n, seed)
 
 
-def table(path: Path) -> Design:
-    """The cases of a CSV file: a line of keys, then a line of values for each case."""
+def table(path: Path, number: Number) -> Design:
+    """The cases of a CSV file: a line of keys, then a line of values for each case, numbers with
+    units among them."""
     require_file(path, "give a CSV file", key="--cases ")
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
@@ -129,8 +130,11 @@ def table(path: Path) -> Design:
                 "for each key."
             )
     _require_number(len(lines) - 1)
-    rows = ([_value(cell.strip()) for cell in line] for line in lines[1:])
-    return Design("table", dict(zip(keys, zip(*rows, strict=True), strict=True)))
+    columns = {}
+    for key, *cells in zip(keys, *lines[1:], strict=True):
+        meant = {cell: _with_unit(key, _value(cell.strip()), number) for cell in set(cells)}
+        columns[key] = tuple(meant[cell] for cell in cells)
+    return Design("table", columns)
 
 
 def require_free(design: Design, given: Iterable[str]) -> tuple[str, ...]:
