@@ -22,6 +22,8 @@ from workflows.fit.signals import Filter, Signals
 from workflows.fit.uncertainty import Uncertainty, uncertainty
 from workflows.fit.windows import CoarseToFine, FitStage, Options, Scan
 
+OTHER_STARTS = "other starts"  # a cause of bars, in tables
+
 NO_FILTER = Filter()
 USUAL = Options()
 
@@ -46,6 +48,8 @@ class CalibrationResult(NamedTuple):
     scan: Scan | None
     # part (p,) of the bars by noise and by each error of the model, in quadrature
     causes: Mapping[str, np.ndarray] = MappingProxyType({})
+    confirmed: bool = True  # the answer, by its misfit or by other starts
+    others: np.ndarray = np.empty((0, 0))  # (p, k) further answers less this one, in scales
 
 
 def calibrate(
@@ -89,6 +93,8 @@ def calibrate(
         starts=search.starts,
         stages=tuple(search.stages),
         scan=search.scan,
+        confirmed=search.confirmed,
+        others=search.others,
     )
 
 
@@ -97,7 +103,9 @@ def widened(
 ) -> CalibrationResult:
     """The same with bars that hold the errors of its model, and with the part of each in them.
 
-    `models` are rigs that are better in what a cause names; smaller steps of time are added here.
+    `models` are rigs that are better in what a cause names; smaller steps of time are added here,
+    and the further answers of a search that is not sure of its own: as likely as it, their second
+    moment about it.
     """
     weight = weights(forward.signals.spread)
 
@@ -113,5 +121,7 @@ def widened(
         cause: model_errors.biases(J, np.array([c.share * c.signals for c in changes]).T)
         for cause, changes in by_cause.items()
     }
+    if fit.others.size:
+        biases[OTHER_STARTS] = 2.0 * fit.others / np.sqrt(fit.others.shape[1] + 1.0)
     bars, causes = model_errors.widened(fit.uncertainty, scale, biases, fit.at_bound)
     return fit._replace(uncertainty=bars, causes=causes)

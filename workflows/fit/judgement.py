@@ -44,13 +44,16 @@ class FitLimits(NamedTuple):
 FIT_LIMITS = FitLimits()
 
 
-def identifiable(p: Parameter, value: float, bar: float) -> str:
-    """ "yes", "weakly" or "no" by a two-sigma bar beside the value."""
+def identifiable(p: Parameter, value: float, bar: float, confirmed: bool = True) -> str:
+    """ "yes", "weakly" or "no" by a two-sigma bar beside the value; "unconfirmed" for the first two
+    where the search is not sure of its answer."""
     size = p.scale if p.kind == "trigger" else max(abs(value), 10 * p.scale)
     share = bar / size
-    return (
-        "yes" if share <= FIT_LIMITS.identified else "weakly" if share <= FIT_LIMITS.weak else "no"
-    )
+    if not share <= FIT_LIMITS.weak:
+        return "no"
+    if not confirmed:
+        return "unconfirmed"
+    return "yes" if share <= FIT_LIMITS.identified else "weakly"
 
 
 def combinations(fit: CalibrationResult) -> list[str]:
@@ -94,6 +97,12 @@ def remarks(fit: CalibrationResult, noise: float | None, signals: Signals) -> It
             yield f"Stage '{stage.name}' stopped after {stage.evaluations} runs, not converged."
     if fit.starts > 1 and fit.same_starts < fit.starts:
         yield f"{fit.same_starts} of {fit.starts} starts found the misfit that is reported."
+    if not fit.confirmed:
+        yield (
+            "The answer is not confirmed, which takes a misfit as small as the noise, a fit that "
+            "converged and, where a wrong chain may hide, three starts that end alike: try more "
+            "--starts, or measure further spheres."
+        )
 
 
 def _on_misfit(fit: CalibrationResult, noise: float | None, repeats: int) -> Iterator[str]:
@@ -126,8 +135,9 @@ def _on_misfit(fit: CalibrationResult, noise: float | None, repeats: int) -> Ite
     if noise is not None and not decisive(noise, largest, fit.parameters, fit.data):
         yield (
             "At this noise, or with so few spheres measured, a chain with swapped contacts may "
-            f"leave hardly more, which the bars do not hold ({fit.same_starts} of {fit.starts} "
-            "starts found this one): measure more repeats or spheres, or hold a sphere out."
+            f"leave hardly more ({fit.same_starts} of {fit.starts} starts found this one, the bars "
+            f"hold {fit.others.shape[1]} others that were found, not those that were not): measure "
+            "more repeats or spheres, or hold a sphere out."
         )
     if fit.step_error > FIT_LIMITS.blurred * misfit:
         yield (

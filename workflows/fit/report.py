@@ -29,7 +29,7 @@ class ParameterRow(BaseModel):
     start: float
     found: float
     two_sigma: float | None
-    identifiable: str  # "yes", "weakly", "no", "at its bound"
+    identifiable: str  # "yes", "weakly", "no", "at its bound"; "unconfirmed" for yes and weakly
     truth: float | None = None
     low: float | None = None
     median: float | None = None
@@ -169,7 +169,7 @@ def calibration_report(
             start=p.start,
             found=float(x),
             two_sigma=float(bar) if np.isfinite(bar) else None,
-            identifiable="at its bound" if at_bound else identifiable(p, x, bar),
+            identifiable="at its bound" if at_bound else identifiable(p, x, bar, fit.confirmed),
             bar_by={} if at_bound else shares(fit.causes, i),
         )
         rows.append(row)
