@@ -38,8 +38,8 @@ class MatrixOptions(NamedTuple):
     # receptances differ by 0.66 it is 0.096 from 89 Hz on, 0.017 from 300 Hz; others not tried
     sound: float = 0.1
     softest: float = 1e-6  # the same of the compliance and of free masses
-    # free masses at most: in how many ways the points can move rigidly. One more, which noise
-    # makes, is a mode of the whole
+    # free masses at most: in how many ways the points can move rigidly, none of a part that is
+    # held. One more, which noise makes, is a mode of the whole
     most_free: int = 6
     # combinations of points by which poles are found, the largest of the responses, where there are
     # more points; all modes show in them
@@ -156,10 +156,11 @@ def passive_matrix_fit(
         low, high = omega[0] / options.outside[0], omega[-1] * options.outside[1]
         taken = (omega_j > low) & (omega_j < high) & (zeta < options.zeta[1])
         start = omega_j[taken], np.maximum(zeta[taken], options.zeta[0])
-        held, drifting = (
-            _with_factors(measured, *start, drifts, options, of_matrix) for drifts in (False, True)
-        )
-        is_held = held.misfit < max(options.fine, drifting.misfit / options.free)
+        held = _with_factors(measured, *start, False, options, of_matrix)
+        is_held = of_matrix.most_free == 0
+        if not is_held:
+            drifting = _with_factors(measured, *start, True, options, of_matrix)
+            is_held = held.misfit < max(options.fine, drifting.misfit / options.free)
         fits.append(held if is_held else drifting)
         lowest = min(range(len(fits)), key=lambda i: fits[i].criterion)
         if fits[-1].misfit < options.fine or len(fits) > lowest + 1 + options.patience:

@@ -46,6 +46,9 @@ class MeasuredTable(SceneTable):
     kx: Stiffness | None = None  # [N/m] between part and face at each point; rigid without it
     ky: Stiffness | None = None  # [N/m] along the global y
     kz: Stiffness | None = None  # [N/m] along the global z
+    # a part that stands fixed has no free masses, which noise near 0 Hz may show; without it as the
+    # responses have it
+    held: bool = False
     lowest: Frequency | None = None  # [Hz] from which responses are fitted; all above 0 without it
     highest: Frequency | None = None  # [Hz] up to which responses are fitted; all without it
 

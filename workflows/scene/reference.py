@@ -68,6 +68,7 @@ EXAMPLES: dict[str, Any] = {
     "bodies.NAME.turn": [0.0, 90.0, 0.0], "radius": "10 mm",
     "measured.NAME.receptance": "table.uff", "measured.NAME.points": [1, 2, 3, 4],
     "measured.NAME.at": [[0.04, 0.0], [-0.04, 0.0]], "measured.NAME.highest": "800 Hz",
+    "measured.NAME.held": True,
     "measured.NAME.lowest": "20 Hz",
     "outline": [[0.0, 0.0], [0.1, 0.0], [0.1, 0.05], [0.0, 0.05]],
     "bodies.NAME.holes.at": [["20 mm", "20 mm"], ["80 mm", "20 mm"]],

@@ -3,11 +3,13 @@
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 import coupling
 import fem
 from fem.loss_factors import damping_ratios_of, strain_shares
 from workflows.scene import InvalidScene, LossFactorsTable, Scene
+from workflows.stages.assembly import dashpots
 from workflows.stages.damping import damping_law
 
 if TYPE_CHECKING:
@@ -36,6 +38,19 @@ def structure_damping(
     if isinstance(scene.damping, LossFactorsTable):
         return law_of_loss(scene.damping, strain_of(scene, model, modes))
     return damping_law(scene.damping, scene.measured_hz)
+
+
+def ratios_of_modes(scene: Scene, model: fem.Model, modes: "AssemblyModes") -> NDArray[np.float64]:
+    """Damping ratios (k,) of the modes of an assembly: of its law, and of the dashpots in joints,
+    springs and measured parts, phi^T C phi / (2 omega) of a mode; what these couple of modes is
+    left out."""
+    zeta = coupling.damping_ratios(structure_damping(scene, model, modes), modes.omega)
+    C = dashpots(scene, model)
+    if C is None:
+        return zeta
+    rates = np.einsum("ij,ij->j", modes.phi, C @ modes.phi)
+    elastic = modes.omega > fem.correlation.RIGID * modes.omega.max()
+    return zeta + np.where(elastic, rates / np.where(elastic, 2 * modes.omega, 1.0), 0.0)
 
 
 def strain_of(scene: Scene, model: fem.Model, modes: "AssemblyModes") -> "rom.StrainShares":

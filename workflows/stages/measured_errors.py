@@ -88,7 +88,7 @@ def part_errors(scene: Scene, model: fem.Model, modes: AssemblyModes) -> NDArray
         like = fem.mac(shape, shapes)
         nearest = others[like.argmax(axis=1)]
         error += other.share * np.abs(nearest / np.maximum(omega, 1e-9) - 1)
-    return error
+    return np.where(omega > fem.correlation.RIGID * omega.max(), error, np.nan)
 
 
 def _directions(scene: Scene, table: MeasuredTable) -> tuple[fem.PartPoint, ...]:

@@ -51,7 +51,7 @@ def fitted_part(table: MeasuredTable) -> FittedPart:
     InvalidScene for a file that has them not."""
     status = Path(table.receptance).stat() if Path(table.receptance).is_file() else None
     stamp = status and (status.st_mtime_ns, status.st_size, status.st_ino)
-    read = ("name", "receptance", "unit", "points", "directions", "lowest", "highest")
+    read = ("name", "receptance", "unit", "points", "directions", "held", "lowest", "highest")
     return _fitted(tuple((k, getattr(table, k)) for k in read), stamp)
 
 
@@ -59,11 +59,11 @@ def fitted_part(table: MeasuredTable) -> FittedPart:
 def _fitted(keys: tuple, stamp: tuple[int, int, int] | None) -> FittedPart:
     table = MeasuredTable.model_construct(**dict(keys))
     part = receptances(table)
-    contents = [part.frequency_hz.tolist(), part.H.view(float).ravel().tolist()]
+    contents = [part.frequency_hz.tolist(), part.H.view(float).ravel().tolist(), table.held]
     store = memory()
     fits = fits_of if store is None else store.cache(fits_of, ignore=["part"])
     try:
-        fit, by_noise, by_band = fits(key("measured", contents, [], __name__), part)
+        fit, by_noise, by_band = fits(key("measured", contents, [], __name__), part, table.held)
     except rom.ReductionError as error:
         raise InvalidScene(
             f"measured.{table.name}: {table.receptance}: {str(error).rstrip('.')}."
@@ -72,17 +72,20 @@ def _fitted(keys: tuple, stamp: tuple[int, int, int] | None) -> FittedPart:
 
 
 def fits_of(
-    content: str, part: PartReceptances
+    content: str, part: PartReceptances, held: bool
 ) -> tuple[rom.MatrixFit, tuple[rom.MatrixFit, ...], rom.MatrixFit]:
     """The fit of receptances, those of its residuals at random phases, and that of the lower part
-    of the band; raises ReductionError. `content` names them in the cache."""
+    of the band, without free masses where the part is held; raises ReductionError. `content` names
+    them in the cache."""
     f, H, options = part.frequency_hz, part.H, PartErrorOptions()
-    of_matrix = rom.MatrixOptions(most_free=rigid_motions(part))
+    of_matrix = rom.MatrixOptions(most_free=0 if held else rigid_motions(part))
     fit = rom.passive_matrix_fit(f, H, of_matrix=of_matrix)
     if fit.error > options.most:
         raise rom.ReductionError(
             f"modes miss {fit.error:.0%} of its receptances (rms), allowed are {options.most:.0%}: "
-            "check names and signs of the points, or leave out frequencies by lowest and highest"
+            "check names and signs of the points"
+            + (", or that it is held" if held else "")
+            + ", or leave out frequencies by lowest and highest"
         )
     model, rng = rom.matrix_receptance(fit, f), np.random.default_rng(0)
     by_noise = []
@@ -195,6 +198,7 @@ def sentences(scene: Scene) -> list[str]:
             if B.size and (square := float(np.mean(np.sum(B**2, axis=1)))) > 0:
                 mass.append(f"{1 / square:.3g} kg along {AXES[a]}")
         free = f" Below its modes it moves as free masses ({', '.join(mass)})." if mass else ""
+        free += " A part that stands fixed has none: held = true." if mass else ""
         remarks.append(
             f"measured.{table.name} ({kind}: {table.receptance}) is joined to {table.on} at "
             f"{points}: {len(fit.omega)} modes from {measured.frequency_hz[0]:.4g} to "

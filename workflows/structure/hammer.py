@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel
 
-import coupling
 import fem
 from fem.decay import AmplitudeStep, over_amplitude, varies
 from fem.distortion import combination_tone
@@ -25,7 +24,7 @@ from workflows.report import plots
 from workflows.report.plots import Line, Panel
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene
-from workflows.stages.loss_factors import structure_damping
+from workflows.stages.loss_factors import ratios_of_modes
 from workflows.stages.pipeline import Pipeline
 from workflows.structure.mode_table import NO_TARGETS
 
@@ -454,10 +453,9 @@ def virtual_test(pipeline: Pipeline) -> Responses:
     H_ij = sum_k phi_ik phi_jk (-omega^2) / (omega_k^2 - omega^2 + 2 i zeta_k omega_k omega)
     """
     scene, modes = pipeline.scene, pipeline("modes")
-    damping = structure_damping(scene, pipeline("model"), modes)
-    if damping is None:
+    zeta = ratios_of_modes(scene, pipeline("model"), modes)
+    if not zeta.any():
         raise InvalidScene("a virtual test needs damping; set damping.kind=modal with a ratio.")
-    zeta = coupling.damping_ratios(damping, modes.omega)
     phi_corner = corner_readings(pipeline("model"), scene.struck_body) @ modes.phi
     phi_hit = np.array([1.0, 1.0, 1.0]) / np.sqrt(3) @ phi_corner
     H = accelerances(phi_corner, phi_hit, modes.omega, zeta, VIRTUAL_LINES)

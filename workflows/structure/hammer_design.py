@@ -4,7 +4,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel
 
-import coupling
 import fem
 from fem.hammer_files import SYNTHETIC
 from fem.hit_records import degree_of_freedom
@@ -14,7 +13,7 @@ from fem.sensor_placement import effective_independence, outside
 from fem.synthetic_hits import HammerDefects, Striking, struck
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene
-from workflows.stages.loss_factors import structure_damping
+from workflows.stages.loss_factors import ratios_of_modes
 from workflows.stages.pipeline import Pipeline
 from workflows.stages.targets import placed
 
@@ -115,12 +114,11 @@ def computed_hits(
     modes apart best.
     """
     scene, model, modes = pipeline.scene, pipeline("model"), pipeline("modes")
-    damping = structure_damping(scene, model, modes)
-    if damping is None:
-        raise InvalidScene("computed hits need damping; set damping.kind=modal with a ratio.")
     chosen = elastic(pipeline, band_hz)
     hz = modes.omega[chosen] / (2 * np.pi)
-    zeta = coupling.damping_ratios(damping, modes.omega)[chosen]
+    zeta = ratios_of_modes(scene, model, modes)[chosen]
+    if not (zeta > 0).all():
+        raise InvalidScene("computed hits need damping; set damping.kind=modal with a ratio.")
     n_sensors = 3
     if len(nodes) < n_sensors:
         raise InvalidScene(f"{len(nodes)} points; computed hits need {n_sensors} or more.")

@@ -117,7 +117,8 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
     for j, hz in enumerate(modes.omega / (2 * np.pi)):
         row = ModeRow(number=j + 1, frequency_hz=hz, participation=participation[j])
         row.error_percent = None if np.isnan(error[j]) else 100 * float(error[j])
-        row.part_error_percent = None if of_parts is None else 100 * float(of_parts[j])
+        if of_parts is not None and np.isfinite(of_parts[j]):
+            row.part_error_percent = 100 * float(of_parts[j])
         row.why, row.place = whys[j], places[j] if whys[j] else ""
         if j in measured:
             i = measured[j]
@@ -141,7 +142,7 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
         from workflows.stages.measured_parts import sentences
 
         warnings += sentences(scene)
-        loose = [str(row.number) for row in rows if row.part_error_percent > UNSURE]
+        loose = [str(row.number) for row in rows if (row.part_error_percent or 0.0) > UNSURE]
         if loose:
             warnings.append(
                 f"Modes {', '.join(loose)} change by more than {UNSURE:g} % with the noise of the "
