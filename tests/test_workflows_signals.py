@@ -76,6 +76,37 @@ def test_a_signal_at_any_moment_ends_in_its_status_and_one_sentence(number, mome
     assert not list(Path().rglob(".beadwave-*")) and not Path("out", "summary.json").exists()
 
 
+COMPILED = """
+from workflows.commands import signals
+signals.PATIENCE = 0.3
+signals.unwind()
+print("up", flush=True)
+try:
+    {call}
+except signals.Stopped as stopped:
+    raise SystemExit(signals.print_end(stopped.number) - 128)
+"""
+BUSY = """from hashlib import pbkdf2_hmac
+    pbkdf2_hmac("sha256", b"a march", b"of minutes", 2**30)"""
+
+
+def computes(process):
+    """It has had more time of a processor than its imports need."""
+    return int(Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()[11]) > 60
+
+
+def test_a_signal_in_a_compiled_calculation_of_minutes_ends_it():
+    status, said = ended(SIGTERM, computes, program=COMPILED.format(call=BUSY))
+    assert status == 128 + SIGTERM and said.startswith("beadwave: terminated")
+
+
+def test_a_signal_that_python_handles_unwinds():
+    status, said = ended(
+        SIGTERM, at_once, program=COMPILED.format(call="import time; time.sleep(9)")
+    )
+    assert status == SIGTERM and said.startswith("beadwave: terminated")
+
+
 SWALLOWING = (
     PROGRAM.replace("main()\n", "").rstrip()
     + """

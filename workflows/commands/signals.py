@@ -6,6 +6,7 @@ Nothing slow is imported here: this comes before everything else.
 import os
 import signal
 import sys
+from threading import Event, Thread
 from types import FrameType
 
 WORDS = {
@@ -14,6 +15,8 @@ WORDS = {
     signal.SIGHUP: "its terminal is gone",
 }
 AGAIN = 0.5  # s until Stopped is raised again, where a bare `except` of a library swallowed it
+PATIENCE = 10.0  # s until the process ends without unwinding, inside a long compiled calculation
+_unwinding = Event()
 
 
 class Stopped(BaseException):
@@ -43,6 +46,13 @@ def unwind() -> None:
     """From now on signals raise Stopped, so that files half written go and children end."""
     sys.unraisablehook = _silent
     _handle(_raise)
+    # Python runs a handler between two of its own instructions, so never inside one compiled march
+    # or mesh; the byte that C writes at once wakes a thread that ends the process in its stead
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+    os.register_at_fork(after_in_child=lambda: signal.set_wakeup_fd(-1))  # its signals are its own
+    Thread(target=_end_if_busy, args=(reading, PATIENCE), daemon=True).start()
 
 
 def ignore() -> None:
@@ -81,7 +91,18 @@ def _leave(number: int, frame: FrameType | None) -> None:
     os._exit(print_end(number))
 
 
+def _end_if_busy(reading: int, patience: float) -> None:
+    """End the process at the first signal whose handler has not run after `patience` seconds: as a
+    kill would, where what is half written stays under another name."""
+    while number := os.read(reading, 1):
+        if number[0] in WORDS and signal.getsignal(number[0]) is not signal.SIG_IGN:
+            if not _unwinding.wait(patience):
+                os._exit(print_end(number[0]))
+            return
+
+
 def _raise(number: int, frame: FrameType | None) -> None:
+    _unwinding.set()
     for other in WORDS:
         signal.signal(other, signal.SIG_IGN)
     again = Again(number)
