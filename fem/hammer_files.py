@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.hit_records import QUANTITIES, degree_of_freedom
+from fem.hit_records import QUANTITIES, degree_of_freedom, quantity_named
 from fem.hits import FrequencyResponses
 
 RESPONSE = 4  # UFF58's function type of a frequency response
@@ -109,7 +109,8 @@ def of_mat(variables: dict[str, NDArray], name: str) -> Responses:
     H = H if H.shape[1] == len(f) else H.T
     if H.shape[1] != len(f):
         raise ValueError(f"H is {H.shape[::-1]}, frequency_hz has {len(f)} values")
-    return Responses(f.astype(float), H.astype(complex), name)
+    quantity = quantity_named(variables)
+    return Responses(f.astype(float), H.astype(complex), name, quantity=quantity)
 
 
 def write_csv(path: Path, test: Responses) -> None:

@@ -227,9 +227,19 @@ def records_of_mat(variables: dict[str, NDArray], name: str) -> list[TimeRecord]
             points[i],
             tuple(sensors),
             str(np.ravel(variables["title"])[0]) if "title" in variables else "",
+            quantity_named(variables),
         )
         for i in range(n)
     ]
+
+
+def quantity_named(variables: dict[str, NDArray]) -> str:
+    """What the responses of a .mat file are by its variable `quantity`, "" without one; raises
+    ValueError where it is none of accelerations, velocities and displacements, in SI units."""
+    named = "".join(map(str, np.ravel(variables.get("quantity", "")))).strip()
+    if named and named not in QUANTITIES.values():
+        raise ValueError(f"quantity is {named!r}, none of {', '.join(sorted(QUANTITIES.values()))}")
+    return named
 
 
 def record_of_wav(rate: int, samples: NDArray, name: str, force_channel: int) -> TimeRecord:

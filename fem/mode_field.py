@@ -25,7 +25,10 @@ class ModeField(NamedTuple):
     def names(self) -> list[str]:
         """Names of the modes in the file."""
         rows = zip(self.number, self.frequency_hz, self.target, strict=True)
-        return [f"mode {i}: {hz:.4g} Hz{f', {MEASURED} {t}' if t else ''}" for i, hz, t in rows]
+        return [
+            f"mode {i}: {hz:.{4 if hz < 9999.5 else 5}g} Hz{f', {MEASURED} {t}' if t else ''}"
+            for i, hz, t in rows
+        ]
 
 
 def write(path: Path, field: ModeField) -> None:

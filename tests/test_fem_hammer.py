@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
+from fem.hammer_files import of_mat
 from fem.hammer_test import accelerances, nearest_modes, with_noise
 
 RIG = {1: 51.0, 2: 269.0, 3: 907.0, 4: 8425.0}
@@ -35,3 +36,13 @@ def test_pairs_are_the_nearest_and_no_mode_is_used_twice():
     assert nearest_modes([3000.0], RIG) == {}
     # a mode beyond the measured band moves no pair
     assert nearest_modes([269.0, 724.0, 870.0, 907.0], RIG) == {0: 2, 3: 3}
+
+
+def test_a_mat_file_may_say_what_its_responses_are():
+    variables = {"frequency_hz": np.array([1.0, 2.0]), "H": np.ones((1, 2), complex)}
+    assert of_mat(variables, "test").quantity == ""
+    assert (
+        of_mat(variables | {"quantity": np.array(["velocities"])}, "test").quantity == "velocities"
+    )
+    with pytest.raises(ValueError, match="quantity is 'speeds', none of accelerations, displacem"):
+        of_mat(variables | {"quantity": np.array(["speeds"])}, "test")

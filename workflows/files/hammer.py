@@ -52,7 +52,9 @@ UFF = (
 MAT = "a .mat file needs dt, response and force, or frequency_hz and H"
 WAV = "a WAV file needs a channel of the force and one or more of responses"
 WANTED = {".csv": CSV, ".mat": MAT, ".wav": WAV} | dict.fromkeys(ENDINGS, UFF)
-MAT_NAMES = ("response", "force", "dt", "t", "points", "sensors", "frequency_hz", "H", "title")
+MAT_NAMES = (
+    "response", "force", "dt", "t", "points", "sensors", "frequency_hz", "H", "title", "quantity",
+)  # fmt: skip
 
 
 class Reading(NamedTuple):
@@ -276,7 +278,7 @@ def write_hits(path: Path, hits: Hits) -> None:
     savemat(path, {
         "dt": hits.dt, "force": hits.force.T, "response": hits.response.transpose(2, 1, 0),
         "points": [hits.points[i] for i in hits.point], "sensors": list(hits.sensors),
-        "title": hits.title,
+        "title": hits.title, "quantity": hits.quantity,
     }, do_compression=True)  # fmt: skip
 
 

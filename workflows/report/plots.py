@@ -131,7 +131,7 @@ def legend(axis: Axes, where: str = "inside") -> None:
     if where == "aside":
         axis.figure.legend(loc="outside right upper", fontsize=8, frameon=False)
         return
-    above = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 4}
+    above = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": 4}  # the title is left
     axis.legend(fontsize=8, frameon=False, **(above if where == "above" else {}))
 
 
@@ -160,10 +160,10 @@ def log_ticks(axis: Axis, values: Iterable[Array], *, plain: bool) -> None:
 
 
 def matrix(values: Array, names: Sequence[str], label: str) -> bytes:
-    """PNG of a square matrix (n, n) with its numbers, dark where they are small."""
+    """PNG of a square matrix (n, n) of numbers from 0 to 1, dark where they are large."""
     inches = (2.4 + 0.62 * len(names), 1.6 + 0.5 * len(names))
     figure, (axis,) = subplots(1, 1, inches)
-    heat_map(axis, values, (names, names), label, cmap="Blues_r", legible=-np.inf)
+    heat_map(axis, values, (names, names), label, legible=0.05, limits=(0, 1))
     axis.tick_params(axis="x", rotation=40)
     return png(figure)
 

@@ -51,14 +51,15 @@ class RenderSettings(NamedTuple):
     # over the assembly's size
     spring: float = 0.16
     turns: int = 7
+    shade: float = 0.4  # opacity of a pin that is behind a face
     coil: tuple[float, float] = (0.013, 0.003)
     smallest_mass: float = 0.012  # radius of a mass as drawn over the assembly's size
     slant: float = 52.0  # [deg] of the view from the direction of the impact, about the vertical
     above: float = 0.55  # height of the eye over its distance along the ground
     largest_mode: float = 0.05  # largest displacement of a mode as drawn over the assembly's size
     edge_angle: float = 30.0  # [deg] between facets that makes an edge of an outline
-    width: float = 0.87  # share of the view that a mode fills, beside its colour bar
-    height: float = 0.85  # the same below its name
+    mode: tuple[float, float] = (0.87, 0.85)  # shares of the view's width and height that it fills
+    assembly: tuple[float, float] = (0.85, 0.8)  # the same, beside labels and below the legend
 
 
 class Fixtures(NamedTuple):
@@ -136,14 +137,15 @@ def assembly(
     for i, (name, label) in enumerate(zip(names, labels, strict=True)):
         dark = [0.7 * channel for channel in pv.Color(STEEL[i % len(STEEL)]).float_rgb]
         plotter.add_lines(np.array([label.anchor, label.text]), color=dark, width=2)
+        if label.seen:
+            dot = {"point_size": 11, "render_points_as_spheres": True}
+            plotter.add_points(label.anchor[None], color=dark, **dot)
         plotter.add_point_labels(
             [label.text], [name if label.seen else f"{name} (hidden)"], font_size=20,
             text_color=dark, shape=None, always_visible=True, show_points=False,
             justification_vertical="center",
             justification_horizontal="right" if label.left else "left",
         )  # fmt: skip
-    dots = [label.anchor for label in labels if label.seen]
-    plotter.add_points(np.array(dots), color="black", point_size=7)
 
     legend = []
     if fixtures.held:
@@ -162,6 +164,10 @@ def assembly(
             center=centre, direction=axis, radius=settings.slender * length, height=length
         )
         plotter.add_mesh(pin, color=BOLT, **MATT)
+        # also seen through the bodies around it
+        shade = plotter.add_mesh(pin, color=BOLT, opacity=settings.shade, lighting=False).mapper
+        shade.SetResolveCoincidentTopologyToPolygonOffset()
+        shade.SetRelativeCoincidentTopologyPolygonOffsetParameters(0.0, -1e5)
     if fixtures.joints:
         legend.append((f"joints: {_numbered(name for name, *_ in fixtures.joints)}", BOLT))
     for _, start, other, grounded in fixtures.springs:
@@ -186,10 +192,11 @@ def assembly(
         legend.append((f"masses: {_numbered(name for name, *_ in fixtures.masses)}", MASS))
     if fixtures.strike:
         point, direction = np.array(fixtures.strike[:3]), np.array(fixtures.strike[3:])
-        depth = 0.0
+        depth, drawn = 0.0, 0
         for radius in fixtures.spheres:
             if depth and depth + 2 * radius > settings.chain * grid.length:
                 break
+            drawn += 1
             sphere = pv.Sphere(radius, center=point - (depth + radius) * direction)
             plotter.add_mesh(sphere, color=SPHERE, smooth_shading=True, **MATT)
             depth += 2 * radius
@@ -199,10 +206,12 @@ def assembly(
         )  # fmt: skip
         plotter.add_mesh(arrow, color=IMPACT, **MATT)
         n_spheres = len(fixtures.spheres)
-        legend.append((f"impact of a chain of {n_spheres}" if n_spheres else "impact", IMPACT))
+        all_drawn = "" if drawn == n_spheres else f", {drawn} drawn"
+        impact = f"impact of a chain of {n_spheres}{all_drawn}" if n_spheres else "impact"
+        legend.append((impact, IMPACT))
     if legend:
         size = 0.3, 0.033 * len(legend)
-        plotter.add_legend(legend, bcolor="white", face="rectangle", loc="upper left", size=size)
+        plotter.add_legend(legend, bcolor=None, face="rectangle", loc="upper left", size=size)
 
     # to a micrometre: an end at -1e-17 m is 0, not -0
     millimetres = [round(1e3 * x, 3) + 0.0 for x in grid.bounds]
@@ -212,7 +221,9 @@ def assembly(
         n_ylabels=3, n_zlabels=3, fmt="%.0f", font_size=11, location="outer", color="#505050",
     )  # fmt: skip
     axes.SetAxisLabels(1, pv.convert_array(np.array(["", *axes.y_labels[1:]])))  # x has that corner
-    seen_from(plotter, eye, zoom=1.02)
+    seen_from(plotter, eye)
+    fill_view(plotter, np.concatenate([mesh.points for mesh in plotter.meshes]), settings.assembly)
+    plotter.camera.SetWindowCenter(0.0, 0.045 * len(legend))
     plotter.screenshot(path)
 
 
@@ -236,21 +247,9 @@ def modes(
         plotter.add_text(name, font_size=12, color="black")
         seen_from(plotter, eye_of(fixtures.strike, settings))
 
-        # as large as the part of the view beside the colour bar and below the name allows
-        camera = plotter.camera
-        across = np.cross(camera.direction, camera.up)
-        across = across / np.linalg.norm(across)
-        axes = np.array([across, np.cross(across, camera.direction)])
-        places = axes @ np.concatenate([grid.points, bent.points]).T
-        low, high = places.min(axis=1), places.max(axis=1)
-        shift = axes.T @ ((low + high) / 2 - axes @ camera.focal_point)
-        camera.focal_point, camera.position = camera.focal_point + shift, camera.position + shift
-        width, height = high - low
-        window_width, window_height = plotter.renderer.GetSize()
-        room = window_width / window_height * settings.width
-        camera.parallel_scale = 0.55 * max(height / settings.height, width / room)
-        camera.SetWindowCenter(1 - settings.width, 0.0)
-        camera.reset_clipping_range()
+        # beside the colour bar and below the name
+        fill_view(plotter, np.concatenate([grid.points, bent.points]), settings.mode)
+        plotter.camera.SetWindowCenter(1 - settings.mode[0], 0.0)
 
     caption = "colour: displacement over the largest of the mode"
     plotter.add_text(caption, position="lower_left", font_size=8, color="black")
@@ -301,6 +300,25 @@ def seen_from(plotter: pv.Plotter, eye: NDArray[np.float64], zoom: float = 1.15)
     plotter.view_vector(eye, viewup=UP)
     plotter.enable_parallel_projection()
     plotter.camera.zoom(zoom)
+
+
+def fill_view(
+    plotter: pv.Plotter, points: NDArray[np.float64], shares: tuple[float, float]
+) -> None:
+    """Points (n, 3) in the middle of the view, filling it up to shares of its width and height."""
+    camera = plotter.camera
+    across = np.cross(camera.direction, camera.up)
+    across = across / np.linalg.norm(across)
+    axes = np.array([across, np.cross(across, camera.direction)])
+    places = axes @ points.T
+    low, high = places.min(axis=1), places.max(axis=1)
+    shift = axes.T @ ((low + high) / 2 - axes @ camera.focal_point)
+    camera.focal_point, camera.position = camera.focal_point + shift, camera.position + shift
+    width, height = high - low
+    window_width, window_height = plotter.renderer.GetSize()
+    room = window_width / window_height * shares[0]
+    camera.parallel_scale = 0.55 * max(height / shares[1], width / room)
+    camera.reset_clipping_range()
 
 
 def main(arguments: list[str]) -> None:

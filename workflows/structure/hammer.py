@@ -378,10 +378,14 @@ def summed_response(
 
 
 def pictures(test: IdentifiedTest) -> list[Picture]:
-    """Stability diagram, measured over synthesised responses, coherence and AutoMAC."""
+    """Stability diagram, measured over synthesised responses, coherence and AutoMAC, up to a tenth
+    beyond the band that was looked at."""
     responses, modes, rows = test.test.responses, test.modes, test.report.rows
+    title = test.report.title
     f, H = responses.frequency_hz, responses.H
-    within, size = f > 0, summed_response(responses)[1]
+    top_hz = max((1.1 * hz[-1] for hz, _ in modes.synthesis), default=f[-1])
+    within = (f > 0) & (f <= top_hz)
+    size = np.sqrt(np.sum(np.abs(H[..., within]) ** 2, axis=(0, 1)))
 
     # poles of every order over the sum of all responses; lines at the modes, with their numbers
     top = max(order for order, _ in modes.diagram)
@@ -397,7 +401,10 @@ def pictures(test: IdentifiedTest) -> list[Picture]:
         Line(f"poles of orders up to {top}", hz[~recurs], level[~recurs], "x", "0.8"),
         Line("of them near a numbered one", hz[recurs], level[recurs], "x", 1),
     ]
-    panel = Panel(test.report.title, "frequency [Hz]", "response", lines, "y", legend="above")
+    size_of_one = f"{test.test.quantity or 'response'} over force"
+    panel = Panel(
+        title, "frequency [Hz]", size_of_one, lines, "y", (None, 2 * span[1]), legend="above"
+    )
     figure, (axis,) = plots.drawn([panel], size=(9, 4.5))
     for row in rows:
         axis.annotate(
@@ -411,13 +418,14 @@ def pictures(test: IdentifiedTest) -> list[Picture]:
     panels = []
     for place in np.argsort(-energy.ravel())[:4]:
         i, j = np.unravel_index(int(place), energy.shape)
-        lines = [Line("measured", f[within], np.abs(H[i, j, within]), "-", 0, 0.9)]
+        name = "computed, with noise" if title.startswith("SYNTHETIC") else "measured"
+        lines = [Line(name, f[within], np.abs(H[i, j, within]), "-", 0, 0.9)]
         lines += [
             Line(None if k else "modes found", hz, np.abs(model[i, j]), "--", 1)
             for k, (hz, model) in enumerate(modes.synthesis)
         ]
-        title = f"{responses.points[i]} to {responses.references[j]}"
-        panels.append(Panel(title, "frequency [Hz]", "response", lines, "y", legend="above"))
+        ends = f"{responses.points[i]} to {responses.references[j]}"
+        panels.append(Panel(ends, "frequency [Hz]", size_of_one, lines, "y", legend="above"))
     drawn.append(Picture("synthesis", plots.panels(panels, size=(9, 2.6))))
 
     if responses.coherence is not None:
@@ -428,12 +436,12 @@ def pictures(test: IdentifiedTest) -> list[Picture]:
         ]
         panel = Panel("coherence", "frequency [Hz]", "coherence", lines, "", (0.0, 1.02), "above")
         drawn.append(Picture("coherence", plots.panels([panel], size=(9, 2.8))))
-    names = [f"{row.number}: {row.frequency_hz:.4g} Hz" for row in rows]
+    names = [f"{row.number}: {row.frequency_hz:.5g} Hz" for row in rows]
     decaying = [row for row in rows if row.over_amplitude]
     if decaying:
         lines = [
             Line(
-                f"{row.frequency_hz:.4g} Hz", np.array([s.amplitude for s in row.over_amplitude]),
+                f"{row.frequency_hz:.5g} Hz", np.array([s.amplitude for s in row.over_amplitude]),
                 np.array([100 * s.zeta for s in row.over_amplitude]), "o-", k,
             )
             for k, row in enumerate(decaying[:8])

@@ -176,8 +176,8 @@ def mac_with_model(
         return ()
     figure, (axis,) = plots.subplots(1, 1, (2.6 + 0.42 * len(shown), 1.8 + 0.3 * len(rows)))
     names = (
-        [f"{row.number}: {row.frequency_hz:.4g} Hz" for row in rows],
-        [f"{f:.4g} Hz" for f in hz[shown]],
+        [f"{row.number}: {row.frequency_hz:.5g} Hz" for row in rows],
+        [f"{f:.5g} Hz" for f in hz[shown]],
     )
     values = np.nan_to_num(likeness[:, shown])  # of a mode that no point sees
     plots.heat_map(axis, values, names, "MAC", legible=0.1, limits=(0, 1))

@@ -40,7 +40,7 @@ def pole_page(test: IdentifiedTest, choice: Choice, command: str) -> str:
     return in_one_file(
         "poles", scripts=["vendor/uplot.min.js"], module="poles",
         styles=["vendor/uplot.min.css", "style.css", "poles.css"],
-        name=report.title, poles=poles, data=Markup(harmless_json(data)),
+        name=report.title, file=report.file, poles=poles, data=Markup(harmless_json(data)),
     )  # fmt: skip
 
 

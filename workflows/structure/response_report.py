@@ -407,10 +407,12 @@ def pictures(
     energy = np.sum(np.abs(H) ** 2, axis=2)
     shown = [np.unravel_index(k, energy.shape) for k in np.argsort(-energy, axis=None)[:most]]
     figure, pairs = plots.residual_pairs(len(shown), 2.6)
+    synthetic = test.report.title if test.report.title.startswith("SYNTHETIC") else ""
+    name_of_data = "computed, with noise" if synthetic else "measured"
     edges = np.flatnonzero(np.diff(np.concatenate([[False], ~read, [False]]).astype(int)))
     for (i, j), (upper, lower) in zip(shown, pairs, strict=True):
         curves = (
-            ("measured", H[i, j], "0.45", "-", 2.2), ("before", before[i, j], plots.COLOURS[1],
+            (name_of_data, H[i, j], "0.45", "-", 2.2), ("before", before[i, j], plots.COLOURS[1],
             "--", 1.0), ("fitted", after[i, j], plots.COLOURS[0], "-", 1.1),
         )  # fmt: skip
         for name, h, colour, style, width in curves:
@@ -432,4 +434,4 @@ def pictures(
         lower.set_ylim(-190, 190)
     plots.legend(pairs[0][0], "above")
     pairs[-1][1].set_xlabel("frequency [Hz]" + ("" if read.all() else "; grey: not fitted"))
-    return (Picture("responses", plots.png(figure)),)
+    return (Picture("responses", plots.png(figure, synthetic)),)

@@ -120,7 +120,7 @@ def _grid(title: str, y: Array, keys: dict[str, Array], numeric: list[str]) -> b
     values[np.searchsorted(rows, a), np.searchsorted(columns, b)] = y
     if column_key in numeric and len(rows) <= 8:
         lines = [
-            Line(_named(row_key, row), columns, line)
+            Line(_named(row_key, row), columns, line, "o-")
             for row, line in zip(rows, values, strict=True)
         ]
         return panels([Panel("", column_key, title, lines, _spacing(columns), legend="aside")])
