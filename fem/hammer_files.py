@@ -68,7 +68,14 @@ def read_csv(path: Path) -> Responses:
         raise ValueError("no lines below the header")
     if any(";" in line for line in lines):
         raise ValueError("semicolons between its values, commas and decimal points are needed")
-    table = np.loadtxt(lines, delimiter=",", ndmin=2)
+    rows = [line.split(",") for line in lines if line.strip()]
+    for number, row in enumerate(rows, 2):
+        if len(row) != len(rows[0]):
+            raise ValueError(f"line {number} has {len(row)} values, the first one {len(rows[0])}")
+    try:
+        table = np.array([[float(cell) for cell in row] for row in rows])
+    except ValueError as error:
+        raise ValueError(f"{str(error).rpartition(': ')[2]} is no number") from None
     if table.shape[1] < 3 or table.shape[1] % 2 == 0:
         raise ValueError(f"{table.shape[1]} columns, an odd number from 3 on is needed")
     title = SYNTHETIC if SYNTHETIC in header else path.stem

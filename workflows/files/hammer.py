@@ -30,7 +30,15 @@ from fem.hit_records import (
     records_of_mat,
     sets_of_hits,
 )
-from fem.hits import ESTIMATORS, FrequencyResponses, HitChecks, Hits, beside, frequency_responses
+from fem.hits import (
+    ESTIMATORS,
+    FrequencyResponses,
+    HitChecks,
+    Hits,
+    beside,
+    frequency_responses,
+    require_numbers,
+)
 from fem.measured_shapes import POINTS, UNITS, points_of_nodes
 from fem.subspace import half_spectra, is_decay
 from workflows.files.foreign import Unreadable, arrays
@@ -139,8 +147,8 @@ def responses_of_records(
     pieces, remarks = cut_at_hits(records)
     sets = sets_of_hits(pieces)
     first = sets[0]
-    if not all(np.isfinite(hits.response).all() for hits in sets):
-        raise ValueError("the records hold NaN or inf; remove those or measure again")
+    for hits in sets:
+        require_numbers(hits)
     if first.force is None and not any(map(is_decay, first.response)):
         if len(sets) > 1:
             raise ValueError("ambient records must have the same sensors; give one set of them")

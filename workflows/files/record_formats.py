@@ -37,7 +37,8 @@ def of_csv(text: str, column: Column) -> Found:
     """What a CSV file holds; `column` makes of a heading what it holds and its unit."""
     lines = text.splitlines()
     title = " ".join(line.lstrip("# ").strip() for line in lines if line.startswith("#"))
-    lines = [line for line in lines if line.strip() and not line.startswith("#")]
+    number = [n for n, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
+    lines = [lines[n - 1] for n in number]
     if len(lines) < 2:
         raise ValueError("no samples below a header line")
     between = next((mark for mark in ";\t" if mark in lines[0]), ",")
@@ -53,12 +54,15 @@ def of_csv(text: str, column: Column) -> Found:
     for i, line in enumerate(lines[1:], 1):
         cells = line.split(between)
         if len(cells) != len(header):
-            raise ValueError(f"sample {i} has {len(cells)} cells, the header has {len(header)}")
+            raise ValueError(
+                f"line {number[i]} has {len(cells)} cells, the header has {len(header)}"
+            )
         try:
             rows.append([float(cell) if cell.strip() else np.nan for cell in cells])
         except ValueError:
-            text = ";".join(cells)[:40]
-            raise ValueError(f"sample {i} is not numbers with decimal points: {text!r}") from None
+            raise ValueError(
+                f"line {number[i]} is not numbers with decimal points: {line[:40]!r}"
+            ) from None
     table = np.array(rows)
     columns = [(n, unit * table[:, i]) for i, (n, unit) in enumerate(scale[1:], 1)]
     return Found(table[:, 0] * scale[0], columns, title)

@@ -6,6 +6,7 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
+from pydantic import BaseModel
 
 import coupling
 import dem
@@ -224,7 +225,10 @@ def limits_of(
             raise InvalidScene(f"--bounds {item} is not key=low:high; write contacts=0.5:2.")
         low, high = (value(key, end) for end in texts)
         if not (isfinite(low) and isfinite(high) and low < high):
-            raise InvalidScene(f"--bounds {item} must be finite and grow; write contacts=0.5:2.")
+            raise InvalidScene(
+                f"--bounds {item}: the low end {low:g} must be below the high end {high:g}, both "
+                "finite; correct them."
+            )
         limits[key] = low, high
     return limits
 
@@ -313,7 +317,12 @@ def number(scene: Scene, key: str) -> float:
     """The value of a key; raises InvalidScene for a key that has none or no number."""
     value: Any = scene
     for name in key.split("."):
-        value = _entry(value, name)
+        table, value = value, _entry(value, name)
+        if value is None and isinstance(table, BaseModel) and not hasattr(table, name):
+            names = [one for one in type(table).model_fields if not one.startswith("_")]
+            raise InvalidScene(
+                f"{key}: {scene.name} has no {name!r} there, {nearest(name, names)}."
+            )
     if isinstance(value, bool) or not isinstance(value, int | float):
         reason = "has no value" if value is None else f"is {value!r}"
         raise InvalidScene(

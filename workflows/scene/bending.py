@@ -108,9 +108,10 @@ class Beam(SceneTable):
             )
         height = self.thickness or self.diameter or 0.0
         if height >= self.length:
+            in_mm = f'did you mean "{height:g} mm"? Else ' if height > 3 * self.length else ""
             raise ValueError(
-                f"a section {height:g} m high is no beam of length = {self.length:g} m: draw it as "
-                "a body"
+                f"a section {height:g} m high is no beam of length = {self.length:g} m: "
+                f"{in_mm}draw it as a body"
             )
         if not self.position < self.length:
             raise ValueError(

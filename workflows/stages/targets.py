@@ -78,11 +78,23 @@ def placed(
     worst = int(surface.distance.argmax())
     if surface.distance[worst] > FARTHEST * size:
         at = np.round(measured.points[worst], 6).tolist()
-        remedy = "give points in the assembly's axes, or [test_axes] that say how they lie on it,"
+        remedy = (
+            "give points in the assembly's axes, or [test_axes] that say how they lie on it, in "
+            "metres or with their unit in data set 164"
+        )
+        in_mm = 1e-3 * measured.points
+        spread = float(np.linalg.norm(np.ptp(in_mm, axis=0)))
+        if spread > 0.1 * size and np.all(
+            fem.on_surface(structure, in_mm).distance <= FARTHEST * size
+        ):
+            remedy = (
+                "they fit in mm: write x [mm] in the header line of a .csv, the unit in data set "
+                "164 of a .uff, or give metres"
+            )
         raise InvalidScene(
-            f"{scene.name}: shape = {str(file)!r} has a point at {at} m, "
-            f"{surface.distance[worst]:.3g} m from the assembly, allowed are "
-            f"{FARTHEST * size:.3g} m; {remedy} in metres or with their unit in data set 164."
+            f"{scene.name}: the points of {file} do not lie on the assembly: one at {at} m is "
+            f"{surface.distance[worst]:.3g} m from it, allowed are {FARTHEST * size:.3g} m; "
+            f"{remedy}."
         )
     n = len(measured.points)
     along = csr_matrix((measured.directions.ravel(), np.arange(3 * n), np.arange(0, 3 * n + 1, 3)))

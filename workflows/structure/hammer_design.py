@@ -86,7 +86,8 @@ def designed(pipeline: Pipeline, count: int, band_hz: tuple[float, float] | None
         phi = (model.T[candidates.reading] @ modes.phi)[:, chosen]
         taken = effective_independence(phi, count)
     except ValueError as error:
-        raise InvalidScene(f"{pipeline.scene.name}: {str(error).rstrip('.')}.") from None
+        remedy = "take other points with --design, or a narrower --band"
+        raise InvalidScene(f"{pipeline.scene.name}: {str(error).rstrip('.')}; {remedy}.") from None
     rows = [
         PointRow(
             node=n, x=point[0], y=point[1], z=point[2], direction="xyz"[candidates.axes[i]]

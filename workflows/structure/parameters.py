@@ -30,10 +30,17 @@ def known(scene: Scene) -> list[str]:
     return of_joints + of_materials + of_masses + of_springs
 
 
+def in_full(names: Sequence[str], of_scene: Sequence[str]) -> tuple[str, ...]:
+    """Names with their tables: "m8.kz" is joints.m8.kz where no other name ends so."""
+    full = {name: [one for one in of_scene if one.endswith(f".{name}")] for name in names}
+    return tuple(full[name][0] if len(full[name]) == 1 else name for name in names)
+
+
 def freed(scene: Scene, names: Sequence[str]) -> list[TuningParameter]:
     """Parameters by name, started from the values that the scene has; raises InvalidScene."""
     if not names:
         raise InvalidScene(f"--free is missing; name what to vary of {', '.join(known(scene))}.")
+    names = in_full(names, known(scene))
     for name in names:
         if name not in known(scene):
             raise InvalidScene(f"--free {name} is not known, {nearest(name, known(scene))}.")

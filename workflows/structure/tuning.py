@@ -527,6 +527,8 @@ def targets(match: str, measured: Mapping[int, float]) -> dict[int, float]:
     if len(wanted) < len(pairs) or not all(
         n in measured and 0 < hz < np.inf for n, hz in wanted.items()
     ):
+        if wanted.keys() <= measured.keys() and len(wanted) == len(pairs):
+            raise InvalidScene(f"--match {match}: a frequency must be above 0 Hz; correct it.")
         numbers = list(measured)
         consecutive = numbers == [*range(1, len(numbers) + 1)] and len(numbers) > 1
         known = f"1 to {len(numbers)}" if consecutive else " or ".join(map(str, numbers))
