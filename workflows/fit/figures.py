@@ -286,14 +286,15 @@ def numbers(report: InspectionReport, face: str) -> bytes:
 
 
 def by_length(report: InspectionReport, face: str) -> bytes:
-    """Bars of the records if they had ended earlier, over their bounds."""
+    """Bars of the noise alone if the records had ended earlier, over the bounds of the numbers."""
     t = 1e3 * np.array(report.record_length_s)
     lines = [
         Line(row.name, t, np.array(report.two_sigma_by_length[row.name]) / (row.high - row.low))
         for row in report.numbers
     ]
     panel = Panel(
-        "", "end of the records after the first touch [ms]", "two sigma over the bounds", lines, "y"
-    )
+        "of the noise alone: the bars of the table hold the errors of the theory as well",
+        "end of the records after the first touch [ms]", "two sigma over the bounds", lines, "y",
+    )  # fmt: skip
     figure, _ = drawn([panel], size=(8, 3.8))
     return png(figure, face)

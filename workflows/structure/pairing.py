@@ -17,7 +17,7 @@ from fem.sensor_placement import one_more_point, outside
 from workflows.files.run_folder import Picture
 from workflows.files.shapes import measured_shape
 from workflows.report import plots
-from workflows.report.numbers import supported
+from workflows.report.numbers import digits, supported
 from workflows.scene import InvalidScene, ModalDampingTable, Scene
 from workflows.scene.bodies import MeasuredMode
 from workflows.stages.pictures import rendered
@@ -176,15 +176,15 @@ def mac_with_model(
         return ()
     figure, (axis,) = plots.subplots(1, 1, (2.6 + 0.42 * len(shown), 1.8 + 0.3 * len(rows)))
     names = (
-        [f"{row.number}: {row.frequency_hz:.5g} Hz" for row in rows],
-        [f"{f:.5g} Hz" for f in hz[shown]],
+        [f"{row.number}: {digits(row.frequency_hz, 5)} Hz" for row in rows],
+        [f"{digits(f, 5)} Hz" for f in hz[shown]],
     )
     values = np.nan_to_num(likeness[:, shown])  # of a mode that no point sees
     plots.heat_map(axis, values, names, "MAC", legible=0.1, limits=(0, 1))
     axis.tick_params(axis="x", rotation=60)
     axis.set_xlabel("computed modes")
-    axis.set_ylabel("measured modes")
-    return (Picture("mac", plots.png(figure)),)
+    axis.set_ylabel("modes of the test")
+    return (Picture("mac", plots.png(figure, test.banner)),)
 
 
 def shapes_beside(
@@ -195,7 +195,7 @@ def shapes_beside(
     Raises NoPicture."""
     model, modes = pipeline("model"), pipeline("modes")
     computed_hz = modes.omega / (2 * np.pi)
-    index, content = [], []
+    index, content, kind = [], [], "SYNTHETIC" if test.banner else "measured"
     for row, shape in zip(test.report.rows, measured_shapes(test) or [], strict=True):
         if row.computed_hz is None or len(index) == most:
             continue
@@ -211,7 +211,7 @@ def shapes_beside(
         index.append(j)
         content.append(
             {
-                "measured": f"{row.number}: measured {row.frequency_hz:.2f} Hz",
+                "measured": f"{row.number}: {kind} {row.frequency_hz:.2f} Hz",
                 "computed": f"computed {row.computed_hz:.2f} Hz, MAC {row.mac:.2f}",
                 "points": points.tolist(), "displacement": displacement.tolist(),
             }
