@@ -9,7 +9,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from fem.hammer_files import SYNTHETIC
 from fem.mode_field import ModeField
 from workflows.fit import figures as fit_figures
+from workflows.report import render
+from workflows.report.page_rows import velocity_errors
 from workflows.report.plots import Line, Panel, drawn
+from workflows.report.summary import ErrorEstimate, Summary
 from workflows.structure import hammer
 from workflows.structure.hammer import IdentifiedTest, auto_mac, shown_lines
 from workflows.sweep import figures as sweep_figures
@@ -123,3 +126,45 @@ def test_bars_over_the_length_say_that_they_are_of_the_noise_alone(monkeypatch):
     assert fit_figures.by_length(report, SYNTHETIC)[1:4] == b"PNG"
     assert panels[0].title.startswith("of the noise alone") and "theory" in panels[0].title
     np.testing.assert_allclose(panels[0].lines[0].y, [0.5, 0.05])
+
+
+@pytest.mark.parametrize(
+    ("radii", "n_drawn", "words"),
+    [
+        ([0.01] * 10, 10, "impact of a chain of 10"),
+        ([0.01, 0.02], 2, "impact of a chain of 2"),
+        ([0.01] * 200, 112, "impact of a chain of 200, 112 drawn"),  # 1.3 * 3^0.5 m of 0.02 m
+        ([], 0, "impact"),
+    ],
+)
+def test_every_sphere_of_a_chain_is_drawn_or_the_legend_says_how_many(
+    radii, n_drawn, words, tmp_path, monkeypatch
+):
+    cube = render.pv.ImageData(dimensions=(2, 2, 2)).cast_to_unstructured_grid()
+    cube.cell_data["body"] = np.zeros(1, int)
+    centres, legends, sphere = [], [], render.pv.Sphere
+
+    def counted(*, radius, center):
+        centres.append(center)
+        return sphere(radius=radius, center=center)
+
+    monkeypatch.setattr(render.pv, "Sphere", counted)
+    monkeypatch.setattr(
+        render.pv.Plotter, "add_legend", lambda self, rows, **_: legends.extend(rows)
+    )
+    fixtures = render.Fixtures(["cube"], strike=[1.0, 0.5, 0.5, -1.0, 0.0, 0.0], spheres=radii)
+    render.assembly(cube, fixtures, tmp_path / "assembly.png")
+    assert len(centres) == n_drawn and [words] == [text for text, _ in legends]
+    ends = np.cumsum([0.0, *(2 * radius for radius in radii[:n_drawn])])
+    np.testing.assert_allclose([c[0] for c in centres], 1 + (ends[1:] + ends[:-1]) / 2)
+
+
+def test_the_first_sentence_on_errors_leaves_no_known_one_out():
+    errors = ErrorEstimate(time=1e-4, mesh=0.02, receptance=3e-3)
+    assert velocity_errors(Summary(scene="arm", error_estimate=errors)) == [
+        (1e-4, "the time step"), (0.02, "the mesh"), (3e-3, "the measured receptances"),
+    ]  # fmt: skip
+    assert velocity_errors(Summary(scene="arm")) == [(None, "the time step")]
+    known = {cause: 0.1 for cause in ErrorEstimate.model_fields}
+    of_all = velocity_errors(Summary(scene="arm", error_estimate=ErrorEstimate(**known)))
+    assert len(of_all) == len(known)
