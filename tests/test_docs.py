@@ -323,5 +323,12 @@ def test_the_pages_build_without_a_warning(tmp_path, monkeypatch):
     page = (tmp_path / "site" / "api.html").read_text(encoding="utf-8")
     assert "Contact stiffnesses and wall parameters fitted" in page
     assert "cKDTree" not in page  # nor anything else that a module imports
+    # names break between their words, in headings too
+    choose = (tmp_path / "site" / "choose.html").read_text(encoding="utf-8")
+    assert '<span class="pre">error_<wbr>estimate.<wbr>time</span>' in choose
+    inspect = (tmp_path / "site" / "reference" / "beadwave.inspect.html").read_text(
+        encoding="utf-8"
+    )
+    assert "<h1>beadwave.<wbr>inspect" in inspect and "0.<wbr>" not in choose
     theory = (tmp_path / "site" / "theory.html").read_text(encoding="utf-8")
     assert theory.count("<math") > 50 and "\\omega" not in theory

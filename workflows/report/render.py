@@ -47,6 +47,7 @@ class RenderSettings(NamedTuple):
     # length of the pin at a joint over the assembly's size: longer than most covers are thick
     bolt: float = 0.09
     slender: float = 0.1  # radius of that pin over its length
+    short: float = 0.12  # side of the assembly over its size that has no room for three numbers
     # of a spring to the ground over the assembly's size, and of any coil: turns, radius and wire
     # over the assembly's size
     spring: float = 0.16
@@ -232,17 +233,19 @@ def assembly(
 
     # to a micrometre: an end at -1e-17 m is 0, not -0
     millimetres = [round(1e3 * x, 3) + 0.0 for x in grid.bounds]
+    # three numbers along a side, or both ends of a short one
+    sides = np.diff(np.reshape(grid.bounds, (3, 2)), axis=1)[:, 0]
+    numbers = np.where(sides > settings.short * grid.length, 3, 2).tolist()
     axes = plotter.show_bounds(
         bounds=grid.bounds, axes_ranges=millimetres, xtitle="x [mm]", ytitle="y [mm]",
-        ztitle="z [mm]", n_xlabels=3,
-        n_ylabels=3, n_zlabels=3, fmt="%.0f", font_size=11, location="outer", color="#505050",
+        ztitle="z [mm]",
+        n_xlabels=numbers[0], n_ylabels=numbers[1], n_zlabels=numbers[2],
+        fmt="%.0f", font_size=11, location="outer", color="#505050",
     )  # fmt: skip
     axes.SetAxisLabels(1, pv.convert_array(np.array(["", *axes.y_labels[1:]])))  # x has that corner
     seen_from(plotter, eye)
-    beside = {
-        True: 0.08,
-        False: 0.04,
-    }  # of the width: names on the left or the z axis, on the right
+    # of the view's width, what the z axis or names take on the left, and names on the right
+    beside = {True: 0.08, False: 0.04}
     for name, label in zip(names, labels, strict=True):
         letters = len(name) + (0 if label.seen else len(" (hidden)"))
         beside[label.left] = max(beside[label.left], settings.letter * letters)
