@@ -196,7 +196,7 @@ def test_points_in_millimetres_say_so(known):
     hz = measured_hz(known)
     sets = [shape_55(shapes[i], f) for i, f in zip(TARGETS, hz, strict=True)]
     written(nodes(1e3 * points), *sets)
-    with pytest.raises(InvalidScene, match=r"m from the assembly, allowed .*unit in data set 164"):
+    with pytest.raises(InvalidScene, match=r"m from the assembly, allowed .*if they are in mm"):
         paired(known)
     written(millimetres, nodes(1e3 * points), *sets)
     assert paired(known)[0] == TARGETS

@@ -115,10 +115,22 @@ def drop(lines):
         ("column.csv", csv(head="time [s],laser [m/s],sphere 4 [m/s]"), "a column is 'laser"),
         ("twice.csv", csv(head="time [s],sphere 1 [m/s],sphere 1 [m/s]"), None),
         ("short.csv", csv(rows=20), "20 samples are too few"),
-        ("nan.csv", csv(change=put(7, "7e-6,nan,1")), "sphere 1 has no number at sample 8"),
-        ("hole.csv", csv(change=put(7, "7e-6,1,")), "sphere 4 has no number at sample 8"),
-        ("word.csv", csv(change=put(7, "7e-6,1,x")), "sample 8 is not numbers"),
-        ("cells.csv", csv(change=put(7, "7e-6,1")), "sample 8 has 2 cells"),
+        (
+            "nan.csv",
+            csv(change=put(7, "7e-6,nan,1")),
+            "line 9 has no number in the column .sphere 1",
+        ),
+        (
+            "hole.csv",
+            csv(change=put(7, "7e-6,1,")),
+            "line 9 has no number in the column .sphere 4",
+        ),
+        (
+            "word.csv",
+            csv(change=put(7, "7e-6,1,x")),
+            "line 9 is not numbers with decimal points: .7e-6,1,x",
+        ),
+        ("cells.csv", csv(change=put(7, "7e-6,1")), "line 9 has 2 cells"),
         ("gap.csv", csv(change=drop), "a gap of 11 steps follows sample 30"),
         ("back.csv", csv(change=put(7, "3e-6,1,1")), "time does not grow at sample 8"),
         ("uneven.csv", csv(change=put(7, "7.4e-6,1,1")), "not equidistant"),
@@ -159,7 +171,7 @@ def test_columns_may_be_separated_otherwise(tmp_path, mark):
 
 def test_decimal_commas_are_refused(tmp_path):
     (tmp_path / "a.csv").write_text(csv_text(KNOWN).replace(",", ";").replace(".", ","))
-    with pytest.raises(InvalidScene, match="sample 1 is not numbers with decimal points"):
+    with pytest.raises(InvalidScene, match="line 3 is not numbers with decimal points"):
         record(tmp_path / "a.csv")
 
 

@@ -44,7 +44,7 @@ def likeness_of(
     test (p, k); raises InvalidScene for points off the assembly."""
     model, modes = pipeline("model"), pipeline("modes")
     shapes = [
-        placed(pipeline.scene, model, test.report.file, shape, row.frequency_hz)
+        placed(pipeline.scene, model, test.test.places, shape, row.frequency_hz)
         for shape, row in zip(measured, test.report.rows, strict=True)
     ]
     # all shapes of one test are read at the same points
@@ -148,7 +148,7 @@ def scale_beside(
         np.ones(len(axes), complex),
     )
     model, modes = pipeline("model"), pipeline("modes")
-    at_references = placed(pipeline.scene, model, test.report.file, hit, 0.0).reading @ modes.phi
+    at_references = placed(pipeline.scene, model, test.test.places, hit, 0.0).reading @ modes.phi
     missing = points_without_place(test.test)
     chosen = test.modes._replace(
         frequency_hz=test.modes.frequency_hz[measured],
@@ -200,7 +200,7 @@ def shapes_beside(
         if row.computed_hz is None or len(index) == most:
             continue
         j = int(np.abs(computed_hz - row.computed_hz).argmin())
-        at = placed(pipeline.scene, model, test.report.file, shape, row.frequency_hz)
+        at = placed(pipeline.scene, model, test.test.places, shape, row.frequency_hz)
         # turned to be as real as can be, then into the sense of the computed mode
         values = shape.values * np.exp(-0.5j * np.angle(np.sum(shape.values**2)))
         values = values.real * np.sign(values.real @ (at.reading @ modes.phi[:, j]))

@@ -30,10 +30,18 @@ def known(scene: Scene) -> list[str]:
     return of_joints + of_materials + of_masses + of_springs
 
 
+def full_name(scene: Scene, name: str) -> str:
+    """joints.m8.kz of "m8.kz" where no other table has an entry m8 with that key; any other name as
+    it is."""
+    longer = [key for key in known(scene) if key.partition(".")[2] == name]
+    return longer[0] if len(longer) == 1 else name
+
+
 def freed(scene: Scene, names: Sequence[str]) -> list[TuningParameter]:
     """Parameters by name, started from the values that the scene has; raises InvalidScene."""
     if not names:
         raise InvalidScene(f"--free is missing; name what to vary of {', '.join(known(scene))}.")
+    names = [full_name(scene, name) for name in names]
     for name in names:
         if name not in known(scene):
             raise InvalidScene(f"--free {name} is not known, {nearest(name, known(scene))}.")
