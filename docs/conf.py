@@ -1,5 +1,6 @@
 """Sphinx: MyST pages, the interface from docstrings, warnings are errors (docs/build.sh)."""
 
+import re
 import sys
 from importlib.metadata import version as installed
 from pathlib import Path
@@ -36,7 +37,8 @@ html_copy_source = False
 
 
 def setup(app):
-    """Formulas, docstrings as they are written, and the fields of a class with their comments."""
+    """Formulas, docstrings as they are written, the fields of a class with their comments, and
+    names that break between their words."""
 
     def formula(translator, node):
         display = "block" if node.tagname == "math_block" else "inline"
@@ -51,9 +53,20 @@ def setup(app):
                 words = "; ".join(filter(None, [f"``{field.type}``", escaped(field.words)]))
                 lines += [f"``{field.name}``", f"    {words}", ""]
 
+    def breakable(app, pagename, templatename, context, doctree):
+        """Names in code and headings may break after the signs between their words; numbers and
+        units, as 0.5 and kg/m, do not."""
+        if "body" in context:
+            context["body"] = re.sub(
+                r'(?:(?<=<span class="pre">)|(?<=<h1>))[^<]+',
+                lambda name: re.sub(r"(?<=\w{3})([_./]+)(?=[^\W\d])", r"\1<wbr>", name[0]),
+                context["body"],
+            )
+
     def listed_above(app, what, name, object, skip, options):
         return True if (object.__doc__ or "").startswith("Alias for field number") else None
 
     app.add_html_math_renderer("mathml", (formula, None), (formula, None))
     app.connect("autodoc-process-docstring", plain)
     app.connect("autodoc-skip-member", listed_above)
+    app.connect("html-page-context", breakable)

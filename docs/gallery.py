@@ -1,7 +1,8 @@
 """The gallery: a page for each study, with its picture, its tables and what it found.
 
 `python docs/gallery.py` computes all again, `python docs/gallery.py striker walls` two of them; it
-writes docs/gallery/NAME.md and NAME.png, which are kept with the sources, and their list index.md.
+writes docs/gallery/NAME.md and NAME.png, which are kept with the sources, and their list index.md
+with a tile of each, the first panel of its picture.
 """
 
 import re
@@ -9,14 +10,14 @@ import sys
 from io import BytesIO
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
 import beadwave
 from workflows.report import tables
 
 HERE = Path(__file__).parent / "gallery"
-ASPECT = 1.18  # of a tile's picture, width over height, in static/site.css
-VIEWS = {"one-panel": 1.0, "two-panels": 1.5, "three-panels": 2.8}  # enlargement in a tile
 
 PAGE = """# {title}
 
@@ -55,8 +56,8 @@ its own, and says what holds. A page is what its command prints and draws:
 {entries}
 ::::
 """
-ENTRY = """:::{{container}} tile {view}
-[![{title}]({name}.png)]({name}.md)
+ENTRY = """:::{{container}} tile
+[![{title}](tiles/{name}.png)]({name}.md)
 
 **[{title}]({name}.md)**
 
@@ -67,7 +68,7 @@ ENTRY = """:::{{container}} tile {view}
 def page(name: str, shows: str) -> None:
     """Write the page of a study; its tables and paragraphs are those that the command prints."""
     finding = beadwave.study(name)
-    (HERE / f"{name}.png").write_bytes(small(finding.plot().png))
+    (HERE / f"{name}.png").write_bytes(small(Image.open(BytesIO(finding.plot().png))))
     text = "\n\n".join(map(plain, finding.sentences))
     printed = [tables.text(table) for table in finding.tables if table.printed != ()]
     listed = "\n\n".join(map(TABLE.format, printed))
@@ -85,31 +86,54 @@ def title(name: str) -> str:
     return name.replace("-", " ").capitalize()
 
 
-def small(png: bytes) -> bytes:
-    """The picture in 256 colours, a third of the bytes."""
+def small(picture: Image.Image) -> bytes:
+    """PNG of a picture in 256 colours, a third of the bytes."""
     written = BytesIO()
-    Image.open(BytesIO(png)).convert("RGB").quantize(256, dither=0).save(written, "png", optimize=1)
+    picture.convert("RGB").quantize(256, dither=0).save(written, "png", optimize=1)
     return written.getvalue()
 
 
-def view(name: str) -> str:
-    """How much of a picture its tile shows, a class of static/site.css: a single panel whole, else
-    about the first of two or three in a row, which are some 700 and 570 pixels wide."""
-    width, height = Image.open(HERE / f"{name}.png").size
-    columns = 1 if width < 1100 else 2 if width < 1500 else 3
-    # width of the picture that a tile which it fills shows before it is enlarged
-    visible = min(width, ASPECT * height)
-    enlarged = visible / (width / columns)
-    return "whole" if columns == 1 else min(VIEWS, key=lambda view: abs(VIEWS[view] - enlarged))
+def first_panel(picture: Image.Image) -> Image.Image:
+    """The first of a picture's panels in rows and columns, with its labels, for a tile."""
+    inked = np.asarray(picture.convert("L")) < 235
+
+    # what follows the first panel in its row is the label of the next one
+    columns = stretches(inked.any(axis=0))
+    wide = [i for i, (first, end) in enumerate(columns) if end - first > 0.12 * picture.width]
+    width = picture.width
+    if len(wide) > 1:
+        width = (columns[wide[0]][1] + columns[wide[0] + 1][0]) // 2
+
+    # below it are numbers and the label of its axis, then the title of the next one
+    rows = stretches(inked[:, :width].any(axis=1))
+    high = [i for i, (first, end) in enumerate(rows) if end - first > 0.1 * picture.height]
+    height = picture.height
+    if len(high) > 1:
+        title = max(high[1] - 1, high[0] + 1)
+        height = (rows[title - 1][1] + rows[title][0]) // 2
+    return picture.crop((0, 0, width, height))
+
+
+def stretches(inked: NDArray[np.bool_], gap: int = 6) -> list[tuple[int, int]]:
+    """First and end of what is inked, blanks of less than `gap` pixels between letters included."""
+    changes = np.flatnonzero(np.diff(inked, prepend=False, append=False)).tolist()
+    joined: list[tuple[int, int]] = []
+    for first, end in zip(changes[::2], changes[1::2], strict=True):
+        if joined and first - joined[-1][1] < gap:
+            first = joined.pop()[0]
+        joined.append((first, end))
+    return joined
 
 
 def index(studies: dict[str, str]) -> None:
     """Write the list of the pages that are there."""
     there = {name: shows for name, shows in studies.items() if (HERE / f"{name}.md").is_file()}
-    entries = [
-        ENTRY.format(title=title(n), name=n, shows=shows, view=view(n))
-        for n, shows in there.items()
-    ]
+    entries = []
+    (HERE / "tiles").mkdir(exist_ok=True)
+    for name, shows in there.items():
+        tile = first_panel(Image.open(HERE / f"{name}.png").convert("RGB"))
+        (HERE / "tiles" / f"{name}.png").write_bytes(small(tile))
+        entries.append(ENTRY.format(title=title(name), name=name, shows=shows))
     text = INDEX.format(names="\n".join(there), entries="\n\n".join(entries))
     (HERE / "index.md").write_text(text, encoding="utf-8")
 

@@ -64,24 +64,42 @@ def require_finite(test: Responses) -> Responses:
 def read_csv(path: Path) -> Responses:
     """The responses of a CSV file; raises ValueError where it holds none."""
     header, *lines = path.read_text(encoding="utf-8-sig").splitlines() or [""]
-    if not any(line.strip() for line in lines):
+    # lines by their number in the file, as an editor shows it
+    numbered = [(n, line) for n, line in enumerate(lines, 2) if line.partition("#")[0].strip()]
+    if not numbered:
         raise ValueError("no lines below the header")
     if any(";" in line for line in lines):
         raise ValueError("semicolons between its values, commas and decimal points are needed")
-    rows = [line.split(",") for line in lines if line.strip()]
-    for number, row in enumerate(rows, 2):
-        if len(row) != len(rows[0]):
-            raise ValueError(f"line {number} has {len(row)} values, the first one {len(rows[0])}")
+    n_columns = numbered[0][1].count(",") + 1
+    for n, line in numbered:
+        if line.count(",") + 1 != n_columns:
+            raise ValueError(
+                f"line {n} has {line.count(',') + 1} cells, those before it have {n_columns}"
+            )
+    if n_columns < 3 or n_columns % 2 == 0:
+        raise ValueError(f"{n_columns} columns, an odd number from 3 on is needed")
     try:
-        table = np.array([[float(cell) for cell in row] for row in rows])
-    except ValueError as error:
-        raise ValueError(f"{str(error).rpartition(': ')[2]} is no number") from None
-    if table.shape[1] < 3 or table.shape[1] % 2 == 0:
-        raise ValueError(f"{table.shape[1]} columns, an odd number from 3 on is needed")
+        table = np.loadtxt(lines, delimiter=",", ndmin=2)
+    except ValueError:
+        table = np.array([[_number(cell, n) for cell in line.split(",")] for n, line in numbered])
+    if not np.isfinite(table).all():
+        row, column = np.argwhere(~np.isfinite(table))[0]
+        raise ValueError(
+            f"line {numbered[row][0]} has {table[row, column]:g} in column {column + 1}; remove "
+            "that line or measure again"
+        )
     title = SYNTHETIC if SYNTHETIC in header else path.stem
     H = table[:, 1::2].T.astype(complex)
     H.imag = table[:, 2::2].T
     return Responses(table[:, 0], H, title)
+
+
+def _number(cell: str, line: int) -> float:
+    """The number in a cell of a line; raises ValueError for a cell that is none."""
+    try:
+        return float(cell)
+    except ValueError:
+        raise ValueError(f"line {line} has {cell.strip()[:40]!r}, which is no number") from None
 
 
 def of_data_sets(sets: Sequence[dict]) -> Responses:

@@ -37,20 +37,6 @@ class Hits(NamedTuple):
     quantity: str = ""  # "accelerations", "velocities" or "displacements" where it is known
 
 
-def require_numbers(hits: Hits) -> None:
-    """Raise ValueError for the first value that is NaN or infinite."""
-    records = {sensor: hits.response[:, i] for i, sensor in enumerate(hits.sensors)}
-    if hits.force is not None:
-        records["the force"] = hits.force
-    for name, values in records.items():
-        if not np.isfinite(values).all():
-            hit, k = np.argwhere(~np.isfinite(values))[0]
-            raise ValueError(
-                f"{name} of record {hit + 1}, at {hits.points[hits.point[hit]]}, is no number at "
-                f"{k * hits.dt:.6g} s; remove that record or measure again"
-            )
-
-
 class HitChecks(NamedTuple):
     """What a usable hit is, and the windows put on it."""
 
@@ -145,7 +131,10 @@ def frequency_responses(
     """
     if estimator not in ESTIMATORS:
         raise ValueError(f"estimator {estimator!r} must be one of {', '.join(ESTIMATORS)}")
-    require_numbers(hits)
+    if not np.isfinite(hits.response).all() or not (
+        hits.force is None or np.isfinite(hits.force).all()
+    ):
+        raise ValueError("the records hold NaN or inf; remove those hits or measure again")
     if hits.force is None:
         return ring_down_spectra(hits, checks)
 

@@ -24,11 +24,12 @@ class ModeField(NamedTuple):
     @property
     def names(self) -> list[str]:
         """Names of the modes in the file."""
-        rows = zip(self.number, self.frequency_hz, self.target, strict=True)
-        return [
-            f"mode {i}: {hz:.{4 if hz < 9999.5 else 5}g} Hz{f', {MEASURED} {t}' if t else ''}"
-            for i, hz, t in rows
-        ]
+        names = []
+        for i, hz, t in zip(self.number, self.frequency_hz, self.target, strict=True):
+            # from 10 kHz on, four digits would be written with a power of ten
+            digits = f"{hz:.0f}" if hz >= 9999.5 else f"{hz:.4g}"
+            names.append(f"mode {i}: {digits} Hz{f', {MEASURED} {t}' if t else ''}")
+        return names
 
 
 def write(path: Path, field: ModeField) -> None:

@@ -57,7 +57,7 @@ def drawn(
     """
     if volumes:
         own = own_mesh(volumes, gap)
-        require_size(own.bodies)
+        require_size(own.bodies, of_file=True)
         require_apart(own.meeting.near)
         yield Drawing(own.bodies, None, own.meeting.near, own)
         return
@@ -69,7 +69,7 @@ def drawn(
             f"gmsh cannot start ({missing}); install its shared libraries (Debian: {GMSH_NEEDS})."
         ) from None
     with model(shapes, step) as cad:
-        require_size(cad.bodies)
+        require_size(cad.bodies, of_file=step is not None)
         near = neighbours(cad.bodies, gap)
         require_apart(near)
         yield Drawing(cad.bodies, cad.unit, near)

@@ -99,9 +99,9 @@ def described(face: Face) -> str:
     return f"a face ({face.kind}) with its middle at {at}"
 
 
-def require_size(bodies: Mapping[str, Body]) -> None:
+def require_size(bodies: Mapping[str, Body], *, of_file: bool) -> None:
     """Raise InvalidGeometry for an assembly so large that its file's units are wrong, or that a
-    damaged file has a stray point."""
+    damaged file has a stray point; one that is not `of_file` is drawn by its own dimensions."""
     sides = np.max([b.upper for b in bodies.values()], axis=0)
     sides = sides - np.min([b.lower for b in bodies.values()], axis=0)
     if sides.max() > ASSEMBLY_SIZE.largest:
@@ -111,6 +111,11 @@ def require_size(bodies: Mapping[str, Body]) -> None:
             raise InvalidGeometry(
                 f"the assembly is {size} m, while half of its faces are smaller than {usual:.3g} m:"
                 " its file is damaged; export it again."
+            )
+        if not of_file:
+            raise InvalidGeometry(
+                f"the assembly is {size} m, allowed are {ASSEMBLY_SIZE.largest:g} m: its bodies "
+                'are drawn in metres; write "80 mm" or 0.08 for 80 mm.'
             )
         raise InvalidGeometry(
             f"the assembly is {size} m, allowed are {ASSEMBLY_SIZE.largest:g} m: its file is in "

@@ -5,10 +5,12 @@ import re
 import shutil
 import subprocess
 import sys
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import beadwave
 import dem
@@ -17,6 +19,7 @@ from coupling.contact_response import ContactResponse
 from signal_guard import signals_restored
 from workflows.commands.app import COMMANDS, built
 from workflows.files.scene import built_in
+from workflows.report.plots import Line, Panel, panels
 from workflows.run.run import IMPACT_FILES
 
 ROOT = Path(__file__).parents[1]
@@ -254,6 +257,36 @@ def test_the_gallery_has_a_page_for_each_study_that_says_what_it_shows():
         assert (DOCS / "gallery" / f"{name}.png").is_file()
 
 
+def test_tiles_of_the_gallery_are_the_first_panels_of_its_pictures():
+    gallery = loaded("gallery")
+    listed = (DOCS / "gallery" / "index.md").read_text(encoding="utf-8")
+    for name in beadwave.studies():
+        picture = Image.open(DOCS / "gallery" / f"{name}.png").convert("RGB")
+        tile = Image.open(DOCS / "gallery" / "tiles" / f"{name}.png")
+        assert tile.size == gallery.first_panel(picture).size, "python docs/gallery.py writes it"
+        assert f"(tiles/{name}.png)" in listed
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(1, 1), (1, 3), (3, 1), (2, 2), (4, 3)])
+@pytest.mark.parametrize("legend", ["inside", "above"])
+def test_the_first_panel_of_a_picture_is_whole_and_alone(rows, columns, legend):
+    x = np.linspace(0.0, 3.0, 50)
+    one = Panel(
+        "a title", "time [ms]", "velocity [m/s]", [Line("curve", x, np.sin(x))], "", None, legend
+    )
+    size = (4.6, 2.7)
+    picture = Image.open(BytesIO(panels([one] * rows * columns, columns=columns, size=size)))
+    tile = loaded("gallery").first_panel(picture.convert("RGB"))
+    assert tile.width == pytest.approx(picture.width / columns, abs=20)  # pixels
+    assert tile.height == pytest.approx(picture.height / rows, abs=20)
+    # a blank border: no label, number or title is cut
+    pixels = np.asarray(tile.convert("L"))
+    assert pixels[-1].min() > 250 and pixels[:, -1].min() > 250
+    # the labels of the panel are in it: as much ink as in its share of the picture
+    share = np.mean(np.asarray(picture.convert("L")) < 235) / np.mean(pixels < 235)
+    assert share == pytest.approx(1, abs=0.1)
+
+
 def test_signs_of_a_sentence_mean_nothing_to_markdown_but_its_code_stays():
     said = loaded("gallery").plain("a_b < 2 and `c_d = 1` [%]")
     assert said == r"a\_b \< 2 and `c_d = 1` \[%\]"
@@ -290,5 +323,12 @@ def test_the_pages_build_without_a_warning(tmp_path, monkeypatch):
     page = (tmp_path / "site" / "api.html").read_text(encoding="utf-8")
     assert "Contact stiffnesses and wall parameters fitted" in page
     assert "cKDTree" not in page  # nor anything else that a module imports
+    # names break between their words, in headings too
+    choose = (tmp_path / "site" / "choose.html").read_text(encoding="utf-8")
+    assert '<span class="pre">error_<wbr>estimate.<wbr>time</span>' in choose
+    inspect = (tmp_path / "site" / "reference" / "beadwave.inspect.html").read_text(
+        encoding="utf-8"
+    )
+    assert "<h1>beadwave.<wbr>inspect" in inspect and "0.<wbr>" not in choose
     theory = (tmp_path / "site" / "theory.html").read_text(encoding="utf-8")
     assert theory.count("<math") > 50 and "\\omega" not in theory

@@ -212,7 +212,7 @@ def test_records_that_hold_no_hit_are_refused_in_a_sentence():
     ringing = np.abs(swinging)
     with pytest.raises(ValueError, match="no pulse in the force"):
         frequency_responses(hits_with(noise, noise[:, None]))
-    with pytest.raises(ValueError, match=r"is no number at .*; remove that record"):
+    with pytest.raises(ValueError, match="NaN or inf"):
         frequency_responses(hits_with(pulse, np.full((1, 1, 2000), np.nan)))
     with pytest.raises(ValueError, match="force rings on"):
         frequency_responses(hits_with(ringing, pulse[:, None]))

@@ -134,6 +134,6 @@ def test_a_point_far_off_is_damage_and_a_thousand_times_too_large_another_unit()
         return {"a": SimpleNamespace(faces=faces, lower=np.zeros(3), upper=complete)}
 
     with pytest.raises(InvalidGeometry, match=r"smaller than 0.02 m: its file is damaged"):
-        require_size(bodies(0.01, 0.02, 0.02, 0.03, 100.0))
+        require_size(bodies(0.01, 0.02, 0.02, 0.03, 100.0), of_file=True)
     with pytest.raises(InvalidGeometry, match="is in other units than it says"):
-        require_size(bodies(10.0, 20.0, 20.0, 30.0, 100.0))
+        require_size(bodies(10.0, 20.0, 20.0, 30.0, 100.0), of_file=True)

@@ -34,3 +34,14 @@ def test_a_hidden_body_is_named_so_and_a_half_hidden_one_is_pointed_at_where_it_
     assert [callout.seen for callout in labels] == [True, False, True]
     assert labels[2].anchor[0] > 1.0
     assert all(callout.anchor[1] == -1 for callout in labels)  # moved before all bodies
+
+
+def test_names_stand_across_from_a_side_that_is_occupied():
+    bodies = [slab(x, 0, x, 0.5) for x in range(4)]
+    for x, left in ((1.0, True), (-1.0, False)):
+        labels = callouts(bodies, ALONG, UP, occupied=(x, 0.0, -0.2))
+        assert [callout.left for callout in labels] == [left] * 4
+        heights = np.sort([callout.text[2] for callout in labels])
+        assert np.diff(heights).min() > 3.0 / CalloutLayout().lines
+    for along in ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), None):  # no side of the picture
+        assert sum(callout.left for callout in callouts(bodies, ALONG, UP, occupied=along)) == 2

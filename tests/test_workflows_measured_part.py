@@ -18,6 +18,7 @@ from workflows.scene.places import spring_face
 from workflows.stages.assembly import dashpots
 from workflows.stages.loss_factors import ratios_of_modes
 from workflows.stages.measured_parts import fitted_part, rigid_motions
+from workflows.stages.pictures import fixtures
 from workflows.stages.pipeline import pipeline_of
 from workflows.structure.hammer import accelerances, corner_readings
 
@@ -138,6 +139,23 @@ def test_modes_and_look_say_that_the_part_is_synthetic(arm, capsys):
     assert beadwave("look", "measured_arm.toml") == 0
     said = capsys.readouterr().out
     assert "1x, 1z, 2x, 2z" in said and "SYNTHETIC" in said
+
+
+def test_pictures_show_each_point_of_the_part_and_that_it_is_synthetic(arm):
+    run = pipeline("measured_arm.toml")
+    shown = fixtures(run.scene, run("mesh"))
+    assert shown["springs"] == []
+    assert [name for name, *_ in shown["parts"]] == ["arm, SYNTHETIC"] * 2
+    for _, point, out in shown["parts"]:
+        assert point[0] == pytest.approx(0.4) and out == pytest.approx([1, 0, 0])
+
+
+@pytest.mark.slow
+def test_the_head_of_a_page_says_that_a_part_is_synthetic(arm):
+    assert beadwave("run", "measured_arm.toml", "--out=run", "--quiet") == 0
+    assert json.loads(Path("run/summary.json").read_text())["synthetic"] == ["arm"]
+    header = Path("run/report.html").read_text().partition("</header>")[0].partition("<header>")[2]
+    assert "SYNTHETIC: receptances of arm are computed, not measured" in header
 
 
 @pytest.mark.parametrize(

@@ -48,7 +48,7 @@ CONTRACT = {
 }  # fmt: skip
 BESIDE = {
     "verdict", "reduction", "wall_modes_left_out", "wall_contact", "command", "date", "modes",
-    "seconds", "sensors", "sources", "load_factor", "errors", "friction",
+    "seconds", "sensors", "sources", "load_factor", "errors", "friction", "synthetic",
 }  # fmt: skip
 
 

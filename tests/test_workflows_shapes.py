@@ -19,7 +19,6 @@ from workflows.scene import InvalidScene
 from workflows.stages.pipeline import pipeline_of
 from workflows.stages.targets import remarks_on_axes
 from workflows.structure import pairing
-from workflows.structure.parameters import in_full
 
 pyuff = pytest.importorskip("pyuff", reason="universal files are optional (the extra `identify`)")
 
@@ -197,7 +196,7 @@ def test_points_in_millimetres_say_so(known):
     hz = measured_hz(known)
     sets = [shape_55(shapes[i], f) for i, f in zip(TARGETS, hz, strict=True)]
     written(nodes(1e3 * points), *sets)
-    with pytest.raises(InvalidScene, match=r"m from it, allowed .*they fit in mm: write x \[mm\]"):
+    with pytest.raises(InvalidScene, match=r"m from the assembly, allowed .*if they are in mm"):
         paired(known)
     written(millimetres, nodes(1e3 * points), *sets)
     assert paired(known)[0] == TARGETS
@@ -461,10 +460,3 @@ def test_left_handed_axes_of_a_test_are_named(known):
     places = np.array([[0.1, 0, 0.01], [-0.1, 0, 0.01], [0.1, 0, -0.01], [0.1, 0.06, 0.01]])
     with pytest.raises(InvalidScene, match="change the sign of one axis: the test's are left"):
         pipeline(text + axes_table(places * [1, -1, 1], places))("modes")
-
-
-def test_a_short_name_frees_the_joint_that_it_can_only_mean():
-    known = ["joints.m8.kz", "joints.m6.kz", "joints.m6.krx"]
-    assert in_full(["m8.kz", "krx", "kz", "m9.kz"], known) == (
-        "joints.m8.kz", "joints.m6.krx", "kz", "m9.kz",
-    )  # fmt: skip

@@ -36,6 +36,10 @@ def _matlab(path: Path, *names: str) -> Arrays:
         raise ValueError("it is a .mat file of version 7.3; save it with -v7") from None
     except (MatReadError, ValueError):
         raise ValueError("it is no .mat file of version 4 to 7, which can be read") from None
+    except MemoryError:
+        raise
+    except Exception:  # what scipy meets in a file that is cut off: OSError, TypeError, zlib.error
+        raise ValueError("it is cut off or damaged; write it anew") from None
     return {name: _plain(variables[name]) for name in names if name in variables}
 
 

@@ -30,15 +30,7 @@ from fem.hit_records import (
     records_of_mat,
     sets_of_hits,
 )
-from fem.hits import (
-    ESTIMATORS,
-    FrequencyResponses,
-    HitChecks,
-    Hits,
-    beside,
-    frequency_responses,
-    require_numbers,
-)
+from fem.hits import ESTIMATORS, FrequencyResponses, HitChecks, Hits, beside, frequency_responses
 from fem.measured_shapes import POINTS, UNITS, points_of_nodes
 from fem.subspace import half_spectra, is_decay
 from workflows.files.foreign import Unreadable, arrays
@@ -100,6 +92,7 @@ class MeasuredTest(NamedTuple):
     records: tuple[Hits, ...] = ()  # empty where the files hold responses
     kind: str = "responses"  # or "hits", "ring-downs", "ambient"
     quantity: str = ""  # "accelerations", "velocities" or "displacements" where it is known
+    places: str = ""  # the files that say where the nodes are, for sentences
 
 
 def measured_test(paths: list[Path], reading: Reading = Reading()) -> MeasuredTest:
@@ -136,7 +129,8 @@ def measured_test(paths: list[Path], reading: Reading = Reading()) -> MeasuredTe
             title, quantity = records[0].title or paths[0].stem, records[0].quantity
     except ValueError as error:
         raise InvalidScene(f"{named}: {str(error).rstrip('.')}.") from None
-    return MeasuredTest(responses, title, nodes, tuple(steps), sets, kind, quantity)
+    places = f"--points {reading.points}" if reading.points else named
+    return MeasuredTest(responses, title, nodes, tuple(steps), sets, kind, quantity, places)
 
 
 def responses_of_records(
@@ -148,7 +142,12 @@ def responses_of_records(
     sets = sets_of_hits(pieces)
     first = sets[0]
     for hits in sets:
-        require_numbers(hits)
+        for hit, sensor, sample in np.argwhere(~np.isfinite(hits.response))[:1].tolist():
+            raise ValueError(
+                f"record {hit + 1} of {len(hits.response)} has NaN or inf at sensor "
+                f"{hits.sensors[sensor]}, sample {sample + 1}, {sample * hits.dt:.6g} s after its "
+                "start; remove that record or measure again"
+            )
     if first.force is None and not any(map(is_decay, first.response)):
         if len(sets) > 1:
             raise ValueError("ambient records must have the same sensors; give one set of them")
@@ -222,10 +221,17 @@ def content_of(
     except (Unreadable, ValueError, KeyError, IndexError, TypeError) as error:
         raise InvalidScene(
             f"{path} holds no frequency responses or hits that can be read "
-            f"({' '.join(str(error).split()).rstrip('.')}); {WANTED[ending]}."
+            f"({_why(error)}); {WANTED[ending]}."
         ) from None
     except MemoryError:
         raise InvalidScene(f"{path} does not fit into the memory; give fewer samples.") from None
+
+
+def _why(error: Exception) -> str:
+    """What is wrong with a file, for a sentence."""
+    if isinstance(error, UnicodeDecodeError):
+        return "it is no text in UTF-8"
+    return " ".join(str(error).split()).rstrip(".")
 
 
 def points_of_file(path: Path) -> dict[int, NDArray[np.float64]]:
@@ -258,22 +264,28 @@ def points_and_directions(
                     f"its header has the units {', '.join(sorted(units))}, not m or mm"
                 )
             metres = METRES[units.pop()]
-            for line in filter(str.strip, lines):
+            for n, line in enumerate(lines, 2):
+                if not line.strip():
+                    continue
                 node, *cells = line.split(",")
-                if len(cells) not in (3, 4):
-                    raise ValueError(f"{line[:40]!r} is not node, x, y, z")
-                if int(node) in points:
-                    raise ValueError(f"node {int(node)} stands in two lines")
-                points[int(node)] = metres * np.array([float(cell) for cell in cells[:3]])
+                try:
+                    number, place = int(node), np.array([float(cell) for cell in cells[:3]])
+                except ValueError:
+                    number, place = -1, np.zeros(0)
+                if len(place) != 3 or len(cells) > 4:
+                    raise ValueError(f"line {n} is not node, x, y, z: {line[:40]!r}")
+                if not np.isfinite(place).all():
+                    raise ValueError(f"line {n} has a point that is no number: {line[:40]!r}")
+                if number in points:
+                    raise ValueError(f"node {number} stands in two lines")
+                points[number] = metres * place
                 if len(cells) == 4 and cells[3].strip():
-                    directions[int(node)] = direction_named(cells[3])
-            if not np.isfinite(list(points.values())).all():
-                raise ValueError("a point is no number")
+                    directions[number] = direction_named(cells[3])
         if not points:
             raise ValueError("it has no points")
     except (Unreadable, ValueError, KeyError, IndexError) as error:
         raise InvalidScene(
-            f"--points {path} holds no points that can be read ({str(error).rstrip('.')}); give "
+            f"--points {path} holds no points that can be read ({_why(error)}); give "
             "node, x, y, z in m below a header line (or mm, by x [mm]), or data set 15 or 2411."
         ) from None
     return points, directions

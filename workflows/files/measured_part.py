@@ -29,6 +29,11 @@ class PartReceptances(NamedTuple):
     place: dict[int, NDArray[np.float64]]  # (3,) [m] of nodes in the axes of the test
     title: str
 
+    @property
+    def synthetic(self) -> bool:
+        """Whether the file says that its responses were computed."""
+        return "SYNTHETIC" in self.title.upper()
+
 
 def receptances(table: MeasuredTable) -> PartReceptances:
     """The receptances of the points that are joined, of the file; raises InvalidScene."""

@@ -37,12 +37,13 @@ def of_csv(text: str, column: Column) -> Found:
     """What a CSV file holds; `column` makes of a heading what it holds and its unit."""
     lines = text.splitlines()
     title = " ".join(line.lstrip("# ").strip() for line in lines if line.startswith("#"))
-    number = [n for n, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
-    lines = [lines[n - 1] for n in number]
-    if len(lines) < 2:
+    # lines by their number in the file, as an editor shows it
+    numbered = [(n, s) for n, s in enumerate(lines, 1) if s.strip() and not s.startswith("#")]
+    if len(numbered) < 2:
         raise ValueError("no samples below a header line")
-    between = next((mark for mark in ";\t" if mark in lines[0]), ",")
-    header = [name.strip() for name in lines[0].split(between)]
+    (_, first), *samples = numbered
+    between = next((mark for mark in ";\t" if mark in first), ",")
+    header = [name.strip() for name in first.split(between)]
     time = fullmatch(r"time\s*\[(.+)\]", header[0])
     if not time:
         raise ValueError(
@@ -51,19 +52,21 @@ def of_csv(text: str, column: Column) -> Found:
     scale = [_unit(time[1], SECONDS, "time"), *(column(name) for name in header[1:])]
 
     rows = []
-    for i, line in enumerate(lines[1:], 1):
+    for n, line in samples:
         cells = line.split(between)
         if len(cells) != len(header):
-            raise ValueError(
-                f"line {number[i]} has {len(cells)} cells, the header has {len(header)}"
-            )
+            raise ValueError(f"line {n} has {len(cells)} cells, the header has {len(header)}")
         try:
             rows.append([float(cell) if cell.strip() else np.nan for cell in cells])
         except ValueError:
             raise ValueError(
-                f"line {number[i]} is not numbers with decimal points: {line[:40]!r}"
+                f"line {n} is not numbers with decimal points: {line[:40]!r}"
             ) from None
     table = np.array(rows)
+    if not np.isfinite(table).all():
+        row, column = np.argwhere(~np.isfinite(table))[0]
+        n, line = samples[row]
+        raise ValueError(f"line {n} has no number in the column {header[column]!r}: {line[:40]!r}")
     columns = [(n, unit * table[:, i]) for i, (n, unit) in enumerate(scale[1:], 1)]
     return Found(table[:, 0] * scale[0], columns, title)
 

@@ -2,11 +2,11 @@
 its wall, and the keys of a scene that `inspect` and `design` find."""
 
 from collections.abc import Callable
+from difflib import get_close_matches
 from math import isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
-from pydantic import BaseModel
 
 import coupling
 import dem
@@ -222,12 +222,14 @@ def limits_of(
         if key in limits:
             raise InvalidScene(f"--bounds names {key} twice; drop one.")
         if len(texts) != 2 or not all(texts):
-            raise InvalidScene(f"--bounds {item} is not key=low:high; write contacts=0.5:2.")
+            raise InvalidScene(
+                f"--bounds {item} is not key=low:high; write {key or 'KEY'}=LOW:HIGH."
+            )
         low, high = (value(key, end) for end in texts)
         if not (isfinite(low) and isfinite(high) and low < high):
+            turned = f"; write {key}={texts[1]}:{texts[0]}" if low > high else ""
             raise InvalidScene(
-                f"--bounds {item}: the low end {low:g} must be below the high end {high:g}, both "
-                "finite; correct them."
+                f"--bounds {item} must be two finite numbers, the lower one first{turned}."
             )
         limits[key] = low, high
     return limits
@@ -239,7 +241,7 @@ def plain_number(key: str, text: str) -> float:
         return float(text)
     except ValueError:
         raise InvalidScene(
-            f"--bounds {key}={text} is not key=low:high; write contacts=0.5:2."
+            f"--bounds {key}: {text!r} is no number; write {key}=LOW:HIGH."
         ) from None
 
 
@@ -317,17 +319,18 @@ def number(scene: Scene, key: str) -> float:
     """The value of a key; raises InvalidScene for a key that has none or no number."""
     value: Any = scene
     for name in key.split("."):
-        table, value = value, _entry(value, name)
-        if value is None and isinstance(table, BaseModel) and not hasattr(table, name):
-            names = [one for one in type(table).model_fields if not one.startswith("_")]
-            raise InvalidScene(
-                f"{key}: {scene.name} has no {name!r} there, {nearest(name, names)}."
-            )
+        value = _entry(value, name)
     if isinstance(value, bool) or not isinstance(value, int | float):
         reason = "has no value" if value is None else f"is {value!r}"
-        raise InvalidScene(
-            f"{key} {reason} in {scene.name}; name a key whose value is one number, as chain.young."
+        # of the numbers that the scene has, the one that was probably meant
+        known = [entry.key for entry in entries(scene) if isinstance(entry.value, float)]
+        close = get_close_matches(key, known, n=1)
+        remedy = (
+            f"the nearest that has one is {close[0]!r}"
+            if close
+            else ("name a key whose value is one number, as chain.young")
         )
+        raise InvalidScene(f"{key} {reason} in {scene.name}; {remedy}.")
     if isinstance(value, int):
         raise InvalidScene(f"{key} = {value} counts; name a key that varies smoothly.")
     return value

@@ -18,6 +18,7 @@ class CalloutLayout(NamedTuple):
     visible: int = 3  # a body is visible that is the nearest in more cells than these
     margin: float = 0.2  # of the picture's width, between bodies and names
     lines: int = 16  # of text that fit on its height
+    aslant: float = 0.3  # of a unit direction in the picture, from which on it points to a side
 
 
 class Callout(NamedTuple):
@@ -34,8 +35,11 @@ def callouts(
     towards: Sequence[float],
     up: Sequence[float],
     layout: CalloutLayout = CalloutLayout(),
+    *,
+    occupied: Sequence[float] | None = None,
 ) -> list[Callout]:
-    """For points (n, 3) of each body's surface, seen from the direction `towards`."""
+    """For points (n, 3) of each body's surface, seen from the direction `towards`; names stand on
+    both sides, or only across from a direction (3,) that is occupied by something else."""
     # coordinates to the right, upwards and to the eye
     eye = np.asarray(towards, dtype=float)
     eye = eye / np.linalg.norm(eye)
@@ -69,6 +73,9 @@ def callouts(
     # lines of text do not overlap
     order = np.argsort(anchors[:, 0], kind="stable")
     is_left = np.isin(np.arange(len(bodies)), order[: len(bodies) // 2])
+    along = 0.0 if occupied is None else float(right @ np.asarray(occupied, dtype=float))
+    if abs(along) > layout.aslant:
+        is_left[:] = along > 0
     text = anchors.copy()
     margin = layout.margin * (upper[0] - lower[0])
     text[:, 0] = np.where(is_left, lower[0] - margin, upper[0] + margin)

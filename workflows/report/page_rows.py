@@ -34,6 +34,17 @@ STANDS_FOR = {
 }
 
 
+def velocity_errors(summary: Summary) -> list[tuple[float | None, str]]:
+    """Errors of the velocities, relative to the striker's, with their causes; None of a time step
+    whose error is unknown, others only where they are known."""
+    errors = summary.error_estimate
+    model = [
+        (errors.reduction, "the reduction"), (errors.mesh, "the mesh"),
+        (errors.theory, "the theory of bending"), (errors.receptance, "the measured receptances"),
+    ]  # fmt: skip
+    return [(errors.time, "the time step"), *((x, cause) for x, cause in model if x is not None)]
+
+
 def context(scene: Scene | None, summary: Summary, data: dict[str, Any]) -> dict[str, Any]:
     """Variables of the page's template beside summary, scene and data."""
     plots = data.get("curves", {}).get("plots", {})
@@ -75,6 +86,7 @@ def context(scene: Scene | None, summary: Summary, data: dict[str, Any]) -> dict
         "wall_words": wall_words,
         "waves_words": waves_words,
         "facts": facts(summary),
+        "velocity_errors": velocity_errors(summary),
         # the view and the plots
         "view_note": view_note(data),
         "signals": list(signals),

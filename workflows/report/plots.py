@@ -131,8 +131,20 @@ def legend(axis: Axes, where: str = "inside") -> None:
     if where == "aside":
         axis.figure.legend(loc="outside right upper", fontsize=8, frameon=False)
         return
-    above = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": 4}  # the title is left
-    axis.legend(fontsize=8, frameon=False, **(above if where == "above" else {}))
+    size, columns = 8, 4  # letters [pt]
+    if where != "above":
+        axis.legend(fontsize=size, frameon=False)
+        return
+    # the title is left, or above the legend where both need more than the width
+    names = axis.legend(
+        fontsize=size, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns
+    )
+    title = axis.get_title(loc="left")
+    letters = 0.6 * 9 * len(title) * axis.figure.dpi / 72  # [pixel] at most, of the title
+    if title and letters + names.get_window_extent().width > axis.get_window_extent().width:
+        # rows of letters, half a line between them, and the legend's margins
+        rows = -(-len(names.get_texts()) // columns)
+        axis.set_title(title, fontsize=9, loc="left", pad=size * (1.5 * rows + 1.2))
 
 
 def frame(axis: Axes) -> None:
@@ -160,10 +172,10 @@ def log_ticks(axis: Axis, values: Iterable[Array], *, plain: bool) -> None:
 
 
 def matrix(values: Array, names: Sequence[str], label: str) -> bytes:
-    """PNG of a square matrix (n, n) of numbers from 0 to 1, dark where they are large."""
+    """PNG of a square matrix (n, n) of distances with its numbers, dark where they are small."""
     inches = (2.4 + 0.62 * len(names), 1.6 + 0.5 * len(names))
     figure, (axis,) = subplots(1, 1, inches)
-    heat_map(axis, values, (names, names), label, legible=0.05, limits=(0, 1))
+    heat_map(axis, values, (names, names), label, cmap="Blues_r", legible=-np.inf)
     axis.tick_params(axis="x", rotation=40)
     return png(figure)
 

@@ -29,7 +29,7 @@ STEEL = (
     "#c9a0dc", "#6f7f3f", "#e0a8a0", "#3f6f6f", "#8c8cc8", "#b0b070",
 )  # fmt: skip
 IMPACT, SPHERE, HELD, BOLT = "#c8371b", "#9aa7b4", "#1f5fbf", "#202020"
-SPRING, MASS = "#2f7d4f", "#7a3f9d"
+SPRING, MASS, PART = "#2f7d4f", "#7a3f9d", "#a3195b"
 RAMP = ("#cfd5db", "#f3c35f", "#e2622f", "#8b1a3a")  # of displacements, as in the report page
 MATT = {"ambient": 0.35, "diffuse": 0.75, "specular": 0.0}
 BAR = {
@@ -43,10 +43,11 @@ class RenderSettings(NamedTuple):
     """How bodies and modes are drawn, chosen by eye."""
 
     split: int = 4  # of a triangle's sides, between the points that tell which body is in front
-    chain: float = 0.5  # length of the chain that is drawn over the assembly's size
+    chain: float = 1.3  # most length of the chain that is drawn over the assembly's size
     # length of the pin at a joint over the assembly's size: longer than most covers are thick
     bolt: float = 0.09
     slender: float = 0.1  # radius of that pin over its length
+    short: float = 0.12  # side of the assembly over its size that has no room for three numbers
     # of a spring to the ground over the assembly's size, and of any coil: turns, radius and wire
     # over the assembly's size
     spring: float = 0.16
@@ -59,7 +60,8 @@ class RenderSettings(NamedTuple):
     largest_mode: float = 0.05  # largest displacement of a mode as drawn over the assembly's size
     edge_angle: float = 30.0  # [deg] between facets that makes an edge of an outline
     mode: tuple[float, float] = (0.87, 0.85)  # shares of the view's width and height that it fills
-    assembly: tuple[float, float] = (0.85, 0.8)  # the same, beside labels and below the legend
+    assembly: tuple[float, float] = (0.95, 0.8)  # the same, with labels and below the legend
+    letter: float = 0.0085  # width of a letter of a label over the view's, about
 
 
 class Fixtures(NamedTuple):
@@ -73,6 +75,7 @@ class Fixtures(NamedTuple):
     # name, point (3,), the other end (3,), or of one to the ground the direction (3,) to it
     springs: Sequence[tuple[str, list[float], list[float], bool]] = ()
     masses: Sequence[tuple[str, list[float], list[float], float]] = ()  # name, point, out, radius
+    parts: Sequence[tuple[str, list[float], list[float]]] = ()  # measured: name, point, out
 
 
 def eye_of(strike: list[float] | None, settings: RenderSettings) -> NDArray[np.float64]:
@@ -133,7 +136,8 @@ def assembly(
         points.append(np.einsum("sc,tcx->stx", shares, corners).reshape(-1, 3))
 
     # names beside the assembly, each with a line to its body, a dot where that is visible
-    labels = callouts(points, eye, UP)
+    from_chain = -np.array(fixtures.strike[3:]) if fixtures.strike and fixtures.spheres else None
+    labels = callouts(points, eye, UP, occupied=from_chain)
     for i, (name, label) in enumerate(zip(names, labels, strict=True)):
         dark = [0.7 * channel for channel in pv.Color(STEEL[i % len(STEEL)]).float_rgb]
         plotter.add_lines(np.array([label.anchor, label.text]), color=dark, width=2)
@@ -181,6 +185,20 @@ def assembly(
             plotter.add_mesh(plate, color=SPRING, **MATT)
     if fixtures.springs:
         legend.append((f"springs: {_numbered(name for name, *_ in fixtures.springs)}", SPRING))
+    for _, point, out in fixtures.parts:
+        # a rod that ends in a ball: what is behind it is known by its responses alone
+        length, radius = (
+            share * grid.length for share in (0.6 * settings.spring, settings.coil[0])
+        )
+        end = np.array(point) + length * np.array(out)
+        rod = pv.Cylinder(
+            center=0.5 * (np.array(point) + end), direction=out, radius=0.4 * radius, height=length
+        )
+        plotter.add_mesh(rod, color=PART, **MATT)
+        plotter.add_mesh(pv.Sphere(radius=1.3 * radius, center=end), color=PART, **MATT)
+    if fixtures.parts:
+        named = _numbered(name for name, *_ in fixtures.parts)
+        legend.append((f"points of measured parts: {named}", PART))
     for _, point, out, radius in fixtures.masses:
         radius = max(radius, settings.smallest_mass * grid.length)
         body = pv.Cylinder(
@@ -197,7 +215,7 @@ def assembly(
             if depth and depth + 2 * radius > settings.chain * grid.length:
                 break
             drawn += 1
-            sphere = pv.Sphere(radius, center=point - (depth + radius) * direction)
+            sphere = pv.Sphere(radius=radius, center=point - (depth + radius) * direction)
             plotter.add_mesh(sphere, color=SPHERE, smooth_shading=True, **MATT)
             depth += 2 * radius
         arrow = pv.Arrow(
@@ -215,15 +233,28 @@ def assembly(
 
     # to a micrometre: an end at -1e-17 m is 0, not -0
     millimetres = [round(1e3 * x, 3) + 0.0 for x in grid.bounds]
+    # three numbers along a side, or both ends of a short one
+    sides = np.diff(np.reshape(grid.bounds, (3, 2)), axis=1)[:, 0]
+    numbers = np.where(sides > settings.short * grid.length, 3, 2).tolist()
     axes = plotter.show_bounds(
         bounds=grid.bounds, axes_ranges=millimetres, xtitle="x [mm]", ytitle="y [mm]",
-        ztitle="z [mm]", n_xlabels=3,
-        n_ylabels=3, n_zlabels=3, fmt="%.0f", font_size=11, location="outer", color="#505050",
+        ztitle="z [mm]",
+        n_xlabels=numbers[0], n_ylabels=numbers[1], n_zlabels=numbers[2],
+        fmt="%.0f", font_size=11, location="outer", color="#505050",
     )  # fmt: skip
     axes.SetAxisLabels(1, pv.convert_array(np.array(["", *axes.y_labels[1:]])))  # x has that corner
     seen_from(plotter, eye)
-    fill_view(plotter, np.concatenate([mesh.points for mesh in plotter.meshes]), settings.assembly)
-    plotter.camera.SetWindowCenter(0.0, 0.045 * len(legend))
+    # of the view's width, what the z axis or names take on the left, and names on the right
+    beside = {True: 0.08, False: 0.04}
+    for name, label in zip(names, labels, strict=True):
+        letters = len(name) + (0 if label.seen else len(" (hidden)"))
+        beside[label.left] = max(beside[label.left], settings.letter * letters)
+    width, height = settings.assembly
+    fill_view(
+        plotter, np.concatenate([mesh.points for mesh in plotter.meshes]),
+        (width - sum(beside.values()), height),
+    )  # fmt: skip
+    plotter.camera.SetWindowCenter(beside[False] - beside[True], 0.045 * len(legend))
     plotter.screenshot(path)
 
 

@@ -285,6 +285,7 @@ class Summary(BaseModel):
     seconds: float | None = None  # of the whole run; stages of two processes overlap
     stages: tuple[StageTime, ...] = ()
     warnings: tuple[str, ...] = ()
+    synthetic: tuple[str, ...] = ()  # measured parts whose receptances were computed
     versions: dict[str, str] = {}
     sources: dict[str, ValueSource] = {}
 

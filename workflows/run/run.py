@@ -227,6 +227,11 @@ def summary_of(
             number_errors += pipeline("structure-errors")
         numbers |= of_structure.numbers
         sentences += of_structure.warnings
+        if scene.measured:
+            from workflows.files.measured_part import receptances
+
+            parts = {table.name: receptances(table) for table in scene.measured}
+            numbers["synthetic"] = tuple(name for name, part in parts.items() if part.synthetic)
 
         # MAC of the modes that are targets, where it is there without computing it
         if any(mode.target for mode in numbers["modes"]) and pipeline.kept("mac"):

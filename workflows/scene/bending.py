@@ -108,10 +108,11 @@ class Beam(SceneTable):
             )
         height = self.thickness or self.diameter or 0.0
         if height >= self.length:
-            in_mm = f'did you mean "{height:g} mm"? Else ' if height > 3 * self.length else ""
+            key = "thickness" if self.thickness else "diameter"
+            in_mm = f'write {key} = "{height:g} mm" if these are meant, else '
             raise ValueError(
                 f"a section {height:g} m high is no beam of length = {self.length:g} m: "
-                f"{in_mm}draw it as a body"
+                f"{in_mm if 1e-3 * height < self.length else ''}draw it as a body"
             )
         if not self.position < self.length:
             raise ValueError(

@@ -213,9 +213,27 @@ def chain_numbers(
         time_error = together(time_error, lateral.error_estimate)
     return along._replace(
         numbers=along.numbers | numbers,
-        warnings=(*along.warnings, *neglected_coupling(scene, start), *unbalanced(lateral)),
+        warnings=(
+            *along.warnings,
+            *high_friction(scene),
+            *neglected_coupling(scene, start),
+            *unbalanced(lateral),
+        ),
         time_error=time_error,
     )
+
+
+def high_friction(scene: Scene) -> Iterator[str]:
+    """Coefficients above those of dry solids in air; only soft rubber, and metals that were cleaned
+    in vacuum, stick more."""
+    highest = 2.0  # chosen, not varied
+    for key in ("coefficient", "between_spheres"):
+        value = getattr(scene.friction, key)
+        if value is not None and value > highest:
+            yield (
+                f"friction.{key} = {value:g} is above that of dry solids in air, up to "
+                f"{highest:g}: lower it, unless it is meant to keep the contact from slipping."
+            )
 
 
 def unbalanced(lateral: LateralTrajectory) -> Iterator[str]:

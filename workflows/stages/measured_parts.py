@@ -43,7 +43,7 @@ class FittedPart(NamedTuple):
     @property
     def synthetic(self) -> bool:
         """Whether the file says that its responses were computed."""
-        return "SYNTHETIC" in self.receptances.title.upper()
+        return self.receptances.synthetic
 
 
 def fitted_part(table: MeasuredTable) -> FittedPart:

@@ -80,7 +80,8 @@ def fixtures(scene: Scene, mesh: Parts) -> dict[str, Any]:
         "held": [
             facet.tolist() for side in mesh.connections.held for facet in _facets(mesh, side.face)
         ],
-        "springs": [*_springs(scene, mesh), *_parts(scene, mesh)],
+        "springs": [*_springs(scene, mesh)],
+        "parts": [*_parts(scene, mesh)],
         "masses": [*_masses(scene, mesh)],
     }
 
@@ -112,9 +113,10 @@ def _springs(scene: Scene, mesh: Parts) -> Iterator[tuple[str, list[float], list
                 yield table.name, first.point.tolist(), far.point.tolist(), False
 
 
-def _parts(scene: Scene, mesh: Parts) -> Iterator[tuple[str, list[float], list[float], bool]]:
-    """Each point of a measured part: its name, where it is (3,) [m], and the direction (3,) out of
-    the body, as springs to the ground are drawn. A part that a run refuses is left out."""
+def _parts(scene: Scene, mesh: Parts) -> Iterator[tuple[str, list[float], list[float]]]:
+    """Each point of a measured part: the part's name, and that it is SYNTHETIC where it is, where
+    the point is (3,) [m], and the direction (3,) out of the body. A part that a run refuses is left
+    out."""
     if not scene.measured:
         return
     # only these scenes pay for the reader of tests
@@ -126,12 +128,14 @@ def _parts(scene: Scene, mesh: Parts) -> Iterator[tuple[str, list[float], list[f
         if spot is None:
             continue
         try:
-            places = places_on_face(scene, table, spot, receptances(table))
+            part = receptances(table)
+            places = places_on_face(scene, table, spot, part)
         except ValueError:
             continue
         for at in places.values():
             point = _spot(mesh, part_face(table.name), tuple(at.tolist())).point
-            yield table.name, point.tolist(), (-spot.inward).tolist(), True
+            name = f"{table.name}, SYNTHETIC" if part.synthetic else table.name
+            yield name, point.tolist(), (-spot.inward).tolist()
 
 
 def _masses(scene: Scene, mesh: Parts) -> Iterator[tuple[str, list[float], list[float], float]]:

@@ -32,7 +32,7 @@ def targets(scene: Scene, model: fem.Model) -> tuple[fem.Target, ...]:
 
 def shape(scene: Scene, model: fem.Model, file: str | Path, hz: float) -> fem.Shape:
     """The measured shape at a frequency; raises InvalidScene for points off the assembly."""
-    return placed(scene, model, file, measured_shape(Path(file), hz), hz)
+    return placed(scene, model, f"shape = {str(file)!r}", measured_shape(Path(file), hz), hz)
 
 
 def axes_of_test(scene: Scene) -> RigidFit | None:
@@ -56,10 +56,10 @@ def remarks_on_axes(scene: Scene) -> list[str]:
 
 
 def placed(
-    scene: Scene, model: fem.Model, file: str | Path, measured: MeasuredShape, hz: float
+    scene: Scene, model: fem.Model, source: str, measured: MeasuredShape, hz: float
 ) -> fem.Shape:
-    """A shape of a file, at a frequency, on the model, where [test_axes] bring it; raises
-    InvalidScene for points off the assembly."""
+    """A shape at a frequency on the model, where [test_axes] bring it; raises InvalidScene for
+    points off the assembly, with the key or the file that they are from, `source`."""
     structure = model.structure
     size = float(np.linalg.norm(np.ptp(structure.points, axis=0)))
     axes = axes_of_test(scene)
@@ -82,19 +82,21 @@ def placed(
             "give points in the assembly's axes, or [test_axes] that say how they lie on it, in "
             "metres or with their unit in data set 164"
         )
+        # in mm they would lie on it, and not all in one place of it
         in_mm = 1e-3 * measured.points
-        spread = float(np.linalg.norm(np.ptp(in_mm, axis=0)))
-        if spread > 0.1 * size and np.all(
-            fem.on_surface(structure, in_mm).distance <= FARTHEST * size
+        reach = float(np.linalg.norm(np.ptp(in_mm, axis=0)))
+        if (
+            axes is None
+            and reach > FARTHEST * size
+            and fem.on_surface(structure, in_mm).distance.max() <= FARTHEST * size
         ):
             remedy = (
-                "they fit in mm: write x [mm] in the header line of a .csv, the unit in data set "
-                "164 of a .uff, or give metres"
+                "they lie on it if they are in mm: write node, x [mm], y [mm], z [mm] as the "
+                "header of a CSV, or their unit in data set 164"
             )
         raise InvalidScene(
-            f"{scene.name}: the points of {file} do not lie on the assembly: one at {at} m is "
-            f"{surface.distance[worst]:.3g} m from it, allowed are {FARTHEST * size:.3g} m; "
-            f"{remedy}."
+            f"{scene.name}: {source} has a point at {at} m, {surface.distance[worst]:.3g} m from "
+            f"the assembly, allowed are {FARTHEST * size:.3g} m; {remedy}."
         )
     n = len(measured.points)
     along = csr_matrix((measured.directions.ravel(), np.arange(3 * n), np.arange(0, 3 * n + 1, 3)))

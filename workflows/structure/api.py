@@ -604,7 +604,8 @@ def hammer(
         with folder.renewed("modes.json", *made) as renewed:
             renewed.write("modes.json", test.report.model_dump_json(indent=1) + "\n")
             command = command_of(paths, scene, changes, reading, choice, folder.path)
-            renewed.write("poles.html", pole_page(test, choice, command))
+            structure = "" if scene is None else chosen.name
+            renewed.write("poles.html", pole_page(test, choice, command, structure))
             write_pictures(renewed, result.pictures)
             if has_pyuff:
                 with renewed.writing("modes.uff") as draft:

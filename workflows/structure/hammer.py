@@ -21,6 +21,7 @@ from fem.subspace import subspace_modes
 from workflows.files.hammer import MeasuredTest, Reading, measured_test
 from workflows.files.run_folder import Picture
 from workflows.report import plots
+from workflows.report.numbers import digits
 from workflows.report.plots import Line, Panel
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene
@@ -30,6 +31,8 @@ from workflows.structure.mode_table import NO_TARGETS
 
 VIRTUAL_LINES = np.arange(10.0, 10_000.0, 0.2)  # [Hz]
 
+
+UNITS = {"accelerations": "m/s^2 / N", "velocities": "m/s / N", "displacements": "m / N"}
 
 # of a residue at a driving point
 PHASES = {"accelerations": 1j, "velocities": 1.0, "displacements": -1j}
@@ -122,6 +125,11 @@ class HammerReport(BaseModel):
     remarks: list[str]  # on the test as a whole
 
     @property
+    def file_names(self) -> list[str]:
+        """Names of the files that were read, without their folders."""
+        return [Path(step.file).name for step in self.steps if step.step.startswith("read ")]
+
+    @property
     def targets(self) -> dict[int, float]:
         """Measured frequencies of the scene's modes by number [Hz], for `tune`."""
         return {row.mode: row.frequency_hz for row in self.rows if row.mode}
@@ -166,6 +174,22 @@ class IdentifiedTest(NamedTuple):
     report: HammerReport
     test: MeasuredTest
     modes: IdentifiedModes
+
+    @property
+    def banner(self) -> str:
+        """What stands over pictures of a test that was computed; nothing over a measured one."""
+        return SYNTHETIC if SYNTHETIC in self.report.title else ""
+
+    @property
+    def kind_of_data(self) -> str:
+        """What a legend calls the responses of the test."""
+        return "computed, with noise" if self.banner else "measured"
+
+    @property
+    def band_hz(self) -> tuple[float, float]:
+        """The band in which modes were identified."""
+        options = self.report.steps[-1].options
+        return float(options["from_hz"]), float(options["to_hz"])
 
 
 def hammer_test(
@@ -373,24 +397,41 @@ def points_without_place(test: MeasuredTest) -> list[int]:
     return [i for i, end in enumerate(ends) if end is None or end[0] not in test.nodes]
 
 
+def shown_lines(test: IdentifiedTest, beyond: float = 0.15) -> NDArray[np.bool_]:
+    """Lines (f,) that pictures show: above 0, within the band and `beyond` of its width past its
+    ends."""
+    (low, high), f = test.band_hz, test.test.responses.frequency_hz
+    margin = beyond * (high - low)
+    return (f > 0) & (f >= low - margin) & (f <= high + margin)
+
+
 def summed_response(
-    responses: FrequencyResponses,
+    responses: FrequencyResponses, lines: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Frequencies above 0 (k,) [Hz], and the root of the sum of the squares of all responses."""
-    within = responses.frequency_hz > 0
-    size = np.sqrt(np.sum(np.abs(responses.H) ** 2, axis=(0, 1)))
-    return responses.frequency_hz[within], size[within]
+    """Frequencies of the chosen lines (k,) [Hz], and the root of the sum of the squares of all
+    responses there."""
+    size = np.sqrt(np.sum(np.abs(responses.H[:, :, lines]) ** 2, axis=(0, 1)))
+    return responses.frequency_hz[lines], size
 
 
 def pictures(test: IdentifiedTest) -> list[Picture]:
-    """Stability diagram, measured over synthesised responses, coherence and AutoMAC, up to a tenth
-    beyond the band that was looked at."""
+    """Stability diagram, responses of the test over synthesised ones, coherence and AutoMAC; grey
+    beyond the band."""
     responses, modes, rows = test.test.responses, test.modes, test.report.rows
-    title = test.report.title
-    f, H = responses.frequency_hz, responses.H
-    top_hz = max((1.1 * hz[-1] for hz, _ in modes.synthesis), default=f[-1])
-    within = (f > 0) & (f <= top_hz)
-    size = np.sqrt(np.sum(np.abs(H[..., within]) ** 2, axis=(0, 1)))
+    f, H, within = responses.frequency_hz, responses.H, shown_lines(test)
+    size = summed_response(responses, within)[1]
+    low, high = test.band_hz
+    ends = [(a, b) for a, b in ((f[within][0], low), (high, f[within][-1])) if b > a]
+    across = "frequency [Hz]" + ("; grey: beyond the band" if ends else "")
+    unit = UNITS.get(test.test.quantity)
+    up = f"{test.test.quantity} over force [{unit}]" if unit else "response over force"
+
+    def framed(sets: list[Panel], height: float):
+        figure, axes = plots.drawn(sets, size=(9, height))
+        for axis in axes:
+            for a, b in ends:
+                axis.axvspan(a, b, color="0.93", zorder=0)
+        return figure, axes
 
     # poles of every order over the sum of all responses; lines at the modes, with their numbers
     top = max(order for order, _ in modes.diagram)
@@ -406,32 +447,30 @@ def pictures(test: IdentifiedTest) -> list[Picture]:
         Line(f"poles of orders up to {top}", hz[~recurs], level[~recurs], "x", "0.8"),
         Line("of them near a numbered one", hz[recurs], level[recurs], "x", 1),
     ]
-    size_of_one = f"{test.test.quantity or 'response'} over force"
-    panel = Panel(
-        title, "frequency [Hz]", size_of_one, lines, "y", (None, 2 * span[1]), legend="above"
-    )
-    figure, (axis,) = plots.drawn([panel], size=(9, 4.5))
+    names = test.report.file_names
+    named = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
+    panel = Panel(named, across, up, lines, "y", (None, 2 * span[1]), legend="above")
+    figure, (axis,) = framed([panel], 4.5)
     for row in rows:
         axis.annotate(
             f"{row.number}", (row.frequency_hz, span[1]), (0, 2),
             textcoords="offset points", ha="center", fontsize=8,
         )  # fmt: skip
-    drawn = [Picture("hammer", plots.png(figure))]
+    drawn = [Picture("hammer", plots.png(figure, test.banner))]
 
     # the responses with most energy, four at most
     energy = np.sum(np.abs(H) ** 2, axis=2)
     panels = []
     for place in np.argsort(-energy.ravel())[:4]:
         i, j = np.unravel_index(int(place), energy.shape)
-        name = "computed, with noise" if title.startswith("SYNTHETIC") else "measured"
-        lines = [Line(name, f[within], np.abs(H[i, j, within]), "-", 0, 0.9)]
-        lines += [
-            Line(None if k else "modes found", hz, np.abs(model[i, j]), "--", 1)
-            for k, (hz, model) in enumerate(modes.synthesis)
-        ]
-        ends = f"{responses.points[i]} to {responses.references[j]}"
-        panels.append(Panel(ends, "frequency [Hz]", size_of_one, lines, "y", legend="above"))
-    drawn.append(Picture("synthesis", plots.panels(panels, size=(9, 2.6))))
+        lines = [Line(test.kind_of_data, f[within], np.abs(H[i, j, within]), "-", 0, 0.9)]
+        for k, (hz, model) in enumerate(modes.synthesis):
+            drawn_too = (hz >= f[within][0]) & (hz <= f[within][-1])
+            size = np.abs(model[i, j, drawn_too])
+            lines.append(Line(None if k else "modes found", hz[drawn_too], size, "--", 1))
+        title = f"{responses.points[i]} to {responses.references[j]}"
+        panels.append(Panel(title, across, up, lines, "y", legend="above"))
+    drawn.append(Picture("synthesis", plots.png(framed(panels, 2.6)[0], test.banner)))
 
     if responses.coherence is not None:
         low, middle = np.quantile(responses.coherence, [0.1, 0.5], axis=(0, 1))
@@ -439,25 +478,31 @@ def pictures(test: IdentifiedTest) -> list[Picture]:
             Line("median of the responses", f[within], middle[within], "-", 0),
             Line("a tenth lie below", f[within], low[within], "-", 1, 0.8),
         ]
-        panel = Panel("coherence", "frequency [Hz]", "coherence", lines, "", (0.0, 1.02), "above")
-        drawn.append(Picture("coherence", plots.panels([panel], size=(9, 2.8))))
-    names = [f"{row.number}: {row.frequency_hz:.5g} Hz" for row in rows]
+        panel = Panel("", across, "coherence", lines, "", (0.0, 1.02), "above")
+        drawn.append(Picture("coherence", plots.png(framed([panel], 2.8)[0], test.banner)))
     decaying = [row for row in rows if row.over_amplitude]
     if decaying:
-        lines = [
-            Line(
-                f"{row.frequency_hz:.5g} Hz", np.array([s.amplitude for s in row.over_amplitude]),
-                np.array([100 * s.zeta for s in row.over_amplitude]), "o-", k,
-            )
-            for k, row in enumerate(decaying[:8])
-        ]  # fmt: skip
+        lines = []
+        for k, row in enumerate(decaying[:8]):
+            amplitude = np.array([step.amplitude for step in row.over_amplitude])
+            percent = np.array([100 * step.zeta for step in row.over_amplitude])
+            lines.append(Line(f"{digits(row.frequency_hz, 5)} Hz", amplitude, percent, "o-", k))
         panel = Panel("damping over amplitude", "amplitude", "damping ratio [%]", lines, "x")
-        drawn.append(Picture("decay", plots.panels([panel], size=(8, 3.6))))
+        figure = plots.drawn([panel], size=(8, 3.6))[0]
+        drawn.append(Picture("decay", plots.png(figure, test.banner)))
     if len(responses.points) > 1 and len(rows) > 1:
-        drawn.append(
-            Picture("automac", plots.matrix(fem.mac(modes.phi, modes.phi), names, "AutoMAC"))
-        )
+        drawn.append(Picture("automac", auto_mac(test)))
     return drawn
+
+
+def auto_mac(test: IdentifiedTest) -> bytes:
+    """PNG of the MAC of the measured shapes with each other, as `mac` shows that with computed."""
+    names = [f"{row.number}: {digits(row.frequency_hz, 5)} Hz" for row in test.report.rows]
+    figure, (axis,) = plots.subplots(1, 1, (2.4 + 0.62 * len(names), 1.6 + 0.5 * len(names)))
+    values = fem.mac(test.modes.phi, test.modes.phi)
+    plots.heat_map(axis, values, (names, names), "AutoMAC", legible=0.1, limits=(0, 1))
+    axis.tick_params(axis="x", rotation=60)
+    return plots.png(figure, test.banner)
 
 
 def virtual_test(pipeline: Pipeline) -> Responses:

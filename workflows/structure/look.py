@@ -280,7 +280,7 @@ def _seen_parts(scene: Scene) -> list[SeenPart]:
         seen.append(
             SeenPart(
                 name=table.name, on=table.on, receptance=Path(table.receptance).name,
-                motions=motions, synthetic="SYNTHETIC" in part.title.upper(),
+                motions=motions, synthetic=part.synthetic,
             )
         )  # fmt: skip
     return seen

@@ -72,7 +72,7 @@ def test_places(scene: Scene, model: fem.Model, test: IdentifiedTest) -> Places:
         directions = np.array([np.sign(a) * np.eye(3)[abs(a) - 1] for _, a in at])
         points = np.array([nodes[n] for n, _ in at])
         shape = MeasuredShape(points, directions, np.ones(len(at), complex))
-        return placed(scene, model, test.report.file, shape, 1.0)
+        return placed(scene, model, test.test.places, shape, 1.0)
 
     return Places(
         on_model([responses.points[i] for i in used]), on_model(responses.references),

@@ -17,7 +17,7 @@ from fem.sensor_placement import one_more_point, outside
 from workflows.files.run_folder import Picture
 from workflows.files.shapes import measured_shape
 from workflows.report import plots
-from workflows.report.numbers import supported
+from workflows.report.numbers import digits, supported
 from workflows.scene import InvalidScene, ModalDampingTable, Scene
 from workflows.scene.bodies import MeasuredMode
 from workflows.stages.pictures import rendered
@@ -44,7 +44,7 @@ def likeness_of(
     test (p, k); raises InvalidScene for points off the assembly."""
     model, modes = pipeline("model"), pipeline("modes")
     shapes = [
-        placed(pipeline.scene, model, test.report.file, shape, row.frequency_hz)
+        placed(pipeline.scene, model, test.test.places, shape, row.frequency_hz)
         for shape, row in zip(measured, test.report.rows, strict=True)
     ]
     # all shapes of one test are read at the same points
@@ -148,7 +148,7 @@ def scale_beside(
         np.ones(len(axes), complex),
     )
     model, modes = pipeline("model"), pipeline("modes")
-    at_references = placed(pipeline.scene, model, test.report.file, hit, 0.0).reading @ modes.phi
+    at_references = placed(pipeline.scene, model, test.test.places, hit, 0.0).reading @ modes.phi
     missing = points_without_place(test.test)
     chosen = test.modes._replace(
         frequency_hz=test.modes.frequency_hz[measured],
@@ -176,15 +176,15 @@ def mac_with_model(
         return ()
     figure, (axis,) = plots.subplots(1, 1, (2.6 + 0.42 * len(shown), 1.8 + 0.3 * len(rows)))
     names = (
-        [f"{row.number}: {row.frequency_hz:.5g} Hz" for row in rows],
-        [f"{f:.5g} Hz" for f in hz[shown]],
+        [f"{row.number}: {digits(row.frequency_hz, 5)} Hz" for row in rows],
+        [f"{digits(f, 5)} Hz" for f in hz[shown]],
     )
     values = np.nan_to_num(likeness[:, shown])  # of a mode that no point sees
     plots.heat_map(axis, values, names, "MAC", legible=0.1, limits=(0, 1))
     axis.tick_params(axis="x", rotation=60)
     axis.set_xlabel("computed modes")
-    axis.set_ylabel("measured modes")
-    return (Picture("mac", plots.png(figure)),)
+    axis.set_ylabel("modes of the test")
+    return (Picture("mac", plots.png(figure, test.banner)),)
 
 
 def shapes_beside(
@@ -195,12 +195,12 @@ def shapes_beside(
     Raises NoPicture."""
     model, modes = pipeline("model"), pipeline("modes")
     computed_hz = modes.omega / (2 * np.pi)
-    index, content = [], []
+    index, content, kind = [], [], "SYNTHETIC" if test.banner else "measured"
     for row, shape in zip(test.report.rows, measured_shapes(test) or [], strict=True):
         if row.computed_hz is None or len(index) == most:
             continue
         j = int(np.abs(computed_hz - row.computed_hz).argmin())
-        at = placed(pipeline.scene, model, test.report.file, shape, row.frequency_hz)
+        at = placed(pipeline.scene, model, test.test.places, shape, row.frequency_hz)
         # turned to be as real as can be, then into the sense of the computed mode
         values = shape.values * np.exp(-0.5j * np.angle(np.sum(shape.values**2)))
         values = values.real * np.sign(values.real @ (at.reading @ modes.phi[:, j]))
@@ -211,7 +211,7 @@ def shapes_beside(
         index.append(j)
         content.append(
             {
-                "measured": f"{row.number}: measured {row.frequency_hz:.2f} Hz",
+                "measured": f"{row.number}: {kind} {row.frequency_hz:.2f} Hz",
                 "computed": f"computed {row.computed_hz:.2f} Hz, MAC {row.mac:.2f}",
                 "points": points.tolist(), "displacement": displacement.tolist(),
             }

@@ -30,17 +30,18 @@ def known(scene: Scene) -> list[str]:
     return of_joints + of_materials + of_masses + of_springs
 
 
-def in_full(names: Sequence[str], of_scene: Sequence[str]) -> tuple[str, ...]:
-    """Names with their tables: "m8.kz" is joints.m8.kz where no other name ends so."""
-    full = {name: [one for one in of_scene if one.endswith(f".{name}")] for name in names}
-    return tuple(full[name][0] if len(full[name]) == 1 else name for name in names)
+def full_name(scene: Scene, name: str) -> str:
+    """joints.m8.kz of "m8.kz" where no other table has an entry m8 with that key; any other name as
+    it is."""
+    longer = [key for key in known(scene) if key.partition(".")[2] == name]
+    return longer[0] if len(longer) == 1 else name
 
 
 def freed(scene: Scene, names: Sequence[str]) -> list[TuningParameter]:
     """Parameters by name, started from the values that the scene has; raises InvalidScene."""
     if not names:
         raise InvalidScene(f"--free is missing; name what to vary of {', '.join(known(scene))}.")
-    names = in_full(names, known(scene))
+    names = [full_name(scene, name) for name in names]
     for name in names:
         if name not in known(scene):
             raise InvalidScene(f"--free {name} is not known, {nearest(name, known(scene))}.")

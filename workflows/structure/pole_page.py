@@ -12,14 +12,15 @@ from markupsafe import Markup
 from fem.poly_reference import IdentifiedModes
 from workflows.files.hammer import Reading
 from workflows.report.report import harmless_json, in_one_file
-from workflows.structure.hammer import Choice, IdentifiedTest, summed_response
+from workflows.structure.hammer import Choice, IdentifiedTest, shown_lines, summed_response
 
 
-def pole_page(test: IdentifiedTest, choice: Choice, command: str) -> str:
-    """HTML; `command` is the one that repeats the test, without its --reject and --accept."""
+def pole_page(test: IdentifiedTest, choice: Choice, command: str, structure: str) -> str:
+    """HTML; `command` is the one that repeats the test, without its --reject and --accept;
+    `structure` is the scene whose modes the test is compared with, "" for none."""
     report, modes = test.report, test.modes
     # 4000 lines of the response on the page: what a screen can show, peaks kept
-    frequency, response = at_most(*summed_response(test.test.responses), 4000)
+    frequency, response = at_most(*summed_response(test.test.responses, shown_lines(test)), 4000)
     taken = [
         {"number": row.number, "hz": row.frequency_hz, "zeta": row.zeta, "taken": True,
          "found": row.number not in choice.accept, "why": "; ".join(row.remarks)}
@@ -40,7 +41,8 @@ def pole_page(test: IdentifiedTest, choice: Choice, command: str) -> str:
     return in_one_file(
         "poles", scripts=["vendor/uplot.min.js"], module="poles",
         styles=["vendor/uplot.min.css", "style.css", "poles.css"],
-        name=report.title, file=report.file, poles=poles, data=Markup(harmless_json(data)),
+        files=report.file_names, structure=structure,
+        banner=test.banner, poles=poles, data=Markup(harmless_json(data)),
     )  # fmt: skip
 
 

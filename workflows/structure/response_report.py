@@ -34,9 +34,7 @@ from workflows.report.tables import aligned_text
 from workflows.scene import Scene
 from workflows.stages.pipeline import pipeline_of
 from workflows.stages.progress import Progress
-from workflows.structure.hammer import (
-    IdentifiedTest,
-)
+from workflows.structure.hammer import UNITS, IdentifiedTest
 from workflows.structure.measured_responses import (
     Places,
     ResponseOptions,
@@ -385,18 +383,17 @@ def remarks_on_fit(of_fit: Fitted, after: Misfit, options: ResponseOptions) -> l
     return remarks
 
 
-LETTERS = {"accelerations": "m/s^2 / N", "velocities": "m/s / N", "displacements": "m / N"}
-
-
 def pictures(
     of_fit: Fitted, quantity: str, band_hz: tuple[float, float], top: float, most: int = 4
 ) -> tuple[Picture, ...]:
-    """Magnitude and phase of the responses with most energy, measured and before and after the fit;
-    lines that were not fitted lie in grey."""
+    """Magnitude and phase of the responses with most energy, of the test and before and after the
+    fit; lines that were not fitted lie in grey."""
     test, fit, used = of_fit.test, of_fit.fit, of_fit.places.used
     responses = test.test.responses
     f = responses.frequency_hz
-    lines = np.flatnonzero((f > 0) & (f <= top / 1.2))
+    # to 15 % of the band beyond it and beyond the highest mode, as pictures of the test
+    last = max(band_hz[1], test.modes.frequency_hz.max()) + 0.15 * (band_hz[1] - band_hz[0])
+    lines = np.flatnonzero((f > 0) & (f <= min(top / 1.2, last)))
     lines = lines[:: max(1, len(lines) // 3000)]
     hz, H = f[lines], responses.H[used][:, :, lines]
     before = computed_responses(of_fit.before, [], np.zeros(0), hz).H
@@ -407,13 +404,12 @@ def pictures(
     energy = np.sum(np.abs(H) ** 2, axis=2)
     shown = [np.unravel_index(k, energy.shape) for k in np.argsort(-energy, axis=None)[:most]]
     figure, pairs = plots.residual_pairs(len(shown), 2.6)
-    synthetic = test.report.title if test.report.title.startswith("SYNTHETIC") else ""
-    name_of_data = "computed, with noise" if synthetic else "measured"
     edges = np.flatnonzero(np.diff(np.concatenate([[False], ~read, [False]]).astype(int)))
     for (i, j), (upper, lower) in zip(shown, pairs, strict=True):
         curves = (
-            (name_of_data, H[i, j], "0.45", "-", 2.2), ("before", before[i, j], plots.COLOURS[1],
-            "--", 1.0), ("fitted", after[i, j], plots.COLOURS[0], "-", 1.1),
+            (test.kind_of_data, H[i, j], "0.45", "-", 2.2),
+            ("before", before[i, j], plots.COLOURS[1], "--", 1.0),
+            ("fitted", after[i, j], plots.COLOURS[0], "-", 1.1),
         )  # fmt: skip
         for name, h, colour, style, width in curves:
             upper.semilogy(hz, np.abs(h), style, color=colour, linewidth=width, label=name)
@@ -428,10 +424,10 @@ def pictures(
         low = np.quantile(np.abs(H[i, j]), 0.01)
         upper.set_ylim(0.3 * low, 3 * np.abs(H[i, j]).max())
         upper.set_title(title, fontsize=9, loc="left")
-        upper.set_ylabel(LETTERS[quantity])
+        upper.set_ylabel(UNITS[quantity])
         lower.set_ylabel("phase [deg]")
         lower.set_yticks([-180, 0, 180])
         lower.set_ylim(-190, 190)
     plots.legend(pairs[0][0], "above")
     pairs[-1][1].set_xlabel("frequency [Hz]" + ("" if read.all() else "; grey: not fitted"))
-    return (Picture("responses", plots.png(figure, synthetic)),)
+    return (Picture("responses", plots.png(figure, test.banner)),)

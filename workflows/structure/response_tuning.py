@@ -263,8 +263,6 @@ def parameters_named(
     parts = [*materials, *joints, *springs]
     damped = of_damping.known_dampings(scene, parts)
     solid = RIG_NAMES if scene.of_dimensions else of_bodies.known(scene)
-    if not scene.of_dimensions:
-        names = of_bodies.in_full(names, [*solid, *damped])
     if not names or names == ("",):
         raise InvalidScene(
             f"--free is missing; name what to vary of {', '.join([*solid, *damped])}."

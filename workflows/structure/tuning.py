@@ -520,6 +520,16 @@ def targets(match: str, measured: Mapping[int, float]) -> dict[int, float]:
     """The modes named in "1,3,4", or "1=51.2,3=905" with frequencies of one's own; `measured` has
     those of the scene [Hz] by number."""
     pairs = [item.partition("=") for item in match.split(",")]
+    for n, eq, text in pairs:
+        try:
+            hz = float(text) if eq else 1.0
+        except ValueError:
+            hz = np.nan
+        if n.strip() in map(str, measured) and not 0 < hz < np.inf:
+            raise InvalidScene(
+                f"--match {n}={text}: {text.strip() or 'nothing'} is no frequency above 0 in Hz, "
+                f"without a unit; write {n}={measured[int(n)]:g}, for example."
+            )
     try:
         wanted = {int(n): float(hz) if eq else measured[int(n)] for n, eq, hz in pairs}
     except (ValueError, KeyError):
@@ -527,8 +537,6 @@ def targets(match: str, measured: Mapping[int, float]) -> dict[int, float]:
     if len(wanted) < len(pairs) or not all(
         n in measured and 0 < hz < np.inf for n, hz in wanted.items()
     ):
-        if wanted.keys() <= measured.keys() and len(wanted) == len(pairs):
-            raise InvalidScene(f"--match {match}: a frequency must be above 0 Hz; correct it.")
         numbers = list(measured)
         consecutive = numbers == [*range(1, len(numbers) + 1)] and len(numbers) > 1
         known = f"1 to {len(numbers)}" if consecutive else " or ".join(map(str, numbers))

@@ -109,16 +109,20 @@ function diagram(box) {
     }
     ctx.font = `${12 * scale}px system-ui, sans-serif`;
     ctx.textAlign = "center";
+    let end = -Infinity; // end of the number before, in the upper of two rows
     for (const pole of poles) {
       const is = taken(pole);
       ctx.strokeStyle = ctx.fillStyle = pole.taken === is ? colour(is ? "ink" : "ink-soft") : colour("warn");
       ctx.lineWidth = (is ? 1.4 : 1) * scale;
       ctx.setLineDash(is ? [] : [4 * scale, 4 * scale]);
       ctx.beginPath();
-      ctx.moveTo(x(pole.hz), bbox.top + 16 * scale);
+      const half = ctx.measureText(pole.number).width / 2 + 2 * scale;
+      const lower = x(pole.hz) - half < end;
+      end = lower ? -Infinity : x(pole.hz) + half;
+      ctx.moveTo(x(pole.hz), bbox.top + (lower ? 30 : 16) * scale);
       ctx.lineTo(x(pole.hz), bbox.top + bbox.height);
       ctx.stroke();
-      ctx.fillText(pole.number, x(pole.hz), bbox.top + 12 * scale);
+      ctx.fillText(pole.number, x(pole.hz), bbox.top + (lower ? 26 : 12) * scale);
     }
     ctx.restore();
   }
