@@ -131,10 +131,30 @@ def test_each_point_states_its_own_error_of_the_mesh(thin):
 
 
 @pytest.mark.slow
+def test_errors_of_the_mesh_hold_on_a_sharp_inner_edge(tmp_path):
+    """Two meshes alone stated half of the difference to a third of the size. Not where the face is
+    held: there the static response beyond the modes, which is not in it, makes 0.5 %."""
+    outline = [[0, 0], [0.06, 0], [0.06, 0.006], [0.006, 0.006], [0.006, 0.06], [0, 0.06]]
+    v, stated = [], []
+    for seed in (6e-3, 2e-3):
+        angle = {"plate": {"thickness": 0.03, "outline": outline}, "seed": seed}
+        changes = {"bodies": {"block": angle}, "name": f"angle-{seed:g}", "strike.on": "block:-x"}
+        scene = BLOCK | {"assembly": {"held": ["block:-y"], "material": "steel"}}
+        found = beadwave.scan(scene, changes, grid="3x2", out=tmp_path / f"{seed:g}", signals=True)
+        v.append(found.signals()["v"].to_numpy())
+        stated.append(found.columns["error_mesh"])
+    true = np.abs(v[0] - v[1]).max(axis=(1, 2)) / 0.2
+    off_the_foot = true > 0.008
+    assert off_the_foot.sum() >= 2
+    ratio = stated[0][off_the_foot] / true[off_the_foot]
+    assert 0.7 < ratio.min() and ratio.max() < 6
+
+
+@pytest.mark.slow
 def test_large_errors_are_reported_in_the_row_and_on_the_terminal(
     thin, tmp_path, monkeypatch, capsys
 ):
-    limit = 0.01  # the mesh's error is above it at the four points of the middle
+    limit = 0.01  # the mesh's error is above it but for two points
     monkeypatch.setattr(scan, "LARGE_ERROR", limit)
     monkeypatch.setattr(result, "LARGE_ERROR", limit)
     scene = tmp_path / "plate.toml"
@@ -142,7 +162,7 @@ def test_large_errors_are_reported_in_the_row_and_on_the_terminal(
     assert command("scan", scene, "--grid", "4x2", "--out", tmp_path / "out") == 0
     said = capsys.readouterr()
     worst = 100 * thin.columns["error_mesh"].max()
-    assert "error of the mesh is above 1 % of the striker's speed at 4 of 8 points" in said.err
+    assert "error of the mesh is above 1 % of the striker's speed at 6 of 8 points" in said.err
     assert f"{worst:.2g} % at the worst" in said.err
     assert "error of the reduction" not in said.err and "8 done" in said.out
     found = beadwave.load_sweep(tmp_path / "out")

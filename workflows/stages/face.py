@@ -28,6 +28,7 @@ from workflows.stages.chain import Start, start
 from workflows.stages.damping import damping_law
 from workflows.stages.errors import other_mesh
 from workflows.stages.loss_factors import structure_damping
+from workflows.stages.mesh_error import energy_in, without_missed
 from workflows.stages.parts import Parts
 from workflows.stages.pipeline import Pipeline, Stage, pipeline_of, tables_of
 from workflows.thesis import HAMMER_TEST_HZ
@@ -145,6 +146,14 @@ class StruckFace:
             contacts = rom.many_contacts(*basis, W, n_beyond)
         return Walls(contacts, np.array(local), self._damping())
 
+    def without_missed_energy(self, walls: Walls) -> Walls:
+        """The walls of modes that are as soft as without what the mesh misses in them."""
+        omega = walls.contacts.omega
+        squares, R = np.linalg.eigh(without_missed(omega, self.pipeline("face-missed")))
+        softer = np.where(squares > 1e-9 * squares[-1], squares, 0.0) ** 0.5
+        contacts = walls.contacts._replace(omega=softer, phi=walls.contacts.phi @ R)
+        return walls._replace(contacts=contacts)
+
     def second(self) -> tuple["StruckFace", float]:
         """The face on a coarser or finer mesh, and the factor from the difference between the two
         to the error of this one; raises ValueError where there is no such mesh."""
@@ -187,6 +196,11 @@ def modes(scene: Scene, problem: Pencil) -> EigenPairs:
     return modes_below(problem, SCAN.higher * to_hz(scene))
 
 
+def missed(scene: Scene, mesh: Parts, model: fem.Model, modes: EigenPairs) -> NDArray[np.float64]:
+    """G (k, k) [rad^2/s^2] that the mesh misses in the modes that all points share."""
+    return energy_in(scene, mesh, model, modes.phi, np.diag(modes.omega**2))[0]
+
+
 def to_hz(scene: Scene) -> float:
     """Frequency [Hz] up to which the error of the reduction holds."""
     return scene.wall.cutoff or scene.reduction.cutoff or scene.reduction.to_hz or TO_HZ
@@ -196,4 +210,5 @@ FURTHER = {
     "outline": Stage(".face:outline", tables_of("strike"), ("mesh", "model")),
     "pencil": Stage(".face:pencil", tables_of(), ("model",), kept=False, listed=False),
     "face-modes": Stage(".face:modes", to_hz, ("pencil",)),
+    "face-missed": Stage(".face:missed", to_hz, ("mesh", "model", "face-modes")),
 }

@@ -146,20 +146,13 @@ class MissedByMesh(NamedTuple):
                 wall._replace(contact=wall.contact._replace(strain=contact.strain))
                 for wall in self.split.walls
             )
-        elastic = self.omega > 0
-        inverse = np.zeros((len(self.omega), len(self.omega)))
-        at = np.ix_(elastic, elastic)
-        omega = self.omega[elastic]
-        # K_0 = Omega (1 + Omega^-1 G Omega^-1)^-1 Omega is positive, however large G is
-        missed = np.eye(len(omega)) + self.energy[at] / np.outer(omega, omega)
-        inverse[at] = np.linalg.inv(missed) * np.outer(omega, omega)
         contact = contact._replace(weights_read=None)
         return tuple(
             rom.ReducedModel(
                 K, np.eye(len(K)), None, self.w, None, "free-modes", 0, {},
                 n_residual=self.n_static, contact=contact,
             )
-            for K in (np.diag(self.omega**2), (inverse + inverse.T) / 2)
+            for K in (np.diag(self.omega**2), without_missed(self.omega, self.energy))
         )  # fmt: skip
 
 
@@ -273,6 +266,24 @@ def energy_of_shapes(
         if field is not None:
             pushed = fem.Pushed(np.append(np.zeros(len(omega) - 1), 1 / static.length), field)
 
+    G, of_shapes = energy_in(scene, mesh, model, phi, D, pushed)
+    static_from = KrylovOptions().reach * 2 * np.pi * max(TO_HZ, scene.reduction.to_hz or 0.0)
+    return MissedByMesh(
+        omega, G, None if contact is None else contact.w @ phi,
+        int(np.sum(omega > static_from)), causes=of_shapes,
+    )  # fmt: skip
+
+
+def energy_in(
+    scene: Scene,
+    mesh: Parts,
+    model: fem.Model,
+    phi: NDArray[np.float64],
+    D: NDArray[np.float64],
+    pushed: fem.Pushed | None = None,
+) -> tuple[NDArray[np.float64], tuple[Cause, ...]]:
+    """G (k, k) [rad^2/s^2] that the mesh misses in mass-normalised shapes phi (n, k) with
+    K phi = M phi D + what is pushed, and the causes of each shape's part."""
     connections, load = mesh.connections, mesh.load
     sides = [side for j in connections.joints for side in (j.first, j.second) if side]
     rigid = {side.face for side in sides if side.coupling == "rigid" and np.isinf(side.within)}
@@ -292,11 +303,17 @@ def energy_of_shapes(
         of_body * (1.0 if isinstance(mesh.meshes[body], MeshHex) else OPTIONS.of_tetrahedra)
         for body, of_body in missed.of_bodies.items()
     )
-    static_from = KrylovOptions().reach * 2 * np.pi * max(TO_HZ, scene.reduction.to_hz or 0.0)
-    return MissedByMesh(
-        omega,
-        OPTIONS.safety * G + fem.missed_in_dents(model, mesh.materials, phi),
-        None if contact is None else contact.w @ phi,
-        int(np.sum(omega > static_from)),
-        causes=causes(mesh, missed.of_cells),
-    )
+    dents = fem.missed_in_dents(model, mesh.materials, phi)
+    return OPTIONS.safety * G + dents, causes(mesh, missed.of_cells)
+
+
+def without_missed(omega: NDArray[np.float64], energy: NDArray[np.float64]) -> NDArray[np.float64]:
+    """K_0 (k, k) of mass-normalised shapes with K = diag(omega^2), in which the mesh misses the
+    energy G (k, k); rigid motions as zeros."""
+    elastic = omega > 0
+    K_0 = np.zeros((len(omega), len(omega)))
+    at, omega = np.ix_(elastic, elastic), omega[elastic]
+    # K_0 = Omega (1 + Omega^-1 G Omega^-1)^-1 Omega is positive, however large G is
+    missed = np.eye(len(omega)) + energy[at] / np.outer(omega, omega)
+    K_0[at] = np.linalg.inv(missed) * np.outer(omega, omega)
+    return (K_0 + K_0.T) / 2

@@ -177,6 +177,7 @@ def scan(
             store.add(without_result(spheres, failed, FAILED, list(impossible.values())))
         possible = np.delete(np.arange(len(cases)), list(impossible))
         second = _on_second_mesh(face, march, points[cases], options)
+        softer = face.without_missed_energy(walls).all(options.beyond, options.far * to_hz(scene))
 
     for first in range(0, len(possible) if patches else 0, PART):
         part, started = possible[first : first + PART], perf_counter()
@@ -190,7 +191,8 @@ def scan(
             continue
 
         # the error of the reduction by a wall of more oscillators and shorter steps, that of the
-        # mesh by the wall of the same point on the second mesh
+        # mesh by the wall of the same point on the second mesh, which shows what is local, and by
+        # the energy that the mesh misses in the modes: of sharp inner edges two meshes tell little
         dt = np.broadcast_to(batch.dt, len(part))
         v_finer = march.by_steps(_some(finer, part), dt / SHORTER)
         error_reduction = MARGIN * march.difference(v_finer, batch.v)
@@ -199,6 +201,7 @@ def scan(
         if len(on_second):
             v = march.by_steps(_some(second.wall, second.row[part[on_second]]), dt[on_second])
             error_mesh[on_second] = second.left * march.difference(v, batch.v[on_second])
+        error_mesh += march.difference(march.by_steps(_some(softer, part), dt), batch.v)
 
         messages = [
             "; ".join([*large_errors(of_reduction, of_mesh), *second.without.get(case, ())])
