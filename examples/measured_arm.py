@@ -27,6 +27,7 @@ from fem.hits import FrequencyResponses
 from fem.springs import SpringEnd, along_disc
 from workflows.files.hammer import write_responses
 from workflows.files.scene import scene
+from workflows.scene import InvalidScene
 from workflows.stages.pipeline import pipeline_of
 
 WIDE, TALL = 0.02, 0.04  # [m] of the bar
@@ -147,4 +148,8 @@ def main(folder: str = ".", noise: float = 0.002) -> dict[str, np.ndarray]:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:2], *map(float, sys.argv[2:3]))
+    try:
+        main(*sys.argv[1:2], *map(float, sys.argv[2:3]))
+    except InvalidScene as missing:  # pyuff, for the universal file
+        print(missing, file=sys.stderr)
+        sys.exit(2)
