@@ -168,3 +168,29 @@ def test_the_first_sentence_on_errors_leaves_no_known_one_out():
     known = {cause: 0.1 for cause in ErrorEstimate.model_fields}
     of_all = velocity_errors(Summary(scene="arm", error_estimate=ErrorEstimate(**known)))
     assert len(of_all) == len(known)
+
+
+def test_a_bar_has_the_colour_of_its_verdict_and_a_legend_names_those_that_are_not_yes(monkeypatch):
+    figures, usual = [], fit_figures.png
+    monkeypatch.setattr(
+        fit_figures, "png", lambda figure, face: figures.append(figure) or usual(figure)
+    )
+
+    def drawn_with(*verdicts):
+        rows = [
+            SimpleNamespace(name=f"wall.{i}", two_sigma=0.1 + i, found=2.0, identifiable=verdict)
+            for i, verdict in enumerate(verdicts)
+        ]
+        fit_figures.parameters(SimpleNamespace(parameters=rows), "")
+        (panel,) = figures.pop().axes
+        bars = sorted(panel.patches, key=lambda bar: bar.get_x())
+        np.testing.assert_allclose(
+            [bar.get_height() for bar in bars], [50 * (0.1 + i) for i in range(len(rows))]
+        )
+        names = panel.get_legend() and [text.get_text() for text in panel.get_legend().get_texts()]
+        return [bar.get_facecolor() for bar in bars], names
+
+    colours, names = drawn_with("yes", "no", "yes", "unconfirmed")
+    assert colours[0] == colours[2] and len(set(colours)) == 3
+    assert names == ["identifiable: yes", "identifiable: no", "identifiable: unconfirmed"]
+    assert drawn_with("yes", "yes")[1] is None

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from workflows.fit.report import InspectionReport
 
 
+VERDICTS = {"yes": 2, "weakly": 3, "no": 1, "at its bound": 4, "unconfirmed": 5}  # into COLOURS
+
+
 def calibration_pictures(result: Calibrated) -> tuple[Picture, ...]:
     """Signals, parameters, correlation, and the scan and posterior where there are any."""
     fit, report, posterior = result.fit, result.report, result.posterior
@@ -124,8 +127,14 @@ def parameters(report, face: str) -> bytes:
         panel.text(0.5, 0.5, "no parameter has a bar", ha="center", transform=panel.transAxes)
         return png(figure, face)
     share = [100 * r.two_sigma / abs(r.found) for r in rows]
-    colours = [COLOURS[2] if r.identifiable == "yes" else COLOURS[3] for r in rows]
-    panel.bar(range(len(rows)), share, color=colours)
+    # a colour for each verdict that there is, named where not all are identifiable
+    verdicts = list(dict.fromkeys(row.identifiable for row in rows))
+    for verdict in verdicts:
+        of_it = [i for i, row in enumerate(rows) if row.identifiable == verdict]
+        colour = COLOURS[VERDICTS.get(verdict, 3)]
+        panel.bar(of_it, [share[i] for i in of_it], color=colour, label=f"identifiable: {verdict}")
+    if verdicts != ["yes"]:
+        legend(panel, "above")
     panel.set_yscale("log")
     panel.set_ylim(min(share) / 1.5, max(share) * 1.2)
     log_ticks(panel.yaxis, [np.array(share)], plain=False)
@@ -182,7 +191,7 @@ def corner(fit, posterior, rows, face: str) -> bytes:
 
 
 def _labelled(row) -> str:
-    unit = "us" if row.unit == "s" else row.unit
+    unit = "\N{MICRO SIGN}s" if row.unit == "s" else row.unit
     return f"{row.name} [{unit}]" if unit else f"{row.name} [-]"
 
 

@@ -60,7 +60,8 @@ def friction_loop(run, lateral: "LateralTrajectory", coefficient: float) -> byte
         before = (1e6 * loop.slip[:, axis], loop.friction_force[:, axis])
         loops = [Line("a period before", *before, "--", 1, 1.2), loops[0]._replace(name="the run")]
     panels = [
-        Panel("", f"slip along {name} [um]", f"friction along {name} [N]", loops, legend="above"),
+        Panel("", f"slip along {name} [\N{MICRO SIGN}m]", f"friction along {name} [N]", loops,
+              legend="above"),
         Panel("", "time [ms]", "force [N]",
               [Line(f"friction, {name}", t, force, "-", 0, 1.2),
                Line("its bound", t, bound, "--", 1, 1.0), Line(None, t, -bound, "--", 1, 1.0)],

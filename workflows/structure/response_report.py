@@ -391,7 +391,9 @@ def pictures(
     test, fit, used = of_fit.test, of_fit.fit, of_fit.places.used
     responses = test.test.responses
     f = responses.frequency_hz
-    lines = np.flatnonzero((f > 0) & (f <= top / 1.2))
+    # to 15 % of the band beyond it and beyond the highest mode, as pictures of the test
+    last = max(band_hz[1], test.modes.frequency_hz.max()) + 0.15 * (band_hz[1] - band_hz[0])
+    lines = np.flatnonzero((f > 0) & (f <= min(top / 1.2, last)))
     lines = lines[:: max(1, len(lines) // 3000)]
     hz, H = f[lines], responses.H[used][:, :, lines]
     before = computed_responses(of_fit.before, [], np.zeros(0), hz).H
