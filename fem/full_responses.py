@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, vstack
 
-from fem.factorisation import factorised
+from fem.factorisation import Factor, factorised
 from fem.model import Model
 from fem.modes import SHIFT_HZ, Modes, deflated
 
@@ -55,9 +55,7 @@ def full_responses(
             f"modes reach to {top / (2 * np.pi):.5g} Hz, lines to {highest / (2 * np.pi):.5g} Hz; "
             "give modes beyond the lines."
         )
-    floats = modes.omega[0] < 2 * np.pi * SHIFT_HZ
-    sigma = (2 * np.pi * SHIFT_HZ) ** 2 if floats else 0.0
-    factor = factorised((model.K + sigma * model.M).tocsc())
+    sigma, factor = _shifted_factor(model, modes)
     none = csr_matrix((0, model.K.shape[0]))
     C = none if dashpots is None else dashpots
     left, right = csr_matrix(vstack([points, C])), csr_matrix(vstack([references, C]))
@@ -83,3 +81,18 @@ def full_responses(
         inner = np.eye(d) + s[:, None, None] * G[:, p:, r:]
         H = H - s[:, None, None] * G[:, :p, r:] @ np.linalg.solve(inner, G[:, p:, :r])
     return FullResponses(np.moveaxis(H, 0, 2) * s**power, remainder)
+
+
+def residual_flexibility(model: Model, modes: Modes, points: csr_matrix) -> NDArray[np.float64]:
+    """R (p, p) [m/N] by which points (p, n) yield in all modes above the given lowest ones: what
+    K^-1 has beyond the sum of phi phi^T / omega^2, the inertia of those modes left out."""
+    factor = _shifted_factor(model, modes)[1]
+    R = points @ deflated(modes.phi, model.M, factor, points.toarray().T)
+    return (R + R.T) / 2
+
+
+def _shifted_factor(model: Model, modes: Modes) -> tuple[float, Factor]:
+    """sigma [1/s^2] and the factor of K + sigma M; sigma is zero unless the structure floats."""
+    floats = modes.omega[0] < 2 * np.pi * SHIFT_HZ
+    sigma = (2 * np.pi * SHIFT_HZ) ** 2 if floats else 0.0
+    return sigma, factorised((model.K + sigma * model.M).tocsc())

@@ -531,15 +531,17 @@ def fitted_modes(
                 reason = f"it carries {100 * share:.2g} % of the response at its frequency"
             # a peak that is no resonance of a linear mode is fitted by several, all of one shape
             size = np.abs(fit.phi[:, i]).max() * np.abs(fit.L[i]).max() / -pole.real
-            for j, other in enumerate(fit.pole):
-                rival = np.abs(fit.phi[:, j]).max() * np.abs(fit.L[j]).max() / -other.real
-                if i == j or rival < size or abs(abs(other / pole) - 1) > options.twin:
+            for j, rival_pole in enumerate(fit.pole):
+                rival = np.abs(fit.phi[:, j]).max() * np.abs(fit.L[j]).max() / -rival_pole.real
+                if i == j or rival < size or abs(abs(rival_pole / pole) - 1) > options.twin:
                     continue
                 pair = [i, j]
                 alike = mac(fit.phi[:, pair], fit.phi[:, pair])[0, 1]
                 if min(alike, mac(fit.L[pair].T, fit.L[pair].T)[0, 1]) > options.alike:
                     share = 0.0
-                    reason = f"it is a double of {abs(other) / (2 * np.pi):.2f} Hz, of its shape"
+                    reason = (
+                        f"it is a double of {abs(rival_pole) / (2 * np.pi):.2f} Hz, of its shape"
+                    )
             if reason and chosen[i][0] not in accept and (drop is None or share < drop[0]):
                 drop = (share, i, reason)
         if drop is None:
@@ -547,6 +549,7 @@ def fitted_modes(
             further = [t for t in options.terms if t > terms and 8 * sum(t) < len(f)]
             beside = further[:1] or [t for t in options.terms if t < terms][-1:]
             if not beside:
+                other = None
                 break
             other = modal_fit(f, H, 1 / noise, fit.pole, fit.L, options.iterations, beside[0])
             n_further = 2 * H[:, :, 0].size * (sum(beside[0]) - sum(terms))

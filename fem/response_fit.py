@@ -89,6 +89,9 @@ class ResponseFit(NamedTuple):
     deviation: NDArray[np.float64]  # (n,) of ln(value), one standard deviation
     of_noise: NDArray[np.float64]  # (n,) the same of the noise alone
     covariance: NDArray[np.float64]  # (n, n) of ln(value)
+    # (n,) of ln(value), what leaving out one resonance after the other tells, also where the noise
+    # explains the residual: hits off their direction shift all lines of a resonance alike
+    of_groups: NDArray[np.float64]
     error: ModelError
     objective: float  # -2 ln(likelihood)
     evaluations: int
@@ -287,20 +290,19 @@ def fit_responses(
     objective = float(e @ e + 2 * np.sum(np.log(now.sigma)))
     if not n:
         none = np.zeros(0)
-        return ResponseFit((), none, none, none, np.zeros((0, 0)), error, objective, 0)
+        return ResponseFit((), none, none, none, np.zeros((0, 0)), none, error, objective, 0)
     J, prior = jacobian(x, now), prior_information(parameters)
     alone = jacobian(x, now._replace(sigma=now.noise))
     of_noise = np.linalg.inv(alone.T @ alone + prior)
-    covariance = of_noise
-    if any(error):
-        group = np.tile(np.broadcast_to(measured.group, size.shape)[now.heard], 2)
-        if resonances is not None:
-            times = (len(e) - len(group)) // len(resonances.group)
-            group = np.append(group, np.tile(resonances.group, times))
-        covariance = covariance_of_groups(J, e, group, prior)
+    group = np.tile(np.broadcast_to(measured.group, size.shape)[now.heard], 2)
+    if resonances is not None:
+        times = (len(e) - len(group)) // len(resonances.group)
+        group = np.append(group, np.tile(resonances.group, times))
+    of_groups = covariance_of_groups(J, e, group, prior)
+    covariance = of_groups if any(error) else of_noise
     return ResponseFit(
         tuple(parameters), np.exp(x), np.sqrt(np.diag(covariance)), np.sqrt(np.diag(of_noise)),
-        covariance, error, objective, evaluations,
+        covariance, np.sqrt(np.diag(of_groups)), error, objective, evaluations,
     )  # fmt: skip
 
 

@@ -257,3 +257,12 @@ def test_times_that_jump_or_shake_are_not_even():
     for times in (missing, shaken, paired**1.1, np.zeros(40_000)):
         with pytest.raises(ValueError, match="not evenly spaced"):
             require_even(times)
+
+
+def test_a_few_lines_of_one_response_have_their_mode():
+    """Too few lines for another number of background terms, which else widens the bars."""
+    f = np.arange(1, 100.0) * 5
+    H = 1 / (1e4 - f**2 + 10j * f)
+    modes = identified_modes(FrequencyResponses(f, H[None, None], ("a",), ("hammer",)))
+    np.testing.assert_allclose(modes.frequency_hz, [100.0], rtol=1e-6)
+    np.testing.assert_allclose(modes.zeta, [0.05], rtol=1e-6)

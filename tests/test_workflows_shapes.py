@@ -346,7 +346,7 @@ def test_designed_points_computed_hits_and_their_modes_tune_a_model(capsys):
     assert len(design.rows) == 8 and design.largest_mac < 0.7
     softer = ["materials.steel.young=201.6e9"]
     beadwave.write_hammer_test("hits.mat", "beam.toml", softer, points="points.csv", band=band)
-    test = beadwave.hammer("hits.mat", "beam.toml", points="points.csv", out="hammer")
+    test = beadwave.hammer("hits.mat", "beam.toml", points="points.csv", band=band, out="hammer")
     assert [row.computed_hz is not None for row in test.report.rows] == [True] * len(
         design.modes_hz
     )
@@ -369,7 +369,7 @@ def test_designed_points_computed_hits_and_their_modes_tune_a_model(capsys):
     lines = Path("points.csv").read_text().splitlines()
     missing = lines.pop(3).split(",")
     Path("some.csv").write_text("\n".join(lines))
-    some = beadwave.hammer("hits.mat", "beam.toml", points="some.csv", out="some").report
+    some = beadwave.hammer("hits.mat", "beam.toml", points="some.csv", band=band, out="some").report
     assert any(
         remark.startswith(f"1 of 8 points have no coordinates ({missing[0]}+{missing[-1]})")
         for remark in some.remarks

@@ -206,9 +206,14 @@ def hammer_test(
     responses = test.responses
     f, H = responses.frequency_hz, responses.H
     spacing = np.diff(f)
-    if not (np.isfinite(f).all() and np.isfinite(H).all()):
+    if not np.isfinite(f).all():
+        line = int(np.isfinite(f).argmin()) + 1
+        raise InvalidScene(f"{named}: frequency {line} is no number; remove its line.")
+    if not np.isfinite(H).all():
+        i, j, k = np.argwhere(~np.isfinite(H))[0]
         raise InvalidScene(
-            f"{named}: the responses hold NaN or inf; remove those lines or measure again."
+            f"{named}: the response of {responses.points[i]} to {responses.references[j]} is no "
+            f"number at {f[k]:g} Hz; remove such lines or measure again."
         )
     if len(f) < 40:
         raise InvalidScene(f"{named}: {len(f)} frequencies; give at least 40.")

@@ -3,8 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel
+from scipy.sparse import csr_matrix
 
 import fem
+from fem.full_responses import residual_flexibility
 from fem.hammer_files import SYNTHETIC
 from fem.hit_records import degree_of_freedom
 from fem.hits import Hits
@@ -90,7 +92,8 @@ def designed(pipeline: Pipeline, count: int, band_hz: tuple[float, float] | None
             )
         taken = effective_independence(phi, count)
     except ValueError as error:
-        raise InvalidScene(f"{pipeline.scene.name}: {str(error).rstrip('.')}.") from None
+        remedy = "take other points with --design, or a narrower --band"
+        raise InvalidScene(f"{pipeline.scene.name}: {str(error).rstrip('.')}; {remedy}.") from None
     rows = [
         PointRow(
             node=n, x=point[0], y=point[1], z=point[2], direction="xyz"[candidates.axes[i]]
@@ -122,7 +125,8 @@ def computed_hits(
     scene, model, modes = pipeline.scene, pipeline("model"), pipeline("modes")
     chosen = elastic(pipeline, band_hz)
     hz = modes.omega[chosen] / (2 * np.pi)
-    zeta = ratios_of_modes(scene, model, modes)[chosen]
+    ratios = ratios_of_modes(scene, model, modes)
+    zeta = ratios[chosen]
     if not (zeta > 0).all():
         raise InvalidScene("computed hits need damping; set damping.kind=modal with a ratio.")
     n_sensors = 3
@@ -139,7 +143,19 @@ def computed_hits(
     few = min(n_sensors, len(chosen))
     watched = effective_independence(phi[:, :few], n_sensors)
     names = tuple(degree_of_freedom(n, int(axis)) for n, axis in zip(numbers, axes, strict=True))
-    return hits_of_modes((hz, zeta), phi, watched, names)
+
+    # what else moves: modes outside of the band, rigid motions, and what all higher modes yield, as
+    # modes at 1000 times the band, of which nothing but the flexibility is seen
+    others = np.setdiff1d(np.arange(len(modes.omega)), chosen)
+    size, axes_of = np.linalg.eigh(residual_flexibility(model, modes, csr_matrix(reading)))
+    high = np.full(len(size), 1e3 * hz[-1])
+    yielding = axes_of * np.sqrt(size.clip(0.0)) * 2 * np.pi * high
+    beyond = (
+        np.concatenate([modes.omega[others] / (2 * np.pi), high]),
+        np.concatenate([ratios[others], np.ones(len(high))]),
+        np.hstack([np.asarray(reading @ modes.phi)[:, others], yielding]),
+    )
+    return hits_of_modes((hz, zeta), phi, watched, names, beyond=beyond)
 
 
 def hits_of_modes(
@@ -148,6 +164,7 @@ def hits_of_modes(
     watched: NDArray[np.int64],
     names: tuple[str, ...],
     *,
+    beyond: tuple[NDArray[np.float64], ...] | None = None,
     seed: int = 0,
     defects: HammerDefects = DEFECTS,
     longest: int = 2**16,
@@ -155,17 +172,22 @@ def hits_of_modes(
     """Records of three hits at each of p points of a structure with frequencies [Hz] and damping
     ratios (n,) and mass-normalised shapes phi (p, n) there, sensors at the points `watched`.
 
+    `beyond` are frequencies, ratios and shapes of what else moves, as modes outside of the band.
     Pulses reach to the highest mode, records last until the lowest has fallen to a thousandth, of
     `longest` samples at most.
     """
     hz, zeta = poles
-    side = phi[::-1]  # a side hit moves what another point moves
     dt = 1 / (2.56 * 1.2 * hz[-1])
     seconds = 0.05 + np.log(1e3) / float(np.min(2 * np.pi * hz * zeta))
     k = int(min(seconds / dt, longest))
     rng = np.random.default_rng(seed)
     plan = Striking(len(names), 3, dt, k, 1.0 / hz[-1])
-    force, response, point, _ = struck(rng, poles, (phi, side, phi[watched]), defects, plan)
+    if beyond is not None:
+        hz, zeta, phi = (
+            np.concatenate(pair, axis=-1) for pair in zip((hz, zeta, phi), beyond, strict=True)
+        )
+    shapes = phi, phi[::-1], phi[watched]  # a side hit moves what another point moves
+    force, response, point, _ = struck(rng, (hz, zeta), shapes, defects, plan)
     return Hits(
         dt,
         force,
