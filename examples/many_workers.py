@@ -184,4 +184,8 @@ def counts(words: list[str]) -> tuple[int, ...]:
 
 
 if __name__ == "__main__":
-    main(counts(sys.argv[1:]))
+    try:
+        main(counts(sys.argv[1:]))
+    except ModuleNotFoundError as missing:
+        print(f"{missing.name} is not installed; ./install.sh sweep installs it.", file=sys.stderr)
+        sys.exit(2)

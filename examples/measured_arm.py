@@ -150,5 +150,6 @@ def main(folder: str = ".", noise: float = 0.002) -> dict[str, np.ndarray]:
 if __name__ == "__main__":
     try:
         main(*sys.argv[1:2], *map(float, sys.argv[2:3]))
-    except InvalidScene as error:
-        sys.exit(f"measured_arm.py: {error}")
+    except InvalidScene as missing:  # pyuff, for the universal file
+        print(missing, file=sys.stderr)
+        sys.exit(2)

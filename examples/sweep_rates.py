@@ -108,4 +108,8 @@ def on_cores(n: int | None) -> Iterator[None]:
 
 
 if __name__ == "__main__":
-    main(idle=(10, *map(int, sys.argv[1:])))
+    try:
+        main(idle=(10, *map(int, sys.argv[1:])))
+    except beadwave.InvalidScene as missing:  # pyarrow, for the table
+        print(missing, file=sys.stderr)
+        sys.exit(2)

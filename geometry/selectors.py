@@ -67,8 +67,15 @@ def touches(
     ]
     if not pairs:
         listed = _listed(touch.name for touch in touching)
+        # between the boxes around them: the bodies are at least so far apart
+        gap = min(
+            float(np.linalg.norm(np.maximum(np.maximum(a.lower - b.upper, b.lower - a.upper), 0)))
+            for a in map(bodies.get, first)
+            for b in map(bodies.get, second)
+        )
+        apart = f" and are at least {1e3 * gap:.3g} mm apart" if gap > 1e-6 else ""
         raise InvalidGeometry(
-            f'"{pattern}" do not touch; '
+            f'"{pattern}" do not touch{apart}; '
             + (f"touching pairs are {listed}." if touching else "no bodies do.")
             + " Move them together, or bridge a small gap by assembly.gap; `beadwave look` says "
             "how far faces miss each other."

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_matrix
 
+import beadwave
 import coupling
 import fem
 import rom
@@ -55,6 +56,15 @@ def test_a_run_with_dashpots_loses_what_its_ledger_says(damped):
     assert trajectory.dissipated_wall[-1] > 1e-4 * trajectory.energy_kinetic[0]
     assert (np.diff(trajectory.dissipated_wall) >= 0).all()
     assert trajectory.energy_error < 1e-6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dashpots", [(), DAMPED])
+def test_a_run_whose_modes_are_coupled_says_which_errors_it_leaves_out(dashpots, tmp_path):
+    summary = beadwave.impact("rig-rom", (*COARSE, *dashpots), out=tmp_path / "out").summary
+    said = [text for text in summary.warnings if "reduction and mesh are not estimated" in text]
+    assert len(said) == bool(dashpots)
+    assert (summary.error_estimate.reduction is None) == bool(dashpots)
 
 
 @pytest.mark.slow

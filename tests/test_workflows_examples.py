@@ -8,11 +8,13 @@ from shutil import copy, which
 from subprocess import run
 from time import process_time
 
+import gmsh
 import numpy as np
 import pytest
 
 from command_line import beadwave
 from geometry.cad import write_step
+from geometry.gmsh_session import session
 from geometry.shapes import Box, Cylinder
 from workflows.files.scene import scene, scene_text
 
@@ -23,13 +25,18 @@ LONGEST = 25  # lines, with comments and blank ones
 COARSE = {"cantilever": 2.0, "plate-on-bolts": 4.0, "gearbox.toml": 6.0}
 
 
+def example(name):
+    """The module of an example."""
+    spec = spec_from_file_location(name, EXAMPLES / f"{name}.py")
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
 @pytest.fixture(autouse=True)
 def gearbox(shared_cache):
     """The example beside the STEP file that its script draws."""
-    spec = spec_from_file_location("gearbox", EXAMPLES / "gearbox.py")
-    drawn = module_from_spec(spec)
-    spec.loader.exec_module(drawn)
-    write_step(drawn.SHAPES, Path("gearbox.step"))
+    write_step(example("gearbox").SHAPES, Path("gearbox.step"))
     copy(EXAMPLES / "gearbox.toml", ".")
 
 
@@ -189,3 +196,42 @@ def test_a_round_trip_gives_modes_and_joints_of_a_plate_on_bolts_back(capsys):
     assert counts.worst_hz < 5e-5 and counts.worst_zeta < 0.01
     assert counts.values == counts.within == 2 and counts.worst < 1e-3
     assert "plate-on-bolts" in capsys.readouterr().out
+
+
+def surface(path, *, whole=True):
+    """A plate of 80 x 60 x 20 mm with a square hole of 20 mm as triangles, in mm; without one of
+    them if not `whole`."""
+    with session():
+        plate = gmsh.model.occ.addBox(0, 0, 0, 80, 60, 20)
+        hole = gmsh.model.occ.addBox(30, 20, -5, 20, 20, 30)
+        gmsh.model.occ.cut([(3, plate)], [(3, hole)])
+        gmsh.model.occ.synchronize()
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 10)
+        gmsh.model.mesh.generate(2)
+        gmsh.write(str(path))
+    facets = path.read_text().split("endfacet\n")
+    if not whole:
+        path.write_text("endfacet\n".join(facets[1:]).join(["solid s\n", ""]))
+    return len(facets) - 1
+
+
+def test_a_closed_surface_is_filled_to_its_own_volume(tmp_path, capsys):
+    """(80 x 60 - 20 x 20) x 20 mm^3; gmsh writes the corners exactly."""
+    surface(tmp_path / "scan.stl")
+    fill = example("fill_surface")
+    of_mesh, enclosed = fill.filled(tmp_path / "scan.stl", tmp_path / "part.msh", 1e-3)
+    assert enclosed == pytest.approx(88e-6, rel=1e-9)
+    assert of_mesh == pytest.approx(enclosed, rel=1e-6)
+
+    (tmp_path / "part.toml").write_text(
+        'assembly = { mesh = "part.msh", held = ["part:-z"], material = "steel" }\n'
+        'strike = { on = "part:+x" }\n'
+    )
+    looked = answer(capsys, "look", tmp_path / "part.toml", "--json")
+    assert looked["bodies"][0]["mass_kg"] == pytest.approx(7850 * enclosed, rel=1e-6)
+
+
+def test_a_surface_with_a_triangle_missing_is_not_filled(tmp_path):
+    surface(tmp_path / "scan.stl", whole=False)
+    with pytest.raises(ValueError, match="is not closed: 3 edges do not have two triangles"):
+        example("fill_surface").filled(tmp_path / "scan.stl", tmp_path / "part.msh")

@@ -1,9 +1,15 @@
 """A refusal names the line of the file, the value that is wrong and a remedy for this value."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.io import savemat
 
+import dem
+from command_line import beadwave as command
 from workflows.files.hammer import Reading, measured_test, points_of_file
 from workflows.files.scene import scene
 from workflows.fit.scene_parameters import limits_of, number, plain_number
@@ -169,3 +175,67 @@ def test_bodies_drawn_in_millimetres_are_told_how_to_write_them(tmp_path):
 def test_friction_above_that_of_dry_solids_is_warned_of(coefficient, n):
     scene_rubbed = scene("oblique-sphere", {"friction.coefficient": coefficient})
     assert len(list(high_friction(scene_rubbed))) == n
+
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+WITHOUT = """
+import runpy, sys
+for name in ("pyuff", "pyarrow", "distributed", "psutil"):
+    sys.modules[name] = None  # as if it were not installed
+folder, name = sys.argv[1:]
+sys.path.insert(0, folder)
+sys.argv = [name]
+runpy.run_path(f"{folder}/{name}", run_name="__main__")
+"""
+
+
+@pytest.mark.parametrize(
+    ("example", "extra"),
+    [("measured_arm", "identify"), ("many_workers", "sweep"), ("sweep_rates", "sweep")],
+)
+def test_an_example_without_its_library_ends_in_a_sentence(tmp_path, example, extra):
+    words = sys.executable, "-c", WITHOUT, EXAMPLES, f"{example}.py"
+    end = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert end.returncode == 2
+    assert f"./install.sh {extra}" in end.stderr and "Traceback" not in end.stderr
+
+
+def test_a_refusal_of_a_later_stage_names_the_file(tmp_path, capfd):
+    """As one of the tables does."""
+    two_plates(tmp_path, change=('"80 mm", "80 mm", "10 mm"', "45, 45, 10"))
+    path = tmp_path / "plates.toml"
+    path.write_text('name = "something-else"\n' + path.read_text())
+    assert command("modes", path) == 2
+    assert capfd.readouterr().err.startswith(f"beadwave: {path}: the assembly is 45 x 45")
+
+
+@pytest.mark.parametrize(("frequencies", "status"), [("-200,300", 0), ("-200,-300", 2)])
+def test_a_sweep_without_any_result_does_not_end_as_if_done(tmp_path, capfd, frequencies, status):
+    over = f"wall.frequency={frequencies}"
+    assert command("sweep", "rig-1dof", "--over", over, "--out", tmp_path / "out") == status
+
+
+def test_a_sweep_all_of_whose_cases_fail_ends_as_failed(tmp_path, capfd, monkeypatch):
+    def march(chains, **options):
+        raise dem.UnstableStep("too fast to march")
+
+    monkeypatch.setattr(dem, "march_batch", march)
+    over = "striker.velocity=0.3,0.4"
+    assert command("sweep", "rig-rigid", "--over", over, "--out", tmp_path / "out") == 1
+    assert "none of 2 cases has a result (2 failed); too fast" in capfd.readouterr().err
+
+
+def test_bodies_that_do_not_touch_are_told_how_far_they_are_apart(tmp_path, capfd):
+    """Plates 10 mm thick whose middles are 35 mm apart leave 25 mm."""
+    two_plates(tmp_path, change=("[0, 0, 0.01]", "[0, 0, 0.035]"))
+    assert command("modes", tmp_path / "plates.toml") == 2
+    assert '"lid|foot" do not touch and are at least 25 mm apart' in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "remedy"), [("scan.stl", "examples/fill_surface.py"), ("a.igs", "a solid as STEP")]
+)
+def test_a_surface_is_refused_with_what_to_do(tmp_path, capfd, name, remedy):
+    (tmp_path / name).write_text("solid x")
+    assert command("look", tmp_path / name) == 2
+    assert remedy in capfd.readouterr().err

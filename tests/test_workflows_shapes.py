@@ -381,7 +381,7 @@ def test_designed_points_computed_hits_and_their_modes_tune_a_model(capsys):
 
 def test_designs_that_cannot_be_are_refused_in_a_sentence():
     Path("beam.toml").write_text(BEAM)
-    with pytest.raises(InvalidScene, match=r"2 points; .* modes need"):
+    with pytest.raises(InvalidScene, match=r"2 points tell at most 2 modes .* take --design"):
         beadwave.design_hammer_test("points.csv", 2, "beam.toml")
     with pytest.raises(InvalidScene, match=r"no mode between 1 and 2 Hz"):
         beadwave.design_hammer_test("points.csv", 8, "beam.toml", band=(1.0, 2.0))

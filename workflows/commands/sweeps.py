@@ -73,6 +73,13 @@ def _print(call: Call, result: Any) -> None:
     print_result(result.record(), result.text(), call.json, call.quiet)
     print_notes(result.notes)
     print_lines(f"written: {result.folder}/cases.parquet", json=call.json, quiet=call.quiet)
+    counts = result.counts()
+    if not counts.get("done"):
+        sentence = next(iter(result.messages()), "")
+        raise ValueError(
+            f"none of {result.design.n_cases} cases has a result "
+            f"({', '.join(f'{n} {status}' for status, n in counts.items())}); {sentence}"
+        )
 
 
 @verb(

@@ -65,7 +65,16 @@ class Call:
             hooks = {"progress": progress.stage, "planned": progress.planned}
             known = signature(self.function).parameters
             hooks = {name: hook for name, hook in hooks.items() if name in known}
-            return self.function(**self.given, **hooks, **more)
+            try:
+                return self.function(**self.given, **hooks, **more)
+            except ValueError as error:
+                from workflows.files.scene import about_its_file
+                from workflows.scene import InvalidScene
+
+                if not isinstance(error, InvalidScene):
+                    raise
+                source = self.given.get("scene") or self.given.get("source")
+                raise InvalidScene(about_its_file(str(error), source)) from error
 
 
 class Verb:

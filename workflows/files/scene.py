@@ -15,6 +15,7 @@ Changes = Mapping[str, Any] | Iterable[Change]
 Source = str | Path | Mapping[str, Any] | Scene | None  # name, file, tables; None is DEFAULT
 DEFAULT = "rig-rom"
 FILE_KEYS = ("file", "step", "mesh", "shape", "receptance")  # their texts are files to read
+SURFACES = (".stl", ".obj", ".ply", ".3mf")  # triangles without a volume
 MOST_BYTES = 50_000_000  # a million spheres, each with values of its own
 
 
@@ -46,6 +47,13 @@ def scene_text(name: str | None) -> SceneText:
     path = Path(name)
     if path.is_dir() and (path / "scene.toml").is_file():
         raise InvalidScene(f"{name} is a run folder; give its {path / 'scene.toml'}.")
+    if path.suffix.lower() in (".igs", ".iges", *SURFACES):
+        is_surface = path.suffix.lower() in SURFACES
+        filled = ", or fill it with tetrahedra by examples/fill_surface.py" if is_surface else ""
+        raise InvalidScene(
+            f"{name} is {'a surface of triangles, no body' if is_surface else 'IGES'}, which is "
+            f"not taken; save a solid as STEP{filled}."
+        )
     if path.exists():
         require_file(name, "give a TOML file or a built-in scene")
     try:
@@ -139,6 +147,18 @@ def _plain(value: Any) -> Any:
     if hasattr(value, "tolist"):  # numpy's arrays and numbers
         return value.tolist()
     return str(value) if isinstance(value, Path) else value
+
+
+def about_its_file(sentence: str, source: Source) -> str:
+    """A sentence that begins with the name of a scene, begun with the file that the scene is in."""
+    if not isinstance(source, str | Path) or str(source) in built_in():
+        return sentence
+    try:
+        name = written(source).tables.get("name", Path(source).stem)
+    except InvalidScene:
+        return sentence
+    begin = f"{name}: "
+    return f"{source}: {sentence.removeprefix(begin)}" if sentence.startswith(begin) else sentence
 
 
 def files_read(scene: Scene, source: Source = None) -> tuple[Path, ...]:

@@ -322,14 +322,12 @@ def number(scene: Scene, key: str) -> float:
         value = _entry(value, name)
     if isinstance(value, bool) or not isinstance(value, int | float):
         reason = "has no value" if value is None else f"is {value!r}"
-        # of the numbers that the scene has, the one that was probably meant
+        # of a key that there is not, the one of a number that was probably meant
         known = [entry.key for entry in entries(scene) if isinstance(entry.value, float)]
-        close = get_close_matches(key, known, n=1)
-        remedy = (
-            f"the nearest that has one is {close[0]!r}"
-            if close
-            else ("name a key whose value is one number, as chain.young")
-        )
+        close = get_close_matches(key, known, n=1) if value is None else []
+        remedy = "name a key whose value is one number, as chain.young"
+        if close:
+            remedy = f"the nearest that has one is {close[0]!r}"
         raise InvalidScene(f"{key} {reason} in {scene.name}; {remedy}.")
     if isinstance(value, int):
         raise InvalidScene(f"{key} = {value} counts; name a key that varies smoothly.")

@@ -74,6 +74,7 @@ class Coverage(BaseModel):
     seconds: float
     share: dict[str, float]
     pooled: float
+    required: float  # share of each parameter from which on `met` is true
     met: bool
 
     def text(self) -> str:
@@ -193,5 +194,6 @@ def coverage(
         seconds=perf_counter() - began,
         share=share,
         pooled=float(hits.mean()),
+        required=MET,
         met=min(share.values()) >= MET,
     )

@@ -203,6 +203,8 @@ def summary_of(
                 number_errors += pipeline("quantity-errors").quantities
         if structure and scene.friction:
             sentences += warnings.model_errors_left_out()
+        elif structure and with_errors and chain.coupled:
+            sentences += warnings.model_errors_of_coupled_modes()
         if not structure and not has_friction(scene):
             number_errors += pipeline("time-errors")
         of_wall = isinstance(scene.wall, MeasuredWall)

@@ -84,6 +84,12 @@ def designed(pipeline: Pipeline, count: int, band_hz: tuple[float, float] | None
     try:
         candidates = outside(model)
         phi = (model.T[candidates.reading] @ modes.phi)[:, chosen]
+        n_candidates, n_modes = phi.shape
+        if count < n_modes <= n_candidates:
+            raise ValueError(
+                f"{count} points tell at most {count} modes apart, {n_modes} lie in the band; take "
+                f"--design {n_modes} to {n_candidates}, or a narrower --band"
+            )
         taken = effective_independence(phi, count)
     except ValueError as error:
         remedy = "take other points with --design, or a narrower --band"

@@ -37,8 +37,9 @@ class Price(NamedTuple):
         labels = (
             "cases", "refused", "walls", "reduced models", "reduced models to compute",
             "cases side by side", "seconds a case", "seconds a reduced model", "processes",
-            "seconds", "memory of a process [GB]",
+            "seconds", "GB of a process for its cases",
         )  # fmt: skip
+        # the program itself, and models that it reduces, take 0.5 to 0.8 GB (docs/sweeps.md)
         return Table("price", ("", "to expect"), tuple(zip(labels, self[:-1], strict=True)))
 
 

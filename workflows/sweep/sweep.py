@@ -76,6 +76,8 @@ def sweep(
         return notes
     missing = store.missing()
     n_done = design.n_cases - len(missing)
+    if n_done:
+        notes += (f"{n_done} of {design.n_cases} cases were there already",)
     progress(n_done, design.n_cases)
 
     # cases are grouped and checked as they are reached: a design may have millions
