@@ -52,6 +52,7 @@ class Sweep:
         self.face: dict[str, Any] | None = about.get("face")
         self.notes = (
             *notes,
+            *_of_large_errors(self.columns, "points" if self.face else "cases"),
             *(_of_points(self.columns) if self.face else ()),
             *_of_the_striker(self.columns),
         )
@@ -206,9 +207,8 @@ class Sweep:
         return {**about, "done": self.counts().get(DONE, 0), **records}
 
 
-def _of_points(columns: dict[str, Array]) -> Iterator[str]:
-    """Sentences on the points of a scan whose errors are large, whose error of the mesh is unknown,
-    and whose reflected wave is not that of the points around."""
+def _of_large_errors(columns: dict[str, Array], rows: str) -> Iterator[str]:
+    """Sentences on the rows, "cases" or "points", whose errors are large."""
     has_result = columns["status"] == DONE
     n = has_result.sum()
     for source, cure in CURES.items():
@@ -217,9 +217,17 @@ def _of_points(columns: dict[str, Array]) -> Iterator[str]:
         if large.any():
             yield (
                 f"The error of the {source} is above {100 * LARGE_ERROR:g} % of the striker's "
-                f"speed at {large.sum()} of {n} points, {100 * np.nanmax(error):.2g} % at the "
-                f"worst, see error_{source} in the table: {cure}."
+                f"speed {'at' if rows == 'points' else 'in'} {large.sum()} of {n} {rows}, "
+                f"{100 * np.nanmax(error):.2g} % at the worst, see error_{source} in the table: "
+                f"{cure}."
             )
+
+
+def _of_points(columns: dict[str, Array]) -> Iterator[str]:
+    """Sentences on the points of a scan whose error of the mesh is unknown, and whose reflected
+    wave is not that of the points around."""
+    has_result = columns["status"] == DONE
+    n = has_result.sum()
     unknown = has_result & np.isnan(columns["error_mesh"])
     if unknown.any():
         yield (
