@@ -40,7 +40,9 @@ COMMANDS: dict[str, dict[str, str]] = {
         "modes": "modes rig-rom --json",
         "table-5.2": "modes --table 5.2 --json",
         "table-5.3": "modes --table 5.3 --json",
-        "tune": "tune plate-on-bolts --free joints.bolts.kz --out tuned.toml --json",
+        # the scene has no targets: computed at 1213 and 1733 Hz, its modes are to be softer
+        "tune": "tune plate-on-bolts --match 1=1200,2=1700 --free joints.bolts.kz "
+        "--out tuned.toml --json",
         "look": "look plate-on-bolts --json",
         "reduce": "reduce cantilever --out rom.npz --json",
         "reduce-mat": "reduce cantilever --out rom.mat --json",
@@ -88,7 +90,9 @@ def run(folder: Path, groups: list[str]) -> None:
             output = "out.json" if "--json" in words else "out.txt"
             (place / output).write_text(done.stdout)
             (place / "status.json").write_text(json.dumps({"status": done.returncode}))
-            print(f"{group} {name}: {done.returncode}", flush=True)
+            # a command that refuses its input leaves nothing to compare
+            refused = f", compares nothing: {done.stderr.strip()}" if done.returncode == 2 else ""
+            print(f"{group} {name}: {done.returncode}{refused}", flush=True)
 
 
 def contents(path: Path) -> dict[str, object]:
