@@ -40,7 +40,7 @@ COMMANDS: dict[str, dict[str, str]] = {
         "modes": "modes rig-rom --json",
         "table-5.2": "modes --table 5.2 --json",
         "table-5.3": "modes --table 5.3 --json",
-        "tune": "tune plate-on-bolts --free joints.bolts.kz --out tuned.toml --json",
+        "tune": "tune rig-rom --out tuned.toml --json",
         "look": "look plate-on-bolts --json",
         "reduce": "reduce cantilever --out rom.npz --json",
         "reduce-mat": "reduce cantilever --out rom.mat --json",
