@@ -30,10 +30,10 @@ from dem.kernels.arguments import (
 from dem.kernels.compiled import fastmath, fastmath_inline, fastmath_march
 from dem.kernels.events import correct_events, crossed, yield_contacts
 from dem.kernels.laws import (
-    LINEAR,
     damper,
     damping_impulse,
     elastic_force,
+    never_pulls,
     sphere_forces,
     wall_force,
 )
@@ -185,7 +185,7 @@ def damp_contacts(
         if c == 0.0:
             continue
         pair = damping.inverse_mass[i]
-        impulse = damping_impulse(w, dt, f[i + 1], c, pair, damping.law != LINEAR)
+        impulse = damping_impulse(w, dt, f[i + 1], c, pair, never_pulls(damping.law))
         motion.ledger[IN_CONTACTS] += impulse * (w - 0.5 * pair * impulse)
         v[i] -= impulse * minv[i]
         if i < n - 1:

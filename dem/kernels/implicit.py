@@ -33,7 +33,6 @@ from dem.kernels.arguments import (
 )
 from dem.kernels.compiled import ieee, ieee_inline, ieee_march
 from dem.kernels.laws import (
-    LINEAR,
     STOPPED,
     contact_stiffness,
     elastic_force,
@@ -41,6 +40,7 @@ from dem.kernels.laws import (
     grows,
     mean_elastic,
     mean_stiffness,
+    never_pulls,
     spring_share,
     stored_energy,
 )
@@ -291,7 +291,7 @@ def mean_force(
     mean = (g1 - g0) * per_dt
     rate = mean + 2.0 * ahead * (mean - w0)
     force = elastic + c * closed * rate
-    if law != LINEAR and force <= 0.0:
+    if never_pulls(law) and force <= 0.0:
         return 0.0, 0.0, elastic
     growth = c * (closed * (1.0 + 2.0 * ahead) * per_dt + closing * rate)
     growth += strengthening * (rate + 2.0 * c * stops * bend * (mean - w0))

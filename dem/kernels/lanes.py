@@ -21,7 +21,6 @@ from dem.kernels.compiled import (
 from dem.kernels.dense import StepEnd, cubic, cubic_slope, quintic, quintic_slope
 from dem.kernels.events import missed_impulse
 from dem.kernels.laws import (
-    LINEAR,
     STOPPED,
     contact_stiffness,
     damper_coefficient,
@@ -29,6 +28,7 @@ from dem.kernels.laws import (
     elastic_force,
     elastic_indentation,
     grows,
+    never_pulls,
     spring_share,
     stored_energy,
 )
@@ -441,7 +441,7 @@ def damping_impulses(row: int, dt: float, lanes: Lanes, impulse: Array) -> None:
     """`damping_impulse` (LANES,) of a row of contacts; all of them by a series if all are weak and
     none would pull."""
     v, f, damping = lanes.v, lanes.f, lanes.damping
-    inverse_mass, rate, clipped = damping.inverse_mass, damping.rate, damping.law != LINEAR
+    inverse_mass, rate, clipped = damping.inverse_mass, damping.rate, never_pulls(damping.law)
     strong = 0.0
     for lane in range(LANES):
         j = row + lane
@@ -478,7 +478,7 @@ def damping_force(
 ) -> float:
     """Force of a damper c, no stronger than steps of dt can tell, which may not pull if clipped."""
     extra = w * min(c, STOPPED / (dt * damping.inverse_mass[j]))
-    return extra if damping.law == LINEAR else max(extra, -force)
+    return max(extra, -force) if never_pulls(damping.law) else extra
 
 
 # --- impulses at the walls -----------------------------------------------------------------------

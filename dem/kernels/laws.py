@@ -53,6 +53,9 @@ DAMPING_LAWS = {
     "linear-clipped": DampingLaw(LINEAR_CLIPPED, grows=False, clipped=True),
     "hunt-crossley": DampingLaw(HUNT_CROSSLEY, grows=True, clipped=True),
 }
+# bits by number, as kernels ask; a contact without damping never pulls either
+GROWS = sum(law.grows << law.number for law in DAMPING_LAWS.values())
+NEVER_PULLS = sum((law.clipped or not law.number) << law.number for law in DAMPING_LAWS.values())
 
 
 class ShapeParameter(NamedTuple):
@@ -560,7 +563,13 @@ def wall_force(
 @ieee_inline
 def grows(law: int) -> bool:
     """Is the damper's coefficient gamma F, so that it grows with the force?"""
-    return law == HUNT_CROSSLEY
+    return (GROWS >> law) & 1 == 1
+
+
+@ieee_inline
+def never_pulls(law: int) -> bool:
+    """Is a damper that outweighs the elastic force cut, so that the contact never pulls?"""
+    return (NEVER_PULLS >> law) & 1 == 1
 
 
 @ieee_inline

@@ -26,10 +26,10 @@ from dem.kernels.arguments import (
 )
 from dem.kernels.compiled import fastmath_inline
 from dem.kernels.laws import (
-    LINEAR,
     STOPPED,
     damper,
     elastic_force,
+    never_pulls,
     plastic_force,
     plastic_indentation,
     stored_energy,
@@ -68,7 +68,7 @@ def total_forces(
         if damping is not None:
             c = damper(i, i == n - 1, force, A, shape, residual, damping, plastic)
             extra = w * smaller(c, STOPPED / (dt * damping.inverse_mass[i]))
-            if damping.law != LINEAR:
+            if never_pulls(damping.law):
                 extra = larger(extra, -force)
             force += extra
         motion.f[i + 1] = force
