@@ -22,7 +22,7 @@ from coupling.periodic_state import (
     period_of,
     periodic_state,
 )
-from coupling.spatial_march import Before, Body, Moving
+from coupling.spatial_march import Before, Moving, PreparedImpact
 from dem.kernels.arguments import Steps
 from dem.kernels.spatial import RUBBED
 from dem.richardson import richardson
@@ -49,7 +49,7 @@ NEIGHBOURS = USUAL_PERIODIC_SEARCH._replace(most_iterations=4)
 
 
 def cold_state(
-    body: Body,
+    body: PreparedImpact,
     before: Before,
     *,
     error: float,
@@ -61,7 +61,7 @@ def cold_state(
     return steady(body, periodic_state(body, before, error=error, speed=speed, search=search))
 
 
-def steady(body: Body, state: PeriodicState) -> SteadyState:
+def steady(body: PreparedImpact, state: PeriodicState) -> SteadyState:
     """What a search from rest left; its cycle may be one of samples, coarser than a march takes."""
     cycle = state.cycle
     amplitude = 0.5 * np.ptp(cycle.friction_force, axis=0)
@@ -80,7 +80,7 @@ def steady(body: Body, state: PeriodicState) -> SteadyState:
 
 
 def neighbouring_state(
-    body: Body,
+    body: PreparedImpact,
     before: Before,
     neighbour: SteadyState,
     *,
@@ -135,7 +135,9 @@ def neighbouring_state(
     )
 
 
-def later(body: Body, before: Before, state: SteadyState, turn: float) -> tuple[Body, Moving]:
+def later(
+    body: PreparedImpact, before: Before, state: SteadyState, turn: float
+) -> tuple[PreparedImpact, Moving]:
     """Body and state with all shakers this share of the common period later in their cycle: a
     periodic state holds every phase."""
     T = body.shakers.period
@@ -150,7 +152,7 @@ def later(body: Body, before: Before, state: SteadyState, turn: float) -> tuple[
     return body._replace(shakers=body.shakers._replace(phase=phase)), moving
 
 
-def before_striker(body: Body, v0: ArrayLike, *, upstream_held: bool = False) -> Before:
+def before_striker(body: PreparedImpact, v0: ArrayLike, *, upstream_held: bool = False) -> Before:
     """The chain before velocities v0 (n,) [m/s]: a first sphere that moves and that nothing presses
     is the striker, and not there yet; `upstream_held` holds all but the last."""
     v0 = np.asarray(v0, float)

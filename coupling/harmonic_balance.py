@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coupling.spatial_march import Before, Body, Moving
+from coupling.spatial_march import Before, Moving, PreparedImpact
 from dem import UnstableStep
 from dem.friction import stick_stiffness
 from dem.kernels.arguments import Array
@@ -36,7 +36,7 @@ from dem.kernels.spatial import (
     BY_SHAKERS,
     DAMPED,
     RUBBED,
-    Contacts,
+    FrictionalContact,
     SavedSpatial,
 )
 
@@ -112,7 +112,7 @@ class CycleForces(NamedTuple):
     heat: float  # [J] of friction in a period
     damped: float  # [J] of the dampers in a period
     creep: float  # change of the tangential force over the period, over its largest
-    contacts: Contacts  # springs of the frictional contact at t = 0
+    contacts: FrictionalContact  # springs of the frictional contact at t = 0
     slip: Array  # (d,) [m] where these are
 
 
@@ -127,7 +127,9 @@ class Balance(NamedTuple):
     learned: Learned
 
 
-def cut_at_contacts(body: Body, before: Before, n_samples: int, search: BalanceSearch) -> CutBodies:
+def cut_at_contacts(
+    body: PreparedImpact, before: Before, n_samples: int, search: BalanceSearch
+) -> CutBodies:
     """The bodies of a chain before the striker, at the harmonics of the shakers' period."""
     chain, static, wall, Q = body.prepared.chain, body.prepared.static, body.wall, body.to_frame
     n, d = chain.mass.size, len(body.frame)
@@ -235,7 +237,9 @@ def resonant_modes(cut: CutBodies, h: int, K: Array) -> ResonantModes:
     return ResonantModes(modes, fixed, gain, moves)
 
 
-def let_go(body: Body, cut: CutBodies, pushed: Array) -> tuple[Contacts, Array, Array]:
+def let_go(
+    body: PreparedImpact, cut: CutBodies, pushed: Array
+) -> tuple[FrictionalContact, Array, Array]:
     """Contact, shift (d,) [m] and tangential force (d,) [N] of bodies at rest after the contact was
     pressed and pushed to and fro by (d,) [m]: friction holds them where the last push has left the
     force at its bound. Without a push the contact was never sheared."""
@@ -250,7 +254,7 @@ def let_go(body: Body, cut: CutBodies, pushed: Array) -> tuple[Contacts, Array, 
 
 
 def answer(
-    body: Body,
+    body: PreparedImpact,
     before: Before,
     cut: CutBodies,
     y: Array,
@@ -296,7 +300,7 @@ def answer(
 
 
 def balance(
-    body: Body,
+    body: PreparedImpact,
     before: Before,
     n_samples: int,
     tolerance: float,
@@ -410,7 +414,7 @@ def resampled(y: Array, n_samples: int) -> Array:
     return np.fft.irfft(out, n_samples, axis=0)
 
 
-def cycle_of(body: Body, balance: Balance, n_saves: int) -> tuple[Moving, SavedSpatial]:
+def cycle_of(body: PreparedImpact, balance: Balance, n_saves: int) -> tuple[Moving, SavedSpatial]:
     """The state at t = 0, and n_saves + 1 instants of the period as a march would save them.
 
     Of the energies the last instant has what a period adds: friction's heat, what is lost in

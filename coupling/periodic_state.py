@@ -28,7 +28,7 @@ from coupling.harmonic_balance import (
     cycle_of,
     let_go,
 )
-from coupling.spatial_march import Before, Body, Moving, along_normal
+from coupling.spatial_march import Before, Moving, PreparedImpact, along_normal
 from dem import UnstableStep
 from dem.friction import gross_slip, redivided, stick_stiffness
 from dem.kernels.arguments import Array, Steps
@@ -123,7 +123,7 @@ class PeriodicState(NamedTuple):
 class Period(NamedTuple):
     """Marches of whole periods by equal steps."""
 
-    body: Body
+    body: PreparedImpact
     before: Before
     system: SpatialSystem
     steps: Steps
@@ -172,7 +172,7 @@ def coordinates(moving: Moving) -> tuple[Array, ...]:
     )  # fmt: skip
 
 
-def period_of(body: Body, before: Before, n_steps: int, search: PeriodicSearch) -> Period:
+def period_of(body: PreparedImpact, before: Before, n_steps: int, search: PeriodicSearch) -> Period:
     """Marches of periods by n_steps steps at least, from the instant of the striker."""
     stride = -(-n_steps // search.cycle_saves)
     h = body.shakers.period / (search.cycle_saves * stride)
@@ -408,7 +408,7 @@ class RepeatedMotion(NamedTuple):
 
 
 def periodic_state(
-    body: Body,
+    body: PreparedImpact,
     before: Before,
     *,
     error: float,
@@ -500,7 +500,7 @@ def numbers_of(saved: SavedSpatial, speed: float) -> Numbers:
 
 
 def balanced(
-    body: Body, before: Before, error: float, speed: float, search: PeriodicSearch
+    body: PreparedImpact, before: Before, error: float, speed: float, search: PeriodicSearch
 ) -> tuple[RepeatedMotion | None, Moving | None]:
     """The state by harmonic balance (`coupling.harmonic_balance`), to an error, beside a cycle of
     half as many samples and cells; None where that finds none, or a contact that opens, and then a
@@ -566,7 +566,7 @@ def balanced(
     return repeated, None
 
 
-def remembers(body: Body, stick: Array) -> bool:
+def remembers(body: PreparedImpact, stick: Array) -> bool:
     """Whether a mean force may stay that a cycle with these shares (k,) of sticking area began
     with: where all slips it is forgotten, and a sphere that is free to move or to turn lets it
     go."""
@@ -575,7 +575,7 @@ def remembers(body: Body, stick: Array) -> bool:
 
 
 def pushed_forces(
-    body: Body, before: Before, n_samples: int, cycle: Balance, search: PeriodicSearch
+    body: PreparedImpact, before: Before, n_samples: int, cycle: Balance, search: PeriodicSearch
 ) -> list[Array] | None:
     """Tangential forces (n_samples, n_directions) [N] of the cycles beside this one from contacts
     that were pushed before to either side of what slips most; empty where all come into one, None
@@ -604,7 +604,9 @@ def pushed_forces(
     return forces
 
 
-def heat_of_path(body: Body, before: Before, cycle: Balance, search: PeriodicSearch) -> float:
+def heat_of_path(
+    body: PreparedImpact, before: Before, cycle: Balance, search: PeriodicSearch
+) -> float:
     """[J] of friction in a period on the path of a cycle in two directions, by more cells."""
     cells = cycle.answer.contacts.cells
     n_cells = max(search.ring_cells, 2 * body.search.n_cells)
@@ -613,7 +615,7 @@ def heat_of_path(body: Body, before: Before, cycle: Balance, search: PeriodicSea
     return answer(body, before, cycle.cut, cycle.y, memory, USUAL_BALANCE_SEARCH.laps).heat
 
 
-def least_heat(body: Body, n_cells: int) -> float:
+def least_heat(body: PreparedImpact, n_cells: int) -> float:
     """[J] that a period loses whose slip reaches one cell in: (2/9) (Q / mu P)^3 (mu P)^2 / k, what
     Mindlin's loop becomes for small forces Q, which slip in 2 Q / (3 mu P) of the area (K. L.
     Johnson, Contact Mechanics (1985), 7.57)."""
@@ -624,7 +626,7 @@ def least_heat(body: Body, n_cells: int) -> float:
     return (2.0 / 9.0) * (1.5 / n_cells) ** 3 * slides**2 / k
 
 
-def still(body: Body) -> Body:
+def still(body: PreparedImpact) -> PreparedImpact:
     """The body, its wall's modes that are much faster than all contacts at rest in their forces:
     their static answer joins the residual compliance. Marches by steps near their period would
     feed them."""
@@ -642,7 +644,7 @@ def still(body: Body) -> Body:
     return body._replace(wall=wall, prepared=prepare(body.prepared.chain, along_normal(wall)))
 
 
-def still_modes(body: Body) -> Array:
+def still_modes(body: PreparedImpact) -> Array:
     """(k,) mask of the modes that `still` leaves at rest."""
     # modes faster than 8 times the contacts' rate are at rest in the forces of a march of periods,
     # whose motion they would change by the square of the inverse; at 4 or less steps of `phase`
@@ -650,13 +652,13 @@ def still_modes(body: Body) -> Array:
     return np.asarray(body.wall.omega) > 8.0 * body.rate
 
 
-def without_still(body: Body, moving: Moving) -> Moving:
+def without_still(body: PreparedImpact, moving: Moving) -> Moving:
     """A state of the body as one of `still(body)`."""
     fast, motion = still_modes(body), moving.motion
     return moving._replace(motion=motion._replace(q=motion.q[~fast], p=motion.p[~fast]))
 
 
-def with_still(body: Body, moving: Moving, rate: Array) -> Moving:
+def with_still(body: PreparedImpact, moving: Moving, rate: Array) -> Moving:
     """A state of `still(body)` at t = 0 as one of the body, whose fast modes follow their forces;
     `rate` (1 + n_directions,) [N/s] of those at the wall."""
     fast, motion, wall, shakers = still_modes(body), moving.motion, body.wall, body.shakers
@@ -672,7 +674,7 @@ def with_still(body: Body, moving: Moving, rate: Array) -> Moving:
 
 
 def shot(
-    whole: Body, before: Before, error: float, speed: float, search: PeriodicSearch,
+    whole: PreparedImpact, before: Before, error: float, speed: float, search: PeriodicSearch,
     start: Moving | None = None,
 ) -> RepeatedMotion:  # fmt: skip
     """The state by Newton's method on periods marched, from rest or else from `start`, to an error

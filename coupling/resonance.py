@@ -30,7 +30,7 @@ from coupling.harmonic_balance import (
     answer,
     cut_at_contacts,
 )
-from coupling.spatial_march import Before, Body, ShakerForces
+from coupling.spatial_march import Before, PreparedImpact, ShakerForces
 
 Array = NDArray[np.float64]
 
@@ -71,7 +71,7 @@ class CurvePoint(NamedTuple):
     jacobian: Array  # [N/m] df/dy of these
 
 
-def without_other_contacts(cut: CutBodies, body: Body, n_harmonics: int) -> Array:
+def without_other_contacts(cut: CutBodies, body: PreparedImpact, n_harmonics: int) -> Array:
     """H (n_harmonics + 1, c, c) of the last contact. Raises CouplingError where a harmonic is the
     frequency of a mode without damping."""
     chain, static, omega = body.prepared.chain, body.prepared.static, cut.omega[: n_harmonics + 1]
@@ -91,7 +91,7 @@ def without_other_contacts(cut: CutBodies, body: Body, n_harmonics: int) -> Arra
 
 
 def point(
-    body: Body,
+    body: PreparedImpact,
     frequency: float,
     force: float,
     guess: CurvePoint | None,
@@ -197,7 +197,7 @@ def moved(H: Array, f: Array) -> Array:
 
 
 def shown(
-    body: Body,
+    body: PreparedImpact,
     cut: CutBodies,
     x: Array,
     f: Array,
@@ -234,7 +234,7 @@ def shown(
 
 
 def curve(
-    body: Body,
+    body: PreparedImpact,
     frequencies: Sequence[float],
     forces: Sequence[float],
     options: HarmonicBalance = HarmonicBalance(),

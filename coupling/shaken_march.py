@@ -13,7 +13,7 @@ from coupling.periodic_state import (
 )
 from coupling.spatial_march import (
     Before,
-    Body,
+    PreparedImpact,
     SpatialRun,
     march_to_error,
 )
@@ -28,7 +28,7 @@ class ShakenRun(NamedTuple):
 
 
 def march_shaken(
-    body: Body,
+    body: PreparedImpact,
     v0: ArrayLike,
     *,
     duration: float,

@@ -25,7 +25,7 @@ from dem.friction import open_cells, open_row, redivided, stick_stiffness
 from dem.kernels.arguments import Array, Steps
 from dem.kernels.oscillators import oscillator_propagator
 from dem.kernels.spatial import (
-    Contacts,
+    FrictionalContact,
     SavedSpatial,
     Shaking,
     SpatialArrays,
@@ -95,7 +95,7 @@ class SpatialRun(NamedTuple):
         return self.trajectory.energy_total + self.lateral.energy
 
 
-class Body(NamedTuple):
+class PreparedImpact(NamedTuple):
     """Chain, last sphere and wall, prepared for marches by any step."""
 
     prepared: PreparedChain
@@ -136,10 +136,10 @@ class Body(NamedTuple):
         )  # fmt: skip
         if d == 2:
             cells = (open_cells(self.search.n_cells) for _ in range(2))
-            contacts = Contacts(None, None, next(cells), None, next(cells))
+            contacts = FrictionalContact(None, None, next(cells), None, next(cells))
         else:
             row, room, trial = (open_row(self.search.capacity) for _ in range(3))
-            contacts = Contacts(row, room, None, trial, None)
+            contacts = FrictionalContact(row, room, None, trial, None)
         return Moving(motion, contacts)
 
     def stepped(self, h: float, *, before_striker: "Before | None" = None) -> SpatialSystem:
@@ -220,7 +220,7 @@ class Moving(NamedTuple):
     """State and contact, changed in place by marches."""
 
     motion: SpatialMotion
-    contacts: Contacts
+    contacts: FrictionalContact
 
     def divided(self, n_cells: int) -> "Moving":
         """The same in arrays of their own, a contact in two directions in so many cells."""
@@ -228,7 +228,7 @@ class Moving(NamedTuple):
         if contacts.cells is None:
             return moving
         cells, trial = (redivided(contacts.cells, n_cells) for _ in range(2))
-        return Moving(moving.motion, Contacts(None, None, cells, None, trial))
+        return Moving(moving.motion, FrictionalContact(None, None, cells, None, trial))
 
     def copied(self) -> "Moving":
         """The same in arrays of their own."""
@@ -290,7 +290,7 @@ def shaking(wall: SpatialWall, shakers: ShakerForces | None, to_frame: Array, h:
 def body_of(
     chain: Chain, wall: SpatialWall, v0: ArrayLike, last: LastSphere,
     shakers: ShakerForces | None = None, search: SpatialSearch = USUAL_SPATIAL_SEARCH,
-) -> Body:  # fmt: skip
+) -> PreparedImpact:  # fmt: skip
     """Chain, last sphere and wall, checked. Raises InvalidChain, NoEquilibrium, CouplingError."""
     require_hertz(chain)
     require(not chain.slides, "friction at the wall takes no guides; leave them out")
@@ -332,7 +332,7 @@ def body_of(
     meets = 1.0 / float(chain.mass[-1]) + float(chain.radius[-1]) ** 2 / last.inertia
     meets += float(np.square(wall.phi[slow, 1:]).sum(axis=0).max(initial=0.0))
     rate = max(fastest_rate(prepared, v0), math.sqrt(k_t * meets))
-    return Body(prepared, wall, last, shakers, frame, rate, search, max(k_n, k_t))
+    return PreparedImpact(prepared, wall, last, shakers, frame, rate, search, max(k_n, k_t))
 
 
 def along_normal(wall: SpatialWall) -> Wall:
@@ -383,7 +383,7 @@ def march_space(
 
 
 def march_to_error(
-    body: Body, start: Moving, *, duration: float, error: float | None, n_save: int,
+    body: PreparedImpact, start: Moving, *, duration: float, error: float | None, n_save: int,
     speed: float | None = None,
 ) -> SpatialRun:  # fmt: skip
     """March from a state at t = 0; errors are relative to `speed` [m/s], None for the largest at
@@ -472,7 +472,7 @@ def difference(a: SavedSpatial, b: SavedSpatial, radius: float) -> float:
 
 
 def spatial_run(
-    body: Body, saved: SavedSpatial, moving: Moving, steps: Steps, estimate: float
+    body: PreparedImpact, saved: SavedSpatial, moving: Moving, steps: Steps, estimate: float
 ) -> SpatialRun:
     """What a march saved, in n, t1, t2, with all energies."""
     chain, static, wall = body.prepared.chain, body.prepared.static, body.wall

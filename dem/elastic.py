@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from dem.checks import require
 from dem.kernels import laws
-from dem.kernels.arguments import Array, ForceTable, Shape
+from dem.kernels.arguments import Array, ForceShape, ForceTable
 from dem.spheres import hertz_energy, hertz_overlap, hertz_stiffness
 
 
@@ -38,7 +38,7 @@ class ElasticLaw(NamedTuple):
         return None
 
     @property
-    def shape(self) -> Shape | None:
+    def shape(self) -> ForceShape | None:
         """What kernels take beside A, None for Hertz' law."""
         if self.name is None:
             return None
@@ -47,7 +47,7 @@ class ElasticLaw(NamedTuple):
         if law.parameters:
             rows = (np.asarray(self.parameters[p.name], float) for p in law.parameters)
             parameters = np.stack(np.broadcast_arrays(*rows))
-        return Shape(law.number, parameters, self.table or ForceTable(*np.zeros((6, 0))))
+        return ForceShape(law.number, parameters, self.table or ForceTable(*np.zeros((6, 0))))
 
     @property
     def opening(self) -> float:

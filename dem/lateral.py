@@ -616,7 +616,7 @@ class Cycle(NamedTuple):
         return int(np.ptp(self.slip, axis=0).argmax())
 
 
-class Marched(NamedTuple):
+class MarchedPeriod(NamedTuple):
     """A sphere and its contact after a march of a period, and what the march has saved."""
 
     state: Across
@@ -648,11 +648,11 @@ class Shaken(NamedTuple):
         h, n_save, stride = self.steps
         return self.motion.displacement(h * np.arange(n_save * stride + 1))
 
-    def march(self, start: Across, springs: Contacts, wall: Array) -> Marched:
+    def march(self, start: Across, springs: Contacts, wall: Array) -> MarchedPeriod:
         """One march, which leaves the start as it is."""
         state, contact = copied(start), copied_springs(springs)
         saved = self.body.march(state, contact, self.pressed, wall, self.steps)
-        return Marched(state, contact, saved)
+        return MarchedPeriod(state, contact, saved)
 
     def ramped(self, pushed: Array) -> tuple[Across, Contacts]:
         """What a wall leads to whose motion begins over some periods, on a contact that was
@@ -690,7 +690,7 @@ class ReturningState(NamedTuple):
 
     state: Across
     springs: Contacts
-    last: Marched  # the period that ends there
+    last: MarchedPeriod  # the period that ends there
     change: float
     matrix: Array | None  # (4 n, 4 n) 1 - J in units of the free motion, None where all is held
 

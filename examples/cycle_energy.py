@@ -24,7 +24,7 @@ import numpy as np
 import dem
 from coupling.errors import CouplingError
 from coupling.periodic_state import periodic_state
-from coupling.spatial_march import Before, Body, ShakerForces, body_of
+from coupling.spatial_march import Before, PreparedImpact, ShakerForces, body_of
 from coupling.spatial_wall import spatial_wall_of_modes
 from dem.friction import tangential_law
 from dem.lateral import LastSphere
@@ -35,7 +35,7 @@ R, RHO, E, NU = 0.0127, 7800.0, 210e9, 0.3  # steel spheres
 class RandomCycle(NamedTuple):
     """A shaken chain before anything strikes, and the error asked for."""
 
-    body: Body
+    body: PreparedImpact
     error: float
 
 

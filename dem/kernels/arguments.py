@@ -61,7 +61,7 @@ class ForceTable(NamedTuple):
     energy: Array  # (m,) [J] integral of the force up to the knot
 
 
-class Shape(NamedTuple):
+class ForceShape(NamedTuple):
     """Shape phi of a force A phi(d) that is not Hertz'."""
 
     law: int  # number of a row of `laws.ELASTIC_LAWS`
@@ -100,7 +100,7 @@ class ChainArrays(NamedTuple):
     mass: Array  # (n,)
     inverse_mass: Array  # (n,)
     A: Array  # (n_contacts,)
-    shape: Shape | None  # of the elastic force; None: Hertz
+    shape: ForceShape | None  # of the elastic force; None: Hertz
     preload: float
     weight: Array | None  # (n,) [N]
     friction: Array | None  # (n,) [N]

@@ -106,7 +106,7 @@ def fill_between(ends: Ends, h: float, x: Array, v: Array) -> None:
             v[k, b] = mixed(i, b, h, slope, mirrored_slope, -1.0, ends) / h
 
 
-class Touch(NamedTuple):
+class Onset(NamedTuple):
     """Where in a step a contact begins to push, and how its overlap grows; time in steps."""
 
     at: float  # below 0 if it began in the step before; counted from the end if the contact opens
@@ -142,7 +142,7 @@ def risen(t: float, bend: float) -> tuple[float, float, float, float]:
 
 
 @fastmath_inline
-def touch(h: float, i: int, k: int, c: int, gaps: Gaps) -> Touch:
+def touch(h: float, i: int, k: int, c: int, gaps: Gaps) -> Onset:
     """Of contact c between the ends i and k of a step, seen from i: open there, or just closed."""
     h *= k - i
     g0, r0 = gaps.overlap[i, c], h * gaps.rate[i, c]
@@ -159,7 +159,7 @@ def touch(h: float, i: int, k: int, c: int, gaps: Gaps) -> Touch:
         slope = r0 + curvature * at
     else:
         at, slope = 0.0, 0.0
-    return Touch(at, larger(slope, 0.0), curvature)
+    return Onset(at, larger(slope, 0.0), curvature)
 
 
 @fastmath_inline

@@ -8,7 +8,7 @@ with contact forces f, leaf springs k to anchors a, and steady forces.
 import math
 from typing import NamedTuple
 
-from dem.kernels.arguments import Array, Shape
+from dem.kernels.arguments import Array, ForceShape
 from dem.kernels.compiled import ieee, ieee_march
 from dem.kernels.laws import elastic_force, elastic_indentation, elastic_stiffness
 from dem.kernels.numbers import larger
@@ -22,7 +22,7 @@ class Bearing(NamedTuple):
     anchor: Array  # (n,)
     steady: Array  # (n,) forces towards the wall
     compliance: float  # of the wall, behind the n-th contact
-    shape: Shape | None = None  # of the contacts' force; None: Hertz
+    shape: ForceShape | None = None  # of the contacts' force; None: Hertz
 
 
 class NewtonRoom(NamedTuple):
@@ -38,7 +38,9 @@ class NewtonRoom(NamedTuple):
 
 
 @ieee
-def static_residual(x: Array, bearing: Bearing, shape: Shape | None, f: Array, r: Array) -> None:
+def static_residual(
+    x: Array, bearing: Bearing, shape: ForceShape | None, f: Array, r: Array
+) -> None:
     """Net force on every sphere at rest into r, contact forces into f."""
     A, stiffness, anchor = bearing.A, bearing.stiffness, bearing.anchor
     n = x.size
@@ -54,7 +56,7 @@ def static_residual(x: Array, bearing: Bearing, shape: Shape | None, f: Array, r
 
 
 @ieee
-def static_slope(x: Array, A: Array, compliance: float, shape: Shape | None, k: Array) -> None:
+def static_slope(x: Array, A: Array, compliance: float, shape: ForceShape | None, k: Array) -> None:
     """Tangent stiffness of every contact into k."""
     n = x.size
     for i in range(A.size):

@@ -19,10 +19,10 @@ from dem.kernels.arguments import (
     ChainArrays,
     Correction,
     Damping,
+    ForceShape,
     LeafSprings,
     Motion,
     Saved,
-    Shape,
     Steps,
     V,
     WallModes,
@@ -247,7 +247,7 @@ def flow_bare(
 
 @fastmath
 def kick_and_drift(
-    kick: float, drift: float, motion: Motion, A: Array, shape: Shape | None, minv: Array
+    kick: float, drift: float, motion: Motion, A: Array, shape: ForceShape | None, minv: Array
 ) -> None:
     """Forces, kick and free flight of bare spheres in one pass; f[n], at the wall, is given."""
     x, v, f = motion.x, motion.v, motion.f

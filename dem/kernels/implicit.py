@@ -22,10 +22,10 @@ from dem.kernels.arguments import (
     Array,
     ChainArrays,
     Damping,
+    ForceShape,
     LeafSprings,
     Motion,
     Saved,
-    Shape,
     Steps,
     U,
     V,
@@ -200,7 +200,7 @@ def implicit_step(
 
 @ieee_inline
 def imbalance(
-    dt: float, f: Array, chain: ChainArrays, shape: Shape | None, load: Array | None,
+    dt: float, f: Array, chain: ChainArrays, shape: ForceShape | None, load: Array | None,
     residual: float | None, damping: Damping | None, room: tuple[StepStates, Newton],
 ) -> float:  # fmt: skip
     """Fill forces, slopes and what the equations miss at the positions at the end; its square."""
@@ -258,7 +258,7 @@ def largest(a: Array, b: Array | None) -> float:
 
 @ieee_inline
 def mean_force(
-    over: Passage, per_dt: float, A: Array, shape: Shape | None, residual: float | None,
+    over: Passage, per_dt: float, A: Array, shape: ForceShape | None, residual: float | None,
     damping: Damping | None,
 ) -> tuple[float, float, float]:  # fmt: skip
     """Mean total force of a contact over the step 1 / per_dt, its slope in g1, its elastic part."""
@@ -300,7 +300,7 @@ def mean_force(
 
 @ieee
 def mean_series(
-    i: int, g0: float, g1: float, residual: float, A: Array, shape: Shape | None
+    i: int, g0: float, g1: float, residual: float, A: Array, shape: ForceShape | None
 ) -> tuple[float, float]:
     """`mean_elastic` of contact i and a spring in series, in terms of the gap of both."""
     d0 = elastic_indentation(i, g0, residual, A, shape)

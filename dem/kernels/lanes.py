@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.kernels.arguments import Array, Correction, Shape
+from dem.kernels.arguments import Array, Correction, ForceShape
 from dem.kernels.compiled import (
     fastmath,
     fastmath_allocating,
@@ -80,7 +80,9 @@ class Blocks(NamedTuple):
     v0: Array
     mass: Array
     A: Array  # 0 behind the last sphere of a free chain
-    shape: Shape | None  # of the elastic force of the one block that there is then; None: Hertz
+    shape: (
+        ForceShape | None
+    )  # of the elastic force of the one block that there is then; None: Hertz
     phi: Array
     omega: Array
     propagator: Array  # (n_blocks, n_drifts, 4, n_modes * LANES)
@@ -119,7 +121,7 @@ class Lanes(NamedTuple):
     inverse_mass: Array  # ((n + 1) LANES,) 0 of the wall
     mass: Array  # (n LANES,)
     A: Array
-    shape: Shape | None  # of the elastic force; None: Hertz
+    shape: ForceShape | None  # of the elastic force; None: Hertz
     phi: Array
     omega: Array
     propagator: Array  # (n_drifts, 4, n_modes * LANES)
@@ -334,7 +336,7 @@ def read_modes_of_lanes(lanes: Lanes) -> None:
 
 @fastmath
 def forces_of_lanes(
-    x: Array, A: Array, shape: Shape | None, springs: WallSprings, f: Array
+    x: Array, A: Array, shape: ForceShape | None, springs: WallSprings, f: Array
 ) -> None:
     """Elastic forces."""
     for j in range(A.size):
@@ -431,7 +433,9 @@ def rate_dampers(lanes: Lanes) -> None:
 
 
 @ieee
-def share_of_damper(j: int, force: float, A: Array, shape: Shape | None, residual: float) -> float:
+def share_of_damper(
+    j: int, force: float, A: Array, shape: ForceShape | None, residual: float
+) -> float:
     """What a spring in series leaves of a damper, see `spring_share`."""
     return spring_share(contact_stiffness(j, force, A, shape, None), residual)[0]
 
@@ -634,7 +638,7 @@ def sample_step(
 
 @fastmath
 def sample_lanes(
-    s: float, h: float, start: LaneEnds, end: LaneEnds, lanes: Lanes, shape: Shape | None,
+    s: float, h: float, start: LaneEnds, end: LaneEnds, lanes: Lanes, shape: ForceShape | None,
     v: Array, wall_force: Array,
 ) -> None:  # fmt: skip
     """Observed velocities and the elastic force at the wall at the share s of a step."""
@@ -667,7 +671,7 @@ def overlap_between(
 
 @fastmath
 def sample_springs_and_dampers(
-    s: float, h: float, start: LaneEnds, end: LaneEnds, lanes: Lanes, shape: Shape | None,
+    s: float, h: float, start: LaneEnds, end: LaneEnds, lanes: Lanes, shape: ForceShape | None,
     wall_force: Array,
 ) -> None:  # fmt: skip
     """Forces at walls with springs in series, or behind damped contacts, at the share s."""
@@ -690,7 +694,7 @@ def sample_springs_and_dampers(
 
 
 @fastmath
-def energy_of_lanes(lanes: Lanes, shape: Shape | None, work: Array, energy: Array) -> None:
+def energy_of_lanes(lanes: Lanes, shape: ForceShape | None, work: Array, energy: Array) -> None:
     """Energy of the motion and what was lost of it, and what preload and weight have left to do;
     forces are fresh."""
     x, v, f, mass, A, q, resting = (

@@ -27,10 +27,10 @@ from dem.kernels.arguments import (
     IN_WALL,
     Array,
     Damping,
+    ForceShape,
     ForceTable,
     Motion,
     Plastic,
-    Shape,
     U,
 )
 from dem.kernels.compiled import fastmath, fastmath_entry, fastmath_inline, ieee_entry, ieee_inline
@@ -125,7 +125,7 @@ def hertz_indentation(gap: float, A: float, s: float) -> float:
 
 
 @fastmath_inline
-def elastic_force(i: int, d: float, A: Array, shape: Shape | None) -> float:
+def elastic_force(i: int, d: float, A: Array, shape: ForceShape | None) -> float:
     """F = A phi(d) [N] of contact i at the overlap d >= 0 [m]."""
     if shape is None:
         return hertz_force(d, A[i])
@@ -133,7 +133,7 @@ def elastic_force(i: int, d: float, A: Array, shape: Shape | None) -> float:
 
 
 @fastmath_inline
-def elastic_stiffness(i: int, d: float, A: Array, shape: Shape | None) -> float:
+def elastic_stiffness(i: int, d: float, A: Array, shape: ForceShape | None) -> float:
     """k = A phi'(d) [N/m] of contact i at the overlap d >= 0."""
     if shape is None:
         return 1.5 * A[i] * math.sqrt(d)
@@ -141,7 +141,7 @@ def elastic_stiffness(i: int, d: float, A: Array, shape: Shape | None) -> float:
 
 
 @fastmath_inline
-def stored_energy(i: int, d: float, force: float, A: Array, shape: Shape | None) -> float:
+def stored_energy(i: int, d: float, force: float, A: Array, shape: ForceShape | None) -> float:
     """U [J] of contact i at the overlap d >= 0, where its force is known: 2/5 F d of Hertz' law."""
     if shape is None:
         return 0.4 * force * d
@@ -149,7 +149,7 @@ def stored_energy(i: int, d: float, force: float, A: Array, shape: Shape | None)
 
 
 @fastmath_inline
-def pressed_overlap(i: int, force: float, A: Array, shape: Shape | None) -> float:
+def pressed_overlap(i: int, force: float, A: Array, shape: ForceShape | None) -> float:
     """Overlap [m] of contact i under a force >= 0."""
     if shape is None:
         return (force / A[i]) ** (2.0 / 3.0)
@@ -157,7 +157,7 @@ def pressed_overlap(i: int, force: float, A: Array, shape: Shape | None) -> floa
 
 
 @fastmath
-def shape_force(i: int, d: float, shape: Shape) -> float:
+def shape_force(i: int, d: float, shape: ForceShape) -> float:
     """phi(d): d^n, or the table's."""
     if shape.law == POWER:
         return d ** shape.parameters[0, i]
@@ -167,7 +167,7 @@ def shape_force(i: int, d: float, shape: Shape) -> float:
 
 
 @fastmath
-def shape_slope(i: int, d: float, shape: Shape) -> float:
+def shape_slope(i: int, d: float, shape: ForceShape) -> float:
     """phi'(d)."""
     if shape.law == POWER:
         n = shape.parameters[0, i]
@@ -179,7 +179,7 @@ def shape_slope(i: int, d: float, shape: Shape) -> float:
 
 
 @fastmath
-def shape_bend(i: int, d: float, shape: Shape) -> float:
+def shape_bend(i: int, d: float, shape: ForceShape) -> float:
     """phi''(d); 0 at d = 0, where that of an exponent below 2 is infinite."""
     if shape.law == POWER:
         n = shape.parameters[0, i]
@@ -190,7 +190,7 @@ def shape_bend(i: int, d: float, shape: Shape) -> float:
 
 
 @fastmath
-def shape_by_parameter(j: int, i: int, d: float, shape: Shape) -> tuple[float, float]:
+def shape_by_parameter(j: int, i: int, d: float, shape: ForceShape) -> tuple[float, float]:
     """Derivatives of phi(d) and of phi'(d) by parameter j of the law, at d > 0; of d^n by n,
     d^n ln d  and  d^(n-1) (1 + n ln d). A second law with parameters needs a branch here."""
     n, log = shape.parameters[0, i], math.log(d)
@@ -198,7 +198,7 @@ def shape_by_parameter(j: int, i: int, d: float, shape: Shape) -> tuple[float, f
 
 
 @fastmath
-def shape_energy(i: int, d: float, shape: Shape) -> float:
+def shape_energy(i: int, d: float, shape: ForceShape) -> float:
     """Integral of phi from 0 to d, exact."""
     if shape.law == POWER:
         n = shape.parameters[0, i]
@@ -211,7 +211,7 @@ def shape_energy(i: int, d: float, shape: Shape) -> float:
 
 
 @fastmath
-def shape_overlap(i: int, value: float, shape: Shape) -> float:
+def shape_overlap(i: int, value: float, shape: ForceShape) -> float:
     """d of phi(d) = value >= 0."""
     if shape.law == POWER:
         return value ** (1.0 / shape.parameters[0, i])
@@ -241,7 +241,7 @@ def shape_overlap(i: int, value: float, shape: Shape) -> float:
     return table.overlap[j] + t
 
 
-def shape_overlap_of_energy(i: int, energy: float, shape: Shape) -> float:
+def shape_overlap_of_energy(i: int, energy: float, shape: ForceShape) -> float:
     """d at which the integral of phi reaches an energy >= 0, and not below it; not compiled."""
     if shape.law == POWER:
         power = shape.parameters[0, i] + 1.0
@@ -260,7 +260,7 @@ def shape_overlap_of_energy(i: int, energy: float, shape: Shape) -> float:
     return high
 
 
-def shape_fold(i: int, steepest: float, shape: Shape) -> float:
+def shape_fold(i: int, steepest: float, shape: ForceShape) -> float:
     """Least d at which phi' reaches a slope > 0, inf where none does; not compiled."""
     if shape.law == POWER:
         n = shape.parameters[0, i]
@@ -278,7 +278,7 @@ def shape_fold(i: int, steepest: float, shape: Shape) -> float:
     return np.where(reached, knots + x, np.inf).min()
 
 
-def opening(shape: Shape | None) -> float:
+def opening(shape: ForceShape | None) -> float:
     """Power a with which the force of a contact sets in, F ~ d^a: the smallest of all contacts."""
     if shape is None:
         return 1.5
@@ -306,7 +306,7 @@ def risen(t: float, j: int, table: ForceTable) -> float:
 
 @ieee_inline
 def mean_elastic(
-    i: int, d0: float, d1: float, A: Array, shape: Shape | None
+    i: int, d0: float, d1: float, A: Array, shape: ForceShape | None
 ) -> tuple[float, float]:
     """Mean force of contact i between the overlaps d0 and d1, change of potential over change of
     overlap, and its slope in d1; free of cancellation. Overlaps below 0 are open."""
@@ -323,7 +323,7 @@ def mean_elastic(
 
 
 @ieee_inline
-def mean_shape(i: int, d0: float, d1: float, shape: Shape) -> float:
+def mean_shape(i: int, d0: float, d1: float, shape: ForceShape) -> float:
     """Mean of phi between two overlaps that are not both 0.
 
     Of d^n, with r = d1/d0 <= 1 or its inverse,  d^n (1 - r^(n+1)) / ((n+1) (1 - r)).
@@ -360,7 +360,7 @@ def gauss(t0: float, t1: float, j: int, table: ForceTable) -> float:
 
 
 @ieee_inline
-def mean_stiffness(i: int, d0: float, d1: float, A: Array, shape: Shape | None) -> float:
+def mean_stiffness(i: int, d0: float, d1: float, A: Array, shape: ForceShape | None) -> float:
     """(F(d1) - F(d0)) / (d1 - d0) of contact i between two overlaps that are not both 0."""
     if shape is None:
         y, z = math.sqrt(d0), math.sqrt(d1)
@@ -394,7 +394,7 @@ def mean_hertz(d0: float, d1: float, A: float) -> tuple[float, float]:
 
 
 @fastmath
-def elastic_indentation(i: int, gap: float, s: float, A: Array, shape: Shape | None) -> float:
+def elastic_indentation(i: int, gap: float, s: float, A: Array, shape: ForceShape | None) -> float:
     """d of  d + s F(d) = gap: contact i and a spring s in series.
 
     NaN where no force answers the gap, beyond the fold  1 + s k = 0  of a negative s.
@@ -426,7 +426,7 @@ def elastic_indentation(i: int, gap: float, s: float, A: Array, shape: Shape | N
 
 @fastmath
 def wall_indentation(
-    i: int, gap: float, A: Array, residual: float | None, shape: Shape | None
+    i: int, gap: float, A: Array, residual: float | None, shape: ForceShape | None
 ) -> float:
     """Overlap at the wall, whose residual compliance may take some of the gap."""
     if residual is None:
@@ -483,7 +483,7 @@ def plastic_loss(limit: float, top: float, A: float) -> tuple[float, float, floa
 
 @fastmath
 def sphere_forces(
-    x: Array, A: Array, f: Array, shape: Shape | None, plastic: Plastic | None
+    x: Array, A: Array, f: Array, shape: ForceShape | None, plastic: Plastic | None
 ) -> None:
     """Elastic forces between neighbours into f[1:n]."""
     for i in range(x.size - 1):
@@ -542,7 +542,7 @@ def creep(
 
 @fastmath
 def wall_force(
-    dt: float, motion: Motion, A: Array, offset: float, shape: Shape | None,
+    dt: float, motion: Motion, A: Array, offset: float, shape: ForceShape | None,
     residual: float | None, mobility: float | None, plastic: Plastic | None,
 ) -> float:  # fmt: skip
     """Mean force at the wall over a kick of length dt; moves the dashpot wall."""
@@ -608,7 +608,7 @@ def damping_impulse(
 
 @ieee_inline
 def contact_stiffness(
-    i: int, force: float, A: Array, shape: Shape | None, plastic: Plastic | None
+    i: int, force: float, A: Array, shape: ForceShape | None, plastic: Plastic | None
 ) -> float:
     """k = dF/d delta of contact i under a force: 3/2 (A^2 F)^(1/3) of Hertz' law."""
     if shape is not None:
@@ -632,7 +632,7 @@ def spring_share(stiffness: float, residual: float) -> tuple[float, float]:
 
 @fastmath_inline
 def damper(
-    i: int, last: bool, force: float, A: Array, shape: Shape | None, residual: float | None,
+    i: int, last: bool, force: float, A: Array, shape: ForceShape | None, residual: float | None,
     damping: Damping, plastic: Plastic | None,
 ) -> float:  # fmt: skip
     """Coefficient c of the damping force c (approach velocity) of contact i."""

@@ -15,11 +15,11 @@ from dem.kernels.arguments import (
     Array,
     ChainArrays,
     Damping,
+    ForceShape,
     LeafSprings,
     Motion,
     Plastic,
     Saved,
-    Shape,
     U,
     V,
     WallModes,
@@ -41,7 +41,7 @@ from dem.kernels.numbers import larger, smaller
 
 @fastmath_inline
 def total_forces(
-    dt: float, motion: Motion, chain: ChainArrays, shape: Shape | None, residual: float | None,
+    dt: float, motion: Motion, chain: ChainArrays, shape: ForceShape | None, residual: float | None,
     damping: Damping | None, plastic: Plastic | None,
 ) -> tuple[float, float]:  # fmt: skip
     """Contact forces at an instant, dissipative part included, into f; elastic energies out.

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.kernels.arguments import Array, Shape
+from dem.kernels.arguments import Array, ForceShape
 from dem.kernels.compiled import fastmath, fastmath_inline, fastmath_march
 from dem.kernels.laws import (
     elastic_indentation,
@@ -31,7 +31,7 @@ class SensitivityRig(NamedTuple):
     """A chain and its wall; no part is absent, those without effect are zeros."""
 
     A: Array  # (n_contacts,)
-    shape: Shape | None  # of the elastic force; None: Hertz
+    shape: ForceShape | None  # of the elastic force; None: Hertz
     gamma: Array  # (n_contacts,)
     mass: Array  # (n,)
     load: Array  # (n,)
@@ -94,7 +94,7 @@ class DerivativeRecord(NamedTuple):
 
 @fastmath
 def contact(
-    gap: float, rate: float, stiffnesses: Array, gammas: Array, shape: Shape | None, s: float,
+    gap: float, rate: float, stiffnesses: Array, gammas: Array, shape: ForceShape | None, s: float,
     i: int, f: Array,
 ) -> None:  # fmt: skip
     """Force of one contact and its derivatives into column i of f."""
@@ -118,8 +118,8 @@ def contact(
 
 @fastmath
 def shaped_contact(
-    d: float, rate: float, factors: tuple[float, float], s: float, i: int, shape: Shape, f: Array,
-) -> None:  # fmt: skip
+    d: float, rate: float, factors: tuple[float, float], s: float, i: int, shape: ForceShape,
+    f: Array,) -> None:  # fmt: skip
     """`contact` of a force A phi(d) with the stiffness k and its derivative k' by d: the overlap
     follows the gap by soft = 1 / (1 + s k), the damper acts by gamma soft^2; factors A, gamma."""
     A, gamma = factors
@@ -144,7 +144,7 @@ def shaped_contact(
 
 @fastmath_inline
 def contacts(
-    x: Array, v: Array, z: Array, rig: SensitivityRig, shape: Shape | None, f: Array
+    x: Array, v: Array, z: Array, rig: SensitivityRig, shape: ForceShape | None, f: Array
 ) -> None:
     """All contacts at a state into f."""
     phi = rig.phi

@@ -91,7 +91,7 @@ class Shaking(NamedTuple):
     forced: Array  # (2, k) room
 
 
-class Contacts(NamedTuple):
+class FrictionalContact(NamedTuple):
     """The frictional contact: a row in one direction, cells in two, and as much room for trials."""
 
     row: SpringRow | None
@@ -100,13 +100,13 @@ class Contacts(NamedTuple):
     trial_row: SpringRow | None
     trial_cells: SpringCells | None
 
-    def copied(self) -> "Contacts":
+    def copied(self) -> "FrictionalContact":
         """The same in arrays of their own."""
         parts = (
             None if part is None else type(part)(*(values.copy() for values in part))
             for part in self
         )
-        return Contacts(*parts)
+        return FrictionalContact(*parts)
 
 
 class Trials(NamedTuple):
@@ -269,7 +269,7 @@ def copy_springs(
 
 @ieee
 def touch(
-    pressure: float, motion: SpatialMotion, system: SpatialSystem, contacts: Contacts
+    pressure: float, motion: SpatialMotion, system: SpatialSystem, contacts: FrictionalContact
 ) -> None:
     """Forces of the contact at the bodies' positions `trials.gap`, and the springs there, in place;
     `pressure` is the total one over the elastic one. NaN where no force is found."""
@@ -441,7 +441,7 @@ def kick(h: float, motion: SpatialMotion, arrays: SpatialArrays, sphere: Sphere)
 
 @ieee
 def forces(
-    t: float, h: float, motion: SpatialMotion, system: SpatialSystem, contacts: Contacts
+    t: float, h: float, motion: SpatialMotion, system: SpatialSystem, contacts: FrictionalContact
 ) -> None:
     """All contact forces at the positions of the time t; h of the half kick to come, see
     `pressure`."""
@@ -463,7 +463,9 @@ def forces(
 
 
 @ieee_entry
-def settle(t: float, motion: SpatialMotion, system: SpatialSystem, contacts: Contacts) -> None:
+def settle(
+    t: float, motion: SpatialMotion, system: SpatialSystem, contacts: FrictionalContact
+) -> None:
     """Bring wall, contact and forces to the positions of spheres and modes, in place: before a
     march, and after these were moved."""
     arrays = system.arrays
@@ -478,7 +480,11 @@ def settle(t: float, motion: SpatialMotion, system: SpatialSystem, contacts: Con
 
 @ieee
 def save_spatial(
-    k: int, motion: SpatialMotion, system: SpatialSystem, contacts: Contacts, saved: SavedSpatial
+    k: int,
+    motion: SpatialMotion,
+    system: SpatialSystem,
+    contacts: FrictionalContact,
+    saved: SavedSpatial,
 ) -> None:
     """Row k of the saved states and energies."""
     arrays, trials = system.arrays, system.trials
@@ -518,8 +524,8 @@ def save_spatial(
 
 @ieee_march
 def march_spatial(
-    t: float, motion: SpatialMotion, system: SpatialSystem, contacts: Contacts, steps: Steps,
-    saved: SavedSpatial,
+    t: float, motion: SpatialMotion, system: SpatialSystem, contacts: FrictionalContact,
+    steps: Steps, saved: SavedSpatial,
 ) -> int:  # fmt: skip
     """March on from the time t [s] of a settled state, in place. Ends early, and says after how
     many saves, where a state is not finite."""

@@ -19,7 +19,7 @@ from coupling.continuation import (
     neighbouring_state,
     struck,
 )
-from coupling.spatial_march import USUAL_SPATIAL_SEARCH, Body, ShakerForces, body_of
+from coupling.spatial_march import USUAL_SPATIAL_SEARCH, PreparedImpact, ShakerForces, body_of
 from coupling.spatial_wall import SpatialWall
 from coupling.structure_sensors import Sensed, sensed_in_march
 from dem.kernels.arguments import Steps
@@ -63,7 +63,7 @@ class RubbingRun(NamedTuple):
     structure: Sensed | None
 
 
-def body(rig: Rig, options: RubbingMarch = USUAL_RUBBING_MARCH) -> Body:
+def body(rig: Rig, options: RubbingMarch = USUAL_RUBBING_MARCH) -> PreparedImpact:
     """Chain, last sphere and structure, prepared."""
     across, search = rig.across, USUAL_SPATIAL_SEARCH._replace(n_cells=options.n_cells)
     return body_of(rig.chain, across.wall, rig.v0, across.last, across.shakers, search)

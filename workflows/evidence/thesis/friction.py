@@ -21,7 +21,7 @@ from coupling.continuation import (
 )
 from coupling.spatial_march import (
     USUAL_SPATIAL_SEARCH,
-    Body,
+    PreparedImpact,
     ShakerForces,
     SpatialRun,
     body_of,
@@ -99,7 +99,7 @@ class MarchedRig(NamedTuple):
         """E* [Pa] of the contact of the last sphere, from Hertz' coefficient."""
         return 0.75 * float(self.start.chain.A[-1]) / np.sqrt(self.last.law.radius)
 
-    def body(self, coefficient: float, n_cells: int) -> Body:
+    def body(self, coefficient: float, n_cells: int) -> PreparedImpact:
         """Chain, contact and structure, with another coefficient of friction."""
         search = USUAL_SPATIAL_SEARCH._replace(n_cells=n_cells)
         last = with_coefficient(self, coefficient)
