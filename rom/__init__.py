@@ -24,7 +24,8 @@ patch on a half-space: it is still in K, and `coupling.reduced_wall.wall_of` tak
 """
 
 from rom.columns import ColumnOptions, with_columns
-from rom.contact_modes import Space, krylov_space
+from rom.contact_modes import krylov_space
+from rom.contact_space import Space
 from rom.craig_bampton import craig_bampton
 from rom.exchange import load_h5, load_mat, load_npz, save_full, save_h5, save_mat, save_npz
 from rom.factorisation import Factorise, Pencil, ReductionError, Solver, superlu

@@ -20,7 +20,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
-from rom.contact_modes import KrylovOptions
+from rom.contact_space import KrylovOptions
 from rom.factorisation import Pencil
 from rom.lanczos import EigenPairs
 from rom.residual_vector import attachment_modes

@@ -1,13 +1,11 @@
 """Which modes a reduction keeps."""
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from rom.contact_space import Space
 from rom.factorisation import ReductionError
-
-if TYPE_CHECKING:
-    from rom.contact_modes import Space
 
 
 class Selection(NamedTuple):
@@ -30,7 +28,7 @@ class Selection(NamedTuple):
     choice: str = "lowest"
     modes: tuple[np.ndarray, np.ndarray] | None = None
     finer_hz: float | None = None
-    space: "Space | None" = None
+    space: Space | None = None
 
     @property
     def by_contact(self) -> bool:

@@ -23,7 +23,6 @@ from rom import (
     tall,
 )
 from rom.contact_modes import (
-    KrylovOptions,
     _bound,
     _ranked,
     _residual_errors,
@@ -32,6 +31,7 @@ from rom.contact_modes import (
     krylov_space,
     static_shapes,
 )
+from rom.contact_space import KrylovOptions
 from rom.factorisation import Pencil, frequency_scale, noise, solutions, symmetric
 from rom.fixed_interface import fixed_interface, whole_pencil
 from rom.floating import is_held, pencil

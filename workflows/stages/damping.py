@@ -23,8 +23,6 @@ def damping(table: Damping, reduced: "rom.ReducedModel") -> coupling.Damping | N
     have given the ratios of the assembly's modes in its reduction; higher ones take the last one's.
     Raises InvalidScene for a model that was reduced without them."""
     if isinstance(table, LossFactorsTable):
-        from workflows.stages.loss_factors import law_of_loss  # a simple wall loads no elements
-
         if reduced.contact.strain is None:
             raise InvalidScene(
                 'damping.kind = "loss" needs the bodies whose strain it shares out, which this '
@@ -32,6 +30,22 @@ def damping(table: Damping, reduced: "rom.ReducedModel") -> coupling.Damping | N
             )
         return law_of_loss(table, reduced.contact.strain)
     return damping_law(table, reduced.contact.modes_hz or HAMMER_TEST_HZ)
+
+
+def law_of_loss(table: LossFactorsTable, strain: "rom.StrainShares") -> coupling.Damping:
+    """Damping law of loss factors; raises InvalidScene for names that are not of the assembly."""
+    from fem.loss_factors import damping_ratios_of  # a simple wall loads no elements
+
+    for name in table.factors:
+        if name not in strain.parts:
+            kind, _, part = name.partition(".")
+            known = [one.partition(".")[2] for one in strain.parts if one.startswith(f"{kind}.")]
+            raise InvalidScene(
+                f"damping.{kind}.{part} is not of this assembly; it has "
+                f"{', '.join(known) or 'none of these'}."
+            )
+    zeta = damping_ratios_of(strain.shares, [table.factors.get(one, 0.0) for one in strain.parts])
+    return coupling.ModalDamping(zeta, strain.hz, "nearest")
 
 
 def damping_law(table: Damping, hammer_modes_hz: Sequence[float]) -> coupling.Damping | None:

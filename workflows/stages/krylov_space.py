@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import fem
 import rom
 from fem.assembly_modes import N_MODES
-from rom.contact_modes import KrylovOptions
+from rom.contact_space import KrylovOptions
 from workflows.scene import Scene
 from workflows.scene.reduction import TO_HZ
 from workflows.stages.assembly import contact

@@ -7,28 +7,14 @@ from numpy.typing import NDArray
 
 import coupling
 import fem
-from fem.loss_factors import damping_ratios_of, strain_shares
-from workflows.scene import InvalidScene, LossFactorsTable, Scene
+from fem.loss_factors import strain_shares
+from workflows.scene import LossFactorsTable, Scene
 from workflows.stages.assembly import dashpots
-from workflows.stages.damping import damping_law
+from workflows.stages.damping import damping_law, law_of_loss
 
 if TYPE_CHECKING:
     import rom
     from fem.assembly_modes import AssemblyModes
-
-
-def law_of_loss(table: LossFactorsTable, strain: "rom.StrainShares") -> coupling.Damping:
-    """Damping law of loss factors; raises InvalidScene for names that are not of the assembly."""
-    for name in table.factors:
-        if name not in strain.parts:
-            kind, _, part = name.partition(".")
-            known = [one.partition(".")[2] for one in strain.parts if one.startswith(f"{kind}.")]
-            raise InvalidScene(
-                f"damping.{kind}.{part} is not of this assembly; it has "
-                f"{', '.join(known) or 'none of these'}."
-            )
-    zeta = damping_ratios_of(strain.shares, [table.factors.get(one, 0.0) for one in strain.parts])
-    return coupling.ModalDamping(zeta, strain.hz, "nearest")
 
 
 def structure_damping(

@@ -23,7 +23,7 @@ from skfem import MeshHex
 import fem
 import rom
 from fem.assembly_modes import N_MODES, AssemblyModes
-from rom.contact_modes import KrylovOptions
+from rom.contact_space import KrylovOptions
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.places import mass_face, part_face, spring_face
 from workflows.scene.reduction import TO_HZ
