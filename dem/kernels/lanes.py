@@ -80,9 +80,7 @@ class Blocks(NamedTuple):
     v0: Array
     mass: Array
     A: Array  # 0 behind the last sphere of a free chain
-    shape: (
-        ForceShape | None
-    )  # of the elastic force of the one block that there is then; None: Hertz
+    shape: ForceShape | None  # of the force of the one block that there is then; None: Hertz
     phi: Array
     omega: Array
     propagator: Array  # (n_blocks, n_drifts, 4, n_modes * LANES)

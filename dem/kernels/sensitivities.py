@@ -119,7 +119,8 @@ def contact(
 @fastmath
 def shaped_contact(
     d: float, rate: float, factors: tuple[float, float], s: float, i: int, shape: ForceShape,
-    f: Array,) -> None:  # fmt: skip
+    f: Array,
+) -> None:  # fmt: skip
     """`contact` of a force A phi(d) with the stiffness k and its derivative k' by d: the overlap
     follows the gap by soft = 1 / (1 + s k), the damper acts by gamma soft^2; factors A, gamma."""
     A, gamma = factors
