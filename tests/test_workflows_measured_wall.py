@@ -111,7 +111,7 @@ def test_a_universal_file_is_read_at_its_driving_point_whichever_way_it_was_hit(
     [
         (lambda H: -H, {}, "gives back .* sign"),
         (lambda H: H, {"unit": "m/s/N"}, "gives back .* unit"),
-        (lambda H: np.where(HZ > 5e3, np.nan, H), {}, "NaN"),
+        (lambda H: np.where(HZ > 5e3, np.nan, H), {}, "line 401 has nan in column 2"),
         (lambda H: H, {"response": 2}, "wall.response = 2"),
         (lambda H: np.array([H, H]), {}, "names no response of a point"),
     ],
