@@ -6,6 +6,7 @@ from scipy.integrate import solve_ivp
 
 import dem
 from dem import step_control
+from dem.kernels import laws
 
 SPEED = 0.31
 LAWS = ("linear", "linear-clipped", "hunt-crossley")
@@ -181,3 +182,11 @@ def test_energy_kept_to_rounding_is_no_sign_of_amplified_rounding():
     )
     assert run.n_steps <= 2000
     assert np.abs(run.v - exact.v).max() / SPEED <= run.error_estimate <= 1e-4
+
+
+@pytest.mark.parametrize("name", laws.DAMPING_LAWS)
+def test_kernels_read_the_row_of_a_damping_law(name):
+    row_of_law = laws.DAMPING_LAWS[name]
+    assert laws.grows(row_of_law.number) == row_of_law.grows
+    # without damping nothing can pull
+    assert laws.never_pulls(row_of_law.number) == (row_of_law.clipped or name == "none")

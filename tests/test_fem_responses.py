@@ -10,7 +10,7 @@ import fem
 from fem.correlation import SPRINGS, Shape
 from fem.dashpots import dashpot_rows
 from fem.factorisation import factorised
-from fem.full_responses import full_responses
+from fem.full_responses import full_responses, residual_flexibility
 from fem.response_fit import (
     MeasuredResponses,
     Resonances,
@@ -267,3 +267,14 @@ def test_the_whole_models_responses_are_those_of_a_solution_at_every_line(places
         full_responses(
             model, modes, np.ones(40), csr_matrix(points), csr_matrix(references), 1e9j + s, power=2
         )
+
+
+def test_modes_and_residual_flexibility_hold_the_static_solution(places):
+    model, points, _ = places
+    modes = fem.modes(model.K, model.M, 8)
+    exact = points @ factorised(csc_matrix(model.K)).solve(points.T)
+    of_modes = (points @ modes.phi / modes.omega**2) @ (points @ modes.phi).T
+    R = residual_flexibility(model, modes, csr_matrix(points))
+    np.testing.assert_allclose(of_modes + R, exact, atol=1e-9 * np.abs(exact).max())
+    assert np.abs(R).max() > 1e-3 * np.abs(exact).max()  # not what rounding leaves
+    assert np.linalg.eigvalsh(R)[0] > 0

@@ -147,9 +147,11 @@ class StruckFace:
         return Walls(contacts, np.array(local), self._damping())
 
     def without_missed_energy(self, walls: Walls) -> Walls:
-        """The walls of modes that are as soft as without what the mesh misses in them."""
+        """The same walls with the modes as they are once the strain energy that the mesh misses in
+        them is taken off their stiffness."""
         omega = walls.contacts.omega
         squares, R = np.linalg.eigh(without_missed(omega, self.pipeline("face-missed")))
+        # rigid motions are exact zeros, not rounding
         softer = np.where(squares > 1e-9 * squares[-1], squares, 0.0) ** 0.5
         contacts = walls.contacts._replace(omega=softer, phi=walls.contacts.phi @ R)
         return walls._replace(contacts=contacts)

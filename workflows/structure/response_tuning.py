@@ -491,9 +491,9 @@ def determined(
             refit = fit_responses(without, kept, fit.value[places], data, resonances)
             evaluations += refit.evaluations
             is_rigid = any(dropped is p for p in rigid)
-            # its compliance is nothing within two of its deviations
-            is_nothing = fit.of_groups[fit.parameters.index(dropped)] > 0.5
-            if not is_rigid or is_nothing or refit.objective <= fit.objective + options.worse:
+            # its compliance is zero within two deviations
+            is_insignificant = fit.of_groups[fit.parameters.index(dropped)] > 0.5
+            if not is_rigid or is_insignificant or refit.objective <= fit.objective + options.worse:
                 basis, made, model, fit = reduced, remade, without, refit
                 break
         else:

@@ -192,7 +192,7 @@ def scan(
 
         # the error of the reduction by a wall of more oscillators and shorter steps, that of the
         # mesh by the wall of the same point on the second mesh, which shows what is local, and by
-        # the energy that the mesh misses in the modes: of sharp inner edges two meshes tell little
+        # the energy that the mesh misses in the modes: two meshes show little of a sharp inner edge
         dt = np.broadcast_to(batch.dt, len(part))
         v_finer = march.by_steps(_some(finer, part), dt / SHORTER)
         error_reduction = MARGIN * march.difference(v_finer, batch.v)
