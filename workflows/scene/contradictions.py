@@ -14,18 +14,21 @@ from workflows.scene import (
     RomWall,
     Scene,
 )
-from workflows.scene.axes_of_test import of_test_axes
 from workflows.scene.bodies import General
-from workflows.scene.body_contradictions import of_bending, of_bodies, of_the_rig
-from workflows.scene.friction import of_friction
-from workflows.scene.gravity import of_gravity
-from workflows.scene.masses import of_masses
-from workflows.scene.measured import of_measured
+from workflows.scene.body_contradictions import (
+    of_bending,
+    of_bodies,
+    of_masses,
+    of_measured,
+    of_springs,
+    of_test_axes,
+    of_the_rig,
+)
+from workflows.scene.friction_contradictions import of_friction, of_gravity
 from workflows.scene.named_files import unfit
-from workflows.scene.sensors import of_place
-from workflows.scene.shakers import of_shakers
+from workflows.scene.sensor_contradictions import of_sensors
+from workflows.scene.shaker_contradictions import of_shakers
 from workflows.scene.size import too_large
-from workflows.scene.springs import of_springs
 
 
 class SceneLimits(NamedTuple):
@@ -34,7 +37,6 @@ class SceneLimits(NamedTuple):
     yield_pressure: float = 1e-6  # over Young's modulus, at least; that of lead is 1e-3
     young: float = 1e6  # [Pa] of a body of finite elements, at least: rubber
     damping: float = 1e6  # [s/m] of Hunt and Crossley's law, at most; from 1e3 nothing rebounds
-    samples: float = 1e6  # of an instrument, at most
 
 
 LIMITS = SceneLimits()
@@ -67,7 +69,7 @@ def contradictions(scene: Scene) -> Iterator[str]:
     yield from too_large(scene)
     if scene.chain:
         yield from _of_chain(scene)
-        yield from _of_sensors(scene)
+        yield from of_sensors(scene)
 
 
 def _missing_parts(scene: Scene) -> Iterator[str]:
@@ -306,44 +308,3 @@ def _of_chain(scene: Scene) -> Iterator[str]:
 
 def _lowest(value: float | tuple[float, ...]) -> float:
     return min(value) if isinstance(value, tuple) else value
-
-
-def _of_sensors(scene: Scene) -> Iterator[str]:
-    """Sensors on the spheres, and the instrument that records them."""
-    sensors, instrument = scene.output.sensors or (), scene.output.instrument
-    if instrument and not sensors:
-        yield "output.instrument records nothing; add output.sensors, or drop it."
-    labels, quantity_of = set(), {}
-    for i, sensor in enumerate(sensors, start=1):
-        key = f"output.sensors.{i}"
-        yield from of_place(scene, sensor, key)
-        if sensor.sphere is not None and sensor.sphere > scene.chain.count:
-            yield (
-                f"{key}.sphere = {sensor.sphere}, allowed are 1 to chain.count = "
-                f"{scene.chain.count}; change it or add spheres."
-            )
-        if sensor.label in labels:
-            yield f"{key} is a second sensor of {sensor.label}; drop it."
-        labels.add(sensor.label)
-
-        # sensors that share an unknown gain have to show one quantity, that of the first of them
-        gain = sensor.gain
-        if (
-            isinstance(gain, str)
-            and quantity_of.setdefault(gain, sensor.quantity) != sensor.quantity
-        ):
-            yield f"{key}.gain = {gain!r} is another quantity's; give it a name of its own."
-        if gain == 0:
-            yield f"{key}.gain = 0 shows nothing; give another, or a name if it is not known."
-        if sensor.low_pass and sensor.high_pass and sensor.high_pass >= sensor.low_pass:
-            yield (
-                f"{key}.high_pass = {sensor.high_pass:g} Hz must be below its low_pass = "
-                f"{sensor.low_pass:g} Hz; lower it."
-            )
-    if instrument:
-        n = instrument.sampling * scene.time.duration if scene.time else 0.0
-        if not 2 <= n <= LIMITS.samples:
-            yield (
-                f"output.instrument.sampling = {instrument.sampling:g} Hz takes {n:.3g} samples in "
-                f"time.duration, allowed are 2 to {LIMITS.samples:.0e}; change one of them."
-            )
