@@ -16,7 +16,8 @@ import numpy as np
 from coupling.errors import CouplingError
 from coupling.sensors import Sensor, measured, signals
 from dem.sensitivities import Sensitivities
-from workflows.fit.parameter import Parameter, Rig
+from workflows.fit.parameter import Parameter
+from workflows.fit.rig import Rig
 
 
 class Channels(NamedTuple):
