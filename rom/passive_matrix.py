@@ -20,7 +20,13 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 
 from rom.factorisation import ReductionError
-from rom.passive_fit import FitOptions, common_poles, require_driving_point
+from rom.passive_fit import (
+    FitOptions,
+    enough_modes,
+    require_driving_point,
+    resonances,
+    simplest,
+)
 
 LINES_TO_SPARE = 4  # frequencies for each pole of a fit at least; not varied
 
@@ -151,19 +157,14 @@ def passive_matrix_fit(
     for n in options.n_modes:
         if LINES_TO_SPARE * n + 6 > len(f):
             break
-        poles = common_poles(omega, elements, deviation, n, options)
-        omega_j, zeta = np.abs(poles), -poles.real / np.abs(poles)
-        low, high = omega[0] / options.outside[0], omega[-1] * options.outside[1]
-        taken = (omega_j > low) & (omega_j < high) & (zeta < options.zeta[1])
-        start = omega_j[taken], np.maximum(zeta[taken], options.zeta[0])
-        held = _with_factors(measured, *start, False, options, of_matrix)
-        is_held = of_matrix.most_free == 0
-        if not is_held:
-            drifting = _with_factors(measured, *start, True, options, of_matrix)
-            is_held = held.misfit < max(options.fine, drifting.misfit / options.free)
-        fits.append(held if is_held else drifting)
-        lowest = min(range(len(fits)), key=lambda i: fits[i].criterion)
-        if fits[-1].misfit < options.fine or len(fits) > lowest + 1 + options.patience:
+        start = resonances(omega, elements, deviation, n, options)
+        fixed = _with_factors(measured, *start, False, options, of_matrix)
+        is_fixed = of_matrix.most_free == 0
+        if not is_fixed:
+            free = _with_factors(measured, *start, True, options, of_matrix)
+            is_fixed = fixed.misfit < max(options.fine, free.misfit / options.free)
+        fits.append(fixed if is_fixed else free)
+        if enough_modes(fits[-1].misfit, [fit.criterion for fit in fits], options):
             break
 
     # the best of these refined; of these the one of fewest modes that is as good
@@ -172,9 +173,7 @@ def passive_matrix_fit(
 
     fits.sort(key=lambda fit: fit.criterion)
     best = [refined(*_poles(fit), fit.free.size > 0) for fit in fits[: options.refined]]
-    lowest_criterion = min(fit.criterion for fit in best)
-    as_good = [fit for fit in best if fit.criterion < lowest_criterion + options.better]
-    fit = min(as_good, key=lambda one: len(one.omega))
+    fit = simplest(best, options)
 
     # modes that the noise made, the smallest first: without them the criterion is as good
     while len(fit.omega) > 1:

@@ -186,7 +186,7 @@ ASSEMBLY = {
     ),
     "second-mesh": Stage(".errors:second_mesh", _coarse, ("mesh",)),
     "missed-energy": Stage(
-        ".mesh_error:missed_energy",
+        ".mesh_error:missed_by_mesh",
         tables_of("reduction", "strike"),
         ("mesh", "model", "modes"),
         means=("static-shape", "half-space"),

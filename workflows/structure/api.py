@@ -332,12 +332,12 @@ def tune_to_responses(
     `match`, numbers of resonances from the lowest on, choose the lines that are read; others are
     predicted. `out` is the tuned scene, `pictures` a folder. Raises InvalidScene for bad input.
     """
-    given = [files] if isinstance(files, str | Path) else list(files)
-    if not given:
-        raise InvalidScene(f"no file; {HAMMER}.")
-    paths = [require_file(file, HAMMER) for file in given]
+    paths = _of_test(files)
     chosen = with_assembly(load_scene(scene, changes))
-    band_hz, numbers = _band(band), None if match is None else _resonances(match)
+    band_hz, numbers = _band(band), None
+    if match is not None:
+        sentence = f"--match {match}: with --frf these are numbers of resonances, as 1,2,4."
+        numbers = _whole_numbers(match, sentence)
     from workflows.files.hammer import Reading
     from workflows.structure.response_tuning import tuned_to_responses
     from workflows.structure.tuning import write_scene
@@ -357,16 +357,6 @@ def tune_to_responses(
     first = f"Values inferred from the responses in {report.file}."
     written = write_scene(_named(result, file), file, first, scene)
     return TunedToResponses(written, report, drawn, file.path)
-
-
-def _resonances(match: str | Iterable[int]) -> tuple[int, ...]:
-    """Numbers of resonances, as (1, 2, 4) or "1,2,4"; raises InvalidScene for others."""
-    try:
-        return tuple(map(int, match.split(",") if isinstance(match, str) else match))
-    except (TypeError, ValueError):
-        raise InvalidScene(
-            f"--match {match}: with --frf these are numbers of resonances, as 1,2,4."
-        ) from None
 
 
 @dataclass(frozen=True, repr=False)
@@ -545,14 +535,15 @@ def hammer(
     test are known one-to-one with the modes of an assembly of bodies, by the MAC of their shapes
     and frequency together. Raises InvalidScene for bad input.
     """
-    given = [files] if isinstance(files, str | Path) else list(files)
-    if not given:
-        raise InvalidScene(f"no file; {HAMMER}.")
-    paths = [require_file(file, HAMMER) for file in given]
+    paths = _of_test(files)
     from workflows.files.hammer import Reading, write_modes
     from workflows.structure.hammer import Choice
 
-    choice = Choice(_band(band), _poles("--reject", reject), _poles("--accept", accept))
+    rejected, accepted = (
+        _whole_numbers(numbers, f"{option} {numbers} must be numbers of poles, as 3,7.")
+        for option, numbers in (("--reject", reject), ("--accept", accept))
+    )
+    choice = Choice(_band(band), rejected, accepted)
     reading = Reading(estimator, window, force_channel, Path(points) if points else None)
     reading.require()
     chosen = with_assembly(load_scene(scene, changes))
@@ -617,6 +608,14 @@ def hammer(
     return result
 
 
+def _of_test(files: str | Path | Iterable[str | Path]) -> list[Path]:
+    """The files of a hammer test, one at least; raises InvalidScene for one that is not there."""
+    given = [files] if isinstance(files, str | Path) else list(files)
+    if not given:
+        raise InvalidScene(f"no file; {HAMMER}.")
+    return [require_file(file, HAMMER) for file in given]
+
+
 def _band(band: str | tuple[float, float] | None) -> tuple[float, float] | None:
     """Frequencies [Hz], as (40, 950) or "40:950"; raises InvalidScene for others."""
     if band is None:
@@ -630,12 +629,12 @@ def _band(band: str | tuple[float, float] | None) -> tuple[float, float] | None:
     return low, high
 
 
-def _poles(option: str, numbers: str | Iterable[int]) -> tuple[int, ...]:
-    """Numbers of poles, as (3, 7) or "3,7"; raises InvalidScene for others."""
+def _whole_numbers(numbers: str | Iterable[int], otherwise: str) -> tuple[int, ...]:
+    """Whole numbers, as (3, 7) or "3,7"; raises InvalidScene with the sentence for others."""
     try:
         return tuple(map(int, numbers.split(",") if isinstance(numbers, str) else numbers))
     except (TypeError, ValueError):
-        raise InvalidScene(f"{option} {numbers} must be numbers of poles, as 3,7.") from None
+        raise InvalidScene(otherwise) from None
 
 
 def write_hammer_test(
