@@ -518,32 +518,8 @@ def fitted_modes(
         start = np.array([pole.pole for _, pole in chosen])
         L = np.array([pole.participation for _, pole in chosen])
         fit = modal_fit(f, H, 1 / noise, start, L, options.iterations, terms)
-        drop = None
-        for i, pole in enumerate(fit.pole):
-            line = int(np.abs(f - pole.imag / (2 * np.pi)).argmin())
-            alone = np.outer(fit.phi[:, i], fit.L[i]) / (2j * np.pi * f[line] - pole)
-            share = np.sum(np.abs(alone / noise) ** 2) / np.sum(np.abs(H[:, :, line] / noise) ** 2)
-            moved = abs(abs(pole) / abs(start[i]) - 1) > 2 * options.halves
-            reason = None
-            if moved or -pole.real > options.largest_zeta * abs(pole):
-                reason = "the fit of the responses does not hold it there"
-            elif share < options.least_share:
-                reason = f"it carries {100 * share:.2g} % of the response at its frequency"
-            # a peak that is no resonance of a linear mode is fitted by several, all of one shape
-            size = np.abs(fit.phi[:, i]).max() * np.abs(fit.L[i]).max() / -pole.real
-            for j, rival_pole in enumerate(fit.pole):
-                rival = np.abs(fit.phi[:, j]).max() * np.abs(fit.L[j]).max() / -rival_pole.real
-                if i == j or rival < size or abs(abs(rival_pole / pole) - 1) > options.twin:
-                    continue
-                pair = [i, j]
-                alike = mac(fit.phi[:, pair], fit.phi[:, pair])[0, 1]
-                if min(alike, mac(fit.L[pair].T, fit.L[pair].T)[0, 1]) > options.alike:
-                    share = 0.0
-                    reason = (
-                        f"it is a double of {abs(rival_pole) / (2 * np.pi):.2f} Hz, of its shape"
-                    )
-            if reason and chosen[i][0] not in accept and (drop is None or share < drop[0]):
-                drop = (share, i, reason)
+        droppable = [number not in accept for number, _ in chosen]
+        drop = weakest_mode(fit, start, f, H, noise, droppable, options)
         if drop is None:
             # what modes beyond the band's end leave in it may need more terms
             further = [t for t in options.terms if t > terms and 8 * sum(t) < len(f)]
@@ -566,36 +542,8 @@ def fitted_modes(
         if not chosen:
             return [], left_out, np.zeros_like(H)
 
-    # displacement of poles and factors by each deleted hit, or by the noise of each line
-    p, m, _ = H.shape
     n = len(fit.pole)
-    inverse = np.linalg.pinv(fit.normal, rcond=1e-13, hermitian=True)
-    local_inverse = [np.linalg.pinv(local) for local in fit.local]  # (2 n, m b)
-    of_global = [-local_inverse[i] @ fit.J[i] for i in range(p)]  # shape by poles and factors
-    covered = np.zeros((p, m), bool)
-    for d in test.deletions:
-        covered[np.ix_(d.points, d.references)] = True
-    squares = np.zeros((p, 2 * n))
-    if covered.all():
-        covariance, spread = 0.0, []
-        for deleted in test.deletions:
-            rows = compressed(deleted, part.lines, fit.q, 1 / noise)  # {point: (m b, hits)}
-            gradient = sum(
-                fit.J[i].T @ (x - fit.local[i] @ (local_inverse[i] @ x)) for i, x in rows.items()
-            )
-            displacement = inverse @ gradient
-            covariance = covariance + displacement @ displacement.T
-            spread.append((len(deleted.change) - 1, np.sum(displacement[: 2 * n] ** 2, axis=1)))
-            for i in range(p):
-                direct = local_inverse[i] @ rows[i] if i in rows else 0.0
-                squares[i] += np.sum((of_global[i] @ displacement + direct) ** 2, axis=1)
-    else:
-        # responses without noise leave rounding, of either sign
-        scatter = max(fit.misfit, 0.0) / (2 * p * m * (len(f) - 1 - sum(terms)))
-        covariance = inverse * scatter
-        for i in range(p):
-            local = scatter * (local_inverse[i] @ local_inverse[i].T)
-            squares[i] = np.diag(local + of_global[i] @ covariance @ of_global[i].T)
+    covariance, squares, spread = covariance_of(test, part, fit, terms)
 
     # the window's shift is taken off the poles; f = |lambda| / 2 pi, zeta = -Re lambda / |lambda|
     pole = fit.pole + test.shift
@@ -603,7 +551,7 @@ def fitted_modes(
     rr, ii = np.diag(covariance)[:n], np.diag(covariance)[n : 2 * n]
     ri = np.diag(covariance[:n, n : 2 * n])
     widening = np.ones(n)
-    if covered.all():
+    if spread:
         # the variance of few hits is itself uncertain: two deviations hold 95 % by Student's t, at
         # the degrees of freedom of Welch and Satterthwaite
         total = sum(variance for _, variance in spread)
@@ -631,6 +579,89 @@ def fitted_modes(
         if number is not None
     ]  # fmt: skip
     return modes, left_out, fit.synthesis
+
+
+def weakest_mode(
+    fit: ResponseModes,
+    start: NDArray[np.complex128],
+    f: NDArray[np.float64],
+    H: NDArray[np.complex128],
+    noise: NDArray[np.float64],
+    droppable: list[bool],
+    options: Stability,
+) -> tuple[float, int, str] | None:
+    """Of the droppable modes with a fault the one that carries least: its share of the response at
+    its frequency, its index and its fault; None where all are sound.
+
+    Faults: the fit has left where it began (`start`), damps too much, carries no energy of its own,
+    or is a double of another.
+    """
+    drop = None
+    for i, pole in enumerate(fit.pole):
+        line = int(np.abs(f - pole.imag / (2 * np.pi)).argmin())
+        alone = np.outer(fit.phi[:, i], fit.L[i]) / (2j * np.pi * f[line] - pole)
+        share = np.sum(np.abs(alone / noise) ** 2) / np.sum(np.abs(H[:, :, line] / noise) ** 2)
+        moved = abs(abs(pole) / abs(start[i]) - 1) > 2 * options.halves
+        reason = None
+        if moved or -pole.real > options.largest_zeta * abs(pole):
+            reason = "the fit of the responses does not hold it there"
+        elif share < options.least_share:
+            reason = f"it carries {100 * share:.2g} % of the response at its frequency"
+        # a peak that is no resonance of a linear mode is fitted by several, all of one shape
+        size = np.abs(fit.phi[:, i]).max() * np.abs(fit.L[i]).max() / -pole.real
+        for j, rival_pole in enumerate(fit.pole):
+            rival = np.abs(fit.phi[:, j]).max() * np.abs(fit.L[j]).max() / -rival_pole.real
+            if i == j or rival < size or abs(abs(rival_pole / pole) - 1) > options.twin:
+                continue
+            pair = [i, j]
+            alike = mac(fit.phi[:, pair], fit.phi[:, pair])[0, 1]
+            if min(alike, mac(fit.L[pair].T, fit.L[pair].T)[0, 1]) > options.alike:
+                share = 0.0
+                reason = f"it is a double of {abs(rival_pole) / (2 * np.pi):.2f} Hz, of its shape"
+        if reason and droppable[i] and (drop is None or share < drop[0]):
+            drop = (share, i, reason)
+    return drop
+
+
+def covariance_of(
+    test: FrequencyResponses, part: PoleCandidates, fit: ResponseModes, terms: tuple[int, int]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], list[tuple[int, NDArray[np.float64]]]]:
+    """Covariance of poles and factors, squares (p, 2 n) of the deviations of shapes; and for each
+    deletion of hits its degrees of freedom and the variance (2 n,) of poles, none without hits.
+
+    Poles and factors are displaced by each deleted hit, or by the noise of each line.
+    """
+    f, noise = test.frequency_hz[part.lines], part.noise
+    p, m = noise.shape
+    n = len(fit.pole)
+    inverse = np.linalg.pinv(fit.normal, rcond=1e-13, hermitian=True)
+    local_inverse = [np.linalg.pinv(local) for local in fit.local]  # (2 n, m b)
+    of_global = [-local_inverse[i] @ fit.J[i] for i in range(p)]  # shape by poles and factors
+    covered = np.zeros((p, m), bool)
+    for d in test.deletions:
+        covered[np.ix_(d.points, d.references)] = True
+    squares, spread = np.zeros((p, 2 * n)), []
+    if covered.all():
+        covariance = 0.0
+        for deleted in test.deletions:
+            rows = compressed(deleted, part.lines, fit.q, 1 / noise)  # {point: (m b, hits)}
+            gradient = sum(
+                fit.J[i].T @ (x - fit.local[i] @ (local_inverse[i] @ x)) for i, x in rows.items()
+            )
+            displacement = inverse @ gradient
+            covariance = covariance + displacement @ displacement.T
+            spread.append((len(deleted.change) - 1, np.sum(displacement[: 2 * n] ** 2, axis=1)))
+            for i in range(p):
+                direct = local_inverse[i] @ rows[i] if i in rows else 0.0
+                squares[i] += np.sum((of_global[i] @ displacement + direct) ** 2, axis=1)
+    else:
+        # responses without noise leave rounding, of either sign
+        scatter = max(fit.misfit, 0.0) / (2 * p * m * (len(f) - 1 - sum(terms)))
+        covariance = inverse * scatter
+        for i in range(p):
+            local = scatter * (local_inverse[i] @ local_inverse[i].T)
+            squares[i] = np.diag(local + of_global[i] @ covariance @ of_global[i].T)
+    return covariance, squares, spread
 
 
 def compressed(

@@ -113,25 +113,7 @@ def passive_matrix_fit(
     # points scaled to be alike, as displacements and turns are not; one half of the matrix
     size = np.sqrt(np.median(np.abs(np.einsum("kaa->ka", H)), axis=0))
     scaled = H / np.outer(size, size)
-    total = np.sqrt(np.mean(np.abs(scaled) ** 2))
-    asymmetry = float(np.sqrt(np.mean(np.abs(scaled - scaled.swapaxes(1, 2)) ** 2)) / total)
-    if asymmetry > of_matrix.reciprocal:
-        # noise near 0 Hz divided by omega^2 outweighs all else: the same of the lines from each on
-        differing = np.sum(np.abs(scaled - scaled.swapaxes(1, 2)) ** 2, axis=(1, 2))
-        square = np.sum(np.abs(scaled) ** 2, axis=(1, 2))
-        from_here = np.sqrt(np.cumsum(differing[::-1]) / np.cumsum(square[::-1]))[::-1]
-        alike = np.flatnonzero(from_here[: len(f) // 2] < of_matrix.sound)
-        if alike.size:
-            first = alike[0]
-            raise ReductionError(
-                f"H and its transpose differ by {asymmetry:.0%} of H, which a structure has alike, "
-                f"but by {from_here[first]:.1%} from {f[first]:.4g} Hz on: lines near 0 Hz "
-                f"are noise; leave them out, by lowest = {f[first]:.4g} Hz"
-            )
-        raise ReductionError(
-            f"H and its transpose differ by {asymmetry:.0%} of H, which a structure has alike: "
-            "check that rows and columns name the same points in one order, with one sign each"
-        )
+    require_reciprocal(f, scaled, of_matrix)
     rows, columns = np.triu_indices(m)
     elements = (scaled + scaled.swapaxes(1, 2))[:, rows, columns] / 2  # (k, e)
     deviation = _deviation(elements, options)
@@ -196,6 +178,32 @@ def passive_matrix_fit(
         if more.criterion < fit.criterion - options.better:
             fit = more
     return _in_units(fit, f, scaled, size)
+
+
+def require_reciprocal(
+    f: NDArray[np.float64], scaled: NDArray[np.complex128], of_matrix: MatrixOptions
+) -> None:
+    """Raise ReductionError where receptances (k, m, m) at f (k,) [Hz] differ from their transposes,
+    naming the line from which they do not."""
+    total = np.sqrt(np.mean(np.abs(scaled) ** 2))
+    asymmetry = float(np.sqrt(np.mean(np.abs(scaled - scaled.swapaxes(1, 2)) ** 2)) / total)
+    if asymmetry > of_matrix.reciprocal:
+        # noise near 0 Hz divided by omega^2 outweighs all else: the same of the lines from each on
+        differing = np.sum(np.abs(scaled - scaled.swapaxes(1, 2)) ** 2, axis=(1, 2))
+        square = np.sum(np.abs(scaled) ** 2, axis=(1, 2))
+        from_here = np.sqrt(np.cumsum(differing[::-1]) / np.cumsum(square[::-1]))[::-1]
+        alike = np.flatnonzero(from_here[: len(f) // 2] < of_matrix.sound)
+        if alike.size:
+            first = alike[0]
+            raise ReductionError(
+                f"H and its transpose differ by {asymmetry:.0%} of H, which a structure has alike, "
+                f"but by {from_here[first]:.1%} from {f[first]:.4g} Hz on: lines near 0 Hz "
+                f"are noise; leave them out, by lowest = {f[first]:.4g} Hz"
+            )
+        raise ReductionError(
+            f"H and its transpose differ by {asymmetry:.0%} of H, which a structure has alike: "
+            "check that rows and columns name the same points in one order, with one sign each"
+        )
 
 
 def _deviation(elements: NDArray[np.complex128], options: FitOptions) -> NDArray[np.float64]:
@@ -273,6 +281,30 @@ def _poles(fit: MatrixFit) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return omega, fit.zeta[first]
 
 
+def unconstrained_residues(
+    measured: Elements, omega_j: NDArray[np.float64], zeta: NDArray[np.float64], drifts: bool
+) -> NDArray[np.float64]:
+    """Residues (n + 1 or 2, m, m) of the poles, of the compliance and, where the part `drifts`, of
+    its free masses: least squares, element by element."""
+    omega, H, deviation = measured
+    e = H.shape[1]
+    m = int((np.sqrt(8 * e + 1) - 1) / 2)
+    rows, columns = np.triu_indices(m)
+    w = omega[:, None]
+    D = 1 / (omega_j**2 - w**2 + 2j * zeta * omega_j * w)
+    lines = np.hstack([D, np.ones_like(w), *([-1 / w**2] if drifts else [])])
+    residues = np.zeros((lines.shape[1], e))
+    for i in range(e):
+        A = lines / deviation[:, [i]]
+        A = np.vstack([A.real, A.imag])
+        norm = np.linalg.norm(A, axis=0)
+        right = np.concatenate([H[:, i].real, H[:, i].imag]) / np.tile(deviation[:, i], 2)
+        residues[:, i] = np.linalg.lstsq(A / norm, right, rcond=None)[0] / norm
+    square = np.zeros((len(residues), m, m))
+    square[:, rows, columns] = square[:, columns, rows] = residues
+    return square
+
+
 def _with_factors(
     measured: Elements,
     omega_j: NDArray[np.float64],
@@ -291,18 +323,7 @@ def _with_factors(
     rows, columns = np.triu_indices(m)
     w = omega[:, None]
 
-    # residues without a constraint, element by element: (n + 2, e)
-    D = 1 / (omega_j**2 - w**2 + 2j * zeta * omega_j * w)
-    lines = np.hstack([D, np.ones_like(w), *([-1 / w**2] if drifts else [])])
-    residues = np.zeros((lines.shape[1], e))
-    for i in range(e):
-        A = lines / deviation[:, [i]]
-        A = np.vstack([A.real, A.imag])
-        norm = np.linalg.norm(A, axis=0)
-        right = np.concatenate([H[:, i].real, H[:, i].imag]) / np.tile(deviation[:, i], 2)
-        residues[:, i] = np.linalg.lstsq(A / norm, right, rcond=None)[0] / norm
-    square = np.zeros((len(residues), m, m))
-    square[:, rows, columns] = square[:, columns, rows] = residues
+    square = unconstrained_residues(measured, omega_j, zeta, drifts)
 
     # factors L (m, r); one oscillator for each column of a mode's
     n = len(omega_j)

@@ -314,13 +314,7 @@ def tuned(
     computed_mode = {n: int(j) + 1 for n, j in zip(number, computed.index, strict=True) if j >= 0}
     of_numbers = []
     if not scene.of_dimensions and (scene.floats or scene.springs) and result.targets:
-        by_number = {t.number for t in result.targets} & computed_mode.keys()
-        counted = [f"{n} is mode {computed_mode[n]}" for n in sorted(by_number)]
-        if counted:
-            of_numbers.append(
-                "numbers of targets count modes that strain bodies or joints, not rigid motions, "
-                f"free or on springs: {', '.join(counted)}."
-            )
+        of_numbers = on_numbers(result, computed_mode)
     report = TuningReport(
         scene=scene.name,
         match={str(n): hz for n, hz in match.items()},
@@ -350,6 +344,19 @@ def tuned(
         ],
     )
     return result, report
+
+
+def on_numbers(scene: Scene, computed_mode: dict[int, int]) -> list[str]:
+    """A sentence on the numbers of targets {number: computed mode} where modes are rigid motions as
+    well, which have none; nothing where no target has a number."""
+    by_number = {t.number for t in scene.targets} & computed_mode.keys()
+    counted = [f"{n} is mode {computed_mode[n]}" for n in sorted(by_number)]
+    if counted:
+        return [
+            "numbers of targets count modes that strain bodies or joints, not rigid motions, "
+            f"free or on springs: {', '.join(counted)}."
+        ]
+    return []
 
 
 def candidates_of(scene: Scene, names: tuple[str, ...]) -> list[TuningParameter]:
