@@ -598,13 +598,13 @@ def pushed_forces(
         _, shift, bound = let_go(body, cycle.cut, pushed)
         y = cycle.y.copy()
         y[:, n:] += shift * max(1.0 - amplitude / np.linalg.norm(bound), 0.0)
-        other = balance(
+        pushed_cycle = balance(
             body, before, n_samples, search.pushed_change, search.pushed_creep,
             start=cycle._replace(y=y), pushed=pushed,
         )  # fmt: skip
-        if other.change > search.pushed_change:
+        if pushed_cycle.change > search.pushed_change:
             return None
-        forces.append(other.answer.force[:, n:])
+        forces.append(pushed_cycle.answer.force[:, n:])
     return forces
 
 

@@ -300,8 +300,8 @@ def modal_fit(
             settled = best is not None and best.misfit - cost < 1e-4 * cost
             amplitudes = phi[:, None, :] * L_at.T  # (p, m, n)
             model = amplitudes @ P + amplitudes.conj() @ Q
-            rest = data - stacked(model.reshape(p * m, f)).T
-            low = (outside @ (outside.T @ rest)).T.reshape(p, m, 2, f)
+            residual = data - stacked(model.reshape(p * m, f)).T
+            low = (outside @ (outside.T @ residual)).T.reshape(p, m, 2, f)
             model = model + low[:, :, 0] + 1j * low[:, :, 1]
             best = ResponseModes(
                 at, L_at, phi, cost, normal, np.array(J_all), np.array(local_all), q, model
@@ -511,7 +511,7 @@ def fitted_modes(
     """
     f, H, noise = test.frequency_hz[part.lines], test.H[:, :, part.lines], part.noise
     chosen, left_out = list(chosen), []
-    terms, other = options.terms[0], None
+    terms, of_other_terms = options.terms[0], None
 
     # again without what carries no energy of its own
     while True:
@@ -525,12 +525,14 @@ def fitted_modes(
             further = [t for t in options.terms if t > terms and 8 * sum(t) < len(f)]
             beside = further[:1] or [t for t in options.terms if t < terms][-1:]
             if not beside:
-                other = None
+                of_other_terms = None
                 break
-            other = modal_fit(f, H, 1 / noise, fit.pole, fit.L, options.iterations, beside[0])
+            of_other_terms = modal_fit(
+                f, H, 1 / noise, fit.pole, fit.L, options.iterations, beside[0]
+            )
             n_further = 2 * H[:, :, 0].size * (sum(beside[0]) - sum(terms))
             least = np.finfo(float).eps * np.sum(np.abs(H / noise[:, :, None]) ** 2)
-            gain = 2 * H.size * np.log(max(fit.misfit, least) / max(other.misfit, least))
+            gain = 2 * H.size * np.log(max(fit.misfit, least) / max(of_other_terms.misfit, least))
             if not further or gain < n_further * np.log(2 * H.size):
                 break
             terms = further[0]
@@ -562,9 +564,9 @@ def fitted_modes(
     size_variance = (sigma**2 * rr + omega**2 * ii - 2 * sigma * omega * ri) / size**2
     d_real, d_imag = -(omega**2) / size**3, sigma * -omega / size**3
     zeta_variance = d_real**2 * rr + d_imag**2 * ii + 2 * d_real * d_imag * ri
-    if other is not None:
+    if of_other_terms is not None:
         # of another number of terms: an error of the background, which the scatter of hits is not
-        moved = other.pole + test.shift
+        moved = of_other_terms.pole + test.shift
         size_variance += (np.abs(moved) - size) ** 2
         zeta_variance += (-moved.real / np.abs(moved) - sigma / size) ** 2
     unit = fit.phi[np.abs(fit.phi).argmax(axis=0), np.arange(n)]

@@ -212,8 +212,10 @@ def without_each_block(
     deleted = np.full((n, len(poles)), np.nan, complex)
     deleted_phi = np.full((n, *phi.shape), np.nan, complex)
     for b in range(n if n > 1 else 0):
-        rest = (n * mean - lags[b]) / (n - 1)
-        by_order = {o: (p, L) for o, p, L in subspace_poles(rest, dt, tuple({*own_order}))}
+        remaining_lags = (n * mean - lags[b]) / (n - 1)
+        by_order = {
+            o: (p, L) for o, p, L in subspace_poles(remaining_lags, dt, tuple({*own_order}))
+        }
         for i, order in enumerate(own_order):
             some, L = by_order[order]
             if not len(some):

@@ -75,17 +75,17 @@ def contact_modes(
         n_vectors += options.extra
     if space is not None and space.bound <= bound and space.to_hz >= reach_hz:
         pairs, bound = space.pairs, space.bound
-        kept = indices_of(retained, pairs, problem.M)
+        retained_at = indices_of(retained, pairs, problem.M)
         finer = condensed(pairs, w, reach_hz, options.exact)
     else:
         pairs, bound, *_ = krylov_space(
             problem, w, retained, bound, reach_hz, n_vectors, options=options
         )
-        kept, finer = np.arange(n_retained), pairs
+        retained_at, finer = np.arange(n_retained), pairs
     participation = pairs.phi.T @ w
 
     # the choice: the retained ones, then the others by their weight; n is where the error is met
-    order = _ranked(pairs.omega, participation, kept, to_hz)
+    order = _ranked(pairs.omega, participation, retained_at, to_hz)
     errors = bound + _residual_errors(pairs.omega[order], participation[order], to_hz)
     if error is not None:
         n_modes = max(int(np.argmax(errors <= error)), n_retained)
@@ -121,13 +121,13 @@ def condensed(pairs: EigenPairs, w: np.ndarray, to_hz: float, error: float) -> E
     omega, phi = pairs.omega, pairs.phi.T @ w
     order = _ranked(omega, phi, np.empty(0, np.int64), to_hz)
     n = int(np.argmax(_residual_errors(omega[order], phi[order], to_hz) <= error))
-    rest = order[n:]
-    if not len(rest):
+    minor = order[n:]
+    if not len(minor):
         return pairs
-    amplitude = phi[rest] / omega[rest] ** 2
-    mass, stiffness = np.sum(amplitude**2), np.sum((amplitude * omega[rest]) ** 2)
+    amplitude = phi[minor] / omega[minor] ** 2
+    mass, stiffness = np.sum(amplitude**2), np.sum((amplitude * omega[minor]) ** 2)
     weights = np.zeros(len(omega))
-    weights[rest] = amplitude / np.sqrt(mass)
+    weights[minor] = amplitude / np.sqrt(mass)
     few = np.empty((len(w), n + 1), order="F")
     for j, column in enumerate(order[:n]):
         few[:, j] = pairs.phi[:, column]

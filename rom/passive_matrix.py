@@ -130,9 +130,9 @@ def passive_matrix_fit(
         W = W @ np.linalg.qr(np.random.default_rng(0).standard_normal((W.shape[1],) * 2))[0]
         few = passive_matrix_fit(f, W.T @ scaled @ W, options, of_matrix)
         at = _lines_kept(omega, few, of_matrix.lines)
-        kept = Elements(omega[at], elements[at], deviation[at])
+        thinned = Elements(omega[at], elements[at], deviation[at])
         drifts = few.free.size > 0
-        fit = _with_factors(kept, *_poles(few), drifts, options, of_matrix, refine=True)
+        fit = _with_factors(thinned, *_poles(few), drifts, options, of_matrix, refine=True)
         return _in_units(fit, f, scaled, size)
 
     fits: list[MatrixFit] = []
@@ -174,9 +174,9 @@ def passive_matrix_fit(
     for second in of_matrix.further:
         of_two = of_matrix._replace(second=second)
         drifts = fit.free.size > 0
-        more = _with_factors(measured, *_poles(fit), drifts, options, of_two, refine=True)
-        if more.criterion < fit.criterion - options.better:
-            fit = more
+        of_two_shapes = _with_factors(measured, *_poles(fit), drifts, options, of_two, refine=True)
+        if of_two_shapes.criterion < fit.criterion - options.better:
+            fit = of_two_shapes
     return _in_units(fit, f, scaled, size)
 
 
@@ -271,8 +271,8 @@ def _factor(residue: NDArray[np.float64], least: float) -> NDArray[np.float64]:
     """L (m, r) with L L^T nearest to a symmetric residue (m, m), of eigenvalues above `least` times
     the largest; r = 0 where none is positive."""
     values, vectors = np.linalg.eigh(residue)
-    kept = values > max(least * values[-1], 0.0)
-    return vectors[:, kept] * np.sqrt(values[kept])
+    positive = values > max(least * values[-1], 0.0)
+    return vectors[:, positive] * np.sqrt(values[positive])
 
 
 def _poles(fit: MatrixFit) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -104,13 +104,13 @@ class StepRow(BaseModel):
 
     def text(self) -> str:
         """What was done with which options, and what was left out."""
-        given = [
+        options = [
             f"{name} {value:.6g}" if isinstance(value, float) else f"{name} {value}"
             for name, value in self.options.items()
             if value not in (None, "")
         ]
         left_out = f"; left out: {'; '.join(self.left_out)}" if self.left_out else ""
-        return f"{self.file}: {', '.join([self.step, *given])}{left_out}."
+        return f"{self.file}: {', '.join([self.step, *options])}{left_out}."
 
 
 class HammerReport(BaseModel):

@@ -654,10 +654,10 @@ def retargeted(scene: Scene, match: dict[int, float]) -> Scene:
         numbered = zip(scene.measured_numbers, scene.targets or (), strict=True)
         tables = [_moved(target, match.get(n, target.hz)) for n, target in numbered]
     else:
-        given = {target.number: target for target in scene.targets or ()}
-        new = {n: MeasuredMode(number=n, hz=hz) for n, hz in match.items() if n not in given}
-        given = {n: _moved(target, match.get(n, target.hz)) for n, target in given.items()}
-        tables = [table for _, table in sorted((given | new).items())]
+        by_number = {target.number: target for target in scene.targets or ()}
+        new = {n: MeasuredMode(number=n, hz=hz) for n, hz in match.items() if n not in by_number}
+        by_number = {n: _moved(target, match.get(n, target.hz)) for n, target in by_number.items()}
+        tables = [table for _, table in sorted((by_number | new).items())]
     return scene.but(targets=tuple(tables))
 
 
