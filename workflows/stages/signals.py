@@ -29,7 +29,7 @@ def sensors(scene: Scene) -> tuple[Sensor, ...]:
             None if sensor.sphere is None else sensor.sphere - 1,
             sensor.quantity,
             sensor.gain if isinstance(sensor.gain, float) else 1.0,
-            Band(low_pass_of(scene, sensor), sensor.high_pass, sensor.order),
+            Band(low_pass_of(sensor, scene.reduction), sensor.high_pass, sensor.order),
             sensor.noise,
             sensor.range,
             next(column) if sensor.sphere is None else None,
