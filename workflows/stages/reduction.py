@@ -88,12 +88,15 @@ def reduction(
     boundary = boundary_of(contact, w_reading, keep)
 
     # modes that were computed already: where the contact chooses, the measured ones are kept in any
-    # case and all others compete; a free-modes model of the lowest takes them all
-    selected = selection(scene)
+    # case and all others compete; a free-modes model of the lowest takes them all, if they are as
+    # many as it needs
+    selected, table = selection(scene), scene.reduction
     ready = targets_kept(modes) if selected.by_contact else None
-    craig_bampton = scene.reduction.kind == "craig-bampton"
+    craig_bampton = table.kind == "craig-bampton"
     if not craig_bampton and not selected.by_contact:
-        ready = _enough_modes(scene, modes)
+        below = table.cutoff is not None and 2 * np.pi * table.cutoff < modes.omega[-1]
+        if below or (table.modes is not None and table.modes <= len(modes.omega)):
+            ready = modes.omega, modes.phi
     selected = selected._replace(modes=ready, space=space)
     if craig_bampton and len(boundary) * len(contact.w) > LIMITS.most_values:
         gigabytes = 8e-9 * len(boundary) * len(contact.w)
@@ -236,16 +239,6 @@ def targets_kept(
     if not len(modes.index):
         return None
     return modes.omega[index], modes.phi[:, index]
-
-
-def _enough_modes(
-    scene: Scene, modes: AssemblyModes
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """omega and phi of the modes that were computed, if they are as many as the reduction takes."""
-    table, n_modes = scene.reduction, len(modes.omega)
-    below = table.cutoff is not None and 2 * np.pi * table.cutoff < modes.omega[-1]
-    enough = below or (table.modes is not None and table.modes <= n_modes)
-    return (modes.omega, modes.phi) if enough else None
 
 
 def reading(scene: Scene, model: fem.Model) -> NDArray[np.float64] | None:

@@ -307,9 +307,7 @@ def resonance_rows(of_fit: Fitted, full: FullModel) -> list[ResonanceRow]:
     return rows
 
 
-def held_out_misfit(
-    of_fit: Fitted, band_hz: tuple[float, float], highest_hz: float, options: ResponseOptions
-) -> Misfit | None:
+def held_out_misfit(of_fit: Fitted, highest_hz: float, options: ResponseOptions) -> Misfit | None:
     """Of the fitted model at lines around the resonances that were not fitted, as high as the
     projection holds; None where all were."""
     if of_fit.chosen.all():
