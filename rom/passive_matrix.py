@@ -110,12 +110,8 @@ def passive_matrix_fit(
         except ReductionError as why:
             raise ReductionError(f"of point {a + 1}: {why}") from None
 
-    # points scaled to be alike, as displacements and turns are not; one half of the matrix
-    size = np.sqrt(np.median(np.abs(np.einsum("kaa->ka", H)), axis=0))
-    scaled = H / np.outer(size, size)
+    size, scaled, elements = _alike(H)
     require_reciprocal(f, scaled, of_matrix)
-    rows, columns = np.triu_indices(m)
-    elements = (scaled + scaled.swapaxes(1, 2))[:, rows, columns] / 2  # (k, e)
     deviation = _deviation(elements, options)
     omega = 2 * np.pi * f
     measured = Elements(omega, elements, deviation)
@@ -185,8 +181,7 @@ def require_reciprocal(
 ) -> None:
     """Raise ReductionError where receptances (k, m, m) at f (k,) [Hz] differ from their transposes,
     naming the line from which they do not."""
-    total = np.sqrt(np.mean(np.abs(scaled) ** 2))
-    asymmetry = float(np.sqrt(np.mean(np.abs(scaled - scaled.swapaxes(1, 2)) ** 2)) / total)
+    asymmetry = _asymmetry(scaled)
     if asymmetry > of_matrix.reciprocal:
         # noise near 0 Hz divided by omega^2 outweighs all else: the same of the lines from each on
         differing = np.sum(np.abs(scaled - scaled.swapaxes(1, 2)) ** 2, axis=(1, 2))
@@ -204,6 +199,23 @@ def require_reciprocal(
             f"H and its transpose differ by {asymmetry:.0%} of H, which a structure has alike: "
             "check that rows and columns name the same points in one order, with one sign each"
         )
+
+
+def _alike(
+    H: NDArray[np.complex128],
+) -> tuple[NDArray[np.float64], NDArray[np.complex128], NDArray[np.complex128]]:
+    """Sizes (m,) of the points, of which displacements and turns have other ones, H (k, m, m) over
+    them, and one half (k, e) of that matrix and its transpose, in the mean."""
+    size = np.sqrt(np.median(np.abs(np.einsum("kaa->ka", H)), axis=0))
+    scaled = H / np.outer(size, size)
+    rows, columns = np.triu_indices(H.shape[1])
+    return size, scaled, (scaled + scaled.swapaxes(1, 2))[:, rows, columns] / 2
+
+
+def _asymmetry(scaled: NDArray[np.complex128]) -> float:
+    """|H - H^T| over |H|, rms, of receptances (k, m, m)."""
+    total = np.sqrt(np.mean(np.abs(scaled) ** 2))
+    return float(np.sqrt(np.mean(np.abs(scaled - scaled.swapaxes(1, 2)) ** 2)) / total)
 
 
 def _deviation(elements: NDArray[np.complex128], options: FitOptions) -> NDArray[np.float64]:
@@ -231,14 +243,13 @@ def _in_units(
     """A fit of receptances (k, m, m) over sizes (m, m) in the units of the points, with its
     error."""
     total = np.sqrt(np.mean(np.abs(scaled) ** 2))
-    asymmetry = np.sqrt(np.mean(np.abs(scaled - scaled.swapaxes(1, 2)) ** 2)) / total
     missed = matrix_receptance(fit, f) - (scaled + scaled.swapaxes(1, 2)) / 2
     return fit._replace(
         phi=fit.phi * size[:, None],
         free=fit.free * size[:, None],
         compliance=fit.compliance * np.outer(size, size),
         error=float(np.sqrt(np.mean(np.abs(missed) ** 2)) / total),
-        asymmetry=float(asymmetry / 2),
+        asymmetry=_asymmetry(scaled) / 2,
     )
 
 
@@ -252,10 +263,7 @@ def refitted(
     """The oscillators of other receptances (k, m, m) of the same part, from the poles of a fit:
     what noise, or another band, makes of it."""
     f, H = np.asarray(frequency_hz, float), np.asarray(H, complex)
-    size = np.sqrt(np.median(np.abs(np.einsum("kaa->ka", H)), axis=0))
-    scaled = H / np.outer(size, size)
-    rows, columns = np.triu_indices(H.shape[1])
-    elements = (scaled + scaled.swapaxes(1, 2))[:, rows, columns] / 2
+    size, scaled, elements = _alike(H)
     omega = 2 * np.pi * f
     at = _lines_kept(omega, fit, of_matrix.lines)
     measured = Elements(omega[at], elements[at], _deviation(elements[at], options))

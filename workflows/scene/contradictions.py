@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from workflows.scene import (
-    DashpotWall,
     LossFactorsTable,
     MeasuredWall,
     ModalDampingTable,
@@ -29,6 +28,7 @@ from workflows.scene.named_files import unfit
 from workflows.scene.sensor_contradictions import of_sensors
 from workflows.scene.shaker_contradictions import of_shakers
 from workflows.scene.size import too_large
+from workflows.scene.walls import gives_way
 
 
 class SceneLimits(NamedTuple):
@@ -242,18 +242,19 @@ def _of_chain(scene: Scene) -> Iterator[str]:
         )
 
     # a dashpot gives way to a steady force, and a second dashpot in series has no law
-    if isinstance(scene.wall, DashpotWall):
+    if gives_way(scene.wall):
+        wall_kind = f'wall.kind = "{scene.wall.kind}"'
         if scene.preload and scene.preload.force > 0:
             yield (
-                f'preload.force = {scene.preload.force} N with wall.kind = "dashpot", which gives '
-                "way to any steady force; set it to 0, or take another wall."
+                f"preload.force = {scene.preload.force} N with {wall_kind}, which gives way to any "
+                "steady force; set it to 0, or take another wall."
             )
         last = contact.coefficient
         last = last[-1] if isinstance(last, tuple) else last
         if last > 0 and contact.dissipation != "none":
             yield (
-                f'contact.coefficient is {last} at the wall, with wall.kind = "dashpot" it must be '
-                "0 there; give a value for each contact, or drop it."
+                f"contact.coefficient is {last} at the wall, with {wall_kind} it must be 0 there; "
+                "give a value for each contact, or drop it."
             )
     yield from of_gravity(scene)
     yield from of_friction(scene)
@@ -270,16 +271,16 @@ def _of_chain(scene: Scene) -> Iterator[str]:
                 "millionth of chain.young; raise it."
             )
         excluded = {
-            'wall.kind = "dashpot"': isinstance(scene.wall, DashpotWall),
+            f'wall.kind = "{scene.wall and scene.wall.kind}"': gives_way(scene.wall),
             'patch.weights = "thesis"': scene.patch is not None and scene.patch.weights == "thesis",
             "dashpots": scene.has_dashpots,
         }
         for excluder in (name for name, is_given in excluded.items() if is_given):
             yield f'contact.law = "thornton" is not marched with {excluder}; change one of them.'
-    if contact.shaped and isinstance(scene.wall, DashpotWall):
+    if contact.shaped and gives_way(scene.wall):
         yield (
-            f'contact.law = "{contact.law}" is not marched with wall.kind = "dashpot"; change one '
-            "of them."
+            f'contact.law = "{contact.law}" is not marched with wall.kind = "{scene.wall.kind}"; '
+            "change one of them."
         )
     if contact.file and (why := unfit(Path(contact.file))):
         yield f"contact.file = {contact.file!r} {why}; give a CSV of overlaps and forces."

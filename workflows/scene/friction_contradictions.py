@@ -7,7 +7,7 @@ import numpy as np
 
 from workflows.scene.friction import arm_stiffness
 from workflows.scene.scene import Scene
-from workflows.scene.walls import DashpotWall, HalfSpaceWall, OneDofWall, RigidWall, RomWall
+from workflows.scene.walls import HalfSpaceWall, OneDofWall, RigidWall, RomWall, gives_way
 
 
 def of_gravity(scene: Scene) -> Iterator[str]:
@@ -16,12 +16,13 @@ def of_gravity(scene: Scene) -> Iterator[str]:
     along = gravity.along if gravity else 0.0
     if along and scene.wall is None and not scene.leaf_springs:
         yield "[gravity] needs a [wall] or [leaf_springs] that carries the chain; add one."
-    if along and isinstance(scene.wall, DashpotWall) and not scene.leaf_springs:
+    if along and gives_way(scene.wall) and not scene.leaf_springs:
         yield (
-            '[gravity] with wall.kind = "dashpot", which gives way to any steady force: nothing '
-            'holds an infinite plate. Take wall.kind = "half-space" for a slab thicker than its '
-            'waves are long, a [plate] with wall.kind = "rom", whose edges carry the chain, or '
-            "gravity.inclination = 0, without what the weight adds to the speed of the waves."
+            f'[gravity] with wall.kind = "{scene.wall.kind}", which gives way to any steady force, '
+            'as an infinite plate that nothing holds. Take wall.kind = "half-space" for a slab '
+            'thicker than its waves are long, a [plate] with wall.kind = "rom", whose edges carry '
+            "the chain, or gravity.inclination = 0, without what the weight adds to the speed of "
+            "the waves."
         )
     if along < 0 and not scene.leaf_springs:
         yield (

@@ -56,7 +56,7 @@ class SensorTable(SceneTable):
     radius: of(Positive, LENGTH) | None = None  # [m] of the disc whose mean it shows; 5 mm
     direction: Direction | None = None  # "x", "y", "z", "normal" (out of the face), or a vector
     # what is measured; of a face acceleration, velocity or displacement
-    quantity: Literal["force", "force-rate", "velocity", "displacement", "acceleration"] = "force"
+    quantity: Literal[*KINDS] = "force"
     # [V/N], [V s/N], [V s/m], [V/m] or [V s^2/m]; or a name of one to be found
     gain: Number | str | None = None
     # [Hz] of a Butterworth filter; of a face by default half of reduction.to_hz, else 10 kHz

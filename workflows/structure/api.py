@@ -269,7 +269,7 @@ def tune(
 
     # where to, before the fit: a file that cannot be written is refused at once
     path = f"{chosen.name}-tuned.toml" if out is USUAL else out
-    inputs = (*files_read(chosen, scene), *((Path(hammer),) if hammer else ()))
+    inputs = files_read(chosen, scene, hammer)
     options = {"inputs": inputs, "ending": ".toml", "overwrite": overwrite}
     file = OutputFile(path, **options) if path else None
 
@@ -344,7 +344,7 @@ def tune_to_responses(
 
     reading = Reading(points=Path(points) if points else None)
     path = f"{chosen.name}-tuned.toml" if out is USUAL else out
-    inputs = (*files_read(chosen, scene), *paths, *((reading.points,) if reading.points else ()))
+    inputs = files_read(chosen, scene, *paths, reading.points)
     file = OutputFile(path, inputs=inputs, ending=".toml", overwrite=overwrite) if path else None
     folder = picture_folder(pictures, inputs, overwrite, "responses")
     result, report, drawn = tuned_to_responses(
@@ -390,7 +390,7 @@ def fit_losses(
     from workflows.structure.tuning import write_scene
 
     chosen, _, remarks = with_modes(scene, changes, hammer, None, progress)
-    inputs = (*files_read(chosen, scene), *((Path(hammer),) if hammer else ()))
+    inputs = files_read(chosen, scene, hammer)
     file = OutputFile(out, inputs=inputs, ending=".toml", overwrite=overwrite) if out else None
     result, report = losses(chosen, progress)
     report = report.model_copy(update={"remarks": [*remarks, *report.remarks]})
@@ -547,7 +547,7 @@ def hammer(
     reading = Reading(estimator, window, force_channel, Path(points) if points else None)
     reading.require()
     chosen = with_assembly(load_scene(scene, changes))
-    inputs = (*files_read(chosen, scene), *paths, *((reading.points,) if reading.points else ()))
+    inputs = files_read(chosen, scene, *paths, reading.points)
     folder = picture_folder(out, inputs, overwrite, *HAMMER_PICTURES)
     if folder:
         folder.require("modes.json", "poles.html", "modes.uff", "targets.toml")
@@ -668,7 +668,7 @@ def write_hammer_test(
 
         write_synthetic(synthetic, virtual_test(pipeline_of(chosen, progress)))
         return synthetic.path
-    inputs = (*files_read(chosen, scene), Path(points))
+    inputs = files_read(chosen, scene, points)
     output = OutputFile(file, "FILE", inputs=inputs, ending=".mat", overwrite=overwrite)
     nodes, directions = points_and_directions(Path(points))
     from workflows.structure.hammer_design import computed_hits

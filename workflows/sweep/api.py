@@ -89,10 +89,7 @@ def sweep(
     scene_swept = base.with_values({})
     text = f"{toml(scene_swept)}\n# swept: {design.n_cases} cases, {design.digest}\n"
     path, notes = place(out, SWEEPS, scene_swept.name, text)
-    inputs = (
-        *files_read(scene_swept, scene),
-        *([Path(described.table)] if described.table else []),
-    )
+    inputs = files_read(scene_swept, scene, described.table)
     folder = RunFolder(path, inputs=inputs, overwrite=overwrite)
 
     # every case once, in this process or on a cluster, then pictures of the whole table
