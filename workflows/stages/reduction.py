@@ -139,7 +139,8 @@ def reduction(
     T = (model.T[outer.dofs.ravel()] @ reduced.T).astype(np.float32)
     body = fem.rigid_body(model.structure)
     centre = tuple((np.round(body.centre, 9) + 0.0).tolist())  # no rounding, no minus zero
-    captured = mass_captured(model, reduced, contact.spot.inward)
+    motion = np.tile(contact.spot.inward, model.T.shape[0] // 3)  # of the whole, as it is struck
+    captured = rom.effective_mass(reduced, model.structure.M, motion, model.T).captured
     finer = reduced.finer._replace(contact=struck_surface._replace(weights_read=None))
     return reduced._replace(
         T=None,
@@ -250,12 +251,6 @@ def reading(scene: Scene, model: fem.Model) -> NDArray[np.float64] | None:
     first, second = strike.at
     either_side = ((first - strike.radius, second), (first + strike.radius, second))
     return fem.node_patch(model, struck(scene), strike.nodes or either_side).w
-
-
-def mass_captured(model: fem.Model, reduced: rom.ReducedModel, along: NDArray[np.float64]) -> float:
-    """Share of the assembly's mass that the reduced model carries along a direction (3,)."""
-    motion = np.tile(along, model.T.shape[0] // 3)
-    return rom.effective_mass(reduced, model.structure.M, motion, model.T).captured
 
 
 def half_space(scene: Scene, mesh: Parts, model: fem.Model) -> fem.HalfSpaceField | None:

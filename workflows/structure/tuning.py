@@ -234,10 +234,7 @@ def tuned(
     errors = frequency_errors(scene, match)
     wanted = [number.index(n) for n in match], [*match.values()], [*errors.relative.values()]
     while True:
-        loose = loosened(scene, parameters)
-        basis = pipeline_of(loose, progress)("tuning-basis")
-        if not scene.of_dimensions:
-            parameters = of_bodies.on_bodies(scene, parameters, list(basis.forms))
+        loose, basis, parameters = projected(scene, parameters, progress)
         started = perf_counter()
         fit, subset = fit_to_these(basis, parameters, *wanted)
         of_all = fit if of_all is None else of_all
@@ -608,6 +605,17 @@ def scene_values(scene: Scene, p: TuningParameter) -> list[tuple[str, float]]:
         return [(f"{joint}.{key}", getattr(scene.bushings[joint], key)) for joint, key in keys]
     of_block = getattr(scene.assembly.block, p.of, None)
     return [(p.name, getattr(scene.assembly, p.of) if of_block is None else of_block)]
+
+
+def projected(
+    scene: Scene, candidates: list[TuningParameter], progress: Progress
+) -> tuple[Scene, TuningBasis, list[TuningParameter]]:
+    """The scene loosened where candidates vary, its projection, and the candidates on that."""
+    loose = loosened(scene, candidates)
+    basis = pipeline_of(loose, progress)("tuning-basis")
+    if not scene.of_dimensions:
+        candidates = of_bodies.on_bodies(scene, candidates, list(basis.forms))
+    return loose, basis, candidates
 
 
 def loosened(scene: Scene, parameters: list[TuningParameter]) -> Scene:
