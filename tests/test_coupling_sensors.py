@@ -304,5 +304,7 @@ def test_bits_reach_from_minus_the_range_to_one_step_below_it():
 
 def test_a_sensor_of_an_unknown_quantity_is_refused():
     still = np.zeros((4, 2))
-    with pytest.raises(CouplingError, match=r"'force_rate' is unknown; take one of force"):
+    with pytest.raises(
+        CouplingError, match=f"'force_rate' is unknown; take one of {', '.join(QUANTITIES)}"
+    ):
         measured([Sensor(0, "force_rate")], np.arange(4.0), still, still, still)
