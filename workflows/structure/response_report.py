@@ -13,6 +13,7 @@ from fem.dashpots import dashpot_rows
 from fem.full_responses import full_responses
 from fem.measured_shapes import FEWEST
 from fem.response_fit import (
+    DB,
     MeasuredResponses,
     Misfit,
     Resonances,
@@ -34,6 +35,7 @@ from workflows.report.tables import aligned_text
 from workflows.scene import Scene
 from workflows.stages.pipeline import pipeline_of
 from workflows.stages.progress import Progress
+from workflows.stages.targets import remarks_on_axes
 from workflows.structure.hammer import UNITS, IdentifiedTest
 from workflows.structure.measured_responses import (
     Places,
@@ -370,6 +372,57 @@ def remarks_on_fit(of_fit: Fitted, after: Misfit, options: ResponseOptions) -> l
                 "amplitude: its peak is too low by about as much, its damping not."
             )
     return remarks
+
+
+def response_report(
+    of_fit: Fitted,
+    full: FullModel,
+    highest_hz: float,
+    options: ResponseOptions,
+    *,
+    evaluations: int,
+    seconds: float,
+    steps: list[str],
+    remarks: list[str],
+) -> ResponseReport:
+    """The report of a fit: misfits at the scene's values, at the fitted ones and of the full model,
+    and of lines up to `highest_hz` that had no part in it."""
+    scene, test, fit, data = of_fit.scene, of_fit.test, of_fit.fit, of_fit.data
+    at_scene = computed_responses(of_fit.before, [], np.zeros(0), data.frequency_hz).H
+    after = computed_responses(of_fit.model_of, fit.parameters, fit.value, data.frequency_hz).H
+    off = [misfit(data, H) for H in (at_scene, after, full.H)]
+    # where a response is no more than noise, as across a plane of symmetry, so is a ratio of two
+    clear = np.abs(data.H) > options.clear * data.noise
+    apart = np.abs(20 * np.log10(np.abs(after / full.H)))
+    projection_decibel = float(apart[clear].max(initial=0.0))
+    projection_rms = float(np.sqrt(np.mean(apart[clear] ** 2))) if clear.any() else 0.0
+    held_out = held_out_misfit(of_fit, highest_hz, options)
+    remarks = [
+        *remarks,
+        *(remarks_on_axes(scene) if scene.test_axes else ()),
+        *remarks_on_fit(of_fit, off[1], options),
+        "the full model's responses differ from those of the fit's projection by "
+        f"{projection_rms:.2g} dB (rms), {projection_decibel:.2g} dB at most, where they are "
+        f"{options.clear:g} times their noise.",
+    ]
+    undetermined_ones = {
+        key: "rigid" if np.isinf(x) else x
+        for p in of_fit.parameters if p.name not in {q.name for q in fit.parameters}
+        for key, x in values_of(scene, p)
+    }  # fmt: skip
+    return ResponseReport(
+        scene=scene.name, file=test.report.file, title=test.report.title, values=value_rows(of_fit),
+        undetermined=undetermined_ones, resonances=resonance_rows(of_fit, full),
+        before=MisfitRow(decibel=off[0].decibel, degrees=off[0].degrees),
+        after=MisfitRow(decibel=off[1].decibel, degrees=off[1].degrees),
+        full=MisfitRow(decibel=off[2].decibel, degrees=off[2].degrees),
+        projection_decibel=projection_decibel,
+        held_out=None if held_out is None
+        else MisfitRow(decibel=held_out.decibel, degrees=held_out.degrees),
+        noise_decibel=off[1].noise_decibel, model_error_decibel=float(DB * fit.error.level),
+        lines=len(data.frequency_hz), responses=data.H[..., 0].size, evaluations=evaluations,
+        seconds=seconds, steps=steps, remarks=remarks,
+    )  # fmt: skip
 
 
 def pictures(

@@ -18,12 +18,10 @@ import fem
 from fem.correlation import FROM_AFAR, mac, measured_pairs, paired
 from fem.measured_shapes import FEWEST
 from fem.response_fit import (
-    DB,
     MeasuredResponses,
     Resonances,
     ResponseFit,
     fit_responses,
-    misfit,
     undetermined,
 )
 from fem.response_model import (
@@ -43,7 +41,6 @@ from workflows.report.numbers import supported
 from workflows.scene import InvalidScene, Scene, nearest
 from workflows.stages.pipeline import pipeline_of
 from workflows.stages.progress import Progress
-from workflows.stages.targets import remarks_on_axes
 from workflows.structure import dampings as of_damping
 from workflows.structure import parameters as of_bodies
 from workflows.structure.hammer import (
@@ -61,15 +58,10 @@ from workflows.structure.measured_responses import (
 )
 from workflows.structure.response_report import (
     Fitted,
-    MisfitRow,
     ResponseReport,
     full_model,
-    held_out_misfit,
     pictures,
-    remarks_on_fit,
-    resonance_rows,
-    value_rows,
-    values_of,
+    response_report,
 )
 from workflows.structure.tuning import (
     RIG_NAMES,
@@ -209,40 +201,9 @@ def tuned_to_responses(
         scene, result, test, places, fit, model_of, before, parameters, chosen, data, of_poles
     )
     full = full_model(of_fit, progress, options)
-    resonances_of = resonance_rows(of_fit, full)
-    at_scene = computed_responses(before, [], np.zeros(0), data.frequency_hz).H
-    after = computed_responses(model_of, fit.parameters, fit.value, data.frequency_hz).H
-    off = [misfit(data, H) for H in (at_scene, after, full.H)]
-    # where a response is no more than noise, as across a plane of symmetry, so is a ratio of two
-    clear = np.abs(data.H) > options.clear * data.noise
-    apart = np.abs(20 * np.log10(np.abs(after / full.H)))
-    projection_decibel = float(apart[clear].max(initial=0.0))
-    projection_rms = float(np.sqrt(np.mean(apart[clear] ** 2))) if clear.any() else 0.0
-    held_out = held_out_misfit(of_fit, top / options.beyond, options)
-    remarks += [
-        *(remarks_on_axes(scene) if scene.test_axes else ()),
-        *remarks_on_fit(of_fit, off[1], options),
-        "the full model's responses differ from those of the fit's projection by "
-        f"{projection_rms:.2g} dB (rms), {projection_decibel:.2g} dB at most, where they are "
-        f"{options.clear:g} times their noise.",
-    ]
-    undetermined_ones = {
-        key: "rigid" if np.isinf(x) else x
-        for p in parameters if p.name not in {q.name for q in fit.parameters}
-        for key, x in values_of(scene, p)
-    }  # fmt: skip
-    report = ResponseReport(
-        scene=scene.name, file=named, title=test.report.title, values=value_rows(of_fit),
-        undetermined=undetermined_ones, resonances=resonances_of,
-        before=MisfitRow(decibel=off[0].decibel, degrees=off[0].degrees),
-        after=MisfitRow(decibel=off[1].decibel, degrees=off[1].degrees),
-        full=MisfitRow(decibel=off[2].decibel, degrees=off[2].degrees),
-        projection_decibel=projection_decibel,
-        held_out=None if held_out is None
-        else MisfitRow(decibel=held_out.decibel, degrees=held_out.degrees),
-        noise_decibel=off[1].noise_decibel, model_error_decibel=float(DB * fit.error.level),
-        lines=len(data.frequency_hz), responses=data.H[..., 0].size, evaluations=evaluations,
-        seconds=seconds, steps=steps, remarks=remarks,
+    report = response_report(
+        of_fit, full, top / options.beyond, options,
+        evaluations=evaluations, seconds=seconds, steps=steps, remarks=remarks,
     )  # fmt: skip
     with progress("picture"):
         drawn = pictures(of_fit, quantity, band_hz, top)
