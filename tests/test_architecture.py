@@ -94,10 +94,10 @@ def test_no_files_import_each_other_in_a_circle():
     arrows = {module: imports(module, path, modules) for module, path in modules.items()}
     # the arrows are those of the code, not of an empty list
     assert "rom" in arrows["coupling.reduced_wall"]
-    found = circles(arrows)
-    assert not found, "\n".join(
+    remaining = circles(arrows)
+    assert not remaining, "\n".join(
         f"{module} -> {', '.join(sorted(arrows[module] & circle))}"
-        for circle in found
+        for circle in remaining
         for module in sorted(circle)
     )
 
