@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,17 +11,6 @@ from dem import Trajectory, Wall
 
 if TYPE_CHECKING:  # a run without friction loads no motion across
     from dem.lateral import LateralTrajectory
-
-
-def save_trajectory(
-    path: Path,
-    trajectory: Trajectory,
-    wall: Wall | CoupledWall | None,
-    lateral: LateralTrajectory | None = None,
-) -> None:
-    """Write every array of a trajectory over its saved times, the modes of the wall, and the motion
-    across the chain where there is one."""
-    np.savez_compressed(path, **arrays(trajectory, wall, lateral))
 
 
 def arrays(

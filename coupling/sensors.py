@@ -8,11 +8,11 @@ F of its two contact forces: C. Daraio, V. F. Nesterenko, E. B. Herbold, S. Jin,
 an amplifier set to zero. All but `recorded` is linear in the run, so that derivatives by parameters
 may take the run's place, along further axes.
 
-A further quantity needs: its case in `measured`; what of it has one crest a wave in
-`sensed_waves`; its keys and units in `workflows/scene/sensors.py` and `units.py` (GAINS).
+A further quantity of a sphere is a row of QUANTITIES; its unit is a row of OF_SPHERES in
+`workflows/scene/sensors.py`, that of its gain a row of GAINS in `units.py` beside it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -29,8 +29,54 @@ from dem.waves.tracks import WaveTrack
 if TYPE_CHECKING:
     from coupling.structure_sensors import Sensed
 
-QUANTITIES = ("force", "force-rate", "velocity", "displacement")  # N, N/s, m/s, m
 NO_BAND = Band()
+
+
+class Quantity(NamedTuple):
+    """What a sensor shows of a sphere i, counted from 0, and what of it has one crest a wave."""
+
+    # (k, ...) of a run t, x, v, contact_force and i, as `measured` has them
+    of_run: Callable[..., NDArray[np.float64]]
+    # (k,) from a signal (k,), its step [s] and the samples to both sides of a crest
+    crested: Callable[..., NDArray[np.float64]] = lambda y, dt, reach: y
+    presses: bool = False  # crests are positive in either direction; else of the velocity's sign
+    sums_forces: bool = False  # of the contacts, which a fit has from the accelerations
+
+
+def mean_force(contact_force: NDArray[np.float64], sphere: int) -> NDArray[np.float64]:
+    """(k, ...) [N] mean of the forces on both sides of a sphere, counted from 0, above that at the
+    start; there is none on the outer side of an end of the chain."""
+    sides = contact_force[:, max(sphere - 1, 0) : sphere + 1]
+    force = 0.5 * sides.sum(axis=1)
+    return force - force[0]
+
+
+def force_rate(
+    t: NDArray[np.float64], contact_force: NDArray[np.float64], sphere: int
+) -> NDArray[np.float64]:
+    """(k, ...) [N/s] slope of a spline through the mean force of a sphere."""
+    return CubicSpline(t, mean_force(contact_force, sphere))(t, 1)
+
+
+def integral(y: NDArray[np.float64], dt: float, reach: int) -> NDArray[np.float64]:
+    """(k,) integral of a signal from its start, by trapezoids."""
+    return np.concatenate([[0.0], np.cumsum(0.5 * dt * (y[1:] + y[:-1]))])
+
+
+def slope(y: NDArray[np.float64], dt: float, reach: int) -> NDArray[np.float64]:
+    """(k,) slope of a signal over `reach` samples to both sides."""
+    ends = np.pad(y, reach, mode="edge")
+    return (ends[2 * reach :] - ends[: -2 * reach]) / (2 * reach * dt)
+
+
+QUANTITIES = {
+    "force": Quantity(lambda t, x, v, F, i: mean_force(F, i), presses=True, sums_forces=True),
+    "force-rate": Quantity(
+        lambda t, x, v, F, i: force_rate(t, F, i), integral, presses=True, sums_forces=True
+    ),
+    "velocity": Quantity(lambda t, x, v, F, i: v[:, i]),
+    "displacement": Quantity(lambda t, x, v, F, i: x[:, i] - x[0, i], slope),
+}
 
 
 class Sensor(NamedTuple):
@@ -65,29 +111,13 @@ def measured(
         if sensor.column is not None:
             quantities.append(getattr(structure, sensor.quantity)[:, sensor.column])
             continue
-        i = sensor.sphere
-        match sensor.quantity:
-            case "velocity":
-                quantities.append(v[:, i])
-            case "displacement":
-                quantities.append(x[:, i] - x[0, i])
-            case "force":
-                quantities.append(mean_force(contact_force, i))
-            case "force-rate":  # the slope of a spline through the force
-                quantities.append(CubicSpline(t, mean_force(contact_force, i))(t, 1))
-            case unknown:
-                raise CouplingError(
-                    f"a sensor of {unknown!r} is unknown; take one of {', '.join(QUANTITIES)}."
-                )
+        if sensor.quantity not in QUANTITIES:
+            raise CouplingError(
+                f"a sensor of {sensor.quantity!r} is unknown; take one of {', '.join(QUANTITIES)}."
+            )
+        of_run = QUANTITIES[sensor.quantity].of_run
+        quantities.append(of_run(t, x, v, contact_force, sensor.sphere))
     return np.stack(quantities, axis=1)
-
-
-def mean_force(contact_force: NDArray[np.float64], sphere: int) -> NDArray[np.float64]:
-    """(k, ...) [N] mean of the forces on both sides of a sphere, counted from 0, above that at the
-    start; there is none on the outer side of an end of the chain."""
-    sides = contact_force[:, max(sphere - 1, 0) : sphere + 1]
-    force = 0.5 * sides.sum(axis=1)
-    return force - force[0]
 
 
 def instants(t: NDArray[np.float64], sampling: float) -> NDArray[np.float64]:
@@ -170,6 +200,7 @@ def sensed_waves(
         return ()
     times = [label.arrival.time for label in named]
     midways = [-np.inf, *(0.5 * (a + b) for a, b in pairwise(times)), np.inf]
+    quantity = QUANTITIES[sensor.quantity]
     dt, signal, waves = t[1] - t[0], np.sign(sensor.gain) * y, []
     for label, (start, end) in zip(named, pairwise(midways), strict=True):
         time, velocity, width, _ = label.arrival
@@ -178,8 +209,8 @@ def sensed_waves(
 
         # one crest a wave, positive in either direction
         reach = max(1, round(search.top * width / dt))  # samples
-        direction = 1.0 if sensor.quantity.startswith("force") else np.sign(velocity)
-        shape = direction * _force_or_velocity(sensor.quantity, t, signal, reach)
+        direction = 1.0 if quantity.presses else np.sign(velocity)
+        shape = direction * quantity.crested(signal, dt, reach)
 
         # the highest sample near the wave's time, no nearer to another wave's
         low, high = max(time - search.early * width, start), min(time + search.late * width, end)
@@ -198,20 +229,6 @@ def sensed_waves(
         crest, height = float(t[k] - 0.5 * b / a), float(direction * (c - 0.25 * b * b / a))
         waves.append(SensedWave(label.name, crest, height))
     return tuple(waves)
-
-
-def _force_or_velocity(
-    quantity: str, t: NDArray[np.float64], y: NDArray[np.float64], reach: int
-) -> NDArray[np.float64]:
-    """The signal with one crest a wave (k,): of a force rate its integral by trapezoids, of a
-    displacement its slope over `reach` samples to both sides."""
-    dt = t[1] - t[0]
-    if quantity == "force-rate":
-        return np.concatenate([[0.0], np.cumsum(0.5 * dt * (y[1:] + y[:-1]))])
-    if quantity == "displacement":
-        ends = np.pad(y, reach, mode="edge")
-        return (ends[2 * reach :] - ends[: -2 * reach]) / (2 * reach * dt)
-    return y
 
 
 def echo(waves: Sequence[SensedWave]) -> tuple[float | None, float | None]:

@@ -89,11 +89,6 @@ class SpatialRun(NamedTuple):
     wall_p: Array  # (k, n_modes)
     contact_force: Array  # (k, 3) [N] on the wall along n, t1, t2, without dampers
 
-    @property
-    def energy(self) -> Array:
-        """(k,) [J] of all, less the works: constant if exact."""
-        return self.trajectory.energy_total + self.lateral.energy
-
 
 class PreparedImpact(NamedTuple):
     """Chain, last sphere and wall, prepared for marches by any step."""

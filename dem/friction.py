@@ -1,4 +1,4 @@
-"""Friction between a sphere and what it touches: the contact's law, empty contacts, closed forms.
+"""Friction between a sphere and what it touches: the contact's law, empty contacts, sliders.
 
     1/E* = (1-nu1^2)/E1 + (1-nu2^2)/E2,     1/G* = (2-nu1)/(4 G1) + (2-nu2)/(4 G2)
 
@@ -91,23 +91,6 @@ def stick_stiffness(law: TangentialLaw, a: ArrayLike) -> Array:
 def gross_slip(law: TangentialLaw, overlap: ArrayLike) -> Array:
     """Displacement [m] from the state without any at which the whole contact slips; overlap [m]."""
     return law.bound * np.asarray(overlap)
-
-
-def loop_energy(law: TangentialLaw, mu_P: float, amplitude: float, a: float) -> float:
-    """Energy [J] of a cycle of the tangential force +-amplitude under constant load, up to
-    amplitude = mu P [N] (Johnson, 7.57); a is the contact's radius [m].
-
-    36/5 (mu P)^2 / k [1 - (1 - q)^(5/3) - 5/6 q (1 + (1 - q)^(2/3))],   q = Q*/mu P,   k = 2 a G*
-    """
-    q, k = amplitude / mu_P, float(stick_stiffness(law, a))
-    bracket = 1.0 - (1.0 - q) ** (5.0 / 3.0) - 5.0 / 6.0 * q * (1.0 + (1.0 - q) ** (2.0 / 3.0))
-    return 7.2 * mu_P**2 / k * bracket
-
-
-def loop_amplitude(law: TangentialLaw, mu_P: float, amplitude: float, a: float) -> float:
-    """Displacement [m] at the tips of such a cycle: 3 mu P / 2 k [1 - (1 - q)^(2/3)]."""
-    q, k = amplitude / mu_P, float(stick_stiffness(law, a))
-    return 1.5 * mu_P / k * (1.0 - (1.0 - q) ** (2.0 / 3.0))
 
 
 def contact_of_load(law: TangentialLaw, coefficient: float, load: float) -> tuple[float, float]:

@@ -50,7 +50,7 @@ def refuse_step(prepared: PreparedChain, v0: ArrayLike, dt: float, scheme: Schem
             f"dt = {dt:.3g} s is unstable for contacts of {rate:.3g} rad/s; "
             f"take dt < {limit / rate:.3g} s"
         )
-    decay, back = fastest_decay(prepared, v0), backward_reach(scheme)
+    decay, back = fastest_decay(prepared, v0), backward_reach(scheme.name)
     if dt * decay * back > 2.0 * BACKWARD:
         raise UnstableStep(
             f"dt = {dt:.3g} s is unstable for damping of {decay:.3g} 1/s with scheme "
@@ -105,13 +105,9 @@ def _deepest(prepared, v0):
     return law.overlap_of_energy(np.full(chain.A.shape, energy)) + law.overlap(prepared.pressed)
 
 
-def backward_reach(scheme: Scheme) -> float:
-    """Largest part of the step that the scheme goes back in time; damping grows there."""
-    return _longest_back(scheme.name)
-
-
 @cache
-def _longest_back(name):
+def backward_reach(name: str) -> float:
+    """Largest part of the step that the scheme goes back in time; damping grows there."""
     scheme = SCHEMES[name]
     moves = scheme.b if scheme.kind == "implicit" else np.concatenate([scheme.a, scheme.b])
     return float(max(0.0, -moves.min()))

@@ -146,12 +146,6 @@ def surface_force(
     return SurfaceForce(solid.axes, _splines(elevation, u))
 
 
-def mean_modulus(material: Anisotropic, inward: NDArray[np.float64]) -> float:
-    """2 / mean(h) [Pa]: the E / (1 - nu^2) of an isotropic solid on which a round patch under the
-    same pressure has the same depth."""
-    return float(2 / half_space(material, inward).h.mean())
-
-
 def indentation_modulus(material: Anisotropic, inward: NDArray[np.float64]) -> float:
     """E* [Pa] of F = 4/3 E* sqrt(R) delta^(3/2) for a rigid sphere on a plane of this normal."""
     weight = 2 * np.pi / N_DIRECTIONS * half_space(material, inward).h

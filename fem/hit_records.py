@@ -103,13 +103,6 @@ def require_even(t: NDArray[np.float64]) -> float:
     return dt
 
 
-def in_newtons(unit: str) -> float:
-    """A unit of force in N; raises ValueError for another one."""
-    if unit not in NEWTONS:
-        raise ValueError(f"the unit of its force is {unit!r}, allowed are {', '.join(NEWTONS)}")
-    return NEWTONS[unit]
-
-
 def record_of_csv(path: Path, name: str) -> TimeRecord:
     """The record of a CSV file; `name` is that of a point whose heading has none.
 
@@ -139,7 +132,11 @@ def record_of_csv(path: Path, name: str) -> TimeRecord:
             if force is not None:
                 raise ValueError("it has two columns of a force; a record has one hammer")
             force, point = i, label or name
-            scales.append(in_newtons(unit))
+            if unit not in NEWTONS:
+                raise ValueError(
+                    f"the unit of its force is {unit!r}, allowed are {', '.join(NEWTONS)}"
+                )
+            scales.append(NEWTONS[unit])
         else:
             sensors.append(label or f"sensor {len(sensors) + 1}")
             columns.append(i)

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import gmsh
 import numpy as np
 from numpy.typing import NDArray
-from skfem import Basis, Mesh, MeshTet
+from skfem import Mesh, MeshTet
 
 from geometry.contacts import TouchingPair
 from geometry.errors import InvalidGeometry
@@ -184,8 +184,3 @@ def foreseen_nodes(body: Body, size: Size, element: str) -> float:
                 rings = min(rings, EDGES_AROUND / (4 * pi))
             around += edges * rings * (4 * max(1, round(length / seed)) + 3)
     return n + around
-
-
-def facet_error(mesh: Mesh, body: Body) -> float:
-    """Volume of the mesh over that of the body, less 1: the error of its straight facets."""
-    return float(Basis(mesh, mesh.elem(), intorder=3).dx.sum() / body.volume - 1)

@@ -168,7 +168,12 @@ def hexahedra(
         if marks is None:
             continue
         feet = (f._replace(point=prism.foot(f.point)) for f in size.fine)
-        base = base_mesh(prism, marks, size._replace(fine=tuple(feet)), gap)
+        of_base = size._replace(fine=tuple(feet))
+        base = (
+            _grid(prism, marks, of_base)
+            or _ring(prism, marks, of_base)
+            or _joined(prism, marks, of_base, gap)
+        )
         if base is not None:
             break
     else:
@@ -329,14 +334,6 @@ def imprints(prism: Prism, wanted: Mapping[str, Sequence[Region]]) -> Imprints |
             return None
         sides[region.tag] = SidePatch(region, min(levels), max(levels), np.reshape(feet, (-1, 3)))
     return Imprints(base, sides)
-
-
-def base_mesh(prism: Prism, marks: Imprints, size: Size, gap: float) -> BaseMesh | None:
-    """The base meshed in quadrilaterals; None where that leaves a triangle, an overlap or a sharp
-    corner."""
-    return (
-        _grid(prism, marks, size) or _ring(prism, marks, size) or _joined(prism, marks, size, gap)
-    )
 
 
 def spaced(stops: Sequence[float], size: Callable[[NDArray], NDArray]) -> NDArray[np.float64]:

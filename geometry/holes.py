@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.contacts import TouchingPair
-from geometry.solids import SAME, Body, Face, Vector, off_axis, parallel
+from geometry.solids import SAME, Body, Face, Vector, of_one_cylinder, off_axis, parallel
 
 
 class HoleLimits(NamedTuple):
@@ -76,21 +76,9 @@ def cut_holes(body: Body) -> tuple[Bore, ...]:
 
 def _cylinders(body: Body, hollow: bool) -> list[tuple[Bore, float]]:
     """Cylinders with the angle that their faces go around [rad]."""
-    # faces of one axis and radius
-    groups: list[list[Face]] = []
-    for face in (f for f in body.faces if f.axis is not None and f.hollow == hollow):
-        own_group = [
-            group
-            for group in groups
-            if parallel(group[0].axis, face.axis)
-            and abs(group[0].radius - face.radius) < SAME
-            and off_axis(face.on_axis, group[0].on_axis, group[0].axis) < SAME
-        ]
-        own_group[0].append(face) if own_group else groups.append([face])
-
-    # of each group the runs of faces that follow each other along the axis without a gap
+    # of one cylinder the runs of faces that follow each other along the axis without a gap
     runs: list[list[Face]] = []
-    for group in groups:
+    for group in of_one_cylinder((face for face in body.faces if face.hollow == hollow), SAME):
         reached = -np.inf
         for face in sorted(group, key=lambda f: _span(f, group[0])):
             lower, upper = _span(face, group[0])

@@ -20,7 +20,7 @@ from skfem import Mesh
 from geometry.cad import face_of
 from geometry.gmsh_session import EDGES_AROUND
 from geometry.patches import Disc
-from geometry.solids import SAME, Face, off_axis, parallel
+from geometry.solids import SAME, Face, of_one_cylinder, parallel
 
 AnyMesh = TypeVar("AnyMesh", bound=Mesh)
 
@@ -47,16 +47,7 @@ def full_cylinders(volume: int, gap: float) -> list[tuple[Face, ...]]:
     # faces of one cylinder: equal axes and radii, up to what imprints of partners are off
     boundary = [tag for _, tag in gmsh.model.getBoundary([(3, volume)], oriented=False)]
     faces = {tag: face_of(tag) for tag in boundary}
-    groups: list[list[Face]] = []
-    for face in (f for f in faces.values() if f.axis is not None):
-        own_group = [
-            group
-            for group in groups
-            if parallel(group[0].axis, face.axis)
-            and abs(group[0].radius - face.radius) <= 2 * gap
-            and off_axis(face.on_axis, group[0].on_axis, group[0].axis) <= 2 * gap
-        ]
-        own_group[0].append(face) if own_group else groups.append([face])
+    groups = of_one_cylinder(faces.values(), 2 * gap)
 
     # of these the cylinders whose neighbours are all planes across the axis: only in such planes do
     # nodes of the rim stay when they move out along the radius

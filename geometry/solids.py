@@ -3,7 +3,7 @@
 Lengths in metres, in global axes. Faces carry the tag that the CAD model knows them by.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -77,6 +77,21 @@ class Body(NamedTuple):
 def parallel(u: Vector, v: Vector) -> bool:
     """Whether two unit vectors point along one line, in the same or in opposite directions."""
     return bool(abs(u @ v) > 1 - ALIGNED)
+
+
+def of_one_cylinder(faces: Iterable[Face], within: float) -> list[list[Face]]:
+    """Round faces in groups of one axis and one radius, which may be off by up to `within` [m]."""
+    groups: list[list[Face]] = []
+    for face in (face for face in faces if face.axis is not None):
+        own_group = [
+            group
+            for group in groups
+            if parallel(group[0].axis, face.axis)
+            and abs(group[0].radius - face.radius) <= within
+            and off_axis(face.on_axis, group[0].on_axis, group[0].axis) <= within
+        ]
+        own_group[0].append(face) if own_group else groups.append([face])
+    return groups
 
 
 def off_axis(

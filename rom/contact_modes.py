@@ -75,7 +75,9 @@ def contact_modes(
         n_vectors += options.extra
     if space is not None and space.bound <= bound and space.to_hz >= reach_hz:
         pairs, bound = space.pairs, space.bound
-        kept = indices_of(retained, pairs, problem.M)
+        # which of the pairs the retained modes are, one to one, by their products in M
+        overlap = np.abs((problem.M @ retained.phi).T @ pairs.phi)
+        kept = linear_sum_assignment(overlap, maximize=True)[1]
         finer = condensed(pairs, w, reach_hz, options.exact)
     else:
         pairs, bound, *_ = krylov_space(
@@ -101,13 +103,6 @@ def contact_modes(
     residual = pairs.phi @ weights
     modes = EigenPairs(pairs.omega[chosen], pairs.phi[:, chosen])
     return Chosen(modes, residual, float(errors[n]), finer)
-
-
-def indices_of(modes: EigenPairs, pairs: EigenPairs, M: sp.csc_array) -> np.ndarray:
-    """Which of the pairs of a space are these modes (k,): indices (k,), by their products in M, one
-    to one (Kuhn's assignment)."""
-    overlap = np.abs((M @ modes.phi).T @ pairs.phi)
-    return linear_sum_assignment(overlap, maximize=True)[1]
 
 
 def condensed(pairs: EigenPairs, w: np.ndarray, to_hz: float, error: float) -> EigenPairs:

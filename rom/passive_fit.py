@@ -81,26 +81,19 @@ def passive_fit(
     for n in options.n_modes:
         if 4 * n + 6 > len(f):
             break
-        poles = common_poles(omega, H[:, None], deviation[:, None], n, options)
-        omega_j, zeta = np.abs(poles), -poles.real / np.abs(poles)
-        low, high = omega[0] / options.outside[0], omega[-1] * options.outside[1]
-        taken = (omega_j > low) & (omega_j < high) & (zeta < options.zeta[1])
-        start = omega_j[taken], np.maximum(zeta[taken], options.zeta[0])
+        start = resonances(omega, H[:, None], deviation[:, None], n, options)
         fixed, free = (
             _with_residues(omega, H, deviation, *start, drifts) for drifts in (False, True)
         )
         is_fixed = fixed.misfit < max(options.fine, free.misfit / options.free)
         fits.append(fixed if is_fixed else free)
-        lowest = min(range(len(fits)), key=lambda i: fits[i].criterion)
-        if fits[-1].misfit < options.fine or len(fits) > lowest + 1 + options.patience:
+        if enough_modes(fits[-1].misfit, [fit.criterion for fit in fits], options):
             break
 
     # the best of these refined; more parameters only where the criterion says so
     fits.sort(key=lambda fit: fit.criterion)
     refined = [_refined(omega, H, deviation, fit, options) for fit in fits[: options.refined]]
-    lowest = min(fit.criterion for fit in refined)
-    as_good = [fit for fit in refined if fit.criterion < lowest + options.better]
-    return min(as_good, key=lambda fit: len(fit.omega))
+    return simplest(refined, options)
 
 
 def refitted(
@@ -138,6 +131,37 @@ def require_driving_point(frequency_hz: NDArray[np.float64], H: NDArray[np.compl
             "of the power, so it is not the response of a driving point: take the sensor at the "
             "hit and along it, and check its sign and unit"
         )
+
+
+def resonances(
+    omega: NDArray[np.float64],
+    H: NDArray[np.complex128],
+    deviation: NDArray[np.float64],
+    n: int,
+    options: FitOptions,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """omega_j [rad/s] and zeta_j of the `common_poles` in the band and near it, without those that
+    are too wide for a resonance."""
+    poles = common_poles(omega, H, deviation, n, options)
+    omega_j, zeta = np.abs(poles), -poles.real / np.abs(poles)
+    low, high = omega[0] / options.outside[0], omega[-1] * options.outside[1]
+    taken = (omega_j > low) & (omega_j < high) & (zeta < options.zeta[1])
+    return omega_j[taken], np.maximum(zeta[taken], options.zeta[0])
+
+
+def enough_modes(misfit: float, criteria: list[float], options: FitOptions) -> bool:
+    """Whether fits of more and more modes may end: the last misfit is fine, or the criterion has
+    not fallen for some numbers of modes."""
+    lowest = criteria.index(min(criteria))
+    return misfit < options.fine or len(criteria) > lowest + 1 + options.patience
+
+
+def simplest(fits: list, options: FitOptions):
+    """Of fits (ModalFit or MatrixFit) the one of fewest modes whose criterion is as good as the
+    lowest."""
+    lowest = min(fit.criterion for fit in fits)
+    as_good = [fit for fit in fits if fit.criterion < lowest + options.better]
+    return min(as_good, key=lambda fit: len(fit.omega))
 
 
 def common_poles(

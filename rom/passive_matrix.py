@@ -20,7 +20,13 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 
 from rom.factorisation import ReductionError
-from rom.passive_fit import FitOptions, common_poles, require_driving_point
+from rom.passive_fit import (
+    FitOptions,
+    enough_modes,
+    require_driving_point,
+    resonances,
+    simplest,
+)
 
 LINES_TO_SPARE = 4  # frequencies for each pole of a fit at least; not varied
 
@@ -104,11 +110,8 @@ def passive_matrix_fit(
         except ReductionError as why:
             raise ReductionError(f"of point {a + 1}: {why}") from None
 
-    # points scaled to be alike, as displacements and turns are not; one half of the matrix
-    size = np.sqrt(np.median(np.abs(np.einsum("kaa->ka", H)), axis=0))
-    scaled = H / np.outer(size, size)
-    total = np.sqrt(np.mean(np.abs(scaled) ** 2))
-    asymmetry = float(np.sqrt(np.mean(np.abs(scaled - scaled.swapaxes(1, 2)) ** 2)) / total)
+    size, scaled, elements = _alike(H)
+    asymmetry = _asymmetry(scaled)
     if asymmetry > of_matrix.reciprocal:
         # noise near 0 Hz divided by omega^2 outweighs all else: the same of the lines from each on
         differing = np.sum(np.abs(scaled - scaled.swapaxes(1, 2)) ** 2, axis=(1, 2))
@@ -126,8 +129,6 @@ def passive_matrix_fit(
             f"H and its transpose differ by {asymmetry:.0%} of H, which a structure has alike: "
             "check that rows and columns name the same points in one order, with one sign each"
         )
-    rows, columns = np.triu_indices(m)
-    elements = (scaled + scaled.swapaxes(1, 2))[:, rows, columns] / 2  # (k, e)
     deviation = _deviation(elements, options)
     omega = 2 * np.pi * f
     measured = Elements(omega, elements, deviation)
@@ -151,19 +152,14 @@ def passive_matrix_fit(
     for n in options.n_modes:
         if LINES_TO_SPARE * n + 6 > len(f):
             break
-        poles = common_poles(omega, elements, deviation, n, options)
-        omega_j, zeta = np.abs(poles), -poles.real / np.abs(poles)
-        low, high = omega[0] / options.outside[0], omega[-1] * options.outside[1]
-        taken = (omega_j > low) & (omega_j < high) & (zeta < options.zeta[1])
-        start = omega_j[taken], np.maximum(zeta[taken], options.zeta[0])
-        held = _with_factors(measured, *start, False, options, of_matrix)
-        is_held = of_matrix.most_free == 0
-        if not is_held:
-            drifting = _with_factors(measured, *start, True, options, of_matrix)
-            is_held = held.misfit < max(options.fine, drifting.misfit / options.free)
-        fits.append(held if is_held else drifting)
-        lowest = min(range(len(fits)), key=lambda i: fits[i].criterion)
-        if fits[-1].misfit < options.fine or len(fits) > lowest + 1 + options.patience:
+        start = resonances(omega, elements, deviation, n, options)
+        fixed = _with_factors(measured, *start, False, options, of_matrix)
+        is_fixed = of_matrix.most_free == 0
+        if not is_fixed:
+            free = _with_factors(measured, *start, True, options, of_matrix)
+            is_fixed = fixed.misfit < max(options.fine, free.misfit / options.free)
+        fits.append(fixed if is_fixed else free)
+        if enough_modes(fits[-1].misfit, [fit.criterion for fit in fits], options):
             break
 
     # the best of these refined; of these the one of fewest modes that is as good
@@ -172,9 +168,7 @@ def passive_matrix_fit(
 
     fits.sort(key=lambda fit: fit.criterion)
     best = [refined(*_poles(fit), fit.free.size > 0) for fit in fits[: options.refined]]
-    lowest_criterion = min(fit.criterion for fit in best)
-    as_good = [fit for fit in best if fit.criterion < lowest_criterion + options.better]
-    fit = min(as_good, key=lambda one: len(one.omega))
+    fit = simplest(best, options)
 
     # modes that the noise made, the smallest first: without them the criterion is as good
     while len(fit.omega) > 1:
@@ -197,6 +191,23 @@ def passive_matrix_fit(
         if more.criterion < fit.criterion - options.better:
             fit = more
     return _in_units(fit, f, scaled, size)
+
+
+def _alike(
+    H: NDArray[np.complex128],
+) -> tuple[NDArray[np.float64], NDArray[np.complex128], NDArray[np.complex128]]:
+    """Sizes (m,) of the points, of which displacements and turns have other ones, H (k, m, m) over
+    them, and one half (k, e) of that matrix and its transpose, in the mean."""
+    size = np.sqrt(np.median(np.abs(np.einsum("kaa->ka", H)), axis=0))
+    scaled = H / np.outer(size, size)
+    rows, columns = np.triu_indices(H.shape[1])
+    return size, scaled, (scaled + scaled.swapaxes(1, 2))[:, rows, columns] / 2
+
+
+def _asymmetry(scaled: NDArray[np.complex128]) -> float:
+    """|H - H^T| over |H|, rms, of receptances (k, m, m)."""
+    total = np.sqrt(np.mean(np.abs(scaled) ** 2))
+    return float(np.sqrt(np.mean(np.abs(scaled - scaled.swapaxes(1, 2)) ** 2)) / total)
 
 
 def _deviation(elements: NDArray[np.complex128], options: FitOptions) -> NDArray[np.float64]:
@@ -224,14 +235,13 @@ def _in_units(
     """A fit of receptances (k, m, m) over sizes (m, m) in the units of the points, with its
     error."""
     total = np.sqrt(np.mean(np.abs(scaled) ** 2))
-    asymmetry = np.sqrt(np.mean(np.abs(scaled - scaled.swapaxes(1, 2)) ** 2)) / total
     missed = matrix_receptance(fit, f) - (scaled + scaled.swapaxes(1, 2)) / 2
     return fit._replace(
         phi=fit.phi * size[:, None],
         free=fit.free * size[:, None],
         compliance=fit.compliance * np.outer(size, size),
         error=float(np.sqrt(np.mean(np.abs(missed) ** 2)) / total),
-        asymmetry=float(asymmetry / 2),
+        asymmetry=_asymmetry(scaled) / 2,
     )
 
 
@@ -245,10 +255,7 @@ def refitted(
     """The oscillators of other receptances (k, m, m) of the same part, from the poles of a fit:
     what noise, or another band, makes of it."""
     f, H = np.asarray(frequency_hz, float), np.asarray(H, complex)
-    size = np.sqrt(np.median(np.abs(np.einsum("kaa->ka", H)), axis=0))
-    scaled = H / np.outer(size, size)
-    rows, columns = np.triu_indices(H.shape[1])
-    elements = (scaled + scaled.swapaxes(1, 2))[:, rows, columns] / 2
+    size, scaled, elements = _alike(H)
     omega = 2 * np.pi * f
     at = _lines_kept(omega, fit, of_matrix.lines)
     measured = Elements(omega[at], elements[at], _deviation(elements[at], options))

@@ -2,6 +2,7 @@
 
 import ast
 import importlib.metadata
+import importlib.util
 import re
 import subprocess
 import sys
@@ -41,6 +42,81 @@ def test_code_passes_the_linter():
         text=True,
     )
     assert ruff.returncode == 0, ruff.stdout
+
+
+def imports(module, path, modules):
+    """Other modules of `modules` that a file imports, in functions and under TYPE_CHECKING too."""
+    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+    imported = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            imported |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            levels_up = "." * node.level + (node.module or "")
+            base = importlib.util.resolve_name(levels_up, package) if node.level else node.module
+            for alias in node.names:
+                inner = f"{base}.{alias.name}"
+                imported.add(inner if inner in modules else base)
+    return imported & modules.keys() - {module}
+
+
+def circles(arrows):
+    """Sets of modules that import each other, directly or through further ones (R. E. Tarjan, SIAM
+    J. Comput. 1 (1972) 146)."""
+    order, lowest, path, groups = {}, {}, [], []
+
+    def visit(module):
+        order[module] = lowest[module] = len(order)
+        path.append(module)
+        for other in sorted(arrows[module]):
+            if other not in order:
+                visit(other)
+            if other in path:
+                lowest[module] = min(lowest[module], lowest[other])
+        if lowest[module] == order[module]:
+            group = path[path.index(module) :]
+            del path[path.index(module) :]
+            if len(group) > 1:
+                groups.append(set(group))
+
+    for module in arrows:
+        if module not in order:
+            visit(module)
+    return groups
+
+
+def test_no_files_import_each_other_in_a_circle():
+    paths = [ROOT / "beadwave.py", *(p for room in ROOMS for p in (ROOT / room).rglob("*.py"))]
+    modules = {}
+    for path in paths:
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        modules[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    arrows = {module: imports(module, path, modules) for module, path in modules.items()}
+    # the arrows are those of the code, not of an empty list
+    assert "rom" in arrows["coupling.reduced_wall"]
+    found = circles(arrows)
+    assert not found, "\n".join(
+        f"{module} -> {', '.join(sorted(arrows[module] & circle))}"
+        for circle in found
+        for module in sorted(circle)
+    )
+
+
+def test_circles_through_further_files_and_type_checking_are_seen(tmp_path):
+    """a -> b -> c -> a, where each arrow is written another way, and d, which is in no circle."""
+    sources = {
+        "room.a": "def run():\n    from room import b\n",
+        "room.b": "if TYPE_CHECKING:\n    from room.c import Thing\n",
+        "room.c": "from . import a\nimport room.d\n",
+        "room.d": "import numpy\n",
+    }
+    modules = {}
+    for module, source in sources.items():
+        modules[module] = tmp_path / f"{module}.py"
+        modules[module].write_text(source)
+    arrows = {module: imports(module, path, modules) for module, path in modules.items()}
+    assert circles(arrows) == [{"room.a", "room.b", "room.c"}]
+    assert circles(arrows | {"room.c": {"room.d"}}) == []
 
 
 RIG = r"""["'](block|sheets?|head|foot|support|plate|block:\+x)["']|HAMMER_TEST|STRUCK|\b8425\b"""

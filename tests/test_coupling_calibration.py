@@ -8,7 +8,8 @@ import dem
 from workflows.fit.chain_fit import calibrate, widened
 from workflows.fit.forward import ChainForward
 from workflows.fit.model_errors import BetterModel
-from workflows.fit.parameter import Parameter, Rig
+from workflows.fit.parameter import Parameter
+from workflows.fit.rig import Rig
 from workflows.fit.signals import Filter, Signals, aligned, first_waves_end, noise_between_waves
 from workflows.fit.uncertainty import uncertainty
 from workflows.fit.windows import CoarseToFine, Options

@@ -22,7 +22,8 @@ from workflows.fit.least_squares import (
     three_cycles,
     weights,
 )
-from workflows.fit.parameter import Parameter, Rig, coordinates, directions, rig_at, slopes, values
+from workflows.fit.parameter import Parameter, coordinates, directions, rig_at, slopes, values
+from workflows.fit.rig import Rig
 from workflows.fit.signals import Filter, Signals, aligned, lag_of, noise_of_mean
 from workflows.fit.uncertainty import lags_that_count, noise_along, uncertainty
 

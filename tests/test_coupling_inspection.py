@@ -10,7 +10,8 @@ from workflows.fit.candidates import searched
 from workflows.fit.forward import Shot, StructureForward, unknowns
 from workflows.fit.inversion import inverted, profiled
 from workflows.fit.least_squares import RecordFit
-from workflows.fit.parameter import Parameter, Rig
+from workflows.fit.parameter import Parameter
+from workflows.fit.rig import Rig
 from workflows.fit.signals import rise
 from workflows.fit.uncertainty import bars_over_time, bounds_information, felt_from
 

@@ -6,8 +6,9 @@ from scipy.stats import norm
 
 from workflows.fit.chain_fit import calibrate
 from workflows.fit.forward import NO_FILTER, ChainForward
-from workflows.fit.parameter import Parameter, Rig
+from workflows.fit.parameter import Parameter
 from workflows.fit.posterior import LogPosterior, Sampling, posterior, sampled
+from workflows.fit.rig import Rig
 from workflows.fit.signals import Signals
 from workflows.fit.windows import Options
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from closed_loops import loop_amplitude, loop_energy
 from spatial_contact import last, random_wall, row
 
 from coupling.continuation import before_striker
@@ -12,7 +13,7 @@ from coupling.resonance import HarmonicBalance, curve, point
 from coupling.spatial_march import Before, ShakerForces, body_of
 from coupling.spatial_wall import spatial_wall_of_modes
 from coupling.stuck_wall import stuck_wall
-from dem.friction import gross_slip, loop_amplitude, loop_energy, stick_stiffness
+from dem.friction import gross_slip, stick_stiffness
 from dem.spheres import hertz_overlap
 
 CLAMPED = {"arm_stiffness": np.full(2, np.inf), "arm_rotation": np.inf}

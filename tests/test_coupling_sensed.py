@@ -9,7 +9,8 @@ from coupling.errors import CouplingError
 from coupling.sensors import Sensor, measured, signals
 from workflows.fit.chain_fit import calibrate
 from workflows.fit.forward import ChainForward
-from workflows.fit.parameter import Parameter, Rig
+from workflows.fit.parameter import Parameter
+from workflows.fit.rig import Rig
 from workflows.fit.scaling import incident_impulse
 from workflows.fit.sensed import Channels
 from workflows.fit.signals import Signals

@@ -8,8 +8,8 @@ from scipy.signal import butter, freqs
 from coupling.band import Band, filtered
 from coupling.errors import CouplingError
 from coupling.sensors import (
+    QUANTITIES,
     Sensor,
-    _force_or_velocity,
     echo,
     instants,
     mean_force,
@@ -119,7 +119,7 @@ def test_a_record_holds_steps_of_its_range_and_its_noise():
 def test_waves_are_found_in_every_quantity_behind_a_coarse_instrument(run, gain):
     chain, trajectory = run
     t, x, v, F = trajectory[:4]
-    sensors = [Sensor(BEAD, q, gain) for q in ("force", "force-rate", "velocity", "displacement")]
+    sensors = [Sensor(BEAD, q, gain) for q in QUANTITIES]
     at = instants(t, 2e6)
     y = recorded(sensors, signals(sensors, t, measured(sensors, t, x, v, F), at), bits=12)
     tracks = wave_tracks(t, v, F, chain.mass, chain.A)
@@ -180,13 +180,13 @@ def test_a_force_is_summed_from_its_rate_and_a_velocity_is_the_slope_of_a_displa
     mean = np.r_[0, np.cumsum((rate[1:] + rate[:-1]) / 2) * STEP]
     # sums of 500 terms of at most one: 500 eps
     np.testing.assert_allclose(
-        _force_or_velocity("force-rate", AT, rate, 6), mean, rtol=1e-12, atol=1e-13
+        QUANTITIES["force-rate"].crested(rate, STEP, 6), mean, rtol=1e-12, atol=1e-13
     )
     for wave, time, height in zip(result, TIMES, np.abs(HEIGHTS), strict=True):
         assert wave.time == pytest.approx(time, abs=2e-7)
         assert wave.height == pytest.approx(height, rel=5e-3)
     way = np.r_[0, np.cumsum(parabolas())] * STEP
-    slopes = _force_or_velocity("displacement", AT, way[:-1], 6)
+    slopes = QUANTITIES["displacement"].crested(way[:-1], STEP, 6)
     inside = (way[12:-1] - way[:-13]) / (12 * STEP)
     np.testing.assert_allclose(slopes[6:-6], inside, rtol=1e-12)
     first = [(way[i + 6] - way[0]) / (12 * STEP) for i in range(6)]
@@ -304,5 +304,7 @@ def test_bits_reach_from_minus_the_range_to_one_step_below_it():
 
 def test_a_sensor_of_an_unknown_quantity_is_refused():
     still = np.zeros((4, 2))
-    with pytest.raises(CouplingError, match=r"'force_rate' is unknown; take one of force, force-"):
+    with pytest.raises(
+        CouplingError, match=f"'force_rate' is unknown; take one of {', '.join(QUANTITIES)}"
+    ):
         measured([Sensor(0, "force_rate")], np.arange(4.0), still, still, still)

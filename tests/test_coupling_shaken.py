@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from closed_loops import loop_amplitude, loop_energy
 from spatial_contact import last, random_wall, row
 
 import dem
@@ -9,7 +10,6 @@ from coupling.shaken_march import march_shaken
 from coupling.spatial_march import ShakerForces, body_of
 from coupling.spatial_wall import spatial_wall_of_modes
 from dem.checks import InvalidChain
-from dem.friction import loop_amplitude, loop_energy
 from workflows.evidence.verify.coupled_directions import Bristles, ShakenStart, plain_march
 
 

@@ -10,13 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from closed_loops import loop_amplitude, loop_energy
 
 from dem import InvalidChain
 from dem.friction import (
     contact_of_load,
     gross_slip,
-    loop_amplitude,
-    loop_energy,
     open_cells,
     open_row,
     stick_stiffness,
@@ -249,7 +248,7 @@ def test_cells_grow_from_an_overlap_that_is_next_to_nothing():
         import numpy as np
         from dem.friction import open_cells
         from dem.kernels.tangential import STICK, cell_energy, cell_force, slide_cells
-        from tests.test_dem_friction import D, GROSS, LAW
+        from test_dem_friction import D, GROSS, LAW
         forces = []
         for first in (0.0, 1e-320, 1e-250):
             cells = open_cells()
@@ -262,7 +261,7 @@ def test_cells_grow_from_an_overlap_that_is_next_to_nothing():
         print(*forces)
     """
     run = subprocess.run(
-        [sys.executable, "-c", program], cwd=Path(__file__).parent.parent, check=True,
+        [sys.executable, "-c", program], cwd=Path(__file__).parent, check=True,
         capture_output=True, text=True, timeout=60,
     )  # fmt: skip
     forces = [float(value) for value in run.stdout.split()]

@@ -16,7 +16,7 @@ from fem import (
     indentation_modulus,
     joined,
 )
-from fem.anisotropic_half_space import mean_modulus, surface_force
+from fem.anisotropic_half_space import half_space, surface_force
 from fem.half_space import boussinesq
 
 STEEL = Material(210e9, 0.3, 7850.0)
@@ -24,6 +24,12 @@ PLY = Orthotropic((135e9, 9e9, 9e9), (0.3, 0.3, 0.45), (5e9, 5e9, 3.1e9), 1600.0
 TURNED = PLY._replace(axes=((1, 0.3, 0.2), (0, 1, 0.5)))
 TILTED = np.array([1.0, 2.0, 3.0]) / np.sqrt(14)
 ALONG, ACROSS = np.eye(3)[:2]
+
+
+def mean_modulus(material, inward):
+    """2 / mean(h) [Pa]: the E / (1 - nu^2) of an isotropic solid on which a round patch under the
+    same pressure has the same depth."""
+    return float(2 / half_space(material, inward).h.mean())
 
 
 def test_an_isotropic_solid_has_boussinesqs_field_and_its_own_modulus():

@@ -8,13 +8,14 @@ from scipy.spatial.transform import Rotation
 from skfem import FacetBasis, MeshHex, MeshTet
 
 from geometry import InvalidGeometry, smallest_quality
-from geometry.body_mesh import body_meshes, facet_error, foreseen_nodes
+from geometry.body_mesh import body_meshes, foreseen_nodes
 from geometry.cad import model
 from geometry.patches import Disc
 from geometry.selectors import Selected, bodies_named, faces, touches
 from geometry.shapes import Box, Cylinder, Hole, Slab
 from geometry.sizes import Fine, Sizes, default_seed, default_seeds, size_of
 from geometry.touching import neighbours
+from known_models import facet_error
 
 GAP = 1e-5
 TURN = (10, 20, 30)

@@ -12,7 +12,8 @@ from coupling.reduced_spatial_wall import spatial_wall_of
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
 from workflows.scene.friction import Friction
-from workflows.scene.shakers import Shaker, of_shakers
+from workflows.scene.shaker_contradictions import of_shakers
+from workflows.scene.shakers import Shaker
 from workflows.stages.pipeline import pipeline_of
 
 BLOCK = """

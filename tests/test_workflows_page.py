@@ -10,6 +10,8 @@ from functools import partial
 from importlib import import_module
 from io import BytesIO
 from os import environ
+from types import SimpleNamespace
+from typing import get_args
 
 import meshio
 import numpy as np
@@ -22,14 +24,15 @@ from command_line import COARSE_RIG, beadwave
 from coupling.surface_motion import wall_modes
 from workflows.files.scene import scene as load
 from workflows.report import report
-from workflows.report.first_screen import chain_words
+from workflows.report.first_screen import chain_words, wall_words
 from workflows.report.numbers import figures, si
 from workflows.report.page_data import PageLimits, page_data, upwards
-from workflows.report.page_rows import scene_rows
+from workflows.report.page_rows import STANDS_FOR, scene_rows
 from workflows.report.provenance import sources
 from workflows.report.report import harmless_json
 from workflows.report.rows import error_words
 from workflows.report.summary import Summary
+from workflows.scene.walls import Wall
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 BROWSER = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
@@ -375,6 +378,19 @@ def test_a_slab_stands_for_a_wall_without_a_shape(name, opened, tmp_path, monkey
 
 
 @needs_browser
+@pytest.mark.parametrize("table", get_args(get_args(Wall)[0]), ids=lambda table: table.__name__)
+def test_every_kind_of_wall_has_words_of_its_own(table):
+    kind = get_args(table.model_fields["kind"].annotation)[0]
+    values = {
+        name: "wall.npz" if "str" in str(field.annotation) else 1.0
+        for name, field in table.model_fields.items()
+    }
+    wall = table.model_construct(**{**values, "kind": kind})
+    words = wall_words(SimpleNamespace(wall=wall), SimpleNamespace(n_wall_modes=3))
+    assert words.endswith(".") and ("3 modes" in words) == (kind == "rom")
+    assert STANDS_FOR[kind].startswith("The wall ")
+
+
 @pytest.mark.parametrize("inclination, upright", [(90, True), (0, False)])
 def test_a_chain_stands_as_its_weight_says(inclination, upright, opened, tmp_path, monkeypatch):
     monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))

@@ -8,9 +8,9 @@ from workflows.files.record import csv_text
 from workflows.files.run_folder import RunFolder
 from workflows.fit import posterior as calibration_posterior
 from workflows.fit import twin as experiment
-from workflows.fit.calibrate import CalibrationRequest, calibrated
+from workflows.fit.calibrate import CalibrationRequest, calibrated, with_posterior
 from workflows.fit.folder import write_calibration
-from workflows.fit.posterior import Sampling, posterior, with_posterior
+from workflows.fit.posterior import Sampling, posterior
 from workflows.scene.toml import resolved
 from workflows.stages.walls import wall_of
 

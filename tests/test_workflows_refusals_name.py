@@ -15,7 +15,7 @@ from workflows.files.scene import scene
 from workflows.fit.scene_parameters import limits_of, number, plain_number
 from workflows.scene import InvalidScene
 from workflows.stages.bodies import drawing
-from workflows.stages.friction import high_friction
+from workflows.stages.warnings import high_friction
 from workflows.structure.parameters import freed
 from workflows.structure.tuning import targets
 

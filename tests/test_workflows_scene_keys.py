@@ -44,6 +44,7 @@ def test_every_number_of_a_resolved_scene_has_an_entry(name):
 @pytest.mark.parametrize("entry", reference.scene_keys(), ids=lambda entry: entry.key)
 def test_an_entry_says_what_its_key_is(entry):
     assert entry.meaning and entry.values and entry.default != "None"
+    assert not entry.example.endswith("= required"), "it needs a value in EXAMPLES of reference.py"
     assert tomllib.loads(entry.example).keys() == {entry.key.rpartition(".")[2]}
 
 

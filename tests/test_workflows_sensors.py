@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from command_line import beadwave
+from coupling.sensors import QUANTITIES
 from workflows.files.scene import scene
 from workflows.report.summary import SensorWaves, SphereWaves
-from workflows.scene import InvalidScene
+from workflows.scene import InvalidScene, sensors
+from workflows.scene.units import GAINS, unit_of
 
 FORCE = {"sphere": 9, "gain": "2 mV/N", "low_pass": "100 kHz"}
 
@@ -28,16 +30,21 @@ def test_a_gain_has_the_unit_of_its_quantity():
     assert with_sensors({"sphere": 2, "range": "300 mN"}).output.sensors[0].range == 0.3
 
 
+def test_every_quantity_of_a_sphere_has_its_units():
+    assert sensors.OF_SPHERES.keys() == QUANTITIES.keys()
+    assert sensors.KINDS.keys() == GAINS.keys()
+    for quantity, kind in sensors.KINDS.items():  # V per unit, times the unit, is V
+        powers = np.add(unit_of(GAINS[quantity].unit).powers, unit_of(kind.unit).powers)
+        assert tuple(powers) == unit_of("V").powers
+
+
 REFUSED = {
     "quantity = \\[1\\] must be": {"sphere": 3, "quantity": [1]},
     "gain of a displacement, a gain of a force is needed": {"sphere": 9, "gain": "2 mV/m"},
     "'a.b' is no number with a unit": {"sphere": 9, "gain": "a.b"},
     "a voltage, a force is needed": {"sphere": 9, "range": "3 V"},
     "allowed are 1 to chain.count = 17": {"sphere": 18},
-    "must be 'force', 'force-rate', 'velocity', 'displacement' or 'acceleration'": {
-        "sphere": 3,
-        "quantity": "x",
-    },
+    "quantity = 'x' must be 'force', ": {"sphere": 3, "quantity": "x"},
     "gain = 0 shows nothing": {"sphere": 3, "gain": 0.0},
     "must be below its low_pass": {"sphere": 3, "low_pass": 1e3, "high_pass": 2e3},
     "nearest known is 'order'": {"sphere": 3, "ordr": 2},

@@ -22,19 +22,9 @@ F1, F3, F5 = 2.39536, 0.268529, 0.0061347  # coefficients of f
 ENDS = 6.0  # spheres from the crest beyond which a wave is over: cosh(f/2)^-2 is below 1e-50 there
 
 
-def speed(
-    velocity: ArrayLike, mass: ArrayLike, A: ArrayLike, exponent: float | None = None
-) -> Array:
+def speed(velocity: ArrayLike, mass: ArrayLike, A: ArrayLike) -> Array:
     """Wave speed c [spheres/s] of a wave in which spheres of a mass [kg] reach `velocity` [m/s];
-    with the sign of that velocity.
-
-    Of a power law F = A d^n with the exponent n that of long waves (Nesterenko, sec. 1.4),
-    c = (2 / (n+1))^(1/(n+1)) (A/m)^(1/(n+1)) v^((n-1)/(n+1)).
-    """
-    if exponent is not None:
-        power = 1.0 / (exponent + 1.0)
-        size = np.abs(velocity) ** ((exponent - 1.0) * power)
-        return np.sign(velocity) * (2.0 * power * np.divide(A, mass)) ** power * size
+    with the sign of that velocity."""
     return SPEED * np.sign(velocity) * (A / mass) ** 0.4 * np.abs(velocity) ** 0.2
 
 

@@ -13,7 +13,7 @@ from itertools import pairwise
 from os import environ
 from pathlib import Path
 from re import fullmatch
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperGroup
@@ -42,6 +42,9 @@ from workflows.commands.terminal import (
     print_result,
 )
 from workflows.commands.verb import Call, Verb, Word, verb
+
+if TYPE_CHECKING:
+    from workflows.run.api import Run
 
 INTERRUPTED = 130
 LONGEST = 200  # characters of a path in a sentence
@@ -86,22 +89,25 @@ def beadwave(
 @verb("workflows.run.api.run", json="summary.json")
 def run(call: Call, verbose: Verbose = False) -> None:
     """Run every stage that the scene needs and fill a run folder."""
-    printer = SummaryPrinter(json=call.json, quiet=call.quiet, verbose=verbose)
-    result = call(waves_known=printer.waves)
-    printer.whole(result.summary)
-    print_notes(result.notes)
+    result = _printed(call, verbose)
     print_lines(f"written: {result.folder}/report.html", json=call.json, quiet=call.quiet)
 
 
 @verb("workflows.run.api.impact", json="summary.json")
 def impact(call: Call, verbose: Verbose = False) -> None:
     """The coupled run alone, without pictures and report."""
+    _printed(call, verbose)
+    if out := call.given.get("out"):
+        print_lines(f"written: {out}/trajectory.npz", json=call.json, quiet=call.quiet)
+
+
+def _printed(call: Call, verbose: bool) -> "Run":
+    """A run whose waves are printed as soon as they are known, then the rest of its summary."""
     printer = SummaryPrinter(json=call.json, quiet=call.quiet, verbose=verbose)
     result = call(waves_known=printer.waves)
     printer.whole(result.summary)
     print_notes(result.notes)
-    if out := call.given.get("out"):
-        print_lines(f"written: {out}/trajectory.npz", json=call.json, quiet=call.quiet)
+    return result
 
 
 def scenes(json: json_of("{scenes: [{name, shows}]}") = False) -> None:

@@ -15,10 +15,16 @@ from workflows.commands.verb import Call, Word, verb
 
 @verb(
     "workflows.evidence.api.accuracy", json="{rows: [{study, method, parameter, error, ...}], ...}",
-    stage=Word(completes=stage_names),
+    stage=Word("only this study; --list names them", completes=stage_names),
 )  # fmt: skip
-def accuracy(call: Call) -> None:
+def accuracy(
+    call: Call,
+    listed: Annotated[bool, typer.Option("--list", help="The studies, a line each.")] = False,
+) -> None:
     """Error against run time, beside other integrators."""
+    if listed:
+        _list("accuracy", "studies", call.json)
+        return
     from workflows.evidence.accuracy.folder import machine
     from workflows.report import finding
 
@@ -27,26 +33,24 @@ def accuracy(call: Call) -> None:
     print_result(record, finding.text(result), call.json, call.quiet)
 
 
-CASES = (
-    "joint-stiffness, rayleigh-damping, young, unlike-materials, unlike-radii, radius, "
-    "striker-speed, preload, sonic-vacuum, dissipation, spheres, step, drift, time-reversal, "
-    "float-extremes, wall-mode-frequency, one-dof-wall, wall-damping, dashpot-wall, "
-    "shaken-preload, shaken-friction, shaken-separation, shaken-phase"
-)
-CASE = f"only this case; may be repeated: {CASES}"
-
-
 @verb(
     "workflows.evidence.api.stability", json="{rows: [{case, parameter, verdict, value, ...}]}",
-    cases=Word(CASE, "--case", None, case_names, option=True),
+    cases=Word(
+        "only this case; may be repeated. --list names them", "--case", None, case_names,
+        option=True,
+    ),
 )  # fmt: skip
 def stability(
     call: Call,
+    listed: Annotated[bool, typer.Option("--list", help="The cases, a line each.")] = False,
     all_trials: Annotated[
         bool, typer.Option("--all", help="Print each trial; without it a line for each case.")
     ] = False,
 ) -> None:
     """Stiff and extreme cases with a verdict each."""
+    if listed:
+        _list("stability", "cases", call.json)
+        return
     from workflows.evidence.harness import brief
     from workflows.report import finding
 
@@ -55,13 +59,16 @@ def stability(
     print_result(finding.record(result), text, call.json, call.quiet)
 
 
-GROUP = "only this group; may be repeated. --list names them"
-
-
 @verb(
     "workflows.evidence.api.verify",
     json="{rows: [{group, quantity, ours, theirs, difference, ...}]}",
-    groups=Word(GROUP, "--group", None, group_names, option=True),
+    groups=Word(
+        "only this group; may be repeated. --list names them",
+        "--group",
+        None,
+        group_names,
+        option=True,
+    ),
 )
 def verify(
     call: Call,

@@ -64,8 +64,7 @@ def accuracy(
     """Error against run time, beside general-purpose integrators (`beadwave accuracy`).
 
     scene     a scene; default: the one each study is made for
-    stage     which studies: time, chain-length, wall-modes, batch, parts, compile, mesh, reduction,
-              size, peers, or all
+    stage     only this study, of `studies("accuracy")`; default: all
     thorough  leave nothing out, of one stage or of all: minutes
     out       folder for tables (CSV, JSON) and pictures, where each stage adds or renews its own
 

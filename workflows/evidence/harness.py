@@ -38,16 +38,12 @@ VERDICTS = {
     "verify": ("within", "outside", "failed", "skipped"),
     "stability": ("accurate", "flagged", "refused", "failed"),
 }
-# of stability's table: its column, and the field of a row; verify's table has all fields
+# of stability's table: its column, and the field of a row; verify's table has all but the unit
 TRIALS = {
-    "case": "group", "parameter": "quantity", "verdict": "verdict", "value": "difference",
-    "allowed": "allowed", "sentence": "source", "seconds": "seconds",
+    "case": "group", "parameter": "quantity", "unit": "unit", "verdict": "verdict",
+    "value": "difference", "allowed": "allowed", "sentence": "source", "seconds": "seconds",
 }  # fmt: skip
 BRIEF = ("case", *VERDICTS["stability"], "error/allowed", "seconds")
-UNITS = {  # of parameters that are numbers
-    "joint-stiffness": "N/m", "young": "Pa", "unlike-materials": "Pa", "radius": "m",
-    "striker-speed": "m/s", "preload": "N", "sonic-vacuum": "N", "dashpot-wall": "N s/m",
-}  # fmt: skip
 
 
 class Comparison(NamedTuple):
@@ -74,6 +70,7 @@ class Trial(NamedTuple):
 
     parameter: float | str
     run: Callable[[], Outcome]
+    unit: str = ""  # of a parameter that is a number
 
 
 class Row(NamedTuple):
@@ -88,6 +85,7 @@ class Row(NamedTuple):
     seconds: float  # since the row before it
     verdict: str
     source: str  # or what was refused, warned of, or went wrong
+    unit: str = ""  # of a trial's parameter
 
 
 class PeerMissing(Exception):
@@ -181,14 +179,15 @@ def judged(trial: Trial, case: str = "") -> Row:
         else:
             verdict, sentence = "failed", "the error is above what is allowed, unreported."
     seconds = perf_counter() - started
-    return Row(case, trial.parameter, None, None, value, allowed, seconds, verdict, sentence)
+    numbers = None, None, value, allowed, seconds
+    return Row(case, trial.parameter, *numbers, verdict, sentence, trial.unit)
 
 
 def finding(folder: str, rows: tuple[Row, ...]) -> Finding:
     """The table of a folder's rows, what there is to say of single ones, and a count."""
     if folder == "stability":
         lines = [tuple(getattr(row, field) for field in TRIALS.values()) for row in rows]
-        printed = [name for name in TRIALS if name != "sentence"]
+        printed = [name for name in TRIALS if name not in ("unit", "sentence")]
         shown = [tuple(getattr(row, TRIALS[name]) for name in printed) for row in rows]
         table = Table(folder, tuple(TRIALS), tuple(lines), (tuple(printed), *shown))
         sentences = [said(row) for row in rows if row.verdict != "accurate"]
@@ -200,7 +199,7 @@ def finding(folder: str, rows: tuple[Row, ...]) -> Finding:
             shown.append((
                 row.group, row.quantity + mark, *numbers, row.difference, row.allowed, row.seconds,
             ))  # fmt: skip
-        table = Table(folder, Row._fields, rows, tuple(shown))
+        table = Table(folder, Row._fields[:-1], tuple(row[:-1] for row in rows), tuple(shown))
 
         # the sources of each group, in order and once each; what was skipped or failed
         sources: dict[str, dict[str, None]] = {}
@@ -224,8 +223,8 @@ def brief(verdicts: Finding) -> Finding:
     is allowed, and one sentence on what was refused or flagged."""
     table = verdicts.tables[0]
     by_case: dict[str, list[Row]] = {}
-    for case, parameter, verdict, value, allowed, sentence, seconds in table.rows:
-        row = Row(case, parameter, None, None, value, allowed, seconds, verdict, sentence)
+    for case, parameter, unit, verdict, value, allowed, sentence, seconds in table.rows:
+        row = Row(case, parameter, None, None, value, allowed, seconds, verdict, sentence, unit)
         by_case.setdefault(case, []).append(row)
 
     lines, sentences = [BRIEF], []
@@ -248,13 +247,13 @@ def brief(verdicts: Finding) -> Finding:
 def said(row: Row) -> str:
     """A trial in words."""
     parameter = row.quantity if isinstance(row.quantity, str) else f"{row.quantity:g}"
-    unit = f" {UNITS[row.group]}" if parameter != row.quantity and row.group in UNITS else ""
+    unit = f" {row.unit}" if row.unit else ""
     return f"{row.group} {parameter}{unit}, {row.verdict}: {row.source}"
 
 
 def wrong(comparisons: Finding) -> str | None:
     """A sentence on the rows that are outside or failed, None where there are none."""
-    rows = map(Row._make, comparisons.tables[0].rows)
+    rows = (Row(*row) for row in comparisons.tables[0].rows)
     bad = [f"{row.group}: {row.quantity}" for row in rows if row.verdict in ("outside", "failed")]
     if not bad:
         return None

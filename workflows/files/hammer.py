@@ -187,7 +187,8 @@ def content_of(
     """What a file holds, and points of nodes; raises InvalidScene where it has no hammer test."""
     ending = path.suffix.lower()
     if ending not in WANTED:
-        raise InvalidScene(f"{path} must end in .csv, .uff, .unv, .mat or .wav.")
+        *first, last = WANTED
+        raise InvalidScene(f"{path} must end in {', '.join(first)} or {last}.")
     require_file(path, HAMMER)
     # hits at one point may be files of their own: 12+z_1.wav, 12+z_2.wav
     name = sub(r"[_ -]\d+$", "", path.stem) or path.stem

@@ -1,5 +1,6 @@
 """Recorded signals at common, equally spaced times, with repeats along an axis of their own."""
 
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -108,6 +109,13 @@ def csv_text(measured: Record) -> str:
     """The record as CSV; files of velocities are read back from it."""
     r, k, m = measured.v.shape
     names = [f"sphere {n} [m/s]" for _ in range(r) for n in measured.spheres]
-    table = np.column_stack([measured.t, measured.v.transpose(1, 0, 2).reshape(k, r * m)])
-    lines = [",".join([f"{row[0]:.9g}", *(f"{x:.9g}" for x in row[1:])]) for row in table]
-    return "\n".join([f"# {measured.title}", ", ".join(["time [s]", *names]), *lines, ""])
+    v = measured.v.transpose(1, 0, 2).reshape(k, r * m)
+    return csv_of_signals(measured.title, names, measured.t, v)
+
+
+def csv_of_signals(
+    title: str, names: Iterable[str], t: NDArray[np.float64], y: NDArray[np.float64]
+) -> str:
+    """CSV of times t (k,) [s] and signals y (k, m) of these names."""
+    lines = [",".join(f"{x:.9g}" for x in row) for row in np.column_stack([t, y])]
+    return "\n".join([f"# {title}", ", ".join(["time [s]", *names]), *lines, ""])

@@ -161,13 +161,15 @@ def about_its_file(sentence: str, source: Source) -> str:
     return f"{source}: {sentence.removeprefix(begin)}" if sentence.startswith(begin) else sentence
 
 
-def files_read(scene: Scene, source: Source = None) -> tuple[Path, ...]:
-    """The files that a run of the scene reads: its own, and those that its tables name."""
+def files_read(scene: Scene, source: Source = None, *others: str | Path | None) -> tuple[Path, ...]:
+    """The files that a run of the scene reads: its own, those that its tables name, and others
+    that are given."""
     is_file = isinstance(source, str | Path) and str(source) not in built_in()
     itself = [source] if is_file else []
     tables = (*(table for _, table in scene), *(scene.targets or ()), *(scene.measured or ()))
     named = [getattr(table, key, None) for table in tables for key in FILE_KEYS]
-    return tuple(Path(file) for file in (*itself, *named) if isinstance(file, str | Path) and file)
+    files = (*itself, *named, *others)
+    return tuple(Path(file) for file in files if isinstance(file, str | Path) and file)
 
 
 def tables(name: str) -> dict[str, Any]:

@@ -267,7 +267,7 @@ def _sampled(result: Calibrated, posterior: bool, seed: int, progress: Progress)
     """With samples of the posterior, where they are wanted."""
     if not posterior:
         return result
-    from workflows.fit.posterior import with_posterior
+    from workflows.fit.calibrate import with_posterior
 
     with progress("posterior"):
         return with_posterior(result, seed)

@@ -7,7 +7,7 @@ before anything is fitted; what is doubtful is fitted and told in a sentence.
 from collections.abc import Mapping, Sequence
 from time import perf_counter
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,9 +18,8 @@ from workflows.fit import scene_parameters
 from workflows.fit.chain_fit import CalibrationResult, calibrate, widened
 from workflows.fit.columns import beyond, require_columns
 from workflows.fit.forward import ChainForward
-from workflows.fit.judgement import on_held_out
+from workflows.fit.judgement import SHARES, on_held_out, on_posterior
 from workflows.fit.model_errors import BetterModel, with_systems
-from workflows.fit.parameter import Rig
 from workflows.fit.plausibility import (
     cut_off,
     filters_of,
@@ -30,8 +29,10 @@ from workflows.fit.plausibility import (
     require_samples,
     unlike_the_model,
 )
+from workflows.fit.posterior import Posterior, posterior
 from workflows.fit.record import marched, sensor_of, usable
-from workflows.fit.report import CalibrationReport, calibration_report
+from workflows.fit.report import CalibrationReport, PosteriorSummary, calibration_report
+from workflows.fit.rig import Rig
 from workflows.fit.scaling import Scaled, scaled
 from workflows.fit.sensed import Channels
 from workflows.fit.signals import Filter, Signals, aligned, lag_of, noise_of_mean
@@ -40,10 +41,6 @@ from workflows.report.numbers import supported
 from workflows.scene import InvalidScene, OneDofWall, Scene
 from workflows.scene.units import GAINS
 from workflows.stages.chain import initial_velocity
-
-if TYPE_CHECKING:
-    from workflows.fit.posterior import Posterior
-
 
 SCANNED = (50.0, 2000.0, 60)  # frequencies of a wall of one mass [Hz]: lowest, highest, points
 
@@ -70,7 +67,7 @@ class Calibrated(NamedTuple):
     report: CalibrationReport
     fit: CalibrationResult
     forward: ChainForward
-    posterior: "Posterior | None" = None
+    posterior: Posterior | None = None
 
     @property
     def signals(self) -> Signals:
@@ -170,6 +167,32 @@ def calibrated(
     written = np.array([supported(x, bar) for x, bar in zip(fit.value, bars, strict=True)])
     result = scene_parameters.calibrated_scene(scene, fit.parameters, written, name)
     return Calibrated(result, report, fit, forward)
+
+
+def with_posterior(result: Calibrated, seed: int) -> Calibrated:
+    """A calibration with samples of its posterior, and their quantiles in its report's rows."""
+    began = perf_counter()
+    samples = posterior(result.forward, result.fit, seed=seed)
+    report, slowest = result.report, float(samples.autocorrelation.max())
+    report.posterior = PosteriorSummary(
+        walkers=samples.walkers,
+        steps=samples.kept,
+        discarded=samples.discarded,
+        autocorrelation_steps=slowest if np.isfinite(slowest) else None,
+        effective_samples=samples.effective,
+        acceptance=samples.acceptance,
+        model_runs=samples.model_runs,
+        seed=seed,
+        long_enough=samples.long_enough,
+        seconds=perf_counter() - began,
+    )
+    if samples.long_enough:
+        low, median, high = samples.quantiles(SHARES)
+        for i, row in enumerate(report.parameters):
+            row.low, row.median, row.high = float(low[i]), float(median[i]), float(high[i])
+    seconds = report.posterior.seconds
+    report.remarks.append(on_posterior(samples, result.fit, seed=seed, seconds=seconds))
+    return result._replace(posterior=samples)
 
 
 def _in_velocities(scene: Scene, rig: Rig, record: Record) -> Scaled:

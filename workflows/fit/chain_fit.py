@@ -17,7 +17,8 @@ from workflows.fit import model_errors
 from workflows.fit.forward import ChainForward
 from workflows.fit.least_squares import WindowFit, weights
 from workflows.fit.model_errors import BetterModel
-from workflows.fit.parameter import Parameter, Rig, at_bound, coordinates, scales, values
+from workflows.fit.parameter import Parameter, at_bound, coordinates, scales, values
+from workflows.fit.rig import Rig
 from workflows.fit.signals import Filter, Signals
 from workflows.fit.uncertainty import Uncertainty, uncertainty
 from workflows.fit.windows import CoarseToFine, FitStage, Options, Scan

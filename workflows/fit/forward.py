@@ -29,7 +29,8 @@ from coupling.errors import CouplingError
 from coupling.sensors import Sensor, measured, signals
 from dem import Trajectory, march
 from dem.sensitivities import march_with_sensitivities
-from workflows.fit.parameter import UNIFORM, Parameter, Rig, directions, ends, rig_at, scales
+from workflows.fit.parameter import UNIFORM, Parameter, directions, ends, rig_at, scales
+from workflows.fit.rig import Rig
 from workflows.fit.sensed import require_summable, sensed, with_gains
 from workflows.fit.signals import Filter, Signals
 

@@ -18,7 +18,8 @@ from scipy.signal import butter, sosfilt, sosfilt_zi
 
 from dem import Chain, Wall, march_to_error
 from workflows.fit.chain_fit import calibrate
-from workflows.fit.parameter import Parameter, Rig
+from workflows.fit.parameter import Parameter
+from workflows.fit.rig import Rig
 from workflows.fit.signals import Filter, aligned
 from workflows.fit.windows import Options
 

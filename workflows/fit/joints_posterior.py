@@ -28,13 +28,12 @@ from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, Scene, nearest
 from workflows.stages.pipeline import pipeline_of
 from workflows.stages.progress import Progress
-from workflows.structure import parameters as of_bodies
 from workflows.structure.tuning import (
     TOLERANCES,
     at_values,
     candidates_of,
     frequency_errors,
-    loosened,
+    projected,
     unit,
     usual,
 )
@@ -223,10 +222,7 @@ def posterior_of(
     require_nested_sampler()
     names = free or (usual(match) if scene.of_dimensions else ())
     parameters = bounded(candidates_of(scene, names), bounds)
-    loose = loosened(scene, parameters)
-    basis = pipeline_of(loose, progress)("tuning-basis")
-    if not scene.of_dimensions:
-        parameters = of_bodies.on_bodies(scene, parameters, list(basis.forms))
+    loose, basis, parameters = projected(scene, parameters, progress)
 
     numbers = scene.measured_numbers
     by_place = {numbers.index(n) + 1: hz for n, hz in match.items()}

@@ -5,16 +5,13 @@ clock at which the model starts, the first touch.
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from dem import Chain, Wall
 from dem.kernels.laws import ELASTIC_LAWS, SHAPE_PARAMETERS
-from dem.sensitivities import STEPS_PER_TIME_SCALE, Directions, usual_step
-
-if TYPE_CHECKING:
-    from workflows.fit.rubbing import Rubbing
+from dem.sensitivities import Directions
+from workflows.fit.rig import Rig
 
 OF_WALL = ("frequency", "mass", "damping")
 UNIFORM = 12.0  # the variance of a uniform distribution is its width squared over this
@@ -103,27 +100,6 @@ def at_bound(parameters: Sequence[Parameter], value: np.ndarray) -> np.ndarray:
     # 1e-6 of the bounds' distance: parameters nearer to a bound lie at it
     margin = 1e-6 * (high - low)
     return np.isfinite(margin) & ((value - low <= margin) | (high - value <= margin))
-
-
-class Rig(NamedTuple):
-    """What is marched: chain, wall and impact."""
-
-    chain: Chain
-    wall: Wall | None
-    v0: np.ndarray  # (n,) [m/s] before the impact
-    damping: np.ndarray | None = None  # (d, k) derivative of the wall's zeta by each damping ratio
-    trigger: float = 0.0  # [s] first touch on the record's clock
-    across: "Rubbing | None" = None  # a last sphere with friction on a structure
-
-    @property
-    def step(self) -> float:
-        """Usual step of time of a march [s]."""
-        return usual_step(self.chain, self.wall, self.v0)
-
-    @property
-    def time_scale(self) -> float:
-        """Time within which the stiffest contact moves [s]."""
-        return STEPS_PER_TIME_SCALE * self.step
 
 
 def rig_at(rig: Rig, parameters: tuple[Parameter, ...], theta: np.ndarray) -> Rig:

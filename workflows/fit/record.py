@@ -94,18 +94,9 @@ def _channels(
 ) -> tuple[NDArray[np.float64], tuple[Channel, ...], NDArray[np.float64], str]:
     """t (k,) [s], channels, values (r, k, m) and title of a file; raises InvalidScene for a column
     that never changes."""
-    suffix = path.suffix.lower()
-    if suffix in ENDINGS:
-        require_file(path, "give a record as .uff")
-        t, channels, y, title = laid_out(path, partial(uff_columns, column=_channel))
-    elif suffix == ".mat":
-        require_file(path, "give a record as .csv or .mat")
-        t, channels, y, title = laid_out(path, _mat_columns)
-    elif suffix == ".csv":
-        require_file(path, "give a record as .csv")
-        t, channels, y, title = laid_out(path, partial(csv_columns, column=_channel))
-    else:
-        raise InvalidScene(f"{path} must end in .csv.")
+    csv, uff = (partial(columns, column=_channel) for columns in (csv_columns, uff_columns))
+    readers = {".csv": csv, ".mat": _mat_columns, **dict.fromkeys(ENDINGS, uff)}
+    t, channels, y, title = laid_out(path, readers)
     for i, channel in enumerate(channels):
         is_still = np.ptp(y[:, :, i], axis=1) == 0.0
         if is_still.any():
@@ -211,20 +202,22 @@ def record(path: Path) -> Record:
         return record_formats.velocities_of_mat(variables(path, needed))
 
     readers = {".csv": csv, ".mat": mat, **dict.fromkeys(ENDINGS, uff)}
-    if path.suffix.lower() not in readers:
-        raise InvalidScene(f"{path} must end in .csv, .mat, .uff or .unv.")
-    require_file(path, "give measured velocities as .csv, .mat or .uff")
-    t, spheres, v, title = laid_out(path, readers[path.suffix.lower()])
+    t, spheres, v, title = laid_out(path, readers)
     return Record(t, v, spheres, title)
 
 
 def laid_out(
-    path: Path, read: Callable[[Path], Found]
+    path: Path, readers: dict[str, Callable[[Path], Found]]
 ) -> tuple[NDArray, tuple[Any, ...], NDArray, str]:
-    """t (k,) [s], what m columns of a file hold, their values (r, k, m), and its title or name;
-    raises InvalidScene."""
+    """t (k,) [s], what m columns of a file hold, their values (r, k, m), and its title or name, by
+    the reader of its ending; raises InvalidScene."""
+    *first, last = readers
+    endings = f"{', '.join(first)} or {last}"
+    if path.suffix.lower() not in readers:
+        raise InvalidScene(f"{path} must end in {endings}.")
+    require_file(path, f"give a record as {endings}")
     with refused(path):
-        t, columns, title = read(path)
+        t, columns, title = readers[path.suffix.lower()](path)
         t = equidistant(t)
         return t, *stacked(t, columns), title or path.stem
 

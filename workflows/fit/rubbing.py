@@ -13,18 +13,15 @@ from numpy.typing import NDArray
 
 from coupling.continuation import (
     NEIGHBOURS,
-    SteadyState,
     before_striker,
     cold_state,
     neighbouring_state,
     struck,
 )
-from coupling.spatial_march import USUAL_SPATIAL_SEARCH, PreparedImpact, ShakerForces, body_of
-from coupling.spatial_wall import SpatialWall
+from coupling.spatial_march import USUAL_SPATIAL_SEARCH, PreparedImpact, body_of
 from coupling.structure_sensors import Sensed, sensed_in_march
 from dem.kernels.arguments import Steps
-from dem.lateral import LastSphere
-from workflows.fit.parameter import Rig
+from workflows.fit.rig import Rig, Rubbing
 
 
 class RubbingMarch(NamedTuple):
@@ -40,17 +37,6 @@ class RubbingMarch(NamedTuple):
 
 
 USUAL_RUBBING_MARCH = RubbingMarch()
-
-
-class Rubbing(NamedTuple):
-    """What the last sphere rubs on, and what shakes that."""
-
-    wall: SpatialWall
-    last: LastSphere | None  # None until a chain stands before it
-    shakers: ShakerForces | None
-    upstream_held: bool
-    substeps: int = 1  # of a step
-    near: SteadyState | None = None  # periodic state of the scene's own values
 
 
 class RubbingRun(NamedTuple):

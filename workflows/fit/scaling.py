@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from dem.sensitivities import march_with_sensitivities
 from dem.waves.arrivals import peaks
 from workflows.files.record import Record
-from workflows.fit.parameter import Parameter, Rig
+from workflows.fit.parameter import Parameter
 from workflows.fit.plausibility import sizes_beside
+from workflows.fit.rig import Rig
 from workflows.fit.sensed import Channels, sensed
 from workflows.fit.signals import noise_between_waves
 

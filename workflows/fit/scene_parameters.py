@@ -12,8 +12,9 @@ import coupling
 import dem
 from dem.kernels.laws import SHAPE_PARAMETERS
 from workflows.fit.forward import OWN, SHARED
-from workflows.fit.parameter import RATIOS, Parameter, Rig
+from workflows.fit.parameter import RATIOS, Parameter
 from workflows.fit.parameter import trigger as first_touch
+from workflows.fit.rig import Rig
 from workflows.scene import (
     InvalidScene,
     ModalDampingTable,

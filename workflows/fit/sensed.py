@@ -14,9 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from coupling.errors import CouplingError
-from coupling.sensors import Sensor, measured, signals
+from coupling.sensors import QUANTITIES, Sensor, measured, signals
 from dem.sensitivities import Sensitivities
-from workflows.fit.parameter import Parameter, Rig
+from workflows.fit.parameter import Parameter
+from workflows.fit.rig import Rig
 
 
 class Channels(NamedTuple):
@@ -45,7 +46,7 @@ class Channels(NamedTuple):
 
 def require_summable(rig: Rig, channels: Channels) -> None:
     """Raise CouplingError where forces do not follow from the spheres' accelerations."""
-    forces = any(sensor.quantity.startswith("force") for sensor in channels.sensors)
+    forces = any(QUANTITIES[sensor.quantity].sums_forces for sensor in channels.sensors)
     if forces and rig.chain.springs[0].any():
         raise CouplingError("no forces are fitted of spheres on leaf springs; drop [leaf_springs].")
 

@@ -14,7 +14,6 @@ import coupling
 import dem
 from workflows.fit.better_walls import FAILURES, better_walls
 from workflows.fit.model_errors import BetterModel, with_systems
-from workflows.fit.parameter import Rig
 from workflows.fit.parametric_wall import (
     Bounds,
     Computed,
@@ -23,6 +22,7 @@ from workflows.fit.parametric_wall import (
     parametric_wall,
     with_rest,
 )
+from workflows.fit.rig import Rig, Rubbing
 from workflows.fit.scene_parameters import number, put, scene_at
 from workflows.scene import InvalidScene, RomWall, Scene
 from workflows.scene.places import has_friction
@@ -35,7 +35,6 @@ from workflows.sweep.cases import Base
 
 if TYPE_CHECKING:
     from coupling.spatial_wall import SpatialWall
-    from workflows.fit.rubbing import Rubbing
 
 DEGREE_BEAM, DEGREE_BODIES = 3, 2  # of the polynomials between walls: beams are computed quickly
 # keys of a shaker that leave the structure as it is; its stinger and its place do not
@@ -192,7 +191,6 @@ def structure(
 
 def _rubbing(scene: Scene, wall: SpatialWall) -> Rubbing:
     """Friction on a structure as the scene has it; the last sphere is that of a rig's chain."""
-    from workflows.fit.rubbing import Rubbing
     from workflows.stages.structure_friction import shaker_forces
 
     shakers = shaker_forces(scene) if scene.shakers else None

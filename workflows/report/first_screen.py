@@ -58,6 +58,8 @@ def wall_words(scene: Scene, summary: Summary) -> str:
             return f"a wall known by its measured response ({Path(file).name})."
         case RomWall(file=file) if file:
             return f"a reduced model of {summary.n_wall_modes} modes ({Path(file).name})."
+        case wall if not isinstance(wall, RomWall):
+            raise NotImplementedError(f"no words for wall.kind = {wall.kind!r} here")
     mass = summary.reduction and summary.reduction.mass_kg
     body = f"a {scene.struck_body}" if scene.bending else "an assembly"
     return (

@@ -23,7 +23,9 @@ from workflows.scene import Scene
 from workflows.scene.quantities import entries
 from workflows.scene.units import GAINS
 
+# what the view draws for a wall without a shape, by wall.kind; see page/wall.js
 STANDS_FOR = {
+    None: "The chain is free: there is no wall.",
     "rigid": "The wall is rigid and has no shape: the slab stands for it.",
     "half-space": "The wall is a half-space without an end: the block stands for it, and does not "
     "move but under the contact itself.",
@@ -145,7 +147,7 @@ def view_note(data: dict[str, Any]) -> str:
             "are those that the reduced model holds; modes.vtu has all of them."
             f"{'' if n_points == n else thinned}"
         )
-    standing = STANDS_FOR.get(data.get("wall") or "", "The chain is free: there is no wall.")
+    standing = STANDS_FOR[data.get("wall")]
     return f"Spheres are coloured by velocity, red towards the wall. {standing}"
 
 

@@ -92,7 +92,10 @@ def two_processes(pipeline: Pipeline, names: tuple[str, ...]) -> Iterator[None]:
     cores = len(sched_getaffinity(0))
     allowed = processes == "2" and cores > 1 and pipeline.keeps
     worth = len(missing) > 1 or "compilation" in missing
-    if not allowed or not worth or not _have_room(pipeline):
+    if allowed and worth and (scene := pipeline.scene).bending is None:
+        # nodes of bodies are counted only once they are meshed, which the run does anyway
+        allowed = room_beside(scene, foreseen_nodes(scene) or pipeline("mesh").nodes)
+    if not allowed or not worth:
         yield
         return
     # threads of MKL that wait for a core spin: each process gets its share
@@ -119,15 +122,6 @@ def _wanted(pipeline: Pipeline, name: str) -> bool:
     if name == "half-space" and pipeline.kept("reduction") and pipeline.kept("missed-energy"):
         return False
     return not pipeline.kept(name)
-
-
-def _have_room(pipeline: Pipeline) -> bool:
-    """Whether memory holds a second process. The number of nodes of bodies is known only once they
-    are meshed, which the run does anyway."""
-    scene = pipeline.scene
-    if scene.bending is not None:
-        return True
-    return room_beside(scene, foreseen_nodes(scene) or pipeline("mesh").nodes)
 
 
 def claim(folder: Path, name: str) -> bool:

@@ -1,16 +1,12 @@
 """[test_axes]: how the axes of a hammer test lie on the assembly."""
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from workflows.scene.bodies import Place3
 from workflows.scene.scene_table import SceneTable
-
-if TYPE_CHECKING:
-    from workflows.scene.scene import Scene
 
 Places = Annotated[tuple[Place3, ...], Field(strict=False, min_length=3)]
 
@@ -38,9 +34,3 @@ class AxesOfTest(SceneTable):
                     "one beside it"
                 )
         return self
-
-
-def of_test_axes(scene: "Scene") -> Iterator[str]:
-    """Sentences on contradictions between the axes of a test and the rest of a scene."""
-    if scene.test_axes and scene.assembly is None:
-        yield "[test_axes] lie on an [assembly]; add one, or drop them."

@@ -1,10 +1,12 @@
-"""Keys of an assembly of bodies that are each allowed but not together, a sentence each."""
+"""Keys of an assembly of bodies, and of what sits on it, that are each allowed but not together, a
+sentence each."""
 
 from collections import Counter
 from collections.abc import Iterator
 from math import isinf
+from re import split
 
-from workflows.scene.bodies import GROUND, THREAD, Bolts
+from workflows.scene.bodies import GROUND, THREAD, Bolts, General
 from workflows.scene.named_materials import NAMED, family
 from workflows.scene.scene import Scene
 from workflows.scene.scene_table import nearest
@@ -196,3 +198,54 @@ def _thread(joint: Bolts) -> Iterator[str]:
             f'joints.{joint.name}.sides = {list(joint.sides)} is beside at = "thread", whose sides '
             'both move by their mean; drop sides, or write ["mean", "mean"].'
         )
+
+
+def of_masses(scene: Scene) -> Iterator[str]:
+    """Sentences on contradictions between masses and the rest of a scene."""
+    if scene.masses and scene.assembly is None:
+        yield "[[masses]] sit on faces of an [assembly]; add one, or drop them."
+    for name, number in Counter(mass.name for mass in scene.masses or ()).items():
+        if number > 1:
+            yield f"masses has {number} tables named {name!r}; give each a name of its own."
+
+
+def of_springs(scene: Scene) -> Iterator[str]:
+    """Sentences on contradictions between springs and the rest of a scene."""
+    if scene.springs and scene.assembly is None:
+        yield "[[springs]] sit on faces of an [assembly]; add one, or drop them."
+    bodies = scene.bodies or {}
+    drawn = isinstance(scene.assembly, General) and not scene.assembly.file
+    for spring in scene.springs or ():
+        for end in spring.ends:
+            selector = getattr(spring, end)
+            if drawn and split("[:@]", selector)[0] not in bodies:
+                yield (
+                    f"springs.{spring.name}.{end} = {selector!r} names no body; there are "
+                    f"{', '.join(bodies)}."
+                )
+    for name, number in Counter(spring.name for spring in scene.springs or ()).items():
+        if number > 1:
+            yield f"springs has {number} tables named {name!r}; give each a name of its own."
+
+
+def of_measured(scene: Scene) -> Iterator[str]:
+    """Sentences on contradictions between measured parts and the rest of a scene."""
+    if scene.measured and scene.assembly is None:
+        yield "[[measured]] are joined to faces of an [assembly]; add one, or drop them."
+    bodies = scene.bodies or {}
+    drawn = isinstance(scene.assembly, General) and not scene.assembly.file
+    for part in scene.measured or ():
+        if drawn and split("[:@]", part.on)[0] not in bodies:
+            yield (
+                f"measured.{part.name}.on = {part.on!r} names no body; there are "
+                f"{', '.join(bodies)}."
+            )
+    for name, number in Counter(part.name for part in scene.measured or ()).items():
+        if number > 1:
+            yield f"measured has {number} tables named {name!r}; give each a name of its own."
+
+
+def of_test_axes(scene: Scene) -> Iterator[str]:
+    """Sentences on contradictions between the axes of a test and the rest of a scene."""
+    if scene.test_axes and scene.assembly is None:
+        yield "[test_axes] lie on an [assembly]; add one, or drop them."

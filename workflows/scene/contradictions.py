@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from workflows.scene import (
-    DashpotWall,
     LossFactorsTable,
     MeasuredWall,
     ModalDampingTable,
@@ -14,18 +13,22 @@ from workflows.scene import (
     RomWall,
     Scene,
 )
-from workflows.scene.axes_of_test import of_test_axes
 from workflows.scene.bodies import General
-from workflows.scene.body_contradictions import of_bending, of_bodies, of_the_rig
-from workflows.scene.friction import of_friction
-from workflows.scene.gravity import of_gravity
-from workflows.scene.masses import of_masses
-from workflows.scene.measured import of_measured
+from workflows.scene.body_contradictions import (
+    of_bending,
+    of_bodies,
+    of_masses,
+    of_measured,
+    of_springs,
+    of_test_axes,
+    of_the_rig,
+)
+from workflows.scene.friction_contradictions import of_friction, of_gravity
 from workflows.scene.named_files import unfit
-from workflows.scene.sensors import of_place
-from workflows.scene.shakers import of_shakers
+from workflows.scene.sensor_contradictions import of_sensors
+from workflows.scene.shaker_contradictions import of_shakers
 from workflows.scene.size import too_large
-from workflows.scene.springs import of_springs
+from workflows.scene.walls import gives_way
 
 
 class SceneLimits(NamedTuple):
@@ -34,7 +37,6 @@ class SceneLimits(NamedTuple):
     yield_pressure: float = 1e-6  # over Young's modulus, at least; that of lead is 1e-3
     young: float = 1e6  # [Pa] of a body of finite elements, at least: rubber
     damping: float = 1e6  # [s/m] of Hunt and Crossley's law, at most; from 1e3 nothing rebounds
-    samples: float = 1e6  # of an instrument, at most
 
 
 LIMITS = SceneLimits()
@@ -67,7 +69,7 @@ def contradictions(scene: Scene) -> Iterator[str]:
     yield from too_large(scene)
     if scene.chain:
         yield from _of_chain(scene)
-        yield from _of_sensors(scene)
+        yield from of_sensors(scene)
 
 
 def _missing_parts(scene: Scene) -> Iterator[str]:
@@ -240,18 +242,19 @@ def _of_chain(scene: Scene) -> Iterator[str]:
         )
 
     # a dashpot gives way to a steady force, and a second dashpot in series has no law
-    if isinstance(scene.wall, DashpotWall):
+    if gives_way(scene.wall):
+        wall_kind = f'wall.kind = "{scene.wall.kind}"'
         if scene.preload and scene.preload.force > 0:
             yield (
-                f'preload.force = {scene.preload.force} N with wall.kind = "dashpot", which gives '
-                "way to any steady force; set it to 0, or take another wall."
+                f"preload.force = {scene.preload.force} N with {wall_kind}, which gives way to any "
+                "steady force; set it to 0, or take another wall."
             )
         last = contact.coefficient
         last = last[-1] if isinstance(last, tuple) else last
         if last > 0 and contact.dissipation != "none":
             yield (
-                f'contact.coefficient is {last} at the wall, with wall.kind = "dashpot" it must be '
-                "0 there; give a value for each contact, or drop it."
+                f"contact.coefficient is {last} at the wall, with {wall_kind} it must be 0 there; "
+                "give a value for each contact, or drop it."
             )
     yield from of_gravity(scene)
     yield from of_friction(scene)
@@ -268,16 +271,16 @@ def _of_chain(scene: Scene) -> Iterator[str]:
                 "millionth of chain.young; raise it."
             )
         excluded = {
-            'wall.kind = "dashpot"': isinstance(scene.wall, DashpotWall),
+            f'wall.kind = "{scene.wall and scene.wall.kind}"': gives_way(scene.wall),
             'patch.weights = "thesis"': scene.patch is not None and scene.patch.weights == "thesis",
             "dashpots": scene.has_dashpots,
         }
         for excluder in (name for name, is_given in excluded.items() if is_given):
             yield f'contact.law = "thornton" is not marched with {excluder}; change one of them.'
-    if contact.shaped and isinstance(scene.wall, DashpotWall):
+    if contact.shaped and gives_way(scene.wall):
         yield (
-            f'contact.law = "{contact.law}" is not marched with wall.kind = "dashpot"; change one '
-            "of them."
+            f'contact.law = "{contact.law}" is not marched with wall.kind = "{scene.wall.kind}"; '
+            "change one of them."
         )
     if contact.file and (why := unfit(Path(contact.file))):
         yield f"contact.file = {contact.file!r} {why}; give a CSV of overlaps and forces."
@@ -306,44 +309,3 @@ def _of_chain(scene: Scene) -> Iterator[str]:
 
 def _lowest(value: float | tuple[float, ...]) -> float:
     return min(value) if isinstance(value, tuple) else value
-
-
-def _of_sensors(scene: Scene) -> Iterator[str]:
-    """Sensors on the spheres, and the instrument that records them."""
-    sensors, instrument = scene.output.sensors or (), scene.output.instrument
-    if instrument and not sensors:
-        yield "output.instrument records nothing; add output.sensors, or drop it."
-    labels, quantity_of = set(), {}
-    for i, sensor in enumerate(sensors, start=1):
-        key = f"output.sensors.{i}"
-        yield from of_place(scene, sensor, key)
-        if sensor.sphere is not None and sensor.sphere > scene.chain.count:
-            yield (
-                f"{key}.sphere = {sensor.sphere}, allowed are 1 to chain.count = "
-                f"{scene.chain.count}; change it or add spheres."
-            )
-        if sensor.label in labels:
-            yield f"{key} is a second sensor of {sensor.label}; drop it."
-        labels.add(sensor.label)
-
-        # sensors that share an unknown gain have to show one quantity, that of the first of them
-        gain = sensor.gain
-        if (
-            isinstance(gain, str)
-            and quantity_of.setdefault(gain, sensor.quantity) != sensor.quantity
-        ):
-            yield f"{key}.gain = {gain!r} is another quantity's; give it a name of its own."
-        if gain == 0:
-            yield f"{key}.gain = 0 shows nothing; give another, or a name if it is not known."
-        if sensor.low_pass and sensor.high_pass and sensor.high_pass >= sensor.low_pass:
-            yield (
-                f"{key}.high_pass = {sensor.high_pass:g} Hz must be below its low_pass = "
-                f"{sensor.low_pass:g} Hz; lower it."
-            )
-    if instrument:
-        n = instrument.sampling * scene.time.duration if scene.time else 0.0
-        if not 2 <= n <= LIMITS.samples:
-            yield (
-                f"output.instrument.sampling = {instrument.sampling:g} Hz takes {n:.3g} samples in "
-                f"time.duration, allowed are 2 to {LIMITS.samples:.0e}; change one of them."
-            )

@@ -1,9 +1,7 @@
 """[[masses]]: what faces carry, as sensors, stingers and magnets do in a test."""
 
-from collections import Counter
-from collections.abc import Iterator
 from math import sqrt
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
@@ -11,9 +9,6 @@ from workflows.scene.quantities import of
 from workflows.scene.scene_table import NonNegative, Point, Positive, SceneTable
 from workflows.scene.shakers import Face
 from workflows.scene.units import INERTIA, LENGTH, MASS
-
-if TYPE_CHECKING:
-    from workflows.scene.scene import Scene
 
 LONGEST_GYRATION = 2.0  # [m] of what a face carries: a machine of 5 m has 1.5 m
 Moment = of(NonNegative, INERTIA, 0, 10)
@@ -47,12 +42,3 @@ class MassTable(SceneTable):
                 '"400 g mm^2"'
             )
         return self
-
-
-def of_masses(scene: "Scene") -> Iterator[str]:
-    """Sentences on contradictions between masses and the rest of a scene."""
-    if scene.masses and scene.assembly is None:
-        yield "[[masses]] sit on faces of an [assembly]; add one, or drop them."
-    for name, number in Counter(mass.name for mass in scene.masses or ()).items():
-        if number > 1:
-            yield f"masses has {number} tables named {name!r}; give each a name of its own."

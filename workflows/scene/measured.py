@@ -2,21 +2,15 @@
 where the assembly is joined to it."""
 
 from collections import Counter
-from collections.abc import Iterator
-from re import split
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from workflows.scene.bodies import General
 from workflows.scene.quantities import of
 from workflows.scene.scene_table import Count, Frequency, Point, Positive, SceneTable
 from workflows.scene.shakers import Face
 from workflows.scene.springs import Stiffness
 from workflows.scene.units import LENGTH
-
-if TYPE_CHECKING:
-    from workflows.scene.scene import Scene
 
 SEVERAL = Field(strict=False, min_length=1)
 
@@ -73,20 +67,3 @@ class MeasuredTable(SceneTable):
     def stiffness(self) -> tuple[float, float, float]:
         """[N/m] between part and face along x, y and z; inf where rigid."""
         return tuple(float("inf") if k is None else k for k in (self.kx, self.ky, self.kz))
-
-
-def of_measured(scene: "Scene") -> Iterator[str]:
-    """Sentences on contradictions between measured parts and the rest of a scene."""
-    if scene.measured and scene.assembly is None:
-        yield "[[measured]] are joined to faces of an [assembly]; add one, or drop them."
-    bodies = scene.bodies or {}
-    drawn = isinstance(scene.assembly, General) and not scene.assembly.file
-    for part in scene.measured or ():
-        if drawn and split("[:@]", part.on)[0] not in bodies:
-            yield (
-                f"measured.{part.name}.on = {part.on!r} names no body; there are "
-                f"{', '.join(bodies)}."
-            )
-    for name, number in Counter(part.name for part in scene.measured or ()).items():
-        if number > 1:
-            yield f"measured has {number} tables named {name!r}; give each a name of its own."

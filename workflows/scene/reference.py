@@ -9,7 +9,7 @@ import inspect
 import re
 from collections.abc import Iterator
 from functools import cache
-from math import inf, isinf
+from math import inf, isinf, sqrt
 from textwrap import dedent
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
@@ -240,10 +240,10 @@ def _keys_of(table: type[BaseModel], path: tuple[str, ...], of: str = "") -> Ite
             quantity.kind.unit if quantity else "",
             _usual(quantity),
             _toml(field.default),
-            tuple(sorted(INSTEAD.get(".".join(key), ()))),
+            tuple(sorted(INSTEAD.get(".".join(key), set()) & table.model_fields.keys())),
             meanings.get(name) or field.description or "",
             of,
-            f"{name} = {_toml(_example('.'.join(key), annotation, field))}",
+            f"{name} = {_toml(_example('.'.join(key), annotation, field, quantity))}",
         )
 
 
@@ -326,8 +326,9 @@ def _usual(quantity: Quantity | None) -> str:
     return f"{quantity.low:g} to {quantity.high:g} {unit}"
 
 
-def _example(key: str, annotation: Any, field: FieldInfo) -> Any:
-    """A value that the key may have: of its field, of EXAMPLES, its first word, or its default."""
+def _example(key: str, annotation: Any, field: FieldInfo, quantity: Quantity | None) -> Any:
+    """A value that the key may have: of its field, of EXAMPLES, its last word, its default, or
+    where a number has none one from its usual range."""
     if field.examples:
         return field.examples[0]
     full = key if "." in key else f"scene.{key}"
@@ -336,8 +337,13 @@ def _example(key: str, annotation: Any, field: FieldInfo) -> Any:
             value = EXAMPLES[name]
             pair = _values(annotation).startswith("list of 2: number")
             return (value, value) if pair and not isinstance(value, list) else value
-    words = re.findall(r'"([^"]*)"', _values(annotation))
-    return words[-1] if words else field.default
+    if words := re.findall(r'"([^"]*)"', _values(annotation)):
+        return words[-1]
+    if field.default is PydanticUndefined and _values(annotation).startswith("number"):
+        # the middle of its usual range, to one digit
+        limited = quantity and quantity.low > 0 and not isinf(quantity.high)
+        return float(f"{sqrt(quantity.low * quantity.high):.0e}") if limited else 1.0
+    return field.default
 
 
 def _toml(default: Any) -> str:

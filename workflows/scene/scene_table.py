@@ -7,7 +7,7 @@ The tables stand in the files of their names: `chain`, `contact`, `walls`, `join
 To add a key, add a field to its table: `of(number, KIND, low, high)` reads a text with a unit and
 gives the usual range, a default makes the key optional. `--set`, units, sweeps and the TOML of a
 scene follow from the field. Keys that replace each other are listed in `toml.INSTEAD`, rules
-between tables in `contradictions`. Nothing here loads a solver.
+between tables in `contradictions` and the files `..._contradictions`. Nothing here loads a solver.
 """
 
 from collections.abc import Iterable

@@ -1,13 +1,12 @@
 """What a run writes: observed spheres, sensors on them, the instrument that records those."""
 
-from collections.abc import Iterator
 from re import fullmatch
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
 from workflows.scene.quantities import of
-from workflows.scene.reduction import TO_HZ
+from workflows.scene.reduction import TO_HZ, Reduction
 from workflows.scene.scene_table import (
     Count,
     Frequency,
@@ -18,7 +17,7 @@ from workflows.scene.scene_table import (
     SceneTable,
     si_of,
 )
-from workflows.scene.shakers import AXES, FACE, Direction
+from workflows.scene.shakers import Direction
 from workflows.scene.units import (
     ACCELERATION,
     DISPLACEMENT,
@@ -30,10 +29,6 @@ from workflows.scene.units import (
     VELOCITY,
     VOLTAGE,
 )
-from workflows.scene.walls import RomWall
-
-if TYPE_CHECKING:
-    from workflows.scene.scene import Scene
 
 OF_SPHERES = {
     "force": FORCE,
@@ -61,7 +56,7 @@ class SensorTable(SceneTable):
     radius: of(Positive, LENGTH) | None = None  # [m] of the disc whose mean it shows; 5 mm
     direction: Direction | None = None  # "x", "y", "z", "normal" (out of the face), or a vector
     # what is measured; of a face acceleration, velocity or displacement
-    quantity: Literal["force", "force-rate", "velocity", "displacement", "acceleration"] = "force"
+    quantity: Literal[*KINDS] = "force"
     # [V/N], [V s/N], [V s/m], [V/m] or [V s^2/m]; or a name of one to be found
     gain: Number | str | None = None
     # [Hz] of a Butterworth filter; of a face by default half of reduction.to_hz, else 10 kHz
@@ -124,7 +119,7 @@ class Output(SceneTable):
     instrument: Instrument | None = None
 
 
-def low_pass_of(scene: "Scene", sensor: SensorTable) -> float | None:
+def low_pass_of(sensor: SensorTable, reduction: Reduction | None) -> float | None:
     """[Hz] of a sensor's filter: one on the structure shows no more than the reduced model's
     band."""
     if sensor.low_pass or sensor.on is None:
@@ -132,50 +127,4 @@ def low_pass_of(scene: "Scene", sensor: SensorTable) -> float | None:
     # low pass of a sensor on the structure, at half of the frequency up to which a reduced model
     # holds: a block of 6 cm to 25 kHz then shows accelerations to 1e-3, under a band to 25 kHz to
     # 1e-2
-    return 0.5 * ((scene.reduction and scene.reduction.to_hz) or TO_HZ)
-
-
-def of_place(scene: "Scene", sensor: SensorTable, key: str) -> Iterator[str]:
-    """Sentences on what carries a sensor: a sphere, or a face of the structure."""
-    if (sensor.sphere is None) == (sensor.on is None):
-        yield f"{key} sits on a sphere or on a face of the structure; give one of sphere and on."
-        return
-    allowed = OF_SPHERES if sensor.on is None else OF_FACES
-    if sensor.quantity not in allowed:
-        place = "a sphere" if sensor.on is None else "a face"
-        yield (
-            f'{key}.quantity = "{sensor.quantity}", allowed of {place} are {", ".join(allowed)}; '
-            "change it."
-        )
-    if sensor.on is None:
-        for name in ("at", "radius", "direction"):
-            if getattr(sensor, name) is not None:
-                yield f"{key}.{name} is of a sensor on a face; drop it, or name a face in {key}.on."
-        return
-    if not isinstance(scene.wall, RomWall) or scene.wall.file is not None or scene.bending:
-        yield (
-            f'{key}.on = "{sensor.on}" is a face of an assembly, which this wall does not have; '
-            'take wall.kind = "rom" with [assembly], or a sensor of a sphere.'
-        )
-    elif not fullmatch(FACE, sensor.on):
-        yield f'{key}.on = "{sensor.on}" is no face; name one, as on = "block:+y".'
-    elif scene.has_dashpots:
-        yield (
-            f"{key} reads a structure by its modes, which dashpots and [[measured]] couple; drop "
-            "these, or take a sensor of a sphere."
-        )
-    low_pass = low_pass_of(scene, sensor)
-    if sensor.high_pass and not sensor.low_pass and sensor.high_pass >= low_pass:
-        yield (
-            f"{key}.high_pass = {sensor.high_pass:g} Hz must be below the low pass of a sensor on "
-            f"a face, {low_pass:g} Hz without low_pass; lower it, or give low_pass."
-        )
-    words = isinstance(sensor.direction, str)
-    if sensor.direction is None or (words and sensor.direction not in (*AXES, "normal")):
-        shown = f'"{sensor.direction}"' if words else "missing"
-        yield (
-            f'{key}.direction is {shown}, allowed are "x", "y", "z", "normal" and vectors; '
-            "change it."
-        )
-    elif not words and not any(sensor.direction):
-        yield f"{key}.direction = {list(sensor.direction)} has no length; give another vector."
+    return 0.5 * ((reduction and reduction.to_hz) or TO_HZ)

@@ -1,20 +1,15 @@
 """[[springs]]: cords, foam and soft mounts, on which a structure hung or stood in its test."""
 
-from collections import Counter
-from collections.abc import Iterator
-from re import fullmatch, split
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from re import fullmatch
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
-from workflows.scene.bodies import GROUND, General
+from workflows.scene.bodies import GROUND
 from workflows.scene.quantities import of
 from workflows.scene.scene_table import Dashpot, Point, Positive, SceneTable
 from workflows.scene.shakers import AXES, FACE, Direction, Face
 from workflows.scene.units import LENGTH, STIFFNESS
-
-if TYPE_CHECKING:
-    from workflows.scene.scene import Scene
 
 ALONG = "k"  # the key of a stiffness along one direction
 KEYS = ("kx", "ky", "kz", ALONG)
@@ -122,22 +117,3 @@ class SpringTable(SceneTable):
                 f"to_at has {len(self.to_at)} and at has {len(self.at)} points: give one each"
             )
         return self
-
-
-def of_springs(scene: "Scene") -> Iterator[str]:
-    """Sentences on contradictions between springs and the rest of a scene."""
-    if scene.springs and scene.assembly is None:
-        yield "[[springs]] sit on faces of an [assembly]; add one, or drop them."
-    bodies = scene.bodies or {}
-    drawn = isinstance(scene.assembly, General) and not scene.assembly.file
-    for spring in scene.springs or ():
-        for end in spring.ends:
-            selector = getattr(spring, end)
-            if drawn and split("[:@]", selector)[0] not in bodies:
-                yield (
-                    f"springs.{spring.name}.{end} = {selector!r} names no body; there are "
-                    f"{', '.join(bodies)}."
-                )
-    for name, number in Counter(spring.name for spring in scene.springs or ()).items():
-        if number > 1:
-            yield f"springs has {number} tables named {name!r}; give each a name of its own."

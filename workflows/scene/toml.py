@@ -25,7 +25,7 @@ from workflows.scene import (
 from workflows.scene.allowed_words import allowed_words, wanted_values
 from workflows.scene.bodies import SHAPES, General, Meshing
 from workflows.scene.contradictions import contradictions
-from workflows.scene.gravity import fallen
+from workflows.scene.fall import fallen
 from workflows.scene.named_materials import NUMBERS, named_material
 from workflows.scene.quantities import entries, implausible, unusual_keys
 from workflows.scene.rig import RigTable, check

@@ -181,3 +181,9 @@ Wall = Annotated[
     RigidWall | HalfSpaceWall | OneDofWall | DashpotWall | RomWall | MeasuredWall,
     Discriminator("kind"),
 ]
+
+
+def gives_way(wall: Wall | None) -> bool:
+    """Whether a steady force moves the wall on and on, as a dashpot lets it. Such a wall takes
+    Hertz' contacts without damping of its own."""
+    return isinstance(wall, DashpotWall)

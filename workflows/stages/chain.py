@@ -136,7 +136,7 @@ def chain(scene: Scene) -> dem.Chain:
         last = np.arange(c.count) == c.count - 1
         row = row._replace(mass=row.mass + np.multiply(scene.preload.mass, last))
     if scene.guides:
-        row = row._replace(friction=friction(scene, row.mass))
+        row = row._replace(friction=friction(scene.guides, scene.gravity, row.mass))
     if contact.yield_pressure is None:
         return row
     overlap = spheres.yield_overlaps(row.radius, row.A, contact.yield_pressure)

@@ -6,14 +6,13 @@ whose results are kept loads neither the march nor the libraries that its types 
 
 from __future__ import annotations
 
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import coupling
 import dem
-from coupling.saved_run import save_trajectory
+from coupling.saved_run import arrays
 from dem.waves.chain_waves import ChainWaves
+from workflows.files.npz import npz
 from workflows.report.summary import ChainNumbers
 from workflows.scene import Scene
 from workflows.stages import warnings
@@ -65,10 +64,7 @@ def chain_files(
 ) -> dict[str, bytes]:
     """Content of trajectory.npz, with the motion across the chain where there is one, and of
     signals.csv where sensors record, by name."""
-    with TemporaryDirectory() as folder:
-        path = Path(folder, "trajectory.npz")
-        save_trajectory(path, impact.trajectory, wall, lateral)
-        files = {path.name: path.read_bytes()}
+    files = {"trajectory.npz": npz(arrays(impact.trajectory, wall, lateral))}
     if record is not None:
         from workflows.stages.signals import csv_text
 

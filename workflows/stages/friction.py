@@ -7,7 +7,6 @@ friction leaves alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from contextlib import suppress
 from operator import add
 from typing import TYPE_CHECKING
@@ -26,12 +25,12 @@ from dem.lateral import (
     march_lateral,
 )
 from dem.spheres import hertz_overlap, mass
-from workflows.report.numbers import si
 from workflows.report.summary import ChainNumbers, FrictionNumbers
 from workflows.scene import RomWall, Scene
 from workflows.scene.friction import arm_stiffness
 from workflows.stages import chain_numbers as of_chain
 from workflows.stages import compilation as of_impact
+from workflows.stages import warnings
 from workflows.stages.chain import Start, start
 from workflows.stages.walls import wall_of
 
@@ -215,63 +214,10 @@ def chain_numbers(
         numbers=along.numbers | numbers,
         warnings=(
             *along.warnings,
-            *high_friction(scene),
-            *neglected_coupling(scene, start),
-            *unbalanced(lateral),
+            *warnings.of_friction(scene, start, lateral),
         ),
         time_error=time_error,
     )
-
-
-def high_friction(scene: Scene) -> Iterator[str]:
-    """Coefficients above those of dry solids in air; only soft rubber, and metals that were cleaned
-    in vacuum, stick more."""
-    highest = 2.0  # chosen, not varied
-    for key in ("coefficient", "between_spheres"):
-        value = getattr(scene.friction, key)
-        if value is not None and value > highest:
-            yield (
-                f"friction.{key} = {value:g} is above that of dry solids in air, up to "
-                f"{highest:g}: lower it, unless it is meant to keep the contact from slipping."
-            )
-
-
-def unbalanced(lateral: LateralTrajectory) -> Iterator[str]:
-    """A loop of friction whose error is a good part of it, as of a contact that nearly sticks, and
-    a periodic state in which what the shakers give and what is lost differ by as much: the loop is
-    small beside what modes take, or the state is not yet periodic."""
-    cycle = lateral.cycle
-    if cycle is None:
-        return
-    balanced = 0.05  # of a loop, up to which work and losses may differ unreported
-    if math.isfinite(cycle.energy_error) and cycle.energy_error > balanced * cycle.energy:
-        yield (
-            f"The loop of friction of a period, {si(cycle.energy, 'J')}, has an error of "
-            f"{si(cycle.energy_error, 'J')}: hardly anything of the contact slips, less than its "
-            "cells show; lower time.error, or shake harder, before you rely on the loop."
-        )
-    if cycle.unbalanced is not None and cycle.unbalanced > balanced * cycle.energy:
-        yield (
-            f"In the periodic state the shakers' work and all losses of a period differ by "
-            f"{si(cycle.unbalanced, 'J')}, beside a loop of friction of {si(cycle.energy, 'J')}: "
-            "lower time.error before you rely on the loop."
-        )
-
-
-def neglected_coupling(scene: Scene, start: Start):
-    """Sentences on a sphere and a wall of different materials, whose friction changes the normal
-    force as well: Dundurs' constant (K. L. Johnson, Contact Mechanics (1985), 5.3b)."""
-    E, nu = (float(np.atleast_1d(x)[-1]) for x in (scene.chain.young, scene.chain.poisson))
-    a, b = ((1.0 - 2.0 * n) * (1.0 + n) / e for e, n in ((E, nu), start.flat))
-    c, d = ((1.0 - n) * (1.0 + n) / e for e, n in ((E, nu), start.flat))
-    beta = 0.5 * (a - b) / (c + d)
-    # 0.01 of Dundurs' constant: from there on the neglected coupling is reported
-    if abs(beta) > 0.01:
-        yield (
-            f"Sphere and wall differ, Dundurs' constant is {beta:.2g}: friction and pressure then "
-            "act on each other, which the tangential law leaves out; take it for an estimate, or "
-            "strike a wall of the spheres' material."
-        )
 
 
 def chain_files(

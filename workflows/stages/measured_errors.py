@@ -15,7 +15,6 @@ import rom
 from fem.assembly_modes import AssemblyModes
 from fem.modes import SHIFT_HZ
 from workflows.scene import Scene
-from workflows.scene.measured import MeasuredTable
 from workflows.stages import assembly
 from workflows.stages.chain import Start
 from workflows.stages.errors import velocities, wall_model
@@ -64,7 +63,18 @@ def part_errors(scene: Scene, model: fem.Model, modes: AssemblyModes) -> NDArray
     moved = {name: b @ V for name, b in moved.items()}
 
     tables = {table.name: table for table in scene.measured}
-    points = {table.name: _directions(scene, table) for table in scene.measured}
+
+    # the points of each part with their directions alone
+    axes = axes_of_test(scene)
+    turn = np.eye(3) if axes is None else axes.turn
+    points = {}
+    for table in scene.measured:
+        measured = fitted_part(table).receptances
+        nowhere = fem.SpringEnd(table.on, (0.0, 0.0), table.radius)
+        points[table.name] = tuple(
+            fem.PartPoint(nowhere, turn @ np.eye(3)[axis], node)
+            for node, axis in zip(measured.node, measured.axis, strict=True)
+        )
 
     def modes_with(fits: dict[str, rom.MatrixFit]) -> tuple[NDArray, NDArray]:
         """Frequencies (r,) [rad/s] of the whole with these fits, and the assembly's motions."""
@@ -89,17 +99,6 @@ def part_errors(scene: Scene, model: fem.Model, modes: AssemblyModes) -> NDArray
         nearest = others[like.argmax(axis=1)]
         error += other.share * np.abs(nearest / np.maximum(omega, 1e-9) - 1)
     return np.where(omega > fem.correlation.RIGID * omega.max(), error, np.nan)
-
-
-def _directions(scene: Scene, table: MeasuredTable) -> tuple[fem.PartPoint, ...]:
-    """The points of a part with their directions alone."""
-    measured, axes = fitted_part(table).receptances, axes_of_test(scene)
-    turn = np.eye(3) if axes is None else axes.turn
-    nowhere = fem.SpringEnd(table.on, (0.0, 0.0), table.radius)
-    return tuple(
-        fem.PartPoint(nowhere, turn @ np.eye(3)[axis], node)
-        for node, axis in zip(measured.node, measured.axis, strict=True)
-    )
 
 
 def receptance_error(scene: Scene, mesh: Parts, start: Start, impact: coupling.Impact) -> float:

@@ -196,7 +196,7 @@ def _beyond(
     return StaticShape(phi[:, n_modes:] @ (static / length), stiffness**0.5, length)
 
 
-def missed_energy(
+def missed_by_mesh(
     scene: Scene,
     mesh: Parts,
     model: fem.Model,

@@ -10,7 +10,6 @@ elements alone.
 
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext, suppress
-from hashlib import sha256
 from importlib import import_module
 from importlib.util import resolve_name
 from os import environ
@@ -20,6 +19,7 @@ from typing import Any, NamedTuple
 
 from joblib import Memory
 
+from workflows.files import whole_file
 from workflows.scene import LossFactorsTable, MeasuredWall, RomWall, Scene
 from workflows.scene.places import has_friction, named_faces, sensor_places, words_of
 from workflows.scene.size import foreseen_nodes
@@ -118,7 +118,7 @@ def content(path: str | Path | None) -> str | None:
     """A digest of a file's content; None where there is none."""
     if path is None or not Path(path).is_file():
         return None
-    return sha256(Path(path).read_bytes()).hexdigest()
+    return whole_file.digest(Path(path))
 
 
 BENT = ("beam", "plate")
@@ -186,7 +186,7 @@ ASSEMBLY = {
     ),
     "second-mesh": Stage(".errors:second_mesh", _coarse, ("mesh",)),
     "missed-energy": Stage(
-        ".mesh_error:missed_energy",
+        ".mesh_error:missed_by_mesh",
         tables_of("reduction", "strike"),
         ("mesh", "model", "modes"),
         means=("static-shape", "half-space"),

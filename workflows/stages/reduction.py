@@ -88,12 +88,15 @@ def reduction(
     boundary = boundary_of(contact, w_reading, keep)
 
     # modes that were computed already: where the contact chooses, the measured ones are kept in any
-    # case and all others compete; a free-modes model of the lowest takes them all
-    selected = selection(scene)
+    # case and all others compete; a free-modes model of the lowest takes them all, if they are as
+    # many as it needs
+    selected, table = selection(scene), scene.reduction
     ready = targets_kept(modes) if selected.by_contact else None
-    craig_bampton = scene.reduction.kind == "craig-bampton"
+    craig_bampton = table.kind == "craig-bampton"
     if not craig_bampton and not selected.by_contact:
-        ready = _enough_modes(scene, modes)
+        below = table.cutoff is not None and 2 * np.pi * table.cutoff < modes.omega[-1]
+        if below or (table.modes is not None and table.modes <= len(modes.omega)):
+            ready = modes.omega, modes.phi
     selected = selected._replace(modes=ready, space=space)
     if craig_bampton and len(boundary) * len(contact.w) > LIMITS.most_values:
         gigabytes = 8e-9 * len(boundary) * len(contact.w)
@@ -136,7 +139,8 @@ def reduction(
     T = (model.T[outer.dofs.ravel()] @ reduced.T).astype(np.float32)
     body = fem.rigid_body(model.structure)
     centre = tuple((np.round(body.centre, 9) + 0.0).tolist())  # no rounding, no minus zero
-    captured = mass_captured(model, reduced, contact.spot.inward)
+    motion = np.tile(contact.spot.inward, model.T.shape[0] // 3)  # of the whole, as it is struck
+    captured = rom.effective_mass(reduced, model.structure.M, motion, model.T).captured
     finer = reduced.finer._replace(contact=struck_surface._replace(weights_read=None))
     return reduced._replace(
         T=None,
@@ -238,16 +242,6 @@ def targets_kept(
     return modes.omega[index], modes.phi[:, index]
 
 
-def _enough_modes(
-    scene: Scene, modes: AssemblyModes
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """omega and phi of the modes that were computed, if they are as many as the reduction takes."""
-    table, n_modes = scene.reduction, len(modes.omega)
-    below = table.cutoff is not None and 2 * np.pi * table.cutoff < modes.omega[-1]
-    enough = below or (table.modes is not None and table.modes <= n_modes)
-    return (modes.omega, modes.phi) if enough else None
-
-
 def reading(scene: Scene, model: fem.Model) -> NDArray[np.float64] | None:
     """w (n,) by which the thesis' scheme reads the wall, at other nodes than it pushes; None for
     one functional of both."""
@@ -257,12 +251,6 @@ def reading(scene: Scene, model: fem.Model) -> NDArray[np.float64] | None:
     first, second = strike.at
     either_side = ((first - strike.radius, second), (first + strike.radius, second))
     return fem.node_patch(model, struck(scene), strike.nodes or either_side).w
-
-
-def mass_captured(model: fem.Model, reduced: rom.ReducedModel, along: NDArray[np.float64]) -> float:
-    """Share of the assembly's mass that the reduced model carries along a direction (3,)."""
-    motion = np.tile(along, model.T.shape[0] // 3)
-    return rom.effective_mass(reduced, model.structure.M, motion, model.T).captured
 
 
 def half_space(scene: Scene, mesh: Parts, model: fem.Model) -> fem.HalfSpaceField | None:

@@ -1,6 +1,5 @@
 """The frequency response at the contact, reduced model against solutions of the full one."""
 
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -53,8 +52,3 @@ def response(scene: Scene, full: NDArray[np.float64], reduction: rom.ReducedMode
     title = "undamped" if law is None and reduction.C is None else "with the damping of the run"
     panel = Panel(title, "frequency [Hz]", "receptance |u_w / F| [m/N]", lines, "xy")
     return Response(curves, Picture("frequency_response", panels([panel], size=(8, 4.2))))
-
-
-def save_response(path: Path, curves: ContactResponse) -> None:
-    """Write the arrays of a response."""
-    np.savez_compressed(path, **curves._asdict())

@@ -9,7 +9,7 @@ from coupling import Impact
 from coupling.band import Band
 from coupling.sensors import Sensor, SensorRecord, echo, sensor_record
 from dem.waves.chain_waves import ChainWaves
-from workflows.files.record import SYNTHETIC
+from workflows.files.record import SYNTHETIC, csv_of_signals
 from workflows.report.summary import SensedArrival, SensorWaves
 from workflows.scene import Instrument, Scene
 from workflows.scene.sensors import low_pass_of
@@ -29,7 +29,7 @@ def sensors(scene: Scene) -> tuple[Sensor, ...]:
             None if sensor.sphere is None else sensor.sphere - 1,
             sensor.quantity,
             sensor.gain if isinstance(sensor.gain, float) else 1.0,
-            Band(low_pass_of(scene, sensor), sensor.high_pass, sensor.order),
+            Band(low_pass_of(sensor, scene.reduction), sensor.high_pass, sensor.order),
             sensor.noise,
             sensor.range,
             next(column) if sensor.sphere is None else None,
@@ -65,9 +65,7 @@ def csv_text(scene: Scene, record: SensorRecord) -> str:
         f"sphere {s.sphere} {s.quantity} [{s.unit}]" if s.on is None else f"{s.label} [{s.unit}]"
         for s in scene.output.sensors
     ]
-    rows = np.column_stack([record.t, record.y])
-    lines = [",".join([f"{row[0]:.9g}", *(f"{x:.9g}" for x in row[1:])]) for row in rows]
-    return "\n".join([f"# {SYNTHETIC}", ", ".join(["time [s]", *names]), *lines, ""])
+    return csv_of_signals(SYNTHETIC, names, record.t, record.y)
 
 
 def sensor_waves(scene: Scene, record: SensorRecord) -> dict[str, SensorWaves]:

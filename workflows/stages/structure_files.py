@@ -9,8 +9,9 @@ from tempfile import TemporaryDirectory
 import rom
 from fem import mode_field
 from fem.assembly_modes import AssemblyModes
+from workflows.files.npz import npz
 from workflows.scene import Scene
-from workflows.stages.response import Response, save_response
+from workflows.stages.response import Response
 from workflows.stages.walls import save
 
 
@@ -27,8 +28,10 @@ def model_files(scene: Scene, reduction: rom.ReducedModel) -> dict[str, bytes]:
 
 def response_files(scene: Scene, response: Response) -> dict[str, bytes]:
     """Content of response.npz and its picture, by name."""
-    curves = written({"response.npz": lambda path: save_response(path, response.found)})
-    return curves | {f"figures/{response.picture.name}.png": response.picture.png}
+    return {
+        "response.npz": npz(response.found._asdict()),
+        f"figures/{response.picture.name}.png": response.picture.png,
+    }
 
 
 def written(writers: dict[str, Callable[[Path], None]]) -> dict[str, bytes]:

@@ -2,20 +2,24 @@
 probably not meant so.
 
 Each function decides one warning and yields its sentences, none where there is nothing to say. They
-are listed in `of_chain` (the impact and its waves) and `of_structure` (an assembly), which a run
-asks. What a room below finds out by itself comes here as sentences: `coupling.verdict`,
-`dem.validity`, `rom.health`, `rom.imported`.
+are listed in `of_chain` (the impact and its waves), `of_friction` (the motion across) and
+`of_structure` (an assembly), which the stages of a run's numbers ask and keep: what they read of
+the scene has to be in the row of their stage in `pipeline`. Those on errors of models are asked by
+`workflows.run.run`, those on a list of modes by `workflows.structure.mode_table`. What a room below
+finds out by itself comes here as sentences: `coupling.verdict`, `dem.validity`, `rom.health`,
+`rom.imported`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from math import ceil, isnan, nan
+from collections.abc import Iterator, Mapping, Sequence
+from math import ceil, isfinite, isnan, nan
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from workflows.files.cache_folder import cache_folder
+from workflows.report.numbers import si
 from workflows.scene import DashpotWall, RomWall, Scene
 from workflows.stages.cache import fault
 
@@ -24,6 +28,7 @@ if (
 ):  # a run whose results are kept loads no chain, one without a structure no elements
     import coupling
     import dem
+    from dem.lateral import LateralTrajectory
     from dem.waves.chain_waves import ChainWaves
     from fem.assembly_modes import AssemblyModes
     from fem.constraints import Overconstrained
@@ -50,6 +55,8 @@ class Thresholds(NamedTuple):
     pressed: float = 0.05  # elastic energy when the record ends, over the striker's
     # energy of the force at the wall above the band of a measured response, of the whole
     beyond_band: float = 0.01
+    # of a mode of measured parts, by their noise and band, from which on it is doubtful
+    part_error: float = 0.1
     per_wave: int = 5  # samples within the width of a wave that show its crest
 
 
@@ -95,6 +102,13 @@ def of_chain(
     yield from unequal_spheres(start)
     yield from overlapping_waves(waves)
     yield from short_record(scene, start, waves, run)
+
+
+def of_friction(scene: Scene, start: Start, lateral: LateralTrajectory) -> Iterator[str]:
+    """All warnings on the motion of the last sphere across the chain."""
+    yield from high_friction(scene)
+    yield from neglected_coupling(scene, start)
+    yield from unbalanced(lateral)
 
 
 def of_structure(modes: AssemblyModes, health: ReductionHealth) -> Iterator[str]:
@@ -145,6 +159,29 @@ def overconstrained(twice: Sequence[Overconstrained]) -> Iterator[str]:
         yield (
             f"{len(set(slaves // 3))} nodes of {face} are held by {holder} as well, which alone "
             "holds them; let the two faces end apart, or drop one of the two."
+        )
+
+
+def rigid_motions(numbers: Sequence[int]) -> Iterator[str]:
+    """Modes, counted from 1, that strain nothing, which targets do not count."""
+    if len(numbers):
+        first = next(n for n in range(1, max(numbers) + 2) if n not in numbers)
+        yield (
+            f"Modes {', '.join(map(str, numbers))} are rigid motions, free or on springs: --match "
+            f"and the number of a target count the others, mode {first} as 1."
+        )
+
+
+def doubtful_parts(errors: Mapping[int, float]) -> Iterator[str]:
+    """Modes whose frequency, relative error by number from 1, changes with what measured parts
+    leave open."""
+    doubtful = [str(number) for number, error in errors.items() if error > AT.part_error]
+    if doubtful:
+        yield (
+            f"Modes {', '.join(doubtful)} change by more than {100 * AT.part_error:g} % with the "
+            "noise of the receptances or the end of their band: they rest on oscillators that "
+            "noise makes, or on motions that these points hardly show; measure with less noise, or "
+            "at points farther apart."
         )
 
 
@@ -340,3 +377,54 @@ def unusual_wall_file(wall: RomWall) -> Iterator[str]:
             "struck: that of steel is assumed."
         )
     yield from unusual(reduced, health.modes, "wall.file")
+
+
+def high_friction(scene: Scene) -> Iterator[str]:
+    """Coefficients above those of dry solids in air; only soft rubber, and metals that were cleaned
+    in vacuum, stick more."""
+    highest = 2.0  # chosen, not varied
+    for key in ("coefficient", "between_spheres"):
+        value = getattr(scene.friction, key)
+        if value is not None and value > highest:
+            yield (
+                f"friction.{key} = {value:g} is above that of dry solids in air, up to "
+                f"{highest:g}: lower it, unless it is meant to keep the contact from slipping."
+            )
+
+
+def unbalanced(lateral: LateralTrajectory) -> Iterator[str]:
+    """A loop of friction whose error is a good part of it, as of a contact that nearly sticks, and
+    a periodic state in which what the shakers give and what is lost differ by as much: the loop is
+    small beside what modes take, or the state is not yet periodic."""
+    cycle = lateral.cycle
+    if cycle is None:
+        return
+    balanced = 0.05  # of a loop, up to which work and losses may differ unreported
+    if isfinite(cycle.energy_error) and cycle.energy_error > balanced * cycle.energy:
+        yield (
+            f"The loop of friction of a period, {si(cycle.energy, 'J')}, has an error of "
+            f"{si(cycle.energy_error, 'J')}: hardly anything of the contact slips, less than its "
+            "cells show; lower time.error, or shake harder, before you rely on the loop."
+        )
+    if cycle.unbalanced is not None and cycle.unbalanced > balanced * cycle.energy:
+        yield (
+            f"In the periodic state the shakers' work and all losses of a period differ by "
+            f"{si(cycle.unbalanced, 'J')}, beside a loop of friction of {si(cycle.energy, 'J')}: "
+            "lower time.error before you rely on the loop."
+        )
+
+
+def neglected_coupling(scene: Scene, start: Start) -> Iterator[str]:
+    """A sphere and a wall of different materials, whose friction changes the normal
+    force as well: Dundurs' constant (K. L. Johnson, Contact Mechanics (1985), 5.3b)."""
+    E, nu = (float(np.atleast_1d(x)[-1]) for x in (scene.chain.young, scene.chain.poisson))
+    a, b = ((1.0 - 2.0 * n) * (1.0 + n) / e for e, n in ((E, nu), start.flat))
+    c, d = ((1.0 - n) * (1.0 + n) / e for e, n in ((E, nu), start.flat))
+    beta = 0.5 * (a - b) / (c + d)
+    # 0.01 of Dundurs' constant: from there on the neglected coupling is reported
+    if abs(beta) > 0.01:
+        yield (
+            f"Sphere and wall differ, Dundurs' constant is {beta:.2g}: friction and pressure then "
+            "act on each other, which the tangential law leaves out; take it for an estimate, or "
+            "strike a wall of the spheres' material."
+        )

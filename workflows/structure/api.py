@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from re import sub
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +19,6 @@ from workflows.files.scene import scene as load_scene
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.named_files import require_file
 from workflows.scene.parts import with_assembly, with_structure, with_targets
-from workflows.scene.scene import LONGEST_NAME
 from workflows.stages.progress import Progress, quiet
 
 if TYPE_CHECKING:
@@ -269,25 +267,17 @@ def tune(
 
     # where to, before the fit: a file that cannot be written is refused at once
     path = f"{chosen.name}-tuned.toml" if out is USUAL else out
-    inputs = (*files_read(chosen, scene), *((Path(hammer),) if hammer else ()))
+    inputs = files_read(chosen, scene, hammer)
     options = {"inputs": inputs, "ending": ".toml", "overwrite": overwrite}
     file = OutputFile(path, **options) if path else None
 
     result, report = tuned(chosen, wanted, names_of(free), progress)
     report = report.model_copy(update={"remarks": [*remarks, *report.remarks]})
-    if file is None or report.failures:
-        return Tuned(result, report, None)
-
     met = ", ".join(f"{n}: {hz:g} Hz" for n, hz in report.match.items())
     errors = frequency_errors(chosen, wanted).text()
     first = f"Joints inferred from modes {met}; deviations rest on {errors}."
-    return Tuned(write_scene(_named(result, file), file, first, scene), report, file.path)
-
-
-def _named(scene: Scene, file: OutputFile) -> Scene:
-    """The scene named after its file, where the one it was read from does not name it."""
-    name = sub(r"[^\w.-]", "-", file.path.stem).lstrip(".-")[:LONGEST_NAME] or "tuned"
-    return scene.model_copy(update={"name": name})
+    result, path = write_scene(result, None if report.failures else file, first, scene)
+    return Tuned(result, report, path)
 
 
 @dataclass(frozen=True, repr=False)
@@ -332,19 +322,19 @@ def tune_to_responses(
     `match`, numbers of resonances from the lowest on, choose the lines that are read; others are
     predicted. `out` is the tuned scene, `pictures` a folder. Raises InvalidScene for bad input.
     """
-    given = [files] if isinstance(files, str | Path) else list(files)
-    if not given:
-        raise InvalidScene(f"no file; {HAMMER}.")
-    paths = [require_file(file, HAMMER) for file in given]
+    paths = _of_test(files)
     chosen = with_assembly(load_scene(scene, changes))
-    band_hz, numbers = _band(band), None if match is None else _resonances(match)
+    band_hz, numbers = _band(band), None
+    if match is not None:
+        sentence = f"--match {match}: with --frf these are numbers of resonances, as 1,2,4."
+        numbers = _whole_numbers(match, sentence)
     from workflows.files.hammer import Reading
     from workflows.structure.response_tuning import tuned_to_responses
     from workflows.structure.tuning import write_scene
 
     reading = Reading(points=Path(points) if points else None)
     path = f"{chosen.name}-tuned.toml" if out is USUAL else out
-    inputs = (*files_read(chosen, scene), *paths, *((reading.points,) if reading.points else ()))
+    inputs = files_read(chosen, scene, *paths, reading.points)
     file = OutputFile(path, inputs=inputs, ending=".toml", overwrite=overwrite) if path else None
     folder = picture_folder(pictures, inputs, overwrite, "responses")
     result, report, drawn = tuned_to_responses(
@@ -352,21 +342,9 @@ def tune_to_responses(
     )
     if folder:
         write_pictures(folder, drawn)
-    if file is None:
-        return TunedToResponses(result, report, drawn, None)
     first = f"Values inferred from the responses in {report.file}."
-    written = write_scene(_named(result, file), file, first, scene)
-    return TunedToResponses(written, report, drawn, file.path)
-
-
-def _resonances(match: str | Iterable[int]) -> tuple[int, ...]:
-    """Numbers of resonances, as (1, 2, 4) or "1,2,4"; raises InvalidScene for others."""
-    try:
-        return tuple(map(int, match.split(",") if isinstance(match, str) else match))
-    except (TypeError, ValueError):
-        raise InvalidScene(
-            f"--match {match}: with --frf these are numbers of resonances, as 1,2,4."
-        ) from None
+    result, path = write_scene(result, file, first, scene)
+    return TunedToResponses(result, report, drawn, path)
 
 
 @dataclass(frozen=True, repr=False)
@@ -400,14 +378,13 @@ def fit_losses(
     from workflows.structure.tuning import write_scene
 
     chosen, _, remarks = with_modes(scene, changes, hammer, None, progress)
-    inputs = (*files_read(chosen, scene), *((Path(hammer),) if hammer else ()))
+    inputs = files_read(chosen, scene, hammer)
     file = OutputFile(out, inputs=inputs, ending=".toml", overwrite=overwrite) if out else None
     result, report = losses(chosen, progress)
     report = report.model_copy(update={"remarks": [*remarks, *report.remarks]})
-    if file is None:
-        return Damped(result, report, None)
     first = "Loss factors inferred from the damping ratios of the targets."
-    return Damped(write_scene(_named(result, file), file, first, scene), report, file.path)
+    result, path = write_scene(result, file, first, scene)
+    return Damped(result, report, path)
 
 
 def rank_parameters(
@@ -545,18 +522,19 @@ def hammer(
     test are known one-to-one with the modes of an assembly of bodies, by the MAC of their shapes
     and frequency together. Raises InvalidScene for bad input.
     """
-    given = [files] if isinstance(files, str | Path) else list(files)
-    if not given:
-        raise InvalidScene(f"no file; {HAMMER}.")
-    paths = [require_file(file, HAMMER) for file in given]
+    paths = _of_test(files)
     from workflows.files.hammer import Reading, write_modes
     from workflows.structure.hammer import Choice
 
-    choice = Choice(_band(band), _poles("--reject", reject), _poles("--accept", accept))
+    rejected, accepted = (
+        _whole_numbers(numbers, f"{option} {numbers} must be numbers of poles, as 3,7.")
+        for option, numbers in (("--reject", reject), ("--accept", accept))
+    )
+    choice = Choice(_band(band), rejected, accepted)
     reading = Reading(estimator, window, force_channel, Path(points) if points else None)
     reading.require()
     chosen = with_assembly(load_scene(scene, changes))
-    inputs = (*files_read(chosen, scene), *paths, *((reading.points,) if reading.points else ()))
+    inputs = files_read(chosen, scene, *paths, reading.points)
     folder = picture_folder(out, inputs, overwrite, *HAMMER_PICTURES)
     if folder:
         folder.require("modes.json", "poles.html", "modes.uff", "targets.toml")
@@ -617,6 +595,14 @@ def hammer(
     return result
 
 
+def _of_test(files: str | Path | Iterable[str | Path]) -> list[Path]:
+    """The files of a hammer test, one at least; raises InvalidScene for one that is not there."""
+    given = [files] if isinstance(files, str | Path) else list(files)
+    if not given:
+        raise InvalidScene(f"no file; {HAMMER}.")
+    return [require_file(file, HAMMER) for file in given]
+
+
 def _band(band: str | tuple[float, float] | None) -> tuple[float, float] | None:
     """Frequencies [Hz], as (40, 950) or "40:950"; raises InvalidScene for others."""
     if band is None:
@@ -630,12 +616,12 @@ def _band(band: str | tuple[float, float] | None) -> tuple[float, float] | None:
     return low, high
 
 
-def _poles(option: str, numbers: str | Iterable[int]) -> tuple[int, ...]:
-    """Numbers of poles, as (3, 7) or "3,7"; raises InvalidScene for others."""
+def _whole_numbers(numbers: str | Iterable[int], otherwise: str) -> tuple[int, ...]:
+    """Whole numbers, as (3, 7) or "3,7"; raises InvalidScene with the sentence for others."""
     try:
         return tuple(map(int, numbers.split(",") if isinstance(numbers, str) else numbers))
     except (TypeError, ValueError):
-        raise InvalidScene(f"{option} {numbers} must be numbers of poles, as 3,7.") from None
+        raise InvalidScene(otherwise) from None
 
 
 def write_hammer_test(
@@ -669,7 +655,7 @@ def write_hammer_test(
 
         write_synthetic(synthetic, virtual_test(pipeline_of(chosen, progress)))
         return synthetic.path
-    inputs = (*files_read(chosen, scene), Path(points))
+    inputs = files_read(chosen, scene, points)
     output = OutputFile(file, "FILE", inputs=inputs, ending=".mat", overwrite=overwrite)
     nodes, directions = points_and_directions(Path(points))
     from workflows.structure.hammer_design import computed_hits

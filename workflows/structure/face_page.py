@@ -30,15 +30,19 @@ def face_page(name: str, geometry: Drawing) -> str:
             point = corners[largest].mean(axis=0)
             picked = []
             for text in words(body, face, point):
-                tags = _tags(text, geometry.bodies)
+                try:
+                    tags = faces(text, geometry.bodies).tags
+                except InvalidGeometry:
+                    continue
                 if face.tag in tags:
                     picked.append({"text": text, "faces": len(tags)})
                     if "@" in text:  # the shortest of the points does
                         break
+            of_size = "" if face.radius is None else f" of {2e3 * face.radius:.4g} mm"
             rows.append(
                 {
                     "body": body.name,
-                    "kind": _described(face),
+                    "kind": f"{face.kind}{of_size}, {1e6 * face.area:.4g} mm²",
                     "selectors": sorted(picked, key=lambda row: row["faces"] != 1),
                     "points": corners.reshape(-1).round(7).tolist(),
                 }
@@ -66,17 +70,3 @@ def words(body: Body, face: Face, point: np.ndarray) -> list[str]:
             f"{body.name}@" + ",".join(f"{x:.{digits}g}" for x in point.round(digits) + 0.0)
         )
     return texts
-
-
-def _tags(text: str, bodies: dict[str, Body]) -> tuple[int, ...]:
-    try:
-        return faces(text, bodies).tags
-    except InvalidGeometry:
-        return ()
-
-
-def _described(face: Face) -> str:
-    area = f"{1e6 * face.area:.4g} mm²"
-    if face.radius is not None:
-        return f"{face.kind} of {2e3 * face.radius:.4g} mm, {area}"
-    return f"{face.kind}, {area}"

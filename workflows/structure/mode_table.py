@@ -8,16 +8,15 @@ from workflows.files.run_folder import Picture
 from workflows.report import plots
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene
+from workflows.stages import warnings
 from workflows.stages.health import shape_names
 from workflows.stages.pipeline import Pipeline
-from workflows.stages.warnings import overconstrained
 
 READING = """\
 mesh error: by which the elements make the frequency too high;
 at contact: participation [kg^-1/2];  score: share of the mode's energy in the motion that
 identifies the measured mode;  MAC: with that mode of stiff joints"""
 LOADED = "The static load is {:.4g} % of the load that buckles it."
-UNSURE = 10.0  # per cent by the fits of measured parts, from which on a mode is doubtful
 NO_TARGETS = "No targets: [[targets]] lists measured modes to set beside these."
 
 
@@ -128,34 +127,23 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
             row.mac = None if np.isnan(mac[j][i]) else float(mac[j][i])
             row.shape = shape[i]
         rows.append(row)
-    warnings = list(overconstrained(modes.overconstrained))
+    sentences = list(warnings.overconstrained(modes.overconstrained))
     if scene.bending is None and (scene.floats or scene.springs):
         rigid = np.flatnonzero(~strained(pipeline("model"), modes)) + 1
-        if rigid.size:
-            listed = ", ".join(map(str, rigid))
-            first = next(n for n in range(1, len(rows) + 2) if n not in rigid)
-            warnings.append(
-                f"Modes {listed} are rigid motions, free or on springs: --match and the number of "
-                f"a target count the others, mode {first} as 1."
-            )
+        sentences += warnings.rigid_motions(rigid.tolist())
     if scene.measured:
-        from workflows.stages.measured_parts import sentences
+        from workflows.stages import measured_parts
 
-        warnings += sentences(scene)
-        loose = [str(row.number) for row in rows if (row.part_error_percent or 0.0) > UNSURE]
-        if loose:
-            warnings.append(
-                f"Modes {', '.join(loose)} change by more than {UNSURE:g} % with the noise of the "
-                "receptances or the end of their band: they rest on oscillators that noise makes, "
-                "or on motions that these points hardly show; measure with less noise, or at "
-                "points farther apart."
-            )
+        sentences += measured_parts.sentences(scene)
+        sentences += warnings.doubtful_parts(
+            {row.number: 0.01 * (row.part_error_percent or 0.0) for row in rows}
+        )
     return ModeTable(
         scene=scene.name,
         rows=rows,
         error_of="mesh error" if scene.bending is None else "error",
         load_factor=modes.load_factor,
-        warnings=warnings,
+        warnings=sentences,
     )
 
 

@@ -20,7 +20,6 @@ from fem.identifiability import (
 from fem.tuning import TuningParameter
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, Scene
-from workflows.stages.pipeline import pipeline_of
 from workflows.stages.progress import Progress
 from workflows.structure import parameters as of_bodies
 from workflows.structure.tuning import (
@@ -28,7 +27,7 @@ from workflows.structure.tuning import (
     RIG_NAMES,
     candidates_of,
     frequency_errors,
-    loosened,
+    projected,
     unit,
 )
 
@@ -150,10 +149,7 @@ def ranked(
             f"{scene.name} has nothing to free: no joint, no isotropic material and no mass; add "
             "[[joints]]."
         )
-    candidates = candidates_of(scene, names)
-    basis = pipeline_of(loosened(scene, candidates), progress)("tuning-basis")
-    if not scene.of_dimensions:
-        candidates = of_bodies.on_bodies(scene, candidates, list(basis.forms))
+    _, basis, candidates = projected(scene, candidates_of(scene, names), progress)
 
     # the modes at the scene's values, and which of them the targets are
     now = at_scene(basis, candidates)

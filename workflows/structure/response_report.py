@@ -226,18 +226,6 @@ def unit_of(p: Parameter) -> str:
     return units.get(last, "N/m" if p.name.startswith("springs.") else unit(p.name))
 
 
-def shapes_paired(
-    test: IdentifiedTest, used: NDArray[np.int64], hz: NDArray, reading: NDArray
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """The mode (n,) at frequencies hz (k,) that each resonance is, -1 for none, and their MAC
-    (n, k), with shapes `reading` (p, k) at the points."""
-    likeness = np.nan_to_num(mac(test.modes.phi[used], reading))
-    pairs = measured_pairs(
-        test.modes.frequency_hz, hz, likeness, np.zeros((len(hz),) * 2), FROM_AFAR
-    )
-    return pairs.index, likeness
-
-
 class FullModel(NamedTuple):
     """The whole model with the fitted values, at a test."""
 
@@ -289,8 +277,11 @@ def resonance_rows(of_fit: Fitted, full: FullModel) -> list[ResonanceRow]:
         if len(used) < FEWEST:
             index.append(np.full(n, -1))
         else:
-            paired_with, of_these = shapes_paired(test, used, frequencies, reading)
-            index.append(paired_with)
+            of_these = np.nan_to_num(mac(test.modes.phi[used], reading))
+            apart = np.zeros((len(frequencies),) * 2)
+            hz_of_test = test.modes.frequency_hz
+            pairs = measured_pairs(hz_of_test, frequencies, of_these, apart, FROM_AFAR)
+            index.append(pairs.index)
             likeness = of_these if len(index) == 2 else likeness
         hz.append([float(frequencies[j]) if j >= 0 else None for j in index[-1]])
     rows = []
@@ -307,9 +298,7 @@ def resonance_rows(of_fit: Fitted, full: FullModel) -> list[ResonanceRow]:
     return rows
 
 
-def held_out_misfit(
-    of_fit: Fitted, band_hz: tuple[float, float], highest_hz: float, options: ResponseOptions
-) -> Misfit | None:
+def held_out_misfit(of_fit: Fitted, highest_hz: float, options: ResponseOptions) -> Misfit | None:
     """Of the fitted model at lines around the resonances that were not fitted, as high as the
     projection holds; None where all were."""
     if of_fit.chosen.all():

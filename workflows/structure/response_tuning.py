@@ -187,9 +187,7 @@ def tuned_to_responses(
         of_poles = resonances if len(near) else None
         fits = [fit_responses(model_of, parameters, x, data, of_poles) for x in starts]
         fit = min(fits, key=lambda one: one.objective)
-        fit, model_of, evaluations = determined(
-            subset, made, parameters, fit, data, of_poles, options
-        )
+        fit, model_of, evaluations = determined(subset, made, fit, data, of_poles, options)
     evaluations += sum(one.evaluations for one in fits)
     seconds = perf_counter() - started
     steps.append(
@@ -205,7 +203,7 @@ def tuned_to_responses(
         )
     fitted = [supported(x, x * s) for x, s in zip(fit.value, fit.deviation, strict=True)]
     fit = fit._replace(value=np.array(fitted))
-    result = with_fitted(scene, loose, solids, fit)
+    result = with_fitted(scene, fit)
 
     of_fit = Fitted(
         scene, result, test, places, fit, model_of, before, parameters, chosen, data, of_poles
@@ -220,7 +218,7 @@ def tuned_to_responses(
     apart = np.abs(20 * np.log10(np.abs(after / full.H)))
     projection_decibel = float(apart[clear].max(initial=0.0))
     projection_rms = float(np.sqrt(np.mean(apart[clear] ** 2))) if clear.any() else 0.0
-    held_out = held_out_misfit(of_fit, band_hz, top / options.beyond, options)
+    held_out = held_out_misfit(of_fit, top / options.beyond, options)
     remarks += [
         *(remarks_on_axes(scene) if scene.test_axes else ()),
         *remarks_on_fit(of_fit, off[1], options),
@@ -464,7 +462,6 @@ def require_signs_and_size(
 def determined(
     basis: TuningBasis,
     made: tuple,
-    parameters: Sequence[Parameter],
     fit: ResponseFit,
     data: MeasuredResponses,
     resonances: Resonances | None,
@@ -501,9 +498,7 @@ def determined(
     return fit, model, evaluations
 
 
-def with_fitted(
-    scene: Scene, loose: Scene, solids: Sequence[TuningParameter], fit: ResponseFit
-) -> Scene:
+def with_fitted(scene: Scene, fit: ResponseFit) -> Scene:
     """The scene with the fitted values; what was loosened for the fit is as it was."""
     chosen, value = solid_ones(fit.parameters, fit.value)
     result = at_values(scene, chosen, value) if chosen else scene

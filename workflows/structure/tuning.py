@@ -7,6 +7,7 @@ fitted stiffnesses as a judge.
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from re import sub
 from time import perf_counter
 from typing import Any, Literal, NamedTuple
 
@@ -31,6 +32,7 @@ from workflows.report.numbers import supported
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, Scene, nearest
 from workflows.scene.bodies import MeasuredMode
+from workflows.scene.scene import LONGEST_NAME
 from workflows.scene.toml import parsed, toml
 from workflows.stages.mesh_causes import OPTIONS as OF_CAUSES
 from workflows.stages.mesh_causes import Cause, refinement, size_for
@@ -234,10 +236,7 @@ def tuned(
     errors = frequency_errors(scene, match)
     wanted = [number.index(n) for n in match], [*match.values()], [*errors.relative.values()]
     while True:
-        loose = loosened(scene, parameters)
-        basis = pipeline_of(loose, progress)("tuning-basis")
-        if not scene.of_dimensions:
-            parameters = of_bodies.on_bodies(scene, parameters, list(basis.forms))
+        loose, basis, parameters = projected(scene, parameters, progress)
         started = perf_counter()
         fit, subset = fit_to_these(basis, parameters, *wanted)
         of_all = fit if of_all is None else of_all
@@ -610,6 +609,17 @@ def scene_values(scene: Scene, p: TuningParameter) -> list[tuple[str, float]]:
     return [(p.name, getattr(scene.assembly, p.of) if of_block is None else of_block)]
 
 
+def projected(
+    scene: Scene, candidates: list[TuningParameter], progress: Progress
+) -> tuple[Scene, TuningBasis, list[TuningParameter]]:
+    """The scene loosened where candidates vary, its projection, and the candidates on that."""
+    loose = loosened(scene, candidates)
+    basis = pipeline_of(loose, progress)("tuning-basis")
+    if not scene.of_dimensions:
+        candidates = of_bodies.on_bodies(scene, candidates, list(basis.forms))
+    return loose, basis, candidates
+
+
 def loosened(scene: Scene, parameters: list[TuningParameter]) -> Scene:
     """The scene with finite springs where they vary, and with a block that keeps only the values
     that do not vary."""
@@ -669,12 +679,19 @@ def shape_mac(full: Pipeline) -> dict[str, float]:
     }
 
 
-def write_scene(scene: Scene, file: OutputFile, first: str, source: Source) -> Scene:
-    """Write the scene as TOML with a first line on where its values come from, and return it.
+def write_scene(
+    scene: Scene, file: OutputFile | None, first: str, source: Source
+) -> tuple[Scene, Path | None]:
+    """Write the scene as TOML with a first line on where its values come from, named after its
+    file; the scene and the file's path, the scene as it is where there is no file.
 
     One that was read from a file keeps this file's name of it, comments and order, as far as
     reading that back gives the scene; in another folder it names its own files by full paths.
     """
+    if file is None:
+        return scene, None
+    name = sub(r"[^\w.-]", "-", file.path.stem).lstrip(".-")[:LONGEST_NAME] or "tuned"
+    scene = scene.model_copy(update={"name": name})
     text = toml(scene)
     if source is None or isinstance(source, str | Path):
         from workflows.scene.commented import with_values
@@ -697,4 +714,4 @@ def write_scene(scene: Scene, file: OutputFile, first: str, source: Source) -> S
                 break
     with file.writing() as path:
         path.write_text(f"# {first}\n{text}", encoding="utf-8")
-    return scene
+    return scene, file.path

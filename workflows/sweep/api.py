@@ -75,28 +75,21 @@ def sweep(
     table with its sentence.
     """
     from workflows.sweep.cases import base_of
-    from workflows.sweep.design import require_free
     from workflows.sweep.result import opened
     from workflows.sweep.store import require_libraries
-    from workflows.sweep.sweep import require_keys
     from workflows.sweep.sweep import sweep as compute
 
     # which cases: the scene, the keys that vary, their values
     require_libraries(signals)
     base = base_of(scene, changes)
     described = _cases(over, sample, cases, seed, again)
-    design = _design(base, described)
-    require_keys(base, design, signals)
-    notes_on_changes = require_free(design, base.given)
+    design, notes_on_changes = _design(base, described, signals)
 
     # where: a folder that belongs to these cases of this scene
     scene_swept = base.with_values({})
     text = f"{toml(scene_swept)}\n# swept: {design.n_cases} cases, {design.digest}\n"
     path, notes = place(out, SWEEPS, scene_swept.name, text)
-    inputs = (
-        *files_read(scene_swept, scene),
-        *([Path(described.table)] if described.table else []),
-    )
+    inputs = files_read(scene_swept, scene, described.table)
     folder = RunFolder(path, inputs=inputs, overwrite=overwrite)
 
     # every case once, in this process or on a cluster, then pictures of the whole table
@@ -190,14 +183,10 @@ def sweep_price(
     in `sweep`."""
     from workflows.sweep.cases import base_of
     from workflows.sweep.cluster import require_processes
-    from workflows.sweep.design import require_free
     from workflows.sweep.price import price
-    from workflows.sweep.sweep import require_keys
 
     base = base_of(scene, changes)
-    design = _design(base, _cases(over, sample, cases, seed))
-    require_keys(base, design, False)
-    require_free(design, base.given)
+    design, _ = _design(base, _cases(over, sample, cases, seed), signals=False)
     require_processes(processes or 1)
     expected = price(base, design, processes or 1)
     _require_sound_case(design, expected.refused, expected.notes)
@@ -226,9 +215,11 @@ def _cases(
     return Cases(over, sample, cases, seed, again)
 
 
-def _design(base: Base, cases: Cases) -> Design:
-    """The design that the cases describe; raises InvalidScene."""
-    from workflows.sweep import design
+def _design(base: Base, cases: Cases, signals: bool) -> tuple[Design, tuple[str, ...]]:
+    """The design that the cases describe, and notes on changes to keys that it varies; raises
+    InvalidScene where the base cannot take its keys."""
+    from workflows.sweep import design as designs
+    from workflows.sweep.sweep import require_keys
 
     # values of a mapping as `--over` takes them; a text, start:stop:n for instance, as it is
     over = cases.over
@@ -246,9 +237,12 @@ def _design(base: Base, cases: Cases) -> Design:
     if cases.table is not None:
         if texts or cases.sample:
             raise InvalidScene("--cases has all values; leave out --over and --sample.")
-        return design.table(Path(cases.table), base.number)
-    if cases.seed < 0:
+        design = designs.table(Path(cases.table), base.number)
+    elif cases.seed < 0:
         raise InvalidScene(f"--seed {cases.seed} must be 0 or above; change it.")
-    if cases.sample:
-        return design.sampled(texts, cases.sample, cases.seed, base.number)
-    return design.grid(texts, base.number)
+    elif cases.sample:
+        design = designs.sampled(texts, cases.sample, cases.seed, base.number)
+    else:
+        design = designs.grid(texts, base.number)
+    require_keys(base, design, signals)
+    return design, designs.require_free(design, base.given)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from workflows.files.scene import Changes, Source, Written, completed, each, written
-from workflows.scene import DashpotWall, InvalidScene, MeasuredWall, RomWall, Scene
+from workflows.scene import HalfSpaceWall, InvalidScene, OneDofWall, Scene
 from workflows.scene.parts import with_chain
 from workflows.scene.toml import changed, keys_set
 from workflows.stages.chain import TOGETHER
@@ -145,7 +145,7 @@ class CheckedGroup:
             or scene.friction is not None
             or scene.time.duration > scene.time.horizon
             or getattr(scene.wall, "prune", False)
-            or (isinstance(scene.wall, RomWall | DashpotWall | MeasuredWall) and "wall" in differs)
+            or ("wall" in differs and not isinstance(scene.wall, HalfSpaceWall | OneDofWall))
         )
 
 

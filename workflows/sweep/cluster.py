@@ -155,7 +155,7 @@ def on(client: Any) -> Callable[[Iterator[Sharing]], Iterator[list[Rows]]]:
                 model = models_of.get(sharing.key)
                 shared = submit(shared_wall, sharing.scene, sharing.source, model)
             for task in sharing.tasks:
-                future = submit(_rows, task, shared)
+                future = submit(rows, task.checked, shared, task.signals)
                 running[future] = task
                 completed.add(future)
                 while len(running) >= allowed:
@@ -174,10 +174,6 @@ def _handed_over(client: Any) -> int:
         return OPTIONS.ahead * max(1, sum(client.nthreads().values()))
     except OSError:
         raise CancelledError from None
-
-
-def _rows(task: Task, shared: SharedWall) -> list[Rows]:
-    return rows(task.checked, shared, task.signals)
 
 
 def _result(future: Any, running: dict[Any, Task]) -> list[Rows]:

@@ -5,7 +5,7 @@ from time import perf_counter
 from typing import NamedTuple, TypeVar
 
 from workflows.report.tables import Table
-from workflows.scene import DashpotWall
+from workflows.scene.walls import gives_way
 from workflows.sweep.cases import Base, groups
 from workflows.sweep.core.design import Design
 from workflows.sweep.march import rows
@@ -103,8 +103,8 @@ def price(base: Base, design: Design, workers: int) -> Price:
         law, slow = walls[0].scene.contact.dissipation, []
         if law.startswith("linear"):
             slow.append(f'contact.dissipation = "{law}"')
-        if isinstance(walls[0].scene.wall, DashpotWall):
-            slow.append('wall.kind = "dashpot"')
+        if gives_way(wall := walls[0].scene.wall):
+            slow.append(f'wall.kind = "{wall.kind}"')
         notes += [
             f"{key} is marched chain by chain, dealt to the threads: seconds a case are those of "
             "such a march."

@@ -262,14 +262,6 @@ def _require_name(name: str, names: tuple[str, ...], what: str) -> None:
         raise InvalidScene(f"{what} {name!r} is not in the sweep; {nearest(name, names)}.")
 
 
-def _present(name: str) -> str:
-    """The name of a column, of a former one of today."""
-    for former, today in zip(("_tof_s", "_arr"), MAIN, strict=True):
-        if name.startswith("sphere_") and name.endswith(former):
-            return f"{name.removesuffix(former)}_{today}"
-    return name
-
-
 def opened(folder: str | Path, notes: tuple[str, ...] = ()) -> Sweep:
     """A sweep's folder; raises InvalidScene where it holds no table of ours."""
     path = Path(folder) / TABLE
@@ -280,7 +272,14 @@ def opened(folder: str | Path, notes: tuple[str, ...] = ()) -> Sweep:
 
         table = pq.read_table(path)
         about = table.schema.metadata
-        names = [_present(name) for name in table.column_names]
+        names = table.column_names
+        for former, today in zip(("_tof_s", "_arr"), MAIN, strict=True):  # of earlier versions
+            names = [
+                f"{name.removesuffix(former)}_{today}"
+                if name.startswith("sphere_") and name.endswith(former)
+                else name
+                for name in names
+            ]
         table = table.rename_columns(names).replace_schema_metadata(about)
         return Sweep(Path(folder), table, notes)
     except ImportError as missing:

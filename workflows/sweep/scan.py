@@ -9,7 +9,7 @@ Rows are stored PART by PART as they are marched. Once all are stored, later ref
 blanked, so that one wave is left over the face, see `workflows.sweep.core.continuity`.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import product
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -205,12 +205,14 @@ def scan(
             v = march.by_steps(_some(other.wall, other.row[part[known]]), dt[known])
             error_mesh[known] = other.share * march.difference(v, batch.v[known])
 
-        messages = [
-            "; ".join([*large_errors(of_reduction, of_mesh), *other.without.get(case, ())])
-            for of_reduction, of_mesh, case in zip(
-                error_reduction, error_mesh, part.tolist(), strict=True
-            )
-        ]
+        messages = []
+        for case, *errors in zip(part.tolist(), error_reduction, error_mesh, strict=True):
+            sentences = [
+                f"the error of the {source} is {100 * error:.2g} % of the striker's speed"
+                for source, error in zip(("reduction", "mesh"), errors, strict=True)
+                if error > LARGE_ERROR
+            ]
+            messages.append("; ".join([*sentences, *other.without.get(case, ())]))
         table = measured(
             spheres, batch.t, batch.v, batch.wall_force,
             energy_error=batch.energy_error,
@@ -300,13 +302,6 @@ def _on_split_mesh(
         row[at[list(impossible)]] = -1
     messages = {i: (f"error_mesh is not known: {reason}",) for i, reason in without.items()}
     return _OtherWalls(wall, row, share, messages)
-
-
-def large_errors(of_reduction: float, of_mesh: float) -> Iterator[str]:
-    """Sentences of a row on its large errors, in percent of the striker's speed."""
-    for source, error in (("reduction", of_reduction), ("mesh", of_mesh)):
-        if error > LARGE_ERROR:
-            yield f"the error of the {source} is {100 * error:.2g} % of the striker's speed"
 
 
 def _some(wall: dem.Wall, rows: Array | int) -> dem.Wall:

@@ -24,7 +24,7 @@ COARSE = (
 def joint_stiffness() -> Iterator[Trial]:
     """1 to 1e16 N/m in every direction, rigid joints, and none at all: the block floats."""
     for k in (*10.0 ** np.arange(0, 17, 2), np.inf):
-        yield Trial(k, partial(on_joints, k, "preload.force=0.0"))
+        yield Trial(k, partial(on_joints, k, "preload.force=0.0"), "N/m")
     free = partial(on_joints, 1.0, "preload.force=0.0", 'reduction.kind="free-modes"')
     yield Trial("1, free-modes", free)
     for kind in ("craig-bampton", "free-modes"):

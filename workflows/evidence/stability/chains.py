@@ -51,14 +51,14 @@ def at_rigid_wall(
 def young() -> Iterator[Trial]:
     """One Young's modulus for all spheres, from 1 MPa to 1 TPa."""
     for E in 10.0 ** np.arange(6, 13):
-        yield Trial(E, partial(at_rigid_wall, young=E, flat=dem.Flat(E, 0.3)))
+        yield Trial(E, partial(at_rigid_wall, young=E, flat=dem.Flat(E, 0.3)), "Pa")
 
 
 def unlike_materials() -> Iterator[Trial]:
     """Steel next to ever softer spheres."""
     for soft in 10.0 ** np.arange(6, 12):
         E = np.where(np.arange(N) % 2, soft, 210e9)
-        yield Trial(soft, partial(at_rigid_wall, young=E))
+        yield Trial(soft, partial(at_rigid_wall, young=E), "Pa")
 
 
 def unlike_radii() -> Iterator[Trial]:
@@ -74,19 +74,19 @@ def unlike_radii() -> Iterator[Trial]:
 def radius() -> Iterator[Trial]:
     """One radius for all spheres, from 1 um to 1 m."""
     for R in 10.0 ** np.arange(-6, 1):
-        yield Trial(R, partial(at_rigid_wall, radius=R))
+        yield Trial(R, partial(at_rigid_wall, radius=R), "m")
 
 
 def striker_speed() -> Iterator[Trial]:
     """Speeds of the striker from 1 um/s to 100 m/s."""
     for speed in 10.0 ** np.arange(-6, 3):
-        yield Trial(speed, partial(at_rigid_wall, speed=speed))
+        yield Trial(speed, partial(at_rigid_wall, speed=speed), "m/s")
 
 
 def preload() -> Iterator[Trial]:
     """On the last sphere, and through all spheres by a spring on the first."""
     for force in (0.0, 1e-6, 1.0, 1e2, 1e4, 1e5):
-        yield Trial(force, partial(at_rigid_wall, preload=force, duration=1e-3))
+        yield Trial(force, partial(at_rigid_wall, preload=force, duration=1e-3), "N")
         if force:
             chain, v0 = squeezed(force), striker_velocity()
             run = partial(settled, chain, dem.rigid_wall(), v0, 1e-3)
@@ -103,7 +103,7 @@ def squeezed(force: float) -> dem.Chain:
 def sonic_vacuum() -> Iterator[Trial]:
     """No preload: the limit of a vanishing one, which only tiny forces reach."""
     for force in (1e-3, 1e-6, 1e-9, 1e-12):
-        yield Trial(force, partial(_vanishing, force))
+        yield Trial(force, partial(_vanishing, force), "N")
 
 
 def _vanishing(force: float) -> Outcome:

@@ -61,7 +61,13 @@ def _outcome(
 ) -> Outcome:
     """A striker on the sphere that is pressed on a wall: true error of the velocities beside a run
     to a tenth of the error, or what a cycle's energies leave open, if that is more."""
-    run = partial(_run, mu, load, force, frequency, phase, _wall(normal))
+    # modes that sway across, and that move along the normal and both directions across
+    phi = [[0.1 * normal, 0.8, 0.05], [0.6, 0.1, 0.1], [0.3, 0.2, 0.7]]
+    omega = 2 * np.pi * np.array([SWAYS, 1100.0, 2700.0])
+    pushed = [[1.0], [normal], [0.2]]
+    wall = spatial_wall_of_modes(omega, [0.02, 0.02, 0.02], phi, load=pushed)
+
+    run = partial(_run, mu, load, force, frequency, phase, wall)
     usual, balance = run(ERROR)
     finer, _ = run(0.1 * ERROR)
     speed = max(SPEED, float(np.abs(usual.lateral.sphere_t_v).max()))
@@ -73,13 +79,6 @@ def _outcome(
     # the energy of a period's work may be off by 10 times the error
     value = max(value, 1e-2 * usual.lateral.energy_error, balance / 10.0)
     return Outcome(np.inf if heat_falls else value, ERROR)
-
-
-def _wall(normal: float) -> SpatialWall:
-    """Modes that sway across, and that move along the normal and both directions across."""
-    phi = [[0.1 * normal, 0.8, 0.05], [0.6, 0.1, 0.1], [0.3, 0.2, 0.7]]
-    omega = 2 * np.pi * np.array([SWAYS, 1100.0, 2700.0])
-    return spatial_wall_of_modes(omega, [0.02, 0.02, 0.02], phi, load=[[1.0], [normal], [0.2]])
 
 
 def _run(

@@ -42,7 +42,7 @@ def dashpot_wall() -> Iterator[Trial]:
     arriving = np.full(N, SPEED)  # all spheres together
     for coefficient in (1e-6, 1e-2, 1e2, 1e4, 1e6, 1e9):
         run = _struck(dem.dashpot_wall(coefficient), arriving)
-        yield Trial(coefficient, run)
+        yield Trial(coefficient, run, "N s/m")
 
 
 def _modes(frequency, phi, zeta: float = 0.0) -> dem.Wall:

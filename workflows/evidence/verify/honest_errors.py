@@ -21,7 +21,8 @@ from workflows.evidence.verify.random_scenes import scene as random_scene
 from workflows.files.scene import scene
 from workflows.fit.chain_fit import calibrate
 from workflows.fit.forward import ChainForward
-from workflows.fit.parameter import Parameter, Rig
+from workflows.fit.parameter import Parameter
+from workflows.fit.rig import Rig
 from workflows.fit.signals import Signals
 from workflows.fit.windows import Options
 from workflows.stages.pipeline import pipeline_of

@@ -1,0 +1,48 @@
+"""What a fit marches: a chain, its wall and the impact."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from dem import Chain, Wall
+from dem.sensitivities import STEPS_PER_TIME_SCALE, usual_step
+
+if TYPE_CHECKING:
+    from coupling.continuation import SteadyState
+    from coupling.spatial_march import ShakerForces
+    from coupling.spatial_wall import SpatialWall
+    from dem.lateral import LastSphere
+
+
+class Rubbing(NamedTuple):
+    """What the last sphere rubs on, and what shakes that."""
+
+    wall: SpatialWall
+    last: LastSphere | None  # None until a chain stands before it
+    shakers: ShakerForces | None
+    upstream_held: bool
+    substeps: int = 1  # of a step
+    near: SteadyState | None = None  # periodic state of the scene's own values
+
+
+class Rig(NamedTuple):
+    """What is marched: chain, wall and impact."""
+
+    chain: Chain
+    wall: Wall | None
+    v0: np.ndarray  # (n,) [m/s] before the impact
+    damping: np.ndarray | None = None  # (d, k) derivative of the wall's zeta by each damping ratio
+    trigger: float = 0.0  # [s] first touch on the record's clock
+    across: Rubbing | None = None  # a last sphere with friction on a structure
+
+    @property
+    def step(self) -> float:
+        """Usual step of time of a march [s]."""
+        return usual_step(self.chain, self.wall, self.v0)
+
+    @property
+    def time_scale(self) -> float:
+        """Time within which the stiffest contact moves [s]."""
+        return STEPS_PER_TIME_SCALE * self.step
