@@ -75,10 +75,10 @@ def numbers_with_errors(
     at_wall, spheres = scene.wall is not None, scene.output.spheres
     numbers = {id(run): numbers_of(run, waves)}
     for pair in (pair for of_cause in pairs.values() for pair in of_cause):
-        for other in (pair.first, pair.second):
-            if id(other) not in numbers:
-                others = chain_waves(other, start.chain, spheres, at_wall=at_wall)
-                numbers[id(other)] = numbers_of(other, others)
+        for compared in (pair.first, pair.second):
+            if id(compared) not in numbers:
+                others = chain_waves(compared, start.chain, spheres, at_wall=at_wall)
+                numbers[id(compared)] = numbers_of(compared, others)
     collision = during_largest_collision(run, waves)
     estimate, of_run = run.error_estimate or 0.0, numbers[id(run)]
 

@@ -210,8 +210,8 @@ def export(
     (`beadwave modes --inp --step`). Files that beadwave did not write, or that were changed since,
     are only replaced with `overwrite`."""
     chosen = with_assembly(load_scene(scene, changes))
-    given = {"--inp": inp, "--step": step}
-    files = output_files(given, inputs=files_read(chosen, scene), overwrite=overwrite)
+    options = {"--inp": inp, "--step": step}
+    files = output_files(options, inputs=files_read(chosen, scene), overwrite=overwrite)
     from workflows.stages.pipeline import pipeline_of
     from workflows.structure.export import write_model
 
@@ -597,10 +597,10 @@ def hammer(
 
 def _of_test(files: str | Path | Iterable[str | Path]) -> list[Path]:
     """The files of a hammer test, one at least; raises InvalidScene for one that is not there."""
-    given = [files] if isinstance(files, str | Path) else list(files)
-    if not given:
+    paths = [files] if isinstance(files, str | Path) else list(files)
+    if not paths:
         raise InvalidScene(f"no file; {HAMMER}.")
-    return [require_file(file, HAMMER) for file in given]
+    return [require_file(file, HAMMER) for file in paths]
 
 
 def _band(band: str | tuple[float, float] | None) -> tuple[float, float] | None:

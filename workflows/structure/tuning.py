@@ -313,13 +313,7 @@ def tuned(
     computed_mode = {n: int(j) + 1 for n, j in zip(number, computed.index, strict=True) if j >= 0}
     of_numbers = []
     if not scene.of_dimensions and (scene.floats or scene.springs) and result.targets:
-        by_number = {t.number for t in result.targets} & computed_mode.keys()
-        counted = [f"{n} is mode {computed_mode[n]}" for n in sorted(by_number)]
-        if counted:
-            of_numbers.append(
-                "numbers of targets count modes that strain bodies or joints, not rigid motions, "
-                f"free or on springs: {', '.join(counted)}."
-            )
+        of_numbers = on_numbers(result, computed_mode)
     report = TuningReport(
         scene=scene.name,
         match={str(n): hz for n, hz in match.items()},
@@ -349,6 +343,19 @@ def tuned(
         ],
     )
     return result, report
+
+
+def on_numbers(scene: Scene, computed_mode: dict[int, int]) -> list[str]:
+    """A sentence on the numbers of targets {number: computed mode} where modes are rigid motions as
+    well, which have none; nothing where no target has a number."""
+    by_number = {t.number for t in scene.targets} & computed_mode.keys()
+    counted = [f"{n} is mode {computed_mode[n]}" for n in sorted(by_number)]
+    if counted:
+        return [
+            "numbers of targets count modes that strain bodies or joints, not rigid motions, "
+            f"free or on springs: {', '.join(counted)}."
+        ]
+    return []
 
 
 def candidates_of(scene: Scene, names: tuple[str, ...]) -> list[TuningParameter]:
@@ -657,10 +664,10 @@ def retargeted(scene: Scene, match: dict[int, float]) -> Scene:
         numbered = zip(scene.measured_numbers, scene.targets or (), strict=True)
         tables = [_moved(target, match.get(n, target.hz)) for n, target in numbered]
     else:
-        given = {target.number: target for target in scene.targets or ()}
-        new = {n: MeasuredMode(number=n, hz=hz) for n, hz in match.items() if n not in given}
-        given = {n: _moved(target, match.get(n, target.hz)) for n, target in given.items()}
-        tables = [table for _, table in sorted((given | new).items())]
+        by_number = {target.number: target for target in scene.targets or ()}
+        new = {n: MeasuredMode(number=n, hz=hz) for n, hz in match.items() if n not in by_number}
+        by_number = {n: _moved(target, match.get(n, target.hz)) for n, target in by_number.items()}
+        tables = [table for _, table in sorted((by_number | new).items())]
     return scene.but(targets=tuple(tables))
 
 

@@ -126,9 +126,9 @@ def struck_scene(base: Base, face: str | None) -> Scene:
         )
     rig = scene.of_dimensions
     moved = ("patch.point",) if rig else ("strike.at", "strike.on")[: 1 + bool(face)]
-    for key, given in product(moved, base.given):
-        if undoes(key, given):
-            raise InvalidScene(f"a scan sets {key} itself; drop --set {given}.")
+    for key, changed_key in product(moved, base.given):
+        if undoes(key, changed_key):
+            raise InvalidScene(f"a scan sets {key} itself; drop --set {changed_key}.")
     if not rig:
         on = face or (scene.strike and scene.strike.on)
         return base.with_values(({"strike.on": on} if on else {}) | {"strike.at": [0.0, 0.0]})
