@@ -115,9 +115,11 @@ def neighbouring_state(
         if point.moving.contacts.cells is not None:
             start = point.moving.divided(n_cells // 2)
         body.settle(start, coarser.system, 0.0)
-        other = fixed_point(coarser, start, search, search.periodicity * error, point.jacobian)
-        if other.change <= search.accepted * error:
-            numbers = numbers_of(saved, speed), numbers_of(other.saved, speed)
+        coarse_point = fixed_point(
+            coarser, start, search, search.periodicity * error, point.jacobian
+        )
+        if coarse_point.change <= search.accepted * error:
+            numbers = numbers_of(saved, speed), numbers_of(coarse_point.saved, speed)
             order = 1.0 if len(body.frame) == 2 else 2.0
             of_steps = richardson(numbers[0].difference(numbers[1]), 2.0, order)
     axis = int(np.ptp(saved.slip, axis=0).argmax())

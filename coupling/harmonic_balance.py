@@ -188,16 +188,16 @@ def cut_at_contacts(
     shaken[:, last] -= (modes * push) @ phi.T + residual
 
     offset = float(wall.phi[:, 0] @ static.q)
-    rest = np.zeros(c)
-    rest[: n - 1] = static.x[:-1] - static.x[1:]
+    at_rest = np.zeros(c)
+    at_rest[: n - 1] = static.x[:-1] - static.x[1:]
     S = np.asarray(wall.residual_compliance, float)
-    rest[n - 1] = static.x[-1] - offset - S[0, 0] * static.force[-1]
+    at_rest[n - 1] = static.x[-1] - offset - S[0, 0] * static.force[-1]
     force = np.append(static.force, np.zeros(d))
     K = np.append(k, np.full(d, k_t))
     participations = np.zeros((w.size, c))
     participations[:, last] = phi.T
     return CutBodies(
-        omega, C, shaken, K, rest, force, sphere, across, turn, modes, resonates, participations,
+        omega, C, shaken, K, at_rest, force, sphere, across, turn, modes, resonates, participations,
         push, residual,
     )  # fmt: skip
 
@@ -223,15 +223,18 @@ def resonant_modes(cut: CutBodies, h: int, K: Array) -> ResonantModes:
     P, p = cut.phi[modes], cut.push[h, modes]
     A = np.linalg.inv(np.eye(K.size) + cut.C[h] * K)
     moves = A @ P.T
-    held = P @ (K[:, None] * moves)
-    weak = np.linalg.svd(held, compute_uv=False)[-1] <= 1e-12 * np.abs(K).max() * (P**2).sum()
+    contact_stiffness = P @ (K[:, None] * moves)
+    weak = (
+        np.linalg.svd(contact_stiffness, compute_uv=False)[-1]
+        <= 1e-12 * np.abs(K).max() * (P**2).sum()
+    )
     if weak and np.abs(p).max() > 0.0:
         raise UnstableStep(
             f"the shakers push a mode without damping at its own {cut.omega[h] / 2 / np.pi:.6g} "
             "Hz, which no contact holds: it grows without end; give it damping, or take another "
             "frequency"
         )
-    inverse = np.linalg.pinv(held)
+    inverse = np.linalg.pinv(contact_stiffness)
     fixed = inverse @ (p + P @ (K * (A @ cut.shaken[h])))
     gain = inverse @ (P - P @ (K[:, None] * (A @ cut.C[h])))
     return ResonantModes(modes, fixed, gain, moves)

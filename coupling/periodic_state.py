@@ -269,6 +269,27 @@ class FixedPoint(NamedTuple):
     jacobian: Array  # of the period map, in units of energy^(1/2)
 
 
+def risen(period: Period, moving: Moving, search: PeriodicSearch) -> SavedSpatial | None:
+    """The last period of `moving`, which is brought from rest near its periodic state by shakers
+    whose level rises; None where nothing was marched."""
+    saved, level_before = None, 0.0
+    for level in search.levels:
+        lower = period._replace(system=at_level(period.system, level))
+        z = period.z_of(moving) * (level / level_before if level_before else 1.0)
+        for _ in range(2):
+            lower.place(moving, z)
+            saved = lower.march(moving)
+            M, weights = linear_period(period, saved)
+            z = z + step_of(M, weights, period.z_of(moving) - z)
+        lower.place(moving, z)
+        level_before = level
+    if search.levels:
+        period.place(moving, period.z_of(moving) / level_before)
+    for _ in range(search.settling):
+        saved = period.march(moving)
+    return saved
+
+
 def fixed_point(
     period: Period,
     moving: Moving,
@@ -280,24 +301,7 @@ def fixed_point(
 
     Starts from `moving`, at rest unless the Jacobian of a search before is given.
     """
-    levels = search.levels if jacobian is None else ()
-    saved, level_before = None, 0.0
-    for _ in range(0 if levels or jacobian is not None else search.settling):
-        saved = period.march(moving)
-    for level in levels:
-        risen = period._replace(system=at_level(period.system, level))
-        z = period.z_of(moving) * (level / level_before if level_before else 1.0)
-        for _ in range(2):
-            risen.place(moving, z)
-            saved = risen.march(moving)
-            M, weights = linear_period(period, saved)
-            z = z + step_of(M, weights, period.z_of(moving) - z)
-        risen.place(moving, z)
-        level_before = level
-    if levels:
-        period.place(moving, period.z_of(moving) / level_before)
-        for _ in range(search.settling):
-            saved = period.march(moving)
+    saved = risen(period, moving, search) if jacobian is None else None
     z = period.z_of(moving)
     if saved is None:
         saved = period.march(moving.copied())
@@ -594,13 +598,13 @@ def pushed_forces(
         _, shift, bound = let_go(body, cycle.cut, pushed)
         y = cycle.y.copy()
         y[:, n:] += shift * max(1.0 - amplitude / np.linalg.norm(bound), 0.0)
-        other = balance(
+        pushed_cycle = balance(
             body, before, n_samples, search.pushed_change, search.pushed_creep,
             start=cycle._replace(y=y), pushed=pushed,
         )  # fmt: skip
-        if other.change > search.pushed_change:
+        if pushed_cycle.change > search.pushed_change:
             return None
-        forces.append(other.answer.force[:, n:])
+        forces.append(pushed_cycle.answer.force[:, n:])
     return forces
 
 

@@ -65,9 +65,9 @@ def modes_and_oscillators(
 
     # Ritz pairs of the others in their static shapes X = Phi / omega^2, which for K and M in these
     # modes have R_1 = X^T K X and R_2 = X^T X. Of shapes that depend on each other the span counts
-    rest = ~mask & (modes.omega > 0)
-    squared = modes.omega[rest] ** 2
-    X = phi[rest] / squared[:, None]
+    left_out = ~mask & (modes.omega > 0)
+    squared = modes.omega[left_out] ** 2
+    X = phi[left_out] / squared[:, None]
     length = np.linalg.norm(X, axis=0)
     X = X[:, length > 0] / length[length > 0]
     U, sizes, _ = np.linalg.svd(X, full_matrices=False)
@@ -75,7 +75,7 @@ def modes_and_oscillators(
     U = U[:, sizes > 1e-7 * sizes.max(initial=0.0)]
     of_rest, turn = eigh(U.T @ (squared[:, None] * U))
     shapes = np.zeros((len(modes.omega), len(of_rest)))
-    shapes[rest] = U @ turn
+    shapes[left_out] = U @ turn
     moving = np.column_stack([np.eye(len(mask))[:, mask], shapes])
     D = None if modes.damping is None else moving.T @ modes.damping @ moving
     omega = np.append(modes.omega[mask], np.sqrt(of_rest))

@@ -148,10 +148,10 @@ def with_oscillator(modes: ModalWall, mask: np.ndarray) -> ModalWall:
     has their moments m_1 and m_2: omega_r^2 = m_1 / m_2, phi_r^2 = m_1^2 / m_2. Rigid-body modes
     have no static response and move.
     """
-    moving, rest = moving_modes(modes, mask), ~mask & (modes.omega > 0)
-    if not modes.phi[rest].any():
+    moving, left_out = moving_modes(modes, mask), ~mask & (modes.omega > 0)
+    if not modes.phi[left_out].any():
         return moving
-    shape = np.where(rest, modes.phi / np.where(rest, modes.omega, 1) ** 2, 0.0)
+    shape = np.where(left_out, modes.phi / np.where(left_out, modes.omega, 1) ** 2, 0.0)
     shape /= np.linalg.norm(shape)
     damping = None
     if modes.damping is not None:

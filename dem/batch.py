@@ -182,48 +182,11 @@ def _march_to_error(chains, error, request, search=USUAL_SEARCH):
     if not chains.fit_lanes or method.kind == "implicit":
         return _finished_singly(batch, chains, range(count), error, request, {})
 
-    # fastest contact of each chain: 3/2 A sqrt(d) (1/m_i + 1/m_{i+1}) with the overlap d that all
-    # kinetic energy leaves on top of the static force. Spheres alone: light wall modes make
-    # contacts stiff for stability, not for the accuracy of their solution
-    v0, mass, A = chains.v0, chains.mass, chains.A
-    energy = 0.5 * (mass * np.square(v0)).sum(axis=1, keepdims=True)
-    n_falling = chains.chain.n_falling
-    weight = np.abs((chains.gravity[:, None] * mass)[:, :n_falling].sum(axis=1, keepdims=True))
-    pressed = chains.static[1] + 2.0 * weight
-    depth = chains.elastic.overlap_of_energy(energy + 0.0 * A) + chains.elastic.overlap(pressed)
-    inverse = 1.0 / mass
-    pair = inverse.copy()
-    pair[:, :-1] += inverse[:, 1:]
-    square = (chains.elastic.stiffness(depth) * pair[:, : A.shape[1]]).max(axis=1, initial=0.0)
-    rate = np.maximum(np.sqrt(square), 1.0 / request.duration)
+    rate = fastest_contacts(chains, request.duration)
     speed = np.abs(chains.v0).max(axis=1)
     speed[speed == 0.0] = 1.0
 
-    # first steps: phase = h * rate
-    interval = stability_interval(method)
-    bold = search.boldness * (error / 1e-4) ** (1.0 / search.step_order)
-    phase = interval * min(bold, search.longest)
-
-    # a pilot corrects them: errors grow with duration, length and parts of the chain
-    spread = np.linspace(0, count - 1, search.pilots).astype(int)
-    pilot = np.argsort(rate)[spread]
-    pilots = chains.take(pilot)
-    for _ in range(3 if count > 2 * search.pilots else 0):
-        wanted = request.duration * rate[pilot] / phase
-        coarse = _march_by_steps(pilots, wanted / search.first_ratio, request, search)
-        fine = _march_by_steps(pilots, wanted, request, search)
-        difference = _velocity_difference(fine.v, coarse.v, speed[pilot])
-        estimate = difference / (search.first_ratio**search.first_order - 1.0)
-        excess = _excess(estimate, fine.energy_error, error, search)
-        telling = (difference < search.chaotic) | (coarse.energy_error > search.chaotic)
-        worst = search.pilot_error
-        if telling.any():
-            worst = np.quantile(excess[telling], search.pilot_share, method="lower")
-        longer = (search.pilot_error / max(worst, EPSILON)) ** (1.0 / search.step_order)
-        longer = min(np.clip(longer, *search.pilot_bounds), search.longest * interval / phase)
-        phase *= longer
-        if search.settled[0] < longer < search.settled[1]:
-            break
+    phase = pilot_phase(chains, rate, speed, error, request, search)
 
     # the coarse march of all chains in the lanes; those of more steps are marched singly
     wanted = request.duration * rate / phase
@@ -307,6 +270,54 @@ def _march_to_error(chains, error, request, search=USUAL_SEARCH):
     batch.v[unfinished], batch.wall_force[unfinished] = np.nan, np.nan  # of refused chains
     singly = np.setdiff1d(unfinished, list(refused))
     return _finished_singly(batch, chains, singly, error, request, refused)
+
+
+def fastest_contacts(chains: Chains, duration: float) -> Array:
+    """Rate [1/s] of the fastest contact of each chain, (n_chains,), 1 / duration at least.
+
+    The square is 3/2 A sqrt(d) (1/m_i + 1/m_{i+1}) with the overlap d that all kinetic energy
+    leaves on top of the static force. Spheres alone: light wall modes make contacts stiff for
+    stability, not for the accuracy of their solution.
+    """
+    v0, mass, A = chains.v0, chains.mass, chains.A
+    energy = 0.5 * (mass * np.square(v0)).sum(axis=1, keepdims=True)
+    n_falling = chains.chain.n_falling
+    weight = np.abs((chains.gravity[:, None] * mass)[:, :n_falling].sum(axis=1, keepdims=True))
+    pressed = chains.static[1] + 2.0 * weight
+    depth = chains.elastic.overlap_of_energy(energy + 0.0 * A) + chains.elastic.overlap(pressed)
+    inverse = 1.0 / mass
+    pair = inverse.copy()
+    pair[:, :-1] += inverse[:, 1:]
+    square = (chains.elastic.stiffness(depth) * pair[:, : A.shape[1]]).max(axis=1, initial=0.0)
+    return np.maximum(np.sqrt(square), 1.0 / duration)
+
+
+def pilot_phase(chains, rate, speed, error, request, search) -> float:
+    """Phase h * rate of the first steps, corrected by marches of a few chains: errors grow with
+    duration, length and parts of the chain."""
+    interval = stability_interval(SCHEMES[request.scheme])
+    bold = search.boldness * (error / 1e-4) ** (1.0 / search.step_order)
+    phase = interval * min(bold, search.longest)
+    spread = np.linspace(0, chains.count - 1, search.pilots).astype(int)
+    pilot = np.argsort(rate)[spread]
+    pilots = chains.take(pilot)
+    for _ in range(3 if chains.count > 2 * search.pilots else 0):
+        wanted = request.duration * rate[pilot] / phase
+        coarse = _march_by_steps(pilots, wanted / search.first_ratio, request, search)
+        fine = _march_by_steps(pilots, wanted, request, search)
+        difference = _velocity_difference(fine.v, coarse.v, speed[pilot])
+        estimate = difference / (search.first_ratio**search.first_order - 1.0)
+        excess = _excess(estimate, fine.energy_error, error, search)
+        telling = (difference < search.chaotic) | (coarse.energy_error > search.chaotic)
+        worst = search.pilot_error
+        if telling.any():
+            worst = np.quantile(excess[telling], search.pilot_share, method="lower")
+        longer = (search.pilot_error / max(worst, EPSILON)) ** (1.0 / search.step_order)
+        longer = min(np.clip(longer, *search.pilot_bounds), search.longest * interval / phase)
+        phase *= longer
+        if search.settled[0] < longer < search.settled[1]:
+            break
+    return phase
 
 
 class _Marches(NamedTuple):

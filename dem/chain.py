@@ -64,9 +64,9 @@ class Chain(NamedTuple):
     @property
     def elastic(self) -> ElasticLaw:
         """The elastic law of the contacts."""
-        given = {name: getattr(self, name) for name in SHAPE_PARAMETERS}
-        given = {name: values for name, values in given.items() if values is not None}
-        return ElasticLaw(self.A, given, self.table)
+        parameters = {name: getattr(self, name) for name in SHAPE_PARAMETERS}
+        parameters = {name: values for name, values in parameters.items() if values is not None}
+        return ElasticLaw(self.A, parameters, self.table)
 
     @property
     def jumps(self) -> bool:
@@ -136,11 +136,13 @@ def row_of_spheres(
     scalars or one per sphere or contact. Values with a leading axis, (n_chains, 1) or
     (n_chains, n), make the chains of a batch. Raises InvalidChain.
     """
-    given = {"radius": radius, "density": density, "young": young, "poisson": poisson}
+    properties = {"radius": radius, "density": density, "young": young, "poisson": poisson}
     if count is not None:
         whole("count", count)
-    n = count or max(np.shape(values)[-1] if np.ndim(values) else 1 for values in given.values())
-    R, rho, E, nu = (spread(name, values, n) for name, values in given.items())
+    n = count or max(
+        np.shape(values)[-1] if np.ndim(values) else 1 for values in properties.values()
+    )
+    R, rho, E, nu = (spread(name, values, n) for name, values in properties.items())
     for name, values in (("radius", R), ("density", rho), ("young", E)):
         vector(name, values.ravel(), values.size, positive=True)
     vector("poisson", nu.ravel(), nu.size, at_least=-1.0)

@@ -45,8 +45,8 @@ def vector(
 def spread(name: str, values: object, size: int) -> Array:
     """Values (..., size), from one number for all or one each; leading axes stay."""
     try:
-        given = np.asarray(values, float)
-        return np.broadcast_to(given, (*given.shape[:-1], size))
+        array = np.asarray(values, float)
+        return np.broadcast_to(array, (*array.shape[:-1], size))
     except (TypeError, ValueError):
         raise InvalidChain(f"{name} is {values!r}; give one number or {size}") from None
 

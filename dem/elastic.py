@@ -30,10 +30,10 @@ class ElasticLaw(NamedTuple):
     def name(self) -> str | None:
         """The law of `laws.ELASTIC_LAWS` that has just these parameters, or the table; None for
         Hertz' law, and for what is no law."""
-        given = set(self.parameters)
+        names = set(self.parameters)
         for name, law in laws.ELASTIC_LAWS.items():
             tabulated = law.number == laws.TABLE
-            if given == {p.name for p in law.parameters} and tabulated == (self.table is not None):
+            if names == {p.name for p in law.parameters} and tabulated == (self.table is not None):
                 return name
         return None
 

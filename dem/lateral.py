@@ -302,6 +302,23 @@ def checked_last_sphere(last: LastSphere) -> tuple[Array, Array]:
     return velocity, stiffness
 
 
+def frame_of_motion(
+    velocity: Array, stiffness: Array, motion: WallMotion | None
+) -> tuple[Array, Array]:
+    """Directions (1 or 2, 2) in which the sphere moves, one where all motion is along one line,
+    and the arm's stiffness [N/m] along each."""
+    moves = [velocity] if motion is None else [velocity, *np.asarray(motion.amplitude, float)]
+    line = max(moves, key=lambda vector: float(np.hypot(*vector)))
+    line = line / np.hypot(*line) if line.any() else np.array([1.0, 0.0])
+    straight = stiffness[0] == stiffness[1] or 0.0 in line
+    straight = straight and all(
+        abs(line[0] * y - line[1] * x) <= 1e-12 * np.hypot(x, y) for x, y in moves
+    )
+    if not straight:
+        return np.eye(2), stiffness
+    return line[None], np.array([stiffness[int(np.abs(line).argmax())]])
+
+
 def march_lateral(
     chain: Chain,
     wall: Wall,
@@ -333,16 +350,8 @@ def march_lateral(
     )
     velocity, stiffness = checked_last_sphere(last)
 
-    # one direction where all motion is along one line
-    moves = [velocity] if motion is None else [velocity, *np.asarray(motion.amplitude, float)]
-    line = max(moves, key=lambda vector: float(np.hypot(*vector)))
-    line = line / np.hypot(*line) if line.any() else np.array([1.0, 0.0])
-    straight = stiffness[0] == stiffness[1] or 0.0 in line
-    straight = straight and all(
-        abs(line[0] * y - line[1] * x) <= 1e-12 * np.hypot(x, y) for x, y in moves
-    )
-    frame = line[None] if straight else np.eye(2)  # (n_directions, 2)
-    k = np.array([stiffness[int(np.abs(line).argmax())]]) if straight else stiffness
+    frame, k = frame_of_motion(velocity, stiffness, motion)
+    straight = len(frame) == 1
 
     n_save, duration = trajectory.t.size - 1, float(trajectory.t[-1])
     if motion is None and not velocity.any():
@@ -797,6 +806,32 @@ def repetition(forces: list[Array]) -> list[float]:
     return [float(np.abs(forces[-1] - before).max()) / scale for before in forces[-2::-1]]
 
 
+def remembers(body: MarchedSphere, stick: Array) -> bool:
+    """Whether forces of a start may stay, of shares (k,) that stick: a contact that slips as a
+    whole in each period forgets them, and a sphere that is free to move or to turn lets them go."""
+    turns = body.mobility[1] > 0.0 and body.last.arm_rotation == 0.0
+    return stick.min() > 0.0 and body.stiffness.all() and not turns
+
+
+def pushed_forces(shaken: Shaken, overlap: float) -> list[Array]:
+    """Forces [N] of the last period, by few steps, from contacts that were sheared to either side
+    before the wall moved."""
+    body = shaken.body
+    search = body.search
+    push = search.pushed * body.last.law.bound * overlap
+    fewer = search._replace(capacity=search.pushed_capacity)
+    quick = shaken._replace(body=body._replace(search=fewer))
+    forces = []
+    for way in (push, -push):
+        # periods one after the other: Newton's steps would shear the contact anew
+        state, springs = quick.ramped(np.full(len(body.frame), way))
+        for _ in range(search.pushed_periods):
+            end = quick.march(state, springs, quick.displacements())
+            state, springs = end.state, end.springs
+        forces.append(end.saved.force)
+    return forces
+
+
 def state_on_moving_wall(
     body: MarchedSphere, overlaps: Sequence[float | None], motion: WallMotion, speed: float
 ) -> tuple[Across, Contacts, Cycle]:
@@ -823,22 +858,9 @@ def state_on_moving_wall(
         coarse, periods = marched_until_repeated(shaken, state, springs)
         shaken = shaken._replace(periods=periods, n_steps=periods * n_steps)
 
-    # other starts, by few steps, where their forces may stay: a contact that slips as a whole in
-    # each period forgets them, and a sphere that is free to move or to turn lets them go
     forces = [coarse.last.saved.force]
-    turns = body.mobility[1] > 0.0 and body.last.arm_rotation == 0.0
-    remembers = coarse.last.saved.stick.min() > 0.0 and body.stiffness.all() and not turns
-    if remembers and shaken.periods == 1:
-        push = search.pushed * body.last.law.bound * overlaps[0]
-        fewer = search._replace(capacity=search.pushed_capacity)
-        quick = shaken._replace(body=body._replace(search=fewer))
-        for way in (push, -push):
-            # periods one after the other: Newton's steps would shear the contact anew
-            state, springs = quick.ramped(np.full(len(body.frame), way))
-            for _ in range(search.pushed_periods):
-                end = quick.march(state, springs, quick.displacements())
-                state, springs = end.state, end.springs
-            forces.append(end.saved.force)
+    if remembers(body, coarse.last.saved.stick) and shaken.periods == 1:
+        forces += pushed_forces(shaken, overlaps[0])
 
     # twice as many steps, until nothing changes by more than half of the error; in two directions
     # both steps and, after them, cells have a quarter. Cells need no further safety beside order 1:

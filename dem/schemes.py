@@ -55,8 +55,8 @@ class Scheme(NamedTuple):
 def _palindrome(half, n):
     """(n,) fractions with sum 1 that read the same from either end, from the first of them."""
     half = np.array(half)
-    rest = 1.0 - 2.0 * half.sum()
-    middle = [rest] if n == 2 * half.size + 1 else [rest / 2, rest / 2]
+    middle_sum = 1.0 - 2.0 * half.sum()
+    middle = [middle_sum] if n == 2 * half.size + 1 else [middle_sum / 2, middle_sum / 2]
     return np.concatenate([half, middle, half[::-1]])
 
 

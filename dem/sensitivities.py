@@ -129,10 +129,10 @@ def march_with_sensitivities(
     load = np.zeros((chain.mass.size, p))
     load[-1] = directions.preload
     d = directions
-    given = (d.A, d.gamma, d.phi, d.omega, d.zeta, load)
+    derivatives = (d.A, d.gamma, d.phi, d.omega, d.zeta, load)
     parameters = None if d.parameters is None else np.ascontiguousarray(d.parameters, float)
     slopes = Slopes(
-        *(np.ascontiguousarray(values, float) for values in given), d_static.offset,
+        *(np.ascontiguousarray(values, float) for values in derivatives), d_static.offset,
         d_static.force, parameters,
     )  # fmt: skip
 

@@ -154,8 +154,8 @@ def measured_pairs(
             similar = (auto_mac[j] > options.alike) & (np.arange(len(computed_hz)) != j)
             if similar.any():
                 listed = ", ".join(f"{f:.2f}" for f in computed_hz[similar][:3])
-                more = ", ..." if np.count_nonzero(similar) > 3 else ""
-                sentences.append(f"these points cannot tell its shape from {listed}{more} Hz")
+                ellipsis = ", ..." if np.count_nonzero(similar) > 3 else ""
+                sentences.append(f"these points cannot tell its shape from {listed}{ellipsis} Hz")
         doubts.append(tuple(sentences))
     return MeasuredPairs(index, runner_up, doubts)
 

@@ -90,10 +90,10 @@ def over_amplitude(
         x = dt * (np.arange(window.stop - window.start) - (window.stop - window.start - 1) / 2)
         level, phase = np.log(size[window]), np.unwrap(np.angle(z[window]))
         slope = float(x @ level / (x @ x))
-        rest = level - level.mean() - slope * x
+        residual = level - level.mean() - slope * x
         # the low pass leaves one independent sample in two of its deviations
         independent = max(len(x) / (2 * np.sqrt(np.pi) * sigma), 3.0)
-        spread = np.sqrt(np.sum(rest**2) / (x @ x) / (independent - 2))
+        spread = np.sqrt(np.sum(residual**2) / (x @ x) / (independent - 2))
         if spread > options.uncertain * -slope:
             break
         omega = 2 * np.pi * hz
@@ -116,8 +116,8 @@ def varies(steps: list[AmplitudeStep], options: DecaySteps = DecaySteps()) -> bo
     weight = 1 / np.maximum([step.zeta_deviation for step in steps], 1e-3 * np.abs(zeta))
     columns = np.column_stack([np.ones_like(x), x]) * weight[:, None]
     fit = np.linalg.lstsq(columns, zeta * weight, rcond=None)[0]
-    rest = zeta * weight - columns @ fit
-    scatter = max(1.0, float(np.sqrt(rest @ rest / max(len(x) - 2, 1))))
+    residual = zeta * weight - columns @ fit
+    scatter = max(1.0, float(np.sqrt(residual @ residual / max(len(x) - 2, 1))))
     deviation = scatter * np.sqrt(np.linalg.inv(columns.T @ columns)[1, 1])
     change = abs(fit[1]) * np.ptp(x)
     return bool(

@@ -52,8 +52,8 @@ class Deck:
             row = [str(n) for n in (number, *cell)]
             step = self._per_line or len(row)
             for i in range(0, len(row), step):
-                more = "," if i + step < len(row) else ""
-                self.lines.append(", ".join(row[i : i + step]) + more)
+                continuation = "," if i + step < len(row) else ""
+                self.lines.append(", ".join(row[i : i + step]) + continuation)
         self.last_element = max(self.last_element, number)
 
     def boundary(self, rows: Iterable[tuple[int, ...]]) -> None:

@@ -35,13 +35,14 @@ Sneddon, Fourier Transforms (1951), sec. 54.
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.sparse import block_array, block_diag, csc_array, csr_matrix, diags_array, kron
 from skfem import MeshHex
 
 from fem.bending import ACROSS, DOWN, Bending, Buckled, load_factor, vertex_by_vertex
 from fem.contact_patch import ContactPatch, disc_quadrature
-from fem.line import divided, line, wave_length
+from fem.line import LineElements, divided, line, wave_length
 from fem.materials import Material
 from fem.spot import Spot
 
@@ -139,21 +140,7 @@ def mindlin_plate(
     m, j = sheet.inertia
     N_x, N_y = in_plane
 
-    # elements as long as the shortest wave that is resolved, small ones where the plate is struck
-    shortest = coarser * wave_length(2 * np.pi * mesh.resolved_hz, S, D, m, j)
-    around = coarser * mesh.around * sheet.patch_radius
-    ends = []
-    for side, c in zip(sheet[:2], at, strict=True):
-        struck = [p for p in (c - around, c, c + around) if 0.2 * around < p < side - 0.2 * around]
-        ends.append(divided([0.0, *struck, side], shortest))
-    n_unknowns = int(3 * np.prod([mesh.order * (len(e) - 1) + 1 for e in ends]))
-    if n_unknowns > mesh.most:
-        longest = max(np.diff(e).max() for e in ends)
-        raise TooLarge(
-            f"a plate of {sheet.length:g} x {sheet.width:g} x {sheet.thickness:g} m has "
-            f"{n_unknowns:.2g} unknowns with elements of {longest:.2g} m, as long as waves of "
-            f"{mesh.resolved_hz:g} Hz; allowed are {mesh.most:g}: take a smaller or thicker one"
-        )
+    ends = element_ends(sheet, at, coarser, mesh)
     x, y = along = tuple(line(e, mesh.order) for e in ends)
 
     # K, M and K_G of w, t_x, t_y on all products of the functions along x and y
@@ -205,16 +192,7 @@ def mindlin_plate(
     spot = Spot(np.array([*at, sheet.thickness / 2]), DOWN, ACROSS)
     patch = ContactPatch(read, np.flatnonzero(read), read, spot, sheet.patch_radius, "hertz")
 
-    # drawn as a box whose vertices follow the normal: u_x = -z t_x, u_y = -z t_y, u_z = w
-    sides, longer = sheet[:2], max(sheet[:2])
-    lines = [np.linspace(0, side, max(4, int(mesh.cells * side / longer)) + 1) for side in sides]
-    box = MeshHex.init_tensor(*lines, np.array([-0.5, 0.5]) * sheet.thickness)
-    place = [np.abs(p[:, None] - q).argmin(axis=1) for p, q in zip(box.p, lines, strict=False)]
-    grid = csr_matrix(kron(x.at(lines[0]), y.at(lines[1])))
-    P = grid[np.ravel_multi_index(place, [len(q) for q in lines])]
-    turned, zero = diags_array(-box.p[2]) @ P, csr_matrix(P.shape)
-    T = vertex_by_vertex([[zero, turned, zero], [zero, zero, turned], [P, zero, zero]])
-
+    box, T = box_around(sheet, x, y, mesh)
     unit = np.kron(x.one, y.one)
     return Bending(
         csc_array(K + K_G) if any(in_plane) else K,
@@ -227,6 +205,46 @@ def mindlin_plate(
         half_space=beyond_the_solid(sheet),
         load_factor=factor,
     )
+
+
+def element_ends(
+    sheet: Sheet, at: tuple[float, float], coarser: float, mesh: PlateMesh
+) -> list[NDArray[np.float64]]:
+    """Ends of the elements [m] along x and y: as long as the shortest wave that is resolved, small
+    ones where the plate is struck. Raises TooLarge."""
+    D, S = sheet.bending_stiffness, sheet.shear_stiffness
+    m, j = sheet.inertia
+    shortest = coarser * wave_length(2 * np.pi * mesh.resolved_hz, S, D, m, j)
+    around = coarser * mesh.around * sheet.patch_radius
+    ends = []
+    for side, c in zip(sheet[:2], at, strict=True):
+        struck = [p for p in (c - around, c, c + around) if 0.2 * around < p < side - 0.2 * around]
+        ends.append(divided([0.0, *struck, side], shortest))
+    n_unknowns = int(3 * np.prod([mesh.order * (len(e) - 1) + 1 for e in ends]))
+    if n_unknowns > mesh.most:
+        longest = max(np.diff(e).max() for e in ends)
+        raise TooLarge(
+            f"a plate of {sheet.length:g} x {sheet.width:g} x {sheet.thickness:g} m has "
+            f"{n_unknowns:.2g} unknowns with elements of {longest:.2g} m, as long as waves of "
+            f"{mesh.resolved_hz:g} Hz; allowed are {mesh.most:g}: take a smaller or thicker one"
+        )
+    return ends
+
+
+def box_around(
+    sheet: Sheet, x: LineElements, y: LineElements, mesh: PlateMesh
+) -> tuple[MeshHex, csr_matrix]:
+    """A box to draw the plate by, and its vertices' displacements by the unknowns: they follow the
+    normal, u_x = -z t_x, u_y = -z t_y, u_z = w."""
+    sides, longer = sheet[:2], max(sheet[:2])
+    lines = [np.linspace(0, side, max(4, int(mesh.cells * side / longer)) + 1) for side in sides]
+    box = MeshHex.init_tensor(*lines, np.array([-0.5, 0.5]) * sheet.thickness)
+    place = [np.abs(p[:, None] - q).argmin(axis=1) for p, q in zip(box.p, lines, strict=False)]
+    grid = csr_matrix(kron(x.at(lines[0]), y.at(lines[1])))
+    P = grid[np.ravel_multi_index(place, [len(q) for q in lines])]
+    turned, zero = diags_array(-box.p[2]) @ P, csr_matrix(P.shape)
+    T = vertex_by_vertex([[zero, turned, zero], [zero, zero, turned], [P, zero, zero]])
+    return box, T
 
 
 def beyond_the_solid(sheet: Sheet) -> float:

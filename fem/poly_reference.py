@@ -300,8 +300,8 @@ def modal_fit(
             settled = best is not None and best.misfit - cost < 1e-4 * cost
             amplitudes = phi[:, None, :] * L_at.T  # (p, m, n)
             model = amplitudes @ P + amplitudes.conj() @ Q
-            rest = data - stacked(model.reshape(p * m, f)).T
-            low = (outside @ (outside.T @ rest)).T.reshape(p, m, 2, f)
+            residual = data - stacked(model.reshape(p * m, f)).T
+            low = (outside @ (outside.T @ residual)).T.reshape(p, m, 2, f)
             model = model + low[:, :, 0] + 1j * low[:, :, 1]
             best = ResponseModes(
                 at, L_at, phi, cost, normal, np.array(J_all), np.array(local_all), q, model
@@ -511,50 +511,28 @@ def fitted_modes(
     """
     f, H, noise = test.frequency_hz[part.lines], test.H[:, :, part.lines], part.noise
     chosen, left_out = list(chosen), []
-    terms, other = options.terms[0], None
+    terms, of_other_terms = options.terms[0], None
 
     # again without what carries no energy of its own
     while True:
         start = np.array([pole.pole for _, pole in chosen])
         L = np.array([pole.participation for _, pole in chosen])
         fit = modal_fit(f, H, 1 / noise, start, L, options.iterations, terms)
-        drop = None
-        for i, pole in enumerate(fit.pole):
-            line = int(np.abs(f - pole.imag / (2 * np.pi)).argmin())
-            alone = np.outer(fit.phi[:, i], fit.L[i]) / (2j * np.pi * f[line] - pole)
-            share = np.sum(np.abs(alone / noise) ** 2) / np.sum(np.abs(H[:, :, line] / noise) ** 2)
-            moved = abs(abs(pole) / abs(start[i]) - 1) > 2 * options.halves
-            reason = None
-            if moved or -pole.real > options.largest_zeta * abs(pole):
-                reason = "the fit of the responses does not hold it there"
-            elif share < options.least_share:
-                reason = f"it carries {100 * share:.2g} % of the response at its frequency"
-            # a peak that is no resonance of a linear mode is fitted by several, all of one shape
-            size = np.abs(fit.phi[:, i]).max() * np.abs(fit.L[i]).max() / -pole.real
-            for j, rival_pole in enumerate(fit.pole):
-                rival = np.abs(fit.phi[:, j]).max() * np.abs(fit.L[j]).max() / -rival_pole.real
-                if i == j or rival < size or abs(abs(rival_pole / pole) - 1) > options.twin:
-                    continue
-                pair = [i, j]
-                alike = mac(fit.phi[:, pair], fit.phi[:, pair])[0, 1]
-                if min(alike, mac(fit.L[pair].T, fit.L[pair].T)[0, 1]) > options.alike:
-                    share = 0.0
-                    reason = (
-                        f"it is a double of {abs(rival_pole) / (2 * np.pi):.2f} Hz, of its shape"
-                    )
-            if reason and chosen[i][0] not in accept and (drop is None or share < drop[0]):
-                drop = (share, i, reason)
+        droppable = [number not in accept for number, _ in chosen]
+        drop = weakest_mode(fit, start, f, H, noise, droppable, options)
         if drop is None:
             # what modes beyond the band's end leave in it may need more terms
             further = [t for t in options.terms if t > terms and 8 * sum(t) < len(f)]
             beside = further[:1] or [t for t in options.terms if t < terms][-1:]
             if not beside:
-                other = None
+                of_other_terms = None
                 break
-            other = modal_fit(f, H, 1 / noise, fit.pole, fit.L, options.iterations, beside[0])
+            of_other_terms = modal_fit(
+                f, H, 1 / noise, fit.pole, fit.L, options.iterations, beside[0]
+            )
             n_further = 2 * H[:, :, 0].size * (sum(beside[0]) - sum(terms))
             least = np.finfo(float).eps * np.sum(np.abs(H / noise[:, :, None]) ** 2)
-            gain = 2 * H.size * np.log(max(fit.misfit, least) / max(other.misfit, least))
+            gain = 2 * H.size * np.log(max(fit.misfit, least) / max(of_other_terms.misfit, least))
             if not further or gain < n_further * np.log(2 * H.size):
                 break
             terms = further[0]
@@ -566,8 +544,97 @@ def fitted_modes(
         if not chosen:
             return [], left_out, np.zeros_like(H)
 
-    # displacement of poles and factors by each deleted hit, or by the noise of each line
-    p, m, _ = H.shape
+    n = len(fit.pole)
+    covariance, squares, spread = covariance_of(test, part, fit, terms)
+
+    # the window's shift is taken off the poles; f = |lambda| / 2 pi, zeta = -Re lambda / |lambda|
+    pole = fit.pole + test.shift
+    size, sigma, omega = np.abs(pole), -pole.real, pole.imag
+    rr, ii = np.diag(covariance)[:n], np.diag(covariance)[n : 2 * n]
+    ri = np.diag(covariance[:n, n : 2 * n])
+    widening = np.ones(n)
+    if spread:
+        # the variance of few hits is itself uncertain: two deviations hold 95 % by Student's t, at
+        # the degrees of freedom of Welch and Satterthwaite
+        total = sum(variance for _, variance in spread)
+        freedom = total**2 / sum(variance**2 / count for count, variance in spread)
+        freedom = np.minimum(freedom[:n], freedom[n:])
+        widening = (stdtrit(freedom, 0.97725) / 2.0) ** 2
+        rr, ii, ri = widening * rr, widening * ii, widening * ri
+    size_variance = (sigma**2 * rr + omega**2 * ii - 2 * sigma * omega * ri) / size**2
+    d_real, d_imag = -(omega**2) / size**3, sigma * -omega / size**3
+    zeta_variance = d_real**2 * rr + d_imag**2 * ii + 2 * d_real * d_imag * ri
+    if of_other_terms is not None:
+        # of another number of terms: an error of the background, which the scatter of hits is not
+        moved = of_other_terms.pole + test.shift
+        size_variance += (np.abs(moved) - size) ** 2
+        zeta_variance += (-moved.real / np.abs(moved) - sigma / size) ** 2
+    unit = fit.phi[np.abs(fit.phi).argmax(axis=0), np.arange(n)]
+    phi_deviation = np.sqrt(widening * (squares[:, :n] + squares[:, n:])) / np.abs(unit)
+    modes = [
+        (
+            number, size[i] / (2 * np.pi), sigma[i] / size[i], fit.phi[:, i] / unit[i],
+            fit.L[i] * unit[i], np.sqrt(max(size_variance[i], 0)) / (2 * np.pi),
+            np.sqrt(max(zeta_variance[i], 0)), phi_deviation[:, i], len(candidate.orders),
+        )
+        for i, (number, candidate) in enumerate(chosen)
+        if number is not None
+    ]  # fmt: skip
+    return modes, left_out, fit.synthesis
+
+
+def weakest_mode(
+    fit: ResponseModes,
+    start: NDArray[np.complex128],
+    f: NDArray[np.float64],
+    H: NDArray[np.complex128],
+    noise: NDArray[np.float64],
+    droppable: list[bool],
+    options: Stability,
+) -> tuple[float, int, str] | None:
+    """Of the droppable modes with a fault the one that carries least: its share of the response at
+    its frequency, its index and its fault; None where all are sound.
+
+    Faults: the fit has left where it began (`start`), damps too much, carries no energy of its own,
+    or is a double of another.
+    """
+    drop = None
+    for i, pole in enumerate(fit.pole):
+        line = int(np.abs(f - pole.imag / (2 * np.pi)).argmin())
+        alone = np.outer(fit.phi[:, i], fit.L[i]) / (2j * np.pi * f[line] - pole)
+        share = np.sum(np.abs(alone / noise) ** 2) / np.sum(np.abs(H[:, :, line] / noise) ** 2)
+        moved = abs(abs(pole) / abs(start[i]) - 1) > 2 * options.halves
+        reason = None
+        if moved or -pole.real > options.largest_zeta * abs(pole):
+            reason = "the fit of the responses does not hold it there"
+        elif share < options.least_share:
+            reason = f"it carries {100 * share:.2g} % of the response at its frequency"
+        # a peak that is no resonance of a linear mode is fitted by several, all of one shape
+        size = np.abs(fit.phi[:, i]).max() * np.abs(fit.L[i]).max() / -pole.real
+        for j, rival_pole in enumerate(fit.pole):
+            rival = np.abs(fit.phi[:, j]).max() * np.abs(fit.L[j]).max() / -rival_pole.real
+            if i == j or rival < size or abs(abs(rival_pole / pole) - 1) > options.twin:
+                continue
+            pair = [i, j]
+            alike = mac(fit.phi[:, pair], fit.phi[:, pair])[0, 1]
+            if min(alike, mac(fit.L[pair].T, fit.L[pair].T)[0, 1]) > options.alike:
+                share = 0.0
+                reason = f"it is a double of {abs(rival_pole) / (2 * np.pi):.2f} Hz, of its shape"
+        if reason and droppable[i] and (drop is None or share < drop[0]):
+            drop = (share, i, reason)
+    return drop
+
+
+def covariance_of(
+    test: FrequencyResponses, part: PoleCandidates, fit: ResponseModes, terms: tuple[int, int]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], list[tuple[int, NDArray[np.float64]]]]:
+    """Covariance of poles and factors, squares (p, 2 n) of the deviations of shapes; and for each
+    deletion of hits its degrees of freedom and the variance (2 n,) of poles, none without hits.
+
+    Poles and factors are displaced by each deleted hit, or by the noise of each line.
+    """
+    f, noise = test.frequency_hz[part.lines], part.noise
+    p, m = noise.shape
     n = len(fit.pole)
     inverse = np.linalg.pinv(fit.normal, rcond=1e-13, hermitian=True)
     local_inverse = [np.linalg.pinv(local) for local in fit.local]  # (2 n, m b)
@@ -575,9 +642,9 @@ def fitted_modes(
     covered = np.zeros((p, m), bool)
     for d in test.deletions:
         covered[np.ix_(d.points, d.references)] = True
-    squares = np.zeros((p, 2 * n))
+    squares, spread = np.zeros((p, 2 * n)), []
     if covered.all():
-        covariance, spread = 0.0, []
+        covariance = 0.0
         for deleted in test.deletions:
             rows = compressed(deleted, part.lines, fit.q, 1 / noise)  # {point: (m b, hits)}
             gradient = sum(
@@ -596,41 +663,7 @@ def fitted_modes(
         for i in range(p):
             local = scatter * (local_inverse[i] @ local_inverse[i].T)
             squares[i] = np.diag(local + of_global[i] @ covariance @ of_global[i].T)
-
-    # the window's shift is taken off the poles; f = |lambda| / 2 pi, zeta = -Re lambda / |lambda|
-    pole = fit.pole + test.shift
-    size, sigma, omega = np.abs(pole), -pole.real, pole.imag
-    rr, ii = np.diag(covariance)[:n], np.diag(covariance)[n : 2 * n]
-    ri = np.diag(covariance[:n, n : 2 * n])
-    widening = np.ones(n)
-    if covered.all():
-        # the variance of few hits is itself uncertain: two deviations hold 95 % by Student's t, at
-        # the degrees of freedom of Welch and Satterthwaite
-        total = sum(variance for _, variance in spread)
-        freedom = total**2 / sum(variance**2 / count for count, variance in spread)
-        freedom = np.minimum(freedom[:n], freedom[n:])
-        widening = (stdtrit(freedom, 0.97725) / 2.0) ** 2
-        rr, ii, ri = widening * rr, widening * ii, widening * ri
-    size_variance = (sigma**2 * rr + omega**2 * ii - 2 * sigma * omega * ri) / size**2
-    d_real, d_imag = -(omega**2) / size**3, sigma * -omega / size**3
-    zeta_variance = d_real**2 * rr + d_imag**2 * ii + 2 * d_real * d_imag * ri
-    if other is not None:
-        # of another number of terms: an error of the background, which the scatter of hits is not
-        moved = other.pole + test.shift
-        size_variance += (np.abs(moved) - size) ** 2
-        zeta_variance += (-moved.real / np.abs(moved) - sigma / size) ** 2
-    unit = fit.phi[np.abs(fit.phi).argmax(axis=0), np.arange(n)]
-    phi_deviation = np.sqrt(widening * (squares[:, :n] + squares[:, n:])) / np.abs(unit)
-    modes = [
-        (
-            number, size[i] / (2 * np.pi), sigma[i] / size[i], fit.phi[:, i] / unit[i],
-            fit.L[i] * unit[i], np.sqrt(max(size_variance[i], 0)) / (2 * np.pi),
-            np.sqrt(max(zeta_variance[i], 0)), phi_deviation[:, i], len(candidate.orders),
-        )
-        for i, (number, candidate) in enumerate(chosen)
-        if number is not None
-    ]  # fmt: skip
-    return modes, left_out, fit.synthesis
+    return covariance, squares, spread
 
 
 def compressed(

@@ -89,18 +89,18 @@ def effective_independence(
     if np.linalg.matrix_rank(phi) < n:
         raise ValueError("some of the modes look alike at all candidates; take fewer modes")
     scaled = phi / np.abs(phi).max(axis=0)
-    kept: list[int] | NDArray[np.int64] = []
+    chosen: list[int] | NDArray[np.int64] = []
     for i in np.argsort(-np.sum(phi**2, axis=1)).tolist():
-        distance = np.abs(scaled[kept] - scaled[i]).max(axis=1) if len(kept) else np.ones(1)
+        distance = np.abs(scaled[chosen] - scaled[i]).max(axis=1) if len(chosen) else np.ones(1)
         if distance.min() > alike:
-            kept.append(i)
-    kept = np.sort(kept)
-    if len(kept) < count or np.linalg.matrix_rank(phi[kept]) < n:
-        kept = np.arange(c)
-    while len(kept) > count:
-        q = np.linalg.qr(phi[kept])[0]
-        kept = np.delete(kept, int(np.sum(q**2, axis=1).argmin()))
-    return kept
+            chosen.append(i)
+    chosen = np.sort(chosen)
+    if len(chosen) < count or np.linalg.matrix_rank(phi[chosen]) < n:
+        chosen = np.arange(c)
+    while len(chosen) > count:
+        q = np.linalg.qr(phi[chosen])[0]
+        chosen = np.delete(chosen, int(np.sum(q**2, axis=1).argmin()))
+    return chosen
 
 
 def one_more_point(phi: NDArray[np.float64], candidates: NDArray[np.float64]) -> tuple[int, float]:

@@ -72,23 +72,11 @@ def subspace_poles(
     return result
 
 
-def subspace_modes(
-    records: list[NDArray[np.float64]],
-    dt: float,
-    band_hz: tuple[float, float],
-    options: Subspace = Subspace(),
-    stability: Stability = Stability(),
-    *,
-    reject: tuple[int, ...] = (),
-    accept: tuple[int, ...] = (),
-) -> IdentifiedModes:
-    """Modes within a band [Hz] of records (m, k): several ring-downs, or one of ambient vibration.
-
-    They have no participation of references. Poles that recur are numbered from 1 before any is
-    left out, see `identified_modes`. Raises ValueError for records too short, where no pole recurs,
-    and for numbers that are none.
-    """
-    # the band fills the frequencies that are left
+def blocks_of(
+    records: list[NDArray[np.float64]], dt: float, band_hz: tuple[float, float], options: Subspace
+) -> tuple[list[NDArray[np.float64]], float, int]:
+    """Records at a step [s] whose frequencies the band fills, a single one cut into blocks; that
+    step; and the lags, as many block rows as block columns. Raises ValueError for short records."""
     factor = int(0.5 / dt / (0.5 * options.oversampling * band_hz[1]))
     while factor > 1:
         step = min(factor, 10)
@@ -107,6 +95,27 @@ def subspace_modes(
             f"{shortest} samples a block at {1 / dt:.4g} Hz; {4 * s} are needed: record longer, or "
             "identify from a higher frequency on"
         )
+    return records, dt, s
+
+
+def subspace_modes(
+    records: list[NDArray[np.float64]],
+    dt: float,
+    band_hz: tuple[float, float],
+    options: Subspace = Subspace(),
+    stability: Stability = Stability(),
+    *,
+    reject: tuple[int, ...] = (),
+    accept: tuple[int, ...] = (),
+) -> IdentifiedModes:
+    """Modes within a band [Hz] of records (m, k): several ring-downs, or one of ambient vibration.
+
+    They have no participation of references. Poles that recur are numbered from 1 before any is
+    left out, see `identified_modes`. Raises ValueError for records too short, where no pole recurs,
+    and for numbers that are none.
+    """
+    records, dt, s = blocks_of(records, dt, band_hz, options)
+    m = len(records[0])
     lags = np.array([correlations(y, 2 * s) for y in records])
     mean, n = lags.mean(axis=0), len(lags)
 
@@ -173,27 +182,7 @@ def subspace_modes(
     poles, phi = np.array(poles), np.array(shapes).T
     unit = np.abs(phi).argmax(axis=0)
     phi = phi / phi[unit, np.arange(len(poles))]
-    deleted = np.full((n, len(poles)), np.nan, complex)
-    deleted_phi = np.full((n, *phi.shape), np.nan, complex)
-    for b in range(n if n > 1 else 0):
-        rest = (n * mean - lags[b]) / (n - 1)
-        by_order = {o: (p, L) for o, p, L in subspace_poles(rest, dt, tuple({*own_order}))}
-        for i, order in enumerate(own_order):
-            some, L = by_order[order]
-            if not len(some):
-                continue
-            alike = mac(L.T, phi[:, [i]])[:, 0]
-            j = int((np.abs(some / poles[i] - 1) + 0.1 * (1 - alike)).argmin())
-            if abs(some[j] / poles[i] - 1) < options.outliers:
-                deleted[b, i], deleted_phi[b, :, i] = some[j], L[j] / L[j, unit[i]]
-
-    def jackknife(values: NDArray) -> NDArray[np.float64]:
-        """Standard deviation over the first axis; nan where few blocks have the pole."""
-        count = np.sum(np.isfinite(values), axis=0)
-        middle = np.nansum(values, axis=0) / np.maximum(count, 1)
-        squares = np.nansum(np.abs(values - middle) ** 2, axis=0)
-        spread = np.sqrt((n - 1) / np.maximum(count, 1) * squares)
-        return np.where(count > max(n / 2, 1), spread, np.nan)
+    deleted, deleted_phi = without_each_block(lags, dt, own_order, poles, phi, unit, options)
 
     order = np.argsort(np.abs(poles))
     size = np.abs(deleted)
@@ -206,6 +195,46 @@ def subspace_modes(
         np.array([len(pole.orders) for _, pole in chosen])[order], tuple(left_out),
         tuple((o, p) for o, p, _ in diagram), (),
     )  # fmt: skip
+
+
+def without_each_block(
+    lags: NDArray[np.float64],
+    dt: float,
+    own_order: list[int],
+    poles: NDArray[np.complex128],
+    phi: NDArray[np.complex128],
+    unit: NDArray[np.int64],
+    options: Subspace,
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """Poles (n, k) and shapes (n, m, k), 1 at the points `unit` (k,), without each of n blocks,
+    each at the order of its own; nan where no pole is near."""
+    n, mean = len(lags), lags.mean(axis=0)
+    deleted = np.full((n, len(poles)), np.nan, complex)
+    deleted_phi = np.full((n, *phi.shape), np.nan, complex)
+    for b in range(n if n > 1 else 0):
+        remaining_lags = (n * mean - lags[b]) / (n - 1)
+        by_order = {
+            o: (p, L) for o, p, L in subspace_poles(remaining_lags, dt, tuple({*own_order}))
+        }
+        for i, order in enumerate(own_order):
+            some, L = by_order[order]
+            if not len(some):
+                continue
+            alike = mac(L.T, phi[:, [i]])[:, 0]
+            j = int((np.abs(some / poles[i] - 1) + 0.1 * (1 - alike)).argmin())
+            if abs(some[j] / poles[i] - 1) < options.outliers:
+                deleted[b, i], deleted_phi[b, :, i] = some[j], L[j] / L[j, unit[i]]
+    return deleted, deleted_phi
+
+
+def jackknife(values: NDArray) -> NDArray[np.float64]:
+    """Standard deviation over the first axis; nan where few blocks have the pole."""
+    n = len(values)
+    count = np.sum(np.isfinite(values), axis=0)
+    middle = np.nansum(values, axis=0) / np.maximum(count, 1)
+    squares = np.nansum(np.abs(values - middle) ** 2, axis=0)
+    spread = np.sqrt((n - 1) / np.maximum(count, 1) * squares)
+    return np.where(count > max(n / 2, 1), spread, np.nan)
 
 
 def is_decay(y: NDArray[np.float64], factor: float = 4.0) -> bool:

@@ -149,8 +149,8 @@ def _imported(step: Path) -> dict[str, int]:
     boundaries = [gmsh.model.getBoundary([(3, tag)], oriented=False) for tag in solids]
     names_of_faces = face_names(step)
     if list(map(len, boundaries)) == list(map(len, names_of_faces)):
-        for faces, given in zip(boundaries, names_of_faces, strict=True):
-            for (_, tag), name in zip(faces, given, strict=True):
+        for faces, of_solid in zip(boundaries, names_of_faces, strict=True):
+            for (_, tag), name in zip(faces, of_solid, strict=True):
                 gmsh.model.setEntityName(2, tag, name)
 
     names = []

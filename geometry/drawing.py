@@ -56,10 +56,10 @@ def drawn(
     and where gmsh cannot start.
     """
     if volumes:
-        own = own_mesh(volumes, gap)
-        require_size(own.bodies, of_file=True)
-        require_apart(own.meeting.near)
-        yield Drawing(own.bodies, None, own.meeting.near, own)
+        mesh_of_file = own_mesh(volumes, gap)
+        require_size(mesh_of_file.bodies, of_file=True)
+        require_apart(mesh_of_file.meeting.near)
+        yield Drawing(mesh_of_file.bodies, None, mesh_of_file.meeting.near, mesh_of_file)
         return
     try:
         from geometry.cad import model

@@ -111,8 +111,8 @@ def stops_of(shape: Shape, lines: Lines) -> list[list[Stop]]:
     else:
         raise InvalidGeometry("lines belong to a box or to a plate with a rectangular outline.")
     stops = []
-    for (lower, upper), given in zip(spans, (lines.x, lines.y, lines.z), strict=True):
-        inside = [stop for stop in given if lower - SAME < stop.at < upper + SAME]
+    for (lower, upper), prescribed in zip(spans, (lines.x, lines.y, lines.z), strict=True):
+        inside = [stop for stop in prescribed if lower - SAME < stop.at < upper + SAME]
         ends = Stop(float(lower)), Stop(float(upper))
         places = {round(stop.at, 9): stop for stop in [*ends, *reversed(inside)]}
         stops.append([places[at] for at in sorted(places)])

@@ -161,10 +161,10 @@ def _outermost(body: Body, selector: str, what: str) -> tuple[int, ...]:
     if not planes:
         n = 6  # faces that the message lists
         faces = "; ".join(described(face) for face in body.faces[:n])
-        more = f" and {len(body.faces) - n} more faces" if len(body.faces) > n else ""
+        unlisted = f" and {len(body.faces) - n} more faces" if len(body.faces) > n else ""
         raise InvalidGeometry(
             f'"{selector}" finds no planar face that looks along {what}; {body.name} has '
-            f"{faces}{more}."
+            f"{faces}{unlisted}."
         )
     outermost = max(f.centre @ direction for f in planes)
     return tuple(f.tag for f in planes if f.centre @ direction > outermost - SAME)

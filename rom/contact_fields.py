@@ -86,13 +86,13 @@ def _value(
     if field.name not in content:
         return None
     # an array, or the words of a note; what is no number becomes nan, which no field allows
-    given = content[field.name]
-    values = np.ravel(given.split() if isinstance(given, str) else given)
+    entry = content[field.name]
+    values = np.ravel(entry.split() if isinstance(entry, str) else entry)
     try:
         values = values.astype(float) if values.dtype.kind in "fiuU" else np.array([np.nan])
     except ValueError:
         values = np.array([np.nan])
     counted = len(values) == field.count if field.count else len(values) > 0
     if not (counted and np.isfinite(values).all() and field.allowed(values).all()):
-        raise ReductionError(f"{path}: {field.name} is {given!r}; {field.rule}.")
+        raise ReductionError(f"{path}: {field.name} is {entry!r}; {field.rule}.")
     return float(values[0]) if field.count == 1 else tuple(values.tolist())

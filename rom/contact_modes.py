@@ -77,17 +77,17 @@ def contact_modes(
         pairs, bound = space.pairs, space.bound
         # which of the pairs the retained modes are, one to one, by their products in M
         overlap = np.abs((problem.M @ retained.phi).T @ pairs.phi)
-        kept = linear_sum_assignment(overlap, maximize=True)[1]
+        retained_at = linear_sum_assignment(overlap, maximize=True)[1]
         finer = condensed(pairs, w, reach_hz, options.exact)
     else:
         pairs, bound, *_ = krylov_space(
             problem, w, retained, bound, reach_hz, n_vectors, options=options
         )
-        kept, finer = np.arange(n_retained), pairs
+        retained_at, finer = np.arange(n_retained), pairs
     participation = pairs.phi.T @ w
 
     # the choice: the retained ones, then the others by their weight; n is where the error is met
-    order = _ranked(pairs.omega, participation, kept, to_hz)
+    order = _ranked(pairs.omega, participation, retained_at, to_hz)
     errors = bound + _residual_errors(pairs.omega[order], participation[order], to_hz)
     if error is not None:
         n_modes = max(int(np.argmax(errors <= error)), n_retained)
@@ -116,13 +116,13 @@ def condensed(pairs: EigenPairs, w: np.ndarray, to_hz: float, error: float) -> E
     omega, phi = pairs.omega, pairs.phi.T @ w
     order = _ranked(omega, phi, np.empty(0, np.int64), to_hz)
     n = int(np.argmax(_residual_errors(omega[order], phi[order], to_hz) <= error))
-    rest = order[n:]
-    if not len(rest):
+    minor = order[n:]
+    if not len(minor):
         return pairs
-    amplitude = phi[rest] / omega[rest] ** 2
-    mass, stiffness = np.sum(amplitude**2), np.sum((amplitude * omega[rest]) ** 2)
+    amplitude = phi[minor] / omega[minor] ** 2
+    mass, stiffness = np.sum(amplitude**2), np.sum((amplitude * omega[minor]) ** 2)
     weights = np.zeros(len(omega))
-    weights[rest] = amplitude / np.sqrt(mass)
+    weights[minor] = amplitude / np.sqrt(mass)
     few = np.empty((len(w), n + 1), order="F")
     for j, column in enumerate(order[:n]):
         few[:, j] = pairs.phi[:, column]

@@ -176,9 +176,9 @@ def retained_modes(problem: Pencil, supplied: EigenPairs | None) -> EigenPairs:
         return supplied or no_modes(problem.K.shape[0])
     soft = -problem.sigma
     omega, phi = past_rigid_modes(problem, softer_than=soft)
-    kept = np.count_nonzero(omega == 0)
-    kept += n_suspended(omega[kept:])
-    omega, phi = omega[:kept], phi[:, :kept]
+    n_retained = np.count_nonzero(omega == 0)
+    n_retained += n_suspended(omega[n_retained:])
+    omega, phi = omega[:n_retained], phi[:, :n_retained]
     if supplied is None:
         return EigenPairs(omega, phi)
     # of these, those handed in may hold a part

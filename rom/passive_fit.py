@@ -123,8 +123,8 @@ def require_driving_point(frequency_hz: NDArray[np.float64], H: NDArray[np.compl
         raise ReductionError("it is 0 at all frequencies")
     back = []
     for weight in (np.ones(len(H)), frequency_hz**2):
-        taken, given = (np.sum(weight * np.maximum(sign * H.imag, 0)) for sign in (-1, 1))
-        back.append(given / max(taken + given, 1e-300))
+        taken, returned = (np.sum(weight * np.maximum(sign * H.imag, 0)) for sign in (-1, 1))
+        back.append(returned / max(taken + returned, 1e-300))
     if min(back) > 1 / 6:
         raise ReductionError(
             f"at its frequencies the structure gives back {min(back):.0%} "
@@ -188,17 +188,17 @@ def common_poles(
         # real partial fractions of a pair: c' (1/(s-a) + 1/(s-a*)) + c'' i (1/(s-a) - 1/(s-a*))
         up, down = 1 / (s[:, None] - poles), 1 / (s[:, None] - poles.conj())
         phi = np.stack([up + down, 1j * (up - down)], axis=2).reshape(len(s), -1)
-        own = np.column_stack([phi, np.ones_like(s), 1 / s**2])
+        columns = np.column_stack([phi, np.ones_like(s), 1 / s**2])
         sigma = np.column_stack([phi, np.ones_like(s)])
 
         # what each element says of sigma once its own coefficients are best
         left = []
         for h, w in zip(H.T, weight.T, strict=True):
-            A = np.hstack([own, -sigma * h[:, None]]) * w[:, None]
+            A = np.hstack([columns, -sigma * h[:, None]]) * w[:, None]
             A = np.vstack([A.real, A.imag])
             R = np.linalg.qr(A / np.linalg.norm(A, axis=0).clip(np.finfo(float).tiny), mode="r")
-            norms = np.linalg.norm(A, axis=0)[own.shape[1] :]
-            left.append(R[own.shape[1] :, own.shape[1] :] * norms)
+            norms = np.linalg.norm(A, axis=0)[columns.shape[1] :]
+            left.append(R[columns.shape[1] :, columns.shape[1] :] * norms)
 
         # sigma does not vanish: the sum of its real part is k, with the size of the rest
         scale = np.linalg.norm(H * weight) / len(s)
@@ -262,8 +262,8 @@ def _with_residues(omega, H, deviation, omega_j, zeta, free: bool) -> ModalFit:
     norm[norm == 0] = 1.0
     r = nnls(A / norm, right, maxiter=50 * len(norm))[0] / norm
     present = r[:-2] > 0
-    kept = np.concatenate([r[:-2][present], r[-2:]])
-    return _fit(omega_j[present], zeta[present], kept, A @ r - right, free)
+    residues = np.concatenate([r[:-2][present], r[-2:]])
+    return _fit(omega_j[present], zeta[present], residues, A @ r - right, free)
 
 
 def _refined(omega, H, deviation, fit: ModalFit, options: FitOptions) -> ModalFit:

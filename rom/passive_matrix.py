@@ -111,24 +111,7 @@ def passive_matrix_fit(
             raise ReductionError(f"of point {a + 1}: {why}") from None
 
     size, scaled, elements = _alike(H)
-    asymmetry = _asymmetry(scaled)
-    if asymmetry > of_matrix.reciprocal:
-        # noise near 0 Hz divided by omega^2 outweighs all else: the same of the lines from each on
-        differing = np.sum(np.abs(scaled - scaled.swapaxes(1, 2)) ** 2, axis=(1, 2))
-        square = np.sum(np.abs(scaled) ** 2, axis=(1, 2))
-        from_here = np.sqrt(np.cumsum(differing[::-1]) / np.cumsum(square[::-1]))[::-1]
-        alike = np.flatnonzero(from_here[: len(f) // 2] < of_matrix.sound)
-        if alike.size:
-            first = alike[0]
-            raise ReductionError(
-                f"H and its transpose differ by {asymmetry:.0%} of H, which a structure has alike, "
-                f"but by {from_here[first]:.1%} from {f[first]:.4g} Hz on: lines near 0 Hz "
-                f"are noise; leave them out, by lowest = {f[first]:.4g} Hz"
-            )
-        raise ReductionError(
-            f"H and its transpose differ by {asymmetry:.0%} of H, which a structure has alike: "
-            "check that rows and columns name the same points in one order, with one sign each"
-        )
+    require_reciprocal(f, scaled, of_matrix)
     deviation = _deviation(elements, options)
     omega = 2 * np.pi * f
     measured = Elements(omega, elements, deviation)
@@ -143,9 +126,9 @@ def passive_matrix_fit(
         W = W @ np.linalg.qr(np.random.default_rng(0).standard_normal((W.shape[1],) * 2))[0]
         few = passive_matrix_fit(f, W.T @ scaled @ W, options, of_matrix)
         at = _lines_kept(omega, few, of_matrix.lines)
-        kept = Elements(omega[at], elements[at], deviation[at])
+        thinned = Elements(omega[at], elements[at], deviation[at])
         drifts = few.free.size > 0
-        fit = _with_factors(kept, *_poles(few), drifts, options, of_matrix, refine=True)
+        fit = _with_factors(thinned, *_poles(few), drifts, options, of_matrix, refine=True)
         return _in_units(fit, f, scaled, size)
 
     fits: list[MatrixFit] = []
@@ -187,10 +170,35 @@ def passive_matrix_fit(
     for second in of_matrix.further:
         of_two = of_matrix._replace(second=second)
         drifts = fit.free.size > 0
-        more = _with_factors(measured, *_poles(fit), drifts, options, of_two, refine=True)
-        if more.criterion < fit.criterion - options.better:
-            fit = more
+        of_two_shapes = _with_factors(measured, *_poles(fit), drifts, options, of_two, refine=True)
+        if of_two_shapes.criterion < fit.criterion - options.better:
+            fit = of_two_shapes
     return _in_units(fit, f, scaled, size)
+
+
+def require_reciprocal(
+    f: NDArray[np.float64], scaled: NDArray[np.complex128], of_matrix: MatrixOptions
+) -> None:
+    """Raise ReductionError where receptances (k, m, m) at f (k,) [Hz] differ from their transposes,
+    naming the line from which they do not."""
+    asymmetry = _asymmetry(scaled)
+    if asymmetry > of_matrix.reciprocal:
+        # noise near 0 Hz divided by omega^2 outweighs all else: the same of the lines from each on
+        differing = np.sum(np.abs(scaled - scaled.swapaxes(1, 2)) ** 2, axis=(1, 2))
+        square = np.sum(np.abs(scaled) ** 2, axis=(1, 2))
+        from_here = np.sqrt(np.cumsum(differing[::-1]) / np.cumsum(square[::-1]))[::-1]
+        alike = np.flatnonzero(from_here[: len(f) // 2] < of_matrix.sound)
+        if alike.size:
+            first = alike[0]
+            raise ReductionError(
+                f"H and its transpose differ by {asymmetry:.0%} of H, which a structure has alike, "
+                f"but by {from_here[first]:.1%} from {f[first]:.4g} Hz on: lines near 0 Hz "
+                f"are noise; leave them out, by lowest = {f[first]:.4g} Hz"
+            )
+        raise ReductionError(
+            f"H and its transpose differ by {asymmetry:.0%} of H, which a structure has alike: "
+            "check that rows and columns name the same points in one order, with one sign each"
+        )
 
 
 def _alike(
@@ -271,14 +279,38 @@ def _factor(residue: NDArray[np.float64], least: float) -> NDArray[np.float64]:
     """L (m, r) with L L^T nearest to a symmetric residue (m, m), of eigenvalues above `least` times
     the largest; r = 0 where none is positive."""
     values, vectors = np.linalg.eigh(residue)
-    kept = values > max(least * values[-1], 0.0)
-    return vectors[:, kept] * np.sqrt(values[kept])
+    positive = values > max(least * values[-1], 0.0)
+    return vectors[:, positive] * np.sqrt(values[positive])
 
 
 def _poles(fit: MatrixFit) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """omega, zeta (n,) of a fit, each once: a pole of two shapes stands twice."""
     omega, first = np.unique(fit.omega, return_index=True)
     return omega, fit.zeta[first]
+
+
+def unconstrained_residues(
+    measured: Elements, omega_j: NDArray[np.float64], zeta: NDArray[np.float64], drifts: bool
+) -> NDArray[np.float64]:
+    """Residues (n + 1 or 2, m, m) of the poles, of the compliance and, where the part `drifts`, of
+    its free masses: least squares, element by element."""
+    omega, H, deviation = measured
+    e = H.shape[1]
+    m = int((np.sqrt(8 * e + 1) - 1) / 2)
+    rows, columns = np.triu_indices(m)
+    w = omega[:, None]
+    D = 1 / (omega_j**2 - w**2 + 2j * zeta * omega_j * w)
+    lines = np.hstack([D, np.ones_like(w), *([-1 / w**2] if drifts else [])])
+    residues = np.zeros((lines.shape[1], e))
+    for i in range(e):
+        A = lines / deviation[:, [i]]
+        A = np.vstack([A.real, A.imag])
+        norm = np.linalg.norm(A, axis=0)
+        right = np.concatenate([H[:, i].real, H[:, i].imag]) / np.tile(deviation[:, i], 2)
+        residues[:, i] = np.linalg.lstsq(A / norm, right, rcond=None)[0] / norm
+    square = np.zeros((len(residues), m, m))
+    square[:, rows, columns] = square[:, columns, rows] = residues
+    return square
 
 
 def _with_factors(
@@ -299,18 +331,7 @@ def _with_factors(
     rows, columns = np.triu_indices(m)
     w = omega[:, None]
 
-    # residues without a constraint, element by element: (n + 2, e)
-    D = 1 / (omega_j**2 - w**2 + 2j * zeta * omega_j * w)
-    lines = np.hstack([D, np.ones_like(w), *([-1 / w**2] if drifts else [])])
-    residues = np.zeros((lines.shape[1], e))
-    for i in range(e):
-        A = lines / deviation[:, [i]]
-        A = np.vstack([A.real, A.imag])
-        norm = np.linalg.norm(A, axis=0)
-        right = np.concatenate([H[:, i].real, H[:, i].imag]) / np.tile(deviation[:, i], 2)
-        residues[:, i] = np.linalg.lstsq(A / norm, right, rcond=None)[0] / norm
-    square = np.zeros((len(residues), m, m))
-    square[:, rows, columns] = square[:, columns, rows] = residues
+    square = unconstrained_residues(measured, omega_j, zeta, drifts)
 
     # factors L (m, r); one oscillator for each column of a mode's
     n = len(omega_j)

@@ -55,8 +55,8 @@ class Commands(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """Name, command and arguments of a line."""
-        name, command, rest = super().resolve_command(ctx, args)
-        return name, built(name) if name else command, rest
+        name, command, arguments = super().resolve_command(ctx, args)
+        return name, built(name) if name else command, arguments
 
 
 app = typer.Typer(

@@ -56,9 +56,9 @@ def sweep(
         from workflows.sweep.api import sweep_price
 
         described = ("scene", "changes", "over", "sample", "cases", "seed")
-        given = {name: call.given[name] for name in described if name in call.given}
+        options = {name: call.given[name] for name in described if name in call.given}
         with StageProgress(call.title, quiet=call.quiet) as progress, progress.stage("first case"):
-            price = sweep_price(**given, processes=workers)
+            price = sweep_price(**options, processes=workers)
         text = "\n\n".join([tables.text(price.table()), *price.notes])
         print_result(price._asdict(), text, call.json, call.quiet)
         return

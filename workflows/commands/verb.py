@@ -149,8 +149,8 @@ def _parameter(parameter: Parameter, word: Word, texts: dict[str, str]) -> Param
 
     # what is typed for an annotation: the first type of a union; numbers, or paths, or texts
     first = parameter.annotation.partition(" | ")[0]
-    other = Path if "Path" in parameter.annotation else str
-    one = {"bool": bool, "int": int, "float": float}.get(first, other)
+    path_or_text = Path if "Path" in parameter.annotation else str
+    one = {"bool": bool, "int": int, "float": float}.get(first, path_or_text)
     several = first.startswith(("Changes", "Iterable", "Sequence"))
     typed, default = list[one] if several else one, parameter.default  # type: ignore[valid-type]
     if isinstance(default, float) and default.is_integer():

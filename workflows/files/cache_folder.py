@@ -12,8 +12,8 @@ OWN = 0o700  # mode of a folder that nobody else reads or writes
 
 def cache_folder() -> Path:
     """Where results are kept: BEADWAVE_CACHE_DIR, or the user's cache."""
-    given = environ.get("BEADWAVE_CACHE_DIR")
-    return Path(given) if given else user_cache_path("beadwave")
+    folder = environ.get("BEADWAVE_CACHE_DIR")
+    return Path(folder) if folder else user_cache_path("beadwave")
 
 
 def own_folders(*folders: Path) -> str | None:

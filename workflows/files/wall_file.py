@@ -72,10 +72,10 @@ def with_surface(wall: RomWall) -> RomWall:
     made_of = {key: getattr(contact, key) for key in ("young", "poisson", "curvatures")}
     stated = {key: value for key, value in made_of.items() if value is not None}
     for key, value in stated.items():
-        given = getattr(wall, key)
-        if given is not None and given != value:
+        in_scene = getattr(wall, key)
+        if in_scene is not None and in_scene != value:
             raise InvalidScene(
-                f"wall.{key} = {_shown(given)}, but wall.file was made of a surface with "
+                f"wall.{key} = {_shown(in_scene)}, but wall.file was made of a surface with "
                 f"{_shown(value)}; drop wall.{key}, or take another file."
             )
     return wall.model_copy(update=stated)

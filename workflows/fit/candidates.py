@@ -127,6 +127,26 @@ def searched(
     return min(results, key=lambda result: result.fitted.misfit)
 
 
+def structures_within(
+    record_fit: RecordFit,
+    n_shared: int,
+    starts: int,
+    rng: np.random.Generator,
+    options: CandidateSearch,
+) -> NDArray[np.float64]:
+    """Structures all over their bounds by Sobol's sequence, all else as it starts, (draws, p); the
+    start itself is the first, and the only one of a single start."""
+    low, high = (end[:n_shared] for end in record_fit.unknowns.ends())
+    start = np.array([p.start for p in record_fit.unknowns.parameters])
+    draws = start[None]
+    if starts > 1:
+        power = min(options.log2_draws + n_shared - 1, options.most_log2_draws)
+        unit = qmc.Sobol(n_shared, rng=rng).random_base2(power)
+        draws = np.tile(start, (len(unit) + 1, 1))
+        draws[1:, :n_shared] = low + (high - low) * unit
+    return draws
+
+
 def along_record(
     fit: RecordFit,
     record: int,
@@ -145,14 +165,7 @@ def along_record(
     touch = int(np.searchsorted(record_fit.shots[0].t, trigger))  # samples before the first touch
     low, high = (end[:n_shared] for end in record_fit.unknowns.ends())
 
-    # structures all over their bounds, all else as it starts; the start itself is the first
-    start = np.array([p.start for p in record_fit.unknowns.parameters])
-    draws = start[None]
-    if starts > 1:
-        power = min(options.log2_draws + n_shared - 1, options.most_log2_draws)
-        unit = qmc.Sobol(n_shared, rng=rng).random_base2(power)
-        draws = np.tile(start, (len(unit) + 1, 1))
-        draws[1:, :n_shared] = low + (high - low) * unit
+    draws = structures_within(record_fit, n_shared, starts, rng, options)
     possible, models = [], []
     for theta in draws:
         with suppress(*IMPOSSIBLE):

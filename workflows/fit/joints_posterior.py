@@ -207,6 +207,57 @@ def quantiles(
     return [float(q) for q in np.interp(shares, at, x[order])]
 
 
+def parameter_rows(
+    posterior: NestedPosterior, parameters: Sequence[TuningParameter], options: PosteriorOptions
+) -> list[PosteriorRow]:
+    """What the posterior of each parameter, and of the model's error, says beyond the prior."""
+    rows, shares = [], (0.5, 0.025, 0.975)
+    ends = [(p.lower, p.upper) for p in parameters] + [(options.least_error, options.largest_error)]
+    for j, (name, (lower, upper)) in enumerate(zip(posterior.names, ends, strict=True)):
+        median, low, high = quantiles(posterior.samples[:, j], posterior.weights, shares)
+        at_low, at_high = (np.log(x / lower) / np.log(upper / lower) for x in (low, high))
+        says, spans = "value", at_low < options.at_end and at_high > 1 - options.at_end
+        if name in posterior.undetermined or spans:
+            says = "nothing"
+        elif at_high > 1 - options.at_end:
+            says = "lower bound"
+        elif at_low < options.at_end:
+            says = "upper bound"
+        rows.append(
+            PosteriorRow(
+                name=name, unit="relative" if name == MODEL_ERROR else unit(name),
+                prior=(lower, upper), median=median, low=low, high=high, says=says,
+            )
+        )  # fmt: skip
+    return rows
+
+
+def lobe_rows(
+    posterior: NestedPosterior, numbers: Sequence[int], hz_of_lobes: Sequence[NDArray[np.float64]]
+) -> list[LobeRow]:
+    """Best values, 95 % bars and frequencies of the modes `numbers` in each lobe."""
+    lobes = []
+    for k, (lobe, hz) in enumerate(zip(posterior.lobes, hz_of_lobes, strict=True)):
+        of_lobe = posterior.lobe == k
+        of_each = [
+            quantiles(posterior.samples[of_lobe, j], posterior.weights[of_lobe], (0.025, 0.975))
+            for j in range(len(posterior.names))
+        ]
+        lobes.append(
+            LobeRow(
+                mass=lobe.mass,
+                best=dict(zip(posterior.names, map(float, lobe.best), strict=True)),
+                low={name: low for name, (low, _) in zip(posterior.names, of_each, strict=True)},
+                high={name: high for name, (_, high) in zip(posterior.names, of_each, strict=True)},
+                modes_hz={
+                    str(n): float(f) if np.isfinite(f) else None
+                    for n, f in zip(numbers, hz, strict=True)
+                },
+            )
+        )  # fmt: skip
+    return lobes
+
+
 def posterior_of(
     scene: Scene,
     match: dict[int, float],
@@ -235,46 +286,11 @@ def posterior_of(
             basis, parameters, by_place, seed=seed, frequency_error=by_error, options=options
         )
 
-    # each parameter: what its posterior says beyond the prior
-    rows, shares = [], (0.5, 0.025, 0.975)
-    ends = [(p.lower, p.upper) for p in parameters] + [(options.least_error, options.largest_error)]
-    for j, (name, (lower, upper)) in enumerate(zip(posterior.names, ends, strict=True)):
-        median, low, high = quantiles(posterior.samples[:, j], posterior.weights, shares)
-        at_low, at_high = (np.log(x / lower) / np.log(upper / lower) for x in (low, high))
-        says, spans = "value", at_low < options.at_end and at_high > 1 - options.at_end
-        if name in posterior.undetermined or spans:
-            says = "nothing"
-        elif at_high > 1 - options.at_end:
-            says = "lower bound"
-        elif at_low < options.at_end:
-            says = "upper bound"
-        rows.append(
-            PosteriorRow(
-                name=name, unit="relative" if name == MODEL_ERROR else unit(name),
-                prior=(lower, upper), median=median, low=low, high=high, says=says,
-            )
-        )  # fmt: skip
-
-    lobes = []
-    for k, lobe in enumerate(posterior.lobes):
-        of_lobe = posterior.lobe == k
-        of_each = [
-            quantiles(posterior.samples[of_lobe, j], posterior.weights[of_lobe], shares[1:])
-            for j in range(len(posterior.names))
-        ]
-        hz = matched_hz(basis, parameters, places, lobe.best[:-1])
-        lobes.append(
-            LobeRow(
-                mass=lobe.mass,
-                best=dict(zip(posterior.names, map(float, lobe.best), strict=True)),
-                low={name: low for name, (low, _) in zip(posterior.names, of_each, strict=True)},
-                high={name: high for name, (_, high) in zip(posterior.names, of_each, strict=True)},
-                modes_hz={
-                    str(n): float(f) if np.isfinite(f) else None
-                    for n, f in zip(match, hz, strict=True)
-                },
-            )
-        )  # fmt: skip
+    rows = parameter_rows(posterior, parameters, options)
+    hz_of_lobes = [
+        matched_hz(basis, parameters, places, lobe.best[:-1]) for lobe in posterior.lobes
+    ]
+    lobes = lobe_rows(posterior, [*match], hz_of_lobes)
 
     remarks = [f"Errors of the measurement: {errors.text()}; that of the model is sampled."]
     remarks += [f"{p.name} is not determined by these modes." for p in rows if p.says == "nothing"]

@@ -180,9 +180,9 @@ def parametric_wall(
 
     # a wall that leaves out no mode has no frequency of the rest, which takes no part there: with
     # one ten times as high as those of the other walls polynomials went below zero between them
-    rest = values[:, 2 * n - 1] > 0
-    if rest.any():
-        values[~rest, n - 1] = np.median(values[rest, n - 1])
+    has_rest = values[:, 2 * n - 1] > 0
+    if has_rest.any():
+        values[~has_rest, n - 1] = np.median(values[has_rest, n - 1])
 
     # least squares, and each wall by the polynomials of the others: e_i / (1 - h_ii)
     A = polynomials(box.unit(numbers), degrees)
@@ -239,11 +239,11 @@ def nearest_modes(
 def selected_modes(wall: Wall, places: NDArray[np.int64]) -> Wall:
     """The modes at these places; all others are one oscillator with the same moments of compliance
     m_1 = sum phi^2 / omega^2 and m_2 = sum phi^2 / omega^4, see `coupling.reduced_wall`."""
-    rest = np.setdiff1d(np.arange(len(wall.omega)), places)
-    rest = rest[wall.omega[rest] > 0]
-    share = wall.phi[rest] ** 2 / wall.omega[rest] ** 2
-    m1, m2 = np.sum(share), np.sum(share / wall.omega[rest] ** 2)
-    loss = np.sum(share * wall.zeta[rest]) / m1 if m1 > 0 else 0.0
+    left_out = np.setdiff1d(np.arange(len(wall.omega)), places)
+    left_out = left_out[wall.omega[left_out] > 0]
+    share = wall.phi[left_out] ** 2 / wall.omega[left_out] ** 2
+    m1, m2 = np.sum(share), np.sum(share / wall.omega[left_out] ** 2)
+    loss = np.sum(share * wall.zeta[left_out]) / m1 if m1 > 0 else 0.0
     square, phi2 = (m1 / m2, m1**2 / m2) if m1 > 0 else (wall.omega.max() ** 2, 0.0)
     return wall._replace(
         omega=np.append(wall.omega[places], np.sqrt(square)),

@@ -61,8 +61,8 @@ class GrowingWindows:
             prior = i < len(windows) - 1
             step = self.fit.solved(z, free, window, max_runs=8, prior=prior, tolerance=1e-4)
             enough = max(goal, self.enough(int(window.sum())))
-            best, more = self.swapped(step, free, window, enough, prior=prior)
-            runs += step.evaluations + more
+            best, swap_runs = self.swapped(step, free, window, enough, prior=prior)
+            runs += step.evaluations + swap_runs
             z = best.point
         return z, best.misfit, runs
 
@@ -85,17 +85,17 @@ class GrowingWindows:
 
             # the most promising swaps to first order, each fitted
             guesses = self.fit.swapped(best.point, free, window, cycles=cycles)
-            trial, more = best, len(guesses)
+            trial, swap_runs = best, len(guesses)
             for guess, z in guesses[: self.swaps.tried]:
                 if guess > self.swaps.worse * best.misfit:
                     break
                 swap = self.fit.solved(z, free, window, max_runs=8, prior=prior, tolerance=1e-4)
-                more += swap.evaluations
+                swap_runs += swap.evaluations
                 trial = min(trial, swap, key=lambda solution: solution.misfit)
                 if trial.misfit < self.swaps.at_once * best.misfit:
                     break
-            runs += more
-            self.budget -= more
+            runs += swap_runs
+            self.budget -= swap_runs
 
             progress = trial.misfit < self.swaps.better * best.misfit
             best = min(best, trial, key=lambda solution: solution.misfit)

@@ -71,8 +71,8 @@ def text(finding: Finding) -> str:
 def record(finding: Finding, **about: Any) -> dict[str, Any]:
     """For machines: rows, findings and the other tables by name, behind what `about` says."""
     main, *others = finding.tables
-    more = {table.name: tables.records(table) for table in others}
-    return about | {"rows": tables.records(main), "findings": list(finding.sentences)} | more
+    by_name = {table.name: tables.records(table) for table in others}
+    return about | {"rows": tables.records(main), "findings": list(finding.sentences)} | by_name
 
 
 def files(name: str) -> tuple[str, str]:

@@ -184,10 +184,10 @@ def scene_rows(scene: Scene, summary: Summary) -> list[dict[str, str]]:
 
         # a comment of a scene without the unit that it starts with
         note = source.note if source else ""
-        first, comma, rest = note.partition(", ")
+        first, comma, after_unit = note.partition(", ")
         is_mark = first.startswith(("thesis", "inferred", "assumed"))
         if comma and len(first) < 9 and "(" not in first and not is_mark:
-            note = rest
+            note = after_unit
         if source:  # the mark beside it says that already
             note = note.removeprefix(f"{source.kind}: ").removeprefix(f"{source.kind}, ")
         rows.append(

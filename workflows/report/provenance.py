@@ -73,11 +73,11 @@ def sources(scene: Scene, source: Source, changes: Changes) -> dict[str, ValueSo
     # yours: values that were given, with the comments of your file on those that no change took
     tables = tables_of(source)
     written = changed(tables, each(changes))
-    unchanged, given = flat(tables), flat({"name": scene.name, **written})
+    unchanged, new_values = flat(tables), flat({"name": scene.name, **written})
     is_file = source is not None and name is not None and name not in scenes
     notes = comments(scene_text(name).text) if is_file else {}
     yours = {}
-    for key, value in given.items():
+    for key, value in new_values.items():
         note = notes.get(key, "") if unchanged.get(key) == value else ""
         yours[key] = ValueSource(kind="yours", note=note)
 

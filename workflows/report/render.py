@@ -116,6 +116,137 @@ def coil(
     return start + t[:, None] * length * axis + swing * around
 
 
+def held_faces(
+    plotter: pv.Plotter, fixtures: Fixtures, settings: RenderSettings
+) -> list[tuple[str, str]]:
+    """Held faces outlined; what the legend says of them."""
+    if not fixtures.held:
+        return []
+    facets = [round_the_edge(np.array(facet)) for facet in fixtures.held]
+    first = np.cumsum([0, *(len(facet) for facet in facets)]).tolist()
+    cells = [[b - a, *range(a, b)] for a, b in pairwise(first)]
+    faces = pv.PolyData(np.concatenate(facets), np.concatenate(cells)).clean()
+    outline = faces.extract_feature_edges(
+        settings.edge_angle, manifold_edges=False, feature_edges=False
+    )
+    plotter.add_mesh(outline, color=HELD, line_width=7, render_lines_as_tubes=True)
+    return [("held face", HELD)]
+
+
+def bolts(
+    plotter: pv.Plotter, fixtures: Fixtures, size: float, settings: RenderSettings
+) -> list[tuple[str, str]]:
+    """A pin at each joint, also seen through the bodies around it; what the legend says."""
+    if not fixtures.joints:
+        return []
+    for _, centre, axis in fixtures.joints:
+        length = settings.bolt * size
+        pin = pv.Cylinder(
+            center=centre, direction=axis, radius=settings.slender * length, height=length
+        )
+        plotter.add_mesh(pin, color=BOLT, **MATT)
+        # also seen through the bodies around it
+        shade = plotter.add_mesh(pin, color=BOLT, opacity=settings.shade, lighting=False).mapper
+        shade.SetResolveCoincidentTopologyToPolygonOffset()
+        shade.SetRelativeCoincidentTopologyPolygonOffsetParameters(0.0, -1e5)
+    return [(f"joints: {_numbered(name for name, *_ in fixtures.joints)}", BOLT)]
+
+
+def springs(
+    plotter: pv.Plotter, fixtures: Fixtures, size: float, settings: RenderSettings
+) -> list[tuple[str, str]]:
+    """A coil for each spring, with a plate where it stands on the ground; what the legend says."""
+    if not fixtures.springs:
+        return []
+    for _, start, other, grounded in fixtures.springs:
+        radius, wire = (share * size for share in settings.coil)
+        end = np.array(start) + settings.spring * size * np.array(other)
+        end = end if grounded else np.array(other)
+        path_of_wire = pv.lines_from_points(coil(np.array(start), end, radius, settings.turns))
+        plotter.add_mesh(path_of_wire.tube(radius=wire), color=SPRING, **MATT)
+        if grounded:
+            plate = pv.Cylinder(center=end, direction=other, radius=1.6 * radius, height=2 * wire)
+            plotter.add_mesh(plate, color=SPRING, **MATT)
+    return [(f"springs: {_numbered(name for name, *_ in fixtures.springs)}", SPRING)]
+
+
+def measured_parts(
+    plotter: pv.Plotter, fixtures: Fixtures, size: float, settings: RenderSettings
+) -> list[tuple[str, str]]:
+    """A rod that ends in a ball at each point of a measured part; what the legend says."""
+    if not fixtures.parts:
+        return []
+    for _, point, out in fixtures.parts:
+        # a rod that ends in a ball: what is behind it is known by its responses alone
+        length, radius = (share * size for share in (0.6 * settings.spring, settings.coil[0]))
+        end = np.array(point) + length * np.array(out)
+        rod = pv.Cylinder(
+            center=0.5 * (np.array(point) + end), direction=out, radius=0.4 * radius, height=length
+        )
+        plotter.add_mesh(rod, color=PART, **MATT)
+        plotter.add_mesh(pv.Sphere(radius=1.3 * radius, center=end), color=PART, **MATT)
+    named = _numbered(name for name, *_ in fixtures.parts)
+    return [(f"points of measured parts: {named}", PART)]
+
+
+def masses(
+    plotter: pv.Plotter, fixtures: Fixtures, size: float, settings: RenderSettings
+) -> list[tuple[str, str]]:
+    """A disc for each mass on a face; what the legend says."""
+    if not fixtures.masses:
+        return []
+    for _, point, out, radius in fixtures.masses:
+        radius = max(radius, settings.smallest_mass * size)
+        body = pv.Cylinder(
+            center=np.array(point) + 0.5 * radius * np.array(out), direction=out, radius=radius,
+            height=radius,
+        )  # fmt: skip
+        plotter.add_mesh(body, color=MASS, **MATT)
+    return [(f"masses: {_numbered(name for name, *_ in fixtures.masses)}", MASS)]
+
+
+def struck(
+    plotter: pv.Plotter, fixtures: Fixtures, size: float, settings: RenderSettings
+) -> list[tuple[str, str]]:
+    """The spheres of the chain, as far as there is room, and an arrow along the impact; what the
+    legend says."""
+    if not fixtures.strike:
+        return []
+    point, direction = np.array(fixtures.strike[:3]), np.array(fixtures.strike[3:])
+    depth, drawn = 0.0, 0
+    for radius in fixtures.spheres:
+        if depth and depth + 2 * radius > settings.chain * size:
+            break
+        drawn += 1
+        sphere = pv.Sphere(radius=radius, center=point - (depth + radius) * direction)
+        plotter.add_mesh(sphere, color=SPHERE, smooth_shading=True, **MATT)
+        depth += 2 * radius
+    arrow = pv.Arrow(
+        start=point - (depth + 0.1 * size) * direction, direction=direction,
+        scale=0.09 * size, shaft_radius=0.05, tip_radius=0.14, tip_length=0.4,
+    )  # fmt: skip
+    plotter.add_mesh(arrow, color=IMPACT, **MATT)
+    n_spheres = len(fixtures.spheres)
+    all_drawn = "" if drawn == n_spheres else f", {drawn} drawn"
+    impact = f"impact of a chain of {n_spheres}{all_drawn}" if n_spheres else "impact"
+    return [(impact, IMPACT)]
+
+
+def dimensions(plotter: pv.Plotter, grid: pv.DataSet, settings: RenderSettings) -> None:
+    """Axes in mm around the assembly: three numbers along a side, or both ends of a short one."""
+    # to a micrometre: an end at -1e-17 m is 0, not -0
+    millimetres = [round(1e3 * x, 3) + 0.0 for x in grid.bounds]
+    sides = np.diff(np.reshape(grid.bounds, (3, 2)), axis=1)[:, 0]
+    numbers = np.where(sides > settings.short * grid.length, 3, 2).tolist()
+    axes = plotter.show_bounds(
+        bounds=grid.bounds, axes_ranges=millimetres, xtitle="x [mm]", ytitle="y [mm]",
+        ztitle="z [mm]",
+        n_xlabels=numbers[0], n_ylabels=numbers[1], n_zlabels=numbers[2],
+        fmt="%.0f", font_size=11, location="outer", color="#505050",
+    )  # fmt: skip
+    axes.SetAxisLabels(1, pv.convert_array(np.array(["", *axes.y_labels[1:]])))  # x has that corner
+
+
 def assembly(
     grid: pv.DataSet, fixtures: Fixtures, path: Path, settings: RenderSettings = RenderSettings()
 ) -> None:
@@ -151,98 +282,19 @@ def assembly(
             justification_horizontal="right" if label.left else "left",
         )  # fmt: skip
 
-    legend = []
-    if fixtures.held:
-        facets = [round_the_edge(np.array(facet)) for facet in fixtures.held]
-        first = np.cumsum([0, *(len(facet) for facet in facets)]).tolist()
-        cells = [[b - a, *range(a, b)] for a, b in pairwise(first)]
-        faces = pv.PolyData(np.concatenate(facets), np.concatenate(cells)).clean()
-        outline = faces.extract_feature_edges(
-            settings.edge_angle, manifold_edges=False, feature_edges=False
-        )
-        plotter.add_mesh(outline, color=HELD, line_width=7, render_lines_as_tubes=True)
-        legend.append(("held face", HELD))
-    for _, centre, axis in fixtures.joints:
-        length = settings.bolt * grid.length
-        pin = pv.Cylinder(
-            center=centre, direction=axis, radius=settings.slender * length, height=length
-        )
-        plotter.add_mesh(pin, color=BOLT, **MATT)
-        # also seen through the bodies around it
-        shade = plotter.add_mesh(pin, color=BOLT, opacity=settings.shade, lighting=False).mapper
-        shade.SetResolveCoincidentTopologyToPolygonOffset()
-        shade.SetRelativeCoincidentTopologyPolygonOffsetParameters(0.0, -1e5)
-    if fixtures.joints:
-        legend.append((f"joints: {_numbered(name for name, *_ in fixtures.joints)}", BOLT))
-    for _, start, other, grounded in fixtures.springs:
-        radius, wire = (share * grid.length for share in settings.coil)
-        end = np.array(start) + settings.spring * grid.length * np.array(other)
-        end = end if grounded else np.array(other)
-        path_of_wire = pv.lines_from_points(coil(np.array(start), end, radius, settings.turns))
-        plotter.add_mesh(path_of_wire.tube(radius=wire), color=SPRING, **MATT)
-        if grounded:
-            plate = pv.Cylinder(center=end, direction=other, radius=1.6 * radius, height=2 * wire)
-            plotter.add_mesh(plate, color=SPRING, **MATT)
-    if fixtures.springs:
-        legend.append((f"springs: {_numbered(name for name, *_ in fixtures.springs)}", SPRING))
-    for _, point, out in fixtures.parts:
-        # a rod that ends in a ball: what is behind it is known by its responses alone
-        length, radius = (
-            share * grid.length for share in (0.6 * settings.spring, settings.coil[0])
-        )
-        end = np.array(point) + length * np.array(out)
-        rod = pv.Cylinder(
-            center=0.5 * (np.array(point) + end), direction=out, radius=0.4 * radius, height=length
-        )
-        plotter.add_mesh(rod, color=PART, **MATT)
-        plotter.add_mesh(pv.Sphere(radius=1.3 * radius, center=end), color=PART, **MATT)
-    if fixtures.parts:
-        named = _numbered(name for name, *_ in fixtures.parts)
-        legend.append((f"points of measured parts: {named}", PART))
-    for _, point, out, radius in fixtures.masses:
-        radius = max(radius, settings.smallest_mass * grid.length)
-        body = pv.Cylinder(
-            center=np.array(point) + 0.5 * radius * np.array(out), direction=out, radius=radius,
-            height=radius,
-        )  # fmt: skip
-        plotter.add_mesh(body, color=MASS, **MATT)
-    if fixtures.masses:
-        legend.append((f"masses: {_numbered(name for name, *_ in fixtures.masses)}", MASS))
-    if fixtures.strike:
-        point, direction = np.array(fixtures.strike[:3]), np.array(fixtures.strike[3:])
-        depth, drawn = 0.0, 0
-        for radius in fixtures.spheres:
-            if depth and depth + 2 * radius > settings.chain * grid.length:
-                break
-            drawn += 1
-            sphere = pv.Sphere(radius=radius, center=point - (depth + radius) * direction)
-            plotter.add_mesh(sphere, color=SPHERE, smooth_shading=True, **MATT)
-            depth += 2 * radius
-        arrow = pv.Arrow(
-            start=point - (depth + 0.1 * grid.length) * direction, direction=direction,
-            scale=0.09 * grid.length, shaft_radius=0.05, tip_radius=0.14, tip_length=0.4,
-        )  # fmt: skip
-        plotter.add_mesh(arrow, color=IMPACT, **MATT)
-        n_spheres = len(fixtures.spheres)
-        all_drawn = "" if drawn == n_spheres else f", {drawn} drawn"
-        impact = f"impact of a chain of {n_spheres}{all_drawn}" if n_spheres else "impact"
-        legend.append((impact, IMPACT))
+    legend = [
+        *held_faces(plotter, fixtures, settings),
+        *bolts(plotter, fixtures, grid.length, settings),
+        *springs(plotter, fixtures, grid.length, settings),
+        *measured_parts(plotter, fixtures, grid.length, settings),
+        *masses(plotter, fixtures, grid.length, settings),
+        *struck(plotter, fixtures, grid.length, settings),
+    ]
     if legend:
         size = 0.3, 0.033 * len(legend)
         plotter.add_legend(legend, bcolor=None, face="rectangle", loc="upper left", size=size)
 
-    # to a micrometre: an end at -1e-17 m is 0, not -0
-    millimetres = [round(1e3 * x, 3) + 0.0 for x in grid.bounds]
-    # three numbers along a side, or both ends of a short one
-    sides = np.diff(np.reshape(grid.bounds, (3, 2)), axis=1)[:, 0]
-    numbers = np.where(sides > settings.short * grid.length, 3, 2).tolist()
-    axes = plotter.show_bounds(
-        bounds=grid.bounds, axes_ranges=millimetres, xtitle="x [mm]", ytitle="y [mm]",
-        ztitle="z [mm]",
-        n_xlabels=numbers[0], n_ylabels=numbers[1], n_zlabels=numbers[2],
-        fmt="%.0f", font_size=11, location="outer", color="#505050",
-    )  # fmt: skip
-    axes.SetAxisLabels(1, pv.convert_array(np.array(["", *axes.y_labels[1:]])))  # x has that corner
+    dimensions(plotter, grid, settings)
     seen_from(plotter, eye)
     # of the view's width, what the z axis or names take on the left, and names on the right
     beside = {True: 0.08, False: 0.04}

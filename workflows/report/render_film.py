@@ -31,9 +31,11 @@ def frames(run: dict, strip: Image.Image) -> Iterator[Image.Image]:
     plotter.set_background("white")
 
     # the structure, coloured by the size of its displacement
-    rest, faces = run["points"], run["faces"]
+    at_rest, faces = run["points"], run["faces"]
     size = np.linalg.norm(run["u"], axis=2)
-    shape = pv.PolyData(rest.copy(), np.insert(faces, 0, 4, axis=1).ravel()) if len(faces) else None
+    shape = (
+        pv.PolyData(at_rest.copy(), np.insert(faces, 0, 4, axis=1).ravel()) if len(faces) else None
+    )
     if shape is not None:
         shape["displacement"] = size[0]
         plotter.add_mesh(
@@ -66,7 +68,7 @@ def frames(run: dict, strip: Image.Image) -> Iterator[Image.Image]:
     start, end = run["head"]
     for i, t in enumerate(run["t"]):
         if shape is not None:
-            shape.points = rest + run["scale_u"] * run["u"][i]
+            shape.points = at_rest + run["scale_u"] * run["u"][i]
             shape["displacement"] = size[i]
         for sphere, place, s in zip(spheres, places[i], strength[i], strict=True):
             sphere.position = place

@@ -250,9 +250,9 @@ def budget(summary: Summary) -> list[tuple[str, str, str]]:
             rows.append((label, percent(error, 2), seconds))
     if summary.energy_error is not None:
         rows.append(("energy balance", percent(summary.energy_error, 2), ""))
-    rest = sum(seconds for name, seconds in spent.items() if name not in paid)
-    if rest:
-        rows.append(("everything else", "", digits(rest)))
+    other_seconds = sum(seconds for name, seconds in spent.items() if name not in paid)
+    if other_seconds:
+        rows.append(("everything else", "", digits(other_seconds)))
     return rows
 
 

@@ -29,5 +29,5 @@ WORDS = {
 
 def stage_words(name: str) -> str:
     """Words for a stage; a name in brackets, or one that is not listed, stays as it is."""
-    stage, bracket, rest = name.partition(" (")
-    return WORDS.get(stage, stage) + bracket + rest
+    stage, bracket, bracketed = name.partition(" (")
+    return WORDS.get(stage, stage) + bracket + bracketed

@@ -157,12 +157,12 @@ def _require_start(pipeline: Pipeline) -> None:
 def _write_given(folder: RunFolder, origin: Origin) -> None:
     """The scene in the user's words, as given.toml; scene.toml beside it has every default. A run
     of that scene.toml keeps the given.toml of the run that wrote it."""
-    given, scene = folder.base.path / "given.toml", folder.base.path / "scene.toml"
+    in_words, scene = folder.base.path / "given.toml", folder.base.path / "scene.toml"
     words = origin.text.partition("\n")[2]
-    of_this_scene = given.is_file() and scene.is_file() and scene.read_text("utf-8") == words
-    text = given.read_text("utf-8") if of_this_scene else origin.text
+    of_this_scene = in_words.is_file() and scene.is_file() and scene.read_text("utf-8") == words
+    text = in_words.read_text("utf-8") if of_this_scene else origin.text
     if text:
-        folder.write(given.name, text)
+        folder.write(in_words.name, text)
 
 
 def _write_files(pipeline: Pipeline, folder: RunFolder, *stages: str) -> None:
@@ -255,8 +255,10 @@ def summary_of(
     if explained:
         worst = max(explained, key=lambda error: error.relative or 0.0)
         name, others = spelled(worst.name), len(explained) - 1
-        more = f" Causes of {others} smaller errors are under `errors` in summary.json."
-        sentences.append(f"{name[0].upper()}{name[1:]}: {worst.why}{more if others else ''}")
+        further_causes = f" Causes of {others} smaller errors are under `errors` in summary.json."
+        sentences.append(
+            f"{name[0].upper()}{name[1:]}: {worst.why}{further_causes if others else ''}"
+        )
     return Summary(
         errors=tuple(number_errors),
         scene=scene.name,

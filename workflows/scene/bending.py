@@ -88,9 +88,9 @@ class Beam(SceneTable):
 
     @model_validator(mode="after")
     def _one_section(self) -> "Beam":
-        given = [key for key in SECTIONS if getattr(self, key) is not None]
-        if len(given) != 1:
-            keys = " and ".join(given) or "nothing"
+        sections = [key for key in SECTIONS if getattr(self, key) is not None]
+        if len(sections) != 1:
+            keys = " and ".join(sections) or "nothing"
             raise ValueError(
                 f"the section is told by {keys}: give width and thickness, diameter, or area and "
                 "second_moment"

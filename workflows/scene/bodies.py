@@ -254,9 +254,9 @@ class BodyTable(SceneTable):
 
     @model_validator(mode="after")
     def _one_shape(self) -> "BodyTable":
-        given = [shape for shape in SHAPES if getattr(self, shape) is not None]
-        if len(given) > 1:
-            raise ValueError(f"{' and '.join(given)} exclude each other: keep one of them")
+        shapes = [shape for shape in SHAPES if getattr(self, shape) is not None]
+        if len(shapes) > 1:
+            raise ValueError(f"{' and '.join(shapes)} exclude each other: keep one of them")
         if self.holes and not (self.plate or self.cylinder):
             raise ValueError(
                 "holes belong to a plate or a cylinder: drop them, draw the body as a plate, or "
@@ -273,7 +273,7 @@ class BodyTable(SceneTable):
             )
         if self.lines and not (self.box or self.plate):
             raise ValueError("lines belong to a box or a plate: drop them, or draw one")
-        if not given and (self.at or self.turn):
+        if not shapes and (self.at or self.turn):
             raise ValueError("at and turn place a body drawn here: add box, plate or cylinder")
         return self
 
@@ -312,13 +312,13 @@ class StaticLoad(SceneTable):
 
     @model_validator(mode="after")
     def _one_kind(self) -> "StaticLoad":
-        given = {key for key in type(self).model_fields if getattr(self, key) is not None} - {
-            "name"
-        }
-        if not any(set(needed) <= given <= {*needed, *more} for needed, more in LOADS.items()):
+        keys = {key for key in type(self).model_fields if getattr(self, key) is not None} - {"name"}
+        if not any(
+            set(needed) <= keys <= {*needed, *optional} for needed, optional in LOADS.items()
+        ):
             kinds = ", ".join(" and ".join(needed) for needed in LOADS)
             raise ValueError(
-                f"has {', '.join(sorted(given)) or 'nothing'}; it needs one of {kinds}: give these "
+                f"has {', '.join(sorted(keys)) or 'nothing'}; it needs one of {kinds}: give these "
                 "and no others"
             )
         if self.direction and not any(self.direction):

@@ -69,10 +69,10 @@ class ContactTable(SceneTable):
         needed = KEYS.get(self.law, {})
         for law, keys in KEYS.items():
             for key, unit in keys.items():
-                given = getattr(self, key) is not None
-                if law == self.law and not given:
+                is_given = getattr(self, key) is not None
+                if law == self.law and not is_given:
                     raise ValueError(f'law = "{law}" needs {key} {unit}: add it')
-                if key not in needed and given:
+                if key not in needed and is_given:
                     raise ValueError(f'{key} belongs to law = "{law}": drop it or take that law')
         return self
 

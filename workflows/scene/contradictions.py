@@ -98,11 +98,11 @@ def _other_surface(scene: Scene) -> Iterator[str]:
     if not isinstance(scene.wall, RomWall) or scene.wall.file:
         return
     for key, unit in (("young", " Pa"), ("poisson", "")):
-        given, value = getattr(scene.wall, key), getattr(scene.struck_material, key)
-        if given is not None and given != value:
+        of_wall, value = getattr(scene.wall, key), getattr(scene.struck_material, key)
+        if of_wall is not None and of_wall != value:
             text = list(value) if isinstance(value, tuple) else f"{value:g}"
             yield (
-                f"wall.{key} = {given:g}{unit}, but the wall is the assembly's "
+                f"wall.{key} = {of_wall:g}{unit}, but the wall is the assembly's "
                 f"{scene.struck_body}, whose {key} is {text}{unit}; drop wall.{key}, or change "
                 "what the body is made of."
             )

@@ -17,7 +17,7 @@ def fallen(scene: Scene, source: str) -> Striker | None:
     none, or where both are given and differ."""
     if scene.striker is None or scene.striker.drop is None:
         return scene.striker
-    drop, given = scene.striker.drop, scene.striker.velocity
+    drop, stated = scene.striker.drop, scene.striker.velocity
     R, rho = (float(np.atleast_1d(x)[0]) for x in (scene.chain.radius, scene.chain.density))
     mass = 4 / 3 * pi * R**3 * rho
 
@@ -30,9 +30,9 @@ def fallen(scene: Scene, source: str) -> Striker | None:
             "striker towards the wall; add [gravity], incline the chain, or give striker.velocity."
         )
     speed = sqrt(2 * net * drop)
-    if given is not None and abs(given / speed - 1) > SAME:
+    if stated is not None and abs(stated / speed - 1) > SAME:
         raise InvalidScene(
-            f"{source}: striker.velocity = {given:g} m/s, but striker.drop = {drop:g} m gives "
+            f"{source}: striker.velocity = {stated:g} m/s, but striker.drop = {drop:g} m gives "
             f"{speed:.6g} m/s; drop one of them."
         )
     return scene.striker.but(velocity=speed)

@@ -71,7 +71,7 @@ def _of_structure(scene: Scene, wall: RomWall) -> Iterator[str]:
 
 def of_friction(scene: Scene) -> Iterator[str]:
     """Sentences on contradictions between friction, arm and the rest of a scene."""
-    friction, arm, wall, contact = scene.friction, scene.arm, scene.wall, scene.contact
+    friction, arm, wall = scene.friction, scene.arm, scene.wall
     velocity = scene.striker.tangential_velocity if scene.striker else None
     if friction is None:
         if arm is not None:
@@ -89,10 +89,17 @@ def of_friction(scene: Scene) -> Iterator[str]:
             'add [[shakers]] with wall.kind = "rom", or drop it.'
         )
 
-    # walls: those whose motion along the chain has no part across it
     if wall is None:
         yield "[friction] acts at the wall; add [wall], or drop [friction]."
         return
+    yield from _of_walls(scene)
+    yield from _of_contacts(scene)
+    yield from _of_supports_across(scene)
+
+
+def _of_walls(scene: Scene) -> Iterator[str]:
+    """Sentences on walls other than those whose motion along the chain has no part across it."""
+    wall = scene.wall
     if not isinstance(wall, RigidWall | HalfSpaceWall | OneDofWall | RomWall):
         yield (
             f'[friction] with wall.kind = "{wall.kind}", allowed are "rigid", "half-space", '
@@ -108,7 +115,10 @@ def of_friction(scene: Scene) -> Iterator[str]:
                     f"modulus and the ratio of its surface, add wall.{key}."
                 )
 
-    # contacts: elastic spheres, whose pressure is Hertz'
+
+def _of_contacts(scene: Scene) -> Iterator[str]:
+    """Sentences on contacts other than those of elastic spheres, whose pressure is Hertz'."""
+    friction, contact = scene.friction, scene.contact
     if contact.shaped:
         yield (
             f'[friction] with contact.law = "{contact.law}", of which no tangential law is known; '
@@ -145,8 +155,11 @@ def of_friction(scene: Scene) -> Iterator[str]:
             "a factor says nothing of the contact's size; change it, or drop [friction]."
         )
 
-    # what holds the sphere across the chain
-    gravity = scene.gravity
+
+def _of_supports_across(scene: Scene) -> Iterator[str]:
+    """Sentences on what holds the last sphere across the chain, and moves it there."""
+    arm, gravity = scene.arm, scene.gravity
+    velocity = scene.striker.tangential_velocity if scene.striker else None
     if gravity and gravity.across and arm is None:
         yield (
             f"gravity.inclination = {gravity.inclination:g} weighs across the chain, which nothing "

@@ -67,14 +67,14 @@ def entries(
         if isinstance(value, dict):
             for word, row in value.items():
                 if isinstance(row, BaseModel):
-                    given = below.get(word) if isinstance(below, dict) else None
-                    yield from entries(row, given, (*key, getattr(row, "name", word)))
+                    row_below = below.get(word) if isinstance(below, dict) else None
+                    yield from entries(row, row_below, (*key, getattr(row, "name", word)))
             continue
         if isinstance(value, tuple) and any(isinstance(row, BaseModel) for row in value):
             for i, row in enumerate(value):
                 if isinstance(row, BaseModel):
-                    given = below[i] if isinstance(below, list | tuple) else None
-                    yield from entries(row, given, (*key, getattr(row, "name", str(i + 1))))
+                    row_below = below[i] if isinstance(below, list | tuple) else None
+                    yield from entries(row, row_below, (*key, getattr(row, "name", str(i + 1))))
             continue
 
         # a number, or numbers at any depth of a list; a table may narrow the range of one by others

@@ -246,26 +246,26 @@ def as_bodies(scene: Scene) -> Scene:
         held.append(Hold(**hold))
 
     # measured modes: those of the thesis, with the frequencies that the scene gives in their place
-    given = {target.number: target for target in scene.targets or ()}
+    target_of = {target.number: target for target in scene.targets or ()}
     rows = zip(HAMMER_TEST["hz"], HAMMER_TEST["motion"], HAMMER_TEST["shape"], strict=True)
     targets = tuple(
         MeasuredMode(
-            hz=given[i].hz if i in given else measured,
-            hz_deviation=given[i].hz_deviation if i in given else None,
+            hz=target_of[i].hz if i in target_of else measured,
+            hz_deviation=target_of[i].hz_deviation if i in target_of else None,
             body=HAMMER_TEST["body"], motion=motion, title=shape,
         )
         for i, (measured, motion, shape) in enumerate(rows, start=1)
     )  # fmt: skip
 
-    own = mesh.file
+    mesh_file = mesh.file
     bodies = {
-        name: BodyTable(material=part, **({} if own else _drawn(scene, name)))
+        name: BodyTable(material=part, **({} if mesh_file else _drawn(scene, name)))
         for name, part in part_of.items()
     }
     strike = {key: getattr(patch, key) for key in ("radius", "weights", "nodes")}
     return scene.model_copy(
         update={
-            "assembly": General(mesh=own, held=tuple(held)),
+            "assembly": General(mesh=mesh_file, held=tuple(held)),
             "materials": materials,
             "bodies": bodies,
             "ties": tuple(ties) or None,
@@ -273,7 +273,7 @@ def as_bodies(scene: Scene) -> Scene:
             "strike": Strike(on=STRUCK, at=patch.point, seed=mesh.contact_seed, **strike),
             "targets": targets,
             "mesh": Meshing()
-            if own
+            if mesh_file
             else Meshing(element=scene.mesh.element, scale=scene.mesh.scale),
             "patch": None,
         }

@@ -95,10 +95,10 @@ def exactly_one(table: Any, *keys: str, default: float) -> Any:
     refused."""
     if not isinstance(table, dict):
         return table
-    given = [key for key in keys if table.get(key) is not None]
-    if len(given) > 1:
-        raise ValueError(f"{' and '.join(given)} exclude each other: keep one of them")
-    return table if given else {**table, keys[0]: default}
+    present = [key for key in keys if table.get(key) is not None]
+    if len(present) > 1:
+        raise ValueError(f"{' and '.join(present)} exclude each other: keep one of them")
+    return table if present else {**table, keys[0]: default}
 
 
 def text_or_table(value: Any) -> str:

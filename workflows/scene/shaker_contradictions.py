@@ -104,9 +104,10 @@ def of_shakers(scene: Scene) -> Iterator[str]:
         if shaker.name in names:
             yield f"{key} stands twice; give each shaker a name of its own."
         names.add(shaker.name)
-        given = [name for name in (*AMPLITUDES, "force") if getattr(shaker, name) is not None]
-        if len(given) > 1:
-            yield f"{key} has {' and '.join(given)}, which exclude each other; keep one of them."
+        amplitudes = [name for name in (*AMPLITUDES, "force") if getattr(shaker, name) is not None]
+        if len(amplitudes) > 1:
+            excluding = " and ".join(amplitudes)
+            yield f"{key} has {excluding}, which exclude each other; keep one of them."
         of_file = isinstance(scene.wall, RomWall) and scene.wall.file is not None
         if isinstance(scene.wall, RomWall):
             yield from _of_structure(shaker, key, of_file)

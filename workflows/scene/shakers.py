@@ -59,8 +59,8 @@ class Shaker(SceneTable):
     @property
     def vector(self) -> np.ndarray:
         """(3,) unit vector of its direction, nan where it has none."""
-        given = AXES.get(self.direction) if isinstance(self.direction, str) else self.direction
-        vector = np.full(3, np.nan) if given is None else np.array(given, float)
+        direction = AXES.get(self.direction) if isinstance(self.direction, str) else self.direction
+        vector = np.full(3, np.nan) if direction is None else np.array(direction, float)
         size = float(np.linalg.norm(vector))
         return vector / size if size > 0.0 else np.full(3, np.nan)
 

@@ -74,8 +74,8 @@ class SpringTable(SceneTable):
 
     def along(self, key: str) -> tuple[float, float, float] | str | None:
         """Direction of a stiffness: a vector, "normal", or None from one end to the other."""
-        given = key[1:] if key != ALONG else self.direction
-        return AXES.get(given, given) if isinstance(given, str) else given
+        direction = key[1:] if key != ALONG else self.direction
+        return AXES.get(direction, direction) if isinstance(direction, str) else direction
 
     @model_validator(mode="after")
     def _in_a_direction(self) -> "SpringTable":

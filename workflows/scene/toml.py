@@ -158,23 +158,28 @@ def _with_named_material(tables: dict[str, Any], path: list[str]) -> dict[str, A
     """The tables with all numbers of a material that is known by its name, where the path is that
     of one of them and the tables do not have it: the others stay as they were."""
     table, name = path[0], path[1] if len(path) == 3 else ""
-    named, own = named_material(name), tables.get("materials", {})
-    if table != "materials" or named is None or not isinstance(own, dict) or name in own:
+    named, materials = named_material(name), tables.get("materials", {})
+    if (
+        table != "materials"
+        or named is None
+        or not isinstance(materials, dict)
+        or name in materials
+    ):
         return tables
     numbers = {number: getattr(named, number) for number in NUMBERS}
-    return {**tables, "materials": {**own, name: numbers}}
+    return {**tables, "materials": {**materials, name: numbers}}
 
 
 def _require_known_body(key: str, written: dict[str, Any], tables: dict[str, Any]) -> None:
     """Raises InvalidScene where a dotted key is of a body that is neither among those `written` nor
     drawn by the changes; bodies of a file are known once it has been read."""
-    first, *rest = key.split(".")
+    first, *inner = key.split(".")
     assembly = tables.get("assembly", {})
     of_file = isinstance(assembly, dict) and assembly.keys() & {"step", "mesh"}
     bodies, known = tables.get("bodies"), written.get("bodies", {})
-    if first != "bodies" or len(rest) < 2 or of_file or not isinstance(bodies, dict):
+    if first != "bodies" or len(inner) < 2 or of_file or not isinstance(bodies, dict):
         return
-    name, body = rest[0], bodies[rest[0]]
+    name, body = inner[0], bodies[inner[0]]
     if name not in known and not (isinstance(body, dict) and body.keys() & set(SHAPES)):
         which = nearest(name, known) if known else "the scene has none"
         raise InvalidScene(
@@ -233,8 +238,8 @@ def value_of(text: str) -> Any:
 def _with(table: dict[str, Any], path: list[str], value: Any, key: str) -> dict[str, Any]:
     """A copy of the table with the value at the path; values that exclude the new one are dropped,
     all others of its table where it is another kind."""
-    first, *rest = path
-    if not rest:
+    first, *inner = path
+    if not inner:
         other_kind = first == "kind" and key != "reduction.kind" and table.get("kind") != value
         excluded = table.keys() if other_kind else instead_of(key)
         return {**{name: x for name, x in table.items() if name not in excluded}, first: value}
@@ -242,11 +247,11 @@ def _with(table: dict[str, Any], path: list[str], value: Any, key: str) -> dict[
     # a table in a list, by its name
     below = table.get(first, {})
     by_name = _by_name(below)
-    if len(rest) > 1 and (row := by_name.get(rest[0])):
-        new_row = _with(row, rest[1:], value, key)
+    if len(inner) > 1 and (row := by_name.get(inner[0])):
+        new_row = _with(row, inner[1:], value, key)
         return {**table, first: [new_row if old is row else old for old in below]}
     if isinstance(below, dict):
-        return {**table, first: _with(below, rest, value, key)}
+        return {**table, first: _with(below, inner, value, key)}
     if by_name:
         names = list(by_name)
         reason = f"{first} is a list of {', '.join(names)}; write {first}.{names[0]} and a key."

@@ -175,8 +175,8 @@ def other_theories(scene: Scene) -> tuple[SecondModel, ...]:
     of_kind = THEORIES.beam if scene.plate is None else THEORIES.plate
     models = []
     for theory, share in zip(("solid", "usual"), of_kind, strict=True):
-        other = model(scene, theory=theory)
-        reduced = _reduced(scene, other)._replace(T=None, contact=contact_of(scene, other))
+        second = model(scene, theory=theory)
+        reduced = _reduced(scene, second)._replace(T=None, contact=contact_of(scene, second))
         models.append(SecondModel(reduced, share))
     return tuple(models)
 

@@ -184,14 +184,14 @@ def tied_pairs(scene: Scene, layout: Drawing, selection: Picked) -> list[Touchin
     # a body among others that touches none, is not held and on no springs would keep its rigid
     # motions; whether springs hold it in all directions is judged with the model
     n_holds = len(scene.assembly.holds)
-    held = {selection.faces[f"held-{i + 1}"].body for i in range(n_holds)}
-    held |= {body for place in selection.joints for body in place.bodies}
-    held |= {
+    supported = {selection.faces[f"held-{i + 1}"].body for i in range(n_holds)}
+    supported |= {body for place in selection.joints for body in place.bodies}
+    supported |= {
         selection.faces[spring_face(spring.name, end)].body
         for spring in scene.springs or () for end in spring.ends
     }  # fmt: skip
-    held |= {selection.faces[part_face(part.name)].body for part in scene.measured or ()}
-    free = [name for name in layout.near.free(layout.bodies) if name not in held]
+    supported |= {selection.faces[part_face(part.name)].body for part in scene.measured or ()}
+    free = [name for name in layout.near.free(layout.bodies) if name not in supported]
     if len(layout.bodies) > 1 and free:
         misses = [m.sentence for m in layout.near.misses if set(m.bodies) & set(free)]
         raise InvalidScene(

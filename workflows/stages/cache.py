@@ -6,7 +6,7 @@ folder that belongs to somebody else, or that others can write, is not read.
 
 from contextlib import suppress
 from functools import cache
-from hashlib import file_digest, sha256
+from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from json import dumps
 from logging import ERROR, getLogger
@@ -19,6 +19,7 @@ from joblib import Memory, register_store_backend
 from joblib import __version__ as joblib_version
 from joblib.memory import FileSystemStoreBackend
 
+from workflows.files import whole_file
 from workflows.files.cache_folder import OWN, cache_folder, own_folders
 from workflows.stages.sources import fingerprint
 
@@ -36,13 +37,13 @@ class CheckedStore(FileSystemStoreBackend):
         folder = Path(self.location, *call_id)
         with suppress(OSError):  # a disk that is full keeps no result either
             unfinished = folder / f"{SUM}.part"
-            unfinished.write_text(_digest(folder / "output.pkl"), encoding="utf-8")
+            unfinished.write_text(whole_file.digest(folder / "output.pkl"), encoding="utf-8")
             replace(unfinished, folder / SUM)
 
     def load_item(self, call_id, *args, **kwargs):
         """The result; raises ValueError, upon which it is computed again, where it is damaged."""
         folder = Path(self.location, *call_id)
-        if _digest(folder / "output.pkl") != (folder / SUM).read_text(encoding="utf-8"):
+        if whole_file.digest(folder / "output.pkl") != (folder / SUM).read_text(encoding="utf-8"):
             raise ValueError(f"{folder} is damaged")
         return super().load_item(call_id, *args, **kwargs)
 
@@ -60,11 +61,6 @@ def _make_room(store: CheckedStore) -> None:
     """Drop the oldest results, once in a process: it looks at all of them."""
     with suppress(OSError):
         store.enforce_store_limits(LIMIT)
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return file_digest(file, "sha256").hexdigest()
 
 
 def memory() -> Memory | None:

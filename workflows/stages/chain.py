@@ -124,8 +124,8 @@ def chain(scene: Scene) -> dem.Chain:
         case law if law in ELASTIC_LAWS:
             names = [parameter.name for parameter in ELASTIC_LAWS[law].parameters]
             keys = ("stiffness", "stiffness_factor", *names)
-            given = (np.asarray(getattr(contact, key), float) for key in keys)
-            _, stiffness, factor, *parameters = np.broadcast_arrays(row.A, *given)
+            of_contacts = (np.asarray(getattr(contact, key), float) for key in keys)
+            _, stiffness, factor, *parameters = np.broadcast_arrays(row.A, *of_contacts)
             parameters = (values.copy() for values in parameters)
             row = row._replace(A=stiffness * factor, **dict(zip(names, parameters, strict=True)))
         case _:
@@ -179,8 +179,8 @@ def flat(scene: Scene) -> dem.Flat | None:
     wall = scene.wall
     if wall is None or isinstance(wall, RigidWall):
         return wall and dem.RIGID
-    given = None not in (wall.young, wall.poisson)
-    if isinstance(wall, RomWall) and wall.file is None and not given:
+    states_surface = None not in (wall.young, wall.poisson)
+    if isinstance(wall, RomWall) and wall.file is None and not states_surface:
         wall = scene.struck_material
     if isinstance(wall.young, tuple):
         raise InvalidScene(

@@ -46,8 +46,8 @@ def functional(
     if place.direction == "normal":
         direction = -patch.spot.inward
     else:
-        given = AXES.get(place.direction, place.direction)
-        direction = np.array(given, float) / np.linalg.norm(given)
+        axis = AXES.get(place.direction, place.direction)
+        direction = np.array(axis, float) / np.linalg.norm(axis)
     return model.T.T @ (direction @ patch.mean)
 
 

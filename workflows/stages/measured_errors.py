@@ -93,11 +93,11 @@ def part_errors(scene: Scene, model: fem.Model, modes: AssemblyModes) -> NDArray
     omega, shape = modes_with({name: fitted_part(table).fit for name, table in tables.items()})
     omega, shape = omega[:n], shape[:, :n]
     error = np.zeros(n)
-    for other in other_fits(scene):
-        others, shapes = modes_with(other.fits)
+    for other_fit in other_fits(scene):
+        others, shapes = modes_with(other_fit.fits)
         like = fem.mac(shape, shapes)
         nearest = others[like.argmax(axis=1)]
-        error += other.share * np.abs(nearest / np.maximum(omega, 1e-9) - 1)
+        error += other_fit.share * np.abs(nearest / np.maximum(omega, 1e-9) - 1)
     return np.where(omega > fem.correlation.RIGID * omega.max(), error, np.nan)
 
 
@@ -111,9 +111,9 @@ def receptance_error(scene: Scene, mesh: Parts, start: Start, impact: coupling.I
         reduced = wall_model(scene, joined, assembly.contact(scene, mesh, joined))
         return velocities(scene, start, wall_of(scene, reduced), impact)
 
-    own = marched(None)
+    as_fitted = marched(None)
     largest = np.abs(start.velocity).max()
     return float(
-        sum(one.share * np.abs(marched(one.fits) - own).max() for one in other_fits(scene))
+        sum(one.share * np.abs(marched(one.fits) - as_fitted).max() for one in other_fits(scene))
         / largest
     )

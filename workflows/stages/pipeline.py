@@ -11,7 +11,6 @@ elements alone.
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext, suppress
 from functools import lru_cache
-from hashlib import sha256
 from importlib import import_module
 from importlib.util import resolve_name
 from os import environ
@@ -21,6 +20,7 @@ from typing import Any, NamedTuple
 
 from joblib import Memory
 
+from workflows.files import whole_file
 from workflows.scene import LossFactorsTable, MeasuredWall, RomWall, Scene
 from workflows.scene.named_files import files_of
 from workflows.scene.places import has_friction, named_faces, sensor_places, words_of
@@ -113,7 +113,7 @@ def _dimensions(scene: Scene) -> Any:
 
 def content(path: str | Path) -> str | None:
     """A digest of a file's content; None where there is none."""
-    return sha256(Path(path).read_bytes()).hexdigest() if Path(path).is_file() else None
+    return whole_file.digest(Path(path)) if Path(path).is_file() else None
 
 
 @lru_cache(maxsize=256)  # several stages read the tables that name a file
@@ -319,52 +319,10 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
                 reads=tables_of("output", "damping"), needs=("impact", "waves", "reduction")
             )
     if scene.chain and scene.friction:
-        files, numbers = impact["chain-files"], impact["chain-numbers"]
-        further = files.needs[2:]
-        across = tables_of("friction", "arm", "shakers", "striker")
-        compiled = ASSEMBLY["compilation"]
-        impact = impact | {
-            "compilation": compiled._replace(
-                function=".friction:compilation",
-                reads=lambda scene: [compiled.reads(scene), across(scene)],
-            ),
-            "friction": Stage(
-                ".friction:friction",
-                lambda scene: [_marched(scene), across(scene)],
-                ("start", "wall", "impact"),
-                after=("compilation",),
-            ),
-            "chain-files": files._replace(
-                function=".friction:chain_files", needs=("impact", "wall", "friction", *further)
-            ),
-            "chain-numbers": numbers._replace(
-                function=".friction:chain_numbers", needs=(*numbers.needs, "friction")
-            ),
-            "figures": impact["figures"]._replace(
-                function=".figures:of_friction", needs=("impact", "waves", "friction")
-            ),
-        }
+        impact = impact | across_the_chain(impact)
     if scene.chain and has_friction(scene):
-        reads = impact["friction"].reads
-        impact |= {
-            "spatial-wall": Stage(
-                ".structure_friction:spatial_wall",
-                lambda scene: [_wall_reads(scene), tables_of("shakers")(scene)],
-                needs,
-            ),
-            "march": Stage(".structure_friction:march", reads, ("start", "spatial-wall")),
-            "impact": Stage(
-                ".structure_friction:impact", tables_of(), ("start", "wall", "march"), kept=False
-            ),
-            "friction": Stage(".structure_friction:across", tables_of(), ("march",), kept=False),
-        }
+        impact = impact | on_a_structure(scene, impact, needs)
         wall = Stage(".structure_friction:wall_along", tables_of(), ("spatial-wall",), kept=False)
-        if sensor_places(scene):
-            impact["record"] = IMPACT["record"]._replace(
-                function=".structure_friction:record",
-                reads=tables_of("output", "shakers"),
-                needs=("start", "spatial-wall", "march", "impact", "waves"),
-            )
     shown = (
         *(("chain-files", "chain-numbers") if scene.chain else ()),
         *(("model-files", "response-files", "structure-numbers") if needs_structure(scene) else ()),
@@ -403,6 +361,62 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
         "wall": Stage(".impact:pruned_wall", tables_of(), ("pruning",)),
     }
     return {**structure, **walls, **impact}
+
+
+def across_the_chain(impact: dict[str, Stage]) -> dict[str, Stage]:
+    """What friction at the wall adds to the stages of an impact, or puts in their place."""
+    files, numbers = impact["chain-files"], impact["chain-numbers"]
+    further = files.needs[2:]
+    across = tables_of("friction", "arm", "shakers", "striker")
+    compiled = ASSEMBLY["compilation"]
+    return {
+        "compilation": compiled._replace(
+            function=".friction:compilation",
+            reads=lambda scene: [compiled.reads(scene), across(scene)],
+        ),
+        "friction": Stage(
+            ".friction:friction",
+            lambda scene: [_marched(scene), across(scene)],
+            ("start", "wall", "impact"),
+            after=("compilation",),
+        ),
+        "chain-files": files._replace(
+            function=".friction:chain_files", needs=("impact", "wall", "friction", *further)
+        ),
+        "chain-numbers": numbers._replace(
+            function=".friction:chain_numbers", needs=(*numbers.needs, "friction")
+        ),
+        "figures": impact["figures"]._replace(
+            function=".figures:of_friction", needs=("impact", "waves", "friction")
+        ),
+    }
+
+
+def on_a_structure(
+    scene: Scene, impact: dict[str, Stage], needs: tuple[str, ...]
+) -> dict[str, Stage]:
+    """What friction on a structure puts in the place of the stages of an impact with friction: one
+    march along and across the chain."""
+    reads = impact["friction"].reads
+    stages = {
+        "spatial-wall": Stage(
+            ".structure_friction:spatial_wall",
+            lambda scene: [_wall_reads(scene), tables_of("shakers")(scene)],
+            needs,
+        ),
+        "march": Stage(".structure_friction:march", reads, ("start", "spatial-wall")),
+        "impact": Stage(
+            ".structure_friction:impact", tables_of(), ("start", "wall", "march"), kept=False
+        ),
+        "friction": Stage(".structure_friction:across", tables_of(), ("march",), kept=False),
+    }
+    if sensor_places(scene):
+        stages["record"] = IMPACT["record"]._replace(
+            function=".structure_friction:record",
+            reads=tables_of("output", "shakers"),
+            needs=("start", "spatial-wall", "march", "impact", "waves"),
+        )
+    return stages
 
 
 def needs_structure(scene: Scene) -> bool:

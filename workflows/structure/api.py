@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from re import sub
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +19,6 @@ from workflows.files.scene import scene as load_scene
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.named_files import require_file
 from workflows.scene.parts import with_assembly, with_structure, with_targets
-from workflows.scene.scene import LONGEST_NAME
 from workflows.stages.progress import Progress, quiet
 
 if TYPE_CHECKING:
@@ -212,8 +210,8 @@ def export(
     (`beadwave modes --inp --step`). Files that beadwave did not write, or that were changed since,
     are only replaced with `overwrite`."""
     chosen = with_assembly(load_scene(scene, changes))
-    given = {"--inp": inp, "--step": step}
-    files = output_files(given, inputs=files_read(chosen, scene), overwrite=overwrite)
+    options = {"--inp": inp, "--step": step}
+    files = output_files(options, inputs=files_read(chosen, scene), overwrite=overwrite)
     from workflows.stages.pipeline import pipeline_of
     from workflows.structure.export import write_model
 
@@ -275,19 +273,11 @@ def tune(
 
     result, report = tuned(chosen, wanted, names_of(free), progress)
     report = report.model_copy(update={"remarks": [*remarks, *report.remarks]})
-    if file is None or report.failures:
-        return Tuned(result, report, None)
-
     met = ", ".join(f"{n}: {hz:g} Hz" for n, hz in report.match.items())
     errors = frequency_errors(chosen, wanted).text()
     first = f"Joints inferred from modes {met}; deviations rest on {errors}."
-    return Tuned(write_scene(_named(result, file), file, first, scene), report, file.path)
-
-
-def _named(scene: Scene, file: OutputFile) -> Scene:
-    """The scene named after its file, where the one it was read from does not name it."""
-    name = sub(r"[^\w.-]", "-", file.path.stem).lstrip(".-")[:LONGEST_NAME] or "tuned"
-    return scene.model_copy(update={"name": name})
+    result, path = write_scene(result, None if report.failures else file, first, scene)
+    return Tuned(result, report, path)
 
 
 @dataclass(frozen=True, repr=False)
@@ -352,11 +342,9 @@ def tune_to_responses(
     )
     if folder:
         write_pictures(folder, drawn)
-    if file is None:
-        return TunedToResponses(result, report, drawn, None)
     first = f"Values inferred from the responses in {report.file}."
-    written = write_scene(_named(result, file), file, first, scene)
-    return TunedToResponses(written, report, drawn, file.path)
+    result, path = write_scene(result, file, first, scene)
+    return TunedToResponses(result, report, drawn, path)
 
 
 @dataclass(frozen=True, repr=False)
@@ -394,10 +382,9 @@ def fit_losses(
     file = OutputFile(out, inputs=inputs, ending=".toml", overwrite=overwrite) if out else None
     result, report = losses(chosen, progress)
     report = report.model_copy(update={"remarks": [*remarks, *report.remarks]})
-    if file is None:
-        return Damped(result, report, None)
     first = "Loss factors inferred from the damping ratios of the targets."
-    return Damped(write_scene(_named(result, file), file, first, scene), report, file.path)
+    result, path = write_scene(result, file, first, scene)
+    return Damped(result, report, path)
 
 
 def rank_parameters(
@@ -610,10 +597,10 @@ def hammer(
 
 def _of_test(files: str | Path | Iterable[str | Path]) -> list[Path]:
     """The files of a hammer test, one at least; raises InvalidScene for one that is not there."""
-    given = [files] if isinstance(files, str | Path) else list(files)
-    if not given:
+    paths = [files] if isinstance(files, str | Path) else list(files)
+    if not paths:
         raise InvalidScene(f"no file; {HAMMER}.")
-    return [require_file(file, HAMMER) for file in given]
+    return [require_file(file, HAMMER) for file in paths]
 
 
 def _band(band: str | tuple[float, float] | None) -> tuple[float, float] | None:

@@ -111,19 +111,19 @@ def with_dampings(scene: Scene, value: Mapping[str, float]) -> Scene:
     table = scene.damping.model_dump(exclude_unset=True) if scene.damping else {}
     numbers = list(scene.measured_numbers)
     for name, x in value.items():
-        kind, _, rest = name.partition(".")
+        kind, _, inner = name.partition(".")
         if kind in ("joints", "springs"):
             tables = joints if kind == "joints" else springs
-            entry, _, key = rest.rpartition(".")
+            entry, _, key = inner.rpartition(".")
             tables[entry] = tables[entry].model_copy(update={key: float(x)})
-        elif rest in ("alpha", "beta", "ratio"):
-            table[rest] = float(x)
-        elif rest.startswith("ratio."):
+        elif inner in ("alpha", "beta", "ratio"):
+            table[inner] = float(x)
+        elif inner.startswith("ratio."):
             ratios = list(table["ratio"])
-            ratios[numbers.index(int(rest.partition(".")[2]))] = float(x)
+            ratios[numbers.index(int(inner.partition(".")[2]))] = float(x)
             table["ratio"] = ratios
         else:
-            of, _, part = rest.partition(".")
+            of, _, part = inner.partition(".")
             table[of] = {**table.get(of, {}), part: float(x)}
     if any(name.startswith("damping.") for name in value):
         scene = scene.model_copy(update={"damping": type(scene.damping).model_validate(table)})

@@ -104,13 +104,13 @@ class StepRow(BaseModel):
 
     def text(self) -> str:
         """What was done with which options, and what was left out."""
-        given = [
+        options = [
             f"{name} {value:.6g}" if isinstance(value, float) else f"{name} {value}"
             for name, value in self.options.items()
             if value not in (None, "")
         ]
         left_out = f"; left out: {'; '.join(self.left_out)}" if self.left_out else ""
-        return f"{self.file}: {', '.join([self.step, *given])}{left_out}."
+        return f"{self.file}: {', '.join([self.step, *options])}{left_out}."
 
 
 class HammerReport(BaseModel):
@@ -203,6 +203,60 @@ def hammer_test(
     InvalidScene where no mode is identified."""
     paths = [paths] if isinstance(paths, Path) else paths
     test, named = measured_test(paths, reading), ", ".join(map(str, paths))
+    require_identifiable(test, named, choice.band_hz)
+    try:
+        if test.kind == "ambient":
+            (records,) = test.records
+            highest = 0.4 / records.dt  # four fifths of what the sampling holds
+            choice = choice._replace(band_hz=choice.band_hz or (highest / 100, highest))
+            modes = subspace_modes(
+                list(records.response), records.dt, choice.band_hz,
+                reject=choice.reject, accept=choice.accept,
+            )  # fmt: skip
+        else:
+            modes = identified_modes(
+                test.responses, choice.band_hz, reject=choice.reject, accept=choice.accept
+            )
+    except ValueError as error:
+        raise InvalidScene(f"{named}: {str(error).rstrip('.')}.") from None
+
+    rows = hammer_rows(test, modes, expected_hz, remarkable)
+    left_out = [LeftOutRow(**row._asdict()) for row in modes.left_out]
+    f = test.responses.frequency_hz
+    band = choice.band_hz or (float(f[f > 0][0]), float(f[-1]))
+    steps = [StepRow(**{**step._asdict(), "left_out": list(step.left_out)}) for step in test.steps]
+    steps.append(
+        StepRow(
+            file=named, step="subspace identification" if test.kind == "ambient"
+            else "poly-reference identification",
+            options={
+                "from_hz": band[0], "to_hz": band[1],
+                "reject": ",".join(map(str, choice.reject)),
+                "accept": ",".join(map(str, choice.accept)),
+            },
+            left_out=[],
+        )
+    )  # fmt: skip
+    remarks, missing = opposite_directions(test, modes), points_without_place(test)
+    if test.nodes and missing:
+        points = test.responses.points
+        listed = ", ".join(points[i] for i in missing[:8]) + (", ..." if len(missing) > 8 else "")
+        remarks.append(
+            f"{len(missing)} of {len(points)} points have no coordinates ({listed}); shapes are "
+            "compared at the others: give the nodes of all in --points"
+        )
+    report = HammerReport(
+        file=named, title=test.title, n_targets=len(expected_hz), rows=rows, left_out=left_out,
+        steps=steps, remarks=remarks,
+    )  # fmt: skip
+    return IdentifiedTest(report, test, modes)
+
+
+def require_identifiable(
+    test: MeasuredTest, named: str, band_hz: tuple[float, float] | None
+) -> None:
+    """Raise InvalidScene for responses in which no modes can be identified: too few or uneven
+    frequencies, or values that are no numbers or all alike."""
     responses = test.responses
     f, H = responses.frequency_hz, responses.H
     spacing = np.diff(f)
@@ -230,31 +284,29 @@ def hammer_test(
             f"{named}: the response of {dead[0]} has no peaks; leave it out, or give responses "
             "that reach a resonance."
         )
-    if choice.band_hz is not None and test.kind != "ambient":
-        low, high = choice.band_hz
+    if band_hz is not None and test.kind != "ambient":
+        low, high = band_hz
         n_within = np.count_nonzero((f >= low) & (f <= high))
         if n_within < 40:
             raise InvalidScene(
                 f"{named}: --band {low:g}:{high:g} holds {n_within} of its frequencies, "
                 f"which reach from {f[0]:g} to {f[-1]:g} Hz; take a band of at least 40 of them."
             )
-    try:
-        if test.kind == "ambient":
-            (records,) = test.records
-            highest = 0.4 / records.dt  # four fifths of what the sampling holds
-            choice = choice._replace(band_hz=choice.band_hz or (highest / 100, highest))
-            modes = subspace_modes(
-                list(records.response), records.dt, choice.band_hz,
-                reject=choice.reject, accept=choice.accept,
-            )  # fmt: skip
-        else:
-            modes = identified_modes(
-                responses, choice.band_hz, reject=choice.reject, accept=choice.accept
-            )
-    except ValueError as error:
-        raise InvalidScene(f"{named}: {str(error).rstrip('.')}.") from None
 
-    paired = nearest_modes(modes.frequency_hz.tolist(), dict(expected_hz))
+
+def hammer_rows(
+    test: MeasuredTest,
+    modes: IdentifiedModes,
+    expected_hz: Mapping[int, float],
+    remarkable: Remarkable,
+) -> list[HammerRow]:
+    """A row per mode: its numbers beside those of the half-power bandwidth, and what is remarkable
+    about it."""
+    responses, paired = (
+        test.responses,
+        nearest_modes(modes.frequency_hz.tolist(), dict(expected_hz)),
+    )
+    f, H = responses.frequency_hz, responses.H
     rows = []
     lines = np.abs(f - modes.frequency_hz[:, None]).argmin(axis=1)
     decays = [
@@ -270,7 +322,7 @@ def hammer_test(
         window = slice(max(line - 2, 0), line + 3)
         peak = window.start + int(np.abs(H[at][window]).argmax())
         f_peak, width = half_power_bandwidth(f, np.abs(H[at]), peak)
-        if width < remarkable.coarse * spacing[0]:
+        if width < remarkable.coarse * (f[1] - f[0]):
             width = np.nan  # lines too far apart to tell
         half_power = width / (2 * f_peak) - responses.shift / (2 * np.pi * hz)
         if not half_power > 0:
@@ -306,34 +358,7 @@ def hammer_test(
                 over_amplitude=[AmplitudeRow(**step._asdict()) for step in steps],
             )
         )  # fmt: skip
-    left_out = [LeftOutRow(**row._asdict()) for row in modes.left_out]
-    band = choice.band_hz or (float(f[f > 0][0]), float(f[-1]))
-    steps = [StepRow(**{**step._asdict(), "left_out": list(step.left_out)}) for step in test.steps]
-    steps.append(
-        StepRow(
-            file=named, step="subspace identification" if test.kind == "ambient"
-            else "poly-reference identification",
-            options={
-                "from_hz": band[0], "to_hz": band[1],
-                "reject": ",".join(map(str, choice.reject)),
-                "accept": ",".join(map(str, choice.accept)),
-            },
-            left_out=[],
-        )
-    )  # fmt: skip
-    remarks, missing = opposite_directions(test, modes), points_without_place(test)
-    if test.nodes and missing:
-        points = test.responses.points
-        listed = ", ".join(points[i] for i in missing[:8]) + (", ..." if len(missing) > 8 else "")
-        remarks.append(
-            f"{len(missing)} of {len(points)} points have no coordinates ({listed}); shapes are "
-            "compared at the others: give the nodes of all in --points"
-        )
-    report = HammerReport(
-        file=named, title=test.title, n_targets=len(expected_hz), rows=rows, left_out=left_out,
-        steps=steps, remarks=remarks,
-    )  # fmt: skip
-    return IdentifiedTest(report, test, modes)
+    return rows
 
 
 def decay_of(test: MeasuredTest, modes: IdentifiedModes, mode: int) -> list[AmplitudeStep]:

@@ -129,27 +129,9 @@ def losses(
                 at_most=float(at_most[j]), says=says,
             )
         )  # fmt: skip
-    remarks = []
-    if open_ones := [row.name for row in factors if row.says == "nothing"]:
-        remarks.append(f"{', '.join(open_ones)}: not determined by the damping of these modes.")
-    if unstrained := [name for name, has in zip(strain.parts, strained, strict=True) if not has]:
-        remarks.append(f"{', '.join(unstrained)}: no mode of these strains it.")
-    if assumed:
-        remarks.append(
-            f"mode {', '.join(map(str, assumed))} came without zeta_deviation: "
-            f"{100 * options.assumed:g} % of the ratio is assumed."
-        )
-    if fit.scatter > 2:
-        remarks.append(
-            f"the ratios scatter about the fit by {fit.scatter:.3g} deviations, by which the bars "
-            "are widened: damping that is not of strain (friction, air, the suspension), or loss "
-            "factors that depend on frequency."
-        )
-    if far := [n for n, x in zip(used, fit.zeta / zeta, strict=True) if not 0.5 < x < 2.0]:
-        remarks.append(
-            f"mode {', '.join(map(str, far))}: the fitted ratio is off by more than a factor of "
-            "two."
-        )
+    unstrained = [name for name, has in zip(strain.parts, strained, strict=True) if not has]
+    ratios = dict(zip(used, (fit.zeta / zeta).tolist(), strict=True))
+    remarks = remarks_on_losses(factors, unstrained, assumed, ratios, fit.scatter, options)
     if not fit.is_value.any():
         raise InvalidScene(
             f"{scene.name}: the damping of mode {', '.join(map(str, used))} tells no loss factor "
@@ -175,3 +157,38 @@ def losses(
         remarks=remarks,
     )  # fmt: skip
     return scene.but(damping=LossFactorsTable(kind="loss", **table)), report
+
+
+def remarks_on_losses(
+    factors: list[LossRow],
+    unstrained: list[str],
+    assumed: list[int],
+    ratios: dict[int, float],
+    scatter: float,
+    options: LossOptions,
+) -> list[str]:
+    """Sentences on loss factors left open, on parts that no mode strains, on deviations that were
+    assumed and on damping that the factors do not explain: its scatter about the fit in deviations,
+    and `ratios`, fitted over measured damping ratio by mode."""
+    remarks = []
+    if open_ones := [row.name for row in factors if row.says == "nothing"]:
+        remarks.append(f"{', '.join(open_ones)}: not determined by the damping of these modes.")
+    if unstrained:
+        remarks.append(f"{', '.join(unstrained)}: no mode of these strains it.")
+    if assumed:
+        remarks.append(
+            f"mode {', '.join(map(str, assumed))} came without zeta_deviation: "
+            f"{100 * options.assumed:g} % of the ratio is assumed."
+        )
+    if scatter > 2:
+        remarks.append(
+            f"the ratios scatter about the fit by {scatter:.3g} deviations, by which the bars "
+            "are widened: damping that is not of strain (friction, air, the suspension), or loss "
+            "factors that depend on frequency."
+        )
+    if far := [n for n, x in ratios.items() if not 0.5 < x < 2.0]:
+        remarks.append(
+            f"mode {', '.join(map(str, far))}: the fitted ratio is off by more than a factor of "
+            "two."
+        )
+    return remarks

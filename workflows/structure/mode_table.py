@@ -90,8 +90,8 @@ class ModeTable(BaseModel):
             others = ", ".join(str(row.number) for row in rows if row is not worst)
             ones = "errors of modes" if len(rows) > 2 else "error of mode"
             arise = "arise" if len(rows) > 2 else "arises"
-            more = f" The smaller {ones} {others} {arise} there too." if others else ""
-            whys.append(f"Mode {worst.number}: {worst.why}{more}")
+            there_too = f" The smaller {ones} {others} {arise} there too." if others else ""
+            whys.append(f"Mode {worst.number}: {worst.why}{there_too}")
         return "\n".join([table, "", *filter(None, (shapes, legend, load, *self.warnings, *whys))])
 
 

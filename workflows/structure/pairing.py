@@ -85,8 +85,13 @@ def recognised(test: IdentifiedTest, pipeline: Pipeline, wanted: Collection[int]
     # pairs of which nothing is doubted tell whether the responses have the model's size
     sure = np.array([i for i, j in enumerate(pairs.index) if j >= 0 and not pairs.doubts[i]], int)
     of_scale = scale_beside(test, pipeline, reading, sure, pairs.index[sure])
-    more = points_that_tell(model, modes, reading, pairs.index[pairs.index >= 0])
-    remarks = [*report.remarks, *([of_scale] if of_scale else []), *more, *remarks_on_axes(scene)]
+    on_points = points_that_tell(model, modes, reading, pairs.index[pairs.index >= 0])
+    remarks = [
+        *report.remarks,
+        *([of_scale] if of_scale else []),
+        *on_points,
+        *remarks_on_axes(scene),
+    ]
     return test._replace(report=report.model_copy(update={"rows": rows, "remarks": remarks}))
 
 
@@ -277,8 +282,8 @@ def as_targets(
             return False
 
     holds = [holds_shape(row.frequency_hz) for row in rows]
-    kept = [i for i in range(len(rows)) if holds[i] or number[i]]
-    rows, number, holds = ([each[i] for i in kept] for each in (rows, number, holds))
+    written = [i for i in range(len(rows)) if holds[i] or number[i]]
+    rows, number, holds = ([each[i] for i in written] for each in (rows, number, holds))
     tables = tuple(
         MeasuredMode(shape=str(file), **_of_test(row))
         if has_shape

@@ -4,9 +4,11 @@ that the scene has, and a ranking by what the modes determine together.
 It takes the projection that `tune` takes, so that nothing is solved on the mesh again.
 """
 
+from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from fem.correlation import Shape, mac, paired
@@ -25,6 +27,7 @@ from workflows.structure import parameters as of_bodies
 from workflows.structure.tuning import (
     PARTS,
     RIG_NAMES,
+    FrequencyErrors,
     candidates_of,
     frequency_errors,
     projected,
@@ -203,28 +206,10 @@ def ranked(
             onsets.append(OnsetRow(name=p.name, now=is_now, stiffness=stiffness))
 
     determined = [row.name for row in rows[: order.n_determined]]
-    several, error = len(match) > 1, f"at {errors.text()}"
-    mode = f"{'modes' if several else 'mode'} {', '.join(map(str, match))}"
-    does = "determine together" if several else "determines"
     remarks = [
-        f"{mode} {does}, {error}: --free {','.join(determined)}."
-        if determined
-        else f"{mode}: no value of these is determined {error}; match others, or more."
+        _on_determined(match, determined, errors),
+        *_on_modes(match, at, hz, options),
     ]
-    apart = {n: hz[i] / match[n] - 1 for n, i in at.items()}
-    if far := [f"mode {n} ({100 * x:+.0f} %)" for n, x in apart.items() if abs(x) > options.far]:
-        remarks.append(
-            f"Far from the target: {', '.join(far)}. Sensitivities at the fitted values will "
-            "differ, rank again after a fit."
-        )
-    for n, i in at.items():
-        others = np.delete(hz, i)
-        nearest = others[np.abs(np.log(np.maximum(others, 1e-9) / hz[i])).argmin()]
-        if abs(nearest / hz[i] - 1) < options.close:
-            remarks.append(
-                f"mode {n} has a neighbour at {nearest:.2f} Hz: their shapes exchange as "
-                "parameters change, and sensitivities with them."
-            )
     return RankReport(
         scene=scene.name,
         match={str(n): wanted for n, wanted in match.items()},
@@ -240,6 +225,39 @@ def ranked(
         singular_values=order.singular.tolist(),
         remarks=remarks,
     )
+
+
+def _on_determined(match: dict[int, float], determined: list[str], errors: FrequencyErrors) -> str:
+    """Which values the modes determine, as --free takes them."""
+    several, error = len(match) > 1, f"at {errors.text()}"
+    mode = f"{'modes' if several else 'mode'} {', '.join(map(str, match))}"
+    does = "determine together" if several else "determines"
+    return (
+        f"{mode} {does}, {error}: --free {','.join(determined)}."
+        if determined
+        else f"{mode}: no value of these is determined {error}; match others, or more."
+    )
+
+
+def _on_modes(
+    match: dict[int, float], at: dict[int, int], hz: NDArray[np.float64], options: RankingOptions
+) -> Iterator[str]:
+    """Sentences on modes far from their targets or close to a neighbour, places `at` among all
+    computed frequencies."""
+    apart = {n: hz[i] / match[n] - 1 for n, i in at.items()}
+    if far := [f"mode {n} ({100 * x:+.0f} %)" for n, x in apart.items() if abs(x) > options.far]:
+        yield (
+            f"Far from the target: {', '.join(far)}. Sensitivities at the fitted values will "
+            "differ, rank again after a fit."
+        )
+    for n, i in at.items():
+        others = np.delete(hz, i)
+        nearest = others[np.abs(np.log(np.maximum(others, 1e-9) / hz[i])).argmin()]
+        if abs(nearest / hz[i] - 1) < options.close:
+            yield (
+                f"mode {n} has a neighbour at {nearest:.2f} Hz: their shapes exchange as "
+                "parameters change, and sensitivities with them."
+            )
 
 
 def _all(scene: Scene) -> tuple[str, ...]:

@@ -477,7 +477,7 @@ def determined(
         ]  # fmt: skip
         for dropped in [*undetermined(fit), *rigid]:
             places = [j for j, p in enumerate(fit.parameters) if p is not dropped]
-            kept = [fit.parameters[j] for j in places]
+            remaining = [fit.parameters[j] for j in places]
             reduced, of_damping_now = basis, made[0]
             if isinstance(dropped, TuningParameter):
                 reduced = at_before(basis, dropped)
@@ -485,7 +485,7 @@ def determined(
                 of_damping_now = with_dampings(made[0], [dropped], np.array(dropped.before))
             remade = (of_damping_now, *made[1:])
             without = response_model(reduced, *remade)
-            refit = fit_responses(without, kept, fit.value[places], data, resonances)
+            refit = fit_responses(without, remaining, fit.value[places], data, resonances)
             evaluations += refit.evaluations
             is_rigid = any(dropped is p for p in rigid)
             # its compliance is zero within two deviations

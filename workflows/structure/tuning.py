@@ -7,6 +7,7 @@ fitted stiffnesses as a judge.
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from re import sub
 from time import perf_counter
 from typing import Any, Literal, NamedTuple
 
@@ -32,6 +33,7 @@ from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, Scene, nearest
 from workflows.scene.bodies import MeasuredMode
 from workflows.scene.named_files import every_file_key
+from workflows.scene.scene import LONGEST_NAME
 from workflows.scene.toml import parsed, toml
 from workflows.stages.mesh_causes import OPTIONS as OF_CAUSES
 from workflows.stages.mesh_causes import Cause, refinement, size_for
@@ -312,13 +314,7 @@ def tuned(
     computed_mode = {n: int(j) + 1 for n, j in zip(number, computed.index, strict=True) if j >= 0}
     of_numbers = []
     if not scene.of_dimensions and (scene.floats or scene.springs) and result.targets:
-        by_number = {t.number for t in result.targets} & computed_mode.keys()
-        counted = [f"{n} is mode {computed_mode[n]}" for n in sorted(by_number)]
-        if counted:
-            of_numbers.append(
-                "numbers of targets count modes that strain bodies or joints, not rigid motions, "
-                f"free or on springs: {', '.join(counted)}."
-            )
+        of_numbers = on_numbers(result, computed_mode)
     report = TuningReport(
         scene=scene.name,
         match={str(n): hz for n, hz in match.items()},
@@ -348,6 +344,19 @@ def tuned(
         ],
     )
     return result, report
+
+
+def on_numbers(scene: Scene, computed_mode: dict[int, int]) -> list[str]:
+    """A sentence on the numbers of targets {number: computed mode} where modes are rigid motions as
+    well, which have none; nothing where no target has a number."""
+    by_number = {t.number for t in scene.targets} & computed_mode.keys()
+    counted = [f"{n} is mode {computed_mode[n]}" for n in sorted(by_number)]
+    if counted:
+        return [
+            "numbers of targets count modes that strain bodies or joints, not rigid motions, "
+            f"free or on springs: {', '.join(counted)}."
+        ]
+    return []
 
 
 def candidates_of(scene: Scene, names: tuple[str, ...]) -> list[TuningParameter]:
@@ -656,10 +665,10 @@ def retargeted(scene: Scene, match: dict[int, float]) -> Scene:
         numbered = zip(scene.measured_numbers, scene.targets or (), strict=True)
         tables = [_moved(target, match.get(n, target.hz)) for n, target in numbered]
     else:
-        given = {target.number: target for target in scene.targets or ()}
-        new = {n: MeasuredMode(number=n, hz=hz) for n, hz in match.items() if n not in given}
-        given = {n: _moved(target, match.get(n, target.hz)) for n, target in given.items()}
-        tables = [table for _, table in sorted((given | new).items())]
+        by_number = {target.number: target for target in scene.targets or ()}
+        new = {n: MeasuredMode(number=n, hz=hz) for n, hz in match.items() if n not in by_number}
+        by_number = {n: _moved(target, match.get(n, target.hz)) for n, target in by_number.items()}
+        tables = [table for _, table in sorted((by_number | new).items())]
     return scene.but(targets=tuple(tables))
 
 
@@ -678,12 +687,19 @@ def shape_mac(full: Pipeline) -> dict[str, float]:
     }
 
 
-def write_scene(scene: Scene, file: OutputFile, first: str, source: Source) -> Scene:
-    """Write the scene as TOML with a first line on where its values come from, and return it.
+def write_scene(
+    scene: Scene, file: OutputFile | None, first: str, source: Source
+) -> tuple[Scene, Path | None]:
+    """Write the scene as TOML with a first line on where its values come from, named after its
+    file; the scene and the file's path, the scene as it is where there is no file.
 
     One that was read from a file keeps this file's name of it, comments and order, as far as
     reading that back gives the scene; in another folder it names its own files by full paths.
     """
+    if file is None:
+        return scene, None
+    name = sub(r"[^\w.-]", "-", file.path.stem).lstrip(".-")[:LONGEST_NAME] or "tuned"
+    scene = scene.model_copy(update={"name": name})
     text = toml(scene)
     if source is None or isinstance(source, str | Path):
         from workflows.scene.commented import with_values
@@ -706,4 +722,4 @@ def write_scene(scene: Scene, file: OutputFile, first: str, source: Source) -> S
                 break
     with file.writing() as path:
         path.write_text(f"# {first}\n{text}", encoding="utf-8")
-    return scene
+    return scene, file.path

@@ -131,8 +131,8 @@ class CheckedGroup:
     def across(self) -> bool:
         """Whether its rows have columns of friction."""
         keys = (*self.group.shared, *self.group.columns)
-        given = self.base.written.tables.get("friction") is not None
-        return given or any(key.startswith("friction.") for key in keys)
+        has_table = self.base.written.tables.get("friction") is not None
+        return has_table or any(key.startswith("friction.") for key in keys)
 
     @property
     def side_by_side(self) -> bool:

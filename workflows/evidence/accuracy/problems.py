@@ -73,9 +73,9 @@ def modal_wall(wall: dem.Wall | None, count: int) -> dem.Wall:
     wall = dem.rigid_wall() if wall is None else wall
     n_own = min(count, wall.omega.size)
     lowest = wall.omega[n_own - 1] + 2 * np.pi * SPACING if n_own else 2 * np.pi * 50.0
-    more = lowest + 2 * np.pi * SPACING * np.arange(count - n_own)
+    further = lowest + 2 * np.pi * SPACING * np.arange(count - n_own)
     return wall._replace(
-        omega=np.append(wall.omega[:n_own], more),
+        omega=np.append(wall.omega[:n_own], further),
         zeta=np.append(wall.zeta[:n_own], np.zeros(count - n_own)),
         phi=np.append(wall.phi[:n_own], np.full(count - n_own, np.sqrt(2.0 / MASS))),
     )

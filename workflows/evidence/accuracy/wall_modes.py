@@ -45,11 +45,11 @@ def wall_modes(scene: Scene, progress: Progress) -> Finding:
     rows = tuple(rows)
     compared = tuple(row for row in rows if row.parameter == COMPARED)
     title = f"{scene.name} with {COMPARED} wall modes"
-    rigid, *more = at_one_setting(rows, FIXED)
+    rigid, *with_modes = at_one_setting(rows, FIXED)
     sentences = rendered(
         __file__, own=0 if case.wall is None else case.wall.omega.size, most=MODES[-1],
         spacing=SPACING, mass=MASS, scene=title, ratios=ratios(compared), scheme=FIXED,
-        rigid=rigid.seconds, growth=growth(more),
+        rigid=rigid.seconds, growth=growth(with_modes),
     )  # fmt: skip
     pictures = (
         picture("accuracy_wall_modes", compared, title),

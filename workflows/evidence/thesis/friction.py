@@ -146,7 +146,7 @@ def friction(
         "shakers that push by a force": all(shaker.force is not None for shaker in scene.shakers),
         "a [patch] whose point can be moved": scene.patch is not None,
     }
-    if missing := [need for need, given in needs.items() if not given]:
+    if missing := [need for need, is_given in needs.items() if not is_given]:
         raise InvalidScene(f"{scene.name}: the study needs {missing[0]}; take rig-shaker.")
 
     states: dict[str, SteadyState] = {}

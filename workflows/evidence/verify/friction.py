@@ -66,11 +66,11 @@ def sphere_with_friction(preload: float = 0.0, **fields) -> tuple[dem.Chain, Las
 def _loop(amplitude: float) -> float:
     """Energy [J] of a period of a plane that moves by an amplitude [m]."""
     chain, last = sphere_with_friction(LOAD)
-    wall, rest = dem.rigid_wall(), np.zeros(1)
-    along = dem.march(chain, wall, rest, duration=0.1, dt=2.5e-5, n_save=4)
+    wall, still = dem.rigid_wall(), np.zeros(1)
+    along = dem.march(chain, wall, still, duration=0.1, dt=2.5e-5, n_save=4)
     clamped = last._replace(arm_stiffness=np.full(2, np.inf), arm_rotation=np.inf)
     motion = WallMotion(np.array([[amplitude, 0.0]]), np.array([10.0]), np.zeros(1))
-    return march_lateral(chain, wall, rest, along, clamped, motion=motion, error=1e-5).cycle.energy
+    return march_lateral(chain, wall, still, along, clamped, motion=motion, error=1e-5).cycle.energy
 
 
 def tangential_speed(psi: float) -> float:
