@@ -180,7 +180,7 @@ def test_a_point_without_a_wall_on_the_split_mesh_says_that_its_error_is_not_kno
             return {}, dict.fromkeys(range(len(points)), "its patch leaves the face.")
 
     monkeypatch.setattr(face.StruckFace, "split", lambda _: (Refusing(), 1.0))
-    coarse = {"bodies.block.seed": 0.02}
+    coarse = {"bodies.block.seed": 0.02, "strike.radius": 4e-3}
     result = beadwave.scan(BLOCK, coarse, grid="2x1", out=tmp_path / "out")
     assert np.isnan(result.columns["error_mesh"]).all() and result.counts() == {"done": 2}
     assert all("its patch leaves the face" in message for message in result.columns["message"])
