@@ -3,9 +3,10 @@
     u_w = sum_j phi_j q_j + s F + mobility * integral of F dt
 
 A wall of a reduced model is made by `coupling.reduced_wall`. How far a half-space of the wall's
-material is indented is part of the contact's stiffness, see `dem.Flat`. To add a kind of wall of a
-scene: its constructor here, its table in `workflows.scene.walls`, its case in
-`workflows.stages.walls`.
+material is indented is part of the contact's stiffness, see `dem.Flat`. A kind of wall of a
+scene has its constructor here, its table in `workflows.scene.walls`, its case in
+`workflows.stages.walls` and its words in `workflows.report.first_screen`; CONTRIBUTING.md has every
+step.
 """
 
 from typing import NamedTuple

@@ -41,10 +41,10 @@ from fem.trace import located
 
 
 class Pushed(NamedTuple):
-    """Forces on a patch, and the half-space there, whose energies are taken off."""
+    """Forces on m patches, and the half-spaces there, whose energies are taken off."""
 
-    force: NDArray[np.float64]  # (k,) [N] on the patch in each of the displacements
-    half_space: HalfSpaceField  # under a unit force
+    force: NDArray[np.float64]  # (k, m) [N] on each patch in each of the displacements
+    half_space: HalfSpaceField  # under unit forces
 
 
 class Faces(NamedTuple):
@@ -90,8 +90,8 @@ def missed_energy(
     """G (k, k) [J] of displacements u (n, k) of a model's free dofs.
 
     D (k, k) [rad^2/s^2] are the inertia forces M u D that hold u beside those on faces; of modes
-    diag(omega^2). In elements around a patch that is pushed, what counts is the error of the
-    difference to the half-space.
+    diag(omega^2). In elements around patches that are pushed, what counts is the error of the
+    difference to the half-spaces.
     """
     structure, k = model.structure, u.shape[1]
     of_bodies, of_cells = {}, {}
@@ -106,8 +106,8 @@ def missed_energy(
         of_body = model.T[structure.dofs(body)] @ u
         q = np.linalg.solve(R.T @ R, R.T @ of_body)
         local, rigid = at_elements(basis, of_body - R @ q), at_elements(basis, R)
-        if field is not None:  # as one displacement more
-            half_space = np.zeros((basis.N, 1))
+        if field is not None:  # as further displacements
+            half_space = np.zeros((basis.N, field.u.shape[1]))
             half_space[field.dofs - structure.first[body]] = field.u
             local = np.concatenate([local, at_elements(basis, half_space)], axis=3)
         m = local.shape[3]
@@ -188,7 +188,7 @@ def missed_energy(
                 side = FacetSide.of(mesh, some, i, order)
                 t = side.traction(element, C, local[..., k:])
                 b = side.lacking(vanish)
-                moments = sign * (b @ t).reshape(len(b), -1, 3, 1)
+                moments = sign * (b @ t).reshape(len(b), -1, 3, m - k)
                 np.add.at(residual[..., k:], side.cells, moments)
 
         G, of_cells[body] = np.zeros((k, k)), np.zeros((n_cells, k))
@@ -210,7 +210,7 @@ def missed_energy(
             r -= (K @ u_e.reshape(len(cells), 3 * n, m)).reshape(r.shape)
             if field is not None:
                 near = np.isin(cells, field.cells)
-                r[near, :, :, :k] -= r[near, :, :, k:] * pushed.force.astype(np.float32)
+                r[near, :, :, :k] -= r[near, :, :, k:] @ pushed.force.T.astype(np.float32)
             r = r[..., :k].reshape(len(cells), -1, k).astype(np.float64)
 
             stiffness = element_stiffness(db, db, at.dx, C)

@@ -18,7 +18,7 @@ middles it covers (`geometry.own_mesh`), so that lines belong where these end.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -58,6 +58,19 @@ class _Rectangle(NamedTuple):
     ring: Ring
     i: tuple[int, int]
     j: tuple[int, int]
+
+
+def lined_meshes(
+    shapes: Mapping[str, Shape], lines: Mapping[str, Lines], seeds: Mapping[str, float]
+) -> dict[str, MeshHex]:
+    """A mesh of every body that has lines, by its seed [m]; raises InvalidGeometry."""
+    meshes = {}
+    for name, of_body in lines.items():
+        try:
+            meshes[name] = lined_mesh(shapes[name], of_body, seeds[name])
+        except InvalidGeometry as error:
+            raise InvalidGeometry(f"bodies.{name}: {error}") from None
+    return meshes
 
 
 def lined_mesh(shape: Shape, lines: Lines, seed: float) -> MeshHex:

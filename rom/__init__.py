@@ -39,7 +39,7 @@ from rom.health import (
     is_indefinite,
 )
 from rom.lanczos import no_modes
-from rom.many_contacts import ManyContacts, many_contacts
+from rom.many_contacts import ManyContacts, many_contacts, static_responses
 from rom.passive_fit import ModalFit, modal_receptance, passive_fit
 from rom.passive_matrix import (
     CoupledMatrices,
@@ -124,6 +124,7 @@ __all__ = [
     "save_mat",
     "save_npz",
     "static_compliance",
+    "static_responses",
     "substructure",
     "superlu",
     "with_columns",

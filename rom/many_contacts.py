@@ -88,6 +88,18 @@ def many_contacts(
     return ManyContacts(modes.omega, phi, static[:, 0], alpha, beta[:, :-1])
 
 
+def static_responses(problem: Pencil, W: sp.csc_array, modes: EigenPairs) -> np.ndarray:
+    """What the modes leave of the static responses to unit forces, r (n, m) [m/N]; of a floating
+    structure, of those with inertia relief."""
+    elastic = modes.omega > 0
+    shapes, rigid = modes.phi[:, elastic], modes.phi[:, ~elastic]
+
+    # the modes' share leaves the loads and, since solver and modes leave rounding, the result
+    loads = W.toarray(order="F") - problem.M @ (shapes @ (W.T @ shapes).T)
+    r = attachment_modes(problem, loads, rigid)
+    return r - shapes @ (shapes.T @ (problem.M @ r))
+
+
 def _spaces(
     problem: Pencil, W: sp.csc_array, modes: EigenPairs, phi: np.ndarray, n_vectors: int
 ) -> np.ndarray:
@@ -96,11 +108,7 @@ def _spaces(
     elastic = modes.omega > 0
     shapes, omega, rigid = modes.phi[:, elastic], modes.omega[elastic], modes.phi[:, ~elastic]
 
-    # what the modes leave of the static response: their share leaves the loads and, since solver
-    # and modes leave rounding, the result
-    loads = W.toarray(order="F") - problem.M @ (shapes @ phi[:, elastic].T)
-    v = attachment_modes(problem, loads, rigid)
-    v -= shapes @ (shapes.T @ (problem.M @ v))
+    v = static_responses(problem, W, modes)
     static = (W * v).sum(axis=0)
     of_modes = ((phi[:, elastic] / omega) ** 2).sum(axis=1)
     static[static <= NOTHING * of_modes] = 0.0  # rounding, where the modes hold all that can move

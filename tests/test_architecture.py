@@ -174,3 +174,22 @@ def test_readme_opens_with_the_two_lines():
     assert all("\n" not in line and "./install.sh" in line for line in lines)
     assert "beadwave run" in lines[0]
     assert "pytest" in lines[1]
+
+
+def test_files_and_names_of_the_recipes_are_there():
+    """Those that CONTRIBUTING.md has in code; a bare name of a file may be in any folder."""
+    folders = (*ROOMS, "docs", "tests", "examples")
+    paths = [path for folder in folders for path in (ROOT / folder).rglob("*")]
+    files = "\n".join(f"/{path.relative_to(ROOT)}{'/' * path.is_dir()}" for path in paths)
+    code = [path for path in paths if path.suffix in (".py", ".js")]
+    names = {name for path in code for name in re.findall(r"\w+", path.read_text("utf-8"))}
+
+    quoted = re.findall(r"`([^`\n]+)`", (ROOT / "CONTRIBUTING.md").read_text("utf-8"))
+    of_file = r"[\w/-]+(/|\.(py|js|md|toml|jinja|sh|html\.jinja))"
+    named_files = {word for word in quoted if re.fullmatch(of_file, word)}
+    named = {word for word in quoted if re.fullmatch(r"[A-Za-z]\w*", word)}
+    there = {*(path.name for path in ROOT.iterdir())}
+    missing = {word for word in named_files - there if f"/{word}" not in files}
+    missing |= named - names
+    assert not missing
+    assert len(named_files) > 80 and len(named) > 40

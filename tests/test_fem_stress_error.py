@@ -93,7 +93,7 @@ def test_of_a_push_only_what_is_not_the_half_space_is_missed():
     model, patch, u, compliance = pushed((5, 2, 2))
     field = next(fem.half_space_fields(model, "bar:top", [patch], STEEL))
     common = model, {"bar": STEEL}, u[:, None], np.zeros((1, 1)), fem.Faces([fem.Held("bar:foot")])
-    G = fem.missed_energy(*common, pushed=fem.Pushed(np.ones(1), field)).G[0, 0]
+    G = fem.missed_energy(*common, pushed=fem.Pushed(np.ones((1, 1)), field)).G[0, 0]
     true = (pushed((15, 6, 6))[3] - compliance) / 0.8
     assert 0.5 < G / true < 1.7, G / true
     assert fem.missed_energy(*common).G[0, 0] > 2.5 * G

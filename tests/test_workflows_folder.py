@@ -98,7 +98,7 @@ INTO_A_FOLDER = {
 @pytest.mark.parametrize("command", INTO_A_FOLDER.values(), ids=INTO_A_FOLDER)
 def test_a_marker_that_is_no_ordinary_file_is_refused(command, kind, monkeypatch, capsys):
     monkeypatch.setattr("workflows.stages.pipeline.Pipeline.__call__", None)
-    Path("mine.csv").write_text(CONTENT["csv"].replace("t [s],v1", "time [s],sphere 1"))
+    Path("mine.csv").write_text(SIGNAL)
     Path("d").mkdir()
     marker, theirs = Path("d", MARKER), Path("theirs.txt")
     theirs.write_text("mine, not a marker\n")
@@ -135,7 +135,7 @@ def test_a_folder_of_the_system_is_no_run_folder(place, tmp_path):
 @pytest.mark.parametrize("command", INTO_A_FOLDER.values(), ids=INTO_A_FOLDER)
 def test_no_command_fills_the_home_of_a_user(command, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("workflows.stages.pipeline.Pipeline.__call__", None)
-    Path("mine.csv").write_text(CONTENT["csv"].replace("t [s],v1", "time [s],sphere 1"))
+    Path("mine.csv").write_text(SIGNAL)
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
     Path("home").mkdir()
     assert beadwave(*command, "--out=home") == 2
@@ -545,8 +545,10 @@ OUTPUTS = {
     "study": ("study", "walls", "d/walls.csv", "--out=d"),
     "accuracy": ("accuracy", "d/accuracy.csv", "--out=d"),
     "hammer": ("hammer", "mine.uff", "--synthetic"),
+    "hammer, points": ("hammer", "mine.csv", "--points=d/modes.json", "--out=d"),
+    "sweep": ("sweep", "rig-1dof", "--cases=d/signals.nc", "--out=d"),
 }
-CONTENT = {"csv": "t [s],v1 [m/s]\n" + "\n".join(f"{i}e-6,{i % 7}e-3" for i in range(400))}
+SIGNAL = "time [s],sphere 1 [m/s]\n" + "\n".join(f"{i}e-6,{i % 7}e-3" for i in range(400))
 
 
 @pytest.mark.parametrize("arguments", OUTPUTS.values(), ids=OUTPUTS)
@@ -562,15 +564,18 @@ def test_no_command_replaces_what_it_reads(arguments, monkeypatch, capsys):
     Path("d").mkdir()
     own = "rig-1dof" if arguments[0] == "twin" else "rig-rom"
     for name in ("mine.toml", "mine.npz", "mine.step", "mine.csv", "mine.uff", "d/scene.toml",
-                 "d/signals.csv", "d/walls.csv", "d/accuracy.csv"):  # fmt: skip
-        read = CONTENT["csv"] if name == "d/signals.csv" else scene_text(own).text
+                 "d/signals.csv", "d/walls.csv", "d/accuracy.csv", "d/modes.json"):  # fmt: skip
+        read = SIGNAL if name == "d/signals.csv" else scene_text(own).text
         Path(name).write_text(read)
+    Path("d/signals.nc").write_text("striker.velocity\n0.3\n")
     before = contents(".")
     for more in ((), ("--overwrite",))[: 1 + (arguments[-1] == "--out=d")]:
         assert beadwave(*arguments, *more) == 2
         said = capsys.readouterr().err
         assert one_line(said), said
         assert contents(".") == before
+        if more:
+            assert "would overwrite" in said, said
 
 
 SINGLE = {

@@ -269,6 +269,11 @@ def test_a_band_outside_of_the_responses_is_refused_with_what_they_hold(csv):
         hammer_test(csv, RIG, choice=Choice(band_hz=(9e4, 2e5)))
 
 
+def test_a_number_of_a_pole_that_is_none_is_refused(csv):
+    with pytest.raises(InvalidScene, match="--accept 3,b must be numbers of poles, as 3,7"):
+        beadwave.hammer(csv, "rig-rom", reject="1,2", accept="3,b")
+
+
 def test_poles_are_rejected_and_accepted_by_their_numbers(csv):
     """The rest is fitted anew; a number that is none of a pole is refused with those there are."""
     report = hammer_test(csv, RIG).report

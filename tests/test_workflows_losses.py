@@ -158,7 +158,7 @@ def test_a_run_and_its_errors_take_the_ratios_of_the_loss_factors(shared_cache, 
 
 
 @pytest.mark.slow
-def test_a_scan_and_its_second_mesh_take_the_ratios_of_the_loss_factors(shared_cache, tmp_path):
+def test_a_scan_takes_on_any_mesh_the_ratios_of_the_loss_factors(shared_cache, tmp_path):
     one = scene(silent_scene(tmp_path, STRUCK + PADS + LOSS))
     zeta, hz = ratios(one)
     for face in (StruckFace(one), StruckFace(one, mesh(one, 0.8))):

@@ -86,3 +86,13 @@ def test_bodies_of_a_scene_are_meshed_finer_and_finer_and_fall_towards_their_lim
     assert np.all(np.diff(dofs) > 0)
     assert np.all(np.diff(hz, axis=0) < 0)
     assert "cantilever: the frequencies converge to" in finding.sentences[0]
+
+
+def test_meshes_that_hardly_differ_leave_the_error_to_the_energy_that_the_finest_misses(
+    monkeypatch,
+):
+    monkeypatch.setattr(study, "SCALES", (1.01, 1.007, 1.005, 1.003, 1.0))
+    finding = study.mesh(scene("cantilever", ("mesh.scale=4",)), quiet)
+    assert finding.sentences[0].startswith("cantilever: these meshes do not determine")
+    assert "By the strain energy that the finest mesh misses" in finding.sentences[0]
+    assert "-" not in finding.sentences[0].rpartition("by up to")[2]

@@ -67,7 +67,7 @@ def test_a_point_is_its_single_run_within_the_errors_stated(scanned):
         stated = sum(scanned.columns[f"error_{of}"][case] for of in ("time", "reduction", "mesh"))
         allowed = stated + own.time + own.reduction + own.mesh
         off = np.abs(v[case] - alone.arrays["v"][:, [0, 4]]).max() / 0.2
-        assert 0.0 < off < allowed < 0.02
+        assert 0.0 < off < allowed < 0.03
         assert scanned.columns["error_reduction"][case] < 1e-3
         force = scanned.columns["wall_peak_force_N"][case]
         assert abs(force / alone.summary.peak_wall_force_N - 1.0) < 5 * allowed
@@ -131,9 +131,9 @@ def test_each_point_states_its_own_error_of_the_mesh(thin):
 
 
 @pytest.mark.slow
-def test_errors_of_the_mesh_hold_on_a_sharp_inner_edge(tmp_path):
-    """Two meshes alone stated half of the difference to a third of the size. Not where the face is
-    held: there the static response beyond the modes, which is not in it, makes 0.5 %."""
+def test_errors_of_the_mesh_hold_on_a_sharp_inner_edge_and_beside_a_held_one(tmp_path):
+    """And beside the face that is held, where the static response beyond the modes counts. True is
+    the difference to a third of the size, which is too small by the error of that one."""
     outline = [[0, 0], [0.06, 0], [0.06, 0.006], [0.006, 0.006], [0.006, 0.06], [0, 0.06]]
     v, stated = [], []
     for seed in (6e-3, 2e-3):
@@ -144,10 +144,9 @@ def test_errors_of_the_mesh_hold_on_a_sharp_inner_edge(tmp_path):
         v.append(found.signals()["v"].to_numpy())
         stated.append(found.columns["error_mesh"])
     true = np.abs(v[0] - v[1]).max(axis=(1, 2)) / 0.2
-    off_the_foot = true > 0.008
-    assert off_the_foot.sum() >= 2
-    ratio = stated[0][off_the_foot] / true[off_the_foot]
-    assert 0.7 < ratio.min() and ratio.max() < 6
+    ratio = stated[0] / true
+    assert true.min() > 0.003 and 1 < ratio.min() and ratio.max() < 4
+    assert np.all(stated[1] < stated[0] / 2)
 
 
 @pytest.mark.slow
@@ -171,14 +170,20 @@ def test_large_errors_are_reported_in_the_row_and_on_the_terminal(
     assert found.notes and not found.messages()  # every point has a result
 
 
-def test_a_point_without_a_second_mesh_says_that_its_error_is_not_known(tmp_path, monkeypatch):
-    def none(_):
-        raise ValueError("its elements cannot be made larger.")
+def test_a_point_without_a_wall_on_the_split_mesh_says_that_its_error_is_not_known(
+    tmp_path, monkeypatch
+):
+    """A block of few elements, whose error is that to a mesh of split ones."""
 
-    monkeypatch.setattr(face.StruckFace, "second", none)
-    result = beadwave.scan(BLOCK, grid="2x1", out=tmp_path / "out")
+    class Refusing:
+        def placed(self, points):
+            return {}, dict.fromkeys(range(len(points)), "its patch leaves the face.")
+
+    monkeypatch.setattr(face.StruckFace, "split", lambda _: (Refusing(), 1.0))
+    coarse = {"bodies.block.seed": 0.02, "strike.radius": 4e-3}
+    result = beadwave.scan(BLOCK, coarse, grid="2x1", out=tmp_path / "out")
     assert np.isnan(result.columns["error_mesh"]).all() and result.counts() == {"done": 2}
-    assert all("cannot be made larger" in message for message in result.columns["message"])
+    assert all("its patch leaves the face" in message for message in result.columns["message"])
     assert any("not known at 2 of 2 points" in note for note in result.notes)
 
 
@@ -327,8 +332,8 @@ def test_a_killed_scan_goes_on_with_the_points_that_are_missing(tmp_path, scanne
     )  # fmt: skip
     assert told[0] == (12, 20) and told[-1] == (20, 20) and marched == list(range(12, 20))
     assert result.counts() == {"done": 20} and not list(out.glob("part-*"))
-    assert len(solved) == 1  # modes of the second mesh alone
-    assert reduced == [8, 8]  # the missing points, on either mesh
+    assert not solved
+    assert reduced == [8]  # the missing points
     time = max(
         one.columns["error_time"].max() for one in (result, scanned)
     )  # steps of parts differ

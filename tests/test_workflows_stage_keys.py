@@ -2,12 +2,15 @@
 
 from contextlib import nullcontext
 from importlib import import_module
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from workflows.files.scene import scene
+from workflows.scene.named_files import file_keys, files_of, in_folder
 from workflows.scene.scene_table import SceneTable
-from workflows.stages.pipeline import pipeline_of
+from workflows.stages.pipeline import pipeline_of, tables_of
 
 SHORT = {"chain.count": 3, "time.duration": 3e-4, "output.spheres": [1, 3], "output.samples": 301}
 BEAM = {
@@ -103,3 +106,29 @@ def test_a_stage_reads_nothing_of_a_scene_that_its_key_lacks(source, changes, re
         assert not lacks, f"{name} reads {sorted(lacks)}: add it to its row of pipeline.py"
         n_checked += 1
     assert n_checked >= 5
+
+
+def naming_files(table=SceneTable):
+    """Every table and key that names a file."""
+    yield from ((table, key) for key in file_keys(table))
+    for below in table.__subclasses__():
+        yield from naming_files(below)
+
+
+@pytest.mark.parametrize(
+    ("table", "key"), list(naming_files()), ids=lambda value: getattr(value, "__name__", value)
+)
+def test_a_file_is_of_the_folder_of_its_scene_and_its_content_is_in_the_key(table, key, tmp_path):
+    empty = table.model_construct(**dict.fromkeys(table.model_fields))
+    named = empty.model_copy(update={key: "a.csv"})
+    found = in_folder((named, empty), tmp_path)
+    assert list(files_of(found)) == [str(tmp_path / "a.csv")]
+    assert found[1] is empty and list(files_of(named)) == ["a.csv"]
+
+    reads, scene_of_one = tables_of("table"), SimpleNamespace(table=found)
+    contents = []
+    for text in (None, "1", "2"):
+        if text is not None:
+            Path(tmp_path, "a.csv").write_text(text)
+        contents.append(str(reads(scene_of_one)))
+    assert len(set(contents)) == 3

@@ -254,7 +254,7 @@ def test_a_tuned_scene_of_a_step_file_keeps_its_comments(out, tmp_path, monkeypa
     (bolts,) = given.joints
     result = given.but(joints=(bolts.but(kz=2e8),))
     file = OutputFile(out, "--out", inputs=(), ending=".toml", overwrite=False)
-    write_scene(result, file, "Of mode 3.", source)
+    assert write_scene(result, file, "Of mode 3.", source)[0].name == "tuned"
     text = Path(out).read_text()
     assert "# of a test" in text and "# M6" in text and "200000000.0" in text
     assert scene(out).but(name=given.name) == result

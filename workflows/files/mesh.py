@@ -12,16 +12,8 @@ from workflows.scene.named_files import require_file
 
 
 def volumes_of(path: Path) -> dict[str, Mesh]:
-    """Every named volume of a file as a mesh of its own; raises InvalidScene where there is
-    none."""
-    try:
-        return volumes(_read(path))
-    except InvalidGeometry as error:
-        raise InvalidScene(str(error)) from None
-
-
-def _read(path: Path) -> NamedCells:
-    """Points and named cells; raises InvalidScene for what is no mesh."""
+    """Every named volume of a file as a mesh of its own; raises InvalidScene for what is no mesh
+    and where there is no such volume."""
     require_file(path, "give a mesh that gmsh or meshio read", key="mesh: ")
     try:
         content = arrays("mesh", path)
@@ -34,4 +26,7 @@ def _read(path: Path) -> NamedCells:
         CellGroup(name, int(dimension), content[f"cells{i}"])
         for i, (dimension, name) in enumerate(str(n).split(" ", 1) for n in content["names"])
     ]
-    return NamedCells(str(path), content["points"], groups)
+    try:
+        return volumes(NamedCells(str(path), content["points"], groups))
+    except InvalidGeometry as error:
+        raise InvalidScene(str(error)) from None

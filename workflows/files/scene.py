@@ -7,14 +7,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from workflows.scene import InvalidScene, RomWall, Scene, nearest
-from workflows.scene.named_files import require_file
+from workflows.scene.named_files import files_of, require_file
 from workflows.scene.toml import Change, changed, parsed, resolved
 
 # values by dotted keys, or texts "key=value" as --set takes them
 Changes = Mapping[str, Any] | Iterable[Change]
 Source = str | Path | Mapping[str, Any] | Scene | None  # name, file, tables; None is DEFAULT
 DEFAULT = "rig-rom"
-FILE_KEYS = ("file", "step", "mesh", "shape", "receptance")  # their texts are files to read
 SURFACES = (".stl", ".obj", ".ply", ".3mf")  # triangles without a volume
 MOST_BYTES = 50_000_000  # a million spheres, each with values of its own
 
@@ -166,9 +165,7 @@ def files_read(scene: Scene, source: Source = None, *others: str | Path | None) 
     that are given."""
     is_file = isinstance(source, str | Path) and str(source) not in built_in()
     itself = [source] if is_file else []
-    tables = (*(table for _, table in scene), *(scene.targets or ()), *(scene.measured or ()))
-    named = [getattr(table, key, None) for table in tables for key in FILE_KEYS]
-    files = (*itself, *named, *others)
+    files = (*itself, *files_of(scene), *others)
     return tuple(Path(file) for file in files if isinstance(file, str | Path) and file)
 
 

@@ -7,13 +7,13 @@ stands for any letters.
 from collections.abc import Iterator, Mapping
 from fnmatch import fnmatchcase
 from math import isinf
-from pathlib import Path
 from re import split
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from workflows.scene.joints import JointStiffnesses
+from workflows.scene.named_files import FileName
 from workflows.scene.quantities import Quantity, of
 from workflows.scene.scene_table import (
     Density,
@@ -344,8 +344,8 @@ EitherHold = Annotated[
 class General(SceneTable):
     """[assembly] of bodies: where they come from, what touching means, what holds them."""
 
-    step: str | None = None  # a STEP file
-    mesh: str | None = None  # or a mesh with named volumes, in metres
+    step: FileName | None = None  # a STEP file
+    mesh: FileName | None = None  # or a mesh with named volumes, in metres
     touching: Literal["ask", "tied", "free"] = "ask"  # what touching pairs are that nothing names
     gap: of(Positive, LENGTH, 1e-8, 1e-3) = 1e-5  # [m] up to which faces touch
     # faces on the ground, a roller as { on = "foot:-z", directions = "z" }; [] for a structure that
@@ -476,7 +476,7 @@ class MeasuredMode(SceneTable):
     motion: str | None = None  # of that body: "x", "x+ry", "strain"
     number: Annotated[int, Field(ge=1, le=200)] | None = None  # of the mode, in place of a motion
     # file of measured shapes (.uff), in place of a motion
-    shape: Annotated[str, Field(min_length=1)] | None = None
+    shape: Annotated[FileName, Field(min_length=1)] | None = None
     title: str | None = None  # what tables call it; body and motion
     # [Hz] its standard deviation, for bars of what is fitted; without one 0.1 % of it
     hz_deviation: of(Positive, FREQUENCY) | None = None
@@ -498,7 +498,3 @@ class MeasuredMode(SceneTable):
                 "the standard deviation of the frequency, or drop it"
             )
         return self
-
-    def in_folder(self, folder: Path) -> "MeasuredMode":
-        """The same with its file looked for in a folder."""
-        return self.model_copy(update={"shape": str(folder / self.shape)}) if self.shape else self

@@ -4,6 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from workflows.scene.named_files import FileName
 from workflows.scene.scene_table import (
     NonNegative,
     Positive,
@@ -43,7 +44,7 @@ class ContactTable(SceneTable):
     stiffness: one_or_each(PowerStiffness) | None = None  # k of law = "power", [N/m^exponent]
     # of the overlap, law = "power"; one per contact
     exponent: one_or_each(Exponent) | None = Field(None, examples=[2.0])
-    file: str | None = None  # CSV of overlap [m] and force [N], law = "table"
+    file: FileName | None = None  # CSV of overlap [m] and force [N], law = "table"
     yield_pressure: one_or_each(YieldPressure) | None = None  # [Pa] one per contact, as those below
     # damping of the contacts
     dissipation: Literal["none", "linear", "linear-clipped", "hunt-crossley"] = "hunt-crossley"

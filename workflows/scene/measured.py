@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from workflows.scene.named_files import FileName
 from workflows.scene.quantities import of
 from workflows.scene.scene_table import Count, Frequency, Point, Positive, SceneTable
 from workflows.scene.shakers import Face
@@ -26,7 +27,7 @@ class MeasuredTable(SceneTable):
 
     name: Annotated[str, Field(pattern=r"^\w[\w-]*$", max_length=50)]  # by which keys call it
     # responses between all points: .uff, .unv, or .mat of hits that name points and sensors
-    receptance: str
+    receptance: FileName
     # of the responses; without it that of the file's quantity, in m and N
     unit: Literal["m/N", "mm/N", "um/N", "m/s/N", "mm/s/N", "m/s^2/N", "g/N"] | None = None
     on: Face  # the plane face that is joined to it, "foot:-z"

@@ -2,6 +2,7 @@
 
 from typing import Literal
 
+from workflows.scene.named_files import FileName
 from workflows.scene.quantities import of
 from workflows.scene.scene_table import (
     Frequency,
@@ -23,7 +24,7 @@ class Mesh(SceneTable):
     support_seed: Seed = 60e-3  # [m] in the parts below
     contact_seed: Seed = 5e-3  # [m] at the patch
     scale: Positive = 1.0  # factor on all sizes of elements
-    file: str | None = None  # a mesh of one's own, with the names of ours
+    file: FileName | None = None  # a mesh of one's own, with the names of ours
 
 
 class Standing(SceneTable):

@@ -1,8 +1,84 @@
-"""Checks of files that a user names: a pipe would be waited for, a device would never end."""
+"""Files that a user names: the keys of a scene that do, and checks: a pipe would be waited for.
 
+A key of the type FileName is looked for in the folder of the scene (`in_folder`), never written
+over (`files_of`), and its content is in the key of every stage that reads its table
+(`workflows.stages.pipeline.tables_of`).
+"""
+
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
+from typing import Annotated, Any, get_args
 
-from workflows.scene.scene_table import InvalidScene
+from pydantic import BaseModel
+
+from workflows.scene.scene_table import InvalidScene, SceneTable
+
+
+class ToRead:
+    """Marks the type of a key whose text is a file that is read."""
+
+
+FileName = Annotated[str, ToRead()]
+
+
+@cache
+def file_keys(table: type[BaseModel]) -> tuple[str, ...]:
+    """The keys of a table that name files, without those of tables in it."""
+    names = []
+    for name, field in table.model_fields.items():
+        parts: list[Any] = [*field.metadata, field.annotation]
+        while parts:
+            part = parts.pop()
+            if isinstance(part, ToRead):
+                names.append(name)
+            parts += get_args(part)
+    return tuple(dict.fromkeys(names))
+
+
+def every_file_key() -> set[str]:
+    """The last words of all keys that name files, as "receptance"."""
+    tables, names = [SceneTable], set()
+    while tables:
+        table = tables.pop()
+        names |= {*file_keys(table)}
+        tables += table.__subclasses__()
+    return names
+
+
+def tables_in(value: Any) -> Iterator[SceneTable]:
+    """The tables in a value of a scene at any depth, itself among them."""
+    if isinstance(value, SceneTable):
+        yield value
+        for name in type(value).model_fields:
+            yield from tables_in(getattr(value, name))
+    elif isinstance(value, tuple | list | dict):
+        for entry in value.values() if isinstance(value, dict) else value:
+            yield from tables_in(entry)
+
+
+def files_of(value: Any) -> Iterator[str]:
+    """The files that the tables in a value of a scene name."""
+    for table in tables_in(value):
+        yield from filter(None, (getattr(table, key) for key in file_keys(type(table))))
+
+
+def in_folder(value: Any, folder: Path) -> Any:
+    """A value of a scene with the files that its tables name looked for in a folder."""
+    if isinstance(value, tuple | list):
+        return type(value)(in_folder(entry, folder) for entry in value)
+    if isinstance(value, dict):
+        return {name: in_folder(entry, folder) for name, entry in value.items()}
+    if not isinstance(value, SceneTable):
+        return value
+    changed = {}
+    for name in type(value).model_fields:
+        before = getattr(value, name)
+        is_file = name in file_keys(type(value)) and before
+        after = str(folder / before) if is_file else in_folder(before, folder)
+        if after != before:
+            changed[name] = after
+    return value.model_copy(update=changed) if changed else value
 
 
 def unfit(path: Path) -> str | None:

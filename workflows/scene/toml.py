@@ -12,7 +12,6 @@ from workflows.scene import (
     ContactTable,
     InvalidScene,
     Joints,
-    MeasuredWall,
     Mesh,
     NoDamping,
     Output,
@@ -26,6 +25,7 @@ from workflows.scene.allowed_words import allowed_words, wanted_values
 from workflows.scene.bodies import SHAPES, General, Meshing
 from workflows.scene.contradictions import contradictions
 from workflows.scene.fall import fallen
+from workflows.scene.named_files import in_folder
 from workflows.scene.named_materials import NUMBERS, named_material
 from workflows.scene.quantities import entries, implausible, unusual_keys
 from workflows.scene.rig import RigTable, check
@@ -85,28 +85,7 @@ def resolved(tables: dict[str, Any], source: str, folder: Path = Path()) -> Scen
     if scene.assembly is not None:
         added |= _structure(scene, tables, source)
 
-    # paths of files, from the folder of the scene
-    if isinstance(scene.wall, RomWall) and scene.wall.file:
-        added["wall"] = scene.wall.model_copy(update={"file": str(folder / scene.wall.file)})
-    if isinstance(scene.wall, MeasuredWall):
-        file = str(folder / scene.wall.receptance)
-        added["wall"] = scene.wall.model_copy(update={"receptance": file})
-    if scene.contact and scene.contact.file:
-        added["contact"] = scene.contact.model_copy(
-            update={"file": str(folder / scene.contact.file)}
-        )
-    for name, key in (("mesh", "file"), ("assembly", "step"), ("assembly", "mesh")):
-        if file := getattr(added.get(name), key, None):
-            added[name] = added[name].model_copy(update={key: str(folder / file)})
-    if scene.measured:
-        added["measured"] = tuple(
-            part.model_copy(update={"receptance": str(folder / part.receptance)})
-            for part in scene.measured
-        )
-    if any(target.shape for target in scene.targets or ()):
-        added["targets"] = tuple(target.in_folder(folder) for target in scene.targets)
-
-    complete = scene.model_copy(update=added)
+    complete = in_folder(scene.model_copy(update=added), folder)
     complete = complete.model_copy(update={"unusual": unusual_keys(entries(complete)) or None})
     for sentence in contradictions(complete):
         raise InvalidScene(f"{source}: {sentence}")

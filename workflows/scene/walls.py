@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, model_validator
 
+from workflows.scene.named_files import FileName
 from workflows.scene.named_materials import of_named_material, with_numbers
 from workflows.scene.quantities import of
 from workflows.scene.scene_table import (
@@ -113,7 +114,7 @@ class RomWall(SceneTable):
     """
 
     kind: Literal["rom"]
-    file: str | None = None  # a reduced model: .npz, .mat, .h5, .mtx
+    file: FileName | None = None  # a reduced model: .npz, .mat, .h5, .mtx
     # numbers of the nodes of an .mtx that the chain touches
     nodes: Annotated[tuple[Count, ...], Field(strict=False, min_length=1)] | None = None
     direction: Annotated[int, Field(ge=1, le=3)] = 1  # of the chain in an .mtx: 1, 2, 3 are x, y, z
@@ -153,7 +154,7 @@ class MeasuredWall(SceneTable):
     """
 
     kind: Literal["measured"]
-    receptance: str  # a measured response: .uff, .unv, .csv, .mat
+    receptance: FileName  # a measured response: .uff, .unv, .csv, .mat
     # of the response; "g/N" is accelerance in multiples of 9.80665 m/s^2
     unit: Literal["m/N", "mm/N", "um/N", "m/s/N", "mm/s/N", "m/s^2/N", "g/N"]
     # number of the response in the file; without it that of a point hit itself

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from geometry import InvalidGeometry
 from geometry.contacts import TouchingPair
 from geometry.drawing import Drawing, Sizing, drawn, meshed
 from geometry.joints import JointWords, Picked, TieWords, Words, picked
-from geometry.lined import lined_mesh
+from geometry.lined import lined_meshes
 from workflows.files.mesh import volumes_of
 from workflows.files.step import require_step
 from workflows.scene import InvalidScene, Scene
@@ -31,9 +30,6 @@ from workflows.scene.size import too_large_mesh
 from workflows.stages.parts import STRIKE, Parts
 from workflows.stages.strike import around, struck
 
-if TYPE_CHECKING:
-    from skfem import Mesh
-
 
 @contextmanager
 def drawing(scene: Scene, coarser: float = 1.0, *, lines: bool = True) -> Iterator[Drawing]:
@@ -42,29 +38,21 @@ def drawing(scene: Scene, coarser: float = 1.0, *, lines: bool = True) -> Iterat
     table = scene.assembly
     try:
         # a mesh: the user's, or between the grid lines that the scene prescribes
+        solids, volumes, scale = {}, {}, coarser * scene.mesh.scale
         if table.mesh:
             volumes = volumes_of(Path(table.mesh))
         else:
-            volumes = lined(scene, coarser) if lines else {}
+            solids = shapes(scene)
+            prescribed = grid_lines(scene, scale) if lines else {}
+            seeds = {name: scale * scene.seed_of(name) for name in prescribed}
+            volumes = lined_meshes(solids, prescribed, seeds)
         step = Path(table.step) if table.step and not volumes else None
         if step:
             require_step(step)
-        with drawn({} if volumes else shapes(scene), step, volumes, table.gap) as bodies:
+        with drawn({} if volumes else solids, step, volumes, table.gap) as bodies:
             yield bodies
     except InvalidGeometry as error:
         raise InvalidScene(f"{scene.name}: {error}") from None
-
-
-def lined(scene: Scene, coarser: float = 1.0) -> dict[str, Mesh]:
-    """Meshes of bodies with prescribed grid lines, of which all sizes are multiplied by mesh.scale
-    and `coarser`; empty for a scene without such lines."""
-    solids, scale, meshes = shapes(scene), coarser * scene.mesh.scale, {}
-    for name, lines in grid_lines(scene, scale).items():
-        try:
-            meshes[name] = lined_mesh(solids[name], lines, scale * scene.seed_of(name))
-        except InvalidGeometry as error:
-            raise InvalidGeometry(f"bodies.{name}: {error}") from None
-    return meshes
 
 
 def words(scene: Scene) -> Words:

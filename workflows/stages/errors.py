@@ -75,7 +75,7 @@ def other_mesh(scene: Scene, mesh: Parts) -> tuple[Parts, float]:
     Raises ValueError for one that cannot be made coarser and is too large to be made finer.
     """
     n = 3 * sum(mesh.nodes.values())
-    if 8 * n > CHOICE.small and scene.own_mesh is None:
+    if not of_few_elements(mesh) and scene.own_mesh is None:
         coarse = stages.mesh(scene, COARSER)
         # markedly coarser: nearly all elements are in bodies that have fewer there
         n_cells = {name: body.nelements for name, body in mesh.meshes.items()}
@@ -96,6 +96,11 @@ def other_mesh(scene: Scene, mesh: Parts) -> tuple[Parts, float]:
     times = max(1, int(log(CHOICE.small / n, 8)))
     meshes = {name: geometry.refined(body, times) for name, body in mesh.meshes.items()}
     return mesh._replace(meshes=meshes), 1 / (1 - 2 ** (-times * CHOICE.even_order))
+
+
+def of_few_elements(mesh: Parts) -> bool:
+    """Whether every element can be split in eight and the assembly solved again in a second."""
+    return 8 * 3 * sum(mesh.nodes.values()) <= CHOICE.small
 
 
 def second_mesh(scene: Scene, mesh: Parts) -> SecondModel:

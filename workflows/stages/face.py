@@ -14,8 +14,9 @@ from scipy.sparse import csc_array
 
 import fem
 import rom
-from coupling.damping import Damping
+from coupling.damping import Damping, damping_ratios
 from coupling.many_contacts import Walls
+from dem import Wall
 from fem.trace import OffFace
 from rom import floating
 from rom.factorisation import Pencil, symmetric
@@ -26,7 +27,7 @@ from workflows.stages import assembly as stages
 from workflows.stages.assembly import solid, struck
 from workflows.stages.chain import Start, start
 from workflows.stages.damping import damping_law
-from workflows.stages.errors import other_mesh
+from workflows.stages.errors import of_few_elements, other_mesh
 from workflows.stages.loss_factors import structure_damping
 from workflows.stages.mesh_error import energy_in, without_missed
 from workflows.stages.parts import Parts
@@ -146,19 +147,50 @@ class StruckFace:
             contacts = rom.many_contacts(*basis, W, n_beyond)
         return Walls(contacts, np.array(local), self._damping())
 
-    def without_missed_energy(self, walls: Walls) -> Walls:
-        """The same walls with the modes as they are once the strain energy that the mesh misses in
-        them is taken off their stiffness."""
-        omega = walls.contacts.omega
-        squares, R = np.linalg.eigh(without_missed(omega, self.pipeline("face-missed")))
-        # rigid motions are exact zeros, not rounding
-        softer = np.where(squares > 1e-9 * squares[-1], squares, 0.0) ** 0.5
-        contacts = walls.contacts._replace(omega=softer, phi=walls.contacts.phi @ R)
-        return walls._replace(contacts=contacts)
+    def without_missed_energy(self, wall: Wall, patches: list[fem.ContactPatch]) -> Wall:
+        """The wall of each patch with the strain energy taken off its stiffness that the mesh
+        misses in the shared modes and in the static response beyond them."""
+        problem, shared = self._basis
+        k, material = len(shared.omega), solid(self.scene, self.scene.struck_body)
+        omega, phi = wall.omega.copy(), wall.phi.copy()
+        done = 0
+        for field in fem.half_space_fields(self.model, self.name, patches, material):
+            group = slice(done, done + field.u.shape[1])
+            W = csc_array(np.column_stack([patch.w for patch in patches[group]]))
+            with fem.one_thread():
+                r = rom.static_responses(problem, W, shared)
 
-    def second(self) -> tuple["StruckFace", float]:
-        """The face on a coarser or finer mesh, and the factor from the difference between the two
-        to the error of this one; raises ValueError where there is no such mesh."""
+            # K r = w - sum M phi_j phi_j^T w
+            D = np.diag(np.append(shared.omega**2, np.zeros(W.shape[1])))
+            D[:k, k:] = -(W.T @ shared.phi).T
+            force = np.concatenate([np.zeros((k, W.shape[1])), np.eye(W.shape[1])])
+            u, pushed = np.column_stack([shared.phi, r]), fem.Pushed(force, field)
+            G = energy_in(self.scene, self.pipeline("mesh"), self.model, u, D, pushed)[0]
+
+            # the oscillators beyond the modes follow a unit force by phi / omega^2, which makes up
+            # r: each takes part in it by phi over what r has at the contact
+            for i, at_contact in enumerate((W * r).sum(axis=0).tolist()):
+                of_r = phi[done + i, k:] / at_contact if at_contact > 0 else 0 * phi[done + i, k:]
+                B = np.zeros((k + 1, omega.shape[1]))
+                B[:k, :k], B[k, k:] = np.eye(k), of_r
+                with_r = np.append(np.arange(k), k + i)
+                missed = B.T @ G[np.ix_(with_r, with_r)] @ B
+                squares, R = np.linalg.eigh(without_missed(omega[done + i], missed))
+                # rigid motions are exact zeros, not rounding
+                omega[done + i] = np.where(squares > 1e-9 * squares[-1], squares, 0.0) ** 0.5
+                phi[done + i] = phi[done + i] @ R
+            done = group.stop
+        zeta = damping_ratios(self._damping(), omega.ravel()).reshape(omega.shape)
+        return wall._replace(omega=omega, zeta=zeta, phi=phi)
+
+    @property
+    def few_elements(self) -> bool:
+        """Whether the mesh is so small that its error is shown by splitting its elements."""
+        return of_few_elements(self.pipeline("mesh"))
+
+    def split(self) -> tuple["StruckFace", float]:
+        """The face on a mesh of few elements, of which each is split, and the share of the
+        difference to it that is the error of the mesh as it is."""
         mesh, error_share = other_mesh(self.scene, self.pipeline("mesh"))
         return StruckFace(self.scene, mesh), error_share
 
@@ -198,11 +230,6 @@ def modes(scene: Scene, problem: Pencil) -> EigenPairs:
     return modes_below(problem, SCAN.higher * to_hz(scene))
 
 
-def missed(scene: Scene, mesh: Parts, model: fem.Model, modes: EigenPairs) -> NDArray[np.float64]:
-    """G (k, k) [rad^2/s^2] that the mesh misses in the modes that all points share."""
-    return energy_in(scene, mesh, model, modes.phi, np.diag(modes.omega**2))[0]
-
-
 def to_hz(scene: Scene) -> float:
     """Frequency [Hz] up to which the error of the reduction holds."""
     return scene.wall.cutoff or scene.reduction.cutoff or scene.reduction.to_hz or TO_HZ
@@ -212,5 +239,4 @@ FURTHER = {
     "outline": Stage(".face:outline", tables_of("strike"), ("mesh", "model")),
     "pencil": Stage(".face:pencil", tables_of(), ("model",), kept=False, listed=False),
     "face-modes": Stage(".face:modes", to_hz, ("pencil",)),
-    "face-missed": Stage(".face:missed", to_hz, ("mesh", "model", "face-modes")),
 }

@@ -242,8 +242,7 @@ def energy_of_shapes(
         omega, phi = of_space[:n_modes], shapes[:, :n_modes]
 
     # of few elements every one is split; modes are paired by their number
-    n_unknowns = 3 * sum(mesh.nodes.values())
-    if contact is not None and 8 * n_unknowns <= errors.CHOICE.small:
+    if contact is not None and errors.of_few_elements(mesh):
         split_mesh, share = errors.other_mesh(scene, mesh)
         split = stages.model(scene, split_mesh)
         lowest = fem.modes(split.K, split.M, min(len(modes.omega), split.K.shape[0] - 2))
@@ -264,7 +263,8 @@ def energy_of_shapes(
         phi, omega = np.column_stack([phi, static.phi]), np.append(omega, static.omega)
         field = field or half_space_at(scene, model, contact)
         if field is not None:
-            pushed = fem.Pushed(np.append(np.zeros(len(omega) - 1), 1 / static.length), field)
+            force = np.append(np.zeros(len(omega) - 1), 1 / static.length)
+            pushed = fem.Pushed(force[:, None], field)
 
     G, of_shapes = energy_in(scene, mesh, model, phi, D, pushed)
     static_from = KrylovOptions().reach * 2 * np.pi * max(TO_HZ, scene.reduction.to_hz or 0.0)
@@ -296,9 +296,10 @@ def energy_in(
     if load is not None:
         faces |= {force.face for force in load.forces}
         faces |= {face for rod in load.rods for face in rod[:2]}
-    missed = fem.missed_energy(
-        model, mesh.materials, phi, D, fem.Faces(still, faces, connections.ties), pushed=pushed
-    )
+    boundary = fem.Faces(still, faces, connections.ties)
+    # products of small blocks: on two busy cores threads take 2 to 4 times as long as one
+    with fem.one_thread():
+        missed = fem.missed_energy(model, mesh.materials, phi, D, boundary, pushed=pushed)
     G = sum(
         of_body * (1.0 if isinstance(mesh.meshes[body], MeshHex) else OPTIONS.of_tetrahedra)
         for body, of_body in missed.of_bodies.items()

@@ -10,6 +10,7 @@ elements alone.
 
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext, suppress
+from functools import lru_cache
 from importlib import import_module
 from importlib.util import resolve_name
 from os import environ
@@ -21,6 +22,7 @@ from joblib import Memory
 
 from workflows.files import whole_file
 from workflows.scene import LossFactorsTable, MeasuredWall, RomWall, Scene
+from workflows.scene.named_files import files_of
 from workflows.scene.places import has_friction, named_faces, sensor_places, words_of
 from workflows.scene.size import foreseen_nodes
 from workflows.stages.cache import key, memory
@@ -56,28 +58,28 @@ class StageReport(NamedTuple):
 
 
 def tables_of(*tables: str) -> Callable[[Scene], Any]:
-    """What a stage reads of a scene: these tables whole."""
+    """What a stage reads of a scene: these tables whole, and the files that they name."""
     return lambda scene: {name: _plain(getattr(scene, name)) for name in tables}
 
 
 def _plain(table: Any) -> Any:
+    """What JSON knows of a table, with the contents of the files that it names."""
     if isinstance(table, tuple):
         return [_plain(entry) for entry in table]
     if isinstance(table, dict):
         return {name: _plain(entry) for name, entry in table.items()}
-    return table.model_dump() if hasattr(table, "model_dump") else table
+    if not hasattr(table, "model_dump"):
+        return table
+    contents = []
+    for file in map(Path, files_of(table)):
+        status = file.stat() if file.is_file() else None
+        stamp = status and (status.st_mtime_ns, status.st_ctime_ns, status.st_size, status.st_ino)
+        contents.append(_content_of(file.absolute(), stamp))
+    return [table.model_dump(), contents] if contents else table.model_dump()
 
 
-def _start_reads(scene: Scene) -> Any:
-    file = None if scene.contact is None else scene.contact.file
-    tables = tables_of(*START)(scene)
-    return tables if file is None else {**tables, "content": content(file)}
-
-
-def _wall_reads(scene: Scene) -> Any:
-    file = getattr(scene.wall, "file", None) or getattr(scene.wall, "receptance", None)
-    tables = tables_of("wall", "damping", "strike", "assembly")(scene)
-    return {**tables, "content": content(file)}
+_wall_reads = tables_of("wall", "damping", "strike", "assembly")
+_targets = tables_of("targets", "test_axes")
 
 
 def _observed(scene: Scene) -> Any:
@@ -90,11 +92,6 @@ def _marched(scene: Scene) -> Any:
 
 def _measured(scene: Scene) -> Any:
     return [_marched(scene), _wall_reads(scene)]
-
-
-def _targets(scene: Scene) -> Any:
-    files = {target.shape for target in scene.targets or ()}
-    return [tables_of("targets", "test_axes")(scene), sorted(map(str, map(content, files)))]
 
 
 def _reduced(scene: Scene) -> Any:
@@ -111,14 +108,17 @@ def _dimensions(scene: Scene) -> Any:
         tables |= {"strike": [scene.strike.on, scene.strike.at]}
     if faces := sorted(named_faces(scene).items()):
         tables |= {"faces": faces}
-    return [tables, content(scene.assembly.file)]
+    return tables
 
 
-def content(path: str | Path | None) -> str | None:
+def content(path: str | Path) -> str | None:
     """A digest of a file's content; None where there is none."""
-    if path is None or not Path(path).is_file():
-        return None
-    return whole_file.digest(Path(path))
+    return whole_file.digest(Path(path)) if Path(path).is_file() else None
+
+
+@lru_cache(maxsize=256)  # several stages read the tables that name a file
+def _content_of(path: Path, stamp: tuple[int, ...] | None) -> str | None:
+    return content(path)
 
 
 BENT = ("beam", "plate")
@@ -130,7 +130,6 @@ def _joined(scene: Scene) -> Any:
     tables = tables_of("assembly", "joints", "table", "masses", "springs", "measured")(scene)
     if scene.measured:
         tables["test_axes"] = _plain(scene.test_axes)
-        tables["contents"] = [content(part.receptance) for part in scene.measured]
     return tables
 
 
@@ -222,7 +221,7 @@ ASSEMBLY = {
         lambda scene: [
             environ.get("NUMBA_CACHE_DIR"),
             tables_of("damping")(scene),
-            _start_reads(scene),
+            tables_of(*START)(scene),
         ],
         (),
     ),
@@ -247,7 +246,7 @@ BENDING = ASSEMBLY | {
 }
 
 IMPACT = {
-    "start": Stage(".chain:start", _start_reads, (), listed=False),
+    "start": Stage(".chain:start", tables_of(*START), (), listed=False),
     "impact": Stage(".impact:impact", _marched, ("start", "wall"), after=("compilation",)),
     "reduction-error": Stage(".errors:reduction_error", _marched, ("start", "reduction", "impact")),
     "mesh-error": Stage(

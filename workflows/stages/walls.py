@@ -1,8 +1,8 @@
 """The wall of a scene, by its kind, as the march takes it.
 
 A wall of a few numbers is made by its constructor in `dem.walls`, a reduced model (of the scene's
-structure, or of `wall.file`) by `coupling.reduced_wall`. To add a kind of wall, add its table to
-`workflows.scene.walls` and its case to `simple_wall`.
+structure, or of `wall.file`) by `coupling.reduced_wall`. A kind of wall has its table in
+`workflows.scene.walls` and its case in `simple_wall`; CONTRIBUTING.md has every step.
 """
 
 from pathlib import Path

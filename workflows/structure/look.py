@@ -10,10 +10,11 @@ from skfem import Mesh
 
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, Scene
+from workflows.scene.shapes import grid_lines, shapes
 from workflows.scene.size import foreseen_seconds, peak_memory
 from workflows.scene.toml import resolved
 from workflows.stages.assembly import mesh
-from workflows.stages.bodies import Drawing, drawing, lined
+from workflows.stages.bodies import Drawing, drawing
 from workflows.stages.parts import Parts
 from workflows.structure.face_page import face_page
 from workflows.structure.starter import starter
@@ -290,8 +291,11 @@ def _meshes(scene: Scene, geometry: Drawing) -> dict[str, Mesh]:
     """Meshes of the bodies, as a run has them but for what is struck, held and bolted."""
     if geometry.own:
         return {name: skin.mesh for name, skin in geometry.own.skins.items()}
-    if meshes := lined(scene):
-        return meshes
+    if lines := grid_lines(scene, scene.mesh.scale):
+        from geometry.lined import lined_meshes
+
+        seeds = {name: scene.mesh.scale * scene.seed_of(name) for name in lines}
+        return lined_meshes(shapes(scene), lines, seeds)
     from geometry.body_mesh import body_meshes
     from geometry.sizes import Sizes, default_seeds
 

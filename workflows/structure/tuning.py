@@ -26,12 +26,13 @@ from fem.tuning import (
     tune,
 )
 from workflows.files.output_file import OutputFile
-from workflows.files.scene import FILE_KEYS, Source, Written, completed, scene_text
+from workflows.files.scene import Source, Written, completed, scene_text
 from workflows.files.scene import scene as load_scene
 from workflows.report.numbers import supported
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, Scene, nearest
 from workflows.scene.bodies import MeasuredMode
+from workflows.scene.named_files import every_file_key
 from workflows.scene.scene import LONGEST_NAME
 from workflows.scene.toml import parsed, toml
 from workflows.stages.mesh_causes import OPTIONS as OF_CAUSES
@@ -708,7 +709,7 @@ def write_scene(
         before, after = ({k: v for k, v in one.items() if k != "name"} for one in tables)
         # files by the paths of the source, else by their full ones
         elsewhere = {
-            table: {k: v for k, v in value.items() if k not in FILE_KEYS} for table, value
+            table: {k: v for k, v in value.items() if k not in every_file_key()} for table, value
             in before.items() if isinstance(value, dict)
         }  # fmt: skip
         without_files = {k: v for k, v in before.items() if k != "targets"} | elsewhere

@@ -5,8 +5,9 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from workflows.files.scene import FILE_KEYS, files_read
+from workflows.files.scene import files_read
 from workflows.scene import Scene
+from workflows.scene.named_files import every_file_key
 from workflows.stages.cache import digest, program
 from workflows.stages.pipeline import content, every_stage
 from workflows.sweep.cases import Base
@@ -66,7 +67,7 @@ def _named(value: Any, key: str) -> Iterator[str]:
     elif isinstance(value, list):
         for item in value:
             yield from _named(item, key)
-    elif isinstance(value, str) and key in FILE_KEYS:
+    elif isinstance(value, str) and key in every_file_key():
         yield value
 
 

@@ -14,6 +14,7 @@ from workflows.report import tables
 from workflows.report.tables import Table
 from workflows.scene import InvalidScene, nearest
 from workflows.scene.named_files import unfit
+from workflows.stages.warnings import CURES
 from workflows.sweep.core.design import Design
 from workflows.sweep.core.effects import Effects, rank_correlations, sobol_effects
 from workflows.sweep.core.rows import DONE, LARGE_ERROR, TEXT, other_wave
@@ -21,10 +22,6 @@ from workflows.sweep.store import ABOUT, SIGNALS, TABLE
 
 SHOWN = 40  # cases of a table on a terminal
 MAIN = ("echo_delay_s", "echo_ratio")
-CURES = {
-    "reduction": "raise reduction.to_hz, or wall.cutoff",
-    "mesh": "take smaller elements (mesh.scale below 1, or bodies.NAME.seed; of the rig mesh.seed)",
-}
 ERRORS = ("error_time", "error_reduction", "error_mesh")  # columns, of the striker's speed
 Array = np.ndarray
 
@@ -211,7 +208,7 @@ def _of_large_errors(columns: dict[str, Array], rows: str) -> Iterator[str]:
     """Sentences on the rows, "cases" or "points", whose errors are large."""
     has_result = columns["status"] == DONE
     n = has_result.sum()
-    for source, cure in CURES.items():
+    for source in ("reduction", "mesh"):
         error = columns[f"error_{source}"][has_result]
         large = error > LARGE_ERROR
         if large.any():
@@ -219,7 +216,7 @@ def _of_large_errors(columns: dict[str, Array], rows: str) -> Iterator[str]:
                 f"The error of the {source} is above {100 * LARGE_ERROR:g} % of the striker's "
                 f"speed {'at' if rows == 'points' else 'in'} {large.sum()} of {n} {rows}, "
                 f"{100 * np.nanmax(error):.2g} % at the worst, see error_{source} in the table: "
-                f"{cure}."
+                f"{CURES[source]}."
             )
 
 

@@ -2,7 +2,8 @@
 
 Every point has its own errors, measured as a run of it measures them (`workflows.stages.errors`):
 that of the reduction against a wall with more oscillators of the point beyond the common modes, by
-shorter steps; that of the mesh against the same point on a second mesh.
+shorter steps; that of the mesh against the same point without the strain energy that the mesh
+misses, of a mesh of few elements against the same point on one whose every element is split.
 
 Rows are stored PART by PART as they are marched. Once all are stored, later reflected waves are
 blanked, so that one wave is left over the face, see `workflows.sweep.core.continuity`.
@@ -176,8 +177,11 @@ def scan(
             failed = tuple(cases[list(impossible)].tolist())
             store.add(without_result(spheres, failed, FAILED, list(impossible.values())))
         possible = np.delete(np.arange(len(cases)), list(impossible))
-        second = _on_second_mesh(face, march, points[cases], options)
-        softer = face.without_missed_energy(walls).all(options.beyond, options.far * to_hz(scene))
+        if face.few_elements:
+            other = _on_split_mesh(face, march, points[cases], options)
+        else:
+            softer = face.without_missed_energy(wall, list(patches.values()))
+            other = _OtherWalls(softer, np.arange(len(cases)), 1.0, {})
 
     for first in range(0, len(possible) if patches else 0, PART):
         part, started = possible[first : first + PART], perf_counter()
@@ -191,17 +195,15 @@ def scan(
             continue
 
         # the error of the reduction by a wall of more oscillators and shorter steps, that of the
-        # mesh by the wall of the same point on the second mesh, which shows what is local, and by
-        # the energy that the mesh misses in the modes: two meshes show little of a sharp inner edge
+        # mesh by the other wall of the same point
         dt = np.broadcast_to(batch.dt, len(part))
         v_finer = march.by_steps(_some(finer, part), dt / SHORTER)
         error_reduction = MARGIN * march.difference(v_finer, batch.v)
         error_mesh = np.full(len(part), np.nan)
-        on_second = np.flatnonzero(second.row[part] >= 0)
-        if len(on_second):
-            v = march.by_steps(_some(second.wall, second.row[part[on_second]]), dt[on_second])
-            error_mesh[on_second] = second.left * march.difference(v, batch.v[on_second])
-        error_mesh += march.difference(march.by_steps(_some(softer, part), dt), batch.v)
+        known = np.flatnonzero(other.row[part] >= 0)
+        if len(known):
+            v = march.by_steps(_some(other.wall, other.row[part[known]]), dt[known])
+            error_mesh[known] = other.share * march.difference(v, batch.v[known])
 
         messages = []
         for case, *errors in zip(part.tolist(), error_reduction, error_mesh, strict=True):
@@ -210,7 +212,7 @@ def scan(
                 for source, error in zip(("reduction", "mesh"), errors, strict=True)
                 if error > LARGE_ERROR
             ]
-            messages.append("; ".join([*sentences, *second.without.get(case, ())]))
+            messages.append("; ".join([*sentences, *other.without.get(case, ())]))
         table = measured(
             spheres, batch.t, batch.v, batch.wall_force,
             energy_error=batch.energy_error,
@@ -268,42 +270,38 @@ class _March(NamedTuple):
         return reasons
 
 
-class _SecondMesh(NamedTuple):
-    """Points on a second mesh.
+class _OtherWalls(NamedTuple):
+    """Walls that show what the mesh does to those of the scan.
 
-    wall     of the points that have one there
+    wall     of the points that have one
     row      (p,) of each point in the wall's arrays, -1 for one that has none
-    left     share of the difference to it that is the error of the scan's own mesh
+    share    of the difference to it that is the error of the scan's own mesh
     without  why points have none
     """
 
     wall: dem.Wall | None
     row: NDArray[np.int64]
-    left: float
+    share: float
     without: dict[int, tuple[str]]
 
 
-def _on_second_mesh(
+def _on_split_mesh(
     face: StruckFace, march: _March, points: Array, options: ScanOptions
-) -> _SecondMesh:
-    """Walls at points (p, 2) of the face on another mesh."""
+) -> _OtherWalls:
+    """Walls at points (p, 2) of the face on a mesh whose every element is split."""
     row = np.full(len(points), -1)
-    try:
-        second, left = face.second()
-    except ValueError as reason:
-        message = (f"error_mesh is not known: {reason}",)
-        return _SecondMesh(None, row, np.nan, dict.fromkeys(range(len(points)), message))
-    patches, without = second.placed(points)
+    split, share = face.split()
+    patches, without = split.placed(points)
     wall = None
     if patches:
-        walls = second.walls(list(patches.values()), options.beyond)
+        walls = split.walls(list(patches.values()), options.beyond)
         wall = walls.all(options.beyond, options.far * to_hz(face.scene))
         impossible, at = march.impossible(wall), np.array(list(patches))
         without = without | {int(at[i]): reason for i, reason in impossible.items()}
         row[at] = np.arange(len(at))
         row[at[list(impossible)]] = -1
     messages = {i: (f"error_mesh is not known: {reason}",) for i, reason in without.items()}
-    return _SecondMesh(wall, row, left, messages)
+    return _OtherWalls(wall, row, share, messages)
 
 
 def _some(wall: dem.Wall, rows: Array | int) -> dem.Wall:

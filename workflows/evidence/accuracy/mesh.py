@@ -8,6 +8,7 @@ the block keep their size: one thing varies. What they leave is stated beside, f
 block's elements twice as large and the order that singular stresses leave.
 """
 
+from contextlib import nullcontext
 from pathlib import Path
 from time import perf_counter
 from typing import NamedTuple
@@ -32,6 +33,7 @@ from workflows.scene.parts import with_assembly
 from workflows.scene.rig import PARTS
 from workflows.stages import assembly as stages
 from workflows.stages.errors import COARSER
+from workflows.stages.pipeline import pipeline_of
 from workflows.stages.progress import Progress
 from workflows.stages.targets import targets
 
@@ -128,9 +130,13 @@ def _of_bodies(scene: Scene, progress: Progress) -> Finding:
     lines = tuple(_line(s, limit) for s in solutions)
     table = Table("mesh", _columns("scene", "mesh.scale", len(limit)), lines)
     picture = _picture("mesh.scale", scales, {scene.name: np.abs(hz / limit - 1)})
+    with progress("energy that the mesh misses"):
+        finest = pipeline_of(scene, lambda name: nullcontext())
+        missed = finest("missed-energy").of_frequencies(2 * np.pi * hz[-1])
     sentences = rendered(
         TEMPLATE, name=scene.name, limit=limit.tolist(), order=order.tolist(),
         error=off(hz[-1], limit).tolist(), change=np.abs(hz[-3] / hz[-1] - 1).tolist(),
+        known=not np.isnan(order).all(), missed=missed.tolist(),
     )  # fmt: skip
     return Finding((table_of(rows, printed=False), table), sentences, (picture,))
 
