@@ -31,8 +31,9 @@ class QuantityOptions(NamedTuple):
     # forces were stated up to 13 times too large
     floor: float = 0.1
     # the same of amplitudes, which are where the record is flat: with 0.1 peak velocities were
-    # stated 3.3 times too large in the median (seed 77), with 0.05 2.7, the least unchanged
-    of_amplitudes: float = 0.05
+    # stated 3.3 times too large in the median (seed 77), with 0.05 2.7, but down to 0.62 of the
+    # true error (seed 555, a plate)
+    of_amplitudes: float = 0.08
     # the same of the amplitude ratio, whose two waves may change alike: of a plate (seed 31) it was
     # stated at 0.48 of its true error with 0.05, at 0.60 with 0.1 and at 0.85 with 0.2
     of_ratios: float = 0.2
