@@ -61,6 +61,9 @@ class ExtrusionLimits(NamedTuple):
     # the same, from which on no other algorithm is tried. On a corner of 0.19 at an inner edge of a
     # U profile the error of the first mode was stated 7 times too large; not varied
     fair: float = 0.3
+    # times the same, from which on a mesh is taken in place of one before. Where the outline itself
+    # has such a corner all algorithms have it, and rounding chose meshes of half the size
+    fairer: float = 1.1
 
 
 LIMITS = ExtrusionLimits()
@@ -514,9 +517,10 @@ def _joined(prism: Prism, marks: Imprints, size: Size, gap: float) -> BaseMesh |
         upright = area.sum(axis=1, keepdims=True)
         sine = np.sum(area * upright, axis=2) / np.linalg.norm(upright, axis=2)
         lengths = np.linalg.norm(ahead, axis=2) * np.linalg.norm(behind, axis=2)
-        if float((sine / lengths).min()) > sharpest:
+        corner = float((sine / lengths).min())
+        if corner > sharpest * (LIMITS.fairer if best else 1.0):
             parts = {tag: np.concatenate([of[t] for t in ts]) for tag, ts in pieces.items()}
-            best, sharpest = BaseMesh(p, quads, parts), float((sine / lengths).min())
+            best, sharpest = BaseMesh(p, quads, parts), corner
         if sharpest > LIMITS.fair:
             break
     return best

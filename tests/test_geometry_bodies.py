@@ -7,9 +7,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 from skfem import FacetBasis, MeshHex, MeshTet
 
-from geometry import InvalidGeometry, smallest_quality
+from geometry import InvalidGeometry, hexahedra, smallest_quality
 from geometry.body_mesh import body_meshes, foreseen_nodes
 from geometry.cad import model
+from geometry.hexahedra import JOINED
 from geometry.patches import Disc
 from geometry.selectors import Selected, bodies_named, faces, touches
 from geometry.shapes import Box, Cylinder, Hole, Slab
@@ -395,3 +396,19 @@ def test_small_bodies_have_elements_that_count_in_the_assembly():
         assert seeds["large"] == alone["large"]
         diagonal = np.linalg.norm([0.3, 0.2, 0.12])
         assert abs(seeds["small"] / (diagonal / 60) - 1) < 1e-6 and seeds["small"] > alone["small"]
+
+
+@pytest.mark.parametrize("corner", [12, 16, 17])
+def test_a_sharp_corner_of_the_outline_makes_no_finer_mesh(corner):
+    """All algorithms have it, and rounding chose one that has half the size."""
+    wide = 0.08 * np.tan(np.radians(corner))
+    triangle = Slab(((0.0, 0.0), (0.08, 0.0), (0.08, wide)), 0.01)
+    assert elements(triangle, 0.005) < 1.5 * elements(triangle, 0.005, JOINED[:1])
+
+
+def elements(shape, seed, algorithms=JOINED):
+    """Number of elements of an extrusion by the first fair one of the mesher's algorithms."""
+    with pytest.MonkeyPatch.context() as patch, model({"body": shape}) as cad:
+        patch.setattr(hexahedra, "JOINED", algorithms)
+        meshes = body_meshes(cad.bodies, gap=GAP, sizes=Sizes({"body": seed}), element="hex")
+    return meshes["body"].nelements

@@ -17,12 +17,14 @@ from skfem import Basis, FacetBasis
 
 from command_line import beadwave
 from fem import Material
+from geometry import hexahedra
 from geometry.cad import write_step
 from geometry.gmsh_session import session, silent
 from geometry.shapes import Box, Hole, Slab
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
 from workflows.scene.toml import resolved, toml
+from workflows.stages import assembly
 from workflows.stages.pictures import fixtures
 from workflows.stages.pipeline import pipeline_of
 from workflows.structure.api import look
@@ -726,3 +728,14 @@ def test_the_rig_of_its_step_file_has_the_modes_of_the_rig(capsys):
 
 def volume(mesh):
     return Basis(mesh, mesh.elem(), intorder=3).dx.sum()
+
+
+def test_plates_on_bolts_have_the_size_of_elements_asked_for(monkeypatch):
+    """The first algorithm leaves a corner of 4 degrees; the next ones are tried before elements of
+    0.7 of the size, which are 1.6 times as many."""
+    bolted = scene("plate-on-bolts", ("mesh.scale=2",))
+    n_elements = [sum(m.nelements for m in assembly.mesh(bolted).meshes.values())]
+    smaller = tuple(a for a in hexahedra.JOINED if a.get("MeshSizeFactor") == 0.7)
+    monkeypatch.setattr(hexahedra, "JOINED", smaller)
+    n_elements.append(sum(m.nelements for m in assembly.mesh(bolted).meshes.values()))
+    assert n_elements[0] < 0.75 * n_elements[1]

@@ -1,5 +1,7 @@
 """Frequencies against the element size: the limit and the order where three meshes tell them."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -96,3 +98,19 @@ def test_meshes_that_hardly_differ_leave_the_error_to_the_energy_that_the_finest
     assert finding.sentences[0].startswith("cantilever: these meshes do not determine")
     assert "By the strain energy that the finest mesh misses" in finding.sentences[0]
     assert "-" not in finding.sentences[0].rpartition("by up to")[2]
+
+
+def test_the_energy_missed_is_that_of_the_modes_compared_of_a_body_that_floats():
+    """A floating box of few elements, whose lowest six modes are rigid: no error is of these."""
+    box = {
+        "name": "box", "bodies": {"box": {"box": [0.1, 0.02, 0.06]}}, "mesh": {"scale": 3.0},
+        "assembly": {"held": [], "material": "steel"},
+        "materials": {"steel": {"young": 210e9, "poisson": 0.3, "density": 7850.0}},
+        "strike": {"on": "box:+y", "radius": 2e-3}, "wall": {"kind": "rom"},
+        "chain": {"count": 3, "radius": 5e-3, "density": 7800.0, "young": 210e9, "poisson": 0.3},
+        "striker": {"velocity": 0.2}, "damping": {"kind": "none"}, "time": {"duration": 1e-4},
+    }  # fmt: skip
+    finding = study.mesh(scene(box), quiet)
+    stated = finding.sentences[0].rpartition("by up to ")[2]
+    percent = [float(x) for x in re.findall(r"([\d.]+) %", stated)]
+    assert len(percent) == 4 and 0.1 < min(percent) and max(percent) < 10

@@ -52,6 +52,13 @@ def test_what_differs_behind_the_largest_collision_is_no_error_of_it(rebound):
     assert within["contact_time_s"] >= 0.1 * 0.02 * 5 * contact.seconds * (1 - 1e-9)
 
 
+def test_an_amplitude_ratio_is_as_wrong_as_a_fifth_of_what_its_collision_changes_by(rebound):
+    """Its two waves may change alike: here they stay, and the wall's force is 2 % larger."""
+    run, waves = rebound[2].trajectory, rebound[3]
+    within = errors(rebound, scaled_force(run, during_largest_collision(run, waves), 1.02))
+    assert within["arr_2_9"] >= 0.2 * 0.02 * waves.contact.arr * (1 - 1e-9)
+
+
 def test_a_time_of_flight_is_as_wrong_as_contact_and_travelling_time_together(rebound):
     """The collision lasts 2 % longer, the waves come back faster by as much: the time of flight
     stays, and neither of the two is known any better for it."""

@@ -377,7 +377,6 @@ def test_a_slab_stands_for_a_wall_without_a_shape(name, opened, tmp_path, monkey
     assert ("no wall" in note) if name == "free-chain" else ("stand" in note)
 
 
-@needs_browser
 @pytest.mark.parametrize("table", get_args(get_args(Wall)[0]), ids=lambda table: table.__name__)
 def test_every_kind_of_wall_has_words_of_its_own(table):
     kind = get_args(table.model_fields["kind"].annotation)[0]
@@ -391,6 +390,7 @@ def test_every_kind_of_wall_has_words_of_its_own(table):
     assert STANDS_FOR[kind].startswith("The wall ")
 
 
+@needs_browser
 @pytest.mark.parametrize("inclination, upright", [(90, True), (0, False)])
 def test_a_chain_stands_as_its_weight_says(inclination, upright, opened, tmp_path, monkeypatch):
     monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))

@@ -187,6 +187,22 @@ def test_a_point_without_a_wall_on_the_split_mesh_says_that_its_error_is_not_kno
     assert any("not known at 2 of 2 points" in note for note in result.notes)
 
 
+def test_modes_of_a_soft_suspension_stay_elastic_in_the_error_of_the_mesh(tmp_path):
+    """Some Hz beside oscillators of 100 kHz: as rigid motions Rayleigh damping refuses them."""
+    feet = {
+        "name": "feet", "on": "block:-z", "at": [[0.02, 0.01], [-0.02, 0.01], [0.0, -0.01]],
+        "kx": 300.0, "ky": 300.0, "kz": 300.0,
+    }  # fmt: skip
+    hung = BLOCK | {
+        "assembly": {"held": [], "material": "steel"},
+        "springs": [feet],
+        "damping": {"kind": "rayleigh", "alpha": 1.0, "beta": 0.0},
+    }
+    result = beadwave.scan(hung, grid="2x1", out=tmp_path / "out")
+    assert result.counts() == {"done": 2}
+    assert np.all(result.columns["error_mesh"] < 0.05)
+
+
 OTHER = "sphere 5 is blank: not that of the points around"
 
 

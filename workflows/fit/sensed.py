@@ -46,7 +46,8 @@ class Channels(NamedTuple):
 
 def require_summable(rig: Rig, channels: Channels) -> None:
     """Raise CouplingError where forces do not follow from the spheres' accelerations."""
-    forces = any(QUANTITIES[sensor.quantity].sums_forces for sensor in channels.sensors)
+    known = [QUANTITIES[s.quantity] for s in channels.sensors if s.quantity in QUANTITIES]
+    forces = any(quantity.sums_forces for quantity in known)
     if forces and rig.chain.springs[0].any():
         raise CouplingError("no forces are fitted of spheres on leaf springs; drop [leaf_springs].")
 

@@ -177,7 +177,8 @@ class StruckFace:
                 missed = B.T @ G[np.ix_(with_r, with_r)] @ B
                 squares, R = np.linalg.eigh(without_missed(omega[done + i], missed))
                 # rigid motions are exact zeros, not rounding
-                omega[done + i] = np.where(squares > 1e-9 * squares[-1], squares, 0.0) ** 0.5
+                squares[: np.count_nonzero(wall.omega[done + i] == 0)] = 0.0
+                omega[done + i] = squares**0.5
                 phi[done + i] = phi[done + i] @ R
             done = group.stop
         zeta = damping_ratios(self._damping(), omega.ravel()).reshape(omega.shape)

@@ -145,7 +145,7 @@ def during_largest_collision(run: dem.Trajectory, waves: ChainWaves) -> NDArray[
     to as long behind it; of all where there is none. By changes of the whole record, in which later
     collisions differ by far more, contact times and peak forces were stated 6.0 and 4.8 times too
     large in the median, by those of this collision 2.9 and 2.4 times (`examples/mesh_errors.py
-    4021`), and the amplitude ratio of a bracket 33 times (seed 77), now 2.2."""
+    4021`), and the amplitude ratio of a bracket 33 times (seed 77)."""
     contact = waves.contact and waves.contact.contact_time
     if contact is None or not np.isfinite(contact.seconds):
         return np.ones(len(run.t), bool)

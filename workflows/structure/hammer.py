@@ -302,10 +302,8 @@ def hammer_rows(
 ) -> list[HammerRow]:
     """A row per mode: its numbers beside those of the half-power bandwidth, and what is remarkable
     about it."""
-    responses, paired = (
-        test.responses,
-        nearest_modes(modes.frequency_hz.tolist(), dict(expected_hz)),
-    )
+    responses = test.responses
+    paired = nearest_modes(modes.frequency_hz.tolist(), dict(expected_hz))
     f, H = responses.frequency_hz, responses.H
     rows = []
     lines = np.abs(f - modes.frequency_hz[:, None]).argmin(axis=1)

@@ -132,7 +132,10 @@ def _of_bodies(scene: Scene, progress: Progress) -> Finding:
     picture = _picture("mesh.scale", scales, {scene.name: np.abs(hz / limit - 1)})
     with progress("energy that the mesh misses"):
         finest = pipeline_of(scene, lambda name: nullcontext())
-        missed = finest("missed-energy").of_frequencies(2 * np.pi * hz[-1])
+        omega = finest("modes").omega
+        of_modes = finest("missed-energy").of_frequencies(omega)
+        nearest = np.abs(omega - 2 * np.pi * np.nan_to_num(hz[-1])[:, None]).argmin(axis=1)
+        missed = np.where(np.isnan(hz[-1]), np.nan, of_modes[nearest])
     sentences = rendered(
         TEMPLATE, name=scene.name, limit=limit.tolist(), order=order.tolist(),
         error=off(hz[-1], limit).tolist(), change=np.abs(hz[-3] / hz[-1] - 1).tolist(),
