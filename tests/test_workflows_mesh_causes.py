@@ -93,8 +93,8 @@ def test_late_waves_of_a_bracket_err_by_its_corner_and_the_scale_offered_helps()
     coarse = worst(1.0)
     assert "arises at sharp inner edges of profile" in coarse.why
     scale = float(re.search(r"mesh.scale = ([\d.]+) would bring it to about 5 %", coarse.why)[1])
-    assert 0.3 < scale < 0.6
-    # the layers through the wall are as many at 0.56 as at 0.6 and twice as many at 0.45
+    assert 0.3 < scale < 0.65
+    # the layers through the wall are as many at 0.56 as at 0.6 (7.2 %) and twice as many at 0.48
     finer = worst(0.8 * scale)
     assert finer.mesh / abs(finer.value) < 0.05
 
