@@ -25,9 +25,9 @@ if TYPE_CHECKING:  # a chain before a simple wall loads no reduced model
 class QuantityOptions(NamedTuple):
     """How errors of single numbers are found beside those of whole records."""
 
-    # of what the change of the record could do to a time, added to its own change, which may be zero
-    # by accident. Of ten structures of `examples/mesh_errors.py` times and amplitudes
-    # were stated down to 0.56 of the true error with none and down to 0.72 with 0.1; with 0.3 peak
+    # of what the change of the record could do to a time, added to its own change, which may be
+    # zero by accident. Of ten structures of `examples/mesh_errors.py` times and amplitudes were
+    # stated down to 0.56 of the true error with none and down to 0.72 with 0.1; with 0.3 peak
     # forces were stated up to 13 times too large
     floor: float = 0.1
     # the same of amplitudes, which are where the record is flat: with 0.1 peak velocities were
