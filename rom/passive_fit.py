@@ -145,8 +145,8 @@ def resonances(
     poles = common_poles(omega, H, deviation, n, options)
     omega_j, zeta = np.abs(poles), -poles.real / np.abs(poles)
     low, high = omega[0] / options.outside[0], omega[-1] * options.outside[1]
-    taken = (omega_j > low) & (omega_j < high) & (zeta < options.zeta[1])
-    return omega_j[taken], np.maximum(zeta[taken], options.zeta[0])
+    resonant = (omega_j > low) & (omega_j < high) & (zeta < options.zeta[1])
+    return omega_j[resonant], np.maximum(zeta[resonant], options.zeta[0])
 
 
 def enough_modes(misfit: float, criteria: list[float], options: FitOptions) -> bool:

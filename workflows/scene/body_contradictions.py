@@ -104,9 +104,7 @@ def of_bodies(scene: Scene) -> Iterator[str]:
         yield f"strike.on = {scene.strike.on!r} names no body; there are {', '.join(bodies)}."
 
     yield from _joints(scene)
-    for name, number in Counter(load.name for load in scene.loads or ()).items():
-        if number > 1:
-            yield f"loads has {number} tables named {name!r}; give each a name of its own."
+    yield from same_names(scene, "loads")
     if scene.loads and scene.floats:
         yield "loads act on an assembly that floats; hold a face of it, or drop them."
     if scene.patch is not None:
@@ -158,9 +156,7 @@ def _joints(scene: Scene) -> Iterator[str]:
     if scene.joints is not None and not isinstance(scene.joints, tuple):
         yield "[joints.head] and foot belong to the thesis' rig; write [[joints]] with a name."
         return
-    for name, number in Counter(joint.name for joint in scene.joints or ()).items():
-        if number > 1:
-            yield f"joints has {number} tables named {name!r}; give each a name of its own."
+    yield from same_names(scene, "joints")
     for joint in scene.joints or ():
         if joint.at == THREAD:
             yield from _thread(joint)
@@ -204,45 +200,42 @@ def of_masses(scene: Scene) -> Iterator[str]:
     """Sentences on contradictions between masses and the rest of a scene."""
     if scene.masses and scene.assembly is None:
         yield "[[masses]] sit on faces of an [assembly]; add one, or drop them."
-    for name, number in Counter(mass.name for mass in scene.masses or ()).items():
-        if number > 1:
-            yield f"masses has {number} tables named {name!r}; give each a name of its own."
+    yield from same_names(scene, "masses")
 
 
 def of_springs(scene: Scene) -> Iterator[str]:
     """Sentences on contradictions between springs and the rest of a scene."""
     if scene.springs and scene.assembly is None:
         yield "[[springs]] sit on faces of an [assembly]; add one, or drop them."
-    bodies = scene.bodies or {}
-    drawn = isinstance(scene.assembly, General) and not scene.assembly.file
     for spring in scene.springs or ():
         for end in spring.ends:
-            selector = getattr(spring, end)
-            if drawn and split("[:@]", selector)[0] not in bodies:
-                yield (
-                    f"springs.{spring.name}.{end} = {selector!r} names no body; there are "
-                    f"{', '.join(bodies)}."
-                )
-    for name, number in Counter(spring.name for spring in scene.springs or ()).items():
-        if number > 1:
-            yield f"springs has {number} tables named {name!r}; give each a name of its own."
+            key = f"springs.{spring.name}.{end}"
+            yield from no_such_body(scene, key, getattr(spring, end))
+    yield from same_names(scene, "springs")
 
 
 def of_measured(scene: Scene) -> Iterator[str]:
     """Sentences on contradictions between measured parts and the rest of a scene."""
     if scene.measured and scene.assembly is None:
         yield "[[measured]] are joined to faces of an [assembly]; add one, or drop them."
-    bodies = scene.bodies or {}
-    drawn = isinstance(scene.assembly, General) and not scene.assembly.file
     for part in scene.measured or ():
-        if drawn and split("[:@]", part.on)[0] not in bodies:
-            yield (
-                f"measured.{part.name}.on = {part.on!r} names no body; there are "
-                f"{', '.join(bodies)}."
-            )
-    for name, number in Counter(part.name for part in scene.measured or ()).items():
+        yield from no_such_body(scene, f"measured.{part.name}.on", part.on)
+    yield from same_names(scene, "measured")
+
+
+def same_names(scene: Scene, table: str) -> Iterator[str]:
+    """Sentences on tables of one kind, "joints", that have the same name."""
+    for name, number in Counter(row.name for row in getattr(scene, table) or ()).items():
         if number > 1:
-            yield f"measured has {number} tables named {name!r}; give each a name of its own."
+            yield f"{table} has {number} tables named {name!r}; give each a name of its own."
+
+
+def no_such_body(scene: Scene, key: str, selector: str) -> Iterator[str]:
+    """A sentence on a selector whose body is not among those that the scene draws."""
+    drawn = isinstance(scene.assembly, General) and not scene.assembly.file
+    if drawn and split("[:@]", selector)[0] not in (scene.bodies or {}):
+        bodies = ", ".join(scene.bodies or {})
+        yield f"{key} = {selector!r} names no body; there are {bodies}."
 
 
 def of_test_axes(scene: Scene) -> Iterator[str]:

@@ -198,7 +198,7 @@ class StruckFace:
     def _damping(self) -> Damping | None:
         table, hz = self.scene.damping, None
         if isinstance(table, LossFactorsTable):
-            # of the mesh of the scene, on a second one too: their shares are alike
+            # of the mesh of the scene, on a split one too: their shares are alike
             whole = self.pipeline
             return structure_damping(self.scene, whole("model"), whole("modes"))
         if isinstance(table, ModalDampingTable) and isinstance(table.ratio, tuple):
