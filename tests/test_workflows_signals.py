@@ -78,10 +78,10 @@ def test_a_signal_at_any_moment_ends_in_its_status_and_one_sentence(number, mome
 
 COMPILED = """
 from workflows.commands import signals
-signals.PATIENCE = 0.3
+signals.PATIENCE = {patience}
 signals.unwind()
-print("up", flush=True)
 try:
+    print("up", flush=True)
     {call}
 except signals.Stopped as stopped:
     raise SystemExit(signals.print_end(stopped.number) - 128)
@@ -96,14 +96,13 @@ def computes(process):
 
 
 def test_a_signal_in_a_compiled_calculation_of_minutes_ends_it():
-    status, said = ended(SIGTERM, computes, program=COMPILED.format(call=BUSY))
+    status, said = ended(SIGTERM, computes, program=COMPILED.format(call=BUSY, patience=0.3))
     assert status == 128 + SIGTERM and said.startswith("beadwave: terminated")
 
 
 def test_a_signal_that_python_handles_unwinds():
-    status, said = ended(
-        SIGTERM, at_once, program=COMPILED.format(call="import time; time.sleep(9)")
-    )
+    program = COMPILED.format(call="import time; time.sleep(9)", patience=9)
+    status, said = ended(SIGTERM, at_once, program=program)
     assert status == SIGTERM and said.startswith("beadwave: terminated")
 
 
