@@ -31,8 +31,9 @@ class Space(NamedTuple):
     """Ritz pairs that hold the static response between them, and a bound of the relative rms error
     of the receptance up to to_hz that a model of all of them has.
 
-    residual (k,) is what each pair misses of K^-1 M phi = phi / omega^2, relative; 0 of those known
-    before.
+    pairs omega (k,) [rad/s], phi (n, k) mass-normalised: those known before come first, the others
+    after them from the highest down. residual (k,) is what each pair misses of
+    K^-1 M phi = phi / omega^2, relative; 0 of those known before.
     """
 
     pairs: EigenPairs

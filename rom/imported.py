@@ -68,7 +68,8 @@ def unusual(
 ) -> Iterator[str]:
     """Sentences on what can be run, but was probably meant otherwise, of a model by its name.
 
-    modes are those of `modal(reduced)`.
+    modes are those of `modal(reduced)`. Nothing is refused here: a value outside its usual range is
+    allowed, and a sentence in the report is what a wrong unit shows itself by.
     """
     omega, hz = modes.omega, modes.omega[modes.omega > 0] / (2 * np.pi)
     compliance = modal_compliance(modes)
