@@ -116,7 +116,7 @@ class Pardiso:
 
 
 def factorised(A: csc_matrix, *, recovered: float = 1e-3) -> Factor:
-    """Factor of a symmetric A, reusable for any number of right-hand sides.
+    """Factor of a symmetric A (n, n), reusable for any number of right-hand sides.
 
     Raises ValueError when A is singular or not finite: a random solution must be recovered to the
     relative error `recovered`, of which a singular matrix loses everything.

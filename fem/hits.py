@@ -125,9 +125,11 @@ def frequency_responses(
     *,
     samples: int | None = None,
 ) -> FrequencyResponses:
-    """Frequency responses of the hits that are usable, of at most `samples` from each onset.
+    """Frequency responses of the hits that are usable, of at most `samples` from each onset: H
+    (p, m, f) of the p points hit, m sensors and f lines of 1 / T from 0 Hz on; records without a
+    force give spectra (`ring_down_spectra`).
 
-    Raises ValueError where no hit is usable, and for records with NaN or without a pulse.
+    Raises ValueError where no hit is usable, for an unknown estimator, and for records with NaN.
     """
     if estimator not in ESTIMATORS:
         raise ValueError(f"estimator {estimator!r} must be one of {', '.join(ESTIMATORS)}")
@@ -143,6 +145,8 @@ def frequency_responses(
     usable, onset, width, remarks = np.ones(n, bool), np.zeros(n, int), np.ones(n, int), []
     sign = np.sign(hits.force[np.arange(n), np.abs(hits.force).argmax(axis=1)])
     for i, f in enumerate(hits.force * sign[:, None]):
+        # noise by the median of deviations, 1.4826 times which is a Gaussian's standard deviation:
+        # the pulse itself does not count
         peak = int(f.argmax())
         noise = 1.4826 * np.median(np.abs(f - np.median(f)))
         reason = None
@@ -169,6 +173,9 @@ def frequency_responses(
     length = min(int(k - onset[used].max()), samples or k)
     responses = [hits.response[i, :, onset[i] : onset[i] + length] for i in used]
     length = until_noise(responses, checks.dead)
+
+    # exponential window exp(-a t), and one on the force that ends behind its pulse with a slope: a
+    # step there would spread over the spectrum
     ramp = np.arange(length)
     a = 0.0 if checks.decay is None else -np.log(checks.decay) / (length * hits.dt)
     decay = np.exp(-a * hits.dt * ramp)
@@ -209,8 +216,9 @@ def frequency_responses(
 
 
 def until_noise(responses: list[NDArray[np.float64]], dead: float, shortest: int = 1024) -> int:
-    """Samples of responses (m, k) that are worth a transform: halved as long as what follows the
-    first quarter is noise, whose energy is up to `dead` times that of the last quarter."""
+    """Samples of responses (m, k), one array a hit, that are worth a transform: halved as long as
+    what follows the first quarter is noise, whose energy is up to `dead` times that of the last
+    quarter. Never below `shortest` samples: noise only would leave too few lines."""
     length = responses[0].shape[1]
     while length >= 2 * shortest:
         block = length // 16
@@ -233,7 +241,11 @@ def hit_defect(
     response: NDArray[np.float64],
     checks: HitChecks,
 ) -> str | None:
-    """Why a hit cannot be used: an overload, a double hit, a force that rings; else None."""
+    """Why a hit cannot be used: an overload, a double hit, a force that rings; else None.
+
+    force (k,) is positive at its peak; onset and width of its pulse are in samples, noise is the
+    standard deviation of its noise; response (m, k).
+    """
     for name, record in (("force", force[None]), ("response", response)):
         for row in np.abs(record):
             if np.count_nonzero(row >= row.max() * (1 - 1e-9)) >= checks.flat and row.any():
@@ -256,7 +268,8 @@ def hit_defect(
 def estimate(
     F: NDArray[np.complex128], X: NDArray[np.complex128], estimator: str
 ) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
-    """H (m, f) and coherence (m, f) of hits with spectra F (n, f) and X (n, m, f)."""
+    """H (m, f) and coherence (m, f) of n hits with spectra F (n, f) and X (n, m, f), as the module
+    has H1, H2 and Hv; the coherence |S_xf|^2 / (S_ff S_xx) is 1 of a single hit."""
     S_ff = np.sum(np.abs(F) ** 2, axis=0)
     S_xx = np.sum(np.abs(X) ** 2, axis=0)
     S_xf = np.sum(X * F.conj()[:, None], axis=0)
@@ -274,6 +287,7 @@ def ring_down_spectra(hits: Hits, checks: HitChecks) -> FrequencyResponses:
 
     A free decay is sum phi_i c_i exp(lambda_i t): its transform has the poles of a frequency
     response, and what each record excites takes the place of the participation of a reference.
+    Raises ValueError where no record is usable: each is zero, overloaded or rises too late.
     """
     k = hits.response.shape[2]
     usable, remarks = [], []

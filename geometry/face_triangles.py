@@ -41,7 +41,8 @@ def face_triangles(bodies: Iterable[Body]) -> dict[int, NDArray[np.float64]]:
 
 
 def own_face_triangles(own: OwnMesh) -> dict[str, dict[int, NDArray[np.float64]]]:
-    """The same of a user's mesh, by body and tag."""
+    """Corners (n, 3, 3) [m] of the faces of a user's mesh, by body and by the tag of the face;
+    quadrilaterals are halved, which needs no kernel."""
     corners_of: dict[str, dict[int, NDArray[np.float64]]] = {}
     for name, skin in own.skins.items():
         n, width = skin.corners.shape[:2]

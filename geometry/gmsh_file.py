@@ -30,6 +30,9 @@ def cell_groups(path: Path) -> tuple[NDArray[np.float64], list[CellGroup]]:
         raise InvalidGeometry("it does not begin with $MeshFormat")
     if END not in content:
         raise InvalidGeometry("it is cut off before $EndElements")
+
+    # cells by name, dimension and number of corners, over all entities of a physical group; number
+    # (tags,) is the row of each node, since tags have gaps
     groups: dict = defaultdict(list)
     with session("gmsh could not read it"):
         gmsh.merge(str(path))

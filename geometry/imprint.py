@@ -78,8 +78,9 @@ def fitted(body: Body, patches: Mapping[str, Patch], gap: float, around: float) 
             fitting[name] = patch
             continue
 
-        # critical radii: the circle touches an edge of its faces, passes through a corner, encloses
-        # a hole that lies in it, or touches a disc that was fitted earlier
+        # critical radii, at which the topology of the imprint changes: the circle touches an edge
+        # of its faces, passes through a corner, encloses a hole that lies in it, or touches a disc
+        # that was fitted earlier
         radii: list[float] = []
         centre = occ.addPoint(*patch.centre)
         faces = [(2, tag) for tag in patch.on.tags]

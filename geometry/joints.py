@@ -89,10 +89,12 @@ class Picked(NamedTuple):
 def picked(
     words: Words, bodies: Mapping[str, Body], touching: Sequence[TouchingPair], gap: float
 ) -> Picked:
-    """What a scene's words refer to; to be called in the bodies' ``with model(...)``.
+    """What a scene's words refer to; to be called in the bodies' ``with model(...)``. `gap` [m] is
+    the distance up to which bodies touch and axes of holes are one.
 
     Raises InvalidGeometry for words that pick nothing or leave a choice, with what there is.
     """
+    # patterns of bodies, pairs that are tied, faces by name, and the face that is struck
     for pattern in words.bodies:
         bodies_named(pattern, bodies)
     groups = {}

@@ -29,7 +29,8 @@ def neighbours(
     bodies: Mapping[str, Body], gap: float, closeness: Closeness = CLOSENESS
 ) -> Neighbours:
     """Every pair of bodies that touch across at most `gap` [m], overlap, or nearly touch; to be
-    called in the ``with model(...)`` of the bodies."""
+    called in the ``with model(...)`` of the bodies. Raises ValueError, naming both bodies, where
+    the kernel cannot intersect them."""
     occ = gmsh.model.occ
     touching, misses, overlaps = [], [], []
     for a, b in combinations(bodies.values(), 2):
