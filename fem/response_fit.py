@@ -137,7 +137,8 @@ def noise_of_coherence(
 
 
 def log_ratio(H: NDArray[np.complex128], measured: NDArray[np.complex128]) -> NDArray:
-    """ln(H / measured), phases between -pi and pi."""
+    """ln(H / measured) of responses of one shape (..., f): the logarithm of the magnitudes' ratio,
+    and i times the difference of phases between -pi and pi; finite where either is zero."""
     tiny = np.finfo(float).tiny
     return np.log(np.maximum(np.abs(H), tiny) / np.maximum(np.abs(measured), tiny)) + 1j * np.angle(
         H * measured.conj()
@@ -183,6 +184,8 @@ def model_error(
     typical = size / np.sqrt(np.mean(unit**2))
 
     def unlikely(x: NDArray[np.float64]) -> float:
+        """-2 ln(likelihood) a residual, of x = ln of level and absent (2,) over their sizes if each
+        were alone."""
         variance = noise**2 + size**2 * np.exp(2 * x[0]) + (typical * unit) ** 2 * np.exp(2 * x[1])
         return float(np.mean(r**2 / variance + np.log(variance)))
 
@@ -213,6 +216,7 @@ def fit_responses(
     and not less than what leaving out one resonance after the other tells (delete-a-group
     jackknife, linearised, times Student's t of so many groups).
     """
+    # x = ln(value) within its bounds; s = i omega + a of the exponential window
     lower, upper = (np.log([getattr(p, key) for p in parameters]) for key in ("lower", "upper"))
     x = np.clip(np.log(start), lower, upper)
     size = np.abs(measured.H)
@@ -221,7 +225,8 @@ def fit_responses(
     n, evaluations, last = len(parameters), 0, {}
 
     def at(x: NDArray[np.float64]):
-        """Responses and their slopes; the last ones are kept, residual and slopes take both."""
+        """Responses and their slopes at x (n,); the last ones are kept, residual and slopes take
+        both."""
         key = x.tobytes()
         if key not in last:
             last.clear()
@@ -231,11 +236,12 @@ def fit_responses(
         return last[key]
 
     def stacked(r: NDArray) -> NDArray[np.float64]:
+        """Real parts of (h, ...) above imaginary ones, (2 h, ...)."""
         return np.concatenate([r.real, r.imag], axis=0)
 
     def weights(x: NDArray[np.float64]) -> Weights:
-        """How residuals are weighed next to x; noise is over the computed magnitude, so that no
-        measured line biases its own weight."""
+        """How residuals are weighed next to x (n,); noise is over the computed magnitude, so that
+        no measured line biases its own weight."""
         H = at(x).H
         magnitude = np.maximum(np.abs(H), floor)
         relative = np.maximum(measured.noise, floor) / magnitude
@@ -254,6 +260,7 @@ def fit_responses(
         return Weights(np.ones_like(heard), noise, error, noise, magnitude.ravel())
 
     def residual(x: NDArray[np.float64], weights: Weights) -> NDArray[np.float64]:
+        """Residuals (k,) over their deviations, those of resonances last."""
         H, heard = at(x).H, weights.heard
         if weights.magnitude is None:
             r = log_ratio(H, measured.H)[heard]
@@ -265,6 +272,7 @@ def fit_responses(
         return np.append(e, of_resonances(model, parameters, np.exp(x), at(x), resonances)[0])
 
     def jacobian(x: NDArray[np.float64], weights: Weights) -> NDArray[np.float64]:
+        """Slopes (k, n) of the residuals to x: d ln H / dx = (dH / dx) / H."""
         computed = at(x)
         over = computed.H[weights.heard] if weights.magnitude is None else weights.magnitude
         J = stacked((computed.slopes[:, weights.heard] / over).T) / weights.sigma[:, None]
@@ -272,6 +280,8 @@ def fit_responses(
             return J
         return np.vstack([J, of_resonances(model, parameters, np.exp(x), computed, resonances)[1]])
 
+    # weights and values in turn: each round fits with the weights of the last values, until no
+    # value moves by more than a share of its deviation
     for _ in range(options.rounds if n else 0):
         now = weights(x)
         fit = least_squares(
@@ -347,7 +357,13 @@ def covariance_of_groups(
     group: NDArray[np.int64],
     prior: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Covariance (n, n) of values with residuals e (k,) that are alike within groups, slopes J."""
+    """Covariance (n, n) of values with residuals e (k,) that are alike within groups, group (k,),
+    with slopes J (k, n) and the information (n, n) of the bounds, prior.
+
+    Each group left out shifts the values by (A - J_g^T J_g)^-1 J_g^T e_g, A = J^T J + prior, to
+    first order; the spread of these shifts is the jackknife's. Efron and Stein, Ann. Stat. 9 (1981)
+    586.
+    """
     A = J.T @ J + prior
     simple = np.linalg.inv(A)
     groups = np.unique(group)

@@ -92,6 +92,11 @@ def missed_energy(
     D (k, k) [rad^2/s^2] are the inertia forces M u D that hold u beside those on faces; of modes
     diag(omega^2). In elements around patches that are pushed, what counts is the error of the
     difference to the half-spaces.
+
+    Body by body: residuals r (cells, functions, 3, m) of all functions that its elements lack are
+    gathered from tractions at facets, at ties and at the half-space's end, then from inertia and
+    stresses inside, and each element is solved for by itself, G = sum r^T k^-1 r. Residuals are in
+    single precision, which halves their memory; elements are solved in double.
     """
     structure, k = model.structure, u.shape[1]
     of_bodies, of_cells = {}, {}
@@ -229,12 +234,13 @@ def element_of(mesh: Mesh) -> Element:
 
 
 def stiffness_of(material: Material | Orthotropic) -> NDArray[np.float64]:
-    """C (9, 9) from (c, d) to (a, b), as in K."""
+    """C (9, 9) [Pa] from (c, d) to (a, b), as `element_stiffness` takes it."""
     return material.elasticity.transpose(1, 3, 0, 2).reshape(9, 9)
 
 
 def at_elements(basis: Basis, u: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Displacements u (n, k) of a body's dofs in its elements, (cell, function, x y z, k)."""
+    """Displacements u (n, k) of a body's dofs in its elements, (cell, function, x y z, k); in
+    single precision."""
     return u.astype(np.float32).reshape(len(u) // 3, 3, -1)[basis.element_dofs[0::3].T // 3]
 
 
@@ -264,6 +270,8 @@ class FacetSide(NamedTuple):
     def of(cls, mesh: Mesh, facets: NDArray[np.int64], side: int, order: int) -> "FacetSide":
         """Side 0 or 1 of facets, with a rule that is exact up to the order."""
         (a, b), weights = FacetBasis(mesh, mesh.elem(), intorder=order, facets=[0]).quadrature
+
+        # shape functions of a facet's corners and their slopes along a and b, at the rule's points
         one = np.ones_like(a)
         if isinstance(mesh, MeshHex):  # corners one after another around a facet
             N = np.stack([(1 - a) * (1 - b), a * (1 - b), a * b, (1 - a) * b])
@@ -271,9 +279,14 @@ class FacetSide(NamedTuple):
         else:
             N = np.stack([1 - a - b, a, b])
             along_a, along_b = np.stack([-one, one, 0 * one]), np.stack([-one, 0 * one, one])
+
+        # the same points in the element's own coordinates, by which of its corners the facet has:
+        # both sides of a facet then have their points in one order
         corners, cells = mesh.facets[:, facets], mesh.f2t[side, facets]
         at = (mesh.t[:, cells][:, None] == corners).argmax(axis=0)  # (corner, m) in the element
         X = np.einsum("vp,dvm->dmp", N, mesh.elem().refdom.p[:, at])
+
+        # area vectors, all out of side 0, however the facet is numbered
         p = mesh.p[:, corners]
         area = np.cross(
             *(np.einsum("vp,dvm->dmp", slope, p) for slope in (along_a, along_b)), axis=0

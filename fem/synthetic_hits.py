@@ -111,7 +111,8 @@ def struck(
 ) -> tuple[NDArray, NDArray, NDArray, NDArray]:
     """Forces (n, k), responses (n, m, k), points (n,) and whether a hit is double or clipped, of
     modes with frequencies [Hz] and damping ratios (q,), shapes at the points (p, q), across the
-    direction of the hits there (p, q), and at the sensors (m, q)."""
+    direction of the hits there (p, q), and at the sensors (m, q). Forces in N, responses in m/s^2.
+    """
     dt, k = plan.dt, plan.k
     phi, side, at_sensors = shapes
 
@@ -123,6 +124,7 @@ def struck(
     omega, zeta = 2 * np.pi * np.asarray(poles[0])[:, None], np.asarray(poles[1])[:, None]
     accelerance = s**2 / (s**2 + 2 * zeta * omega * s + omega**2)  # (q, lines)
 
+    # hit by hit: pulse, a second one where it bounces, the response, noise, and what is clipped
     force, response, point, spoiled = [], [], [], []
     for p in range(plan.points):
         for _ in range(plan.repeats):
