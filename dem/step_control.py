@@ -117,6 +117,9 @@ class StepSearch(NamedTuple):
     rounding_walk: float = 3.0
     # times the error: rounding that would be left if all added up, which it rarely does; not varied
     rounding_excess: float = 30.0
+    # marches that are not finite, each by a quarter of the step of the last, until the reason is
+    # taken to be the fold of a negative residual compliance, which no step mends; not varied
+    most_unstable: int = 4
     # of the energy: work of dampers by which two schemes may differ; not varied
     damper_energy: float = 0.05
 
@@ -229,6 +232,14 @@ def march_to_error(
         except UnstableStep:
             spent += ahead
             unstable += 1
+            soft = 0.0 if wall is None else wall.residual_compliance
+            if unstable >= search.most_unstable and soft < 0.0:
+                raise UnstableStep(
+                    f"{target} is not reached: {unstable} marches did not stay finite, the last by "
+                    f"dt = {step:.3g} s; before the wall's negative residual compliance of "
+                    f"{soft:.3g} m/N the last contact finds no force: take one "
+                    "nearer to 0, or lower speeds"
+                ) from None
             return None
         spent += march.n_steps * evaluations
         return march

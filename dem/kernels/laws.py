@@ -473,13 +473,35 @@ def plastic_force(i: int, d: float, A: Array, plastic: Plastic) -> float:
 
 @fastmath
 def plastic_indentation(gap: float, A: Array, residual: float | None, plastic: Plastic) -> float:
-    """delta of  delta + s F(delta) = gap  at the last contact, by bisection."""
+    """delta [m] of  delta + s F(delta) = gap [m]  at the last contact, with a spring of the
+    compliance s `residual` [m/N] in series; A (n_contacts,).
+
+    By bisection, beyond the largest overlap so far in closed form. NaN where no force answers the
+    gap, beyond the fold  1 + s k = 0  of a negative s; the flattened surface is stiffer than the
+    first one, so that a contact which yields may come to one on its way back.
+    """
     if residual is None or gap <= 0.0:
         return larger(gap, 0.0)
     last = A.size - 1
     low, high = 0.0, gap
+
+    # s < 0: the overlap is more than the gap, which grows with it up to the fold of the Hertz law
+    # or up to the top, and along the straight line behind that
     if residual < 0.0:
-        high = gap - residual * plastic_force(last, 2.0 * gap, A, plastic)
+        top = plastic.top[last]
+        reached = top + residual * plastic_force(last, top, A, plastic)
+        line = 1.0 + 1.5 * residual * A[last] * math.sqrt(plastic.limit[last])
+        if gap > reached and line > 0.0:
+            return top + (gap - reached) / line
+        crater = plastic.crater[last]
+        root = -2.0 / (3.0 * residual * plastic.coefficient[last])
+        high = smaller(crater + root * root, top)
+        if high + residual * plastic_force(last, high, A, plastic) < gap:
+            return math.nan
+        # the way back from the top would leap to before the fold, and energy would be lost in it
+        if high < top and crater > 0.0:
+            return math.nan
+
     for _ in range(100):
         d = 0.5 * (low + high)
         if d + residual * plastic_force(last, d, A, plastic) > gap:
