@@ -42,7 +42,7 @@ def hertz_coefficient(
     """A of F = A delta^(3/2) [N/m^(3/2)], Johnson's eq. 4.23 solved for the force.
 
     >>> float(round(hertz_coefficient(0.0127, 210e9, 0.3, 0.0127, 210e9, 0.3) / 1e10, 4))
-    1.2259
+    1.226
     """
     return 4.0 / 3.0 * contact_modulus(E1, nu1, E2, nu2) * np.sqrt(relative_radius(R1, R2))
 
