@@ -104,6 +104,7 @@ def missed_energy(
         mesh, material = basis.mesh, materials[body]
         element, C, order = element_of(mesh), stiffness_of(material), 4 + isinstance(mesh, MeshHex)
         field = pushed.half_space if pushed is not None and pushed.half_space.body == body else None
+
         # apart from the body's rigid motion R q, whose rounding in single precision would strain a
         # body on soft springs more than these do
         nodes = structure.points[structure.dofs(body)[0::3] // 3]
@@ -149,6 +150,8 @@ def missed_energy(
         for facets, signs in ((inside, (1, -1)), (bears, (1,))):
             for some in shares(facets, options.at_once):
                 sides = [FacetSide.of(mesh, some, side, order) for side in range(len(signs))]
+                # out of side 0: the jump is shared in proportion to the heights, and what acts on
+                # side 1 is the opposite force
                 t = sides[0].traction(element, C, local)
                 if len(sides) == 2:
                     share = sides[0].height / (sides[0].height + sides[1].height)
@@ -157,6 +160,7 @@ def missed_energy(
                 for sign, side in zip(signs, sides, strict=True):
                     b = side.lacking(vanish)
                     np.add.at(residual, side.cells, sign * (b @ t).reshape(len(b), -1, 3, m))
+
         # on a face that is tied the mean of both bodies' tractions, at points of this one; where it
         # does not meet the other, its own
         for pair in faces.ties:
@@ -172,6 +176,8 @@ def missed_energy(
                 kh_across[beyond.cells] = np.trace(of_partner[1]) * beyond.height
                 gap = pair.gap + sagging(structure, face) + sagging(structure, opposite)
                 for some in shares(facets, options.at_once):
+                    # this body's points in the partner's elements; stiffness times height of both
+                    # says how they share the jump, as between elements of one body
                     side = FacetSide.of(mesh, some, 0, order)
                     t = side.traction(element, C, local[..., :k])
                     points = mesh.mapping().F(side.X, tind=side.cells).reshape(3, -1).T
@@ -188,6 +194,7 @@ def missed_energy(
                     b = side.lacking(vanish)
                     moments = (b @ mean.reshape(t.shape)).reshape(len(b), -1, 3, k)
                     np.add.at(residual[..., :k], side.cells, moments)
+
         for sign, i in ((1, 0), (-1, 1)):  # of the half-space, where it ends, its own
             if field is not None and len(some := ends[np.isin(mesh.f2t[i, ends], field.cells)]):
                 side = FacetSide.of(mesh, some, i, order)
@@ -204,6 +211,9 @@ def missed_energy(
             phi = np.stack([np.broadcast_to(np.asarray(f[0]), at.dx.shape) for f in at.basis])
             gradient = np.stack([f[0].grad for f in at.basis])
             X = np.broadcast_to(at.X[:, None], (3, *at.dx.shape))
+
+            # r = int rho b . u D - int eps(b) : s + tractions; near a patch the half-space's own r
+            # is taken off, and what is left is the error of the difference
             b, db = lacking_functions(mesh, X, vanish[:, cells])
             db = np.einsum("dcep,bdep->bcep", at.mapping.invDF(at.X, tind=cells), db)
             K = element_stiffness(db, gradient, at.dx, C).astype(np.float32)
@@ -218,6 +228,8 @@ def missed_energy(
                 r[near, :, :, :k] -= r[near, :, :, k:] @ pushed.force.T.astype(np.float32)
             r = r[..., :k].reshape(len(cells), -1, k).astype(np.float64)
 
+            # k^-1 r element by element; a function that would move a held face is made so stiff
+            # that it stays
             stiffness = element_stiffness(db, db, at.dx, C)
             diagonal = np.einsum("eii->ei", stiffness)
             diagonal[still[cells].reshape(len(cells), -1)] *= options.still
@@ -355,6 +367,9 @@ def lacking_functions(
             value = np.select(kinds, cubes[0], r - 10 / 3 * r**2 + 5 / 2 * r**3)
             slope = sign * (1 - 20 / 3 * r + 15 / 2 * r**2)
             cube.append((value, np.select(kinds, cubes[1], slope)))
+
+        # a cube along one axis times lines along the two others (12), two parabolas times a line
+        # (6), three parabolas (1); values and gradients by the product rule
         along = [(cube, first, second) for first in lines for second in lines]
         across = [(one_line, square, square) for one_line in lines]
         axes = [(i, *(j for j in range(3) if j != i)) for i in range(3)]
@@ -374,6 +389,9 @@ def lacking_functions(
             for f in products
         ]
         return np.stack(values), np.stack([np.stack(slope) for slope in slopes])
+
+    # barycentric coordinates L of a tetrahedron: L_i L_j (L_i - L_j) of each edge, the cube that is
+    # zero at its three nodes, and L_i L_j L_k of each face
     L = [1 - X.sum(axis=0), *X]
     dL = [
         np.stack([c * one for c in row]) for row in ((-1, -1, -1), (1, 0, 0), (0, 1, 0), (0, 0, 1))

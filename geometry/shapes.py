@@ -174,6 +174,8 @@ def _check_plate(outline: NDArray[np.float64], holes: tuple[Hole, ...]) -> None:
         )
     if not np.all(np.isfinite(outline)):
         raise InvalidGeometry(f"outline = {outline.tolist()} must be finite numbers.")
+
+    # a closed line that neither crosses nor touches itself, and encloses an area
     edges = list(zip(outline, np.roll(outline, -1, axis=0), strict=True))
     n = len(edges)
     for i, j in combinations(range(n), 2):
@@ -186,6 +188,7 @@ def _check_plate(outline: NDArray[np.float64], holes: tuple[Hole, ...]) -> None:
     if _signed_area(outline) == 0 or min(np.linalg.norm(b - a) for a, b in edges) == 0:
         raise InvalidGeometry(f"outline = {outline.tolist()} has an edge of no length or no area.")
 
+    # holes whole inside of it, and apart from each other
     for i, hole in enumerate(holes):
         _positive("hole's diameter", hole.diameter)
         centre, radius = np.array(hole.at, dtype=float), hole.diameter / 2

@@ -48,6 +48,7 @@ def neighbours(
                 occ.remove(common, recursive=True)
             overlapping = volume > gap * min(a.area, b.area)
 
+            # bodies that overlap may touch as well; those that do neither may have been meant to
             if overlapping:
                 inner = [body.name for body in (a, b) if volume > (1 - 1e-6) * body.volume]
                 overlaps.append(Overlap((a.name, b.name), volume, inner[0] if inner else None))

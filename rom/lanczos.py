@@ -67,8 +67,8 @@ def lowest_modes(
 def past_rigid_modes(
     problem: Pencil, *, softer_than: float = 0.0, options: LanczosOptions = LanczosOptions()
 ) -> EigenPairs:
-    """The lowest modes, so many that one of them is elastic with an omega^2 above `softer_than`
-    [rad^2/s^2], or `most_rigid`.
+    """The lowest modes, as many as it takes until one of them is elastic, with an omega^2 above
+    `softer_than` [rad^2/s^2], or `most_rigid` of them.
 
     Six modes of a body that floats are rigid, and one more for each motion that a joint leaves
     free: their number is not known before, nor that of the modes of a soft suspension.
