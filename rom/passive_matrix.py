@@ -153,6 +153,7 @@ def passive_matrix_fit(
 
     # the best of these refined; of these the one of fewest modes that is as good
     def refined(omega_j: NDArray, zeta: NDArray, drifts: bool) -> MatrixFit:
+        """The fit from these poles (n,), all of its values together."""
         return _with_factors(measured, omega_j, zeta, drifts, options, of_matrix, refine=True)
 
     fits.sort(key=lambda fit: fit.criterion)
