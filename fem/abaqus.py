@@ -40,8 +40,10 @@ def input_deck(
 ) -> str:
     """The text of a deck that solves for the first `n_modes` natural frequencies.
 
-    w (n,) adds the contact and, to a model that something holds, its static compliance; C (n, n)
-    is that of `fem.dashpots`.
+    `materials` by body. w (n,) adds the contact and, to a model that something holds, its static
+    compliance [m/N]; C (n, n) [N s/m] is that of `fem.dashpots`, of which the dampers of joints are
+    written. Springs between points, masses on faces and measured parts are not: a model that has
+    some would be written without them, so that `--inp` refuses it before.
     """
     structure, T, n = model.structure, model.T, model.structure.n_dofs
     deck = Deck("second-order elements; all constraints as equations; SI units")
@@ -61,7 +63,8 @@ def input_deck(
             nodes[:, inside_out] = nodes[TURNED][:, inside_out]
         deck.elements(kind, label[body], nodes.T)
 
-    # empty rows of T are held dofs; dofs of the joints' nodes that are not free are held as well
+    # empty rows of T are held dofs; dofs of the joints' nodes that are not free are held as well.
+    # Dof i counted from 0 is direction i % 3 + 1 of node i // 3 + 1 in the deck
     fixed = np.flatnonzero(np.diff(T.indptr) == 0)
     of_joints = (3 * joint_nodes[:, None] + np.arange(3)).ravel()
     held_dofs = [*fixed, *np.setdiff1d(of_joints, model.free)]

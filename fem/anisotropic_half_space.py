@@ -66,7 +66,8 @@ class HalfSpace(NamedTuple):
 
 
 def half_space(material: Anisotropic, inward: NDArray[np.float64]) -> HalfSpace:
-    """The half-space of a material below a plane with this inward unit normal (3,)."""
+    """The half-space of a material below a plane with this inward unit normal (3,): y and L^-1 n at
+    N_DIRECTIONS angles of kappa. Both means are over 128 angles of omega, a periodic sum."""
     axes = np.vstack([spanning(inward), inward])
     bare = HalfSpace(material.elasticity, axes, np.empty((0, 3)), np.empty((0, 3)))
     n_omega = 128  # angles of omega in half a turn, over which S, H and L are means
@@ -114,6 +115,8 @@ def surface_force(
     # R u (heights + 1, around, 3) [m^2/N], the integral over the waves
     u = np.empty((len(elevation), options.around, 3))
     for row, angle in zip(u, elevation, strict=True):
+        # rho falls to the height of the point where kappa lies across it: directions as dense as
+        # that peak is narrow, but at the surface, where its part is added in closed form
         height = np.sin(angle)
         per_azimuth = options.fine / options.around / max(height, 1 / options.heights)
         n = options.around * int(np.ceil(per_azimuth))
@@ -127,6 +130,7 @@ def surface_force(
         turned = np.linalg.solve(T, pushed[..., None])[..., 0]  # N2 n - N1 y
         waves = (np.cos(omega)[..., None] * y + np.sin(omega)[..., None] * turned) / rho
         row[:] = waves.mean(axis=1)
+        # at the surface y / s is a principal value, and what the directions across add is L^-1 n
         if height == 0.0:
             row += _interpolated(np.vstack([solid.L_inverse_n] * 2), azimuth + np.pi / 2)
         row /= 2 * np.pi
@@ -147,17 +151,30 @@ def surface_force(
 
 
 def indentation_modulus(material: Anisotropic, inward: NDArray[np.float64]) -> float:
-    """E* [Pa] of F = 4/3 E* sqrt(R) delta^(3/2) for a rigid sphere on a plane of this normal."""
+    """E* [Pa] of F = 4/3 E* sqrt(R) delta^(3/2) for a rigid sphere on a plane with this inward unit
+    normal (3,); E / (1 - nu^2) of an isotropic solid.
+
+    The sphere needs the displacement delta - r^2 / (2 R) under the pressure of the module, whose
+    force is F = 2 pi p0 sqrt(det G) / 3, so that
+
+        delta = 3 F / (16 pi) int h / c dphi,   1 / R = 3 F / (16 pi) tr int h kappa kappa^T / c^3,
+
+    with an integral of kappa kappa^T that is as large along all directions: this gives the ellipse
+    G. Both are computed for an ellipse of mean c^2 = 1 and scaled to its size.
+    """
     weight = 2 * np.pi / N_DIRECTIONS * half_space(material, inward).h
     angles = np.pi * np.arange(N_DIRECTIONS) / N_DIRECTIONS
     kappa, twice = _unit_vectors(angles), _unit_vectors(2 * angles)
 
     def pressed(G: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-        """Depth, and curvatures (2, 2), under c^2 = 1 + G_1 cos 2 phi + G_2 sin 2 phi."""
+        """int h / c and int h kappa kappa^T / c^3 (2, 2) under c^2 = 1 + G_1 cos 2 phi + G_2 sin 2
+        phi, G (2,): depth and curvatures over 3 F / (16 pi)."""
         c = np.sqrt(1 + twice @ G)
         return float((weight / c).sum()), (kappa.T * (weight / c**3)) @ kappa
 
     def asphericity(G: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What the curvatures (2,) differ by from those of a sphere, relative: 0 of the ellipse
+        that a sphere presses."""
         _, bent = pressed(G)
         return np.array([bent[0, 0] - bent[1, 1], 2 * bent[0, 1]]) / np.trace(bent)
 

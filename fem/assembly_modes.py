@@ -31,7 +31,7 @@ class AssemblyModes(NamedTuple):
 
     @property
     def paired_hz(self) -> dict[str, float]:
-        """Frequencies of the targets that were found, by their number."""
+        """Frequencies [Hz] of the targets that were found, by their number from "1" on."""
         hz = self.omega / (2 * np.pi)
         return {str(i + 1): float(hz[j]) for i, j in enumerate(self.index) if j >= 0}
 
@@ -41,7 +41,8 @@ def assembly_modes(
     targets: Sequence[Target],
     known: Modes | None = None,
 ) -> AssemblyModes:
-    """The lowest modes, the targets among them.
+    """The lowest modes, the targets among them: N_MODES[0] of them, N_MODES[1] where a target is
+    not among the first. A target that is in neither has the index -1.
 
     `known` are the lowest modes, at least `N_MODES[0]` of them, where they are there already.
     Raises ValueError for modes that are lost in the rounding of K.

@@ -104,7 +104,7 @@ ENDS = {
 
 
 def rectangle(width: float, thickness: float, poisson: float) -> Section:
-    """width across and thickness along the chain [m].
+    """A rectangular section, width across and thickness along the chain [m].
 
     Hutchinson's factor of a rectangle of half the height a and half the width b,
 
@@ -128,7 +128,13 @@ def rectangle(width: float, thickness: float, poisson: float) -> Section:
 
 
 def tube(diameter: float, bore: float, poisson: float) -> Section:
-    """Outer and inner diameter [m]; a bore of 0 is a rod."""
+    """A circular section of outer and inner diameter [m]; a bore of 0 is a rod.
+
+    Hutchinson's factor of a hollow circle of the radii a and b,
+
+        kappa = 6 (a^2 + b^2)^2 (1 + nu)^2 / ((7 + 12 nu + 4 nu^2) (a^4 + b^4)
+                + (34 + 48 nu + 16 nu^2) a^2 b^2):   6 (1 + nu)^2 / (7 + 12 nu + 4 nu^2) of a rod.
+    """
     a, b, nu = diameter / 2, bore / 2, poisson
     squares, mixed, inner = a**2 + b**2, a**2 * b**2, a**4 + b**4
     poly = (7 + 12 * nu + 4 * nu**2) * inner + (34 + 48 * nu + 16 * nu**2) * mixed
@@ -138,7 +144,8 @@ def tube(diameter: float, bore: float, poisson: float) -> Section:
 
 
 def section(area: float, second_moment: float, shear_factor: float) -> Section:
-    """Of any shape [m^2], [m^4]; drawn as a rectangle."""
+    """A section of any shape, by its area [m^2], second moment [m^4] and shear factor; drawn as the
+    rectangle of the same area and second moment."""
     thickness = np.sqrt(12 * second_moment / area)
     return Section(area, second_moment, shear_factor, area / thickness, thickness)
 
@@ -159,6 +166,7 @@ def beam(
     axial_force [N] is positive where it pulls; elements are `coarser` times as long as usual.
     Raises Buckled where the force presses more than the beam can bear.
     """
+    # a solid's clamped ends hinder the strain across the section: as if the beam were shorter
     clamped, beside = [end == ENDS["clamped"] for end in ends], section.beside
     if beside is not None:
         left, right = beside.shorter(section, material) * np.array(clamped)
@@ -178,7 +186,7 @@ def beam(
     )
     along = line(divided(sorted({0.0, *struck, length}), longest, mesh.fewest), mesh.order)
 
-    # all deflections w, then all turns theta
+    # all deflections w, then all turns theta: the module's energies V and T, row by row
     _, mass, slope, mixed = along
     K = block_array([[kGA * slope, -kGA * mixed.T], [-kGA * mixed, EI * slope + kGA * mass]])
     M = block_array([[A * mass, None], [None, I * mass]])
@@ -194,6 +202,7 @@ def beam(
     K, M, K_G = (csc_array(form.tocsc()[free][:, free]) for form in (K, rho * M, K_G))
     K.setdiag(K.diagonal() + springs[free])
 
+    # a pressing force is refused from the buckling load on: K + N K_G would be indefinite
     factor = None
     if axial_force < 0:
         factor = load_factor(K, axial_force * K_G)

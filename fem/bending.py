@@ -47,7 +47,10 @@ class Bending(NamedTuple):
 
 
 def load_factor(K: csc_array, K_G: csc_array) -> float:
-    """Largest mu of -K_G x = mu K x: the load over the buckling load, 0 where it only pulls."""
+    """Largest mu of -K_G x = mu K x: the load over the buckling load, 0 where it only pulls.
+
+    K (n, n) [N/m] must hold the structure, K_G (n, n) [N/m] is the geometric stiffness of the load.
+    """
     inverse, start = LinearOperator(K.shape, factorised(K).solve), np.ones(K.shape[0])
     largest = eigsh(-K_G, 1, K, Minv=inverse, which="LA", v0=start, return_eigenvectors=False)
     return max(float(largest[0]), 0.0)

@@ -34,7 +34,8 @@ class Matrices(NamedTuple):
 
 
 def answer(deck: str) -> DeckResults:
-    """Frequencies and static compliance; raises ValueError where CalculiX gives none."""
+    """Frequencies (n_modes,) [Hz] and static compliance [m/N] of a deck's text; raises ValueError
+    where CalculiX gives none."""
     with TemporaryDirectory() as folder:
         _run(Path(folder), deck)
         text = (Path(folder) / "deck.dat").read_text()
@@ -67,8 +68,12 @@ def matrices(deck: str) -> Matrices:
 def receptance(
     deck: str, *, n_modes: int, zeta: float, span_hz: tuple[float, float]
 ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-    """Frequencies [Hz] and displacement per force [m/N] at the contact of a deck that has one, of
-    its first modes with a damping ratio, by *STEADY STATE DYNAMICS."""
+    """Frequencies (k,) [Hz] and displacement per force H (k,) [m/N] at the contact of a deck that
+    has one, of its first modes with a damping ratio, by *STEADY STATE DYNAMICS.
+
+    CalculiX chooses the frequencies: both ends of span_hz, the natural frequencies and points
+    between them. Raises ValueError where it gives up on the deck.
+    """
     node = deck.partition("*CLOAD\n")[2].partition(",")[0]
     low, high = span_hz
     between = 4  # points of the response between two natural frequencies

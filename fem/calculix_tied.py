@@ -59,6 +59,7 @@ def tied_deck(
     }
 
     def sides(triangles: NDArray[np.int64]) -> list[tuple[int, int]]:
+        """(element, side) of triangles (k, 6)."""
         return [side_of[tuple(sorted(triangle))] for triangle in triangles[:, :3].tolist()]
 
     for i, (slave, master) in enumerate(ties):
@@ -69,7 +70,8 @@ def tied_deck(
         deck.lines.append(f"*TIE, NAME=TIE{i}, POSITION TOLERANCE=1e-06, ADJUST=NO")
         deck.lines.append(f"SLAVE{i}, MASTER{i}")
 
-    # screws: nodes of a rigid body, of its turn, of the mean motion of the area and of its turn
+    # screws: nodes of a rigid body, of its turn, of the mean motion of the area and of its turn,
+    # with six springs between the two motions; numbers behind those of the mesh and of CONTACT
     contact = len(points) + 1
     for i, screw in enumerate(screws):
         rigid, turn, mean, mean_turn = nodes = range(contact + 1 + 4 * i, contact + 5 + 4 * i)

@@ -50,6 +50,7 @@ def with_carried(
     carried = []
     disc, share = disc_quadrature("area", points.radial, points.around)
     for body in masses:
+        # displacements of the disc's points by those of the mesh, u_disc = P u
         spot = planar_spot(structure, body.face, body.at)
         on_face = spot.point + body.radius * disc @ spot.axes
         try:
@@ -60,6 +61,9 @@ def with_carried(
                 f"a disc of radius {body.radius:g} m at {list(body.at)} m from the middle of "
                 f"{body.face!r} leaves that face; {room}; move it or make it smaller."
             ) from None
+
+        # C (6, ndof): the rigid motion of the disc at the body's own centre, where its inertia is
+        # diagonal
         centre = spot.point - body.height * spot.inward
         C = csr_matrix(csr_matrix(distributing(on_face, share, centre)) @ P)
         inertia = np.array([body.mass] * 3 + list(body.inertia))

@@ -44,7 +44,11 @@ def fixed(slaves: NDArray[np.int64], n_total: int, name: str) -> Constraint:
 def claimed(
     n_total: int, constraints: Sequence[Constraint]
 ) -> tuple[list[Constraint], list[Overconstrained]]:
-    """The constraints without the dofs that an earlier one holds, and which dofs these were."""
+    """The constraints without the dofs that an earlier one holds, and which dofs these were.
+
+    Of n_total dofs each is slave once then, as `eliminated` needs; the order of constraints says
+    which of two applies.
+    """
     owner, reduced, overconstrained = np.full(n_total, -1), [], []
     for i, c in enumerate(constraints):
         earlier = owner[c.slaves]
@@ -90,6 +94,7 @@ def eliminated(
 
 
 def congruent(T: csr_matrix, A: csr_matrix) -> csc_matrix:
-    """T^T A T, symmetric to the last bit."""
+    """T^T A T (n, n) of a symmetric A (n_total, n_total) and T (n_total, n), symmetric to the last
+    bit: factorisations read one triangle, products both."""
     product = (T.T @ (A @ T)).tocsc()
     return ((product + product.T) / 2).tocsc()

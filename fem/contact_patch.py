@@ -42,7 +42,8 @@ class ContactPatch(NamedTuple):
         return np.array([n, t1, np.cross(n, t1)])
 
     def across(self, model: Model) -> "tuple[ContactPatch, ContactPatch]":
-        """The same average of the displacements along t1 and t2."""
+        """The same average of the displacements along t1 and t2, as two patches; of a patch with
+        its `mean`, which bent structures have not."""
         patches = []
         for tangent in self.axes[1:]:
             on_mesh = tangent @ self.mean
@@ -92,6 +93,8 @@ def contact_patch(
     """
     spot = at if isinstance(at, Spot) else planar_spot(model.structure, face, at)
     require_flat(spot.radii, radius)
+
+    # points of the disc; half of them, or a quarter, on each side of a mirror are one
     disc, share = disc_quadrature(weights, n_radial, n_around)
     for axis in mirrors:
         i = int(np.abs(spot.axes[:, "xyz".index(axis)]).argmax())

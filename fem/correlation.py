@@ -45,8 +45,8 @@ class BodyMotion(NamedTuple):
 
 
 class Number(NamedTuple):
-    """A mode identified by its number, from 1, among those that strain bodies or joints: rigid
-    motions on springs between points do not count, as those of what floats."""
+    """A mode identified by its number, from 1, among those that strain bodies or joints. Rigid
+    motions do not count, neither free ones nor those on springs between points."""
 
     number: int
 
@@ -59,7 +59,7 @@ class Shape(NamedTuple):
     hz: float  # measured
 
     def within(self, V: NDArray[np.float64]) -> "Shape":
-        """The same in coordinates q of u = V @ q."""
+        """The same in coordinates q (j,) of u = V @ q, V (n, j)."""
         return self._replace(reading=self.reading @ V)
 
 
@@ -84,7 +84,8 @@ class BodyForms(NamedTuple):
 
 
 def mac(phi: NDArray, psi: NDArray) -> NDArray[np.float64]:
-    """Modal assurance criterion |phi^H psi|^2 / (phi^H phi psi^H psi), (k, l).
+    """Modal assurance criterion |phi^H psi|^2 / (phi^H phi psi^H psi), (k, l), of shapes phi (m, k)
+    and psi (m, l), real or complex, at the same m readings; nan for a shape that is zero there.
 
     Allemang and Brown, Proc. 1st Int. Modal Analysis Conf. (1982).
     """
@@ -135,15 +136,20 @@ def measured_pairs(
     The largest MAC alone does not do: at few points shapes of distant frequencies look alike.
     `auto_mac` (k, k) is the MAC of the computed modes among themselves at the sensors.
     """
+    # one to one, and for each measured mode what speaks against its pair: a distance in frequency,
+    # a rival that is nearly as like, or modes that these sensors cannot tell apart
     auto_mac = np.nan_to_num(auto_mac)
     index, score, allowed = one_to_one(measured_hz, computed_hz, likeness, options)
     runner_up, doubts = np.full(len(measured_hz), -1), []
     for i, j in enumerate(index):
+        # the next best computed mode, whether or not it is another one's pair
         rivals = np.where(allowed[i], score[i], 0.0)
         rivals[j if j >= 0 else []] = 0.0
         second = int(rivals.argmax()) if rivals.size else -1
         if second >= 0 and rivals[second] > 0:
             runner_up[i] = second
+
+        # sentences for a reader who decides: nothing is dropped here
         sentences = []
         if j >= 0:
             apart = computed_hz[j] / measured_hz[i] - 1
@@ -181,7 +187,8 @@ def one_to_one(
 
 
 def pair(model: Model, modes: Modes, targets: Sequence[Target]) -> Pairing:
-    """The targets among the modes of a model."""
+    """The targets among the modes of a model, as `paired`; the energies of bodies and springs are
+    those in the modes themselves."""
     bodies = {target.body for target in targets if isinstance(target, BodyMotion)}
     forms = {body: body_forms(model, body, modes.phi) for body in bodies}
     forms |= spring_forms(model, modes.phi)
@@ -203,6 +210,8 @@ def paired(
     targets by shape are paired one-to-one, on MAC and frequency together. No mode with a share or
     MAC below `smallest` is paired.
     """
+    # how much of each target every mode is: 1 for its number, MAC with its shape, share of the
+    # kinetic energy in its motion, or of the strain energy in its body
     elastic = strains(modes, forms)
     character = np.zeros((len(targets), len(modes.omega)))
     for i, target in enumerate(targets):
@@ -221,6 +230,8 @@ def paired(
         omega = np.where(elastic, modes.omega, 1.0)
         character[i] = np.where(elastic, strain / omega**2, 0.0)
 
+    # the first mode that has half of the largest share: a soft neighbour that joins in less is
+    # passed over, and of two that share the motion the lower one counts
     threshold = 0.5 * character.max(axis=1, keepdims=True, initial=0.0)
     eligible = character >= np.maximum(threshold, smallest)
     index = np.where(eligible.any(axis=1), eligible.argmax(axis=1), -1)
@@ -268,11 +279,18 @@ def spring_forms(model: Model, V: NDArray[np.float64]) -> dict[str, BodyForms]:
 
 
 def body_forms(model: Model, body: str, V: NDArray[np.float64]) -> BodyForms:
-    """Energies and rigid motions of a body for displacements V (n, m) of a model's free dofs."""
+    """Energies and rigid motions of a body for displacements V (n, m) of a model's free dofs.
+
+    Momenta are those along six rigid motions R that are orthonormal in the body's own mass,
+    R^T M R = 1, so that the square of (M R)^T u is the share of a mode's kinetic energy in each.
+    """
     structure, dofs = model.structure, model.structure.dofs(body)
     u, K, M = model.T[dofs] @ V, structure.K[dofs][:, dofs], structure.M[dofs][:, dofs]
     for mass in structure.carried:  # a density has no part in these
         M = M - mass.M[dofs][:, dofs]
+
+    # rigid motions about the centre of mass, where shifts and turns do not couple; turns about its
+    # axes by Cholesky: R L^-T with L L^T = R^T M R
     nodes = structure.points[dofs[0::3] // 3]
     lumped = np.asarray(M.sum(axis=1)).ravel()[0::3]
     centre_of_mass = lumped @ nodes / lumped.sum()

@@ -36,7 +36,11 @@ def dashpots(model: Model, coefficient: dict[str, float]) -> csc_array:
 
 def dashpot_rows(model: Model, coefficient: Mapping[str, float]) -> csr_matrix:
     """Rows (d, n) of which C = rows^T rows [N s/m], of dashpots by the name of the spring beside,
-    "joint.direction" or that of a spring between points."""
+    "joint.direction" or that of a spring between points, and of the oscillators of measured parts.
+
+    The same C as that of `dashpots` in as many rows as there are dampers: what Woodbury's formula
+    needs (`fem.full_responses`).
+    """
     n = model.K0.shape[0]
     rows = [csr_matrix((0, n))]
     for name, c in coefficient.items():

@@ -22,7 +22,7 @@ class DecaySteps(NamedTuple):
     """How a decay is cut into steps of the amplitude."""
 
     ratio: float = 1.6  # of amplitudes at a step's ends: 20 steps for the noise of four decades
-    clear: float = 5.0  # of what the low pass leaves of noise beside the mode; 3 to 10 alike
+    clear: float = 5.0  # times the noise that the low pass leaves beside the mode; 3 to 10 alike
     beside: float = 6.0  # low passes away from the mode, where the noise is taken
     width: float = 0.25  # low pass over the distance of the nearest mode, in standard deviations
     widest: float = 0.05  # low pass over the frequency of the mode
@@ -50,7 +50,8 @@ def over_amplitude(
     options: DecaySteps = DecaySteps(),
 ) -> list[AmplitudeStep]:
     """Steps of the decay of one mode, largest amplitude first, of a record y (m, k) from its onset
-    on and modes frequency_hz (n,), phi (m, n); none where the mode does not stand clear."""
+    on, sampled every dt [s] at m sensors, and modes frequency_hz (n,) [Hz], phi (m, n); none where
+    the mode does not stand clear of the noise for `fewest` steps."""
     hz = float(frequency_hz[mode])
     others = np.delete(frequency_hz, mode)
     gap = float(np.abs(others - hz).min()) if len(others) else np.inf
@@ -66,9 +67,13 @@ def over_amplitude(
     spectrum, lines = fft(weight @ y), fftfreq(k, dt)
 
     def demodulated(at_hz: float) -> NDArray[np.complex128]:
+        """z (k,): the record turned back by at_hz, of which a Gaussian low pass leaves what lies
+        within sigma_hz of it; negative frequencies are cut off, so that |z| is the amplitude."""
         low_pass = np.exp(-0.5 * ((lines - at_hz) / sigma_hz) ** 2)
         return 2 * ifft(spectrum * low_pass) * np.exp(-2j * np.pi * at_hz * dt * np.arange(k))
 
+    # the noise is what the same low pass leaves beside the mode, late in the record, on the quieter
+    # side: a neighbour may stand on the other
     z = demodulated(hz)
     size = np.abs(z)
     noise = [
@@ -78,11 +83,15 @@ def over_amplitude(
         for side in (-1, 1)
     ]
     floor = options.clear * min(noise)
+
+    # from the largest amplitude, early in the record, down to the noise
     start = ends + int(size[ends : len(size) // 4 + ends].argmax())
     below = np.flatnonzero(size[start:] < floor)
     end = start + (int(below[0]) if len(below) else len(size) - ends - start)
     steps = []
     while True:
+        # a step ends where the amplitude has fallen by the ratio; slopes of ln|z| and arg z by
+        # least squares with times x about their mean
         stop = np.flatnonzero(size[start:end] < size[start] / options.ratio)
         if not len(stop) or stop[0] < 2 * sigma:
             break
@@ -91,7 +100,8 @@ def over_amplitude(
         level, phase = np.log(size[window]), np.unwrap(np.angle(z[window]))
         slope = float(x @ level / (x @ x))
         residual = level - level.mean() - slope * x
-        # the low pass leaves one independent sample in two of its deviations
+        # the low pass leaves one independent sample in 2 sqrt(pi) of its deviations, the integral
+        # of its autocorrelation exp(-t^2 / (4 sigma^2)); two are spent on the line
         independent = max(len(x) / (2 * np.sqrt(np.pi) * sigma), 3.0)
         spread = np.sqrt(np.sum(residual**2) / (x @ x) / (independent - 2))
         if spread > options.uncertain * -slope:

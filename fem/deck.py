@@ -36,7 +36,7 @@ class Deck:
         *,
         number: str = ".13g",
     ) -> None:
-        """Nodes at points [m]; their set where it has a name."""
+        """Nodes at points (n, 3) [m] by their numbers (n,) from 1; their set, where it is named."""
         self.lines.append(f"*NODE, NSET={nset}" if nset else "*NODE")
         for i, (x, y, z) in zip(numbers, points, strict=False):
             self.lines.append(f"{i}, {x:{number}}, {y:{number}}, {z:{number}}")
@@ -44,7 +44,8 @@ class Deck:
     def elements(
         self, kind: str, elset: str, nodes: Iterable[Iterable[int]], first: int | None = None
     ) -> None:
-        """Elements of one kind, numbered from `first` on, else from the last one added."""
+        """Elements of one kind, by the numbers of their nodes (n, k) in the program's order,
+        numbered from `first` on, else from the last one added."""
         self.lines.append(f"*ELEMENT, TYPE={kind}, ELSET={elset}")
         number = self.last_element if first is None else first - 1
         for cell in nodes:
@@ -74,13 +75,14 @@ class Deck:
     def spring(
         self, name: str, nodes: Sequence[int], direction: int, k: float, number: int | None = None
     ) -> None:
-        """A spring [N/m] of a node to the ground, or between two nodes."""
+        """A spring [N/m] of a node to the ground, or between two nodes, along a direction from 1
+        of each; SPRING1 and SPRING2 act along global axes wherever their nodes are."""
         self.elements(f"SPRING{len(nodes)}", name, [nodes], number)
         directions = ", ".join([str(direction)] * len(nodes))
         self.lines += [f"*SPRING, ELSET={name}", directions, f"{k:.12e}"]
 
     def dashpot(self, name: str, nodes: Sequence[int], c: float, number: int) -> None:
-        """A damper [N s/m] along the line between two nodes."""
+        """A damper [N s/m] along the line between two nodes, which must not coincide."""
         self.elements("DASHPOTA", name, [nodes], number)
         self.lines += [f"*DASHPOT, ELSET={name}", "", f"{c:.12e}"]
 

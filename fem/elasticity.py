@@ -37,10 +37,10 @@ class Carried(NamedTuple):
 
 
 class Dent(NamedTuple):
-    """A disc by which a spring dents a body: of E compliance / (1 - nu^2) in a half-space."""
+    """The dent that a spring makes in a body under its disc."""
 
     body: str
-    per_length: float  # [1/m]
+    per_length: float  # [1/m] compliance of the disc on a half-space, times E / (1 - nu^2)
 
 
 class PointSprings(NamedTuple):
@@ -87,7 +87,7 @@ class Structure(NamedTuple):
         return self.first[body] + np.arange(self.basis[body].N)
 
     def facets(self, face: str) -> tuple[str, NDArray[np.int64]]:
-        """The body of a face "body:face" and the facets in that body's mesh.
+        """The body of a face "body:face" and the numbers (k,) of its facets in that body's mesh.
 
         Raises ValueError for a face that the body does not have, or not a facet of.
         """
@@ -162,6 +162,7 @@ def _matrices(basis: Basis, material) -> tuple[csr_matrix, csr_matrix]:
     C = material.elasticity.transpose(1, 3, 0, 2).reshape(9, 9)
 
     def of(cells: NDArray[np.int64]) -> tuple[csr_matrix, csr_matrix]:
+        """K (n, n) of these elements and, of one displacement only, M (n / 3, n / 3)."""
         points = Basis(basis.mesh, element, intorder=order_K, elements=cells)
         gradient = np.stack([phi[0].grad for phi in points.basis])  # (i, c, cell, point)
         K = element_stiffness(gradient, gradient, points.dx, C)
@@ -187,8 +188,13 @@ def element_stiffness(
     dx: NDArray[np.float64],
     C: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """K_(ia)(jb) = C_acbd D_(ic)(jd) of elements, (n_elements, 3 m, 3 n), of gradients (m or n, c,
-    cell, point) and weights (cell, point); C (9, 9) from (c, d) to (a, b)."""
+    """K_(ia)(jb) = C_acbd D_(ic)(jd) of elements, (n_elements, 3 m, 3 n) [N/m], of gradients
+    (m or n, c, cell, point) [1/m] and weights (cell, point) [m^3]; C (9, 9) [Pa] from (c, d) to
+    (a, b).
+
+    Two products of matrices an element in place of a loop over its points and components: the
+    gradients are summed over the points first, then turned into forces by C.
+    """
     m, dim, n_cells, _ = test.shape
     n = len(trial)
     first, second = (
@@ -211,8 +217,8 @@ def summed(
     *,
     at_once: int = 2000,
 ) -> tuple[csr_matrix, ...]:
-    """Matrices of elements, `at_once` of them at a time, which hold some 100 MB; added in pairs,
-    which copies the sum log2(shares) times."""
+    """The sums of matrices (n, n) that of(cells) gives for elements `cells` (k,), `at_once` of them
+    at a time, which hold some 100 MB; added in pairs, which copies the sum log2(shares) times."""
     if len(cells) <= at_once:
         return of(cells)
     first, second = (summed(half, of, at_once=at_once) for half in np.array_split(cells, 2))

@@ -116,7 +116,7 @@ class Pardiso:
 
 
 def factorised(A: csc_matrix, *, recovered: float = 1e-3) -> Factor:
-    """Factor of a symmetric A, reusable for any number of right-hand sides.
+    """Factor of a symmetric A (n, n), reusable for any number of right-hand sides.
 
     Raises ValueError when A is singular or not finite: a random solution must be recovered to the
     relative error `recovered`, of which a singular matrix loses everything.
@@ -147,6 +147,7 @@ def factorised(A: csc_matrix, *, recovered: float = 1e-3) -> Factor:
 
 
 def _superlu(A: csc_matrix) -> Factor:
+    """SuperLU's factor; raises Singular, with a sentence on the structure, for its RuntimeError."""
     try:
         return minimum_degree(A)
     except RuntimeError as error:

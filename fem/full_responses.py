@@ -47,6 +47,8 @@ def full_responses(
     """H (p, r, f) = s^power points Z^-1 references^T of a model at s (f,) [1/s], with c (k,) [1/s]
     of its lowest modes and `dashpots` (d, n), C = dashpots^T dashpots [N s/m].
 
+    points (p, n) and references (r, n) read and load the free dofs; power 0 gives displacements
+    [m/N], 1 velocities, 2 accelerations. c is 2 zeta omega of each mode.
     Raises ValueError where the highest mode does not lie above the lines.
     """
     top, highest = float(modes.omega[-1]), float(np.abs(s).max())
@@ -64,6 +66,9 @@ def full_responses(
     at_left, at_right = left @ modes.phi, right @ modes.phi
     h = 1 / (modes.omega[:, None] ** 2 + s**2 + s * c[:, None])  # (k, f)
     G = np.einsum("ak,kf,bk->fab", at_left, h, at_right, optimize=True)
+
+    # x = (P D^-1 M)^j P D^-1 R^T for j = 0, 1, ..: one solution a term for all lines together; the
+    # last term is not added, it is the error of those before it
     tau = -(s**2) + sigma
     x = right.toarray().T
     for j in range(TERMS + 1):
@@ -74,7 +79,7 @@ def full_responses(
         else:
             G = G + term
 
-    # dashpots: u = G F, F = -s C-rows u
+    # dashpots: u = G F with the forces F = -s (rows of C) u that they answer with (Woodbury)
     p, r, d = points.shape[0], references.shape[0], C.shape[0]
     H = G[:, :p, :r]
     if d:

@@ -30,6 +30,7 @@ def rigid_body(structure: Structure) -> RigidBody:
     inertia = R.T @ (structure.M @ R)
     mass = inertia[0, 0]
     residual = np.abs(structure.K @ R).max() / (np.abs(structure.K).max() * np.abs(R).max())
+    # first moments between shifts and turns: a turn about z moves along y by x, along x by -y
     centre = np.array([inertia[1, 5], -inertia[0, 5], inertia[0, 4]]) / mass
     return RigidBody(float(mass), centre, float(residual))
 

@@ -54,7 +54,8 @@ def minimum_degree(A: csc_matrix) -> SuperLU:
 
 
 def minimum_degree_work(groups: Groups) -> float:
-    """Multiplications and additions of SuperLU's elimination, within a factor of 1.5."""
+    """Multiplications and additions of SuperLU's elimination, within a factor of 1.5: the sum over
+    all unknowns of the square of their column's height in the factor, group by group."""
     graph = groups.graph
     # any matrix of this pattern that can be factorised will do
     neighbours = np.diff(graph.indptr)

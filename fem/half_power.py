@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 def half_power_bandwidth(
     f: NDArray[np.float64], amplitude: NDArray[np.float64], peak: int
 ) -> tuple[float, float]:
-    """Frequency of a peak [Hz] and its bandwidth f2 - f1 [Hz]; nan where a flank does not fall.
+    """Frequency of a peak [Hz] and its bandwidth f2 - f1 [Hz]; nan where a flank does not fall to
+    half of the power within the record, or another peak begins first.
 
-    Near the peak of one light mode 1/|H|^2 ~ (omega^2 - omega_n^2)^2 + (2 zeta omega_n omega)^2 is
-    a parabola in the frequency: its lowest point is the peak, and where it has doubled are f1 and
-    f2.
+    f (k,) [Hz] are evenly spaced lines, amplitude (k,) is |H| in any unit, `peak` the line of its
+    largest value. Near the peak of one light mode 1/|H|^2 ~ (omega^2 - omega_n^2)^2 +
+    (2 zeta omega_n omega)^2 is a parabola in the frequency: its lowest point is the peak, and where
+    it has doubled are f1 and f2.
     """
     i = int(np.clip(peak, 1, len(f) - 2))
     inverse = 1 / amplitude[i - 1 : i + 2] ** 2

@@ -199,7 +199,12 @@ def half_space_fields(
     within: float = np.inf,
     options: HalfSpaceMesh = HalfSpaceMesh(),
 ) -> Iterator[HalfSpaceField]:
-    """The displacements whose compliance `half_space_on_mesh` is, of a few patches at a time."""
+    """The displacements whose compliance `half_space_on_mesh` is, of a few patches at a time.
+
+    u (n, m) [m] of each is prescribed as the exact field on the outside of the elements, zero along
+    the normals of mirrors, and elsewhere the solution of K u = w. Raises ValueError for a curved
+    face of a material that is not isotropic.
+    """
     structure, spot = model.structure, patches[0].spot
     if not isinstance(material, Material) and np.isfinite(spot.radii).any():
         raise ValueError(

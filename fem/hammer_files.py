@@ -70,6 +70,9 @@ def read_csv(path: Path) -> Responses:
         raise ValueError("no lines below the header")
     if any(";" in line for line in lines):
         raise ValueError("semicolons between its values, commas and decimal points are needed")
+
+    # a frequency, then real and imaginary part of each response: an odd number of columns, the same
+    # in all lines. The fast reader names no line, so that a file it refuses is read once more
     n_columns = numbered[0][1].count(",") + 1
     for n, line in numbered:
         if line.count(",") + 1 != n_columns:
@@ -103,7 +106,8 @@ def _number(cell: str, line: int) -> float:
 
 
 def of_data_sets(sets: Sequence[dict]) -> Responses:
-    """The responses of data sets 58; raises ValueError where they hold none."""
+    """The responses of data sets 58, as pyuff reads them, in their order; raises ValueError where
+    they hold none, or where these have different numbers of lines."""
     sets = [s for s in sets if s["func_type"] == RESPONSE]
     if not sets:
         raise ValueError("no data set 58 with a frequency response")
@@ -139,7 +143,8 @@ def of_mat(variables: dict[str, NDArray], name: str) -> Responses:
 
 
 def write_csv(path: Path, test: Responses) -> None:
-    """Write as CSV, the title in the header line."""
+    """Write responses H (n, k) as CSV, the title in the header line; numbers are rounded to six
+    digits, by up to 5e-6 of each."""
     columns = [column for h in test.H for column in (h.real, h.imag)]
     names = [f"{name}_{i}" for i in range(1, len(test.H) + 1) for name in ("re", "im")]
     header = f"frequency_hz,{','.join(names)}  ({test.title})"

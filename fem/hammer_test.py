@@ -37,7 +37,8 @@ def accelerances(
 def with_noise(
     H: NDArray[np.complex128], relative: float, rng: np.random.Generator
 ) -> NDArray[np.complex128]:
-    """H with Gaussian noise whose rms is relative to that of H."""
+    """H (r, k) with complex Gaussian noise of the rms `relative` times that of all of H: the same
+    at every line, so that antiresonances drown in it first."""
     size = relative * np.sqrt(np.mean(np.abs(H) ** 2)) / np.sqrt(2)
     noise = rng.normal(size=(2, *H.shape))
     return H + size * (noise[0] + 1j * noise[1])
@@ -46,8 +47,8 @@ def with_noise(
 def nearest_modes(
     measured_hz: list[float], expected_hz: dict[int, float], *, farthest: float = 1.5
 ) -> dict[int, int]:
-    """Pairs {position of a measured resonance: number of its mode}, the nearest first, each used
-    once, with frequencies within the factor `farthest`."""
+    """Pairs {position of a measured resonance: number of its mode}, each used once, with
+    frequencies within the factor `farthest`; the sum of the distances |ln f / f'| is the least."""
     modes = list(expected_hz)
     distance = np.abs(np.log(np.divide.outer(measured_hz, [expected_hz[m] for m in modes])))
     limit = np.log(farthest)

@@ -26,7 +26,8 @@ def euler_bernoulli(
 
 
 def lamb_hz(k: float, h: float, material: Material) -> float:
-    """[Hz] of the wave number k [1/m] in a strip of half the height h [m]:
+    """Frequency [Hz] of the lowest antisymmetric wave of the wave number k [1/m] in a strip of half
+    the height h [m]; raises ValueError for a k h at which it lies outside of the range below:
 
     4 k^2 a b tanh(b h) = (k^2 + b^2)^2 tanh(a h), a^2 = k^2 - (omega / c_l)^2, b^2 = k^2 -
     (omega / c_t)^2: between a half and all of the thin strip's."""
@@ -35,6 +36,7 @@ def lamb_hz(k: float, h: float, material: Material) -> float:
     c_t = np.sqrt(E / (2 * rho * (1 + nu)))
 
     def dispersion(omega: float) -> float:
+        """Difference of both sides, without their poles: both sides are multiplied out."""
         a, b = np.sqrt(k**2 - omega**2 / np.array([c_l, c_t]) ** 2)
         return 4 * k**2 * a * b * np.tanh(b * h) - (k**2 + b**2) ** 2 * np.tanh(a * h)
 

@@ -81,7 +81,8 @@ def direction_named(text: str) -> int:
 
 
 def require_even(t: NDArray[np.float64]) -> float:
-    """The step of times [s]; raises ValueError where they are no even, ascending ones.
+    """The step of times t (k,) [s]; raises ValueError where they are no even, ascending ones, or
+    fewer than 64.
 
     Times that an analyser writes with few digits jump or repeat: they are even where all are within
     half of the last digit of a line through them, whose slope is the step.
@@ -108,6 +109,7 @@ def record_of_csv(path: Path, name: str) -> TimeRecord:
 
     Raises ValueError where the file has no record.
     """
+    # title lines, then the header: the mark between its cells is that of the file
     title, first, n_lines = [], "", 0
     with path.open(encoding="utf-8-sig") as file:
         for line in file:
@@ -119,6 +121,8 @@ def record_of_csv(path: Path, name: str) -> TimeRecord:
                 break
     between = next((mark for mark in ";\t" if mark in first), ",")
     header = [cell.strip() for cell in first.split(between)]
+
+    # each heading "kind label [unit]": what the column is, whose, and its scale to SI
     scales, force, sensors, columns, point = [], None, [], [], name
     quantities: set[str] = set()
     for i, heading in enumerate(header):
@@ -146,12 +150,16 @@ def record_of_csv(path: Path, name: str) -> TimeRecord:
                 )
             quantities.add(MOTIONS[unit][0])
             scales.append(MOTIONS[unit][1])
+
+    # one quantity: a shape of accelerations at some points and velocities at others is none
     if not columns:
         raise ValueError("it has no column with a response")
     if len(quantities) > 1:
         raise ValueError(
             f"its responses are {' and '.join(sorted(quantities))}; shapes need one quantity"
         )
+
+    # numbers below the header, in SI
     with catch_warnings():
         simplefilter("ignore")  # of a file without lines, which is refused below
         try:
@@ -174,7 +182,12 @@ def record_of_csv(path: Path, name: str) -> TimeRecord:
 
 
 def records_of_mat(variables: dict[str, NDArray], name: str) -> list[TimeRecord]:
-    """The records of a .mat file's variables; raises ValueError where it has none."""
+    """The records of a .mat file's variables, one for each of n hits: force (k,) or (k, n) [N],
+    response (k,), (k, m) or (k, m, n), dt [s] or t (k,) [s]; either may be transposed, k being the
+    longest side. `name` is that of a point that the file does not name.
+
+    Raises ValueError where it has none, or their sizes do not fit.
+    """
     if "response" not in variables or not {"dt", "t"} & variables.keys():
         raise ValueError(
             f"of what is read it has {', '.join(variables) or 'nothing'}; response and dt or t are "
@@ -183,6 +196,8 @@ def records_of_mat(variables: dict[str, NDArray], name: str) -> list[TimeRecord]
     for key in ("response", "force", "dt", "t"):
         if key in variables and variables[key].dtype.kind not in "fiub":
             raise ValueError(f"{key} is no array of real numbers")
+
+    # response (k, m, n) and force (k, n): instants along the longest side
     y = np.asarray(variables["response"], float)
     force = variables.get("force")
     k = max(y.shape) if force is None else max(force.shape)
@@ -202,9 +217,13 @@ def records_of_mat(variables: dict[str, NDArray], name: str) -> list[TimeRecord]
     )  # fmt: skip
     if not 0 < dt < np.inf:
         raise ValueError(f"dt is {dt:g} s, a positive number is needed")
+
+    # names of the points hit and of the sensors, an array of texts or one text with blanks between
     n, m = y.shape[2], y.shape[1]
 
     def names(key: str, count: int, usual: Sequence[str]) -> list[str]:
+        """The texts of a variable, one name for all or `count` of them; the usual ones where the
+        file has none. Raises ValueError for any other number."""
         if key not in variables:
             return list(usual)
         texts = [str(text).strip() for text in np.ravel(variables[key])]
@@ -231,8 +250,9 @@ def records_of_mat(variables: dict[str, NDArray], name: str) -> list[TimeRecord]
 
 
 def quantity_named(variables: dict[str, NDArray]) -> str:
-    """What the responses of a .mat file are by its variable `quantity`, "" without one; raises
-    ValueError where it is none of accelerations, velocities and displacements, in SI units."""
+    """What the responses of a .mat file are by its variable `quantity`, a text or an array (1,) of
+    one, "" without it; raises ValueError where it is none of accelerations, velocities and
+    displacements, in SI units."""
     named = "".join(map(str, np.ravel(variables.get("quantity", "")))).strip()
     if named and named not in QUANTITIES.values():
         raise ValueError(f"quantity is {named!r}, none of {', '.join(sorted(QUANTITIES.values()))}")
@@ -287,6 +307,8 @@ def records_of_data_sets(sets: Sequence[dict]) -> list[TimeRecord]:
         if not groups or key in groups[-1]:
             groups.append({})
         groups[-1][key] = s
+
+    # each record by its channels, in SI
     records = []
     for group in groups:
         force = group.pop(("force",), None)
@@ -332,18 +354,23 @@ def records_of_data_sets(sets: Sequence[dict]) -> list[TimeRecord]:
 def cut_at_hits(
     records: Sequence[TimeRecord], options: Cutting = Cutting()
 ) -> tuple[list[TimeRecord], list[str]]:
-    """Records of one hit each, and sentences on what is left out."""
+    """Records of one hit each, and sentences on what is left out. Records without a force, and of
+    one hit, stay as they are."""
     pieces, remarks = [], []
     for record in records:
         if record.force is None:
             pieces.append(record)
             continue
+
+        # hits: the first sample above a share of the largest force after a pause
         f, dt = np.abs(record.force), record.dt
         high = np.flatnonzero(f > options.pulse * f.max()) if f.size else np.zeros(0, int)
         starts = high[np.diff(high, prepend=-np.inf) > options.apart / dt]
         if len(starts) < 2:
             pieces.append(record)
             continue
+
+        # from a little before each pulse to as long before the next one
         before = min(int(options.before / dt), int(starts[0]))
         lengths = np.diff([*starts, len(f) + before])
         long_enough = lengths >= options.shortest * np.median(lengths)

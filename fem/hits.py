@@ -125,9 +125,11 @@ def frequency_responses(
     *,
     samples: int | None = None,
 ) -> FrequencyResponses:
-    """Frequency responses of the hits that are usable, of at most `samples` from each onset.
+    """Frequency responses of the hits that are usable, of at most `samples` from each onset: H
+    (p, m, f) of the p points hit, m sensors and f lines of 1 / T from 0 Hz on; records without a
+    force give spectra (`ring_down_spectra`).
 
-    Raises ValueError where no hit is usable, and for records with NaN or without a pulse.
+    Raises ValueError where no hit is usable, for an unknown estimator, and for records with NaN.
     """
     if estimator not in ESTIMATORS:
         raise ValueError(f"estimator {estimator!r} must be one of {', '.join(ESTIMATORS)}")
@@ -143,6 +145,8 @@ def frequency_responses(
     usable, onset, width, remarks = np.ones(n, bool), np.zeros(n, int), np.ones(n, int), []
     sign = np.sign(hits.force[np.arange(n), np.abs(hits.force).argmax(axis=1)])
     for i, f in enumerate(hits.force * sign[:, None]):
+        # noise by the median of deviations, 1.4826 times which is a Gaussian's standard deviation:
+        # the pulse itself does not count
         peak = int(f.argmax())
         noise = 1.4826 * np.median(np.abs(f - np.median(f)))
         reason = None
@@ -150,6 +154,7 @@ def frequency_responses(
             reason = "no pulse in the force"
         elif peak > 0.9 * k:
             reason = "the pulse comes at the record's end: the trigger is late"
+        # from where the force last lies in the noise before its peak to where it first does behind
         if reason is None:
             low = np.flatnonzero(f[:peak] < max(0.02 * f[peak], 3 * noise))
             high = np.flatnonzero(f[peak:] < max(0.02 * f[peak], 3 * noise))
@@ -169,6 +174,9 @@ def frequency_responses(
     length = min(int(k - onset[used].max()), samples or k)
     responses = [hits.response[i, :, onset[i] : onset[i] + length] for i in used]
     length = until_noise(responses, checks.dead)
+
+    # exponential window exp(-a t), and one on the force that ends behind its pulse with a slope: a
+    # step there would spread over the spectrum
     ramp = np.arange(length)
     a = 0.0 if checks.decay is None else -np.log(checks.decay) / (length * hits.dt)
     decay = np.exp(-a * hits.dt * ramp)
@@ -209,8 +217,9 @@ def frequency_responses(
 
 
 def until_noise(responses: list[NDArray[np.float64]], dead: float, shortest: int = 1024) -> int:
-    """Samples of responses (m, k) that are worth a transform: halved as long as what follows the
-    first quarter is noise, whose energy is up to `dead` times that of the last quarter."""
+    """Samples of responses (m, k), one array a hit, that are worth a transform: halved as long as
+    what follows the first quarter is noise, whose energy is up to `dead` times that of the last
+    quarter. Never below `shortest` samples: noise only would leave too few lines."""
     length = responses[0].shape[1]
     while length >= 2 * shortest:
         block = length // 16
@@ -233,7 +242,11 @@ def hit_defect(
     response: NDArray[np.float64],
     checks: HitChecks,
 ) -> str | None:
-    """Why a hit cannot be used: an overload, a double hit, a force that rings; else None."""
+    """Why a hit cannot be used: an overload, a double hit, a force that rings; else None.
+
+    force (k,) is positive at its peak; onset and width of its pulse are in samples, noise is the
+    standard deviation of its noise; response (m, k).
+    """
     for name, record in (("force", force[None]), ("response", response)):
         for row in np.abs(record):
             if np.count_nonzero(row >= row.max() * (1 - 1e-9)) >= checks.flat and row.any():
@@ -256,7 +269,8 @@ def hit_defect(
 def estimate(
     F: NDArray[np.complex128], X: NDArray[np.complex128], estimator: str
 ) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
-    """H (m, f) and coherence (m, f) of hits with spectra F (n, f) and X (n, m, f)."""
+    """H (m, f) and coherence (m, f) of n hits with spectra F (n, f) and X (n, m, f), as the module
+    has H1, H2 and Hv; the coherence |S_xf|^2 / (S_ff S_xx) is 1 of a single hit."""
     S_ff = np.sum(np.abs(F) ** 2, axis=0)
     S_xx = np.sum(np.abs(X) ** 2, axis=0)
     S_xf = np.sum(X * F.conj()[:, None], axis=0)
@@ -274,7 +288,10 @@ def ring_down_spectra(hits: Hits, checks: HitChecks) -> FrequencyResponses:
 
     A free decay is sum phi_i c_i exp(lambda_i t): its transform has the poles of a frequency
     response, and what each record excites takes the place of the participation of a reference.
+    Raises ValueError where no record is usable: each is zero, overloaded or rises too late.
     """
+    # a record is usable where it begins with its decay and no sensor is overloaded; which sample is
+    # the largest is judged sensor by sensor, since their units may differ
     k = hits.response.shape[2]
     usable, remarks = [], []
     for i, x in enumerate(hits.response):
@@ -291,6 +308,8 @@ def ring_down_spectra(hits: Hits, checks: HitChecks) -> FrequencyResponses:
             usable.append((i, top))
     if not usable:
         raise ValueError(f"no record is usable ({remarks[0]})")
+
+    # all of one length, under the exponential window exp(-a t), which shifts every pole by -a
     length = k - max(top for _, top in usable)
     a = 0.0 if checks.decay is None else -np.log(checks.decay) / (length * hits.dt)
     decay = np.exp(-a * hits.dt * np.arange(length))

@@ -83,7 +83,9 @@ def _not_elongating(elongation: NDArray[np.float64]) -> NDArray[np.float64]:
 def frequency_sensitivity(
     basis: TuningBasis, parameters: Sequence[TuningParameter], scene: AtScene
 ) -> NDArray[np.float64]:
-    """d ln f / d ln p (k, p) of every mode; 0 for springs that are rigid or open."""
+    """d ln f / d ln p (k, p) of every mode, (phi^T dK phi - omega^2 phi^T dM phi) / (2 omega^2) of
+    mass-normalised modes; 0 for springs that are rigid or open. Rows of rigid motions, which have
+    no frequency to change, mean nothing."""
     columns = [_in_modes(basis, p, scene) for p in parameters]
     omega2 = np.maximum(scene.modes.omega**2, 1e-300)  # of rigid motions 0
     columns = [(np.diag(dK) - omega2 * np.diag(dM)) / (2 * omega2) for dK, dM in columns]
@@ -113,6 +115,7 @@ def mac_sensitivity(
     slopes = []
     for p in parameters:
         dK, dM = _in_modes(basis, p, scene)
+        # d phi = sum_j phi_j (phi_j^T (dK - omega^2 dM) phi) / (omega^2 - omega_j^2), j others
         share = np.zeros(len(omega2))
         share[others] = (dK - omega2[mode] * dM)[others, mode] / distance[others]
         du = read @ share  # less what changes its length alone
@@ -189,6 +192,7 @@ def ranking(
 
     `least` is the column of S, over the largest, that counts as zero: rounding of the slopes.
     """
+    # S, and its columns from the one that adds most on; |R_jj| is what the j-th adds
     limit = largest_determined(parameters, settings)
     weighted = slopes / np.broadcast_to(frequency_error, len(slopes))[:, None]
     S = weighted * limit
@@ -196,6 +200,8 @@ def ranking(
     gain = np.abs(np.diag(R))
     order = order[: np.count_nonzero(gain > least * max(gain[0], 1.0))]
 
+    # with each number of parameters free: how far the targets pin them down. Those counted as
+    # determined have a covariance, in units of their limits, below 1 in every direction
     condition, deviation, n_determined = [], [], 0
     for n, j in enumerate(order, start=1):
         first = order[:n]

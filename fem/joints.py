@@ -84,7 +84,8 @@ class _Coupling(NamedTuple):
 
 
 def normal_frame(axis: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rows (3, 3): z along an axis (3,), x nearest to the first global axis 26 degrees off it."""
+    """Rows (3, 3): z along an axis (3,), x nearest to the first global axis that lies 26 degrees or
+    more off it: a fixed rule, so that kx and ky of a joint mean the same on every mesh."""
     z = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
     first = np.eye(3)[np.flatnonzero(np.abs(z) < 0.9)[0]]
     x = first - (first @ z) * z
@@ -118,10 +119,11 @@ def distributing(
 
 
 def tie(structure: Structure, pair: Tie, n_total: int) -> Constraint:
-    """The nodes of the slave face follow the displacement of the master face.
+    """The nodes of the slave face follow the displacement of the master face: a constraint among
+    n_total dofs, u_slave = P u with the master's shape functions at the slave's nodes as rows of P.
 
     The straight edges of both meshes cut curved faces and rims short; the gap allowed includes
-    these distances (`fem.sagging`).
+    these distances (`fem.sagging`). Raises ValueError where the faces miss each other by more.
     """
     dofs = face_nodes(structure, pair.slave)
     gap = pair.gap + sagging(structure, pair.slave) + sagging(structure, pair.master)
@@ -147,6 +149,7 @@ def rigid_sides(structure: Structure, joints: Sequence[Joint], n_total: int) -> 
     n_sides = np.bincount(np.concatenate([dofs[:, 0] for dofs in nodes]), minlength=1)
     slaves = np.unique(np.concatenate([dofs.ravel() for dofs in nodes]))
 
+    # u = G B U of each side; a node of several sides has their mean, not the last one's motion
     A = csr_matrix((len(slaves), n_total))
     for coupling, dofs in zip(couplings, nodes, strict=True):
         G = rigid_motion(_positions(structure, dofs), coupling.centre)
@@ -284,5 +287,5 @@ def _scattered(rows, columns, block, shape) -> csr_matrix:
 
 
 def widened(A: csr_matrix, n_total: int) -> csr_matrix:
-    """The same rows among more dofs."""
+    """The rows of A (k, n) among more dofs, (k, n_total): zeros beyond the first n."""
     return csr_matrix((A.data, A.indices, A.indptr), shape=(A.shape[0], n_total))

@@ -27,7 +27,8 @@ class LineElements(NamedTuple):
 
     @property
     def one(self) -> NDArray[np.float64]:
-        """(n,) the function 1."""
+        """Coefficients (n,) of the function 1: the functions at the ends of elements sum to it, the
+        inner ones, which vanish there, have none."""
         return np.isin(np.arange(self.basis.N), self.basis.nodal_dofs).astype(float)
 
 
@@ -38,8 +39,8 @@ def line(ends: NDArray[np.float64], order: int) -> LineElements:
 
 
 def divided(points: list[float], longest: float, fewest: int = 1) -> NDArray[np.float64]:
-    """Ends of elements [m]: all of the ascending points, and `fewest` elements or more between any
-    two of them, none longer than `longest` [m]."""
+    """Ends of elements (m,) [m]: all of the ascending points, and `fewest` elements or more between
+    any two of them, none longer than `longest` [m]."""
     ends = []
     for a, b in pairwise(points):
         n_elements = max(fewest, int(np.ceil((b - a) / longest)))
@@ -66,7 +67,8 @@ def wave_length(s: float, shear: float, bending: float, mass: float, inertia: fl
     """Length [m] of the shorter of Timoshenko's two waves at an angular frequency s [rad/s]:
 
     (S k^2 - m s^2) (B k^2 + S - J s^2) = (S k)^2 for the shear and bending stiffness S and B, the
-    mass m and rotational inertia J per length, or per area of a plate.
+    mass m and rotational inertia J per length, or per area of a plate. In k^2 this is
+    a k^4 - b k^2 + c = 0, and the shorter wave has the larger root.
     """
     a, c = shear * bending, s**2 * mass * (s**2 * inertia - shear)
     b = s**2 * (inertia * shear + mass * bending)

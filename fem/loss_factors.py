@@ -50,6 +50,7 @@ def strain_shares(
     total = np.where(elastic, modes.omega**2, np.inf)  # twice the energy of a mode of unit mass
 
     def add(name: str, energy: NDArray[np.float64]) -> None:
+        """Twice the energies (k,) [rad^2/s^2] of a part to those of the same name."""
         shares[name] = shares.get(name, 0.0) + energy / total
 
     structure = model.structure
@@ -82,8 +83,11 @@ def loss_factors(
     (m,), which have standard deviations (m,).
 
     Where the ratios scatter about the fit by more than their deviations, as they do where damping
-    is not a matter of strain alone, the bars are those of the scatter.
+    is not a matter of strain alone, the bars are those of the scatter. They are also those of a
+    prior, a loss factor of 0 with the deviation `prior`, which the values are not drawn to: a part
+    that no mode strains has that bar and not an infinite one.
     """
+    # least squares with no negative value; values at 0 are no free parameters of the scatter
     A, b = 0.5 * shares / deviation[:, None], zeta / deviation
     value, _ = nnls(A, b)
     active = value > 0

@@ -31,7 +31,8 @@ class Material(NamedTuple):
 
     @property
     def elasticity(self) -> NDArray[np.float64]:
-        """C (3, 3, 3, 3) [Pa]."""
+        """C_acbd (3, 3, 3, 3) [Pa] = lambda d_ac d_bd + mu (d_ab d_cd + d_ad d_cb), where
+        sigma_ac = C_acbd eps_bd."""
         lam, mu = self.lame
         unit = np.eye(3)
         shear = np.einsum("ab,cd->acbd", unit, unit) + np.einsum("ad,cb->acbd", unit, unit)
@@ -49,7 +50,8 @@ class Orthotropic(NamedTuple):
 
     @property
     def elasticity(self) -> NDArray[np.float64]:
-        """C (3, 3, 3, 3) [Pa] along x, y, z; raises ValueError for moduli of no solid."""
+        """C_acbd (3, 3, 3, 3) [Pa] along x, y, z, turned there from the axes 1, 2, 3; raises
+        ValueError for moduli of no solid and for axes that span no plane."""
         C, normal = np.zeros((3, 3, 3, 3)), np.linalg.inv(self.compliance)
         for a in range(3):
             for b in range(3):
@@ -74,7 +76,8 @@ class Orthotropic(NamedTuple):
 
     @property
     def compliance(self) -> NDArray[np.float64]:
-        """S (3, 3) [1/Pa] of the normal stresses; raises ValueError for moduli of no solid."""
+        """S (3, 3) [1/Pa] of the normal stresses, S_ij = -nu_ij / E_i; raises ValueError for moduli
+        of no solid: S must be positive definite and every modulus above 0."""
         S = np.diag(1 / np.array(self.young))
         for (a, b), nu in zip(PAIRS, self.poisson, strict=True):
             S[a, b] = S[b, a] = -nu / self.young[a]

@@ -80,7 +80,8 @@ def with_measured(
 
 def joint_stiffness(part: MeasuredPart, limits: PointLimits = PointLimits()) -> NDArray[np.float64]:
     """K_j (m, m) [N/m] of the part's compliance and its springs in series; raises ValueError where
-    it would be infinite."""
+    it would be infinite. Motions at one point share its three springs, so that two directions that
+    are not square to each other couple: d_i^T k^-1 d_j."""
     d = np.array([one.direction for one in part.points])
     number = np.array([one.number for one in part.points])
     same = number[:, None] == number

@@ -48,6 +48,9 @@ def rigid_fit(points: NDArray[np.float64], onto: NDArray[np.float64]) -> RigidFi
     Kabsch, Acta Cryst. A 32 (1976) 922; Arun, Huang and Blostein, IEEE Trans. Pattern Anal. Mach.
     Intell. 9 (1987) 698.
     """
+    # R = U diag(1, 1, +-1) V^T: the sign of the smallest singular value makes it a rotation, the
+    # other one a mirror image. Its misfit tells whether the points name one hand at all: those of a
+    # plane fit as well by both
     x_0, y_0 = points.mean(axis=0), onto.mean(axis=0)
     U, _, Vt = np.linalg.svd((onto - y_0).T @ (points - x_0))
     sign = np.sign(np.linalg.det(U @ Vt))

@@ -40,7 +40,8 @@ def loose_bodies(
     A motion counts as free if its singular value of E is below `free` times the largest one; a body
     counts as at rest if it moves less than `moving` times the largest motion of the mechanism.
     Neither was varied. `constraints_of_all` are those of these connections, where they are known.
-    Raises ValueError as `joined` does.
+    E has 6 columns for each body and 12 for each joint, whatever the mesh. Raises ValueError as
+    `joined` does.
     """
     n, k = structure.n_dofs, connections.stiffness
 

@@ -15,7 +15,9 @@ from fem.trace import face_nodes
 
 
 def mirrored(structure: Structure, held: Sequence[str], mirrors: Sequence[str]) -> Model:
-    """The complete body, held on the faces `held`; `mirrors` are planes normal to an axis."""
+    """The complete body, held on the faces `held`; `mirrors` are planes normal to an axis that pass
+    through the contact. Only motions that are symmetric about them are in it, as a central strike
+    excites. Raises ValueError for a mirror that is no such plane."""
     copies = 2 ** len(mirrors)
     body = structure._replace(K=copies * structure.K, M=copies * structure.M)
     still = [Held(face, "xyz"[normal_axis(structure, face)]) for face in mirrors]
@@ -23,7 +25,8 @@ def mirrored(structure: Structure, held: Sequence[str], mirrors: Sequence[str]) 
 
 
 def normal_axis(structure: Structure, face: str) -> int:
-    """The axis that a plane is normal to; raises ValueError for any other face."""
+    """The axis, 0 to 2 for x, y, z, that a plane is normal to; raises ValueError for any other
+    face."""
     spots = structure.points[face_nodes(structure, face)[:, 0] // 3]
     extent = np.ptp(spots, axis=0)
     if extent.min() > 1e-9 * extent.max():
@@ -32,5 +35,5 @@ def normal_axis(structure: Structure, face: str) -> int:
 
 
 def normal_dofs(structure: Structure, face: str) -> NDArray[np.int64]:
-    """The displacements normal to a mirror plane, (n,)."""
+    """The dofs (n,) of the displacements normal to a mirror plane, one for each of its n nodes."""
     return face_nodes(structure, face)[:, normal_axis(structure, face)]

@@ -35,7 +35,8 @@ class ModeField(NamedTuple):
 def write(path: Path, field: ModeField) -> None:
     """Write the meshes with the body of each cell, counted from 0, and a vector field per mode.
 
-    The first mode is the active vector field: ParaView's Warp By Vector takes it unasked.
+    The first mode is the active vector field: ParaView's Warp By Vector takes it unasked. meshio
+    writes no such attribute, so it is put into the file's text afterwards.
     """
     bodies = [
         to_meshio(mesh, encode_cell_data=False, encode_point_data=False)

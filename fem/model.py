@@ -108,6 +108,8 @@ def joined(
     """The bodies joined and held; `constraints_of_all` are those of these connections, where they
     are known.
 
+    K0 and M are T^T K T and T^T M T of the free bodies, with what springs, measured parts and the
+    table add on dofs of their own.
     Raises ValueError where faces that are joined do not lie on each other, where a joint holds too
     few nodes, or where ties form a circle.
     """
@@ -172,7 +174,12 @@ def joined(
 
 
 def constrained(structure: Structure, connections: Connections) -> Constrained:
-    """All constraints; where two hold a dof the ground comes first, then joints, then ties."""
+    """All constraints; where two hold a dof the ground comes first, then joints, then ties.
+
+    A later one loses the dof and is listed in `overconstrained`. Raises ValueError where faces
+    that are joined do not lie on each other, where a joint holds too few nodes, and where a tie or
+    a joint would resist a rigid motion.
+    """
     n, joints, k = structure.n_dofs, connections.joints, connections.stiffness
     n_table = 2 if connections.table else 0
     oscillators = sum(len(part.omega) for part in structure.measured)

@@ -49,7 +49,8 @@ class Modes(NamedTuple):
 
 
 def held(K, M) -> Factor | None:
-    """The factor of K itself; None where K floats, or where its lowest mode lies below SHIFT_HZ.
+    """The factor of K (n, n) itself; None where K floats, or where its lowest mode lies below
+    SHIFT_HZ.
 
     Beside such a soft mode, the elastic modes of a stiff part would be lost in the rounding of
     K^-1; `modes` then takes a shift instead.
@@ -73,12 +74,13 @@ def modes(
     factor: Factor | None = None,
     accuracy: ModeAccuracy = ModeAccuracy(),
 ) -> Modes:
-    """The lowest modes of K phi = omega^2 M phi.
+    """The n_modes lowest modes of K phi = omega^2 M phi, K [N/m] and M [kg] (n, n) sparse.
 
     With the factor of a K that is held (see `held`) nothing is factorised. Without one the shift
     lies at -(2 pi shift_hz)^2, below the lowest elastic frequency: K itself may be singular. Rigid
     motions, which would drown the elastic modes of a stiff part, are then found first and kept out
-    of the rest. Raises ValueError when the modes are not M-orthonormal or leave a residual.
+    of the rest. Raises ValueError when the modes are not M-orthonormal or leave a residual, and
+    where K - sigma M is singular.
     """
     n, sigma, R = K.shape[0], 0.0, np.empty((K.shape[0], 0))
     if factor is None:
@@ -137,6 +139,8 @@ def require_accurate(
         residual = K @ phi - Mphi * modes.omega[c] ** 2
         scale = np.linalg.norm(row[:, None] * Mphi, axis=0) * eigenvalues[c]
         relative[c] = np.linalg.norm(row[:, None] * residual, axis=0) / scale
+
+    # phi^T M phi = 1, and K phi = omega^2 M phi beside the size of M phi
     skew = np.abs(product - np.eye(n_modes)).max()
     if not skew < 1e-7:
         raise ValueError(
@@ -171,7 +175,11 @@ def _lowest(
 
 
 def deflated(R, M, factor: Factor, b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """P (K - sigma M)^-1 P^T b with P = I - R R^T M."""
+    """P (K - sigma M)^-1 P^T b with P = I - R R^T M, of b (n,) or (n, k).
+
+    R (n, r) are mass-normalised modes that are kept out, factor that of K - sigma M: the load
+    gives up what would accelerate them, the answer what rounding brings back of them.
+    """
     if not R.shape[1]:
         return factor.solve(b)
     u = factor.solve(b - M @ (R @ (R.T @ b)))

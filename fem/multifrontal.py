@@ -156,7 +156,8 @@ class Cholesky:
 
 
 def plan(groups: Groups) -> Elimination:
-    """The order of elimination of a symmetric matrix's unknowns, and its fronts."""
+    """The order of elimination of a symmetric matrix's unknowns, and its fronts, children before
+    their parents: by the pattern alone, before any number is computed."""
     (graph, group), weight = groups, groups.weight
     domains = nested_dissection(graph, weight)
     sequence = np.concatenate([d.vertices for d in domains])
@@ -186,8 +187,12 @@ def plan(groups: Groups) -> Elimination:
 def extend_add(
     front: Front, blocks: tuple, boundary: NDArray[np.int64], U: NDArray, at_once: int
 ) -> None:
-    """Add a child's update U, on its boundary, to F11, F21 and F22 of its parent, in place; lower
-    triangles only."""
+    """Add a child's update U (b, b), on its boundary (b,), to the `blocks` F11 (k, k), F21 (f, k)
+    and F22 (f, f) of its parent `front`, in place; lower triangles only.
+
+    The boundary ascends, so that its first n positions are unknowns eliminated in the parent and
+    the others lie on the parent's own boundary, which holds them all.
+    """
     F11, F21, F22 = blocks
     n = int(np.searchsorted(boundary, front.end))
     rows_11 = boundary[:n] - front.first

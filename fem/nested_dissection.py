@@ -50,7 +50,7 @@ class Subgraph(NamedTuple):
     X: NDArray[np.float64]  # (n, dimensions) coordinates
 
     def only(self, chosen: NDArray[np.int64]) -> "Subgraph":
-        """A subgraph of this one."""
+        """The subgraph of the vertices `chosen` (m,), numbered as in this one."""
         graph = self.graph[chosen][:, chosen]
         return Subgraph(self.vertices[chosen], graph, self.weight[chosen], self.X[chosen])
 
@@ -116,7 +116,8 @@ def _swept_cut(sub: Subgraph, along: NDArray[np.float64], smallest: float) -> Se
     below_cut = np.append(0, np.cumsum(weight[order]))  # unknowns below the cut at rank 0, 1, .. n
 
     def spanning(low: NDArray, high: NDArray) -> NDArray[np.int64]:
-        """Unknowns (n + 1,) with low < cut <= high at cuts 0, 1, .. n."""
+        """Unknowns (n + 1,) of vertices with low < cut <= high, (n,) each, at cuts 0, 1, .. n: by
+        the cumulative sum of those that begin and end at each, all cuts at once."""
         change = np.bincount(low + 1, weight, n + 2) - np.bincount(high + 1, weight, n + 2)
         return np.cumsum(change)[: n + 1].astype(np.int64)
 
@@ -138,7 +139,8 @@ def _swept_cut(sub: Subgraph, along: NDArray[np.float64], smallest: float) -> Se
 
 
 def edges(graph: csr_matrix, rows: NDArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Both ends of all entries in some rows."""
+    """Both ends (e,) of all entries in some rows (m,) of a graph (n, n), its diagonal included, in
+    the order of the rows."""
     begin, count = graph.indptr[rows], np.diff(graph.indptr)[rows]
     first = np.concatenate([[0], np.cumsum(count)[:-1]]) if len(rows) else count
     position = np.arange(count.sum()) + np.repeat(begin - first, count)

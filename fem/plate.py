@@ -87,7 +87,8 @@ class Sheet(NamedTuple):
 
     @property
     def patch_radius(self) -> float:
-        """Of the disc that is struck [m]; 0.3 thicknesses at least, where poisson is small."""
+        """Radius b [m] of the disc that is struck, by the module's formula; 0.3 thicknesses at
+        least, where poisson is small."""
         squared = 5 / (6 * self.kappa * (1 - self.material.poisson)) - 1
         return self.thickness * float(np.sqrt(max(squared, 0.3**2)))
 
@@ -128,8 +129,10 @@ def mindlin_plate(
 
     A hinged edge turns about itself alone. Elements are `coarser` times as long as usual; `beside`
     corrects the theory by what solids have otherwise.
-    Raises Buckled for forces that press more than the plate can bear, TooLarge.
+    Raises Buckled for forces that press more than the plate can bear, TooLarge for a plate with
+    more unknowns than `most`.
     """
+    # a solid's clamped edges hinder the strain across the thickness: as if the plate were shorter
     if beside is not None:
         shorter = beside.edge * sheet.material.poisson**2 * sheet.thickness
         left, right, front, back = shorter * (np.array(edges) == "clamped")
@@ -173,6 +176,7 @@ def mindlin_plate(
     free = np.flatnonzero(~held_dofs.ravel())
     K, M, K_G = (csc_array(A.tocsc()[free][:, free]) for A in (K, M, K_G))
 
+    # pressing forces are refused from the buckling load on: K + K_G would be indefinite
     factor = None
     if min(in_plane) < 0:
         factor = load_factor(K, K_G)
@@ -210,8 +214,9 @@ def mindlin_plate(
 def element_ends(
     sheet: Sheet, at: tuple[float, float], coarser: float, mesh: PlateMesh
 ) -> list[NDArray[np.float64]]:
-    """Ends of the elements [m] along x and y: as long as the shortest wave that is resolved, small
-    ones where the plate is struck. Raises TooLarge."""
+    """Ends of the elements, (k,) [m] along x and (l,) along y: as long as the shortest wave that is
+    resolved, small ones where the plate is struck, at `at` [m]. Raises TooLarge for more unknowns
+    than `mesh.most`."""
     D, S = sheet.bending_stiffness, sheet.shear_stiffness
     m, j = sheet.inertia
     shortest = coarser * wave_length(2 * np.pi * mesh.resolved_hz, S, D, m, j)
@@ -234,8 +239,8 @@ def element_ends(
 def box_around(
     sheet: Sheet, x: LineElements, y: LineElements, mesh: PlateMesh
 ) -> tuple[MeshHex, csr_matrix]:
-    """A box to draw the plate by, and its vertices' displacements by the unknowns: they follow the
-    normal, u_x = -z t_x, u_y = -z t_y, u_z = w."""
+    """A box of v vertices to draw the plate by, and their displacements T (3 v, n) by all unknowns
+    w, t_x, t_y: they follow the normal, u_x = -z t_x, u_y = -z t_y, u_z = w."""
     sides, longer = sheet[:2], max(sheet[:2])
     lines = [np.linspace(0, side, max(4, int(mesh.cells * side / longer)) + 1) for side in sides]
     box = MeshHex.init_tensor(*lines, np.array([-0.5, 0.5]) * sheet.thickness)
@@ -257,6 +262,8 @@ def beyond_the_solid(sheet: Sheet) -> float:
     nu, b = sheet.material.poisson, sheet.patch_radius / sheet.thickness
 
     def excess(k: float) -> float:
+        """G h k W of the theory less that of the layer beyond its half-space, at a wave number k
+        [1 / thickness]: its integral over k is 2 pi G h times the compliance."""
         # Hertz' pressure on the disc, transformed: 3 (sin x - x cos x) / x^3, x = k b
         x = k * b
         pressure = 1 - x**2 / 10 + x**4 / 280 - x**6 / 15120

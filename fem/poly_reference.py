@@ -110,7 +110,11 @@ def poles_of_orders(
     orders: Sequence[int],
 ) -> list[tuple[int, NDArray[np.complex128], NDArray[np.complex128]]]:
     """Order, decaying poles (k,) [1/s] with positive frequency, participation factors (k, m), for
-    every order of A, of H (p, m, f) with weights (p, f)."""
+    every order of A, of H (p, m, f) at frequency_hz (f,), even lines, with weights (p, f); orders
+    ascend.
+
+    The sampling dt = 1 / (2 f_max) of the model is its own: it puts the band's end at z = -1.
+    """
     m = H.shape[1]
     top = orders[-1]
     dt = 0.5 / frequency_hz[-1]
@@ -125,6 +129,7 @@ def poles_of_orders(
         S.append((X.conj().T @ Y).real)
         T += (Y.conj().T @ Y).real
 
+    # D = T - S^T R^-1 S: what the equations say of A once the best B of each point is put in
     result = []
     for order in orders:
         n = order + 1
@@ -136,6 +141,8 @@ def poles_of_orders(
         companion = np.zeros((order * m, order * m))
         companion[:m] = np.concatenate([-a.T for a in A], axis=1)
         companion[m:, :-m] = np.eye((order - 1) * m)
+
+        # eigenvalues mu = exp(lambda dt); the first m rows of their vectors are participations
         mu, V = np.linalg.eig(companion)
         usable = np.abs(mu) > 1e-12
         pole = np.log(mu[usable].astype(complex)) / dt
@@ -148,7 +155,11 @@ def poles_of_orders(
 def stable_poles(
     diagram: list[tuple[int, NDArray[np.complex128], NDArray[np.complex128]]], options: Stability
 ) -> list[StablePole]:
-    """Poles that recur from order to order, lowest frequency first: medians over the orders."""
+    """Poles that recur from order to order, lowest frequency first: medians over the orders.
+
+    diagram has, order by order, the order, its poles (k,) [1/s] and participation factors (k, m) or
+    shapes, which ever tells poles of one frequency apart.
+    """
     tracks: list[list[tuple[int, complex, NDArray[np.complex128]]]] = []
     for i, (_, poles, L) in enumerate(diagram):
         light = (-poles.real < options.largest_zeta * np.abs(poles)).nonzero()[0]
@@ -159,6 +170,8 @@ def stable_poles(
             last, pole, participation = track[-1]
             if i - last > 3:
                 continue
+
+            # alike in frequency, damping and participation, each over what it may change by
             zeta_before = -pole.real / abs(pole)
             change = np.abs(np.abs(poles[light]) / abs(pole) - 1) / options.frequency
             damping = np.abs(zeta[light] - zeta_before) / options.damping
@@ -175,6 +188,8 @@ def stable_poles(
                 used_poles.add(j)
         tracks += [[(i, complex(poles[j]), L[j])] for j in light if j not in used_poles]
 
+    # a mode is a track that holds long enough; medians of real and imaginary part, which a few
+    # orders far off do not move, and the factors of the order nearest to them
     stable = []
     for track in tracks:
         if len(track) < options.share * len(diagram):
@@ -237,12 +252,17 @@ def modal_fit(
     """
     p, m, f = H.shape
     n = len(poles)
+
+    # the background projected off the responses, once for all steps: its amplitudes are free, real
+    # and imaginary part at every point and reference
     s = 2j * np.pi * frequency_hz
     rows = background(frequency_hz, *terms)
     outside = np.linalg.qr(stacked(np.concatenate([rows, 1j * rows])).T)[0]
     data = stacked(H.reshape(p * m, f)).T
     beyond = data - outside @ (outside.T @ data)
     energy = float(np.sum((weight.ravel() * beyond) ** 2))
+
+    # phi L has a free factor: the largest participation of each mode is 1 and stays so
     L = L / L[np.arange(n), np.abs(L).argmax(axis=1)][:, None]
     free = np.ones((n, m), bool)
     free[np.arange(n), np.abs(L).argmax(axis=1)] = False  # the factor that is 1 stays
@@ -252,6 +272,7 @@ def modal_fit(
     damping_factor = 0.0
     step_poles, step_L = np.zeros(n, complex), np.zeros((n, m), complex)
     for _ in range(iterations + 1):
+        # poles of this step, kept decaying, and the columns that all derivatives are made of
         at, L_at = poles + step_poles, L + step_L
         at = np.where(at.real >= 0, -1e-4 * np.abs(at) + 1j * at.imag, at)
         P, Q = 1 / (s - at[:, None]), 1 / (s - at.conj()[:, None])
@@ -268,6 +289,8 @@ def modal_fit(
         normal, phi = 0.0, np.empty((p, n), complex)
         J_all, local_all, gradient, cost = [], [], 0.0, 0.0
         for i in range(p):
+            # the best shape at this point for these poles and factors: what is left of it has no
+            # part along the shape's columns (variable projection)
             w = weight[i][:, None, None]
             local = (w * shape_columns).reshape(-1, 2 * n)
             target = (weight[i] * d[:, i]).T.ravel()
@@ -296,6 +319,7 @@ def modal_fit(
             local_all.append(local)
         cost += energy
 
+        # a step that gains is taken, with the model as it stands and its background added again
         if best is None or cost < best.misfit:
             settled = best is not None and best.misfit - cost < 1e-4 * cost
             amplitudes = phi[:, None, :] * L_at.T  # (p, m, n)
@@ -313,6 +337,8 @@ def modal_fit(
                 break
         else:  # the step was too long
             damping_factor = max(10 * damping_factor, 1e-3)
+
+        # the next step (Levenberg and Marquardt), unknowns scaled to a unit diagonal
         size = np.sqrt(np.maximum(np.diag(best.normal), np.finfo(float).tiny))
         matrix = best.normal / np.outer(size, size) + damping_factor * np.eye(len(size))
         step = np.linalg.lstsq(matrix, best_gradient / size, rcond=1e-12)[0] / size
@@ -368,7 +394,8 @@ def candidates(
 ) -> PoleCandidates:
     """Recurring poles of the part `own` of a test's band with these `ends` [Hz].
 
-    Raises ValueError where it has too few lines.
+    The part is fitted somewhat beyond its ends: a mode there has then its flanks, and which part it
+    belongs to is decided afterwards. Raises ValueError where it has too few lines.
     """
     low = own[0] / (options.margin if own[0] > ends[0] else 1)
     high = own[1] * options.margin  # as far as the test has lines
@@ -458,6 +485,8 @@ def identified_modes(
         if not 1 <= n <= len(number):
             raise ValueError(f"pole {n} is none: they are numbered 1 to {len(number)}")
 
+    # band by band: what is rejected, or does not recur in the halves, is left out; the others are
+    # fitted together, those of the neighbours among them that reach into the band
     modes, left_out, synthesis = [], [], []
     for b, part in enumerate(parts):
         chosen = []
@@ -478,6 +507,7 @@ def identified_modes(
     if not modes:
         raise ValueError("no pole that recurs carries energy of the responses")
 
+    # lowest first, field by field; poles of the diagram without the window's shift
     modes.sort(key=lambda mode: mode[1])
     columns = [np.array(column) for column in zip(*modes, strict=True)]
     number_, hz, zeta, phi, L, hz_deviation, zeta_deviation, phi_deviation, orders = columns
@@ -507,7 +537,9 @@ def fitted_modes(
     """Modes of a band by maximum likelihood, those that are left out, and the model (p, m, f).
 
     `chosen` are poles and their numbers, None for those beyond the band's own part. A mode is a
-    tuple of the fields of IdentifiedModes up to phi_deviation, and the count of its orders.
+    tuple of the fields of IdentifiedModes up to phi_deviation, and the count of its orders. Modes
+    that carry nothing are dropped one at a time, the weakest first, since what is left of it goes
+    to the others; then the background grows while the Bayesian information criterion gains.
     """
     f, H, noise = test.frequency_hz[part.lines], test.H[:, :, part.lines], part.noise
     chosen, left_out = list(chosen), []
@@ -537,6 +569,8 @@ def fitted_modes(
                 break
             terms = further[0]
             continue
+
+        # without the weakest, again from where the others began
         _, i, reason = drop
         number, pole = chosen.pop(i)
         if number is not None:
@@ -550,6 +584,7 @@ def fitted_modes(
     # the window's shift is taken off the poles; f = |lambda| / 2 pi, zeta = -Re lambda / |lambda|
     pole = fit.pole + test.shift
     size, sigma, omega = np.abs(pole), -pole.real, pole.imag
+    # variances rr, ii and covariance ri of the pole's real and imaginary part
     rr, ii = np.diag(covariance)[:n], np.diag(covariance)[n : 2 * n]
     ri = np.diag(covariance[:n, n : 2 * n])
     widening = np.ones(n)
@@ -561,6 +596,7 @@ def fitted_modes(
         freedom = np.minimum(freedom[:n], freedom[n:])
         widening = (stdtrit(freedom, 0.97725) / 2.0) ** 2
         rr, ii, ri = widening * rr, widening * ii, widening * ri
+    # to first order d|lambda| = (-sigma dr + omega di) / |lambda|, and zeta = -Re lambda / |lambda|
     size_variance = (sigma**2 * rr + omega**2 * ii - 2 * sigma * omega * ri) / size**2
     d_real, d_imag = -(omega**2) / size**3, sigma * -omega / size**3
     zeta_variance = d_real**2 * rr + d_imag**2 * ii + 2 * d_real * d_imag * ri
@@ -595,8 +631,9 @@ def weakest_mode(
     """Of the droppable modes with a fault the one that carries least: its share of the response at
     its frequency, its index and its fault; None where all are sound.
 
-    Faults: the fit has left where it began (`start`), damps too much, carries no energy of its own,
-    or is a double of another.
+    Faults: the fit has left where it began (`start` (n,) [1/s]), damps too much, carries no energy
+    of its own, or is a double of another. f (k,) [Hz], H (p, m, k), noise (p, m); droppable has n
+    entries.
     """
     drop = None
     for i, pole in enumerate(fit.pole):
@@ -673,7 +710,8 @@ def compressed(
     weight: NDArray[np.float64],
 ) -> dict[int, NDArray[np.float64]]:
     """Weighted rows (m b, n_hits) by point, of what each deleted hit does to the responses there,
-    in the columns q (2 f, b) of a fit; sums of their squares are jackknife variances."""
+    in the columns q (2 f, b) of a fit; sums of their squares are jackknife variances. lines (f,)
+    are those of the test that were fitted, weight (p, m) one over the noise."""
     hits, b, m = len(deleted.change), q.shape[1], weight.shape[1]
     rows = {}
     for i, point in enumerate(deleted.points.tolist()):

@@ -58,7 +58,8 @@ def prestressed(model: Model, materials: Mapping[str, Material | Orthotropic], l
     """The model with the stiffness that its static load adds, and the load's share of buckling, for
     which the rods' own stiffness does not count.
 
-    Raises Buckled for a load beyond buckling, ValueError for a structure that floats.
+    Raises Buckled for a load beyond buckling, ValueError for a structure that floats, for a face
+    without one normal and for rods that `tightened` refuses.
     """
     structure, K, rods = model.structure, model.K, tightened(model.structure, load.rods)
 
@@ -79,6 +80,7 @@ def prestressed(model: Model, materials: Mapping[str, Material | Orthotropic], l
     for body, heat in load.heat.items():
         f[structure.dofs(body)] += thermal_load(structure.basis[body], materials[body], heat)
 
+    # stresses of the static state, and what they add to the stiffness; displacements stay small
     factor = factorised(K)
     u = model.T @ factor.solve(model.T.T @ (f + rods.f))
     bodies = [
@@ -113,7 +115,8 @@ def buckling_share(K, K_G, factor, *, smallest: float = 1e-3) -> float:
 
 
 def thermal_load(basis: Basis, material, heat: Heat) -> NDArray[np.float64]:
-    """int sigma_T : grad v of a body that may not expand, (n,) [N]."""
+    """int sigma_T : grad v of a body that may not expand, (n,) [N], sigma_T = C : alpha dT 1: the
+    forces by which it would push on what holds it, x, y, z of node after node."""
     element, order, _ = ELEMENTS[type(basis.mesh)]
     scalar = Basis(basis.mesh, element, intorder=order)
     stress = np.einsum("acbd,bd->ac", material.elasticity, np.eye(3))
@@ -128,7 +131,8 @@ def thermal_load(basis: Basis, material, heat: Heat) -> NDArray[np.float64]:
 def geometric_stiffness(
     structure: Structure, body: str, u: NDArray[np.float64], material, heat: Heat | None
 ) -> csr_matrix:
-    """K_G of a body displaced by u (ndof,), on the dofs of the structure."""
+    """K_G (ndof, ndof) [N/m] of a body displaced by u (ndof,) [m], on the dofs of the structure: of
+    the stresses that u causes beyond free expansion."""
     basis = structure.basis[body]
     first = structure.first[body]
     element, order, _ = ELEMENTS[type(basis.mesh)]
@@ -137,6 +141,8 @@ def geometric_stiffness(
     free = np.zeros((3, 3)) if heat is None else heat.expansion * heat.temperature * np.eye(3)
 
     def of(cells: NDArray[np.int64]) -> tuple[csr_matrix]:
+        """int sigma_cd d_c phi_i d_d phi_j of these elements (n / 3, n / 3), for one of the three
+        displacements."""
         points = Basis(basis.mesh, element, intorder=order, elements=cells)
         gradient = np.stack([phi[0].grad for phi in points.basis])  # (i, c, cell, point)
         strain = np.einsum("ickq,ikb->bckq", gradient, u_body[points.element_dofs])

@@ -52,10 +52,12 @@ def receptance(
 ) -> NDArray[np.complex128]:
     """H = w^T (K (1 + i eta) - omega^2 M)^-1 w, (k,) [m/N]: displacement at w per force at w.
 
-    Without a loss factor (or on a mode at rest) no bound holds: at a resonance H is as large as
-    rounding lets it be, and only its place means anything.
+    K [N/m] and M [kg] (n, n) sparse, w (n,), frequency_hz (k,) [Hz]. Without a loss factor (or on a
+    mode at rest) no bound holds: at a resonance H is as large as rounding lets it be, and only its
+    place means anything.
     basis holds omega (m,) and phi (n, m), diagonal in K and M, and the factor is that of K: the
-    frequencies at which such a basis misses too much are solved as without it.
+    frequencies at which such a basis misses too much are solved as without it. Raises ValueError
+    where K - omega^2 M is singular at a frequency that is solved for by itself.
     """
     omega_squared = (2 * np.pi * np.asarray(frequency_hz, dtype=float)) ** 2
     stiff = 1 + 1j * loss_factor if loss_factor else 1.0

@@ -106,9 +106,10 @@ class Misfit(NamedTuple):
 
 
 def noise_of_neighbours(H: NDArray[np.complex128], width: int = 100) -> NDArray[np.float64]:
-    """Standard deviation of real and imaginary part of H (..., f), from fourth differences of
-    neighbouring lines: of white noise their variance is 70 times its own. The median over `width`
-    lines on each side leaves out the peaks, where H is no cubic."""
+    """Standard deviation (..., f) of real and imaginary part of H (..., f), from fourth differences
+    of neighbouring lines, 1 -4 6 -4 1, which a cubic does not have: of white noise their variance
+    is 1 + 16 + 36 + 16 + 1 = 70 times its own. The median over `width` lines on each side leaves
+    out the peaks, where H is no cubic."""
     fourth = np.abs(np.diff(H, 4, axis=-1)) ** 2
     ends = [(0, 0)] * (H.ndim - 1)
     fourth = np.pad(fourth, [*ends, (2, 2)], mode="edge")
@@ -137,7 +138,8 @@ def noise_of_coherence(
 
 
 def log_ratio(H: NDArray[np.complex128], measured: NDArray[np.complex128]) -> NDArray:
-    """ln(H / measured), phases between -pi and pi."""
+    """ln(H / measured) of responses of one shape (..., f): the logarithm of the magnitudes' ratio,
+    and i times the difference of phases between -pi and pi; finite where either is zero."""
     tiny = np.finfo(float).tiny
     return np.log(np.maximum(np.abs(H), tiny) / np.maximum(np.abs(measured), tiny)) + 1j * np.angle(
         H * measured.conj()
@@ -145,7 +147,8 @@ def log_ratio(H: NDArray[np.complex128], measured: NDArray[np.complex128]) -> ND
 
 
 def misfit(measured: MeasuredResponses, H: NDArray[np.complex128]) -> Misfit:
-    """Of responses H (p, r, f), over the lines that say something."""
+    """How far responses H (p, r, f) are from measured ones, over the lines whose noise is below the
+    share `faint` of the response; nan where there is none."""
     relative = measured.noise / np.maximum(np.abs(measured.H), np.finfo(float).tiny)
     heard = relative < ResponseFitOptions().faint
     r = log_ratio(H, measured.H)[heard]
@@ -183,6 +186,8 @@ def model_error(
     typical = size / np.sqrt(np.mean(unit**2))
 
     def unlikely(x: NDArray[np.float64]) -> float:
+        """-2 ln(likelihood) a residual, of x = ln of level and absent (2,) over their sizes if each
+        were alone."""
         variance = noise**2 + size**2 * np.exp(2 * x[0]) + (typical * unit) ** 2 * np.exp(2 * x[1])
         return float(np.mean(r**2 / variance + np.log(variance)))
 
@@ -213,6 +218,7 @@ def fit_responses(
     and not less than what leaving out one resonance after the other tells (delete-a-group
     jackknife, linearised, times Student's t of so many groups).
     """
+    # x = ln(value) within its bounds; s = i omega + a of the exponential window
     lower, upper = (np.log([getattr(p, key) for p in parameters]) for key in ("lower", "upper"))
     x = np.clip(np.log(start), lower, upper)
     size = np.abs(measured.H)
@@ -221,7 +227,8 @@ def fit_responses(
     n, evaluations, last = len(parameters), 0, {}
 
     def at(x: NDArray[np.float64]):
-        """Responses and their slopes; the last ones are kept, residual and slopes take both."""
+        """Responses and their slopes at x (n,); the last ones are kept, residual and slopes take
+        both."""
         key = x.tobytes()
         if key not in last:
             last.clear()
@@ -231,11 +238,12 @@ def fit_responses(
         return last[key]
 
     def stacked(r: NDArray) -> NDArray[np.float64]:
+        """Real parts of (h, ...) above imaginary ones, (2 h, ...)."""
         return np.concatenate([r.real, r.imag], axis=0)
 
     def weights(x: NDArray[np.float64]) -> Weights:
-        """How residuals are weighed next to x; noise is over the computed magnitude, so that no
-        measured line biases its own weight."""
+        """How residuals are weighed next to x (n,); noise is over the computed magnitude, so that
+        no measured line biases its own weight."""
         H = at(x).H
         magnitude = np.maximum(np.abs(H), floor)
         relative = np.maximum(measured.noise, floor) / magnitude
@@ -254,6 +262,7 @@ def fit_responses(
         return Weights(np.ones_like(heard), noise, error, noise, magnitude.ravel())
 
     def residual(x: NDArray[np.float64], weights: Weights) -> NDArray[np.float64]:
+        """Residuals (k,) over their deviations, those of resonances last."""
         H, heard = at(x).H, weights.heard
         if weights.magnitude is None:
             r = log_ratio(H, measured.H)[heard]
@@ -265,6 +274,7 @@ def fit_responses(
         return np.append(e, of_resonances(model, parameters, np.exp(x), at(x), resonances)[0])
 
     def jacobian(x: NDArray[np.float64], weights: Weights) -> NDArray[np.float64]:
+        """Slopes (k, n) of the residuals to x: d ln H / dx = (dH / dx) / H."""
         computed = at(x)
         over = computed.H[weights.heard] if weights.magnitude is None else weights.magnitude
         J = stacked((computed.slopes[:, weights.heard] / over).T) / weights.sigma[:, None]
@@ -272,6 +282,8 @@ def fit_responses(
             return J
         return np.vstack([J, of_resonances(model, parameters, np.exp(x), computed, resonances)[1]])
 
+    # weights and values in turn: each round fits with the weights of the last values, until no
+    # value moves by more than a share of its deviation
     for _ in range(options.rounds if n else 0):
         now = weights(x)
         fit = least_squares(
@@ -291,6 +303,9 @@ def fit_responses(
     if not n:
         none = np.zeros(0)
         return ResponseFit((), none, none, none, np.zeros((0, 0)), none, error, objective, 0)
+
+    # covariances: of the noise alone; and with errors that all lines of a resonance share, for
+    # which a line is no independent observation
     J, prior = jacobian(x, now), prior_information(parameters)
     alone = jacobian(x, now._replace(sigma=now.noise))
     of_noise = np.linalg.inv(alone.T @ alone + prior)
@@ -347,7 +362,13 @@ def covariance_of_groups(
     group: NDArray[np.int64],
     prior: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Covariance (n, n) of values with residuals e (k,) that are alike within groups, slopes J."""
+    """Covariance (n, n) of values with residuals e (k,) that are alike within groups, group (k,),
+    with slopes J (k, n) and the information (n, n) of the bounds, prior.
+
+    Each group left out shifts the values by (A - J_g^T J_g)^-1 J_g^T e_g, A = J^T J + prior, to
+    first order; the spread of these shifts is the jackknife's. Efron and Stein, Ann. Stat. 9 (1981)
+    586.
+    """
     A = J.T @ J + prior
     simple = np.linalg.inv(A)
     groups = np.unique(group)
@@ -367,7 +388,8 @@ def covariance_of_groups(
 
 
 def undetermined(fit: ResponseFit) -> list[Parameter]:
-    """Values that the responses do not tell within what counts as known, the least known first."""
+    """Parameters whose deviation exceeds what counts as known (`fem.tuning.largest_determined`),
+    the least known first."""
     if not len(fit.parameters):
         return []
     over = fit.deviation / largest_determined(fit.parameters)

@@ -108,7 +108,7 @@ def with_dampings(
 def solid_ones(
     parameters: Sequence[Parameter], value: NDArray[np.float64]
 ) -> tuple[list[TuningParameter], NDArray[np.float64]]:
-    """The parameters of stiffness and mass, and their values."""
+    """The parameters of stiffness and mass, m of n, and their values (m,) of value (n,)."""
     solid = [isinstance(p, TuningParameter) for p in parameters]
     chosen = [p for p in parameters if isinstance(p, TuningParameter)]
     return chosen, np.asarray(value)[np.array(solid, bool)]
@@ -164,8 +164,12 @@ def response_model(
     shift: float = 0.0,
     stiffness: Mapping[str, float] | None = None,
 ) -> ResponseModel:
-    """Of a basis whose last two targets are the shapes at the points and at the references of a
-    test. `stiffness` [N/m] of springs between points is what their dashpots are beside of."""
+    """The model of a basis whose last two targets are the shapes at the points and at the
+    references of a test; power is that of s in the responses, shift [1/s] of an exponential window.
+
+    `stiffness` [N/m], by name, is that of springs between points with a dashpot beside them, which
+    turns the spring's energy back into elongations; raises KeyError where one is missing.
+    """
     points, references = (np.asarray(one.reading) for one in basis.targets[-2:])
     rows = {}
     for name in damping.dashpot:
@@ -188,7 +192,12 @@ def computed_responses(
     slopes: bool = False,
 ) -> ComputedResponses:
     """Responses at the lines (f,) [Hz] at the values (n,) of the parameters; with `slopes` their
-    derivatives to the logarithms of the values."""
+    derivatives to the logarithms of the values.
+
+    One eigenproblem of the basis, then products: Z is diagonal but for the d dashpots, whose forces
+    are a system (d, d) at each line.
+    """
+    # modes of the undamped projection at these values
     basis = model.basis
     solid, solid_value = solid_ones(parameters, value)
     damping = with_dampings(model.damping, parameters, value)
@@ -237,6 +246,8 @@ def computed_responses(
     if not slopes:
         return ComputedResponses(H, None, modes, ratios, None, c)
 
+    # G_kl = (c_k - c_l) / (lambda_k - lambda_l); of equal eigenvalues its limit dc / d lambda, with
+    # ratios and beta (2 zeta omega + beta lambda): zeta / omega + beta
     apart = np.subtract.outer(lam, lam)
     close = np.abs(apart) < CLOSE * lam[-1]
     np.fill_diagonal(apart, 1.0)

@@ -44,7 +44,8 @@ def response_scale(
 ) -> NDArray[np.float64]:
     """Size (n,) of the measured residues of n modes over those of the computed modes that they are
     paired with, mass-normalised shapes of which are at_points (p, n) and at_references (m, n)
-    [kg^-1/2]; nan where no response sees the mode."""
+    [kg^-1/2]; nan where no response sees the mode. It is the factor of least squares between the
+    two matrices of residues (p, m), less its phase, i^(power - 1) of light damping."""
     omega = 2.0 * np.pi * modes.frequency_hz
     measured = np.einsum("pn,nm->npm", modes.phi, modes.participation)
     computed = np.einsum("pn,mn->npm", at_points, at_references)

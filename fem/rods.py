@@ -39,8 +39,9 @@ class Tightened(NamedTuple):
 
 
 def tightened(structure: Structure, rods: Sequence[Rod], *, most_nodes: int = 600) -> Tightened:
-    """Forces and stiffnesses of all rods. Raises ValueError for faces without a distance, and for
-    more than `most_nodes` nodes on a face: a rod couples all nodes of both, 9 (2 n)^2 entries."""
+    """Forces f (ndof,) [N], K_G and K (ndof, ndof) [N/m] of all rods. Raises ValueError for faces
+    without a distance, and for more than `most_nodes` nodes on a face: a rod couples all nodes of
+    both, 9 (2 n)^2 entries."""
     n = structure.n_dofs
     f, K_G, K = np.zeros(n), csr_matrix((n, n)), csr_matrix((n, n))
     for rod in rods:
@@ -64,6 +65,7 @@ def tightened(structure: Structure, rods: Sequence[Rod], *, most_nodes: int = 60
                 "between them has no length; name the faces under its head and under its nut."
             )
 
+        # tension along t, its turning across t, and the rod's own stiffness along t
         L = np.linalg.norm(c)
         t = c / L
         along = np.outer(t, t)

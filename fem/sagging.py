@@ -19,6 +19,8 @@ def sagging(structure: Structure, face: str, *, corner: float = 50.0) -> float:
     Where facets or edges turn by more than `corner` degrees the face itself has an edge or a
     corner; not varied.
     """
+    # edges of the facets, each once, with the number of facets that it belongs to: two inside of
+    # the face, one on its rim
     body, facets = structure.facets(face)
     mesh = structure.basis[body].mesh
     nodes = mesh.facets[:, facets]

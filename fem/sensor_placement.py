@@ -61,7 +61,8 @@ def outside(model: Model, options: Spread = Spread()) -> Candidates:
     if not len(nodes):
         raise ValueError("no face of the outside looks along x, y or z; name points by hand")
 
-    # the farthest from those taken, from a corner on
+    # the farthest from those taken, from a corner on: no two candidates are then close together
+    # before the whole outside is covered
     points = outer.points[nodes]
     taken = [int(np.argmin(points.sum(axis=1)))]
     distance = np.linalg.norm(points - points[taken[0]], axis=1)
@@ -85,6 +86,8 @@ def effective_independence(
     c, n = phi.shape
     if not n <= count <= c:
         raise ValueError(f"{count} points; {n} modes need {n} to {c} points")
+
+    # modes of one length, so that all count alike in the order in which candidates are looked at
     phi = phi / np.linalg.norm(phi, axis=0)
     if np.linalg.matrix_rank(phi) < n:
         raise ValueError("some of the modes look alike at all candidates; take fewer modes")
@@ -97,6 +100,8 @@ def effective_independence(
     chosen = np.sort(chosen)
     if len(chosen) < count or np.linalg.matrix_rank(phi[chosen]) < n:
         chosen = np.arange(c)
+
+    # E_i = |row i of Q|^2 with phi = Q R, anew after each point that is left out
     while len(chosen) > count:
         q = np.linalg.qr(phi[chosen])[0]
         chosen = np.delete(chosen, int(np.sum(q**2, axis=1).argmin()))

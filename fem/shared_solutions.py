@@ -15,7 +15,10 @@ from fem.factorisation import factorised
 
 
 class SharedSolutions:
-    """Called with a matrix it returns a factor, as `factorised`; saved [s] of the processor."""
+    """Called with a matrix it returns a factor, as `factorised`; saved [s] of the processor.
+
+    Every solution is held as long as this object: some hundred vectors (n,) of one structure.
+    """
 
     def __init__(self) -> None:
         self.saved = 0.0
@@ -39,16 +42,21 @@ class SharedSolutions:
 
 
 class _Factor:
+    """A factor that looks a right-hand side up by its digest before it solves."""
+
     def __init__(self, shared: SharedSolutions, key: bytes, factor) -> None:
         self._shared, self._key, self._factor = shared, key, factor
 
     def solve(self, b: np.ndarray) -> np.ndarray:
+        """x of A x = b, (n,) or (n, k); a copy, which its caller may write over."""
         key = _digest(self._key, b)
         x = self._shared.once(key, lambda: self._factor.solve(b)).copy(order="K")
         return x.reshape(b.shape)  # (n,) and (n, 1) have one digest
 
 
 def _digest(*arrays) -> bytes:
+    """128 bits of the arrays' content, bit by bit: right-hand sides that differ by rounding are
+    two."""
     digest = blake2b(digest_size=16)
     for array in arrays:
         content = array if isinstance(array, bytes) else np.ascontiguousarray(array)

@@ -31,7 +31,8 @@ class Spot(NamedTuple):
 def require_flat(
     radii: tuple[float, float], patch_radius: float, limits: SpotLimits = SpotLimits()
 ) -> None:
-    """Raise ValueError for a patch too large for the half-space of the contact law."""
+    """Raise ValueError for a patch of a radius [m] too large for the half-space of the contact law
+    on a face with these principal radii of curvature [m], inf of a plane."""
     smallest = min(map(abs, radii))
     if patch_radius > limits.flat * smallest:
         raise ValueError(
@@ -63,8 +64,8 @@ def plane_spot(
     """The spot `at` [m] from the middle of the plane face that some facets of a mesh make up,
     called `face`, along the two axes that span it.
 
-    These are the two global axes farthest from the normal, in their order, laid into the plane.
-    Raises ValueError for a face that is not plane.
+    facets (k,) are numbers in the mesh. The axes are the two global ones farthest from the normal,
+    in their order, laid into the plane. Raises ValueError for a face that is not plane.
     """
     corners, middles = _corners_and_middles(mesh, facets)
     points = corners.reshape(3, -1).T
@@ -103,7 +104,8 @@ def round_spot(
     """The spot nearest to a point (3,) [m] on a cylinder of an axis (3,) through `centre` (3,) [m],
     or without one on a sphere around it.
 
-    Raises ValueError for a point on the axis, and where the mesh of the face is not as round.
+    `radius` [m] is positive; whether the face is convex or hollow follows from the elements behind
+    it. Raises ValueError for a point on the axis, and where the mesh of the face is not as round.
     """
     body, facets = structure.facets(face)
     corners, middles = _corners_and_middles(structure.basis[body].mesh, facets)
@@ -113,6 +115,8 @@ def round_spot(
         raise ValueError(
             f"{list(near)} m lies in the middle of {face!r}: the struck side is not defined."
         )
+
+    # the mesh's corners must lie at the radius; elements behind lie inside of it where it is convex
     outward = away / np.linalg.norm(away)
     rims = np.linalg.norm(_across(corners.reshape(3, -1).T - centre, axis), axis=1)
     if np.abs(rims / radius - 1).max() > limits.round:

@@ -61,6 +61,7 @@ def with_springs(
     dents: dict[str, list[tuple[Dent, ...]]] = {}
     constants: dict[str, tuple[float, float]] = {}
     for spring in springs:
+        # both discs, and the middle between them; an end without a place lies opposite to the other
         first, second = spring.first, spring.second
         spot = planar_spot(structure, first.face, first.at or (0.0, 0.0))
         ends = [(1.0, first, spot)]
@@ -74,6 +75,7 @@ def with_springs(
             ends.append((-1.0, second, opposite))
             middle = (spot.point + opposite.point) / 2
 
+        # b: what the first disc moves along d less what the second does, both at the middle
         direction = spring.direction
         if isinstance(direction, str):
             direction = -spot.inward
@@ -145,7 +147,10 @@ def along_disc(
     d: NDArray[np.float64],
     points: DiscPoints,
 ) -> csr_matrix:
-    """d . q(middle) of a disc's rigid motion, (1, ndof)."""
+    """d . q(middle) of a disc's rigid motion, (1, ndof): middle (3,) [m], d (3,) a unit vector.
+
+    Raises OffFace, with where the disc would have room, where it leaves its face.
+    """
     disc, share = disc_quadrature("area", points.radial, points.around)
     on_face = spot.point + end.radius * disc @ spot.axes
     try:

@@ -47,7 +47,8 @@ class Subspace(NamedTuple):
 
 
 def correlations(y: NDArray[np.float64], n_lags: int) -> NDArray[np.float64]:
-    """R_1 to R_n_lags (n_lags, m, m) of a record (m, k), all from the same count of instants."""
+    """R_1 to R_n_lags (n_lags, m, m), in the square of the record's unit, of a record (m, k), all
+    from the same count of instants: with fewer at longer lags their scatter would differ."""
     k = y.shape[1] - n_lags
     now = y[:, :k].T / k
     return np.array([y[:, lag : lag + k] @ now for lag in range(1, n_lags + 1)])
@@ -57,7 +58,11 @@ def subspace_poles(
     R: NDArray[np.float64], dt: float, orders: range | tuple[int, ...]
 ) -> list[tuple[int, NDArray[np.complex128], NDArray[np.complex128]]]:
     """Order, decaying poles (k,) [1/s] of positive frequency and their shapes (k, m), of
-    correlations R (2 s, m, m)."""
+    correlations R (2 s, m, m) at lags dt [s], 2 dt, ...; orders up to (s - 1) m.
+
+    One singular value decomposition of H (s m, s m) serves all orders: its first n vectors are
+    those of order n.
+    """
     s, m = len(R) // 2, R.shape[1]
     H = np.block([[R[i + j] for j in range(s)] for i in range(s)])
     U, S, _ = np.linalg.svd(H)
@@ -75,13 +80,17 @@ def subspace_poles(
 def blocks_of(
     records: list[NDArray[np.float64]], dt: float, band_hz: tuple[float, float], options: Subspace
 ) -> tuple[list[NDArray[np.float64]], float, int]:
-    """Records at a step [s] whose frequencies the band fills, a single one cut into blocks; that
-    step; and the lags, as many block rows as block columns. Raises ValueError for short records."""
+    """Records (m, k) at a step [s] whose frequencies the band fills, a single one cut into blocks;
+    that step; and s, block rows and columns of H, for lags up to 2 s. Raises ValueError for records
+    shorter than 4 s samples."""
+    # decimated by a filter of linear phase, which moves no pole, in steps of ten at most
     factor = int(0.5 / dt / (0.5 * options.oversampling * band_hz[1]))
     while factor > 1:
         step = min(factor, 10)
         records = [decimate(y, step, ftype="fir", axis=1) for y in records]
         dt, factor = dt * step, factor // step
+
+    # lags over some periods of the lowest mode, but enough rows for the largest order
     records = [y - y.mean(axis=1, keepdims=True) for y in records]
     m = len(records[0])
     s = min(int(options.periods / (band_hz[0] * dt)), options.longest // m)
@@ -131,6 +140,8 @@ def subspace_modes(
     for number in (*reject, *accept):
         if not 1 <= number <= len(within):
             raise ValueError(f"pole {number} is none: they are numbered 1 to {len(within)}")
+
+    # a mode recurs in either half of the blocks; of fewer than four a half would be one record
     halves = []
     if n > 3:
         halves = [
@@ -228,7 +239,9 @@ def without_each_block(
 
 
 def jackknife(values: NDArray) -> NDArray[np.float64]:
-    """Standard deviation over the first axis; nan where few blocks have the pole."""
+    """Standard deviation (...) by n estimates without one block each, values (n, ...), real or
+    complex: sqrt((n - 1) / c sum |v - mean|^2) over the c that are not nan, as estimates are that
+    lost the pole; nan where half of them or more did."""
     n = len(values)
     count = np.sum(np.isfinite(values), axis=0)
     middle = np.nansum(values, axis=0) / np.maximum(count, 1)
@@ -251,7 +264,9 @@ def half_spectra(
 ) -> tuple[NDArray[np.float64], NDArray[np.complex128], float]:
     """Frequencies (lines,) [Hz], transforms (m, m, lines) of the correlations at positive lags, and
     the shift [1/s] of their poles by an exponential window: they have the poles of responses, and
-    are for looking at."""
+    are for looking at. lines is the largest number of them; records are (m, k) each."""
+    # correlations by the product of spectra, with zeros behind the record so that its end does not
+    # meet its beginning
     n_lags = min(2 * (lines - 1), min(y.shape[1] for y in records) // 4)
     m = len(records[0])
     R = np.zeros((n_lags, m, m))

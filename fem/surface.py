@@ -27,7 +27,9 @@ def on_surface(
 ) -> OnSurface:
     """The outside of all bodies at its points nearest to `points` (n, 3) [m].
 
-    The facet is that of the nearest of n_samples x n_samples points on every facet of the outside.
+    The facet is that of the nearest of n_samples x n_samples points on every facet of the outside:
+    near a sharp edge that may be the neighbour of the nearest one, and the point found is then off
+    by less than the samples are apart.
     """
     # facets (m,) of the outside of each body and their corners (3, 4, m)
     outside = {}

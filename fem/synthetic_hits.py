@@ -22,10 +22,12 @@ from scipy.signal import firwin, kaiser_beta
 
 from fem.hits import Hits
 
-# samples that the filter of a record rings before and after a pulse; what it lets pass, of 1 / 2.56
-# of the sampling rate, and what would fold back on that, 100 dB less, are that far apart
+# samples by which the filter against aliasing rings before and after a pulse: enough for it to be
+# flat to 1 / 2.56 of the sampling rate and 100 dB down from where the rest would fold back on that
 RINGING = 16
-ROUND = 1e10  # how much smaller a response is that comes round; rounding grows by its root
+# by which a response that rings on beyond the transform's record, and comes round to its beginning,
+# is smaller; rounding grows by its square root
+ROUND = 1e10
 
 
 class HammerDefects(NamedTuple):
@@ -111,7 +113,8 @@ def struck(
 ) -> tuple[NDArray, NDArray, NDArray, NDArray]:
     """Forces (n, k), responses (n, m, k), points (n,) and whether a hit is double or clipped, of
     modes with frequencies [Hz] and damping ratios (q,), shapes at the points (p, q), across the
-    direction of the hits there (p, q), and at the sensors (m, q)."""
+    direction of the hits there (p, q), and at the sensors (m, q). Forces in N, responses in m/s^2.
+    """
     dt, k = plan.dt, plan.k
     phi, side, at_sensors = shapes
 
@@ -123,6 +126,7 @@ def struck(
     omega, zeta = 2 * np.pi * np.asarray(poles[0])[:, None], np.asarray(poles[1])[:, None]
     accelerance = s**2 / (s**2 + 2 * zeta * omega * s + omega**2)  # (q, lines)
 
+    # hit by hit: pulse, a second one where it bounces, the response, noise, and what is clipped
     force, response, point, spoiled = [], [], [], []
     for p in range(plan.points):
         for _ in range(plan.repeats):

@@ -96,7 +96,8 @@ def outer_nodes(structure: Structure) -> OuterNodes:
 def face_quadrature(
     structure: Structure, face: str, order: int = 4
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Points (n, 3) [m] and weights (n,) [m^2] that integrate over a face."""
+    """Points (n, 3) [m] and weights (n,) [m^2] that integrate polynomials up to `order` over the
+    straight facets of a face; the weights sum to its area. Raises ValueError as `face_nodes`."""
     body, facets = structure.facets(face)
     mesh = structure.basis[body].mesh
     basis = FacetBasis(mesh, mesh.elem(), facets=facets, intorder=order)
@@ -195,7 +196,8 @@ def facet_distances(
 
 
 def local_coordinates(mapping, x, cells, *, n_steps: int = 12) -> NDArray[np.float64]:
-    """Local coordinates (3, n, 1) of points in cells, by Newton's method.
+    """Local coordinates (3, n, 1) of points x (3, n, 1) [m] in cells (n,), by Newton's method; of
+    points outside of their cell they lie outside of 0 to 1, by up to half an element.
 
     scikit-fem's own inverse clips to the cell and gives up on a point a rounding error outside it.
     Boxes and straight tetrahedra need one step.
@@ -210,7 +212,8 @@ def local_coordinates(mapping, x, cells, *, n_steps: int = 12) -> NDArray[np.flo
 
 
 def interpolation(basis: Basis, X, cells) -> csr_matrix:
-    """P (3 n, n_dofs) reading the displacements at local coordinates X (3, n) of cells (n,)."""
+    """P (3 n, n_dofs) reading the displacements at local coordinates X (3, n) of cells (n,) of a
+    body, x, y, z point by point; outside of a cell its shape functions are continued."""
     scalar = basis.elem.elem
     n_points, n_shapes = len(cells), basis.Nbfun // 3
     phi = np.array([np.broadcast_to(scalar.lbasis(X, i)[0], n_points) for i in range(n_shapes)])
@@ -228,7 +231,8 @@ def interpolation(basis: Basis, X, cells) -> csr_matrix:
 def at_node(
     structure: Structure, spot: NDArray[np.float64], direction: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """The functional (ndof,) that reads the node nearest to a spot (3,) [m] along a direction."""
+    """The functional (ndof,) that reads the node nearest to a spot (3,) [m] along a direction (3,),
+    which is taken as it is: of length 1 for a displacement in m."""
     node = int(np.argmin(np.linalg.norm(structure.points - spot, axis=1)))
     row = np.zeros(structure.n_dofs)
     row[3 * node : 3 * node + 3] = direction

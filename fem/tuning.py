@@ -100,7 +100,12 @@ def tuning_basis(
     settings: BasisSettings = BasisSettings(),
 ) -> TuningBasis:
     """Project a model of finite springs; takes two solves for modes and one for attachments, to
-    which `loads` (l, n) add the static shapes of forces that act along their rows."""
+    which `loads` (l, n) add the static shapes of forces that act along their rows.
+
+    K and M are kept in parts, K0, each spring's elongations and each body's K_b and M_b (m, m), so
+    that any value of the parameters is a sum of small matrices. Raises ValueError as
+    `fem.modes.modes`.
+    """
     # "joint.krx" and the like: the direction is the last word of a spring's name
     is_turn = np.array([name.rpartition(".")[2].startswith("kr") for name in model.spring], bool)
     unit_stiffness = np.where(is_turn, settings.lever, 1.0)
@@ -191,7 +196,8 @@ def rigid_jointed(
 def spectrum(
     basis: TuningBasis, parameters: Sequence[TuningParameter], value: NDArray[np.float64]
 ) -> Modes:
-    """All modes of the projection at the given values (p,)."""
+    """All modes of the projection at the given values (p,): omega (m,) [rad/s], phi (m, m) in its
+    coordinates, mass-normalised."""
     k = basis.stiffness.copy()
     for p, x in zip(parameters, value, strict=True):
         k[np.isin(basis.spring, p.springs)] = x
@@ -260,6 +266,7 @@ def tune(
     w_i = min(s) / s_i. `deviation` is the standard deviation of ln(value), from the covariance
     (J^T S^-2 J)^-1 with the Jacobian J of ln f and S = diag(s).
     """
+    # x = ln(value); weights relative to that of the surest target, 1 where all errors are alike
     start, lower, upper = (
         np.log([getattr(p, key) for p in parameters]) for key in ("start", "lower", "upper")
     )
@@ -270,18 +277,20 @@ def tune(
     weight, pull = s.min() / s, regularisation * s.min()
 
     def matched(x: NDArray[np.float64]) -> tuple[Modes, NDArray[np.int64]]:
-        """Modes at exp(x), and which of them each target is, -1 where none."""
+        """Modes at exp(x), x (p,), and which of them each target (n_targets,) is, -1 where none."""
         computed = spectrum(basis, parameters, np.exp(x))
         index = paired(basis.forms, computed, basis.targets).index
         return computed, index[[i - 1 for i in target_hz]]
 
     def residual(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Residuals (n_targets + p,); one that is lost has a constant, which no slope reduces."""
         computed, index = matched(x)
         error = np.log(np.maximum(computed.frequency_hz[index], 1e-3) / measured_hz)
         error = np.where(index < 0, settings.unfitted, error)
         return np.concatenate([weight * error, pull * (x - start)])
 
     def jacobian(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Slopes (n_targets + p, p) of the residuals to x."""
         computed, index = matched(x)
         of_targets = Modes(computed.omega[index], computed.phi[:, index])
         J = sensitivity(basis, parameters, np.exp(x), of_targets)
@@ -301,6 +310,7 @@ def tune(
             )  # fmt: skip
         x = min(fits, key=lambda fit: fit.cost).x
 
+    # covariance of the best fit, targets and bounds together, in units of what counts as known
     error, J = residual(x)[:n_targets] / s.min(), jacobian(x)[:n_targets] / s.min()
     limit = largest_determined(parameters, settings)
     covariance = covariance_over(limit, parameters, J)

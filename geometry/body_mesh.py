@@ -103,6 +103,7 @@ def _require_edges(mesh: Mesh, name: str, disc: Disc, body: Body, gap: float) ->
     The intersection merges a rim and an edge that are closer than the gap; a plane side that ends
     on the edge is then no longer plane.
     """
+    # outer facets that have a node of the disc, and their unit normals
     nodes = np.unique(mesh.facets[:, mesh.boundaries[name]])
     outer = mesh.facets[:, mesh.boundary_facets()]
     corners = mesh.p[:, outer[:, np.any(np.isin(outer, nodes), axis=0)]]
@@ -143,6 +144,8 @@ def tetrahedra(
     faces."""
     split = imprinted(body, wanted, named, gap)
     mesh_visible([(3, split.tag)], size)
+
+    # gmsh's tags of nodes have gaps and no order: p (n, 3) are those that cells use, by rising tag
     tags, points, _ = gmsh.model.mesh.getNodes()
     _, cells = gmsh.model.mesh.getElementsByType(TETRAHEDRON, split.tag)
     used, cells = np.unique(cells, return_inverse=True)
@@ -154,6 +157,7 @@ def tetrahedra(
         nodes = [gmsh.model.mesh.getElementsByType(TRIANGLE, tag)[1] for tag in faces]
         return np.searchsorted(used, np.concatenate([*nodes, []])).reshape(-1, 3)
 
+    # nodes on cylinders move out, so that chords keep the volume (`geometry.roundness`)
     cylinders = full_cylinders(split.tag, gap)
     round_faces = [face.tag for cylinder in cylinders for face in cylinder]
     p = enclosing(p, {tag: corners([tag]) for tag in round_faces}, cylinders)
@@ -166,7 +170,11 @@ def tetrahedra(
 
 def foreseen_nodes(body: Body, size: Size, element: str) -> float:
     """Estimated number of nodes with elements "hex" or "tet", within a factor of 2; imprints and
-    fine points are left out."""
+    fine points are left out.
+
+    The module's formula: nodes of the inside go with V / s^3, those near the surface with A / s^2,
+    and each cylinder adds what its finer elements have more.
+    """
     seed, thickness = size.seed, 2 * body.volume / body.area
     n = body.volume / seed**3 * (COUNT.inner[element] + COUNT.outer[element] * seed / thickness)
     around = 0.0

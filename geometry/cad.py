@@ -60,7 +60,7 @@ def model(shapes: Mapping[str, Shape], step: Path | None = None) -> Iterator[Cad
 
 
 def write_step(shapes: Mapping[str, Shape], path: Path) -> None:
-    """The shapes as a STEP file in mm, each solid under its name."""
+    """The shapes as a STEP file in mm, each solid under its name; raises as `model`."""
     with model(shapes) as cad, silent():
         gmsh.write(str(path))
         name_solids(path, list(cad.bodies))
@@ -167,8 +167,8 @@ def _imported(step: Path) -> dict[str, int]:
 
 
 def body_of(name: str, tag: int) -> Body:
-    """Volume, centre, inertia, box and faces of a solid in the kernel, by its tag; raises
-    InvalidGeometry for one without volume."""
+    """Volume [m^3], centre [m], inertia of unit density [m^5], box and faces of a solid in the
+    kernel, by its tag; raises InvalidGeometry for one without volume."""
     occ = gmsh.model.occ
     lower, upper = _bounding_box(3, tag)
     volume = occ.getMass(3, tag)

@@ -18,8 +18,11 @@ ACROSS = 12.0  # triangles along the diagonal of a body, curved faces have more;
 
 
 def face_triangles(bodies: Iterable[Body]) -> dict[int, NDArray[np.float64]]:
-    """Corners (n, 3, 3) [m] by the tag of a face; to be called in the bodies' ``with model(...)``,
-    whose mesh it takes the place of, before faces are parted by those that touch them."""
+    """Corners (n, 3, 3) [m] of the triangles of each face, by its tag.
+
+    To be called in the bodies' ``with model(...)``, before touching bodies split each other's
+    faces; a mesh that the model holds is cleared.
+    """
     import gmsh
 
     bodies = list(bodies)
@@ -41,7 +44,8 @@ def face_triangles(bodies: Iterable[Body]) -> dict[int, NDArray[np.float64]]:
 
 
 def own_face_triangles(own: OwnMesh) -> dict[str, dict[int, NDArray[np.float64]]]:
-    """The same of a user's mesh, by body and tag."""
+    """Corners (n, 3, 3) [m] of the faces of a user's mesh, by body and by the tag of the face;
+    quadrilaterals are halved, which needs no kernel."""
     corners_of: dict[str, dict[int, NDArray[np.float64]]] = {}
     for name, skin in own.skins.items():
         n, width = skin.corners.shape[:2]

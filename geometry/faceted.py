@@ -84,7 +84,9 @@ def skins(
     """The outer facets of every body, with tags of the faces that they belong to, from 1 on through
     all bodies.
 
-    `named` has numbers of facets by body and by surface; a named surface is a face of its own.
+    meshes are straight tetrahedra or hexahedra by body. `named` has numbers (k,) of facets by body
+    and by surface; a named surface is a face of its own. Corners run anticlockwise seen from
+    outside.
     """
     outsides, last_tag = {}, 0
     for name, mesh in meshes.items():
@@ -102,6 +104,7 @@ def skins(
         normal = across / area[:, None]
         skin = Skin(mesh, number, corners, normal, area, np.zeros_like(number))
 
+        # 0 for facets of no named surface
         surface = np.zeros(len(number), dtype=np.int64)
         for i, facets in enumerate(named.get(name, {}).values(), start=1):
             surface[np.isin(number, facets)] = i
@@ -128,6 +131,7 @@ def _faces(skin: Skin, surface: NDArray[np.int64]) -> NDArray[np.int64]:
         graph = coo_matrix(pairs, shape=(len(surface), len(surface)))
         return connected_components(graph, directed=False)[1]
 
+    # two groupings of the facets: across smooth edges, and across edges within one plane
     cosine = np.sum(skin.normal[first] * skin.normal[second], axis=1)
     alike = surface[first] == surface[second]
     smooth = connected(alike & (cosine > FINDING.smooth))
@@ -188,6 +192,7 @@ def _cylinder(points: NDArray[np.float64], normals: NDArray[np.float64]) -> Roun
         axis = axis / np.linalg.norm(axis)
         return np.linalg.norm(np.cross(points - middle - x[2] * u - x[3] * v, axis), axis=1)
 
+    # axis and place together from there, the place by the circle in the plane across the axis
     size = np.ptp(points, axis=0).max()
     rho = (points - middle) @ np.array([u, v]).T
     start = np.array([0.0, 0.0, *_circle(rho)[0]])
@@ -220,9 +225,15 @@ def _unit(axis: Vector) -> Vector:
 def bodies(
     outsides: Mapping[str, Skin], named: Mapping[str, Mapping[str, NDArray[np.int64]]]
 ) -> dict[str, Body]:
-    """The bodies of the meshes, as those of a CAD model; `named` as in `skins`."""
+    """The bodies of the meshes, as those of a CAD model, by name; `named` as in `skins`.
+
+    Volume [m^3], centroid [m] and inertia of unit density [m^5] are those of the straight elements,
+    not of the curved body that they stand for.
+    """
     described = {}
     for number, (name, skin) in enumerate(outsides.items(), start=1):
+        # moments of the elements: 1, x and x x^T, at most quadratic, integrated exactly where the
+        # mapping is affine
         basis = Basis(skin.mesh, skin.mesh.elem(), intorder=3)
         x, dx = np.array(basis.global_coordinates()).reshape(3, -1), basis.dx.ravel()
         volume = float(dx.sum())
@@ -240,6 +251,7 @@ def bodies(
 
 def _face(skin: Skin, tag: int, named: Mapping[str, NDArray[np.int64]]) -> Face:
     """The face that the facets with a tag make: a plane, a cylinder, a sphere or "other"."""
+    # the mean normal by area; that of a closed surface is zero, and any direction does then
     mine = np.flatnonzero(skin.tag == tag)
     area, normals = skin.area[mine], skin.normal[mine]
     points = skin.corners[mine].reshape(-1, 3)
@@ -265,6 +277,9 @@ def _face(skin: Skin, tag: int, named: Mapping[str, NDArray[np.int64]]) -> Face:
     )
     if curved is None:
         return face
+
+    # of a round face where it reaches along its axis, and whether its normals point inwards: summed
+    # over the facets, since one that spans much of the circle may point anywhere
     outward = skin.middle[mine] - curved.centre
     if curved.axis is not None:
         heights = (points - curved.centre) @ curved.axis
@@ -279,7 +294,7 @@ def distance(skin: Skin, point, tag: int) -> float:
 
 
 def away(point: Vector, corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distances (n,) of a point from triangles (n, 3, 3) [m]."""
+    """Distances (n,) [m] of a point (3,) from triangles (n, 3, 3) [m] that are not degenerate."""
     ahead = np.roll(corners, -1, axis=1) - corners
     off = point - corners
     normal = np.cross(ahead[:, 0], ahead[:, 1])

@@ -50,8 +50,9 @@ class Meeting(NamedTuple):
     pairs: dict[str, FacetPairs]  # by the name of the touching pair, "a|b"
 
     def facets(self, name: str, body: str, skin: Skin, *, whole: bool) -> NDArray[np.int64]:
-        """Numbers, in its mesh, of a body's facets that touch the other body of the pair "a|b":
-        with `whole` those that lie wholly on it, else all."""
+        """Numbers (k,), in its mesh, of a body's facets that touch the other body of the pair
+        "a|b": with `whole` those that lie wholly on it, else all. What is wholly covered is the
+        share of the facet's area that the sum of its common areas fills."""
         pairs = self.pairs[name]
         mine = pairs.first if name.split("|")[0] == body else pairs.second
         covered = np.bincount(mine, pairs.area, minlength=len(skin.area)) / skin.area
@@ -59,8 +60,8 @@ class Meeting(NamedTuple):
         return skin.number[covered > (wholly if whole else CLOSENESS.fraction)]
 
     def under(self, patch: Patch, skin: Skin) -> NDArray[np.int64]:
-        """Numbers, in its mesh, of the facets whose middles lie under a washer, in a bolt's share
-        or in a thread."""
+        """Numbers (k,), in its mesh, of the facets whose middles lie under a washer, on a pad, in a
+        bolt's share or in a thread: a mesh that is given is not split along their outlines."""
         face = skin.on(patch.on.tags)
         if isinstance(patch, ThreadBand):
             return face.number[
@@ -80,7 +81,8 @@ class Meeting(NamedTuple):
 
 
 def meeting(skins: Mapping[str, Skin], bodies: Mapping[str, Body], gap: float) -> Meeting:
-    """Every pair of bodies that touch across at most `gap` [m], overlap, or nearly touch."""
+    """Every pair of bodies that touch across at most `gap` [m], overlap, or nearly touch, and the
+    facets of those that touch; skins and bodies by the same names."""
     touching, misses, overlaps, facet_pairs = [], [], [], {}
     for a, b in combinations(skins, 2):
         # boxes too far apart leave nothing to look for
@@ -152,7 +154,8 @@ def _facet_pairs(first: Skin, second: Skin, a: Body, b: Body, gap: float) -> Fac
     close_by = off <= gap + sag[i] + sag_of_second[j]
     i, j, off = i[close_by], j[close_by], off[close_by]
 
-    # the area in common, in the plane of the first: polygons that meet by their boxes are clipped
+    # the area in common, in the plane of the first: polygons that meet by their boxes are clipped.
+    # The second faces the first and so runs clockwise there; reversed it is anticlockwise again
     u = first.corners[i, 1] - first.corners[i, 0]
     u /= np.linalg.norm(u, axis=1, keepdims=True)
     axes = np.stack([u, np.cross(first.normal[i], u)], axis=2)
@@ -168,8 +171,12 @@ def _facet_pairs(first: Skin, second: Skin, a: Body, b: Body, gap: float) -> Fac
 
 
 def clipped_area(polygon: list, knife: list) -> float:
-    """Area of what of a polygon, points [x, y], lies in a convex one with its corners
-    counter-clockwise (Sutherland and Hodgman): clipped at one side of the knife after another."""
+    """Area of what of a polygon, points [x, y], lies in a convex one, the knife, with its corners
+    counter-clockwise (Sutherland and Hodgman): clipped at one side of the knife after another.
+
+    Lists and plain numbers: polygons of three or four points are clipped faster so than as arrays.
+    The polygon may run either way; 0 where it has no area in common.
+    """
     for a, b in zip(knife, knife[1:] + knife[:1], strict=True):
         # > 0 to the left of the line from a to b
         side = [(b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]) for x, y in polygon]
@@ -207,12 +214,14 @@ def _overlap(first: Skin, second: Skin, names: tuple[str, str], gap: float) -> O
 
 
 def inside(points: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether points (n, 3) lie within a closed surface of triangles (m, 3, 3), by its solid angle.
+    """Whether points (n, 3) lie within a closed surface of triangles (m, 3, 3), by its solid angle:
+    4 pi seen from inside, 0 from outside, and 2 pi parts them whatever rounding does.
 
     A. van Oosterom and J. Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125.
     """
     enclosed = np.zeros(len(points), dtype=bool)
     for i, point in enumerate(points):
+        # tan(Omega / 2) = a . (b x c) / (abc + (a . b) c + (b . c) a + (c . a) b)
         a, b, c = (corners[:, k] - point for k in range(3))
         x, y, z = (np.linalg.norm(v, axis=1) for v in (a, b, c))
         over = np.sum(a * np.cross(b, c), axis=1)

@@ -15,7 +15,10 @@ EXTRUDED = [0, 4, 3, 1, 7, 5, 2, 6]
 
 
 def facets_of(mesh: Mesh, corners: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Numbers of the outer facets with these corners (n, 3 or 4), in any order."""
+    """Numbers (n,) of the outer facets with these corners (n, 3 or 4), in any order around each.
+
+    Every one of them must be an outer facet of the mesh: for another the number is undefined.
+    """
     outer = mesh.boundary_facets()
     both = np.concatenate([np.sort(mesh.facets[:, outer].T), np.sort(corners)])
     _, same = np.unique(both, axis=0, return_inverse=True)

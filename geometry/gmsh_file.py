@@ -30,6 +30,9 @@ def cell_groups(path: Path) -> tuple[NDArray[np.float64], list[CellGroup]]:
         raise InvalidGeometry("it does not begin with $MeshFormat")
     if END not in content:
         raise InvalidGeometry("it is cut off before $EndElements")
+
+    # cells by name, dimension and number of corners, over all entities of a physical group; number
+    # (tags,) is the row of each node, since tags have gaps
     groups: dict = defaultdict(list)
     with session("gmsh could not read it"):
         gmsh.merge(str(path))
@@ -44,6 +47,7 @@ def cell_groups(path: Path) -> tuple[NDArray[np.float64], list[CellGroup]]:
         )
         for dimension, name, entity in entities:
             kinds, _, nodes = gmsh.model.mesh.getElements(dimension, entity)
+            # of elements of any order the first nodes are the corners
             for kind, flat in zip(kinds, nodes, strict=True):
                 *_, n_nodes, _, n_corners = gmsh.model.mesh.getElementProperties(kind)
                 corners = flat.astype(np.int64).reshape(-1, n_nodes)[:, :n_corners]

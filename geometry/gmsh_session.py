@@ -22,7 +22,8 @@ handler_of.argtypes, handler_of.restype = (ctypes.c_int,), ctypes.c_void_p
 def session(failure: str = "gmsh could not mesh the assembly") -> Iterator[None]:
     """An empty model; raises ValueError "failure: what gmsh says" for any error of gmsh.
 
-    Files hold lengths in their own unit, the model always in metres.
+    Files hold lengths in their own unit, the model always in metres. gmsh has one state for the
+    whole process: sessions do not nest, and what they drew is gone when they end.
     """
     # gmsh sets signals to their defaults behind Python's back: a run that is terminated later would
     # stop in the middle of a file, and one under nohup would end with its terminal

@@ -29,24 +29,27 @@ class Stop(NamedTuple):
 
 
 def refined(at: float, first: float, growth: float = GROWTH) -> Stop:
-    """A stop whose nearest elements have the size `first`, each next one `growth` times that."""
+    """A stop whose nearest elements have the size `first` [m], each next one `growth` > 1 times
+    that: b = ln growth, and n(first) = 1 gives s = first b / (growth - 1)."""
     slope = log(growth)
     return Stop(at, first * slope / (growth - 1), slope)
 
 
 def lines_through(stops: Sequence[Stop], size: float) -> Coordinates:
-    """Ascending grid lines that pass all stops, at most about `size` apart."""
+    """Ascending grid lines (k,) [m] that pass all stops, which ascend, at most about `size` [m]
+    apart: about, since each stretch is divided into a whole number of cells."""
     pieces = [_Stretch.between(*pair, size).lines() for pair in pairwise(stops)]
     return np.concatenate([[stops[0].at], *(piece[1:] for piece in pieces)])
 
 
 def n_cells(stops: Sequence[Stop], size: float) -> int:
-    """Number of cells between the lines of `lines_through`."""
+    """Number of cells between the lines of `lines_through`, without making them."""
     return sum(_Stretch.between(*pair, size).n_cells for pair in pairwise(stops))
 
 
 def graded(lower: float, upper: float, point: float, fine: float, coarse: float) -> Coordinates:
-    """Grid lines from `lower` to `upper`, spaced `fine` at `point` and growing up to `coarse`."""
+    """Grid lines (k,) [m] from `lower` to `upper`, spaced `fine` at `point`, which may be one of
+    them, and growing by GROWTH up to `coarse`."""
     ends = [Stop(at) for at in (lower, upper) if not np.isclose(at, point, rtol=0, atol=1e-12)]
     return lines_through(sorted([*ends, refined(point, fine)]), coarse)
 

@@ -164,7 +164,9 @@ def hexahedra(
     gap: float,
 ) -> MeshHex | None:
     """The body in hexahedra with the boundaries that `tetrahedra` gives it; None where it is no
-    extrusion. The surfaces `wanted` are not consumed, so that tetrahedra can still use them."""
+    extrusion, or one whose base no algorithm meshes fairly. The surfaces `wanted` are not consumed,
+    so that tetrahedra can still use them. `gap` [m] is the distance up to which bodies touch.
+    """
     # the lowest extrusion on which all imprints can be meshed
     for prism in prisms(body):
         marks = imprints(prism, wanted)
@@ -189,6 +191,7 @@ def hexahedra(
     quads[turned] = quads[turned][:, ::-1]
     base = base._replace(quads=quads)
 
+    # from here on the base is fixed: node i of layer k gets the number i + k n.
     # heights of the layers: lines where imprints on sides end, smaller elements where stresses are
     # singular
     stops = [end for patch in marks.sides.values() for end in (patch.lower, patch.upper)]
@@ -264,7 +267,8 @@ def _onto(side: Face, points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def prisms(body: Body) -> Iterator[Prism]:
-    """All extrusions that a body can be seen as, a box as three, in order of their heights."""
+    """All extrusions that a body can be seen as, a box as three, in order of their heights: of a
+    plate the one across its thickness is first, whose base shows all of its holes."""
     extrusions = []
     normals = [face.normal for face in body.faces if face.normal is not None]
     for i, axis in enumerate(normals):
@@ -345,6 +349,7 @@ def spaced(stops: Sequence[float], size: Callable[[NDArray], NDArray]) -> NDArra
     Between two stops they divide the integral of 1 / size evenly, rounded to a whole number; `size`
     [m] is the distance between points as a function of their places (k,) [m].
     """
+    # stops within a nanometre are one: a rim and an edge in the same place differ by rounding
     ordered = np.unique(np.round(stops, 9))
     points = [ordered[:1]]
     for lower, upper in pairwise(ordered):
@@ -431,6 +436,8 @@ def _ring(prism: Prism, marks: Imprints, size: Size) -> BaseMesh | None:
     if not np.allclose(covered, prism.base[0].area, rtol=LIMITS.filled, atol=0):
         return None
 
+    # axes u, v across the axis; lines along the radius through the feet of side patches, and one at
+    # angle 0, from which the others are counted
     inner, outer = sorted(prism.sides, key=lambda face: face.radius)
     centre = prism.foot(outer.on_axis)
     u = np.cross(prism.axis, np.eye(3)[np.argmin(abs(prism.axis))])

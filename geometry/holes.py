@@ -35,11 +35,12 @@ class Bore(NamedTuple):
 
     tags: tuple[int, ...]  # of its faces in the CAD model
     radius: float  # m
-    axis: Vector
+    axis: Vector  # (3,) unit vector
     ends: NDArray[np.float64]  # (2, 3) points of its axis [m]
 
     @property
     def diameter(self) -> float:
+        """[m], by which selectors and joints know a hole."""
         return 2 * self.radius
 
 
@@ -115,7 +116,7 @@ class Facing(NamedTuple):
 
     @property
     def distance(self) -> float:
-        """[m] between the axes."""
+        """Between the axes, in the plane [m]."""
         return float(np.linalg.norm(self.centres[0] - self.centres[1]))
 
 
@@ -172,8 +173,9 @@ def _at_plane(body: Body, plane: Face) -> list[tuple[float, Vector]]:
 def crossed(
     touch: TouchingPair, bodies: Mapping[str, Body], points: Sequence[Sequence[float]]
 ) -> list[Concentric]:
-    """Points (3,) [m] moved onto the nearest plane in which two bodies touch, as bolts without
-    holes; none where they touch on no plane."""
+    """Points (3,) [m] moved along the normal onto the nearest plane in which two bodies touch, as
+    bolts without holes, of diameters 0; none where they touch on no plane. Whether a point lies
+    within the common face is found when its washer is imprinted."""
     body = bodies[touch.bodies[0]]
     planes = [(body.face(c.faces[0]), c) for c in touch.contacts]
     planes = [(face, c) for face, c in planes if face.normal is not None]
@@ -188,7 +190,8 @@ def crossed(
 
 
 def engaged(first: Body, second: Body) -> tuple[Engaged, ...]:
-    """Shanks of either body in bores of the partner, the first body first."""
+    """Shanks of either body in bores of the partner, the first body first: axes parallel and, with
+    the radii, apart by up to LIMITS.thread of the bore's radius, with a length in common."""
     threads = []
     for hollow in (False, True):
         cylinders = bores(first, hollow=hollow), bores(second, hollow=not hollow)

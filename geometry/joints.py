@@ -89,10 +89,12 @@ class Picked(NamedTuple):
 def picked(
     words: Words, bodies: Mapping[str, Body], touching: Sequence[TouchingPair], gap: float
 ) -> Picked:
-    """What a scene's words refer to; to be called in the bodies' ``with model(...)``.
+    """What a scene's words refer to; to be called in the bodies' ``with model(...)``. `gap` [m] is
+    the distance up to which bodies touch and axes of holes are one.
 
     Raises InvalidGeometry for words that pick nothing or leave a choice, with what there is.
     """
+    # patterns of bodies, pairs that are tied, faces by name, and the face that is struck
     for pattern in words.bodies:
         bodies_named(pattern, bodies)
     groups = {}
@@ -172,6 +174,8 @@ def _place_bolts(
     pairs = touches(between, bodies, touching)
     result.jointed.update({touch.name: joint.name for touch in pairs})
 
+    # where its bolts go: through holes about one axis, or at points moved onto the common plane.
+    # Two holes that open into each other about two axes are no joint, but a mistake in the drawing
     places = []
     for touch in pairs:
         if joint.at == "holes":
@@ -206,6 +210,7 @@ def _place_bolts(
             "and washer."
         )
 
+    # each bolt and what it holds of either face: the disc under its washer, or its share
     first, second = (bodies_named(side, bodies) for side in (joint.first, joint.second))
     for i, place in enumerate(places, start=1):
         # the joint's first body first, z from it to the second
@@ -258,6 +263,8 @@ def _place_threads(
                 "shank, or draw it as a body of its own."
             )
         threads += in_pair
+
+    # none: the sentence has the cylinders that there are, so that the wrong diameter shows
     if not threads:
         sizes = [
             f'"{name}" has a {what} of {1e3 * cylinder.diameter:.4g} mm'

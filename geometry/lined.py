@@ -75,7 +75,8 @@ def lined_meshes(
 
 def lined_mesh(shape: Shape, lines: Lines, seed: float) -> MeshHex:
     """The body in hexahedra with elements up to `seed` [m]; raises InvalidGeometry for a shape that
-    is no box and no rectangular plate, and for holes without rings between lines."""
+    is no box and no rectangular plate, for holes without rings between lines, and for holes that do
+    not go through. Nodes lie in the shape's place, `shape.at` and `shape.turn`."""
     from skfem import MeshHex
 
     x, y, z = (lines_through(stops, seed) for stops in stops_of(shape, lines))
@@ -113,7 +114,9 @@ def lined_mesh(shape: Shape, lines: Lines, seed: float) -> MeshHex:
 
 
 def stops_of(shape: Shape, lines: Lines) -> list[list[Stop]]:
-    """Stops along x, y and z from end to end of the body; of several at one place the first."""
+    """Stops along x, y and z from end to end of the body, in its own axes [m]; of several at one
+    place the first. Those outside of the body are left out; raises InvalidGeometry for a shape that
+    is no box and no rectangular plate."""
     if isinstance(shape, Box):
         spans = [(-side / 2, side / 2) for side in shape.sides]
     elif isinstance(shape, Slab) and len(shape.outline) == 4:
@@ -143,6 +146,9 @@ def _rectangles(shape: Shape, lines: Lines, x: Coordinates, y: Coordinates) -> l
         raise InvalidGeometry(
             f"lines has {len(lines.rings)} rings for {len(holes)} holes; give each hole one."
         )
+
+    # along x and y: the lines nearest to both ends of the ring's rectangle, which must be there,
+    # with hole < washer < rectangle, or a ring of quadrilaterals would have no width
     rectangles = []
     for hole, ring in zip(holes, lines.rings, strict=True):
         if hole.depth is not None:
@@ -193,7 +199,8 @@ def _around(
     direction = np.array([np.cos(angle), np.sin(angle)])
     inner, middle = (centre[:, None] + r * inflate * direction for r in (hole, washer))
 
-    # two elements or more across either ring, about as long as around the washer, or as the seed
+    # two elements or more across either ring, about as long as around the washer, or as the seed;
+    # blended linearly from the outer to the inner curve, along rays from the centre
     across = (washer - hole) / max(2 * np.pi * washer / n, seed / 2)
     gap = float(np.mean(np.hypot(*(rim - middle))))
     rings = []

@@ -22,7 +22,11 @@ CORNERS = {  # of cells whose type begins so, whatever their order, and the dime
 
 
 def cell_groups(path: Path) -> tuple[NDArray[np.float64], list[CellGroup]]:
-    """Points (n, 3) and groups; a damaged file may raise anything."""
+    """Points (n, 3) in the file's unit, and its named groups of cells by their corners.
+
+    Cells without a name, and kinds that are not in CORNERS, are left out. A damaged file may raise
+    anything that meshio raises; gmsh's files raise as `geometry.gmsh_file.cell_groups`.
+    """
     if path.suffix.lower() == ".msh":
         from geometry.gmsh_file import cell_groups as by_gmsh
 

@@ -27,8 +27,9 @@ class NamedCells(NamedTuple):
 
 
 def volumes(cells: NamedCells) -> dict[str, Mesh]:
-    """Every named volume as a mesh of its own, with the named surfaces on its outside; raises
-    InvalidGeometry where there is none."""
+    """Every named volume as a mesh of its own, with the named surfaces on its outside as its
+    boundaries; raises InvalidGeometry where there is none, for cells that are neither tetrahedra
+    nor hexahedra, for both in one volume, and for cells in two volumes."""
     names = dict.fromkeys(g.name for g in cells.groups if g.dimension == 3)
     corners = {name: _corners(cells, name) for name in names}
     if not corners:
@@ -77,6 +78,9 @@ def _solid(cells: NamedCells, corners: dict[str, NDArray[np.int64]]) -> _Solid:
         raise InvalidGeometry(
             f"the mesh {cells.source!r} fills {mixture}; mesh all volumes with one of the two."
         )
+
+    # nodes that cells use, renumbered; the file's order of a hexahedron's corners turned into
+    # scikit-fem's, in which the mapping has a positive determinant
     (n_corners,) = kinds
     used, t = np.unique(np.concatenate(list(corners.values())), return_inverse=True)
     t = t.reshape(-1, n_corners)
@@ -100,6 +104,8 @@ def _require_once(cells: NamedCells, t: NDArray[np.int64]) -> None:
 
 def _facets(solid: _Solid, groups: list[CellGroup]) -> dict[str, NDArray[np.int64]]:
     """Facets on the boundary of the mesh, by the name of the surface that they belong to."""
+    # facets are equal where their sorted corners are; those of a surface inside of the body, or
+    # that another body owns, fall away
     outer = solid.mesh.boundary_facets()
     corners_of_outer = np.sort(solid.mesh.facets[:, outer], axis=0).T
     n = len(corners_of_outer)

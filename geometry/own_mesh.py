@@ -29,7 +29,8 @@ class OwnMesh(NamedTuple):
         tied: Sequence[tuple[TouchingPair, str]],
     ) -> dict[str, Mesh]:
         """The bodies' meshes with named faces, patches and ties as boundaries; of a tie the name of
-        its slave is given. Raises ValueError where no facets lie on one of them."""
+        its slave is given, the body that follows the other. Raises ValueError where no facets lie
+        under a patch, and where whole facets of a slave cover less than 0.9 of the common area."""
         boundaries: dict[str, dict] = {name: {} for name in self.skins}
         for name, selected in named.items():
             boundaries[selected.body][name] = self.skins[selected.body].on(selected.tags).number
@@ -63,7 +64,8 @@ class OwnMesh(NamedTuple):
 
 
 def own_mesh(volumes: Mapping[str, Mesh], gap: float) -> OwnMesh:
-    """The bodies of named volumes; `gap` [m] is the distance up to which two of them touch."""
+    """The bodies of named volumes; `gap` [m] is the distance up to which two of them touch. Letters
+    of a name that have a meaning in selectors become "-"."""
     meshes = {sub(r"[^\w.+-]+", "-", name): mesh for name, mesh in volumes.items()}
     named = {name: mesh.boundaries or {} for name, mesh in meshes.items()}
     outsides = skins(meshes, named)

@@ -65,7 +65,8 @@ def full_cylinders(volume: int, gap: float) -> list[tuple[Face, ...]]:
 def enclosing(
     p: NDArray[np.float64], corners: dict[int, NDArray[np.int64]], cylinders: list[tuple[Face, ...]]
 ) -> NDArray[np.float64]:
-    """Points (n, 3) with the nodes on cylinders moved out; corners (m, 3) of the facets by face."""
+    """Points (n, 3) [m] with the nodes on cylinders moved out along the radius; `corners` are nodes
+    (m, 3) of the triangles by the tag of their face, `cylinders` the faces of each cylinder."""
     moved = p.copy()
     for cylinder in cylinders:
         # s^2 = sum r A / sum |rho . a|, with the mean rho of each facet, as rho is linear on it

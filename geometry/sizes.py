@@ -104,14 +104,16 @@ def default_seed(body: Body, smallest: float = 0.0) -> float:
 
 
 def _thickness(body: Body) -> float:
+    """Mean thickness 2 V / A [m]: that of a plate, the radius of a long rod."""
     return 2 * body.volume / body.area
 
 
 def size_at(
     size: Size, x: NDArray[np.float64], axis: Vector, edges: Sequence[float] = ()
 ) -> NDArray[np.float64]:
-    """Element sizes (k,) [m] at the coordinates x (k,) [m] along an axis; other bodies end at the
-    coordinates `edges`."""
+    """Element sizes (k,) [m] at the coordinates x (k,) [m] along an axis (3,): the smallest of the
+    seed and of all that grows from fine points and from `edges`, the coordinates [m] at which other
+    bodies end."""
     grown = [f.size + GROWTH.grading * np.abs(x - f.point @ axis) for f in size.fine]
     if size.edge:
         grown += [size.edge + GROWTH.steep * np.abs(x - edge) for edge in edges]

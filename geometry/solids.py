@@ -61,6 +61,7 @@ class Body(NamedTuple):
 
     @property
     def area(self) -> float:
+        """Of all faces together [m^2], bores and cavities included."""
         return sum(face.area for face in self.faces)
 
     @property
@@ -70,7 +71,7 @@ class Body(NamedTuple):
         return float(np.sqrt(6 * np.trace(self.inertia) / self.volume))
 
     def face(self, tag: int) -> Face:
-        """The face with a tag."""
+        """The face with a tag; raises StopIteration where the body has none."""
         return next(face for face in self.faces if face.tag == tag)
 
 
@@ -97,7 +98,8 @@ def of_one_cylinder(faces: Iterable[Face], within: float) -> list[list[Face]]:
 def off_axis(
     points: NDArray[np.float64], on_axis: Vector, axis: Vector
 ) -> NDArray[np.float64] | np.float64:
-    """Distance of points (..., 3) from an axis [m]."""
+    """Distances (...) [m] of points (..., 3) from the line through `on_axis` (3,) along the unit
+    vector `axis` (3,): |(p - p_0) x a|."""
     return np.linalg.norm(np.cross(points - on_axis, axis), axis=-1)
 
 

@@ -100,6 +100,7 @@ def step_tetrahedra(step: Path, sizes: ElementSizes, patch: StepPatch) -> Tetrah
         for name in ("ExtendFromBoundary", "FromPoints"):
             gmsh.option.setNumber(f"Mesh.MeshSize{name}", 0)
 
+        # quadratic elements, middles of edges on the curved faces; gmsh's tags become rows
         mesh.generate(3)
         mesh.setOrder(2)
         tags, points, _ = mesh.getNodes()

@@ -27,7 +27,8 @@ class Struck(NamedTuple):
 
     @property
     def radii(self) -> tuple[float, float]:
-        """Principal radii of curvature [m]."""
+        """Principal radii of curvature [m], < 0 where hollow, inf where straight: (inf, inf) of a
+        plane, (inf, R) of a cylinder, along its axis and around it, (R, R) of a sphere."""
         radius = np.inf if self.radius is None else self.radius
         return (radius if self.axis is None else np.inf, radius)
 
@@ -44,7 +45,8 @@ class Struck(NamedTuple):
 
     @property
     def foot(self) -> NDArray[np.float64]:
-        """The point moved onto a round surface."""
+        """The point (3,) [m] moved along the normal onto a round surface; it must not lie on the
+        axis or in the centre, where there is no normal."""
         distance = np.linalg.norm(self.away)
         return self.point + (abs(self.radius) / distance - 1) * self.away
 

@@ -37,8 +37,9 @@ def thinned(
     most: int,
     options: Clustering = CLUSTERING,
 ) -> Thinned:
-    """At most `most` of the nodes at points (n, 3), and the faces (k, 3 or 4) between them; more
-    nodes where the surface is rough everywhere, since rough places are not merged."""
+    """At most `most` of the nodes at points (n, 3) [m], and the faces (k, 3 or 4), nodes around
+    each, between them; more nodes where the surface is rough everywhere, since rough places are not
+    merged. For pictures: the surface moves by up to the size of a cell."""
     from scipy.sparse import coo_matrix  # a quarter of a second, see `lined`
     from scipy.sparse.csgraph import connected_components
 

@@ -18,8 +18,12 @@ GROUPS = {"load": "shaker", "sense": "sensor"}
 
 
 def column_fields(reduced: ReducedModel) -> dict[str, object]:
-    """What is written of the functionals beside w, by its name in a file; w among it where it has
-    three columns."""
+    """The functionals beside w by their names in a file; what the model does not know is left out.
+
+    w (r, 3) [-] along n, t1, t2, only of a contact with friction: it replaces the single column;
+    w_load (r, s), w_sense (r, m) with load_names and sense_names; half_space_matrix_m_per_N (3, 3)
+    [m/N] and contact_axes (3, 3), unit vectors in rows. Empty without columns.
+    """
     columns, fields = reduced.columns, {}
     if columns is None:
         return fields
@@ -56,8 +60,15 @@ def contact_columns(
 def columns_of(
     content: Mapping[str, object], across: np.ndarray | None, r: int, path: str | Path
 ) -> Columns | None:
-    """The functionals beside w that a file holds, None without any; raises ReductionError where
-    they cannot be that."""
+    """The functionals beside w that a file holds, None without any.
+
+    content holds the file's arrays by name; across (r, 2) comes from `contact_columns` and is None
+    of a contact known along its normal only, whose matrices (3, 3) are then not read. A vector (r,)
+    counts as one column; shakers and sensors without names are numbered. Raises ReductionError for
+    values that are complex, not finite or of another shape, for a half-space's matrix that is no
+    compliance, and for another number of names than of columns.
+    """
+    # matrices of the three directions n, t1, t2
     fields: dict[str, object] = {"across": across}
     for field, name in MATRICES.items():
         if name in content and across is not None:
@@ -67,7 +78,8 @@ def columns_of(
                 raise ReductionError(f"{path}: {name} has shape {shape}, allowed is (3, 3).")
     half_space = fields.get("half_space")
     if half_space is not None:
-        # the contact's laws hold it in every direction: a compliance is symmetric and >= 0
+        # it is taken off the structure, since the contact's laws hold it once more; with a negative
+        # eigenvalue that would add compliance in some direction, unsymmetric it would make energy
         size = np.abs(half_space).max()
         lowest = float(np.linalg.eigvalsh((half_space + half_space.T) / 2)[0])
         if np.abs(half_space - half_space.T).max() > 1e-9 * size or lowest < -1e-9 * size:
@@ -75,6 +87,8 @@ def columns_of(
                 f"{path}: half_space_matrix_m_per_N is no compliance, which is symmetric and has "
                 f"eigenvalues >= 0; the lowest is {lowest:.3g}. Write another, or leave it out."
             )
+
+    # shakers and sensors, a column each; h5 and mat hand a single one over as a vector
     for group, kind in GROUPS.items():
         if f"w_{group}" not in content:
             continue

@@ -38,7 +38,8 @@ class ColumnOptions(NamedTuple):
     # relative rms change of any receptance of a column with itself, up to to_hz, by the last block
     error: float = 1e-3
     blocks: int = 60  # at most; a solid block of steel to 20 kHz takes some 10
-    exhausted: float = 1e-10  # of a vector, what is new in it where the space holds all that moves
+    # share of a vector's length that is new, below which the space holds all that the loads move
+    exhausted: float = 1e-10
 
 
 def with_columns(
@@ -53,10 +54,13 @@ def with_columns(
     options: ColumnOptions = ColumnOptions(),
 ) -> tuple[ReducedModel, np.ndarray]:
     """The model on a basis that holds the functionals B (n, p) as well, and these on its
-    coordinates (r', p).
+    coordinates, T'^T B (r', p).
 
-    The coordinates of `reduced`, which needs its basis T, are the first of the result's. `factor`
-    is that of a K that is held. Raises ReductionError.
+    K [N/m], M [kg], C [N s/m] (n, n) are the matrices that `reduced` was made of, with its basis T
+    (n, r), which it must have; its r coordinates are the first of the result's r' and keep their
+    meaning. `factor` is that of a K that is held; without it K is factorised anew. Raises
+    ReductionError for matrices that are not symmetric, where `blocks` blocks do not meet the error,
+    and where the result is not T'^T K T' and T'^T M T'.
     """
     K, M = symmetric(K, "K"), symmetric(M, "M")
     C = None if C is None else symmetric(C, "C")
@@ -73,7 +77,8 @@ def with_columns(
     s = 2 * np.pi * frequencies(to_hz)
     previous, changes = None, []
     for _ in range(options.blocks):
-        # what K^-1 of the loads has beyond Q; twice, since one projection leaves rounding
+        # what K^-1 of the loads has beyond Q; twice, since one projection leaves rounding. Lengths
+        # are those before it: what the projection leaves is judged beside them, not by itself
         X = attachment_modes(problem, np.asfortranarray(loads), rigid)
         lengths = np.sqrt(np.maximum(np.einsum("ij,ij->j", X, K @ X), 0.0))
         for _ in range(2):
@@ -82,7 +87,8 @@ def with_columns(
         loads = M @ block
         V, MV, Q = (np.column_stack(pair) for pair in ((V, block), (MV, loads), (Q, block)))
 
-        # T holds K^-1 w, so that V^T w = V^T K K^-1 w = 0
+        # T holds K^-1 w, so that V^T w = V^T K K^-1 w = 0: the contact does not see the new
+        # coordinates but through M. C is not needed for the receptances and comes at the end
         coupled, inertia = T.T @ MV, V.T @ MV
         grown = reduced._replace(
             K=block_diag(reduced.K, np.eye(V.shape[1])),
@@ -92,7 +98,8 @@ def with_columns(
         )
         columns = np.concatenate([T.T @ B, V.T @ B])
 
-        # the receptance of each column with itself, by the modes of the grown model
+        # the receptance of each column with itself, sum phi_j^2 / (omega_j^2 (1 + i eta) - s^2), by
+        # the modes of the grown model
         modes = modal(grown)
         phi = modes.vectors.T @ columns
         resonances = 1 / (modes.omega[:, None] ** 2 * (1 + 1j * LOSS) - s**2)
@@ -111,6 +118,8 @@ def with_columns(
             "frequency."
         )
 
+    # modes far above to_hz are static shapes, which a run lets follow the force: as oscillators
+    # they would only cost steps
     T = np.column_stack([T, V])
     grown = grown._replace(
         C=None if C is None else T.T @ (C @ T),

@@ -53,7 +53,8 @@ MASS = {
 
 
 def known_fields(reduced: ReducedModel) -> dict[str, np.ndarray]:
-    """The numbers that are known, by their names in a file."""
+    """The numbers that are known of contact and mass, by their names in a file: arrays of shape ()
+    for one number and (count,) for several, in the units that the names end with."""
     numbers = {}
     for properties, fields in ((reduced.contact, CONTACT), (reduced.mass, MASS)):
         numbers |= {field.name: getattr(properties, name) for name, field in fields.items()}
@@ -61,14 +62,18 @@ def known_fields(reduced: ReducedModel) -> dict[str, np.ndarray]:
 
 
 def contact(content: Mapping[str, object], r: int, path: str | Path) -> Contact:
-    """What a file says of the contact; raises ReductionError where it cannot be that."""
+    """What a file says of the contact of a model of r coordinates; None where it says nothing.
+
+    Raises ReductionError for a field with another number of values, or with a value that its rule
+    in CONTACT does not allow.
+    """
     fields = Contact(**{name: _value(content, field, path) for name, field in CONTACT.items()})
     if fields.weights_read is None:
         return fields
     n = len(fields.weights_read)
     if n > r:
         raise ReductionError(f"{path}: reading_weights has {n} values for {r} coordinates.")
-    # notes held those of the boundary alone
+    # files until version 0.1 hold the weights of the boundary alone; all others are zero
     weights = np.zeros(r)
     weights[:n] = fields.weights_read
     return fields._replace(weights_read=weights)

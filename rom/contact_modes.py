@@ -38,14 +38,12 @@ from rom.truncation import LOSS, frequencies, receptances, rms, size
 
 
 class Chosen(NamedTuple):
-    """Modes, the static response (n,) to the contact force beyond them, the relative rms error of
-    the receptance that both leave, and pairs that stand for the full model where finer_hz asks for
-    it."""
+    """Modes chosen by the contact, and what is known of those that were not."""
 
-    pairs: EigenPairs
-    residual: np.ndarray
-    error: float
-    space: EigenPairs
+    pairs: EigenPairs  # omega (k,) [rad/s] ascending, phi (n, k) mass-normalised
+    residual: np.ndarray  # (n,) [m/N] static response to a unit contact force beyond these modes
+    error: float  # relative rms of the receptance up to to_hz that modes and residual leave
+    space: EigenPairs  # all that they were chosen from; with finer_hz it stands for the full model
 
 
 def contact_modes(
@@ -58,15 +56,19 @@ def contact_modes(
     """The n_modes that matter most for the receptance at the contact up to to_hz, or the fewest
     that with a residual vector keep it to the relative rms error selected.
 
-    retained (k,) are modes to keep in any case, the rigid-body ones among them. The error stated
-    holds for the modes with the residual vector: the space's bound and what the choice leaves.
-    With finer_hz all that they are chosen from stands for the full model up to that frequency.
-    Raises ReductionError.
+    w (n,) is the contact functional; retained are modes to keep in any case, the rigid-body ones
+    among them, mass-normalised. The error stated holds for the modes with the residual vector: the
+    space's bound and what the choice leaves. With finer_hz all that they are chosen from stands for
+    the full model up to that frequency.
+    Raises ReductionError where n_modes are fewer than those retained, and where the Krylov space
+    does not become accurate enough.
     """
     n_modes, error, to_hz = selection.n_modes, selection.error, selection.to_hz
     space, n_retained = selection.space, len(retained.omega)
 
-    # candidates: Ritz pairs of a space of one vector more than modes are wanted
+    # candidates: Ritz pairs of a space of one vector more than modes are wanted, so that one at
+    # least is left to make the residual vector of. Of a wanted error the space takes a share, the
+    # choice among its pairs the rest
     n_vectors = 0 if n_modes is None else n_modes + 1 - n_retained
     if selection.finer_hz is None:
         bound, reach_hz = options.converged if error is None else options.share * error, to_hz
@@ -75,7 +77,8 @@ def contact_modes(
         n_vectors += options.extra
     if space is not None and space.bound <= bound and space.to_hz >= reach_hz:
         pairs, bound = space.pairs, space.bound
-        # which of the pairs the retained modes are, one to one, by their products in M
+        # which of the pairs the retained modes are, one to one, by their products in M: of twins
+        # the largest product alone could name one pair for both
         overlap = np.abs((problem.M @ retained.phi).T @ pairs.phi)
         retained_at = linear_sum_assignment(overlap, maximize=True)[1]
         finer = condensed(pairs, w, reach_hz, options.exact)
@@ -89,6 +92,7 @@ def contact_modes(
     # the choice: the retained ones, then the others by their weight; n is where the error is met
     order = _ranked(pairs.omega, participation, retained_at, to_hz)
     errors = bound + _residual_errors(pairs.omega[order], participation[order], to_hz)
+    # the last error is the bound alone, below the one that is wanted: argmax finds a True
     if error is not None:
         n_modes = max(int(np.argmax(errors <= error)), n_retained)
     n = min(n_modes, len(order))
@@ -107,11 +111,12 @@ def contact_modes(
 
 def condensed(pairs: EigenPairs, w: np.ndarray, to_hz: float, error: float) -> EigenPairs:
     """The fewest pairs of a space, and one for all others, that answer at the contact like all of
-    them to the relative rms error up to to_hz.
+    them to the relative rms error up to to_hz [Hz]: omega (j,) [rad/s], phi (n, j) mass-normalised.
 
-    The others' share r of the static response is orthogonal to the rest in K and M:
-    omega^2 = r^T K r / r^T M r. A space made for the modes of the whole structure has three times
-    as many pairs as its contact needs.
+    w (n,) is the contact functional. The others' share of the static response,
+    r = sum phi_j (phi_j^T w) / omega_j^2, is orthogonal to the rest in K and M and becomes the last
+    pair with omega^2 = r^T K r / r^T M r. A space made for the modes of the whole structure has
+    three times as many pairs as its contact needs.
     """
     omega, phi = pairs.omega, pairs.phi.T @ w
     order = _ranked(omega, phi, np.empty(0, np.int64), to_hz)
@@ -119,10 +124,14 @@ def condensed(pairs: EigenPairs, w: np.ndarray, to_hz: float, error: float) -> E
     minor = order[n:]
     if not len(minor):
         return pairs
+
+    # r by its amplitudes on mass-normalised pairs, so that r^T M r and r^T K r are sums of squares
     amplitude = phi[minor] / omega[minor] ** 2
     mass, stiffness = np.sum(amplitude**2), np.sum((amplitude * omega[minor]) ** 2)
     weights = np.zeros(len(omega))
     weights[minor] = amplitude / np.sqrt(mass)
+
+    # column by column: indexing with the whole list would hold a second matrix of this size
     few = np.empty((len(w), n + 1), order="F")
     for j, column in enumerate(order[:n]):
         few[:, j] = pairs.phi[:, column]
@@ -133,8 +142,9 @@ def condensed(pairs: EigenPairs, w: np.ndarray, to_hz: float, error: float) -> E
 def static_shapes(
     omega: np.ndarray, highest: float, to_hz: float, options: KrylovOptions = KrylovOptions()
 ) -> int:
-    """How many modes omega (k,) [rad/s] move with the force, being above the highest one that was
-    chosen or far above to_hz; one or more, what stands for the rest."""
+    """How many of the modes omega (k,) [rad/s] are static shapes, which follow the force without
+    inertia: those above `highest` [rad/s], the highest mode that was chosen, or far above to_hz
+    [Hz]. At least one, the shape that stands for all modes left out."""
     limit = min(highest, options.reach * 2 * np.pi * to_hz)
     return max(1, int(np.count_nonzero(omega > (1 + 1e-9) * limit)))
 
@@ -147,8 +157,12 @@ def finer_space(
     n_vectors: int = 0,
     options: KrylovOptions = KrylovOptions(),
 ) -> Space:
-    """A space that stands for the full model at the contact up to to_hz, beside a reduced model of
-    n_vectors."""
+    """A space that stands for the full model at the contact w (n,) up to to_hz [Hz], beside a
+    reduced model of n_vectors coordinates: it has more vectors than that, or it could not judge it.
+
+    retained are the modes to begin with. Raises ReductionError where the space cannot be made so
+    accurate.
+    """
     n_vectors += options.extra
     return krylov_space(problem, w, retained, options.exact, to_hz, n_vectors, options=options)
 
@@ -163,12 +177,13 @@ def krylov_space(
     enough: Enough | None = None,
     options: KrylovOptions = KrylovOptions(),
 ) -> Space:
-    """Ritz pairs of n_vectors, or of more until their bound up to to_hz is below error.
+    """Ritz pairs of n_vectors, or of more until their bound up to to_hz [Hz] is below error.
 
-    The first pairs are the retained ones; the others are orthogonal to them. With enough(omega,
-    shapes), which is asked about the lowest modes that have converged, the space holds modes that
-    the contact does not move as well, and grows until it is True. Raises ReductionError where
-    `largest` vectors do not do.
+    w (n,) is the contact functional, error relative, rms. The first pairs are the retained ones;
+    the others are orthogonal to them in M. With enough(omega, shapes), which is asked about the
+    lowest modes that have converged, the space holds modes that the contact does not move as well,
+    and grows until it is True. Of a floating structure the retained modes must hold the rigid-body
+    ones, as exact zeros of omega. Raises ReductionError where `largest` vectors do not do.
     """
     K, M = problem.K, problem.M
     s = 2 * np.pi * frequencies(to_hz)
@@ -192,7 +207,7 @@ def krylov_space(
         return Space(retained, 0.0, to_hz, np.zeros(len(retained.omega)))
 
     V, H = np.empty((len(w), 2 * options.check), order="F"), np.zeros((0, 0))
-    load = R[:, 0]  # V^T w
+    load = R[:, 0]  # V^T w: the first column of the loads is w, and V^T w = V^T K K^-1 w
     while True:
         # X = K^-1 M V_j beyond the retained modes and the vectors so far. In exact arithmetic the
         # last two blocks would do; all of them, twice, keep V K-orthonormal to rounding
@@ -215,6 +230,8 @@ def krylov_space(
         projection = first + second
         H = np.pad(H, (0, block.shape[1]))
         H[:, last], H[last, :] = projection, projection.T
+
+        # K^-1 M V_j = [V_1 .. V_j] H_j + V_{j+1} R: R is what the bound needs of the next block
         block, R = k_orthonormalised(X, gram_X, K, options.exhausted * lengths)
         exhausted = block.shape[1] == 0  # the space holds all that these loads can move
         # the bound is looked at every `check` vectors or so
@@ -238,7 +255,9 @@ def krylov_space(
                 f"was {error:.1e}; ask for a larger error or a lower frequency."
             )
 
-    # Ritz pairs by V^T M V anew, not by H: what the recurrence says holds the errors of the solver
+    # Ritz pairs by V^T M V anew, not by H: what the recurrence says holds the errors of the solver.
+    # V^T K V = 1, so that an eigenvalue of V^T M V is 1 / omega^2 and the lowest modes have the
+    # largest: they come out to rounding
     V = V[:, :m]
     inverse_squared, U = np.linalg.eigh(gram(V, M))
     omega = np.append(retained.omega, 1 / np.sqrt(inverse_squared))
@@ -264,7 +283,9 @@ def k_orthonormalised(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Q (n, j) with Q^T K Q = 1 and R (j, l) with X = Q R, j the rank of X (n, l); G = X^T K X.
 
-    Columns no longer than `smallest` (l,) in K are rounding and count as zero.
+    Columns no longer than `smallest` (l,) in K are rounding and count as zero. By the eigenvectors
+    of the Gram matrix with a unit diagonal, G = U diag(size) U^T, which shows the rank where
+    Cholesky would fail; columns of very different length then cost no digits.
     """
     R = np.eye(X.shape[1])
     for again in (False, True):  # the first time leaves rounding over the smallest eigenvalue
@@ -308,8 +329,12 @@ def _bound(
 
 
 def _ranked(omega: np.ndarray, phi: np.ndarray, kept: np.ndarray, to_hz: float) -> np.ndarray:
-    """Indices (k,) of the modes: those kept, then the others by what an oscillator with their first
-    two moments misses of their receptance, the largest first."""
+    """Indices (k,) of the modes omega (k,) [rad/s], phi (k,) [kg^-1/2]: those kept, then the others
+    by what is lost of the receptance where a mode is left out, the largest first.
+
+    A residual vector gives back the first two terms of phi^2 / (omega^2 - s^2) in powers of s^2;
+    (s / omega)^4 phi^2 / (omega^2 - s^2) is lost.
+    """
     s, others = 2 * np.pi * frequencies(to_hz)[:, None], np.setdiff1d(np.arange(len(omega)), kept)
     squared = omega[others] ** 2
     missed = phi[others] ** 2 * (s / omega[others]) ** 4 / (squared * (1 + 1j * LOSS) - s**2)
@@ -317,7 +342,8 @@ def _ranked(omega: np.ndarray, phi: np.ndarray, kept: np.ndarray, to_hz: float) 
 
 
 def _residual_errors(omega: np.ndarray, phi: np.ndarray, to_hz: float) -> np.ndarray:
-    """Relative rms errors (k + 1,) after the first 0, 1, .. k modes, one oscillator for the rest.
+    """Relative rms errors (k + 1,) of the receptance up to to_hz [Hz] after the first 0, 1, .. k
+    modes omega (k,) [rad/s], phi (k,) [kg^-1/2], with one oscillator for the rest.
 
     The residual vector makes an oscillator of modes with m_1 = sum phi_j^2 / omega_j^2 and
     m_2 = sum phi_j^2 / omega_j^4: omega^2 = m_1 / m_2, phi^2 = m_1^2 / m_2.
@@ -328,6 +354,7 @@ def _residual_errors(omega: np.ndarray, phi: np.ndarray, to_hz: float) -> np.nda
     first, second = (_sums_from_the_end(phi**2 / elastic**i) for i in (2, 4))
     errors = []
     for m1, m2, rest in zip(first, second, rests.T, strict=True):
+        # nothing elastic is left where m_1 = 0: rigid-body modes have no static response
         lumped = np.zeros(len(s))
         if m1:
             lumped = receptances(np.sqrt([m1 / m2]), np.array([m1 / np.sqrt(m2)]), s)[:, 0]

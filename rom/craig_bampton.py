@@ -44,12 +44,16 @@ def craig_bampton(
 ) -> ReducedModel:
     """Reduce K, M (n, n) to the dofs in boundary (b,) and the fixed-interface modes selected.
 
-    w (n,) may only load the boundary. One factorisation of K_ii, which a held boundary makes
-    positive definite even where K floats, serves constraint modes and fixed-interface modes;
-    factorise(A) returns an object with .solve. `factor`, that of a K that is held, replaces it. A
-    cutoff and the choice "lowest" are of the fixed-interface modes; "contact" chooses free modes by
-    the contact and keeps what they do inside as fixed-interface modes.
-    Raises ReductionError with one sentence where the result would not be right.
+    K [N/m], M [kg] and C [N s/m] (n, n) are symmetric; w (n,) may only load the boundary. The
+    coordinates are the displacements of the boundary, in its order, then the modes by rising
+    frequency. One factorisation of K_ii, which a held boundary makes positive definite even where K
+    floats, serves constraint modes and fixed-interface modes; factorise(A) returns an object with
+    .solve. `factor`, that of a K that is held, replaces it. A cutoff and the choice "lowest" are of
+    the fixed-interface modes; "contact" chooses free modes by the contact and keeps what they do
+    inside as fixed-interface modes.
+    Raises ReductionError with one sentence where the result would not be right: for matrices that
+    are not symmetric, a w that loads the inside, a boundary that does not hold it, a selection that
+    contradicts itself, modes that are not M-orthonormal, and a result that is not T^T K T.
     """
     K, M = symmetric(K, "K"), symmetric(M, "M")
     w = contact_functional(w, K.shape[0])
@@ -108,9 +112,11 @@ def craig_bampton(
 
 
 def projected(fixed: FixedInterface, C: sp.csc_array | None, pairs: EigenPairs) -> ReducedModel:
-    """K, M, C and w on T = [[1, 0], [Psi, phi]], phi (n, k) the fixed-interface modes.
+    """K, M, C (b + k, b + k) and w (b + k,) on T = [[1, 0], [Psi, phi]], phi (n, k) the
+    fixed-interface modes, zero on the boundary, and omega (k,) [rad/s] their frequencies.
 
     Block by block where a block is known: the product T^T K T would lose log10(cond K) digits.
+    K_bi phi + Psi^T K_ii phi = 0, so that K couples boundary and modes nowhere; M does.
     """
     b, omega = fixed.boundary, pairs.omega
     T = np.column_stack([fixed.psi, pairs.phi])

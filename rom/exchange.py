@@ -87,7 +87,8 @@ def _archive(path: str | Path, most_bytes: float = 4e9) -> dict[str, np.ndarray]
 def save_mat(
     path: str | Path, reduced: ReducedModel, *, C_damping: ArrayLike | None = None
 ) -> None:
-    """Write a reduced model to a level 5 .mat file; C_damping as in save_npz."""
+    """Write a reduced model to a level 5 .mat file, which MATLAB and Octave read without a toolbox;
+    vectors become columns, names cells of strings, C_damping (r, r) as in save_npz."""
     fields = _fields(reduced, C_damping)
     for name in _names(fields):
         fields[name] = fields[name].astype(object)  # a cell of strings
@@ -105,7 +106,8 @@ def load_mat(path: str | Path, *, w: ArrayLike | None = None) -> ReducedModel:
 
 
 def save_h5(path: str | Path, reduced: ReducedModel, *, C_damping: ArrayLike | None = None) -> None:
-    """Write a reduced model to HDF5, one dataset an array; C_damping as in save_npz. Needs h5py."""
+    """Write a reduced model to HDF5, one dataset an array at the root; C_damping (r, r) as in
+    save_npz. Needs h5py: raises ImportError without it."""
     import h5py
 
     fields = _fields(reduced, C_damping)
@@ -117,7 +119,8 @@ def save_h5(path: str | Path, reduced: ReducedModel, *, C_damping: ArrayLike | N
 
 
 def load_h5(path: str | Path, *, w: ArrayLike | None = None) -> ReducedModel:
-    """Read a reduced model from HDF5; w (r,) where the file has none. Needs h5py.
+    """Read a reduced model from HDF5, K, M and w at its root; w (r,) where the file has none.
+    Needs h5py.
 
     Raises FileNotFoundError, or ReductionError if the content is not a reduced model.
     """
@@ -131,8 +134,10 @@ def load_h5(path: str | Path, *, w: ArrayLike | None = None) -> ReducedModel:
 
 
 def save_full(path: str | Path, matrices: Mapping[str, sp.sparray | np.ndarray]) -> None:
-    """Write matrices of a whole structure to .mat, or to .npz with a sparse A as A_data,
-    A_indices, A_indptr (by columns) and A_shape."""
+    """Write matrices of a whole structure, dense or sparse (n, m) by name, to .mat; to a path with
+    any other ending as .npz, which has no sparse arrays: A is A_data, A_indices, A_indptr (by
+    columns) and A_shape there, as scipy.sparse.csc_array((data, indices, indptr), shape) takes
+    them."""
     if Path(path).suffix == ".mat":
         with open(path, "wb") as file:
             savemat(file, dict(matrices), oned_as="column", do_compression=True)
@@ -156,13 +161,17 @@ def _fields(reduced: ReducedModel, C_damping: ArrayLike | None) -> dict[str, obj
     if reduced.C is None:
         fields["C"] = np.zeros_like(reduced.K)
     fields["C_damping"] = C_damping
+
+    # the way back to the outer nodes; MATLAB counts from 1
     surface = reduced.surface
-    if surface:  # nodes and bodies are counted from 1
+    if surface:
         fields["T_surface"] = surface.T
         fields["surface_points"], fields["surface_faces"] = surface.points, surface.faces + 1
         if surface.body is not None:
             fields["surface_body"] = surface.body + 1
             fields["surface_bodies"] = np.array(surface.bodies)
+
+    # what the coordinates are, and all that is known of contact, mass and further functionals
     fields["kind"] = reduced.kind
     fields["n_boundary"], fields["n_residual"] = reduced.n_boundary, reduced.n_residual
     fields["provenance"], fields["about"] = json.dumps(reduced.notes), ABOUT
@@ -237,6 +246,7 @@ def _read(content: Mapping[str, object], path: str | Path, w: ArrayLike | None) 
         raise ReductionError(f"{path} holds no w; pass the {r} weights of the contact.")
     w, across = contact_columns(_dense(w), r, path)
 
+    # its maker's notes, of no effect
     notes = json.loads(_text(content, "provenance", "{}"))
     if not isinstance(notes, dict):
         raise ReductionError(f"{path}: provenance is {notes!r}; it must be a JSON object of notes.")
@@ -253,6 +263,8 @@ def _read(content: Mapping[str, object], path: str | Path, w: ArrayLike | None) 
         if "surface_body" in content:
             bodies = tuple(map(_word, np.ravel(content.get("surface_bodies", ()))))
             surface = surface._replace(body=np.ravel(content["surface_body"]) - 1, bodies=bodies)
+
+    # all fields; what a foreign file does not say is none, and its kind "imported"
     T = content.get("T")
     reduced = ReducedModel(
         **matrices,

@@ -23,7 +23,9 @@ class ReductionError(ValueError):
 class Solver(Protocol):
     """What a factorisation can do: ``solve(b)`` for b (n,) or (n, k)."""
 
-    def solve(self, b: np.ndarray) -> np.ndarray: ...
+    def solve(self, b: np.ndarray) -> np.ndarray:
+        """x with A x = b, of the shape of b."""
+        ...
 
 
 Factorise = Callable[[sp.csc_array], Solver]
@@ -39,7 +41,12 @@ class Pencil(NamedTuple):
 
 
 def superlu(A: sp.csc_array) -> Solver:
-    """Symmetric-mode SuperLU factor of A (n, n): the default where no faster one is handed in."""
+    """Symmetric-mode SuperLU factor of A (n, n): the default where no faster one is handed in.
+
+    Ordered by A^T + A and without row exchanges, which is 3 to 12 times as fast as SuperLU's
+    default on stiffness matrices and as accurate as long as A is definite. Raises RuntimeError
+    where A is exactly singular; rounding may hide that, see `rom.floating.is_held`.
+    """
     return splu(
         sp.csc_array(A),
         permc_spec="MMD_AT_PLUS_A",
@@ -94,7 +101,7 @@ def noise(K: sp.csc_array, M: sp.csc_array) -> float:
 
 
 def solutions(factor: Solver, B: sp.csc_array | np.ndarray) -> np.ndarray:
-    """X (n, k) with A X = B, in blocks of columns so that no dense copy of B is made."""
+    """X (n, k) with A X = B (n, k), in blocks of columns so that no dense copy of B is made."""
     X = np.empty(B.shape, order="F")
     for c in shares(B.shape[1]):
         columns = B[:, c]

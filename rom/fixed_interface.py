@@ -58,7 +58,9 @@ def fixed_interface(
     """The structure held at the dofs in boundary (b,), indices or a mask, with its constraint
     modes; by the factor of K where that is handed in.
 
-    w (n,) must vanish inside. Raises ReductionError.
+    K [N/m], M [kg] (n, n); w (n,) must vanish inside. Raises ReductionError for indices that are
+    out of range or twice in the boundary, for a w that loads the inside, for an inside that floats
+    with the boundary held, and for constraint modes that leave forces inside.
     """
     # boundary as given, interior ascending
     n, b = len(w), np.asarray(boundary)
@@ -91,11 +93,12 @@ def fixed_interface(
     else:
         clamped = _InteriorByWhole(factor, b, n)
         psi = clamped.psi
-        # Z_b of a soft structure is nearly singular, which costs Psi digits: an error D of it is
-        # D Z_b K_bi D after a correction. Springs to the ground of a millionth of the structure's
-        # stiffness take two or three corrections, others one. They end at rounding, which leaves
-        # forces inside of 0.2 eps of their terms in a chain, 1.1 eps in a solid, or where the
-        # forces no longer halve.
+        # Z_b of a soft structure is nearly singular, which costs Psi digits. A correction
+        # Psi - K_ii^-1 (K Psi)_i, with K_ii^-1 by the same inaccurate Psi, makes of an error D the
+        # error D Z_b K_bi D, the square of the last. Springs to the ground of a millionth of the
+        # structure's stiffness take two or three corrections, others one. They end at rounding,
+        # which leaves forces inside of 0.2 eps of their terms in a chain, 1.1 eps in a solid, or
+        # where the forces no longer halve.
         previous, forces = np.inf, 1.0
         while 4.0 * EPS < forces < 0.5 * previous:
             for c in shares(len(b)):
@@ -131,7 +134,8 @@ def _interior_forces(K: sp.csc_array, psi: np.ndarray, b: np.ndarray) -> float:
 
 
 def interior_pencil(fixed: FixedInterface) -> Pencil:
-    """K_ii and M_ii as matrices of their own."""
+    """K_ii and M_ii (i, i) as matrices of their own, with the factor of K_ii: its modes are the
+    fixed-interface modes."""
     i = fixed.interior
     K_ii, M_ii = (A[:, i][i] for A in (fixed.K, fixed.M))
     return Pencil(K_ii, M_ii, _InteriorAlone(fixed.clamped, i, len(fixed.w)))
@@ -158,9 +162,11 @@ def whole_pencil(fixed: FixedInterface) -> Pencil:
 
 
 def ritz_pairs(K: sp.csc_array, M: sp.csc_array, Z: np.ndarray) -> EigenPairs:
-    """Ritz pairs of K and M in the columns of Z (n, k), which are written over, with rising omega.
+    """Ritz pairs of K and M in the columns of Z (n, k), which are written over: omega (j,) [rad/s]
+    rising, phi (n, j) mass-normalised.
 
-    Columns that add nothing to the others are left out.
+    Columns that add nothing to the others are left out, j <= k. Every column must have a strain
+    energy: K holds the structure, or Z is zero on a boundary that does.
     """
     # K-orthonormal, from unit length on, so that rank shows in the eigenvalues of the Gram matrix
     Z /= np.sqrt(squares(Z, K))
@@ -176,7 +182,8 @@ def ritz_pairs(K: sp.csc_array, M: sp.csc_array, Z: np.ndarray) -> EigenPairs:
 
 
 class _InteriorByWhole:
-    """Solves with K_ii by the factor of K, in vectors of all dofs."""
+    """Solves with K_ii by the factor of K, in vectors of all dofs: z = K^-1 [0; y_i] moves the
+    boundary by z_b, and z - Psi z_b does not, with the same forces inside."""
 
     def __init__(self, factor: Solver, b: np.ndarray, n: int) -> None:
         self._factor, self._b = factor, b
@@ -220,7 +227,8 @@ class _InteriorAlone(NamedTuple):
 
 
 class _WholeByInterior(NamedTuple):
-    """Solves with K by the factor of K_ii and that of S, the stiffness seen at the boundary."""
+    """Solves with K by the factor of K_ii and that of S, the stiffness seen at the boundary:
+    x = K_ii^-1 y_i + Psi x_b, S x_b = y_b + Psi^T y_i, the rows of Psi on the boundary being 1."""
 
     clamped: Solver
     psi: np.ndarray

@@ -13,8 +13,9 @@ import scipy.sparse as sp
 from rom.factorisation import Factorise, Pencil, ReductionError, frequency_scale, noise
 from rom.lanczos import LanczosOptions, past_rigid_modes
 
-# a first elastic mode that only chooses the shift. Beside rigid modes of a stiff body, whose theta
-# are 1e6 times as large, rounding leaves no more digits, and asking for them takes 40 s for 1 s
+# accuracy of the first elastic mode, which only chooses the shift. Beside rigid modes of a stiff
+# body, whose theta are 1e6 times as large, rounding leaves no more digits; to ask for more takes
+# 40 s in place of 1 s
 ROUGHLY = LanczosOptions(converged=1e-3)
 
 
@@ -38,8 +39,9 @@ def pencil(
 ) -> Pencil:
     """Factor of K, or of K - shift M where K floats freely and so has none, or hangs softly.
 
-    ``shift`` [rad^2/s^2] is negative, of the order of -(omega_1 / 10)^2; without it K gets one from
-    its own first elastic mode. Raises ReductionError where it has none.
+    K [N/m] and M [kg] (n, n). ``shift`` [rad^2/s^2] is negative, of the order of
+    -(omega_1 / 10)^2; without it K gets one from its own first elastic mode. Raises ReductionError
+    where it has none among the lowest modes.
     """
     if shift is not None:
         return Pencil(K, M, factorise(sp.csc_array(K - shift * M)), shift)
@@ -63,9 +65,13 @@ def pencil(
             f"K has at least {len(omega)} rigid-body modes and no elastic one could be found; "
             f"tie the parts that move on their own, or pass shift."
         )
+
+    # a tenth of the frequency of the first mode that is neither rigid nor a suspension's: theta
+    # = 1 / (omega^2 - sigma) of the elastic modes then stands well beside that of the rigid ones
     omega = omega[omega > 0]
     sigma = -((omega[n_suspended(omega)] / limits.below) ** 2)
     sigma = min(sigma, limits.soft * guess)  # above rounding, also of a soft structure
+    # a trial shifted by no less than a tenth of that frequency serves: no second factorisation
     if trial.sigma and sigma / guess < 1e2:
         return trial
     return Pencil(K, M, factorise(sp.csc_array(K - sigma * M)), sigma)
@@ -95,7 +101,12 @@ def is_held(problem: Pencil) -> bool:
 
 def lowest_square(problem: Pencil) -> float:
     """The lowest omega^2 [rad^2/s^2] of a K that was factorised as it is, from above, by inverse
-    iteration; nan where the factor answers with nothing."""
+    iteration and the Rayleigh quotient; nan where the factor answers with zeros or no numbers.
+
+    Each of three solutions multiplies the share of a mode by 1 / omega^2: a rigid motion at
+    rounding is then all that is left; of a held structure the quotient stays somewhat above the
+    lowest mode, which is safe where it is compared with rounding.
+    """
     K, M, factor, _ = problem
     x = np.random.default_rng(0).standard_normal(K.shape[0])
     for _ in range(3):

@@ -47,10 +47,16 @@ def free_modes(
     """Reduce K, M (n, n) to the free modes selected and the residual vector of the contact
     functional w (n,).
 
+    K [N/m], M [kg] and C [N s/m] (n, n) are symmetric. Coordinates are the amplitudes of the
+    mass-normalised modes by rising frequency, then that of the residual vector; K_r and M_r are
+    diagonal, C_r is not where dashpots couple modes.
+
     shift [rad^2/s^2], negative, is the sigma of K - sigma M that gets factorised; None takes K
     itself, or where K floats freely a shift of -(omega_1 / 10)^2. factorise(A) returns an object
     with .solve; with the factor of a K that is held nothing is factorised. Raises ReductionError
-    with one sentence where the result would not be right.
+    with one sentence where the result would not be right: for matrices that are not symmetric, a
+    selection that contradicts itself, modes that are not M-orthonormal, an error that the modes
+    handed in do not reach, and a static response that leaves forces.
     """
     K, M = symmetric(K, "K"), symmetric(M, "M")
     w = contact_functional(w, K.shape[0])
@@ -75,6 +81,7 @@ def free_modes(
         static = static_response(problem, w, rigid)
 
         def enough(omega: np.ndarray, shapes: Callable[[], np.ndarray]) -> bool:
+            """Whether some number of these modes (k,) has a bound within the error wanted."""
             if omega.max(initial=0) < 2 * np.pi * to_hz:
                 return False
             pairs = EigenPairs(omega, shapes())
@@ -152,8 +159,12 @@ def _errors(
     pairs: EigenPairs,
     to_hz: float,
 ) -> np.ndarray:
-    """Relative rms error of the receptance up to to_hz after the first 0, 1, .. k modes of the
-    pairs and a residual vector for the rest, (k + 1,)."""
+    """Relative rms error of the receptance up to to_hz [Hz] after the first 0, 1, .. k modes of the
+    pairs and a residual vector for the rest, (k + 1,).
+
+    static (n,) is the response K^-1 w, rigid (n, r) the rigid-body modes. The moments of all modes
+    beyond the pairs cost one solution: m_1 = w^T r, m_2 = r^T M r, m_3 = r^T M K^-1 M r.
+    """
     r = residual_vector(problem.M, pairs.phi, static)
     inertia = problem.M @ r
     third = inertia @ static_response(problem, inertia, rigid)
@@ -162,7 +173,8 @@ def _errors(
 
 
 def rigid_modes(problem: Pencil, supplied: EigenPairs | None) -> np.ndarray:
-    """Rigid-body modes (n, r); a K that was factorised as it is has none."""
+    """Rigid-body modes (n, r), mass-normalised: those among the modes supplied, or sought; a K that
+    was factorised as it is has none, r = 0."""
     if problem.sigma == 0:
         return np.zeros((problem.K.shape[0], 0))
     omega, phi = supplied or past_rigid_modes(problem)
@@ -181,7 +193,8 @@ def retained_modes(problem: Pencil, supplied: EigenPairs | None) -> EigenPairs:
     omega, phi = omega[:n_retained], phi[:, :n_retained]
     if supplied is None:
         return EigenPairs(omega, phi)
-    # of these, those handed in may hold a part
+    # modes handed in may hold some of these: one lies in their span if the length of its projection
+    # in M, between 0 and 1, is nearer to 1
     others = np.linalg.norm(phi.T @ (problem.M @ supplied.phi), axis=0) < 0.5
     omega = np.append(omega, supplied.omega[others])
     return EigenPairs(omega, np.column_stack([phi, supplied.phi[:, others]]))

@@ -51,7 +51,10 @@ class EffectiveMass(NamedTuple):
 
 
 def health(reduced: ReducedModel) -> Health:
-    """Measure a reduced model without the matrices it came from; see Health."""
+    """Measure a reduced model without the matrices it came from; see Health.
+
+    Never raises for a model that is unsound: what could not be measured is nan, empty or None.
+    """
     findings = []
     # largest |a_ij - a_ji| over the largest |a_ij|
     matrices, tiny = (reduced.K, reduced.M, reduced.C), np.finfo(float).tiny
@@ -77,6 +80,8 @@ def health(reduced: ReducedModel) -> Health:
         return Health(asymmetry, lowest, (*findings, str(indefinite)), stiffness)
     if wall.damping is not None and is_indefinite(wall.damping):
         findings.append("C is indefinite; the damping would feed energy into the wall.")
+
+    # a mode with a node at the contact has a participation of rounding
     moved = np.abs(wall.phi) > 1e-9 * np.abs(wall.phi).max()
     return Health(
         asymmetry,
@@ -92,7 +97,8 @@ def health(reduced: ReducedModel) -> Health:
 
 
 def is_indefinite(D: np.ndarray) -> bool:
-    """Whether a damping matrix (k, k) has an eigenvalue below zero by more than rounding."""
+    """Whether a damping matrix (k, k) has an eigenvalue below zero by more than 1e-9 of its largest
+    entry, by a Cholesky factorisation of what that is added to."""
     if not D.any():
         return False
     try:
@@ -103,7 +109,8 @@ def is_indefinite(D: np.ndarray) -> bool:
 
 
 def fixed_interface_hz(reduced: ReducedModel) -> tuple[float, ...]:
-    """Frequencies [Hz] of a reduced model whose boundary is held, ascending."""
+    """Frequencies (k,) [Hz] of a reduced model whose boundary is held, ascending: those of the
+    coordinates after the first n_boundary. Empty without a boundary or without others."""
     inside = slice(reduced.n_boundary, None)
     if not 0 < reduced.n_boundary < len(reduced.w):
         return ()
@@ -138,6 +145,8 @@ def _unit_diagonal(A: np.ndarray) -> np.ndarray:
 def require_faithful(reduced: ReducedModel, K: sp.csc_array, M: sp.csc_array) -> None:
     """Check K_r = T^T K T and M_r = T^T M T on a random vector, and that both are sound.
 
+    K [N/m], M [kg] (n, n) are the matrices that were reduced. One vector shows a wrong entry with
+    probability 1, at the cost of one product with each matrix where T^T K T itself would take r.
     Raises ReductionError with the first finding.
     """
     q = np.random.default_rng(2).standard_normal(len(reduced.w))
@@ -158,12 +167,17 @@ def require_faithful(reduced: ReducedModel, K: sp.csc_array, M: sp.csc_array) ->
 def require_static_response(
     reduced: ReducedModel, K: sp.csc_array, M: sp.csc_array, w: np.ndarray, rigid: np.ndarray
 ) -> None:
-    """Check that T q with K_r q = w_r solves K u = w of the full structure (inertia relief)."""
+    """Check that T q with K_r q = w_r solves K u = w of the full structure (inertia relief).
+
+    K [N/m], M [kg] (n, n), w (n,); rigid (n, r) are the mass-normalised rigid-body modes, r = 0
+    where it is held. Raises ReductionError with what the response misses of the load, relative.
+    """
     wall = modal(reduced)
     elastic = wall.omega > 0
     u = reduced.T @ (wall.vectors[:, elastic] @ (wall.phi[elastic] / wall.omega[elastic] ** 2))
     load = w - M @ (rigid @ (rigid.T @ w))
     mismatch = _relative(K @ u - load, load)
+    # rounding of K @ u, which a soft structure that moves far has more of
     noise = 1e3 * EPS * frequency_scale(K, M) * np.linalg.norm(M @ u) / np.linalg.norm(load)
     allowed = max(1e-6, noise)
     if mismatch > allowed:
@@ -183,8 +197,9 @@ def effective_mass(
 ) -> EffectiveMass:
     """Mass that each mode of the reduced model carries along direction (n,), e.g. ones in x.
 
-    m_j = (mode_j^T M e)^2; the sum over all modes of a full model is e^T M e. M and e may be those
-    of a finer field u = onto @ T q.
+    m_j = (mode_j^T M e)^2 [kg] for mass-normalised modes; the sum over all modes of a full model is
+    e^T M e. M (n, n) [kg]; M and e may be those of a finer field u = onto @ T q, onto (m, n) with
+    M (m, m) and e (m,).
     Raises ReductionError if the model came without its basis.
     """
     if reduced.T is None:

@@ -20,9 +20,14 @@ class Jointed(NamedTuple):
 
     def with_stiffness(self, stiffness: dict[str, float]) -> ReducedModel:
         """The same structure with other springs: exact in statics, as good in its modes as the
-        fixed-interface modes, which no spring changes."""
+        fixed-interface modes, which no spring changes.
+
+        stiffness [N/m, N m/rad] by "joint.direction"; springs that are not named stay as they are.
+        """
         K = self.reduced.K.copy()
         for name, k in stiffness.items():
-            at = self.places[name]
+            at = self.places[
+                name
+            ]  # each coordinate is an elongation e_j: only its diagonal changes
             K[at, at] += k - self.stiffness[name]
         return self.reduced._replace(K=K)

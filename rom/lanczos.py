@@ -42,7 +42,7 @@ class EigenPairs(NamedTuple):
 
 
 def no_modes(n: int) -> EigenPairs:
-    """No modes at all of a structure of n degrees of freedom."""
+    """No modes of a structure of n degrees of freedom: omega (0,), phi (n, 0)."""
     return EigenPairs(np.zeros(0), np.zeros((n, 0)))
 
 
@@ -67,8 +67,8 @@ def lowest_modes(
 def past_rigid_modes(
     problem: Pencil, *, softer_than: float = 0.0, options: LanczosOptions = LanczosOptions()
 ) -> EigenPairs:
-    """The lowest modes, so many that one of them is elastic with an omega^2 above `softer_than`
-    [rad^2/s^2], or `most_rigid`.
+    """The lowest modes, as many as it takes until one of them is elastic, with an omega^2 above
+    `softer_than` [rad^2/s^2], or `most_rigid` of them.
 
     Six modes of a body that floats are rigid, and one more for each motion that a joint leaves
     free: their number is not known before, nor that of the modes of a soft suspension.
@@ -83,7 +83,10 @@ def past_rigid_modes(
 
 
 def modes_below(problem: Pencil, cutoff_hz: float) -> EigenPairs:
-    """All modes of a pencil below cutoff_hz [Hz]."""
+    """All modes of a pencil below cutoff_hz [Hz]: modes are sought until one of them lies above it.
+
+    Raises ReductionError as `modes_until`.
+    """
     cutoff = 2 * np.pi * cutoff_hz
     omega, phi = modes_until(problem, lambda omega, _: omega.max(initial=0) >= cutoff)
     below = np.count_nonzero(omega < cutoff)
@@ -95,7 +98,9 @@ def modes_until(
 ) -> EigenPairs:
     """The lowest modes, as many as it takes until enough(omega, shapes) holds, or all there are.
 
-    shapes() gives the mode shapes (n, k), for the price of one product. Raises ReductionError
+    enough is called with omega (k,) [rad/s] of the modes that have converged, from the lowest on,
+    and shapes, which gives their shapes (n, k) for the price of one product. A pencil of up to
+    `dense` unknowns has all its modes computed, whatever enough says. Raises ReductionError
     where M is not positive on the modes, they are not orthonormal in M, or K is indefinite.
     """
     K, M = problem.K, problem.M
@@ -214,7 +219,11 @@ def _mass_normalised(phi: np.ndarray, M: sp.csc_array) -> np.ndarray:
 
 
 def known_modes(problem: Pencil, omega: ArrayLike, phi: ArrayLike) -> EigenPairs:
-    """Modes found elsewhere: checked mass-orthonormal, rigid-body ones set to frequency zero."""
+    """Modes omega (k,) [rad/s], phi (n, k) found elsewhere, in their order: scaled to unit modal
+    mass, those at rounding set to frequency zero.
+
+    Raises ReductionError where they are not orthogonal in M or have no positive modal mass.
+    """
     squared = np.asarray(omega, dtype=float) ** 2
     rounding = noise(problem.K, problem.M)
     omega = np.sqrt(np.where(squared > rounding, squared, 0.0))

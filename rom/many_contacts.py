@@ -36,9 +36,12 @@ class Oscillators(NamedTuple):
     phi: np.ndarray  # (p, n) [kg^-1/2]; 0 where a contact moves nothing more
 
     def lumped(self, above_hz: float) -> "Oscillators":
-        """The same with one oscillator in place of all above above_hz [Hz], which would cost steps:
-        it has their static response and moment of inertia, and the place of the first of them; the
-        others have phi = 0."""
+        """The same with one oscillator in place of all above above_hz [Hz], which would cost steps.
+
+        It has their static response m_1 = sum phi^2 / omega^2 and m_2 = sum phi^2 / omega^4, so
+        that omega^2 = m_1 / m_2 and phi^2 = omega^2 m_1, and takes the place of the first of them;
+        the others have phi = 0 and omega at above_hz. Arrays keep their shape (p, n).
+        """
         omega, phi = self.omega.copy(), self.phi.copy()
         high = omega > 2 * np.pi * above_hz
         first, second = (np.where(high, phi**2 / omega**i, 0.0).sum(axis=1) for i in (2, 4))
@@ -61,7 +64,12 @@ class ManyContacts(NamedTuple):
     beta: np.ndarray  # (p, n - 1) [s^2] beside it
 
     def beyond(self, n: int) -> Oscillators:
-        """Ritz pairs of the first n vectors, with sum phi_j^2 / omega_j^2 = static."""
+        """Ritz pairs of the first n vectors, omega (p, n) ascending, with
+        sum phi_j^2 / omega_j^2 = static.
+
+        An eigenpair (theta, s) of the tridiagonal H = V^T M V is an oscillator of
+        omega^2 = 1 / theta; V^T w = sqrt(static) e_1, so that its phi = omega s_1 sqrt(static).
+        """
         i = np.arange(n)
         H = np.zeros((len(self.static), n, n))
         H[:, i, i] = self.alpha[:, :n]
@@ -78,8 +86,9 @@ def many_contacts(
 ) -> ManyContacts:
     """Contact functionals W (n, p) on a structure, by its pencil K, M (n, n) and its lowest modes.
 
-    Each contact has a space of n_vectors beyond the modes, a solution apiece; 64 contacts are
-    solved at once. Raises ReductionError.
+    modes must hold the rigid-body modes of a floating structure, as exact zeros of omega. Each
+    contact has a space of n_vectors beyond the modes, a solution apiece; 64 contacts are solved at
+    once. Raises ReductionError where K is singular beyond the rigid modes.
     """
     W = sp.csc_array(W)
     phi = W.T @ modes.phi
@@ -89,8 +98,8 @@ def many_contacts(
 
 
 def static_responses(problem: Pencil, W: sp.csc_array, modes: EigenPairs) -> np.ndarray:
-    """What the modes leave of the static responses to unit forces, r (n, m) [m/N]; of a floating
-    structure, of those with inertia relief."""
+    """What the modes leave of the static responses to unit forces through W (n, m), r (n, m)
+    [m/N]; of a floating structure, of those with inertia relief."""
     elastic = modes.omega > 0
     shapes, rigid = modes.phi[:, elastic], modes.phi[:, ~elastic]
 
@@ -125,6 +134,8 @@ def _spaces(
         alpha[j, moved] = np.einsum("ij,ij->j", v, inertia)[moved]
         if j + 1 == n_vectors:
             break
+        # what the common modes hold leaves every vector again: K^-1 magnifies its rounding by
+        # 1 / omega^2, most of all in the lowest mode
         x = attachment_modes(problem, inertia, rigid)
         x -= shapes @ (shapes.T @ (problem.M @ x))
         unprojected = np.sqrt(np.maximum(np.einsum("ij,ij->j", x, inertia), 0.0))

@@ -10,7 +10,8 @@ Poles are relocated by relaxed vector fitting (B. Gustavsen, IEEE Trans. Power D
 1587; of several responses D. Deschrijver et al., IEEE Microw. Wirel. Compon. Lett. 18 (2008) 383),
 residues found by least squares that allow no negative ones (Lawson and Hanson), and both refined
 together. The number of modes is that of the lowest Bayesian information criterion
-k ln(misfit^2) + p ln k.
+k ln(misfit^2) + p ln k of p parameters and k real numbers fitted, two for each frequency
+(G. Schwarz, Ann. Statist. 6 (1978) 461).
 """
 
 from typing import NamedTuple
@@ -36,8 +37,8 @@ class FitOptions(NamedTuple):
     outside: tuple[float, float] = (1.2, 3.0)
     zeta: tuple[float, float] = (1e-6, 0.5)  # of modes; a wider one is no resonance
     better: float = 10.0  # of the criterion, by which more modes must win
-    # misfit with a free mass over that without, below which there is one: its share of noise or of
-    # rounding would let a wall drift away that is held
+    # a free mass is fitted where it lowers the misfit to this share of that without one or less: a
+    # smaller gain is noise or rounding, and would let a wall drift away that is held
     free: float = 0.9
     patience: int = 2  # numbers of modes tried beyond the lowest criterion
     fine: float = 1e-7  # misfit at which no more modes are tried
@@ -68,8 +69,11 @@ def passive_fit(
 ) -> ModalFit:
     """The oscillators of a driving-point receptance H (k,) [m/N] at frequencies (k,) [Hz].
 
-    Raises ReductionError for a response that is no driving point's: its power into the structure,
-    -omega Im H |F|^2 / 2, is negative over much of the band.
+    The misfit weighs each frequency by |H| and a share of its median, so that resonances and
+    antiresonances count alike. Raises ReductionError for fewer than 16 frequencies, for values that
+    are not finite or frequencies that do not rise from above 0 Hz, and for a response that is no
+    driving point's: its power into the structure, -omega Im H |F|^2 / 2, is negative over much of
+    the band.
     """
     f, H = np.asarray(frequency_hz, float), np.asarray(H, complex)
     require_driving_point(f, H)
@@ -79,6 +83,7 @@ def passive_fit(
     # each number of modes, with and without a free mass, residues not negative
     fits: list[ModalFit] = []
     for n in options.n_modes:
+        # fewer than four frequencies a mode would fit the noise
         if 4 * n + 6 > len(f):
             break
         start = resonances(omega, H[:, None], deviation[:, None], n, options)
@@ -99,7 +104,8 @@ def passive_fit(
 def refitted(
     frequency_hz: ArrayLike, H: ArrayLike, fit: ModalFit, options: FitOptions = FitOptions()
 ) -> ModalFit:
-    """The fit of another response H (k,) [m/N] that begins at a fit and has as many modes."""
+    """The fit of another response H (k,) [m/N] at frequencies (k,) [Hz] that begins at a fit and
+    has as many modes, each frequency within a tenth of what it was."""
     f, H = np.asarray(frequency_hz, float), np.asarray(H, complex)
     deviation = np.abs(H) + options.floor * np.median(np.abs(H))
     return _refined(2 * np.pi * f, H, deviation, fit, options)
@@ -140,8 +146,12 @@ def resonances(
     n: int,
     options: FitOptions,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """omega_j [rad/s] and zeta_j of the `common_poles` in the band and near it, without those that
-    are too wide for a resonance."""
+    """omega_j (j,) [rad/s] and zeta_j (j,) of the `common_poles` in the band and near it, without
+    those that are too wide for a resonance: j <= n.
+
+    omega (k,) [rad/s] ascending; H (k, e) are e responses and deviation (k, e) what they are
+    weighed by.
+    """
     poles = common_poles(omega, H, deviation, n, options)
     omega_j, zeta = np.abs(poles), -poles.real / np.abs(poles)
     low, high = omega[0] / options.outside[0], omega[-1] * options.outside[1]
@@ -177,8 +187,11 @@ def common_poles(
         (sum c_em phi_m + d_e + g_e / s^2) - (sum c~_m phi_m + d~) H_e = 0,   Re sum(sigma) = k
 
     Coefficients of the elements are eliminated by QR; the zeros of sigma = sum c~_m phi_m + d~ are
-    the new poles.
+    the new poles. omega (k,) [rad/s]; deviation (k, e) weighs the responses. d_e is the compliance
+    of modes above the band, g_e / s^2 a free mass.
     """
+    # frequencies over the band's end, or powers of s would differ by their units; poles to begin
+    # with spread evenly over the band, damped by 1 %
     unit = omega[-1]
     s = 1j * omega / unit
     b = np.linspace(omega[0], omega[-1], n_modes + 2)[1:-1] / unit
@@ -208,15 +221,16 @@ def common_poles(
         right[-1] = scale * len(s)
         norm = np.maximum(np.linalg.norm(A, axis=0), np.finfo(float).tiny)
         x = np.linalg.lstsq(A / norm, right, rcond=None)[0] / norm
+        # the zeros go to infinity with d~ -> 0
         c, d = x[:-1], x[-1] if abs(x[-1]) > 1e-8 else 1e-8
 
         # zeros of sigma: eigenvalues of A - b c^T / d in the real form of the pairs
         state = block_diag(*([[a.real, a.imag], [-a.imag, a.real]] for a in poles))
         state -= np.outer(np.tile([2.0, 0.0], n_modes), c) / d
         zeros = np.linalg.eigvals(state)
-        zeros = -np.abs(zeros.real) + 1j * zeros.imag  # stable
+        zeros = -np.abs(zeros.real) + 1j * zeros.imag  # stable: mirrored at the imaginary axis
 
-        # pairs; two real zeros become a pair of their mean, far damped
+        # pairs; two real zeros become a pair of their mean, of damping ratio 0.45
         upper = zeros[zeros.imag > 0]
         real = np.sort(zeros[zeros.imag == 0].real)[: 2 * (n_modes - len(upper))]
         pairs = real.reshape(-1, 2).mean(axis=1)
@@ -240,7 +254,8 @@ def _weighted(omega, deviation, omega_j, zeta) -> NDArray[np.float64]:
 
 
 def _fit(omega_j, zeta, r, residual, free: bool) -> ModalFit:
-    """The fit with its misfit and criterion; residual (2 k,)."""
+    """The fit with its misfit and criterion; residual (2 k,), real above imaginary parts, so that
+    the mean square of a complex misfit is twice its mean."""
     misfit = np.sqrt(2 * np.mean(residual**2))
     n_parameters = 3 * len(omega_j) + 1 + free
     k = len(residual)
@@ -253,7 +268,8 @@ def _fit(omega_j, zeta, r, residual, free: bool) -> ModalFit:
 
 
 def _with_residues(omega, H, deviation, omega_j, zeta, free: bool) -> ModalFit:
-    """The fit of poles with the best residues that are not negative; poles of residue 0 go."""
+    """The fit of poles with the best residues that are not negative, by least squares with that
+    constraint (Lawson and Hanson); poles of residue 0 go. free: with a free mass."""
     A = _weighted(omega, deviation, omega_j, zeta)
     if not free:
         A[:, -2] = 0.0
@@ -267,7 +283,11 @@ def _with_residues(omega, H, deviation, omega_j, zeta, free: bool) -> ModalFit:
 
 
 def _refined(omega, H, deviation, fit: ModalFit, options: FitOptions) -> ModalFit:
-    """All of ln omega, ln zeta and the residues together, by least squares from a fit."""
+    """All of ln omega, ln zeta and the residues together, by least squares from a fit.
+
+    Logarithms keep omega and zeta positive and alike in size; residues are in units of what they
+    make of the response.
+    """
     n, free = len(fit.omega), fit.inverse_mass > 0
     if n == 0:
         return fit
@@ -276,13 +296,18 @@ def _refined(omega, H, deviation, fit: ModalFit, options: FitOptions) -> ModalFi
     is_fitted = np.concatenate([np.ones(n, bool), [free, True]])
 
     def model(x):
+        """omega_j and zeta (n,) of x = [ln omega, ln zeta, residues over their units], and the
+        columns (2 k, n + 2) that these residues multiply; 0 for a free mass that is not fitted."""
         omega_j, zeta = np.exp(x[:n]), np.exp(x[n : 2 * n])
         return omega_j, zeta, _weighted(omega, deviation, omega_j, zeta) * is_fitted / norm
 
     def residual(x):
+        """Misfits over their deviations (2 k,)."""
         return model(x)[2] @ x[2 * n :] - right
 
     def jacobian(x):
+        # of r / D with D = omega_j^2 - w^2 + 2 i zeta omega_j w:
+        # d/d ln omega_j = -r (2 omega_j^2 + 2 i zeta omega_j w) / D^2, d/d ln zeta likewise
         omega_j, zeta, A = model(x)
         r, w = x[2 * n : 3 * n] / norm[:n], omega[:, None]
         D2 = (omega_j**2 - w**2 + 2j * zeta * omega_j * w) ** 2 * deviation[:, None]

@@ -71,15 +71,15 @@ class MatrixFit(NamedTuple):
 
 
 class Elements(NamedTuple):
-    """The upper triangle of a symmetric matrix of responses, element by element."""
+    """The upper triangle of a symmetric matrix of responses, element by element, row by row."""
 
     omega: NDArray[np.float64]  # (k,) [rad/s]
-    H: NDArray[np.complex128]  # (k, e)
-    deviation: NDArray[np.float64]  # (k, e)
+    H: NDArray[np.complex128]  # (k, e), e = m (m + 1) / 2 of m points
+    deviation: NDArray[np.float64]  # (k, e) by which misfits are divided
 
 
 def matrix_receptance(fit: MatrixFit, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
-    """H (k, m, m) of a fit at frequencies (k,) [Hz] above 0."""
+    """H (k, m, m) [m/N, rad/N, rad/(N m)] of a fit at frequencies (k,) [Hz] above 0."""
     w = 2 * np.pi * np.asarray(frequency_hz, float)[:, None]
     resonance = 1 / (fit.omega**2 - w**2 + 2j * fit.zeta * fit.omega * w)
     H = np.einsum("kn,an,bn->kab", resonance, fit.phi, fit.phi)
@@ -94,8 +94,10 @@ def passive_matrix_fit(
 ) -> MatrixFit:
     """The oscillators of receptances H (k, m, m) [m/N, rad/N, rad/(N m)] at frequencies (k,) [Hz].
 
-    Raises ReductionError for what is no receptance of a passive part: a diagonal that is no driving
-    point's, or a matrix that is not symmetric.
+    Residues of least squares may be indefinite where noise outweighs a mode; a factor phi phi^T
+    cannot be. Raises ReductionError for what is no receptance of a passive part: another shape, a
+    diagonal that is no driving point's (`require_driving_point`), or a matrix that is not
+    symmetric.
     """
     f, H = np.asarray(frequency_hz, float), np.asarray(H, complex)
     m = H.shape[1] if H.ndim == 3 else 0
@@ -110,6 +112,8 @@ def passive_matrix_fit(
         except ReductionError as why:
             raise ReductionError(f"of point {a + 1}: {why}") from None
 
+    # points scaled to be alike, or a turn [rad] beside a displacement [m] would count for nothing;
+    # then the mean of H and its transpose, which a reciprocal part has equal
     size, scaled, elements = _alike(H)
     require_reciprocal(f, scaled, of_matrix)
     deviation = _deviation(elements, options)
@@ -131,6 +135,8 @@ def passive_matrix_fit(
         fit = _with_factors(thinned, *_poles(few), drifts, options, of_matrix, refine=True)
         return _in_units(fit, f, scaled, size)
 
+    # each number of modes: common poles, then factors, with and without free masses. A free mass
+    # that only follows the noise would let a part drift away that is held: it has to win clearly
     fits: list[MatrixFit] = []
     for n in options.n_modes:
         if LINES_TO_SPARE * n + 6 > len(f):
@@ -147,13 +153,15 @@ def passive_matrix_fit(
 
     # the best of these refined; of these the one of fewest modes that is as good
     def refined(omega_j: NDArray, zeta: NDArray, drifts: bool) -> MatrixFit:
+        """The fit from these poles (n,), all of its values together."""
         return _with_factors(measured, omega_j, zeta, drifts, options, of_matrix, refine=True)
 
     fits.sort(key=lambda fit: fit.criterion)
     best = [refined(*_poles(fit), fit.free.size > 0) for fit in fits[: options.refined]]
     fit = simplest(best, options)
 
-    # modes that the noise made, the smallest first: without them the criterion is as good
+    # modes that the noise made, the smallest first by its peak, |phi|^2 / (2 zeta omega^2): without
+    # them the criterion is as good
     while len(fit.omega) > 1:
         omega_j, zeta = _poles(fit)
         height = [
@@ -179,8 +187,13 @@ def passive_matrix_fit(
 def require_reciprocal(
     f: NDArray[np.float64], scaled: NDArray[np.complex128], of_matrix: MatrixOptions
 ) -> None:
-    """Raise ReductionError where receptances (k, m, m) at f (k,) [Hz] differ from their transposes,
-    naming the line from which they do not."""
+    """Raise ReductionError where receptances (k, m, m) at f (k,) [Hz] differ from their transposes
+    by more than `reciprocal`, naming the line from which they do not, where there is one in the
+    lower half of the band.
+
+    A linear structure without gyroscopic forces is reciprocal, H = H^T (Maxwell and Betti); noise,
+    or points in another order, are not.
+    """
     asymmetry = _asymmetry(scaled)
     if asymmetry > of_matrix.reciprocal:
         # noise near 0 Hz divided by omega^2 outweighs all else: the same of the lines from each on
@@ -219,15 +232,18 @@ def _asymmetry(scaled: NDArray[np.complex128]) -> float:
 
 
 def _deviation(elements: NDArray[np.complex128], options: FitOptions) -> NDArray[np.float64]:
-    """By which elements (k, e) are weighed: their size, and a share of its median."""
+    """By which elements (k, e) are weighed: their size, and a share of its median; at least a
+    thousandth of that share of a scaled diagonal, for an element that is 0 at all frequencies."""
     size = np.abs(elements)
-    return size + options.floor * np.median(size, axis=0) + options.floor * 1e-3  # of one that is 0
+    return size + options.floor * np.median(size, axis=0) + options.floor * 1e-3
 
 
 def _lines_kept(omega: NDArray[np.float64], fit: MatrixFit, most: int) -> NDArray[np.int64]:
-    """Lines of all, `most` at most: half of them near resonances, the others evenly."""
+    """Indices of `most` lines omega (k,) [rad/s] at most: half of them near resonances, the others
+    evenly."""
     if len(omega) <= most:
         return np.arange(len(omega))
+    # distance from each resonance in half-power half-widths, zeta omega_j
     away = np.abs(omega[:, None] - fit.omega) / np.maximum(fit.zeta * fit.omega, 1e-9 * fit.omega)
     near = np.sort(np.argsort(away.min(axis=1))[: most // 2])
     even = np.linspace(0, len(omega) - 1, most - len(near)).round().astype(int)
@@ -240,8 +256,8 @@ def _in_units(
     scaled: NDArray[np.complex128],
     size: NDArray[np.float64],
 ) -> MatrixFit:
-    """A fit of receptances (k, m, m) over sizes (m, m) in the units of the points, with its
-    error."""
+    """A fit of receptances (k, m, m) over sizes (m,) of both points in the units of the points,
+    with its error against the mean of H and its transpose, and how far H is from that."""
     total = np.sqrt(np.mean(np.abs(scaled) ** 2))
     missed = matrix_receptance(fit, f) - (scaled + scaled.swapaxes(1, 2)) / 2
     return fit._replace(
@@ -260,8 +276,11 @@ def refitted(
     options: FitOptions = FitOptions(),
     of_matrix: MatrixOptions = MatrixOptions(),
 ) -> MatrixFit:
-    """The oscillators of other receptances (k, m, m) of the same part, from the poles of a fit:
-    what noise, or another band, makes of it."""
+    """The oscillators of other receptances (k, m, m) of the same part at frequencies (k,) [Hz],
+    from the poles of a fit: what noise, or another band, makes of it.
+
+    It has no more free masses than the fit, and each pole stays within a tenth of its frequency.
+    """
     f, H = np.asarray(frequency_hz, float), np.asarray(H, complex)
     size, scaled, elements = _alike(H)
     omega = 2 * np.pi * f
@@ -292,8 +311,12 @@ def _poles(fit: MatrixFit) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 def unconstrained_residues(
     measured: Elements, omega_j: NDArray[np.float64], zeta: NDArray[np.float64], drifts: bool
 ) -> NDArray[np.float64]:
-    """Residues (n + 1 or 2, m, m) of the poles, of the compliance and, where the part `drifts`, of
-    its free masses: least squares, element by element."""
+    """Residues (n + 1 or 2, m, m) of the poles omega_j (n,) [rad/s] and zeta (n,), of the
+    compliance and, where the part `drifts`, of its free masses: linear least squares, element by
+    element, with no bound on what is positive.
+
+    Symmetric by construction: an element and its mirror have one residue.
+    """
     omega, H, deviation = measured
     e = H.shape[1]
     m = int((np.sqrt(8 * e + 1) - 1) / 2)
@@ -324,20 +347,27 @@ def _with_factors(
     refine: bool = False,
 ) -> MatrixFit:
     """Factors by least squares and their positive part, then to `refine` ln omega, ln zeta and all
-    factors together."""
+    factors together.
+
+    omega_j (n,) [rad/s] and zeta (n,) are the poles to begin with; drifts: with free masses. Of the
+    fit returned error and asymmetry are nan, and points are in the units of `measured`.
+    """
     omega, H, deviation = measured
     e = H.shape[1]
     m = int((np.sqrt(8 * e + 1) - 1) / 2)
     rows, columns = np.triu_indices(m)
     w = omega[:, None]
 
+    # residues that least squares gives, then factors L (m, r) of their positive part, L L^T being
+    # the nearest matrix of a passive part; one oscillator for each column of a mode's
     square = unconstrained_residues(measured, omega_j, zeta, drifts)
-
-    # factors L (m, r); one oscillator for each column of a mode's
     n = len(omega_j)
     of_modes = [_factor(R, of_matrix.second) for R in square[:n]]
     of_rest = [_factor(R, of_matrix.softest) for R in square[n:]]  # compliance, then free masses
     of_rest[1:] = [L[:, -of_matrix.most_free :] for L in of_rest[1:]]  # ascending: the largest
+
+    # pole_of: the pole of each oscillator; poles without a positive residue are dropped, and a pole
+    # of two columns is a pair of modes of one frequency
     pole_of = np.repeat(np.arange(n), [L.shape[1] for L in of_modes])
     present = np.unique(pole_of)
     omega_j, zeta = omega_j[present], zeta[present]
@@ -347,7 +377,8 @@ def _with_factors(
     right = np.concatenate([H.real, H.imag])
     both = np.vstack([deviation, deviation])
 
-    # each factor in units of what it makes of the response
+    # unknowns x = [ln omega (n), ln zeta (n), factors (m, n_l)], each factor in units of what it
+    # makes of the response, so that one damping of the normal equations fits all
     def terms(ln_omega: NDArray[np.float64], ln_zeta: NDArray[np.float64]):
         """Frequency functions (k, n_l) of the factors' columns."""
         o, z = np.exp(ln_omega)[pole_of], np.exp(ln_zeta)[pole_of]
@@ -359,16 +390,21 @@ def _with_factors(
     unit = np.sqrt(np.median(np.abs(H)) / np.abs(start_terms).max(axis=0))  # (n_l,)
 
     def parts(x: NDArray[np.float64]):
+        """Frequency functions (k, n_l) and factors (m, n_l): H_ac = sum_l g_l F_al F_cl."""
         g = terms(x[:n], x[n : 2 * n])
         return g, x[2 * n :].reshape(m, -1) * unit
 
     def residual(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Misfits over their deviations (2 k e,), real above imaginary parts."""
         g, F = parts(x)
         fitted = g @ (F[rows] * F[columns]).T  # (k, e)
         return ((np.concatenate([fitted.real, fitted.imag]) - right) / both).ravel()
 
     def normal(x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """J^T J and J^T r, element by element: each depends on two rows of the factors alone."""
+        """J^T J and J^T r, element by element: each depends on two rows of the factors alone, and J
+        itself (2 k e, x) would be too large for memory with many points."""
+        # d/d ln omega_j of 1 / D is -(2 omega_j^2 + 2 i zeta omega_j w) / D^2, and
+        # d/d ln zeta_j is -2 i zeta omega_j w / D^2, D = omega_j^2 - w^2 + 2 i zeta omega_j w
         g, F = parts(x)
         o, z, n_l = np.exp(x[:n]), np.exp(x[n : 2 * n]), F.shape[1]
         by_pole = np.zeros((2, len(omega), n_osc), complex)  # slopes to ln omega and ln zeta
@@ -379,6 +415,7 @@ def _with_factors(
         to_pole[np.arange(n_osc), pole_of] = 1.0
         A, b = np.zeros((len(x), len(x))), np.zeros(len(x))
         for i, (a, c) in enumerate(zip(rows, columns, strict=True)):
+            # H_ac = sum_l g_l F_al F_cl: slopes to the poles, then to F_al and to F_cl
             product = F[a] * F[c]
             of_poles = [(d * product[:n_osc]) @ to_pole for d in by_pole]
             of_factors = [g * (F[c] * unit), g * (F[a] * unit)]
@@ -400,7 +437,8 @@ def _with_factors(
         low[:n], high[:n] = x[:n] - 0.1, x[:n] + 0.1
         low[n : 2 * n], high[n : 2 * n] = ends
 
-        # Levenberg and Marquardt, steps cut at the bounds
+        # Levenberg and Marquardt, steps cut at the bounds: damping falls by 8 with a step that
+        # gains and rises by 8 with one that does not
         damping, cost, still = of_matrix.damping, np.sum(residual(x) ** 2), 0
         A, b = normal(x)
         for _ in range(of_matrix.steps):
@@ -424,6 +462,8 @@ def _with_factors(
             if still == 2:
                 break
             A, b = normal(x)
+
+    # misfit and criterion of k real numbers and 2 n + F.size parameters; the compliance as S S^T
     _, F = parts(x)
     k = 2 * len(omega) * e
     misfit = float(np.sqrt(2 * np.mean(residual(x) ** 2)))
@@ -458,9 +498,12 @@ def coupled(
     """Matrices of a structure K, M, C (n, n), that is joined at u = B q (m points, B (m, n)) to a
     part known by a fit, through springs `stiffness` (m,) [N/m, N m/rad], rigid without any.
 
+        K' = diag(K, omega^2, 0) + D^T K_j D,   D = [B, -phi, -B_0],   M' = diag(M, 1, 1)
+
     The springs and the part's compliance S are in series, K_j = (1 / k + S)^-1: symmetric and
-    positive, so that joined matrices conserve or lose energy. Raises ReductionError where a rigid
-    joint meets a point without a compliance of its own.
+    positive, so that joined matrices conserve or lose energy. Raises ReductionError for a B that
+    does not fit, for a stiffness that is not above 0, and where a rigid joint meets a point without
+    a compliance of its own.
     """
     K, M, B = (np.asarray(A, float) for A in (K, M, B))
     C = np.zeros_like(K) if C is None else np.asarray(C, float)
@@ -470,6 +513,9 @@ def coupled(
     k = np.broadcast_to(np.asarray(stiffness, float), m)
     if not np.all(k > 0):
         raise ReductionError(f"stiffness {k.tolist()} must be above 0; inf is rigid")
+
+    # compliance of joint and part in series, judged on a unit diagonal: points that move and points
+    # that turn have other units
     Y = fit.compliance + np.diag(1 / k)
     scale = np.sqrt(np.diag(Y))
     if not np.all(scale > 0) or np.linalg.cond(Y / np.outer(scale, scale)) > 1e12:
@@ -477,6 +523,8 @@ def coupled(
             "the part has no compliance beyond its modes in some direction, where a rigid joint "
             "would leave no displacement of its own: give the joints a stiffness"
         )
+
+    # coordinates: those of the structure, the part's modes, its free masses, which have omega = 0
     Kj = np.linalg.inv(Y)
     part = np.hstack([fit.phi, fit.free])
     omega = np.append(fit.omega, np.zeros(fit.free.shape[1]))

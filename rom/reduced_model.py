@@ -44,8 +44,8 @@ class Contact(NamedTuple):
     half-space, which the Hertz law holds once more; weights_read (r,): u_w = weights_read^T q where
     that is not w^T q, and the wall not passive; young [Pa], poisson of its surface;
     curvatures [1/m]: principal ones of the surface, < 0 where hollow, None of a plane;
-    modes_hz (k,): the modes that damping ratios belong to; strain: of which parts it is, where they
-    have loss factors; point (3,) [m] and direction (3,): where
+    modes_hz (k,): the modes that damping ratios belong to; strain: the shares of parts in the
+    strain energy of modes, where parts have loss factors; point (3,) [m] and direction (3,): where
     the force enters and along what unit vector, into the structure.
     """
 
@@ -95,10 +95,11 @@ class Columns(NamedTuple):
 class ReducedModel(NamedTuple):
     """A linear structure in few coordinates q (r,), with one contact functional.
 
-    K (r, r) [N/m * unit(q)^-2 ...], M (r, r), C (r, r) or None, w (r,): u_w = w^T q and the
-    contact force enters as w F. T (n, r) gives the full field back and is None where it is not
-    known. kind is "craig-bampton", "free-modes", "full-order" or "imported". The first n_boundary
-    coordinates are physical boundary displacements [m]. notes are its maker's, of no effect.
+    K (r, r) [J / unit(q)^2], which is N/m where q is a displacement, M (r, r), C (r, r) or None,
+    w (r,): u_w = w^T q and the contact force enters as w F. T (n, r) gives the full field back and
+    is None where it is not known. kind is "craig-bampton", "free-modes", "full-order" or
+    "imported". The first n_boundary coordinates are physical boundary displacements [m]. notes are
+    its maker's, of no effect.
     The n_residual highest modes are static shapes, residual vectors among them: they follow the
     force. error is the estimated relative rms error of the receptance at the contact, where it was
     asked for. coordinates names each q, where names are known; surface gives the outer nodes back.
@@ -129,8 +130,8 @@ class ReducedModel(NamedTuple):
 def of_modes(
     omega: np.ndarray, phi: np.ndarray, w: ArrayLike, C: ArrayLike | sp.sparray | None
 ) -> ReducedModel:
-    """Mass-normalised modes omega (k,), phi (n, k) as a model, the highest of them static; w and C
-    are those of the full structure."""
+    """Mass-normalised modes omega (k,) [rad/s], phi (n, k) as a model without a basis, ordered by
+    frequency, the highest of them static; w (n,) and C (n, n) are those of the full structure."""
     order = np.argsort(omega)
     damping = None if C is None else (phi.T @ (C @ phi))[order][:, order]
     K, M = np.diag(omega[order] ** 2), np.eye(len(omega))
@@ -173,7 +174,8 @@ def full_order(
 
 
 def contact_functional(w: ArrayLike, n: int) -> np.ndarray:
-    """w (n,) as an array; raises ReductionError if its length is wrong or it is zero."""
+    """w (n,) as an array; raises ReductionError if its length is wrong, it is zero everywhere or
+    holds a value that is not finite."""
     w = np.asarray(w, dtype=float)
     if w.shape != (n,):
         raise ReductionError(f"w has shape {w.shape}; the matrices want ({n},).")
@@ -203,11 +205,17 @@ def modal(reduced: ReducedModel) -> ModalWall:
 
 
 def modes_alone(reduced: ReducedModel, n: int) -> ReducedModel:
-    """The n lowest modes of a reduced model, nothing for the rest."""
+    """The n lowest modes of a reduced model, with neither static response nor dashpots for the
+    rest: what a modal model without a residual vector answers.
+
+    Coordinates are modal amplitudes [kg^1/2 m], and T (n_full, n) gives their field. Names of
+    coordinates, the outer nodes and further functionals of the model are left out.
+    """
     wall = modal(reduced)
     return reduced._replace(
-        K=np.diag(wall.omega[:n] ** 2), M=np.eye(n), C=None, w=wall.phi[:n], n_boundary=0,
-        n_residual=0, kind="free-modes", columns=None,
+        K=np.diag(wall.omega[:n] ** 2), M=np.eye(n), C=None, w=wall.phi[:n],
+        T=None if reduced.T is None else reduced.T @ wall.vectors[:, :n], n_boundary=0,
+        n_residual=0, kind="free-modes", coordinates=(), surface=None, columns=None,
     )  # fmt: skip
 
 
@@ -287,9 +295,10 @@ def receptance(
     """H (k,) complex [m/N]: response w_out^T u to a unit harmonic contact force at frequency_hz.
 
     w_out (n,) acts on the full field, or (r,) on q where T is None; None reads at the contact.
-    zeta is a modal damping ratio, one or (r,) of them, on top of C; loss a structural loss factor,
-    K (1 + i loss). Without any of them H is unbounded at a resonance: compare models between
-    resonances, or with some damping in both.
+    frequency_hz (k,) [Hz]; zeta is a modal damping ratio, one or (r,) of them, on top of C; loss a
+    structural loss factor, K (1 + i loss). Without any of them H is unbounded at a resonance:
+    compare models between resonances, or with some damping in both. Raises ReductionError as
+    `modal`, and for a w_out that is zero or of another length.
     """
     wall = modal(reduced)
     out = wall.phi
@@ -299,6 +308,8 @@ def receptance(
         out = contact_functional(row, len(reduced.w)) @ wall.vectors
     s = 2j * np.pi * np.atleast_1d(np.asarray(frequency_hz, dtype=float))
     stiffness = wall.omega**2 * (1 + 1j * loss) + 2 * np.outer(s, zeta * wall.omega)
+
+    # modes uncouple without dashpots; with them V^T C V is full, and each frequency is a solution
     if wall.damping is None:
         return (wall.phi * out / (stiffness + s[:, None] ** 2)).sum(axis=1)
     return np.array(

@@ -17,7 +17,7 @@ from rom.factorisation import Pencil, ReductionError
 
 
 def residual_vector(M: sp.csc_array, phi: np.ndarray, static: np.ndarray) -> np.ndarray:
-    """What the static response (n,) has beyond the modes phi (n, k), orthogonal to them in M.
+    """What the static response (n,) [m/N] has beyond the modes phi (n, k), orthogonal to them in M.
 
     Projected instead of summed up by modes, so that errors of their frequencies do not enter; and
     twice, since one projection leaves rounding of the size of the static response.
@@ -35,6 +35,9 @@ def static_response(problem: Pencil, load: np.ndarray, rigid: np.ndarray) -> np.
     factorisation. Raises ReductionError if the equations are left unsatisfied.
     """
     K, M, factor, _ = problem
+
+    # conjugate gradients in the elastic motions: the balanced load and every direction are
+    # orthogonal to the rigid ones, where K would be singular
     r = load - M @ (rigid @ (rigid.T @ load))
     u, p, rho = np.zeros_like(r), np.zeros_like(r), 1.0
     enough = None
@@ -56,7 +59,8 @@ def static_response(problem: Pencil, load: np.ndarray, rigid: np.ndarray) -> np.
 
 
 def attachment_modes(problem: Pencil, loads: np.ndarray, rigid: np.ndarray) -> np.ndarray:
-    """Static responses to loads (n,) or (n, m): one solution where K itself was factorised."""
+    """Static responses to loads (n,) or (n, m) [N], of their shape [m]: one solution where K itself
+    was factorised, else `static_response` with inertia relief for each, rigid (n, r) as there."""
     if problem.sigma == 0:
         return problem.factor.solve(loads)
     if loads.ndim == 1:

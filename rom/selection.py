@@ -37,7 +37,10 @@ class Selection(NamedTuple):
 
 
 def require_selection(selection: Selection, *, modes_suffice: bool = False) -> None:
-    """Raise ReductionError unless the modes are chosen in one way, and in a way that is known."""
+    """Raise ReductionError unless the modes are chosen in one way, and in a way that is known.
+
+    modes_suffice: modes that are handed in may stand without a number, a cutoff or an error.
+    """
     n_modes, cutoff_hz, error, to_hz, choice, modes, *_ = selection
     choices = sum(number is not None for number in (n_modes, cutoff_hz, error))
     if choices > 1 or (choices == 0 and not (modes_suffice and modes is not None)):

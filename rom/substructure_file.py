@@ -34,9 +34,11 @@ class Substructure(NamedTuple):
 
 
 def load_mtx(path: str | Path, w: ArrayLike | Mapping[tuple[int, int], float]) -> ReducedModel:
-    """A reduced model from a substructure's .mtx; w (r,), or {(node, dof): weight}.
+    """A reduced model from a substructure's .mtx; w (r,), or {(node, dof): weight}, whose other
+    coordinates have none.
 
-    Raises FileNotFoundError, or ReductionError with what is missing.
+    Raises FileNotFoundError, or ReductionError with what is missing: a matrix, or a (node, dof)
+    that the file does not name.
     """
     matrices = substructure(path)
     weights = w
@@ -85,6 +87,8 @@ def substructure(path: str | Path) -> Substructure:
         A = np.zeros((r, r))
         A[np.tril_indices(r)] = values
         matrices[kind] = A + np.tril(A, -1).T
+
+    # both must be there; the damping, under either of its names, need not
     for kind in ("STIFFNESS", "MASS"):
         if kind not in matrices:
             raise ReductionError(

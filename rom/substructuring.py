@@ -36,7 +36,8 @@ class InterfaceChecks(NamedTuple):
 def compatibility(
     sizes: Sequence[int], pairs: Sequence[tuple[tuple[int, int], tuple[int, int]]]
 ) -> NDArray[np.float64]:
-    """B (m, n) with a row u_a - u_b for each pair of (substructure, degree of freedom), from 0.
+    """B (m, n) with a row u_a - u_b for each pair of (substructure, degree of freedom), from 0: the
+    signed Boolean matrix of de Klerk, Rixen and Voormeeren.
 
     sizes are the numbers of degrees of freedom of the substructures, of sum n.
     """
@@ -51,9 +52,11 @@ def compatibility(
 def joint_receptance(
     frequency_hz: ArrayLike, stiffness: ArrayLike, dashpot: ArrayLike = 0.0
 ) -> NDArray[np.complex128]:
-    """Y (k, m) = 1 / (k + i omega c) of springs k (m,) [N/m, N m/rad] and dashpots c (m,).
+    """Y (k, m) [m/N, rad/(N m)] = 1 / (k + i omega c) of springs k (m,) [N/m, N m/rad] and dashpots
+    c (m,) [N s/m, N m s/rad] in parallel, at frequencies (k,) [Hz].
 
-    An infinite stiffness is a rigid joint. Raises ReductionError for a joint of neither.
+    An infinite stiffness is a rigid joint, Y = 0. Raises ReductionError for a negative value, for a
+    joint with neither a spring nor a dashpot, and for a dashpot alone at 0 Hz.
     """
     omega = 2 * np.pi * np.asarray(frequency_hz, float)[:, None]
     k, c = np.broadcast_arrays(*np.atleast_1d(stiffness, dashpot))
@@ -75,11 +78,13 @@ def joined_receptance(
     *,
     checks: InterfaceChecks = InterfaceChecks(),
 ) -> NDArray[np.complex128]:
-    """Receptance (k, n, n) of the joined structure at all degrees of freedom of its parts.
+    """Receptance (k, n, n) [m/N, rad/N, rad/(N m)] of the joined structure at all degrees of
+    freedom of its parts.
 
     substructures are their receptances (k, n_s, n_s) at the same k frequencies, n the sum of n_s; B
     (m, n) the interface conditions; Y (k, m) what `joint_receptance` gives, None for rigid joints.
-    Raises ReductionError where conditions repeat each other or sizes do not fit.
+    Raises ReductionError where conditions repeat each other, sizes do not fit or a receptance is
+    not finite.
     """
     k, n = len(substructures[0]), sum(H.shape[-1] for H in substructures)
     if any(len(H) != k for H in substructures) or B.shape[1] != n:
@@ -103,7 +108,7 @@ def joined_receptance(
                 "leave out those that others imply."
             )
 
-        # forces in the joints, and what they change
+        # forces in the joints per unit load, lambda = (B H B^T + Y)^-1 B H, and what they change
         forces = scale[:, None] * np.linalg.solve(scaled, scale[:, None] * (B @ H))
         joined[i] = H - H @ B.T @ forces
     return joined

@@ -27,7 +27,7 @@ ROOMS = (*walk_packages(dem.__path__, "dem."), *walk_packages(coupling.__path__,
 
 
 def twice(x):
-    return 2.0 * x
+    return x + x
 
 
 def compiled():
@@ -59,6 +59,22 @@ def test_damaged_code_is_compiled_again(damage, suffix, tmp_path, monkeypatch, c
     healed, entries = compiled()
     assert entries == 42.0 and sum(healed.dispatcher.stats.cache_hits.values()) == 1
     assert capfd.readouterr() == ("", "")
+
+
+def test_code_that_another_process_numbered_alike_is_not_taken_for_ones_own(tmp_path, monkeypatch):
+    """Both have looked at the index before the other wrote to it."""
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    njit(error_model="numpy")(twice)(21.0)
+    (code,), (index,) = tmp_path.rglob("*.nbc"), tmp_path.rglob("*.nbi")
+    of_a_float = code.read_bytes()
+    index.unlink()
+    njit(error_model="numpy")(twice)(21)
+    assert code.read_bytes() != of_a_float
+    code.write_bytes(of_a_float)
+    for hits in (0, 1):  # compiled again, and kept
+        function = njit(error_model="numpy")(twice)
+        assert repr(function(10**17 + 1)) == "200000000000000002"  # which no float is
+        assert sum(function.dispatcher.stats.cache_hits.values()) == hits
 
 
 def test_a_folder_that_takes_no_code_costs_the_next_start_only(tmp_path, monkeypatch):

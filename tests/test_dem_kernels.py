@@ -118,6 +118,26 @@ def test_a_yielding_contact_and_a_spring_in_series_make_up_the_gap(s, gap):
     assert laws.plastic_indentation(-gap, As, s, contact) == 0.0
 
 
+@pytest.mark.parametrize("softness", [0.3, 0.6, 0.95])
+@pytest.mark.parametrize("d", [0.02, 0.09, 0.1, 0.15, 0.3, 1.0])
+def test_a_negative_spring_finds_overlaps_of_many_times_the_gap(softness, d):
+    """softness is -s times the stiffness at first yield: the overlap is up to 12 times the gap."""
+    contact, As = plastic([0.1]), np.array([A])
+    s = -softness / (1.5 * A * math.sqrt(0.1))
+    gap = d + s * loading(d)
+    # rounding of the gap, over the slope 1 - softness of the gap in the overlap
+    slack = 8e-16 * d / (1.0 - softness)
+    assert abs(laws.plastic_indentation(gap, As, s, contact) - d) <= slack
+
+
+@pytest.mark.parametrize(("s", "top", "gap"), [(-1.2, 0.1, 0.04), (-0.9, 0.3, 0.05)])
+def test_no_force_answers_a_yielding_contact_beyond_a_fold(s, top, gap):
+    """The first surface before it yields, or the flattened one on its way back from the top."""
+    contact, As = plastic([top]), np.array([A])
+    s /= 1.5 * A * math.sqrt(0.1)
+    assert math.isnan(laws.plastic_indentation(gap, As, s, contact))
+
+
 @pytest.mark.parametrize("law", ["hertz", "flattened", "yielding"])
 def test_the_stiffness_of_a_contact_is_the_slope_of_its_force(law):
     contact, As = (None if law == "hertz" else plastic([0.1, 0.25])), np.array([5.0, A])

@@ -3,7 +3,16 @@
 import numpy as np
 import pytest
 
-from dem import Chain, InvalidChain, StepSearch, Wall, march, march_to_error, rigid_wall
+from dem import (
+    Chain,
+    InvalidChain,
+    StepSearch,
+    UnstableStep,
+    Wall,
+    march,
+    march_to_error,
+    rigid_wall,
+)
 from dem.spheres import contact_modulus, hertz_coefficient, max_pressure, yield_overlap
 
 
@@ -56,6 +65,15 @@ def test_ledger_closes_on_a_moving_wall(residual):
     assert run.energy_error < 1e-6
     assert run.dissipated_contact[-1] > 0.1
     assert np.diff(run.dissipated_contact).min() >= 0.0
+
+
+def test_a_contact_that_a_negative_spring_would_let_leap_back_is_refused():
+    chain = Chain(np.ones(3), np.ones(3), np.ones(3), yield_overlap=np.full(3, 0.3))
+    wall = rigid_wall()._replace(residual_compliance=-0.6 / (1.5 * 0.3**0.5))
+    with pytest.raises(UnstableStep, match="less negative"):
+        march(chain, wall, speeds(3), duration=10.0, dt=0.01)
+    with pytest.raises(UnstableStep, match="4 marches did not stay finite"):
+        march_to_error(chain, wall, speeds(3), duration=10.0, error=1e-3)
 
 
 def test_yield_overlap_is_where_the_pressure_is_reached():

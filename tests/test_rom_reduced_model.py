@@ -130,6 +130,12 @@ def test_the_lowest_modes_alone_answer_as_their_share_of_the_sum():
     np.testing.assert_allclose(receptance(alone, None, HZ), share, rtol=1e-10, atol=0)
     assert (alone.n_boundary, alone.n_residual, alone.kind) == (0, 0, "free-modes")
 
+    # at any other place as well: the basis belongs to the modes that are kept
+    end = np.eye(N)[-1]
+    at_end = (end @ wall.vectors)[:3]
+    share = np.sum(wall.phi[:3] * at_end / (wall.omega[:3] ** 2 - s**2), axis=1)
+    np.testing.assert_allclose(receptance(alone, end, HZ), share, rtol=1e-9, atol=0)
+
 
 def test_modes_in_any_order_make_one_model_with_the_highest_static():
     wall = modal(full_order(*structure(), W, C=dashpots()))

@@ -134,9 +134,9 @@ def test_growth_is_a_fixed_time_and_a_line():
 
 
 def test_the_first_call_does_not_count_as_warm():
-    calls = iter([0.02, 0.0, 0.0])
+    calls = iter([0.3, 0.0, 0.0])
     run = timed(lambda: __import__("time").sleep(next(calls, 0.0)), repeats=2)
-    assert run.cold.clock > 0.015 > run.warm.clock
+    assert run.cold.clock > 0.25 > run.warm.clock
 
 
 def test_a_slow_first_call_is_its_own_warm_time_and_calls_take_turns():

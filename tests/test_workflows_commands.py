@@ -261,13 +261,13 @@ def test_bars_fill_with_the_time_that_was_expected():
     from workflows.commands.bars import progress
 
     written = StringIO()
-    bars = progress(Console(file=written, width=79))
+    bars = progress(Console(file=written, width=79, get_time=lambda: 100.0))
     known = bars.add_task("modes", total=None, expected=40.0, left=lambda: 95.0)
     bars.tasks[known].start_time = bars.get_time() - 10.0
     bars.add_task("waves", total=None, expected=None, left=lambda: None)
     bars.console.print(bars.get_renderable())
     assert re.search(r"modes .* 25 %, 30 s left, 95 s to the end", written.getvalue())
-    assert re.search(r"waves .* 0\.\d s", written.getvalue())
+    assert re.search(r"waves .* 0\.0 s", written.getvalue())
 
 
 def test_the_seconds_of_a_stage_that_has_ended_stand_still():
@@ -289,24 +289,25 @@ def test_the_seconds_of_a_stage_that_has_ended_stand_still():
 
 def test_a_stage_says_one_line_where_nobody_watches_a_terminal(monkeypatch, capfd):
     """One that ends within a second says nothing."""
-    monkeypatch.setattr(terminal, "PATIENCE", 0.05)
     for quiet in (False, True):
-        lines = []
+        monkeypatch.setattr(terminal, "PATIENCE", 0.05)
+        text = ""
         with terminal.StageProgress("run rig-rom", quiet=quiet) as progress:
             progress.planned(Plan(("factor", "krylov-space"), (), durations.UNKNOWNS))
             for n, stage in enumerate(("factor", "krylov-space"), start=1):
                 with progress.stage(stage):
                     time.sleep(0.3)
-                    while not quiet and len(lines) < n:  # on a busy machine it comes later
+                    while not quiet and text.count("\n") < n:  # on a busy machine it comes later
                         time.sleep(0.01)
-                        lines += capfd.readouterr().err.splitlines()
+                        text += capfd.readouterr().err
+            monkeypatch.setattr(terminal, "PATIENCE", 60.0)  # which no busy machine takes for this
             with progress.stage("waves"):
                 pass
-        lines += capfd.readouterr().err.splitlines()
+        text += capfd.readouterr().err
         if quiet:
-            assert lines == []
+            assert text == ""
             continue
-        first, second = lines
+        first, second = text.splitlines()
         hint = r" \(--quiet: no progress, no text\)"
         assert re.fullmatch(
             rf"beadwave: now factors of the stiffness, about \d+ s, \d+ s to the end{hint}\.", first

@@ -106,6 +106,22 @@ def test_a_universal_file_is_read_at_its_driving_point_whichever_way_it_was_hit(
         driving_point(wall.model_copy(update={"response": 1}))
 
 
+@pytest.mark.parametrize(("record", "words"), [("noise", "ambient records"), ("tap", "ring-downs")])
+def test_records_without_a_force_are_no_response_of_a_wall(tmp_path, record, words):
+    """Half of a spectrum is passive like a mobility: one of velocities passes for one in m/s/N."""
+    dt, rng = 1e-4, np.random.default_rng(0)
+    t = dt * np.arange(8192)
+    decay = [np.exp(-0.01 * 2 * np.pi * f * t) * np.sin(2 * np.pi * f * t) for f in (200, 700)]
+    push = rng.standard_normal(len(t)) if record == "noise" else np.eye(1, len(t), 50)[0]
+    v = np.convolve(push, np.sum(decay, axis=0))[: len(t)]
+    path = tmp_path / "record.csv"
+    rows = [f"{a:.4f},{b:.6g}" for a, b in zip(t, v, strict=True)]
+    path.write_text("\n".join(["time [s], response 1+z [m/s]", *rows, ""]))
+    table = scene_of(path, unit="m/s/N")["wall"]
+    with pytest.raises(InvalidScene, match=f"has {words} without a force"):
+        driving_point(MeasuredWall(**table))
+
+
 @pytest.mark.parametrize(
     ("change", "keys", "sentence"),
     [

@@ -81,13 +81,18 @@ from workflows.commands import signals
 signals.PATIENCE = {patience}
 signals.unwind()
 try:
+    {before}
     print("up", flush=True)
     {call}
 except signals.Stopped as stopped:
+    signals.ignore()
     raise SystemExit(signals.print_end(stopped.number) - 128)
 """
-BUSY = """from hashlib import pbkdf2_hmac
-    pbkdf2_hmac("sha256", b"a march", b"of minutes", 2**30)"""
+BUSY = {
+    "before": "from hashlib import pbkdf2_hmac",
+    "call": 'pbkdf2_hmac("sha256", b"a march", b"of minutes", 2**30)',
+}
+WAITS = {"before": "from time import sleep", "call": "sleep(60)"}
 
 
 def computes(process):
@@ -96,12 +101,12 @@ def computes(process):
 
 
 def test_a_signal_in_a_compiled_calculation_of_minutes_ends_it():
-    status, said = ended(SIGTERM, computes, program=COMPILED.format(call=BUSY, patience=0.3))
+    status, said = ended(SIGTERM, computes, program=COMPILED.format(**BUSY, patience=0.3))
     assert status == 128 + SIGTERM and said.startswith("beadwave: terminated")
 
 
 def test_a_signal_that_python_handles_unwinds():
-    program = COMPILED.format(call="import time; time.sleep(9)", patience=9)
+    program = COMPILED.format(**WAITS, patience=60)
     status, said = ended(SIGTERM, at_once, program=program)
     assert status == SIGTERM and said.startswith("beadwave: terminated")
 

@@ -29,13 +29,13 @@ class WallModes(NamedTuple):
     """A wall's modes q'' + 2 zeta omega q' + omega^2 q = phi F, (k,) each; q, p from rest."""
 
     q: Array  # [kg^1/2 m]
-    p: Array  # dq/dt
+    p: Array  # [kg^1/2 m/s] dq/dt
     phi: Array  # [kg^-1/2]
     omega: Array  # [rad/s]
-    static: Array  # displacement at rest
+    static: Array  # [kg^1/2 m] displacement at rest
     propagator: Array  # (n_fractions, 4, k) rows qq, qp, pq, pp
-    step_response: Array | None  # (n_fractions, k) displacement under unit force, implicit only
-    square: float  # phi phi, velocity of the wall after unit impulse
+    step_response: Array | None  # (n_fractions, k) [s^2] q under unit modal force, implicit only
+    square: float  # [1/kg] phi phi, velocity of the wall after unit impulse
     rest_force: float  # [N] at the wall
 
 
@@ -46,7 +46,7 @@ class LeafSprings(NamedTuple):
     anchor: Array  # [m]
     rest: Array  # [m] position in the static state
     propagator: Array  # (n_fractions, 3, n) rows qq = pp, qp, pq
-    step_response: Array | None  # (n_fractions, n), implicit only
+    step_response: Array | None  # (n_fractions, n) [s^2] of unit mass, implicit only
 
 
 class ForceTable(NamedTuple):
@@ -73,35 +73,35 @@ class Damping(NamedTuple):
     """A damping law of the contacts, (n_contacts,) each."""
 
     gamma: Array  # [N s/m], or [s/m] of Hunt and Crossley's law
-    law: int  # see `laws`
-    inverse_mass: Array  # of both bodies at a contact
+    law: int  # number of a row of `laws.DAMPING_LAWS`
+    inverse_mass: Array  # [1/kg] of both bodies at a contact
 
 
 class Plastic(NamedTuple):
     """Elastic-plastic contacts, (n_contacts,) each."""
 
-    limit: Array  # overlap where they yield
-    top: Array  # largest overlap so far, or the limit
-    coefficient: Array  # of the flattened surface
-    crater: Array  # overlap that stays when the force is gone
+    limit: Array  # [m] overlap where they yield
+    top: Array  # [m] largest overlap so far, or the limit
+    coefficient: Array  # [N/m^1.5] of the flattened surface; A before they yield
+    crater: Array  # [m] overlap that stays when the force is gone; 0 before they yield
 
 
 class Correction(NamedTuple):
     """A scheme as a quadrature: what its end correction is made of, see `events`."""
 
-    weights: Array  # b of the kicks
-    nodes: Array  # c, where in the step they are
-    tail: Array  # (3, m)
+    weights: Array  # (n_kicks,) b of the kicks
+    nodes: Array  # (n_kicks,) c, where in the step they are, 0 to 1
+    tail: Array  # (3, m) coefficients, highest power first, for p = 3/2, 5/2, 7/2
 
 
 class ChainArrays(NamedTuple):
     """A chain and its wall as a march reads them; what a chain lacks is None."""
 
-    mass: Array  # (n,)
-    inverse_mass: Array  # (n,)
-    A: Array  # (n_contacts,)
+    mass: Array  # (n,) [kg]
+    inverse_mass: Array  # (n,) [1/kg]
+    A: Array  # (n_contacts,) [N/m^1.5]
     shape: ForceShape | None  # of the elastic force; None: Hertz
-    preload: float
+    preload: float  # [N]
     weight: Array | None  # (n,) [N]
     friction: Array | None  # (n,) [N]
     offset: float  # [m] of the wall at rest
@@ -126,10 +126,10 @@ class Steps(NamedTuple):
 class Saved(NamedTuple):
     """States, forces and energies at every save, k of them."""
 
-    x: Array  # (k, n)
-    v: Array  # (k, n)
-    force: Array  # (k, n_contacts)
-    wall: Array  # (k, 2) displacement, velocity
-    energy: Array  # (k, 11) in the order of Trajectory
+    x: Array  # (k, n) [m]
+    v: Array  # (k, n) [m/s]
+    force: Array  # (k, n_contacts) [N], dampers included
+    wall: Array  # (k, 2) displacement [m], velocity [m/s]
+    energy: Array  # (k, 11) [J] in the order of Trajectory
     modes: Array  # (k, n_modes) q of the modes; (k, 0) saves none
     speeds: Array  # (k, n_modes) p of the modes; (k, 0) saves none

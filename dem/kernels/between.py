@@ -46,17 +46,18 @@ from dem.kernels.numbers import larger, smaller
 class Between(NamedTuple):
     """Spheres at k samples; modes (k, n_modes) from their static state."""
 
-    x: Array  # (k, n)
-    v: Array
-    q: Array
-    p: Array
+    x: Array  # (k, n) [m]
+    v: Array  # (k, n) [m/s]
+    q: Array  # (k, n_modes) [kg^1/2 m]
+    p: Array  # (k, n_modes) [kg^1/2 m/s]
     slow: Array  # (k, 4) energies lost and the way of a dashpot
     slow_rate: Array  # (k, 4) their rates
 
 
 @fastmath_inline
 def early(s: float) -> tuple[float, float, float, float]:
-    """At the share s of a step, what the value and the derivatives at its start weigh."""
+    """At the share s of a step, what the value and the first three derivatives by s at its start
+    weigh; those at its end weigh `early` of 1 - s, the odd ones with the opposite sign."""
     r = 1.0 - s
     r4 = r * r * r * r
     return (
@@ -84,7 +85,9 @@ def early_slopes(s: float) -> tuple[float, float, float, float]:
 def mixed(
     i: int, b: int, h: float, weights: tuple, mirrored: tuple, sign: float, ends: Ends
 ) -> float:
-    """Body b in step i with the weights of the step's start, and mirrored ones of its end."""
+    """Value of body b in step i of length h [s] with the `weights` of the step's start, and
+    `mirrored` ones of its end. `sign` is 1 with those of `early` and -1 with those of
+    `early_slopes`, since the slope by 1 - s is minus that by s."""
     x, v, a, j = ends
     even = weights[0] * x[i, b] + sign * mirrored[0] * x[i + 1, b]
     even += h * h * (weights[2] * a[i, b] + sign * mirrored[2] * a[i + 1, b])
@@ -94,9 +97,10 @@ def mixed(
 
 @fastmath_inline
 def fill_between(ends: Ends, h: float, x: Array, v: Array) -> None:
-    """Positions and velocities of bodies at equal instants (n, m) of steps h."""
+    """Positions x and velocities v (k, m) of m bodies at k equal instants of steps of h [s]."""
     steps, samples = ends.x.shape[0] - 1, x.shape[0] - 1
     for k in range(samples + 1):
+        # whole numbers up to the division: a sample at the end of a step is there to rounding
         i = k * steps // samples if k < samples else steps - 1
         s = (k * steps - i * samples) / samples
         weights, mirrored = early(s), early(1.0 - s)
@@ -116,8 +120,9 @@ class Onset(NamedTuple):
 
 @fastmath_inline
 def unfollowed(z: float, at: float, bend: float) -> tuple[float, float]:
-    """What u, u'' = tau^(3/2) + bend tau^(5/2) with tau = z - at > 0, differs at z in (0, 1) from
-    the polynomial that agrees with it at both ends, and the derivative of that."""
+    """u less the polynomial that agrees with it at both ends of a step, at z in (0, 1), where
+    u'' = tau^(3/2) + bend tau^(5/2) with tau = z - at > 0; and the derivative of that by z. All in
+    steps."""
     u0, u1 = risen(larger(-at, 0.0), bend), risen(1.0 - at, bend)
     w, d = early(z), early_slopes(z)
     value = -(w[0] * u0[0] + w[1] * u0[1] + w[2] * u0[2] + w[3] * u0[3])
@@ -131,7 +136,7 @@ def unfollowed(z: float, at: float, bend: float) -> tuple[float, float]:
 
 @fastmath_inline
 def risen(t: float, bend: float) -> tuple[float, float, float, float]:
-    """u, u'' = t^(3/2) + bend t^(5/2), and its first three derivatives."""
+    """u of u'' = t^(3/2) + bend t^(5/2), at rest at t = 0, and its first three derivatives."""
     root = math.sqrt(t)
     return (
         t * t * t * root * (1.0 / 8.75 + bend * t / 15.75),
@@ -143,7 +148,9 @@ def risen(t: float, bend: float) -> tuple[float, float, float, float]:
 
 @fastmath_inline
 def touch(h: float, i: int, k: int, c: int, gaps: Gaps) -> Onset:
-    """Of contact c between the ends i and k of a step, seen from i: open there, or just closed."""
+    """Onset of contact c between the ends i and k of a step of h [s], seen from i: open there, or
+    just closed. A slope of 0 where there is none. With k = i - 1 time runs backwards, and a contact
+    that opens is one that closes."""
     h *= k - i
     g0, r0 = gaps.overlap[i, c], h * gaps.rate[i, c]
     g1, r1 = gaps.overlap[k, c], h * gaps.rate[k, c]
@@ -164,7 +171,8 @@ def touch(h: float, i: int, k: int, c: int, gaps: Gaps) -> Onset:
 
 @fastmath_inline
 def move(k: int, c: int, dx: float, dv: float, bodies: ChainAndWall, moved: Between) -> None:
-    """The bodies of contact c at the k-th sample, by an impulse."""
+    """Move the bodies of contact c at the k-th sample by the displacement dx [kg m] and the impulse
+    dv [N s] of its force, each over its mass; the modes by phi."""
     x, v, q, p, _, _ = moved
     inverse_mass, phi = bodies.inverse_mass, bodies.phi
     x[k, c] -= inverse_mass[c] * dx
@@ -180,8 +188,9 @@ def move(k: int, c: int, dx: float, dv: float, bodies: ChainAndWall, moved: Betw
 
 @fastmath_inline
 def mend_events(gaps: Gaps, h: float, bodies: ChainAndWall, moved: Between) -> None:
-    """Correct the spheres and modes in `moved` by what contacts do that open or close in a step:
-    their true motion u'' = (r tau)^(3/2) takes the place of its own polynomial."""
+    """Correct the spheres and modes in `moved` by what contacts do that open or close in a step of
+    h [s]: their true motion u'' = (r tau)^(3/2) takes the place of its own polynomial. Nothing
+    changes at the ends of the step, where both agree."""
     steps, samples = gaps.overlap.shape[0] - 1, moved.x.shape[0] - 1
     for i in range(steps):
         for c in range(bodies.A.size):
@@ -203,7 +212,8 @@ def mend_events(gaps: Gaps, h: float, bodies: ChainAndWall, moved: Between) -> N
 
 @fastmath_inline
 def place_modes(k: int, rows: Between, wall: Array, modes: WallModes | None) -> None:
-    """Modes and wall at the k-th sample, into those of the chain."""
+    """Modes at the k-th sample into those of the chain, and displacement and velocity of the wall
+    (4,) with them."""
     wall[U], wall[V] = 0.0, 0.0
     if modes is not None:
         for j in range(modes.q.size):
@@ -217,7 +227,8 @@ def save_between(
     h: float, marched: Saved, bodies: ChainAndWall, ends: StepEnds, samples: Between,
     snapshot: Motion, chain: ChainArrays, saved: Saved,
 ) -> None:  # fmt: skip
-    """States, forces and energies between the steps h that were marched, at equally spaced times.
+    """States, forces and energies between the steps of h [s] that were marched, at equally spaced
+    times.
 
     Writes over everything from `ends` on, the chain's modes too. One entry for all of it: four
     would compile what unpacks and hands over the same arrays once each.

@@ -15,14 +15,15 @@ from dem.kernels.compiled import fastmath_entry, fastmath_inline
 class StepEnd(NamedTuple):
     """Position, velocity and acceleration at an end of a step."""
 
-    x: float
-    v: float
-    a: float
+    x: float  # [m]
+    v: float  # [m/s]
+    a: float  # [m/s^2]
 
 
 @fastmath_inline
 def quintic(s: float, h: float, start: StepEnd, end: StepEnd) -> float:
-    """Position at the share s, 0 to 1, of a step of length h [s]."""
+    """Position [m] at the share s, 0 to 1, of a step of length h [s]. Written in s and 1 - s, so
+    that nothing cancels near either end."""
     r = 1.0 - s
     cube, mirrored = s * s * s, r * r * r
     late = cube * (10.0 - s * (15.0 - 6.0 * s))
@@ -34,7 +35,7 @@ def quintic(s: float, h: float, start: StepEnd, end: StepEnd) -> float:
 
 @fastmath_inline
 def quintic_slope(s: float, h: float, start: StepEnd, end: StepEnd) -> float:
-    """Velocity at the share s of a step of length h."""
+    """Velocity [m/s] at the share s of a step of length h [s], the derivative of `quintic`."""
     r = 1.0 - s
     late = 30.0 * s * s * r * r / h
     w0, w1 = r * r * (1.0 + s * (2.0 - 15.0 * s)), s * s * (1.0 + r * (2.0 - 15.0 * r))
@@ -58,7 +59,8 @@ def cubic_slope(s: float, h: float, u0: float, w0: float, u1: float, w1: float) 
 
 @fastmath_entry
 def fill_slopes(x: Array, v: Array, a: Array, h: float, out: Array) -> None:
-    """Velocities at the equal instants out (n, m) of steps h that end at x, v, a (k, m)."""
+    """Velocities at n equal instants, into out (n, m), of k - 1 steps of h [s] that end at x, v, a
+    (k, m)."""
     steps, samples = x.shape[0] - 1, out.shape[0] - 1
     for k in range(samples + 1):
         i = min(k * steps // samples, steps - 1)
@@ -71,7 +73,8 @@ def fill_slopes(x: Array, v: Array, a: Array, h: float, out: Array) -> None:
 
 @fastmath_entry
 def fill_values(values: Array, slopes: Array, out: Array) -> None:
-    """Values at the equal instants out (n,) of steps that end at values with slopes a step (k,)."""
+    """Values at n equal instants, into out (n,), of k - 1 steps that end at values (k,) with slopes
+    (k,) by the step."""
     steps, samples = values.size - 1, out.size - 1
     for k in range(samples + 1):
         i = min(k * steps // samples, steps - 1)

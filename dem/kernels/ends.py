@@ -18,19 +18,19 @@ CONTACTS, WALL, GUIDES, DASHPOT = range(4)  # of StepEnds.slow; the first three 
 class ChainAndWall(NamedTuple):
     """A chain and its wall; what is absent is 0."""
 
-    inverse_mass: Array  # (n,)
-    A: Array  # (n_contacts,)
-    gamma: Array  # of Hunt and Crossley's damping
-    load: Array  # (n,) that holds every sphere against its contacts at rest
-    leaf: Array  # (n,) stiffness
-    rest: Array  # (n,)
-    phi: Array  # (n_modes,)
-    stiffness: Array  # omega^2
-    decay: Array  # 2 zeta omega
-    static: Array  # (n_modes,) displacement at rest
-    residual: float
-    mobility: float
-    rest_force: float  # at the wall
+    inverse_mass: Array  # (n,) [1/kg]
+    A: Array  # (n_contacts,) [N/m^1.5]
+    gamma: Array  # (n_contacts,) [s/m] of Hunt and Crossley's damping
+    load: Array  # (n,) [N] that holds every sphere against its contacts at rest
+    leaf: Array  # (n,) [N/m] stiffness
+    rest: Array  # (n,) [m]
+    phi: Array  # (n_modes,) [kg^-1/2]
+    stiffness: Array  # (n_modes,) [1/s^2] omega^2
+    decay: Array  # (n_modes,) [1/s] 2 zeta omega
+    static: Array  # (n_modes,) [kg^1/2 m] displacement at rest
+    residual: float  # [m/N]
+    mobility: float  # [m/(N s)]
+    rest_force: float  # [N] at the wall
 
 
 class Ends(NamedTuple):
@@ -43,7 +43,8 @@ class Ends(NamedTuple):
 
 
 class Gaps(NamedTuple):
-    """Overlaps of the contacts at the ends of steps, (k, n_contacts), and their derivatives."""
+    """Overlaps of the contacts at the ends of steps, (k, n_contacts) [m], and their first and
+    second derivative by time; at the wall that of contact and spring together."""
 
     overlap: Array
     rate: Array
@@ -61,7 +62,8 @@ class StepEnds(NamedTuple):
 
 
 def empty_step_ends(saved: Saved) -> StepEnds:
-    """Room for the derivatives at the ends of a march's steps."""
+    """Room for the derivatives at the k ends of a march's steps; positions and velocities of the
+    spheres and speeds of the modes are those of `saved`, not copied."""
     k, n_modes = saved.speeds.shape
     shape = saved.force.shape
     x, v = saved.x, saved.v
@@ -74,7 +76,11 @@ def empty_step_ends(saved: Saved) -> StepEnds:
 
 @fastmath_inline
 def fill_ends(saved: Saved, bodies: ChainAndWall, h: float, ends: StepEnds) -> None:
-    """Derivatives at the ends of steps h, from what a march has saved there, into `ends`."""
+    """Derivatives at the ends of steps h [s], from what a march has saved there, into `ends`.
+
+    Energies lost and the way of the dashpot (`slow`) have power and rate in closed form; the third
+    derivative that the polynomials take as well is a central difference of the second.
+    """
     # names for arrays: each field that is read hands the compiler the whole tuple once more
     x, v, force, wall, energy, q, p = saved
     inverse_mass, A, gamma, load, leaf, rest, phi, stiffness, decay, static, s, mobility, f_rest = (
@@ -109,6 +115,7 @@ def fill_ends(saved: Saved, bodies: ChainAndWall, h: float, ends: StepEnds) -> N
             else:
                 gap, w = x[k, i] - wall[k, 0], v[k, i] - wall[k, 1]
                 w_rate, series = a[k, i] - wall_a, s
+            # behind a residual spring s the overlap is gap - s F, the tangent k / (1 + s k)
             d = gap - series * force[k, i]
             d = d if d > 0.0 else 0.0
             tangent = 1.5 * A[i] * math.sqrt(d)

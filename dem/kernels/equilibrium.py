@@ -17,11 +17,11 @@ from dem.kernels.numbers import larger
 class Bearing(NamedTuple):
     """What holds n spheres at rest."""
 
-    A: Array  # (n_contacts,)
-    stiffness: Array  # (n,) of the leaf springs
-    anchor: Array  # (n,)
-    steady: Array  # (n,) forces towards the wall
-    compliance: float  # of the wall, behind the n-th contact
+    A: Array  # (n_contacts,) [N/m^1.5]
+    stiffness: Array  # (n,) [N/m] of the leaf springs
+    anchor: Array  # (n,) [m]
+    steady: Array  # (n,) [N] forces towards the wall
+    compliance: float  # [m/N] of the wall, behind the n-th contact
     shape: ForceShape | None = None  # of the contacts' force; None: Hertz
 
 
@@ -29,19 +29,20 @@ class NewtonRoom(NamedTuple):
     """What an iteration works on, zeros at the start; arrays made by compiled code take a quarter
     of a second to compile."""
 
-    f: Array  # (n + 1,) contact forces
-    r: Array  # (n,) net forces
-    k: Array  # (n,) stiffness of the contacts
-    diagonal: Array  # (n,) of the tangent
-    change: Array  # (n,) of the positions
-    trial: Array  # (n,) positions
+    f: Array  # (n + 1,) [N] contact forces
+    r: Array  # (n,) [N] net forces
+    k: Array  # (n,) [N/m] stiffness of the contacts
+    diagonal: Array  # (n,) [N/m] of the tangent
+    change: Array  # (n,) [m] of the positions
+    trial: Array  # (n,) [m] positions
 
 
 @ieee
 def static_residual(
     x: Array, bearing: Bearing, shape: ForceShape | None, f: Array, r: Array
 ) -> None:
-    """Net force on every sphere at rest into r, contact forces into f."""
+    """Net force on every sphere at x (n,) [m] into r (n,), contact forces into f (n + 1,), all in
+    N."""
     A, stiffness, anchor = bearing.A, bearing.stiffness, bearing.anchor
     n = x.size
     f[n] = 0.0
@@ -57,7 +58,8 @@ def static_residual(
 
 @ieee
 def static_slope(x: Array, A: Array, compliance: float, shape: ForceShape | None, k: Array) -> None:
-    """Tangent stiffness of every contact into k."""
+    """Tangent stiffness [N/m] of every contact at x (n,) [m] into k (n,), with the compliance
+    [m/N] of the wall in series with the last; A (n_contacts,)."""
     n = x.size
     for i in range(A.size):
         if i < n - 1:
@@ -73,8 +75,11 @@ def static_slope(x: Array, A: Array, compliance: float, shape: ForceShape | None
 def newton_step(
     stiffness: Array, k: Array, r: Array, floor: float, diagonal: Array, change: Array
 ) -> None:
-    """Solution of the symmetric tridiagonal tangent system with contacts of the stiffness k under
-    the net force r, into change."""
+    """Solution of the symmetric tridiagonal tangent system with leaf springs of the stiffness (n,)
+    and contacts of the stiffness k (n,) [N/m] under the net force r (n,) [N], into change (n,) [m].
+
+    `floor` [N/m] on the diagonal (n,) keeps it positive where all contacts of a sphere are open.
+    """
     n = r.size
     for i in range(n):
         diagonal[i] = stiffness[i] + k[i] + (k[i - 1] if i > 0 else 0.0) + floor
@@ -90,7 +95,7 @@ def newton_step(
 
 @ieee
 def dot(a: Array, b: Array) -> float:
-    """sum a b."""
+    """sum_i a_i b_i of arrays (n,)."""
     total = 0.0
     for i in range(a.size):
         total += a[i] * b[i]
@@ -99,19 +104,21 @@ def dot(a: Array, b: Array) -> float:
 
 @ieee
 def add(x: Array, scale: float, change: Array, out: Array) -> None:
-    """out = x + scale * change; an expression of arrays takes seconds to compile."""
+    """out = x + scale * change, (n,) each; an expression of arrays takes seconds to compile."""
     for i in range(x.size):
         out[i] = x[i] + scale * change[i]
 
 
 @ieee_march
 def rest(x: Array, bearing: Bearing, floor: float, n_iterations: int, room: NewtonRoom) -> float:
-    """Damped Newton for the static state, from x and in place, with the contact forces there into
-    `room`; the net force that is left, out.
+    """Damped Newton for the static state from x (n,) [m], in place, with the contact forces there
+    into `room`; the norm [N] of the net forces that are left, out.
 
     `floor` [N/m] keeps the tangent regular while contacts are open; it fades with the net force.
     A step is halved until the potential energy, which is convex, no longer climbs at its end: the
-    net force itself may have to grow on the way.
+    net force itself may have to grow on the way. Ends where the norm is 0, no step does, rounding
+    keeps it from falling, or after n_iterations; whether what is left is small is the caller's to
+    judge.
     """
     f, r, k, diagonal, change, trial = room
     static_residual(x, bearing, bearing.shape, f, r)

@@ -30,8 +30,12 @@ from dem.kernels.numbers import larger, smaller
 @ieee
 def zeta_sums(theta: float, correction: Correction) -> tuple[float, float, float]:
     """sum b zeta(-p, c - theta), p = 3/2, 5/2, 7/2, over the nodes of this and all later steps but
-    those before theta. `correction.tail (3, m)` holds what starts two steps on, polynomials in
-    2 theta - 1."""
+    those before theta.
+
+    With zeta(-p, a) = a^p + zeta(-p, a + 1) the terms a^p of this step and the next are summed as
+    they stand; `correction.tail` (3, m) holds what starts two steps on, polynomials in 2 theta - 1,
+    smooth as its zeta functions are far from their singularity at a = 0.
+    """
     b, c, tail = correction.weights, correction.nodes, correction.tail
     z = 2.0 * theta - 1.0
     s3, s5, s7 = 0.0, 0.0, 0.0
@@ -52,7 +56,8 @@ def zeta_sums(theta: float, correction: Correction) -> tuple[float, float, float
 
 @ieee
 def crossing(g0: float, r0: float, g1: float, r1: float) -> tuple[float, float, float]:
-    """Zero in (0, 1) of the cubic with values g and slopes r at the ends; slope, curvature there.
+    """Zero in (0, 1) of the cubic with values g and slopes r at the ends, in steps; slope and
+    curvature there. g0 and g1 differ in sign, or g0 is 0.
 
     Newton's method within a bracket that is halved where a step would leave it.
     """
@@ -82,14 +87,19 @@ def crossing(g0: float, r0: float, g1: float, r1: float) -> tuple[float, float, 
 def missed_impulse(
     A: float, dt: float, g0: float, r0: float, g1: float, r1: float, correction: Correction
 ) -> tuple[float, float, float]:
-    """Impulse and displacement-times-mass that the scheme misses at a contact whose overlap went
-    from g0 to g1 with rates r0, r1; also the rate at the crossing.
+    """Impulse [N s] and displacement times mass [kg m] that the scheme misses in a step dt [s] at a
+    contact whose overlap went from g0 to g1 [m] with rates r0, r1 [m/s]; also the rate [m/s] at the
+    crossing. All 0 where the overlap grazes 0 rather than crosses it.
 
-    The force near the crossing is A (r tau)^(3/2) (1 + bend tau): each power has its zeta sum.
+    The force near the crossing is A (r tau)^(3/2) (1 + bend tau) with the time tau in steps: each
+    power has its zeta sum. A kick at the share c of a step moves a body by (1 - c) of its impulse
+    until the end, so that the displacement needs the sums of one power more.
     """
     theta, slope, curvature = crossing(g0, dt * r0, g1, dt * r1)
     if (slope > 0.0) != (g1 > 0.0) or slope == 0.0:
         return 0.0, 0.0, 0.0
+
+    # a contact that opens is one that closes, seen back from the end: the schemes are symmetric
     closes = slope > 0.0
     z3, z5, z7 = zeta_sums(theta if closes else 1.0 - theta, correction)
     bend = 0.75 * curvature / abs(slope)
@@ -109,7 +119,8 @@ def missed_impulse(
 def crossed(
     motion: Motion, start: Motion, A: Array, offset: float, plastic: Plastic | None
 ) -> bool:
-    """Did any contact open or close in the last step?"""
+    """Did any contact open or close in the last step, from `start` to `motion`? Plastic contacts
+    are closed beyond their crater. A (n_contacts,), offset [m] of the wall at rest."""
     x, x_old = motion.x, start.x
     n = x.size
     count = 0
@@ -126,7 +137,8 @@ def crossed(
 
 @ieee
 def overlap(i: int, motion: Motion, offset: float) -> tuple[float, float]:
-    """Overlap and its rate at contact i."""
+    """Overlap [m] of contact i and its rate [m/s]; at the wall that of contact and residual spring
+    together, without the dashpot's rate."""
     x, v, wall = motion.x, motion.v, motion.wall
     if i < x.size - 1:
         return x[i] - x[i + 1], v[i] - v[i + 1]
@@ -138,7 +150,12 @@ def correct_events(
     dt: float, motion: Motion, start: Motion, chain: ChainArrays, correction: Correction,
     damping: Damping | None, plastic: Plastic | None,
 ) -> None:  # fmt: skip
-    """Add what the scheme missed at the contacts that opened or closed in the last step."""
+    """Add what the scheme missed at the contacts that opened or closed in the last step of dt [s].
+
+    Dampers in proportion to the force scale the impulse by 1 + gamma r with the rate r at the
+    crossing, and the ledger gets what they take of it. Dampers whose force jumps are not corrected:
+    they leave an error of order 1.
+    """
     x, v, minv = motion.x, motion.v, chain.inverse_mass
     n = x.size
     for i in range(chain.A.size):
@@ -169,9 +186,11 @@ def correct_events(
 
 @ieee
 def peak(dt: float, g0: float, r0: float, g1: float, r1: float) -> float:
-    """Largest overlap of the cubic between the overlaps g0, g1 with the rates r0, r1."""
+    """Largest overlap [m] in a step dt [s] of the cubic between the overlaps g0, g1 [m] with the
+    rates r0, r1 [m/s]."""
     highest = larger(g0, g1)
     if r0 > 0.0 and r1 < 0.0:
+        # the lesser root of the slope, written without the difference of its two terms
         r0 *= dt
         c2 = 3.0 * (g1 - g0) - 2.0 * r0 - r1 * dt
         c3 = 2.0 * (g0 - g1) + r0 + r1 * dt
@@ -184,9 +203,11 @@ def peak(dt: float, g0: float, r0: float, g1: float, r1: float) -> float:
 def yield_contacts(
     dt: float, motion: Motion, start: Motion, chain: ChainArrays, plastic: Plastic | None
 ) -> bool:
-    """Deepen the craters of contacts that were pressed further than ever in the last step.
+    """Deepen the craters of contacts that were pressed further than ever in the last step of dt
+    [s], and book what that took as lost in the contacts. Says whether any was.
 
-    Says whether any was.
+    The peak lies between the ends of a step: of the ends alone a crater would fall short by order 2
+    of the step.
     """
     if plastic is None:
         return False

@@ -46,7 +46,8 @@ def march(
     motion: Motion, start: Motion, snapshot: Motion, chain: ChainArrays,
     fractions: tuple[Array, Array], correction: Correction | None, steps: Steps, saved: Saved,
 ) -> int:  # fmt: skip
-    """n_save times stride steps of kick b[0], drift a[0], kick b[1], ..., kick b[-1].
+    """n_save times stride steps of kick b[0], drift a[0], kick b[1], ..., kick b[-1], with the
+    `fractions` a (n_drifts,), b (n_kicks,) of the step.
 
     The state is saved before and after each stride. `start` keeps that at the start of the last
     step; `snapshot` shares the state but has an array of forces of its own, as what is saved are
@@ -89,10 +90,12 @@ def flow(
     k: int, kick: float, drift: float, stale: bool, motion: Motion, chain: ChainArrays,
     bare: tuple | None, damping: Damping | None,
 ) -> None:  # fmt: skip
-    """Kick, then the k-th drift; forces are computed anew where positions moved.
+    """Kick, then the k-th drift, of `kick` and `drift` [s]; forces are computed anew where
+    positions moved (`stale`).
 
-    Dampers act between two halves of the elastic kick, those of even and odd contacts in a
-    symmetric turn.
+    Dampers act between two halves of the elastic kick. Those of neighbouring contacts share a
+    sphere and do not commute: half of the even ones, the odd ones, the other half of the even ones
+    is symmetric, which keeps the order of the scheme.
     """
     if kick != 0.0:
         if bare is not None:
@@ -117,7 +120,8 @@ def flow(
 
 @fastmath
 def drift_spheres(k: int, dt: float, x: Array, v: Array, leaf: LeafSprings | None) -> None:
-    """Free flight, or the exact swing on the leaf springs by the k-th drift."""
+    """Free flight of spheres x [m], v [m/s], (n,) each, for dt [s], or the exact swing on the leaf
+    springs by the k-th drift."""
     if leaf is None:
         for i in range(x.size):
             x[i] += dt * v[i]
@@ -148,7 +152,8 @@ def push(
     kick: float, motion: Motion, chain: ChainArrays, friction: Array | None,
     modes: WallModes | None,
 ) -> None:  # fmt: skip
-    """Impulse of the elastic forces and the load on spheres and modes."""
+    """Impulse of the elastic forces and the load on spheres and modes over `kick` [s]; friction
+    (n,) [N] of the guides. The modes get the force beyond that at rest."""
     v, f, minv = motion.v, motion.f, chain.inverse_mass
     if friction is None:
         push_spheres(v, kick, f, minv, chain.load)
@@ -160,7 +165,8 @@ def push(
 
 @fastmath
 def push_spheres(v: Array, dt: float, f: Array, minv: Array, load: Array | None) -> None:
-    """v_i <- v_i + dt (f_{i-1} - f_i + load_i) / m_i."""
+    """v_i <- v_i + dt (f_{i-1} - f_i + load_i) / m_i, with v, minv = 1/m and load (n,),
+    f (n + 1,) [N], dt [s]."""
     if load is None:
         for i in range(v.size):
             v[i] += dt * minv[i] * (f[i] - f[i + 1])
@@ -173,8 +179,9 @@ def push_spheres(v: Array, dt: float, f: Array, minv: Array, load: Array | None)
 def damp_contacts(
     first: int, dt: float, motion: Motion, chain: ChainArrays, damping: Damping | None
 ) -> None:
-    """Impulses of the dampers of every second contact, from `first` on: they share no sphere, so
-    each is exact."""
+    """Impulses of the dampers of every second contact, from `first` on, over dt [s]: they share no
+    sphere, so each is exact at fixed positions. The ledger gets what each takes,
+    I (w - I / 2m) with the impulse I, the rate of approach w before it and 1/m = 1/m_1 + 1/m_2."""
     v, f, wall, minv = motion.v, motion.f, motion.wall, chain.inverse_mass
     n = v.size
     for i in range(first, chain.A.size, 2):
@@ -198,7 +205,7 @@ def damp_contacts(
 def slide_spheres(
     v: Array, dt: float, f: Array, minv: Array, load: Array | None, friction: Array
 ) -> float:
-    """`push_spheres` in guides; what their friction takes."""
+    """`push_spheres` in guides, with the largest friction (n,) [N] of each; what it takes [J]."""
     lost = 0.0
     for i in range(v.size):
         net = f[i] - f[i + 1]
@@ -211,9 +218,11 @@ def slide_spheres(
 
 @fastmath_inline
 def slid(v: float, dt: float, a: float, b: float) -> tuple[float, float]:
-    """Velocity after dt and way of a body under an acceleration a, with Coulomb friction of at most
-    b: it may stop, stay, and go on the other way."""
+    """Velocity [m/s] after dt [s] and way [m] of a body under a constant acceleration a, with
+    Coulomb friction of at most b, both in m/s^2: it may stop, stay, and go on the other way."""
     way = 0.0
+
+    # moving: friction opposes the motion until the body stops, if it does within dt
     if v != 0.0:
         rate = a - math.copysign(b, v)
         end = v + dt * rate
@@ -222,6 +231,8 @@ def slid(v: float, dt: float, a: float, b: float) -> tuple[float, float]:
         stops = -v / rate
         way = 0.5 * abs(v) * stops
         dt -= stops
+
+    # at rest: friction holds it, or gives way by all that exceeds the bound
     if abs(a) <= b:
         return 0.0, way
     end = dt * (a - math.copysign(b, a))
@@ -235,7 +246,7 @@ def slid(v: float, dt: float, a: float, b: float) -> tuple[float, float]:
 def flow_bare(
     k: int, kick: float, drift: float, stale: bool, motion: Motion, chain: ChainArrays
 ) -> None:
-    """Forces, kick and drift of a bare chain."""
+    """`flow` of a bare chain, in the fewest passes over its arrays; kick and drift in s."""
     x, v, f = motion.x, motion.v, motion.f
     pull_wall(kick, stale, motion, chain)
     if stale:
@@ -249,7 +260,9 @@ def flow_bare(
 def kick_and_drift(
     kick: float, drift: float, motion: Motion, A: Array, shape: ForceShape | None, minv: Array
 ) -> None:
-    """Forces, kick and free flight of bare spheres in one pass; f[n], at the wall, is given."""
+    """Forces, kick and free flight, both in s, of bare spheres in one pass: x_i moves on as soon as
+    the forces on either side of it are known. f[n], at the wall, is given; A (n_contacts,),
+    minv = 1/m (n,)."""
     x, v, f = motion.x, motion.v, motion.f
     last = v.size - 1
     previous = 0.0  # force between the spheres i - 1 and i
@@ -268,7 +281,8 @@ def kick_and_drift(
 
 @fastmath_inline
 def push_and_drift(kick: float, drift: float, x: Array, v: Array, f: Array, minv: Array) -> None:
-    """Kick and free flight of bare spheres with the forces of the last kick."""
+    """Kick and free flight, both in s, of bare spheres with the forces f (n + 1,) of the last kick;
+    x, v and minv = 1/m (n,)."""
     for i in range(v.size):
         speed = v[i] + kick * minv[i] * (f[i] - f[i + 1])
         v[i] = speed
@@ -279,7 +293,8 @@ def push_and_drift(kick: float, drift: float, x: Array, v: Array, f: Array, minv
 def kick_and_drift_modes(
     k: int, kick: float, drift: float, force: float, wall: Array, modes: WallModes | None
 ) -> None:
-    """Kick of the modes by the force at the wall, and the k-th drift, in one pass."""
+    """Kick [s] of the modes by the force [N] at the wall (4,), and the k-th drift, in one pass;
+    without a drift the kick alone."""
     if modes is None:
         return
     impulse = kick * (force - modes.rest_force)

@@ -56,18 +56,18 @@ class StepStates(NamedTuple):
     end: Array  # and the one sought
     free: Array  # [m] where it goes without contact
     compliance: Array  # [m/N] what a mean force adds
-    speed: Array  # at the start
+    speed: Array  # [m/s] at the start
 
 
 class Newton(NamedTuple):
     """What a Newton iteration works on."""
 
-    elastic: Array  # (n_contacts,) part of the mean force
-    slope: Array  # (n + 1,) of the mean force in the overlap, 0 behind the last contact
-    residual: Array  # (n + 1,) what the equations miss, then the change of positions
-    diagonal: Array
-    upper: Array
-    change: Array
+    elastic: Array  # (n_contacts,) [N] part of the mean force
+    slope: Array  # (n + 1,) [N/m] of the mean force in the overlap, 0 behind the last contact
+    residual: Array  # (n + 1,) [m] what the equations miss, then the change of positions
+    diagonal: Array  # (n + 1,) of the tangent
+    upper: Array  # (n + 1,) of the tangent
+    change: Array  # (n + 1,) [m] of the positions in the last iteration
 
 
 class Passage(NamedTuple):
@@ -75,10 +75,10 @@ class Passage(NamedTuple):
 
     i: int
     last: bool  # is it that at the wall?
-    g0: float  # overlap before
-    g1: float  # and after
-    w0: float  # approach velocity before
-    compliance: float  # of both bodies
+    g0: float  # [m] overlap before
+    g1: float  # [m] and after
+    w0: float  # [m/s] approach velocity before
+    compliance: float  # [m/N] of both bodies, by which a mean force moves them apart
 
 
 def workspace(n: int, n_contacts: int) -> tuple[StepStates, Newton]:
@@ -92,7 +92,10 @@ def march_implicit(
     motion: Motion, snapshot: Motion, chain: ChainArrays, states: StepStates, newton: Newton,
     b: Array, steps: Steps, saved: Saved,
 ) -> int:  # fmt: skip
-    """As `explicit.march`, by steps of the parts b[s] dt."""
+    """As `explicit.march`, by steps of the parts b[s] dt, with b (n_parts,) of sum 1.
+
+    Friction of guides and yield have no mean force here, and are refused before.
+    """
     dt, n_save, stride = steps
     f, wall, ledger = motion.f, motion.wall, motion.ledger
     last = f.size - 1
@@ -123,7 +126,8 @@ def march_implicit(
 def predict_spheres(
     s: int, h: float, motion: Motion, mass: Array, leaf: LeafSprings | None, states: StepStates
 ) -> None:
-    """Where spheres go in the s-th part of a step without contact, and what a force adds."""
+    """Where spheres go in the s-th part of a step, h [s], without contact, into `states`, and what
+    a mean force adds: h^2 / 2m of free flight, less on a leaf spring. mass (n,) [kg]."""
     x, v = motion.x, motion.v
     for i in range(x.size):
         states.start[i] = x[i]
@@ -142,7 +146,9 @@ def predict_wall(
     s: int, h: float, wall: Array, offset: float, mobility: float | None, modes: WallModes | None,
     states: StepStates,
 ) -> None:  # fmt: skip
-    """Where the wall goes without contact, and what a force adds."""
+    """Where the wall goes in the s-th part of a step, h [s], without contact, into `states`, and
+    what a mean force adds: phi^2 times the step response of each mode, and what the dashpot gives
+    way by. wall (4,), offset [m] of the wall at rest, mobility [m/(N s)]."""
     free, compliance = states.free, states.compliance
     n = free.size - 1
     states.start[n] = wall[U] + wall[DASH] + offset
@@ -168,8 +174,9 @@ def predict_wall(
 def implicit_step(
     dt: float, f: Array, chain: ChainArrays, states: StepStates, newton: Newton
 ) -> None:
-    """Positions at the end that the mean contact forces lead to, by Newton's method; a step that
-    leaves more residual than before is halved."""
+    """Positions at the end of dt [s] that the mean contact forces f (n + 1,) [N] lead to, by
+    Newton's method; a step that leaves more residual than before is halved. Ends where the residual
+    is 0 or no step, however short, makes it less: at rounding."""
     x0, x1, free, compliance, _ = states
     r, change = newton.residual, newton.change
     for i in range(x1.size):
@@ -180,6 +187,8 @@ def implicit_step(
         new_norm = imbalance(
             dt, f, chain, chain.shape, chain.load, chain.residual, chain.damping, (states, newton)
         )
+
+        # worse than before: back by half of the step, unless that is rounding of the positions
         if new_norm >= norm and share > 1e-9:
             share *= 0.5
             for i in range(x1.size):
@@ -190,6 +199,8 @@ def implicit_step(
             break
         if new_norm == 0.0 or share <= 1e-9:
             break
+
+        # better: the next step, whole
         norm = new_norm
         share = 1.0
         newton_change(compliance, newton)
@@ -203,7 +214,8 @@ def imbalance(
     dt: float, f: Array, chain: ChainArrays, shape: ForceShape | None, load: Array | None,
     residual: float | None, damping: Damping | None, room: tuple[StepStates, Newton],
 ) -> float:  # fmt: skip
-    """Fill forces, slopes and what the equations miss at the positions at the end; its square."""
+    """Fill forces f (n + 1,) [N], slopes and what the equations miss at the positions at the end of
+    dt [s]; the sum of its squares [m^2]. load (n,) [N], residual [m/N]."""
     (x0, x1, free, compliance, speed), newton = room
     n = x0.size - 1
     per_dt = 1.0 / dt  # a division in every contact would be half the price of the damping
@@ -227,7 +239,11 @@ def imbalance(
 
 @ieee_inline
 def newton_change(compliance: Array, newton: Newton) -> None:
-    """Solve the tridiagonal, diagonally dominant tangent system for the residual, in place."""
+    """Solve the tridiagonal tangent system for the residual, in place; compliance (n + 1,) [m/N].
+
+    Row i is  -c_i s_{i-1},  1 + c_i (s_{i-1} + s_i),  -c_i s_i  with compliances c and slopes s:
+    diagonally dominant while no slope is negative, so that elimination needs no pivots.
+    """
     slope, r, diagonal, upper = newton.slope, newton.residual, newton.diagonal, newton.upper
     n = compliance.size - 1
     for i in range(n + 1):
@@ -245,7 +261,7 @@ def newton_change(compliance: Array, newton: Newton) -> None:
 
 @ieee
 def largest(a: Array, b: Array | None) -> float:
-    """Largest |a| or |a - b|."""
+    """Largest |a|, or |a - b|, of arrays (n,)."""
     largest_value = 0.0
     for i in range(a.size):
         difference = a[i] if b is None else a[i] - b[i]
@@ -261,7 +277,13 @@ def mean_force(
     over: Passage, per_dt: float, A: Array, shape: ForceShape | None, residual: float | None,
     damping: Damping | None,
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Mean total force of a contact over the step 1 / per_dt, its slope in g1, its elastic part."""
+    """Mean total force [N] of a contact over the step 1 / per_dt [s], its slope in g1 [N/m], its
+    elastic part [N]. A (n_contacts,), residual [m/N].
+
+    The damping part is c times the share of the step in which the contact is closed times a rate of
+    approach, read in the middle of the step or, of a strong damper, later (`lead`). c is gamma, or
+    gamma times the mean elastic force.
+    """
     i, last, g0, g1, w0, compliance = over
     if residual is not None and last:
         elastic, slope = mean_series(i, g0, g1, residual, A, shape)
@@ -269,6 +291,8 @@ def mean_force(
         elastic, slope = mean_elastic(i, g0, g1, A, shape)
     if damping is None:
         return elastic, slope, elastic
+
+    # c = strength, and its slope in g1; less of it behind a spring in series
     gamma, law, inverse_mass = damping
     closed, closing = 1.0, 0.0
     strength, strengthening = gamma[i] * elastic, gamma[i] * slope
@@ -279,6 +303,8 @@ def mean_force(
         share, falling = spring_share(contact_stiffness(i, elastic, A, shape, None), residual)
         strength *= share
         strengthening *= share * (1.0 - falling)
+
+    # c dt / m = c stops, of free bodies: beyond STOPPED it is capped, as nothing is left to stop
     stops = 2.0 * compliance * abs(per_dt)
     c = strength
     if c * stops > STOPPED:
@@ -288,6 +314,9 @@ def mean_force(
     if compliance * per_dt * per_dt > 0.75 * 0.5 * inverse_mass[i]:
         stops = math.copysign(stops, per_dt)
         ahead, bend = lead(c * stops)
+
+    # under a constant force the rate is 2 mean - w0 at the end: it is read at the share
+    # 1/2 + ahead of the step
     mean = (g1 - g0) * per_dt
     rate = mean + 2.0 * ahead * (mean - w0)
     force = elastic + c * closed * rate
@@ -302,7 +331,12 @@ def mean_force(
 def mean_series(
     i: int, g0: float, g1: float, residual: float, A: Array, shape: ForceShape | None
 ) -> tuple[float, float]:
-    """`mean_elastic` of contact i and a spring in series, in terms of the gap of both."""
+    """`mean_elastic` of contact i and a spring of the compliance `residual` [m/N] in series, in
+    terms of the gap [m] of both; A (n_contacts,). NaN as of `elastic_indentation`.
+
+    Both hold U + s F^2 / 2, and the gap changes by 1 + s K times the change of the overlap, with
+    the secant stiffness K of the contact: the quotient of these changes, free of cancellation.
+    """
     d0 = elastic_indentation(i, g0, residual, A, shape)
     d1 = elastic_indentation(i, g1, residual, A, shape)
     contact, slope = mean_elastic(i, d0, d1, A, shape)
@@ -314,6 +348,8 @@ def mean_series(
         return mean, slope / stretch
     if d0 <= 0.0 and d1 <= 0.0:
         return 0.0, 0.0
+
+    # one end is open: energies of like size are not subtracted
     stored = stored_energy(i, d1, f1, A, shape) - stored_energy(i, d0, f0, A, shape)
     stored += 0.5 * residual * (f1 * f1 - f0 * f0)
     mean = stored / (g1 - g0)
@@ -322,7 +358,8 @@ def mean_series(
 
 @ieee_inline
 def closed_share(g0: float, g1: float) -> tuple[float, float]:
-    """Part of a step in which a contact of overlap g0, then g1 is closed, and its slope in g1."""
+    """Share of a step in which a contact of the overlap g0, then g1 [m], is closed, taken linear in
+    time, and its slope in g1 [1/m]."""
     if g0 > 0.0 and g1 > 0.0:
         return 1.0, 0.0
     if g0 <= 0.0 and g1 <= 0.0:
@@ -351,7 +388,8 @@ def update_spheres(
     s: int, h: float, motion: Motion, chain: ChainArrays, load: Array | None,
     leaf: LeafSprings | None, states: StepStates,
 ) -> None:  # fmt: skip
-    """Positions and velocities at the end of the s-th part of a step."""
+    """Positions and velocities at the end of the s-th part of a step, h [s], under the mean forces
+    `motion.f`; load (n,) [N]."""
     x, v, f, _, _ = motion
     for i in range(x.size):
         net = f[i] - f[i + 1]
@@ -368,7 +406,8 @@ def update_spheres(
 
 @ieee_inline
 def update_modes(s: int, force: float, wall: Array, modes: WallModes | None) -> None:
-    """Modes at the end of the s-th part of a step under a mean force at the wall."""
+    """Modes at the end of the s-th part of a step under a mean force [N] at the wall (4,), and its
+    work on them."""
     if modes is None:
         return
     q, p, phi, E, response = (
@@ -391,7 +430,8 @@ def update_modes(s: int, force: float, wall: Array, modes: WallModes | None) -> 
 def update_dashpot(
     h: float, force: float, wall: Array, ledger: Array, mobility: float | None
 ) -> None:
-    """Way of the dashpot, and the energy that it takes."""
+    """Way of the dashpot in h [s] under a mean force [N], and the energy that it takes; wall (4,),
+    ledger (3,), mobility [m/(N s)]."""
     if mobility is not None:
         wall[DASH] += mobility * h * force
         ledger[IN_WALL] += mobility * h * force * force
@@ -399,7 +439,8 @@ def update_dashpot(
 
 @ieee_inline
 def damping_work(states: StepStates, f: Array, elastic: Array) -> float:
-    """What the damping parts of the mean forces f take from the contacts."""
+    """What the damping parts of the mean forces f (n + 1,) [N] take from the contacts [J]: f less
+    its elastic part (n_contacts,) times the change of the overlap."""
     x0, x1 = states.start, states.end
     lost = 0.0
     for i in range(elastic.size):

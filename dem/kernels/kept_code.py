@@ -50,7 +50,14 @@ class CheckedFile(IndexDataCacheFile):
                 oldest_first = sorted(folders, key=lambda code: code.stat().st_mtime)
                 for code in oldest_first[:-KEPT]:
                     shutil.rmtree(code, ignore_errors=True)
-            super().save(key, data)
+            # with what it was compiled for: numba numbers the pieces of code, and of two processes
+            # that compile one function for other arguments both may take the same number
+            super().save(key, (key, data))
+
+    def load(self, key: object) -> object | None:
+        """The code; None where there is none, or another process's under the same number."""
+        key_of_code, data = super().load(key) or (None, None)
+        return data if key_of_code == key else None
 
     def _dump(self, obj):
         content = super()._dump(obj)

@@ -48,15 +48,15 @@ class LaneSteps(NamedTuple):
 class RestingForces(NamedTuple):
     """Static states and steady forces, (n_blocks, m, LANES) each; m = 0 where nothing acts."""
 
-    rest: Array  # (n) [m] of the spheres
-    load: Array  # (n) [N] balances the contact forces at rest
-    wall_offset: Array  # (1) [m] of the wall at rest
-    wall_force: Array  # (1) [N]
-    static: Array  # (n_modes) of the modes at rest
-    preload: Array  # (1) [N]
-    weight: Array  # (n) [N], m = 0 without any
-    stiffness: Array  # (n) [N/m] of the leaf springs, m = 0 without any
-    anchor: Array  # (n) [m]
+    rest: Array  # m = n: [m] of the spheres
+    load: Array  # m = n: [N] balances the contact forces at rest
+    wall_offset: Array  # m = 1: [m] of the wall at rest
+    wall_force: Array  # m = 1: [N] at the wall at rest
+    static: Array  # m = n_modes: [kg^1/2 m] of the modes at rest
+    preload: Array  # m = 1: [N]
+    weight: Array  # m = n: [N]; 0 without any
+    stiffness: Array  # m = n: [N/m] of the leaf springs; 0 without any
+    anchor: Array  # m = n: [m]
 
 
 class WallSprings(NamedTuple):
@@ -69,20 +69,20 @@ class WallSprings(NamedTuple):
 class Dampers(NamedTuple):
     """Damping of the contacts, (n_blocks, n, LANES) each; n = 0 without any."""
 
-    gamma: Array
-    inverse_mass: Array  # of both bodies at a contact
+    gamma: Array  # [N s/m], or [s/m] of Hunt and Crossley's law
+    inverse_mass: Array  # [1/kg] of both bodies at a contact
     law: Array  # (n_blocks,) the same for all
 
 
 class Blocks(NamedTuple):
     """Chains by LANES; (n_blocks, m, LANES) each."""
 
-    v0: Array
-    mass: Array
-    A: Array  # 0 behind the last sphere of a free chain
+    v0: Array  # m = n: [m/s]
+    mass: Array  # m = n: [kg]
+    A: Array  # m = n: [N/m^1.5], 0 behind the last sphere of a free chain
     shape: ForceShape | None  # of the force of the one block that there is then; None: Hertz
-    phi: Array
-    omega: Array
+    phi: Array  # m = n_modes: [kg^-1/2]
+    omega: Array  # m = n_modes: [rad/s]
     propagator: Array  # (n_blocks, n_drifts, 4, n_modes * LANES)
     resting: RestingForces
     swing: Array  # (n_blocks, n_drifts, 4, n * LANES) of the leaf springs; n = 0 without any
@@ -101,27 +101,27 @@ class SavedLanes(NamedTuple):
 class LaneDamping(NamedTuple):
     """Damping of one block's contacts, (n LANES,) each; n = 0 without any."""
 
-    gamma: Array
-    inverse_mass: Array
+    gamma: Array  # [N s/m], or [s/m] of Hunt and Crossley's law
+    inverse_mass: Array  # [1/kg] of both bodies
     law: int
     lost: Array  # (LANES,) [J] so far
-    rate: Array  # [N s/m] now
+    rate: Array  # [N s/m] coefficient at the forces of now
 
 
 class Lanes(NamedTuple):
     """One block: what moves, and what it is made of."""
 
-    x: Array  # ((n + 1) LANES,)
-    v: Array
-    f: Array
+    x: Array  # ((n + 1) LANES,) [m], the last row that of the wall
+    v: Array  # ((n + 1) LANES,) [m/s]
+    f: Array  # ((n + 1) LANES,) [N] elastic, in front of each sphere and of the wall
     q: Array  # (n_modes * LANES,) from rest
-    p: Array
-    inverse_mass: Array  # ((n + 1) LANES,) 0 of the wall
-    mass: Array  # (n LANES,)
-    A: Array
+    p: Array  # (n_modes * LANES,)
+    inverse_mass: Array  # ((n + 1) LANES,) [1/kg] 0 of the wall
+    mass: Array  # (n LANES,) [kg]
+    A: Array  # (n LANES,) [N/m^1.5]
     shape: ForceShape | None  # of the elastic force; None: Hertz
-    phi: Array
-    omega: Array
+    phi: Array  # (n_modes * LANES,)
+    omega: Array  # (n_modes * LANES,)
     propagator: Array  # (n_drifts, 4, n_modes * LANES)
     resting: RestingForces  # (m LANES,) each
     swing: Array  # (n_drifts, 4, n LANES)
@@ -132,20 +132,20 @@ class Lanes(NamedTuple):
 class WallPush(NamedTuple):
     """What the wall's modes get, (LANES,)."""
 
-    impulse: Array
-    shift: Array
-    square: Array  # phi phi of each lane, velocity of the wall after unit impulse
-    work: Array  # on the modes so far
-    pending: Array  # impulses that the modes get before they move on
+    impulse: Array  # [N s] of the contact at the wall
+    shift: Array  # [kg m] displacement times mass, of `correct_lanes`
+    square: Array  # [1/kg] phi phi of each lane, velocity of the wall after unit impulse
+    work: Array  # [J] on the modes so far
+    pending: Array  # [N s] impulses that the modes get before they move on
 
 
 class LaneEnds(NamedTuple):
     """Observed spheres, the last one and the wall at an end of a step, (rows, LANES) each; the
     last two rows are those of the last sphere and of the wall."""
 
-    x: Array
-    v: Array
-    a: Array
+    x: Array  # [m]
+    v: Array  # [m/s]
+    a: Array  # [m/s^2], unused of the wall, which moves on a cubic between the ends
 
 
 @fastmath_allocating_march
@@ -153,7 +153,11 @@ def march_lanes(
     blocks: Blocks, a: Array, b: Array, correction: Correction | None, steps: LaneSteps,
     observed: Array, saved: SavedLanes,
 ) -> None:  # fmt: skip
-    """March LANES chains side by side, block after block, into `saved`."""
+    """March LANES chains side by side, block after block, into `saved`, by kicks b (n_kicks,) and
+    drifts a (n_drifts,) of the step; observed (n_observed,) are indices of spheres.
+
+    Raises nothing: a lane that is not finite keeps its NaN in velocities and energy error.
+    """
     n_blocks, n = blocks.v0.shape[:2]
     size, modes = n * LANES, blocks.phi.shape[1] * LANES
     padded = size + LANES
@@ -183,8 +187,12 @@ def march_block(
     lanes: Lanes, a: Array, b: Array, correction: Correction | None, steps: LaneSteps,
     observed: Array, saved: SavedLanes,
 ) -> None:  # fmt: skip
-    """March one block by the kicks and drifts of `explicit`, and sample its steps."""
+    """March one block by the kicks b (n_kicks,) and drifts a (n_drifts,) of `explicit`, and sample
+    its steps at the observed spheres (n_observed,)."""
     dt, n_steps, n_save = steps
+
+    # room for states, impulses and the ends of a step; total forces have an array of their own
+    # where dampers act, as what is marched by is elastic
     x_old, v_old = np.zeros_like(lanes.x), np.zeros_like(lanes.v)
     zeros = np.zeros((5, LANES))
     wall = WallPush(zeros[0], zeros[1], zeros[2], zeros[3], zeros[4])
@@ -195,10 +203,14 @@ def march_block(
     step_end = LaneEnds(np.zeros(shape), np.zeros(shape), np.zeros(shape))
     forces = np.zeros_like(lanes.f) if lanes.damping.gamma.size > 0 else lanes.f
     stale = n_save >= 0  # a literal True would compile what takes it once more
+
+    # the start: energies that errors are relative to, and the first sample
     stale = note_fresh(dt, stale, lanes, forces, observed, step_end)
     energy_of_lanes(lanes, lanes.shape, wall.work, start)
     kinetic_energy(lanes, scale)
     k = sample_step(-1, 0, steps, step_end, step_end, lanes, saved)
+
+    # only steps that pass a sample need their ends; whole numbers decide which, without rounding
     for step in range(n_steps):
         due = k * n_steps <= (step + 1) * n_save
         if due:
@@ -219,7 +231,8 @@ def march_block(
 def note_fresh(
     dt: float, stale: bool, lanes: Lanes, forces: Array, observed: Array, end: LaneEnds
 ) -> bool:
-    """`note_end` after forces that are not stale; are they now?"""
+    """`note_end` of the observed spheres (n_observed,) with total forces ((n + 1) LANES,) [N],
+    after the elastic ones are brought up to date; whether they are stale now: no."""
     if stale:
         forces_of_lanes(lanes.x, lanes.A, lanes.shape, lanes.springs, lanes.f)
     if lanes.damping.gamma.size > 0:
@@ -230,7 +243,8 @@ def note_fresh(
 
 @fastmath
 def note_energy(energy: Array, start: Array, scale: Array, worst: Array) -> None:
-    """Largest change of the energy so far over the scale."""
+    """Largest change of the energy from that at the start, over the scale, into worst so far;
+    (LANES,) each."""
     for lane in range(LANES):
         change = abs(energy[lane] - start[lane]) / scale[lane]
         if not change <= worst[lane]:  # keeps a NaN
@@ -242,7 +256,8 @@ def note_energy(energy: Array, start: Array, scale: Array, worst: Array) -> None
 
 @fastmath_inline
 def step_of_lanes(dt: float, stale: bool, a: Array, b: Array, lanes: Lanes, wall: WallPush) -> bool:
-    """`take_step` for lanes; are the forces stale at the end?"""
+    """A step of dt [s] by kicks b (n_kicks,) and drifts a (n_drifts,), as `explicit.march` takes
+    it; are the forces stale at the end?"""
     for i in range(b.size):
         if b[i] != 0.0:
             if stale:
@@ -277,7 +292,8 @@ def kick_lanes(kick: float, lanes: Lanes, wall: WallPush) -> None:
 
 @fastmath
 def damped_kick(kick: float, lanes: Lanes, wall: WallPush) -> None:
-    """Damping between two halves of the elastic kick."""
+    """Damping between two halves of the elastic kick [s], in the order of `explicit.flow`: half of
+    the even contacts, the odd ones, the other half of the even ones."""
     kick_lanes(0.5 * kick, lanes, wall)
     rate_dampers(lanes)
     for first, share in ((0, 0.5), (1, 1.0), (0, 0.5)):
@@ -307,7 +323,7 @@ def drift_lanes(i: int, drift: float, lanes: Lanes, wall: WallPush) -> None:
 
 @fastmath
 def drift_modes_of_lanes(q: Array, p: Array, E: Array) -> None:
-    """Exact free motion (q, p) <- E (q, p)."""
+    """Exact free motion (q, p) <- E (q, p), q and p (n_modes LANES,), E (4, n_modes LANES)."""
     for j in range(q.size):
         q_new = E[0, j] * q[j] + E[1, j] * p[j]
         p[j] = E[2, j] * q[j] + E[3, j] * p[j]
@@ -336,10 +352,12 @@ def read_modes_of_lanes(lanes: Lanes) -> None:
 def forces_of_lanes(
     x: Array, A: Array, shape: ForceShape | None, springs: WallSprings, f: Array
 ) -> None:
-    """Elastic forces."""
+    """Elastic forces [N] at x ((n + 1) LANES,) into f[LANES:], f ((n + 1) LANES,); A (n LANES,)."""
     for j in range(A.size):
         d = x[j] - x[j + LANES]
         f[j + LANES] = elastic_force(j, d if d > 0.0 else 0.0, A, shape)
+
+    # at a wall with a spring in series the overlap is less than the gap
     if springs.residual.size > 0:
         last = A.size - LANES
         if shape is None:
@@ -353,7 +371,8 @@ def forces_of_lanes(
 
 @fastmath
 def spring_forces(x: Array, A: Array, springs: WallSprings, f: Array) -> None:
-    """Forces f (LANES,) at walls with springs in series, where f is that without them.
+    """Forces f (LANES,) [N] at walls with springs in series, where f is that without them; x
+    (2 LANES,) [m] of the last spheres and the walls, A (LANES,).
 
     `hertz_indentation` of all lanes at once; f has the roots of the indentations meanwhile.
     """
@@ -363,6 +382,8 @@ def spring_forces(x: Array, A: Array, springs: WallSprings, f: Array) -> None:
         touching += f[lane]
     if touching == 0.0:
         return
+
+    # open lanes take part with a gap of NO_GAP: no branch parts the lanes of a register
     for lane in range(LANES):
         root = math.sqrt(max(x[lane] - x[lane + LANES], NO_GAP))
         f[lane] = root / math.sqrt(max(1.0 + s[lane] * A[lane] * root, 1.0 / 3.0))
@@ -390,7 +411,7 @@ def spring_forces(x: Array, A: Array, springs: WallSprings, f: Array) -> None:
 
 @fastmath
 def damp_lanes(first: int, dt: float, lanes: Lanes, wall: WallPush) -> None:
-    """`damp_contacts` for lanes: every second contact, from `first` on."""
+    """`damp_contacts` for lanes: every second contact, from `first` on, over dt [s]."""
     v, minv, impulse = lanes.v, lanes.inverse_mass, wall.impulse
     _, inverse_mass, _, lost, rate = lanes.damping
     for row in range(first * LANES, lanes.A.size, 2 * LANES):
@@ -415,7 +436,8 @@ def damp_lanes(first: int, dt: float, lanes: Lanes, wall: WallPush) -> None:
 
 @fastmath
 def rate_dampers(lanes: Lanes) -> None:
-    """Damping forces of all contacts for unit velocity, at the forces that are there."""
+    """Coefficients [N s/m] of the dampers of all contacts at the elastic forces that are there,
+    `laws.damper` for lanes."""
     f, residual, (gamma, _, law, _, rate) = lanes.f, lanes.springs.residual, lanes.damping
     size = gamma.size
     if grows(law):
@@ -434,14 +456,15 @@ def rate_dampers(lanes: Lanes) -> None:
 def share_of_damper(
     j: int, force: float, A: Array, shape: ForceShape | None, residual: float
 ) -> float:
-    """What a spring in series leaves of a damper, see `spring_share`."""
+    """Share that a spring of the compliance `residual` [m/N] in series leaves of a damper under a
+    force [N], see `spring_share`; A (n LANES,)."""
     return spring_share(contact_stiffness(j, force, A, shape, None), residual)[0]
 
 
 @fastmath
 def damping_impulses(row: int, dt: float, lanes: Lanes, impulse: Array) -> None:
-    """`damping_impulse` (LANES,) of a row of contacts; all of them by a series if all are weak and
-    none would pull."""
+    """`damping_impulse` (LANES,) [N s] of a row of contacts over dt [s]; all of them by a series if
+    all are weak and none would pull."""
     v, f, damping = lanes.v, lanes.f, lanes.damping
     inverse_mass, rate, clipped = damping.inverse_mass, damping.rate, never_pulls(damping.law)
     strong = 0.0
@@ -466,7 +489,8 @@ def damping_impulses(row: int, dt: float, lanes: Lanes, impulse: Array) -> None:
 
 @fastmath
 def damped_forces(dt: float, lanes: Lanes, forces: Array) -> None:
-    """Contact forces at an instant, as `total_forces` has them."""
+    """Contact forces ((n + 1) LANES,) [N] at an instant, as `ledger.total_forces` has them, of
+    steps of dt [s]."""
     rate_dampers(lanes)
     for j in range(lanes.A.size):
         w, force = lanes.v[j] - lanes.v[j + LANES], lanes.f[j + LANES]
@@ -488,7 +512,9 @@ def damping_force(
 
 @fastmath
 def push_walls(v: Array, wall: WallPush) -> None:
-    """The impulses' work on the modes, and the velocity that they leave the wall with."""
+    """`modes.push_wall` for lanes: work of the impulses on the modes, and the velocity that they
+    leave the wall with, the last row of v ((n + 1) LANES,). The modes get them all at once, before
+    they move on (`pending`)."""
     w = v[v.size - LANES :]
     for lane in range(LANES):
         impulse = wall.impulse[lane]
@@ -499,7 +525,7 @@ def push_walls(v: Array, wall: WallPush) -> None:
 
 @fastmath
 def push_modes_of_lanes(impulse: Array, p: Array, phi: Array) -> None:
-    """p += phi impulse for every lane."""
+    """p += phi impulse for every lane; p and phi (n_modes LANES,), impulse (LANES,) [N s]."""
     for j in range(0, p.size, LANES):
         for lane in range(LANES):
             p[j + lane] += phi[j + lane] * impulse[lane]
@@ -518,7 +544,7 @@ def shift_modes_of_lanes(lanes: Lanes, wall: WallPush) -> None:
 
 @fastmath
 def squares_of_lanes(phi: Array, square: Array) -> None:
-    """phi phi of every lane."""
+    """phi phi of every lane into square (LANES,) [1/kg], phi (n_modes LANES,)."""
     square[:] = 0.0
     for j in range(0, phi.size, LANES):
         for lane in range(LANES):
@@ -533,7 +559,8 @@ def correct_step_of_lanes(
     dt: float, lanes: Lanes, x_old: Array, v_old: Array, correction: Correction | None,
     wall: WallPush,
 ) -> bool:  # fmt: skip
-    """Correct the contacts and push the modes by it; was there anything to correct?"""
+    """Correct the contacts that opened or closed in a step of dt [s] from x_old, v_old
+    ((n + 1) LANES,), and push the modes by it; was there anything to correct?"""
     if correction is None:
         return False
     if not correct_lanes(dt, lanes, x_old, v_old, correction, wall):
@@ -548,9 +575,8 @@ def correct_step_of_lanes(
 def correct_lanes(
     dt: float, lanes: Lanes, x_old: Array, v_old: Array, correction: Correction, wall: WallPush
 ) -> bool:
-    """`correct_events` for lanes; what the wall's modes get is left in `wall`.
-
-    Says whether there was any.
+    """`correct_events` for lanes, of a step of dt [s] from x_old, v_old ((n + 1) LANES,); what the
+    wall's modes get is left in `wall`. Says whether there was any.
     """
     x, v, minv, A, damping = lanes.x, lanes.v, lanes.inverse_mass, lanes.A, lanes.damping
     corrected = False
@@ -585,7 +611,8 @@ def correct_lanes(
 
 @fastmath
 def crossed_row(x: Array, x_old: Array, row: int) -> bool:
-    """Did a contact of any lane in this row open or close in the last step?"""
+    """Did a contact of any lane in this row open or close in the last step, from x_old to x,
+    ((n + 1) LANES,) each? `row` is the index of its first lane."""
     count = 0.0
     for j in range(row, row + LANES):
         was_closed = 1.0 if x_old[j] > x_old[j + LANES] else 0.0
@@ -599,7 +626,8 @@ def crossed_row(x: Array, x_old: Array, row: int) -> bool:
 
 @fastmath
 def note_end(lanes: Lanes, f: Array, observed: Array, end: LaneEnds) -> None:
-    """What the polynomials of a step need of one of its ends, where the contact forces are f."""
+    """What the polynomials of a step need of one of its ends, where the contact forces are f
+    ((n + 1) LANES,) [N], of the observed spheres (n_observed,), the last one and the wall."""
     x, v, minv, resting = lanes.x, lanes.v, lanes.inverse_mass, lanes.resting
     n = lanes.A.size // LANES
     for i in range(observed.size + 2):
@@ -639,7 +667,8 @@ def sample_lanes(
     s: float, h: float, start: LaneEnds, end: LaneEnds, lanes: Lanes, shape: ForceShape | None,
     v: Array, wall_force: Array,
 ) -> None:  # fmt: skip
-    """Observed velocities and the elastic force at the wall at the share s of a step."""
+    """Observed velocities v (n_observed, LANES) [m/s] and the elastic force at the wall (LANES,)
+    [N] at the share s of a step of h [s]."""
     rows = v.shape[0]
     last = lanes.A.size - LANES
     for lane in range(LANES):
@@ -655,7 +684,8 @@ def sample_lanes(
 def overlap_between(
     s: float, h: float, start: LaneEnds, end: LaneEnds, lane: int
 ) -> tuple[float, float]:
-    """Overlap of the last sphere and the wall at the share s of a step, and its rate."""
+    """Overlap [m] of the last sphere and the wall at the share s of a step of h [s], and its rate
+    [m/s]: of the sphere the quintic of `dense`, of the wall the cubic."""
     i = start.x.shape[0] - 2
     sphere = StepEnd(start.x[i, lane], start.v[i, lane], start.a[i, lane])
     moved = StepEnd(end.x[i, lane], end.v[i, lane], end.a[i, lane])
@@ -672,7 +702,8 @@ def sample_springs_and_dampers(
     s: float, h: float, start: LaneEnds, end: LaneEnds, lanes: Lanes, shape: ForceShape | None,
     wall_force: Array,
 ) -> None:  # fmt: skip
-    """Forces at walls with springs in series, or behind damped contacts, at the share s."""
+    """Forces (LANES,) [N] at walls with springs in series, or behind damped contacts, at the share
+    s of a step of h [s]; replaces those of `sample_lanes`, elastic and without springs."""
     residual, damping = lanes.springs.residual, lanes.damping
     for lane in range(LANES):
         j = lanes.A.size - LANES + lane
@@ -693,8 +724,8 @@ def sample_springs_and_dampers(
 
 @fastmath
 def energy_of_lanes(lanes: Lanes, shape: ForceShape | None, work: Array, energy: Array) -> None:
-    """Energy of the motion and what was lost of it, and what preload and weight have left to do;
-    forces are fresh."""
+    """Energy (LANES,) [J] of the motion and what was lost of it, less what preload and weight have
+    done: constant if exact. Forces are fresh; work (LANES,) [J] on the modes."""
     x, v, f, mass, A, q, resting = (
         lanes.x, lanes.v, lanes.f, lanes.mass, lanes.A, lanes.q, lanes.resting
     )  # fmt: skip
@@ -707,7 +738,9 @@ def energy_of_lanes(lanes: Lanes, shape: ForceShape | None, work: Array, energy:
             d = d if d > 0.0 else 0.0
             stored = stored_energy(j, d, f[j + LANES], A, shape)
             energy[lane] += stored + 0.5 * mass[j] * v[j] * v[j]
-    # the contact before a spring s is s F shallower, the spring holds s F^2 / 2
+
+    # the contact before a spring s is s F shallower, the spring holds s F^2 / 2: together, of
+    # Hertz' law, 2/5 F (gap - s F) + s F^2 / 2 = 2/5 F gap + s F^2 / 10
     for lane in range(lanes.springs.residual.size):
         force, residual = f[A.size + lane], lanes.springs.residual[lane]
         if shape is None:
@@ -719,7 +752,9 @@ def energy_of_lanes(lanes: Lanes, shape: ForceShape | None, work: Array, energy:
             energy[lane] += stored_energy(j, gap - residual * force, force, A, shape)
             energy[lane] += 0.5 * residual * force * force
             energy[lane] -= stored_energy(j, gap, force, A, shape)
-    # of the modes what the work on them says: it knows of their damping
+
+    # of the modes the work of all force beyond that at rest, which is their swing about the static
+    # state and what they lose; with the static deflection s, omega^2 s (q + s/2) comes on top
     for row in range(0, resting.static.size, LANES):
         for lane in range(LANES):
             j = row + lane
@@ -727,6 +762,8 @@ def energy_of_lanes(lanes: Lanes, shape: ForceShape | None, work: Array, energy:
             energy[lane] += lanes.omega[j] * lanes.omega[j] * bent
     for lane in range(LANES if q.size > 0 else 0):
         energy[lane] += work[lane]
+
+    # leaf springs, and the work of preload and weight since the static state
     for row in range(0, resting.stiffness.size, LANES):
         for lane in range(LANES):
             j = row + lane
@@ -743,7 +780,8 @@ def energy_of_lanes(lanes: Lanes, shape: ForceShape | None, work: Array, energy:
 
 @fastmath
 def kinetic_energy(lanes: Lanes, energy: Array) -> None:
-    """Of the spheres; 1 where none moves, as errors are relative to it."""
+    """Kinetic energy (LANES,) [J] of the spheres; 1 where none moves, as errors are relative to
+    it."""
     energy[:] = 0.0
     for row in range(0, lanes.A.size, LANES):
         for lane in range(LANES):

@@ -100,8 +100,9 @@ class SavedAcross(NamedTuple):
 
 @ieee
 def pressed(t: float, pressing: Pressing) -> tuple[float, float]:
-    """Overlap [m] at t and the total pressure over the elastic one: the polynomial of degree 5 that
-    agrees with value, slope and bend at both ends of a step; it errs by h^6 d^(6) / 46080."""
+    """Overlap [m] at t [s] and the total pressure over the elastic one, 1 + gamma d' and at least
+    0: the polynomial of degree 5 that agrees with value, slope and bend at both ends of a step; it
+    errs by h^6 d^(6) / 46080 at the most, to leading order."""
     d, r, b, h = pressing.overlap, pressing.rate, pressing.bend, pressing.step
     k = min(int(t / h), d.size - 2)
     s = t / h - k
@@ -124,7 +125,8 @@ def press(
     law: TangentialLaw, d: float, q: float, way: tuple[float, float], force: Array,
     row: SpringRow | None, room: SpringRow | None, cells: SpringCells | None,
 ) -> None:  # fmt: skip
-    """Move the contact on, and its force (n_directions,) [N] with it."""
+    """Move the contact on to the overlap d [m] and the total over the elastic pressure q, while its
+    bodies shift by `way` [m] in both directions; its force (n_directions,) [N] with it."""
     shift(law, d, q, way, row, room, cells)
     contact_force(law, force, row, cells)
 
@@ -134,7 +136,7 @@ def shift(
     law: TangentialLaw, d: float, q: float, way: tuple[float, float],
     row: SpringRow | None, room: SpringRow | None, cells: SpringCells | None,
 ) -> None:  # fmt: skip
-    """Move the contact on."""
+    """`press` without the force."""
     if row is not None:
         slide(row, room, law, d, q, way[0])
     if cells is not None:
@@ -186,6 +188,9 @@ def march_across(
     `before` is the contact with the sphere before, None without friction there; `wall`
     (n_steps + 1, n_directions) [m] is the wall's displacement at the ends of the steps, None at
     rest. Ends early, and says after how many saves, where a state is not finite.
+
+    The work of the wall's motion is that of the mean of the forces before and after a step: of
+    order 2, as the march.
     """
     h, n_save, stride = steps
     u, v, psi, spin, force, behind, slip = state
@@ -226,6 +231,8 @@ def march_across(
                 spin[j] -= 0.5 * h * sphere.inverse_inertia * R * (force[j] - behind[j])
                 if wall is not None:
                     work -= 0.5 * (wall[step + 1, j] - wall[step, j]) * force[j]
+
+        # the first save comes before any step: contacts take the overlap of the start, unshifted
         if k == 0:
             d, q = pressed(0.0, pressing)
             press(law, d, q, (0.0, 0.0), force, springs.row, springs.room, springs.cells)

@@ -96,12 +96,15 @@ def hertz_force(d: float, A: float) -> float:
 def hertz_indentation(gap: float, A: float, s: float) -> float:
     """delta of  delta + s A delta^(3/2) = gap: a Hertz contact and a spring s in series.
 
-    Newton's method in y = sqrt(delta):  y^2 (1 + e y) = gap,  e = s A. NaN beyond the fold
-    y = -2 / (3 e) of a negative s, where no force answers the gap.
+    Newton's method in y = sqrt(delta):  y^2 (1 + e y) = gap,  e = s A; gap in m, A in N/m^1.5, s in
+    m/N. NaN beyond the fold  y = -2 / (3 e)  of a negative s, where no force answers the gap.
     """
     if gap <= 0.0:
         return 0.0
     e = s * A
+
+    # e > 0: both bounds lie above the root of a convex function, from where Newton's steps descend
+    # to it; e < 0: sqrt(gap) lies below the root, and the fold bounds it
     y = math.sqrt(gap)
     if e > 0.0:
         y = smaller(y, (gap / e) ** (1.0 / 3.0))
@@ -126,7 +129,7 @@ def hertz_indentation(gap: float, A: float, s: float) -> float:
 
 @fastmath_inline
 def elastic_force(i: int, d: float, A: Array, shape: ForceShape | None) -> float:
-    """F = A phi(d) [N] of contact i at the overlap d >= 0 [m]."""
+    """F = A_i phi(d) [N] of contact i at the overlap d >= 0 [m]; A (n_contacts,) [N/m^1.5]."""
     if shape is None:
         return hertz_force(d, A[i])
     return A[i] * shape_force(i, d, shape)
@@ -134,7 +137,7 @@ def elastic_force(i: int, d: float, A: Array, shape: ForceShape | None) -> float
 
 @fastmath_inline
 def elastic_stiffness(i: int, d: float, A: Array, shape: ForceShape | None) -> float:
-    """k = A phi'(d) [N/m] of contact i at the overlap d >= 0."""
+    """k = A_i phi'(d) [N/m] of contact i at the overlap d >= 0 [m]; A (n_contacts,)."""
     if shape is None:
         return 1.5 * A[i] * math.sqrt(d)
     return A[i] * shape_slope(i, d, shape)
@@ -142,7 +145,8 @@ def elastic_stiffness(i: int, d: float, A: Array, shape: ForceShape | None) -> f
 
 @fastmath_inline
 def stored_energy(i: int, d: float, force: float, A: Array, shape: ForceShape | None) -> float:
-    """U [J] of contact i at the overlap d >= 0, where its force is known: 2/5 F d of Hertz' law."""
+    """U [J] of contact i at the overlap d >= 0 [m], where its force [N] is known: 2/5 F d of Hertz'
+    law, else A_i (integral of phi from 0 to d); A (n_contacts,)."""
     if shape is None:
         return 0.4 * force * d
     return A[i] * shape_energy(i, d, shape)
@@ -150,7 +154,8 @@ def stored_energy(i: int, d: float, force: float, A: Array, shape: ForceShape | 
 
 @fastmath_inline
 def pressed_overlap(i: int, force: float, A: Array, shape: ForceShape | None) -> float:
-    """Overlap [m] of contact i under a force >= 0."""
+    """Overlap [m] of contact i under a force >= 0 [N], the inverse of `elastic_force`;
+    A (n_contacts,)."""
     if shape is None:
         return (force / A[i]) ** (2.0 / 3.0)
     return shape_overlap(i, force / A[i], shape)
@@ -287,7 +292,8 @@ def opening(shape: ForceShape | None) -> float:
 
 @fastmath
 def segment(value: float, knots: Array) -> int:
-    """Index of the last knot not above the value, 0 below all of them."""
+    """Index of the last of the knots (m,), which ascend, that is not above the value; 0 below all
+    of them. By bisection."""
     low, high = 0, knots.size
     while high - low > 1:
         middle = (low + high) // 2
@@ -308,16 +314,21 @@ def risen(t: float, j: int, table: ForceTable) -> float:
 def mean_elastic(
     i: int, d0: float, d1: float, A: Array, shape: ForceShape | None
 ) -> tuple[float, float]:
-    """Mean force of contact i between the overlaps d0 and d1, change of potential over change of
-    overlap, and its slope in d1; free of cancellation. Overlaps below 0 are open."""
+    """Mean force [N] of contact i between the overlaps d0 and d1 [m], which are open below 0:
+    (U(d1) - U(d0)) / (d1 - d0) without the cancellation of that difference; and its slope in d1
+    [N/m]. A (n_contacts,)."""
     if shape is None:
         return mean_hertz(d0, d1, A[i])
     c0, c1 = max(d0, 0.0), max(d1, 0.0)
     if c0 == 0.0 and c1 == 0.0:
         return 0.0, 0.0
     mean = A[i] * mean_shape(i, c0, c1, shape)
+
+    # the slope of a mean over a short move is k/2; the quotient below would be rounding there
     if abs(c1 - c0) < CLOSE * max(c0, c1):
         return mean, 0.5 * elastic_stiffness(i, 0.5 * (c0 + c1), A, shape)
+
+    # over the part of the move in which the contact is open the force is 0
     mean *= (c1 - c0) / (d1 - d0)
     return mean, (elastic_force(i, c1, A, shape) - mean) / (d1 - d0)
 
@@ -353,7 +364,8 @@ def mean_shape(i: int, d0: float, d1: float, shape: ForceShape) -> float:
 
 @ieee_inline
 def gauss(t0: float, t1: float, j: int, table: ForceTable) -> float:
-    """Integral of phi between t0 and t1 behind the table's knot j."""
+    """Integral of phi between t0 and t1 behind the table's knot j, by Gauss' rule of two points,
+    which lie 1/sqrt(12) of the length from the middle."""
     middle, reach = 0.5 * (t0 + t1), (t1 - t0) / math.sqrt(12.0)
     rise = risen(middle - reach, j, table) + risen(middle + reach, j, table)
     return (t1 - t0) * (table.force[j] + 0.5 * rise)
@@ -361,8 +373,11 @@ def gauss(t0: float, t1: float, j: int, table: ForceTable) -> float:
 
 @ieee_inline
 def mean_stiffness(i: int, d0: float, d1: float, A: Array, shape: ForceShape | None) -> float:
-    """(F(d1) - F(d0)) / (d1 - d0) of contact i between two overlaps that are not both 0."""
+    """(F(d1) - F(d0)) / (d1 - d0) [N/m] of contact i between two overlaps >= 0 [m] that are not
+    both 0, without the cancellation of the difference for close ones; A (n_contacts,)."""
     if shape is None:
+        # with the roots y, z of the overlaps, (z^3 - y^3) / (z^2 - y^2); over the larger root, so
+        # that powers of tiny overlaps do not underflow
         y, z = math.sqrt(d0), math.sqrt(d1)
         top = max(y, z)
         y, z = y / top, z / top
@@ -374,9 +389,11 @@ def mean_stiffness(i: int, d0: float, d1: float, A: Array, shape: ForceShape | N
 
 @ieee_inline
 def mean_hertz(d0: float, d1: float, A: float) -> tuple[float, float]:
-    """Mean force of a Hertz contact between the overlaps d0 and d1, change of potential over change
-    of overlap, and its slope in d1; free of cancellation."""
+    """`mean_elastic` of a Hertz contact: mean force [N] between the overlaps d0 and d1 [m], and its
+    slope in d1 [N/m]."""
     if d0 > 0.0 and d1 > 0.0:
+        # with the roots y, z of the overlaps, 2/5 A (z^5 - y^5) / (z^2 - y^2), in which z - y
+        # cancels; over the larger root, so that powers of tiny overlaps do not underflow
         top = math.sqrt(max(d0, d1))
         y, z = math.sqrt(d0) / top, math.sqrt(d1) / top
         mean = 0.4 * A * top**3 * (z**4 + z**3 * y + z * z * y * y + z * y**3 + y**4) / (y + z)
@@ -395,9 +412,11 @@ def mean_hertz(d0: float, d1: float, A: float) -> tuple[float, float]:
 
 @fastmath
 def elastic_indentation(i: int, gap: float, s: float, A: Array, shape: ForceShape | None) -> float:
-    """d of  d + s F(d) = gap: contact i and a spring s in series.
+    """d [m] of  d + s F(d) = gap: contact i and a spring of the compliance s [m/N] in series, under
+    the approach `gap` [m] of both; A (n_contacts,).
 
-    NaN where no force answers the gap, beyond the fold  1 + s k = 0  of a negative s.
+    Newton's method within a bracket that is halved where a step would leave it. NaN where no force
+    answers the gap, beyond the fold  1 + s k = 0  of a negative s.
     """
     if shape is None:
         return hertz_indentation(gap, A[i], s)
@@ -428,7 +447,8 @@ def elastic_indentation(i: int, gap: float, s: float, A: Array, shape: ForceShap
 def wall_indentation(
     i: int, gap: float, A: Array, residual: float | None, shape: ForceShape | None
 ) -> float:
-    """Overlap at the wall, whose residual compliance may take some of the gap."""
+    """Overlap [m] of contact i at the wall, whose residual compliance [m/N] takes its part of the
+    gap [m]; A (n_contacts,). NaN as of `elastic_indentation`."""
     if residual is None:
         return larger(gap, 0.0)
     return elastic_indentation(i, gap, residual, A, shape)
@@ -439,8 +459,12 @@ def wall_indentation(
 
 @fastmath
 def plastic_force(i: int, d: float, A: Array, plastic: Plastic) -> float:
-    """Thornton's elastic-plastic contact: Hertz up to its yield overlap, straight on beyond, back
-    on the Hertz law of the flattened surface."""
+    """Force [N] of Thornton's elastic-plastic contact i at the overlap d [m]; A (n_contacts,).
+
+    Hertz up to the yield overlap, beyond it straight on with the stiffness that is reached there,
+    and back on the Hertz law of the flattened surface, which leaves a crater. Before it yields a
+    contact has top = limit, no crater and the coefficient A, so that the second branch is Hertz'.
+    """
     limit = plastic.limit[i]
     if d > plastic.top[i]:
         return hertz_force(limit, A[i]) * (1.0 + 1.5 * (d - limit) / limit)
@@ -449,13 +473,35 @@ def plastic_force(i: int, d: float, A: Array, plastic: Plastic) -> float:
 
 @fastmath
 def plastic_indentation(gap: float, A: Array, residual: float | None, plastic: Plastic) -> float:
-    """delta of  delta + s F(delta) = gap  at the last contact, by bisection."""
+    """delta [m] of  delta + s F(delta) = gap [m]  at the last contact, with a spring of the
+    compliance s `residual` [m/N] in series; A (n_contacts,).
+
+    By bisection, beyond the largest overlap so far in closed form. NaN where no force answers the
+    gap, beyond the fold  1 + s k = 0  of a negative s; the flattened surface is stiffer than the
+    first one, so that a contact which yields may come to one on its way back.
+    """
     if residual is None or gap <= 0.0:
         return larger(gap, 0.0)
     last = A.size - 1
     low, high = 0.0, gap
+
+    # s < 0: the overlap is more than the gap, which grows with it up to the fold of the Hertz law
+    # or up to the top, and along the straight line behind that
     if residual < 0.0:
-        high = gap - residual * plastic_force(last, 2.0 * gap, A, plastic)
+        top = plastic.top[last]
+        reached = top + residual * plastic_force(last, top, A, plastic)
+        line = 1.0 + 1.5 * residual * A[last] * math.sqrt(plastic.limit[last])
+        if gap > reached and line > 0.0:
+            return top + (gap - reached) / line
+        crater = plastic.crater[last]
+        root = -2.0 / (3.0 * residual * plastic.coefficient[last])
+        high = smaller(crater + root * root, top)
+        if high + residual * plastic_force(last, high, A, plastic) < gap:
+            return math.nan
+        # the way back from the top would leap to before the fold, and energy would be lost in it
+        if high < top and crater > 0.0:
+            return math.nan
+
     for _ in range(100):
         d = 0.5 * (low + high)
         if d + residual * plastic_force(last, d, A, plastic) > gap:
@@ -469,14 +515,23 @@ def plastic_indentation(gap: float, A: Array, residual: float | None, plastic: P
 
 @ieee_entry
 def plastic_loss(limit: float, top: float, A: float) -> tuple[float, float, float]:
-    """Work lost for good once a contact has been pressed to the overlap `top`; also the coefficient
-    of the flattened surface and its crater."""
+    """Work [J] lost for good once a contact has been pressed to the overlap `top` [m] beyond the
+    yield overlap `limit` [m]; also the coefficient of the flattened surface [N/m^1.5] and its
+    crater [m].
+
+    The flattened surface has the radius R F_y / F ((2 F + F_y) / (3 F_y))^(3/2) with the yield
+    force F_y and the largest force F (C. Thornton, J. Appl. Mech. 64 (1997) 383).
+    """
     yielded = A * limit * math.sqrt(limit)
     beyond = (top - limit) / limit
     force = yielded * (1.0 + 1.5 * beyond)
+
+    # back along the flattened surface's Hertz law from the same force: the crater is left over
     flat = yielded / force * ((2.0 * force + yielded) / (3.0 * yielded)) ** 1.5
     coefficient = A * math.sqrt(flat)
     elastic = (force / coefficient) ** (2.0 / 3.0)
+
+    # work of the way in less that of the way out
     work = yielded * limit * (0.4 + beyond + 0.75 * beyond * beyond)
     return work - 0.4 * force * elastic, coefficient, top - elastic
 
@@ -485,7 +540,8 @@ def plastic_loss(limit: float, top: float, A: float) -> tuple[float, float, floa
 def sphere_forces(
     x: Array, A: Array, f: Array, shape: ForceShape | None, plastic: Plastic | None
 ) -> None:
-    """Elastic forces between neighbours into f[1:n]."""
+    """Elastic forces [N] between neighbours at x (n,) [m] into f[1:n], f (n + 1,); that at the wall
+    is `wall_force`. A (n_contacts,)."""
     for i in range(x.size - 1):
         d = x[i] - x[i + 1]
         if plastic is None:
@@ -512,6 +568,8 @@ def dashpot_indentation(
     if residual is None:
         y = y / (1.0 + 0.5 * mobility * A * y * dt)
         return y * y
+
+    # Newton's method in z = 1/y, in which the creep is almost a straight line in time
     e = residual * A
     target = 2.0 / y - 3.0 * e * math.log(y) + mobility * A * dt
     z = 1.0 / y + 0.5 * mobility * A * dt / (1.0 + 1.5 * e * y)
@@ -527,7 +585,9 @@ def dashpot_indentation(
 def creep(
     d: float, dt: float, A: float, motion: Motion, residual: float | None, mobility: float
 ) -> float:
-    """Move the dashpot wall for dt; its mean force."""
+    """Move the dashpot wall for dt [s] from the overlap d [m]; its mean force [N], the way over
+    mobility and time. What contact and spring lose is what the dashpot takes: the sphere rests.
+    """
     force = hertz_force(d, A)
     d_new = dashpot_indentation(d, dt, A, residual, mobility)
     force_new = hertz_force(d_new, A)
@@ -545,7 +605,11 @@ def wall_force(
     dt: float, motion: Motion, A: Array, offset: float, shape: ForceShape | None,
     residual: float | None, mobility: float | None, plastic: Plastic | None,
 ) -> float:  # fmt: skip
-    """Mean force at the wall over a kick of length dt; moves the dashpot wall."""
+    """Mean force [N] at the wall over a kick of length dt [s]; moves the dashpot wall.
+
+    A (n_contacts,), offset [m] of the wall at rest, residual [m/N], mobility [m/(N s)]. NaN as of
+    `elastic_indentation`. Yield and a dashpot are not combined.
+    """
     last = motion.x.size - 1
     gap = motion.x[last] - motion.wall[U] - motion.wall[DASH] - offset
     if plastic is not None:
@@ -587,11 +651,11 @@ def damping_impulse(
     w' = -c w / m  gives  m w (1 - exp(-c dt / m)),  1/m = 1/m_1 + 1/m_2.
 
     Clipped, the damper never outweighs the elastic force F, so the contact never pulls: where it
-    would, it takes F until c w = -F.
+    would, it takes F until c w = -F. w in m/s, dt in s, force in N, c in N s/m; the impulse in N s.
     """
     clipped_impulse = 0.0
     if clipped and c * w < -force:
-        if dt < 0.0:
+        if dt < 0.0:  # a composed scheme's step back in time, in which w only grows more negative
             return -force * dt
         until = (-force / c - w) / (force * inverse_mass) if force > 0.0 else math.inf
         if until >= dt:
@@ -610,7 +674,9 @@ def damping_impulse(
 def contact_stiffness(
     i: int, force: float, A: Array, shape: ForceShape | None, plastic: Plastic | None
 ) -> float:
-    """k = dF/d delta of contact i under a force: 3/2 (A^2 F)^(1/3) of Hertz' law."""
+    """k = dF/d delta [N/m] of contact i under a force [N]: 3/2 (A^2 F)^(1/3) of Hertz' law, and of
+    Thornton's the straight line's while the force is above that where unloading began;
+    A (n_contacts,)."""
     if shape is not None:
         return elastic_stiffness(i, pressed_overlap(i, force, A, shape), A, shape)
     if plastic is None:
@@ -623,9 +689,10 @@ def contact_stiffness(
 
 @ieee_inline
 def spring_share(stiffness: float, residual: float) -> tuple[float, float]:
-    """What a spring in series leaves of a damper in the contact: the contact gives way by
-    1 / (1 + s k) of the gap, and as much of what is added to its force arrives behind the spring;
-    also by how much that falls, relatively, with the force."""
+    """Share 1 / (1 + s k)^2 that a spring in series leaves of a damper in the contact: the contact
+    gives way by 1 / (1 + s k) of the gap, and as much of what is added to its force arrives behind
+    the spring. Also by what power of the force that share falls, -d(ln share)/d(ln F), of Hertz'
+    law, where k grows as F^(1/3)."""
     softness = residual * stiffness
     return 1.0 / (1.0 + softness) ** 2, (2.0 / 3.0) * softness / (1.0 + softness)
 
@@ -635,7 +702,9 @@ def damper(
     i: int, last: bool, force: float, A: Array, shape: ForceShape | None, residual: float | None,
     damping: Damping, plastic: Plastic | None,
 ) -> float:  # fmt: skip
-    """Coefficient c of the damping force c (approach velocity) of contact i."""
+    """Coefficient c [N s/m] of the damping force c (approach velocity) of contact i under the
+    elastic force [N]: 0 of an open contact, less of the last one where a spring is in series;
+    A (n_contacts,)."""
     if force <= 0.0:
         return 0.0
     c = damper_coefficient(damping.gamma[i], force, damping.law)

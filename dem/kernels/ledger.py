@@ -3,7 +3,8 @@
     kinetic + contacts + leaf springs + modes + residual spring + losses - works  =  constant
 
 A contact holds the integral of its force, 2/5 F d of Hertz' law; the modes' losses are the work
-done on them less what they hold.
+done on them less what they hold. A sum that drifts shows an error of the march; one that stays does
+not show that the model is right: a wall of a wrong participation conserves energy too.
 """
 
 from dem.kernels.arguments import (
@@ -44,9 +45,11 @@ def total_forces(
     dt: float, motion: Motion, chain: ChainArrays, shape: ForceShape | None, residual: float | None,
     damping: Damping | None, plastic: Plastic | None,
 ) -> tuple[float, float]:  # fmt: skip
-    """Contact forces at an instant, dissipative part included, into f; elastic energies out.
+    """Contact forces [N] at an instant, dissipative part included, into `motion.f`; elastic
+    energies [J] of the contacts and of the residual spring.
 
-    A damper counts no stronger than steps of dt can tell: beyond, its force is that of rounding.
+    A damper counts no stronger than steps of dt [s] can tell: beyond, its force is that of
+    rounding.
     """
     x, v, wall, A = motion.x, motion.v, motion.wall, chain.A
     n = x.size
@@ -77,7 +80,7 @@ def total_forces(
 
 @fastmath_inline
 def leaf_energy(x: Array, leaf: LeafSprings | None) -> float:
-    """sum k (x - anchor)^2 / 2 [J]."""
+    """sum k (x - anchor)^2 / 2 [J] of spheres at x (n,) [m]; 0 without leaf springs."""
     energy = 0.0
     if leaf is not None:
         for i in range(x.size):
@@ -87,7 +90,7 @@ def leaf_energy(x: Array, leaf: LeafSprings | None) -> float:
 
 @fastmath_inline
 def weight_work(x: Array, start: Array, weight: Array | None) -> float:
-    """Work [J] of the weights since the start."""
+    """Work [J] of the weights (n,) [N] on the way from `start` to x, (n,) [m] each."""
     work = 0.0
     if weight is not None:
         for i in range(x.size):
@@ -97,7 +100,8 @@ def weight_work(x: Array, start: Array, weight: Array | None) -> float:
 
 @fastmath_inline
 def save_modes(row: Array, speeds: Array, modes: WallModes | None) -> None:
-    """Displacements of the modes, in all, and their speeds; as many as the rows have room for."""
+    """Displacements of the modes, the static ones included, into row (n_modes,) [kg^1/2 m], and
+    their rates into speeds (n_modes,); a row that is (0,) takes none."""
     if modes is not None:
         for j in range(row.size):
             row[j] = modes.q[j] + modes.static[j]
@@ -109,11 +113,13 @@ def save_modes(row: Array, speeds: Array, modes: WallModes | None) -> None:
 def save(
     k: int, dt: float, motion: Motion, chain: ChainArrays, saved: Saved, mobility: float | None
 ) -> bool:
-    """Row k of the saved states, forces and energies; is it finite?"""
+    """Row k of the saved states, forces and energies; is it finite? dt [s] of the steps."""
     x, v, wall, energy = motion.x, motion.v, motion.wall, saved.energy[k]
     contact, spring = total_forces(
         dt, motion, chain, chain.shape, chain.residual, chain.damping, chain.plastic
     )
+
+    # states; the wall's velocity is that of its modes and of the dashpot under the force
     kinetic = 0.0
     for i in range(x.size):
         saved.x[k, i] = x[i]
@@ -127,6 +133,8 @@ def save(
     saved.wall[k, 1] = wall[V]
     if mobility is not None:
         saved.wall[k, 1] += mobility * motion.f[x.size]
+
+    # energies in the order of `Trajectory`: what is held, what is lost, works of steady forces
     energy[0] = kinetic
     energy[1] = contact
     energy[2] = leaf_energy(x, chain.leaf)
@@ -142,4 +150,4 @@ def save(
         total += energy[e]
     total -= energy[9]
     energy[10] = total
-    return abs(total) <= 1e300
+    return abs(total) <= 1e300  # not so of a NaN, which any part that is not finite leaves

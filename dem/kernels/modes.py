@@ -10,14 +10,15 @@ from dem.kernels.compiled import fastmath_inline, ieee
 
 @fastmath_inline
 def push_wall(impulse: float, square: float, wall: Array) -> None:
-    """Work of an impulse on the modes, and the velocity that it leaves the wall with."""
+    """Work [J] of an impulse [N s] on the modes, and the velocity that it leaves the wall (4,)
+    with; `square` [1/kg] is phi phi. The modes themselves get the impulse elsewhere."""
     wall[WORK] += impulse * (wall[V] + 0.5 * square * impulse)
     wall[V] += square * impulse
 
 
 @fastmath_inline
 def push_modes(impulse: float, wall: Array, modes: WallModes | None) -> None:
-    """Impulse [N s] at the wall on every mode."""
+    """Impulse [N s] at the wall (4,) on every mode: p_j += phi_j I."""
     if modes is not None:
         for j in range(modes.p.size):
             modes.p[j] += modes.phi[j] * impulse
@@ -26,7 +27,7 @@ def push_modes(impulse: float, wall: Array, modes: WallModes | None) -> None:
 
 @ieee
 def shift_modes(shift: float, wall: Array, modes: WallModes | None) -> None:
-    """Displacement of every mode by a shift times mass [kg m] at the wall."""
+    """Displacement of every mode by a shift times mass [kg m] at the wall (4,): q_j += phi_j S."""
     if modes is not None:
         wall[U] += modes.square * shift
         for j in range(modes.q.size):
@@ -35,7 +36,9 @@ def shift_modes(shift: float, wall: Array, modes: WallModes | None) -> None:
 
 @fastmath_inline
 def drift_modes(k: int, impulse: float, wall: Array, modes: WallModes | None) -> None:
-    """Exact free motion of the damped modes by the k-th drift after an impulse at the wall."""
+    """Exact free motion of the damped modes by the k-th drift after an impulse [N s] at the wall
+    (4,), whose displacement and velocity are summed anew from the modes: the rounding of
+    `push_wall` does not pile up."""
     if modes is None:
         return
     q, p, phi = modes.q, modes.p, modes.phi
@@ -59,7 +62,8 @@ def drift_modes(k: int, impulse: float, wall: Array, modes: WallModes | None) ->
 
 @fastmath_inline
 def modal_energy(modes: WallModes | None) -> tuple[float, float]:
-    """Energy of the modes about the static state, and in all."""
+    """Energy [J] of the modes about the static state, and in all, the static deflection included;
+    0 without modes."""
     swing = 0.0
     absolute = 0.0
     if modes is not None:

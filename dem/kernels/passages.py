@@ -8,8 +8,9 @@ from dem.kernels.compiled import ieee, ieee_march
 
 @ieee
 def crest_between(v: Array, sign: float, first: int, end: int) -> tuple[float, float]:
-    """Place [samples] and height of the crest of sign * v within first..end - 1; nan where it
-    lies at an end of the record."""
+    """Place [samples] and height of the crest of sign * v, v (n,), within first..end - 1, by the
+    parabola through its highest sample and both beside it; nan where that lies at an end of the
+    record, since what comes before or after is unknown."""
     k = first
     for i in range(first, end):
         if sign * v[i] > sign * v[k]:
@@ -27,7 +28,8 @@ def crest_between(v: Array, sign: float, first: int, end: int) -> tuple[float, f
 @ieee_march
 def fill_passages(v: Array, threshold: float, out: Array) -> None:
     """Of every record v (m, k): place [samples] and height of the incident wave, then of the first
-    reflected one after it, into out (m, 4); nan for what there is not."""
+    reflected one after it, into out (m, 4); nan for what there is not. A wave is a run of samples
+    of one sign that are at least `threshold` times the largest of the record."""
     for row in range(v.shape[0]):
         record = v[row]
         largest = 0.0

@@ -23,50 +23,52 @@ from dem.kernels.laws import (
     shape_slope,
 )
 
-# rows of f (5 + n_parameters, n_contacts); from the last one on by the parameters of the shape
+# rows of f (5 + n_parameters, n_contacts): the force of each contact, and its derivatives by the
+# gap of contact and spring, by A, by the rate of the gap, by gamma, and by the parameters of the
+# shape from the last row on
 FORCE, BY_OVERLAP, BY_STIFFNESS, BY_RATE, BY_LOSS, BY_PARAMETERS = range(6)
 
 
 class SensitivityRig(NamedTuple):
     """A chain and its wall; no part is absent, those without effect are zeros."""
 
-    A: Array  # (n_contacts,)
+    A: Array  # (n_contacts,) [N/m^1.5]
     shape: ForceShape | None  # of the elastic force; None: Hertz
-    gamma: Array  # (n_contacts,)
-    mass: Array  # (n,)
-    load: Array  # (n,)
-    leaf: Array  # (n,) stiffness
-    anchor: Array  # (n,)
-    residual: float
-    offset: float  # static displacement of the modes
-    rest_force: float  # static force at the wall
-    phi: Array  # (k,)
+    gamma: Array  # (n_contacts,) [s/m] of Hunt and Crossley's damping
+    mass: Array  # (n,) [kg]
+    load: Array  # (n,) [N] steady: weight and preload
+    leaf: Array  # (n,) [N/m] stiffness
+    anchor: Array  # (n,) [m]
+    residual: float  # [m/N]
+    offset: float  # [m] static displacement of the modes
+    rest_force: float  # [N] static force at the wall
+    phi: Array  # (k,) [kg^-1/2]
     propagator: Array  # (k, 2, 2) over half a step
     by_omega: Array  # (k, 2, 2) its derivatives
     by_zeta: Array  # (k, 2, 2)
 
 
 class Slopes(NamedTuple):
-    """Derivatives of a rig by the parameters, (.., p) each."""
+    """Derivatives of a rig by p parameters."""
 
-    A: Array
-    gamma: Array
-    phi: Array
-    omega: Array
-    zeta: Array
-    load: Array
-    offset: Array
-    rest_force: Array
+    A: Array  # (n_contacts, p)
+    gamma: Array  # (n_contacts, p)
+    phi: Array  # (k, p)
+    omega: Array  # (k, p)
+    zeta: Array  # (k, p)
+    load: Array  # (n, p)
+    offset: Array  # (p,)
+    rest_force: Array  # (p,)
     parameters: Array | None = None  # (n_parameters, n_contacts, p) of the shape of the force
 
 
 class SphereDerivatives(NamedTuple):
     """Positions and velocities (n,), and their derivatives (n, p)."""
 
-    x: Array
-    v: Array
-    X: Array
-    V: Array
+    x: Array  # (n,) [m]
+    v: Array  # (n,) [m/s]
+    X: Array  # (n, p)
+    V: Array  # (n, p)
 
 
 class Modal(NamedTuple):
@@ -97,12 +99,20 @@ def contact(
     gap: float, rate: float, stiffnesses: Array, gammas: Array, shape: ForceShape | None, s: float,
     i: int, f: Array,
 ) -> None:  # fmt: skip
-    """Force of one contact and its derivatives into column i of f."""
+    """Force of one contact and its derivatives into column i of f (5 + n_parameters, n_contacts).
+
+    gap [m] and rate [m/s] are those of the contact and a spring of the compliance s [m/N] in series
+    together; stiffnesses A and gammas (n_contacts,). With soft = 1 / (1 + s k) and the stiffness k,
+    F = A d^(3/2) (1 + gamma soft^2 rate), never below 0, where d follows the gap by soft.
+    """
     A, gamma = stiffnesses[i], gammas[i]
     d = max(gap, 0.0) if s == 0.0 else elastic_indentation(i, gap, s, stiffnesses, shape)
     if shape is not None:
         shaped_contact(d, rate, (A, gamma), s, i, shape, f)
         return
+
+    # soft falls as k grows with d, by soft^2 s k'. k' = 3/4 A / sqrt(d) is infinite at first touch,
+    # but comes with the factor d^(3/2) of the force alone
     root = math.sqrt(d)
     soft = 1.0 / (1.0 + 1.5 * s * A * root)
     loss = gamma * rate * soft * soft
@@ -121,8 +131,10 @@ def shaped_contact(
     d: float, rate: float, factors: tuple[float, float], s: float, i: int, shape: ForceShape,
     f: Array,
 ) -> None:  # fmt: skip
-    """`contact` of a force A phi(d) with the stiffness k and its derivative k' by d: the overlap
-    follows the gap by soft = 1 / (1 + s k), the damper acts by gamma soft^2; factors A, gamma."""
+    """`contact` of a force A phi(d) at the overlap d [m] with the stiffness k = A phi' and its
+    derivative k' = A phi'' by d: the overlap follows the gap by soft = 1 / (1 + s k), the damper
+    acts by gamma soft^2. `factors` are A and gamma; into column i of f
+    (5 + n_parameters, n_contacts)."""
     A, gamma = factors
     phi, slope = shape_force(i, d, shape), shape_slope(i, d, shape)
     bend = A * shape_bend(i, d, shape)
@@ -147,7 +159,8 @@ def shaped_contact(
 def contacts(
     x: Array, v: Array, z: Array, rig: SensitivityRig, shape: ForceShape | None, f: Array
 ) -> None:
-    """All contacts at a state into f."""
+    """All contacts at the positions x and velocities v (n,), and z (2, k) of the modes, into f
+    (5 + n_parameters, n_contacts)."""
     phi = rig.phi
     n = x.size
     for i in range(rig.A.size):
@@ -163,7 +176,8 @@ def contacts(
 
 @fastmath_inline
 def accelerations(x: Array, f: Array, rig: SensitivityRig, a: Array) -> None:
-    """a_i = (f_{i-1} - f_i + load_i - k_i (x_i - anchor_i)) / m_i."""
+    """a_i = (f_{i-1} - f_i + load_i - k_i (x_i - anchor_i)) / m_i into a (n,) [m/s^2], from x (n,)
+    and the row FORCE of f (5 + n_parameters, n_contacts)."""
     n = x.size
     for i in range(n):
         net = rig.load[i] - rig.leaf[i] * (x[i] - rig.anchor[i])
@@ -179,7 +193,9 @@ def contact_sensitivities(
     spheres: SphereDerivatives, modal: Modal, f: Array, phi: Array, slopes: Slopes,
     by_parameters: Array | None, dF: Array,
 ) -> None:  # fmt: skip
-    """Derivatives of all contact forces by the parameters into dF (n_contacts, p)."""
+    """Derivatives of all contact forces by the parameters into dF (n_contacts, p), by the chain
+    rule from those in f (5 + n_parameters, n_contacts); phi (k,). 0 of a contact without force,
+    which has none nearby."""
     X, V, z, Z = spheres.X, spheres.V, modal.z, modal.Z
     n, p = X.shape
     for i in range(f.shape[1]):
@@ -256,7 +272,7 @@ def move_modes(
 def combine(
     x: Array, X: Array, h: float, slope: Array, d_slope: Array, out: Array, d_out: Array
 ) -> None:
-    """out = x + h * slope, and the same for the derivatives."""
+    """out = x + h * slope, (n,) each, and the same for the derivatives (n, p)."""
     for i in range(x.size):
         out[i] = x[i] + h * slope[i]
         for m in range(X.shape[1]):
@@ -268,7 +284,8 @@ def save(
     step: int, observed: Array, spheres: SphereDerivatives, a: Array, dA: Array,
     record: DerivativeRecord,
 ) -> None:  # fmt: skip
-    """Velocity, acceleration and their derivatives of the observed spheres at a step."""
+    """Velocity, acceleration a (n,) and their derivatives of the observed spheres (m,) at a step;
+    dA (n, p)."""
     for o in range(observed.size):
         i = observed[o]
         record.v[step, o] = spheres.v[i]
@@ -283,7 +300,7 @@ def add(
     spheres: SphereDerivatives, h: float, at_stage: SphereDerivatives, a: Array, dA: Array,
     out: SphereDerivatives,
 ) -> None:  # fmt: skip
-    """out = spheres + h * their rates at a stage."""
+    """out = spheres + h * their rates at a stage, with the accelerations a (n,) and dA (n, p)."""
     combine(spheres.x, spheres.X, h, at_stage.v, at_stage.V, out.x, out.X)
     combine(spheres.v, spheres.V, h, a, dA, out.v, out.V)
 
@@ -319,7 +336,7 @@ def march(
     work: Workspace, rig: SensitivityRig, slopes: Slopes, dt: float, n_steps: int, observed: Array,
     record: DerivativeRecord,
 ) -> None:  # fmt: skip
-    """March the workspace's spheres, and record the observed ones.
+    """March the workspace's spheres by n_steps of dt [s], and record the observed ones (m,).
 
     Modes at the stages:  z_1 = z,  z_2 = E (z + h/2 N_1),  z_3 = E z + h/2 N_2,
     z_4 = E (E z + h N_3),  and after the step  E E (z + h/6 N_1) + E h/3 (N_2 + N_3) + h/6 N_4.
@@ -327,8 +344,13 @@ def march(
     f, a, dF, dA, spheres, at_stage, total, modal, modal_at_stage, half, stages = work
     (n, p), n_contacts = dA.shape, rig.A.size
     weights, spans = (dt / 6.0, dt / 3.0, dt / 3.0, dt / 6.0), (0.5 * dt, 0.5 * dt, dt, 0.0)
+
+    # one step more than n_steps, whose first stage is the last one's end
     for step in range(n_steps + 1):
-        move_modes(modal, 0.0, 0, dt != 0.0, stages, rig, slopes, half)
+        move_modes(modal, 0.0, 0, dt != 0.0, stages, rig, slopes, half)  # E z
+
+        # stages of the spheres at 0, 1/2, 1/2, 1 of the step, of the modes as above; spans[-1] = 0
+        # leaves the first one where it is
         for s in range(4):
             start, force, span = modal if s < 2 else half, max(s - 1, 0), spans[s - 1]
             move_modes(start, span, force, s % 2 == 1, stages, rig, slopes, modal_at_stage)
@@ -347,6 +369,9 @@ def march(
                 save(step, observed, spheres, a, dA, record)
             add(total, weights[s], at_stage, a, dA, total)
             add(spheres, spans[s], at_stage, a, dA, at_stage)
+
+        # the end of the step: of the spheres the weighted sum of all stages, of the modes each
+        # stage's impulse before or behind the drift over its half of the step
         add(total, 0.0, total, a, dA, spheres)
         add(total, 0.0, total, a, dA, at_stage)
         for s in range(4):

@@ -109,7 +109,7 @@ def slide_iwan(sliders: Sliders, law: Segalman, way: float) -> float:
 
 @ieee_entry
 def iwan_force(sliders: Sliders, law: Segalman) -> float:
-    """[N] of the element."""
+    """Force [N] of the element: the integral of z rho over s, piece by piece, and S z(s_max)."""
     s, z, n = sliders.s, sliders.z, sliders.count[0]
     force = law.last_stiffness * z[n - 1]
     for j in range(n - 1):

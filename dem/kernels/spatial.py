@@ -159,7 +159,8 @@ class SavedSpatial(NamedTuple):
 
 @ieee
 def push(i: int, impulse: float, motion: SpatialMotion, square: Array) -> None:
-    """An impulse [N s] on the wall along direction i, and its work."""
+    """An impulse [N s] on the wall along direction i, and its work; square (d, d) [1/kg] with
+    d = 1 + n_directions. Velocities of all directions change: modes couple them."""
     velocity, work = motion.wall[1], impulse * (motion.wall[1, i] + 0.5 * square[i, i] * impulse)
     motion.ledger[ON_MODES] += work
     for j in range(velocity.size):
@@ -169,7 +170,8 @@ def push(i: int, impulse: float, motion: SpatialMotion, square: Array) -> None:
 
 @fastmath
 def shake(t: float, q: Array, p: Array, shaking: Shaking) -> float:
-    """What the shakers add to q and p in the step from t on, into `forced`; their work [J]."""
+    """What the shakers add to q and p (k,) in the step from t [s] on, into `forced`; their work
+    [J] in it, exact: over q and p at its start, and over what the shakers themselves move."""
     forced, work = shaking.forced, 0.0
     for j in range(q.size):
         forced[0, j], forced[1, j] = 0.0, 0.0
@@ -190,7 +192,8 @@ def shake(t: float, q: Array, p: Array, shaking: Shaking) -> float:
 
 @fastmath
 def give_pending(motion: SpatialMotion, phi: Array) -> None:
-    """The modes get the pending impulse."""
+    """The modes get the pending impulse, phi (d, k) of d = 1 + n_directions; the wall's velocity
+    has it already."""
     p, pending = motion.p, motion.pending
     for i in range(pending.size):
         impulse = pending[i]
@@ -201,7 +204,8 @@ def give_pending(motion: SpatialMotion, phi: Array) -> None:
 
 @fastmath
 def drift_wall(motion: SpatialMotion, arrays: SpatialArrays, forced: Array) -> None:
-    """Exact motion of the modes over a step, and the wall's at the contact."""
+    """Exact motion of the modes over a step, what shakers add (`forced`, (2, k)) included, and the
+    wall's at the contact."""
     q, p, wall, phi = motion.q, motion.p, motion.wall, arrays.phi
     qq, qp, pq, pp = (
         arrays.propagator[0], arrays.propagator[1], arrays.propagator[2], arrays.propagator[3]
@@ -370,8 +374,9 @@ def approach(t: float, motion: SpatialMotion, system: SpatialSystem) -> None:
 def damp(
     i: int, h: float, motion: SpatialMotion, arrays: SpatialArrays, motion_rate: float
 ) -> None:
-    """Impulse of the damper of contact i over a time h at fixed positions, exact; `motion_rate`
-    [m/s] of the wall by L, against which the shakers work."""
+    """Impulse of the damper of contact i over a time h [s] at fixed positions, exact; `motion_rate`
+    [m/s] of the wall by L, against which the shakers work. Contacts that share a sphere do not
+    commute: the march takes them from the striker to the wall and, after the drift, back."""
     v, minv, n = motion.v, arrays.inverse_mass, motion.v.size
     force, gamma = motion.f[i + 1], arrays.gamma[i]
     if gamma == 0.0 or force <= 0.0:
@@ -395,8 +400,8 @@ def damp(
 
 @ieee
 def share(force: float, arrays: SpatialArrays) -> float:
-    """Share of the bodies' rate of approach that the contact takes beside the residual compliance:
-    1 / (1 + s k), right for dampers to first order."""
+    """Share of the bodies' rate of approach that the contact takes beside the residual compliance s
+    under a normal force [N]: 1 / (1 + s k), right for dampers to first order."""
     A = arrays.A[arrays.A.size - 1]
     k = 1.5 * (A * A * larger(force, 0.0)) ** (1.0 / 3.0)
     return 1.0 / (1.0 + arrays.residual[0, 0] * k)
@@ -426,8 +431,8 @@ def pressure(h: float, motion: SpatialMotion, arrays: SpatialArrays, motion_rate
 
 @ieee
 def kick(h: float, motion: SpatialMotion, arrays: SpatialArrays, sphere: Sphere) -> None:
-    """Kick of all elastic forces: of the spheres, and of the last one and the wall in three
-    directions."""
+    """Kick of all elastic forces over h [s]: of the spheres, and of the last one and the wall in
+    all 1 + n_directions. The modes get the normal force beyond that at rest."""
     v, f, minv = motion.v, motion.f, arrays.inverse_mass
     for i in range(v.size):
         v[i] += h * minv[i] * (f[i] - f[i + 1] + arrays.load[i])
@@ -443,8 +448,8 @@ def kick(h: float, motion: SpatialMotion, arrays: SpatialArrays, sphere: Sphere)
 def forces(
     t: float, h: float, motion: SpatialMotion, system: SpatialSystem, contacts: FrictionalContact
 ) -> None:
-    """All contact forces at the positions of the time t; h of the half kick to come, see
-    `pressure`."""
+    """All contact forces at the positions of the time t [s]; h [s] of the half kick to come, see
+    `pressure`. NaN as of `touch`."""
     arrays, trials = system.arrays, system.trials
     x, f, n = motion.x, motion.f, motion.x.size
     for i in range(n - 1):
@@ -486,7 +491,8 @@ def save_spatial(
     contacts: FrictionalContact,
     saved: SavedSpatial,
 ) -> None:
-    """Row k of the saved states and energies."""
+    """Row k of the saved states and energies; total forces of the contacts include their dampers'
+    at the rates of that instant, cut at 0."""
     arrays, trials = system.arrays, system.trials
     x, v, n, energy = motion.x, motion.v, motion.x.size, saved.energy[k]
     energy[HERTZ], size = 0.0, 0.0

@@ -208,7 +208,7 @@ def integral(xi1: float, xi2: float, u1: float, u2: float) -> float:
 
 @ieee_entry
 def tangential_force(row: SpringRow, law: TangentialLaw) -> float:
-    """[N] of the springs against the motion of the body that moved by U.
+    """Force [N] of the springs against the motion of the body that moved by U.
 
     The sum of G* [2 alpha sqrt(xi) + 2/3 beta xi^(3/2)] over the pieces u = alpha + beta xi.
     """
@@ -220,7 +220,7 @@ def tangential_force(row: SpringRow, law: TangentialLaw) -> float:
 
 @ieee_entry
 def stored_energy(row: SpringRow, law: TangentialLaw) -> float:
-    """[J] in the springs, the integral of G* u^2 / 2 over -a < x < a."""
+    """Energy [J] in the springs, the integral of G* u^2 / 2 over -a < x < a."""
     energy = 0.0
     for j in range(row.count[0] - 1):
         x1, x2 = math.sqrt(row.xi[j]), math.sqrt(row.xi[j + 1])
@@ -239,7 +239,8 @@ def stored_energy(row: SpringRow, law: TangentialLaw) -> float:
 def slide_cells(
     cells: SpringCells, law: TangentialLaw, d: float, q: float, way1: float, way2: float
 ) -> float:
-    """`slide` by (way1, way2) [m] in two directions. Changes the cells.
+    """`slide` by (way1, way2) [m] in two directions, to the overlap d [m] and the pressure ratio q;
+    friction's heat [J] of it, never negative. Changes the cells.
 
     Cells double in width where the contact outgrows them, so that a contact that grows from nothing
     is always divided into half of them at least. The wave that announces itself through a chain at

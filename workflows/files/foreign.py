@@ -34,8 +34,8 @@ class Refused(Unreadable):
 
 
 def arrays(kind: str, path: Path, *names: str) -> dict[str, np.ndarray]:
-    """Arrays of a file by the reader `kind` of `foreign_reader`, only those of these names where it
-    takes names; raises Unreadable."""
+    """Arrays of a file, as they are there, by the reader `kind` of `foreign_reader`, only those of
+    these names where it takes names; raises Unreadable."""
     return through_child(kind, path, _content, *names)
 
 

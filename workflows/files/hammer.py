@@ -96,7 +96,11 @@ class MeasuredTest(NamedTuple):
 
 
 def measured_test(paths: list[Path], reading: Reading = Reading()) -> MeasuredTest:
-    """The responses of one test in one or more files; raises InvalidScene where there are none."""
+    """The responses of one test in one or more files; raises InvalidScene where there are none.
+
+    Files hold either time records, of which responses are made, or responses at the same
+    frequencies, which are put together.
+    """
     records, tests, nodes, steps = [], [], {}, []
     for path in paths:
         content, points = content_of(path, reading)
@@ -110,6 +114,8 @@ def measured_test(paths: list[Path], reading: Reading = Reading()) -> MeasuredTe
             steps.append(Step(str(path), "read time records", size))
     if reading.points:
         nodes |= points_of_file(reading.points)
+
+    # one kind of content, at common frequencies, with the points named where all files name them
     named = ", ".join(map(str, paths))
     try:
         if tests and records:
@@ -136,10 +142,12 @@ def measured_test(paths: list[Path], reading: Reading = Reading()) -> MeasuredTe
 def responses_of_records(
     records: list[TimeRecord], reading: Reading
 ) -> tuple[FrequencyResponses, tuple[Hits, ...], Step, str]:
-    """Responses of time records and of what kind these are; raises ValueError where no hit is
-    usable."""
+    """Responses of time records, the hits that they are made of, the step for an audit, and of what
+    kind they are, "hits", "ring-downs" or "ambient"; raises ValueError where no hit is usable."""
     pieces, remarks = cut_at_hits(records)
     sets = sets_of_hits(pieces)
+
+    # sets of hits with the same sensors; a missing sample is named by its hit and sensor
     first = sets[0]
     for hits in sets:
         for hit, sensor, sample in np.argwhere(~np.isfinite(hits.response))[:1].tolist():
@@ -148,6 +156,8 @@ def responses_of_records(
                 f"{hits.sensors[sensor]}, sample {sample + 1}, {sample * hits.dt:.6g} s after its "
                 "start; remove that record or measure again"
             )
+
+    # without a force and without decay: half spectra of the correlations of ambient vibration
     if first.force is None and not any(map(is_decay, first.response)):
         if len(sets) > 1:
             raise ValueError("ambient records must have the same sensors; give one set of them")
@@ -156,6 +166,9 @@ def responses_of_records(
         spectra = FrequencyResponses(f, H, first.sensors, against, shift=shift)
         size = {"records": len(first.response), "samples": first.response.shape[2]}
         return spectra, tuple(sets), Step("", "correlations of ambient records", size), "ambient"
+
+    # responses set by set; of several sets again with the samples of the shortest, whose lines are
+    # the fewest: (samples / 2 + 1,)
     checks = HitChecks(decay=reading.decay)
     responses = [frequency_responses(hits, reading.estimator, checks) for hits in sets]
     if len(sets) > 1:
@@ -166,7 +179,8 @@ def responses_of_records(
     whole = responses[0]
     for other in responses[1:]:
         whole = beside(whole, other)
-    # the more numerous are the points of the shapes, whichever was moved
+
+    # by reciprocity: the more numerous are the points of the shapes, whichever was moved
     if first.force is not None and len(whole.references) > len(whole.points):
         whole = whole.transposed()
     remarks += whole.remarks
@@ -184,7 +198,8 @@ def responses_of_records(
 def content_of(
     path: Path, reading: Reading
 ) -> tuple[Responses | list[TimeRecord], dict[int, NDArray[np.float64]]]:
-    """What a file holds, and points of nodes; raises InvalidScene where it has no hammer test."""
+    """What a file holds, and points (3,) [m] of nodes by number; raises InvalidScene where it has
+    no hammer test."""
     ending = path.suffix.lower()
     if ending not in WANTED:
         *first, last = WANTED
@@ -236,8 +251,8 @@ def _why(error: Exception) -> str:
 
 
 def points_of_file(path: Path) -> dict[int, NDArray[np.float64]]:
-    """Points [m] of nodes by number, of a .csv with node, x, y, z below a header line, which may
-    name the unit, x [mm], or of a .uff; raises InvalidScene where it has none."""
+    """Points (3,) [m] of nodes by number, of a .csv with node, x, y, z below a header line, which
+    may name the unit, x [mm], or of a .uff; raises InvalidScene where it has none."""
     return points_and_directions(path)[0]
 
 
@@ -252,6 +267,7 @@ def points_and_directions(
         if path.suffix.lower() in ENDINGS:
             points = points_of_nodes(data_sets(path, *POINTS, UNITS))
         else:
+            # the header: names in order, since swapped axes would be read without a word, and unit
             points = {}
             head, *lines = path.read_text(encoding="utf-8-sig").splitlines() or [""]
             names = [cell.partition("[")[0].strip().lower() for cell in head.split(",")]
@@ -265,6 +281,8 @@ def points_and_directions(
                     f"its header has the units {', '.join(sorted(units))}, not m or mm"
                 )
             metres = METRES[units.pop()]
+
+            # a line for each node
             for n, line in enumerate(lines, 2):
                 if not line.strip():
                     continue
@@ -319,6 +337,8 @@ def write_modes(
     parts of those turned to be as real as can be, along the directions of their points. Where some
     nodes have coordinates, shapes are written at these alone."""
     library = pyuff()
+
+    # points without a node are numbered along z
     ends = [node_and_axis(name) or (i, 3) for i, name in enumerate(test.responses.points, 1)]
     numbers = sorted({node for node, _ in ends})
     sets = []
@@ -327,6 +347,9 @@ def write_modes(
         x, y, z = np.array([test.nodes[node] for node in numbers]).T
         zero = [0] * len(numbers)
         sets.append(library.prepare_15(numbers, zero, zero, zero, list(x), list(y), list(z)))
+
+    # a data set 55 for each shape: turned by half the phase of sum phi^2, which makes the sum of
+    # squares of its real part as large as can be
     unused = {f"id{i}": "NONE" for i in range(2, 6)}
     for n, shape in enumerate(phi.T, start=1):
         turned = (shape * np.exp(-0.5j * np.angle(np.sum(shape**2)))).real
@@ -350,8 +373,8 @@ def write_modes(
 def write_responses(
     path: Path, responses: FrequencyResponses, nodes: dict[int, NDArray[np.float64]], title: str
 ) -> None:
-    """Write points and the accelerations over N of all points to all references as data sets 15
-    and 58, as `[[measured]]` and `hammer` read them."""
+    """Write points (3,) [m] by number and the accelerations over N of all points to all references
+    as data sets 15 and 58, as `[[measured]]` and `hammer` read them."""
     numbers = sorted(nodes)
     x, y, z = np.array([nodes[node] for node in numbers]).T
     zero = [0] * len(numbers)
@@ -378,6 +401,7 @@ def _response_sets(responses: FrequencyResponses, title: str) -> list[dict]:
 
 
 def _write_sets(path: Path, sets: list[dict]) -> None:
+    """Write data sets one after another; the first replaces what is there."""
     file = pyuff().UFF(str(path))
     for i, one in enumerate(sets):
         file.write_sets(one, mode="add" if i else "overwrite")

@@ -42,8 +42,8 @@ def receptances(table: MeasuredTable) -> PartReceptances:
     named = f"{key_of}.receptance = {table.receptance!r}"
     if test.kind not in ("responses", "hits"):
         raise InvalidScene(
-            f"{named} has {test.kind} without a force; give responses of all points to hits on all "
-            "of them."
+            f"{named} has {test.kind.replace('ambient', 'ambient records')} without a force; give "
+            "responses of all points to hits on all of them."
         )
     unit = table.unit or UNITS.get(test.quantity)
     if unit is None:
@@ -68,6 +68,8 @@ def receptances(table: MeasuredTable) -> PartReceptances:
                 f"{named}: {name!r} names no node and direction along x, y or z; name points as "
                 "12+z, or leave it out."
             )
+
+    # those that the keys choose, in the order of the nodes as they are given
     motions = sorted({(node, abs(axis) - 1) for side in ends for node, axis in side})
     nodes = sorted({node for node, _ in motions})
     for node in table.points or ():
@@ -84,6 +86,8 @@ def receptances(table: MeasuredTable) -> PartReceptances:
         raise InvalidScene(
             f'{key_of}.directions = "{wanted}" has none of those measured; change it.'
         )
+
+    # H (m, m, f) along positive axes: a sensor and a hit against their axes each turn the sign
     H = np.full((len(motions), len(motions), len(responses.frequency_hz)), np.nan, complex)
     for i, (node, axis) in enumerate(ends[0]):
         for j, (hit, along) in enumerate(ends[1]):
@@ -109,6 +113,9 @@ def receptances(table: MeasuredTable) -> PartReceptances:
             + (f" and up to {key_of}.highest = {table.highest:g} Hz" if table.highest else "")
             + "; a fit needs 40."
         )
+
+    # to displacements over force; an exponential window exp(-shift t) moves the line to
+    # s = i omega + shift, by which derivatives in time count then
     s = 2j * np.pi * f[within] + responses.shift
     H = np.moveaxis(factor * H[:, :, within] / s**order, 2, 0)
     node, axis = zip(*motions, strict=True)

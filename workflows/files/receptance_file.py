@@ -44,6 +44,7 @@ def fitted(wall: MeasuredWall) -> FitAndErrors:
 
 @lru_cache(maxsize=4)
 def _fitted(key: tuple, stamp: tuple[int, int, int]) -> FitAndErrors:
+    """`fitted` of a wall with these keys, and of a file with this stamp."""
     wall = MeasuredWall(kind="measured", **dict(key))
     f, H = driving_point(wall)
     options = ErrorOptions()
@@ -77,7 +78,16 @@ def driving_point(wall: MeasuredWall) -> tuple[np.ndarray, np.ndarray]:
     from workflows.files.hammer import measured_test
 
     path = Path(wall.receptance)
-    test = measured_test([path]).responses
+    measured = measured_test([path])
+    # spectra of records without a force are passive as well: the fit of one is a wall of any size
+    if measured.kind not in ("responses", "hits"):
+        raise InvalidScene(
+            f"wall.receptance: {path} has {measured.kind.replace('ambient', 'ambient records')} "
+            "without a force; give the response of the point of contact to hits on itself."
+        )
+    test = measured.responses
+
+    # which of the responses (k,) is that of a point to a hit on itself
     pairs = [
         (point, reference, test.H[i, j])
         for i, point in enumerate(test.points)
@@ -113,6 +123,7 @@ def driving_point(wall: MeasuredWall) -> tuple[np.ndarray, np.ndarray]:
         )
     against = number in of_point and named[number][0][1] != named[number][1][1]
 
+    # to a displacement over force, in SI units; the line at 0 Hz has none of a velocity
     order, factor = RESPONSE_UNITS[wall.unit]
     f = test.frequency_hz
     if f.min() < 0:

@@ -60,7 +60,8 @@ class Recorded(NamedTuple):
 
 
 def equidistant(t: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Times on an even grid; raises ValueError where they leave it."""
+    """Times (k,) [s] on an even grid between the first and the last; raises ValueError where they
+    leave it, for too few, for gaps and where time does not grow."""
     if not np.isfinite(t).all():
         raise ValueError(f"the time of sample {int(np.argmin(np.isfinite(t))) + 1} is no number")
     if len(t) < LEAST_SAMPLES:
@@ -84,7 +85,8 @@ def equidistant(t: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def stacked(t: NDArray[np.float64], columns) -> tuple[tuple, NDArray[np.float64]]:
-    """What the m columns hold, in order, and their values (r, k, m) in r repeats at k times."""
+    """What the m columns hold, in order, and their values (r, k, m) in r repeats at times t (k,)
+    [s]; raises ValueError for missing numbers and where columns differ in repeats."""
     repeats_of: dict[Any, list] = {}
     for key, values in columns:
         if not np.isfinite(values).all():

@@ -34,13 +34,16 @@ class Found(NamedTuple):
 
 
 def of_csv(text: str, column: Column) -> Found:
-    """What a CSV file holds; `column` makes of a heading what it holds and its unit."""
+    """What a CSV file holds; `column` makes of a heading what it holds and its unit. Raises
+    ValueError, which names the line as an editor shows it."""
     lines = text.splitlines()
     title = " ".join(line.lstrip("# ").strip() for line in lines if line.startswith("#"))
     # lines by their number in the file, as an editor shows it
     numbered = [(n, s) for n, s in enumerate(lines, 1) if s.strip() and not s.startswith("#")]
     if len(numbered) < 2:
         raise ValueError("no samples below a header line")
+
+    # the header: time first, then what `column` reads, all in units that are factors to SI
     (_, first), *samples = numbered
     between = next((mark for mark in ";\t" if mark in first), ",")
     header = [name.strip() for name in first.split(between)]

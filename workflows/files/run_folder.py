@@ -122,7 +122,11 @@ class RunFolder:
             rmtree(new, ignore_errors=True)
 
     def _take(self, new: "RunFolder") -> None:
-        """Put the files of a new folder in the place of those of ours."""
+        """Put the files of a new folder in the place of those of ours.
+
+        Everything that can be refused is refused before the first file moves; then the marker notes
+        a file before it appears, so that a run killed in between leaves none of unknown origin.
+        """
         arrived = () if new is self else tuple(new._noted())
         # a file that stands here with this very content stays
         moved = [
@@ -283,7 +287,8 @@ class RunFolder:
             )
 
     def ours(self, name: str) -> bool:
-        """Whether the file is there and as we wrote it."""
+        """Whether the file is there and as we wrote it: a run killed while it replaced a file has
+        left the marker with both contents, of which either is ours."""
         digests = self._noted().get(name)
         return bool(digests) and isfile(self.path / name) and digest(self.path / name) in digests
 

@@ -43,6 +43,7 @@ def measured(wall: RomWall) -> WallFile:
 
 @lru_cache(maxsize=1)
 def _measured(path: Path, wall: RomWall, stamp: tuple[int, int, int]) -> WallFile:
+    """`measured` of a file with this stamp."""
     # text and archives of numpy are parsed here, all else in a child
     try:
         if path.suffix == ".mtx":
@@ -88,6 +89,7 @@ def _shown(value: float | tuple[float, ...]) -> str:
 def of_substructure(path: Path, wall: RomWall) -> rom.ReducedModel:
     """The model of an Abaqus substructure, loaded and read at wall.nodes with wall.weights of sum
     1; raises InvalidScene where these keys do not fit the file, ReductionError for the file."""
+    # the nodes that the chain touches, each once, and weights that can be scaled to the sum 1
     coordinates = rom.substructure(path).coordinates
     if not wall.nodes:
         first = ", ".join(map(str, sorted({node for node, _ in coordinates})[:6]))

@@ -261,6 +261,7 @@ def foreseen(
     theta are the values of all but the trigger; noise is over the largest signal; `models` are
     those that are better in what a cause names.
     """
+    # one record of zeros from the touch at t = 0 on: only the model's signals and slopes count
     m, theta = len(forward.sensors), np.append(theta, 0.0)
     shot = Shot(t, np.zeros((len(t), m)), np.ones(m))
     signals, slopes = forward.jacobian(unknowns, theta, [shot])
@@ -280,6 +281,7 @@ def foreseen(
     B = np.zeros((p, p))
     B[:n, :n] = bounds_information(unknowns.parameters)
 
+    # each sensor alone: bars of records that end earlier and earlier, and biases of the whole one
     n_lengths = 80  # record lengths at which bars are computed
     ends = np.unique(np.linspace(len(t) / n_lengths, len(t), n_lengths).astype(int))
     causes = {cause: np.zeros((m, n)) for cause in (NOISE, *by_cause)}

@@ -41,7 +41,12 @@ NO_FILTER = Filter()
 
 
 class ChainForward:
-    """Model velocities at the times of the signals, as a function of theta (p,)."""
+    """Model velocities at the times of the signals, as a function of theta (p,) in SI units.
+
+    theta are values of the `parameters`, in their order; `steps` is the time step over the usual
+    one of the rig. Raises CouplingError where the record ends before the earliest first touch that
+    the bounds allow, and for sensors of forces in a chain on leaf springs.
+    """
 
     def __init__(
         self,
@@ -116,9 +121,15 @@ class ChainForward:
     def _march(
         self, theta: np.ndarray, sensitivities: bool, first: int | None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Velocities (k, m) [m/s] and derivatives (k, m, p), p = 0 without sensitivities."""
+        """Velocities (k, m) [m/s] and derivatives (k, m, p), p = 0 without sensitivities.
+
+        The run's clock starts at the first touch, the record's earlier by the trigger: what is
+        shown at t is the run at t - trigger, and its state at rest before that.
+        """
         t, rig = self.signals.t[:first], rig_at(self.rig, self.parameters, theta)
         channels = self.signals.channels
+
+        # no longer than the samples need, by the one time step of all evaluations
         duration = max(self.duration - (self.signals.t[-1] - t[-1]), 4 * self.dt)
         run = march_with_sensitivities(
             rig.chain,
@@ -230,11 +241,11 @@ class StructureForward(NamedTuple):
     difference: float = 1e-5  # step of a difference quotient, in scales
 
     def narrowed(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> StructureForward:
-        """The same with a system made for shared numbers between these ends, and no others."""
+        """The same with a system made for shared numbers between these ends (n_shared,) alone."""
         return self.with_system(self.within(low, high))
 
     def with_system(self, system: Callable[[NDArray[np.float64]], Rig]) -> StructureForward:
-        """The same of another structure."""
+        """The same of another structure, `system` of the values (q,) of a record."""
         return self._replace(system=system)
 
     def with_steps(self, factor: float) -> StructureForward:
@@ -299,6 +310,7 @@ class StructureForward(NamedTuple):
         return np.where(theta + step > high, -step, step)
 
     def _runs(self, values, lengths) -> list[Trajectory | RubbingRun]:
+        """A run with each of the values (q,), as long as its length [s]."""
         systems = [self.system(v) for v in values]
         # below 10 000 steps of all runs together threads would cost more than they save
         if sum(lengths) < 10_000 * self.dt:
@@ -307,6 +319,7 @@ class StructureForward(NamedTuple):
             return list(pool.map(self._run, systems, lengths))
 
     def _run(self, system: Rig, duration: float) -> Trajectory | RubbingRun:
+        """A run of whole steps of dt, the last of which may end after the duration [s]."""
         if system.across is not None:
             from workflows.fit.rubbing import march_rubbing
 
@@ -336,7 +349,8 @@ class StructureForward(NamedTuple):
 
 
 def durations(unknowns: Unknowns, shots: Sequence[Shot]) -> NDArray[np.float64]:
-    """(S,) [s] that a run must last, whatever its trigger is found to be."""
+    """(S,) [s] that a run must last, whatever its trigger is found to be: from the earliest one
+    that its bounds allow. Raises CouplingError where a record ends before that."""
     earliest = np.array([unknowns.parameters[i].low for i in unknowns.trigger])
     lengths = np.array([shot.t[-1] for shot in shots]) - earliest
     if (lengths <= 0.0).any():

@@ -126,7 +126,7 @@ def problem(
     gain_of_sensor = np.array([gains.index(name) if name else -1 for _, name in pairs])
     gain_known = gain_of_sensor < 0
 
-    # the rig of the smallest step
+    # the rig of the smallest step, which all records and all evaluations are marched by
     starts = [np.array([p.start for p in (*shared, *of_record)]) for of_record in per_record]
     with marched(model.scene.name):
         rigs = [model(values) for values in starts]
@@ -158,6 +158,7 @@ def problem(
         )
         triggers.append(trigger_of(record, signals, f"trigger, record {i}"))
 
+    # numbers of a record are told apart by its number: "striker.velocity, record 2"
     named = [
         [p._replace(name=f"{p.name}, record {i}") for p in of_record]
         for i, of_record in enumerate(per_record, 1)
@@ -190,7 +191,9 @@ def answered(
         end_fit = fit._replace(forward=search.forward)
         model, moved, no_wall = end_fit.forward.system, None, ""
         inversion = inverted(end_fit, begin=end.point, n_shared=n_shared, gains=gains)
-        # walls are computed at the answer three times at most
+
+        # a wall between computed ones is wrong by its interpolation: one computed at the answer
+        # takes its place, and the fit goes on from there; three times at most
         for _ in range(3 if model.between else 0):
             try:
                 model = model.through(inversion.value[: len(model.keys)])

@@ -56,7 +56,8 @@ def clean_signals(
     spheres: tuple[int, ...],
     duration: float,
 ) -> Clean:
-    """The known rig marched for a duration [s] and filtered; spheres are counted from 1."""
+    """The known rig marched from v0 (n,) [m/s] for a duration [s] and filtered; spheres (m,) are
+    counted from 1. Raises what the march raises of a chain that it cannot follow."""
     rate, observed = OVERSAMPLED * twin.sampling, [n - 1 for n in spheres]
     n = round(duration * rate)
     # 1e-8: relative velocity error of the march that makes the data

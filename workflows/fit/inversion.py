@@ -90,7 +90,11 @@ class Inversion(NamedTuple):
     @property
     def excess(self) -> NDArray[np.float64]:
         """(1 + parts,) mean square of the residual, as a whole and in each part, above what noise
-        and rounding allow; inf where it is no number."""
+        and rounding allow; inf where it is no number.
+
+        The mean square of n independent normal samples has the standard deviation sqrt(2 / n); of
+        samples that go on from one to the next so many fewer count as `memory` says.
+        """
         n = self.model.size
         squares = np.array([self.whole_misfit, *(part.misfit for part in self.parts)]) ** 2
         samples = np.array([n] + [n // len(self.parts)] * len(self.parts))
@@ -241,6 +245,7 @@ def widened(
         """(S, k, m) by the gains that were found."""
         return inversion.gains * forward.signals(fit.unknowns, theta, fit.shots)
 
+    # records f + d that a better model would make, and what the fit to them moves the numbers by
     by_cause = model_errors.changes(fit.forward, inversion.model, signals, models)
     biases, squares = {}, np.zeros_like(inversion.model)
     for cause, changes in by_cause.items():
@@ -258,6 +263,7 @@ def widened(
             gains = moved_fit.gains(of_model) - inversion.gains
             for g in range(len(scale) - n):
                 biases[cause][n + g, i] = share * gains[fit.gain == g][0] / scale[n + g]
+            # what no numbers of the model take up of d: records may be off by it, and explained
             squares += (share * moved_fit.off(of_model)) ** 2
 
     bars, causes = model_errors.widened(inversion.uncertainty, scale, biases)

@@ -159,10 +159,14 @@ def joints_posterior(
 ) -> NestedPosterior:
     """Posterior of the parameters, and last of the model's error, given the targets {1, 2, ...: Hz}
     of a basis; `priors` of the parameters stand for log-uniform ones within their bounds, and
-    frequency_error {1, 2, ...: relative} for that of the options."""
+    frequency_error {1, 2, ...: relative} for that of the options. Raises InvalidScene where the
+    sampler is not installed, or the likelihood is 0 wherever the priors allow."""
     places, measured = [n - 1 for n in target_hz], np.array([*target_hz.values()])
     errors = frequency_error or dict.fromkeys(target_hz, options.frequency_error)
     d = np.array([errors[n] for n in target_hz])
+
+    # a target that no mode is like counts as far too high: finite, so that likelihoods of two such
+    # points can be compared, and charged as `tune` charges it
     lost = measured * np.exp(TuningSettings().unfitted)
     if priors is None:
         priors = [log_uniform(p.name, p.lower, p.upper) for p in parameters]
@@ -200,9 +204,11 @@ def bounded(candidates: list[TuningParameter], bounds: str | None) -> list[Tunin
 def quantiles(
     x: NDArray[np.float64], weights: NDArray[np.float64], shares: Sequence[float]
 ) -> list[float]:
-    """Values below which these shares of the weighted samples (n,) lie."""
+    """Values below which these shares of the samples x (n,) of the weights (n,) lie, linear between
+    two samples; the ends of the samples beyond half a weight of them."""
     order = np.argsort(x)
     cumulative = np.cumsum(weights[order])
+    # a sample stands in the middle of its weight
     at = (cumulative - 0.5 * weights[order]) / cumulative[-1]
     return [float(q) for q in np.interp(shares, at, x[order])]
 
@@ -215,6 +221,8 @@ def parameter_rows(
     ends = [(p.lower, p.upper) for p in parameters] + [(options.least_error, options.largest_error)]
     for j, (name, (lower, upper)) in enumerate(zip(posterior.names, ends, strict=True)):
         median, low, high = quantiles(posterior.samples[:, j], posterior.weights, shares)
+
+        # ends of the bar in the probability of the log-uniform prior, 0 to 1
         at_low, at_high = (np.log(x / lower) / np.log(upper / lower) for x in (low, high))
         says, spans = "value", at_low < options.at_end and at_high > 1 - options.at_end
         if name in posterior.undetermined or spans:
@@ -235,7 +243,8 @@ def parameter_rows(
 def lobe_rows(
     posterior: NestedPosterior, numbers: Sequence[int], hz_of_lobes: Sequence[NDArray[np.float64]]
 ) -> list[LobeRow]:
-    """Best values, 95 % bars and frequencies of the modes `numbers` in each lobe."""
+    """Best values, 95 % bars and frequencies of the modes `numbers` in each lobe, whose frequencies
+    [Hz] are (modes,) of each, nan of a mode that no computed one is like."""
     lobes = []
     for k, (lobe, hz) in enumerate(zip(posterior.lobes, hz_of_lobes, strict=True)):
         of_lobe = posterior.lobe == k
@@ -275,6 +284,7 @@ def posterior_of(
     parameters = bounded(candidates_of(scene, names), bounds)
     loose, basis, parameters = projected(scene, parameters, progress)
 
+    # a user counts measured modes by their numbers, the basis by their places, from 1
     numbers = scene.measured_numbers
     by_place = {numbers.index(n) + 1: hz for n, hz in match.items()}
     places = [n - 1 for n in by_place]
@@ -294,6 +304,7 @@ def posterior_of(
 
     remarks = [f"Errors of the measurement: {errors.text()}; that of the model is sampled."]
     remarks += [f"{p.name} is not determined by these modes." for p in rows if p.says == "nothing"]
+    # of a lower bound the 5 % below it is all of the doubt: there is none above
     least = [quantiles(x, posterior.weights, (0.05,))[0] for x in posterior.samples.T]
     remarks += [
         f"{p.name} is at least {least[j]:.3g} {p.unit} (95 %): these modes know no upper end, "

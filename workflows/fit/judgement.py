@@ -173,6 +173,7 @@ def on_posterior(posterior: Posterior, fit: CalibrationResult, *, seed: int, sec
 
     # parameters without a bar, or whose bar by noise ends elsewhere than the samples do
     low, _, high = posterior.quantiles(SHARES)
+    # samples hold the noise alone: bars that hold the errors of the model as well are longer
     of_noise = fit.causes.get(NOISE, fit.uncertainty.two_sigma)
     bars = np.where(fit.at_bound, np.inf, of_noise)
     off = np.maximum(np.abs(fit.value - bars - low), np.abs(fit.value + bars - high))

@@ -79,6 +79,8 @@ def solved(
     """
     low, high = (end[free] for end in bounds)
     margin = MARGIN * (high - low)
+
+    # the pull as further rows of the residual, S (x - c), whose squares least_squares adds
     springs, centre = np.diag(pull.stiffness[free]), pull.centre[free]
 
     def full(x):
@@ -87,6 +89,7 @@ def solved(
         z[free] = x
         return z
 
+    # gtol is out of reach: a gradient has the unit of the squares, so no one value of it fits all
     solution = least_squares(
         lambda x: np.concatenate([residual(full(x)), springs @ (x - centre)]),
         np.clip(start[free], low + margin, high - margin),
@@ -152,6 +155,8 @@ class WindowFit:
         parameters that are not free stay. With a prior, a weak spring pulls each to its start."""
         if not free.any():
             return Solution(z, self.misfit(z, windows), 0, True)
+
+        # sqrt(samples): the square of the spring is beside the sum over all samples of the windows
         spring = PRIOR * self.largest * np.sqrt(windows.sum()) if prior else 0.0
         return solved(
             lambda z: self.residual(z, windows), lambda z: self.jacobian(z, windows),
@@ -293,6 +298,8 @@ class RecordFit(NamedTuple):
         of the bounds.
         """
         scale, (low, high) = self.unknowns.scale, self.unknowns.ends()
+
+        # numbers of records that are not among these stay: they would only follow the pull
         free = np.zeros(len(scale), bool)
         free[self.unknowns.of_system] = free[self.unknowns.trigger] = True
         centre = self.unknowns.centre if about is None else about

@@ -43,7 +43,7 @@ class BetterModel(NamedTuple):
 class ModelChange(NamedTuple):
     """What signals change by in a better model, and how much of that counts as an error."""
 
-    signals: NDArray[np.float64]
+    signals: NDArray[np.float64]  # as `shown` of `changes` gives them, better less usual
     share: float
 
 
@@ -71,7 +71,8 @@ def changes(
     models: Mapping[str, Sequence[BetterModel]],
 ) -> dict[str, list[ModelChange]]:
     """By cause what better models change in the signals that `shown` computes of a forward model:
-    smaller steps of time, and each of the models. `usual` is shown(forward)."""
+    smaller steps of time, and each of the models. `usual` is shown(forward), of any shape and
+    unit. Raises what a march by one of them raises."""
     # 1 / (1 - 2**-1.5): e(h) over e(h) - e(h/2) of the order 1.5, to which a spring F ~ d^1.5 that
     # opens bounds any scheme: halved steps took the differences of a chain of 17 down by 2.9
     by_cause = {TIME: [ModelChange(shown(forward.with_steps(0.5)) - usual, 1 / (1 - 2**-1.5))]}
@@ -98,6 +99,7 @@ def widened(
     """
     causes, covariance = {NOISE: bars.two_sigma}, bars.covariance.copy()
     for cause, moved in biases.items():
+        # a bias counts as two standard deviations of an error along its direction, so b b^T / 4
         b = scale[:, None] * moved
         causes[cause] = np.linalg.norm(b, axis=1)
         covariance += b @ b.T / 4.0
@@ -120,6 +122,7 @@ def biases(
     better models over the noise, B (p, p) the information of the bounds, positive semi-definite."""
     rows, known = J, d
     if B is not None:
+        # B = R^T R as further rows of J: least squares has the condition of J, J^T J its square
         values, vectors = np.linalg.eigh(B)
         rows = np.vstack([J, np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T])
         known = np.vstack([d, np.zeros((len(B), d.shape[1]))])
@@ -128,7 +131,8 @@ def biases(
 
 
 def shares(causes: Mapping[str, NDArray[np.float64]], i: int) -> dict[str, float]:
-    """Share of each cause in the square of the bar of number i; none of a number without a bar."""
+    """Share of each cause in the square of the bar of number i, from the parts (p,) of the bars;
+    empty for a number without a bar."""
     squares = {cause: float(bars[i]) ** 2 for cause, bars in causes.items()}
     whole = sum(squares.values())
     if not (0.0 < whole < np.inf):

@@ -131,14 +131,17 @@ def nested_posterior(
     p, n_evaluations = len(priors), 0
 
     def parameters(z):
+        """theta (n, p) = Q(Phi(z)) of z (n, p)."""
         # tails of the mixture reach beyond what a probability below 1 can say
         inside = np.clip(ndtr(z), 1e-300, 1 - 1e-16)
         return np.stack([q.quantile(x) for q, x in zip(priors, inside.T, strict=True)], -1)
 
     def likelihood(z):
+        """ln L at z (p,)."""
         nonlocal n_evaluations
         n_evaluations += 1
         value = float(log_likelihood(parameters(z[None])[0]))
+        # finite in place of ln 0: the difference of two infinite ones would be no number
         return -1e300 if not np.isfinite(value) else value
 
     # nested sampling on z, which is standard normal under the prior
@@ -176,6 +179,7 @@ def nested_posterior(
     for k, n in enumerate(counts):
         w = weights * (lobe == k) / masses[k]
         centre = w @ z
+        # 1e-12: a lobe of a few equal samples has a covariance all the same
         covariance = (w[:, None] * (z - centre)).T @ (z - centre) + 1e-12 * np.eye(p)
         parts.append(stats.multivariate_t(centre, covariance, df=options.freedom))
         points = stats.qmc.Halton(p + 1, rng=seed + k).random(n)
@@ -183,6 +187,9 @@ def nested_posterior(
         share = stats.chi2.ppf(points[:, p:], options.freedom) / options.freedom
         drawn.append(centre + normal_z / np.sqrt(share))
     drawn, shares = np.concatenate(drawn), counts[:, None] / counts.sum()
+
+    # importance weights L N / q with q the density of the whole mixture, not of the part that a
+    # sample was drawn from: where lobes overlap they stay bounded
     log_q = logsumexp([part.logpdf(drawn) for part in parts], axis=0, b=shares)
     drawn_l = np.array([likelihood(x) for x in drawn])
     log_w = drawn_l + stats.norm.logpdf(drawn).sum(axis=1) - log_q
@@ -194,6 +201,7 @@ def nested_posterior(
         z, log_l, weights, effective = drawn, drawn_l, w / w.sum(), enough
         lobe = label[nearest.query(z)[1]]
 
+    # sqrt(12): the spread of a prior's own probability, uniform between 0 and 1, is then 1
     theta, probability = parameters(z), ndtr(z)
     middle = weights @ probability
     spread = np.sqrt(12 * (weights @ (probability - middle) ** 2))
@@ -220,6 +228,8 @@ def lobes_of(
     Samples in the thinnest places, which may bridge two lobes, join the lobe of the nearest one.
     """
     scaled = (z - z.mean(axis=0)) / np.maximum(z.std(axis=0), 1e-300)
+
+    # the graph of the dense samples: distance to the last neighbour falls with the density
     distances = cKDTree(scaled).query(scaled, options.neighbours + 1)[0]
     dense = np.flatnonzero(distances[:, -1] <= np.quantile(distances[:, -1], 1 - options.sparse))
     tree = cKDTree(scaled[dense])

@@ -103,7 +103,11 @@ def at_bound(parameters: Sequence[Parameter], value: np.ndarray) -> np.ndarray:
 
 
 def rig_at(rig: Rig, parameters: tuple[Parameter, ...], theta: np.ndarray) -> Rig:
-    """The rig with the parameters at theta (p,)."""
+    """The rig with the parameters at theta (p,) in SI units.
+
+    Ratios of damping of a structure's modes move by what the parameter moves, each by
+    `rig.damping`, and stop at 0; a wall of one mass m has phi = m^-1/2.
+    """
     chain, wall, v0, trigger, A = rig.chain, rig.wall, rig.v0, rig.trigger, rig.chain.A.copy()
     for p, value in zip(parameters, map(float, theta), strict=True):
         match p.kind:
@@ -132,11 +136,14 @@ def rig_at(rig: Rig, parameters: tuple[Parameter, ...], theta: np.ndarray) -> Ri
 
 
 def directions(rig: Rig, parameters: tuple[Parameter, ...], theta: np.ndarray) -> Directions:
-    """Derivatives of the chain, wall and start by the parameters at theta (p,)."""
+    """Derivatives of the chain, wall and start by the parameters at theta (p,): those of `rig_at`,
+    kind by kind. A trigger and a gain have none, their derivatives follow from the signals."""
     p, n, n_contacts = len(parameters), rig.chain.mass.size, rig.chain.A.size
     k = 0 if rig.wall is None else rig.wall.omega.size
     sizes = (n_contacts, n_contacts, n)
     d = Directions(*(np.zeros((s, p)) for s in sizes), np.zeros(p), *np.zeros((3, k, p)))
+
+    # of a law with parameters of its own (SHAPE_PARAMETERS), (parameters, n_contacts, p)
     law = rig.chain.elastic
     names = [p.name for p in ELASTIC_LAWS[law.name].parameters] if law.name else []
     if names:

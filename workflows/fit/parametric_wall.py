@@ -53,6 +53,8 @@ def with_rest(wall: Wall, reduced: ReducedModel | None) -> Computed:
     """The wall with one more oscillator for the modes that it leaves out, and the shapes of its
     modes; where it leaves none out the oscillator has phi = 0."""
     modes = None if reduced is None else modal(reduced)
+    # a wall takes frequencies over as they are, so that its own oscillator for the rest is the one
+    # that equals none of the model's
     n_modes = None if modes is None else int(np.isin(wall.omega, modes.omega).sum())
     if n_modes in (None, len(wall.omega)):
         wall = wall._replace(
@@ -69,8 +71,8 @@ def with_rest(wall: Wall, reduced: ReducedModel | None) -> Computed:
 class Bounds(NamedTuple):
     """Bounds of d numbers."""
 
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
+    low: NDArray[np.float64]  # (d,)
+    high: NDArray[np.float64]  # (d,)
 
     def unit(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         """Coordinates (..., d) between -1 and 1 of theta (..., d), linear in the logarithms of
@@ -113,7 +115,7 @@ class ParametricWall(NamedTuple):
     n_walls: int
 
     def __call__(self, theta: NDArray[np.float64]) -> Wall:
-        """Raises CouplingError where a mode has no stiffness left."""
+        """The wall at theta (d,); raises CouplingError where a mode has no stiffness left."""
         values = polynomials(self.box.unit(theta)[None], self.degrees)[0] @ self.coefficients
         squares, phi2, zeta = values[:-1].reshape(3, self.n_modes)
         if squares.min(initial=np.inf) < -RIGID * squares.max(initial=0.0):
@@ -124,9 +126,9 @@ class ParametricWall(NamedTuple):
         )
 
     def through(self, theta: NDArray[np.float64], computed: Computed) -> "ParametricWall":
-        """The same moved so that it gives the computed wall at theta; modes that the computed wall
-        lacks keep their frequencies and take no part there. Raises CouplingError where a mode has
-        no stiffness left."""
+        """The same moved so that it gives the computed wall at theta (d,); modes that the computed
+        wall lacks keep their frequencies and take no part there (phi = 0). Raises CouplingError
+        where a mode has no stiffness left."""
         interpolated = self(theta)
         places, partners = nearest_modes(interpolated, computed.wall, self.n_modes - 1)
         partner = selected_modes(computed.wall, partners)
@@ -237,8 +239,13 @@ def nearest_modes(
 
 
 def selected_modes(wall: Wall, places: NDArray[np.int64]) -> Wall:
-    """The modes at these places; all others are one oscillator with the same moments of compliance
-    m_1 = sum phi^2 / omega^2 and m_2 = sum phi^2 / omega^4, see `coupling.reduced_wall`."""
+    """The modes at these places (k,) of a wall, and last all others as one oscillator with the same
+    moments of compliance, m_1 = sum phi^2 / omega^2 and m_2 = sum phi^2 / omega^4, so that
+    omega^2 = m_1 / m_2 and phi^2 = m_1^2 / m_2, see `coupling.reduced_wall`.
+
+    Its damping ratio is their mean weighted with the compliance. Modes without stiffness that have
+    no place are left out: their compliance has no moments.
+    """
     left_out = np.setdiff1d(np.arange(len(wall.omega)), places)
     left_out = left_out[wall.omega[left_out] > 0]
     share = wall.phi[left_out] ** 2 / wall.omega[left_out] ** 2
@@ -262,7 +269,8 @@ def left_out_errors(
     n = int(elastic.sum())
     share = values[:, n : 2 * n] / values[:, :n]  # of each mode in the compliance
 
-    # frequencies of modes with a hundredth of the mean share and more
+    # frequencies of modes with a hundredth of the mean share and more; an error of omega is half
+    # that of omega^2
     heavy = share.mean(axis=0) >= 0.01 * share.mean(axis=0).sum() / n
     frequency = 0.5 * np.abs(left_out[:, :n] / values[:, :n] - 1.0)[:, heavy]
     compliance = np.sum(left_out[:, n : 2 * n] / left_out[:, :n], axis=1)

@@ -94,7 +94,8 @@ def plausible(record: Record, v0: np.ndarray) -> Iterator[str]:
 
 
 def require_samples(t: np.ndarray, time_scale: float) -> None:
-    """Raise UnusableRecord where waves pass between two samples, or a record ends within one."""
+    """Raise UnusableRecord where waves pass between two samples of t (k,) [s], or a record ends
+    within one; `time_scale` [s] is that within which the stiffest contact moves."""
     dt, length = t[1] - t[0], t[-1] - t[0]
     if dt > LIMITS.coarsest * time_scale:
         lowest_rate = 1 / (LIMITS.coarsest * time_scale)
@@ -177,7 +178,8 @@ def on_repeats(raw: Aligned) -> Iterator[str]:
 def filters_of(
     band: float | None, instrument: float | None, t: np.ndarray, time_scale: float
 ) -> Filter:
-    """Low-passes [Hz] of data and model; raises UnusableRecord for one that leaves nothing."""
+    """Low-passes [Hz] of data and model; raises UnusableRecord for one that leaves nothing of the
+    waves, or lies beyond what the samples t (k,) [s] and the model's finer ones hold."""
     nyquist, lowest = 0.5 / (t[1] - t[0]), LIMITS.lowest_cut_off / time_scale
     for name, value in (("band", band), ("instrument", instrument)):
         highest = nyquist if name == "band" else 10 * nyquist
@@ -191,7 +193,8 @@ def filters_of(
 
 
 def first_touch(text: str, estimate: float, t: np.ndarray) -> float:
-    """The time [s] that is given, or the estimate; raises UnusableRecord for one off the record."""
+    """The time [s] that the text of --trigger gives, or the estimate; raises UnusableRecord for one
+    off the record t (k,) [s]."""
     if text in ("fit", "estimate"):
         return estimate
     try:

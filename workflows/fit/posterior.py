@@ -117,10 +117,11 @@ class LogPosterior:
         return 0.5 * (self.best - self._square(residual))
 
     def _weighted_velocities(self, theta: np.ndarray) -> np.ndarray:
+        """(k, m) [m/s] at theta (p,), each sphere by its weight."""
         return self.forward.velocities(theta) * self.weights
 
     def _square(self, residual: np.ndarray) -> float:
-        """r^T W r"""
+        """r^T W r of a residual (k, m), W in the two parts of the module's docstring."""
         along = residual.ravel() @ self.U
         return float(along @ self.along @ along + np.sum(residual**2) / self.mean_noise)
 
@@ -165,7 +166,12 @@ def sampled(
     seed: int,
     options: Sampling = SAMPLING,
 ) -> Posterior:
-    """Samples of theta = answer + shape y, y (p,) about normal; log_probability takes y."""
+    """Samples of theta = answer + shape y, y (p,) about normal; log_probability takes y.
+
+    answer (p,) and bounds (p,), (p,) are in SI units, shape (p, p) is regular. In y the posterior
+    is about round, whatever units and correlations theta has, which is where independent proposals
+    are accepted.
+    """
     import emcee
 
     p, rng = len(answer), np.random.RandomState(seed)

@@ -42,11 +42,11 @@ USUAL_RUBBING_MARCH = RubbingMarch()
 class RubbingRun(NamedTuple):
     """A run at k instants, as `coupling.sensors.measured` reads it."""
 
-    t: NDArray[np.float64]
-    x: NDArray[np.float64]
-    v: NDArray[np.float64]
-    contact_force: NDArray[np.float64]
-    structure: Sensed | None
+    t: NDArray[np.float64]  # (k,) [s] from the first touch on
+    x: NDArray[np.float64]  # (k, n) [m] towards the wall
+    v: NDArray[np.float64]  # (k, n) [m/s]
+    contact_force: NDArray[np.float64]  # (k, n) [N], the last one at the wall
+    structure: Sensed | None  # where sensors are on it
 
 
 def body(rig: Rig, options: RubbingMarch = USUAL_RUBBING_MARCH) -> PreparedImpact:
@@ -74,6 +74,10 @@ def march_rubbing(
     """A run by steps of dt [s], saved at each. Raises UnstableStep, InvalidChain, NoEquilibrium,
     CouplingError."""
     across, whole = rig.across, body(rig)
+
+    # before the striker: at rest, or the periodic state under the shakers. It is continued from
+    # that of the scene's own values, so that neighbouring values end in the same branch of the
+    # continuum of states that residual slip leaves, and difference quotients are of one branch
     before = before_striker(whole, rig.v0, upstream_held=across.upstream_held)
     if across.shakers is None:
         moving = whole.at_rest()
@@ -84,12 +88,17 @@ def march_rubbing(
             compared=False, search=NEIGHBOURS,
         ).moving  # fmt: skip
     struck(moving, before, rig.v0)
+
+    # each step of dt is divided into the substeps that the fastest contact asks for
     n, h = math.ceil(duration / dt), dt / across.substeps
     system = whole.stepped(h)
     whole.settle(moving, system, 0.0)
     sensed = across.wall.sense.shape[1] > 0
     saved = whole.march(moving, system, 0.0, Steps(h, n, across.substeps), modes=sensed)
     t = dt * np.arange(n + 1)
+
+    # sensors on the structure read the modes under what moves them: contact forces beyond the
+    # static ones, turned from n and the directions across to n, t1, t2, and the shakers' forces
     structure = None
     if sensed:
         Q = whole.to_frame

@@ -110,7 +110,8 @@ def _on_impulses(
         if wave is None or model_wave is None:
             continue
 
-        # two sigma of the impulse by the noise of the mean record
+        # two sigma of the impulse by the noise of the mean record: a sum of n samples, of which
+        # n over the samples of correlation are independent, dt noise sqrt(correlated n)
         if len(record.v) > 1:
             spread = record.v[:, :, i].std(axis=0, ddof=1).mean()
             noise = float(spread / np.sqrt(len(record.v)))

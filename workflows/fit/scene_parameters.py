@@ -97,7 +97,9 @@ def rig(scene: Scene, wall: dem.Wall | None, trigger: float) -> Rig:
 def parameters(
     scene: Scene, names: tuple[str, ...], trigger: float, bounds: dict[str, tuple[float, float]]
 ) -> tuple[Parameter, ...]:
-    """The parameters that the names stand for; raises InvalidScene for what the scene lacks."""
+    """The parameters that the names stand for, in their order: `trigger` [s] is the estimate of the
+    first touch, `bounds` by name, "contacts" standing for all. Raises InvalidScene for what the
+    scene lacks, for a name that comes twice and for bounds that cannot be."""
     free = [p for name in names for p in _named(scene, name, trigger)]
     twice = [p.name for i, p in enumerate(free) if p.name in [q.name for q in free[:i]]]
     if twice:
@@ -106,8 +108,8 @@ def parameters(
     if unknown:
         raise InvalidScene(f"--bounds {unknown[0]} is not among the free parameters; free it.")
 
-    latest = 1e-2  # [s] of the trigger to either side of the estimate
     # the bounds that are given: around the start, within what a parameter may be at all
+    latest = 1e-2  # [s] of the trigger to either side of the estimate
     for i, p in enumerate(free):
         if p.kind in RATIOS:
             smallest, largest = SMALLEST * p.start, p.start / SMALLEST
@@ -249,7 +251,8 @@ def plain_number(key: str, text: str) -> float:
 def calibrated_scene(
     scene: Scene, parameters: tuple[Parameter, ...], value: np.ndarray, name: str
 ) -> Scene:
-    """The scene with the parameters at these values (p,)."""
+    """The scene with the parameters at these values (p,) in SI units, and another name. Factors of
+    contacts multiply those that the scene has; a fitted speed takes the place of a drop."""
     factors = np.broadcast_to(np.array(scene.contact.stiffness_factor, float), scene.n_contacts)
     factors, scene = factors.copy(), scene.but(name=name)
     ratios = np.atleast_1d(getattr(scene.damping, "ratio", 0.0)).astype(float)
@@ -401,7 +404,8 @@ def changed_base(base: Base, values: dict[str, Any]) -> Base:
 
 
 def put(scene: Scene, keys: tuple[str, ...], values: np.ndarray) -> Scene:
-    """`scene_at`, unchecked and quicker, of a scene whose bounds have been checked."""
+    """`scene_at` of values (q,), unchecked and quicker, of a scene whose bounds have been checked:
+    what follows from a value elsewhere, as a velocity from a drop, does not follow here."""
     tables: dict[str, Any] = {}
     for key, value in zip(keys, map(float, values), strict=True):
         first, *path = key.split(".")

@@ -106,20 +106,22 @@ class Filter(NamedTuple):
 
 @cache
 def low_pass(cut: float, rate: float) -> tuple[np.ndarray, np.ndarray]:
-    """Second-order sections of a low-pass [Hz], and their state at rest at a constant input of 1;
-    `rate` in samples per second."""
+    """Second-order sections (n_sections, 6) of a low-pass [Hz], and their state (n_sections, 2) at
+    rest at a constant input of 1; `rate` in samples per second."""
     sos = butter(ORDER, cut, fs=rate, output="sos")
     return sos, sosfilt_zi(sos)
 
 
 def aligned(t: np.ndarray, v: np.ndarray, spheres: tuple[int, ...], move: bool = True) -> Aligned:
-    """The mean of repeats v (r, k, m), each first moved onto the others unless `move` is False."""
+    """The mean of repeats v (r, k, m) [m/s], each first moved onto the others unless `move` is
+    False; t (k,) [s] has equal steps, the spheres (m,) are counted from 0."""
     n = len(v)
     if n == 1:
         none = np.full(v.shape[2], np.nan)
         return Aligned(Signals(t, v[0], spheres, none), np.zeros(1), ())
 
-    # to a sample of the first repeat, then by least squares to the mean, which moves with them
+    # to a sample of the first repeat, then by least squares to the mean, which moves with them:
+    # a repeat that is ds late is mean - slope ds, so ds = -<slope, repeat - mean> / <slope, slope>
     shift = np.zeros(n)
     if move:
         shift = np.array([shift_to_a_sample(t, v[0], repeat) for repeat in v])
@@ -137,6 +139,8 @@ def aligned(t: np.ndarray, v: np.ndarray, spheres: tuple[int, ...], move: bool =
     alike = correlation >= ALIGNMENT.alike
     if alike.sum() < max(2, n / 2):
         alike = correlation > -2.0  # all but those that have none
+
+    # times of the mean are those of the mean repeat: shifts of those that count have the mean 0
     shift -= shift[alike].mean()
     moved = shifted(t, v, shift)[alike]
     spread = moved.std(axis=0, ddof=1)

@@ -62,7 +62,8 @@ class VariedScene(NamedTuple):
     rubbing: Rubbing | None = None  # friction on a structure, of the scene's own values
 
     def __call__(self, values: NDArray[np.float64]) -> Rig:
-        """What is marched; raises CouplingError for values that no scene may have."""
+        """What is marched at the values (q,); raises CouplingError for those that no scene may
+        have."""
         try:
             if self.rows is None:
                 scene = scene_at(self.base, self.keys, values)
@@ -91,7 +92,7 @@ class VariedScene(NamedTuple):
         return rig._replace(across=across)
 
     def stepped(self, values: NDArray[np.float64], dt: float) -> VariedScene:
-        """The same, with friction prepared for marches by steps of dt [s] near these values.
+        """The same, with friction prepared for marches by steps of dt [s] near these values (q,).
         Raises CouplingError where shakers lead to no periodic state."""
         if self.rubbing is None:
             return self
@@ -124,8 +125,8 @@ class VariedScene(NamedTuple):
         return self._replace(between=between)
 
     def through(self, values: NDArray[np.float64]) -> VariedScene:
-        """The same with the wall that is computed at these values; raises CouplingError where none
-        can be."""
+        """The same with the wall that is computed at these values (q,); raises CouplingError where
+        none can be."""
         try:
             exact = computed(scene_at(self.base, self.keys, values))
         except FAILURES as reason:
@@ -151,6 +152,8 @@ def structure(
             "bodies or a file of three columns."
         )
     pipeline = pipeline_of(scene, progress)
+
+    # what no key changes: the curvature of the struck face, and how the chain follows its keys
     meshed = needs_structure(scene) and scene.bending is None
     surface = pipeline("surface") if meshed else None
     rows = _keyed_chains(base, scene, keys, surface)

@@ -241,7 +241,7 @@ class Valley(NamedTuple):
         return float(min(squares) - bottom)
 
     def room(self, step: NDArray[np.float64], i: int) -> float:
-        """How many such steps the bounds of number i leave."""
+        """How many such steps (p,) the bounds of number i leave, from theta on."""
         low, high = self.fit.unknowns.ends()
         end = high[i] if step[i] > 0 else low[i]
         return float((end - self.theta[i]) / (step[i] * self.fit.unknowns.scale[i]))
@@ -269,6 +269,7 @@ def stretched(
         factors.append(max(stretch_factor(valley, way * u, i) for way in (1, -1)))
     if max(factors) == 1.0:
         return bars, 1.0
+    # variances grow and covariances stay, which leaves the matrix positive definite
     for i, factor in enumerate(factors):
         covariance[i, i] *= factor**2
     longer = bars._replace(

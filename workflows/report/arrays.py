@@ -50,7 +50,11 @@ WORDS = {
 
 
 def of_trajectory(arrays: Mapping[str, NDArray[np.float64]]) -> xarray.Dataset:
-    """A trajectory over time [s], spheres and contacts numbered from 1; energies in J."""
+    """A trajectory over time [s], spheres and contacts numbered from 1; energies in J.
+
+    Of the arrays by name those over the k instants of t (k,) and the wall's modes; the cycle before
+    a striker, which has instants of its own, is left out.
+    """
     k, variables = len(arrays["t"]), {}
     for name, values in arrays.items():
         if (

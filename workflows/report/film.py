@@ -104,9 +104,11 @@ def film(
 
 
 def paraview(folder: RunFolder, settings: FilmSettings = FilmSettings()) -> list[Path]:
-    """Write film.pvd and the surfaces and spheres of its instants; raises InvalidScene."""
+    """Write film.pvd and the surfaces and spheres of its instants; raises InvalidScene without a
+    run that moves."""
     from meshio import Mesh as Grid
 
+    # quadrilaterals of a surface, and triangles, whose last corner is named twice
     run, _ = frames(folder.path, settings.paraview_frames)
     triangle = run.faces[:, 2] == run.faces[:, -1] if len(run.faces) else np.zeros(0, bool)
     faces = (("quad", run.faces[~triangle]), ("triangle", run.faces[triangle][:, :3]))
@@ -114,6 +116,7 @@ def paraview(folder: RunFolder, settings: FilmSettings = FilmSettings()) -> list
     spheres = [("vertex", np.arange(len(run.radius))[:, None])]
     at_rest = centres(run.radius, run.direction)
 
+    # a file of each part at each instant, listed with its time in film.pvd
     entries = []
     for i, t in enumerate(run.t):
         of_structure = {"displacement": run.u[i].astype(np.float32)}
@@ -135,7 +138,8 @@ def paraview(folder: RunFolder, settings: FilmSettings = FilmSettings()) -> list
 
 
 def frames(folder: Path, n: int) -> tuple[Frames, Scene]:
-    """The run at n instants, and its scene; raises InvalidScene where there is no trajectory."""
+    """The run at n even instants, or at all of fewer, and its scene; raises InvalidScene where
+    there is no trajectory. Displacements are from rest, places [m] from the contact."""
     require_summary(folder)
     scene, run = load(folder / "scene.toml"), page_data.arrays(folder / "trajectory.npz")
     if not run:

@@ -35,6 +35,6 @@ def _packed(values: NDArray, kind: str) -> dict[str, Any]:
 
 
 def unpacked(packed: dict[str, Any]) -> NDArray:
-    """The numbers that `floats` or `whole` packed."""
+    """The numbers that `floats` or `whole` packed, in their shape."""
     raw = b64decode(packed["data"])
     return np.frombuffer(raw, f"<{packed['kind']}").reshape(packed["shape"])

@@ -51,7 +51,8 @@ class PageLimits(NamedTuple):
 
 
 def page_data(folder: Path, summary: Summary, limits: PageLimits = PageLimits()) -> dict[str, Any]:
-    """Everything that the page's scripts read, as JSON takes it."""
+    """Everything that the page's scripts read, as JSON takes it, of what the folder has: a part
+    that is not there is left out. Arrays are thinned to the limits, and packed as integers."""
     scene = load(str(folder / "scene.toml"))
     run = arrays(folder / "trajectory.npz")
     data: dict[str, Any] = {
@@ -119,9 +120,9 @@ def page_data(folder: Path, summary: Summary, limits: PageLimits = PageLimits())
 
 
 def friction_of(scene: Scene, run: dict[str, NDArray], limits: PageLimits) -> dict[str, Any]:
-    """The motion of the last contact along t1 or t2, whichever it is more: slip U [m], force T [N],
-    its bound mu F [N], share of the area that sticks, radius a = sqrt(R d) [m] of the overlap d;
-    and U and T of the cycle before the striker."""
+    """The motion of the last contact along t1 or t2, whichever it is more, at thinned instants (k,)
+    of a run's arrays: slip U [m], force T [N], its bound mu F [N], share of the area that sticks,
+    radius a = sqrt(R d) [m] of the overlap d; and U and T of the cycle before the striker."""
     step = max(1, -(-len(run["t"]) // limits.frames))
     axis = int(np.ptp(run["slip"], axis=0).argmax())
     normal = np.maximum(run["contact_force"][::step, -1], 0.0)
@@ -164,7 +165,10 @@ def _sampled(t: NDArray[np.float64], plots: dict[str, list], limits: PageLimits)
 def _moving_surface(
     reduced, scene: Scene, run: dict[str, NDArray], summary: Summary, limits: PageLimits
 ) -> dict[str, Any]:
-    """The assembly's outer nodes X, the shapes phi_k of modes and wall, and the wall's q_k(t)."""
+    """The assembly's outer nodes X, the shapes phi_k of modes and wall, and the wall's q_k(t).
+
+    The page adds up u(X, t) = sum_k q_k(t) phi_k(X) from rest; shapes take most of its size.
+    """
     from coupling.surface_motion import Moved, shown_shapes
 
     moved = None
@@ -221,7 +225,9 @@ def upwards(scene: Scene, direction: Sequence[float]) -> list[float]:
 
 
 def ledger(run: dict[str, NDArray]) -> list[tuple[str, NDArray]]:
-    """Energies [J] by name, changes since the start but for kinetic ones, and their sum."""
+    """Energies (k,) [J] of a run's arrays (k,) by name, changes since the start but for kinetic
+    ones, and their sum, which stays where it is as far as the ledger closes. Work that the run was
+    given counts as negative."""
     changes = []
     for name, words in LEDGER.items():
         if name not in run:  # of a folder that an earlier version wrote
@@ -234,7 +240,7 @@ def ledger(run: dict[str, NDArray]) -> list[tuple[str, NDArray]]:
 
 
 def arrays(path: Path) -> dict[str, NDArray]:
-    """The arrays of a file, none where there is no file."""
+    """The arrays of a .npz file by name, as it holds them; none where there is no file."""
     if not path.is_file():
         return {}
     with np.load(path) as file:

@@ -175,6 +175,7 @@ def scene_rows(scene: Scene, summary: Summary) -> list[dict[str, str]]:
     }
     units["gravity.inclination"] = "°"
 
+    # a row for each value, its source and note from the comment in the scene's text
     rows = []
     for full, value in flat(scene.model_dump(exclude_none=True)).items():
         if full in ("name", "unusual"):

@@ -68,7 +68,8 @@ def drawn(
 ) -> tuple[Figure, list[Axes]]:
     """Figure and axes of the panels row by row, each of size (width, height) [inch].
 
-    `legend_apart` sets the legend of the last panel into the place behind it where that is free.
+    `legend_apart` sets the legend of the last panel into the place behind it where that is free;
+    `shared` goes to `subplots`. Places of the grid without a panel stay empty.
     """
     rows = -(-len(sets) // columns)
     figure, axes = subplots(rows, columns, (columns * size[0], rows * size[1]), **shared)
@@ -155,8 +156,9 @@ def frame(axis: Axes) -> None:
 
 
 def log_ticks(axis: Axis, values: Iterable[Array], *, plain: bool) -> None:
-    """Up to six values are ticks themselves; else 1, 2 and 5 in a wide span, more of them in a
-    narrow one; beyond a factor of 200, `plain` numbers or powers."""
+    """Ticks of a logarithmic axis of these values, arrays of any shape. Up to six values are ticks
+    themselves; else 1, 2 and 5 in a wide span, more of them in a narrow one; beyond a factor of
+    200, `plain` numbers or powers."""
     ticks = np.concatenate([np.ravel(array) for array in values])
     ticks = np.unique(ticks[np.isfinite(ticks)])
     span = ticks[-1] / ticks[0] if ticks.size and ticks[0] > 0 else np.inf

@@ -282,6 +282,7 @@ def assembly(
             justification_horizontal="right" if label.left else "left",
         )  # fmt: skip
 
+    # what is fastened to the bodies, each kind with its entry in the legend
     legend = [
         *held_faces(plotter, fixtures, settings),
         *bolts(plotter, fixtures, grid.length, settings),
@@ -296,6 +297,7 @@ def assembly(
 
     dimensions(plotter, grid, settings)
     seen_from(plotter, eye)
+
     # of the view's width, what the z axis or names take on the left, and names on the right
     beside = {True: 0.08, False: 0.04}
     for name, label in zip(names, labels, strict=True):
@@ -378,8 +380,8 @@ def white_plotter(shape: tuple[int, int], size: tuple[int, int] = SIZE) -> pv.Pl
 
 
 def seen_from(plotter: pv.Plotter, eye: NDArray[np.float64], zoom: float = 1.15) -> None:
-    """Everything from the direction `eye`, in parallel projection; labels of axes need some room,
-    a smaller `zoom`."""
+    """Everything from the direction `eye` (3,), in parallel projection; labels of axes need some
+    room, a smaller `zoom`."""
     plotter.view_vector(eye, viewup=UP)
     plotter.enable_parallel_projection()
     plotter.camera.zoom(zoom)

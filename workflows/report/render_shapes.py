@@ -43,6 +43,8 @@ def shapes(
     dot = 0.008  # radius of a point over the structure's size
     for i, (mode, name) in enumerate(zip(modes, names, strict=True)):
         row, pair = divmod(i, pairs)
+
+        # the test: an arrow at each point that moves by more than the point is drawn large
         plotter.subplot(row, 2 * pair)
         points, u = np.array(mode.points), np.array(mode.displacement)
         # the longest arrow is 0.12 of the structure's size
@@ -60,6 +62,8 @@ def shapes(
                 plotter.add_mesh(arrow, color=IMPACT, **MATT)
         plotter.add_text(mode.measured, font_size=12, color="black")
         seen_from(plotter, np.array(EYE))
+
+        # the computed mode beside it, from the same direction
         plotter.subplot(row, 2 * pair + 1)
         bent_by(plotter, grid, name, settings)
         plotter.remove_scalar_bar(f"{name}: displacement")

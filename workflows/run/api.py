@@ -173,6 +173,7 @@ def impact(
     summary = run_impact(pipeline, folder, origin=command, planned=planned, waves_known=waves_known)
 
     def read() -> dict[str, NDArray]:
+        """Arrays of the run by name, shapes as in trajectory.npz."""
         from coupling.saved_run import arrays  # kept results load no march
 
         lateral = pipeline("friction") if chosen.friction else None
@@ -195,6 +196,7 @@ def _in_folder(scene: Scene, summary: Summary, path: Path, notes: tuple[str, ...
     """A run whose arrays and pictures are read from its folder when they are asked for."""
 
     def read() -> dict[str, NDArray]:
+        """Arrays of trajectory.npz by name; none of a scene without a chain."""
         file = path / "trajectory.npz"
         if not file.is_file():
             return {}
@@ -202,6 +204,7 @@ def _in_folder(scene: Scene, summary: Summary, path: Path, notes: tuple[str, ...
             return dict(arrays)
 
     def draw() -> Iterable[Picture]:
+        """The pictures that the run left in its folder, in their order on the page."""
         from workflows.report.report import CAPTIONS
 
         files = ((name, path / "figures" / f"{name}.png") for name in CAPTIONS)

@@ -180,7 +180,10 @@ def summary_of(
     with_errors: bool = True,
 ) -> Summary:
     """The numbers of a run, without errors of reduction and mesh where these are not wanted; a
-    stage that the run did not need is left at its absence."""
+    stage that the run did not need is left at its absence.
+
+    Errors that cannot be estimated are warnings, not failures: the run stands without them.
+    """
     scene, structure, numbers = pipeline.scene, needs_structure(pipeline.scene), {}
     number_errors: list[NumberError] = []
     sentences = [*warned, *(() if pipeline.keeps else warnings.results_not_kept())]
@@ -198,6 +201,8 @@ def summary_of(
             except ValueError as reason:  # the run stands without it
                 sentences += warnings.unknown_model_error(name, reason)
 
+        # errors of single numbers, and why there are none: friction and coupled modes have no
+        # second model, a simple wall has the error of its time step alone
         if estimated:
             with suppress(ValueError):  # said above
                 number_errors += pipeline("quantity-errors").quantities
@@ -207,6 +212,8 @@ def summary_of(
             sentences += warnings.model_errors_of_coupled_modes()
         if not structure and not has_friction(scene):
             number_errors += pipeline("time-errors")
+
+        # measured responses, of the wall or of a part: the error of their fits, and their band
         of_wall = isinstance(scene.wall, MeasuredWall)
         if with_errors and (of_wall or (structure and scene.measured and not scene.friction)):
             errors["receptance"] = pipeline("receptance-error")
@@ -251,6 +258,7 @@ def summary_of(
 
         numbers["reduction"] = reduction_health(*measured(scene.wall))
 
+    # of numbers whose mesh error is explained the worst one is told, the others are counted
     explained = [error for error in number_errors if error.why]
     if explained:
         worst = max(explained, key=lambda error: error.relative or 0.0)

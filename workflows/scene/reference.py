@@ -155,6 +155,7 @@ def entries_of(key: str) -> tuple[KeyEntry, ...]:
     table; of a word alone of all keys that have it as one of their words, then of those that
     contain it, sorted, and unless it is one of their words of those whose meaning has it, or each
     of several words. Raises InvalidScene for what no key contains."""
+    # dotted words: the keys whose path begins with them, NAME and N left out
     words = key.split(".")
     paths = {entry: entry.key.split(".") for entry in scene_keys()}
     entries = tuple(
@@ -170,12 +171,16 @@ def entries_of(key: str) -> tuple[KeyEntry, ...]:
             if len(path) >= len(bare)
             and all(w == p or p == "NAME" for w, p in zip(bare, path, strict=False))
         )
+
+    # with names of the user's own in place of NAME and N
     entries = entries or tuple(
         entry
         for entry, path in paths.items()
         if len(path) >= len(words)
         and all(w == p or p in ("NAME", "N") for w, p in zip(words, path, strict=False))
     )
+
+    # one word: no table of this name, so the keys that contain it, and those that are about it
     if not entries and key and len(words) == 1:
         containing = [entry for entry in paths if key in entry.key]
         entries = tuple(sorted(containing, key=lambda e: (key not in paths[e], e.key)))
@@ -274,7 +279,11 @@ def _tables(annotation: Any) -> Iterator[tuple[type[BaseModel], tuple[str, ...]]
 
 
 def _values(annotation: Any) -> str:
-    """Which values an annotation takes, in words; empty for tables alone."""
+    """Which values an annotation takes, in words; empty for tables alone.
+
+    By the kind of the annotation: bounds of a number, literals, alternatives, lists, tables by
+    name; each asks for the words of what is in it.
+    """
     origin, arguments = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         words = _values(arguments[0])

@@ -376,6 +376,8 @@ def _sheet(a: Any, name: str, seed: float) -> dict[str, Any]:
         for x, (left, right) in zip(a.screw_x, screw_cells(a), strict=True):
             at.append((x, screws[joint]))
             rings.append({"washer": r, "lower": (left, z), "upper": (right, end)})
+
+    # lines of the outline's own axes: between the screws, and rows that shrink towards both clamps
     return {
         "plate": {"outline": corners, "thickness": a.sheet_thickness},
         "at": (0.0, y + a.sheet_thickness if SIDES[name] > 0 else -y, 0.0),

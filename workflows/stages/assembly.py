@@ -78,12 +78,14 @@ def _with_springs(scene: Scene, mesh: Parts, structure: fem.Structure) -> fem.St
     raises InvalidScene for a disc that leaves its face and for a face that is not plane."""
     for table in scene.springs or ():
         faces = {mesh.face(spring_face(table.name, end)): getattr(table, end) for end in table.ends}
-        on, *to = faces
+        on, *to = faces  # one to the ground has no second face
         if all(_is_held(mesh, face) for face in faces):
             raise InvalidScene(
                 f"{scene.name}: springs.{table.name}: on = {table.on!r} is held, a spring from it "
                 f"to {table.to!r} holds nothing; choose a face that is free."
             )
+
+        # a spring of each stiffness at each place; without a far place that opposite is taken
         springs = []
         for i, at in enumerate(table.at):
             far = table.to_at[i] if table.to_at else None
@@ -117,6 +119,8 @@ def _require_kept(
     loose = fem.loose_bodies(structure, connections, constraints)
     if not loose:
         return
+
+    # the first body that moves, and the springs of joints that were set free on purpose
     body, motions = loose[0]
     moves = f'{scene.name}: "{body}" can still move along or about {", ".join(motions)}, which '
     k = {

@@ -125,7 +125,7 @@ def mac(scene: Scene, modes: AssemblyModes) -> np.ndarray:
 
 def reduction(scene: Scene, model: fem.Bending) -> rom.ReducedModel:
     """The reduced model at the contact, with the matrix that recovers the drawn surface's
-    motion."""
+    motion: T (3 points, k) of the surface's nodes in single precision, not of the dofs."""
     reduced, contact = _reduced(scene, model), contact_of(scene, model)
     mesh, n = model.drawn, len(model.drawn.p[0])
     T = (model.T @ reduced.T).astype(np.float32)

@@ -61,8 +61,10 @@ def structure_errors(
         return omega[omega > RIGID * omega.max()]
 
     def compliance(reduced):
+        """[m/N] w^T K^-1 w less the half-space that the Hertz law holds already."""
         return rom.static_compliance(reduced) - (reduced.contact.half_space or 0.0)
 
+    # by cause the models that are compared, each with its elastic frequencies
     causes = {"mesh": (second,), **({"theory": others} if others else {})}
     models = [(cause, elastic(m.reduced), m) for cause, of in causes.items() for m in of]
     reduced_omega, rows = elastic(reduction), []
@@ -71,6 +73,8 @@ def structure_errors(
         # a mode's frequency and that of the reduced model, if it has it, differ by 5e-3 at most
         if abs(reduced_omega[j] - omega) > 5e-3 * omega:
             continue
+
+        # models with another number of elastic modes cannot be paired by order: nothing is known
         errors = dict.fromkeys(causes, 0.0)
         for cause, theirs, model in models:
             moved = (

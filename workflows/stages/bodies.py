@@ -56,12 +56,15 @@ def drawing(scene: Scene, coarser: float = 1.0, *, lines: bool = True) -> Iterat
 
 
 def words(scene: Scene) -> Words:
-    """All faces and bodies that the scene names, as it names them."""
+    """All faces and bodies that the scene names, as it names them; names of faces say what they are
+    of: "held-1", "load-NAME", "rod-NAME" and those of `places.named_faces`."""
     faces = {f"held-{i}": hold.on for i, hold in enumerate(scene.assembly.holds, start=1)}
     for load in scene.loads or ():
         ends = {"load": load.on, "rod": load.to}
         faces |= {f"{end}-{load.name}": selector for end, selector in ends.items() if selector}
     faces |= named_faces(scene)
+
+    # joints: their partners, the bolts' places, and on which sides a washer is imprinted
     joints = []
     for joint in scene.joints or ():
         first, second = joint.partners
@@ -195,6 +198,8 @@ def _connections(
 ) -> tuple[fem.Connections, fem.Connections]:
     """Ties, joints and held faces as `fem` takes them, and the same with rigid joints and with ties
     over all that touches; `fineness` orders masters and slaves."""
+    # ties: nodes of the finer face follow the coarser one, the other way round nodes of the finer
+    # one between them would be free
     tied, wholly = [], []
     for touch in ties:
         master, slave = sorted(touch.bodies, key=lambda body: fineness[body])
@@ -202,6 +207,7 @@ def _connections(
         partly = selection.partly.get(touch.name)
         tied.append(fem.Tie(*partly, touch.gap) if partly else wholly[-1])
 
+    # joints: springs along the axes of a frame, of which z is along the bolt unless it is global
     joints, tables = [], {joint.name: joint for joint in scene.joints or ()}
     for place in selection.joints:
         table = tables[place.joint]

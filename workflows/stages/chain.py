@@ -92,11 +92,16 @@ def together(scene: Scene, columns: dict[str, np.ndarray], wall: Any) -> dem.Cha
 
 
 def _flat(value: Any) -> Any:
+    """(n_chains,) of a value (n_chains, 1); one value as it is."""
     return np.ravel(value) if np.ndim(value) else value
 
 
 def chain(scene: Scene) -> dem.Chain:
-    """Spheres, contacts, leaf springs, preload, weight and friction of the scene, as arrays."""
+    """Spheres, contacts, leaf springs, preload, weight and friction of the scene, as arrays.
+
+    Raises InvalidScene for a file of forces that is no table, and for what `flat` and `ellipse`
+    refuse.
+    """
     c, contact, leaf = scene.chain, scene.contact, scene.leaf_springs
     along = scene.gravity.along if scene.gravity else 0.0
     row = dem.row_of_spheres(
@@ -137,6 +142,8 @@ def chain(scene: Scene) -> dem.Chain:
         row = row._replace(mass=row.mass + np.multiply(scene.preload.mass, last))
     if scene.guides:
         row = row._replace(friction=friction(scene.guides, scene.gravity, row.mass))
+
+    # Hertz' law up to the overlap at which the mean pressure reaches the yield pressure
     if contact.yield_pressure is None:
         return row
     overlap = spheres.yield_overlaps(row.radius, row.A, contact.yield_pressure)

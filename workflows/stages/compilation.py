@@ -23,6 +23,9 @@ def compilation(scene: Scene) -> NDArray[np.float64]:
     """Compiles the kernels that the scene's impact needs; returns the times (k,) [s] of the brief
     impact, empty where there was none."""
     brief = scene.but(time=BRIEF, output={"samples": 5})
+
+    # numba compiles for the types of arguments: the brief impact must have the run's wall, law and
+    # damping, not its values. A CoupledWall is marched by an integrator of its own
     if couples(scene):
         return np.empty(0)
     if needs_structure(scene):

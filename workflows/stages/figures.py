@@ -156,8 +156,8 @@ def space_time(run, tracks: Iterable[WaveTrack]) -> bytes:
 
 
 def energies(run: dict[str, np.ndarray]) -> bytes:
-    """PNG: terms of the energy ledger over time, as changes since the start, and its
-    closure error."""
+    """PNG: terms of the energy ledger over time, as changes since the start, and its closure error
+    over the striker's energy; the run's arrays are (k,), t [s] and energies [J] by their names."""
     t = 1e3 * run["t"]
     *terms, (_, total) = ledger(run)
     lines = [Line(words, t, 1e3 * E, None, i, 1.2) for i, (words, E) in enumerate(terms)]

@@ -128,6 +128,9 @@ def friction_numbers(
     force = float(impact.trajectory.contact_force[:, -1].max())
     overlap = float(hertz_overlap(force, start.chain.A[-1]))
     radius = float(np.sqrt(law.radius * overlap))
+
+    # the contact point R n of the sphere moves by v_t + omega x R n, along t1 and t2 by
+    # v_1 + R omega_2 and v_2 - R omega_1
     R = float(start.chain.radius[-1])
     spin = lateral.sphere_spin
     surface = lateral.sphere_t_v + R * np.stack([spin[:, 1], -spin[:, 0]], axis=1)
@@ -152,6 +155,7 @@ def cycle_numbers(
 ) -> dict[str, float | str | tuple[float, float] | None]:
     """Fields of `FrictionNumbers` of the periodic state, and of the instant at which a wave reaches
     the wall: when its force first differs from that at rest by a hundredth of its rise."""
+    # the instant at which the wave is at the wall, and the state that it meets there
     cycle = lateral.cycle
     force = run.contact_force[:, -1]
     rise = np.abs(force - force[0])

@@ -61,12 +61,16 @@ def with_functionals(
 ) -> rom.ReducedModel:
     """The reduced model with what `places.words_of` names; as it is where that is nothing.
 
-    Raises InvalidScene, rom.ReductionError.
+    Columns w of the full model (n, c) become columns of the reduced one with residual vectors of
+    their own: without these a shaker would load, and a sensor read, the retained modes alone.
+    Raises InvalidScene for a disc that leaves its face, rom.ReductionError.
     """
     across = contact.across(model) if has_friction(scene) else ()
     shakers, sensors = shaker_places(scene), sensor_places(scene)
     if not across and not shakers and not sensors:
         return reduced
+
+    # w of each: directions across the contact, then discs of shakers, then discs of sensors
     bodies = {
         face: body
         for body, basis in model.structure.basis.items()
@@ -77,6 +81,7 @@ def with_functionals(
     reduced, columns = rom.with_columns(reduced, model.K, model.M, B, options=options, **solver)
     split = np.split(columns, [len(across), len(across) + len(shakers)], axis=1)
 
+    # the half-space that the tangential law holds already, (3, 3) along the contact's axes
     fields = {}
     if across:
         material = solid(scene, scene.struck_body)

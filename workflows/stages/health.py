@@ -59,7 +59,8 @@ def structure_numbers(
     participation: NDArray[np.float64],
 ) -> StructureNumbers:
     """Numbers and warnings of an assembly. Of the computed modes those that the summary lists, with
-    the score of the target that each one is paired with, if any; their MAC comes later."""
+    the score of the target that each one is paired with, if any, and their participation
+    |w^T phi| (k,) [kg^-1/2] at the contact; their MAC comes later."""
     listed, names = [], scene.measured_numbers
     for number, target in zip(modes.field.number, modes.field.target, strict=True):
         j = number - 1

@@ -51,7 +51,8 @@ def impact(
     scene: Scene, start: Start, wall: dem.Wall | coupling.CoupledWall | None
 ) -> coupling.Impact:
     """The coupled run, to the scene's error or at its step. The error of a run at a CoupledWall,
-    which is not read where it is pushed, is estimated by a second march."""
+    which is not read where it is pushed, is estimated by a second march. Raises dem.InvalidChain,
+    dem.NoEquilibrium and dem.UnstableStep, which name what cannot be marched."""
     time, coupled = scene.time, isinstance(wall, coupling.CoupledWall)
     wanted = {"dt": time.dt} if time.dt is not None else {"error": time.error}
     if time.dt is None and not coupled:

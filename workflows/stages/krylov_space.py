@@ -30,6 +30,8 @@ def krylov_space(
     if factor is None:
         return None
     options, chosen, sought = KrylovOptions(), selection(scene), targets(scene, model)
+
+    # the space grows from the force at the contact, and ends where that is answered
     n = model.K.shape[0]
     try:
         w, error = contact(scene, mesh, model).w, options.exact
@@ -37,7 +39,8 @@ def krylov_space(
         w, error = model.M @ np.random.default_rng(2).standard_normal(n), np.inf
 
     def enough(omega: NDArray[np.float64], shapes: Callable[[], NDArray[np.float64]]) -> bool:
-        """Whether the modes are as many as are listed, the targets among them."""
+        """Whether the modes omega (k,) [rad/s], `shapes` (n, k) of them, are as many as are listed,
+        the targets among them."""
         smallest, largest = (min(n_modes, n - 2) for n_modes in N_MODES)
         if len(omega) < smallest:
             return False

@@ -32,7 +32,8 @@ class OtherFits(NamedTuple):
 
 
 def other_fits(scene: Scene) -> list[OtherFits]:
-    """Fits by noise, whose mean change counts twice, and that of the lower part of the band."""
+    """Fits by noise, each with 2 / n of its change so that their mean change counts twice, and that
+    of the lower part of the band; raises InvalidScene for files that cannot be fitted."""
     parts = {table.name: fitted_part(table) for table in scene.measured or ()}
     n = PartErrorOptions().draws
     others = [
@@ -48,15 +49,22 @@ def part_errors(scene: Scene, model: fem.Model, modes: AssemblyModes) -> NDArray
     forces at the joints, and of all oscillators: to second order in the change. Each is the one
     whose motion of the assembly is most like the mode's.
     """
+    # the space: modes, and static shapes of forces on the assembly at the points of the parts; K is
+    # shifted, so that an assembly that floats has static shapes as well
     at_parts = np.concatenate([at for _, at in model.measured])
     pulls = np.vstack([(part.B @ model.T).toarray() for part, _ in model.measured]).T
     shifted = (model.K + (2 * np.pi * SHIFT_HZ) ** 2 * model.M).tocsc()
     u = np.hstack([modes.phi, fem.factorised(shifted).solve(pulls)])
+
+    # the assembly alone in it: without the parts' oscillators, which every fit brings anew, and
+    # without the springs D^T K_j D to them
     u[at_parts] = 0.0
     K, M = u.T @ (model.K @ u), u.T @ (model.M @ u)
     moved = {part.name: part.B @ (model.T @ u) for part, _ in model.measured}
     for part, _ in model.measured:
         K -= moved[part.name].T @ part.stiffness @ moved[part.name]
+
+    # M-orthonormal, without directions that the shapes span twice
     size, V = np.linalg.eigh(M)
     V = V[:, size > 1e-10 * size[-1]] / np.sqrt(size[size > 1e-10 * size[-1]])
     K, M = V.T @ K @ V, np.eye(V.shape[1])
@@ -82,6 +90,9 @@ def part_errors(scene: Scene, model: fem.Model, modes: AssemblyModes) -> NDArray
         for name, fit in fits.items():
             part = measured_part(tables[name], fit, points[name])
             stiffness = fem.joint_stiffness(part)
+
+            # D (m, k): elongations of the springs, the assembly's motion less the oscillators';
+            # columns of oscillators that were added before are zero
             D = np.hstack([moved[name], np.zeros((len(moved[name]), len(whole) - len(K)))])
             D = np.hstack([D, -part.phi])
             whole = block_diag(whole, np.diag(part.omega**2)) + D.T @ stiffness @ D
@@ -89,6 +100,7 @@ def part_errors(scene: Scene, model: fem.Model, modes: AssemblyModes) -> NDArray
         squared, x = eigh(whole, mass)
         return np.sqrt(np.maximum(squared, 0.0)), x[: len(K)]
 
+    # MAC in M-orthonormal coordinates is that of the motions weighted by mass
     n = len(modes.omega)
     omega, shape = modes_with({name: fitted_part(table).fit for name, table in tables.items()})
     omega, shape = omega[:n], shape[:, :n]
@@ -107,6 +119,7 @@ def receptance_error(scene: Scene, mesh: Parts, start: Start, impact: coupling.I
     speed. Walls without the damping of the parts, in both."""
 
     def marched(fits: dict[str, rom.MatrixFit] | None) -> NDArray[np.float64]:
+        """Velocities (k, m) [m/s] of the observed spheres before the assembly with these fits."""
         joined = assembly.model(scene, mesh, fits)
         reduced = wall_model(scene, joined, assembly.contact(scene, mesh, joined))
         return velocities(scene, start, wall_of(scene, reduced), impact)

@@ -44,7 +44,7 @@ class ErrorPlace(NamedTuple):
     """Elements of a body that one cause makes miss energy."""
 
     body: str
-    cells: NDArray[np.bool_]
+    cells: NDArray[np.bool_]  # (cells,) of the body's mesh
     words: str
     singular: bool = False
     remedy: str = ""
@@ -53,6 +53,8 @@ class ErrorPlace(NamedTuple):
 def causes(mesh: Parts, missed: Mapping[str, NDArray[np.float64]]) -> tuple[Cause, ...]:
     """The cause of each shape's error, by the energies (cells, k) that elements miss by body."""
     connections, places = mesh.connections, []
+
+    # where singular stresses are made by what is fastened to a body
     faces = [
         (side.face, f"around the joint {joint.name}", 'a larger washer, or sides = "mean"')
         for joint in connections.joints
@@ -67,12 +69,15 @@ def causes(mesh: Parts, missed: Mapping[str, NDArray[np.float64]]) -> tuple[Caus
     held = [(held.face, "at the face held", "springs to the ground") for held in connections.held]
 
     def touching(body: str, corners: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Elements (cells,) of a body with any of these corners."""
         return np.isin(mesh.meshes[body].t, corners).any(axis=0)
 
     def at(face: str) -> tuple[str, NDArray[np.bool_]]:
+        """The body of a face "body:name", and its elements (cells,) that touch the face."""
         body, _, name = face.partition(":")
         return body, touching(body, mesh.meshes[body].facets[:, mesh.meshes[body].boundaries[name]])
 
+    # the places in the order in which they claim an element; the last of a body has all of them
     places += [ErrorPlace(*at(face), words, True, remedy) for face, words, remedy in faces]
     for body, mesh_of_body in mesh.meshes.items():
         inner = touching(body, inner_edges(mesh_of_body))
@@ -83,6 +88,8 @@ def causes(mesh: Parts, missed: Mapping[str, NDArray[np.float64]]) -> tuple[Caus
         places.append(ErrorPlace(body, one_thick(mesh_of_body), words))
         places.append(ErrorPlace(body, np.ones(mesh_of_body.nelements, bool), f"within {body}"))
 
+    # each element's energy to the first of its places: set from the last place on, so that an
+    # earlier one takes an element back
     energy = np.zeros((len(places), next(iter(missed.values())).shape[1]))
     for body, of_cells in missed.items():
         first = np.full(len(of_cells), -1)
@@ -90,7 +97,9 @@ def causes(mesh: Parts, missed: Mapping[str, NDArray[np.float64]]) -> tuple[Caus
             if place.body == body:
                 first[place.cells] = i
         np.add.at(energy, first, of_cells)
-    words = [place.words for place in places]  # joints of one name, both sides of a tie
+
+    # places of the same words are one: joints of one name, both sides of a tie
+    words = [place.words for place in places]
     energy = np.array([energy[[w == word for w in words]].sum(axis=0) for word in words])
     total = np.maximum(sum(of_cells.sum(axis=0) for of_cells in missed.values()), 1e-300)
     return tuple(
@@ -101,6 +110,7 @@ def causes(mesh: Parts, missed: Mapping[str, NDArray[np.float64]]) -> tuple[Caus
 
 def inner_edges(mesh: Mesh) -> NDArray[np.int64]:
     """Corners (m,) of a mesh on edges where its outer faces turn inwards sharply."""
+    # normals of outer facets: of four corners by the diagonals, turned away from the element
     facets = mesh.boundary_facets()
     corners = mesh.facets[:, facets]
     p = mesh.p[:, corners]  # (3, corner, facet)
@@ -110,6 +120,8 @@ def inner_edges(mesh: Mesh) -> NDArray[np.int64]:
     middle = p.mean(axis=1)
     inside = mesh.p[:, mesh.t[:, mesh.f2t[0, facets]]].mean(axis=1)
     normal *= np.sign(np.sum(normal * (middle - inside), axis=0)) / np.linalg.norm(normal, axis=0)
+
+    # edges sorted by their corners, so that the two facets of an edge stand beside each other
     n = len(corners)
     edges = np.sort(np.hstack([corners[[i, (i + 1) % n]] for i in range(n)]), axis=0)
     facet = np.tile(np.arange(len(facets)), n)
@@ -117,6 +129,8 @@ def inner_edges(mesh: Mesh) -> NDArray[np.int64]:
     edges, facet = edges[:, order], facet[order]
     pairs = np.flatnonzero((edges[:, 1:] == edges[:, :-1]).all(axis=0))
     a, b = facet[pairs], facet[pairs + 1]
+
+    # an edge turns inwards where the middle of one facet lies on the outer side of the other
     turns = np.degrees(np.arccos(np.clip(np.sum(normal[:, a] * normal[:, b], axis=0), -1, 1)))
     inwards = np.sum(normal[:, a] * (middle[:, b] - middle[:, a]), axis=0) > 0
     return np.unique(edges[:, pairs[inwards & (turns > OPTIONS.inner)]])

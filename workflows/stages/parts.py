@@ -27,7 +27,7 @@ class Parts(NamedTuple):
         return next(f"{b}:{name}" for b, m in self.meshes.items() if name in (m.boundaries or {}))
 
     def facets(self, name: str) -> NDArray[np.int64]:
-        """Numbers in their body's mesh of the facets of a face "body:name"."""
+        """Numbers (m,) in their body's mesh of the facets of a face "body:name"."""
         body, _, face = name.partition(":")
         return np.asarray(self.meshes[body].boundaries[face])
 

@@ -83,18 +83,22 @@ _targets = tables_of("targets", "test_axes")
 
 
 def _observed(scene: Scene) -> Any:
+    """Which spheres a run is watched at, and at how many instants."""
     return [scene.output.spheres, scene.output.samples]
 
 
 def _marched(scene: Scene) -> Any:
+    """What a march reads besides chain and wall."""
     return [tables_of("time")(scene), _observed(scene)]
 
 
 def _measured(scene: Scene) -> Any:
+    """What marches at walls fitted to a measured response read."""
     return [_marched(scene), _wall_reads(scene)]
 
 
 def _reduced(scene: Scene) -> Any:
+    """What a reduction reads: its options, where the structure is struck, shaken and watched."""
     tables = tables_of("reduction", "strike", "assembly")(scene)
     # loss factors ask for the shares of parts in the strain, whatever their values
     shared = ["strain"] if isinstance(scene.damping, LossFactorsTable) else []
@@ -102,6 +106,7 @@ def _reduced(scene: Scene) -> Any:
 
 
 def _dimensions(scene: Scene) -> Any:
+    """What a mesh reads: bodies, their contacts, sizes of elements, the faces that are named."""
     tables = tables_of(*BODIES, "mesh")(scene)
     if scene.strike and any(body.lines for body in (scene.bodies or {}).values()):
         # grid lines are prescribed: the mesh does not depend on the patch
@@ -134,6 +139,7 @@ def _joined(scene: Scene) -> Any:
 
 
 def _coarse(scene: Scene) -> Any:
+    """What a second mesh is joined and struck by; its bodies are in the key of the mesh."""
     return [_joined(scene), tables_of("strike")(scene)]
 
 
@@ -283,11 +289,18 @@ IMPACT = {
 
 
 def stages_of(scene: Scene) -> dict[str, Stage]:
-    """The stages that a run of this scene may ask for; what it never asks for costs nothing."""
+    """The stages that a run of this scene may ask for; what it never asks for costs nothing.
+
+    Begins with the tables above and puts in place of rows what this scene does in another way, each
+    in a block below: later blocks build on what earlier ones have put there.
+    """
+    # a wall is made of the structure's reduced model where there are both, else of its table
     needs = ("reduction",) if needs_structure(scene) and scene.chain else ()
     wall = Stage(".walls:wall_of", _wall_reads, needs)
     structure = ASSEMBLY if scene.bending is None else BENDING
     impact = IMPACT
+
+    # measured parts: fits of their responses have errors in frequencies and waves
     if scene.measured:
         errors = ASSEMBLY["structure-errors"]
         structure = structure | {
@@ -302,6 +315,8 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
                 ("mesh", "start", "impact"),
             )
         }
+
+    # a measured wall: errors by the noise and the band of its response
     if scene.chain and isinstance(scene.wall, MeasuredWall):
         impact = impact | {
             "receptance-error": Stage(
@@ -311,6 +326,8 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
                 ".receptance:number_errors", _measured, ("start", "impact", "waves"), listed=False
             ),
         }
+
+    # sensors: their record is among the files; those on the structure read its reduced model
     if scene.chain and scene.output.sensors:
         files = IMPACT["chain-files"]
         impact = impact | {"chain-files": files._replace(needs=(*files.needs, "record"))}
@@ -318,11 +335,15 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
             impact["record"] = IMPACT["record"]._replace(
                 reads=tables_of("output", "damping"), needs=("impact", "waves", "reduction")
             )
+
+    # friction at the wall: a march across after the one along, or one of both on a structure
     if scene.chain and scene.friction:
         impact = impact | across_the_chain(impact)
     if scene.chain and has_friction(scene):
         impact = impact | on_a_structure(scene, impact, needs)
         wall = Stage(".structure_friction:wall_along", tables_of(), ("spatial-wall",), kept=False)
+
+    # the page shows what the files and the tables of numbers hold
     shown = (
         *(("chain-files", "chain-numbers") if scene.chain else ()),
         *(("model-files", "response-files", "structure-numbers") if needs_structure(scene) else ()),
@@ -331,6 +352,9 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
         ".page:data", lambda scene: [scene.name, tables_of("output")(scene)], shown, listed=False
     )
     impact = impact | {"page": page}
+
+    # errors by the mesh: of bodies by the energy that it misses, of beams and plates by a second
+    # mesh, and by other theories
     if scene.bending is None:
         of_mesh = IMPACT["mesh-error"]._replace(
             function=".quantity_errors:error_of_mesh", needs=("quantity-errors",)
@@ -351,8 +375,12 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
         )
         impact = impact | {"quantity-errors": of_waves}
         structure = structure | {"structure-errors": of_modes}
+
+    # the struck face of a body may be curved or orthotropic, which changes the law of the contact
     if needs and scene.bending is None:
         impact = impact | {"start": IMPACT["start"]._replace(needs=("surface",))}
+
+    # a wall without the modes that the chain does not feel
     if not getattr(scene.wall, "prune", False):
         return {**structure, "wall": wall, **impact}
     walls = {
@@ -366,7 +394,7 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
 def across_the_chain(impact: dict[str, Stage]) -> dict[str, Stage]:
     """What friction at the wall adds to the stages of an impact, or puts in their place."""
     files, numbers = impact["chain-files"], impact["chain-numbers"]
-    further = files.needs[2:]
+    further = files.needs[2:]  # the record, of a scene with sensors
     across = tables_of("friction", "arm", "shakers", "striker")
     compiled = ASSEMBLY["compilation"]
     return {

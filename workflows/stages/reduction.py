@@ -73,7 +73,9 @@ def reduction(
     """The model in few coordinates at the contact, with the way back to the outer nodes alone.
 
     The factor is that of K, where it is held, the space and the field of a half-space are those of
-    this contact. `keep` are further dofs that stay as they are.
+    this contact. `keep` (k,) are further dofs that stay as they are. Raises InvalidScene for an
+    assembly or a part that nothing holds, ValueError for a patch of too many nodes and for a thesis
+    scheme whose nodes coincide, rom.ReductionError for a model that would not be right.
     """
     # the thesis' scheme reads the wall elsewhere than it pushes
     scene = scene.written_out
@@ -84,6 +86,8 @@ def reduction(
             f"{scene.strike.radius} m ends nearer to it than to the next, with elements of "
             f"{scene.strike.size} m; raise the radius or refine the mesh there."
         )
+
+    # what a Craig-Bampton model keeps: the patch, dashpots' elongations, oscillators of parts
     keep = np.union1d(damped_dofs(model, C), keep)
     boundary = boundary_of(contact, w_reading, keep)
 
@@ -176,7 +180,8 @@ def damped_dofs(model: fem.Model, C) -> NDArray[np.int64]:
 def names(
     model: fem.Model, boundary: NDArray[np.int64], reduced: rom.ReducedModel
 ) -> tuple[str, ...]:
-    """What each coordinate is: displacements of the boundary, then amplitudes of shapes."""
+    """What each coordinate (r,) is: displacements of the boundary (b,), then amplitudes of
+    shapes."""
     coordinates = []
     oscillator = {
         int(model.free[position]): f"amplitude of oscillator {j} of {part.name}"

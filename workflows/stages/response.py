@@ -38,7 +38,8 @@ def full_response(
 
 
 def response(scene: Scene, full: NDArray[np.float64], reduction: rom.ReducedModel) -> Response:
-    """The reduced model's response with the run's damping, and undamped where it is checked."""
+    """The reduced model's response with the run's damping, and undamped where it is checked, beside
+    that of the full model (k,) [m/N]."""
     # a run whose results are kept reads this module's results and draws nothing
     from workflows.report.plots import Line, Panel, panels
 

@@ -60,6 +60,8 @@ def placed(
 ) -> fem.Shape:
     """A shape at a frequency on the model, where [test_axes] bring it; raises InvalidScene for
     points off the assembly, with the key or the file that they are from, `source`."""
+    # a test in axes of its own is turned and shifted by a fit of a few points, which must be near
+    # their places: a fit alone would turn even left-handed axes onto something
     structure = model.structure
     size = float(np.linalg.norm(np.ptp(structure.points, axis=0)))
     axes = axes_of_test(scene)
@@ -74,6 +76,8 @@ def placed(
                 f"{remedy if fits else 'check the order of the points and their unit'}."
             )
         measured = axes.moved(measured)
+
+    # every point on the surface: P (3 m, dofs) interpolates the motion of the m nearest points
     surface = fem.on_surface(structure, measured.points)
     worst = int(surface.distance.argmax())
     if surface.distance[worst] > FARTHEST * size:
@@ -98,6 +102,8 @@ def placed(
             f"{scene.name}: {source} has a point at {at} m, {surface.distance[worst]:.3g} m from "
             f"the assembly, allowed are {FARTHEST * size:.3g} m; {remedy}."
         )
+
+    # the shape's functionals: the motion of each point along its measured direction
     n = len(measured.points)
     along = csr_matrix((measured.directions.ravel(), np.arange(3 * n), np.arange(0, 3 * n + 1, 3)))
     return fem.Shape(along @ surface.P @ model.T, measured.values, hz)

@@ -31,6 +31,7 @@ def sphere_waves(waves: ChainWaves, t, v, sphere: int) -> SphereWaves:
 
 
 def _arrival(wave: Arrival, name: str | None = None, alone: bool = True) -> WaveArrival:
+    """A row of the summary; a wave that is not `alone` was separated from others by a fit."""
     return WaveArrival(
         time_s=wave.time,
         peak_velocity_m_s=wave.peak_velocity,
@@ -42,8 +43,8 @@ def _arrival(wave: Arrival, name: str | None = None, alone: bool = True) -> Wave
 
 
 def chain_contact(scene: Scene, waves: ChainWaves) -> ChainContact | None:
-    """The impact at the wall by the quantities of the thesis' section 2.2.1, and the speed of every
-    wave; None without a wall."""
+    """The impact at the wall by the quantities of the thesis' section 2.2.1, and the speed [m/s]
+    and largest force [N] of every wave along its track; None without a wall."""
     wall = waves.contact
     if wall is None:
         return None

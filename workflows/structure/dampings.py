@@ -84,7 +84,7 @@ def structure_damping_of(
     scene: Scene, material: Mapping[str, str], parameters: Sequence[DampingParameter]
 ) -> StructureDamping:
     """The damping of a scene in the form that responses take, with those dashpots and loss factors
-    that are zero and free."""
+    that are zero and free; `material` is that of each body."""
     law, table = damping_law(scene.damping, scene.measured_hz), scene.damping
     of_dashpots = {}
     for name, (c, _) in dashpot_keys(scene).items():
@@ -105,7 +105,9 @@ def structure_damping_of(
 
 
 def with_dampings(scene: Scene, value: Mapping[str, float]) -> Scene:
-    """The scene with damping values by name."""
+    """The scene with damping values by name: "joints.NAME.cz" or "springs.NAME.cz" [N s/m, about an
+    axis N m s/rad], "damping.alpha" [1/s], "damping.beta" [s], "damping.ratio", "damping.ratio.N"
+    of measured mode N, or "damping.materials.NAME", a loss factor."""
     joints = {joint.name: joint for joint in scene.joints or ()} if not scene.of_dimensions else {}
     springs = {spring.name: spring for spring in scene.springs or ()}
     table = scene.damping.model_dump(exclude_unset=True) if scene.damping else {}

@@ -15,7 +15,8 @@ FULL_FORMATS = (".mat", ".npz")
 
 
 def write_model(pipeline: Pipeline, inp: OutputFile | None, step: OutputFile | None) -> None:
-    """The model as an input deck for CalculiX or Abaqus, the geometry as STEP."""
+    """The model as an input deck for CalculiX or Abaqus, the geometry as STEP; raises InvalidScene
+    for parts that a deck does not hold, and for geometry that came from a file."""
     scene = pipeline.scene
     if step and step.path.suffix.lower() not in (".step", ".stp"):
         raise InvalidScene(f"--step {step.path} must end in .step or .stp.")

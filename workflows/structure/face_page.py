@@ -13,7 +13,8 @@ from workflows.stages.bodies import Drawing
 
 
 def face_page(name: str, geometry: Drawing) -> str:
-    """HTML; to be called while the drawing is open."""
+    """HTML of all faces as triangles with the selectors that pick each; to be called while the
+    drawing is open, since selectors are tried on its bodies."""
     from geometry.face_triangles import face_triangles, own_face_triangles
 
     if geometry.own:
@@ -25,6 +26,9 @@ def face_page(name: str, geometry: Drawing) -> str:
     for body in geometry.bodies.values():
         for face in body.faces:
             corners = triangles[body.name][face.tag]
+
+            # a point on the face: the middle of its largest triangle; of a ring the middle of all
+            # would lie off it
             sides = corners[:, 1:] - corners[:, :1]
             largest = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).argmax()
             point = corners[largest].mean(axis=0)

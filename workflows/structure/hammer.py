@@ -204,6 +204,8 @@ def hammer_test(
     paths = [paths] if isinstance(paths, Path) else paths
     test, named = measured_test(paths, reading), ", ".join(map(str, paths))
     require_identifiable(test, named, choice.band_hz)
+
+    # of ambient records, whose force nobody knows, by the correlation of the responses alone
     try:
         if test.kind == "ambient":
             (records,) = test.records
@@ -220,6 +222,7 @@ def hammer_test(
     except ValueError as error:
         raise InvalidScene(f"{named}: {str(error).rstrip('.')}.") from None
 
+    # the report: modes, poles left out, and every step from the files to the modes
     rows = hammer_rows(test, modes, expected_hz, remarkable)
     left_out = [LeftOutRow(**row._asdict()) for row in modes.left_out]
     f = test.responses.frequency_hz
@@ -301,10 +304,16 @@ def hammer_rows(
     remarkable: Remarkable,
 ) -> list[HammerRow]:
     """A row per mode: its numbers beside those of the half-power bandwidth, and what is remarkable
-    about it."""
+    about it.
+
+    Half-power damping is (f_2 - f_1) / (2 f) of the largest response, less shift / omega: an
+    exponential window damps records by exp(-shift t).
+    """
     responses = test.responses
     paired = nearest_modes(modes.frequency_hz.tolist(), dict(expected_hz))
     f, H = responses.frequency_hz, responses.H
+
+    # ring-downs alone show damping over amplitude; a combination tone is weaker than its parents
     rows = []
     lines = np.abs(f - modes.frequency_hz[:, None]).argmin(axis=1)
     decays = [
@@ -387,6 +396,8 @@ def opposite_directions(test: MeasuredTest, modes: IdentifiedModes) -> list[str]
             ends = node_and_axis(point), node_and_axis(reference)
             if None in ends or (ends[0][0], abs(ends[0][1])) != (ends[1][0], abs(ends[1][1])):
                 continue
+
+            # modes that both ends see, and the phases of their residues
             residues = modes.phi[i] * modes.participation[:, j]
             size = np.abs(residues) / np.abs(modes.phi).max(axis=0)
             weight = size / np.abs(modes.participation).max(axis=1)
@@ -450,6 +461,7 @@ def pictures(test: IdentifiedTest) -> list[Picture]:
     up = f"{test.test.quantity} over force [{unit}]" if unit else "response over force"
 
     def framed(sets: list[Panel], height: float):
+        """Figure and axes of panels, grey beyond the band."""
         figure, axes = plots.drawn(sets, size=(9, height))
         for axis in axes:
             for a, b in ends:
@@ -495,6 +507,7 @@ def pictures(test: IdentifiedTest) -> list[Picture]:
         panels.append(Panel(title, across, up, lines, "y", legend="above"))
     drawn.append(Picture("synthesis", plots.png(framed(panels, 2.6)[0], test.banner)))
 
+    # coherence, damping over amplitude of ring-downs, and how alike shapes are, where there are any
     if responses.coherence is not None:
         low, middle = np.quantile(responses.coherence, [0.1, 0.5], axis=(0, 1))
         lines = [

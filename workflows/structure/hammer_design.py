@@ -57,7 +57,8 @@ class HammerDesign(BaseModel):
 
 
 def elastic(pipeline: Pipeline, band_hz: tuple[float, float] | None) -> NDArray[np.int64]:
-    """Which modes lie in a band, the lowest ten without one; raises InvalidScene for none."""
+    """Which modes (k,) that strain something lie in a band [Hz], the lowest ten without one; raises
+    InvalidScene for none."""
     modes = pipeline("modes")
     hz = modes.omega / (2 * np.pi)
     strained = np.flatnonzero(fem.correlation.strained(pipeline("model"), modes))
@@ -74,7 +75,11 @@ def elastic(pipeline: Pipeline, band_hz: tuple[float, float] | None) -> NDArray[
 
 
 def designed(pipeline: Pipeline, count: int, band_hz: tuple[float, float] | None) -> HammerDesign:
-    """Points that tell the modes of a band apart; raises InvalidScene where they cannot."""
+    """Points that tell the modes of a band [Hz] apart; raises InvalidScene where they cannot.
+
+    `count` of the candidates on the outside by effective independence (D. C. Kammer, J. Guidance
+    14 (1991) 251), and of the shapes on them the two that are most alike.
+    """
     if pipeline.scene.test_axes:
         raise InvalidScene(
             f"{pipeline.scene.name}: points are planned in the axes of the assembly; drop "
@@ -120,7 +125,9 @@ def computed_hits(
     """Records of hits at nodes along their directions, with noise, double hits and overloads.
 
     The hammer roves and hits each node three times; three sensors are at the nodes that tell the
-    modes apart best.
+    modes apart best. `nodes` are points (3,) [m] by their numbers, directions 1, 2, 3 of x, y, z
+    with a sign, z where there is none. Raises InvalidScene without damping, for fewer than three
+    points and for points off the assembly.
     """
     scene, model, modes = pipeline.scene, pipeline("model"), pipeline("modes")
     chosen = elastic(pipeline, band_hz)

@@ -76,7 +76,9 @@ def losses(
 ) -> tuple[Scene, LossReport]:
     """The scene with the loss factors that its targets' damping ratios determine, and the report.
 
-    Raises InvalidScene without ratios, or where no part can be told from zero.
+    The ratio of a mode is half the sum of loss factors by their shares of its strain energy
+    (`fem.loss_factors`). Raises InvalidScene without ratios, or where no part can be told from
+    zero.
     """
     damped = {
         n: target
@@ -88,6 +90,8 @@ def losses(
             f"{scene.name}: no target has a damping ratio; `beadwave hammer FILE --out DIR` writes "
             "targets.toml with them, or add zeta = 0.004 to [[targets]]."
         )
+
+    # shares (modes, parts) of the strain energy, and the row of the mode that each target is
     pipeline = pipeline_of(scene, progress)
     model, modes = pipeline("model"), pipeline("modes")
     strain = strain_of(scene, model, modes)
@@ -105,6 +109,8 @@ def losses(
             f"{scene.name}: no computed mode is like a target that has a damping ratio; "
             "`beadwave modes` shows which is which."
         )
+
+    # measured ratios with their deviations, an assumed one where a test states none
     zeta = np.array([damped[n].zeta for n in used])
     assumed = [n for n in used if not damped[n].zeta_deviation]
     deviation = np.array(
@@ -116,6 +122,8 @@ def losses(
     strained = shares.max(axis=0) > options.share
     parts = [name for name, has in zip(strain.parts, strained, strict=True) if has]
     shares = shares[:, strained]
+
+    # a part whose factor cannot be told from zero has a bound, and none above the prior's
     fit = loss_factors(shares, zeta, deviation, options)
     at_most = fit.value + 2 * fit.deviation
     factors = []

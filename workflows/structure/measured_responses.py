@@ -28,7 +28,7 @@ class ResponseOptions(NamedTuple):
     """What of a test a fit reads; values not varied but where said."""
 
     lines: int = 600  # of the band, at most; those near resonances first
-    near: float = 6.0  # half bandwidths around a resonance in which every line is kept
+    near: float = 6.0  # half bandwidths around a resonance that half of the lines may come from
     loads: int = 40  # points and references whose static shapes are added, at most; else references
     beyond: float = 1.5  # the projection's modes reach this factor beyond the band
     most_modes: int = 96  # computed for it
@@ -68,6 +68,7 @@ def test_places(scene: Scene, model: fem.Model, test: IdentifiedTest) -> Places:
         )
 
     def on_model(names: Sequence[str]) -> Shape:
+        """Points by their names, as functionals of the model: a shape of ones."""
         at = [node_and_axis(name) for name in names]
         directions = np.array([np.sign(a) * np.eye(3)[abs(a) - 1] for _, a in at])
         points = np.array([nodes[n] for n, _ in at])
@@ -115,7 +116,11 @@ def measured_lines(
     options: ResponseOptions,
 ) -> tuple[MeasuredResponses, int]:
     """The responses that are fitted, with their noise, and how many lines there were: those near
-    resonances and evenly chosen others."""
+    resonances and evenly chosen others.
+
+    `chosen` (n,) resonances are fitted; of more lines than `options.lines` up to half are taken
+    within `options.near` half bandwidths zeta f of a resonance, where damping shows.
+    """
     responses = test.test.responses
     f = responses.frequency_hz
     within = (f > 0) & (f >= band_hz[0]) & (f <= band_hz[1])

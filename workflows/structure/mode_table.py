@@ -96,12 +96,18 @@ class ModeTable(BaseModel):
 
 
 def mode_table(pipeline: Pipeline) -> ModeTable:
-    """Computed modes, each with the measured one that it is paired with."""
+    """Computed modes, each with the measured one that it is paired with.
+
+    Errors of frequencies are those of the mesh of bodies, of mesh and theory of a beam or a plate,
+    and besides of the fits of measured parts.
+    """
     scene, modes, mac = pipeline.scene, pipeline("modes"), pipeline("mac")
     shape = shape_names(scene)
     struck = scene.bending is not None or scene.written_out.strike is not None
     participation = np.abs(pipeline("contact").w @ modes.phi) if struck else [None] * len(mac)
     measured = {int(j): i for i, j in enumerate(modes.index) if j >= 0}
+
+    # relative errors (k,), and why large ones are, of bodies by where the mesh misses energy
     if scene.bending is None:
         missed = pipeline("missed-energy")
         error, whys = missed.of_frequencies(modes.omega), missed.explained(scene, modes.omega)

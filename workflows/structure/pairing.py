@@ -65,6 +65,8 @@ def recognised(test: IdentifiedTest, pipeline: Pipeline, wanted: Collection[int]
     pairs = measured_pairs(measured_hz, computed_hz, likeness, fem.mac(reading, reading))
     numbers = zip(scene.measured_numbers, modes.index.tolist(), strict=True)
     number = {j: n for n, j in numbers if n in wanted}
+
+    # the number of a target goes to the row of the mode that it is paired with
     rows = []
     for i, row in enumerate(report.rows):
         update: dict = {"mode": None, "remarks": [*row.remarks, *pairs.doubts[i]]}
@@ -82,6 +84,7 @@ def recognised(test: IdentifiedTest, pipeline: Pipeline, wanted: Collection[int]
                 "runner_up_mac": float(likeness[i, second]),
             }
         rows.append(row.model_copy(update=update))
+
     # pairs of which nothing is doubted tell whether the responses have the model's size
     sure = np.array([i for i, j in enumerate(pairs.index) if j >= 0 and not pairs.doubts[i]], int)
     of_scale = scale_beside(test, pipeline, reading, sure, pairs.index[sure])
@@ -105,6 +108,7 @@ def points_that_tell(
 ) -> list[str]:
     """Sentences on where one more point would tell paired modes from others that look alike at the
     points of the test, `reading` (p, k); of the first `most`, each and the nearest in frequency."""
+    # spatial aliasing: at few points two shapes may look alike, of which MAC tells nothing
     auto_mac, hz = np.nan_to_num(fem.mac(reading, reading)), modes.omega / (2 * np.pi)
     alike = []
     for j in paired:
@@ -276,11 +280,13 @@ def as_targets(
         )
 
     def holds_shape(hz: float) -> bool:
+        """Whether the file itself holds the shape, and a scene may name it."""
         try:
             return by_shape and bool(len(measured_shape(file, hz).points))
         except InvalidScene:
             return False
 
+    # a target by its shape, else by its number; a rigid motion without a shape has neither
     holds = [holds_shape(row.frequency_hz) for row in rows]
     written = [i for i in range(len(rows)) if holds[i] or number[i]]
     rows, number, holds = ([each[i] for i in written] for each in (rows, number, holds))

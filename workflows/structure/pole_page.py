@@ -74,8 +74,8 @@ def command_of(
 def diagram_rows(
     modes: IdentifiedModes, numbered: np.ndarray, near: float = 0.005
 ) -> list[list[Any]]:
-    """Of each order its poles [Hz], and of each 1 where it is within the share `near` of a numbered
-    one [Hz]."""
+    """Of each order its poles [Hz], and of each 1 where it is within the share `near` of one of the
+    `numbered` (n,) [Hz]."""
     rows = []
     for order, poles in modes.diagram:
         hz = np.abs(poles) / (2 * np.pi)

@@ -171,11 +171,15 @@ def ranked(
 
     # springs that are rigid or open have no slope on a logarithmic scale, but an onset
     def state(p: TuningParameter) -> Literal["rigid", "open", "elastic"]:
+        """That of all springs of a parameter; elastic where they differ."""
         ends = {np.inf: "rigid", 0.0: "open"}
         states = {ends.get(k, "elastic") for k in p.before} if p.springs else {"elastic"}
         return states.pop() if len(states) == 1 else "elastic"
 
     elastic = [p for p in candidates if state(p) == "elastic" and (p.springs or p.bodies)]
+
+    # d ln f / d ln value (modes, parameters), over the errors of the measurement ranked by a QR
+    # factorisation with pivoting
     slopes = frequency_sensitivity(basis, elastic, now)[index]
     errors = frequency_errors(scene, match)
     order = ranking(elastic, slopes, frequency_error=np.array([*errors.relative.values()]))

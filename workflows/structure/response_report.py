@@ -264,7 +264,8 @@ def full_model(of_fit: Fitted, progress: Progress, options: ResponseOptions) -> 
 
 
 def resonance_rows(of_fit: Fitted, full: FullModel) -> list[ResonanceRow]:
-    """Every identified resonance beside the model before and after the fit, and the full one."""
+    """Every identified resonance beside the model before and after the fit, and the full one; each
+    model's modes are paired with the test's anew, on MAC and frequency."""
     test, used, fit = of_fit.test, of_fit.places.used, of_fit.fit
     before = spectrum(of_fit.before.basis, [], np.zeros(0))
     after = computed_responses(of_fit.model_of, fit.parameters, fit.value, np.array([1.0]))
@@ -315,7 +316,8 @@ def held_out_misfit(of_fit: Fitted, highest_hz: float, options: ResponseOptions)
 
 
 def remarks_on_fit(of_fit: Fitted, after: Misfit, options: ResponseOptions) -> list[str]:
-    """Sentences on what the fit is worth."""
+    """Sentences on what the fit is worth: its noise, the model's error, values left open or at
+    their bounds, correlations, damping, and records that end too early."""
     fit, scene, test = of_fit.fit, of_fit.scene, of_fit.test
     remarks = []
     responses = test.test.responses

@@ -100,6 +100,8 @@ def tuned_to_responses(
     """The scene fitted to the responses in the files, at the lines in a band and around the
     resonances numbered in `match`, all without; raises InvalidScene."""
     named = ", ".join(map(str, files))
+
+    # the test: poles of its responses, which must know the force that made them
     if scene.measured:
         raise InvalidScene(
             f"{scene.name}: measured.{scene.measured[0].name} has damping of its own, which a fit "
@@ -128,6 +130,8 @@ def tuned_to_responses(
         remarks.append(
             f"{named} does not say what its responses are: accelerations in m/s^2 over N are taken."
         )
+
+    # the lines that are fitted, and a projection whose modes reach well beyond them
     top_hz = ABOVE * float(test.modes.frequency_hz.max())
     band_hz = band_hz or (0.0, top_hz)
     chosen = resonances_chosen(test, band_hz, match)
@@ -142,6 +146,9 @@ def tuned_to_responses(
         )
     if not scene.of_dimensions:
         solids = of_bodies.on_bodies(scene, solids, list(basis.forms))
+
+    # what besides K and M makes responses: damping of parts, the power of i omega of the quantity,
+    # the decay that an exponential window adds, springs between points
     material = {body: scene.written_out.material_name(body) or "" for body in model.structure.basis}
     damping = of_damping.structure_damping_of(scene, material, of_dampings)
     beside = {
@@ -150,6 +157,8 @@ def tuned_to_responses(
     made = (damping, POWERS[quantity], test.test.responses.shift, beside)
     parameters: list[Parameter] = [*solids, *of_dampings]
 
+    # the model before the fit, and the resonances that it has: a sensor that looks the other way or
+    # a wrong unit would be fitted by wrong values
     started = perf_counter()
     before = unfitted(basis, solids, made)
     near, resonances = resonances_near(before, test, chosen)
@@ -179,6 +188,7 @@ def tuned_to_responses(
         of_poles = resonances if len(near) else None
         fits = [fit_responses(model_of, parameters, x, data, of_poles) for x in starts]
         fit = min(fits, key=lambda one: one.objective)
+        # what the responses do not determine would take any value: it goes back to the scene's
         fit, model_of, evaluations = determined(subset, made, fit, data, of_poles, options)
     evaluations += sum(one.evaluations for one in fits)
     seconds = perf_counter() - started
@@ -193,6 +203,9 @@ def tuned_to_responses(
             f"{scene.name}: no value of --free {','.join(p.name for p in parameters)} is "
             "determined by these responses, nothing is tuned; free what moves their resonances."
         )
+
+    # values to the digits that their deviations support, in the scene and in the full model, which
+    # judges the projection
     fitted = [supported(x, x * s) for x, s in zip(fit.value, fit.deviation, strict=True)]
     fit = fit._replace(value=np.array(fitted))
     result = with_fitted(scene, fit)
@@ -214,7 +227,7 @@ def parameters_named(
     scene: Scene, names: tuple[str, ...]
 ) -> tuple[list[TuningParameter], list[DampingParameter]]:
     """Parameters of stiffness and mass, and those of damping; raises InvalidScene for names that
-    are neither."""
+    are neither, that come twice, and for none."""
     whole = scene.written_out
     materials = [f"materials.{name}" for name in whole.materials]
     joints = [f"joints.{name}" for name in whole.bushings]
@@ -255,7 +268,11 @@ def response_basis(
 ) -> tuple[TuningBasis, float]:
     """The projection with static shapes of forces at the test's points; its targets are the
     identified shapes, of three points or more, and then points and references. And the highest
-    frequency of the modes it holds."""
+    frequency [Hz] of the modes it holds.
+
+    Modes are doubled until they reach `options.beyond` times the highest line, or are
+    `options.most_modes`: the caller refuses a band that they do not reach.
+    """
     phi = test.modes.phi[places.used]
     shapes = []
     if len(places.used) >= FEWEST:
@@ -279,7 +296,8 @@ def response_basis(
 
 
 def of_these(basis: TuningBasis, indices: NDArray[np.int64]) -> TuningBasis:
-    """The basis with these of the identified shapes as its only targets: others have no part."""
+    """The basis with these (k,) of the identified shapes as its only targets: others have no
+    part."""
     return basis._replace(targets=tuple(basis.targets[i] for i in indices.tolist()))
 
 
@@ -293,8 +311,8 @@ def unfitted(basis: TuningBasis, solids: Sequence[TuningParameter], made: tuple)
 def resonances_near(
     before: ResponseModel, test: IdentifiedTest, chosen: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int64], Resonances]:
-    """Positions (k,) of the chosen resonances that some computed mode is like, and their
-    frequencies."""
+    """Positions (k,) of the chosen (n,) resonances that some computed mode is like, with their
+    frequencies, damping ratios and the errors of both."""
     targets = before.basis.targets[:-2]
     if not targets:
         return np.zeros(0, int), Resonances(np.zeros(0), np.zeros(0, int), *[np.zeros(0)] * 3)
@@ -317,7 +335,8 @@ def resonances_near(
 def pairing_step(
     test: IdentifiedTest, near: NDArray[np.int64], chosen: NDArray[np.bool_], n_shapes: int
 ) -> str:
-    """A sentence on how the resonances begin the fit."""
+    """A sentence on how the resonances begin the fit: of those chosen (n,) those that are `near`
+    (k,) to a computed mode."""
     n = int(np.count_nonzero(chosen))
     if not n_shapes:
         return (
@@ -338,15 +357,22 @@ def damping_start(
     test: IdentifiedTest,
     near: NDArray[np.int64],
 ) -> NDArray[np.float64]:
-    """The values with those of damping that bring the ratios of the modes nearest to the measured
-    ones (least squares without negative values; ratios are linear in them)."""
+    """The values (p,) with those of damping that bring the ratios of the modes nearest to the
+    measured ones (least squares without negative values; ratios are linear in them).
+
+        zeta_i - zeta_i,0 = sum_j A_ij x_j,   A_ij = (zeta_i(x_j alone) - zeta_i,0) / x_j
+
+    over the measured zeta_i of the resonances `near` (k,), so that errors are relative.
+    """
     damped = [j for j, p in enumerate(parameters) if isinstance(p, DampingParameter)]
 
     def ratios(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(k,) of the modes at values x (p,); nan of a resonance that none is like."""
         computed = computed_responses(model, parameters, x, np.array([1.0]))
         index = paired(model.basis.forms, computed.modes, of_these(model.basis, near).targets).index
         return np.where(index < 0, np.nan, computed.zeta[index])
 
+    # A by a run for each value of damping, the others zero
     without = value.copy()
     without[damped] = 0.0
     fixed = ratios(without)
@@ -378,13 +404,20 @@ def require_signs_and_size(
     quantity: str,
     options: ResponseOptions,
 ) -> None:
-    """Raise InvalidScene where residues of the paired resonances say that a sensor or the hammer
-    looks the other way, or that a unit is another."""
+    """Raise InvalidScene where residues of the paired resonances `near` (k,) say that a sensor or
+    the hammer looks the other way, or that a unit is another.
+
+    The residue of a mode between point p and reference r is phi_p phi_r times a power of i omega of
+    the quantity: its sign against the model's tells the directions, its size the unit.
+    """
     modes = spectrum(before.basis, [], np.zeros(0))
     index = paired(before.basis.forms, modes, of_these(before.basis, near).targets).index
     near, index = near[index >= 0], index[index >= 0]
     if not len(near):
         return
+
+    # residues (n_modes, points, references), measured and computed, and by response how well they
+    # agree over the modes: 1 where all do, -1 where all are turned
     at_points, at_references = before.points @ modes.phi, before.references @ modes.phi
     used = [i for i in range(len(test.modes.phi)) if i not in set(points_without_place(test.test))]
     measured = np.einsum(
@@ -397,6 +430,8 @@ def require_signs_and_size(
     along = np.sum((measured * computed.conj()).real, axis=0)
     correlation = along / np.maximum(np.sum(np.abs(measured * computed), axis=0), 1e-300)
     reversed_ones = correlation < options.opposite
+
+    # one mode alone may be paired with a wrong one: two must agree
     responses = test.test.responses
     if len(near) > 1 and reversed_ones.any():
         i, j = np.argwhere(reversed_ones)[0]
@@ -437,6 +472,7 @@ def determined(
             if isinstance(p, TuningParameter) and p.springs and min(p.before) > p.upper
         ]  # fmt: skip
         for dropped in [*undetermined(fit), *rigid]:
+            # the others fitted again, this one as it was in the scene
             places = [j for j, p in enumerate(fit.parameters) if p is not dropped]
             remaining = [fit.parameters[j] for j in places]
             reduced, of_damping_now = basis, made[0]

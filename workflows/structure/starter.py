@@ -60,6 +60,8 @@ def starter(geometry: Drawing, source: Path, gap: float) -> str | None:
         and (face.normal[2] < -0.5 or face.normal @ strike.outward < 0.5)
     ]  # fmt: skip
     supports.sort(key=lambda support: support[0])
+
+    # the first of them that a selector picks alone
     words_of = (
         _word(geometry.bodies, body, face, point)
         for _, body, face in supports
@@ -158,6 +160,8 @@ def _on_rounds(geometry: Drawing) -> Iterator[StartStrike]:
             middle = face.on_axis
             if face.axis is not None:
                 middle = middle + ((face.centre - middle) @ axis) * axis
+
+            # the highest direction first, in which the face is there and no body lies over it
             angles = 2 * np.pi * np.arange(n_round) / n_round
             outwards = np.column_stack([np.cos(angles), np.sin(angles)]) @ spanning(axis)
             for outward in outwards[np.argsort(-outwards[:, 2].round(9), kind="stable")]:

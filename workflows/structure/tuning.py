@@ -203,13 +203,19 @@ def fit_to_these(
 ) -> tuple[Tuning, Sequence[TuningParameter]]:
     """The fit to the targets at these places, in which the others have no part, shapes included;
     and the parameters that these determine, all where one is missed. `modes_hz` and `all_hz` are of
-    all targets."""
+    all targets.
+
+    hz [Hz] and the relative errors are those of the places. Derivatives at values that miss a mode
+    by far say nothing of the values that would meet it.
+    """
     of_match = basis._replace(targets=tuple(basis.targets[i] for i in places))
     wanted, by_error = dict(enumerate(hz, start=1)), dict(enumerate(errors, start=1))
     fit = tune(of_match, parameters, wanted, frequency_error=by_error)
     subset: Sequence[TuningParameter] = parameters
     if not _misses(dict(enumerate(fit.modes_hz.tolist(), start=1)), wanted):
         subset = determined(of_match, parameters, wanted, fit, frequency_error=by_error)
+
+    # all targets at the fitted values; those matched keep the partners that the fit gave them
     modes = spectrum(basis, parameters, fit.value)
     index = paired(basis.forms, modes, basis.targets).index
     index[list(places)] = paired(of_match.forms, modes, of_match.targets).index
@@ -306,6 +312,7 @@ def tuned(
         if j >= 0 and by_mesh.causes and shapes[j] >= 0
     }
 
+    # what the report says: modes that had no part, values that stay as they are in the scene
     held_out = {str(n): hz for n, hz in scene.measured_modes.items() if n not in match}
     names = [p.name for p in fit.parameters]
     undetermined = [p for p in candidates if p.name not in names]
@@ -398,6 +405,8 @@ def _remarks(
     fitted, met_by_all = (
         dict(zip(numbers, map(float, one.modes_hz), strict=True)) for one in (fit, of_all)
     )
+
+    # values that are not determined, and values at the end of what they may be
     modes = "mode " + ", ".join(map(str, match))
     for key, x in unchanged.items():
         value = "rigid" if np.isinf(x) else f"{x:g}"
@@ -435,6 +444,7 @@ def _remarks(
             "not determine: set a value like this in the scene, inf for rigid, and tune again."
         )
 
+    # modes that are missed, and why two of the rig's contradict each other
     missed = {n: fitted[n] / hz - 1 for n, hz in match.items()}
     for n, error in missed.items():
         if abs(error) > TOLERANCES.disagreement:
@@ -447,6 +457,7 @@ def _remarks(
             "enough for mode 2 pulls mode 3 down with it. Free head.kz and head.kry instead."
         )
 
+    # the full model beside the projection, and shapes that are not those meant
     for i, hz in confirmed.items():
         if abs(fitted[int(i)] / hz - 1) > TOLERANCES.disagreement:
             remarks.append(
@@ -527,6 +538,8 @@ def targets(match: str, measured: Mapping[int, float]) -> dict[int, float]:
     """The modes named in "1,3,4", or "1=51.2,3=905" with frequencies of one's own; `measured` has
     those of the scene [Hz] by number."""
     pairs = [item.partition("=") for item in match.split(",")]
+
+    # a frequency that is none of a mode that there is has a sentence of its own
     for n, eq, text in pairs:
         try:
             hz = float(text) if eq else 1.0
@@ -705,6 +718,9 @@ def write_scene(
         from workflows.scene.commented import with_values
 
         original = scene_text(None if source is None else str(source)).text
+
+        # the values that differ are put into the text of the source; what is written is read back,
+        # since paths of files and numbers of targets may mean something else where it is written
         tables = [tomllib.loads(toml(one)) for one in (load_scene(source), scene)]
         before, after = ({k: v for k, v in one.items() if k != "name"} for one in tables)
         # files by the paths of the source, else by their full ones

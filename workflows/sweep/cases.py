@@ -157,6 +157,7 @@ def checked(base: Base, group: Group) -> CheckedGroup:
     """
 
     def refusals(places: Iterable[int]) -> Iterator[tuple[int, str]]:
+        """Places of the cases that are refused among these, and why."""
         for i in places:
             try:
                 base.with_values(group.values(i))

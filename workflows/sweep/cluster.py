@@ -140,9 +140,13 @@ def on(client: Any) -> Callable[[Iterator[Sharing]], Iterator[list[Rows]]]:
     future that the next one waits for."""
 
     def run(sharings: Iterator[Sharing]) -> Iterator[list[Rows]]:
+        """Rows task by task, in the order in which tasks end."""
         from distributed import as_completed
 
         submit = partial(client.submit, pure=False, retries=OPTIONS.retries)
+
+        # futures of models by key, and of tasks; no more tasks at once than the workers need, as a
+        # scheduler keeps all that it is handed
         models_of: dict[str, Any] = {}
         running: dict[Any, Task] = {}
         completed = as_completed([])

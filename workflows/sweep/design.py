@@ -69,7 +69,8 @@ def grid(over: Iterable[str], number: Number) -> Design:
 
 def sampled(over: Iterable[str], sample: str, seed: int, number: Number) -> Design:
     """Latin hypercube ("lhs:n"), or a Sobol design ("sobol:n"), of ranges "key=low:high" or
-    "key=low:high:log"; raises InvalidScene."""
+    "key=low:high:log"; raises InvalidScene for what is neither, for a Sobol design whose n is no
+    power of 2, and for more cases than a table holds."""
     kind, _, digits = sample.partition(":")
     n = counted(digits, MOST_CASES) or 0
     if kind not in SAMPLES or n < 2:
@@ -100,7 +101,8 @@ def sampled(over: Iterable[str], sample: str, seed: int, number: Number) -> Desi
 
 def table(path: Path, number: Number) -> Design:
     """The cases of a CSV file: a line of keys, then a line of values for each case, numbers with
-    units among them."""
+    units among them. Raises InvalidScene for a file that cannot be read, for lines of another
+    length than the first, and for keys that come twice or undo each other."""
     require_file(path, "give a CSV file", key="--cases ")
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
@@ -112,6 +114,8 @@ def table(path: Path, number: Number) -> Design:
         raise InvalidScene(
             f"--cases {path} has {len(lines)} lines; give a line of keys and one for each case."
         )
+
+    # the first line: keys, which semicolons or tabs would leave as one
     keys = [cell.strip() for cell in lines[0]]
     if len(keys) == 1 and (mark := next((mark for mark in (";", "\t") if mark in keys[0]), "")):
         name = "semicolons" if mark == ";" else "tabs"
@@ -129,6 +133,8 @@ def table(path: Path, number: Number) -> Design:
                 f"--cases {path}: line {i} has {len(line)} values for {len(keys)} keys; give one "
                 "for each key."
             )
+
+    # a column of values by key; equal cells are read once, since a unit is read by the scene
     _require_number(len(lines) - 1)
     columns = {}
     for key, *cells in zip(keys, *lines[1:], strict=True):

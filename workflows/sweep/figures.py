@@ -68,9 +68,11 @@ def curves(y: Array, x: Array, others: dict[str, Array]) -> list[Line] | None:
 
 
 def face_map(name: str, y: Array, columns: dict[str, Array], face: dict) -> Picture:
-    """An output at the points of a face, on a picture of the face; points without it stay blank.
+    """An output y (n_points,) at the points of a face, on a picture of the face; points without it
+    stay blank.
 
-    Raises InvalidScene where no point has the output.
+    The points are an even grid, the second axis varying fastest; `face` has its name, its two axes
+    and its edges (m, 2, 2) [m]. Raises InvalidScene where no point has the output.
     """
     title, scale = _label(name)
     if not np.isfinite(y).any():

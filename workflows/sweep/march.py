@@ -130,12 +130,15 @@ def _one_by_one(
                     n: np.nan if x is None else x for n, x in zip(ACROSS, values, strict=True)
                 }
         except FAILURES as reason:
+            # this case alone is lost: the others go on
             spheres = checked.scene.output.spheres
             failed = [sentence(reason)]
             finished.append(
                 without_result(spheres, (number,), FAILED, failed, across=checked.across)
             )
             continue
+
+        # a batch of one: v (1, k, spheres), force (1, k), zeros of a chain without a wall
         v = run.v[None][:, :, [sphere - 1 for sphere in scene.output.spheres]]
         force = run.contact_force[None, :, -1] if scene.wall else np.zeros((1, len(run.t)))
         table = measured(
@@ -162,6 +165,7 @@ def observed(scene: Scene) -> list[int]:
 
 
 def saved(scene: Scene, batch: dem.Batch) -> dict[str, np.ndarray]:
-    """Signals of a batch: velocities of the spheres that the scene names, and the wall's force."""
+    """Signals of a batch of m chains: velocities v (m, k, spheres) [m/s] of the spheres that the
+    scene names, and the wall's force (m, k) [N], at t (k,) [s]."""
     v = batch.v[:, :, : len(scene.output.spheres)]
     return {"t": batch.t, "v": v, "wall_force": batch.wall_force}

@@ -260,7 +260,8 @@ def _require_name(name: str, names: tuple[str, ...], what: str) -> None:
 
 
 def opened(folder: str | Path, notes: tuple[str, ...] = ()) -> Sweep:
-    """A sweep's folder; raises InvalidScene where it holds no table of ours."""
+    """A sweep's folder; raises InvalidScene where it holds no table of ours, and where the library
+    that reads it is not installed."""
     path = Path(folder) / TABLE
     if why := unfit(path):
         raise InvalidScene(f"{path} {why}; give the folder of a sweep.")

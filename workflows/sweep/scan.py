@@ -142,7 +142,11 @@ def scan(
     options: ScanOptions = ScanOptions(),
 ) -> tuple[str, ...]:  # fmt: skip
     """Fill the folder with the table of all points and return notes for the user, in sentences;
-    rows of an earlier scan of these points stay."""
+    rows of an earlier scan of these points stay.
+
+    Raises InvalidScene where the structure floats under a steady force, ValueError where a file
+    changes meanwhile.
+    """
     scene, outline = face.scene, face.outline()
     spheres = scene.output.spheres
     name = scene.strike.on
@@ -183,6 +187,7 @@ def scan(
             softer = face.without_missed_energy(wall, list(patches.values()))
             other = _OtherWalls(softer, np.arange(len(cases)), 1.0, {})
 
+    # part by part: march, errors, rows on disk, so that a scan that is stopped goes on from there
     for first in range(0, len(possible) if patches else 0, PART):
         part, started = possible[first : first + PART], perf_counter()
         batch = march(_some(wall, part))
@@ -205,6 +210,7 @@ def scan(
             v = march.by_steps(_some(other.wall, other.row[part[known]]), dt[known])
             error_mesh[known] = other.share * march.difference(v, batch.v[known])
 
+        # a row with what is doubtful about it
         messages = []
         for case, *errors in zip(part.tolist(), error_reduction, error_mesh, strict=True):
             sentences = [

@@ -191,6 +191,9 @@ class Store:
 
         self._inputs.require_unchanged(by_content=True)
         base, design = self._folder.base, self._design
+
+        # rows of all parts in the order of the cases; columns in place of theirs are those that
+        # only the whole table could give
         signal_parts = [
             path for path in base.path.glob(f"{self._prefix}*.npz") if base.ours(self._name(path))
         ]
@@ -219,7 +222,12 @@ class Store:
 
 
 def _write_signals(path: Path, parts: list[Path], table: Any, spheres: tuple[int, ...]) -> None:
-    """Velocities and the wall's force of every case, as netCDF with named dimensions."""
+    """Velocities and the wall's force of every case, as netCDF with named dimensions.
+
+    From the parts' arrays v (m, k, spheres) and wall_force (m, k) of their cases (m,), at times
+    t (k,) that all parts share. One part at a time is read, as all may not fit into the memory;
+    cases without a result stay at the fill value.
+    """
     import h5netcdf
 
     with np.load(parts[0]) as first:
@@ -243,6 +251,8 @@ def _write_signals(path: Path, parts: list[Path], table: Any, spheres: tuple[int
         v.attrs.update(units="m/s", long_name="velocity towards the wall")
         force.attrs.update(units="N", long_name="contact force at the wall")
         for part in parts:
+            # an .npz reads an array from the file each time that it is asked for
             with np.load(part) as arrays:
-                for i, case in enumerate(arrays["cases"]):
-                    v[case], force[case] = arrays["v"][i], arrays["wall_force"][i]
+                of_part = zip(*(arrays[name] for name in ("cases", "v", "wall_force")), strict=True)
+            for case, v_of_case, force_of_case in of_part:
+                v[case], force[case] = v_of_case, force_of_case

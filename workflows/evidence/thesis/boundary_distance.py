@@ -102,6 +102,7 @@ def boundary_distance(
         return size._replace(contact_seed=nearest, patch=min(size.patch, nearest / 2))
 
     def struck(ratio: float, size: PlateSizes, diameters: tuple[float, ...]) -> EdgeSeries:
+        """One plate struck at these distances from its edge, in diameters of the last sphere."""
         plate, distance = plates.steel(scene, diameter / ratio), diameter * np.array(diameters)
         walls = plates.edge_walls(plate, size, distance)
         collisions = [plates.collision(scene, wall) for wall in walls]

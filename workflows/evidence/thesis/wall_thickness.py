@@ -66,12 +66,15 @@ def wall_thickness(
     ratios, checked = options.ratios, options.checked
 
     def plate_of(ratio: float) -> coupling.Plate:
+        """The plate of steel that is so many times thinner than a sphere."""
         return plates.steel(scene, diameter / ratio)
 
     def impact(ratio: float, wall: dem.Wall) -> PlateImpact:
+        """Of one sphere and of the chain, at a model of the plate."""
         return PlateImpact(ratio, plates.rebound(scene, wall), plates.collision(scene, wall))
 
     def zener(ratio: float) -> PlateImpact:
+        """At the infinite plate, a dashpot: no wave comes back from an edge."""
         return impact(ratio, coupling.infinite_plate(plate_of(ratio)))
 
     # half-space, Zener's plates on a fine curve and at the thicknesses of the solid ones
@@ -117,6 +120,7 @@ def wall_thickness(
              *of_chain(collision))
         )  # fmt: skip
 
+    # where Zener's plate and the solid one agree, in energy lost and in restitution
     by_ratio = {plate.ratio: plate for plate in solid}
     agreeing = [
         s.ratio for z, s in pairs if abs(s.collision.lost / z.collision.lost - 1) < options.close

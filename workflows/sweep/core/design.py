@@ -28,7 +28,7 @@ class Design(NamedTuple):
 
     @property
     def digest(self) -> str:
-        """SHA-256 of all values of all cases, in hexadecimal digits."""
+        """The first 12 hexadecimal digits of the SHA-256 of all values of all cases."""
         return sha256(dumps(self.columns, default=repr).encode()).hexdigest()[:12]
 
     def case(self, i: int) -> dict[str, Any]:
@@ -92,4 +92,5 @@ def sobol(axes: Sequence[Axis], n: int, seed: int) -> Design:
 
 
 def _at(axes: Sequence[Axis], unit: np.ndarray) -> dict[str, tuple[float, ...]]:
+    """Columns of the axes for samples (n, d) between 0 and 1."""
     return {axis.key: tuple(axis.at(unit[:, j]).tolist()) for j, axis in enumerate(axes)}
