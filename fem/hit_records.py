@@ -222,6 +222,8 @@ def records_of_mat(variables: dict[str, NDArray], name: str) -> list[TimeRecord]
     n, m = y.shape[2], y.shape[1]
 
     def names(key: str, count: int, usual: Sequence[str]) -> list[str]:
+        """The texts of a variable, one name for all or `count` of them; the usual ones where the
+        file has none. Raises ValueError for any other number."""
         if key not in variables:
             return list(usual)
         texts = [str(text).strip() for text in np.ravel(variables[key])]

@@ -72,7 +72,8 @@ class MissedEnergyOptions(NamedTuple):
 
     at_once: int = 1000  # elements or facets that are computed at a time, 100 MB of 60 shapes
     # length over thickness of hexahedra from which on functions along them are orthogonal to
-    # constants and slopes. For all, tubes were stated at 0.3 of what they are for none
+    # constants and slopes. With such functions in all hexahedra errors of tubes were stated at 0.3
+    # of their value without any
     slender: float = 5.0
     still: float = 1e8  # times its own stiffness: a function that is zero on a held face
 
@@ -336,14 +337,16 @@ def lacking_functions(
     """Functions (b, ...) of the next order that quadratic elements lack, at X (3, m, points) in
     elements, and their gradients (b, 3, m, points).
 
-    In tetrahedra cubes: one of each edge, one of each face. In hexahedra those of the edges, and
-    products of two and of three parabolas, which the 20 nodes lack; `vanish` (3, m) says at which
-    ends of the element they do so, at X = 0 (1), X = 1 (2), both (3) or none (0). Tractions of
-    neighbours differ by constants and slopes, which the elements' own functions balance together:
-    cubes and parabolas along slender elements that vanish at both ends would take it for an error,
-    those for none are orthogonal to it, those for one end to what else vanishes there. Of
-    `rig-rom`, whose elements are twenty times as long as thick at its edges, the others stated
-    twice as much.
+    In tetrahedra 10 cubes: one of each edge, one of each face. In hexahedra 19: a cube along each
+    edge, and products of two and of three parabolas, which the 20 nodes lack. `vanish` (3, m) says
+    at which ends of the element along X, Y and Z these cubes and parabolas are zero: at X = 0 (1),
+    at X = 1 (2), at both (3), at none (0).
+
+    Tractions of neighbours differ by constants and slopes, which the elements' own functions
+    balance together. Functions that vanish at both ends would take these differences for an error
+    in slender elements; those for no end are orthogonal to constants and slopes, those for one end
+    to what else vanishes there. Of `rig-rom`, whose elements are twenty times as long as thick at
+    its edges, functions that vanish at both ends stated twice as much.
     """
     one = np.ones_like(X[0])
     if isinstance(mesh, MeshHex):

@@ -161,6 +161,8 @@ def _require_place(shape: Shape) -> None:
 
 
 def _signed_area(outline: NDArray[np.float64]) -> float:
+    """Area [m^2] of a polygon (n, 2) [m] by its corners (Gauss), > 0 where they run
+    anticlockwise."""
     x, y = outline.T
     return float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) / 2)
 
@@ -219,6 +221,8 @@ def _check_apart(hole: Hole, others: tuple[Hole, ...]) -> None:
 
 
 def _check_depths(holes: tuple[Hole, ...], height: float, words: str) -> None:
+    """Raises InvalidGeometry for holes that are no less deep than the body's height [m], which
+    `words` name: they would go through, and must say so by having no depth."""
     for hole in holes:
         if hole.depth is None:
             continue

@@ -98,4 +98,6 @@ def facing_distance(first: Face, second: Face) -> float | None:
 
 
 def _boxes_meet(a: Body | Face, b: Body | Face, within: float) -> bool:
+    """Whether the boxes around both come within a distance [m] of each other along every axis; with
+    a negative one, whether they overlap by more than that."""
     return bool(np.all(a.lower - within <= b.upper) and np.all(b.lower - within <= a.upper))

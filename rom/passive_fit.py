@@ -296,10 +296,13 @@ def _refined(omega, H, deviation, fit: ModalFit, options: FitOptions) -> ModalFi
     is_fitted = np.concatenate([np.ones(n, bool), [free, True]])
 
     def model(x):
+        """omega_j and zeta (n,) of x = [ln omega, ln zeta, residues over their units], and the
+        columns (2 k, n + 2) that these residues multiply; 0 for a free mass that is not fitted."""
         omega_j, zeta = np.exp(x[:n]), np.exp(x[n : 2 * n])
         return omega_j, zeta, _weighted(omega, deviation, omega_j, zeta) * is_fitted / norm
 
     def residual(x):
+        """Misfits over their deviations (2 k,)."""
         return model(x)[2] @ x[2 * n :] - right
 
     def jacobian(x):
