@@ -6,6 +6,7 @@ import socket
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
@@ -970,8 +971,10 @@ def test_processes_of_a_sweep_listen_to_this_machine_alone():
 
 def listening():
     """Addresses (host, port) at which this process and its children listen."""
-    this = psutil.Process()
-    every = (c for p in [this, *this.children(recursive=True)] for c in p.net_connections())
+    this, every = psutil.Process(), []
+    for process in [this, *this.children(recursive=True)]:
+        with suppress(psutil.NoSuchProcess):  # a child of another test, which has ended since
+            every += process.net_connections()
     return {(c.laddr.ip, c.laddr.port) for c in every if c.status == "LISTEN"}
 
 
