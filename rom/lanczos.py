@@ -35,7 +35,8 @@ class LanczosOptions(NamedTuple):
 
 
 class EigenPairs(NamedTuple):
-    """omega (k,) [rad/s] ascending, rigid-body modes as exact zeros; phi (n, k) mass-normalised."""
+    """omega (k,) [rad/s], rigid-body modes as exact zeros; phi (n, k) mass-normalised. Ascending as
+    this module gives them; modes to be retained, and pairs of a Krylov space, are in any order."""
 
     omega: np.ndarray
     phi: np.ndarray
