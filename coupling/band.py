@@ -27,7 +27,8 @@ class Band(NamedTuple):
 
 def filtered(band: Band, t: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
     """Output (k, ...) of the filters for a signal y (k, ...) at equally spaced times t (k,) [s], in
-    the steady state of y[0] before."""
+    the steady state of y[0] before; y itself for a band without corners. Causal: a low-pass delays
+    what it shows."""
     # corner frequencies [rad/s]: below the first and above the last nothing passes
     corners = [2 * np.pi * end for end in (band.high_pass, band.low_pass) if end is not None]
     if not corners:
@@ -59,7 +60,7 @@ def filtered(band: Band, t: NDArray[np.float64], y: NDArray[np.float64]) -> NDAr
 def phi(j: int, z: complex) -> complex:
     """phi_j, (exp(z) less its first j terms) / z^j.
 
-    >>> phi(1, 0.0), round(phi(2, 1.0), 12)
+    >>> phi(1, 0.0), float(round(phi(2, 1.0), 12))
     (1.0, 0.718281828459)
     """
     if abs(z) < 1.0:  # the recurrence would lose digits, the series has them

@@ -27,7 +27,8 @@ def contact_response(
     reduction: rom.ReducedModel, full: NDArray[np.float64], law: Damping | None
 ) -> ContactResponse:
     """The reduced model's response over BAND_HZ with its damping, and undamped at CHECKED_HZ,
-    where the full model's is `full` (k,) [m/N]."""
+    where the full model's is `full` (k,) [m/N]. Without C there, so that both are real and a
+    difference is that of the reduction alone. Raises CouplingError as of `damping_ratios`."""
     checked, f = np.array(CHECKED_HZ), np.geomspace(*BAND_HZ, 1200)
     undamped = rom.receptance(reduction._replace(C=None), None, checked).real
     reduced, finer = (

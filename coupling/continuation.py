@@ -140,8 +140,9 @@ def neighbouring_state(
 def later(
     body: PreparedImpact, before: Before, state: SteadyState, turn: float
 ) -> tuple[PreparedImpact, Moving]:
-    """Body and state with all shakers this share of the common period later in their cycle: a
-    periodic state holds every phase."""
+    """Body and state with all shakers later in their cycle by `turn` common periods, rounded to a
+    step of the march: a periodic state holds every phase, and a march on reaches it. Raises
+    UnstableStep."""
     T = body.shakers.period
     n_steps = state.n_steps
     n = round((turn % 1.0) * n_steps)

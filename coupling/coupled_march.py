@@ -39,10 +39,14 @@ def march_coupled(
     n_save: int = 1000,
     largest_step: float | None = None,
 ) -> Trajectory:
-    """Trajectory of the chain against a coupled wall, from the static state with velocities v0.
+    """Trajectory of the chain against a coupled wall, from the static state with velocities v0 (n,)
+    [m/s], at n_save + 1 equal times to `duration` [s].
 
-    error bounds the relative error of one step, not that of the run, see with_coupled_error.
-    wall_x, the displacement that is read, is without the residual spring. Raises CouplingError.
+    error bounds the relative error of one step, not that of the run, see with_coupled_error;
+    largest_step [s] is the longest taken, None that of `longest_step`. wall_x, the displacement
+    that is read, is without the residual spring. Raises NoEquilibrium, and CouplingError for yield
+    or friction of guides, for dampers of the wall too stiff to march, and where the march does not
+    come to its end.
     """
     if chain.yield_overlap is not None:
         raise CouplingError("a CoupledWall takes no plastic contacts; leave out yield_overlap.")
@@ -192,10 +196,13 @@ def contact_forces(
 def with_coupled_error(
     chain: Chain, wall: CoupledWall, v0: ArrayLike, trajectory: Trajectory, *, error: float
 ) -> Trajectory:
-    """The trajectory of march_coupled at this error with the largest velocity difference to a
-    march of half as many steps, over the largest initial speed: a cautious error_estimate.
+    """The trajectory of march_coupled at this error from velocities v0 (n,) [m/s] with the largest
+    velocity difference to a coarser march, over the largest initial speed: a cautious
+    error_estimate, nearly all of which is that of the coarser one. Raises CouplingError.
     """
-    # half as many steps: 32 = 2^5 times the error of a step, and twice the longest that is stable
+    # 32 times the error of a step, and twice the longest step: of six runs of five spheres at
+    # errors of 1e-6 to 1e-10 the coarser took 0.5 to 0.7 of the steps and was 2.7 to 120 times as
+    # wrong
     coarser = march_coupled(
         chain, wall, v0, duration=float(trajectory.t[-1]), error=32.0 * error,
         n_save=trajectory.t.size - 1, largest_step=2 * longest_step(wall),
@@ -205,8 +212,9 @@ def with_coupled_error(
 
 
 def longest_step(wall: CoupledWall, stiffest: float = 100.0) -> float:
-    """Longest step [s] for which the Runge-Kutta method is stable. Raises CouplingError for dampers
-    `stiffest` times as fast as the fastest mode, with which a march would take minutes."""
+    """Longest step [s] of a march, well below where the Runge-Kutta method turns unstable; inf for
+    a wall whose modes are all rigid. Raises CouplingError for dampers `stiffest` times as fast as
+    the fastest mode, with which a march would take minutes."""
     fastest = wall.omega.max(initial=0.0)
     decay = np.abs(wall.D).max(initial=0.0) and np.linalg.eigvalsh(wall.D)[-1]
     if decay > stiffest * fastest:

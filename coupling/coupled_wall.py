@@ -14,14 +14,13 @@ import numpy as np
 
 
 class CoupledWall(NamedTuple):
-    """omega (k,) [rad/s]; D (k, k) [1/s] modal damping; force, reading (k,) [kg^-1/2];
-    residual_compliance [m/N]."""
+    """k modes that a damping matrix couples, or that are pushed and read by different weights."""
 
-    omega: np.ndarray
-    D: np.ndarray
-    force: np.ndarray
-    reading: np.ndarray
-    residual_compliance: float
+    omega: np.ndarray  # (k,) [rad/s]
+    D: np.ndarray  # (k, k) [1/s] modal damping
+    force: np.ndarray  # (k,) [kg^-1/2] g, participations of the force
+    reading: np.ndarray  # (k,) [kg^-1/2] h, participations of what is read
+    residual_compliance: float  # [m/N] s
 
     @property
     def reciprocal(self) -> bool:

@@ -40,7 +40,8 @@ Damping = ModalDamping | RayleighDamping
 def rayleigh(
     frequency_1_hz: float, zeta_1: float, frequency_2_hz: float, zeta_2: float
 ) -> RayleighDamping:
-    """The Rayleigh damping with two given ratios at two frequencies [Hz].
+    """The Rayleigh damping with two given ratios at two frequencies [Hz]: alpha [1/s] and beta [s]
+    of  zeta = alpha / (2 omega) + beta omega / 2.
 
     Raises CouplingError if the frequencies coincide or a coefficient comes out negative, since
     modes outside the two would then be driven.
@@ -145,7 +146,9 @@ def couples_modes(D: np.ndarray | None) -> bool:
 
 
 def modal_coupling(D: np.ndarray) -> float:
-    """Largest |D_jk| / sqrt(D_jj D_kk) off the diagonal of a modal damping matrix (k, k)."""
+    """Largest |D_jk| / sqrt(D_jj D_kk) off the diagonal of a modal damping matrix (k, k); 0 of a
+    diagonal one. Modes without damping count with 1e-12 of the largest entry: a damper that couples
+    them is not divided by 0."""
     diagonal, off = np.abs(np.diag(D)), np.abs(D - np.diag(np.diag(D)))
     if not off.any():
         return 0.0

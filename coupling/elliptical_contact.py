@@ -34,7 +34,7 @@ PLANE = EllipticalContact(1.0, 1.0, 1.0)
 
 def elliptical_contact(sphere_radius: float, curvatures: tuple[float, float]) -> EllipticalContact:
     """The contact of a sphere of a radius [m] with a surface of two principal curvatures [1/m],
-    negative where it is concave.
+    negative where it is concave; a circle where they are alike to 1e-6 of the relative curvature.
 
     Raises ValueError for a hollow that is not wider than the sphere.
     """

@@ -69,18 +69,18 @@ USUAL_BALANCE_SEARCH = BalanceSearch()
 
 
 class Learned(NamedTuple):
-    """What differs -dr/dy from 1 on a cycle, by pairs: P = 1 + sum w e^T is near its inverse."""
+    """By what -dr/dy differs from 1 on a cycle, in pairs: P = 1 + sum w e^T is near its inverse."""
 
     w: list  # of (N, c), in units of force
     e: list  # of (N, c), orthonormal for those found together, with the mean over time
 
     def step(self, r: Array) -> Array:
-        """P r."""
+        """P r (N, c), the step that what is known would take for the residual r (N, c)."""
         share = [float(np.vdot(e, r)) / len(r) for e in self.e]
         return r + sum(x * w for x, w in zip(share, self.w, strict=True))
 
     def resampled(self, n_samples: int) -> "Learned":
-        """The same of a cycle of other times."""
+        """The same of a cycle of n_samples instants."""
         return Learned(*([resampled(x, n_samples) for x in part] for part in self))
 
 
@@ -130,7 +130,14 @@ class Balance(NamedTuple):
 def cut_at_contacts(
     body: PreparedImpact, before: Before, n_samples: int, search: BalanceSearch
 ) -> CutBodies:
-    """The bodies of a chain before the striker, at the harmonics of the shakers' period."""
+    """The bodies of a chain before the striker, at the n_samples // 2 + 1 harmonics of the shakers'
+    period.
+
+    A body that nothing but its contacts holds has no static answer, and one without damping none
+    where a harmonic is its own frequency. There `weak` of the contacts' stiffness stands for that
+    of its spring, and `weak` of its own for what resonance leaves: too soft to be seen beside the
+    contacts that hold it. Modes of the wall that resonate are left to `resonant_modes`.
+    """
     chain, static, wall, Q = body.prepared.chain, body.prepared.static, body.wall, body.to_frame
     n, d = chain.mass.size, len(body.frame)
     inverse = 1.0 / np.asarray(chain.mass, float)
@@ -213,8 +220,9 @@ class ResonantModes(NamedTuple):
 
 
 def resonant_modes(cut: CutBodies, h: int, K: Array) -> ResonantModes:
-    """Modes without damping at harmonic h: 0 = P f + p with their participations P and the push p.
-    With the other bodies' y = (1 + C K)^-1 (s - C g - P^T q),
+    """Modes without damping at harmonic h, where the contacts have the stiffnesses K (c,) [N/m]:
+    0 = P f + p with their participations P and the push p. With the other bodies'
+    y = (1 + C K)^-1 (s - C g - P^T q),
 
         P K (1 + C K)^-1 P^T q = p + P K (1 + C K)^-1 (s - C g) + P g
 
@@ -318,8 +326,10 @@ def balance(
     pushed to and fro by (d,) [m].
 
     In one direction a contact comes into its cycle at once; across that direction what slips
-    little forgets its shear over many periods, which are added until one creeps by `creep`.
+    little forgets its shear over many periods, which are added until one creeps by `creep`. Raises
+    UnstableStep as of `resonant_modes`.
     """
+    # r is linear but for what the contacts answer beyond K y: A = (1 + C K)^-1 harmonic by harmonic
     cut = cut_at_contacts(body, before, n_samples, search)
     N, c, d = n_samples, cut.K.size, len(body.frame)
     K = cut.K.copy()
@@ -345,6 +355,7 @@ def balance(
         return units * r, now
 
     def size(r: Array) -> float:
+        """Root mean square over time of r (N, c), as forces [N]."""
         return float(np.sqrt(np.vdot(r, r) / N))
 
     y = np.fft.irfft(linear, N, axis=0) if start is None else resampled(start.y, N)
@@ -409,7 +420,8 @@ def balance(
 
 
 def resampled(y: Array, n_samples: int) -> Array:
-    """A cycle (N, c) at other times: harmonics beyond those of the fewer samples are 0."""
+    """A cycle (N, c) at n_samples instants, (n_samples, c): harmonics beyond those of the fewer
+    samples are 0, and so is the highest of these."""
     out = np.zeros((n_samples // 2 + 1, y.shape[1]), complex)
     spectrum = np.fft.rfft(y, axis=0)
     m = min(len(out), len(spectrum)) - 1
@@ -431,6 +443,7 @@ def cycle_of(body: PreparedImpact, balance: Balance, n_saves: int) -> tuple[Movi
     f = np.fft.rfft(answer.force - cut.force, axis=0)
 
     def over_time(spectrum: Array) -> Array:
+        """Values at N instants of a spectrum (h, ...) as numpy.fft.rfft counts it."""
         return np.fft.irfft(spectrum, N, axis=0)
 
     # the modes under forces; the spheres by approach and shift from there on, as soft springs would
@@ -453,6 +466,8 @@ def cycle_of(body: PreparedImpact, balance: Balance, n_saves: int) -> tuple[Movi
 
     # work and losses: the mean of a product is 2 Re sum A B* / N^2
     def mean(a: Array, b: Array) -> float:
+        """Mean over a period of the product of two motions of spectra (h, ...), summed over all
+        but time; right where one of them has no mean, as velocities have none."""
         return 2.0 * float(np.real(np.vdot(b, a))) / N**2
 
     work = period * mean(rate * q, cut.push)

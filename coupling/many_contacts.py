@@ -26,7 +26,8 @@ def walls_of(
     """The walls of p contacts, as arrays (p, k + n_beyond) of one Wall for `dem.Chains`.
 
     half_space (p,) [m/N] is taken out of the static compliances. Of the oscillators beyond the
-    common modes those above lumped_above_hz [Hz] are one. Raises CouplingError.
+    common modes those above lumped_above_hz [Hz] are one. Raises CouplingError for damping ratios
+    that are missing or negative.
     """
     beyond = contacts.beyond(n_beyond).lumped(lumped_above_hz)
     shared = np.broadcast_to(contacts.omega, contacts.phi.shape)

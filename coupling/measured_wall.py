@@ -23,8 +23,8 @@ def surface_compliance(young: float, poisson: float, distance: float) -> float:
 
 
 def measured_wall(fit: ModalFit, *, half_space: float = 0.0) -> Wall:
-    """The oscillators of a fit, a free mass as one at rest, and its compliance less half_space
-    [m/N]."""
+    """The oscillators of a fit, its free mass as a mode of omega = 0 and phi^2 = 1/m, and its
+    compliance less half_space [m/N]."""
     free = np.full(int(fit.inverse_mass > 0), fit.inverse_mass)
     return Wall(
         np.concatenate([0 * free, fit.omega]),

@@ -129,12 +129,13 @@ class Period(NamedTuple):
     steps: Steps
 
     def march(self, moving: Moving) -> SavedSpatial:
-        """A period on, in place."""
+        """A period on from t = -T, in place, to t = 0. Raises UnstableStep."""
         duration = self.steps.h * self.steps.n_save * self.steps.stride
         return self.body.march(moving, self.system, -duration, self.steps)
 
     def place(self, moving: Moving, z: Array, *, sheared: bool = True) -> None:
-        """Bring the bodies to z, in place, and the contact with them; or with its shear as it is.
+        """Bring the bodies to z (2 (n + 2 n_directions + k),), in place, and the contact with them;
+        or with its shear as it is.
 
         Where all of a contact slips within the cycle, the cycle sets its shear anew, and to shear
         it further or back from where it slips would make a kink of the period map.
@@ -159,13 +160,15 @@ class Period(NamedTuple):
         return surface - (arrays.phi @ motion.q)[1:]
 
     def z_of(self, moving: Moving) -> Array:
-        """The bodies' displacements from rest and velocities: x, u, psi, q, then their rates."""
+        """The bodies' displacements from rest and velocities, (2 (n + 2 n_directions + k),):
+        x (n,), u, psi (n_directions,) each, q (k,), then their rates."""
         motion = moving.motion
         return np.concatenate([motion.x - self.system.arrays.rest, *coordinates(moving)[1:]])
 
 
 def coordinates(moving: Moving) -> tuple[Array, ...]:
-    """The arrays of a state: x, u, psi, q and their rates."""
+    """The arrays of a state, not copied: x (n,), u, psi (n_directions,), q (k,) and their rates, in
+    the order of `Period.z_of`."""
     motion = moving.motion
     return (
         motion.x, motion.u, motion.psi, motion.q, motion.v, motion.u_v, motion.spin, motion.p
@@ -194,7 +197,8 @@ def at_level(system: SpatialSystem, level: float) -> SpatialSystem:
 
 
 def linear_period(period: Period, saved: SavedSpatial | None) -> tuple[Array, Array]:
-    """Period map M of the linear system, and weights by which the squares of z are its energy.
+    """Period map M (2 m, 2 m) of the linear system with m = n + 2 n_directions + k, and weights
+    (2 m,) whose squares times those of z are twice its energy, by the diagonal of the stiffness.
 
     The contact across has the stiffness and damping of the cycle that was saved last,
     k = T / X and c = E / (pi omega X^2) with half of peak to peak of force and slip and the heat E;
@@ -251,6 +255,7 @@ def linear_period(period: Period, saved: SavedSpatial | None) -> tuple[Array, Ar
     K += B.T @ C @ B
     D += B.T @ (dampers[:, None] * B)
 
+    # z' = rates z over a period; bodies that are held fast (inverse mass 0) have no weight
     zero, one = np.zeros((size, size)), np.eye(size)
     rates = np.block([[zero, one], [-inverse[:, None] * K, -inverse[:, None] * D]])
     M = expm(rates * (period.steps.h * period.steps.n_save * period.steps.stride))
@@ -266,7 +271,7 @@ class FixedPoint(NamedTuple):
     moving: Moving
     saved: SavedSpatial
     change: float  # of state and forces in the period, over their largest
-    jacobian: Array  # of the period map, in units of energy^(1/2)
+    jacobian: Array  # (2 m, 2 m) of the period map, in units of energy^(1/2)
 
 
 def risen(period: Period, moving: Moving, search: PeriodicSearch) -> SavedSpatial | None:
@@ -299,7 +304,8 @@ def fixed_point(
 ) -> FixedPoint:
     """A state that a period brings back; its change is above the tolerance where none is found.
 
-    Starts from `moving`, at rest unless the Jacobian of a search before is given.
+    Starts from `moving`, at rest unless the Jacobian (2 m, 2 m) of a search before is given. Raises
+    UnstableStep where a period on the way is not finite.
     """
     saved = risen(period, moving, search) if jacobian is None else None
     z = period.z_of(moving)
@@ -308,11 +314,12 @@ def fixed_point(
     sheared = bool(saved.stick.min() > 0.0)
     M, weights = linear_period(period, saved)
 
+    # unknowns in units of energy^(1/2): displacements of stiff springs and of soft ones weigh alike
     units = np.where(weights > 0.0, weights, 1.0)
     moves = weights > 0.0
 
     def scaled_step(J: Array, residual: Array) -> Array:
-        """(1 - J)^-1 residual, both in units of energy^(1/2)."""
+        """(1 - J)^-1 residual (2 m,), both in units of energy^(1/2)."""
         out = np.zeros(len(J))
         matrix = (np.eye(len(J)) - J)[np.ix_(moves, moves)]
         if neutral:
@@ -340,6 +347,8 @@ def fixed_point(
             step = 0.5 * step
             z = z - step
             moving = start
+
+        # what the period has changed: bodies by their energy, forces at the wall, energy gained
         size = float(np.linalg.norm(residual))
         scale = float(np.abs(saved.force).max()) or 1.0
         error = size / (float(np.linalg.norm(units * image * moves)) or 1.0)
@@ -383,8 +392,8 @@ def fixed_point(
 
 
 def step_of(M: Array, weights: Array, residual: Array) -> Array:
-    """(1 - M)^-1 residual; the least one where a motion comes back of itself: of spheres that are
-    held, or roll on the wall."""
+    """(1 - M)^-1 residual (2 m,), of M and weights (2 m,) as of `linear_period`; the least one
+    where a motion comes back of itself: of spheres that are held, or roll on the wall."""
     units = np.where(weights > 0.0, weights, 1.0)
     moves = weights > 0.0
     matrix = (np.eye(len(M)) - M) * units[:, None] / units
@@ -522,6 +531,8 @@ def balanced(
     few_samples = n_samples
     two_directions, n_cells, cycle, coarse = len(body.frame) == 2, search.cells, None, None
     order = 1.0 if two_directions else 2.0
+
+    # samples and cells are doubled, each cycle from the one before, until the error is met
     while True:
         divided = body._replace(search=body.search._replace(n_cells=n_cells))
         tolerance = search.periodicity * error
@@ -663,8 +674,9 @@ def without_still(body: PreparedImpact, moving: Moving) -> Moving:
 
 
 def with_still(body: PreparedImpact, moving: Moving, rate: Array) -> Moving:
-    """A state of `still(body)` at t = 0 as one of the body, whose fast modes follow their forces;
-    `rate` (1 + n_directions,) [N/s] of those at the wall."""
+    """A state of `still(body)` at t = 0 as one of the body, whose fast modes follow their forces:
+    q = push / omega^2, and its rate by that of the push; `rate` (1 + n_directions,) [N/s] of those
+    at the wall."""
     fast, motion, wall, shakers = still_modes(body), moving.motion, body.wall, body.shakers
     phi = wall.phi[fast] @ body.to_frame.T
     angle, turning = np.asarray(shakers.phase), 2.0 * np.pi * np.asarray(shakers.frequency)

@@ -24,7 +24,8 @@ class Shares(NamedTuple):
 
 
 def lamb_integral(poisson: float) -> Shares:
-    """I of a half-space; the surface wave takes 0.674 of it for nu = 1/4 (Miller and Pursey)."""
+    """The parts of I of a half-space of a Poisson's ratio below 1/2; the surface wave takes 0.674
+    of it for nu = 1/4 (Miller and Pursey)."""
     from scipy.integrate import quad  # loaded for radiated energy alone
     from scipy.optimize import brentq
 
@@ -53,7 +54,9 @@ def lamb_integral(poisson: float) -> Shares:
 def radiated_energy(
     t: ArrayLike, force: ArrayLike, young: float, poisson: float, density: float
 ) -> float:
-    """Energy [J] that leaves with the waves of a force (k,) [N] at times t (k,) [s]."""
+    """Energy [J] that leaves with the waves of a force (k,) [N] at times t (k,) [s] on a
+    half-space, young [Pa], density [kg/m^3]. F' is by central differences: the instants have to
+    resolve the push."""
     mu = young / (2 * (1 + poisson))
     B = sum(lamb_integral(poisson)) / (2 * np.pi * mu * np.sqrt(mu / density))
     rate = np.gradient(np.asarray(force, dtype=float), t)

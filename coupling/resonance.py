@@ -67,13 +67,18 @@ class CurvePoint(NamedTuple):
     stick: float  # least share of the area that sticks
     damping: float  # ratio of friction: heat over 4 pi times the mean energy of the modes
     stiffness: float  # [N/m] of the contact across: first harmonics of force over slip
-    harmonics: Array  # ((2 n_harmonics + 1) c,) [m] of y: means, then cosines, then sines
-    jacobian: Array  # [N/m] df/dy of these
+    harmonics: Array  # ((2 n_harmonics + 1) c,) [m] of y: means, cosines, sines as in `flat`
+    jacobian: Array  # ((2 n_harmonics + 1) c,) square [N/m] df/dy of these
 
 
 def without_other_contacts(cut: CutBodies, body: PreparedImpact, n_harmonics: int) -> Array:
-    """H (n_harmonics + 1, c, c) of the last contact. Raises CouplingError where a harmonic is the
-    frequency of a mode without damping."""
+    """H (n_harmonics + 1, c, c) [m/N] of the last contact, c = 1 + n_directions, with the others as
+    springs and dampers. Raises CouplingError where a harmonic is the frequency of a mode without
+    damping.
+
+    D, the springs and dampers of the other contacts, is never inverted: one without stiffness, as
+    of a striker that is not there yet, is in order.
+    """
     chain, static, omega = body.prepared.chain, body.prepared.static, cut.omega[: n_harmonics + 1]
     if cut.resonates[: n_harmonics + 1].any():
         h = int(cut.resonates.any(axis=1).argmax())
@@ -122,11 +127,13 @@ def point(
     scale = flat(unit + most * np.abs(np.einsum("hii->hi", H)) * (1.0 + 1.0j))
 
     def answered(x: Array) -> tuple[Array, CycleForces]:
+        """f of means, cosines and sines x, by the contact's answer at N instants; and that."""
         y = np.zeros((N, cut.K.size))
         y[:, last:] = over_time(harmonics_of(x, c), N)
         now = answer(body, before, cut, y, None, options.laps)
         return flat(of_time(now.force[:, last:] - cut.force[last:], m)), now
 
+    # from the neighbour's cycle, or from what the shakers move where the contact does nothing
     driven = flat(2.0 / N * cut.shaken[: m + 1, last:])
     x, G = (driven, None) if guess is None else (guess.harmonics, guess.jacobian)
     f, now = answered(x)
@@ -135,6 +142,8 @@ def point(
     for _ in range(options.most_iterations):
         if size <= options.tolerance * min(1.0, float(np.linalg.norm(x / scale))):
             return shown(body, cut, x, f, G, now, options)
+
+        # G = df/dy by differences where none is at hand; J is then that of the whole equation
         if fresh := G is None:
             nudged = options.nudge * unit * np.eye(x.size)
             G = np.stack([(answered(x + dx)[0] - f) / dx.max() for dx in nudged], axis=1)
@@ -156,6 +165,8 @@ def point(
                 return None
             G = None
             continue
+
+        # Broyden: G along the step is what the step has shown; a poor step asks for new quotients
         dx = share * dx
         G = G + np.outer(f_after - f - G @ dx, dx) / (dx @ dx)
         if size_after > options.good * size:
@@ -165,20 +176,22 @@ def point(
 
 
 def harmonics_of(x: Array, c: int) -> Array:
-    """(m + 1, c) complex amplitudes of means, cosines and sines x ((2 m + 1) c,)."""
+    """(m + 1, c) complex amplitudes a of the motion Re(a e^(i h w t)), h = 0 to m, from means,
+    cosines and sines x ((2 m + 1) c,); the sines count as -sin."""
     m = x.size // c // 2
     parts = x.reshape(2 * m + 1, c)
     return np.vstack([parts[:1], parts[1 : m + 1] + 1j * parts[m + 1 :]])
 
 
 def flat(amplitudes: Array) -> Array:
-    """Means, cosines and sines of complex amplitudes, the other way round."""
+    """Means, cosines and sines ((2 m + 1) c,) of complex amplitudes (m + 1, c): the inverse of
+    `harmonics_of`."""
     a = amplitudes
     return np.concatenate([a[:1].real, a[1:].real, a[1:].imag]).ravel()
 
 
 def over_time(amplitudes: Array, N: int) -> Array:
-    """(N, c) values at equal instants of a period."""
+    """(N, c) values at N equal instants of a period, of complex amplitudes (m + 1, c)."""
     spectrum = 0.5 * N * amplitudes
     spectrum[0] *= 2.0
     return np.fft.irfft(spectrum, N, axis=0)
@@ -192,7 +205,8 @@ def of_time(values: Array, m: int) -> Array:
 
 
 def moved(H: Array, f: Array) -> Array:
-    """H f of means, cosines and sines."""
+    """H f, ((2 m + 1) c,) [m], of forces f ((2 m + 1) c,) [N] by means, cosines and sines, with
+    H (m + 1, c, c)."""
     return flat(np.einsum("hij,hj->hi", H, harmonics_of(f, H.shape[1])))
 
 
@@ -205,7 +219,8 @@ def shown(
     now: CycleForces,
     options: HarmonicBalance,
 ) -> CurvePoint:
-    """Amplitudes and energies of a periodic motion."""
+    """Amplitudes and energies of a periodic motion x, forces f and G = df/dy by means, cosines and
+    sines; `now` are the contacts' forces over its cycle."""
     wall, m, N = body.wall, options.n_harmonics, options.n_instants
     last, c = body.prepared.chain.mass.size - 1, 1 + len(body.frame)
     y, F = harmonics_of(x, c), harmonics_of(f, c)

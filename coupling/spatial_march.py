@@ -56,7 +56,7 @@ class ShakerForces(NamedTuple):
 
     @property
     def period(self) -> float:
-        """[s] shortest common period; raises InvalidChain without one, see `common_period`."""
+        """[s] Shortest common period; raises InvalidChain without one, see `common_period`."""
         return common_period(self.frequency)
 
 
@@ -104,7 +104,8 @@ class PreparedImpact(NamedTuple):
 
     @property
     def to_frame(self) -> Array:
-        """(1 + n_directions, 3) from n, t1, t2 to n and the directions across."""
+        """Q (1 + n_directions, 3), from n, t1, t2 to n and the directions across; its transpose
+        leads back."""
         out = np.zeros((1 + len(self.frame), 3))
         out[0, 0], out[1:, 1:] = 1.0, self.frame
         return out
@@ -114,7 +115,7 @@ class PreparedImpact(NamedTuple):
         return self.last.mobility(float(self.prepared.chain.mass[-1]), self.arm_stiffness())
 
     def arm_stiffness(self) -> Array:
-        """(n_directions,) [N/m]."""
+        """(n_directions,) [N/m] of the arm in the directions across; inf clamps."""
         k = np.asarray(self.last.arm_stiffness, float)
         return k if len(self.frame) == 2 else k[[int(np.abs(self.frame[0]).argmax())]]
 
@@ -233,7 +234,9 @@ class Moving(NamedTuple):
 
 def shaking(wall: SpatialWall, shakers: ShakerForces | None, to_frame: Array, h: float) -> Shaking:
     """What shakers do to the modes over a step of h [s], exact: integrals of the modes' response to
-    an impulse, by Gauss' rule with as many points as the fastest of them asks for."""
+    an impulse, by Gauss' rule with as many points as the fastest of them asks for; to_frame
+    (1 + n_directions, 3). Shakers of one frequency are one force, B e^(i omega t) with complex B
+    (k,) on the modes and L (1 + n_directions,) on the contact's residual motion."""
     k, d = wall.omega.size, len(to_frame)
     frequency = np.zeros(0) if shakers is None else np.asarray(shakers.frequency, float)
     omega, where = np.unique(2.0 * np.pi * frequency, return_inverse=True)
@@ -286,7 +289,13 @@ def body_of(
     chain: Chain, wall: SpatialWall, v0: ArrayLike, last: LastSphere,
     shakers: ShakerForces | None = None, search: SpatialSearch = USUAL_SPATIAL_SEARCH,
 ) -> PreparedImpact:  # fmt: skip
-    """Chain, last sphere and wall, checked. Raises InvalidChain, NoEquilibrium, CouplingError."""
+    """Chain with velocities v0 (n,) [m/s], last sphere and wall, checked, and the directions across
+    in which anything moves.
+
+    Raises NoEquilibrium; InvalidChain for a chain or a last sphere out of range, contacts without a
+    tangential law, guides; CouplingError for a wall that makes energy, and for a residual
+    compliance that leaves no unique force (`require_one_solution`).
+    """
     require_hertz(chain)
     require(not chain.slides, "friction at the wall takes no guides; leave them out")
     velocity, stiffness = checked_last_sphere(last)
@@ -341,8 +350,8 @@ def along_normal(wall: SpatialWall) -> Wall:
 
 
 def largest_force(prepared: PreparedChain, v0: ArrayLike) -> float:
-    """Upper estimate [N] of the force at the wall: all kinetic energy in its contact, on top of the
-    static force."""
+    """Upper estimate [N] of the force at the wall from velocities v0 (n,) [m/s]: all kinetic energy
+    in its contact, on top of the overlap at rest."""
     chain = prepared.chain
     energy = 0.5 * float(np.asarray(chain.mass) @ np.square(np.asarray(v0, float)))
     law = chain.elastic.at(np.s_[-1:])
@@ -381,8 +390,13 @@ def march_to_error(
     body: PreparedImpact, start: Moving, *, duration: float, error: float | None, n_save: int,
     speed: float | None = None,
 ) -> SpatialRun:  # fmt: skip
-    """March from a state at t = 0; errors are relative to `speed` [m/s], None for the largest at
-    the start."""
+    """March from a state at t = 0 for `duration` [s], at n_save + 1 equal times; errors are
+    relative to `speed` [m/s], None for the largest at the start.
+
+    Without `error`, `search.dt` is the step of the coarser of two marches. Raises InvalidChain
+    where both or none are given, UnstableStep where a state is not finite or the error takes too
+    many steps or cells.
+    """
     search = body.search
     require(
         (error is None) != (search.dt is None),
@@ -395,6 +409,7 @@ def march_to_error(
     two_directions, n_cells = len(body.frame) == 2, search.n_cells
 
     def run(stride: int, n_cells: int) -> tuple[SavedSpatial, Moving]:
+        """The march with so many steps from save to save, and cells in two directions."""
         moving, system = start.divided(n_cells), body.stepped(spacing / stride)
         body.settle(moving, system, 0.0)
         steps = Steps(spacing / stride, n_save, stride)
@@ -432,6 +447,7 @@ def march_to_error(
         n_cells, halved = 2 * n_cells, coarse
         coarse, _ = run(stride, n_cells)
 
+    # the part of the steps: finer marches, each compared with the one before
     shorter, spent = 2.0, stride
     while True:
         finer = max(stride + 1, math.ceil(shorter * stride))
@@ -531,6 +547,8 @@ def spatial_run(
         n_cells=body.search.n_cells if len(frame) == 2 else 0,
     )
 
+    # the ledger of both motions, over the energy at the start or over what any part of it moves by
+    # if that is more: of a rig that only its shakers move the start says nothing
     everything = total + lateral.energy
     terms = (*ledger, kinetic, turning, arm, tangential, lateral.dissipated_friction, shaken)
     started = float(ledger[0][0] + kinetic[0] + turning[0])

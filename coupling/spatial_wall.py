@@ -70,8 +70,8 @@ def half_space(young: float, poisson: float, radius: float) -> np.ndarray:
 def require_one_solution(
     residual_compliance: np.ndarray, stiffness: tuple[float, float], coefficient: float
 ) -> None:
-    """Raise CouplingError unless contact and residual compliance S in series answer every approach
-    by one force.
+    """Raise CouplingError unless contact and residual compliance S (3, 3) [m/N] in series answer
+    every approach by one force, with so much of a coefficient of friction.
 
     `stiffness` [N/m] are those of the contact under its largest force, normal and tangential where
     it sticks: diag(1/k_n, 1/k_t, 1/k_t) + S is positive definite. Where all of it slips, T = mu F

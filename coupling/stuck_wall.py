@@ -46,6 +46,7 @@ def stuck_wall(wall: SpatialWall, stiffness: float, last: LastSphere, chain: Cha
     B = np.vstack([-wall.phi[:, 1:], of_sphere])
     along = np.append(wall.phi[:, 0], np.zeros(len(of_sphere))) + B @ C @ S[1:, 0]
 
+    # modes of all that the springs tie together; a rigid one may come out at -rounding
     K = np.diag(np.append(wall.omega**2, squares)) + B @ C @ B.T
     squared, vectors = np.linalg.eigh(K)
     omega = np.sqrt(np.maximum(squared, 0.0))

@@ -13,17 +13,18 @@ from rom import ModalWall, ReducedModel, modal
 
 
 class SurfaceModes(NamedTuple):
-    """Shapes (k, m, 3) [kg^-1/2] of modes at the m outer nodes, and their omega (k,) [rad/s]."""
+    """Modes at the m outer nodes of a structure."""
 
-    omega: np.ndarray
-    shape: np.ndarray
+    omega: np.ndarray  # (k,) [rad/s]
+    shape: np.ndarray  # (k, m, 3) [kg^-1/2]
 
 
 def wall_modes(
     reduced: ReducedModel, omega: np.ndarray, phi: np.ndarray, *, cutoff_hz: float | None = None
 ) -> SurfaceModes:
     """Shapes of the wall's modes, which are known by their omega [rad/s] and phi [kg^-1/2] (k,);
-    `cutoff_hz` is that with which the wall was made of the model."""
+    `cutoff_hz` is that with which the wall was made of the model. A shape is that of the nearest
+    mode: where the wall was made of another model it is not that of the wall."""
     weights = reduced.contact.weights_read
     if weights is not None and cutoff_hz is None:
         cutoff_hz = np.inf
@@ -64,12 +65,12 @@ class Shapes(NamedTuple):
 
 
 class Moved(NamedTuple):
-    """The wall's modes in a run: omega, phi (k,), coordinates q (n, k), and the wall's cutoff."""
+    """The wall's modes in a run, at n instants."""
 
-    omega: np.ndarray
-    phi: np.ndarray
-    q: np.ndarray
-    cutoff_hz: float | None
+    omega: np.ndarray  # (k,) [rad/s]
+    phi: np.ndarray  # (k,) [kg^-1/2]
+    q: np.ndarray  # (n, k) [kg^1/2 m]
+    cutoff_hz: float | None  # with which the wall was made; None: the usual one
 
 
 def shown_shapes(

@@ -48,8 +48,8 @@ def largest_monotone_force(residual: float, contact: ElasticLaw | float) -> floa
 def predicted_peak_force(
     chain: Chain, v0: ArrayLike, contacts: ElasticLaw | ArrayLike
 ) -> np.ndarray:
-    """Largest forces [N] at contacts of a law, or of Hertz' with coefficients A [N/m^1.5], steady
-    forces included.
+    """Largest forces (n_contacts,) [N] at contacts of a law, or of Hertz' with coefficients
+    A (n_contacts,) [N/m^1.5], of a chain with velocities v0 (n,) [m/s], steady forces included.
 
     The smaller of two bounds: the force of one sphere that meets the contact with the whole
     difference of velocities, F = A^(2/5) (5/4 m V^2)^(3/5), times 1.03 (a column of spheres reaches
@@ -67,7 +67,9 @@ def predicted_peak_force(
 
 
 def verdict(chain: Chain, wall: Wall | CoupledWall | None, v0: ArrayLike) -> Verdict:
-    """Judge a chain of n spheres with velocities v0 (n,) [m/s] against a wall, None for no wall."""
+    """Judge a chain of n spheres with velocities v0 (n,) [m/s] against a wall, None for no wall. A
+    Wall that makes energy is impossible; a CoupledWall that does may run, and is named: the scheme
+    of the thesis is one."""
     n_modes = 0 if wall is None else len(wall.omega)
 
     # the contact at its peak force: Hertz in series with s, which gives way beyond the limit

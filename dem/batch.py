@@ -49,7 +49,7 @@ class Batch(NamedTuple):
     wall_force: Array  # (n_chains, k) [N], 0 for free chains
     energy_error: Array  # (n_chains,) largest change over the energy at the start
     dt: float | Array  # [s] as given, or (n_chains,) found for the error
-    n_steps: int | Array
+    n_steps: int | Array  # of all chains, or (n_chains,)
     scheme: str
     error_estimate: Array | None = None  # (n_chains,) relative velocity errors
     refused: Mapping[int, str] = MappingProxyType({})  # chains that miss the error, and why
@@ -127,10 +127,12 @@ def march_batch(
     n_save: int = 100,
     threads: int | None = None,
 ) -> Batch:
-    """Chains that start from their static state, marched side by side.
+    """Chains that start from their static state, marched side by side for `duration` [s] and saved
+    at n_save + 1 equal times at the observed spheres (indices, None for all).
 
-    Give dt, or the velocity error relative to the largest initial speed of each chain: the step of
-    each is then found, and its error estimated, by marches of that chain. Raises InvalidChain,
+    Give dt [s], or the velocity error relative to the largest initial speed of each chain: the step
+    of each is then found, and its error estimated, by marches of that chain. Without `threads` as
+    many as there are cores; results do not depend on their number. Raises InvalidChain,
     NoEquilibrium, UnstableStep (of a given dt).
     """
     if (dt is None) == (error is None):
@@ -294,10 +296,16 @@ def fastest_contacts(chains: Chains, duration: float) -> Array:
 
 def pilot_phase(chains, rate, speed, error, request, search) -> float:
     """Phase h * rate of the first steps, corrected by marches of a few chains: errors grow with
-    duration, length and parts of the chain."""
+    duration, length and parts of the chain. rate [1/s] of the fastest contact and largest initial
+    speed [m/s] of every chain, (n_chains,).
+
+    The pilots are spread over the chains in order of their rates. Three rounds at most; chaotic
+    ones, whose difference says nothing about the step, have no voice.
+    """
     interval = stability_interval(SCHEMES[request.scheme])
     bold = search.boldness * (error / 1e-4) ** (1.0 / search.step_order)
     phase = interval * min(bold, search.longest)
+
     spread = np.linspace(0, chains.count - 1, search.pilots).astype(int)
     pilot = np.argsort(rate)[spread]
     pilots = chains.take(pilot)

@@ -74,7 +74,8 @@ def run_between(
 
 
 def chain_and_wall(prepared: PreparedChain, arrays: ChainArrays) -> ChainAndWall:
-    """Arrays from which accelerations and their rates follow; 0 for parts that the chain lacks."""
+    """Arrays from which accelerations and their rates follow, with shapes and units as at
+    `ChainAndWall`; 0 for parts that the chain lacks."""
     chain, wall, static, load, damping = prepared
     modal = (np.zeros(0),) * 3
     if static.q.size:

@@ -63,7 +63,7 @@ class Chain(NamedTuple):
 
     @property
     def elastic(self) -> ElasticLaw:
-        """The elastic law of the contacts."""
+        """The elastic law of the contacts, (n_contacts,) in all its arrays."""
         parameters = {name: getattr(self, name) for name in SHAPE_PARAMETERS}
         parameters = {name: values for name, values in parameters.items() if values is not None}
         return ElasticLaw(self.A, parameters, self.table)
@@ -130,11 +130,14 @@ def row_of_spheres(
     stiffness_factor: ArrayLike = 1.0,
     **fields,
 ) -> Chain:
-    """Chain of elastic spheres against a flat, or a free one.
+    """Chain of elastic spheres against a flat, or a free one (flat None).
 
-    Material values are scalars or one per sphere; `fields` are the further fields of `Chain`,
+    Radius [m], density [kg/m^3], young [Pa] and poisson are scalars or (n,), one per sphere;
+    `count` is n where all are scalars. `stiffness_factor`, a scalar or (n_contacts,), multiplies
+    Hertz' coefficients A, that at the wall last. `fields` are the further fields of `Chain`,
     scalars or one per sphere or contact. Values with a leading axis, (n_chains, 1) or
-    (n_chains, n), make the chains of a batch. Raises InvalidChain.
+    (n_chains, n), make the chains of a batch, which `Chains` checks. Raises InvalidChain for
+    numbers out of range, other counts, and a name that is no field.
     """
     properties = {"radius": radius, "density": density, "young": young, "poisson": poisson}
     if count is not None:
@@ -182,7 +185,8 @@ def row_of_spheres(
 
 
 def validate(chain: Chain, wall: Wall | None, v0: ArrayLike) -> None:
-    """Raise InvalidChain with one sentence if anything is missing, not finite or out of range."""
+    """Raise InvalidChain with one sentence if anything of a chain, its wall and the velocities v0
+    (n,) [m/s] is missing, not finite or out of range, or if parts do not go together."""
     require(isinstance(chain, Chain), f"the chain is a {type(chain).__name__}; give a dem.Chain")
     require(
         wall is None or isinstance(wall, Wall),

@@ -125,7 +125,8 @@ class Chains:
         return tuple(np.array(values) for values in zip(*static, strict=True))
 
     def take(self, rows: Array) -> "Chains":
-        """The chains of these rows, not validated again."""
+        """The chains of these rows (m,), indices that may come more than once; not validated again,
+        and with the static states that were found before."""
         chains = object.__new__(Chains)
         chains.chain, chains.wall, chains.count = self.chain, self.wall, len(rows)
         chains.arrays = {name: values[rows] for name, values in self.arrays.items()}

@@ -26,7 +26,8 @@ def require(condition: object, sentence: str) -> None:
 def vector(
     name: str, values: object, size: int, *, positive: bool = False, at_least: float | None = None
 ) -> Array:
-    """(size,) finite numbers, above 0 or at least a bound."""
+    """The values as (size,) numbers, in a copy. Raises InvalidChain, with the place and the number
+    found, unless all are finite and above 0 (`positive`) or `at_least` a bound."""
     try:
         values = np.array(values, float)
     except (TypeError, ValueError):
@@ -43,7 +44,8 @@ def vector(
 
 
 def spread(name: str, values: object, size: int) -> Array:
-    """Values (..., size), from one number for all or one each; leading axes stay."""
+    """Values (..., size), from one number for all or one each; leading axes stay. A view that is
+    not to be written to. Raises InvalidChain for another count."""
     try:
         array = np.asarray(values, float)
         return np.broadcast_to(array, (*array.shape[:-1], size))
@@ -52,7 +54,7 @@ def spread(name: str, values: object, size: int) -> Array:
 
 
 def scalar(name: str, value: object, *, at_least: float | None = None) -> None:
-    """Require one finite number, not below a bound if there is one."""
+    """Require one finite number, not below a bound if there is one; raises InvalidChain."""
     lowest = -math.inf if at_least is None else at_least
     if not (isinstance(value, float) and math.isfinite(value) and value >= lowest):
         vector(name, np.atleast_1d(value), 1, at_least=at_least)
@@ -88,7 +90,9 @@ def saves(n_save: int, n: int) -> None:
 
 
 def columns(observed: object, n: int) -> Array:
-    """Indices of the observed of n spheres; all without any."""
+    """Indices (n_observed,) of the observed of n spheres, from 0, negative ones from the end; all
+    where `observed` is None. Raises InvalidChain for none, for others, and for what is no list of
+    whole numbers."""
     if observed is None:
         return np.arange(n)
     indices = np.asarray(observed)

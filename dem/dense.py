@@ -7,8 +7,8 @@ from dem.kernels.dense import fill_slopes, fill_values
 
 
 def velocities_between(x: Array, v: Array, a: Array, h: float, n_samples: int) -> Array:
-    """(n_samples + 1, m) velocities at equal instants of a run by equal steps of h [s], which
-    left positions x, velocities v and accelerations a (k, m) at their ends."""
+    """(n_samples + 1, m) velocities at equal instants of a run by k - 1 equal steps of h [s], which
+    left positions x, velocities v and accelerations a (k, m) at their ends: slopes of quintics."""
     velocities = np.empty((n_samples + 1, x.shape[1]))
     fill_slopes(np.ascontiguousarray(x), np.ascontiguousarray(v), a, h, velocities)
     return velocities

@@ -39,7 +39,8 @@ class ElasticLaw(NamedTuple):
 
     @property
     def shape(self) -> ForceShape | None:
-        """What kernels take beside A, None for Hertz' law."""
+        """What kernels take beside A, parameters (n_parameters, ..., n_contacts); None for Hertz'
+        law."""
         if self.name is None:
             return None
         law = laws.ELASTIC_LAWS[self.name]
@@ -55,14 +56,15 @@ class ElasticLaw(NamedTuple):
         return laws.opening(self.shape)
 
     def at(self, contacts: object) -> "ElasticLaw":
-        """The law of some contacts, an index of the last axis."""
+        """The law of some contacts: an index or a slice of the last axis, (..., n_contacts)."""
         of_these = {
             name: np.asarray(values)[..., contacts] for name, values in self.parameters.items()
         }
         return ElasticLaw(np.asarray(self.A)[..., contacts], of_these, self.table)
 
     def force(self, overlap: ArrayLike) -> Array:
-        """Force [N] at an overlap >= 0 [m]."""
+        """Force [N] at an overlap >= 0 [m] that broadcasts against A (..., n_contacts), as do
+        overlaps, forces and energies of the methods below."""
         overlap = np.asarray(overlap, float)
         if self.shape is None:
             return self.A * overlap * np.sqrt(overlap)
@@ -75,7 +77,7 @@ class ElasticLaw(NamedTuple):
         return self.A * self._each(laws.shape_slope, overlap)
 
     def overlap(self, force: ArrayLike) -> Array:
-        """Overlap [m] under a force >= 0 [N]."""
+        """Overlap [m] under a force >= 0 [N], the inverse of `force`."""
         if self.shape is None:
             return hertz_overlap(force, self.A)
         return self._each(laws.shape_overlap, np.asarray(force, float) / self.A)
@@ -95,7 +97,8 @@ class ElasticLaw(NamedTuple):
         return force / self.overlap(force) ** 1.5
 
     def overlap_of_energy(self, energy: ArrayLike) -> Array:
-        """Overlap [m] at which a contact holds an energy [J], to 1e-3 of it, and above."""
+        """Overlap [m] at which a contact holds an energy [J]: of a table the upper end of a
+        bracket that was halved 60 times, for upper bounds."""
         if self.shape is None:
             return (2.5 * np.asarray(energy, float) / self.A) ** 0.4
         return self._each(laws.shape_overlap_of_energy, np.asarray(energy, float) / self.A)
@@ -122,7 +125,8 @@ class ElasticLaw(NamedTuple):
         return self._each(laws.shape_fold, steepest)
 
     def _each(self, formula, values):
-        """A formula of `laws`, uncompiled, at every value beside the parameters of its contact."""
+        """A formula of `laws`, uncompiled, at every value (..., n_contacts) beside the parameters
+        of its contact."""
         formula, shape = getattr(formula, "py_func", formula), self.shape
         values = np.asarray(values, float)
         if laws.ELASTIC_LAWS[self.name].on_arrays:  # contact 0 has the parameters of all
@@ -137,14 +141,16 @@ class ElasticLaw(NamedTuple):
 
 
 def elastic_law(contact: "ElasticLaw | ArrayLike") -> ElasticLaw:
-    """A law as it is, a number as the coefficient A of Hertz' law."""
+    """A law as it is; numbers, (..., n_contacts) or one, as the coefficient A of Hertz' law."""
     return contact if isinstance(contact, ElasticLaw) else ElasticLaw(np.asarray(contact, float))
 
 
 def force_table(overlap: ArrayLike, force: ArrayLike) -> ForceTable:
-    """A table of forces [N] over overlaps [m] as a piecewise cubic; both start at 0 and grow.
+    """A table of forces (m,) [N] over overlaps (m,) [m] as a piecewise cubic through all its rows
+    that grows wherever they do (Fritsch and Carlson); straight on behind the last one.
 
-    Raises InvalidChain.
+    Raises InvalidChain for fewer than 3 rows, for numbers that are not finite, and where a column
+    does not start at 0 and grow from row to row.
     """
     overlap, force = np.array(overlap, float), np.array(force, float)
     require(

@@ -37,7 +37,7 @@ def tangential_law(
     """Law of the contact of two spheres, or of one with a flat (R2 = inf), rigid for E2 = inf.
 
     `coefficient` is that of friction, radii are in m, moduli in Pa; `options` are further fields of
-    the law. Raises InvalidChain.
+    the law. Raises InvalidChain for a coefficient below 0, and R1 or E1 that are not above 0.
     """
     scalar("friction coefficient", coefficient, at_least=0.0)
     for name, value in (("R1", R1), ("E1", E1)):
@@ -71,8 +71,9 @@ def open_cells(n_cells: int = 256) -> SpringCells:
 
 
 def redivided(cells: SpringCells, n_cells: int) -> SpringCells:
-    """The same displacements, linear between the ends of so many cells over the same width, in
-    arrays of its own."""
+    """The same displacements, linear between the ends of `n_cells` cells over the same width, in
+    arrays of its own. Kinks inside of a new cell are cut, that at the contact's edge too: the force
+    changes by the error of the cells."""
     n, state = cells.u.shape[0] - 1, cells.state.copy()
     if n == n_cells:
         return SpringCells(cells.u.copy(), state)
@@ -83,18 +84,21 @@ def redivided(cells: SpringCells, n_cells: int) -> SpringCells:
 
 
 def stick_stiffness(law: TangentialLaw, a: ArrayLike) -> Array:
-    """2 a G* [N/m] of a contact of radius a [m] that sticks all over (R. D. Mindlin, J. Appl. Mech.
-    16 (1949) 259)."""
+    """2 a G* [N/m] of contacts of radii a (...) [m] that stick all over (R. D. Mindlin, J. Appl.
+    Mech. 16 (1949) 259)."""
     return 2.0 * np.asarray(a) * law.modulus
 
 
 def gross_slip(law: TangentialLaw, overlap: ArrayLike) -> Array:
-    """Displacement [m] from the state without any at which the whole contact slips; overlap [m]."""
+    """Displacement c d = mu E*/G* d [m], from the unsheared state, at which the whole contact of
+    the overlap d (...) [m] slips."""
     return law.bound * np.asarray(overlap)
 
 
 def contact_of_load(law: TangentialLaw, coefficient: float, load: float) -> tuple[float, float]:
-    """Radius [m] and overlap [m] of a contact under a normal load [N] by Hertz' law."""
+    """Radius [m] and overlap [m] of a contact under a normal load [N] by Hertz' law; E* follows
+    from the law's bound c = mu E*/G*, so that the coefficient mu must be that of the law, and not
+    0."""
     E_star = law.bound * law.modulus / coefficient
     a = float(contact_radius(load, law.radius, E_star))
     return a, a * a / law.radius
@@ -102,7 +106,8 @@ def contact_of_load(law: TangentialLaw, coefficient: float, load: float) -> tupl
 
 def iwan_law(force: float, stiffness: float, exponent: float, beta: float) -> Segalman:
     """Sliders of an Iwan element from Segalman's four parameters (J. Appl. Mech. 72 (2005) 752):
-    force [N] of gross slip, stiffness [N/m] without slip, chi > -1, beta >= 0. Raises InvalidChain.
+    force [N] of gross slip, stiffness [N/m] without slip, exponent chi > -1, beta >= 0; the
+    formulas are those of `kernels.sliders`. Raises InvalidChain for numbers out of these ranges.
     """
     above_0("iwan force", force)
     above_0("iwan stiffness", stiffness)

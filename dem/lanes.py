@@ -31,15 +31,16 @@ from dem.stability import refuse_step
 class LaneRuns(NamedTuple):
     """Chains marched side by side, at k samples."""
 
-    v: Array  # (n_chains, k, n_observed)
-    wall_force: Array  # (n_chains, k)
+    v: Array  # (n_chains, k, n_observed) [m/s]
+    wall_force: Array  # (n_chains, k) [N]
     energy_error: Array  # (n_chains,) largest change over the energy at the start
 
 
 def march_side_by_side(
     chains: Chains, method: Scheme, steps: LaneSteps, observed: Array, threads: int
 ) -> LaneRuns:
-    """Chains marched by equal steps.
+    """Chains marched by equal steps, the same for all, on so many threads; observed (n_observed,)
+    are indices of spheres.
 
     Raises UnstableStep where the step is too long for the damping of a chain; what is unstable in
     other ways leaves values that are not finite.
@@ -100,7 +101,8 @@ def march_side_by_side(
 
 
 def blocks_of(chains: Chains, drifts: Array) -> Blocks:
-    """Blocks of a batch whose modes and leaf springs move on exactly over the drifts [s]."""
+    """Blocks of a batch whose modes and leaf springs move on exactly over the drifts (n_drifts,)
+    [s]. The shape of a force that is not Hertz' is left out: it is set block by block."""
     none = np.zeros((chains.count, 0))
     arrays = chains.arrays
 

@@ -64,14 +64,15 @@ class LastSphere(NamedTuple):
     before: TangentialLaw | None = None  # of the contact with the sphere before; None: no friction
 
     def mobility(self, mass: float, stiffness: Array) -> tuple[Array, float]:
-        """Inverse masses [1/kg] in directions of so much stiffness [N/m], and inverse inertia
-        [1/(kg m^2)]; 0 where the arm clamps."""
+        """Inverse masses (n_directions,) [1/kg] of a sphere of a mass [kg] in directions of an
+        arm's stiffness (n_directions,) [N/m], and inverse inertia [1/(kg m^2)]; 0 where the arm
+        clamps."""
         inverse_mass = np.where(np.isinf(stiffness), 0.0, 1.0 / mass)
         return inverse_mass, 0.0 if math.isinf(self.arm_rotation) else 1.0 / self.inertia
 
     def on_arm(self, mass: float, radius: float, stiffness: Array, h: float) -> Sphere:
-        """The sphere and its arm in directions of so much stiffness [N/m], which swing exactly
-        over steps of h [s]."""
+        """The sphere of a mass [kg] and a radius [m] and its arm in directions of a stiffness
+        (n_directions,) [N/m], which swing exactly over steps of h [s]."""
         inverse_mass, inverse_inertia = self.mobility(mass, stiffness)
         k = np.where(inverse_mass > 0.0, stiffness, 0.0)
         kappa = float(self.arm_rotation) if inverse_inertia > 0.0 else 0.0
@@ -105,13 +106,13 @@ class WallMotion(NamedTuple):
 
     @property
     def period(self) -> float:
-        """[s] shortest common period; raises InvalidChain without one, see `common_period`."""
+        """[s] Shortest common period; raises InvalidChain without one, see `common_period`."""
         return common_period(self.frequency)
 
 
 def common_period(frequency: ArrayLike, most_cycles: int = 100) -> float:
-    """[s] shortest common period of frequencies [Hz]; raises InvalidChain where so many cycles of
-    the slowest hold none."""
+    """Shortest common period [s] of frequencies (n,) [Hz], to 1e-9 of a cycle by the cycle; raises
+    InvalidChain where `most_cycles` of the slowest hold none."""
     frequency = np.asarray(frequency, float)
     slowest = float(frequency.min())
     for cycles in range(1, most_cycles + 1):
@@ -184,12 +185,12 @@ class LateralTrajectory(NamedTuple):
     stick_share: Array  # (k,) of the contact's area; 0 while it is open
     wall_t: Array  # (k, 2) [m] displacement of the wall
     energy_lateral: Array  # (k,) [J] kinetic, of the centre
-    energy_rotation: Array  # (k,) kinetic
-    energy_arm: Array  # (k,)
-    energy_tangential: Array  # (k,) of the contact
-    dissipated_friction: Array  # (k,)
-    work_shaker: Array  # (k,) of the wall's motion on the contact
-    dt: float
+    energy_rotation: Array  # (k,) [J] kinetic
+    energy_arm: Array  # (k,) [J]
+    energy_tangential: Array  # (k,) [J] of the contact
+    dissipated_friction: Array  # (k,) [J]
+    work_shaker: Array  # (k,) [J] of the wall's motion on the contact
+    dt: float  # [s]
     n_steps: int
     error_estimate: float  # of the velocities, relative to the largest speed at the start
     # what the ledger leaves open, over the kinetic energy of the chain at the start, or over the
@@ -206,7 +207,8 @@ class LateralTrajectory(NamedTuple):
 
 
 def at_rest_across(trajectory: Trajectory) -> LateralTrajectory:
-    """That of a chain that nothing moves across."""
+    """The LateralTrajectory of a chain that nothing moves across: no force, and a contact that
+    sticks all over while it is closed."""
     t, still = trajectory.t, np.zeros((trajectory.t.size, 2))
     sticks = np.where(trajectory.contact_force[:, -1] > 0.0, 1.0, 0.0)
     none = np.zeros(t.size)
@@ -245,7 +247,8 @@ def pressing(
     chain: Chain, wall: Wall, v0: ArrayLike, trajectory: Trajectory, chunk: int, contact: int = -1
 ) -> Pressing:
     """Overlap of the last contact, or with -2 of the one before, at the ends of the steps of a
-    trajectory, which is marched again where these were not saved."""
+    trajectory from velocities v0 (n,) [m/s], which is marched again, `chunk` steps at a time, where
+    these were not saved. Its first two derivatives by time follow from velocities and forces."""
     gamma = 0.0 if chain.gamma is None else float(np.asarray(chain.gamma)[contact])
     n, h = trajectory.n_steps, float(trajectory.t[-1]) / trajectory.n_steps
     gap, rate, bend = np.empty((3, n + 1))
@@ -305,8 +308,12 @@ def checked_last_sphere(last: LastSphere) -> tuple[Array, Array]:
 def frame_of_motion(
     velocity: Array, stiffness: Array, motion: WallMotion | None
 ) -> tuple[Array, Array]:
-    """Directions (1 or 2, 2) in which the sphere moves, one where all motion is along one line,
-    and the arm's stiffness [N/m] along each."""
+    """Directions (n_directions, 2), in t1 and t2, in which the sphere moves, and the arm's
+    stiffness (n_directions,) [N/m] along each; velocity and stiffness (2,) along t1, t2.
+
+    One direction where all motion is along one line and the arm pulls back along it: a contact in
+    one direction is exact at any length of a step, that in two takes cells.
+    """
     moves = [velocity] if motion is None else [velocity, *np.asarray(motion.amplitude, float)]
     line = max(moves, key=lambda vector: float(np.hypot(*vector)))
     line = line / np.hypot(*line) if line.any() else np.array([1.0, 0.0])
@@ -330,7 +337,8 @@ def march_lateral(
     error: float | None = None,
     search: LateralSearch = USUAL_LATERAL_SEARCH,
 ) -> LateralTrajectory:
-    """The last sphere across the chain, at the instants of the trajectory along it.
+    """The last sphere across the chain, at the instants of the trajectory along it from velocities
+    v0 (n,) [m/s].
 
     `error` is relative to the largest speed at the start, across or along; without it `search.dt`
     is the step [s] of the coarser of two marches, which state the error of the finer. Moves along
@@ -531,7 +539,8 @@ class MarchedSphere(NamedTuple):
     def displace(
         self, state: Across, springs: Contacts, overlaps: Sequence[float | None], by: Array
     ) -> None:
-        """Shift u, v, psi, spin by (4 n_directions,), in place; the contacts follow the sphere."""
+        """Shift u, v, psi, spin by (4 n_directions,), in place; the contacts, of the overlaps [m],
+        follow the sphere, and their forces with them."""
         u, v, psi, spin = np.split(by, 4)
         for values, shift in ((state.u, u), (state.v, v), (state.psi, psi), (state.spin, spin)):
             values += shift
@@ -554,7 +563,7 @@ class MarchedSphere(NamedTuple):
         motion: WallMotion | Array | None, steps: Steps,
     ) -> SavedAcross:  # fmt: skip
         """March state and springs on, in place; `motion` of the wall may be its displacements
-        (n_steps + 1, 2) [m]. Raises UnstableStep."""
+        (n_steps + 1, 2) [m]. Raises UnstableStep where a state is not finite."""
         h, n_save, stride = steps
         n, chain = len(self.frame), self.chain
         sphere = self.last.on_arm(float(chain.mass[-1]), float(chain.radius[-1]), self.stiffness, h)
@@ -644,10 +653,12 @@ class Shaken(NamedTuple):
 
     @property
     def pressed(self) -> Overlaps:
+        """The overlaps over a march, constant: nothing comes down the chain yet."""
         return Overlaps.steady(*self.overlaps, self.periods * self.motion.period)
 
     @property
     def steps(self) -> Steps:
+        """The steps of a march, at least n_steps, a whole number of them from save to save."""
         n_save = self.body.search.cycle_saves
         stride = -(-self.n_steps // n_save)
         return Steps(self.periods * self.motion.period / (n_save * stride), n_save, stride)
@@ -658,7 +669,8 @@ class Shaken(NamedTuple):
         return self.motion.displacement(h * np.arange(n_save * stride + 1))
 
     def march(self, start: Across, springs: Contacts, wall: Array) -> MarchedPeriod:
-        """One march, which leaves the start as it is."""
+        """One march from a state, which stays as it is, over the displacements of the wall
+        (n_steps + 1, 2) [m]. Raises UnstableStep."""
         state, contact = copied(start), copied_springs(springs)
         saved = self.body.march(state, contact, self.pressed, wall, self.steps)
         return MarchedPeriod(state, contact, saved)
@@ -684,12 +696,13 @@ class Shaken(NamedTuple):
 
 
 def stacked(u: Array) -> Array:
-    """(4 n_directions,) a displacement u of the centre as a change of u, v, psi and spin."""
+    """A displacement u (n_directions,) [m] of the centre as a change (4 n_directions,) of u, v, psi
+    and spin."""
     return np.concatenate((u, np.zeros(3 * u.size)))
 
 
 def motion_of(state: Across) -> Array:
-    """(4 n_directions,) u, v, psi and spin."""
+    """u [m], v [m/s], psi [rad] and spin [rad/s] one after the other, (4 n_directions,)."""
     return np.concatenate((state.u, state.v, state.psi, state.spin))
 
 
@@ -708,7 +721,8 @@ def returning_state(
     shaken: Shaken, state: Across, springs: Contacts, matrix: Array | None, periodicity: float
 ) -> ReturningState | None:
     """The periodic state that a start leads to, in which the force changes by `periodicity` of its
-    largest from period to period; None where the search does not find it.
+    largest from period to period; None where the search does not find it. `matrix` is B
+    (4 n_directions, 4 n_directions) of an earlier search, None for none.
 
     Unknown is the sphere's motion z at the start of a period, which becomes Phi(z). The contact
     keeps what a period has left in it: its memory does not reach beyond the largest motion. Steps
@@ -724,6 +738,7 @@ def returning_state(
     mass, inertia = body.mobility
     free = bool(mass.any()) or inertia > 0.0
     B, g, dz = matrix, None, None
+
     # the free motion between arm and contact has one size in all units: a matrix in units of the
     # slow motion of the wall is so stretched that least squares leave that motion out
     speed = float(np.abs(shaken.motion.speed).max()) or 1.0
@@ -751,6 +766,7 @@ def returning_state(
             state, springs = end.state, end.springs
             continue
 
+        # B: column by column from starts beside this one, or Broyden's update from the last step
         g_before, g = g, (z - motion_of(end.state)) / units
         if B is None or age >= search.broyden_periods:
             B, age = np.eye(4 * n), 0
@@ -765,6 +781,9 @@ def returning_state(
         elif g_before is not None:
             y = g - g_before
             B = B + np.outer(y - B @ dz, dz) / (dz @ dz)
+
+        # the step from the end of the period, whose contact it keeps; the least one of a sphere
+        # that drifts, whose B is singular
         age += 1
         dz = np.linalg.lstsq(B, -g, rcond=1e-6)[0]
         if not dz.any():
@@ -800,8 +819,8 @@ def marched_until_repeated(
 
 
 def repetition(forces: list[Array]) -> list[float]:
-    """Changes of the last of several periods' forces from that of one, two, ... periods before,
-    over its largest."""
+    """Changes of the last of several periods' forces, (k, n_directions) [N] each, from that of one,
+    two, ... periods before, over its largest."""
     scale = float(np.abs(forces[-1]).max()) or 1.0
     return [float(np.abs(forces[-1] - before).max()) / scale for before in forces[-2::-1]]
 
@@ -814,8 +833,8 @@ def remembers(body: MarchedSphere, stick: Array) -> bool:
 
 
 def pushed_forces(shaken: Shaken, overlap: float) -> list[Array]:
-    """Forces [N] of the last period, by few steps, from contacts that were sheared to either side
-    before the wall moved."""
+    """Forces (k, n_directions) [N] of the last period, by few steps, from contacts of an overlap
+    [m] that were sheared to either side before the wall moved."""
     body = shaken.body
     search = body.search
     push = search.pushed * body.last.law.bound * overlap
@@ -851,6 +870,8 @@ def state_on_moving_wall(
     n_steps = max(fewest, math.ceil(period * body.rate(overlaps) / search.cycle_phase))
     shaken = Shaken(body, overlaps, motion, 1, n_steps)
     state, springs = shaken.ramped(np.zeros(len(body.frame)))
+
+    # the first search, by few steps, is rough: it only has to lead to the right state
     periodicity = search.periodicity * body.error
     rough = max(periodicity, search.rough * body.error)
     coarse = returning_state(shaken, state, springs, None, rough)

@@ -28,7 +28,11 @@ class PreparedChain(NamedTuple):
 
 
 def prepare(chain: Chain, wall: Wall | None) -> PreparedChain:
-    """A validated chain and its wall, prepared for marches; raises InvalidChain, NoEquilibrium."""
+    """A validated chain and its wall, prepared for marches.
+
+    Raises NoEquilibrium, and InvalidChain where a contact would yield at rest: the static state is
+    found by the elastic law.
+    """
     static = static_state(chain, wall)
 
     # the static state is elastic

@@ -37,10 +37,10 @@ class Scheme(NamedTuple):
     """Fractions of the step: `a` for drifts, `b` for kicks."""
 
     name: str
-    order: int
-    a: Array
-    b: Array
-    kind: str
+    order: int  # of smooth forces
+    a: Array  # (n_drifts,) of sum 1; empty of implicit schemes
+    b: Array  # (n_kicks,) of sum 1; of implicit schemes parts of the step
+    kind: str  # nystrom, exact, composed or implicit
     correction: Correction | None  # for contacts that open or close
 
     @property

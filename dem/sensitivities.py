@@ -35,14 +35,14 @@ STEPS_PER_TIME_SCALE = 40.0  # of the stiffest contact: 1e-6 in the velocities o
 class Sensitivities(NamedTuple):
     """Velocity and acceleration of m observed spheres at every step, and their derivatives."""
 
-    t: Array  # (steps,)
-    v: Array  # (steps, m)
-    a: Array  # (steps, m)
-    dv: Array  # (steps, m, p)
-    da: Array  # (steps, m, p)
+    t: Array  # (n_steps + 1,) [s]
+    v: Array  # (n_steps + 1, m) [m/s]
+    a: Array  # (n_steps + 1, m) [m/s^2]
+    dv: Array  # (n_steps + 1, m, p) by the parameters
+    da: Array  # (n_steps + 1, m, p)
 
     def at(self, t: Array) -> tuple[Array, Array, Array]:
-        """v (k, m), a (k, m), dv (k, m, p) at any times within the run: cubic Hermite.
+        """v (k, m), a (k, m), dv (k, m, p) at any times t (k,) [s] within the run: cubic Hermite.
 
         a is the slope of the interpolant, so that it is the derivative of v by a shift in time.
         """
@@ -74,7 +74,8 @@ def no_directions(chain: Chain, wall: Wall | None) -> Directions:
 
 
 def usual_step(chain: Chain, wall: Wall | None, v0: ArrayLike) -> float:
-    """Step [s] from the stiffest contact at the impact of the fastest sphere, or at rest."""
+    """Step [s] from the stiffest contact at the impact of the fastest of the spheres, v0 (n,)
+    [m/s], or at rest. Raises InvalidChain, NoEquilibrium."""
     mass, law, speed = chain.mass.min(), chain.elastic, np.abs(v0).max()
     force = equilibrium(chain, wall).force.max(initial=0.0)
     at_rest = np.sqrt(law.stiffness(law.overlap(force)).max(initial=0.0) / mass)
@@ -99,10 +100,12 @@ def march_with_sensitivities(
     dt: float,
     observed: Sequence[int],
 ) -> Sensitivities:
-    """Sensitivities of a run from the static state with velocities v0 (n,), at steps of at most dt.
+    """Sensitivities of a run from the static state with velocities v0 (n,) [m/s], for `duration`
+    [s] at steps of at most dt [s]; without `directions` by no parameter, the run alone.
 
-    observed: indices of spheres. Takes any elastic law, with Hunt and Crossley's dissipation or
-    none. Raises InvalidChain, NoEquilibrium.
+    observed: indices of spheres, (m,). Takes any elastic law, with Hunt and Crossley's dissipation
+    or none. Raises NoEquilibrium, and InvalidChain for forces that jump or remember (dampers that
+    jump, guides' friction, yield, a dashpot wall) and for a run that is not finite.
     """
     validate(chain, wall, v0)
     require_smooth(chain, wall)
@@ -162,8 +165,12 @@ def require_smooth(chain: Chain, wall: Wall | None) -> None:
 
 
 def propagator_with_sensitivities(omega: Array, zeta: Array, t: float) -> tuple[Array, ...]:
-    """Free motion over t of q'' + 2 zeta omega q' + omega^2 q = 0 as (k, 2, 2), and its derivatives
-    by omega and zeta, by the complex step: exact to rounding below critical damping."""
+    """Free motion over t [s] of q'' + 2 zeta omega q' + omega^2 q = 0, omega and zeta (k,), as
+    (k, 2, 2), and its derivatives by omega and zeta, (k, 2, 2) each.
+
+    By the complex step, f'(x) = Im f(x + i h) / h with h = 1e-30: no difference, no cancellation;
+    exact to rounding below critical damping.
+    """
     moved = oscillator_propagator(omega, zeta, t)
     by_omega, by_zeta = (np.zeros_like(moved) for _ in range(2))
     if omega.size:

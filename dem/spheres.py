@@ -4,7 +4,8 @@
     1/E* = (1 - nu1^2)/E1 + (1 - nu2^2)/E2
 
 K. L. Johnson, Contact Mechanics, Cambridge 1985, chap. 4. A flat is R = inf, a rigid body
-E = inf.
+E = inf. Arguments in SI units (R [m], E [Pa], A [N/m^1.5], F [N]) are numbers or arrays that
+broadcast against each other, element by element. Nothing is checked: bad numbers give NaN.
 """
 
 import numpy as np
@@ -14,7 +15,7 @@ from dem.kernels.arguments import Array
 
 
 def mass(radius: ArrayLike, density: ArrayLike) -> Array:
-    """Mass of a solid sphere [kg]."""
+    """Mass 4/3 pi R^3 rho [kg] of a solid sphere of a density rho [kg/m^3]."""
     return 4.0 / 3.0 * np.pi * np.asarray(radius, float) ** 3 * density
 
 
@@ -38,10 +39,10 @@ def hertz_coefficient(
     E2: ArrayLike = np.inf,
     nu2: ArrayLike = 0.0,
 ) -> Array:
-    """A of F = A delta^(3/2) [N/m^(3/2)].
+    """A of F = A delta^(3/2) [N/m^(3/2)], Johnson's eq. 4.23 solved for the force.
 
     >>> float(round(hertz_coefficient(0.0127, 210e9, 0.3, 0.0127, 210e9, 0.3) / 1e10, 4))
-    1.2259
+    1.226
     """
     return 4.0 / 3.0 * contact_modulus(E1, nu1, E2, nu2) * np.sqrt(relative_radius(R1, R2))
 
@@ -62,22 +63,24 @@ def hertz_energy(force: ArrayLike, A: ArrayLike) -> Array:
 
 
 def modulus_of_contact(A: ArrayLike, R: ArrayLike) -> Array:
-    """E* [Pa] behind a Hertz coefficient A and the relative radius R."""
+    """E* = 3/4 A / sqrt(R) [Pa] behind a Hertz coefficient A and the relative radius R."""
     return 0.75 * A / np.sqrt(R)
 
 
 def radii_of_contacts(radius: ArrayLike) -> Array:
-    """(n,) relative radii R* [m] of a row of spheres and a flat."""
+    """(n,) relative radii R* [m] of the contacts of a row of spheres (n,), the last with a flat."""
     return np.append(relative_radius(radius[:-1], radius[1:]), radius[-1:])
 
 
 def contact_radius(force: ArrayLike, R: ArrayLike, E_star: ArrayLike) -> Array:
-    """a = (3 F R / 4 E*)^(1/3) [m] for the relative radius R and the contact modulus E*."""
+    """a = (3 F R / 4 E*)^(1/3) [m] for the relative radius R and the contact modulus E* (Johnson,
+    eq. 4.22)."""
     return np.cbrt(0.75 * np.asarray(force, float) * R / E_star)
 
 
 def max_pressure(force: ArrayLike, R: ArrayLike, E_star: ArrayLike) -> Array:
-    """p0 = (6 F E*^2 / pi^3 R^2)^(1/3) [Pa], at the centre of the contact circle."""
+    """p0 = (6 F E*^2 / pi^3 R^2)^(1/3) [Pa], at the centre of the contact circle (Johnson, eq.
+    4.24)."""
     return np.cbrt(6.0 * np.asarray(force, float) * E_star**2 / (np.pi**3 * R**2))
 
 
@@ -88,8 +91,9 @@ def yield_overlap(R: ArrayLike, E_star: ArrayLike, contact_yield_stress: float) 
 
 
 def yielded_radius(force: ArrayLike, R: ArrayLike, A: ArrayLike, overlap: ArrayLike) -> Array:
-    """Radius [m] of a contact pressed by a force, beyond its yield overlap at constant pressure:
-    a^2 = R delta as in Hertz' law, with the straight line of Thornton's."""
+    """Radius [m] of a contact pressed by a force, beyond its yield overlap [m] at constant
+    pressure: a^2 = R delta as in Hertz' law, with the straight line of Thornton's."""
+    # overlap up to first yield by Hertz, and what the straight line of slope 3/2 F / delta adds
     first = A * overlap**1.5
     beyond = np.maximum(np.asarray(force, float) / first - 1.0, 0.0) / 1.5
     return np.sqrt(R * (hertz_overlap(np.minimum(force, first), A) + overlap * beyond))
@@ -106,7 +110,8 @@ def force_scale(m: ArrayLike, A: ArrayLike, speed: ArrayLike) -> Array:
 
 
 def yield_overlaps(radius: ArrayLike, A: ArrayLike, pressure: ArrayLike) -> np.ndarray:
-    """(n_contacts,) [m] at which contacts of stiffness A reach a pressure [Pa]; of spheres (n,)."""
+    """Overlaps (n_contacts,) [m] at which contacts of coefficients A (n_contacts,) reach a pressure
+    [Pa], one for all or (n_contacts,); radius (n,) of the spheres."""
     A = np.asarray(A)
     R = radii_of_contacts(radius)[: A.size]
     return yield_overlap(R, modulus_of_contact(A, R), np.broadcast_to(pressure, R.shape))

@@ -30,7 +30,12 @@ class UnstableStep(ValueError):
 def marching_scheme(
     prepared: PreparedChain, v0: ArrayLike, dt: float, name: str | None = None
 ) -> Scheme:
-    """The scheme of a name, or the one that measures best at steps of dt; raises InvalidChain."""
+    """The scheme of a name, or the one that measures best at steps of dt [s] from velocities v0
+    (n,) [m/s].
+
+    Raises InvalidChain for an unknown name, and for one that takes no friction or no yield where
+    the chain has it.
+    """
     stiff = dt * fastest_decay(prepared, v0) > BACKWARD
     method = named_scheme(name, prepared.chain, prepared.wall, stiffly_damped=stiff)
     if prepared.chain.slides and method.name not in SLIDING:
@@ -43,7 +48,12 @@ def marching_scheme(
 
 
 def refuse_step(prepared: PreparedChain, v0: ArrayLike, dt: float, scheme: Scheme) -> None:
-    """Raise UnstableStep if contacts or damping make the scheme unstable at steps of dt [s]."""
+    """Raise UnstableStep if contacts or damping make the scheme unstable at steps of dt [s] from
+    velocities v0 (n,) [m/s]; the sentence has the longest step that is not refused.
+
+    A scheme that goes back in time by a share b of its step amplifies damping at the rate c by
+    exp(b c dt), and with it rounding: refused beyond exp(2 BACKWARD) = 5e8.
+    """
     rate, limit = fastest_rate(prepared, v0), stability_interval(scheme)
     if dt * rate > limit:
         raise UnstableStep(
@@ -60,8 +70,12 @@ def refuse_step(prepared: PreparedChain, v0: ArrayLike, dt: float, scheme: Schem
 
 
 def fastest_rate(prepared: PreparedChain, v0: ArrayLike) -> float:
-    """Upper estimate of the largest contact frequency [rad/s]: all kinetic energy in one contact,
-    on top of the static force. Wall modes faster than the contact act on it as springs."""
+    """Upper estimate of the largest contact frequency [rad/s], sqrt(k (1/m_1 + 1/m_2)), with all
+    kinetic energy of the velocities v0 (n,) [m/s] in one contact, on top of the static force.
+
+    Wall modes faster than the contact act on it as springs, slower ones as bodies of 1/m = phi^2.
+    Contacts count one by one; two that share a sphere are up to sqrt(2) faster together.
+    """
     chain, wall = prepared.chain, prepared.wall
     mass, n_contacts = np.asarray(chain.mass, float), np.size(chain.A)
     if not n_contacts:
@@ -77,7 +91,9 @@ def fastest_rate(prepared: PreparedChain, v0: ArrayLike) -> float:
 
 
 def fastest_decay(prepared: PreparedChain, v0: ArrayLike) -> float:
-    """Upper estimate of the largest rate [1/s] at which damping reduces a velocity."""
+    """Upper estimate of the largest rate [1/s] at which damping reduces a velocity, from
+    velocities v0 (n,) [m/s]: of wall modes, of a dashpot behind the last contact, and of
+    the contacts' dampers, both at the largest force."""
     chain, wall, damping = prepared.chain, prepared.wall, prepared.damping
     rates = [0.0]
     if wall is not None and wall.omega.size:
@@ -121,6 +137,8 @@ def stability_interval(scheme: Scheme) -> float:
 
 @cache
 def _interval(name):
+    """`stability_interval` of an explicit scheme: the matrix of a step on x'' = -x at steps z, from
+    its columns (1, 0) and (0, 1), and the first z of a grid of 0.01 at which |trace| exceeds 2."""
     scheme = SCHEMES[name]
     z = np.arange(0.01, 12.0, 0.01)
     x, v = np.tile(np.eye(2)[:, :, None], z.size)
@@ -134,7 +152,9 @@ def _interval(name):
 def stability_limit(
     chain: Chain, wall: Wall | None, v0: ArrayLike, *, scheme: str | None = None
 ) -> float:
-    """Longest stable step [s]; contacts that share a sphere can lower it by up to sqrt(2)."""
+    """Longest stable step [s] from velocities v0 (n,) [m/s]; contacts that share a sphere can lower
+    it by up to sqrt(2). inf of implicit schemes, and where nothing can press a contact. Raises
+    InvalidChain, NoEquilibrium."""
     validate(chain, wall, v0)
     method, rate = named_scheme(scheme, chain, wall), fastest_rate(prepare(chain, wall), v0)
     return stability_interval(method) / rate if rate > 0.0 else np.inf

@@ -25,7 +25,7 @@ class Directions(NamedTuple):
 
 
 class StaticSensitivities(NamedTuple):
-    """Derivatives of the static state."""
+    """Derivatives of the static state by p parameters."""
 
     x: Array  # (n, p)
     force: Array  # (p,) at the wall
@@ -36,7 +36,8 @@ def static_sensitivities(
     chain: Chain, wall: Wall | None, static: Equilibrium, directions: Directions
 ) -> StaticSensitivities:
     """Derivatives of the static state by p parameters: K dx = -dr/dtheta, from the residual
-    r(x; theta) = 0 of the forces in it. Contacts that are open stay open."""
+    r(x; theta) = 0 of the forces in it. Contacts that are open stay open; at the verge of closing
+    the derivative is that of the open side. Zeros where nothing presses or holds the chain."""
     n, n_contacts, p = chain.mass.size, chain.A.size, directions.preload.size
     if p == 0 or not (chain.preload or chain.gravity or np.any(chain.leaf_stiffness)):
         return StaticSensitivities(np.zeros((n, p)), np.zeros(p), np.zeros(p))

@@ -27,16 +27,17 @@ class NoEquilibrium(ValueError):
 class Equilibrium(NamedTuple):
     """Static state: sphere positions, contact forces, displacement of each wall mode."""
 
-    x: Array  # (n,)
-    force: Array  # (n_contacts,)
-    q: Array  # (n_modes,)
+    x: Array  # (n,) [m]
+    force: Array  # (n_contacts,) [N]
+    q: Array  # (n_modes,) [kg^1/2 m]
 
 
 def equilibrium(chain: Chain, wall: Wall | None) -> Equilibrium:
     """Static state under weight, preload and leaf springs; spheres that nothing presses, and those
     in flight, just touch the next.
 
-    Raises InvalidChain, NoEquilibrium.
+    Raises InvalidChain; NoEquilibrium where nothing carries a force, as of a preload on a free
+    chain or a wall that drifts, or where Newton's method finds no balance.
     """
     validate(chain, wall, np.zeros(np.size(chain.mass)))
     return static_state(chain, wall)
@@ -88,13 +89,14 @@ def static_state(chain: Chain, wall: Wall | None) -> Equilibrium:
 
 
 def approach(law: ElasticLaw, force: ArrayLike, compliance: ArrayLike) -> Array:
-    """Way [m] of a body that a force presses on a wall of a static compliance [m/N], by a contact
-    of this law."""
+    """Way [m] of a body that a force [N] presses on a wall of a static compliance s [m/N], by a
+    contact of this law:  delta(F) + s F; element by element, (..., n_contacts)."""
     return law.overlap(force) + np.multiply(compliance, force)
 
 
 def largest_approach(law: ElasticLaw, compliance: float) -> Array:
-    """Approach [m] at the fold of a wall of negative compliance; 4 / 27 (s A)^2 of Hertz' law."""
+    """Approach [m] of every contact (n_contacts,) at the fold  1 + s k = 0  of a wall of negative
+    compliance s [m/N]: no force answers more. 4 / 27 (s A)^2 of Hertz' law."""
     return approach(law, law.force(law.fold(compliance)), compliance)
 
 

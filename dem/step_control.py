@@ -58,10 +58,10 @@ EPSILON = float(np.finfo(float).eps)
 class StepReport(NamedTuple):
     """How a step was found: one entry per comparison of two marches, coarse to fine."""
 
-    dt: Array  # [s] of the finer march
-    difference: Array  # relative velocity change against the coarser march
-    energy_error: Array
-    error_estimate: float
+    dt: Array  # (n_pairs,) [s] of the finer march
+    difference: Array  # (n_pairs,) relative velocity change against the coarser march
+    energy_error: Array  # (n_pairs,) of the finer march, over the energy at the start
+    error_estimate: float  # of the last one's velocities, over the largest initial speed
     evaluations: int  # contact force evaluations of all marches
 
 
@@ -153,10 +153,10 @@ def march_to_error(
     n_save: int = 1000,
     search: StepSearch = USUAL_SEARCH,
 ) -> Controlled:
-    """Trajectory whose velocities on the observed spheres (indices, None for all) are off by less
-    than `error` times the largest initial speed, and whose energy ledger closes to
-    `search.energy_error`, usually error / 100. The velocity error stated is at least `search.least`
-    times `error`.
+    """Trajectory from velocities v0 (n,) [m/s] at n_save + 1 equal times to `duration` [s], whose
+    velocities on the observed spheres (indices, None for all) are off by less than `error` times
+    the largest initial speed, and whose energy ledger closes to `search.energy_error`, usually
+    error / 100. The velocity error stated is at least `search.least` times `error`.
 
     A coarse march comes first; its ledger sets the step of the next, which is compared with it.
     Where the pair does not do, finer marches follow. Beyond the estimate above:
@@ -172,9 +172,9 @@ def march_to_error(
       at any step. The work of the dampers is compared with that of "verlet", which moves them one
       by one, each exactly.
 
-    Raises UnstableStep where no march is finite, where the evaluations allowed or rounding forbid
-    the error, where energies underflow, where two marches with closed ledgers differ by more than
-    the error, and where a step 64 times as short has not halved it.
+    Raises InvalidChain, NoEquilibrium; UnstableStep where no march is finite, where the evaluations
+    allowed or rounding forbid the error, where energies underflow, where two marches with closed
+    ledgers differ by more than the error, and where a step 64 times as short has not halved it.
     """
     validate(chain, wall, v0)
     positive("error", error)
@@ -254,7 +254,7 @@ def march_to_error(
         stride = 1 if m is None else math.ceil(n / m * (1 - 1e-9)) if jumps else round(n / m)
         return (step, n_compared) if m is None else (duration / (m * stride), m)
 
-    # coarse march. Light wall modes make contacts stiff for stability, not for the accuracy of
+    # the coarse march. Light wall modes make contacts stiff for stability, not for the accuracy of
     # their solution: the rate is that of the contacts before a rigid wall
     if wall is not None and wall.omega.size:
         rate = max(fastest_rate(prepared._replace(wall=None), v0), 1.0 / duration)
@@ -411,10 +411,12 @@ def with_step_error(
     *,
     state: State | None = None,
 ) -> Trajectory:
-    """The trajectory of a given step, its relative velocity error estimated by half the step.
+    """The trajectory of a given step from velocities v0 (n,) [m/s], its relative velocity error
+    estimated by a march at half the step:  e = safety |v_h - v_h/2| / (1 - 2^-p).
 
     The estimate is cautious like that of `march_to_error`, on all spheres; `state` is what the
-    trajectory continued, if it did.
+    trajectory continued, if it did. One pair may be alike by chance where forces jump or contacts
+    yield: there it says less than `march_to_error`. Raises what `march` does.
     """
     finer = march(
         chain, wall, v0, duration=float(trajectory.t[-1]), dt=trajectory.dt / 2.0,

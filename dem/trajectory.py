@@ -35,25 +35,25 @@ class Trajectory(NamedTuple):
     energy_error is over the ends of all steps, over the saves alone where steps stop at these.
     """
 
-    t: Array  # (k,)
-    x: Array  # (k, n)
-    v: Array  # (k, n)
-    contact_force: Array  # (k, n_contacts)
-    wall_x: Array  # (k,) modes and dashpot, without the residual spring
-    wall_v: Array  # (k,)
+    t: Array  # (k,) [s]
+    x: Array  # (k, n) [m]
+    v: Array  # (k, n) [m/s]
+    contact_force: Array  # (k, n_contacts) [N], dampers included
+    wall_x: Array  # (k,) [m] modes and dashpot, without the residual spring
+    wall_v: Array  # (k,) [m/s]
     wall_q: NDArray[np.float32]  # (k, n_modes) [kg^1/2 m] of a wall of up to MOST_MODES, else empty
-    energy_kinetic: Array  # (k,) spheres
-    energy_contact: Array  # (k,)
-    energy_leaf: Array  # (k,)
-    energy_wall: Array  # (k,) kinetic and strain energy of the modes
-    energy_residual: Array  # (k,)
-    dissipated_contact: Array  # (k,)
-    dissipated_wall: Array  # (k,)
-    dissipated_guides: Array  # (k,)
-    work_preload: Array  # (k,)
-    work_gravity: Array  # (k,)
-    energy_total: Array  # (k,) constant if exact
-    dt: float
+    energy_kinetic: Array  # (k,) [J] of the spheres
+    energy_contact: Array  # (k,) [J] elastic
+    energy_leaf: Array  # (k,) [J] of the leaf springs
+    energy_wall: Array  # (k,) [J] kinetic and strain energy of the modes
+    energy_residual: Array  # (k,) [J] of the residual spring
+    dissipated_contact: Array  # (k,) [J] by dampers and yield
+    dissipated_wall: Array  # (k,) [J] by the modes' damping and a dashpot
+    dissipated_guides: Array  # (k,) [J] by friction
+    work_preload: Array  # (k,) [J]
+    work_gravity: Array  # (k,) [J]
+    energy_total: Array  # (k,) [J] constant if exact
+    dt: float  # [s]
     n_steps: int
     scheme: str
     energy_error: float  # largest |energy_total - start| / kinetic energy there
@@ -67,7 +67,7 @@ class Trajectory(NamedTuple):
 
     @property
     def ledger(self) -> tuple[np.ndarray, ...]:
-        """The parts that make up energy_total, the works with the opposite sign."""
+        """The ten parts (k,) [J] that make up energy_total, the works with the opposite sign."""
         return (
             self.energy_kinetic,
             self.energy_contact,
@@ -85,7 +85,8 @@ class Trajectory(NamedTuple):
 def require_march(
     chain: Chain, wall: Wall | None, v0: ArrayLike, *, dt: float | None = None
 ) -> None:
-    """Raise what `march` would before its first step: InvalidChain, NoEquilibrium, UnstableStep."""
+    """Raise what `march` from velocities v0 (n,) [m/s] would before its first step: InvalidChain,
+    NoEquilibrium, and of a step dt [s] UnstableStep."""
     validate(chain, wall, v0)
     prepared = prepare(chain, wall)
     if dt is not None:
@@ -103,11 +104,16 @@ def march(
     n_save: int | None = None,
     state: State | None = None,
 ) -> Trajectory:
-    """Trajectory from the static state with velocities v0 (n,), at n_save + 1 equal times.
+    """Trajectory from the static state with velocities v0 (n,) [m/s], at n_save + 1 equal times
+    from 0 to `duration` [s]; without n_save about every step is saved, up to 1000.
 
-    The step taken is the largest that divides the saves' spacing and is not above dt. `state`
-    continues an earlier march instead (v0 is then ignored). Raises InvalidChain, NoEquilibrium,
-    UnstableStep.
+    The step taken is the largest that divides the saves' spacing and is not above dt [s]. `scheme`
+    is a name of `SCHEMES`, without it the one that measures best. `state` continues an earlier
+    march instead (v0 is then ignored).
+
+    Raises InvalidChain; NoEquilibrium; UnstableStep before the first step for one too long, after
+    the march where a state is not finite or the energy ledger is off by more than the energy there
+    is.
     """
     validate(chain, wall, v0 if state is None else state.v)
     if state is not None:
@@ -141,7 +147,7 @@ def march(
 
 
 def start(prepared: PreparedChain, v0: ArrayLike) -> State:
-    """State at rest in equilibrium, with the velocities v0."""
+    """State at rest in equilibrium, with the velocities v0 (n,) [m/s]; modes and dashpot rest."""
     static = prepared.static
     n_modes = static.q.size
     return State(static.x, np.array(v0, float), np.zeros(n_modes), np.zeros(n_modes), np.zeros(4))
@@ -150,7 +156,8 @@ def start(prepared: PreparedChain, v0: ArrayLike) -> State:
 def run(
     prepared: PreparedChain, state: State, duration: float, dt: float, scheme: Scheme, n_save: int
 ) -> Trajectory:
-    """Trajectory of a prepared chain; see `march`."""
+    """Trajectory of a prepared chain for `duration` [s] by steps up to dt [s]; see `march`, which
+    looks at the numbers before."""
     march = marched(prepared, state, equal_steps(duration, dt, n_save), scheme)
     return trajectory(march, march.saved, duration)
 
@@ -200,7 +207,8 @@ def marched(
 
 
 def equal_steps(duration: float, dt: float, n_save: int) -> Steps:
-    """The longest steps not above dt that divide the spacing of the saves."""
+    """The longest steps not above dt [s] that divide the spacing duration / n_save of the saves. A
+    dt that is above such a step by rounding alone counts as that step."""
     stride = max(1, int(np.ceil(duration / (n_save * dt) * (1 - 1e-9))))
     return Steps(duration / (n_save * stride), n_save, stride)
 
@@ -239,7 +247,7 @@ def room_for(k: int, prepared: PreparedChain, *, speeds: bool = False) -> Saved:
 
 
 def chain_arrays(prepared: PreparedChain, state: State, scheme: Scheme, h: float) -> ChainArrays:
-    """Arrays that a march of steps h [s] reads; those of modes and plastic contacts it changes.
+    """Arrays that a march by steps of h [s] reads; those of modes and plastic contacts it changes.
 
     Modes and leaf springs move on exactly over each of the scheme's fractions of the step: the
     drifts of explicit schemes, the parts of a step of implicit ones.

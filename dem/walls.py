@@ -51,13 +51,16 @@ def one_dof_wall(frequency: ArrayLike, mass: ArrayLike, damping_ratio: ArrayLike
 
 
 def dashpot_wall(coefficient: ArrayLike) -> Wall:
-    """A wall that resists with coefficient * velocity [N s/m]. Raises InvalidChain."""
+    """A wall that resists with coefficient [N s/m] times its velocity; coefficients (n_chains,)
+    make the walls of a batch. Raises InvalidChain for one that is not above 0."""
     vector("dashpot coefficient", np.ravel(coefficient), np.size(coefficient), positive=True)
     return rigid_wall()._replace(mobility=1.0 / coefficient)
 
 
 def plate_wall(young: float, poisson: float, density: float, thickness: float) -> Wall:
-    """Infinite thin plate, a dashpot of 8 sqrt(D rho h) (Zener, Phys. Rev. 59 (1941) 669)."""
+    """Infinite thin plate, young [Pa], density [kg/m^3], thickness h [m]: a dashpot of
+    8 sqrt(D rho h) with the bending stiffness D = E h^3 / 12 (1 - nu^2) (C. Zener, Phys. Rev. 59
+    (1941) 669). Right until a wave comes back from an edge. Raises InvalidChain."""
     for name, value in (("young", young), ("density", density), ("thickness", thickness)):
         above_0(f"plate {name}", value)
     D = young * thickness**3 / (12.0 * (1.0 - poisson**2))
@@ -65,7 +68,8 @@ def plate_wall(young: float, poisson: float, density: float, thickness: float) -
 
 
 def static_compliance(wall: Wall | None) -> float:
-    """Static compliance [m/N] of the wall behind the last contact; inf for a wall that drifts."""
+    """Static compliance  sum (phi / omega)^2 + residual  [m/N] of the wall behind the last contact;
+    inf for a wall that drifts, 0 without one. Modes that do not move it count for nothing."""
     if wall is None:
         return 0.0
     moving = wall.phi != 0.0

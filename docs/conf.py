@@ -41,11 +41,13 @@ def setup(app):
     names that break between their words."""
 
     def formula(translator, node):
+        """MathML in place of what a script would draw."""
         display = "block" if node.tagname == "math_block" else "inline"
         translator.body.append(convert(node.astext(), display=display))
         raise SkipNode
 
     def plain(app, what, name, object, options, lines):
+        """Docstrings are prose, no reStructuredText; fields are described by their comments."""
         lines[:] = as_rst(lines)
         if what == "class" and (rows := fields(object)):
             lines += [".. rubric:: Fields", ""]
@@ -64,6 +66,7 @@ def setup(app):
             )
 
     def listed_above(app, what, name, object, skip, options):
+        """Leave out what Python makes of the fields of a NamedTuple."""
         return True if (object.__doc__ or "").startswith("Alias for field number") else None
 
     app.add_html_math_renderer("mathml", (formula, None), (formula, None))

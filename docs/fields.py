@@ -17,11 +17,13 @@ class Field(NamedTuple):
 
 
 def fields(cls: type) -> list[Field]:
-    """The annotated fields that a class states itself, in their order."""
+    """The annotated fields that a class states itself, in their order; none of a class whose source
+    is not there."""
     try:
         source = dedent(inspect.getsource(cls))
     except (OSError, TypeError):
         return []
+    # comments by their line, and those that have the line for themselves
     comments, alone = {}, set()
     for token in tokenize.generate_tokens(StringIO(source).readline):
         if token.type == tokenize.COMMENT:
@@ -30,6 +32,7 @@ def fields(cls: type) -> list[Field]:
             if token.line.lstrip().startswith("#"):
                 alone.add(row)
 
+    # beside a field, with the lines of comment below it; else the lines of comment above it
     rows = []
     body = ast.parse(source).body[0].body
     for node in body:

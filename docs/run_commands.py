@@ -121,7 +121,9 @@ def _printed(language: str, code: str, folder: Path) -> str:
 
 
 def first_difference(quoted: str, printed: str) -> Difference | None:
-    """The first line of a quoted text that is not printed, or a printed one that is not quoted."""
+    """The first line of a quoted text that is not printed, or a printed one that is not quoted;
+    None where they agree. A stretch behind a line `...` may stand anywhere after the one before
+    it."""
     # stretches between what is left out: the first begins with the output, the last ends with it
     lines, ends = quoted.splitlines(), [-1]
     ends += [i for i, line in enumerate(lines) if line.strip() == LEFT_OUT] + [len(lines)]
@@ -129,6 +131,7 @@ def first_difference(quoted: str, printed: str) -> Difference | None:
     stretches = [[w for w in words if a < w.line < b] for a, b in pairwise(ends)]
     now = tokens(printed)
 
+    # each stretch where it stands in what is printed, the first difference ends the comparison
     begin = 0
     for i, stretch in enumerate(stretches):
         last = i == len(stretches) - 1

@@ -30,6 +30,7 @@ NEAR = 0.8  # [rad] phase on either side of a resonance that is fitted
 
 
 def main(folder: str) -> None:
+    # the ring-down of three sensors as a file of records without a force
     record = scipy.io.loadmat(Path(folder, "HammerImpact.mat"), squeeze_me=True)["HIdata"]
     columns = np.column_stack([record[name].item() for name in ("time", "acc1", "acc2", "acc3")])
     with TemporaryDirectory() as work:
@@ -65,7 +66,10 @@ def main(folder: str) -> None:
 
 
 def sine_tests(file: Path) -> list[tuple[float, float, float]]:
-    """Amplitude of the acceleration [m/s^2], frequency [Hz] and damping ratio of each test."""
+    """Amplitude of the acceleration [m/s^2], frequency [Hz] and damping ratio of each test.
+
+    f / (omega^2 u) = k / omega^2 - m + 2 i zeta omega_0 m / omega is linear in k and m.
+    """
     tests = scipy.io.loadmat(file, squeeze_me=True)["FRdata"]["ResponseControl"].item()
     rows = []
     for test in tests:

@@ -24,6 +24,7 @@ def filled(surface: Path, target: Path, metres: float = 1e-3) -> tuple[float, fl
     """Write the mesh between the triangles; volumes [m^3] of mesh and surface. Raises ValueError
     for a surface that is not closed."""
     with session(f"{surface} could not be filled"):
+        # corners of an STL stand once for each triangle: equal ones become one node
         gmsh.merge(str(surface))
         gmsh.model.mesh.removeDuplicateNodes()
         tags, points, _ = gmsh.model.mesh.getNodes()
@@ -31,6 +32,8 @@ def filled(surface: Path, target: Path, metres: float = 1e-3) -> tuple[float, fl
         _, corners = gmsh.model.mesh.getElementsByType(2)
         if not len(corners):
             raise ValueError(f"{surface} holds no triangles; give a closed surface as .stl.")
+
+        # closed: every edge, whichever way it is named, has two triangles
         triangles = corners.reshape(-1, 3)
         edges = np.sort(np.concatenate([triangles[:, [i, (i + 1) % 3]] for i in range(3)]), axis=1)
         n_open = int(np.sum(np.unique(edges, axis=0, return_counts=True)[1] != 2))
@@ -44,6 +47,7 @@ def filled(surface: Path, target: Path, metres: float = 1e-3) -> tuple[float, fl
         )
         enclosed = abs(float(np.sum(a * np.cross(b, c)))) / 6 * metres**3
 
+        # tetrahedra inside, in the file's unit, and then in metres
         surfaces = [tag for _, tag in gmsh.model.getEntities(2)]
         volume = gmsh.model.geo.addVolume([gmsh.model.geo.addSurfaceLoop(surfaces)])
         gmsh.model.geo.synchronize()

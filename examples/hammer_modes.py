@@ -30,6 +30,7 @@ def main(
     """Print the counts; modes, those found, and those that are none."""
     total, matched, false, ratios = 0, 0, 0, []
     for seed in range(first, first + tests):
+        # responses of a test, and the true shapes at their points
         defects = HammerDefects(noise=noise)
         if kind == "ring-downs":
             quiet = defects._replace(double=0.0, overload=0.0)
@@ -44,6 +45,8 @@ def main(
             test = synthetic_hits(seed, defects, points=8, duration=duration)
             responses = frequency_responses(test.hits)
             truth = test.phi[[test.hits.points.index(p) for p in responses.points]]
+
+        # a mode is found by shape and frequency, and good if its damping is as well
         modes = identified_modes(responses, test.band_hz)
         likeness = mac(modes.phi, truth)
         off_hz = modes.frequency_hz[:, None] - test.frequency_hz

@@ -70,6 +70,7 @@ def bar(name: str, start: float, end: float, *, held: bool) -> str:
 
 def written(folder: Path, noise: float = 0.002, seed: int = 0) -> Path:
     """The scene of bar and arm, with the arm's receptances beside it."""
+    # the arm alone, free: two points on its end, each read and pushed along x and z
     tables = folder / "arm_alone.toml"
     tables.write_text(bar("arm-alone", 0.4, 0.7, held=False))
     model = pipeline_of(scene(tables), lambda _: nullcontext())("model")
@@ -91,6 +92,8 @@ def written(folder: Path, noise: float = 0.002, seed: int = 0) -> Path:
     reading = csr_matrix(vstack(rows) @ model.T)
     s = 2j * np.pi * hz
     H = full_responses(model, modes, 0.006 * modes.omega, reading, reading, s, power=2).H
+
+    # noise of both quadratures, relative to each response
     rng = np.random.default_rng(seed)
     H = H * (1 + noise / np.sqrt(2) * (rng.normal(size=H.shape) + 1j * rng.normal(size=H.shape)))
     title = "SYNTHETIC: computed, not measured"
@@ -102,14 +105,15 @@ def written(folder: Path, noise: float = 0.002, seed: int = 0) -> Path:
 
 
 def bending_hz(tables: Path, n: int = 4) -> np.ndarray:
-    """Frequencies of the lowest modes that move along z."""
+    """Frequencies (n,) [Hz] of the lowest modes that move along z."""
     pipeline = pipeline_of(scene(tables), lambda _: nullcontext())
     modes = pipeline("modes")
     return modes.omega[modes.effective_mass[:, 2] > 1e-3][:n] / (2 * np.pi)
 
 
 def timoshenko_hz(length: float = 0.7, n: int = 4, elements: int = 200) -> np.ndarray:
-    """Frequencies of a clamped Timoshenko beam of the bar's section and steel."""
+    """Frequencies (n,) [Hz] of a beam of the bar's section and steel that is clamped at one end, by
+    elements with the shear parameter phi = 12 E I / (kappa G A h^2) and lumped masses."""
     E, rho, A, second = 210e9, 7850.0, WIDE * TALL, WIDE * TALL**3 / 12
     h, shear = length / elements, 5 / 6 * E / (2 * 1.3) * A
     phi = 12 * E * second / (shear * h**2)

@@ -260,7 +260,8 @@ def paired(first: np.ndarray, second: np.ndarray, f1: np.ndarray, f2: np.ndarray
 
 
 def extrapolated(f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Limit and its own error of values f (k, m) on meshes each twice as fine as the one before."""
+    """Limit (m,) and its own error (m,) of values f (k, m) on meshes each twice as fine as the one
+    before: by the order 1.5, and where there are three by the order that these show."""
     last = f[-1] - f[-2]
     fixed = f[-1] + last / (2**1.5 - 1)
     if len(f) < 3:  # of two no order is seen: from 1, singular, to 3
@@ -283,6 +284,8 @@ def stated(pipeline: Pipeline) -> dict[str, tuple[float, float, float]]:
 
 def compared(scene: Scene) -> list[tuple[str, float, float, float]]:
     """Kind of quantity, mesh.scale, relative error stated and true, of all that are compared."""
+    # the runs whose stated errors are judged, and references by the coarsest of their meshes, whole
+    # and with every element split, so that all errors are those of one sequence
     base = scene.mesh.scale
     runs = [
         pipeline_of(scene.but(mesh={"scale": base * k}), lambda name: nullcontext()) for k in SCALES
@@ -298,6 +301,8 @@ def compared(scene: Scene) -> list[tuple[str, float, float, float]]:
         meshes.append(reference(runs[0].scene, parts, points, start, run))
     if len(meshes) < 2:
         return []
+
+    # limits of numbers by name, of frequencies by the shapes of the finest mesh
     names = sorted(set.intersection(*(set(numbers) for numbers, _, _ in meshes)))
     limit, of_limit = extrapolated(np.array([[n[name] for name in names] for n, _, _ in meshes]))
     _, hz, phi = meshes[-1]
@@ -306,6 +311,7 @@ def compared(scene: Scene) -> list[tuple[str, float, float, float]]:
         np.array([f[i] for (_, f, _), i in zip(meshes, order, strict=True)])
     )
 
+    # stated beside true, where the true error stands clear of those of the limit and of the run
     rows = []
     for k, pipeline in zip(SCALES, runs, strict=True):
         modes, missed, model = pipeline("modes"), pipeline("missed-energy"), pipeline("model")

@@ -62,6 +62,8 @@ def main(tests: int = 50, first: int = 0) -> dict[str, tuple[int, int, int, floa
         farthest = 0.0
         for seed in range(first, first + tests):
             pairs, true, measured_hz = paired(phi, hz, seed)
+            # doubtful pairs, then those that these points cannot tell apart; the others must be
+            # right
             partners = pairs.index[pairs.index >= 0]
             assert len(set(partners)) == len(partners), "a computed mode in two pairs"
             for i, j in enumerate(pairs.index):

@@ -107,6 +107,7 @@ class Test(NamedTuple):
 
 def planned(name: str) -> Test:
     """The scene of this name with three sensors of a few grams, and fifteen points to hit."""
+    # sensors weigh on the structure that is tested as on the model
     sensors, n_modes = TESTS[name]
     masses = [
         {"name": f"sensor-{i}", "on": on, "at": list(at), "mass": 2e-3, "radius": 4e-3}
@@ -120,6 +121,8 @@ def planned(name: str) -> Test:
         if 0 < getattr(table, key) < np.inf
     )
     run = pipeline_of(watching, lambda stage: nullcontext())
+
+    # where the sensors are, and the points that tell the lowest modes apart
     model, modes, parts = run("model"), run("modes"), run("mesh")
     spots = []
     for mass, (_, at) in zip(masses, sensors, strict=True):
@@ -145,6 +148,7 @@ def round_trips(test: Test, joints: int, tests: int, first: int) -> Counts:
         basis = tuning_basis(loose("model"), (at_points,))
     counts = Counts()
     for seed in range(first, first + (joints if candidates else 1)):
+        # a structure with other joints, and its true modes at the points of the test
         rng = np.random.default_rng(seed)
         scatter = np.exp(SCATTER * rng.standard_normal(len(candidates)))
         true_value = np.array([p.before[0] for p in candidates]) * scatter
@@ -155,6 +159,8 @@ def round_trips(test: Test, joints: int, tests: int, first: int) -> Counts:
         hz = modes.omega[lowest] / (2 * np.pi)
         zeta = damping_ratios(structure_damping(truth, model, modes), modes.omega)[lowest]
         phi = np.asarray(at_points.reading @ modes.phi)[:, lowest]
+
+        # hits with noise and mishaps, their responses, the poles of these
         for draw in range(tests):
             names = tuple(f"point {i + 1}" for i in range(len(phi)))
             hits = hits_of_modes(
@@ -193,6 +199,9 @@ def round_trips(test: Test, joints: int, tests: int, first: int) -> Counts:
                 for i, j in enumerate(pairs.index)
                 if j >= 0 and not any("doubtful" in sentence for sentence in pairs.doubts[i])
             ]
+
+            # a fit to these modes, then of the stiffnesses alone that they determine; bars hold
+            # what is left open, and what the modes are missed by
             in_basis = basis.targets[0].reading[rows]
             targets = tuple(
                 Shape(in_basis, identified.phi[:, i], identified.frequency_hz[i]) for i in sure

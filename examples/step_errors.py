@@ -93,10 +93,12 @@ def trial(run: RandomRun) -> Trial:
     speed = float(np.abs(run.v0).max())
 
     def finer(i: int) -> np.ndarray:
+        """Velocities (k, n) by steps REFINEMENT 2^i times as short."""
         dt = result.dt / REFINEMENT / 2**i
         return dem.march(run.chain, run.wall, run.v0, dt=dt, scheme=result.scheme, **saved).v
 
     def difference(a: np.ndarray, b: np.ndarray) -> float:
+        """Largest difference of velocities (k, n) over the largest initial speed."""
         return float(np.abs(a - b).max() / speed)
 
     stated = result.error_estimate
@@ -148,6 +150,8 @@ def extreme(rng: np.random.Generator) -> RandomRun:
     radius, young = 10 ** rng.uniform(-3.0, -1.5, n), 10 ** rng.uniform(9.0, 11.3, n)
     flat = dem.Flat(10 ** rng.uniform(9.0, 12.0), 0.3)
     chain = dem.row_of_spheres(radius, 7800.0, young, 0.3, flat=flat)
+
+    # dampers, leaf springs and preload in units of the slowest contact's time
     speed = 10 ** rng.uniform(-2.0, 0.5)
     period = float(time_scale(chain.mass.max(), chain.A.min(), speed))
     damper = chain.mass / period

@@ -156,6 +156,7 @@ def solid_wall(drawn: Scene) -> dem.Wall:
         held += [fem.Held(face, direction) for direction in directions]
     model = fem.joined(structure, fem.Connections(held=held))
 
+    # struck on the plane of the mirror: of patch and half-space one half is meshed
     at = (position - table.length / 2, -table.width / 4)
     patch = fem.contact_patch(model, STRUCK, at, patch_radius, mirrors="z")
     local = fem.half_space_on_mesh(model, STRUCK, patch, material, mirrors=("plate:-z",))

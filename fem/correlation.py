@@ -45,8 +45,8 @@ class BodyMotion(NamedTuple):
 
 
 class Number(NamedTuple):
-    """A mode identified by its number, from 1, among those that strain bodies or joints: rigid
-    motions on springs between points do not count, as those of what floats."""
+    """A mode identified by its number, from 1, among those that strain bodies or joints. Rigid
+    motions do not count, neither free ones nor those on springs between points."""
 
     number: int
 
@@ -142,11 +142,14 @@ def measured_pairs(
     index, score, allowed = one_to_one(measured_hz, computed_hz, likeness, options)
     runner_up, doubts = np.full(len(measured_hz), -1), []
     for i, j in enumerate(index):
+        # the next best computed mode, whether or not it is another one's pair
         rivals = np.where(allowed[i], score[i], 0.0)
         rivals[j if j >= 0 else []] = 0.0
         second = int(rivals.argmax()) if rivals.size else -1
         if second >= 0 and rivals[second] > 0:
             runner_up[i] = second
+
+        # sentences for a reader who decides: nothing is dropped here
         sentences = []
         if j >= 0:
             apart = computed_hz[j] / measured_hz[i] - 1

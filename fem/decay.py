@@ -22,7 +22,7 @@ class DecaySteps(NamedTuple):
     """How a decay is cut into steps of the amplitude."""
 
     ratio: float = 1.6  # of amplitudes at a step's ends: 20 steps for the noise of four decades
-    clear: float = 5.0  # of what the low pass leaves of noise beside the mode; 3 to 10 alike
+    clear: float = 5.0  # times the noise that the low pass leaves beside the mode; 3 to 10 alike
     beside: float = 6.0  # low passes away from the mode, where the noise is taken
     width: float = 0.25  # low pass over the distance of the nearest mode, in standard deviations
     widest: float = 0.05  # low pass over the frequency of the mode

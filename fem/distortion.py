@@ -38,9 +38,9 @@ def combination_tone(
     varies: NDArray[np.bool_],
     options: DistortionOptions = DistortionOptions(),
 ) -> str | None:
-    """The sum that a mode's pole is of others, as "2 x 80.45 Hz" or "845.62 + 80.45 Hz", nearest in
+    """Which tone of other modes a mode is, "2 x 80.45 Hz" or "845.62 + 80.45 Hz", the nearest in
     frequency; None where it is none. Frequencies [Hz], damping ratios, peaks of the response in any
-    unit, and whether damping depends on amplitude, (n,) each."""
+    unit, and whether damping depends on amplitude, (n,) each; `mode` is a position among them."""
     hz, rate = frequency_hz, zeta * frequency_hz
     strong = np.flatnonzero(height[mode] < options.height * height)
     tones = [

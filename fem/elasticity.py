@@ -37,10 +37,10 @@ class Carried(NamedTuple):
 
 
 class Dent(NamedTuple):
-    """A disc by which a spring dents a body: of E compliance / (1 - nu^2) in a half-space."""
+    """The dent that a spring makes in a body under its disc."""
 
     body: str
-    per_length: float  # [1/m]
+    per_length: float  # [1/m] compliance of the disc on a half-space, times E / (1 - nu^2)
 
 
 class PointSprings(NamedTuple):

@@ -147,6 +147,7 @@ def factorised(A: csc_matrix, *, recovered: float = 1e-3) -> Factor:
 
 
 def _superlu(A: csc_matrix) -> Factor:
+    """SuperLU's factor; raises Singular, with a sentence on the structure, for its RuntimeError."""
     try:
         return minimum_degree(A)
     except RuntimeError as error:

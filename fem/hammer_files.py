@@ -70,6 +70,9 @@ def read_csv(path: Path) -> Responses:
         raise ValueError("no lines below the header")
     if any(";" in line for line in lines):
         raise ValueError("semicolons between its values, commas and decimal points are needed")
+
+    # a frequency, then real and imaginary part of each response: an odd number of columns, the same
+    # in all lines. The fast reader names no line, so that a file it refuses is read once more
     n_columns = numbered[0][1].count(",") + 1
     for n, line in numbered:
         if line.count(",") + 1 != n_columns:

@@ -36,6 +36,7 @@ def lamb_hz(k: float, h: float, material: Material) -> float:
     c_t = np.sqrt(E / (2 * rho * (1 + nu)))
 
     def dispersion(omega: float) -> float:
+        """Difference of both sides, without their poles: both sides are multiplied out."""
         a, b = np.sqrt(k**2 - omega**2 / np.array([c_l, c_t]) ** 2)
         return 4 * k**2 * a * b * np.tanh(b * h) - (k**2 + b**2) ** 2 * np.tanh(a * h)
 

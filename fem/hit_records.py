@@ -150,6 +150,8 @@ def record_of_csv(path: Path, name: str) -> TimeRecord:
                 )
             quantities.add(MOTIONS[unit][0])
             scales.append(MOTIONS[unit][1])
+
+    # one quantity: a shape of accelerations at some points and velocities at others is none
     if not columns:
         raise ValueError("it has no column with a response")
     if len(quantities) > 1:
@@ -215,9 +217,13 @@ def records_of_mat(variables: dict[str, NDArray], name: str) -> list[TimeRecord]
     )  # fmt: skip
     if not 0 < dt < np.inf:
         raise ValueError(f"dt is {dt:g} s, a positive number is needed")
+
+    # names of the points hit and of the sensors, an array of texts or one text with blanks between
     n, m = y.shape[2], y.shape[1]
 
     def names(key: str, count: int, usual: Sequence[str]) -> list[str]:
+        """The texts of a variable, one name for all or `count` of them; the usual ones where the
+        file has none. Raises ValueError for any other number."""
         if key not in variables:
             return list(usual)
         texts = [str(text).strip() for text in np.ravel(variables[key])]
@@ -301,6 +307,8 @@ def records_of_data_sets(sets: Sequence[dict]) -> list[TimeRecord]:
         if not groups or key in groups[-1]:
             groups.append({})
         groups[-1][key] = s
+
+    # each record by its channels, in SI
     records = []
     for group in groups:
         force = group.pop(("force",), None)

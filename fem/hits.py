@@ -154,6 +154,7 @@ def frequency_responses(
             reason = "no pulse in the force"
         elif peak > 0.9 * k:
             reason = "the pulse comes at the record's end: the trigger is late"
+        # from where the force last lies in the noise before its peak to where it first does behind
         if reason is None:
             low = np.flatnonzero(f[:peak] < max(0.02 * f[peak], 3 * noise))
             high = np.flatnonzero(f[peak:] < max(0.02 * f[peak], 3 * noise))
@@ -289,6 +290,8 @@ def ring_down_spectra(hits: Hits, checks: HitChecks) -> FrequencyResponses:
     response, and what each record excites takes the place of the participation of a reference.
     Raises ValueError where no record is usable: each is zero, overloaded or rises too late.
     """
+    # a record is usable where it begins with its decay and no sensor is overloaded; which sample is
+    # the largest is judged sensor by sensor, since their units may differ
     k = hits.response.shape[2]
     usable, remarks = [], []
     for i, x in enumerate(hits.response):
@@ -305,6 +308,8 @@ def ring_down_spectra(hits: Hits, checks: HitChecks) -> FrequencyResponses:
             usable.append((i, top))
     if not usable:
         raise ValueError(f"no record is usable ({remarks[0]})")
+
+    # all of one length, under the exponential window exp(-a t), which shifts every pole by -a
     length = k - max(top for _, top in usable)
     a = 0.0 if checks.decay is None else -np.log(checks.decay) / (length * hits.dt)
     decay = np.exp(-a * hits.dt * np.arange(length))

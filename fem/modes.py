@@ -139,6 +139,8 @@ def require_accurate(
         residual = K @ phi - Mphi * modes.omega[c] ** 2
         scale = np.linalg.norm(row[:, None] * Mphi, axis=0) * eigenvalues[c]
         relative[c] = np.linalg.norm(row[:, None] * residual, axis=0) / scale
+
+    # phi^T M phi = 1, and K phi = omega^2 M phi beside the size of M phi
     skew = np.abs(product - np.eye(n_modes)).max()
     if not skew < 1e-7:
         raise ValueError(

@@ -262,6 +262,8 @@ def beyond_the_solid(sheet: Sheet) -> float:
     nu, b = sheet.material.poisson, sheet.patch_radius / sheet.thickness
 
     def excess(k: float) -> float:
+        """G h k W of the theory less that of the layer beyond its half-space, at a wave number k
+        [1 / thickness]: its integral over k is 2 pi G h times the compliance."""
         # Hertz' pressure on the disc, transformed: 3 (sin x - x cos x) / x^3, x = k b
         x = k * b
         pressure = 1 - x**2 / 10 + x**4 / 280 - x**6 / 15120

@@ -170,6 +170,8 @@ def stable_poles(
             last, pole, participation = track[-1]
             if i - last > 3:
                 continue
+
+            # alike in frequency, damping and participation, each over what it may change by
             zeta_before = -pole.real / abs(pole)
             change = np.abs(np.abs(poles[light]) / abs(pole) - 1) / options.frequency
             damping = np.abs(zeta[light] - zeta_before) / options.damping
@@ -483,6 +485,8 @@ def identified_modes(
         if not 1 <= n <= len(number):
             raise ValueError(f"pole {n} is none: they are numbered 1 to {len(number)}")
 
+    # band by band: what is rejected, or does not recur in the halves, is left out; the others are
+    # fitted together, those of the neighbours among them that reach into the band
     modes, left_out, synthesis = [], [], []
     for b, part in enumerate(parts):
         chosen = []
@@ -503,6 +507,7 @@ def identified_modes(
     if not modes:
         raise ValueError("no pole that recurs carries energy of the responses")
 
+    # lowest first, field by field; poles of the diagram without the window's shift
     modes.sort(key=lambda mode: mode[1])
     columns = [np.array(column) for column in zip(*modes, strict=True)]
     number_, hz, zeta, phi, L, hz_deviation, zeta_deviation, phi_deviation, orders = columns
@@ -564,6 +569,8 @@ def fitted_modes(
                 break
             terms = further[0]
             continue
+
+        # without the weakest, again from where the others began
         _, i, reason = drop
         number, pole = chosen.pop(i)
         if number is not None:

@@ -106,9 +106,10 @@ class Misfit(NamedTuple):
 
 
 def noise_of_neighbours(H: NDArray[np.complex128], width: int = 100) -> NDArray[np.float64]:
-    """Standard deviation of real and imaginary part of H (..., f), from fourth differences of
-    neighbouring lines: of white noise their variance is 70 times its own. The median over `width`
-    lines on each side leaves out the peaks, where H is no cubic."""
+    """Standard deviation (..., f) of real and imaginary part of H (..., f), from fourth differences
+    of neighbouring lines, 1 -4 6 -4 1, which a cubic does not have: of white noise their variance
+    is 1 + 16 + 36 + 16 + 1 = 70 times its own. The median over `width` lines on each side leaves
+    out the peaks, where H is no cubic."""
     fourth = np.abs(np.diff(H, 4, axis=-1)) ** 2
     ends = [(0, 0)] * (H.ndim - 1)
     fourth = np.pad(fourth, [*ends, (2, 2)], mode="edge")
@@ -146,7 +147,8 @@ def log_ratio(H: NDArray[np.complex128], measured: NDArray[np.complex128]) -> ND
 
 
 def misfit(measured: MeasuredResponses, H: NDArray[np.complex128]) -> Misfit:
-    """Of responses H (p, r, f), over the lines that say something."""
+    """How far responses H (p, r, f) are from measured ones, over the lines whose noise is below the
+    share `faint` of the response; nan where there is none."""
     relative = measured.noise / np.maximum(np.abs(measured.H), np.finfo(float).tiny)
     heard = relative < ResponseFitOptions().faint
     r = log_ratio(H, measured.H)[heard]
@@ -301,6 +303,9 @@ def fit_responses(
     if not n:
         none = np.zeros(0)
         return ResponseFit((), none, none, none, np.zeros((0, 0)), none, error, objective, 0)
+
+    # covariances: of the noise alone; and with errors that all lines of a resonance share, for
+    # which a line is no independent observation
     J, prior = jacobian(x, now), prior_information(parameters)
     alone = jacobian(x, now._replace(sigma=now.noise))
     of_noise = np.linalg.inv(alone.T @ alone + prior)
@@ -383,7 +388,8 @@ def covariance_of_groups(
 
 
 def undetermined(fit: ResponseFit) -> list[Parameter]:
-    """Values that the responses do not tell within what counts as known, the least known first."""
+    """Parameters whose deviation exceeds what counts as known (`fem.tuning.largest_determined`),
+    the least known first."""
     if not len(fit.parameters):
         return []
     over = fit.deviation / largest_determined(fit.parameters)

@@ -72,7 +72,8 @@ class MissedEnergyOptions(NamedTuple):
 
     at_once: int = 1000  # elements or facets that are computed at a time, 100 MB of 60 shapes
     # length over thickness of hexahedra from which on functions along them are orthogonal to
-    # constants and slopes. For all, tubes were stated at 0.3 of what they are for none
+    # constants and slopes. With such functions in all hexahedra errors of tubes were stated at 0.3
+    # of their value without any
     slender: float = 5.0
     still: float = 1e8  # times its own stiffness: a function that is zero on a held face
 
@@ -104,6 +105,7 @@ def missed_energy(
         mesh, material = basis.mesh, materials[body]
         element, C, order = element_of(mesh), stiffness_of(material), 4 + isinstance(mesh, MeshHex)
         field = pushed.half_space if pushed is not None and pushed.half_space.body == body else None
+
         # apart from the body's rigid motion R q, whose rounding in single precision would strain a
         # body on soft springs more than these do
         nodes = structure.points[structure.dofs(body)[0::3] // 3]
@@ -149,6 +151,8 @@ def missed_energy(
         for facets, signs in ((inside, (1, -1)), (bears, (1,))):
             for some in shares(facets, options.at_once):
                 sides = [FacetSide.of(mesh, some, side, order) for side in range(len(signs))]
+                # out of side 0: the jump is shared in proportion to the heights, and what acts on
+                # side 1 is the opposite force
                 t = sides[0].traction(element, C, local)
                 if len(sides) == 2:
                     share = sides[0].height / (sides[0].height + sides[1].height)
@@ -157,6 +161,7 @@ def missed_energy(
                 for sign, side in zip(signs, sides, strict=True):
                     b = side.lacking(vanish)
                     np.add.at(residual, side.cells, sign * (b @ t).reshape(len(b), -1, 3, m))
+
         # on a face that is tied the mean of both bodies' tractions, at points of this one; where it
         # does not meet the other, its own
         for pair in faces.ties:
@@ -172,6 +177,8 @@ def missed_energy(
                 kh_across[beyond.cells] = np.trace(of_partner[1]) * beyond.height
                 gap = pair.gap + sagging(structure, face) + sagging(structure, opposite)
                 for some in shares(facets, options.at_once):
+                    # this body's points in the partner's elements; stiffness times height of both
+                    # says how they share the jump, as between elements of one body
                     side = FacetSide.of(mesh, some, 0, order)
                     t = side.traction(element, C, local[..., :k])
                     points = mesh.mapping().F(side.X, tind=side.cells).reshape(3, -1).T
@@ -188,6 +195,7 @@ def missed_energy(
                     b = side.lacking(vanish)
                     moments = (b @ mean.reshape(t.shape)).reshape(len(b), -1, 3, k)
                     np.add.at(residual[..., :k], side.cells, moments)
+
         for sign, i in ((1, 0), (-1, 1)):  # of the half-space, where it ends, its own
             if field is not None and len(some := ends[np.isin(mesh.f2t[i, ends], field.cells)]):
                 side = FacetSide.of(mesh, some, i, order)
@@ -204,6 +212,9 @@ def missed_energy(
             phi = np.stack([np.broadcast_to(np.asarray(f[0]), at.dx.shape) for f in at.basis])
             gradient = np.stack([f[0].grad for f in at.basis])
             X = np.broadcast_to(at.X[:, None], (3, *at.dx.shape))
+
+            # r = int rho b . u D - int eps(b) : s + tractions; near a patch the half-space's own r
+            # is taken off, and what is left is the error of the difference
             b, db = lacking_functions(mesh, X, vanish[:, cells])
             db = np.einsum("dcep,bdep->bcep", at.mapping.invDF(at.X, tind=cells), db)
             K = element_stiffness(db, gradient, at.dx, C).astype(np.float32)
@@ -218,6 +229,8 @@ def missed_energy(
                 r[near, :, :, :k] -= r[near, :, :, k:] @ pushed.force.T.astype(np.float32)
             r = r[..., :k].reshape(len(cells), -1, k).astype(np.float64)
 
+            # k^-1 r element by element; a function that would move a held face is made so stiff
+            # that it stays
             stiffness = element_stiffness(db, db, at.dx, C)
             diagonal = np.einsum("eii->ei", stiffness)
             diagonal[still[cells].reshape(len(cells), -1)] *= options.still
@@ -324,14 +337,16 @@ def lacking_functions(
     """Functions (b, ...) of the next order that quadratic elements lack, at X (3, m, points) in
     elements, and their gradients (b, 3, m, points).
 
-    In tetrahedra cubes: one of each edge, one of each face. In hexahedra those of the edges, and
-    products of two and of three parabolas, which the 20 nodes lack; `vanish` (3, m) says at which
-    ends of the element they do so, at X = 0 (1), X = 1 (2), both (3) or none (0). Tractions of
-    neighbours differ by constants and slopes, which the elements' own functions balance together:
-    cubes and parabolas along slender elements that vanish at both ends would take it for an error,
-    those for none are orthogonal to it, those for one end to what else vanishes there. Of
-    `rig-rom`, whose elements are twenty times as long as thick at its edges, the others stated
-    twice as much.
+    In tetrahedra 10 cubes: one of each edge, one of each face. In hexahedra 19: a cube along each
+    edge, and products of two and of three parabolas, which the 20 nodes lack. `vanish` (3, m) says
+    at which ends of the element along X, Y and Z these cubes and parabolas are zero: at X = 0 (1),
+    at X = 1 (2), at both (3), at none (0).
+
+    Tractions of neighbours differ by constants and slopes, which the elements' own functions
+    balance together. Functions that vanish at both ends would take these differences for an error
+    in slender elements; those for no end are orthogonal to constants and slopes, those for one end
+    to what else vanishes there. Of `rig-rom`, whose elements are twenty times as long as thick at
+    its edges, functions that vanish at both ends stated twice as much.
     """
     one = np.ones_like(X[0])
     if isinstance(mesh, MeshHex):
@@ -355,6 +370,9 @@ def lacking_functions(
             value = np.select(kinds, cubes[0], r - 10 / 3 * r**2 + 5 / 2 * r**3)
             slope = sign * (1 - 20 / 3 * r + 15 / 2 * r**2)
             cube.append((value, np.select(kinds, cubes[1], slope)))
+
+        # a cube along one axis times lines along the two others (12), two parabolas times a line
+        # (6), three parabolas (1); values and gradients by the product rule
         along = [(cube, first, second) for first in lines for second in lines]
         across = [(one_line, square, square) for one_line in lines]
         axes = [(i, *(j for j in range(3) if j != i)) for i in range(3)]
@@ -374,6 +392,9 @@ def lacking_functions(
             for f in products
         ]
         return np.stack(values), np.stack([np.stack(slope) for slope in slopes])
+
+    # barycentric coordinates L of a tetrahedron: L_i L_j (L_i - L_j) of each edge, the cube that is
+    # zero at its three nodes, and L_i L_j L_k of each face
     L = [1 - X.sum(axis=0), *X]
     dL = [
         np.stack([c * one for c in row]) for row in ((-1, -1, -1), (1, 0, 0), (0, 1, 0), (0, 0, 1))

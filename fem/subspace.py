@@ -140,6 +140,8 @@ def subspace_modes(
     for number in (*reject, *accept):
         if not 1 <= number <= len(within):
             raise ValueError(f"pole {number} is none: they are numbered 1 to {len(within)}")
+
+    # a mode recurs in either half of the blocks; of fewer than four a half would be one record
     halves = []
     if n > 3:
         halves = [

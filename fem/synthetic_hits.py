@@ -22,10 +22,12 @@ from scipy.signal import firwin, kaiser_beta
 
 from fem.hits import Hits
 
-# samples that the filter of a record rings before and after a pulse; what it lets pass, of 1 / 2.56
-# of the sampling rate, and what would fold back on that, 100 dB less, are that far apart
+# samples by which the filter against aliasing rings before and after a pulse: enough for it to be
+# flat to 1 / 2.56 of the sampling rate and 100 dB down from where the rest would fold back on that
 RINGING = 16
-ROUND = 1e10  # how much smaller a response is that comes round; rounding grows by its root
+# by which a response that rings on beyond the transform's record, and comes round to its beginning,
+# is smaller; rounding grows by its square root
+ROUND = 1e10
 
 
 class HammerDefects(NamedTuple):

@@ -266,6 +266,7 @@ def tune(
     w_i = min(s) / s_i. `deviation` is the standard deviation of ln(value), from the covariance
     (J^T S^-2 J)^-1 with the Jacobian J of ln f and S = diag(s).
     """
+    # x = ln(value); weights relative to that of the surest target, 1 where all errors are alike
     start, lower, upper = (
         np.log([getattr(p, key) for p in parameters]) for key in ("start", "lower", "upper")
     )

@@ -85,6 +85,7 @@ def meshed(
     One order of all bodies, so that ties never form a circle: the finer mesh, in a mesh that is
     given and where faces are tied in part the smaller volume. Raises InvalidGeometry.
     """
+    # a mesh that is given keeps its elements: faces become sets of its facets
     bodies = drawing.bodies
     by_volume = {name: 1 / body.volume for name, body in bodies.items()}
     if drawing.own:
@@ -95,6 +96,7 @@ def meshed(
         except ValueError as error:
             raise InvalidGeometry(str(error)) from None
 
+    # bodies in the CAD kernel are meshed, each with the size asked for or that of its shape
     from geometry.body_mesh import body_meshes
     from geometry.sizes import Fine, Sizes, default_seeds
 

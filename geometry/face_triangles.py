@@ -18,8 +18,11 @@ ACROSS = 12.0  # triangles along the diagonal of a body, curved faces have more;
 
 
 def face_triangles(bodies: Iterable[Body]) -> dict[int, NDArray[np.float64]]:
-    """Corners (n, 3, 3) [m] by the tag of a face; to be called in the bodies' ``with model(...)``,
-    whose mesh it takes the place of, before faces are parted by those that touch them."""
+    """Corners (n, 3, 3) [m] of the triangles of each face, by its tag.
+
+    To be called in the bodies' ``with model(...)``, before touching bodies split each other's
+    faces; a mesh that the model holds is cleared.
+    """
     import gmsh
 
     bodies = list(bodies)

@@ -251,6 +251,7 @@ def bodies(
 
 def _face(skin: Skin, tag: int, named: Mapping[str, NDArray[np.int64]]) -> Face:
     """The face that the facets with a tag make: a plane, a cylinder, a sphere or "other"."""
+    # the mean normal by area; that of a closed surface is zero, and any direction does then
     mine = np.flatnonzero(skin.tag == tag)
     area, normals = skin.area[mine], skin.normal[mine]
     points = skin.corners[mine].reshape(-1, 3)
@@ -276,6 +277,9 @@ def _face(skin: Skin, tag: int, named: Mapping[str, NDArray[np.int64]]) -> Face:
     )
     if curved is None:
         return face
+
+    # of a round face where it reaches along its axis, and whether its normals point inwards: summed
+    # over the facets, since one that spans much of the circle may point anywhere
     outward = skin.middle[mine] - curved.centre
     if curved.axis is not None:
         heights = (points - curved.centre) @ curved.axis

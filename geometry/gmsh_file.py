@@ -47,6 +47,7 @@ def cell_groups(path: Path) -> tuple[NDArray[np.float64], list[CellGroup]]:
         )
         for dimension, name, entity in entities:
             kinds, _, nodes = gmsh.model.mesh.getElements(dimension, entity)
+            # of elements of any order the first nodes are the corners
             for kind, flat in zip(kinds, nodes, strict=True):
                 *_, n_nodes, _, n_corners = gmsh.model.mesh.getElementProperties(kind)
                 corners = flat.astype(np.int64).reshape(-1, n_nodes)[:, :n_corners]

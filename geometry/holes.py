@@ -40,6 +40,7 @@ class Bore(NamedTuple):
 
     @property
     def diameter(self) -> float:
+        """[m], by which selectors and joints know a hole."""
         return 2 * self.radius
 
 

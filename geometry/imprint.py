@@ -173,6 +173,8 @@ def regions(
                     common, _ = occ.intersect(occ.copy([(2, face_tag)]), [(3, slab)])
                     lying += [Region(tag, face_tag) for dimension, tag in common if dimension == 2]
             case Spots():
+                # all discs or rectangles, each where it lies on one of the faces; an intersection
+                # consumes its tools, so that it is given copies
                 what = "pad"
                 spots = []
                 for centre in patch.centres:
@@ -191,6 +193,7 @@ def regions(
                             )
                         lying += [Region(t, face_tag) for dimension, t in common if dimension == 2]
             case Disc():
+                # its parts on all faces of the plane: an edge may run under a washer
                 what = f"disc of radius {patch.radius:.6g} m"
                 for face_tag in patch.on.tags:
                     radii = patch.radius, patch.radius

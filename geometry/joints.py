@@ -174,6 +174,8 @@ def _place_bolts(
     pairs = touches(between, bodies, touching)
     result.jointed.update({touch.name: joint.name for touch in pairs})
 
+    # where its bolts go: through holes about one axis, or at points moved onto the common plane.
+    # Two holes that open into each other about two axes are no joint, but a mistake in the drawing
     places = []
     for touch in pairs:
         if joint.at == "holes":
@@ -208,6 +210,7 @@ def _place_bolts(
             "and washer."
         )
 
+    # each bolt and what it holds of either face: the disc under its washer, or its share
     first, second = (bodies_named(side, bodies) for side in (joint.first, joint.second))
     for i, place in enumerate(places, start=1):
         # the joint's first body first, z from it to the second
@@ -260,6 +263,8 @@ def _place_threads(
                 "shank, or draw it as a body of its own."
             )
         threads += in_pair
+
+    # none: the sentence has the cylinders that there are, so that the wrong diameter shows
     if not threads:
         sizes = [
             f'"{name}" has a {what} of {1e3 * cylinder.diameter:.4g} mm'

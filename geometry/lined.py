@@ -146,6 +146,9 @@ def _rectangles(shape: Shape, lines: Lines, x: Coordinates, y: Coordinates) -> l
         raise InvalidGeometry(
             f"lines has {len(lines.rings)} rings for {len(holes)} holes; give each hole one."
         )
+
+    # along x and y: the lines nearest to both ends of the ring's rectangle, which must be there,
+    # with hole < washer < rectangle, or a ring of quadrilaterals would have no width
     rectangles = []
     for hole, ring in zip(holes, lines.rings, strict=True):
         if hole.depth is not None:

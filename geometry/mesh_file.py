@@ -22,7 +22,7 @@ CORNERS = {  # of cells whose type begins so, whatever their order, and the dime
 
 
 def cell_groups(path: Path) -> tuple[NDArray[np.float64], list[CellGroup]]:
-    """Points (n, 3) in the file's unit, and its named groups of cells by their corners.
+    """Points (n, 3), which are taken in metres, and the named groups of cells by their corners.
 
     Cells without a name, and kinds that are not in CORNERS, are left out. A damaged file may raise
     anything that meshio raises; gmsh's files raise as `geometry.gmsh_file.cell_groups`.

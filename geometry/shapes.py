@@ -161,6 +161,8 @@ def _require_place(shape: Shape) -> None:
 
 
 def _signed_area(outline: NDArray[np.float64]) -> float:
+    """Area [m^2] of a polygon (n, 2) [m] by its corners (Gauss), > 0 where they run
+    anticlockwise."""
     x, y = outline.T
     return float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) / 2)
 
@@ -174,6 +176,8 @@ def _check_plate(outline: NDArray[np.float64], holes: tuple[Hole, ...]) -> None:
         )
     if not np.all(np.isfinite(outline)):
         raise InvalidGeometry(f"outline = {outline.tolist()} must be finite numbers.")
+
+    # a closed line that neither crosses nor touches itself, and encloses an area
     edges = list(zip(outline, np.roll(outline, -1, axis=0), strict=True))
     n = len(edges)
     for i, j in combinations(range(n), 2):
@@ -186,6 +190,7 @@ def _check_plate(outline: NDArray[np.float64], holes: tuple[Hole, ...]) -> None:
     if _signed_area(outline) == 0 or min(np.linalg.norm(b - a) for a, b in edges) == 0:
         raise InvalidGeometry(f"outline = {outline.tolist()} has an edge of no length or no area.")
 
+    # holes whole inside of it, and apart from each other
     for i, hole in enumerate(holes):
         _positive("hole's diameter", hole.diameter)
         centre, radius = np.array(hole.at, dtype=float), hole.diameter / 2
@@ -216,6 +221,8 @@ def _check_apart(hole: Hole, others: tuple[Hole, ...]) -> None:
 
 
 def _check_depths(holes: tuple[Hole, ...], height: float, words: str) -> None:
+    """Raises InvalidGeometry for holes that are no less deep than the body's height [m], which
+    `words` name: they would go through, and must say so by having no depth."""
     for hole in holes:
         if hole.depth is None:
             continue

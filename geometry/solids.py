@@ -61,6 +61,7 @@ class Body(NamedTuple):
 
     @property
     def area(self) -> float:
+        """Of all faces together [m^2], bores and cavities included."""
         return sum(face.area for face in self.faces)
 
     @property

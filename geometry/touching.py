@@ -48,6 +48,7 @@ def neighbours(
                 occ.remove(common, recursive=True)
             overlapping = volume > gap * min(a.area, b.area)
 
+            # bodies that overlap may touch as well; those that do neither may have been meant to
             if overlapping:
                 inner = [body.name for body in (a, b) if volume > (1 - 1e-6) * body.volume]
                 overlaps.append(Overlap((a.name, b.name), volume, inner[0] if inner else None))
@@ -97,4 +98,6 @@ def facing_distance(first: Face, second: Face) -> float | None:
 
 
 def _boxes_meet(a: Body | Face, b: Body | Face, within: float) -> bool:
+    """Whether the boxes around both come within a distance [m] of each other along every axis; with
+    a negative one, whether they overlap by more than that."""
     return bool(np.all(a.lower - within <= b.upper) and np.all(b.lower - within <= a.upper))

@@ -68,6 +68,7 @@ def columns_of(
     values that are complex, not finite or of another shape, for a half-space's matrix that is no
     compliance, and for another number of names than of columns.
     """
+    # matrices of the three directions n, t1, t2
     fields: dict[str, object] = {"across": across}
     for field, name in MATRICES.items():
         if name in content and across is not None:

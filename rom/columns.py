@@ -38,7 +38,8 @@ class ColumnOptions(NamedTuple):
     # relative rms change of any receptance of a column with itself, up to to_hz, by the last block
     error: float = 1e-3
     blocks: int = 60  # at most; a solid block of steel to 20 kHz takes some 10
-    exhausted: float = 1e-10  # of a vector, what is new in it where the space holds all that moves
+    # share of a vector's length that is new, below which the space holds all that the loads move
+    exhausted: float = 1e-10
 
 
 def with_columns(

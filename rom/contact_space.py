@@ -16,7 +16,8 @@ class KrylovOptions(NamedTuple):
     extra: int = 20  # vectors of a space for the full model more than the reduced model has modes
     check: int = 5  # vectors between two looks at the bound, each an eigenproblem of H
     largest: int = 1000  # vectors: of a solid far more than any chain notices
-    exhausted: float = 1e-10  # of a vector, what is new in it where the space holds all that moves
+    # share of a vector's length that is new, below which the space holds all that the loads move
+    exhausted: float = 1e-10
     # times to_hz: vectors that resonate above it serve as static shapes, as they would cost steps
     reach: float = 2.5
     # random loads beside w where modes are asked for: of a rig of 49 000 unknowns 4, 8 and 16

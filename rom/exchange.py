@@ -246,6 +246,7 @@ def _read(content: Mapping[str, object], path: str | Path, w: ArrayLike | None) 
         raise ReductionError(f"{path} holds no w; pass the {r} weights of the contact.")
     w, across = contact_columns(_dense(w), r, path)
 
+    # its maker's notes, of no effect
     notes = json.loads(_text(content, "provenance", "{}"))
     if not isinstance(notes, dict):
         raise ReductionError(f"{path}: provenance is {notes!r}; it must be a JSON object of notes.")
@@ -262,6 +263,8 @@ def _read(content: Mapping[str, object], path: str | Path, w: ArrayLike | None) 
         if "surface_body" in content:
             bodies = tuple(map(_word, np.ravel(content.get("surface_bodies", ()))))
             surface = surface._replace(body=np.ravel(content["surface_body"]) - 1, bodies=bodies)
+
+    # all fields; what a foreign file does not say is none, and its kind "imported"
     T = content.get("T")
     reduced = ReducedModel(
         **matrices,

@@ -13,8 +13,9 @@ import scipy.sparse as sp
 from rom.factorisation import Factorise, Pencil, ReductionError, frequency_scale, noise
 from rom.lanczos import LanczosOptions, past_rigid_modes
 
-# a first elastic mode that only chooses the shift. Beside rigid modes of a stiff body, whose theta
-# are 1e6 times as large, rounding leaves no more digits, and asking for them takes 40 s for 1 s
+# accuracy of the first elastic mode, which only chooses the shift. Beside rigid modes of a stiff
+# body, whose theta are 1e6 times as large, rounding leaves no more digits; to ask for more takes
+# 40 s in place of 1 s
 ROUGHLY = LanczosOptions(converged=1e-3)
 
 

@@ -36,8 +36,8 @@ class Usual(NamedTuple):
 
 
 def sound(reduced: ReducedModel, limits: Limits = Limits()) -> Health:
-    """The health of a model that can be a wall; raises ReductionError for any other, in a sentence
-    without its subject."""
+    """The health of a model that can be a wall; raises ReductionError for any other. The message is
+    a sentence without its subject, which the caller knows: "FILE has 5000 coordinates, ..."."""
     if len(reduced.w) > limits.n_coordinates:
         raise ReductionError(
             f"has {len(reduced.w)} coordinates, allowed are {limits.n_coordinates}; reduce it "
@@ -66,7 +66,7 @@ def sound(reduced: ReducedModel, limits: Limits = Limits()) -> Health:
 def unusual(
     reduced: ReducedModel, modes: ModalWall, name: str, usual: Usual = Usual()
 ) -> Iterator[str]:
-    """Sentences on what can be run, but was probably meant otherwise, of a model by its name.
+    """Sentences on a model, called `name`, that can be run but was probably meant otherwise.
 
     modes are those of `modal(reduced)`. Nothing is refused here: a value outside its usual range is
     allowed, and a sentence in the report is what a wrong unit shows itself by.

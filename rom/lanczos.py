@@ -35,7 +35,8 @@ class LanczosOptions(NamedTuple):
 
 
 class EigenPairs(NamedTuple):
-    """omega (k,) [rad/s] ascending, rigid-body modes as exact zeros; phi (n, k) mass-normalised."""
+    """omega (k,) [rad/s], rigid-body modes as exact zeros; phi (n, k) mass-normalised. Ascending as
+    this module gives them; modes to be retained, and pairs of a Krylov space, are in any order."""
 
     omega: np.ndarray
     phi: np.ndarray
@@ -67,8 +68,8 @@ def lowest_modes(
 def past_rigid_modes(
     problem: Pencil, *, softer_than: float = 0.0, options: LanczosOptions = LanczosOptions()
 ) -> EigenPairs:
-    """The lowest modes, so many that one of them is elastic with an omega^2 above `softer_than`
-    [rad^2/s^2], or `most_rigid`.
+    """The lowest modes, as many as it takes until one of them is elastic, with an omega^2 above
+    `softer_than` [rad^2/s^2], or `most_rigid` of them.
 
     Six modes of a body that floats are rigid, and one more for each motion that a joint leaves
     free: their number is not known before, nor that of the modes of a soft suspension.

@@ -37,8 +37,8 @@ class FitOptions(NamedTuple):
     outside: tuple[float, float] = (1.2, 3.0)
     zeta: tuple[float, float] = (1e-6, 0.5)  # of modes; a wider one is no resonance
     better: float = 10.0  # of the criterion, by which more modes must win
-    # misfit with a free mass over that without, below which there is one: its share of noise or of
-    # rounding would let a wall drift away that is held
+    # a free mass is fitted where it lowers the misfit to this share of that without one or less: a
+    # smaller gain is noise or rounding, and would let a wall drift away that is held
     free: float = 0.9
     patience: int = 2  # numbers of modes tried beyond the lowest criterion
     fine: float = 1e-7  # misfit at which no more modes are tried
@@ -296,10 +296,13 @@ def _refined(omega, H, deviation, fit: ModalFit, options: FitOptions) -> ModalFi
     is_fitted = np.concatenate([np.ones(n, bool), [free, True]])
 
     def model(x):
+        """omega_j and zeta (n,) of x = [ln omega, ln zeta, residues over their units], and the
+        columns (2 k, n + 2) that these residues multiply; 0 for a free mass that is not fitted."""
         omega_j, zeta = np.exp(x[:n]), np.exp(x[n : 2 * n])
         return omega_j, zeta, _weighted(omega, deviation, omega_j, zeta) * is_fitted / norm
 
     def residual(x):
+        """Misfits over their deviations (2 k,)."""
         return model(x)[2] @ x[2 * n :] - right
 
     def jacobian(x):

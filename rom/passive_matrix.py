@@ -153,6 +153,7 @@ def passive_matrix_fit(
 
     # the best of these refined; of these the one of fewest modes that is as good
     def refined(omega_j: NDArray, zeta: NDArray, drifts: bool) -> MatrixFit:
+        """The fit from these poles (n,), all of its values together."""
         return _with_factors(measured, omega_j, zeta, drifts, options, of_matrix, refine=True)
 
     fits.sort(key=lambda fit: fit.criterion)
@@ -216,8 +217,9 @@ def require_reciprocal(
 def _alike(
     H: NDArray[np.complex128],
 ) -> tuple[NDArray[np.float64], NDArray[np.complex128], NDArray[np.complex128]]:
-    """Sizes (m,) of the points, of which displacements and turns have other ones, H (k, m, m) over
-    them, and one half (k, e) of that matrix and its transpose, in the mean."""
+    """Sizes (m,) of the points, the square root of the median of |H_aa|, since displacements and
+    turns have different units; H (k, m, m) divided by those of both points; and the upper triangle
+    (k, e) of the mean of that and its transpose."""
     size = np.sqrt(np.median(np.abs(np.einsum("kaa->ka", H)), axis=0))
     scaled = H / np.outer(size, size)
     rows, columns = np.triu_indices(H.shape[1])

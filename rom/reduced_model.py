@@ -44,8 +44,8 @@ class Contact(NamedTuple):
     half-space, which the Hertz law holds once more; weights_read (r,): u_w = weights_read^T q where
     that is not w^T q, and the wall not passive; young [Pa], poisson of its surface;
     curvatures [1/m]: principal ones of the surface, < 0 where hollow, None of a plane;
-    modes_hz (k,): the modes that damping ratios belong to; strain: of which parts it is, where they
-    have loss factors; point (3,) [m] and direction (3,): where
+    modes_hz (k,): the modes that damping ratios belong to; strain: the shares of parts in the
+    strain energy of modes, where parts have loss factors; point (3,) [m] and direction (3,): where
     the force enters and along what unit vector, into the structure.
     """
 

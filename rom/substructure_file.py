@@ -87,6 +87,8 @@ def substructure(path: str | Path) -> Substructure:
         A = np.zeros((r, r))
         A[np.tril_indices(r)] = values
         matrices[kind] = A + np.tril(A, -1).T
+
+    # both must be there; the damping, under either of its names, need not
     for kind in ("STIFFNESS", "MASS"):
         if kind not in matrices:
             raise ReductionError(

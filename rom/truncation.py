@@ -61,25 +61,29 @@ def tail_errors(omega: np.ndarray, phi: np.ndarray, tail: Moments, to_hz: float)
 
 
 def receptances(omega: np.ndarray, phi: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """H (len(s), k) [m/N] of each mode at s [rad/s], with the loss factor of a stated error."""
+    """H (f, k) [m/N] of each of the modes omega (k,) [rad/s], phi (k,) [kg^-1/2] at s (f,) [rad/s],
+    with the loss factor LOSS of a stated error; of a rigid motion -phi^2 / s^2."""
     return phi**2 / (omega**2 * (1 + 1j * LOSS) - s[:, None] ** 2)
 
 
 def size(H: np.ndarray) -> float:
-    """Root mean square of a receptance that errors are relative to: the smallest among eight combs
-    of its frequencies, since a grid that meets a peak sees that alone and would call any error
-    small."""
+    """The size of a receptance H (f,), real or complex, that its errors are relative to.
+
+    A root mean square, of every eighth frequency, the smallest of the eight: one frequency that
+    happens to meet a lightly damped peak would dominate that of all, and any error beside it would
+    look small.
+    """
     return min(rms(H[i::8]) for i in range(8))
 
 
 def rms(values: np.ndarray) -> float:
-    """Root mean square of real or complex values."""
+    """Root mean square of real or complex values (...), of any shape."""
     return float(np.sqrt(np.mean(np.abs(values) ** 2)))
 
 
 def first_cutoff_hz(error: float, to_hz: float) -> float:
-    """Cutoff [Hz] with which the search for that of an error begins: near the last one for a solid,
-    too low for parts on joints.
+    """Cutoff [Hz] with which the search for the cutoff that meets an error begins: near that one
+    for a solid, too low for parts on joints.
 
     A rig on elements of 12 mm still misses 8e-3 up to 9 kHz with all modes to 1.3 times that, and
     2.6e-3 with those to 2.8 times: the error itself has to be computed and ends the search.

@@ -115,6 +115,7 @@ def _file_content() -> dict[str, dict[str, list]]:
             commands = loads(_file().read_text(encoding="utf-8"))
 
     def is_number(value: object) -> bool:
+        """Whether a value of the file is a finite number."""
         return isinstance(value, int | float) and isfinite(value)
 
     return {

@@ -90,6 +90,8 @@ class Verb:
         module, _, attribute = self.function.rpartition(".")
         function = getattr(import_module(module), attribute)
         texts = described(function)
+
+        # the function's arguments that a command line can give, then the command's own
         known = texts.keys() | self.words.keys() | USUAL.keys()
         of_function = {
             one.name: _parameter(one, self.words.get(one.name, Word()), texts)
@@ -108,6 +110,7 @@ class Verb:
         last = {name: of_function.pop(name) for name in LAST if name in of_function}
 
         def run(**given: Any) -> None:
+            """Call the command with what was typed, its own options apart."""
             of_command = {name: given.pop(name) for name in own_parameters}
             # what was not typed is the function's default
             typed = {name: value for name, value in given.items() if value is not None}

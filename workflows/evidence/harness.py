@@ -102,7 +102,8 @@ def compared(
     of: float | None = None,
 ) -> Comparison:
     """The entries of two arrays that differ most, by |ours - theirs| / of; `of` is the largest of
-    theirs unless given. A nan differs more than any number."""
+    theirs unless given. The arrays have one shape, or shapes that numpy broadcasts to one. A nan
+    differs more than any number: it must not pass for agreement."""
     a, b = np.broadcast_arrays(np.asarray(ours, float), np.asarray(theirs, float))
     distance = np.abs(a - b)
     worst = np.unravel_index(
@@ -184,7 +185,8 @@ def judged(trial: Trial, case: str = "") -> Row:
 
 
 def finding(folder: str, rows: tuple[Row, ...]) -> Finding:
-    """The table of a folder's rows, what there is to say of single ones, and a count."""
+    """The table of a folder's rows, "verify" or "stability", what there is to say of single ones,
+    and a count."""
     if folder == "stability":
         lines = [tuple(getattr(row, field) for field in TRIALS.values()) for row in rows]
         printed = [name for name in TRIALS if name not in ("unit", "sentence")]

@@ -92,6 +92,8 @@ class Failed(NamedTuple):
 def peers(scene: Scene, progress: Progress, *, options: PeerOptions = PeerOptions()) -> Finding:
     """Modes, condensation and the chain beside other programs, at equal error: seconds, memory."""
     with_assembly(scene)
+
+    # what is not installed is left out, and said
     absent, missing = {}, set()
     for name, (methods, needed, source) in OPTIONAL.items():
         if (which if name == CALCULIX else find_spec)(needed) is None:
@@ -110,6 +112,7 @@ def peers(scene: Scene, progress: Progress, *, options: PeerOptions = PeerOption
         selection = rom.Selection(n_modes=options.wall_modes)
         body = rom.free_modes(model.K, model.M, contact.w, selection)._replace(T=None)
 
+    # equal spheres, the first of the scene's: all that LAMMPS' and Exudyn's scenes here take
     table = scene.chain
     first = [
         float(np.ravel(x)[0]) for x in (table.radius, table.density, table.young, table.poisson)
@@ -131,6 +134,7 @@ def structure_results(
     truth = structure_truth(structure)
 
     def off(work: str, values: NDArray) -> float:
+        """Largest relative difference of values (k,) to the truth, of as many as both have."""
         k = min(len(values), len(truth[work]))
         return float(np.abs(values[:k] / truth[work][:k] - 1).max())
 
@@ -158,8 +162,9 @@ def structure_results(
 
 
 def structure_truth(structure: EigenProblem) -> Mapping[str, NDArray]:
-    """Frequencies [Hz] of the modes; compliance w^T K^-1 w [m/N] and fixed-interface frequencies,
-    by shifts that none of the methods takes, and a refined solution."""
+    """By work: frequencies (n_modes,) [Hz] of the modes; compliance w^T K^-1 w [m/N] and then the
+    fixed-interface frequencies [Hz], (1 + n_modes,), by shifts that none of the methods takes, and
+    a refined solution."""
     K, M, w, b, n_modes, _ = structure
     i = np.setdiff1d(np.arange(len(w)), b)
     hz = []
@@ -167,6 +172,8 @@ def structure_truth(structure: EigenProblem) -> Mapping[str, NDArray]:
         A, B = sp.csc_array(A), sp.csc_array(B)
         sigma = -((2 * np.pi * 20.0) ** 2)
         hz.append(shift_inverted(A, B, n_modes, rom.superlu(A - sigma * B), sigma)[0])
+
+    # u = K^-1 w, refined: u += K^-1 (w - K u) takes off what the factor's rounding left
     factor = rom.superlu(K)
     u = factor.solve(w)
     for _ in range(2):
@@ -185,6 +192,7 @@ def chain_results(
         truth = reference(problem_of(spheres, body)).v[1:]
 
     def off(v: NDArray) -> float:
+        """Largest error of velocities (n_save, n) over the striker's speed."""
         return float(np.abs(v - truth).max() / spheres.speed)
 
     results, setting, chain = [], error, (spheres, body)
@@ -237,7 +245,8 @@ def _result(
 def finding(
     scene: str, n: int, results: list[AccuracyRow | Failed], absent: Mapping[str, str]
 ) -> Finding:
-    """Rows as a table, a picture and sentences."""
+    """Rows as a table, a picture and sentences; `n` are the unknowns of the structure, `absent`
+    says by name what brings a method that is not installed."""
     failures = [result for result in results if isinstance(result, Failed)]
     rows = [result for result in results if not isinstance(result, Failed)]
     lines = tuple(
@@ -245,6 +254,8 @@ def finding(
          row.processor_seconds, row.processor_cold, None if row.bytes is None else row.bytes / 1e9)
         for row in rows
     )  # fmt: skip
+
+    # by work ours and the fastest of the others, which must be as accurate to count
     works = {
         work: [row for row in rows if row.parameter == work]
         for work in dict.fromkeys(row.parameter for row in rows)

@@ -130,6 +130,8 @@ def _of_bodies(scene: Scene, progress: Progress) -> Finding:
     lines = tuple(_line(s, limit) for s in solutions)
     table = Table("mesh", _columns("scene", "mesh.scale", len(limit)), lines)
     picture = _picture("mesh.scale", scales, {scene.name: np.abs(hz / limit - 1)})
+
+    # beside the limit the error that a run states, from one mesh
     with progress("energy that the mesh misses"):
         finest = pipeline_of(scene, lambda name: nullcontext())
         omega = finest("modes").omega
@@ -161,7 +163,8 @@ def solution(scene: Scene, name: str, size: float, n_modes: int) -> MeshSolution
 
 
 def row_of(solution: MeshSolution, limit: NDArray[np.float64]) -> AccuracyRow:
-    """The error of the first mode; None where this mesh itself stands for the limit."""
+    """The error of the first mode against the limits (k,) [Hz] of all; None where this mesh itself
+    stands for the limit."""
     error = abs(float(off(solution.hz, limit)[0]))
     return AccuracyRow(
         "mesh", solution.name, float(solution.size), None if np.isnan(error) else error,

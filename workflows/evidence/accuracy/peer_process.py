@@ -63,12 +63,14 @@ def measured(work: Callable[..., Callable], method: str, *given) -> tuple[Timed,
 
 
 def modes(method: str, structure: EigenProblem) -> Callable[[], NDArray[np.float64]]:
-    """A call that gives the lowest frequencies (k,) [Hz]; CalculiX' the compliance behind them."""
+    """A call that gives the lowest frequencies (k,) [Hz]; CalculiX' the compliance [m/N] behind
+    them, (k + 1,)."""
     K, M, _, _, n_modes, deck = structure
     if method == CALCULIX:
         from fem.calculix import answer
 
         def frequencies_and_compliance() -> NDArray[np.float64]:
+            """(k + 1,) of one run of CalculiX."""
             # its deck's static step comes along, for its line of the condensation
             results = answer(deck)
             return np.append(results.frequency_hz, results.compliance)
@@ -96,6 +98,7 @@ def condensation(method: str, structure: EigenProblem) -> Callable[[], NDArray[n
         selection = rom.Selection(n_modes=n_modes, choice="lowest")
 
         def ours() -> NDArray[np.float64]:
+            """(1 + k,) of our Craig-Bampton model, whose K holds S and the squares omega^2."""
             with fem.one_thread():
                 reduced = rom.craig_bampton(K, M, w, b, selection, factorise=fem.factorised)
             n_b = len(b)
@@ -107,7 +110,8 @@ def condensation(method: str, structure: EigenProblem) -> Callable[[], NDArray[n
     factorise, i = _factorise(method), np.setdiff1d(np.arange(len(w)), b)
 
     def theirs() -> NDArray[np.float64]:
-        # as in a textbook: one factor of K_ii for constraint modes and fixed-interface modes
+        """(1 + k,) as in a textbook: one factor of K_ii for constraint modes and fixed-interface
+        modes, Psi = -K_ii^-1 K_ib, S = K_bb + K_bi Psi."""
         K_ii, K_ib, M_ii = (A.tocsc() for A in (K[:, i][i], K[:, b][i], M[:, i][i]))
         factor = factorise(K_ii)
         psi = -factor.solve(K_ib.toarray())
@@ -192,6 +196,7 @@ def setting_of_equal_error(
     seconds = [0.0]
 
     def error(setting: float) -> float:
+        """Of the velocities with a setting; infinite of an integrator that gives up."""
         started = perf_counter()
         v = chain_velocities(method, spheres, body, setting)()
         seconds[0] = perf_counter() - started
@@ -221,6 +226,8 @@ def equal_error(
         return settings[int(np.argmin(errors))]
     if n == 1 or not np.isfinite(errors[-2]) or errors[-1] == 0.0:
         return settings[n - 1]
+
+    # error = c setting^p between the last two: the setting of the error wanted, if it holds there
     share = np.log(errors[-2] / wanted) / np.log(errors[-2] / errors[-1])
     between = float(settings[n - 2] ** (1 - share) * settings[n - 1] ** share)
     return between if errors[-1] < error(between) <= wanted else settings[n - 1]

@@ -154,7 +154,8 @@ def equations(problem: Problem) -> PeerEquations:
 
 
 def initial_state(problem: Problem) -> np.ndarray:
-    """y at rest in equilibrium, with the velocities v0."""
+    """y (2 n + 2 n_modes,), one more for a dashpot, at rest in equilibrium, with the velocities
+    v0; raises what `dem.equilibrium` raises where there is none."""
     static = dem.equilibrium(problem.chain, problem.wall)
     u_d = np.zeros(_n_dashpots(problem))
     return np.concatenate([static.x, problem.v0, static.q, np.zeros_like(static.q), u_d])
@@ -165,7 +166,8 @@ def _n_dashpots(problem: Problem) -> int:
 
 
 def magnitudes(problem: Problem) -> np.ndarray:
-    """Typical size of each entry of y: what an absolute tolerance must be measured by."""
+    """Typical size of each entry of y, as long as y: what an absolute tolerance must be measured
+    by. Coordinates of mass-normalised modes have the unit kg^1/2 m."""
     n, speed = problem.v0.size, float(np.abs(problem.v0).max())
     k = 0 if problem.wall is None else problem.wall.omega.size
     reach = speed * time_scale(problem.chain.mass[0], problem.chain.A[0], speed)
@@ -224,6 +226,7 @@ def compiled_dop853(problem: Problem, tolerance: float) -> PeerSolution:
     constants, unit, calls = equations(problem), magnitudes(problem), [0]
 
     def right_hand_side(t, y):
+        """y' in units of `magnitudes`: this integrator takes one tolerance for all entries."""
         calls[0] += 1
         return rate(y * unit, *constants) / unit
 
@@ -278,8 +281,8 @@ def has_sundials() -> bool:
 
 
 def energy_error(problem: Problem, y: np.ndarray) -> float | None:
-    """Largest change of the energy over the kinetic energy at the start; None with any damping,
-    whose loss the others do not book."""
+    """Largest change of the energy over the kinetic energy at the start, of saved states y
+    (k, size); None with any damping, whose loss the others do not book."""
     lossy = problem.wall is not None and (np.any(problem.wall.zeta) or problem.wall.mobility)
     if lossy or problem.chain.dissipation != "none":
         return None

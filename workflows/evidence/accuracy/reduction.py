@@ -94,7 +94,11 @@ class ReductionCase(NamedTuple):
 
 
 def reduction(scene: Scene, progress: Progress) -> Finding:
-    """Error and cost of a reduced wall against the number of its modes."""
+    """Error and cost of a reduced wall against the number of its modes.
+
+    Raises InvalidScene for scenes without such a wall, with dashpots, which the responses compared
+    here leave out, and with the thesis' scheme.
+    """
     if scene.assembly is None or scene.chain is None or not isinstance(scene.wall, RomWall):
         raise InvalidScene(
             f'the scene {scene.name} has no chain before an assembly with wall.kind = "rom"; '
@@ -111,6 +115,8 @@ def reduction(scene: Scene, progress: Progress) -> Finding:
             'the patch with weights = "thesis" is read elsewhere than it is pushed, which no '
             'number of modes corrects; take "hertz" or "area".'
         )
+
+    # the full model, and what all reductions of it share: each is timed as if it were the only one
     run = pipeline_of(scene, progress, REFERENCE)
     model, patch = run("model"), run("contact")
     contact = contact_of(scene, model, patch)
@@ -134,6 +140,7 @@ def reduction(scene: Scene, progress: Progress) -> Finding:
             seconds = process_time() + full.shared.saved - started
             models.append((choice, n, reduced, seconds))
 
+    # every model with its residual vector, those of the lowest modes without as well
     cases = []
     observed = [sphere - 1 for sphere in scene.output.spheres] or slice(None)
     speed = np.abs(initial_velocity(scene)).max()
@@ -169,6 +176,7 @@ def reduction(scene: Scene, progress: Progress) -> Finding:
         solve = solve_costs(scene, full, run("modes"))
         marches = march_costs(scene, full, largest, BANDS_HZ[0])
 
+    # a row for each error, a line for each wall, and whether more modes always help
     rows = []
     for c in cases:
         for band, error in zip(BANDS_HZ, c.receptance, strict=True):

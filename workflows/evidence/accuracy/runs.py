@@ -69,18 +69,19 @@ def marched(problem: Problem, scheme: str, dt: float) -> dem.Trajectory:
 
 
 def observed(problem: Problem, v: np.ndarray) -> np.ndarray:
-    """Columns of the observed spheres."""
+    """Columns (k, n_observed) of the observed spheres, out of v (k, n)."""
     return v[:, problem.observed]
 
 
 def velocities(problem: Problem, y: np.ndarray) -> np.ndarray:
-    """Velocities of all spheres (k, n) out of states y."""
+    """Velocities of all spheres (k, n) out of states y (k, size)."""
     n = problem.v0.size
     return y[:, n : 2 * n]
 
 
 def relative_error(problem: Problem, v: np.ndarray, truth: np.ndarray) -> float:
-    """Largest difference over the largest initial speed."""
+    """Largest difference of v (k, n) to the truth (k, n_observed) over the largest initial
+    speed."""
     return float(np.abs(observed(problem, v) - truth).max() / np.abs(problem.v0).max())
 
 

@@ -21,7 +21,8 @@ def settled(
     error: float = 1e-4,
     n_save: int = 100,
 ) -> Outcome:
-    """A run to an error, its true error against a finer one, and where it left the model's range.
+    """A run from velocities v0 (n,) [m/s] to an error, its true error against a finer one, and
+    where it left the model's range; young [Pa] of all spheres or of each, (n,).
 
     An energy error counts as a hundredth of its size as an error of the velocities, so that it may
     be a hundred times `error`. The search for the step is given 1e9 evaluations of all contacts and
@@ -41,7 +42,8 @@ def settled(
 def finer(
     chain: dem.Chain, wall: dem.Wall | None, v0: np.ndarray, run: dem.Trajectory
 ) -> dem.Trajectory:
-    """The same with a quarter of the step by another scheme, where one bears the damping.
+    """The same from v0 (n,) with a quarter of the step by another scheme, where one bears the
+    damping.
 
     The implicit schemes, which alone average a force that jumps, take an eighth of the step. Beside
     a light wall the step is no longer than the contacts' stability allows: a run to an error

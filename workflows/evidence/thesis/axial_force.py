@@ -36,7 +36,8 @@ def axial_force(
     if scene.beam.floats:
         raise InvalidScene(f"the beam of {scene.name} can move as a rigid body; hold an end.")
 
-    # the buckling load [N], from a pressure so small that the beam does not notice it
+    # the buckling load [N], from a pressure so small that the beam does not notice it: the load
+    # factor is the force over the buckling load
     small = -1e-6 * scene.beam.young * bending.section(scene.beam).area
     pressed = scene.but(beam={"axial_force": small})
     buckling_load = -small / bending.model(pressed).load_factor

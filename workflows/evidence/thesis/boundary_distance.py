@@ -94,6 +94,7 @@ def boundary_distance(
         deep = plates.collision(scene, dem.rigid_wall())
 
     def size_of(plate: Plate) -> PlateSizes:
+        """Sizes of the plate and of its mesh."""
         # no wave is back before the end of the contact with the infinite plate; fine elements run
         # all along the line of contacts, and the patch does not reach the edge
         until = plates.collision(scene, coupling.infinite_plate(plate)).contact.seconds
@@ -102,6 +103,7 @@ def boundary_distance(
         return size._replace(contact_seed=nearest, patch=min(size.patch, nearest / 2))
 
     def struck(ratio: float, size: PlateSizes, diameters: tuple[float, ...]) -> EdgeSeries:
+        """One plate struck at these distances from its edge, in diameters of the last sphere."""
         plate, distance = plates.steel(scene, diameter / ratio), diameter * np.array(diameters)
         walls = plates.edge_walls(plate, size, distance)
         collisions = [plates.collision(scene, wall) for wall in walls]

@@ -50,7 +50,8 @@ def collision(
     sphere: int,
     options: CollisionRun = CollisionRun(),
 ) -> Collision:
-    """The chain against a wall, until even a slow wave is back at the striker; ARR at a sphere."""
+    """The chain against a wall from v0 (n,) [m/s], until even a slow wave is back at the striker;
+    ARR at a sphere, counted from 1."""
     passing = time_scale(chain.mass.max(), chain.A.min(), np.abs(v0).max())
     duration = (options.per_sphere * len(chain.mass) + options.at_wall) * passing
     march = {"error": options.error, "n_save": options.n_save}

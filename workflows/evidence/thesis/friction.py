@@ -134,7 +134,12 @@ class Difference(NamedTuple):
 def friction(
     scene: Scene, progress: Progress, options: FrictionOptions = FrictionOptions()
 ) -> Finding:
-    """What sliding of the shaken contact does to the waves that come back, and through what."""
+    """What sliding of the shaken contact does to the waves that come back, and through what.
+
+    Every case is run twice, with its coefficient and with one at which nothing slips: what these
+    differ by is slip's, whatever the case changes besides. Raises InvalidScene for scenes without a
+    shaken structure, an arm of one stiffness and a patch.
+    """
     spheres = require_chain(scene)
     if not has_friction(scene) or not scene.shakers or scene.assembly is None:
         raise InvalidScene(
@@ -149,6 +154,7 @@ def friction(
     if missing := [need for need, is_given in needs.items() if not is_given]:
         raise InvalidScene(f"{scene.name}: the study needs {missing[0]}; take rig-shaker.")
 
+    # cases without a periodic state are named, the others compared
     states: dict[str, SteadyState] = {}
     rows, compared, refused = [], [], []
     for case in counted(tuple(cases(scene, options)), progress, label):
@@ -168,6 +174,7 @@ def friction(
              *(1e3 * value for value in difference[1:]))
         )  # fmt: skip
 
+    # through what a contact that sticks acts: without shakers, one mechanism after the other
     with progress("mechanisms"):
         mechanisms = alone(rig_of(scene, progress), spheres, scene.time.duration, options)
     mechanism_rows = tuple(
@@ -175,6 +182,7 @@ def friction(
         for name, change in mechanisms.items()
     )
 
+    # differences by the state of the contact in the cycle before the striker
     by_state: dict[str, list[Difference]] = {}
     for _, slips, _, difference in compared:
         by_state.setdefault(slips.contact[0], []).append(difference)
@@ -286,12 +294,15 @@ def shaken_run(
         states[f"{coefficient:g} with {modes}"] = states[modes] = states[key]
     state = states[key]
 
+    # from the state as it is when the striker comes, a part of a period later
     body, moving = later(body, before, state, case.turn)
     struck(moving, before, v0)
     run = march_to_error(
         body, moving, duration=case.scene.time.duration, error=options.error,
         n_save=options.n_save, speed=fastest,
     )  # fmt: skip
+
+    # the contact when the wave arrives, by the first rise of its force
     force = run.trajectory.contact_force[:, -1]
     rise = np.abs(force - force[0])
     at = int((rise >= ARRIVED * rise.max()).argmax())
@@ -317,7 +328,9 @@ def observed(rig: MarchedRig, run: SpatialRun, spheres: tuple[int, ...], name: s
 
 
 def between(one: ContactRun, other: ContactRun) -> Difference:
-    """How far the waves of two runs differ."""
+    """How far the waves of two runs at the same instants differ, at the sphere where each does so
+    most; the first reflected wave ends a width after its crest, of a record without one where the
+    contact with the wall begins."""
     arrival = amplitude = first = later = 0.0
     a, b = one.observed, other.observed
     t = a.trajectory.t
@@ -340,15 +353,19 @@ def alone(
 ) -> dict[str, Difference]:
     """What a contact that sticks changes in the waves beside one without tangential force, without
     shakers, over a duration [s], by what is switched on."""
+    # the last sphere clamped across; free to yield on its arm; free to turn
     v0, chain = rig.start.velocity, rig.start.chain
     clamped = rig.last._replace(arm_stiffness=np.full(2, np.inf), arm_rotation=np.inf)
     sprung = rig.last._replace(arm_rotation=np.inf)
     turning = clamped._replace(arm_rotation=0.0)
+
+    # a contact that sticks and does not grow is a spring k_t: its stiffness under the load at rest
     along = wall_along(None, rig.wall)
     overlap = float(hertz_overlap(prepare(chain, along).static.force[-1], chain.A[-1]))
     k_t = float(stick_stiffness(rig.last.law, np.sqrt(rig.last.law.radius * overlap)))
 
     def run(wall: SpatialWall, last: LastSphere, coefficient: float) -> ContactRun:
+        """The scene's impact with another wall, last sphere and coefficient."""
         last = with_coefficient(rig._replace(last=last), coefficient)
         search = USUAL_SPATIAL_SEARCH._replace(n_cells=options.n_cells)
         march = march_space(
@@ -359,6 +376,7 @@ def alone(
         return ContactRun(observed(rig, march, spheres, ""), error)
 
     def fixed(last: LastSphere) -> ContactRun:
+        """The same with the spring k_t between structure and sphere in place of the contact."""
         return run(stuck_wall(rig.wall, k_t, last, chain), clamped, options.sticking)
 
     of_scene = float(rig.last.law.bound * rig.last.law.modulus / rig.modulus)  # coefficient

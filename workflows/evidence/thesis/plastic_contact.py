@@ -57,10 +57,12 @@ def plastic_contact(scene: Scene, progress: Progress) -> Finding:
         laws[f"yields at {1e-9 * stress:g} GPa"] = elastic._replace(yield_overlap=overlap)
 
     def impact(name: str, row: dem.Chain) -> Observed:
+        """The scene's impact of a chain at a wall that does not move."""
         setup = Setup(name, row, dem.rigid_wall())
         run = observed(setup, v0, duration=scene.time.duration, spheres=spheres)
         return require_echo(scene, run)
 
+    # the whole chain, and the restitution of one sphere, by which contacts are usually measured
     runs, restitution = [], []
     with progress("contacts"):
         for name, law in laws.items():
@@ -76,6 +78,7 @@ def plastic_contact(scene: Scene, progress: Progress) -> Finding:
             restitution.append(float(-thrown.v[-1, 0] / speed))
         rigid = impact("rigid", chain(hertz.but(wall=RigidWall(kind="rigid"))))
 
+    # a row for each law: force, contact time, rebound, energy lost, reflected waves
     rows = []
     for run, rebound in zip(runs, restitution, strict=True):
         march = run.trajectory

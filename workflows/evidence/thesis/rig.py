@@ -94,7 +94,7 @@ def rig(scene: Scene, progress: Progress, options: RigOptions = RigOptions()) ->
             if not cases:
                 require_echo(scene, runs[MAIN])
             cases.append(RigVariation(variation, runs, verdicts(variation.scene, runs, options)))
-    default, *changed = cases
+    default, *changed = cases  # what changes are judged against is not counted among them
 
     # an arm without mass: the waves that come back to each chain and wall, and the distance of the
     # second ones before different walls

@@ -66,12 +66,15 @@ def wall_thickness(
     ratios, checked = options.ratios, options.checked
 
     def plate_of(ratio: float) -> coupling.Plate:
+        """The plate of steel that is so many times thinner than a sphere."""
         return plates.steel(scene, diameter / ratio)
 
     def impact(ratio: float, wall: dem.Wall) -> PlateImpact:
+        """Of one sphere and of the chain, at a model of the plate."""
         return PlateImpact(ratio, plates.rebound(scene, wall), plates.collision(scene, wall))
 
     def zener(ratio: float) -> PlateImpact:
+        """At the infinite plate, a dashpot: no wave comes back from an edge."""
         return impact(ratio, coupling.infinite_plate(plate_of(ratio)))
 
     # half-space, Zener's plates on a fine curve and at the thicknesses of the solid ones
@@ -101,6 +104,7 @@ def wall_thickness(
     ) / float(run.energy_kinetic[0])
 
     def of_chain(collision: Collision) -> tuple[float, ...]:
+        """ARR, energy lost [%], contact time [us] and peak force [N]."""
         # what an elastic run loses is the march's error: no more than 8 digits, no minus zero
         lost = 100 * round(collision.lost, 8) + 0.0
         return collision.arr, lost, 1e6 * collision.contact.seconds, collision.peak_force
@@ -117,6 +121,7 @@ def wall_thickness(
              *of_chain(collision))
         )  # fmt: skip
 
+    # where Zener's plate and the solid one agree, in energy lost and in restitution
     by_ratio = {plate.ratio: plate for plate in solid}
     agreeing = [
         s.ratio for z, s in pairs if abs(s.collision.lost / z.collision.lost - 1) < options.close
@@ -135,6 +140,7 @@ def wall_thickness(
         return Line(name, curve_ratio[[0, -1]], np.full(2, value), style, colour)
 
     def over_thickness(title: str, label: str, value, *others: Line, axes: str = "x") -> Panel:
+        """A value of Zener's plates as a curve, of the solid ones as points, over D/t."""
         of_curve, of_solid = (np.array([value(p) for p in model]) for model in (curve, solid))
         lines = [
             Line("infinite plate (Zener)", curve_ratio, of_curve, colour=0),

@@ -120,6 +120,7 @@ def walls(
 
     # "ROM 907 behaves like 907 Hz": its fourth wave arrives with that of this one-mass wall
     def like(name: str, hz: float):
+        """How near a wall's last wave is to that of a one-mass wall, among all of these."""
         masses = tuple(map(one_dof, ONE_DOF_HZ))
         return similarity(runs, name, one_dof(hz), masses=masses, number=N_WAVES, spheres=spheres)
 

@@ -92,6 +92,8 @@ def _hinged_hz(section: Section, force: float) -> np.ndarray:
     b = m * (B * k2 + S) + J * (S + force) * k2
     c = k2 * ((S + force) * (B * k2 + S) - S**2)
     root = np.sqrt(b**2 - 4 * m * J * c)
+    # 2 c / (b + root), not (b - root) / 2 m J: of a slender beam both terms of that agree to most
+    # of their digits
     s = np.sort(np.concatenate([[S / J], 2 * c / (b + root), (b + root) / (2 * m * J)]))
     return np.sqrt(s[:N_MODES]) / (2 * np.pi)
 
@@ -113,6 +115,7 @@ def _zero_of_determinant(
         return rows
 
     def determinant(f: float) -> float:
+        """Of the four conditions at both ends, those at L carried there by exp(A L)."""
         s = (2 * np.pi * f) ** 2
         A = np.zeros((4, 4))
         A[0, 1:3] = S / (S + force), 1 / (S + force)

@@ -7,7 +7,8 @@ import fem
 
 
 def block(*lines: np.ndarray, material: fem.Material) -> fem.Structure:
-    """The body "block" between grid lines along x, y and z [m], its faces named -x to +z."""
+    """The body "block" between grid lines along x, y and z, (n,) [m] each and ascending, its faces
+    named -x to +z."""
     x_y_z = [np.asarray(line, float) for line in lines]
     faces = {
         f"{sign}{axis}": lambda x, i=i, at=x_y_z[i][end]: np.abs(x[i] - at) < 1e-9
@@ -19,6 +20,6 @@ def block(*lines: np.ndarray, material: fem.Material) -> fem.Structure:
 
 
 def held_block(*lines: np.ndarray, material: fem.Material) -> fem.Model:
-    """The block clamped at -x."""
+    """The block between grid lines as of `block`, clamped at -x."""
     held = [fem.Held("block:-x")]
     return fem.joined(block(*lines, material=material), fem.Connections(held=held))

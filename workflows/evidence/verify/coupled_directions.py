@@ -100,7 +100,8 @@ def _wall(seed: int) -> SpatialWall:
 
 
 class Bristles(NamedTuple):
-    """How many, and the largest overlap [m] that they reach."""
+    """The row of springs that a contact is made of (V. L. Popov, M. Hess, Method of Dimensionality
+    Reduction, 2015): the largest overlap [m] that they reach, and how many they are."""
 
     deepest: float
     count: int = 800
@@ -125,6 +126,7 @@ def plain_march(
     Gives the last x, v, u, u', psi, psi', q, q', and force and slip over time (k, 5); from
     rest with v0, or from a `shaken` state.
     """
+    # chain, arm and modes; a clamped direction of the arm moves as if its mass were infinite
     E_star, G_star = E / (2.0 * (1.0 - NU**2)), tangential_modulus(E, NU, E, NU)
     n, k, m = chain.mass.size, wall.omega.size, np.asarray(chain.mass)
     gamma = np.zeros(n) if chain.gamma is None else np.asarray(chain.gamma)
@@ -132,12 +134,17 @@ def plain_march(
     arm, S = np.asarray(last.arm_stiffness), wall.residual_compliance
     free = np.isfinite(arm)
     arm = np.where(free, arm, 0.0)
+
     # more bristles at the edge of the largest contact: x = a sin(theta)
     edges = np.sqrt(bristles.deepest * R) * np.sin(np.linspace(0, np.pi / 2, bristles.count + 1))
     x_b, width = 0.5 * (edges[1:] + edges[:-1]), 2.0 * np.diff(edges)
 
     def contact(gap, q_pressure, b, slip, F):
-        """Force on the wall (3,), bristles and slip; S F by fixed point."""
+        """Force on the wall (3,), bristles and slip; S F by fixed point.
+
+        A bristle at x moves by dU as long as G* |u| <= mu E* (d - x^2 / R), is cut back to that
+        circle beyond, and is 0 out of contact.
+        """
         for _ in range(200):
             near = gap - S @ (F - [F0, 0, 0])
             d = max(near[0] - S[0, 0] * F0, 0.0)
@@ -151,6 +158,8 @@ def plain_march(
             F = new
         return new, trial, near[1:]
 
+    # from rest, the contact pressed and never sheared, or from the state of a cycle, whose bristles
+    # are read off its cells at x^2
     static = dem.equilibrium(
         chain, dem.Wall(wall.omega, wall.zeta, wall.phi[:, 0].copy(), float(S[0, 0]))
     )
@@ -167,6 +176,8 @@ def plain_march(
         stretch = np.column_stack([np.interp(x_b**2, xi, u) for u in cells.u.T])
 
     def rate(t, y):
+        """y' and what the contact has become; `stretch` is that at the beginning of the step, so
+        that all four stages cut the same bristles back."""
         x, v, u, uv, psi, spin, q, p = np.split(y, ends)
         U, V = wall.phi.T @ q, wall.phi.T @ p
         gap = np.array([x[-1] - offset - U[0], *(u + R * psi - U[1:])])

@@ -52,7 +52,8 @@ def velocities(
         for i, (m, v) in enumerate(zip(chain.mass, v0, strict=True))
     ]
 
-    # the reduced body in coordinates whose first is u_w = w^T q
+    # the reduced body in coordinates z, q = S z, whose first is u_w = w^T q: columns w / w^T w and
+    # a basis of what w does not see
     S = np.column_stack([body.w / (body.w @ body.w), null_space(body.w[None])])
     M, K = S.T @ body.M @ S, S.T @ body.K @ S
     # 1e-3 of the body's mass at the contact, that the tied sphere takes
@@ -90,6 +91,7 @@ def velocities(
             )
         )  # fmt: skip
 
+    # the trapezoidal rule, with what Exudyn needs for contacts of exponent 3/2
     velocity = exu.OutputVariableType.Velocity
     sensors = [
         system.AddSensor(

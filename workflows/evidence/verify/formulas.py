@@ -49,7 +49,8 @@ class Equations(NamedTuple):
         return x - u, v - np.append(v[1:], self.wall.phi @ p)
 
     def overlaps(self, y: Array, deepest: Array) -> Array:
-        """delta of every contact; the last one's solves delta + s F(delta) = gap."""
+        """delta (n_contacts,) [m] of every contact at a state y; the last one's solves
+        delta + s F(delta) = gap. `deepest` (n_contacts,) are the largest overlaps so far."""
         d = np.maximum(self.gaps(y)[0], 0.0)
         s = 0.0 if self.wall is None else self.wall.residual_compliance
         if s and d[-1] > 0.0:
@@ -63,7 +64,7 @@ class Equations(NamedTuple):
         return d
 
     def forces(self, y: Array, deepest: Array) -> Array:
-        """F of every contact, with its damping.
+        """F (n_contacts,) [N] of every contact, with its damping.
 
         Before a residual compliance s the last one's gap is delta + s (F + gamma delta'); to the
         first order in gamma its force is F(delta_0) + gamma gap' / (1 + s dF/d delta)^2.
@@ -83,12 +84,12 @@ class Equations(NamedTuple):
 
     @property
     def limits(self) -> Array:
-        """Overlap of each contact at which it yields; inf for Hertz' law."""
+        """Overlap (n_contacts,) [m] of each contact at which it yields; inf for Hertz' law."""
         limits = self.chain.yield_overlap
         return np.full(self.chain.A.size, np.inf) if limits is None else np.asarray(limits, float)
 
     def rate(self, y: Array, deepest: Array) -> Array:
-        """y' at a state y, the equations of the module's docstring."""
+        """y' at a state y (size,), the equations of the module's docstring."""
         chain, wall = self.chain, self.wall
         x, v, q, p, u_d = self.unpacked(y)
         F = self.forces(y, deepest)
@@ -104,7 +105,10 @@ class Equations(NamedTuple):
 
 def elastic(d: Array, A: Array, limit: Array, deepest: Array) -> Array:
     """Hertz' force up to the overlap `limit`, a straight line beyond it, and on the way back from
-    the deepest overlap Hertz' law of the flattened surface."""
+    the deepest overlap Hertz' law of the flattened surface; of contacts (n,), or one of them.
+
+    Without a limit, inf, numpy's branches for yielding give no number: the last line replaces them.
+    """
     d, top = np.maximum(d, 0.0), np.maximum(deepest, limit)
     with np.errstate(invalid="ignore"):
         A_flat, crater = flattened(A, limit, top)
@@ -115,7 +119,8 @@ def elastic(d: Array, A: Array, limit: Array, deepest: Array) -> Array:
 
 def flattened(A: Array, limit: Array, top: Array) -> tuple[Array, Array]:
     """Thornton's (1997) unloading: 1/R_p = 1/R F_y/F* ((2 F* + F_y) / 3 F_y)^(3/2), as the Hertz
-    coefficient of the flattened surface and the overlap at which its force ends."""
+    coefficient of the flattened surface and the overlap at which its force ends, (n,) each or one;
+    F* is the force at the deepest overlap `top`."""
     F_y = A * limit**1.5
     F = F_y * (1.0 + 1.5 * (top - limit) / limit)
     A_flat = A * np.sqrt(F_y / F * ((2.0 * F + F_y) / (3.0 * F_y)) ** 1.5)
@@ -212,9 +217,11 @@ def at_rest(chain: Chain, wall: Wall | None) -> tuple[Array, Array]:
     unit = (load / chain.A.min()) ** (2.0 / 3.0)
 
     def state(z: Array) -> Array:
+        """y at rest with positions z (n,) in the unit of the overlaps."""
         return np.concatenate([z * unit, zeros])
 
     def unbalanced(z: Array) -> Array:
+        """Net force (n,) on each sphere over the load."""
         return still.rate(state(z), still.limits)[n : 2 * n] * chain.mass / load
 
     solution = root(unbalanced, np.arange(n, 0, -1.0), tol=1e-14)

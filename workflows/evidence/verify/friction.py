@@ -21,7 +21,8 @@ PLAIN = "20000 steps of 3000 springs cut back one by one, velocity Verlet"
 
 def friction() -> Iterator[Comparison]:
     """Loops under constant load, oblique impacts, and histories by independent springs."""
-    # loops of a plane that moves below a clamped sphere
+    # loops of a plane that moves below a clamped sphere: k is the stiffness of full stick, q the
+    # largest force over mu P; at gross slip, q = 1, (7.57) is 6/5 (mu P)^2 / k
     E_star, G_star = E / (2.0 * (1.0 - NU**2)), E / (1.0 + NU) / (2.0 - NU)
     a = (0.75 * LOAD * R / E_star) ** (1.0 / 3.0)
     k = 2.0 * a * G_star

@@ -31,6 +31,7 @@ def gravity() -> Iterator[Comparison]:
     x0 = np.cumsum(((np.cumsum(weights) / A) ** (2 / 3))[::-1])[::-1]
 
     def rate(_, y):
+        """Newton's equations of the column, positions x counted down from the undeformed column."""
         x, v = y[:n], y[n:]
         F = A * np.maximum(x - np.append(x[1:], 0.0), 0.0) ** 1.5
         return np.append(v, G + (np.append(0.0, F[:-1]) - F) / m)
