@@ -96,6 +96,12 @@ def test_forces_on_leaf_springs_are_refused():
         ChainForward(Rig(sprung, WALL, V0), (), forward().signals)
 
 
+def test_an_unknown_quantity_is_refused_by_its_name():
+    channels = CHANNELS._replace(sensors=(Sensor(3, "force_rate"), *SENSORS[1:]))
+    with pytest.raises(CouplingError, match="a sensor of 'force_rate' is unknown; take one of"):
+        forward(channels=channels).velocities(np.array([p.start for p in PARAMETERS]))
+
+
 def test_the_impulse_of_the_first_wave_is_momentum_and_none_where_waves_overlap():
     run = dem.march_to_error(CHAIN, WALL, V0, duration=1e-3, error=1e-7, n_save=2000).trajectory
     force = measured([Sensor(3, "force")], run.t, run.x, run.v, run.contact_force)[:, 0]
