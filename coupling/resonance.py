@@ -270,6 +270,8 @@ def curve(
             "resonance curves leave the damper of the last contact out; take a restitution of 1 "
             "there, or march to the periodic state."
         )
+
+    # from point to point; a step that is too long is halved, into `finer` parts at most
     points: list[CurvePoint] = []
 
     def towards(
