@@ -124,7 +124,7 @@ def point(
     unit = max(law.bound, 1e-3) * overlap
     bound = law.bound * law.modulus * np.sqrt(law.radius)
     most = max(bound * overlap**1.5 * 4.0 / 3.0, 1e-3 * F0)
-    scale = flat(unit + most * np.abs(np.einsum("hii->hi", H)) * (1.0 + 1.0j))
+    scale = flat((unit + most * np.abs(np.einsum("hii->hi", H))) * (1.0 + 1.0j))
 
     def answered(x: Array) -> tuple[Array, CycleForces]:
         """f of means, cosines and sines x, by the contact's answer at N instants; and that."""
