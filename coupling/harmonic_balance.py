@@ -278,6 +278,8 @@ def answer(
     (`let_go`)."""
     chain, law = body.prepared.chain, body.last.law
     n, d, N = chain.mass.size, len(body.frame), len(y)
+
+    # along the chain: Hertz' force and its damper, whose rate of approach is the cycle's own
     A = np.array(chain.A, float)
     A[: before.n_absent] = 0.0
     overlap = np.maximum(cut.rest[:n] + y[:, :n], 0.0)
@@ -290,6 +292,7 @@ def answer(
         lost = np.mean((pressure - 1.0) * elastic * rate, axis=0)
         damped = body.shakers.period * float(lost.sum())
 
+    # across: the frictional contact is led round the path of overlap, pressure and shift
     tangential, stick = np.zeros((N, d)), np.zeros(N)
     path = np.column_stack([overlap[:, -1], pressure[:, -1], y[:, n:]])
     if memory is None:

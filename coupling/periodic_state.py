@@ -434,6 +434,7 @@ def periodic_state(
     From a contact that was pressed and never sheared. Raises UnstableStep where 200 periods, one
     after the other, lead to none.
     """
+    # by harmonic balance, or where that finds none by Newton's method on marches of a period
     motion, start = balanced(body, before, error, speed, search)
     if motion is None:
         motion = shot(body, before, error, speed, search, start)
@@ -443,6 +444,9 @@ def periodic_state(
     springs = state.contacts.row if state.contacts.cells is None else state.contacts.cells
     springs.state[HEAT] = 0.0
     state.motion.ledger[:] = 0.0
+
+    # energies of a period of the shakers; a period leaves the bodies as they are, so that the modes
+    # lose what contact and shakers do on them, less what their energy still changes by
     frame, Q = body.frame, body.to_frame
     gained = (saved.energy[-1] - saved.energy[0]) / n_periods
     work = float(gained[BY_SHAKERS] + gained[BEYOND_MODES])
@@ -703,6 +707,9 @@ def shot(
     coarse, estimates, point, loop_error = None, [math.inf], None, math.inf
     two_directions, n_cells = len(body.frame) == 2, body.search.n_cells // 2
     state = body._replace(search=body.search._replace(n_cells=n_cells)).at_rest()
+
+    # steps and cells are doubled, each search from the state of the one before, until the error is
+    # met or shorter steps no longer help
     while True:
         period = period_of(body, before, n_steps, search)
         if point is None:
@@ -731,6 +738,8 @@ def shot(
         accepted = (search.opening if impacting else search.accepted) * error
         if change > accepted or (impacting and not stays(period, state, search)):
             state, saved, change, n_periods = marched_on(period, state, search, accepted)
+
+        # the error beside the search before, if both come back after as many periods
         numbers = numbers_of(saved, speed)
         if coarse is not None and coarse.speeds.shape == numbers.speeds.shape:
             order = 1.0 if two_directions else 2.0

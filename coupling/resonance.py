@@ -124,7 +124,7 @@ def point(
     unit = max(law.bound, 1e-3) * overlap
     bound = law.bound * law.modulus * np.sqrt(law.radius)
     most = max(bound * overlap**1.5 * 4.0 / 3.0, 1e-3 * F0)
-    scale = flat(unit + most * np.abs(np.einsum("hii->hi", H)) * (1.0 + 1.0j))
+    scale = flat((unit + most * np.abs(np.einsum("hii->hi", H))) * (1.0 + 1.0j))
 
     def answered(x: Array) -> tuple[Array, CycleForces]:
         """f of means, cosines and sines x, by the contact's answer at N instants; and that."""
@@ -270,6 +270,8 @@ def curve(
             "resonance curves leave the damper of the last contact out; take a restitution of 1 "
             "there, or march to the periodic state."
         )
+
+    # from point to point; a step that is too long is halved, into `finer` parts at most
     points: list[CurvePoint] = []
 
     def towards(

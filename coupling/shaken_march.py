@@ -45,6 +45,8 @@ def march_shaken(
     Errors are relative to the largest speed, of the striker or in the cycle. Raises InvalidChain,
     and UnstableStep where no state is periodic.
     """
+
+    # the striker is not there before, others may be held until it comes
     chain, last = body.prepared.chain, body.last
     n, v0 = chain.mass.size, np.asarray(v0, float)
     saves(n_save, n)
@@ -64,6 +66,8 @@ def march_shaken(
         'wall; add leaf springs, press the chain together, or set friction.upstream to "held"',
     )
 
+    # the periodic state, and from there the march with the velocities added; the error is shared
+    # by both, half of it at least is the march's
     speed = float(max(np.abs(v0).max(), np.hypot(*np.asarray(last.velocity, float))))
     wanted = 1e-4 if error is None else error
     before = periodic_state(

@@ -143,6 +143,8 @@ class PreparedImpact(NamedTuple):
         chain, static = self.prepared.chain, self.prepared.static
         wall, Q = self.wall, self.to_frame
         n, d = chain.mass.size, len(Q)
+
+        # spheres that are held have no inverse mass, contacts that are left out no coefficient
         inverse_mass = 1.0 / np.asarray(chain.mass, float)
         A = np.array(chain.A, float)
         if before_striker is not None:
@@ -152,6 +154,8 @@ class PreparedImpact(NamedTuple):
         gamma = np.zeros(n) if chain.gamma is None else np.array(chain.gamma, float)
         if chain.dissipation == "none":
             gamma[:] = 0.0
+
+        # modes and residual compliance in the directions across that are marched
         phi = np.ascontiguousarray(Q @ wall.phi.T)
         S = Q @ wall.residual_compliance @ Q.T
         arrays = SpatialArrays(
@@ -239,6 +243,8 @@ def shaking(wall: SpatialWall, shakers: ShakerForces | None, to_frame: Array, h:
     (k,) on the modes and L (1 + n_directions,) on the contact's residual motion."""
     k, d = wall.omega.size, len(to_frame)
     frequency = np.zeros(0) if shakers is None else np.asarray(shakers.frequency, float)
+
+    # shakers of one frequency in one; points for the phase that modes and shakers pass in a step
     omega, where = np.unique(2.0 * np.pi * frequency, return_inverse=True)
     m = omega.size
     B, L = np.zeros((m, k), complex), np.zeros((m, d), complex)
@@ -261,6 +267,8 @@ def shaking(wall: SpatialWall, shakers: ShakerForces | None, to_frame: Array, h:
             p += push * after[3]
         return q, p
 
+    # the work in a step, the integral of f p: over q and p at the start as the modes swing freely,
+    # and over what the shakers have moved since, products of e^(i w t) at sums and differences
     q, p = response(h) if m else (B, B)
     over_q, over_p = np.zeros((m, k), complex), np.zeros((m, k), complex)
     at_sum, at_difference = np.zeros((m, m), complex), np.zeros((m, m), complex)

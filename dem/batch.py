@@ -351,6 +351,7 @@ def _march_by_steps(chains, wanted, request, search):
     )
 
     def march_group(rows):
+        """March the chains of these rows by the most steps that any of them needs."""
         n_steps[rows] = n = n_steps[rows[0]]
         steps = LaneSteps(request.duration / n, int(n), request.n_save)
         method = SCHEMES[request.scheme]
@@ -395,6 +396,7 @@ def _finished_singly(batch, chains, rows, error, request, refused):
     """The batch with these chains marched one by one, and what is refused."""
 
     def march_one(i):
+        """March chain i to the error, or note why that is refused."""
         try:
             run = march_to_error(
                 *chains[i], duration=request.duration, error=error, observed=request.observed,
@@ -414,7 +416,8 @@ def _finished_singly(batch, chains, rows, error, request, refused):
 
 
 def _march(chains, dt, request):
-    """All chains by equal steps up to dt; they end at the samples where those are farther apart."""
+    """All chains by equal steps up to dt; they end at the samples where those are farther apart.
+    Raises UnstableStep."""
     if dt * request.n_save <= request.duration:
         steps = equal_steps(request.duration, dt, request.n_save)
         steps = LaneSteps(steps.h, steps.stride * request.n_save, request.n_save)
@@ -424,6 +427,7 @@ def _march(chains, dt, request):
     t = np.linspace(0.0, request.duration, request.n_save + 1)
     method, observed = SCHEMES[request.scheme], request.observed
 
+    # side by side where the lanes have all parts of the chains
     if chains.fit_lanes and method.kind != "implicit":
         runs = march_side_by_side(chains, method, steps, observed, request.threads)
         infinite = ~np.isfinite(runs.energy_error)
@@ -434,9 +438,11 @@ def _march(chains, dt, request):
             )
         return Batch(t, *runs, steps.h, steps.n_steps, request.scheme)
 
+    # else one by one, at the ends of the steps where samples lie between these
     at_steps = steps.n_steps < request.n_save
 
     def march_one(i):
+        """Observed velocities, wall force and energy error of chain i."""
         chain, wall, v0 = chains[i]
         run = march(
             chain, wall, v0, duration=request.duration, dt=dt, scheme=request.scheme,

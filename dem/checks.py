@@ -66,7 +66,7 @@ def above_0(name: str, value: object) -> None:
 
 
 def positive(name: str, value: object, unit: str = "") -> None:
-    """Require a finite number above 0; the sentence names its unit."""
+    """Require a finite number above 0; raises InvalidChain, in a sentence that names its unit."""
     if not (isinstance(value, Real) and 0.0 < value < math.inf):
         raise InvalidChain(f"{name} is {value!r}{unit}; it must be finite and above 0")
 

@@ -152,6 +152,7 @@ def force_table(overlap: ArrayLike, force: ArrayLike) -> ForceTable:
     Raises InvalidChain for fewer than 3 rows, for numbers that are not finite, and where a column
     does not start at 0 and grow from row to row.
     """
+    # checked row by row, so that the sentence names the row
     overlap, force = np.array(overlap, float), np.array(force, float)
     require(
         overlap.ndim == 1 and overlap.shape == force.shape and overlap.size >= 3,
@@ -186,6 +187,8 @@ def force_table(overlap: ArrayLike, force: ArrayLike) -> ForceTable:
             f"the step of a table to row {bad.min(initial=10**9) + 2} is too small beside its "
             "force; leave the row out",
         )
+
+    # energy of each piece, the integral of its cubic
     h = np.diff(overlap)
     energy = h * (force[:-1] + h * (slope / 2.0 + h * (square / 3.0 + cube * h / 4.0)))
 

@@ -72,6 +72,7 @@ def march_side_by_side(
     pieces = [slice(i, i + size) for i in range(0, n, size)]
 
     def march(piece):
+        """March the blocks of a slice into `saved`."""
         block = _sliced(blocks, piece)
         if parameters:
             of_block = np.stack([values[piece].ravel() for values in parameters])

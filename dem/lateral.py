@@ -362,6 +362,8 @@ def march_lateral(
     frame, k = frame_of_motion(velocity, stiffness, motion)
     straight = len(frame) == 1
 
+    # overlaps of its contacts from the motion along the chain, which friction leaves alone; the
+    # speed and the energy that errors are relative to
     n_save, duration = trajectory.t.size - 1, float(trajectory.t[-1])
     if motion is None and not velocity.any():
         return at_rest_across(trajectory)
@@ -403,6 +405,8 @@ def march_lateral(
     rate = body.rate([one and float(one.overlap.max()) for one in overlaps])
     first = search.phase / rate if rate > 0.0 else spacing
     stride = max(1, math.ceil(spacing / (first if dt is None else dt) * (1 - 1e-9)))
+
+    # finer marches, each compared with the one before, until velocities and the ledger are right
     n_cells = body.n_cells // 2
     order = 2.0 if straight else 1.0  # cells, 40 and 80 of them, left errors of order 1.1
     coarse, _ = run(stride, n_cells)
@@ -436,7 +440,8 @@ def march_lateral(
         shorter = min(max(1.2, 1.1 * math.sqrt(excess)), 16.0)
         coarse, stride = saved, finer
 
-    turned = saved.psi @ frame  # by which the surface moves along t1, t2
+    # psi is the turn by which the surface moves along t1, t2; about the axes it is n x that
+    turned = saved.psi @ frame
     spun = saved.spin @ frame
     return LateralTrajectory(
         t=trajectory.t,

@@ -44,7 +44,7 @@ def equilibrium(chain: Chain, wall: Wall | None) -> Equilibrium:
 
 
 def static_state(chain: Chain, wall: Wall | None) -> Equilibrium:
-    """`equilibrium` of a validated chain and wall."""
+    """`equilibrium` of a validated chain and wall; raises NoEquilibrium."""
     n = chain.mass.size
     n_modes = 0 if wall is None else wall.omega.size
     stiffness, anchor = chain.springs

@@ -72,6 +72,19 @@ def test_small_forces_and_slippery_contacts_leave_the_linear_systems(frequency):
     assert stuck.stiffness == pytest.approx(k_t, rel=2.5e-3)
 
 
+def test_a_wall_that_moves_along_its_normal_alone_leaves_nothing_across():
+    """No receptance across to weigh what is left of the equation by: it was 0 over 0."""
+    wall = spatial_wall_of_modes(
+        np.array([2 * np.pi * 100.0]), np.array([0.02]), np.array([[10**-0.5, 0.0, 0.0]]),
+        load=np.array([[10**-0.5]]),
+    )  # fmt: skip
+    chain = row(preload=PRESS)
+    body = body_of(chain, wall, [0.0], last(chain, **CLAMPED), None)
+    reached = curve(body, [60.0], [0.5])[-1]
+    assert reached.slip == reached.friction == reached.energy == 0.0
+    assert reached.stick > 0.99
+
+
 @pytest.mark.parametrize("load", [0.25, 0.5])
 def test_a_cycle_has_johnsons_loop(load):
     """Johnson 7.57, of the amplitude at which the force is `load` of its bound."""

@@ -37,7 +37,8 @@ def rig():
 
 @pytest.fixture
 def two(monkeypatch, tmp_path):
-    """A machine of two cores, no result kept."""
+    """A machine of two cores and much memory, no result kept."""
+    monkeypatch.setattr("workflows.scene.size.free_memory", lambda: 1e12)
     monkeypatch.setenv("BEADWAVE_PROCESSES", "2")
     monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setenv("MKL_NUM_THREADS", "1")

@@ -6,6 +6,7 @@ import socket
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
@@ -970,8 +971,10 @@ def test_processes_of_a_sweep_listen_to_this_machine_alone():
 
 def listening():
     """Addresses (host, port) at which this process and its children listen."""
-    this = psutil.Process()
-    every = (c for p in [this, *this.children(recursive=True)] for c in p.net_connections())
+    this, every = psutil.Process(), []
+    for process in [this, *this.children(recursive=True)]:
+        with suppress(psutil.NoSuchProcess):  # a child of another test, which has ended since
+            every += process.net_connections()
     return {(c.laddr.ip, c.laddr.port) for c in every if c.status == "LISTEN"}
 
 
@@ -1194,8 +1197,10 @@ def test_the_price_says_which_laws_are_marched_chain_by_chain(law, said):
 def test_the_example_of_many_workers_measures_what_dask_spends(capfd):
     with WORKERS.waiting_workers(3) as client:
         assert len(client.nthreads()) == 3
+        began = time.perf_counter()
         result = WORKERS.seconds_of_a_task(client, 0.05, 12)
-    assert 0.05 / 3 <= result.clock < 2.0 and 0.0 < result.processor < 1.0
+        elapsed = time.perf_counter() - began
+    assert 0.05 / 3 <= result.clock < elapsed / 12 and 0.0 < result.processor < 1.0
     assert capfd.readouterr() == ("", "")  # workers and scheduler end without a complaint
 
 
@@ -1220,6 +1225,10 @@ def test_the_example_measures_rates():
     rates = module_from_spec(spec)
     spec.loader.exec_module(rates)
     cores = os.sched_getaffinity(0)
-    assert 0.0 < rates.seconds_of_a_sweep("rig-rigid", 2, 1) < 60.0
+    began = time.perf_counter()
+    of_a_sweep = rates.seconds_of_a_sweep("rig-rigid", 2, 1)
+    assert 0.0 < of_a_sweep < time.perf_counter() - began
     assert os.sched_getaffinity(0) == cores
-    assert 0.0 < rates.seconds_of_a_task(2) < 1.0
+    began = time.perf_counter()
+    of_a_task = rates.seconds_of_a_task(2, tasks_each=5)
+    assert 0.0 < 2 * 5 * of_a_task < time.perf_counter() - began

@@ -128,9 +128,13 @@ def rest(x: Array, bearing: Bearing, floor: float, n_iterations: int, room: Newt
     for _ in range(n_iterations):
         if norm == 0.0 or stalled:
             break
+
+        # Newton's change, downhill in the potential energy, whose gradient is -r
         static_slope(x, bearing.A, bearing.compliance, bearing.shape, k)
         newton_step(bearing.stiffness, k, r, floor * (norm / start), diagonal, change)
         downhill = dot(r, change)
+
+        # halved while the energy climbs at the step's end
         scale = 1.0
         better = False
         for _halving in range(40):
@@ -143,6 +147,8 @@ def rest(x: Array, bearing: Bearing, floor: float, n_iterations: int, room: Newt
             scale *= 0.5
         if not better:
             break
+
+        # on from there; a norm at rounding that no longer halves is as small as it gets
         trial_norm = math.sqrt(dot(r, r))
         stalled = norm < 1e-12 * start and trial_norm > 0.5 * norm
         add(trial, 0.0, change, x)

@@ -159,6 +159,7 @@ def correct_events(
     x, v, minv = motion.x, motion.v, chain.inverse_mass
     n = x.size
     for i in range(chain.A.size):
+        # a plastic contact opens and closes at its crater, by the law of its flattened surface
         g0, r0 = overlap(i, start, chain.offset)
         g1, r1 = overlap(i, motion, chain.offset)
         coefficient = chain.A[i]
@@ -174,6 +175,8 @@ def correct_events(
             motion.ledger[IN_CONTACTS] += factor * impulse * rate
             impulse *= 1.0 + factor
             shift *= 1.0 + factor
+
+        # on both bodies, with opposite signs: momentum stays
         v[i] -= minv[i] * impulse
         x[i] -= minv[i] * shift
         if i < n - 1:

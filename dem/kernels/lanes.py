@@ -586,6 +586,8 @@ def correct_lanes(
         if not crossed_row(x, x_old, row):
             continue
         corrected = True
+
+        # lane by lane: each crossing is found by iteration, in a number of rounds of its own
         for j in range(row, row + LANES):
             k = j + LANES
             g0, g1 = x_old[j] - x_old[k], x[j] - x[k]

@@ -495,6 +495,8 @@ def save_spatial(
     at the rates of that instant, cut at 0."""
     arrays, trials = system.arrays, system.trials
     x, v, n, energy = motion.x, motion.v, motion.x.size, saved.energy[k]
+
+    # along the chain; behind a residual compliance the damper acts by the square of its share
     energy[HERTZ], size = 0.0, 0.0
     for i in range(n):
         saved.x[k, i], saved.v[k, i] = x[i], v[i]
@@ -506,6 +508,8 @@ def save_spatial(
         if force > 0.0:
             energy[HERTZ] += 0.4 * force * (force / arrays.A[i]) ** (2.0 / 3.0)
         size += abs(x[i]) + abs(v[i])
+
+    # the last sphere across, the forces on the wall and its motion there
     for j in range(motion.u.size):
         saved.across[k, 0, j], saved.across[k, 1, j] = motion.u[j], motion.u_v[j]
         saved.across[k, 2, j], saved.across[k, 3, j] = motion.psi[j], motion.spin[j]
@@ -518,6 +522,8 @@ def save_spatial(
     saved.stick[k], energy[SPRINGS], energy[RUBBED] = contact_state(
         system.law, contacts.row, contacts.cells
     )
+
+    # energies of the modes; what is not finite anywhere leaves FINITE so
     energy[SWING] = 0.0
     for j in range(motion.q.size):
         energy[SWING] += 0.5 * (motion.p[j] ** 2 + (arrays.omega[j] * motion.q[j]) ** 2)

@@ -88,7 +88,8 @@ def slide(row: SpringRow, room: SpringRow, law: TangentialLaw, d: float, q: floa
             if not xi1 < xi2:
                 continue
 
-            # trial displacement and bound at both ends
+            # trial displacement and bound at both ends of the piece; springs that leave move on
+            # until the edge passes them, where their bound is 0 and all of their shear slips
             leaves = half == 1
             if k < n - 1:
                 slope = (u[k + 1] - u[k]) / (xi[k + 1] - xi[k])
@@ -118,6 +119,8 @@ def slide(row: SpringRow, room: SpringRow, law: TangentialLaw, d: float, q: floa
                     continue
                 middle = 0.5 * (start + end)
                 t, b = t1 + middle * (t2 - t1), b1 + middle * (b2 - b1)
+
+                # slip towards + or -, judged in the middle; its heat by Gauss' rule over x
                 side = 1.0 if t > b else -1.0 if -t > b else 0.0
                 x1, x2 = math.sqrt(xi1 + start * (xi2 - xi1)), math.sqrt(xi1 + end * (xi2 - xi1))
                 if side != 0.0:

@@ -145,6 +145,7 @@ def least_squares_shapes(t, v, start, with_steps, options):
     z, damping = np.zeros(start.size), 1e-2
 
     def misfit(z):
+        """Residual (k,) [m/s] at the scaled unknowns z (2 n,)."""
         return _weighted(t, v, start + scale * z.reshape(-1, 2), with_steps)[1]
 
     residual = misfit(z)
@@ -155,12 +156,15 @@ def least_squares_shapes(t, v, start, with_steps, options):
         H = J.T @ J
         diagonal = np.diag(H) + 1e-12 * np.trace(H) + np.finfo(float).tiny
         trial = z - np.linalg.solve(H + damping * np.diag(diagonal), J.T @ residual)
+
+        # within the bounds: a wave that wanders off would fit another one's crest
         shift, speed = trial.reshape(-1, 2).T
         low, high = options.speeds
         trial = np.column_stack([
             np.clip(shift, -options.shift, options.shift), np.clip(speed, low - 1.0, high - 1.0)
         ]).ravel()  # fmt: skip
 
+        # nearer: less damping, towards Gauss and Newton; else more, towards steepest descent
         trial_residual = misfit(trial)
         if trial_residual @ trial_residual < residual @ residual:
             gain = residual @ residual - trial_residual @ trial_residual

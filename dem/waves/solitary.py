@@ -7,7 +7,8 @@ and a the distance from the crest in spheres. The shape is that of S. Sen, M. Ma
 64 (2001) 056605; the factors of speed and force are those of the discrete chain (V. F. Nesterenko,
 Dynamics of Heterogeneous Materials, Springer 2001, gives 0.91461 for long waves).
 
-Hertz' law is F = A d^1.5 with A [N/m^1.5]; m [kg] is the mass of a sphere.
+Hertz' law is F = A d^1.5 with A [N/m^1.5]; m [kg] is the mass of a sphere. Arguments are numbers or
+arrays that broadcast against each other.
 """
 
 import numpy as np

@@ -82,6 +82,7 @@ def print_end(number: int) -> int:
 
 
 def _handle(handler) -> None:
+    """Give the signals that end a command a handler, but for those that its starter ignores."""
     for number in WORDS:
         if signal.getsignal(number) != signal.SIG_IGN:  # as nohup and a shell's & set it
             signal.signal(number, handler)

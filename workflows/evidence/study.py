@@ -42,6 +42,8 @@ def rendered(module: str, **numbers: Any) -> tuple[str, ...]:
 
 @cache  # a folder's templates are read once; jinja2 is imported by the first study that is run
 def _environment(folder: Path):
+    """jinja2 with the formats of numbers as filters; a name that is not given is an error, so that
+    a sentence never has a gap."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(

@@ -18,6 +18,8 @@ Arrays = dict[str, np.ndarray]
 
 
 def _mesh(path: Path) -> Arrays:
+    """points (n, 3), names "dimension name" (g,) of groups, and the corners of each as cells0,
+    cells1, ... (m, corners)."""
     from geometry.mesh_file import cell_groups
 
     points, groups = cell_groups(path)
@@ -27,6 +29,8 @@ def _mesh(path: Path) -> Arrays:
 
 
 def _matlab(path: Path, *names: str) -> Arrays:
+    """The variables of these names that a .mat file of version 4 to 7 has, each a plain array;
+    raises ValueError for other files."""
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
 
@@ -52,6 +56,8 @@ def _plain(value) -> np.ndarray:
 
 
 def _uff(path: Path, kinds: str, *names: str) -> Arrays:
+    """Entries of these names of the data sets of these kinds, "58 15", as "0 x", "1 x", ... by the
+    number of the set, and the `count` of sets; raises ValueError for other files."""
     import pyuff
 
     try:
@@ -70,6 +76,8 @@ def _uff(path: Path, kinds: str, *names: str) -> Arrays:
 
 
 def _reduced(path: Path, target: Path) -> None:
+    """Write the reduced model of a .mat or .h5 as .npz; raises rom.ReductionError for one that is
+    no model, ValueError for a damaged file."""
     import rom
 
     read = {".mat": rom.load_mat, ".h5": rom.load_h5}[path.suffix]
@@ -82,6 +90,7 @@ def _reduced(path: Path, target: Path) -> None:
 
 
 def _step(path: Path) -> Arrays:
+    """names (n,) of the bodies of a STEP file: that it can be read at all is what is asked."""
     from geometry.cad import model
 
     with model({}, path) as cad:
@@ -89,6 +98,8 @@ def _step(path: Path) -> Arrays:
 
 
 def _saved(read: Callable[..., Arrays]) -> Callable[..., None]:
+    """A reader that writes its arrays to a target: value0, value1, ..., their names as `keys`."""
+
     def save(path: Path, target: Path, *names: str) -> None:
         content = read(path, *names)
         numbered = {f"value{i}": value for i, value in enumerate(content.values())}

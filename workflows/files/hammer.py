@@ -259,8 +259,8 @@ def points_of_file(path: Path) -> dict[int, NDArray[np.float64]]:
 def points_and_directions(
     path: Path,
 ) -> tuple[dict[int, NDArray[np.float64]], dict[int, int]]:
-    """Points as above, and the directions of those that have one, "z" or "-z", in a fifth column:
-    as in data sets 58."""
+    """Points as of `points_of_file`, and the directions of those that have one, "z" or "-z" in a
+    fifth column, as numbers of data sets 58: 3 or -3. Raises InvalidScene."""
     require_file(path, "give points as .csv (node, x, y, z in metres) or .uff", key="--points: ")
     directions: dict[int, int] = {}
     try:

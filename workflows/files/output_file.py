@@ -47,6 +47,8 @@ class OutputFile:
                         file.write(f"\n{content}\n")
 
     def _require_free(self) -> None:
+        """Raise InvalidScene for an input, for what cannot be a file, and for a file that beadwave
+        did not write, or that was changed since."""
         path, named = self.path, self._named
         if among(path, self._inputs):
             raise InvalidScene(f"{named} would overwrite what is read; choose another.")
@@ -78,6 +80,8 @@ def output_files(
 
 
 def _noted(path: Path) -> set[str]:
+    """Digests of what beadwave has written to a path; none where the folder of notes may be
+    written by others, who could note anything."""
     with suppress(OSError, ValueError):
         note = _note_of(path)
         if not own_folders(cache_folder(), note.parent):

@@ -75,7 +75,8 @@ def of_csv(text: str, column: Column) -> Found:
 
 
 def sphere_column(name: str) -> tuple[int, float]:
-    """The sphere that a heading names and the unit of its velocities [m/s]."""
+    """The sphere that a heading names and the unit of its velocities [m/s]; raises ValueError for
+    another heading, or another unit."""
     heading = fullmatch(r"sphere\s+(\d+)\s*\[(.+)\]", name)
     if not heading:
         raise ValueError(f"a column is {name[:40]!r}, allowed is 'sphere 4 [m/s]', with its unit")
@@ -90,7 +91,8 @@ def velocities_of_mat(variables: dict) -> Found:
 
 
 def of_mat(variables: dict, name: str) -> Found:
-    """t (k,) [s], what each sphere has in the variable of this name, and the title."""
+    """t (k,) [s], what each sphere has in the variable of this name, (k, m) or (k, m, repeats), and
+    the title; raises ValueError where shapes do not fit each other."""
     second = _unit(text_of(variables, "time_unit"), SECONDS, "t")
     t, v = np.ravel(_numeric(variables, "t")), _numeric(variables, name)
     spheres = np.ravel(_numeric(variables, "spheres"))
@@ -118,6 +120,7 @@ def require_variables(variables: dict, needed: tuple[str, ...]) -> dict:
 
 
 def _numeric(variables: dict, name: str) -> NDArray[np.float64]:
+    """A variable as real numbers, in its shape; raises ValueError for cells and structs."""
     value = variables[name]
     if value.dtype.kind not in "fiub":
         raise ValueError(f"{name} is no array of real numbers; cells and structs are not read")
@@ -147,7 +150,8 @@ def require_whole(raw: bytes) -> None:
 
 def of_data_sets(sets: Sequence[dict], column: Column, *, named: bool) -> Found:
     """What data sets 58 hold; `column` is given sphere and unit as in a CSV, where they are `named`
-    with the quantity that the ordinate's label may say."""
+    with the quantity that the ordinate's label may say. Raises ValueError without time responses,
+    for different time bases and for complex signals."""
     sets = [s for s in sets if s["func_type"] == TIME_RESPONSE]
     if not sets:
         raise ValueError("no data set 58 that can be read has a time response (function type 1)")

@@ -43,6 +43,7 @@ def scene_text(name: str | None) -> SceneText:
     if name in scenes:
         return SceneText(name, scenes[name], Path.cwd())
 
+    # no built-in scene: a file, or something that is likely to be meant for one
     path = Path(name)
     if path.is_dir() and (path / "scene.toml").is_file():
         raise InvalidScene(f"{name} is a run folder; give its {path / 'scene.toml'}.")
@@ -170,7 +171,8 @@ def files_read(scene: Scene, source: Source = None, *others: str | Path | None) 
 
 
 def tables(name: str) -> dict[str, Any]:
-    """The tables of a scene as they are written, for JSON: no infinite number in it."""
+    """The tables of a scene as they are written, for JSON: no infinite number in it. Raises
+    InvalidScene for a text that is no scene."""
     source, text, _ = checked_text(name)
     names = {"Infinity": "inf", "-Infinity": "-inf"}
     try:

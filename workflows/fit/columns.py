@@ -126,6 +126,8 @@ def require_columns(
 def _refusal(
     names: Sequence[str], arrangement: Arrangement, best: float, as_they_are: float
 ) -> str:
+    """A sentence on the arrangement that agrees better than the columns as they are, with both
+    correlations and what to exchange or turn."""
     by = f"(correlation with the model {best:.2f}, as they are {as_they_are:.2f})"
     exchanged = [name for i, name in enumerate(names) if arrangement.order[i] != i]
     turned = [name for i, name in enumerate(names) if arrangement.sign[i] < 0]

@@ -173,6 +173,7 @@ def joints_posterior(
     of_error = log_uniform(MODEL_ERROR, options.least_error, options.largest_error)
 
     def log_likelihood(theta: NDArray[np.float64]) -> float:
+        """ln L at the values (p,) of the parameters and, last, of the model's error."""
         hz = matched_hz(basis, parameters, places, theta[:-1])
         hz = np.where(np.isnan(hz), lost, np.maximum(hz, 1e-3))
         return frequencies_log_likelihood(hz, measured, d, theta[-1])

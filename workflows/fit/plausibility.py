@@ -265,7 +265,9 @@ def trigger_of(record: Recorded, model: np.ndarray, name: str) -> Parameter:
 
 
 def noise_of(record: Recorded, time_scale: float) -> tuple[np.ndarray, bool]:
-    """rms (m,) of the mean signals' noise, and whether the record shows it."""
+    """rms (m,) of the mean signals' noise, in their units, and whether the record shows it: by the
+    spread of its repeats, else by what is left between its waves. Raises UnusableRecord for a
+    signal of zeros."""
     largest = np.abs(record.y).max(axis=0)
     if not largest.all():
         raise UnusableRecord(

@@ -172,7 +172,8 @@ def _channel(name: str) -> tuple[Channel, float]:
 
 def sensor_of(scene: Scene, channel: Channel) -> tuple[Sensor, str | None]:
     """The sensor of a channel, with band and gain of the scene's sensor of that sphere and
-    quantity; and the name of its gain where nobody knows it."""
+    quantity; and the name of its gain where nobody knows it. Raises InvalidScene for a sphere that
+    the scene does not have."""
     if not 1 <= channel.sphere <= scene.chain.count:
         raise InvalidScene(
             f"the data has sphere {channel.sphere}, allowed are 1 to chain.count = "

@@ -118,7 +118,8 @@ def truth(scene: Scene, twin: Twin) -> Truth:
 
 
 def clean(scene: Scene, wall: dem.Wall | None, twin: Twin, true_rig: Truth) -> Clean:
-    """The known rig marched and filtered by the instrument."""
+    """The known rig marched and filtered by the instrument; raises InvalidScene where no sphere is
+    measured."""
     if not scene.output.spheres:
         raise InvalidScene("output.spheres is empty; name the spheres that are measured.")
     if true_rig.frequency is not None:

@@ -112,8 +112,8 @@ class Scan(NamedTuple):
     """Misfit [m/s] over one parameter, the others fixed."""
 
     name: str
-    value: np.ndarray
-    misfit: np.ndarray
+    value: np.ndarray  # (k,) [Hz] of a frequency, at those of the points where a run is possible
+    misfit: np.ndarray  # (k,)
 
 
 def scanned(

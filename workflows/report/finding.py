@@ -24,7 +24,8 @@ class Finding(NamedTuple):
         return picture_named(self.pictures, name)
 
     def data(self, name: str | None = None):
-        """A table by name, the study's own without one, as an xarray.Dataset over its rows."""
+        """A table by name, the study's own without one, as an xarray.Dataset over its rows; raises
+        InvalidScene for a name that is none of them."""
         from workflows.report.arrays import of_table
 
         by_name = {table.name: table for table in self.tables}

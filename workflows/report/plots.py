@@ -38,7 +38,7 @@ class Line(NamedTuple):
     style: str | tuple | None = None  # "-", "o-", "o", "x", dashes ...; None: the next of DASHES
     # index into COLOURS, MARKERS and DASHES, or the name of a colour; None: the next ones
     colour: int | str | None = None
-    width: float = 1.3
+    width: float = 1.3  # [pt]
 
 
 class Panel(NamedTuple):

@@ -20,6 +20,7 @@ class AxesOfTest(SceneTable):
 
     @model_validator(mode="after")
     def _of_a_turn(self) -> "AxesOfTest":
+        """As many points as places, neither on a line: a fit would leave a turn about it open."""
         if len(self.points) != len(self.at):
             raise ValueError(
                 f"points has {len(self.points)} and at has {len(self.at)} places: give one each"

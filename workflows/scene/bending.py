@@ -88,6 +88,7 @@ class Beam(SceneTable):
 
     @model_validator(mode="after")
     def _one_section(self) -> "Beam":
+        """One section, whole, lower than the beam is long, and struck within the beam."""
         sections = [key for key in SECTIONS if getattr(self, key) is not None]
         if len(sections) != 1:
             keys = " and ".join(sections) or "nothing"
@@ -169,6 +170,7 @@ class BendingPlateTable(SceneTable):
 
     @model_validator(mode="after")
     def _struck_inside(self) -> "BendingPlateTable":
+        """Thin enough for a theory of plates, and struck a thickness from the edges at least."""
         h = self.thickness
         if 4 * h > min(self.length, self.width):
             raise ValueError(
@@ -185,6 +187,7 @@ class BendingPlateTable(SceneTable):
 
 
 def _springs(end: Any) -> tuple[float, float]:
+    """Stiffness across [N/m] and against turning [N m/rad] of an end, of a word or springs."""
     inf = float("inf")
     words = {"hinged": (inf, 0.0), "clamped": (inf, inf), "free": (0.0, 0.0)}
     return words[end] if isinstance(end, str) else (end.shift, end.turn)

@@ -108,6 +108,7 @@ class Solid(SceneTable):
 
     @model_validator(mode="after")
     def _isotropic_or_orthotropic(self) -> "Solid":
+        """One modulus and ratio, between the limits of positive energy, or three with three G."""
         if self.is_isotropic and (self.shear or self.axes):
             raise ValueError("shear and axes belong to three moduli: drop them, or give three")
         numbers = self.young, self.poisson
@@ -254,6 +255,7 @@ class BodyTable(SceneTable):
 
     @model_validator(mode="after")
     def _one_shape(self) -> "BodyTable":
+        """One shape, with the holes, grid lines and places that this shape can have."""
         shapes = [shape for shape in SHAPES if getattr(self, shape) is not None]
         if len(shapes) > 1:
             raise ValueError(f"{' and '.join(shapes)} exclude each other: keep one of them")
@@ -312,6 +314,7 @@ class StaticLoad(SceneTable):
 
     @model_validator(mode="after")
     def _one_kind(self) -> "StaticLoad":
+        """The keys of one kind of load, all that it needs and no others."""
         keys = {key for key in type(self).model_fields if getattr(self, key) is not None} - {"name"}
         if not any(
             set(needed) <= keys <= {*needed, *optional} for needed, optional in LOADS.items()
@@ -414,6 +417,7 @@ class Bolts(JointStiffnesses):
     @model_validator(mode="before")
     @classmethod
     def _mean_of_a_thread(cls, table: Any) -> Any:
+        """A thread moves with the mean of its bore unless `sides` say otherwise."""
         if isinstance(table, Mapping) and table.get("at") == THREAD:
             return {"sides": ("mean", "mean"), **table}
         return table
@@ -485,6 +489,7 @@ class MeasuredMode(SceneTable):
 
     @model_validator(mode="after")
     def _one_identity(self) -> "MeasuredMode":
+        """One way to tell the mode from others, and a deviation below its frequency."""
         if (self.body is None) != (self.motion is None):
             raise ValueError("body and motion belong together: add the other")
         if sum(key is not None for key in (self.body, self.number, self.shape)) != 1:

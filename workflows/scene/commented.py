@@ -19,6 +19,8 @@ def with_values(text: str, before: Mapping[str, Any], after: Mapping[str, Any]) 
 def _change(
     table: MutableMapping[str, Any], before: Mapping[str, Any], after: Mapping[str, Any]
 ) -> None:
+    """Bring a table of TOML, in place, from the values `before` to those `after`; what is equal in
+    both stays as it is written, with its comments."""
     for key in before.keys() - after.keys():
         table.pop(key, None)
     for key, value in after.items():

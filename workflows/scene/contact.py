@@ -66,6 +66,7 @@ class ContactTable(SceneTable):
 
     @model_validator(mode="after")
     def _keys_of_its_law(self) -> "ContactTable":
+        """The parameters of its law, and none of another one."""
         needed = KEYS.get(self.law, {})
         for law, keys in KEYS.items():
             for key, unit in keys.items():

@@ -73,6 +73,7 @@ def contradictions(scene: Scene) -> Iterator[str]:
 
 
 def _missing_parts(scene: Scene) -> Iterator[str]:
+    """Tables that act on a part which the scene does not have, and files that are not there."""
     chain, wall = scene.chain, scene.wall
     for name in ("gravity", "guides", "friction", "arm", "shakers"):
         if chain is None and getattr(scene, name):

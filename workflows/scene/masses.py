@@ -28,6 +28,8 @@ class MassTable(SceneTable):
 
     @model_validator(mode="after")
     def _of_a_body(self) -> "MassTable":
+        """Moments of inertia that a body can have: J_1 <= J_2 + J_3, and a radius of gyration
+        sqrt(J / m) of its size; one in g mm^2 without its unit is found by the latter."""
         J = self.inertia or (0.0, 0.0, 0.0)
         if 2 * max(J) > sum(J) * (1 + 1e-9):
             raise ValueError(

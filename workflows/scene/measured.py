@@ -49,6 +49,7 @@ class MeasuredTable(SceneTable):
 
     @model_validator(mode="after")
     def _one_place_each(self) -> "MeasuredTable":
+        """A place for each point, each point once, and a band that has a width."""
         if self.at is not None and self.points is None:
             raise ValueError("at needs points, the nodes of the file that lie there: give both")
         if self.at is not None and len(self.at) != len(self.points):

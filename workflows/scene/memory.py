@@ -21,6 +21,7 @@ def free_memory() -> float:
 
 
 def _of_machine(proc: Path = Path("/proc")) -> Iterator[float]:
+    """Bytes that the machine can still give; none where it does not say so."""
     for line in _text(proc / "meminfo").splitlines():
         if line.startswith("MemAvailable:"):
             yield 1024.0 * int(line.split()[1])
@@ -46,6 +47,7 @@ def _of_groups(groups: Path = GROUPS, mine: Path = Path("/proc/self/cgroup")) ->
 
 
 def _of_limits() -> Iterator[float]:
+    """Bytes up to the limit of this process' addresses; none without a limit."""
     limit, _ = getrlimit(RLIMIT_AS)
     pages = _text(Path("/proc/self/statm")).split()
     if limit != RLIM_INFINITY and pages:

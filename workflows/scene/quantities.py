@@ -86,6 +86,7 @@ def entries(
 
 
 def _numbers(key: str, value: Any, written: Any, quantity: Quantity) -> Iterator[ScannedNumber]:
+    """The numbers of a value, of a list one by one, each with its text as it was written."""
     if not isinstance(value, tuple):
         yield ScannedNumber(key, value, written, quantity)
         return

@@ -28,7 +28,8 @@ def grid_lines(scene: Scene, scale: float = 1.0) -> dict[str, Lines]:
 
 
 def shapes(scene: Scene) -> dict[str, Shape]:
-    """The bodies that the scene draws."""
+    """The bodies that the scene draws, by name; raises InvalidGeometry, with the body's key, for
+    shapes that cannot be."""
     solids: dict[str, Shape] = {}
     for name, body in (scene.bodies or {}).items():
         if not body.drawn:
@@ -41,6 +42,8 @@ def shapes(scene: Scene) -> dict[str, Shape]:
 
 
 def _shape(body: BodyTable) -> Shape:
+    """The box, plate or cylinder of a table, drilled along its thickness and, of a cylinder, into
+    its round face."""
     place = {key: getattr(body, key) for key in ("at", "turn") if getattr(body, key)}
     if body.box:
         return Box(body.box, **place)

@@ -96,6 +96,7 @@ def _structure(scene: Scene, tables: dict[str, Any], source: str) -> dict[str, A
     """[assembly] and [mesh] of bodies, or of the thesis' rig with its defaults."""
 
     def read(model: type[BaseModel], key: str) -> Any:
+        """The table of a key by its model, checked."""
         table = _validated(model, tables.get(key, {}), source, (key,))
         _require_usual(table, tables.get(key, {}), source, (key,), scene.unusual)
         return table
@@ -296,6 +297,7 @@ def _require_usual(
     prefix: tuple[str, ...],
     intended: tuple[str, ...] | None,
 ) -> None:
+    """Raise InvalidScene for a number outside of its usual range whose key is not `intended`."""
     for sentence in implausible(entries(table, written, prefix), intended or ()):
         raise InvalidScene(f"{source}: {sentence}")
 

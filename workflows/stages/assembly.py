@@ -174,7 +174,8 @@ def modes(scene: Scene, model: fem.Model, space: rom.Space | None = None) -> Ass
 
 
 def contact(scene: Scene, mesh: Parts, model: fem.Model) -> fem.ContactPatch:
-    """The patch that loads and reads the body struck; of the thesis' scheme the node it loads."""
+    """The patch that loads and reads the body struck; of the thesis' scheme the node it loads.
+    Raises InvalidScene without a strike, and where the patch leaves its face."""
     scene = scene.written_out
     if scene.strike is None:
         raise InvalidScene(

@@ -195,6 +195,7 @@ def theory_error(
 
 
 def _reduced(scene: Scene, model: fem.Bending) -> rom.ReducedModel:
+    """The model in few coordinates, by the scene's kind of reduction."""
     matrices, selected = (model.K, model.M, model.patch.w), selection(scene)
     if scene.reduction.kind == "free-modes":
         return rom.free_modes(*matrices, selected, factorise=fem.factorised)

@@ -103,6 +103,7 @@ class StruckFace:
 
     @cached_property
     def _basis(self) -> tuple[Pencil, EigenPairs]:
+        """K and M with a factor, and the modes that all points share; kept for the scene's mesh."""
         if self._mesh is None:
             return self.pipeline("pencil"), self.pipeline("face-modes")
         problem = pencil(self.scene, self.model)
@@ -196,6 +197,7 @@ class StruckFace:
         return StruckFace(self.scene, mesh), error_share
 
     def _damping(self) -> Damping | None:
+        """The damping law of the walls, ratios of measured modes at the computed frequencies."""
         table, hz = self.scene.damping, None
         if isinstance(table, LossFactorsTable):
             # of the mesh of the scene, on a split one too: their shares are alike

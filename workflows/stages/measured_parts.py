@@ -57,6 +57,8 @@ def fitted_part(table: MeasuredTable) -> FittedPart:
 
 @lru_cache(maxsize=8)
 def _fitted(keys: tuple, stamp: tuple[int, int, int] | None) -> FittedPart:
+    """`fitted_part` of a table with these keys, and of a file with this stamp; fits are kept on
+    disk by the content of the responses, as they take seconds."""
     table = MeasuredTable.model_construct(**dict(keys))
     part = receptances(table)
     contents = [part.frequency_hz.tolist(), part.H.view(float).ravel().tolist(), table.held]

@@ -564,6 +564,7 @@ class Pipeline:
         missing: list[str] = []
 
         def visit(name: str) -> None:
+            """Add a stage that is not kept behind all that it is computed from."""
             stage = self._stages[name]
             if name in missing or name in self._results or (stage.kept and self.kept(name)):
                 return

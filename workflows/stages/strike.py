@@ -103,6 +103,7 @@ def around(
 
 
 def _off_face(scene: Scene, point: NDArray[np.float64], faces: Sequence[Face] = ()) -> InvalidScene:
+    """The refusal of a patch at a point (3,) [m] that leaves its face, with where the faces end."""
     strike, extent = scene.strike, ""
     if faces:
         lower = np.min([face.lower for face in faces], axis=0)

@@ -545,6 +545,8 @@ def virtual_test(pipeline: Pipeline) -> Responses:
     """Accelerances at a corner of the body struck, hit along (1, 1, 1) there: computed, with noise.
 
     H_ij = sum_k phi_ik phi_jk (-omega^2) / (omega_k^2 - omega^2 + 2 i zeta_k omega_k omega)
+
+    Raises InvalidScene for a scene without damping, whose resonances would be infinite.
     """
     scene, modes = pipeline.scene, pipeline("modes")
     zeta = ratios_of_modes(scene, pipeline("model"), modes)

@@ -181,7 +181,7 @@ class Fitted(NamedTuple):
     model_of: ResponseModel
     before: ResponseModel
     parameters: list[Parameter]
-    chosen: NDArray[np.bool_]
+    chosen: NDArray[np.bool_]  # (n,) of the test's resonances, those fitted
     data: MeasuredResponses
     of_poles: Resonances | None  # that were fitted beside the responses
 
@@ -231,7 +231,7 @@ def unit_of(p: Parameter) -> str:
 class FullModel(NamedTuple):
     """The whole model with the fitted values, at a test."""
 
-    frequency_hz: NDArray[np.float64]  # (k,)
+    frequency_hz: NDArray[np.float64]  # (k,) [Hz]
     reading: NDArray[np.float64]  # (p, k) of its modes at the points
     H: NDArray[np.complex128]  # (p, r, f) at the lines that were fitted
 

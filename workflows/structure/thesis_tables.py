@@ -98,7 +98,7 @@ class Added(NamedTuple):
 
     components: tuple[str, ...]
     ours: NDArray[np.float64]  # (components, 4)
-    thesis: NDArray[np.float64]
+    thesis: NDArray[np.float64]  # (components, 4)
 
 
 def added(table: ThesisTable) -> dict[str, Added]:

@@ -536,7 +536,8 @@ def usual(match: dict[int, float]) -> tuple[str, ...]:
 
 def targets(match: str, measured: Mapping[int, float]) -> dict[int, float]:
     """The modes named in "1,3,4", or "1=51.2,3=905" with frequencies of one's own; `measured` has
-    those of the scene [Hz] by number."""
+    those of the scene [Hz] by number. Raises InvalidScene for modes that the scene does not have,
+    for one that comes twice and for what is no frequency."""
     pairs = [item.partition("=") for item in match.split(",")]
 
     # a frequency that is none of a mode that there is has a sentence of its own

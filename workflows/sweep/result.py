@@ -135,6 +135,7 @@ class Sweep:
         return (first,) if effects is None else (first, effects)
 
     def _cases(self) -> Table:
+        """Keys, main outputs and status of every case, to the digits that its errors support."""
         names = (*self.design.keys, *self.main, "status")
         columns = [self.columns[name].tolist() for name in names]
         n = len(self.design.keys)
@@ -160,6 +161,7 @@ class Sweep:
         return f"{name} [{self.units[name]}]" if name in self.units else name
 
     def _ranges(self) -> Table:
+        """Smallest, median and largest value of each output, over the cases that have one."""
         rows = []
         for name in self.outputs:
             y = self.columns[name][np.isfinite(self.columns[name])]

@@ -29,7 +29,11 @@ ALONE = True  # ten seconds of one core, which change with the versions of numba
 
 
 def compile(scene: Scene, progress: Progress) -> Finding:
-    """Compiled variants that the scene enters, with the processor seconds of each."""
+    """Compiled variants that the scene enters, with the processor seconds of each.
+
+    In a child with an empty cache: here some are compiled already. Raises InvalidScene for a scene
+    without a chain at a wall that is read where it is pushed.
+    """
     if scene.chain is None or couples(scene):
         raise InvalidScene(
             f"{scene.name}: --stage compile needs a [chain] before a wall that is read where it is "
@@ -83,6 +87,8 @@ def main() -> None:
             callers.append([process_time(), 0.0])
 
         def on_end(self, event) -> None:
+            """Take the seconds of its callees off those of a function, and add them to its
+            caller's."""
             start, callees = callers.pop()
             seconds = process_time() - start
             if callers:

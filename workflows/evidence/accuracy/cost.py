@@ -36,6 +36,7 @@ def timed(
     seconds is its own warm time."""
 
     def once() -> tuple[Any, Seconds]:
+        """A result, and what it took on the clock and of the processor."""
         processor, clock = processor_seconds(), perf_counter()
         result = call()
         clock = perf_counter() - clock

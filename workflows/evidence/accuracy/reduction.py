@@ -243,7 +243,7 @@ class FullMatrices(NamedTuple):
 
     K: object
     M: object
-    w: NDArray[np.float64]
+    w: NDArray[np.float64]  # (n,) weights of the contact patch
     contact: rom.Contact
     shared: SharedSolutions
 

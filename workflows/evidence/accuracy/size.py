@@ -50,7 +50,11 @@ class SizedMesh(NamedTuple):
 
 
 def size(scene: Scene, progress: Progress, *, times: tuple[float, ...] = TIMES) -> Finding:
-    """Seconds and memory of mesh, assembly, factor, modes and reduction against the unknowns."""
+    """Seconds and memory of mesh, assembly, factor, modes and reduction against the unknowns.
+
+    `times` are factors on the scene's element sizes; errors are those of the frequencies against
+    the finest mesh, costs grow by a power of the unknowns.
+    """
     with_assembly(scene)
     meshes = []
     for factor in sorted(times, reverse=True):

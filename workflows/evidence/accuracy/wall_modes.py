@@ -30,6 +30,8 @@ def wall_modes(scene: Scene, progress: Progress) -> Finding:
     with_wall(scene)
     case = problem(scene, progress)
     dt = limit(case._replace(wall=modal_wall(case.wall, 0)), FIXED) / 64.0  # of the rigid wall
+
+    # one scheme and one step at all numbers of modes; every scheme and peer at one of them
     rows = []
     for k in MODES:
         modal_case = case._replace(wall=modal_wall(case.wall, k))

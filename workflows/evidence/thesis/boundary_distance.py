@@ -94,6 +94,7 @@ def boundary_distance(
         deep = plates.collision(scene, dem.rigid_wall())
 
     def size_of(plate: Plate) -> PlateSizes:
+        """Sizes of the plate and of its mesh."""
         # no wave is back before the end of the contact with the infinite plate; fine elements run
         # all along the line of contacts, and the patch does not reach the edge
         until = plates.collision(scene, coupling.infinite_plate(plate)).contact.seconds

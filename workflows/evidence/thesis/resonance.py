@@ -50,7 +50,12 @@ class ResonanceOptions(NamedTuple):
 def resonance(
     scene: Scene, progress: Progress, options: ResonanceOptions = ResonanceOptions()
 ) -> Finding:
-    """Resonance curves of the shaken structure from a contact that sticks to one that slips."""
+    """Resonance curves of the shaken structure from a contact that sticks to one that slips.
+
+    Points follow each other along a curve, up and down: where both ways differ, two states exist at
+    one frequency or force. Raises InvalidScene for scenes without one shaker that pushes by a
+    force.
+    """
     shakers = scene.shakers or ()
     structure = scene.assembly is not None and scene.arm is not None and has_friction(scene)
     if not structure or len(shakers) != 1 or shakers[0].force is None:
@@ -68,6 +73,7 @@ def resonance(
     frequencies = np.linspace(low, high, options.n_frequencies)
 
     def follow(f: Sequence[float], forces: Sequence[float]) -> list[CurvePoint]:
+        """Periodic states at frequencies (n,) [Hz] and forces (n,) [N], each from the last."""
         try:
             return curve(body, f, forces, options.balance)
         except CouplingError as why:

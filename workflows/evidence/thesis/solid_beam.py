@@ -43,7 +43,11 @@ class SolidBeamOptions(NamedTuple):
 def solid_beam(
     scene: Scene, progress: Progress, options: SolidBeamOptions = SolidBeamOptions()
 ) -> Finding:
-    """Waves of a beam by Timoshenko's and Euler-Bernoulli's theory beside those of the solid."""
+    """Waves of a beam by Timoshenko's and Euler-Bernoulli's theory beside those of the solid.
+
+    Hinged at both ends, where Euler and Bernoulli's modes are sines, and undamped. Raises
+    InvalidScene for beams that are not rectangular or under a force.
+    """
     bent.require(scene, "beam")
     if scene.beam.thickness is None or scene.beam.axial_force:
         raise InvalidScene(

@@ -104,6 +104,7 @@ def wall_thickness(
     ) / float(run.energy_kinetic[0])
 
     def of_chain(collision: Collision) -> tuple[float, ...]:
+        """ARR, energy lost [%], contact time [us] and peak force [N]."""
         # what an elastic run loses is the march's error: no more than 8 digits, no minus zero
         lost = 100 * round(collision.lost, 8) + 0.0
         return collision.arr, lost, 1e6 * collision.contact.seconds, collision.peak_force
@@ -139,6 +140,7 @@ def wall_thickness(
         return Line(name, curve_ratio[[0, -1]], np.full(2, value), style, colour)
 
     def over_thickness(title: str, label: str, value, *others: Line, axes: str = "x") -> Panel:
+        """A value of Zener's plates as a curve, of the solid ones as points, over D/t."""
         of_curve, of_solid = (np.array([value(p) for p in model]) for model in (curve, solid))
         lines = [
             Line("infinite plate (Zener)", curve_ratio, of_curve, colour=0),
