@@ -198,7 +198,8 @@ def with_coupled_error(
 ) -> Trajectory:
     """The trajectory of march_coupled at this error from velocities v0 (n,) [m/s] with the largest
     velocity difference to a coarser march, over the largest initial speed: a cautious
-    error_estimate, nearly all of which is that of the coarser one. Raises CouplingError.
+    error_estimate, as nearly all of the difference is the error of the coarser march. Raises
+    CouplingError.
     """
     # 32 times the error of a step, and twice the longest step: of six runs of five spheres at
     # errors of 1e-6 to 1e-10 the coarser took 0.5 to 0.7 of the steps and was 2.7 to 120 times as

@@ -133,10 +133,10 @@ def cut_at_contacts(
     """The bodies of a chain before the striker, at the n_samples // 2 + 1 harmonics of the shakers'
     period.
 
-    A body that nothing but its contacts holds has no static answer, and one without damping none
-    where a harmonic is its own frequency. There `weak` of the contacts' stiffness stands for that
-    of its spring, and `weak` of its own for what resonance leaves: too soft to be seen beside the
-    contacts that hold it. Modes of the wall that resonate are left to `resonant_modes`.
+    A body that its contacts alone hold has no static receptance, and an undamped one has none at
+    its own frequency. The first gets a spring of `weak` times the contacts' stiffness, the second
+    `weak` times its own stiffness as its dynamic one: both are too soft to be seen beside the
+    contacts. Modes of the wall that resonate are left to `resonant_modes`.
     """
     chain, static, wall, Q = body.prepared.chain, body.prepared.static, body.wall, body.to_frame
     n, d = chain.mass.size, len(body.frame)

@@ -198,7 +198,7 @@ def at_level(system: SpatialSystem, level: float) -> SpatialSystem:
 
 def linear_period(period: Period, saved: SavedSpatial | None) -> tuple[Array, Array]:
     """Period map M (2 m, 2 m) of the linear system with m = n + 2 n_directions + k, and weights
-    (2 m,) whose squares times those of z are twice its energy, by the diagonal of the stiffness.
+    (2 m,) with which sum (weight z)^2 is twice the energy, of the stiffness its diagonal alone.
 
     The contact across has the stiffness and damping of the cycle that was saved last,
     k = T / X and c = E / (pi omega X^2) with half of peak to peak of force and slip and the heat E;

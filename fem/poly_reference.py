@@ -158,7 +158,7 @@ def stable_poles(
     """Poles that recur from order to order, lowest frequency first: medians over the orders.
 
     diagram has, order by order, the order, its poles (k,) [1/s] and participation factors (k, m) or
-    shapes, which ever tells poles of one frequency apart.
+    shapes, whichever tells poles of one frequency apart.
     """
     tracks: list[list[tuple[int, complex, NDArray[np.complex128]]]] = []
     for i, (_, poles, L) in enumerate(diagram):
@@ -538,8 +538,9 @@ def fitted_modes(
 
     `chosen` are poles and their numbers, None for those beyond the band's own part. A mode is a
     tuple of the fields of IdentifiedModes up to phi_deviation, and the count of its orders. Modes
-    that carry nothing are dropped one at a time, the weakest first, since what is left of it goes
-    to the others; then the background grows while the Bayesian information criterion gains.
+    that carry nothing are dropped one at a time, the weakest first, since its part of the response
+    then goes to the others; after that the background grows while the Bayesian information
+    criterion gains.
     """
     f, H, noise = test.frequency_hz[part.lines], test.H[:, :, part.lines], part.noise
     chosen, left_out = list(chosen), []

@@ -240,8 +240,8 @@ def without_each_block(
 
 def jackknife(values: NDArray) -> NDArray[np.float64]:
     """Standard deviation (...) by n estimates without one block each, values (n, ...), real or
-    complex: sqrt((n - 1) / c sum |v - mean|^2) over the c that are not nan, as estimates are that
-    lost the pole; nan where half of them or more did."""
+    complex: sqrt((n - 1) / c sum |v - mean|^2) over the c of them that have the pole, others being
+    nan; nan where half of them or more lost it."""
     n = len(values)
     count = np.sum(np.isfinite(values), axis=0)
     middle = np.nansum(values, axis=0) / np.maximum(count, 1)

@@ -25,8 +25,8 @@ from fem.hits import Hits
 # samples by which the filter against aliasing rings before and after a pulse: enough for it to be
 # flat to 1 / 2.56 of the sampling rate and 100 dB down from where the rest would fold back on that
 RINGING = 16
-# by which a response that rings on beyond the transform's record, and comes round to its beginning,
-# is smaller; rounding grows by its square root
+# factor by which a response is reduced that rings on beyond the record of the transform, and so
+# comes round to its beginning; rounding grows by the square root of this factor
 ROUND = 1e10
 
 

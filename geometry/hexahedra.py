@@ -191,9 +191,8 @@ def hexahedra(
     quads[turned] = quads[turned][:, ::-1]
     base = base._replace(quads=quads)
 
-    # from here on the base is fixed: node i of layer k gets the number i + k n.
-    # heights of the layers: lines where imprints on sides end, smaller elements where stresses are
-    # singular
+    # the base is fixed from here on; node i of layer k gets the number i + k n. Heights of the
+    # layers: lines where imprints on sides end, smaller elements where stresses are singular
     stops = [end for patch in marks.sides.values() for end in (patch.lower, patch.upper)]
     sharp: list[float] = []
     if not size.edge:

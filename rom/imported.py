@@ -68,8 +68,8 @@ def unusual(
 ) -> Iterator[str]:
     """Sentences on a model, called `name`, that can be run but was probably meant otherwise.
 
-    modes are those of `modal(reduced)`. Nothing is refused here: a value outside its usual range is
-    allowed, and a sentence in the report is what a wrong unit shows itself by.
+    modes are those of `modal(reduced)`. Nothing is refused here: values outside of their usual
+    range are allowed, and a sentence on them in the report shows a wrong unit.
     """
     omega, hz = modes.omega, modes.omega[modes.omega > 0] / (2 * np.pi)
     compliance = modal_compliance(modes)

@@ -37,8 +37,8 @@ class FitOptions(NamedTuple):
     outside: tuple[float, float] = (1.2, 3.0)
     zeta: tuple[float, float] = (1e-6, 0.5)  # of modes; a wider one is no resonance
     better: float = 10.0  # of the criterion, by which more modes must win
-    # a free mass is fitted where it lowers the misfit to this share of that without one or less: a
-    # smaller gain is noise or rounding, and would let a wall drift away that is held
+    # a free mass is fitted where it lowers the misfit to this share, or less, of that without one:
+    # a smaller gain is noise or rounding, and would let a wall drift away that is held
     free: float = 0.9
     patience: int = 2  # numbers of modes tried beyond the lowest criterion
     fine: float = 1e-7  # misfit at which no more modes are tried

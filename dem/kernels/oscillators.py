@@ -88,9 +88,10 @@ def step_response(omega: Array, zeta: Array, t: float) -> Array:
 def propagators(steps: Array, omega: Array, zeta: Array) -> Array:
     """(n_steps, 4, k) of `oscillator_propagator`, of oscillators (k,) over steps (n_steps,) [s].
 
-    A row more lies behind: kicks are one more than drifts, and LLVM asks before the march whether
-    the modes overlap the rows of all kicks. Modes that lay right behind were summed in another
-    order, and the same run had other last digits.
+    The array has a row more than is returned. Kicks are one more than drifts, and the machine code
+    of a march takes its wide loops only where the modes do not overlap as many rows as there are
+    kicks: modes that happened to lie right behind were summed in another order, and the same run
+    had other last digits.
     """
     out = np.empty((steps.size + 1, 4, omega.size))[:-1]
     fill_propagators(steps, np.asarray(omega, float), np.asarray(zeta, float), out)

@@ -28,8 +28,9 @@ class MassTable(SceneTable):
 
     @model_validator(mode="after")
     def _of_a_body(self) -> "MassTable":
-        """Moments of inertia that a body can have: J_1 <= J_2 + J_3, and a radius of gyration
-        sqrt(J / m) of its size; one in g mm^2 without its unit is found by the latter."""
+        """Moments of inertia that a body can have: none above the sum of the other two, and the
+        radius of gyration sqrt(J / m) at most LONGEST_GYRATION, which finds moments in g mm^2 that
+        are written without their unit."""
         J = self.inertia or (0.0, 0.0, 0.0)
         if 2 * max(J) > sum(J) * (1 + 1e-9):
             raise ValueError(
