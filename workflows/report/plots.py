@@ -156,9 +156,9 @@ def frame(axis: Axes) -> None:
 
 
 def log_ticks(axis: Axis, values: Iterable[Array], *, plain: bool) -> None:
-    """Ticks of a logarithmic axis of these values, arrays of any shape. Up to six values are ticks
-    themselves; else 1, 2 and 5 in a wide span, more of them in a narrow one; beyond a factor of
-    200, `plain` numbers or powers."""
+    """Ticks of a logarithmic axis of these values, arrays of any shape. Within a factor of 200 up
+    to six values are ticks themselves where `plain`; else ticks are at 1, 2 and 5, closer within a
+    factor of 6. Beyond 200 they are powers of ten, written as numbers where `plain`."""
     ticks = np.concatenate([np.ravel(array) for array in values])
     ticks = np.unique(ticks[np.isfinite(ticks)])
     span = ticks[-1] / ticks[0] if ticks.size and ticks[0] > 0 else np.inf
