@@ -111,8 +111,9 @@ class WallMotion(NamedTuple):
 
 
 def common_period(frequency: ArrayLike, most_cycles: int = 100) -> float:
-    """Shortest common period [s] of frequencies (n,) [Hz], to 1e-9 of a cycle by the cycle; raises
-    InvalidChain where `most_cycles` of the slowest hold none."""
+    """Shortest common period [s] of frequencies (n,) [Hz]: k cycles of the slowest, the least k for
+    which the cycles of all others in that time are whole numbers to 1e-9 k. Raises InvalidChain
+    where no k up to `most_cycles` is one."""
     frequency = np.asarray(frequency, float)
     slowest = float(frequency.min())
     for cycles in range(1, most_cycles + 1):

@@ -79,7 +79,7 @@ def contact_radius(force: ArrayLike, R: ArrayLike, E_star: ArrayLike) -> Array:
 
 
 def max_pressure(force: ArrayLike, R: ArrayLike, E_star: ArrayLike) -> Array:
-    """p0 = (6 F E*^2 / pi^3 R^2)^(1/3) [Pa], at the centre of the contact circle (Johnson, eq.
+    """p0 = (6 F E*^2 / (pi^3 R^2))^(1/3) [Pa], at the centre of the contact circle (Johnson, eq.
     4.24)."""
     return np.cbrt(6.0 * np.asarray(force, float) * E_star**2 / (np.pi**3 * R**2))
 

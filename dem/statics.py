@@ -96,7 +96,7 @@ def approach(law: ElasticLaw, force: ArrayLike, compliance: ArrayLike) -> Array:
 
 def largest_approach(law: ElasticLaw, compliance: float) -> Array:
     """Approach [m] of every contact (n_contacts,) at the fold  1 + s k = 0  of a wall of negative
-    compliance s [m/N]: no force answers more. 4 / 27 (s A)^2 of Hertz' law."""
+    compliance s [m/N]: no force answers more. 4 / (27 (s A)^2) of Hertz' law."""
     return approach(law, law.force(law.fold(compliance)), compliance)
 
 

@@ -59,8 +59,8 @@ def dashpot_wall(coefficient: ArrayLike) -> Wall:
 
 def plate_wall(young: float, poisson: float, density: float, thickness: float) -> Wall:
     """Infinite thin plate, young [Pa], density [kg/m^3], thickness h [m]: a dashpot of
-    8 sqrt(D rho h) with the bending stiffness D = E h^3 / 12 (1 - nu^2) (C. Zener, Phys. Rev. 59
-    (1941) 669). Right until a wave comes back from an edge. Raises InvalidChain."""
+    8 sqrt(D rho h) with the bending stiffness D = E h^3 / (12 (1 - nu^2)) (C. Zener, Phys. Rev.
+    59 (1941) 669). Right until a wave comes back from an edge. Raises InvalidChain."""
     for name, value in (("young", young), ("density", density), ("thickness", thickness)):
         above_0(f"plate {name}", value)
     D = young * thickness**3 / (12.0 * (1.0 - poisson**2))

@@ -219,7 +219,7 @@ def frequency_responses(
 def until_noise(responses: list[NDArray[np.float64]], dead: float, shortest: int = 1024) -> int:
     """Samples of responses (m, k), one array a hit, that are worth a transform: halved as long as
     what follows the first quarter is noise, whose energy is up to `dead` times that of the last
-    quarter. Never below `shortest` samples: noise only would leave too few lines."""
+    quarter. Never below `shortest` samples: of noise alone too few lines would be left."""
     length = responses[0].shape[1]
     while length >= 2 * shortest:
         block = length // 16

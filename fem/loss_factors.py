@@ -83,9 +83,9 @@ def loss_factors(
     (m,), which have standard deviations (m,).
 
     Where the ratios scatter about the fit by more than their deviations, as they do where damping
-    is not a matter of strain alone, the bars are those of the scatter. They are also those of a
-    prior, a loss factor of 0 with the deviation `prior`, which the values are not drawn to: a part
-    that no mode strains has that bar and not an infinite one.
+    is not a matter of strain alone, the bars are those of the scatter. A prior, a loss factor of 0
+    with the deviation `prior`, bounds the bars and leaves the values as they are: a part that no
+    mode strains has that bar and not an infinite one.
     """
     # least squares with no negative value; values at 0 are no free parameters of the scatter
     A, b = 0.5 * shares / deviation[:, None], zeta / deviation

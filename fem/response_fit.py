@@ -366,8 +366,9 @@ def covariance_of_groups(
     with slopes J (k, n) and the information (n, n) of the bounds, prior.
 
     Each group left out shifts the values by (A - J_g^T J_g)^-1 J_g^T e_g, A = J^T J + prior, to
-    first order; the spread of these shifts is the jackknife's. Efron and Stein, Ann. Stat. 9 (1981)
-    586.
+    first order; the spread of these shifts is the jackknife's (Efron and Stein, Ann. Stat. 9 (1981)
+    586). Each value has the larger of its deviations by A^-1 and by the jackknife, widened by
+    Student's t for few groups, with the correlations of A^-1.
     """
     A = J.T @ J + prior
     simple = np.linalg.inv(A)

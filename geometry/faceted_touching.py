@@ -215,7 +215,7 @@ def _overlap(first: Skin, second: Skin, names: tuple[str, str], gap: float) -> O
 
 def inside(points: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Whether points (n, 3) lie within a closed surface of triangles (m, 3, 3), by its solid angle:
-    4 pi seen from inside, 0 from outside, and 2 pi parts them whatever rounding does.
+    4 pi seen from inside, 0 from outside. 2 pi parts them, except for points on the surface.
 
     A. van Oosterom and J. Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125.
     """

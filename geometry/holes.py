@@ -190,8 +190,9 @@ def crossed(
 
 
 def engaged(first: Body, second: Body) -> tuple[Engaged, ...]:
-    """Shanks of either body in bores of the partner, the first body first: axes parallel and, with
-    the radii, apart by up to LIMITS.thread of the bore's radius, with a length in common."""
+    """Shanks of either body in bores of the partner, the first body first: axes parallel,
+    with a length in common; the distance of the axes and the difference of the radii make together
+    at most LIMITS.thread of the bore's radius."""
     threads = []
     for hollow in (False, True):
         cylinders = bores(first, hollow=hollow), bores(second, hollow=not hollow)

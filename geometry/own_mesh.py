@@ -64,8 +64,8 @@ class OwnMesh(NamedTuple):
 
 
 def own_mesh(volumes: Mapping[str, Mesh], gap: float) -> OwnMesh:
-    """The bodies of named volumes; `gap` [m] is the distance up to which two of them touch. Letters
-    of a name that have a meaning in selectors become "-"."""
+    """The bodies of named volumes; `gap` [m] is the distance up to which two of them touch. What
+    is no letter, digit or one of _ . + - in a name becomes "-": selectors have meanings for it."""
     meshes = {sub(r"[^\w.+-]+", "-", name): mesh for name, mesh in volumes.items()}
     named = {name: mesh.boundaries or {} for name, mesh in meshes.items()}
     outsides = skins(meshes, named)

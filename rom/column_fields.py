@@ -20,7 +20,7 @@ GROUPS = {"load": "shaker", "sense": "sensor"}
 def column_fields(reduced: ReducedModel) -> dict[str, object]:
     """The functionals beside w by their names in a file; what the model does not know is left out.
 
-    w (r, 3) [-] along n, t1, t2, only of a contact with friction: it replaces the single column;
+    w (r, 3) along n, t1, t2, only of a contact with friction: it replaces the single column;
     w_load (r, s), w_sense (r, m) with load_names and sense_names; half_space_matrix_m_per_N (3, 3)
     [m/N] and contact_axes (3, 3), unit vectors in rows. Empty without columns.
     """

@@ -62,7 +62,7 @@ def known_fields(reduced: ReducedModel) -> dict[str, np.ndarray]:
 
 
 def contact(content: Mapping[str, object], r: int, path: str | Path) -> Contact:
-    """What a file says of the contact of a model of r coordinates; None where it says nothing.
+    """What a file says of the contact of a model of r coordinates; fields it does not say are None.
 
     Raises ReductionError for a field with another number of values, or with a value that its rule
     in CONTACT does not allow.

@@ -26,8 +26,7 @@ class Jointed(NamedTuple):
         """
         K = self.reduced.K.copy()
         for name, k in stiffness.items():
-            at = self.places[
-                name
-            ]  # each coordinate is an elongation e_j: only its diagonal changes
+            # each coordinate is an elongation e_j: only its diagonal changes
+            at = self.places[name]
             K[at, at] += k - self.stiffness[name]
         return self.reduced._replace(K=K)

@@ -99,7 +99,7 @@ class ChainArrays(NamedTuple):
 
     mass: Array  # (n,) [kg]
     inverse_mass: Array  # (n,) [1/kg]
-    A: Array  # (n_contacts,) [N/m^1.5]
+    A: Array  # (n_contacts,) [N/m^1.5] of Hertz' law, else as `dem.elastic.ElasticLaw.A`
     shape: ForceShape | None  # of the elastic force; None: Hertz
     preload: float  # [N]
     weight: Array | None  # (n,) [N]

@@ -171,8 +171,8 @@ def touch(h: float, i: int, k: int, c: int, gaps: Gaps) -> Onset:
 
 @fastmath_inline
 def move(k: int, c: int, dx: float, dv: float, bodies: ChainAndWall, moved: Between) -> None:
-    """Move the bodies of contact c at the k-th sample by the displacement dx [kg m] and the impulse
-    dv [N s] of its force, each over its mass; the modes by phi."""
+    """Move the bodies of contact c at the k-th sample by dx [kg m], mass times displacement,
+    and the impulse dv [N s] of its force: each sphere by that over its mass, the modes by phi."""
     x, v, q, p, _, _ = moved
     inverse_mass, phi = bodies.inverse_mass, bodies.phi
     x[k, c] -= inverse_mass[c] * dx

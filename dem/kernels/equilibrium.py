@@ -17,7 +17,7 @@ from dem.kernels.numbers import larger
 class Bearing(NamedTuple):
     """What holds n spheres at rest."""
 
-    A: Array  # (n_contacts,) [N/m^1.5]
+    A: Array  # (n_contacts,) as `dem.elastic.ElasticLaw.A`
     stiffness: Array  # (n,) [N/m] of the leaf springs
     anchor: Array  # (n,) [m]
     steady: Array  # (n,) [N] forces towards the wall
@@ -116,9 +116,9 @@ def rest(x: Array, bearing: Bearing, floor: float, n_iterations: int, room: Newt
 
     `floor` [N/m] keeps the tangent regular while contacts are open; it fades with the net force.
     A step is halved until the potential energy, which is convex, no longer climbs at its end: the
-    net force itself may have to grow on the way. Ends where the norm is 0, no step does, rounding
-    keeps it from falling, or after n_iterations; whether what is left is small is the caller's to
-    judge.
+    net force itself may have to grow on the way. Ends where the norm is 0, where no step, however
+    short, leads down, where rounding keeps the norm from falling, or after n_iterations: whether
+    what is left is small the caller has to judge.
     """
     f, r, k, diagonal, change, trial = room
     static_residual(x, bearing, bearing.shape, f, r)

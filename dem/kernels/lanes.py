@@ -79,7 +79,7 @@ class Blocks(NamedTuple):
 
     v0: Array  # m = n: [m/s]
     mass: Array  # m = n: [kg]
-    A: Array  # m = n: [N/m^1.5], 0 behind the last sphere of a free chain
+    A: Array  # m = n: as `dem.elastic.ElasticLaw.A`, 0 behind the last sphere of a free chain
     shape: ForceShape | None  # of the force of the one block that there is then; None: Hertz
     phi: Array  # m = n_modes: [kg^-1/2]
     omega: Array  # m = n_modes: [rad/s]
@@ -118,7 +118,7 @@ class Lanes(NamedTuple):
     p: Array  # (n_modes * LANES,)
     inverse_mass: Array  # ((n + 1) LANES,) [1/kg] 0 of the wall
     mass: Array  # (n LANES,) [kg]
-    A: Array  # (n LANES,) [N/m^1.5]
+    A: Array  # (n LANES,) as in `Blocks`
     shape: ForceShape | None  # of the elastic force; None: Hertz
     phi: Array  # (n_modes * LANES,)
     omega: Array  # (n_modes * LANES,)

@@ -129,7 +129,8 @@ def hertz_indentation(gap: float, A: float, s: float) -> float:
 
 @fastmath_inline
 def elastic_force(i: int, d: float, A: Array, shape: ForceShape | None) -> float:
-    """F = A_i phi(d) [N] of contact i at the overlap d >= 0 [m]; A (n_contacts,) [N/m^1.5]."""
+    """F = A_i phi(d) [N] of contact i at the overlap d >= 0 [m]; A (n_contacts,), in N/m^1.5 of
+    Hertz' law, else in what makes A phi a force."""
     if shape is None:
         return hertz_force(d, A[i])
     return A[i] * shape_force(i, d, shape)
@@ -476,9 +477,10 @@ def plastic_indentation(gap: float, A: Array, residual: float | None, plastic: P
     """delta [m] of  delta + s F(delta) = gap [m]  at the last contact, with a spring of the
     compliance s `residual` [m/N] in series; A (n_contacts,).
 
-    By bisection, beyond the largest overlap so far in closed form. NaN where no force answers the
-    gap, beyond the fold  1 + s k = 0  of a negative s; the flattened surface is stiffer than the
-    first one, so that a contact which yields may come to one on its way back.
+    By bisection; of a negative s in closed form beyond the largest overlap so far. NaN where no
+    force answers the gap, beyond the fold  1 + s k = 0  of a negative s. The flattened surface is
+    stiffer than the first one: a contact that has yielded may reach the fold on its way back, and
+    every gap up to there is NaN then.
     """
     if residual is None or gap <= 0.0:
         return larger(gap, 0.0)
@@ -508,7 +510,7 @@ def plastic_indentation(gap: float, A: Array, residual: float | None, plastic: P
             high = d
         else:
             low = d
-        if high - low <= 4e-16 * gap:
+        if high - low <= 4e-16 * larger(gap, high):  # s < 0: the overlap may be many times the gap
             break
     return 0.5 * (low + high)
 

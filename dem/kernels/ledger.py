@@ -150,4 +150,4 @@ def save(
         total += energy[e]
     total -= energy[9]
     energy[10] = total
-    return abs(total) <= 1e300  # not so of a NaN, which any part that is not finite leaves
+    return abs(total) <= 1e300  # not so of inf or NaN, which parts that are not finite leave

@@ -32,7 +32,7 @@ FORCE, BY_OVERLAP, BY_STIFFNESS, BY_RATE, BY_LOSS, BY_PARAMETERS = range(6)
 class SensitivityRig(NamedTuple):
     """A chain and its wall; no part is absent, those without effect are zeros."""
 
-    A: Array  # (n_contacts,) [N/m^1.5]
+    A: Array  # (n_contacts,) as `dem.elastic.ElasticLaw.A`
     shape: ForceShape | None  # of the elastic force; None: Hertz
     gamma: Array  # (n_contacts,) [s/m] of Hunt and Crossley's damping
     mass: Array  # (n,) [kg]
