@@ -776,7 +776,8 @@ def shot(
 
 
 def stays(period: Period, state: Moving, search: PeriodicSearch) -> bool:
-    """Whether a state beside it comes no further away in as many periods as a subharmonic takes."""
+    """Whether the state is stable: whether one beside it stays within three times its distance, by
+    energy, over `search.subharmonics` periods."""
     moving = state.copied()
     z = period.z_of(moving)
     weights = linear_period(period, None)[1]
@@ -812,7 +813,7 @@ def marched_on(
 
 
 def joined(cycles: list[SavedSpatial]) -> SavedSpatial:
-    """Cycles one after the other."""
+    """Cycles one after the other, the instant between two of them once."""
     return SavedSpatial(
         *(
             np.concatenate([values if i == 0 else values[1:] for i, values in enumerate(parts)])

@@ -64,7 +64,8 @@ def integral(y: NDArray[np.float64], dt: float, reach: int) -> NDArray[np.float6
 
 
 def slope(y: NDArray[np.float64], dt: float, reach: int) -> NDArray[np.float64]:
-    """(k,) slope of a signal over `reach` samples to both sides."""
+    """(k,) slope of a signal over `reach` samples to both sides; within `reach` of an end, beyond
+    which the signal is taken to stay, too small: by half at the end itself."""
     ends = np.pad(y, reach, mode="edge")
     return (ends[2 * reach :] - ends[: -2 * reach]) / (2 * reach * dt)
 
@@ -147,7 +148,9 @@ def recorded(
     bits: int | None = None,
     seed: int | Sequence[int] = 0,
 ) -> NDArray[np.float64]:
-    """Signals y (k, m) as a record of `bits` holds them, with the noise of the sensors."""
+    """Signals y (k, m) as a record of `bits` holds them, with the noise of the sensors, normal and
+    white, drawn from `seed`; not rounded where bits is None. A range that a sensor does not state
+    is the least that cuts nothing off."""
     rng = np.random.default_rng(seed)
     largest = np.abs(y).max(axis=0)
     rms = np.array([sensor.noise for sensor in sensors]) * largest

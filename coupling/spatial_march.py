@@ -223,7 +223,7 @@ class Moving(NamedTuple):
     contacts: FrictionalContact
 
     def divided(self, n_cells: int) -> "Moving":
-        """The same in arrays of their own, a contact in two directions in so many cells."""
+        """The same in arrays of their own, a contact in two directions in n_cells cells."""
         moving, contacts = self.copied(), self.contacts
         if contacts.cells is None:
             return moving
@@ -417,7 +417,7 @@ def march_to_error(
     two_directions, n_cells = len(body.frame) == 2, search.n_cells
 
     def run(stride: int, n_cells: int) -> tuple[SavedSpatial, Moving]:
-        """The march with so many steps from save to save, and cells in two directions."""
+        """The march by `stride` steps from save to save, with n_cells cells in two directions."""
         moving, system = start.divided(n_cells), body.stepped(spacing / stride)
         body.settle(moving, system, 0.0)
         steps = Steps(spacing / stride, n_save, stride)

@@ -65,9 +65,10 @@ def sensed_in_run(
     finer: int = FINER,
 ) -> Sensed:
     """What sensors of a reduced model read of a run whose contact force along the normal is `force`
-    (k,) [N] at equal times t (k,) [s].
+    (k,) [N] at equal times t (k,) [s], with `finer` instants of the modes from one to the next.
 
-    Raises CouplingError where C couples the modes.
+    The structure starts at rest under the force of t[0]. Raises CouplingError where C couples the
+    modes.
     """
     sense = reduced.columns.sense
     modes = modes_and_oscillators(reduced, np.column_stack([reduced.w, sense]))

@@ -29,7 +29,7 @@ class ElasticLaw(NamedTuple):
     @property
     def name(self) -> str | None:
         """The law of `laws.ELASTIC_LAWS` that has just these parameters, or the table; None for
-        Hertz' law, and for what is no law."""
+        Hertz' law, and where parameters and table belong to no law together."""
         names = set(self.parameters)
         for name, law in laws.ELASTIC_LAWS.items():
             tabulated = law.number == laws.TABLE

@@ -39,8 +39,8 @@ class LaneRuns(NamedTuple):
 def march_side_by_side(
     chains: Chains, method: Scheme, steps: LaneSteps, observed: Array, threads: int
 ) -> LaneRuns:
-    """Chains marched by equal steps, the same for all, on so many threads; observed (n_observed,)
-    are indices of spheres.
+    """Chains marched by equal steps, the same for all, in a number of threads; observed
+    (n_observed,) are indices of spheres.
 
     Raises UnstableStep where the step is too long for the damping of a chain; what is unstable in
     other ways leaves values that are not finite.

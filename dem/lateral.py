@@ -392,7 +392,7 @@ def march_lateral(
     state.v[:] += frame @ velocity
 
     def run(stride: int, n_cells: int) -> tuple[SavedAcross, float]:
-        """The march with so many steps between saves, and cells in two directions."""
+        """The march by `stride` steps from save to save, with n_cells cells in two directions."""
         steps = Steps(spacing / stride, n_save, stride)
         divided = copied_springs(springs)
         if not straight:

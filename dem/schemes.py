@@ -53,7 +53,8 @@ class Scheme(NamedTuple):
 
 
 def _palindrome(half, n):
-    """(n,) fractions with sum 1 that read the same from either end, from the first of them."""
+    """(n,) fractions with sum 1 that read the same from either end: the first ones are `half`, the
+    middle one or two follow from the sum."""
     half = np.array(half)
     middle_sum = 1.0 - 2.0 * half.sum()
     middle = [middle_sum] if n == 2 * half.size + 1 else [middle_sum / 2, middle_sum / 2]

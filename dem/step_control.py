@@ -209,6 +209,8 @@ def march_to_error(
         """The march by steps up to `step`, None where it is unstable; raises UnstableStep where it
         would cost too much or be lost in rounding."""
         nonlocal spent, unstable
+
+        # before the march: what it takes, and what rounding would leave if all of it added up
         ahead = duration / step * evaluations
         if not spent + ahead <= allowed:
             so_far = ""

@@ -272,9 +272,9 @@ def press_round(
     law: TangentialLaw, laps: int, path: Array, springs: Springs, slip: Array, force: Array,
     stick: Array,
 ) -> tuple[float, float]:  # fmt: skip
-    """Lead a contact from the shift `slip` (n_directions,) [m] so many times round a closed path
-    (k, 2 + n_directions) of overlaps, total over elastic pressures, and shifts [m]: friction's heat
-    [J] of the last round, and the largest change of the force [N] over it.
+    """Lead a contact from the shift `slip` (n_directions,) [m] `laps` times round a closed path
+    (k, 2 + n_directions) of overlaps [m], total over elastic pressures, and shifts [m]: friction's
+    heat [J] of the last round, and the largest change of the force [N] over it.
 
     Changes the springs and `slip`, which end where the path begins, and fills in force
     (k, n_directions) and share of the area that sticks (k,) of the last round.

@@ -165,7 +165,8 @@ def wave_energy(run: Trajectory, chain: Chain) -> WaveEnergy:
 
 def leading_share(run: Trajectory, chain: Chain) -> float:
     """Energy of the leading wave at the end of a run over the striker's: that of all spheres and
-    contacts ahead of the first gap behind the fastest sphere."""
+    contacts ahead of the first gap behind the fastest sphere. The wave has to be inside of the
+    chain then, clear of the striker."""
     v, F = run.v[-1], run.contact_force[-1]
     gap = int(v.argmax()) - 1  # contact behind the fastest sphere; on to where no force is left
     while F[gap] > 1e-3 * F.max() and F[gap] >= F[gap - 1]:
