@@ -262,7 +262,7 @@ def test_cells_grow_from_an_overlap_that_is_next_to_nothing():
     """
     run = subprocess.run(
         [sys.executable, "-c", program], cwd=Path(__file__).parent, check=True,
-        capture_output=True, text=True, timeout=60,
+        capture_output=True, text=True, timeout=600,
     )  # fmt: skip
     forces = [float(value) for value in run.stdout.split()]
     assert forces == pytest.approx(3 * [forces[0]], rel=1e-4) and forces[0] > 0.0

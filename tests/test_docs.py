@@ -235,7 +235,7 @@ def test_a_notebook_runs(name, tmp_path):
     notebook = nbformat.read(DOCS / "notebooks" / f"{name}.ipynb", as_version=4)
     client = nbclient.NotebookClient(
         notebook,
-        timeout=300,
+        timeout=900,
         kernel_name="python3",
         resources={"metadata": {"path": str(tmp_path)}},
     )

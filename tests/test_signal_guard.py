@@ -23,7 +23,7 @@ def outcome(tmp_path, text):
         signal.signal(signal.SIGHUP, signal.SIG_DFL)  # beneath nohup it is ignored, and inherited
         return subprocess.run(
             [sys.executable, *command], cwd=tmp_path, env=environment, start_new_session=True,
-            capture_output=True, text=True, timeout=60,
+            capture_output=True, text=True, timeout=600,
         )  # fmt: skip
 
 

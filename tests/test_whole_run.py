@@ -40,7 +40,7 @@ def pytest_says(tmp_path):
     def says(*options):
         process = subprocess.run(
             [sys.executable, "-m", "pytest", "-rP", "-p", "no:cacheprovider", *options],
-            cwd=tmp_path, env=inherited, capture_output=True, text=True, timeout=120, check=False,
+            cwd=tmp_path, env=inherited, capture_output=True, text=True, timeout=600, check=False,
         )  # fmt: skip
         assert process.returncode == 0, process.stdout + process.stderr
         return process.stdout

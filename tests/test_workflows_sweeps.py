@@ -1214,7 +1214,7 @@ def test_the_example_of_many_workers_measures_what_dask_spends(capfd):
 )
 def test_the_example_of_many_workers_refuses_in_a_sentence(words, status, says):
     command = [sys.executable, WORKERS.__file__, *words]
-    ended = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=600)
     assert ended.returncode == status and ended.stderr.startswith(says)
     assert ended.stderr.count("\n") == 1
 
