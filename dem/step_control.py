@@ -239,7 +239,7 @@ def march_to_error(
                 raise UnstableStep(
                     f"{target} is not reached: {unstable} marches did not stay finite, the last by "
                     f"dt = {step:.3g} s; before the wall's negative residual compliance of "
-                    f"{soft:.3g} m/N the last contact finds no force: take one "
+                    f"{soft:.3g} m/N the last contact may find no force: take one "
                     "nearer to 0, or lower speeds"
                 ) from None
             return None

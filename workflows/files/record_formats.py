@@ -35,7 +35,7 @@ class Found(NamedTuple):
 
 def of_csv(text: str, column: Column) -> Found:
     """What a CSV file holds; `column` makes of a heading what it holds and its unit. Raises
-    ValueError, which names the line as an editor shows it."""
+    ValueError; where a line is at fault, it names that by the number that an editor shows."""
     lines = text.splitlines()
     title = " ".join(line.lstrip("# ").strip() for line in lines if line.startswith("#"))
     # lines by their number in the file, as an editor shows it
