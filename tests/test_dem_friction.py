@@ -4,6 +4,7 @@ Numbers of a sphere of R = 12.7 mm on a half-space, both of 210 GPa and 0.3, und
 coefficient of 0.2: K. L. Johnson, Contact Mechanics (1985), sec. 7.2 and 7.4.
 """
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -260,8 +261,10 @@ def test_cells_grow_from_an_overlap_that_is_next_to_nothing():
             forces.append(cell_force(cells, LAW, 0))
         print(*forces)
     """
+    # the folder by name: commands that an earlier test ran leave PYTHONSAFEPATH set
+    folder = {"PYTHONPATH": str(Path(__file__).parent)}
     run = subprocess.run(
-        [sys.executable, "-c", program], cwd=Path(__file__).parent, check=True,
+        [sys.executable, "-c", program], env=os.environ | folder, check=True,
         capture_output=True, text=True, timeout=600,
     )  # fmt: skip
     forces = [float(value) for value in run.stdout.split()]
