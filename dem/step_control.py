@@ -117,8 +117,8 @@ class StepSearch(NamedTuple):
     rounding_walk: float = 3.0
     # times the error: rounding that would be left if all added up, which it rarely does; not varied
     rounding_excess: float = 30.0
-    # marches that are not finite, each by a quarter of the step of the last, until the reason is
-    # taken to be the fold of a negative residual compliance, which no step mends; not varied
+    # marches that are not finite, after which a search before a wall of negative residual
+    # compliance ends: beyond its fold no step is short enough; not varied
     most_unstable: int = 4
     # of the energy: work of dampers by which two schemes may differ; not varied
     damper_energy: float = 0.05

@@ -194,7 +194,7 @@ def _readable(path: str | Path, format_name: str, read: Callable):
         return read()
     except FileNotFoundError:
         raise
-    except NotImplementedError:
+    except NotImplementedError:  # by scipy.io of HDF5 in a .mat
         raise ReductionError(
             f"{path} is a MATLAB 7.3 file; save it with '-v7', or as .h5 with K, M and w in it."
         ) from None

@@ -94,6 +94,12 @@ class MeasuredTest(NamedTuple):
     quantity: str = ""  # "accelerations", "velocities" or "displacements" where it is known
     places: str = ""  # the files that say where the nodes are, for sentences
 
+    @property
+    def without_force(self) -> str:
+        """What its records are called where they hold no force, so that the height of responses is
+        unknown; "" of responses to known forces."""
+        return {"ambient": "ambient records", "ring-downs": "ring-downs"}.get(self.kind, "")
+
 
 def measured_test(paths: list[Path], reading: Reading = Reading()) -> MeasuredTest:
     """The responses of one test in one or more files; raises InvalidScene where there are none.

@@ -40,10 +40,10 @@ def receptances(table: MeasuredTable) -> PartReceptances:
     key_of, path = f"measured.{table.name}", Path(table.receptance)
     test = measured_test([path])
     named = f"{key_of}.receptance = {table.receptance!r}"
-    if test.kind not in ("responses", "hits"):
+    if records := test.without_force:
         raise InvalidScene(
-            f"{named} has {test.kind.replace('ambient', 'ambient records')} without a force; give "
-            "responses of all points to hits on all of them."
+            f"{named} has {records} without a force; give responses of all points to hits on all "
+            "of them."
         )
     unit = table.unit or UNITS.get(test.quantity)
     if unit is None:

@@ -80,10 +80,10 @@ def driving_point(wall: MeasuredWall) -> tuple[np.ndarray, np.ndarray]:
     path = Path(wall.receptance)
     measured = measured_test([path])
     # spectra of records without a force are passive as well: the fit of one is a wall of any size
-    if measured.kind not in ("responses", "hits"):
+    if records := measured.without_force:
         raise InvalidScene(
-            f"wall.receptance: {path} has {measured.kind.replace('ambient', 'ambient records')} "
-            "without a force; give the response of the point of contact to hits on itself."
+            f"wall.receptance: {path} has {records} without a force; give the response of the "
+            "point of contact to hits on itself."
         )
     test = measured.responses
 

@@ -109,10 +109,10 @@ def tuned_to_responses(
         )
     with progress("identification"):
         test = hammer_test(list(files), {}, reading)
-    if test.test.kind not in ("responses", "hits"):
+    if records := test.test.without_force:
         raise InvalidScene(
-            f"{named} has {test.test.kind.replace('ambient', 'ambient records')} without a force, "
-            "of which the height of responses is not known; give hits or frequency responses."
+            f"{named} has {records} without a force, of which the height of responses is not "
+            "known; give hits or frequency responses."
         )
     solids, of_dampings = parameters_named(scene, free)
     of_damping.require_damped(scene, of_dampings)
