@@ -181,6 +181,15 @@ def test_what_does_not_fit_is_refused_in_one_sentence(arm, change, sentence):
         pipeline("measured_arm.toml", change)("model")
 
 
+def test_a_ring_down_without_a_force_is_refused(arm):
+    t = 1e-4 * np.arange(8192)
+    v = np.where(t < 5e-3, 0.0, np.exp(-13.0 * (t - 5e-3)) * np.sin(1260.0 * (t - 5e-3)))
+    rows = (f"{at:.4f},{of_sensor:.6g}" for at, of_sensor in zip(t, v, strict=True))
+    Path("tap.csv").write_text("\n".join(["time [s], response 1+z [m/s]", *rows, ""]))
+    with pytest.raises(InvalidScene, match="has ring-downs without a force; give responses"):
+        pipeline("measured_arm.toml", 'measured.arm.receptance="tap.csv"')("model")
+
+
 def test_lines_below_the_lowest_are_not_fitted_and_it_is_below_the_highest(arm):
     every = fitted_part(scene("measured_arm.toml").measured[0]).receptances
     from_300 = scene("measured_arm.toml", ["measured.arm.lowest=300"]).measured[0]
