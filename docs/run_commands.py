@@ -7,7 +7,8 @@ what is printed with the text block below.
 
 A line that fails ends it. Blocks of `console` are not run: they install, or need what is not here.
 What a page leaves out by a line `...` is not compared, nor are columns, folds of lines, seconds and
-megabytes; numbers are compared within `Tolerance`.
+megabytes; numbers are compared within `Tolerance`, errors within a factor alone: an error is the
+difference of two runs, whose last digits another processor rounds differently.
 """
 
 import os
@@ -21,6 +22,7 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from workflows.commands.terminal import LABEL, fold
+from workflows.report.rows import ERRORS
 
 DOCS = Path(__file__).parent
 BLOCK = re.compile(r"^```(sh|python)\n(.*?)^```\n(?:\n```text\n(.*?)^```\n)?", re.M | re.S)
@@ -28,9 +30,15 @@ BLOCK = re.compile(r"^```(sh|python)\n(.*?)^```\n(?:\n```text\n(.*?)^```\n)?", r
 SECONDS = re.compile(r"^ +([\w -]+?  +\d+\.\d\d s( +\(kept\))?|seconds  .*)$")
 # what a run took and what it used: others each time, or on another processor
 COST = re.compile(r"(?<![\w.])\d+(?:\.\d+)? (?:s|min|h|kB|MB|GB|evaluations|independent samples)\b")
+# a relative error: behind ± or by its name in the list of a run's errors
+ERROR = re.compile(
+    rf"(?P<name>±|\b(?:{'|'.join([*ERRORS, 'energy balance'])}))"
+    r"\s(?P<value>\d+(?:\.\d+)?(?:e[-+]?\d+)?)\s(?P<unit>%|ppm)"
+)
 TOKEN = re.compile(
-    r"(?<!\w)[-+]?\d+(?: \d{3})*(?:\.\d+)?(?:e[-+]?\d+)?"  # a number, thousands apart by a space
-    r"|\w+|([^\w\s])\1*"  # a word; a sign, or a rule of them
+    rf"{ERROR.pattern}"
+    r"|(?<!\w)[-+]?\d+(?: \d{3})*(?:\.\d+)?(?:e[-+]?\d+)?"  # a number, thousands apart by a space
+    r"|\w+|(?P<sign>[^\w\s])(?P=sign)*"  # a word; a sign, or a rule of them
 )
 NUMBER = re.compile(r"[-+]?\d[\d .]*(?:e[-+]?\d+)?")
 LEFT_OUT = "..."  # a line in place of others
@@ -45,6 +53,8 @@ class Tolerance(NamedTuple):
     # of its value; other processors and libraries move errors of errors by that, results by less
     relative: float = 0.01
     last_digits: int = 1  # units in the last place, of numbers with a decimal point or exponent
+    # either way, of a stated error; 1.05 was seen between processors of two makers
+    error_factor: float = 1.5
 
 
 class Token(NamedTuple):
@@ -183,6 +193,11 @@ def _mismatch(quoted: list[Token], printed: list[Token]) -> int | None:
 def _same(quoted: str, printed: str, tolerance: Tolerance = Tolerance()) -> bool:
     if quoted == printed:
         return True
+    errors = ERROR.fullmatch(quoted), ERROR.fullmatch(printed)
+    if all(errors):
+        a, b = (float(e["value"]) * (1e-2 if e["unit"] == "%" else 1e-6) for e in errors)
+        factor = tolerance.error_factor
+        return errors[0]["name"] == errors[1]["name"] and a <= factor * b and b <= factor * a
     if not (NUMBER.fullmatch(quoted) and NUMBER.fullmatch(printed)):
         return False
     a, b = Decimal(quoted.replace(" ", "")), Decimal(printed.replace(" ", ""))

@@ -6,7 +6,6 @@ from itertools import product
 from pathlib import Path
 from shutil import copy, which
 from subprocess import run
-from time import process_time
 
 import gmsh
 import numpy as np
@@ -97,15 +96,13 @@ material = "steel"
 
 
 @pytest.mark.slow
-def test_fourteen_bodies_of_a_step_file_have_modes_within_a_minute_of_two_cores(capsys):
-    """It sways slower than on rigid plates, omega^2 = 4 12 EI / L^3 / m, by less than a half.
-
-    120 s of one processor, whatever else runs beside it; 50 s were measured."""
+def test_a_table_of_fourteen_bodies_sways_slower_than_on_rigid_plates(capsys):
+    """omega^2 = 4 12 EI / L^3 / m is that of rigid plates; by less than a half. 50 s of one
+    processor were measured."""
     n_bodies, EI = table_of_fourteen_bodies()
     Path("table.toml").write_text(TABLE)
-    started = process_time()
     rows = answer(capsys, "modes", "table.toml")["rows"]
-    assert process_time() - started < 120 and n_bodies == 14
+    assert n_bodies == 14
     mass = 7850 * (0.3 * 0.2 * 0.012 + 4 * 0.05 * 0.04 * 0.03)
     rigid = np.sqrt(48 * EI / 0.1**3 / mass) / (2 * np.pi)
     assert 0.5 * rigid < rows[0]["frequency_hz"] < rigid
