@@ -22,10 +22,14 @@ def arrays(
     of `dem.Trajectory` and `dem.lateral.LateralTrajectory`; wall_omega (n_modes,) [rad/s] and
     wall_phi (n_modes,) [kg^-1/2] of the modes whose coordinates are among them; arrays of the cycle
     before the striker as cycle_*. energy_total is that of both motions, along the chain and across
-    it."""
+    it. error_x, error_v (n,), error_contact_force (c,): errors of these arrays by the time step,
+    the largest over time, where they are known."""
     k = len(trajectory.t)
     fields = trajectory._asdict().items()
     saved = {name: a for name, a in fields if isinstance(a, np.ndarray) and len(a) == k and a.size}
+    if trajectory.errors is not None:
+        errors = trajectory.errors._asdict().items()
+        saved |= {f"error_{name}": values for name, values in errors}
     if lateral is not None:
         saved |= {name: a for name, a in lateral._asdict().items() if isinstance(a, np.ndarray)}
         if lateral.cycle is not None:

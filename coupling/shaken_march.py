@@ -17,6 +17,7 @@ from coupling.spatial_march import (
     SpatialRun,
     march_to_error,
 )
+from dem import ArrayErrors
 from dem.checks import require, saves
 
 
@@ -88,4 +89,13 @@ def march_shaken(
         slip=run.lateral.slip - before.slip_mean,
         error_estimate=run.lateral.error_estimate + before.error_estimate,
     )
+    trajectory = run.trajectory
+    if trajectory.errors is not None:
+        # the periodic state is off by its error too, a share of each motion and force
+        share = before.error_estimate
+        x, v, force = trajectory.errors
+        moved = np.ptp(trajectory.x, axis=0).max()
+        pushed = np.ptp(trajectory.contact_force, axis=0).max()
+        errors = ArrayErrors(x + share * moved, v + share * speed, force + share * pushed)
+        run = run._replace(trajectory=trajectory._replace(errors=errors))
     return ShakenRun(run._replace(lateral=lateral), before)

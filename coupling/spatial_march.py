@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from coupling.errors import CouplingError
 from coupling.spatial_wall import SpatialWall, require_one_solution
-from dem import Chain, Trajectory, UnstableStep, Wall
+from dem import ArrayErrors, Chain, Trajectory, UnstableStep, Wall
 from dem.chain import State
 from dem.checks import require, saves
 from dem.friction import open_cells, open_row, redivided, stick_stiffness
@@ -454,6 +454,7 @@ def march_to_error(
             )
         n_cells, halved = 2 * n_cells, coarse
         coarse, _ = run(stride, n_cells)
+    last_cells = coarse
 
     # the part of the steps: finer marches, each compared with the one before
     shorter, spent = 2.0, stride
@@ -477,7 +478,21 @@ def march_to_error(
         coarse, stride = saved, finer
     steps = Steps(spacing / finer, n_save, finer)
     body = body._replace(search=search._replace(n_cells=n_cells))
-    return spatial_run(body, saved, moving, steps, estimate)
+    run = spatial_run(body, saved, moving, steps, estimate)
+    if search.dt is not None:
+        return run
+
+    # the error of every sphere and contact, by the same differences
+    def column_errors(name: str) -> Array:
+        by_steps = np.abs(getattr(saved, name) - getattr(coarse, name)).max(axis=0)
+        errors = search.safety * richardson(by_steps, finer / stride, order)
+        if halved is not None:
+            by_cells = getattr(last_cells, name) - getattr(halved, name)
+            errors += search.safety * np.abs(by_cells).max(axis=0)
+        return errors
+
+    errors = ArrayErrors(*(column_errors(name) for name in ArrayErrors._fields))
+    return run._replace(trajectory=run.trajectory._replace(errors=errors))
 
 
 def difference(a: SavedSpatial, b: SavedSpatial, radius: float) -> float:

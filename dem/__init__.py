@@ -28,13 +28,14 @@ from dem.schemes import SCHEMES, Scheme
 from dem.stability import UnstableStep, stability_limit
 from dem.statics import Equilibrium, NoEquilibrium, equilibrium
 from dem.step_control import Controlled, StepReport, StepSearch, march_to_error, with_step_error
-from dem.trajectory import Trajectory, march, require_march
+from dem.trajectory import ArrayErrors, Trajectory, march, require_march
 from dem.validity import Strain, outside, strain, yielding
 from dem.walls import Wall, dashpot_wall, one_dof_wall, plate_wall, rigid_wall
 
 __all__ = [
     "RIGID",
     "SCHEMES",
+    "ArrayErrors",
     "Batch",
     "Chain",
     "Chains",

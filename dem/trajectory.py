@@ -29,6 +29,14 @@ from dem.walls import Wall
 MOST_MODES = 500  # of a wall whose modal coordinates are saved: 6 MB at the usual 3000 instants
 
 
+class ArrayErrors(NamedTuple):
+    """Errors by the time step, largest over all saves, of each column of a trajectory."""
+
+    x: Array  # (n,) [m]
+    v: Array  # (n,) [m/s]
+    contact_force: Array  # (n_contacts,) [N]
+
+
 class Trajectory(NamedTuple):
     """Saved states, forces and the energy ledger; k saves of n spheres.
 
@@ -59,6 +67,7 @@ class Trajectory(NamedTuple):
     energy_error: float  # largest |energy_total - start| / kinetic energy there
     error_estimate: float | None  # relative velocity error; None for a step that was given
     final: State
+    errors: ArrayErrors | None = None  # None for a step that was given
 
     @property
     def energy_scale(self) -> float:

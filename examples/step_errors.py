@@ -7,9 +7,11 @@ and points of
     ratio = stated / true,   true = max |v - v_reference| / largest initial speed,
 
 over all spheres, and the contact evaluations of the search over those of the march that it ends
-with. Scenes are those of `beadwave verify --group honest-steps` (two to four unlike spheres, every
-law, damping and wall), rows of up to 23 very unlike spheres at walls with up to 30 modes, and a few
-spheres of any size, stiffness and damping. Errors asked for are 1e-5 to 1e-2.
+with. Then, of runs that observe the first sphere alone, the same of the arrays of every sphere and
+contact that a run folder holds, each by the column whose ratio is the least. Scenes are those of
+`beadwave verify --group honest-steps` (two to four unlike spheres, every law, damping and wall),
+rows of up to 23 very unlike spheres at walls with up to 30 modes, and a few spheres of any size,
+stiffness and damping. Errors asked for are 1e-5 to 1e-2.
 
 The reference of a run is a march by an eighth of its steps, and shorter ones until two references
 agree to a tenth of the stated error. Runs for which none do are counted as unknown.
@@ -20,6 +22,7 @@ Run it: python examples/step_errors.py             200 scenes, a minute
 
 import sys
 import warnings
+from functools import cache
 from itertools import cycle
 from typing import NamedTuple
 
@@ -62,17 +65,34 @@ class Trial(NamedTuple):
     cost: float  # evaluations of the search over those of its last march
 
 
+class ArrayTrial(NamedTuple):
+    """Least stated over true error of the columns of a run's arrays; NaN as in `Trial`."""
+
+    x: float
+    v: float
+    contact_force: float
+
+
 def main(n_scenes: int = 200, seed: int = 0) -> None:
     trials: dict[str, list[Trial]] = {forces: [] for forces in FORCES}
+    array_trials: dict[str, list[ArrayTrial]] = {forces: [] for forces in FORCES}
     for i, population in zip(range(n_scenes), cycle((small, row, extreme)), strict=False):
         run = population(np.random.default_rng([seed, i]))
         trials[run.forces].append(trial(run))
+        array_trials[run.forces].append(array_trial(run))
 
     print(f"{'forces':16} {COLUMNS} {'cost':>6}")
     everything = [one for results in trials.values() for one in results]
     for name, results in (trials | {"all": everything}).items():
         if results:
             print(line(name, np.array(results)))
+
+    print(f"\n{'arrays':24} {COLUMNS}")
+    for name, of_arrays in array_trials.items():
+        ratios = np.array(of_arrays)
+        for array, column in zip(ArrayTrial._fields, ratios.T, strict=False):
+            if len(ratios):
+                print(f"{name:9} {array:14} {of_ratios(column, np.isinf(column))}")
 
 
 def line(name: str, trials: np.ndarray) -> str:
@@ -103,6 +123,34 @@ def trial(run: RandomRun) -> Trial:
 
     stated = result.error_estimate
     return Trial(stated_over_true(result.v, stated, finer, difference, AGREEMENT), cost)
+
+
+def array_trial(run: RandomRun) -> ArrayTrial:
+    """March to the error of the first sphere, then by much shorter steps; infinite if refused."""
+    saved = {"duration": run.duration, "n_save": run.n_save}
+    try:
+        result, _ = dem.march_to_error(
+            run.chain, run.wall, run.v0, error=run.error, observed=[0], **saved
+        )
+    except dem.UnstableStep:
+        return ArrayTrial(*[np.inf] * 3)
+
+    @cache
+    def finer(i: int) -> dem.Trajectory:
+        dt = result.dt / REFINEMENT / 2**i
+        return dem.march(run.chain, run.wall, run.v0, dt=dt, scheme=result.scheme, **saved)
+
+    def ratio(name: str) -> float:
+        stated = getattr(result.errors, name)
+
+        def difference(a: dem.Trajectory, b: dem.Trajectory) -> float:
+            """Largest difference of a column over its stated error."""
+            off = np.abs(getattr(a, name) - getattr(b, name)).max(axis=0)
+            return float((off / np.maximum(stated, 1e-300)).max(initial=0.0))
+
+        return stated_over_true(result, 1.0, finer, difference, AGREEMENT)
+
+    return ArrayTrial(*(ratio(name) for name in ArrayTrial._fields))
 
 
 def small(rng: np.random.Generator) -> RandomRun:

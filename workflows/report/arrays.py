@@ -57,7 +57,11 @@ def of_trajectory(arrays: Mapping[str, NDArray[np.float64]]) -> xarray.Dataset:
     """
     k, variables = len(arrays["t"]), {}
     for name, values in arrays.items():
-        if (
+        if name.startswith("error_"):
+            array = name.removeprefix("error_")
+            about = {"units": UNITS[array], "long_name": f"error of {array} by the time step"}
+            variables[name] = (DIMENSIONS[array][1:], values, about)
+        elif (
             name != "t"
             and not name.startswith("cycle_")
             and values.shape[:1] == (k,)

@@ -17,6 +17,7 @@ from workflows.report.rows import (
     reduction_rows,
     sensed,
     spelled,
+    spheres_words,
 )
 from workflows.report.summary import Summary
 from workflows.scene import Scene
@@ -89,6 +90,7 @@ def context(scene: Scene | None, summary: Summary, data: dict[str, Any]) -> dict
         "waves_words": waves_words,
         "facts": facts(summary),
         "velocity_errors": velocity_errors(summary),
+        "spheres_words": spheres_words,
         # the view and the plots
         "view_note": view_note(data),
         "signals": list(signals),

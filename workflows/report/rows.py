@@ -104,6 +104,8 @@ def errors_and_seconds(summary: Summary) -> list[tuple[str, str]]:
         value = getattr(summary.error_estimate, name)
         if value is not None:
             errors.append(f"{label} {percent(value, 2)}")
+    if errors and summary.error_spheres:
+        errors[-1] += f" (velocities of {spheres_words(summary)})"
     if summary.energy_error is not None:
         errors.append(f"energy balance {percent(summary.energy_error, 2)}")
     rows = [("errors", listed(errors))]
@@ -120,6 +122,14 @@ def errors_and_seconds(summary: Summary) -> list[tuple[str, str]]:
         seconds = digits(run_seconds(summary)) + (f" ({', '.join(stages)})" if stages else "")
     rows.append(("seconds", seconds))
     return [(label, value) for label, value in rows if value not in ("", NONE)]
+
+
+def spheres_words(summary: Summary) -> str:
+    """The spheres whose velocities the errors of a run are of."""
+    spheres = summary.error_spheres
+    if len(spheres) > 2 and len(spheres) == len(summary.sphere_errors_m_s):
+        return "all spheres"
+    return f"sphere{'s' if len(spheres) > 1 else ''} {', '.join(map(str, spheres))}"
 
 
 def listed(parts: list[str]) -> str:

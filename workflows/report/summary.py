@@ -274,6 +274,8 @@ class Summary(BaseModel):
     contact_radius_m: float | None = None
     energy_error: float | None = None
     error_estimate: ErrorEstimate = ErrorEstimate()
+    error_spheres: tuple[int, ...] = ()  # whose velocities error_estimate is of
+    sphere_errors_m_s: tuple[float, ...] = ()  # (n,) of each velocity by the time step
     errors: tuple[NumberError, ...] = ()
     waves: dict[str, SphereWaves] = {}
     sensors: dict[str, SensorWaves] = {}

@@ -38,6 +38,8 @@ def chain_numbers(
         "dt_s": run.dt,
         "n_steps": run.n_steps,
         "energy_error": run.energy_error,
+        "error_spheres": scene.output.spheres or tuple(range(1, start.velocity.size + 1)),
+        "sphere_errors_m_s": () if run.errors is None else tuple(map(float, run.errors.v)),
         "verdict": (*verdict.sentences, *dem.yielding(start.chain, run)),
         "waves": {str(s): sphere_waves(waves, run.t, run.v[:, s - 1], s) for s in waves.labels},
         "wall_contact": chain_contact(scene, waves),
