@@ -27,6 +27,7 @@ from dem.trajectory import Trajectory
 # limits of the model, as the sources above state them
 SMALL_CONTACT = 0.1  # contact radius over the smaller sphere's
 SLOW = 0.01  # speed over that of sound in a bar
+HARD = 0.01  # yield stress over Young's modulus of a hard material, as hardened steel
 
 
 class Strain(NamedTuple):
@@ -36,7 +37,7 @@ class Strain(NamedTuple):
     pressure: float  # [Pa] at the contact nearest to or farthest beyond first yield
     yield_pressure: float  # [Pa] of first yield there
     contact: str  # which one that is, in words
-    yield_stress: float | None  # [Pa] of its softer side; None: of hardened steel's yield strain
+    yield_stress: float | None  # [Pa] of its softer side; None: HARD times Young's modulus
     speed_ratio: float  # largest speed over the speed of sound
 
 
@@ -73,8 +74,7 @@ def strain(
     stated = np.broadcast_to(stated.astype(float), chain.mass.shape)
     E_wall, Y_wall = of_wall or (np.inf, np.nan)
     stated, of_all = np.append(stated, Y_wall), np.append(young, E_wall)
-    # unless stated, 0.01 of Young's modulus: hardened steel, a hard material
-    Y = np.where(np.isnan(stated), 0.01 * of_all, stated)
+    Y = np.where(np.isnan(stated), HARD * of_all, stated)
     softer = np.where(Y[1:] < Y[:-1], np.arange(1, Y.size), np.arange(Y.size - 1))[: peak.size]
     # the largest pressure at first yield is 1.6 times the yield stress
     yielding = 1.6 * Y[softer]
@@ -109,14 +109,19 @@ def outside(strain: Strain) -> tuple[str, ...]:
     if strain.pressure > strain.yield_pressure:
         scale, unit = (1e-9, "GPa") if strain.yield_pressure >= 1e8 else (1e-6, "MPa")
         limit = f"the {scale * strain.yield_pressure:.3g} {unit} at which "
+        remedy = ""
         if strain.yield_stress is None:
-            limit += "even hardened steel would yield"
+            limit += (
+                f"its softer side would yield with a yield stress of {100 * HARD:g} % of Young's "
+                "modulus, which few materials reach"
+            )
+            remedy = ", or state chain.yield_stress of a harder one"
         else:
             limit += f"its softer side yields, 1.6 times {scale * strain.yield_stress:.3g} {unit}"
         sentences.append(
             f"The pressure of the contact {strain.contact} reaches "
             f"{scale * strain.pressure:.3g} {unit}, above {limit}; the elastic contact is too "
-            "stiff there."
+            f"stiff there: reduce the striker's velocity{remedy}."
         )
     if strain.speed_ratio > SLOW:
         sentences.append(

@@ -5,6 +5,11 @@ import math
 from dem.kernels.arguments import Array
 from dem.kernels.compiled import ieee, ieee_march
 
+# relative change of velocity within which a sphere counts as free: interpolated samples of free
+# spheres change by up to 1e-6. A crest stays within it for a hundredth of its rise from half height
+PLATEAU = 1e-5
+LASTING = 0.25  # of that rise, at least, for which a plateau lasts
+
 
 @ieee
 def crest_between(v: Array, sign: float, first: int, end: int) -> tuple[float, float]:
@@ -15,6 +20,18 @@ def crest_between(v: Array, sign: float, first: int, end: int) -> tuple[float, f
     for i in range(first, end):
         if sign * v[i] > sign * v[k]:
             k = i
+    # of a plateau its first sample, see `dem.waves.arrivals.plateau_start`
+    level = sign * v[k] * (1.0 - PLATEAU)
+    start, after = k, k + 1
+    while start > first and sign * v[start - 1] >= level:
+        start -= 1
+    while after < end and sign * v[after] >= level:
+        after += 1
+    half = start - 1
+    while half > first and sign * v[half] >= 0.5 * sign * v[k]:
+        half -= 1
+    if after - start > LASTING * (start - max(half, first)):
+        k = start
     if k == 0 or k == v.size - 1:
         return math.nan, math.nan
     y0, y1, y2 = sign * v[k - 1], sign * v[k], sign * v[k + 1]

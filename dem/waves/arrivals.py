@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dem.kernels.arguments import Array
-from dem.kernels.passages import fill_passages
+from dem.kernels.passages import LASTING, PLATEAU, fill_passages
 
 
 class Arrival(NamedTuple):
@@ -36,7 +36,9 @@ def arrivals(t: ArrayLike, v: ArrayLike, *, threshold: float = 0.2) -> list[Arri
     of time.
 
     Each stretch in which |v| stays above `threshold` times its largest value is one wave; time
-    and height are those of the parabola through its highest sample and the two beside it.
+    and height are those of the parabola through its highest sample and the two next to it. A wave
+    that leaves its sphere moving, as the last one of a free chain, arrives when the velocity no
+    longer changes.
     """
     t, v = np.asarray(t, float), np.asarray(v, float)
     largest = np.abs(v).max(initial=0.0)
@@ -50,12 +52,26 @@ def arrivals(t: ArrayLike, v: ArrayLike, *, threshold: float = 0.2) -> list[Arri
     waves = []
     for run in np.split(np.arange(v.size), edges):
         sign = above[run[0]]
-        k = run[np.abs(v[run]).argmax()]
+        k = run[0] + plateau_start(sign * v[run])
         if sign == 0.0 or not 0 < k < v.size - 1:
             continue
         time, height = crest(t, sign * v, k)
         waves.append(Arrival(time, float(sign * height), full_width(t, sign * v, k)))
     return waves
+
+
+def plateau_start(y: Array) -> int:
+    """Highest sample of y (n,); of a plateau around it the first sample, among those of a plateau
+    rounding would choose. A plateau lasts for a good part of the rise that leads to it, a crest for
+    a hundredth."""
+    k = int(y.argmax())
+    lower = np.flatnonzero(y < y[k] * (1.0 - PLATEAU))
+    before, after = lower[lower < k], lower[lower > k]
+    first = int(before[-1]) + 1 if before.size else 0
+    end = int(after[0]) if after.size else y.size
+    half = np.flatnonzero(y[:first] < 0.5 * y[k])
+    rise = first - (int(half[-1]) if half.size else 0)
+    return first if end - first > LASTING * rise else k
 
 
 def crest(t: Array, y: Array, k: int) -> tuple[float, float]:

@@ -90,6 +90,9 @@ def context(scene: Scene | None, summary: Summary, data: dict[str, Any]) -> dict
         "waves_words": waves_words,
         "facts": facts(summary),
         "velocity_errors": velocity_errors(summary),
+        "at_rest": bool(
+            scene and scene.chain and scene.striker is None and scene.chain.initial_velocity is None
+        ),
         "spheres_words": spheres_words,
         # the view and the plots
         "view_note": view_note(data),

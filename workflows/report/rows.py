@@ -104,11 +104,13 @@ def errors_and_seconds(summary: Summary) -> list[tuple[str, str]]:
         value = getattr(summary.error_estimate, name)
         if value is not None:
             errors.append(f"{label} {percent(value, 2)}")
+    text = listed(errors)
     if errors and summary.error_spheres:
-        errors[-1] += f" (velocities of {spheres_words(summary)})"
+        text += f" (velocities of {spheres_words(summary)})"
     if summary.energy_error is not None:
-        errors.append(f"energy balance {percent(summary.energy_error, 2)}")
-    rows = [("errors", listed(errors))]
+        balance = listed([f"energy balance {percent(summary.energy_error, 2)}"])
+        text += f", {balance}" if text else balance
+    rows = [("errors", text)]
 
     # seconds of the run, and of the three longest stages
     spent = {stage.name: stage.seconds for stage in summary.stages if not stage.cached}

@@ -51,7 +51,6 @@ class Thresholds(NamedTuple):
     # one within a tenth (`beadwave study wall-thickness`)
     slender: float = 0.65
     quality: float = 0.7  # of a wave: below it, time and peak are those of overlapping waves
-    unequal: float = 1.25  # ratio of masses beyond which waves are not those of equal spheres
     pressed: float = 0.05  # elastic energy when the record ends, over the striker's
     # energy of the force at the wall above the band of a measured response, of the whole
     beyond_band: float = 0.01
@@ -279,15 +278,15 @@ def thick_plate(scene: Scene, run: dem.Trajectory) -> Iterator[str]:
 
 
 def unequal_spheres(start: Start) -> Iterator[str]:
-    """Masses that differ between the first and the last sphere; these two may: one is the striker,
-    and to the other one something may be fixed."""
-    mass = start.chain.mass[1:-1]
-    spread = float(mass.max() / mass.min()) if mass.size else 1.0
-    if spread >= AT.unequal:
+    """Masses that differ between the first and the last sphere."""
+    from dem.waves.chain_waves import UNEQUAL, mass_spread
+
+    spread = mass_spread(start.chain.mass)
+    if spread >= UNEQUAL:
         yield (
-            f"The spheres' masses differ by a factor of {spread:.3g}: waves are followed and named "
-            "by the solitary wave of equal spheres, which does not apply here; names, "
-            "speeds, ARR and TOF are unreliable."
+            f"The spheres' masses differ by a factor of {spread:.3g}, to which the solitary wave "
+            "of equal spheres does not apply: waves at a sphere are the peaks of its velocity, "
+            "without names, and wave speeds, ARR and TOF are unreliable."
         )
 
 
@@ -313,7 +312,9 @@ def short_record(
         return
     ends = f"time.duration = {scene.time.duration:g} s ends"
     pressed = run.energy_contact[-1] - run.energy_contact[0]
-    share = float(pressed / run.energy_kinetic[0]) if run.energy_kinetic[0] else 0.0
+    # the striker's energy, or what gravity and preload give if that is more
+    given = run.energy_kinetic.max() + np.ptp(run.work_gravity) + np.ptp(run.work_preload)
+    share = float(pressed / given) if given else 0.0
     if isnan(waves.contact.contact_time.seconds):
         too_early = (
             f"{ends} before a wave is at the wall: nothing is measured there; take a longer one."
@@ -321,7 +322,7 @@ def short_record(
         yield from coarse_samples(scene, start) or (too_early,)
     elif share >= AT.pressed:
         yield (
-            f"{ends} while contacts hold {100 * share:.0f} % of the striker's energy more than at "
+            f"{ends} while contacts hold {100 * share:.0f} % of the impact's energy more than at "
             "rest: the velocity sum ratio and the restitution are not those of spheres that "
             "have parted; take a longer one."
         )

@@ -14,13 +14,14 @@ from workflows.stages.chain import Start
 def waves(scene: Scene, start: Start, impact: Impact) -> ChainWaves:
     """Waves along the chain, at the observed spheres and at the wall."""
     return chain_waves(
-        impact.trajectory, start.chain, scene.output.spheres, at_wall=scene.wall is not None
-    )
+        impact.trajectory, start.chain, scene.output.spheres,
+        at_wall=scene.wall is not None and bool(start.velocity.any()),
+    )  # fmt: skip
 
 
 def sphere_waves(waves: ChainWaves, t, v, sphere: int) -> SphereWaves:
     """Waves at a sphere (counted from 1) with velocity v (k,) [m/s] at times t (k,) [s]; all peaks,
-    unnamed, where the chain is too short for tracks."""
+    unnamed, where the chain is too short for tracks or its spheres are unlike."""
     labels, pair = waves.labels[sphere], passage(t, v)
     listed = [_arrival(label.arrival, label.name, label.alone) for label in labels]
     return SphereWaves(
