@@ -42,6 +42,7 @@ import sys
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from types import FunctionType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -164,9 +165,13 @@ def __getattr__(name: str):
         raise ImportError(obstacle)
     if name in _ROOMS:
         return import_module(name)
-    function = getattr(import_module(_MODULES[name]), name)
-    globals()[name] = function
-    return function
+    value = getattr(import_module(_MODULES[name]), name)
+    if isinstance(value, FunctionType):
+        from workflows.scene.arguments import checked
+
+        value = checked(value)
+    globals()[name] = value
+    return value
 
 
 def __dir__() -> list[str]:
@@ -175,9 +180,13 @@ def __dir__() -> list[str]:
 
 def main() -> None:
     """The command `beadwave`."""
-    if obstacle := _hidden_package():
-        print(f"beadwave: {obstacle}", file=sys.stderr)
-        sys.exit(2)
-    from workflows.__main__ import main as command
+    try:
+        if obstacle := _hidden_package():
+            print(f"beadwave: {obstacle}", file=sys.stderr)
+            sys.exit(2)
+        from workflows.__main__ import main as command
 
-    command()
+        command()
+    except KeyboardInterrupt:  # before the command handles signals
+        print("beadwave: interrupted.", file=sys.stderr)
+        sys.exit(130)

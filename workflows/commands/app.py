@@ -5,7 +5,9 @@ What computes is imported by the command that runs, so that each pays only for w
 """
 
 import gc
+import logging
 import sys
+import warnings
 from collections.abc import Callable
 from errno import EDQUOT, EFBIG, ENAMETOOLONG, ENOSPC
 from functools import partial, wraps
@@ -244,6 +246,14 @@ def main() -> None:
     environ.setdefault("JOBLIB_MULTIPROCESSING", "0")
     # no child, and none of its children, imports anything from the working directory
     environ.setdefault("PYTHONSAFEPATH", "1")
+    # what libraries have to say of deprecations, fonts and digits is not for a user's terminal
+    if not (sys.warnoptions or environ.get("BEADWAVE_DEBUG")):
+        warnings.simplefilter("ignore")
+        logging.getLogger().addHandler(logging.NullHandler())
+    # a terminal without ± and µ shows ? in their place
+    for stream in (sys.stdout, sys.stderr):
+        if stream is not None:
+            stream.reconfigure(errors="replace")
     status = _status(app)
     # else the interpreter's last collections walk through all that libraries hold: 0.3 s of a run
     gc.freeze()

@@ -8,13 +8,14 @@ from typing import Any, NamedTuple
 
 from workflows.scene import InvalidScene, RomWall, Scene, nearest
 from workflows.scene.named_files import files_of, require_file
-from workflows.scene.toml import Change, changed, parsed, resolved
+from workflows.scene.toml import Change, changed, parsed, require_shallow, resolved
 
 # values by dotted keys, or texts "key=value" as --set takes them
 Changes = Mapping[str, Any] | Iterable[Change]
 Source = str | Path | Mapping[str, Any] | Scene | None  # name, file, tables; None is DEFAULT
 DEFAULT = "rig-rom"
 SURFACES = (".stl", ".obj", ".ply", ".3mf")  # triangles without a volume
+LONGEST_PATH = 4096  # characters; longer ones are TOML given in place of its file
 MOST_BYTES = 50_000_000  # a million spheres, each with values of its own
 
 
@@ -41,10 +42,15 @@ def scene_text(name: str | None) -> SceneText:
     scenes = built_in()
     name = DEFAULT if name is None else name
     if name in scenes:
-        return SceneText(name, scenes[name], Path.cwd())
+        return SceneText(name, scenes[name], working_folder())
 
     # no built-in scene: a file, or something that is likely to be meant for one
     path = Path(name)
+    if len(name) > LONGEST_PATH or "\0" in name:
+        raise InvalidScene(
+            f"{name!r} is no name of a file; give a TOML file, a built-in scene, or in Python a "
+            "dict of its tables."
+        )
     if path.is_dir() and (path / "scene.toml").is_file():
         raise InvalidScene(f"{name} is a run folder; give its {path / 'scene.toml'}.")
     if path.suffix.lower() in (".igs", ".iges", *SURFACES):
@@ -79,6 +85,16 @@ def scene_text(name: str | None) -> SceneText:
     return SceneText(name, text, path.absolute().parent)
 
 
+def working_folder() -> Path:
+    """The current folder; raises InvalidScene if it no longer exists."""
+    try:
+        return Path.cwd()
+    except FileNotFoundError:
+        raise InvalidScene(
+            "the current folder has been removed; change to another one (cd) and try again."
+        ) from None
+
+
 def checked_text(name: str) -> SceneText:
     """The same of a scene alone; raises InvalidScene for a text that is none."""
     text = scene_text(name)
@@ -105,9 +121,10 @@ class Written(NamedTuple):
 def written(source: Source = None, changes: Changes = ()) -> Written:
     """The tables of a scene with `changes` by dotted keys applied, nothing else."""
     if isinstance(source, Scene):
-        tables = Written(source.name, source.model_dump(exclude_none=True), Path.cwd())
+        tables = Written(source.name, source.model_dump(exclude_none=True), working_folder())
     elif isinstance(source, Mapping):
-        tables = Written("scene", _plain(source), Path.cwd())
+        require_shallow(source, "scene")
+        tables = Written("scene", _plain(source), working_folder())
     else:
         name, text, folder = scene_text(None if source is None else str(source))
         tables = Written(name, parsed(text, name), folder)

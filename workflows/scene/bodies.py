@@ -20,6 +20,7 @@ from workflows.scene.scene_table import (
     Frequency,
     Length,
     Number,
+    PatchRadius,
     Point,
     Positive,
     Ratio,
@@ -442,7 +443,7 @@ class Strike(SceneTable):
     on: Annotated[str, Field(pattern=r"^[^:@*#]+[:@].+$")]  # the face, "body:+x"; or "body@x,y,z"
     # [m] from the middle of a plane face, or [x, y, z]
     at: Annotated[tuple[Place, ...], Field(strict=False, min_length=2, max_length=3)] = (0.0, 0.0)
-    radius: of(Positive, LENGTH) = 2e-3  # [m] of the patch
+    radius: PatchRadius = 2e-3  # [m] of the patch
     weights: Literal["hertz", "area", "thesis"] = "hertz"  # of the mean over the patch
     # [m] points from the middle of the face whose nearest nodes are read
     nodes: Annotated[tuple[Point, ...], Field(strict=False, min_length=1)] | None = None

@@ -4,17 +4,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from workflows.scene.quantities import of
 from workflows.scene.scene_table import (
     Count,
     Limit,
+    PatchRadius,
     Point,
-    Positive,
     SceneTable,
     exactly_one,
-)
-from workflows.scene.units import (
-    LENGTH,
 )
 
 TO_HZ = 20e3  # up to which an error of the reduction holds, unless the scene says
@@ -53,7 +49,7 @@ class Patch(SceneTable):
     """
 
     point: Point = (0.03, 0.0)  # [m] y, z from the middle of the face
-    radius: of(Positive, LENGTH) = 2e-3  # [m] of the loaded patch
+    radius: PatchRadius = 2e-3  # [m] of the loaded patch
     weights: Literal["hertz", "area", "thesis"] = "hertz"  # how the face is averaged over the patch
     # [m] y, z of points whose nearest nodes are averaged, without a pressure
     nodes: Annotated[tuple[Point, ...], Field(strict=False, min_length=1)] | None = None

@@ -26,6 +26,7 @@ from pydantic import (
 )
 
 from workflows.scene.quantities import of
+from workflows.scene.shown import clipped
 from workflows.scene.units import (
     DASHPOT,
     DENSITY,
@@ -43,7 +44,11 @@ from workflows.scene.units import (
 
 
 class InvalidScene(ValueError):
-    """One sentence: the key, the value found, the value allowed, what to do."""
+    """One sentence: the key, the value found, the value allowed, what to do. Long values in it are
+    cut."""
+
+    def __init__(self, sentence: object = "") -> None:
+        super().__init__(clipped(str(sentence)))
 
 
 # what users write for a key: symbols of the literature and other words
@@ -135,6 +140,8 @@ Point = Annotated[tuple[Length, Length], Field(strict=False)]
 Density = of(Positive, DENSITY, 20, 25e3)  # foam to osmium
 Young = of(Positive, PRESSURE, 5e5, 2e12)  # soft rubber to diamond
 Radius = of(Positive, LENGTH, 1e-6, 0.25)
+# elements get as small as the patch: of 1e-12 m they filled the memory of a machine
+PatchRadius = of(Annotated[Number, Field(ge=1e-6)], LENGTH, 1e-5, 0.25)
 YieldPressure = of(Positive, PRESSURE, 1e4, 1e11)
 YieldStress = of(Positive, PRESSURE, 1e5, 2e10)
 Velocity = of(Number, VELOCITY, 0, 100)

@@ -1,7 +1,8 @@
 """Scenes from and to TOML: changed by `--set`, completed by defaults, refused in one sentence."""
 
+import re
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ from workflows.scene.named_materials import NUMBERS, named_material
 from workflows.scene.quantities import entries, implausible, unusual_keys
 from workflows.scene.rig import RigTable, check
 from workflows.scene.scene_table import nearest
+from workflows.scene.shown import shown
 
 Change = str | tuple[str, Any]  # "key=value" as --set takes it, or a dotted key and its value
 GENERAL = General.model_fields.keys()  # keys of an assembly of bodies
@@ -124,15 +126,39 @@ def toml(scene: Scene) -> str:
 
 
 def parsed(text: str, source: str) -> dict[str, Any]:
-    """Tables of a text; raises InvalidScene where it is not TOML."""
+    """Tables of a text; raises InvalidScene if it is not TOML or has more than DEEPEST levels."""
+    if deep := TOO_DEEP.search(text):
+        line = text.count("\n", 0, deep.start()) + 1
+        raise InvalidScene(
+            f"{source}, line {line}: a key of more than {DEEPEST} dotted words is none of a scene; "
+            "write chain.count."
+        )
     try:
-        return tomllib.loads(text)
+        tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InvalidScene(f"{source} is not TOML: {str(error).rstrip('.')}; correct it.") from None
     except RecursionError:
         raise InvalidScene(f"{source} has brackets nested too deeply; a scene has two.") from None
     except ValueError:  # raised by Python for whole numbers of thousands of digits
         raise InvalidScene(f"{source} holds a whole number that is too long; shorten it.") from None
+    require_shallow(tables, source)
+    return tables
+
+
+def require_shallow(tables: Any, source: str) -> None:
+    """Raise InvalidScene for tables and lists of more than DEEPEST levels."""
+    level = [tables]
+    for _ in range(DEEPEST + 1):
+        level = [
+            inner
+            for outer in level
+            for inner in (outer.values() if isinstance(outer, Mapping) else outer)
+            if isinstance(inner, Mapping | list | tuple)
+        ]
+    if level:
+        raise InvalidScene(
+            f"{source} has tables or lists of more than {DEEPEST} levels; a scene has up to five."
+        )
 
 
 def changed(tables: dict[str, Any], changes: Iterable[Change]) -> dict[str, Any]:
@@ -142,8 +168,11 @@ def changed(tables: dict[str, Any], changes: Iterable[Change]) -> dict[str, Any]
     written = tables
     for key, value in pairs:
         path = key.split(".")
-        if not all(path):
-            raise InvalidScene(f"the key {key!r} is not dotted words; write chain.count.")
+        if not all(path) or len(path) > DEEPEST:
+            raise InvalidScene(
+                f"the key {key!r} is not up to {DEEPEST} dotted words; write chain.count."
+            )
+        require_shallow([value], f"--set {key}")
         tables = _with(_with_named_material(tables, path), path, value, key)
 
         # a key listed as unusual was intended with its former value, not with this one
@@ -257,7 +286,7 @@ def _with(table: dict[str, Any], path: list[str], value: Any, key: str) -> dict[
         names = list(by_name)
         reason = f"{first} is a list of {', '.join(names)}; write {first}.{names[0]} and a key."
     else:
-        reason = f"{first} = {_shown(below)} is a value and has no keys below it."
+        reason = f"{first} = {shown(below)} is a value and has no keys below it."
     raise InvalidScene(f"--set {key}: {reason}")
 
 
@@ -301,6 +330,11 @@ def _require_usual(
     for sentence in implausible(entries(table, written, prefix), intended or ()):
         raise InvalidScene(f"{source}: {sentence}")
 
+
+# dotted words, as of a.b.c: one more of them than keys of a scene have levels is a mistake, and
+# thousands would be taken apart for minutes
+DEEPEST = 20
+TOO_DEEP = re.compile(rf"(?<![\w.\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){{{DEEPEST}}}")
 
 SENTENCES = {
     "missing": "{key} is missing; add {words}.",
@@ -358,7 +392,7 @@ def _sentence(
     return SENTENCES.get(type_, "{key} = {shown} {allowed}; change it.").format(
         key=repr(".".join(key))[1:-1] or "the scene",
         value=value,
-        shown=_shown(value),
+        shown=shown(value),
         words=words or "it",
         wanted=wanted or error.get("ctx", {}).get("max_length"),
         wanted_values=f" of {wanted}" if wanted else "",
@@ -367,8 +401,3 @@ def _sentence(
         allowed=error["msg"].replace("Input should", "must", 1),
         **error.get("ctx", {}),
     )
-
-
-def _shown(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."

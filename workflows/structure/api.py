@@ -762,7 +762,7 @@ def reduce_matrices(
     w: ArrayLike,
     *,
     C: ArrayLike | sparray | None = None,
-    modes: int = 40,
+    modes: int | None = None,
     half_space: float = 0.0,
     young: float | None = None,
     poisson: float | None = None,
@@ -770,16 +770,19 @@ def reduce_matrices(
     """K [N/m], M [kg], C [N s/m] (n, n) of one's own model, reduced for `beadwave.impact(rom=...)`.
 
     w (n,): u_w = w @ u is the displacement into the wall under the contact, averaged over the
-    patch, sum(w) = 1 along the normal; the contact force enters as w F. `modes` free modes and the
-    residual vector K^-1 w, so that the static compliance is exact. half_space [m/N] is the
-    compliance of the patch on a half-space that the mesh holds, and the Hertz law once more:
-    0.6 (1 - poisson^2) / (young b) of a Hertz-weighted disc of radius b on solid elements, 0 where
-    w reads a point of a beam or shell. young [Pa] and poisson are of the surface struck, for the
-    Hertz law; steel without them. Raises rom.ReductionError, a ValueError.
+    patch, sum(w) = 1 along the normal; the contact force enters as w F. `modes` free modes, 40
+    without a number or all of a smaller model, and the residual vector K^-1 w, so that the static
+    compliance is exact. half_space [m/N] is the compliance of the patch on a half-space that the
+    mesh holds, and the Hertz law once more: 0.6 (1 - poisson^2) / (young b) of a Hertz-weighted
+    disc of radius b on solid elements, 0 where w reads a point of a beam or shell. young [Pa] and
+    poisson are of the surface struck, for the Hertz law; steel without them.
+
+    Raises rom.ReductionError, a ValueError.
     """
     import fem
     import rom
 
-    selection = rom.Selection(n_modes=modes)
+    n_modes = min(40, np.shape(w)[0]) if modes is None else modes
+    selection = rom.Selection(n_modes=n_modes)
     reduced = rom.free_modes(K, M, w, selection, C=C, factorise=fem.factorised)
     return reduced._replace(contact=rom.Contact(half_space, young=young, poisson=poisson))
