@@ -49,6 +49,7 @@ CONTRACT = {
 BESIDE = {
     "verdict", "reduction", "wall_modes_left_out", "wall_contact", "command", "date", "modes",
     "seconds", "sensors", "sources", "load_factor", "errors", "friction", "synthetic",
+    "error_spheres", "sphere_errors_m_s",
 }  # fmt: skip
 
 
@@ -69,6 +70,8 @@ def test_the_trajectory_file_has_the_arrays_of_the_contract(name, n_contacts, tm
     k = 201
     assert shapes.pop("x") == shapes.pop("v") == (k, 5)
     assert shapes.pop("contact_force") == (k, n_contacts)
+    assert shapes.pop("error_x") == shapes.pop("error_v") == (5,)
+    assert shapes.pop("error_contact_force") == (n_contacts,)
     if name == "rig-1dof":
         assert shapes.pop("wall_q") == (k, 1)
         assert shapes.pop("wall_omega") == shapes.pop("wall_phi") == (1,)
@@ -490,7 +493,7 @@ def test_waves_between_samples_are_no_reason_for_a_longer_run(capsys):
     ("duration", "told"),
     [
         (5e-5, "ends before a wave is at the wall"),
-        (1e-3, "of the striker's energy more than at rest"),
+        (1e-3, "of the impact's energy more than at rest"),
     ],
 )
 def test_a_record_that_ends_too_early_is_told(duration, told, capsys):

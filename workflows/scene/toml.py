@@ -170,7 +170,7 @@ def changed(tables: dict[str, Any], changes: Iterable[Change]) -> dict[str, Any]
         path = key.split(".")
         if not all(path) or len(path) > DEEPEST:
             raise InvalidScene(
-                f"the key {key!r} is not up to {DEEPEST} dotted words; write chain.count."
+                f"the key {key!r} is not dotted words, {DEEPEST} at most; write chain.count."
             )
         require_shallow([value], f"--set {key}")
         tables = _with(_with_named_material(tables, path), path, value, key)
