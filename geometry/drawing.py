@@ -32,6 +32,7 @@ class Drawing(NamedTuple):
     unit: str | None  # of length in the STEP file; None for drawn bodies
     near: Neighbours
     own: OwnMesh | None = None  # the mesh, if bodies come from one
+    remarks: tuple[str, ...] = ()  # on what of the file is left out
 
 
 class Sizing(NamedTuple):
