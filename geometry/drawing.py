@@ -73,7 +73,12 @@ def drawn(
         require_size(cad.bodies, of_file=step is not None)
         near = neighbours(cad.bodies, gap)
         require_apart(near)
-        yield Drawing(cad.bodies, cad.unit, near)
+        remarks = tuple(
+            f"The STEP file refers to {name} for other parts, which is not read; export the "
+            "assembly as one file if they belong to it."
+            for name in cad.elsewhere
+        )
+        yield Drawing(cad.bodies, cad.unit, near, remarks=remarks)
 
 
 def meshed(

@@ -51,7 +51,7 @@ def drawing(scene: Scene, coarser: float = 1.0, *, lines: bool = True) -> Iterat
         if step:
             require_step(step)
         with drawn({} if volumes else solids, step, volumes, table.gap) as bodies:
-            yield bodies._replace(remarks=remarks)
+            yield bodies._replace(remarks=bodies.remarks + remarks)
     except InvalidGeometry as error:
         raise InvalidScene(f"{scene.name}: {error}") from None
 
