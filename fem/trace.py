@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
-from skfem import Basis, FacetBasis
+from skfem import Basis, FacetBasis, Mesh, MeshHex, MeshTet
 
 from fem.elasticity import Structure
 from fem.sagging import area_vectors
@@ -125,8 +125,10 @@ def located(
     corners = mesh.p[:, mesh.facets[:, facets]]
     size = np.ptp(corners, axis=1).max()
 
-    # pairs (point, facet) where the point is in the facet's bounding box
-    tolerance = max(1e-7 * size, gap)
+    # pairs (point, facet) where the point is in the facet's bounding box; a curved facet leaves its
+    # chord by up to its bulge
+    bulge = _bulge(mesh, facets)
+    tolerance = max(1e-7 * size, gap, bulge.max(initial=0.0))
     lower, upper = corners.min(axis=1) - tolerance, corners.max(axis=1) + tolerance
     in_box = np.ones((len(points), len(facets)), dtype=bool)
     for axis in range(3):
@@ -139,7 +141,7 @@ def located(
     cells = mesh.f2t[0, facets[facet]]
     target = points[point].T[:, :, None]
     X = local_coordinates(basis.mapping, target, cells)
-    element = mesh.elem()
+    element = MeshHex.elem() if isinstance(mesh, MeshHex) else MeshTet.elem()
     phi = [element.lbasis(X[:, :, 0], i)[0] for i in range(element.doflocs.shape[0])]
     outside = np.maximum(0.0, -np.array(phi).min(axis=0))
     outside += np.linalg.norm((basis.mapping.F(X, tind=cells) - target)[:, :, 0], axis=0) / size
@@ -152,10 +154,26 @@ def located(
 
     # how far each point lies from the nearest facet
     candidates = corners[:, :, facet]
-    miss = 1e-5 * np.ptp(candidates, axis=1).max(axis=0)
+    miss = 1e-5 * np.ptp(candidates, axis=1).max(axis=0) + bulge[facet]
     distance = np.full(len(points), np.inf)
     np.minimum.at(distance, point, facet_distances(candidates, points[point].T) - miss)
     return Located(cell, X_of_point, distance)
+
+
+def _bulge(mesh: Mesh, facets: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Distances (n,) [m] by which the nodes of curved facets leave the chords of their corners; 0
+    of straight ones."""
+    if mesh.doflocs.shape[1] == mesh.nvertices:
+        return np.zeros(len(facets))
+    # middles of edges and of the facet, as means of corners: by the chords, and by the mapping of
+    # the element behind
+    corners, cells = mesh.facets[:, facets], mesh.f2t[0, facets]
+    n = len(corners)
+    means = np.column_stack([(np.eye(n) + np.roll(np.eye(n), 1, axis=0)) / 2, np.full(n, 1 / n)])
+    at = (mesh.t[:, cells][:, None] == corners).argmax(axis=0)  # (corner, facet) in the element
+    X = np.einsum("vp,dvm->dmp", means, mesh.elem().refdom.p[:, at])
+    chord = np.einsum("vp,dvm->dmp", means, mesh.p[:, corners])
+    return np.linalg.norm(mesh.mapping().F(X, tind=cells) - chord, axis=0).max(axis=1)
 
 
 def trace(

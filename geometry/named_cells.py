@@ -14,6 +14,7 @@ from skfem.io.meshio import INV_HEX_MAPPING
 
 from geometry.cell_groups import CellGroup, MeshFile, Origin
 from geometry.cover import CellSet, bodies_of
+from geometry.curved import curved
 from geometry.errors import InvalidGeometry
 from geometry.mesh_faults import merged, require_sound
 
@@ -120,6 +121,9 @@ def _body(file: MeshFile, name: str, source: str, merge: float | None) -> Mesh:
     mesh = KINDS[t.shape[1]](
         np.ascontiguousarray(file.points[used].T), np.ascontiguousarray(node[t].T[order])
     )
+    middles = _middles(file, name, t.shape[1])
+    if middles is not None:
+        mesh = curved(mesh, node[t], middles)
     require_sound(mesh, name, source, as_it_is=merge == 0)
     return mesh.with_boundaries(_facets(mesh, node, file.groups))
 
@@ -136,6 +140,18 @@ def _corners(groups: Sequence[CellGroup], body: str, source: str) -> NDArray[np.
             "or hexahedra alone."
         )
     return np.concatenate([group.corners for group in mine])
+
+
+def _middles(file: MeshFile, body: str, n_corners: int) -> NDArray[np.float64] | None:
+    """Nodes (n, edges, 3) [m] in the middles of the edges of a body's cells, NaN where there is
+    none; None where no cell has one."""
+    n = {4: 10, 8: 20}[n_corners]
+    mine = [g.nodes for g in file.groups if (g.name, g.dimension) == (body, 3)]
+    if all(nodes.shape[1] == n_corners for nodes in mine):
+        return None
+    filled = [np.pad(a, ((0, 0), (0, max(0, n - a.shape[1]))), constant_values=-1) for a in mine]
+    nodes = np.concatenate([a[:, n_corners:n] for a in filled])
+    return np.where(nodes[..., None] < 0, np.nan, file.points[nodes])
 
 
 def _facets(
