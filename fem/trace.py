@@ -67,7 +67,8 @@ def face_edges(structure: Structure, face: str) -> NDArray[np.float64]:
 
 
 class OuterNodes(NamedTuple):
-    """Corners of the elements on the outside of all bodies."""
+    """Corners of the elements on the outside of all bodies, of curved ones also the middles of
+    their edges."""
 
     points: NDArray[np.float64]  # (m, 3) [m]
     faces: NDArray[
@@ -78,16 +79,34 @@ class OuterNodes(NamedTuple):
 
 
 def outer_nodes(structure: Structure) -> OuterNodes:
-    """The corners of all facets that belong to one element only."""
+    """The corners of all facets that belong to one element only; a curved facet is three or four
+    triangles at its corners and what is left between the middles of its edges."""
     points, faces, dofs, bodies, n = [], [], [], [], 0
     corners = max(basis.mesh.facets.shape[0] for basis in structure.basis.values())
     for i, (body, basis) in enumerate(structure.basis.items()):
-        facets = basis.mesh.facets[:, basis.mesh.boundary_facets()]
+        mesh, of_nodes, x = basis.mesh, basis.nodal_dofs, basis.mesh.p
+        outer = mesh.boundary_facets()
+        facets = mesh.facets[:, outer]
+        if mesh.doflocs.shape[1] > mesh.nvertices:
+            # the middle of the edge from each corner to the next, numbered behind the vertices
+            ends = np.sort(np.stack([facets, np.roll(facets, -1, axis=0)]), axis=0)
+            of_cell = mesh.t2e[:, mesh.f2t[0, outer]]  # (edge of the cell, facet)
+            its_ends = np.sort(mesh.edges[:, of_cell], axis=0)  # (2, edge of the cell, facet)
+            same = (its_ends[:, None] == ends[:, :, None]).all(axis=0)
+            edge = np.take_along_axis(of_cell, same.argmax(axis=1), axis=0)
+            middles = mesh.nvertices + edge
+            before = np.roll(middles, 1, axis=0)
+            rims = np.stack([facets, middles, before], axis=1).transpose(0, 2, 1).reshape(-1, 3)
+            k = len(facets)
+            rims = np.pad(rims, [(0, 0), (0, k - 3)], mode="edge")
+            facets = np.concatenate([rims, middles.T]).T
+            of_nodes = np.hstack([basis.nodal_dofs, basis.edge_dofs])
+            x = basis.doflocs[:, of_nodes[0]]
         used, face = np.unique(facets, return_inverse=True)
         face = n + face.reshape(facets.shape).T
         faces.append(np.pad(face, [(0, 0), (0, corners - face.shape[1])], mode="edge"))
-        dofs.append(structure.first[body] + basis.nodal_dofs[:, used].T)
-        points.append(basis.mesh.p[:, used].T)
+        dofs.append(structure.first[body] + of_nodes[:, used].T)
+        points.append(x[:, used].T)
         bodies.append(np.full(len(used), i))
         n += len(used)
     return OuterNodes(*map(np.concatenate, (points, faces, dofs, bodies)))

@@ -172,6 +172,27 @@ def test_rigid_motions_of_curved_elements_store_no_energy(tmp_path):
     assert volume == pytest.approx(pi * (OUTER**2 - INNER**2) * HEIGHT, rel=3e-3)
 
 
+@pytest.mark.parametrize("kind", ["hex", "tet"])
+def test_pictures_show_the_nodes_of_curved_facets(tmp_path, kind):
+    """The area of the drawn surface comes closer to the body's than its corners alone."""
+    from fem.trace import outer_nodes
+
+    if kind == "hex":
+        ring(tmp_path / "body.inp", around=6, levels=1)
+        area = 2 * pi * (OUTER**2 - INNER**2) + 2 * pi * (OUTER + INNER) * HEIGHT
+    else:
+        sphere(tmp_path / "body.inp", 2)
+        area = 4 * pi * OUTER**2
+    (mesh,) = volumes_of(tmp_path / "body.inp").meshes.values()
+    structure = fem.assemble({"body": mesh}, {"body": fem.Material(210e9, 0.3, DENSITY)})
+    outer = outer_nodes(structure)
+    a, b, c, d = (outer.points[outer.faces[:, i]] for i in (0, 1, 2, -1))
+    drawn = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    drawn += np.linalg.norm(np.cross(c - a, d - a), axis=1) / 2
+    assert drawn.sum() == pytest.approx(area, rel=0.03)
+    np.testing.assert_allclose(structure.points[outer.dofs[:, 0] // 3], outer.points)
+
+
 def test_a_curved_body_is_struck_on_its_round_face(capsys):
     """The chain leans on a patch of the outer cylinder, held at the lower plane."""
     ring("ring.inp", around=12, levels=4)
