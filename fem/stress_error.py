@@ -299,11 +299,18 @@ class FacetSide(NamedTuple):
         at = (mesh.t[:, cells][:, None] == corners).argmax(axis=0)  # (corner, m) in the element
         X = np.einsum("vp,dvm->dmp", N, mesh.elem().refdom.p[:, at])
 
-        # area vectors, all out of side 0, however the facet is numbered
-        p = mesh.p[:, corners]
-        area = np.cross(
-            *(np.einsum("vp,dvm->dmp", slope, p) for slope in (along_a, along_b)), axis=0
-        )
+        # area vectors, all out of side 0, however the facet is numbered; of a curved one by the
+        # mapping of its element
+        p, slopes = mesh.p[:, corners], (along_a, along_b)
+        if mesh.doflocs.shape[1] == mesh.nvertices:
+            tangents = [np.einsum("vp,dvm->dmp", slope, p) for slope in slopes]
+        else:
+            J, local = mesh.mapping().DF(X, tind=cells), mesh.elem().refdom.p[:, at]
+            tangents = [
+                np.einsum("dcmp,cmp->dmp", J, np.einsum("vp,dvm->dmp", slope, local))
+                for slope in slopes
+            ]
+        area = np.cross(*tangents, axis=0)
         first = mesh.p[:, mesh.t[:, mesh.f2t[0, facets]]].mean(axis=1)
         outward = np.einsum("dm,dmp->m", p.mean(axis=1) - first, area)
         return cls(mesh, cells, X, np.sign(outward)[:, None] * area * weights)

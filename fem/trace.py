@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
-from skfem import Basis, FacetBasis
+from skfem import Basis, FacetBasis, Mesh, MeshHex, MeshTet
 
 from fem.elasticity import Structure
 from fem.sagging import area_vectors
@@ -67,7 +67,8 @@ def face_edges(structure: Structure, face: str) -> NDArray[np.float64]:
 
 
 class OuterNodes(NamedTuple):
-    """Corners of the elements on the outside of all bodies."""
+    """Corners of the elements on the outside of all bodies, of curved ones also the middles of
+    their edges."""
 
     points: NDArray[np.float64]  # (m, 3) [m]
     faces: NDArray[
@@ -78,16 +79,34 @@ class OuterNodes(NamedTuple):
 
 
 def outer_nodes(structure: Structure) -> OuterNodes:
-    """The corners of all facets that belong to one element only."""
+    """The corners of all facets that belong to one element only; a curved facet is three or four
+    triangles at its corners and what is left between the middles of its edges."""
     points, faces, dofs, bodies, n = [], [], [], [], 0
     corners = max(basis.mesh.facets.shape[0] for basis in structure.basis.values())
     for i, (body, basis) in enumerate(structure.basis.items()):
-        facets = basis.mesh.facets[:, basis.mesh.boundary_facets()]
+        mesh, of_nodes, x = basis.mesh, basis.nodal_dofs, basis.mesh.p
+        outer = mesh.boundary_facets()
+        facets = mesh.facets[:, outer]
+        if mesh.doflocs.shape[1] > mesh.nvertices:
+            # the middle of the edge from each corner to the next, numbered behind the vertices
+            ends = np.sort(np.stack([facets, np.roll(facets, -1, axis=0)]), axis=0)
+            of_cell = mesh.t2e[:, mesh.f2t[0, outer]]  # (edge of the cell, facet)
+            its_ends = np.sort(mesh.edges[:, of_cell], axis=0)  # (2, edge of the cell, facet)
+            same = (its_ends[:, None] == ends[:, :, None]).all(axis=0)
+            edge = np.take_along_axis(of_cell, same.argmax(axis=1), axis=0)
+            middles = mesh.nvertices + edge
+            before = np.roll(middles, 1, axis=0)
+            rims = np.stack([facets, middles, before], axis=1).transpose(0, 2, 1).reshape(-1, 3)
+            k = len(facets)
+            rims = np.pad(rims, [(0, 0), (0, k - 3)], mode="edge")
+            facets = np.concatenate([rims, middles.T]).T
+            of_nodes = np.hstack([basis.nodal_dofs, basis.edge_dofs])
+            x = basis.doflocs[:, of_nodes[0]]
         used, face = np.unique(facets, return_inverse=True)
         face = n + face.reshape(facets.shape).T
         faces.append(np.pad(face, [(0, 0), (0, corners - face.shape[1])], mode="edge"))
-        dofs.append(structure.first[body] + basis.nodal_dofs[:, used].T)
-        points.append(basis.mesh.p[:, used].T)
+        dofs.append(structure.first[body] + of_nodes[:, used].T)
+        points.append(x[:, used].T)
         bodies.append(np.full(len(used), i))
         n += len(used)
     return OuterNodes(*map(np.concatenate, (points, faces, dofs, bodies)))
@@ -125,8 +144,10 @@ def located(
     corners = mesh.p[:, mesh.facets[:, facets]]
     size = np.ptp(corners, axis=1).max()
 
-    # pairs (point, facet) where the point is in the facet's bounding box
-    tolerance = max(1e-7 * size, gap)
+    # pairs (point, facet) where the point is in the facet's bounding box; a curved facet leaves its
+    # chord by up to its bulge
+    bulge = _bulge(mesh, facets)
+    tolerance = max(1e-7 * size, gap, bulge.max(initial=0.0))
     lower, upper = corners.min(axis=1) - tolerance, corners.max(axis=1) + tolerance
     in_box = np.ones((len(points), len(facets)), dtype=bool)
     for axis in range(3):
@@ -139,7 +160,7 @@ def located(
     cells = mesh.f2t[0, facets[facet]]
     target = points[point].T[:, :, None]
     X = local_coordinates(basis.mapping, target, cells)
-    element = mesh.elem()
+    element = MeshHex.elem() if isinstance(mesh, MeshHex) else MeshTet.elem()
     phi = [element.lbasis(X[:, :, 0], i)[0] for i in range(element.doflocs.shape[0])]
     outside = np.maximum(0.0, -np.array(phi).min(axis=0))
     outside += np.linalg.norm((basis.mapping.F(X, tind=cells) - target)[:, :, 0], axis=0) / size
@@ -152,10 +173,26 @@ def located(
 
     # how far each point lies from the nearest facet
     candidates = corners[:, :, facet]
-    miss = 1e-5 * np.ptp(candidates, axis=1).max(axis=0)
+    miss = 1e-5 * np.ptp(candidates, axis=1).max(axis=0) + bulge[facet]
     distance = np.full(len(points), np.inf)
     np.minimum.at(distance, point, facet_distances(candidates, points[point].T) - miss)
     return Located(cell, X_of_point, distance)
+
+
+def _bulge(mesh: Mesh, facets: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Distances (n,) [m] by which the nodes of curved facets leave the chords of their corners; 0
+    of straight ones."""
+    if mesh.doflocs.shape[1] == mesh.nvertices:
+        return np.zeros(len(facets))
+    # middles of edges and of the facet, as means of corners: by the chords, and by the mapping of
+    # the element behind
+    corners, cells = mesh.facets[:, facets], mesh.f2t[0, facets]
+    n = len(corners)
+    means = np.column_stack([(np.eye(n) + np.roll(np.eye(n), 1, axis=0)) / 2, np.full(n, 1 / n)])
+    at = (mesh.t[:, cells][:, None] == corners).argmax(axis=0)  # (corner, facet) in the element
+    X = np.einsum("vp,dvm->dmp", means, mesh.elem().refdom.p[:, at])
+    chord = np.einsum("vp,dvm->dmp", means, mesh.p[:, corners])
+    return np.linalg.norm(mesh.mapping().F(X, tind=cells) - chord, axis=0).max(axis=1)
 
 
 def trace(

@@ -9,16 +9,28 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import gmsh
 import numpy as np
+from numpy.typing import NDArray
 
 from geometry.errors import InvalidGeometry
 from geometry.gmsh_session import session, silent
 from geometry.shapes import Box, Cylinder, Hole, Shape
 from geometry.solids import Body, Face, Vector, off_axis
-from geometry.step_file import check_step, face_names, n_solids, name_solids, unit
+from geometry.step_file import (
+    check_step,
+    face_names,
+    n_solids,
+    name_solids,
+    other_files,
+    plainly_named,
+    text_of,
+    unit,
+)
+from geometry.step_splines import analytic
 
 # gmsh's names of surfaces, and ours
 KINDS = {"Plane": "plane", "Cylinder": "cylinder", "Cone": "cone", "Sphere": "sphere"}
@@ -30,11 +42,18 @@ FORBIDDEN = re.compile(
 UNNAMED = re.compile(r"(open cascade step translator.*|solid|body|compound|=>.*|\d*)", re.I)
 
 
+# of volume and area, by which solids with recognised surfaces may differ from those with B-splines,
+# over which OpenCASCADE integrates to 1e-3 around holes, to 5e-3 on a torus
+SAME_SOLID = 0.01
+LONGEST = 60  # letters of a name that are kept: they stand in tables and pictures
+
+
 class CadModel(NamedTuple):
     """The bodies by name, and the unit of length of the STEP file, None without one."""
 
     bodies: dict[str, Body]
     unit: str | None = None
+    elsewhere: tuple[str, ...] = ()  # other files that the file refers to, which are not read
 
 
 @contextmanager
@@ -56,7 +75,10 @@ def model(shapes: Mapping[str, Shape], step: Path | None = None) -> Iterator[Cad
             )
         gmsh.model.occ.synchronize()
         bodies = {name: body_of(name, tag) for name, tag in (tags | imported).items()}
-        yield CadModel(bodies, None if step is None else unit(step))
+        if step is None:
+            yield CadModel(bodies)
+        else:
+            yield CadModel(bodies, unit(step), tuple(other_files(step)))
 
 
 def write_step(shapes: Mapping[str, Shape], path: Path) -> None:
@@ -129,13 +151,20 @@ def _imported(step: Path) -> dict[str, int]:
     """
     check_step(step)
     try:
-        with silent():
-            entities = gmsh.model.occ.importShapes(str(step), highestDimOnly=False, format="step")
+        with TemporaryDirectory() as folder, silent():
+            strings = plainly_named(step, copy := Path(folder) / "plain.step")
+            entities = _shapes(copy if strings else step, Path(folder) / "analytic.step")
     except Exception as error:
         raise InvalidGeometry(f"{step} could not be read as STEP: {error}") from None
     gmsh.model.occ.synchronize()
     solids = [tag for dimension, tag in entities if dimension == 3]
     if not solids:
+        if others := other_files(step):
+            listed = ", ".join(others[:8]) + (", ..." if len(others) > 8 else "")
+            raise InvalidGeometry(
+                f"{step} holds no solids: its parts are in other files ({listed}); export the "
+                "assembly as one file, or give a file that holds a part."
+            )
         content = "surfaces without a volume" if entities else "nothing"
         raise InvalidGeometry(f"{step} holds {content}; export its bodies as solids.")
     if (n_described := n_solids(step)) > len(solids):
@@ -155,15 +184,52 @@ def _imported(step: Path) -> dict[str, int]:
 
     names = []
     for tag in solids:
-        path = gmsh.model.getEntityName(3, tag).split("/")
+        path = [strings.get(word, word) for word in gmsh.model.getEntityName(3, tag).split("/")]
         words = [word for word in path if not UNNAMED.fullmatch(word.strip())]
         # the first word is the file's
-        names.append(FORBIDDEN.sub("-", words[-1].strip()).strip("-") if words[1:] else "body")
+        name = FORBIDDEN.sub("-", words[-1].strip()).strip("-") if words[1:] else ""
+        names.append(name[:LONGEST].strip("-") or "body")
+    # equal names are numbered, past numbers that other names end in
     count, number, tags = Counter(names), Counter(), {}
     for name, tag in zip(names, solids, strict=True):
-        number[name] += 1
-        tags[f"{name}-{number[name]}" if count[name] > 1 else name] = tag
+        full = name
+        while count[name] > 1 and (full == name or full in count or full in tags):
+            number[name] += 1
+            full = f"{name}-{number[name]}"
+        tags[full] = tag
     return tags
+
+
+def _shapes(step: Path, copy: Path) -> list[tuple[int, int]]:
+    """Dimensions and tags of what a STEP file holds, with B-splines that are planes, cylinders and
+    the like as such, by a copy of the file, if its solids are the same."""
+
+    def read(path: Path) -> tuple[list[tuple[int, int]], NDArray[np.float64]]:
+        """Shapes, and volumes [m^3] and areas [m^2] of solids (n, 2)."""
+        occ = gmsh.model.occ
+        shapes = occ.importShapes(str(path), highestDimOnly=False, format="step")
+        occ.synchronize()
+        solids = [shape for shape in shapes if shape[0] == 3]
+        boundaries = [gmsh.model.getBoundary([solid], oriented=False) for solid in solids]
+        areas = [sum(occ.getMass(*face) for face in faces) for faces in boundaries]
+        volumes = [occ.getMass(*solid) for solid in solids]
+        return shapes, np.array([volumes, areas]).T
+
+    text = analytic(text_of(step))
+    if text is None:
+        return gmsh.model.occ.importShapes(str(step), highestDimOnly=False, format="step")
+    copy.write_text(text, encoding="utf-8")
+    _, original = read(step)
+    gmsh.clear()
+    try:
+        shapes, recognised = read(copy)
+        same = np.allclose(recognised, original, rtol=SAME_SOLID) and len(original)
+    except Exception:  # OpenCASCADE refuses what it took before
+        same = False
+    if same:
+        return shapes
+    gmsh.clear()
+    return gmsh.model.occ.importShapes(str(step), highestDimOnly=False, format="step")
 
 
 def body_of(name: str, tag: int) -> Body:

@@ -32,6 +32,7 @@ class Drawing(NamedTuple):
     unit: str | None  # of length in the STEP file; None for drawn bodies
     near: Neighbours
     own: OwnMesh | None = None  # the mesh, if bodies come from one
+    remarks: tuple[str, ...] = ()  # on what of the file is left out
 
 
 class Sizing(NamedTuple):
@@ -72,7 +73,12 @@ def drawn(
         require_size(cad.bodies, of_file=step is not None)
         near = neighbours(cad.bodies, gap)
         require_apart(near)
-        yield Drawing(cad.bodies, cad.unit, near)
+        remarks = tuple(
+            f"The STEP file refers to {name} for other parts, which is not read; export the "
+            "assembly as one file if they belong to it."
+            for name in cad.elsewhere
+        )
+        yield Drawing(cad.bodies, cad.unit, near, remarks=remarks)
 
 
 def meshed(

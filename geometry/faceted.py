@@ -15,6 +15,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from skfem import Basis, Mesh
 
+from geometry.curved import edge_normals, facet_areas, facet_nodes, is_curved
 from geometry.facets import triangles
 from geometry.solids import Body, Face, Vector
 
@@ -102,20 +103,33 @@ def skins(
         corners[inward] = corners[inward][:, ::-1]
         area = np.linalg.norm(across, axis=1)
         normal = across / area[:, None]
+        at_edges = None
+        if is_curved(mesh):
+            nodes = facet_nodes(mesh, number)
+            pieces = facet_areas(nodes)
+            area = np.linalg.norm(pieces, axis=2).sum(axis=1)
+            whole = pieces.sum(axis=1)
+            # out of the element, as the chords are
+            turn = np.where(np.sum(whole * normal, axis=1) < 0, -1.0, 1.0)[:, None]
+            normal = turn * whole / np.linalg.norm(whole, axis=1, keepdims=True)
+            at_edges = turn[:, None] * edge_normals(nodes)
         skin = Skin(mesh, number, corners, normal, area, np.zeros_like(number))
 
         # 0 for facets of no named surface
         surface = np.zeros(len(number), dtype=np.int64)
         for i, facets in enumerate(named.get(name, {}).values(), start=1):
             surface[np.isin(number, facets)] = i
-        outsides[name] = skin._replace(tag=last_tag + 1 + _faces(skin, surface))
+        outsides[name] = skin._replace(tag=last_tag + 1 + _faces(skin, surface, at_edges))
         last_tag = int(outsides[name].tag.max())
     return outsides
 
 
-def _faces(skin: Skin, surface: NDArray[np.int64]) -> NDArray[np.int64]:
+def _faces(
+    skin: Skin, surface: NDArray[np.int64], at_edges: NDArray[np.float64] | None
+) -> NDArray[np.int64]:
     """Number (n,) of the face, from 0, that each facet belongs to; facets with different numbers
-    `surface` (n,) of named surfaces are never on one face."""
+    `surface` (n,) of named surfaces are never on one face. `at_edges` (n, edges, 3) are the normals
+    of curved facets at their edges, from each corner in the mesh to the next."""
     # pairs of facets that have an edge in common
     nodes = skin.mesh.facets[:, skin.number]
     edges = np.sort(np.stack([nodes, np.roll(nodes, -1, axis=0)]), axis=0).reshape(2, -1)
@@ -133,8 +147,12 @@ def _faces(skin: Skin, surface: NDArray[np.int64]) -> NDArray[np.int64]:
 
     # two groupings of the facets: across smooth edges, and across edges within one plane
     cosine = np.sum(skin.normal[first] * skin.normal[second], axis=1)
+    bend = cosine
+    if at_edges is not None:
+        there = at_edges.transpose(1, 0, 2).reshape(-1, 3)
+        bend = np.sum(there[order[repeats]] * there[order[repeats + 1]], axis=1)
     alike = surface[first] == surface[second]
-    smooth = connected(alike & (cosine > FINDING.smooth))
+    smooth = connected(alike & (bend > FINDING.smooth))
     strip = connected(alike & (cosine > FINDING.flat))
 
     # a smooth group that is neither plane nor round may be a fillet with the planes that it runs
@@ -227,14 +245,15 @@ def bodies(
 ) -> dict[str, Body]:
     """The bodies of the meshes, as those of a CAD model, by name; `named` as in `skins`.
 
-    Volume [m^3], centroid [m] and inertia of unit density [m^5] are those of the straight elements,
-    not of the curved body that they stand for.
+    Volume [m^3], centroid [m] and inertia of unit density [m^5] are those of the elements: of
+    straight ones not those of the curved body that they stand for.
     """
     described = {}
     for number, (name, skin) in enumerate(outsides.items(), start=1):
         # moments of the elements: 1, x and x x^T, at most quadratic, integrated exactly where the
-        # mapping is affine
-        basis = Basis(skin.mesh, skin.mesh.elem(), intorder=3)
+        # mapping is affine; of curved ones to 1e-6
+        order = 6 if is_curved(skin.mesh) else 3
+        basis = Basis(skin.mesh, skin.mesh.elem(), intorder=order)
         x, dx = np.array(basis.global_coordinates()).reshape(3, -1), basis.dx.ravel()
         volume = float(dx.sum())
         centroid = x @ dx / volume
@@ -258,6 +277,9 @@ def _face(skin: Skin, tag: int, named: Mapping[str, NDArray[np.int64]]) -> Face:
     mean = _unit(area @ normals) if np.linalg.norm(area @ normals) > 0 else np.eye(3)[0]
     # normals against their mean: they may differ by more than those of two neighbours
     is_plane = bool(np.all(normals @ mean > FINDING.flat - 1e-7))
+    if is_plane and is_curved(skin.mesh):
+        heights = (facet_nodes(skin.mesh, skin.number[mine]) - points[0]) @ mean
+        is_plane = bool(np.abs(heights).max() < FINDING.straight * np.sqrt(area.sum()))
     curved = None if is_plane else _curved(skin, mine)
     label = (n for n, facets in named.items() if np.isin(skin.number[mine], facets).all())
     face = Face(

@@ -1,7 +1,8 @@
 """A mesh with every element in eight, once or several times, its named boundaries kept.
 
 The new vertices are the middles of edges, of quadrilaterals and of hexahedra, so that the shape
-functions of the first mesh are among those of the second where elements are parallelepipeds.
+functions of the first mesh are among those of the second where elements are parallelepipeds. New
+nodes of curved elements lie on the curve.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from geometry.curved import is_curved, split, straight
 from geometry.facets import facets_of
 
 if TYPE_CHECKING:  # see `lined`
@@ -22,7 +24,8 @@ def refined(mesh: Mesh, times: int = 1) -> Mesh:
     boundaries and subdomains stay."""
     if times == 0:
         return mesh
-    fine = replace(mesh, _boundaries=None).refined()
+    of_corners = straight(mesh)
+    fine = replace(of_corners, _boundaries=None).refined()
 
     # the refined mesh numbers the middles of edges behind the vertices, by the edges' numbers
     n = mesh.nvertices
@@ -47,4 +50,5 @@ def refined(mesh: Mesh, times: int = 1) -> Mesh:
             heart = np.broadcast_to(n + mesh.nedges + facets, corners.shape)
             quarters = np.stack([corners, middles, heart, previous], axis=-1).reshape(-1, 4)
         boundaries[name] = facets_of(fine, quarters)
-    return refined(fine.with_boundaries(boundaries), times - 1)
+    fine = fine.with_boundaries(boundaries)
+    return refined(split(mesh, fine) if is_curved(mesh) else fine, times - 1)

@@ -32,6 +32,10 @@ def own_cache(tmp_path, monkeypatch):
     monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
 
 
+def bodies(path):
+    return volumes_of(path).meshes
+
+
 def modes_hz(*changes):
     computed = pipeline_of(scene("rig-full-tie", changes), lambda name: nullcontext())("modes")
     return computed.omega[:4] / (2 * np.pi)
@@ -99,7 +103,7 @@ def by_gmsh(tmp_path_factory):
 @pytest.mark.parametrize("name", list(WRITTEN)[1:])
 def test_a_mesh_keeps_its_names_in_every_version_and_order(by_gmsh, name):
     """4.1 with its lines, points and bounding entities, and elements of second order."""
-    ours, plain = volumes_of(by_gmsh / f"{name}.msh"), volumes_of(by_gmsh / "plain.msh")
+    ours, plain = bodies(by_gmsh / f"{name}.msh"), bodies(by_gmsh / "plain.msh")
     assert {body: mesh.nelements for body, mesh in ours.items()} == {
         body: mesh.nelements for body, mesh in plain.items()
     }
@@ -173,7 +177,7 @@ def with_others(file, tmp_path, kind, name, nodes, apart=None):
 @pytest.mark.slow
 def test_cells_in_no_named_volume_are_left_out(file, tmp_path):
     more = with_others(file, tmp_path, "pyramid", None, [0, 1, 2, 3, 4])
-    before, after = volumes_of(file), volumes_of(more)
+    before, after = bodies(file), bodies(more)
     for body, mesh in before.items():
         assert (mesh.nelements, mesh.nvertices) == (after[body].nelements, after[body].nvertices)
     faces = [len(case["block"].boundaries["block:+x"]) for case in (before, after)]
@@ -205,7 +209,7 @@ def test_cells_that_would_be_lost_or_count_twice_are_refused(
 
 @pytest.mark.parametrize("ending", ["vtu", "inp"])
 def test_names_of_scikit_fem_and_of_sets_are_kept(file, tmp_path, ending):
-    plain, given = volumes_of(file), meshio.read(file)
+    plain, given = bodies(file), meshio.read(file)
     path = tmp_path / f"mine.{ending}"
     pairs = zip(given.cells, given.cell_data["gmsh:physical"], strict=True)
     solid, tags = zip(*((b.data, t) for b, t in pairs if b.type == "hexahedron"), strict=True)
@@ -224,7 +228,7 @@ def test_names_of_scikit_fem_and_of_sets_are_kept(file, tmp_path, ending):
         cells = [("hexahedron", np.concatenate(solid))]
         cell_sets = {name: [cells] for name, cells in sets.items()}
         meshio.Mesh(given.points, cells, cell_sets=cell_sets).write(path)
-    again = volumes_of(path)
+    again = bodies(path)
     for name in ("block", "sheet-y", "sheet+y"):
         assert again[name].nelements == plain[name].nelements
     if ending == "vtu":

@@ -172,7 +172,7 @@ def test_files_that_are_no_mesh_of_bodies_are_refused(meshes, capsys):
         ("none.msh", "none.msh does not exist"),
         ("cut.msh", "cut off before $EndElements"),
         ("text.msh", "does not begin with $MeshFormat"),
-        ("unnamed.inp", "has no named volumes; name each body"),
+        ("unnamed.inp", 'no body is called "base"; there are "1"'),
     ):
         assert message in refused(capsys, f'mesh = "{file}"')
     both = f'mesh = "{meshes}/bolted-1.msh"\nstep = "other.step"'

@@ -15,6 +15,7 @@ import numpy as np
 
 from workflows.files.child import child
 from workflows.files.foreign_reader import REFUSED
+from workflows.scene.memory import free_memory
 
 Result = TypeVar("Result")
 READER = "workflows.files.foreign_reader"
@@ -33,6 +34,16 @@ class Refused(Unreadable):
     """A file that its reader refuses, with its reason."""
 
 
+def require_memory(path: Path) -> None:
+    """Raise Unreadable for a file that memory has no room for: as bytes and as what they say."""
+    size, memory = path.stat().st_size, free_memory()
+    if 2 * size > memory:
+        raise Unreadable(
+            f"it has {size / 1e9:.3g} GB, to be read twice that, and {memory / 1e9:.3g} GB of "
+            "memory are free"
+        )
+
+
 def arrays(kind: str, path: Path, *names: str) -> dict[str, np.ndarray]:
     """Arrays of a file, as they are there, by the reader `kind` of `foreign_reader`, only those of
     these names where it takes names; raises Unreadable."""
@@ -42,6 +53,7 @@ def arrays(kind: str, path: Path, *names: str) -> dict[str, np.ndarray]:
 def through_child(kind: str, path: Path, load: Callable[[Path], Result], *names: str) -> Result:
     """What `load` reads from the .npz to which a child process has converted the file; raises
     Unreadable."""
+    require_memory(path)
     seconds = START + path.stat().st_size / RATES.get(kind, RATE)
     endless = Unreadable(f"reading it does not end within {seconds:.0f} s")
     with TemporaryDirectory() as folder:

@@ -18,13 +18,13 @@ Arrays = dict[str, np.ndarray]
 
 
 def _mesh(path: Path) -> Arrays:
-    """points (n, 3), names "dimension name" (g,) of groups, and the corners of each as cells0,
-    cells1, ... (m, corners)."""
-    from geometry.mesh_file import cell_groups
+    """points (n, 3), names "dimension origin name" (g,) of groups, and the nodes of each as cells0,
+    cells1, ... (m, nodes)."""
+    from geometry.mesh_file import mesh_file
 
-    points, groups = cell_groups(path)
-    names = np.array([f"{g.dimension} {g.name}" for g in groups], dtype=str)
-    cells = {f"cells{i}": group.corners for i, group in enumerate(groups)}
+    points, groups = mesh_file(path)
+    names = np.array([f"{g.dimension} {g.origin:d} {g.name}" for g in groups], dtype=str)
+    cells = {f"cells{i}": group.nodes for i, group in enumerate(groups)}
     return {"points": points, "names": names, **cells}
 
 

@@ -1,19 +1,19 @@
 """A mesh of the user's own, read in a child."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
-from skfem import Mesh
-
 from geometry import CellGroup, InvalidGeometry
-from geometry.named_cells import NamedCells, volumes
+from geometry.cell_groups import MeshFile, Origin
+from geometry.named_cells import OwnVolumes, volumes
 from workflows.files.foreign import Unreadable, arrays
 from workflows.scene import InvalidScene
 from workflows.scene.named_files import require_file
 
 
-def volumes_of(path: Path) -> dict[str, Mesh]:
-    """Every named volume of a file as a mesh of its own; raises InvalidScene for what is no mesh
-    and where there is no such volume."""
+def volumes_of(path: Path, chosen: Sequence[str] = (), merge: float | None = None) -> OwnVolumes:
+    """The bodies of a mesh file, those `chosen` or all, with nodes nearer than `merge` [m] merged;
+    raises InvalidScene for what is no mesh and for the faults of `geometry.named_cells`."""
     require_file(path, "give a mesh that gmsh or meshio read", key="mesh: ")
     try:
         content = arrays("mesh", path)
@@ -22,11 +22,12 @@ def volumes_of(path: Path) -> dict[str, Mesh]:
             f"{str(path)!r} cannot be read as a mesh ({error}); give a file that gmsh or meshio "
             "read."
         ) from None
-    groups = [
-        CellGroup(name, int(dimension), content[f"cells{i}"])
-        for i, (dimension, name) in enumerate(str(n).split(" ", 1) for n in content["names"])
-    ]
+    groups = []
+    for i, words in enumerate(content["names"]):
+        dimension, origin, name = str(words).split(" ", 2)
+        groups.append(CellGroup(name, int(dimension), content[f"cells{i}"], Origin(int(origin))))
     try:
-        return volumes(NamedCells(str(path), content["points"], groups))
+        file = MeshFile(content["points"], groups)
+        return volumes(file, str(path), chosen=chosen, merge=merge)
     except InvalidGeometry as error:
         raise InvalidScene(str(error)) from None

@@ -5,11 +5,16 @@ from pathlib import Path
 
 from geometry.errors import InvalidGeometry
 from geometry.step_file import check_step
-from workflows.files.foreign import Refused, Unreadable, arrays
+from workflows.files.foreign import Refused, Unreadable, arrays, require_memory
 
 
 def require_step(path: Path) -> None:
     """Raises InvalidGeometry for a file whose bodies cannot be read."""
+    if path.is_file():
+        try:
+            require_memory(path)
+        except Unreadable as error:
+            raise InvalidGeometry(f"{path}: {error}; give a smaller file.") from None
     check_step(path)
     status = path.stat()
     _tried(path, (status.st_mtime_ns, status.st_size, status.st_ino))

@@ -19,6 +19,7 @@ from workflows.scene.scene_table import (
     Density,
     Frequency,
     Length,
+    NonNegative,
     Number,
     PatchRadius,
     Point,
@@ -349,7 +350,13 @@ class General(SceneTable):
     """[assembly] of bodies: where they come from, what touching means, what holds them."""
 
     step: FileName | None = None  # a STEP file
-    mesh: FileName | None = None  # or a mesh with named volumes, in metres
+    # or a mesh in metres: .msh, .med, .unv, .inp, .bdf, .nas, or what meshio reads
+    mesh: FileName | None = None
+    # the sets of the mesh that are bodies; without it the fewest that have each cell once
+    volumes: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] | None = None
+    # [m] distance up to which nodes of a body of the mesh are merged; 0 takes a body in pieces, or
+    # with a crack, as it is
+    merge: of(NonNegative, LENGTH, 0, 1e-2) | None = None
     touching: Literal["ask", "tied", "free"] = "ask"  # what touching pairs are that nothing names
     gap: of(Positive, LENGTH, 1e-8, 1e-3) = 1e-5  # [m] up to which faces touch
     # faces on the ground, a roller as { on = "foot:-z", directions = "z" }; [] for a structure that

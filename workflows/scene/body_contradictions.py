@@ -42,6 +42,9 @@ def of_bodies(scene: Scene) -> Iterator[str]:
                 )
         if scene.mesh.scale != 1.0 or scene.mesh.element != "hex":
             yield "[mesh] is beside assembly.mesh, which has all elements; drop it."
+    for key in ("volumes", "merge"):
+        if assembly.mesh is None and getattr(assembly, key) is not None:
+            yield f"assembly.{key} says how assembly.mesh is read, and there is none; drop it."
 
     # grid lines: of all bodies or of none, since nothing is imprinted on a body that has them
     lined = [name for name, body in bodies.items() if body.lines]

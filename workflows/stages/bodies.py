@@ -39,8 +39,9 @@ def drawing(scene: Scene, coarser: float = 1.0, *, lines: bool = True) -> Iterat
     try:
         # a mesh: the user's, or between the grid lines that the scene prescribes
         solids, volumes, scale = {}, {}, coarser * scene.mesh.scale
+        remarks: tuple[str, ...] = ()
         if table.mesh:
-            volumes = volumes_of(Path(table.mesh))
+            volumes, remarks = volumes_of(Path(table.mesh), table.volumes or (), table.merge)
         else:
             solids = shapes(scene)
             prescribed = grid_lines(scene, scale) if lines else {}
@@ -50,7 +51,7 @@ def drawing(scene: Scene, coarser: float = 1.0, *, lines: bool = True) -> Iterat
         if step:
             require_step(step)
         with drawn({} if volumes else solids, step, volumes, table.gap) as bodies:
-            yield bodies
+            yield bodies._replace(remarks=bodies.remarks + remarks)
     except InvalidGeometry as error:
         raise InvalidScene(f"{scene.name}: {error}") from None
 

@@ -21,7 +21,8 @@ from typing import Any, NamedTuple
 from joblib import Memory
 
 from workflows.files import whole_file
-from workflows.scene import LossFactorsTable, MeasuredWall, RomWall, Scene
+from workflows.files.foreign import Unreadable, require_memory
+from workflows.scene import InvalidScene, LossFactorsTable, MeasuredWall, RomWall, Scene
 from workflows.scene.named_files import files_of
 from workflows.scene.places import has_friction, named_faces, sensor_places, words_of
 from workflows.scene.size import foreseen_nodes
@@ -117,8 +118,15 @@ def _dimensions(scene: Scene) -> Any:
 
 
 def content(path: str | Path) -> str | None:
-    """A digest of a file's content; None where there is none."""
-    return whole_file.digest(Path(path)) if Path(path).is_file() else None
+    """A digest of a file's content; None where there is none. Raises InvalidScene for one that
+    memory has no room for."""
+    if not Path(path).is_file():
+        return None
+    try:
+        require_memory(Path(path))
+    except Unreadable as error:
+        raise InvalidScene(f"{path}: {error}; give a smaller file.") from None
+    return whole_file.digest(Path(path))
 
 
 @lru_cache(maxsize=256)  # several stages read the tables that name a file

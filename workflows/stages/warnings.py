@@ -171,6 +171,16 @@ def rigid_motions(numbers: Sequence[int]) -> Iterator[str]:
         )
 
 
+def unheld_motions(numbers: Sequence[int]) -> Iterator[str]:
+    """Modes, counted from 1, of a structure that is held which strain nothing."""
+    if len(numbers):
+        yield (
+            f"Modes {', '.join(map(str, numbers))} have no frequency although the structure is "
+            "held: a piece of a body moves as if nothing joined it; look for nodes of its mesh "
+            "that are not merged, and for pieces that nothing ties."
+        )
+
+
 def doubtful_parts(errors: Mapping[int, float]) -> Iterator[str]:
     """Modes whose frequency, relative error by number from 1, changes with what measured parts
     leave open."""

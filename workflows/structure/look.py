@@ -329,7 +329,7 @@ def _remarks(geometry: Drawing) -> list[str]:
     from geometry.holes import cut_holes
 
     free = geometry.near.free(geometry.bodies) if len(geometry.bodies) > 1 else ()
-    remarks = [f'"{name}" touches no other body.' for name in free]
+    remarks = [*geometry.remarks, *(f'"{name}" touches no other body.' for name in free)]
     for body in geometry.bodies.values():
         for hole in cut_holes(body):
             at = ",".join(f"{x:.4g}" for x in body.face(hole.tags[0]).centre.round(6) + 0.0)

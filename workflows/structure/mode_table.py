@@ -3,7 +3,7 @@
 import numpy as np
 from pydantic import BaseModel
 
-from fem.correlation import strained
+from fem.correlation import RIGID, strained
 from workflows.files.run_folder import Picture
 from workflows.report import plots
 from workflows.report.tables import aligned_text
@@ -137,6 +137,9 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
     if scene.bending is None and (scene.floats or scene.springs):
         rigid = np.flatnonzero(~strained(pipeline("model"), modes)) + 1
         sentences += warnings.rigid_motions(rigid.tolist())
+    elif scene.bending is None and (modes.omega < RIGID * modes.omega.max()).any():
+        unheld = np.flatnonzero(~strained(pipeline("model"), modes)) + 1
+        sentences += warnings.unheld_motions(unheld.tolist())
     if scene.measured:
         from workflows.stages import measured_parts
 
