@@ -677,9 +677,12 @@ def covariance_of(
     inverse = np.linalg.pinv(fit.normal, rcond=1e-13, hermitian=True)
     local_inverse = [np.linalg.pinv(local) for local in fit.local]  # (2 n, m b)
     of_global = [-local_inverse[i] @ fit.J[i] for i in range(p)]  # shape by poles and factors
+    # hits that are one another's multiples scatter by rounding, which is no noise
     covered = np.zeros((p, m), bool)
     for d in test.deletions:
-        covered[np.ix_(d.points, d.references)] = True
+        place = np.ix_(d.points, d.references)
+        scatter = np.abs(d.change[..., part.lines]).max()
+        covered[place] = scatter > 1e-12 * np.abs(test.H[place][..., part.lines]).max()
     squares, spread = np.zeros((p, 2 * n)), []
     if covered.all():
         covariance = 0.0

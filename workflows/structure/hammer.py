@@ -70,9 +70,10 @@ class HammerRow(BaseModel):
 
     number: int  # of the pole, for --reject
     frequency_hz: float
-    frequency_deviation_hz: float  # one standard deviation, as the next
+    # one standard deviation, as the next; None where the blocks of an ambient record do not say
+    frequency_deviation_hz: float | None
     zeta: float
-    zeta_deviation: float
+    zeta_deviation: float | None
     zeta_half_power: float | None
     collinearity: float
     coherence: float | None = None
@@ -146,9 +147,10 @@ class HammerReport(BaseModel):
         by_shape = any(row.mac or row.runner_up_mac for row in self.rows)
         table = []
         for row in self.rows:
+            df, dzeta = row.frequency_deviation_hz, row.zeta_deviation
             cells = (
-                row.number, f"{row.frequency_hz:.2f}", f"{row.frequency_deviation_hz:.2g}",
-                f"{100 * row.zeta:.3f} %", f"{100 * row.zeta_deviation:.2g} %",
+                row.number, f"{row.frequency_hz:.2f}", None if df is None else f"{df:.2g}",
+                f"{100 * row.zeta:.3f} %", None if dzeta is None else f"{100 * dzeta:.2g} %",
                 f"{row.collinearity:.2f}", row.mode,
             )  # fmt: skip
             if by_shape:
@@ -345,6 +347,9 @@ def hammer_rows(
             remarks.append("complex shape")
         if modes.zeta_deviation[i] > remarkable.zeta * zeta:
             remarks.append("damping uncertain")
+        df, dzeta = modes.frequency_deviation[i], modes.zeta_deviation[i]
+        if not np.isfinite([df, dzeta]).all():
+            remarks.append("deviations unknown: fewer than half of the record's blocks show it")
         if tone := combination_tone(i, modes.frequency_hz, modes.zeta, height, not_linear):
             remarks.append(f"perhaps no mode: {tone}")
         steps = decays[i]
@@ -357,8 +362,8 @@ def hammer_rows(
         rows.append(
             HammerRow(
                 number=int(modes.number[i]), frequency_hz=float(hz), zeta=float(zeta),
-                frequency_deviation_hz=float(modes.frequency_deviation[i]),
-                zeta_deviation=float(modes.zeta_deviation[i]),
+                frequency_deviation_hz=float(df) if np.isfinite(df) else None,
+                zeta_deviation=float(dzeta) if np.isfinite(dzeta) else None,
                 zeta_half_power=None if np.isnan(half_power) else float(half_power),
                 collinearity=float(modes.collinearity[i]), coherence=coherence,
                 mode=paired.get(i), remarks=remarks,

@@ -236,11 +236,15 @@ def targets_of(test: IdentifiedTest, shapes: Path) -> str:
     blocks = []
     for row in test.report.rows:
         doubts = [remark for remark in row.remarks if remark.startswith("doubtful")]
+        damping = [f"zeta = {row.zeta:.4g}"]
+        if row.zeta_deviation is not None:
+            damping.append(f"zeta_deviation = {row.zeta_deviation:.2g}")
         lines = [
-            "[[targets]]", f"hz = {supported(row.frequency_hz, row.frequency_deviation_hz)}",
+            "[[targets]]",
+            f"hz = {supported(row.frequency_hz, row.frequency_deviation_hz or 0.0)}",
             *([f"hz_deviation = {row.frequency_deviation_hz:.2g}"] if has_deviation(row) else ()),
             f'shape = "{shapes}"',
-            f"zeta = {row.zeta:.4g}", f"zeta_deviation = {row.zeta_deviation:.2g}",
+            *damping,
         ]  # fmt: skip
         if doubts or (row.mac is None and row.runner_up_mac is not None):
             why = doubts[0] if doubts else "no computed mode is like it"
@@ -360,4 +364,4 @@ def _of_test(row: HammerRow) -> dict[str, float | None]:
 
 def has_deviation(row: HammerRow) -> bool:
     """Whether the deviation of a row's frequency is known; of one line it is not."""
-    return 0 < row.frequency_deviation_hz < row.frequency_hz
+    return 0 < (row.frequency_deviation_hz or 0.0) < row.frequency_hz

@@ -326,9 +326,10 @@ def resonances_near(
     )  # fmt: skip
     near = places[pairs.index >= 0]
     hz = test.modes.frequency_hz[near]
-    error = np.maximum(FREQUENCY_ERROR, 3 * test.modes.frequency_deviation[near] / hz)
+    # a deviation that the blocks of an ambient record do not say is nan
+    error = np.fmax(FREQUENCY_ERROR, 3 * test.modes.frequency_deviation[near] / hz)
     zeta = test.modes.zeta[near]
-    of_zeta = np.maximum(ZETA_ERROR, 3 * test.modes.zeta_deviation[near] / zeta)
+    of_zeta = np.fmax(ZETA_ERROR, 3 * test.modes.zeta_deviation[near] / zeta)
     return near, Resonances(hz, near, error, zeta, of_zeta)
 
 
