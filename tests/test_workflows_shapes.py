@@ -129,6 +129,49 @@ def test_shapes_of_data_set_55_find_their_modes(known):
     assert index == TARGETS and np.all(score > 0.98) and np.all(score < 1)
 
 
+def complex_55(values, eigenvalue, modal_a=0j, modal_b=0j, title="NONE"):
+    """A shape with a complex eigenvalue, measured along z."""
+    head = {f"id{i}": "NONE" for i in range(2, 6)}
+    return pyuff.prepare_55(
+        id1=title, model_type=1, analysis_type=3, data_ch=2, spec_data_type=8, data_type=5,
+        n_data_per_node=3, node_nums=np.arange(1, len(values) + 1), load_case=0, mode_n=1,
+        eig=eigenvalue, modal_a=modal_a, modal_b=modal_b, r1=0j * values, r2=0j * values,
+        r3=values.astype(complex), **head,
+    )  # fmt: skip
+
+
+EVIDENCE = {
+    "modal A of a modal mass of 1": lambda w, hz: {"modal_a": 2j * w.imag},
+    "modal A and B of any scale": lambda w, hz: {"modal_a": 3.7 + 1j, "modal_b": -w * (3.7 + 1j)},
+    "a title": lambda w, hz: {"title": f"Mode at {hz:.2f} Hz, 0.2 %"},
+}
+
+
+@pytest.mark.parametrize("unit", [1.0, 2 * np.pi])
+@pytest.mark.parametrize("evidence", EVIDENCE)
+def test_eigenvalues_of_data_set_55_are_read_in_the_unit_that_they_have(known, evidence, unit):
+    points = known[0]
+    shapes = np.random.default_rng(0).normal(size=(3, len(points)))
+    all_hz = (120.57, 243.44, 757.6)  # the first would be the third, read in the other unit
+    sets = []
+    for values, hz in zip(shapes, all_hz, strict=True):
+        omega = 2 * np.pi * hz * (-0.002 + 1j)
+        sets.append(complex_55(values, omega / unit, **EVIDENCE[evidence](omega, hz)))
+    written(nodes(points), *sets)
+    for values, hz in zip(shapes, all_hz, strict=True):
+        shape = measured_shape(Path("shapes.uff"), hz)
+        np.testing.assert_allclose(shape.values.real, values, rtol=1e-4)
+
+
+def test_eigenvalues_of_data_set_55_without_a_hint_are_in_rad_s(known):
+    points = known[0]
+    values = np.random.default_rng(0).normal(size=len(points))
+    written(nodes(points), complex_55(values, 2j * np.pi * 100.0, modal_a=0.3j))
+    np.testing.assert_allclose(measured_shape(Path("shapes.uff"), 100.0).values.real, values, 1e-4)
+    with pytest.raises(InvalidScene, match=r"there are 100 Hz, eigenvalues being in rad/s unless"):
+        measured_shape(Path("shapes.uff"), 628.0)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("roving", [False, True])
 def test_responses_at_many_points_tell_the_shapes_of_their_peaks(known, roving):
