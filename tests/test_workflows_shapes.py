@@ -19,6 +19,7 @@ from workflows.scene import InvalidScene
 from workflows.stages.pipeline import pipeline_of
 from workflows.stages.targets import remarks_on_axes
 from workflows.structure import pairing
+from workflows.structure.mode_table import mode_table
 
 pyuff = pytest.importorskip("pyuff", reason="universal files are optional (the extra `identify`)")
 
@@ -170,6 +171,52 @@ def test_eigenvalues_of_data_set_55_without_a_hint_are_in_rad_s(known):
     np.testing.assert_allclose(measured_shape(Path("shapes.uff"), 100.0).values.real, values, 1e-4)
     with pytest.raises(InvalidScene, match=r"there are 100 Hz, eigenvalues being in rad/s unless"):
         measured_shape(Path("shapes.uff"), 628.0)
+
+
+def test_a_pair_of_frequencies_far_apart_is_doubted_however_like_its_shapes(known):
+    points, shapes, omega = known
+    hz = omega[4] / (2 * np.pi) / 2.1
+    written(nodes(points), shape_55(shapes[4], hz))
+    table = mode_table(pipeline(BEAM + TARGET.format(hz)))
+    (row,) = [row for row in table.rows if row.hammer_mode]
+    assert row.number == 5 and row.score > 0.99
+    (warning,) = [sentence for sentence in table.warnings if "shape alone" in sentence]
+    assert "2.1 times its frequency" in warning
+
+
+PLATE = """
+assembly = { held = ["plate:+x", "plate:-x", "plate:+y", "plate:-y"], material = "board" }
+materials = { board = { young = 25e9, poisson = 0.3, density = 2900.0 } }
+[bodies.plate]
+box = [0.23424, 0.23424, 0.0013]
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scale", [2.5, 2.75, 3.0])
+def test_a_double_mode_is_paired_with_the_plane_of_the_computed_pair_on_any_mesh(scale):
+    # a clamped square plate: its double mode measured as two, turned by 50 degrees in their plane.
+    # Products of (1 - x^2)^2 and x (1 - x^2)^2 are its shapes to a MAC of 0.99
+    x = np.array([-0.9, -0.4, 0.4, 0.9, -0.85, -0.4, 0.4, 0.95, 0.0])
+    y = np.array([0.85, 0.45, 0.5, 0.9, -0.95, -0.5, -0.45, -0.95, 0.0])
+    at = np.column_stack([0.11712 * x, 0.11712 * y, 0 * x])
+    bump = (1 - x**2) ** 2 * (1 - y**2) ** 2
+    c, s = np.cos(np.radians(50)), np.sin(np.radians(50))
+    measured = {
+        120.57: bump, 243.44: bump * (c * x + s * y), 248.36: bump * (c * y - s * x),
+        362.57: bump * x * y,
+    }  # fmt: skip
+    zeros = np.zeros_like(x)
+    sets = [shape_55(np.column_stack([zeros, zeros, z]), hz) for hz, z in measured.items()]
+    written(nodes(at), *sets)
+    table = mode_table(
+        pipeline(PLATE + "".join(map(TARGET.format, measured)), f"mesh.scale={scale}")
+    )
+    paired = {row.number: row for row in table.rows if row.hammer_mode}
+    assert [row.hammer_hz for row in paired.values()] == sorted(measured)
+    assert list(paired) == [1, 2, 3, 4]
+    assert all(row.score > 0.97 for row in paired.values())
+    assert abs(paired[2].frequency_hz / 247.7 - 1) < 0.01
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from fem.half_power import half_power_bandwidth
 from fem.hammer_files import SYNTHETIC, Responses
 from fem.hammer_test import accelerances, corner_readings, nearest_modes, with_noise
 from fem.hit_records import node_and_axis
-from fem.hits import FrequencyResponses
+from fem.hits import FrequencyResponses, lines_left_out
 from fem.poly_reference import IdentifiedModes, identified_modes
 from fem.subspace import subspace_modes
 from workflows.files.hammer import MeasuredTest, Reading, measured_test
@@ -243,6 +243,9 @@ def hammer_test(
         )
     )  # fmt: skip
     remarks, missing = opposite_directions(test, modes), points_without_place(test)
+    if test.kind != "ambient":
+        within = (f >= band[0]) & (f <= band[1])
+        remarks += lines_left_out(f[within], test.responses.usable[within])
     if test.nodes and missing:
         points = test.responses.points
         listed = ", ".join(points[i] for i in missing[:8]) + (", ..." if len(missing) > 8 else "")
@@ -437,11 +440,11 @@ def points_without_place(test: MeasuredTest) -> list[int]:
 
 
 def shown_lines(test: IdentifiedTest, beyond: float = 0.15) -> NDArray[np.bool_]:
-    """Lines (f,) that pictures show: above 0, within the band and `beyond` of its width past its
-    ends."""
+    """Lines (f,) that pictures show: above 0, excited by the force, within the band and `beyond` of
+    its width past its ends."""
     (low, high), f = test.band_hz, test.test.responses.frequency_hz
     margin = beyond * (high - low)
-    return (f > 0) & (f >= low - margin) & (f <= high + margin)
+    return (f > 0) & (f >= low - margin) & (f <= high + margin) & test.test.responses.usable
 
 
 def summed_response(

@@ -137,6 +137,15 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
     if scene.bending is None and (scene.floats or scene.springs):
         rigid = np.flatnonzero(~strained(pipeline("model"), modes)) + 1
         sentences += warnings.rigid_motions(rigid.tolist())
+    of_shape = zip(scene.measured_numbers, scene.written_out.targets or (), strict=True)
+    by_shape = [number for number, target in of_shape if target.shape]
+    sentences += warnings.distant_pairs(
+        {
+            row.hammer_mode: (row.hammer_hz, row.frequency_hz)
+            for row in rows
+            if row.hammer_mode in by_shape
+        }
+    )
     if scene.measured:
         from workflows.stages import measured_parts
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 import fem
 from fem.assembly_modes import AssemblyModes, field_of
-from fem.correlation import ShapeMatch, measured_pairs
+from fem.correlation import ShapeMatch, mac_near_double, measured_pairs
 from fem.hit_records import node_and_axis
 from fem.measured_shapes import MeasuredShape, along_directions
 from fem.response_scale import POWERS, remark_on_scale, response_scale
@@ -49,7 +49,8 @@ def likeness_of(
     ]
     # all shapes of one test are read at the same points
     reading = shapes[0].reading @ modes.phi
-    return fem.mac(np.column_stack([s.shape for s in shapes]), reading), reading
+    at_points, hz = np.column_stack([s.shape for s in shapes]), modes.omega / (2 * np.pi)
+    return mac_near_double(at_points, reading, hz), reading
 
 
 def recognised(test: IdentifiedTest, pipeline: Pipeline, wanted: Collection[int]) -> IdentifiedTest:

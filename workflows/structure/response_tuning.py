@@ -15,7 +15,7 @@ from scipy.optimize import nnls
 from scipy.sparse import csr_matrix, vstack
 
 import fem
-from fem.correlation import FROM_AFAR, mac, measured_pairs, paired
+from fem.correlation import FROM_AFAR, mac_near_double, measured_pairs, paired
 from fem.measured_shapes import FEWEST
 from fem.response_fit import (
     MeasuredResponses,
@@ -321,7 +321,8 @@ def resonances_near(
     places = np.flatnonzero(chosen)
     shapes = np.column_stack([targets[i].shape for i in places.tolist()])
     pairs = measured_pairs(
-        test.modes.frequency_hz[places], modes.frequency_hz, mac(shapes, reading),
+        test.modes.frequency_hz[places], modes.frequency_hz,
+        mac_near_double(shapes, reading, modes.frequency_hz),
         np.zeros((reading.shape[1],) * 2), FROM_AFAR,
     )  # fmt: skip
     near = places[pairs.index >= 0]
