@@ -50,7 +50,7 @@ class Factor(Protocol):
     """A factorised matrix A (n, n)."""
 
     def solve(self, b: NDArray) -> NDArray:
-        """x of A x = b, (n,) or (n, k)."""
+        """x of A x = b, (n,) or (n, k); k may be 0."""
         ...
 
 
@@ -84,6 +84,8 @@ class Pardiso:
 
     def solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
         """x of A x = b, (n,) or (n, k): eight columns together take three times as long as one."""
+        if not b.size:  # an error -1 of PARDISO
+            return np.zeros(b.shape)
         columns = np.asfortranarray(b.reshape(len(b), -1), dtype=np.float64)
         return np.ascontiguousarray(self._call(33, columns)).reshape(b.shape)
 

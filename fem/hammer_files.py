@@ -10,11 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.hit_records import QUANTITIES, degree_of_freedom, quantity_named
+from fem.hit_records import MOST, QUANTITIES, degree_of_freedom, quantity_named
 from fem.hits import FrequencyResponses
 
 RESPONSE = 4  # UFF58's function type of a frequency response
-MOST = 1e60  # size of a frequency or a response, so that products are finite
 SYNTHETIC = "SYNTHETIC: computed, not measured"
 
 
@@ -53,7 +52,13 @@ class Responses(NamedTuple):
 
 
 def require_finite(test: Responses) -> Responses:
-    """The test; raises ValueError where products of its numbers would overflow."""
+    """The test; raises ValueError for frequencies below 0 Hz, and where products of its numbers
+    would overflow."""
+    if test.frequency_hz.size and test.frequency_hz.min() < 0:
+        raise ValueError(
+            f"it has frequencies below 0 Hz, from {test.frequency_hz.min():g}; give the lines from "
+            "0 Hz on alone"
+        )
     numbers = (test.frequency_hz, test.H.real, test.H.imag)
     largest = np.max([np.abs(array).max() for array in numbers])
     if largest > MOST:

@@ -14,10 +14,11 @@ A record may hold several hits: it is cut between them.
 """
 
 from collections.abc import Sequence
+from hashlib import blake2b
 from pathlib import Path
 from re import fullmatch
 from typing import NamedTuple
-from warnings import catch_warnings, simplefilter
+from warnings import catch_warnings, filterwarnings, simplefilter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,7 @@ MOTIONS = {
     "mm/s^2": ("accelerations", 1e-3), "m/s": ("velocities", 1.0), "mm/s": ("velocities", 1e-3),
     "m": ("displacements", 1.0), "mm": ("displacements", 1e-3), "um": ("displacements", 1e-6),
 }  # fmt: skip
+MOST = 1e60  # size of a sample, a frequency or a response, so that products are finite
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 
 
@@ -259,10 +261,24 @@ def quantity_named(variables: dict[str, NDArray]) -> str:
     return named
 
 
-def record_of_wav(rate: int, samples: NDArray, name: str, force_channel: int) -> TimeRecord:
-    """The record of a WAV file's samples (k,) or (k, channels), the force in a channel from 1 on, 0
-    for none; raises ValueError where it has no such channel."""
-    y = np.atleast_2d(samples.T).astype(float)
+def record_of_wav(path: Path, name: str, force_channel: int) -> TimeRecord:
+    """The record of a WAV file, the force in a channel from 1 on, 0 for none; raises ValueError
+    where it has no such channel, or for a file that is damaged."""
+    from scipy.io import wavfile
+
+    with catch_warnings():
+        simplefilter("ignore")  # of chunks beside the samples
+        filterwarnings("error", "Reached EOF prematurely")
+        try:
+            rate, samples = wavfile.read(path)
+        except MemoryError:
+            raise
+        except Exception:  # struct.error, UnboundLocalError, ...: the reader expects a sound file
+            raise ValueError("it is no WAV file, cut off or damaged; write it anew") from None
+    if rate <= 0:
+        raise ValueError(f"its sampling rate is {rate} Hz, a number above 0 is needed")
+    with np.errstate(all="ignore"):  # numbers of 16 bytes may be too large; `require_consistent`
+        y = np.atleast_2d(samples.T).astype(float)
     if samples.dtype.kind in "iu":
         unsigned = samples.dtype == np.uint8  # of 8 bits alone, its zero is 128
         y = (y - 128.0) / 128.0 if unsigned else y / np.iinfo(samples.dtype).max
@@ -349,6 +365,44 @@ def records_of_data_sets(sets: Sequence[dict]) -> list[TimeRecord]:
             )
         )
     return records
+
+
+def require_consistent(records: list[TimeRecord]) -> list[TimeRecord]:
+    """The records; raises ValueError where a sensor stands twice in one of them, or a sample is so
+    large that products would overflow."""
+    for record in records:
+        twice = [s for i, s in enumerate(record.sensors) if s in record.sensors[:i]]
+        if twice:
+            raise ValueError(
+                f"it has two responses of the sensor {twice[0]}; drop one, or correct its name"
+            )
+        force = [] if record.force is None else [("the force", record.force)]
+        for name, samples in (*force, *zip(record.sensors, record.response, strict=True)):
+            size = np.abs(samples)
+            huge = (size > MOST) & np.isfinite(size)  # NaN and inf are named with their hit
+            if huge.any():
+                k = int(huge.argmax())
+                raise ValueError(
+                    f"sample {k + 1} of {name} is {samples[k]:.3g}, up to {MOST:g} in size is "
+                    "allowed: correct it or measure again"
+                )
+    return records
+
+
+def copies(records: Sequence[TimeRecord]) -> dict[int, int]:
+    """Records that hold the same samples as an earlier one, each with the first of these: a record
+    that was given twice would count as two hits without scatter."""
+    first: dict[bytes, int] = {}
+    again = {}
+    for i, record in enumerate(records):
+        digest = blake2b(digest_size=16)
+        for samples in (record.force, record.response):
+            if samples is not None:
+                digest.update(np.ascontiguousarray(samples, float))
+        j = first.setdefault(digest.digest(), i)
+        if j != i:
+            again[i] = j
+    return again
 
 
 def cut_at_hits(

@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 ESTIMATORS = ("H1", "H2", "Hv")
 
@@ -51,6 +52,20 @@ class HitChecks(NamedTuple):
     decay: float | None = None  # exponential window at the record's end; None: no window
 
 
+class Excitation(NamedTuple):
+    """Lines at which a force spectrum holds too little to divide by; chosen, not varied."""
+
+    null: float = 0.01  # of the largest: below, rounding and noise are divided by nothing
+    # of the largest, below which a line needs coherence (hammers are used down to a tenth, 20 dB:
+    # ISO 7626-5); of a single hit, which has no coherence, `weak_alone`. With 0.02 a pole beside
+    # the null of a pulse of five samples was listed as a mode where the noise was 0.5 %
+    weak: float = 0.1
+    weak_alone: float = 0.05
+    coherence: float = 0.8  # median of the responses and of `smooth` lines
+    smooth: int = 9
+    listed: int = 3  # ranges that a sentence names
+
+
 class Deletions(NamedTuple):
     """H without each of n hits, less H, at the points (a,) and references (b,) that they reach."""
 
@@ -73,6 +88,12 @@ class FrequencyResponses(NamedTuple):
     halves: NDArray[np.complex128] | None = None  # (2, p, m, f) of every other hit
     shift: float = 0.0  # [1/s] by which the exponential window has moved every pole to the left
     remarks: tuple[str, ...] = ()  # hits left out, and why
+    excited: NDArray[np.bool_] | None = None  # (f,) lines that the force holds; None: all
+
+    @property
+    def usable(self) -> NDArray[np.bool_]:
+        """Lines (f,) that a fit may read: those that the force excites."""
+        return np.ones(len(self.frequency_hz), bool) if self.excited is None else self.excited
 
     def transposed(self) -> "FrequencyResponses":
         """Points as references and references as points: the same by reciprocity."""
@@ -114,7 +135,8 @@ def beside(first: FrequencyResponses, second: FrequencyResponses) -> FrequencyRe
         H=np.concatenate([first.H, second.H[order]], axis=1),
         references=first.references + second.references,
         coherence=coherence, deletions=first.deletions + moved, halves=halves,
-        remarks=first.remarks + second.remarks,
+        remarks=tuple(dict.fromkeys(first.remarks + second.remarks)),
+        excited=first.usable & second.usable,
     )  # fmt: skip
 
 
@@ -194,10 +216,13 @@ def frequency_responses(
         f"{hits.points[i]} has no usable hit" for i in np.setdiff1d(hits.point, points).tolist()
     ]
     H, coherence, deletions, halves = [], [], [], []
+    share = np.inf  # of the force spectrum in its largest value, of the point that has least
     for i, point in enumerate(points):
         rows = np.flatnonzero(hits.point[used] == point)
         f, x = F[rows], X[rows]
         response, squared_coherence = estimate(f, x, estimator)
+        size = np.sqrt(np.sum(np.abs(f) ** 2, axis=0))
+        share = np.minimum(share, size / size.max())
         H.append(response)
         coherence.append(squared_coherence)
         if len(rows) > 1:
@@ -208,12 +233,59 @@ def frequency_responses(
             halves.append([estimate(f[h::2], x[h::2], estimator)[0] for h in (0, 1)])
         else:
             halves.append([response, response])
+
+    # lines that the force does not excite
+    frequency_hz = np.arange(F.shape[1]) / (length * hits.dt)
+    excited = excited_lines(share, np.array(coherence) if deletions else None)
     return FrequencyResponses(
-        np.arange(F.shape[1]) / (length * hits.dt), np.array(H),
+        frequency_hz, np.array(H),
         tuple(hits.points[point] for point in points), hits.sensors,
         np.array(coherence) if deletions else None, tuple(deletions),
-        np.array(halves).swapaxes(0, 1) if deletions else None, float(a), tuple(remarks),
+        np.array(halves).swapaxes(0, 1) if deletions else None, float(a), tuple(remarks), excited,
     )  # fmt: skip
+
+
+def excited_lines(
+    share: NDArray[np.float64],
+    coherence: NDArray[np.float64] | None,
+    options: Excitation = Excitation(),
+) -> NDArray[np.bool_]:
+    """Lines (f,) at which the force is known: `share` (f,) is its spectrum over the largest value,
+    coherence (p, m, f) that of the responses, None of single hits.
+
+    A pulse of length T has a spectrum with zeros from about 1.5 / T on: there H is noise over
+    nothing, in which a fit finds sharp modes.
+    """
+    if coherence is None:
+        return share >= options.weak_alone
+    # of pure noise and few hits single lines may be coherent by chance: a median along lines
+    median = median_filter(np.median(coherence, axis=(0, 1)), options.smooth, mode="nearest")
+    is_null = share < options.null
+    return ~is_null & ((share >= options.weak) | (median >= options.coherence))
+
+
+def lines_left_out(
+    frequency_hz: NDArray[np.float64],
+    excited: NDArray[np.bool_],
+    options: Excitation = Excitation(),
+) -> list[str]:
+    """A sentence on the ranges of lines that are not excited; none where all are."""
+    at = np.flatnonzero(~excited)
+    if not at.size:
+        return []
+    ranges = np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)
+    ranges.sort(key=len, reverse=True)
+    named = sorted(ranges[: options.listed], key=lambda r: r[0])
+    listed = ", ".join(
+        f"{frequency_hz[r[0]]:.5g}" + (f" to {frequency_hz[r[-1]]:.5g} Hz" if len(r) > 1 else " Hz")
+        for r in named
+    )
+    more = len(ranges) - len(named)
+    further = f" and {more} smaller ranges" if more else ""
+    return [
+        f"{len(at)} lines of {len(excited)} are left out, where the force hardly excites: "
+        f"{listed}{further}"
+    ]
 
 
 def until_noise(responses: list[NDArray[np.float64]], dead: float, shortest: int = 1024) -> int:

@@ -6,6 +6,7 @@ indicator function: Shih et al., Mech. Syst. Signal Process. 2 (1988) 367).
 """
 
 from collections.abc import Mapping, Sequence
+from re import findall
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 POINTS, UNITS, SHAPE, RESPONSE = (15, 2411), 164, 55, 58
 FREQUENCY_RESPONSE = 4  # type of a function in data set 58
+HERTZ = r"([0-9.]+(?:[eE][+-]?[0-9]+)?)\s*Hz\b"  # in a line of text
 COMPLEX = (3, 7)  # analyses of data set 55 that state a complex eigenvalue
 FEWEST = 3  # displacements of a shape: the MAC of fewer hardly tells shapes apart
 
@@ -127,14 +129,15 @@ def measured_shape(sets: Sequence[dict], hz: float) -> MeasuredShape:
 def _of_shapes(shapes: list[dict], hz: float, *, farthest: float = 1.05) -> list[_Reading]:
     """Displacements of the data set 55 whose frequency is nearest to `hz`, within the factor
     `farthest`."""
-    frequencies = [
-        float(abs(s["eig"]) / (2 * np.pi)) if s["analysis_type"] in COMPLEX else float(s["freq"])
-        for s in shapes
-    ]
+    frequencies = frequencies_hz(shapes).tolist()
     i = int(np.argmin(np.abs(np.log(np.maximum(frequencies, 1e-9)) - np.log(hz))))
     if not 1 / farthest < frequencies[i] / hz < farthest:
         listed = ", ".join(f"{f:g}" for f in frequencies)
-        raise ValueError(f"it has no shape near {hz:g} Hz, there are {listed} Hz")
+        is_complex = any(s["analysis_type"] in COMPLEX for s in shapes)
+        unit = ", eigenvalues being in rad/s unless modal A, B or a title say Hz"
+        raise ValueError(
+            f"it has no shape near {hz:g} Hz, there are {listed} Hz{unit if is_complex else ''}"
+        )
 
     # a direction that is zero in every shape at these nodes was not measured
     nodes, measured = np.atleast_1d(shapes[i]["node_nums"]), 0
@@ -146,6 +149,44 @@ def _of_shapes(shapes: list[dict], hz: float, *, farthest: float = 1.05) -> list
         _Reading(int(nodes[n]), int(axis) + 1, complex(values[axis, n]))
         for axis, n in zip(*np.nonzero(measured > 0), strict=True)
     ]
+
+
+def frequencies_hz(shapes: Sequence[dict], *, within: float = 0.01) -> NDArray[np.float64]:
+    """Frequencies (n,) [Hz] of n data sets 55.
+
+    Eigenvalues lambda are in rad/s by the standard, which some programs write in Hz: in a file
+    where modal A = 2 i Im lambda, modal B = -lambda A, or a frequency in Hz in the lines of text,
+    holds `within` a share for 2 pi lambda in all sets that have it, and not for lambda.
+    """
+    eigenvalue = np.array(
+        [complex(s["eig"]) if s["analysis_type"] in COMPLEX else np.nan for s in shapes]
+    )
+
+    # |lambda| in rad/s over that which is written, by each of the three; nan where a set lacks it
+    A, B = (np.array([complex(s.get(key, 0.0)) for s in shapes]) for key in ("modal_a", "modal_b"))
+    texts = [" ".join(str(s.get(f"id{i}", "")) for i in range(1, 6)) for s in shapes]
+    stated = np.array([float(hz[0]) if (hz := findall(HERTZ, t)) else np.nan for t in texts])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = (
+            np.where(A != 0, np.abs(A) / (2 * np.abs(eigenvalue.imag)), np.nan),
+            np.where((A != 0) & (B != 0), np.abs(B / A) / np.abs(eigenvalue), np.nan),
+            2 * np.pi * stated / np.abs(eigenvalue),
+        )
+    # the later ones count more: A alone depends on how shapes are scaled
+    unit = 1.0
+    for ratio in ratios:
+        ratio = ratio[np.isfinite(ratio)]
+        for factor in (1.0, 2 * np.pi):
+            if ratio.size and np.all(np.abs(ratio / factor - 1) < within):
+                unit = factor
+
+    of_complex = unit * np.abs(eigenvalue) / (2 * np.pi)
+    return np.array(
+        [
+            of_complex[i] if s["analysis_type"] in COMPLEX else float(s["freq"])
+            for i, s in enumerate(shapes)
+        ]
+    )
 
 
 def _components(s: dict) -> NDArray[np.complex128]:

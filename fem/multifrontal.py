@@ -137,7 +137,9 @@ class Cholesky:
             del factor  # else it is in memory while the next front is assembled
 
     def solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
-        """x of A x = b, (n,) or (n, k)."""
+        """x of A x = b, (n,) or (n, k); k may be 0."""
+        if not b.size:  # refused by LAPACK
+            return np.zeros(b.shape)
         y = b[self._order].reshape(len(b), -1).astype(float, copy=False)
         pairs = [pair for pair in zip(self._fronts, self.blocks, strict=True) if len(pair[1][0])]
         with one_thread():

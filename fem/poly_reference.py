@@ -359,9 +359,9 @@ def bands_between_modes(
 ) -> list[tuple[float, float]]:
     """Parts of a band [Hz], cut where the responses are small, so that each has a ratio of its ends
     up to `options.band` or 2000 lines: polynomials in z are ill-conditioned over decades."""
-    f = test.frequency_hz
+    f, H = test.frequency_hz[test.usable], test.H[:, :, test.usable]
     low, high = max(band_hz[0], f[f > 0][0]), min(band_hz[1], f[-1])
-    size = np.sum(np.abs(test.H) / np.abs(test.H).max(axis=2, keepdims=True), axis=(0, 1))
+    size = np.sum(np.abs(H) / np.abs(H).max(axis=2, keepdims=True), axis=(0, 1))
     spacing, parts = f[1] - f[0], []
     while True:
         reach = max(options.band * low, low + 2000 * spacing)
@@ -400,7 +400,8 @@ def candidates(
     low = own[0] / (options.margin if own[0] > ends[0] else 1)
     high = own[1] * options.margin  # as far as the test has lines
     frequency = test.frequency_hz
-    lines = np.flatnonzero((frequency >= low) & (frequency <= high) & (frequency > 0))
+    within = (frequency >= low) & (frequency <= high) & (frequency > 0)
+    lines = np.flatnonzero(within & test.usable)
     lines = lines[:: -(-len(lines) // options.lines)]
     f, H = frequency[lines], test.H[:, :, lines]
     m, n_lines = H.shape[1:]
@@ -464,6 +465,8 @@ def identified_modes(
     """
     if not np.isfinite(test.H).all() or not test.H.any(axis=2).all():
         raise ValueError("the responses hold NaN or inf, or one is zero; leave it out")
+    if not test.usable.any():
+        raise ValueError("the force excites no line; measure with a shorter pulse")
     ends = band_hz or (0.0, float(test.frequency_hz[-1]))
     with one_thread():  # eigenvalues of some hundred rows: 30 s a test in place of 2 on busy cores
         parts = [
@@ -677,9 +680,12 @@ def covariance_of(
     inverse = np.linalg.pinv(fit.normal, rcond=1e-13, hermitian=True)
     local_inverse = [np.linalg.pinv(local) for local in fit.local]  # (2 n, m b)
     of_global = [-local_inverse[i] @ fit.J[i] for i in range(p)]  # shape by poles and factors
+    # hits that are one another's multiples scatter by rounding, which is no noise
     covered = np.zeros((p, m), bool)
     for d in test.deletions:
-        covered[np.ix_(d.points, d.references)] = True
+        place = np.ix_(d.points, d.references)
+        scatter = np.abs(d.change[..., part.lines]).max()
+        covered[place] = scatter > 1e-12 * np.abs(test.H[place][..., part.lines]).max()
     squares, spread = np.zeros((p, 2 * n)), []
     if covered.all():
         covariance = 0.0

@@ -20,7 +20,7 @@ from fem import (
     pair,
     target_mac,
 )
-from fem.correlation import mac, measured_pairs
+from fem.correlation import mac, mac_near_double, measured_pairs
 from fem.trace import at_node
 
 STEEL = Material(210e9, 0.3, 7850.0)
@@ -194,3 +194,46 @@ def test_an_alias_of_a_distant_frequency_is_no_pair_but_a_shape_that_points_cann
     pairs = measured_pairs(np.array([62.0]), computed_hz, np.array([[0.9, 0.98]]), auto_mac)
     assert pairs.index.tolist() == [0]
     assert pairs.doubts == [("these points cannot tell its shape from 2452.00 Hz",)]
+
+
+def turned(degrees, noise=0.0):
+    """Shapes of a pair and of two more modes at 20 readings, and the pair turned in its plane."""
+    rng = np.random.default_rng(0)
+    phi = rng.normal(size=(20, 4))
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    measured = phi[:, 1:3] @ np.array([[c, -s], [s, c]])
+    return phi, measured + noise * rng.normal(size=measured.shape)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 20.0, 45.0, 70.0])
+def test_a_double_mode_in_any_turn_has_the_mac_1_with_its_plane(degrees):
+    phi, measured = turned(degrees)
+    hz = np.array([80.0, 100.0, 100.0, 140.0])
+    np.testing.assert_allclose(mac_near_double(measured, phi, hz)[:, 1:3], 1.0, atol=1e-9)
+    pairs = measured_pairs(
+        np.array([99.0, 101.0]), hz, mac_near_double(measured, phi, hz), mac(phi, phi)
+    )
+    assert pairs.index.tolist() == [1, 2]
+    assert not any("doubtful" in doubt for doubts in pairs.doubts for doubt in doubts)
+
+
+def test_modes_that_are_alone_have_their_mac():
+    phi, measured = turned(30.0, noise=0.2)
+    hz = np.array([80.0, 100.0, 104.1, 140.0])
+    np.testing.assert_array_equal(mac_near_double(measured, phi, hz), mac(measured, phi))
+
+
+def test_the_plane_fades_smoothly_as_the_pair_comes_apart():
+    """From the plane's angle to that of the single mode, by no step a mesh could fall on."""
+    phi, measured = turned(50.0)
+    apart = np.linspace(0.0, 0.045, 200)
+    values = np.array(
+        [
+            mac_near_double(measured, phi, np.array([80.0, 100.0, 100.0 * (1 + d), 140.0]))[0, 1]
+            for d in apart
+        ]
+    )
+    assert values[0] > 1 - 1e-9
+    assert values[-1] == pytest.approx(mac(measured, phi)[0, 1], abs=1e-9)
+    assert np.all(np.diff(values) < 1e-12) and np.diff(values).min() > -0.02
+    assert values[apart < 0.005].min() > 0.98  # what meshes do to a double mode

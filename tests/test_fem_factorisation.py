@@ -49,6 +49,20 @@ def test_both_solvers_agree():
     np.testing.assert_allclose(Pardiso(K).solve(b[:, 0]), factorised(K).solve(b[:, 0]), rtol=1e-9)
 
 
+def no_columns(factor):
+    return factor.solve(np.zeros((50, 0))).shape
+
+
+@pytest.mark.parametrize("factor", [_superlu, lambda K: Cholesky(K, grouped(K))])
+def test_a_factor_solves_for_no_right_hand_side_at_all(factor):
+    assert no_columns(factor(spring_chain(50))) == (50, 0)
+
+
+@pytest.mark.skipif(not has_pardiso(), reason="PARDISO is optional (the extra `fast`)")
+def test_pardiso_solves_for_no_right_hand_side_at_all():
+    assert no_columns(Pardiso(spring_chain(50))) == (50, 0)
+
+
 @pytest.mark.skipif(not has_pardiso(), reason="PARDISO is optional (the extra `fast`)")
 def test_a_solution_is_right_to_rounding_without_refinement():
     # a chain on a support of 1e-9 of its springs: the residual stays at rounding of its terms, and

@@ -154,6 +154,7 @@ def test_modes_beside_a_band_s_end_are_within_their_deviations(held):
                 at = responses.frequency_hz <= end
                 whole = responses._replace(
                     frequency_hz=responses.frequency_hz[at], H=responses.H[:, :, at],
+                    excited=responses.usable[at],
                     halves=tuple(half[:, :, at] for half in responses.halves),
                     deletions=tuple(
                         d._replace(change=d.change[..., at]) for d in responses.deletions

@@ -19,6 +19,7 @@ from workflows.scene import InvalidScene
 from workflows.stages.pipeline import pipeline_of
 from workflows.stages.targets import remarks_on_axes
 from workflows.structure import pairing
+from workflows.structure.mode_table import mode_table
 
 pyuff = pytest.importorskip("pyuff", reason="universal files are optional (the extra `identify`)")
 
@@ -127,6 +128,95 @@ def test_shapes_of_data_set_55_find_their_modes(known):
     written(nodes(points), *(shape_55(noisy(shapes[i]), hz) for i, hz in all_hz))
     index, score = paired(known)
     assert index == TARGETS and np.all(score > 0.98) and np.all(score < 1)
+
+
+def complex_55(values, eigenvalue, modal_a=0j, modal_b=0j, title="NONE"):
+    """A shape with a complex eigenvalue, measured along z."""
+    head = {f"id{i}": "NONE" for i in range(2, 6)}
+    return pyuff.prepare_55(
+        id1=title, model_type=1, analysis_type=3, data_ch=2, spec_data_type=8, data_type=5,
+        n_data_per_node=3, node_nums=np.arange(1, len(values) + 1), load_case=0, mode_n=1,
+        eig=eigenvalue, modal_a=modal_a, modal_b=modal_b, r1=0j * values, r2=0j * values,
+        r3=values.astype(complex), **head,
+    )  # fmt: skip
+
+
+EVIDENCE = {
+    "modal A of a modal mass of 1": lambda w, hz: {"modal_a": 2j * w.imag},
+    "modal A and B of any scale": lambda w, hz: {"modal_a": 3.7 + 1j, "modal_b": -w * (3.7 + 1j)},
+    "a title": lambda w, hz: {"title": f"Mode at {hz:.2f} Hz, 0.2 %"},
+}
+
+
+@pytest.mark.parametrize("unit", [1.0, 2 * np.pi])
+@pytest.mark.parametrize("evidence", EVIDENCE)
+def test_eigenvalues_of_data_set_55_are_read_in_the_unit_that_they_have(known, evidence, unit):
+    points = known[0]
+    shapes = np.random.default_rng(0).normal(size=(3, len(points)))
+    all_hz = (120.57, 243.44, 757.6)  # the first would be the third, read in the other unit
+    sets = []
+    for values, hz in zip(shapes, all_hz, strict=True):
+        omega = 2 * np.pi * hz * (-0.002 + 1j)
+        sets.append(complex_55(values, omega / unit, **EVIDENCE[evidence](omega, hz)))
+    written(nodes(points), *sets)
+    for values, hz in zip(shapes, all_hz, strict=True):
+        shape = measured_shape(Path("shapes.uff"), hz)
+        np.testing.assert_allclose(shape.values.real, values, rtol=1e-4)
+
+
+def test_eigenvalues_of_data_set_55_without_a_hint_are_in_rad_s(known):
+    points = known[0]
+    values = np.random.default_rng(0).normal(size=len(points))
+    written(nodes(points), complex_55(values, 2j * np.pi * 100.0, modal_a=0.3j))
+    np.testing.assert_allclose(measured_shape(Path("shapes.uff"), 100.0).values.real, values, 1e-4)
+    with pytest.raises(InvalidScene, match=r"there are 100 Hz, eigenvalues being in rad/s unless"):
+        measured_shape(Path("shapes.uff"), 628.0)
+
+
+def test_a_pair_of_frequencies_far_apart_is_doubted_however_like_its_shapes(known):
+    points, shapes, omega = known
+    hz = omega[4] / (2 * np.pi) / 2.1
+    written(nodes(points), shape_55(shapes[4], hz))
+    table = mode_table(pipeline(BEAM + TARGET.format(hz)))
+    (row,) = [row for row in table.rows if row.hammer_mode]
+    assert row.number == 5 and row.score > 0.99
+    (warning,) = [sentence for sentence in table.warnings if "shape alone" in sentence]
+    assert "2.1 times its frequency" in warning
+
+
+PLATE = """
+assembly = { held = ["plate:+x", "plate:-x", "plate:+y", "plate:-y"], material = "board" }
+materials = { board = { young = 25e9, poisson = 0.3, density = 2900.0 } }
+[bodies.plate]
+box = [0.23424, 0.23424, 0.0013]
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scale", [2.5, 2.75, 3.0])
+def test_a_double_mode_is_paired_with_the_plane_of_the_computed_pair_on_any_mesh(scale):
+    # a clamped square plate: its double mode measured as two, turned by 50 degrees in their plane.
+    # Products of (1 - x^2)^2 and x (1 - x^2)^2 are its shapes to a MAC of 0.99
+    x = np.array([-0.9, -0.4, 0.4, 0.9, -0.85, -0.4, 0.4, 0.95, 0.0])
+    y = np.array([0.85, 0.45, 0.5, 0.9, -0.95, -0.5, -0.45, -0.95, 0.0])
+    at = np.column_stack([0.11712 * x, 0.11712 * y, 0 * x])
+    bump = (1 - x**2) ** 2 * (1 - y**2) ** 2
+    c, s = np.cos(np.radians(50)), np.sin(np.radians(50))
+    measured = {
+        120.57: bump, 243.44: bump * (c * x + s * y), 248.36: bump * (c * y - s * x),
+        362.57: bump * x * y,
+    }  # fmt: skip
+    zeros = np.zeros_like(x)
+    sets = [shape_55(np.column_stack([zeros, zeros, z]), hz) for hz, z in measured.items()]
+    written(nodes(at), *sets)
+    table = mode_table(
+        pipeline(PLATE + "".join(map(TARGET.format, measured)), f"mesh.scale={scale}")
+    )
+    paired = {row.number: row for row in table.rows if row.hammer_mode}
+    assert [row.hammer_hz for row in paired.values()] == sorted(measured)
+    assert list(paired) == [1, 2, 3, 4]
+    assert all(row.score > 0.97 for row in paired.values())
+    assert abs(paired[2].frequency_hz / 247.7 - 1) < 0.01
 
 
 @pytest.mark.slow

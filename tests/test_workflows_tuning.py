@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from command_line import beadwave
+from fem import factorisation
 from workflows.commands.app import main
 from workflows.files.output_file import OutputFile
 from workflows.files.scene import scene
@@ -324,3 +325,32 @@ def test_shapes_of_a_low_mac_share_a_sentence(tmp_path, monkeypatch):
     assert len(unlike) > 1
     (sentence,) = (s for s in report.remarks if "no proof of the joint" in s)
     assert sentence.startswith(f"the shapes of modes {', '.join(unlike)} have a MAC of ")
+
+
+BAR = """
+assembly = { held = ["bar:-x"], material = "mine" }
+materials = { mine = { young = 70e9, poisson = 0.33, density = 2700.0 } }
+[bodies.bar]
+box = [0.2, 0.02, 0.01]
+seed = 0.01
+[[targets]]
+number = 1
+hz = 210.0
+"""
+
+
+@pytest.mark.parametrize(("key", "power"), [("young", 2), ("density", -2)])
+@pytest.mark.parametrize("threshold", ["WORTH_PARDISO", "WORTH_COUNTING"])
+def test_a_material_alone_is_tuned_by_every_solver(
+    threshold, key, power, tmp_path, monkeypatch, capsys
+):
+    # no joint, spring or carried mass: the basis has no attachment shapes. f ~ sqrt(E / rho)
+    values = {"WORTH_PARDISO": 100, "WORTH_COUNTING": (1, 1)}
+    monkeypatch.setattr(factorisation, threshold, values[threshold])
+    monkeypatch.chdir(tmp_path)
+    Path("bar.toml").write_text(BAR)
+    first_hz = mode_table(pipeline_of(scene("bar.toml"), silent)).rows[0].frequency_hz
+    assert beadwave("tune", "bar.toml", f"--free=materials.mine.{key}", "--json") == 0
+    report = json.loads(capsys.readouterr().out)
+    factor = (210.0 / first_hz) ** power
+    assert report["stiffness"][f"materials.mine.{key}"] == pytest.approx(factor, rel=2e-5)

@@ -4,7 +4,6 @@ content is in `fem.hammer_files` and `fem.hit_records`."""
 from pathlib import Path
 from re import findall, sub
 from typing import NamedTuple
-from warnings import catch_warnings, simplefilter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from fem.hammer_files import (
 from fem.hit_records import (
     TIME_RESPONSE,
     TimeRecord,
+    copies,
     cut_at_hits,
     direction_named,
     node_and_axis,
@@ -28,6 +28,7 @@ from fem.hit_records import (
     record_of_wav,
     records_of_data_sets,
     records_of_mat,
+    require_consistent,
     sets_of_hits,
 )
 from fem.hits import ESTIMATORS, FrequencyResponses, HitChecks, Hits, beside, frequency_responses
@@ -107,15 +108,22 @@ def measured_test(paths: list[Path], reading: Reading = Reading()) -> MeasuredTe
     Files hold either time records, of which responses are made, or responses at the same
     frequencies, which are put together.
     """
-    records, tests, nodes, steps = [], [], {}, []
+    records, record_names, tests, nodes, steps = [], [], [], {}, []
+    of_files: list[tuple[str, str]] = []  # the quantity of each file, and its name
     for path in paths:
         content, points = content_of(path, reading)
+        one = content if isinstance(content, Responses) else content[0]
+        of_files.append((one.quantity, path.name))
         nodes |= points
         if isinstance(content, Responses):
             tests.append(content)
             steps.append(Step(str(path), "read responses", {"responses": len(content.H)}))
         else:
             records += content
+            record_names += [
+                f"record {i} of {path.name}" if len(content) > 1 else path.name
+                for i in range(1, len(content) + 1)
+            ]
             size = {"records": len(content), "samples": content[0].response.shape[1]}
             steps.append(Step(str(path), "read time records", size))
     if reading.points:
@@ -124,6 +132,10 @@ def measured_test(paths: list[Path], reading: Reading = Reading()) -> MeasuredTe
     # one kind of content, at common frequencies, with the points named where all files name them
     named = ", ".join(map(str, paths))
     try:
+        quantities = {q: name for q, name in reversed(of_files) if q}
+        if len(quantities) > 1:
+            listed = " and ".join(f"{q} ({name})" for q, name in sorted(quantities.items()))
+            raise ValueError(f"the responses are {listed}; one test needs one quantity")
         if tests and records:
             raise ValueError("some files hold responses and others time records; give one kind")
         if tests:
@@ -136,8 +148,14 @@ def measured_test(paths: list[Path], reading: Reading = Reading()) -> MeasuredTe
             responses, sets, kind = whole.by_reference(), (), "responses"
             title, quantity = first.title, first.quantity
         else:
-            responses, sets, step, kind = responses_of_records(records, reading)
-            steps.append(step._replace(file=named))
+            again = copies(records)
+            remarks = tuple(
+                f"{record_names[i]} is left out: its samples are those of {record_names[j]}"
+                for i, j in again.items()
+            )
+            distinct = [record for i, record in enumerate(records) if i not in again]
+            responses, sets, step, kind = responses_of_records(distinct, reading)
+            steps.append(step._replace(file=named, left_out=remarks + step.left_out))
             title, quantity = records[0].title or paths[0].stem, records[0].quantity
     except ValueError as error:
         raise InvalidScene(f"{named}: {str(error).rstrip('.')}.") from None
@@ -221,12 +239,7 @@ def content_of(
             is_record = first.lstrip().startswith("time")
             content = [record_of_csv(path, name)] if is_record else read_csv(path)
         elif ending == ".wav":
-            from scipy.io import wavfile
-
-            with catch_warnings():
-                simplefilter("ignore")  # of chunks beside the samples
-                rate, samples = wavfile.read(path)
-            content = [record_of_wav(rate, samples, name, reading.force_channel)]
+            content = [record_of_wav(path, name, reading.force_channel)]
         elif ending == ".mat":
             variables = arrays("matlab", path, *MAT_NAMES)
             is_frf = "H" in variables
@@ -237,7 +250,9 @@ def content_of(
             sets = [s for s in sets if s["type"] == 58]
             is_record = {s["func_type"] for s in sets} == {TIME_RESPONSE}
             content = records_of_data_sets(sets) if is_record else of_data_sets(sets)
-        return require_finite(content) if isinstance(content, Responses) else content, nodes
+        if isinstance(content, Responses):
+            return require_finite(content), nodes
+        return require_consistent(content), nodes
     except InvalidScene:
         raise
     except (Unreadable, ValueError, KeyError, IndexError, TypeError) as error:

@@ -105,7 +105,9 @@ def receptances(table: MeasuredTable) -> PartReceptances:
         )
 
     f = responses.frequency_hz
-    within = (f > 0) & (f >= (table.lowest or 0)) & (f <= (table.highest or np.inf))
+    within = (
+        responses.usable & (f > 0) & (f >= (table.lowest or 0)) & (f <= (table.highest or np.inf))
+    )
     if np.count_nonzero(within) < 40:
         raise InvalidScene(
             f"{named} has {np.count_nonzero(within)} lines above 0 Hz"

@@ -126,9 +126,6 @@ def driving_point(wall: MeasuredWall) -> tuple[np.ndarray, np.ndarray]:
     # to a displacement over force, in SI units; the line at 0 Hz has none of a velocity
     order, factor = RESPONSE_UNITS[wall.unit]
     f = test.frequency_hz
-    if f.min() < 0:
-        raise InvalidScene(
-            f"wall.receptance: {path} has frequencies below 0 Hz, from {f.min():g}; correct them."
-        )
-    s = 2j * np.pi * f[f > 0]
-    return f[f > 0], (-1 if against else 1) * factor * pairs[number][2][f > 0] / s**order
+    lines = (f > 0) & test.usable
+    s = 2j * np.pi * f[lines]
+    return f[lines], (-1 if against else 1) * factor * pairs[number][2][lines] / s**order

@@ -12,7 +12,10 @@ FIELDS = {
         "abscissa_axis_units_lab", "ordinate_axis_units_lab", "ordinate_axis_lab",
         "ordinate_spec_data_type",
     ),
-    55: ("analysis_type", "freq", "eig", "node_nums", "r1", "r2", "r3"),
+    55: (
+        "analysis_type", "freq", "eig", "modal_a", "modal_b", "node_nums", "r1", "r2", "r3",
+        "id1", "id2", "id3", "id4", "id5",
+    ),
     15: ("node_nums", "disp_cs", "x", "y", "z"),
     164: ("length",),
 }  # fmt: skip

@@ -56,6 +56,9 @@ class Thresholds(NamedTuple):
     beyond_band: float = 0.01
     # of a mode of measured parts, by their noise and band, from which on it is doubtful
     part_error: float = 0.1
+    # ratio of frequencies of a measured mode and the computed one that its shape is paired with;
+    # chosen, not varied
+    distant_pair: float = 1.6
     per_wave: int = 5  # samples within the width of a wave that show its crest
 
 
@@ -179,6 +182,20 @@ def unheld_motions(numbers: Sequence[int]) -> Iterator[str]:
             "held: a piece of a body moves as if nothing joined it; look for nodes of its mesh "
             "that are not merged, and for pieces that nothing ties."
         )
+
+
+def distant_pairs(pairs: Mapping[int, tuple[float, float]]) -> Iterator[str]:
+    """Measured modes, by number, whose shape is that of a computed mode at a distant frequency,
+    (measured, computed) [Hz]. At few points such shapes look alike."""
+    for number, (measured, computed) in pairs.items():
+        apart = computed / measured
+        if not 1 / AT.distant_pair < apart < AT.distant_pair:
+            yield (
+                f"Measured mode {number}, {measured:.5g} Hz, is paired with {computed:.5g} Hz by "
+                f"its shape alone, {apart:.2g} times its frequency: at few points modes of distant "
+                "frequencies look alike. Measure more points, or correct the model's stiffness or "
+                "mass first."
+            )
 
 
 def doubtful_parts(errors: Mapping[int, float]) -> Iterator[str]:

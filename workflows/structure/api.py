@@ -530,6 +530,8 @@ def hammer(
         _whole_numbers(numbers, f"{option} {numbers} must be numbers of poles, as 3,7.")
         for option, numbers in (("--reject", reject), ("--accept", accept))
     )
+    if both := sorted({*rejected} & {*accepted}):
+        raise InvalidScene(f"pole {both[0]} is in --accept and in --reject; name it in one alone.")
     choice = Choice(_band(band), rejected, accepted)
     reading = Reading(estimator, window, force_channel, Path(points) if points else None)
     reading.require()

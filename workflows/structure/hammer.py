@@ -15,7 +15,7 @@ from fem.half_power import half_power_bandwidth
 from fem.hammer_files import SYNTHETIC, Responses
 from fem.hammer_test import accelerances, corner_readings, nearest_modes, with_noise
 from fem.hit_records import node_and_axis
-from fem.hits import FrequencyResponses
+from fem.hits import FrequencyResponses, lines_left_out
 from fem.poly_reference import IdentifiedModes, identified_modes
 from fem.subspace import subspace_modes
 from workflows.files.hammer import MeasuredTest, Reading, measured_test
@@ -70,9 +70,10 @@ class HammerRow(BaseModel):
 
     number: int  # of the pole, for --reject
     frequency_hz: float
-    frequency_deviation_hz: float  # one standard deviation, as the next
+    # one standard deviation, as the next; None where the blocks of an ambient record do not say
+    frequency_deviation_hz: float | None
     zeta: float
-    zeta_deviation: float
+    zeta_deviation: float | None
     zeta_half_power: float | None
     collinearity: float
     coherence: float | None = None
@@ -146,9 +147,10 @@ class HammerReport(BaseModel):
         by_shape = any(row.mac or row.runner_up_mac for row in self.rows)
         table = []
         for row in self.rows:
+            df, dzeta = row.frequency_deviation_hz, row.zeta_deviation
             cells = (
-                row.number, f"{row.frequency_hz:.2f}", f"{row.frequency_deviation_hz:.2g}",
-                f"{100 * row.zeta:.3f} %", f"{100 * row.zeta_deviation:.2g} %",
+                row.number, f"{row.frequency_hz:.2f}", None if df is None else f"{df:.2g}",
+                f"{100 * row.zeta:.3f} %", None if dzeta is None else f"{100 * dzeta:.2g} %",
                 f"{row.collinearity:.2f}", row.mode,
             )  # fmt: skip
             if by_shape:
@@ -241,6 +243,9 @@ def hammer_test(
         )
     )  # fmt: skip
     remarks, missing = opposite_directions(test, modes), points_without_place(test)
+    if test.kind != "ambient":
+        within = (f >= band[0]) & (f <= band[1])
+        remarks += lines_left_out(f[within], test.responses.usable[within])
     if test.nodes and missing:
         points = test.responses.points
         listed = ", ".join(points[i] for i in missing[:8]) + (", ..." if len(missing) > 8 else "")
@@ -345,6 +350,9 @@ def hammer_rows(
             remarks.append("complex shape")
         if modes.zeta_deviation[i] > remarkable.zeta * zeta:
             remarks.append("damping uncertain")
+        df, dzeta = modes.frequency_deviation[i], modes.zeta_deviation[i]
+        if not np.isfinite([df, dzeta]).all():
+            remarks.append("deviations unknown: fewer than half of the record's blocks show it")
         if tone := combination_tone(i, modes.frequency_hz, modes.zeta, height, not_linear):
             remarks.append(f"perhaps no mode: {tone}")
         steps = decays[i]
@@ -357,8 +365,8 @@ def hammer_rows(
         rows.append(
             HammerRow(
                 number=int(modes.number[i]), frequency_hz=float(hz), zeta=float(zeta),
-                frequency_deviation_hz=float(modes.frequency_deviation[i]),
-                zeta_deviation=float(modes.zeta_deviation[i]),
+                frequency_deviation_hz=float(df) if np.isfinite(df) else None,
+                zeta_deviation=float(dzeta) if np.isfinite(dzeta) else None,
                 zeta_half_power=None if np.isnan(half_power) else float(half_power),
                 collinearity=float(modes.collinearity[i]), coherence=coherence,
                 mode=paired.get(i), remarks=remarks,
@@ -432,11 +440,11 @@ def points_without_place(test: MeasuredTest) -> list[int]:
 
 
 def shown_lines(test: IdentifiedTest, beyond: float = 0.15) -> NDArray[np.bool_]:
-    """Lines (f,) that pictures show: above 0, within the band and `beyond` of its width past its
-    ends."""
+    """Lines (f,) that pictures show: above 0, excited by the force, within the band and `beyond` of
+    its width past its ends."""
     (low, high), f = test.band_hz, test.test.responses.frequency_hz
     margin = beyond * (high - low)
-    return (f > 0) & (f >= low - margin) & (f <= high + margin)
+    return (f > 0) & (f >= low - margin) & (f <= high + margin) & test.test.responses.usable
 
 
 def summed_response(

@@ -123,7 +123,7 @@ def measured_lines(
     """
     responses = test.test.responses
     f = responses.frequency_hz
-    within = (f > 0) & (f >= band_hz[0]) & (f <= band_hz[1])
+    within = (f > 0) & (f >= band_hz[0]) & (f <= band_hz[1]) & responses.usable
     hz, zeta = test.modes.frequency_hz, test.modes.zeta
     group = np.abs(np.log(np.maximum(f, 1e-9)[:, None] / hz)).argmin(axis=1)
     # a line belongs to the nearest resonance; those of resonances not fitted are not read

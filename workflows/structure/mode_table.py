@@ -140,6 +140,15 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
     elif scene.bending is None and (modes.omega < RIGID * modes.omega.max()).any():
         unheld = np.flatnonzero(~strained(pipeline("model"), modes)) + 1
         sentences += warnings.unheld_motions(unheld.tolist())
+    of_shape = zip(scene.measured_numbers, scene.written_out.targets or (), strict=True)
+    by_shape = [number for number, target in of_shape if target.shape]
+    sentences += warnings.distant_pairs(
+        {
+            row.hammer_mode: (row.hammer_hz, row.frequency_hz)
+            for row in rows
+            if row.hammer_mode in by_shape
+        }
+    )
     if scene.measured:
         from workflows.stages import measured_parts
 

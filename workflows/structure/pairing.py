@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 import fem
 from fem.assembly_modes import AssemblyModes, field_of
-from fem.correlation import ShapeMatch, measured_pairs
+from fem.correlation import ShapeMatch, mac_near_double, measured_pairs
 from fem.hit_records import node_and_axis
 from fem.measured_shapes import MeasuredShape, along_directions
 from fem.response_scale import POWERS, remark_on_scale, response_scale
@@ -49,7 +49,8 @@ def likeness_of(
     ]
     # all shapes of one test are read at the same points
     reading = shapes[0].reading @ modes.phi
-    return fem.mac(np.column_stack([s.shape for s in shapes]), reading), reading
+    at_points, hz = np.column_stack([s.shape for s in shapes]), modes.omega / (2 * np.pi)
+    return mac_near_double(at_points, reading, hz), reading
 
 
 def recognised(test: IdentifiedTest, pipeline: Pipeline, wanted: Collection[int]) -> IdentifiedTest:
@@ -236,11 +237,15 @@ def targets_of(test: IdentifiedTest, shapes: Path) -> str:
     blocks = []
     for row in test.report.rows:
         doubts = [remark for remark in row.remarks if remark.startswith("doubtful")]
+        damping = [f"zeta = {row.zeta:.4g}"]
+        if row.zeta_deviation is not None:
+            damping.append(f"zeta_deviation = {row.zeta_deviation:.2g}")
         lines = [
-            "[[targets]]", f"hz = {supported(row.frequency_hz, row.frequency_deviation_hz)}",
+            "[[targets]]",
+            f"hz = {supported(row.frequency_hz, row.frequency_deviation_hz or 0.0)}",
             *([f"hz_deviation = {row.frequency_deviation_hz:.2g}"] if has_deviation(row) else ()),
             f'shape = "{shapes}"',
-            f"zeta = {row.zeta:.4g}", f"zeta_deviation = {row.zeta_deviation:.2g}",
+            *damping,
         ]  # fmt: skip
         if doubts or (row.mac is None and row.runner_up_mac is not None):
             why = doubts[0] if doubts else "no computed mode is like it"
@@ -360,4 +365,4 @@ def _of_test(row: HammerRow) -> dict[str, float | None]:
 
 def has_deviation(row: HammerRow) -> bool:
     """Whether the deviation of a row's frequency is known; of one line it is not."""
-    return 0 < row.frequency_deviation_hz < row.frequency_hz
+    return 0 < (row.frequency_deviation_hz or 0.0) < row.frequency_hz

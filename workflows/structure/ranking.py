@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel
 
-from fem.correlation import Shape, mac, paired
+from fem.correlation import Shape, mac_near_double, paired
 from fem.identifiability import (
     at_scene,
     frequency_sensitivity,
@@ -220,7 +220,11 @@ def ranked(
         frequency_error={str(n): s for n, s in errors.relative.items()},
         computed_hz={str(n): float(hz[i]) for n, i in at.items()},
         mac={
-            str(n): float(mac(t.reading @ now.modes.phi[:, [at[n]]], t.shape[:, None])[0, 0])
+            str(n): float(
+                mac_near_double(
+                    t.shape[:, None], t.reading @ now.modes.phi, now.modes.frequency_hz
+                )[0, at[n]]
+            )
             for n, t in shapes.items()
         },
         parameters=rows,

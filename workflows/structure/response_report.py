@@ -8,7 +8,7 @@ from pydantic import BaseModel
 from scipy.sparse import csr_matrix
 
 import fem
-from fem.correlation import FROM_AFAR, mac, measured_pairs
+from fem.correlation import FROM_AFAR, mac_near_double, measured_pairs
 from fem.dashpots import dashpot_rows
 from fem.full_responses import full_responses
 from fem.measured_shapes import FEWEST
@@ -280,7 +280,7 @@ def resonance_rows(of_fit: Fitted, full: FullModel) -> list[ResonanceRow]:
         if len(used) < FEWEST:
             index.append(np.full(n, -1))
         else:
-            of_these = np.nan_to_num(mac(test.modes.phi[used], reading))
+            of_these = np.nan_to_num(mac_near_double(test.modes.phi[used], reading, frequencies))
             apart = np.zeros((len(frequencies),) * 2)
             hz_of_test = test.modes.frequency_hz
             pairs = measured_pairs(hz_of_test, frequencies, of_these, apart, FROM_AFAR)
@@ -437,7 +437,7 @@ def pictures(
     f = responses.frequency_hz
     # to 15 % of the band beyond it and beyond the highest mode, as pictures of the test
     last = max(band_hz[1], test.modes.frequency_hz.max()) + 0.15 * (band_hz[1] - band_hz[0])
-    lines = np.flatnonzero((f > 0) & (f <= min(top / 1.2, last)))
+    lines = np.flatnonzero((f > 0) & (f <= min(top / 1.2, last)) & responses.usable)
     lines = lines[:: max(1, len(lines) // 3000)]
     hz, H = f[lines], responses.H[used][:, :, lines]
     before = computed_responses(of_fit.before, [], np.zeros(0), hz).H

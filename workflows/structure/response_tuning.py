@@ -15,7 +15,7 @@ from scipy.optimize import nnls
 from scipy.sparse import csr_matrix, vstack
 
 import fem
-from fem.correlation import FROM_AFAR, mac, measured_pairs, paired
+from fem.correlation import FROM_AFAR, mac_near_double, measured_pairs, paired
 from fem.measured_shapes import FEWEST
 from fem.response_fit import (
     MeasuredResponses,
@@ -321,14 +321,16 @@ def resonances_near(
     places = np.flatnonzero(chosen)
     shapes = np.column_stack([targets[i].shape for i in places.tolist()])
     pairs = measured_pairs(
-        test.modes.frequency_hz[places], modes.frequency_hz, mac(shapes, reading),
+        test.modes.frequency_hz[places], modes.frequency_hz,
+        mac_near_double(shapes, reading, modes.frequency_hz),
         np.zeros((reading.shape[1],) * 2), FROM_AFAR,
     )  # fmt: skip
     near = places[pairs.index >= 0]
     hz = test.modes.frequency_hz[near]
-    error = np.maximum(FREQUENCY_ERROR, 3 * test.modes.frequency_deviation[near] / hz)
+    # a deviation that the blocks of an ambient record do not say is nan
+    error = np.fmax(FREQUENCY_ERROR, 3 * test.modes.frequency_deviation[near] / hz)
     zeta = test.modes.zeta[near]
-    of_zeta = np.maximum(ZETA_ERROR, 3 * test.modes.zeta_deviation[near] / zeta)
+    of_zeta = np.fmax(ZETA_ERROR, 3 * test.modes.zeta_deviation[near] / zeta)
     return near, Resonances(hz, near, error, zeta, of_zeta)
 
 
