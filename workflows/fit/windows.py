@@ -48,6 +48,7 @@ class GrowingWindows:
         swaps: Swaps = SWAPS,
     ) -> None:
         self.fit, self.enough, self.budget, self.swaps = fit, enough, budget, swaps
+        self.tried: list[Solution] = []  # every swap that was fitted
 
     def on_windows(
         self, z: np.ndarray, free: np.ndarray, windows: Sequence[np.ndarray], goal: float
@@ -91,6 +92,7 @@ class GrowingWindows:
                     break
                 swap = self.fit.solved(z, free, window, max_runs=8, prior=prior, tolerance=1e-4)
                 swap_runs += swap.evaluations
+                self.tried.append(swap)
                 trial = min(trial, swap, key=lambda solution: solution.misfit)
                 if trial.misfit < self.swaps.at_once * best.misfit:
                     break
@@ -185,6 +187,10 @@ class StartSearch(NamedTuple):
     # to 1.03, 1.1 and 1.2 times its misfit 80, 83 and 88 %
     rivals: float = 1.2
     distinct: float = 0.02  # scales by which a parameter of two different answers differs at least
+    # misfit of an answer with contacts swapped over that of the best, up to which the data do not
+    # decide between them: of 9000 samples whose noise is correlated over five, chi^2 grows by 18
+    neighbours: float = 1.005
+    swapped: float = 0.1  # scales by which a contact of such an answer differs at least
     fine_runs: int = 100  # of the fine model in a fit: a slow one may still end at the truth
 
     # noise and measured spheres with which a wrong chain cannot hide in the noise
@@ -213,6 +219,7 @@ class SearchEnd(NamedTuple):
     misfit: float
     stages: tuple[FitStage, ...]
     scan: Scan | None
+    neighbours: tuple[np.ndarray, ...] = ()  # (p,) each: contacts swapped at hardly more misfit
 
 
 def decisive(
@@ -329,6 +336,10 @@ class CoarseToFine:
         self.same_starts = sum(end.misfit <= tuning.same * best.misfit for end in ends)
         self.stages, self.scan = list(best.stages), best.scan
         self.confirmed = confirmed and all(stage.converged for stage in best.stages)
+        # swaps that fit as well: the data do not say which contact is where
+        neighbours = [SearchEnd(z, best.misfit, (), None) for z in best.neighbours]
+        self.confirmed = self.confirmed and not neighbours
+        ends += neighbours
         if not (sure and self.confirmed):
             near = [end for end in ends if end.misfit <= tuning.rivals * best.misfit]
             distinct = [best.z]
@@ -350,12 +361,12 @@ class CoarseToFine:
 
     def _end(self, chain: np.ndarray, start: np.ndarray) -> SearchEnd:
         """A start (p,) from its chain (p,) on to its end."""
-        z, scan = chain, None
+        z, scan, neighbours = chain, None, ()
         if self.options.staged and self.of_wall.any():
             z, scan = self.wall_from_all_waves(chain, start)
         if self.options.joint or not self.options.staged:
-            z = self.all_from_all_waves(z)
-        return SearchEnd(z, self.stages[-1].misfit, tuple(self.stages), scan)
+            z, neighbours = self.all_from_all_waves(z)
+        return SearchEnd(z, self.stages[-1].misfit, tuple(self.stages), scan, neighbours)
 
     def chain_from_first_waves(self, z: np.ndarray) -> tuple[np.ndarray, float]:
         """z (p,) with the chain of the first waves, and its misfit there [m/s]; z and 0 where the
@@ -398,9 +409,9 @@ class CoarseToFine:
         everything = np.ones_like(self.fine.data, bool)
         return self._polished("wall, all waves", z, self.of_wall, everything, began), scan
 
-    def all_from_all_waves(self, z: np.ndarray) -> np.ndarray:
+    def all_from_all_waves(self, z: np.ndarray) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
         """z (p,) with everything from all waves: at once, and where that does not explain them in
-        windows that grow."""
+        windows that grow; and those with contacts swapped that leave hardly more."""
         began = perf_counter()
         t = self.coarse.forward.signals.t[:, None]
         everything = np.ones_like(self.coarse.data, bool)
@@ -409,14 +420,20 @@ class CoarseToFine:
 
         # two rigs that differ by a swap may both leave no more than noise: the least is meant
         rounds = 1 if best.misfit <= enough else None
+        self.growing.tried = [best]
         best, _ = self.growing.swapped(best, self.every, everything, self.exact, rounds=rounds)
+        likely = self.tuning.neighbours * best.misfit
+        moves = [swap.point - best.point for swap in self.growing.tried if swap.misfit <= likely]
         if best.misfit > enough:
             ends = self._window_ends(0.5, t[-1, 0])
             windows = [(t <= end) | (t <= self.first_waves) for end in ends]
             z_grown, misfit, _ = self.growing.on_windows(z, self.every, windows, 0.0)
-            best = best if best.misfit <= misfit else best._replace(point=z_grown, misfit=misfit)
+            if misfit < best.misfit:
+                best, moves = best._replace(point=z_grown, misfit=misfit), []
         everything = np.ones_like(self.fine.data, bool)
-        return self._polished("all, all waves", best.point, self.every, everything, began)
+        z = self._polished("all, all waves", best.point, self.every, everything, began)
+        # less than that is no swap, see `WindowFit.swapped`, but the same valley by fewer runs
+        return z, tuple(z + move for move in moves if np.abs(move).max() > self.tuning.swapped)
 
     def _window_ends(self, share: float, last: float) -> np.ndarray:
         """Ends [s] of windows that grow, from a share of the time since before the first touch."""
