@@ -73,7 +73,7 @@ def _hints(function: Callable) -> dict[str, Any]:
 
 
 def _admits(hint: Any, value: Any) -> bool:
-    """Whether a value is of a type; the contents of lists too."""
+    """True if a value is of a type; the contents of lists count too."""
     origin, inner = get_origin(hint), get_args(hint)
     if origin in (Union, types.UnionType):
         return any(_admits(each, value) for each in inner)
@@ -105,7 +105,7 @@ def _admits(hint: Any, value: Any) -> bool:
 
 
 def _is_array(value: Any) -> bool:
-    """Whether a value is an array of finite numbers, or becomes one."""
+    """True if a value is an array of finite numbers, or becomes one."""
     import numpy as np
 
     try:
