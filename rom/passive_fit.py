@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 from scipy.optimize import least_squares, nnls
+from threadpoolctl import threadpool_limits
 
 from rom.factorisation import ReductionError
 
@@ -71,6 +72,8 @@ def modal_receptance(fit: ModalFit, frequency_hz: ArrayLike) -> NDArray[np.compl
     return _columns(omega, fit.omega, fit.zeta) @ residues
 
 
+# products of some hundred rows: two threads on busy cores took ten times as long as one
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def passive_fit(
     frequency_hz: ArrayLike, H: ArrayLike, options: FitOptions = FitOptions()
 ) -> ModalFit:

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
+from threadpoolctl import threadpool_limits
 
 from rom.factorisation import ReductionError
 from rom.passive_fit import (
@@ -112,6 +113,8 @@ def matrix_receptance(fit: MatrixFit, frequency_hz: ArrayLike) -> NDArray[np.com
     return H - (fit.free @ fit.free.T) / w[:, :, None] ** 2 + fit.compliance
 
 
+# products of some hundred rows: two threads on busy cores took ten times as long as one
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def passive_matrix_fit(
     frequency_hz: ArrayLike,
     H: ArrayLike,
@@ -344,6 +347,7 @@ def _in_units(
     )
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def refitted(
     frequency_hz: ArrayLike,
     H: ArrayLike,
