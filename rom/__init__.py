@@ -9,6 +9,7 @@
     receptance       w^T (K - omega^2 M + i omega C)^-1 w [m/N] at frequencies [Hz]
     static_compliance, health, effective_mass   what a reduced model is like
     joined_receptance   parts, measured or computed, joined by their receptances
+    joined_by_fits      fitted parts joined, with the error of the whole
     passive_fit      oscillators of a measured driving-point receptance, which create no energy
     passive_matrix_fit  those of receptances at several points; coupled: joined to matrices
     save_npz, save_mat, save_h5, load_npz, load_mat, load_h5, load_mtx   files
@@ -66,7 +67,12 @@ from rom.reduced_model import (
 )
 from rom.selection import Selection
 from rom.substructure_file import Substructure, load_mtx, substructure
-from rom.substructuring import compatibility, joined_receptance, joint_receptance
+from rom.substructuring import (
+    compatibility,
+    joined_by_fits,
+    joined_receptance,
+    joint_receptance,
+)
 from rom.truncation import LOSS
 
 __all__ = [
@@ -102,6 +108,7 @@ __all__ = [
     "full_order",
     "health",
     "is_indefinite",
+    "joined_by_fits",
     "joined_receptance",
     "joint_receptance",
     "krylov_space",

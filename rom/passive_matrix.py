@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
+from threadpoolctl import threadpool_limits
 
 from rom.factorisation import ReductionError
 from rom.passive_fit import (
@@ -25,6 +26,7 @@ from rom.passive_fit import (
     enough_modes,
     require_driving_point,
     resonances,
+    shows,
     simplest,
 )
 
@@ -43,14 +45,21 @@ class MatrixOptions(NamedTuple):
     # the same of the lines from a frequency on, from which they are called sound. Of hits whose
     # receptances differ by 0.66 it is 0.096 from 89 Hz on, 0.017 from 300 Hz; others not tried
     sound: float = 0.1
+    # of the end of the band, where further poles are tried once those within are known
+    beyond: tuple[float, ...] = (1.15, 1.6, 2.4)
     softest: float = 1e-6  # the same of the compliance and of free masses
     # free masses at most: in how many ways the points can move rigidly, none of a part that is
     # held. One more, which noise makes, is a mode of the whole
     most_free: int = 6
+    # share of a free mass in the responses at the lowest line, rms, below which it is not shown: of
+    # a free beam in two rigid motions a third had up to 2e-3, of twelve points in six the smallest
+    # 6e-3
+    mass: float = 0.003
     # combinations of points by which poles are found, the largest of the responses, where there are
     # more points; all modes show in them
     combined: int = 6
     lines: int = 500  # at which many points are fitted, at most, those near resonances first
+    searched: int = 800  # lines at which the number of modes is searched, at most
     steps: int = 60  # of the refinement, at most
     damping: float = 1e-3  # of its first step, relative to the diagonal of the normal matrix
     still: float = 1e-7  # gain of two steps, relative, at which it ends
@@ -68,6 +77,9 @@ class MatrixFit(NamedTuple):
     error: float = 0.0  # rms of |H_fit - H| over that of |H|, points scaled to be alike
     asymmetry: float = 0.0  # the same of (H - H^T) / 2, which no reciprocal part has
     criterion: float = 0.0  # Bayesian information criterion, lower is better
+    # whether omega, zeta and phi are those of loss factors 2 zeta, with which the responses agree
+    # better; the fit itself is viscous, alike at resonances
+    hysteretic: bool = False
 
 
 class Elements(NamedTuple):
@@ -76,6 +88,21 @@ class Elements(NamedTuple):
     omega: NDArray[np.float64]  # (k,) [rad/s]
     H: NDArray[np.complex128]  # (k, e), e = m (m + 1) / 2 of m points
     deviation: NDArray[np.float64]  # (k, e) by which misfits are divided
+    hysteretic: bool = False  # damping by loss factors, omega_j^2 (1 + 2 i zeta_j)
+
+    def denominators(
+        self, omega_j: NDArray[np.float64], zeta: NDArray[np.float64]
+    ) -> NDArray[np.complex128]:
+        """omega_j^2 - omega^2 + 2 i zeta_j omega_j omega of n poles, (k, n); of loss factors with
+        omega_j in place of the last omega."""
+        w = self.omega[:, None]
+        loss = omega_j if self.hysteretic else w
+        return omega_j**2 - w**2 + 2j * zeta * omega_j * loss
+
+    def static_loss(self, zeta: NDArray[np.float64]) -> complex:
+        """1 + 2 i zeta by which the modes above the band divide their compliance, damped as those
+        within it are in the median; 1 of viscous damping, which is nothing there."""
+        return 1 + 2j * float(np.median(zeta)) if self.hysteretic and len(zeta) else 1.0
 
 
 def matrix_receptance(fit: MatrixFit, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
@@ -86,6 +113,8 @@ def matrix_receptance(fit: MatrixFit, frequency_hz: ArrayLike) -> NDArray[np.com
     return H - (fit.free @ fit.free.T) / w[:, :, None] ** 2 + fit.compliance
 
 
+# products of some hundred rows: two threads on busy cores took ten times as long as one
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def passive_matrix_fit(
     frequency_hz: ArrayLike,
     H: ArrayLike,
@@ -130,22 +159,26 @@ def passive_matrix_fit(
         W = W @ np.linalg.qr(np.random.default_rng(0).standard_normal((W.shape[1],) * 2))[0]
         few = passive_matrix_fit(f, W.T @ scaled @ W, options, of_matrix)
         at = _lines_kept(omega, few, of_matrix.lines)
-        thinned = Elements(omega[at], elements[at], deviation[at])
+        thinned = Elements(omega[at], elements[at], deviation[at], few.hysteretic)
         drifts = few.free.size > 0
         fit = _with_factors(thinned, *_poles(few), drifts, options, of_matrix, refine=True)
         return _in_units(fit, f, scaled, size)
+
+    # the number of modes is searched at some lines, those where the responses bend first
+    at = _lines_that_bend(elements, deviation, of_matrix.searched)
+    searched = Elements(omega[at], elements[at], deviation[at])
 
     # each number of modes: common poles, then factors, with and without free masses. A free mass
     # that only follows the noise would let a part drift away that is held: it has to win clearly
     fits: list[MatrixFit] = []
     for n in options.n_modes:
-        if LINES_TO_SPARE * n + 6 > len(f):
+        if LINES_TO_SPARE * n + 6 > len(at):
             break
-        start = resonances(omega, elements, deviation, n, options)
-        fixed = _with_factors(measured, *start, False, options, of_matrix)
+        start = resonances(*searched[:3], n, options)
+        fixed = _with_shown_factors(searched, *start, False, options, of_matrix)
         is_fixed = of_matrix.most_free == 0
         if not is_fixed:
-            free = _with_factors(measured, *start, True, options, of_matrix)
+            free = _with_shown_factors(searched, *start, True, options, of_matrix)
             is_fixed = fixed.misfit < max(options.fine, free.misfit / options.free)
         fits.append(fixed if is_fixed else free)
         if enough_modes(fits[-1].misfit, [fit.criterion for fit in fits], options):
@@ -154,11 +187,35 @@ def passive_matrix_fit(
     # the best of these refined; of these the one of fewest modes that is as good
     def refined(omega_j: NDArray, zeta: NDArray, drifts: bool) -> MatrixFit:
         """The fit from these poles (n,), all of its values together."""
-        return _with_factors(measured, omega_j, zeta, drifts, options, of_matrix, refine=True)
+        return _with_shown_factors(searched, omega_j, zeta, drifts, options, of_matrix, refine=True)
+
+    # viscous damping or loss factors, by which zeta of a resonance differs where lines beside it
+    # outnumber its own
+    lowest = min(fits, key=lambda fit: fit.criterion)
+    of_laws = [
+        _with_shown_factors(
+            law, *_poles(lowest), lowest.free.size > 0, options, of_matrix, refine=True
+        )
+        for law in (searched, searched._replace(hysteretic=True))
+    ]
+    hysteretic = of_laws[1].criterion < of_laws[0].criterion - options.better
+    searched, measured = (one._replace(hysteretic=hysteretic) for one in (searched, measured))
 
     fits.sort(key=lambda fit: fit.criterion)
     best = [refined(*_poles(fit), fit.free.size > 0) for fit in fits[: options.refined]]
     fit = simplest(best, options)
+
+    # modes above the band that the compliance does not stand for; it keeps its rank, since points
+    # without a compliance of their own cannot be joined rigidly
+    for beyond in of_matrix.beyond:
+        omega_j, zeta = _poles(fit)
+        if len(zeta):
+            omega_j = np.append(omega_j, beyond * omega[-1])
+            more = refined(omega_j, np.append(zeta, np.median(zeta)), fit.free.size > 0)
+            soft = [np.linalg.eigvalsh(one.compliance) for one in (fit, more)]
+            before, after = (np.sum(s > of_matrix.softest * s[-1]) for s in soft)
+            if more.criterion < fit.criterion - options.better and after >= before:
+                fit = more
 
     # modes that the noise made, the smallest first by its peak, |phi|^2 / (2 zeta omega^2): without
     # them the criterion is as good
@@ -178,9 +235,14 @@ def passive_matrix_fit(
     for second in of_matrix.further:
         of_two = of_matrix._replace(second=second)
         drifts = fit.free.size > 0
-        of_two_shapes = _with_factors(measured, *_poles(fit), drifts, options, of_two, refine=True)
+        of_two_shapes = _with_factors(searched, *_poles(fit), drifts, options, of_two, refine=True)
         if of_two_shapes.criterion < fit.criterion - options.better:
-            fit = of_two_shapes
+            fit, of_matrix = of_two_shapes, of_two
+
+    # at all lines, from where the search has ended
+    if len(at) < len(f):
+        drifts = fit.free.size > 0
+        fit = _with_shown_factors(measured, *_poles(fit), drifts, options, of_matrix, refine=True)
     return _in_units(fit, f, scaled, size)
 
 
@@ -251,6 +313,21 @@ def _lines_kept(omega: NDArray[np.float64], fit: MatrixFit, most: int) -> NDArra
     return np.union1d(near, even)
 
 
+def _lines_that_bend(
+    elements: NDArray[np.complex128], deviation: NDArray[np.float64], most: int, width: int = 7
+) -> NDArray[np.int64]:
+    """Indices of `most` lines of elements (k, e) at most: half of them where the responses change
+    most from line to line, by a mean over `width` lines, the others evenly."""
+    n = len(elements)
+    if n <= most:
+        return np.arange(n)
+    change = np.max(np.abs(np.gradient(elements, axis=0)) / deviation, axis=1)
+    smooth = np.convolve(change, np.ones(width) / width, mode="same")
+    steepest = np.argsort(smooth)[-(most // 2) :]
+    even = np.linspace(0, n - 1, most - len(steepest)).round().astype(int)
+    return np.union1d(steepest, even)
+
+
 def _in_units(
     fit: MatrixFit,
     f: NDArray[np.float64],
@@ -270,6 +347,7 @@ def _in_units(
     )
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def refitted(
     frequency_hz: ArrayLike,
     H: ArrayLike,
@@ -286,13 +364,50 @@ def refitted(
     size, scaled, elements = _alike(H)
     omega = 2 * np.pi * f
     at = _lines_kept(omega, fit, of_matrix.lines)
-    measured = Elements(omega[at], elements[at], _deviation(elements[at], options))
+    measured = Elements(omega[at], elements[at], _deviation(elements[at], options), fit.hysteretic)
     of_matrix = of_matrix._replace(most_free=fit.free.shape[1])
     omega_j, zeta = _poles(fit)
     again = _with_factors(
         measured, omega_j, zeta, fit.free.size > 0, options, of_matrix, refine=True
     )
     return _in_units(again, f, scaled, size)
+
+
+def _with_shown_factors(
+    measured: Elements,
+    omega_j: NDArray[np.float64],
+    zeta: NDArray[np.float64],
+    drifts: bool,
+    options: FitOptions,
+    of_matrix: MatrixOptions,
+    *,
+    refine: bool = False,
+) -> MatrixFit:
+    """The fit `_with_factors` of those poles and free masses that the measurement shows (`shows`):
+    others go, and the rest is fitted anew."""
+    rows, columns = np.triu_indices(int((np.sqrt(8 * measured.H.shape[1] + 1) - 1) / 2))
+    while True:
+        fit = _with_factors(measured, omega_j, zeta, drifts, options, of_matrix, refine=refine)
+        omega_j, zeta = _poles(fit)
+        line = np.abs(measured.omega[:, None] - omega_j).argmin(axis=0)
+        residues = [fit.phi[:, fit.omega == o] for o in omega_j]
+        peak = np.array([np.sum(F[rows] * F[columns], axis=1) for F in residues])
+        D = np.diag(measured.denominators(omega_j, zeta)[line])
+        peak = peak.reshape(len(omega_j), len(rows)) / D[:, None]
+        present = shows(peak, measured.deviation[line], zeta, options)
+
+        # a free mass at the lowest line: one that is not shown would be a mode at 0 Hz of what is
+        # joined
+        U, sizes, _ = np.linalg.svd(fit.free, full_matrices=False)
+        inertia = (U * sizes)[rows] * (U * sizes)[columns] / measured.omega[0] ** 2
+        share = np.sqrt(np.mean(np.abs(inertia.T / measured.deviation[0]) ** 2, axis=1))
+        n_free = np.count_nonzero(share >= of_matrix.mass)
+        if present.all() and n_free == len(share):
+            return fit
+        drifts = drifts and n_free > 0
+        if drifts:
+            of_matrix = of_matrix._replace(most_free=n_free)
+        omega_j, zeta = omega_j[present], zeta[present]
 
 
 def _factor(residue: NDArray[np.float64], least: float) -> NDArray[np.float64]:
@@ -318,13 +433,14 @@ def unconstrained_residues(
 
     Symmetric by construction: an element and its mirror have one residue.
     """
-    omega, H, deviation = measured
+    omega, H, deviation, _ = measured
     e = H.shape[1]
     m = int((np.sqrt(8 * e + 1) - 1) / 2)
     rows, columns = np.triu_indices(m)
     w = omega[:, None]
-    D = 1 / (omega_j**2 - w**2 + 2j * zeta * omega_j * w)
-    lines = np.hstack([D, np.ones_like(w), *([-1 / w**2] if drifts else [])])
+    D = 1 / measured.denominators(omega_j, zeta)
+    static = np.ones_like(w) / measured.static_loss(zeta)
+    lines = np.hstack([D, static, *([-1 / w**2] if drifts else [])])
     residues = np.zeros((lines.shape[1], e))
     for i in range(e):
         A = lines / deviation[:, [i]]
@@ -353,7 +469,7 @@ def _with_factors(
     omega_j (n,) [rad/s] and zeta (n,) are the poles to begin with; drifts: with free masses. Of the
     fit returned error and asymmetry are nan, and points are in the units of `measured`.
     """
-    omega, H, deviation = measured
+    omega, H, deviation, hysteretic = measured
     e = H.shape[1]
     m = int((np.sqrt(8 * e + 1) - 1) / 2)
     rows, columns = np.triu_indices(m)
@@ -378,14 +494,16 @@ def _with_factors(
     right = np.concatenate([H.real, H.imag])
     both = np.vstack([deviation, deviation])
 
+    static_loss = measured.static_loss(zeta)
+
     # unknowns x = [ln omega (n), ln zeta (n), factors (m, n_l)], each factor in units of what it
     # makes of the response, so that one damping of the normal equations fits all
     def terms(ln_omega: NDArray[np.float64], ln_zeta: NDArray[np.float64]):
         """Frequency functions (k, n_l) of the factors' columns."""
-        o, z = np.exp(ln_omega)[pole_of], np.exp(ln_zeta)[pole_of]
-        resonance = 1 / (o**2 - w**2 + 2j * z * o * w)
+        resonance = 1 / measured.denominators(np.exp(ln_omega)[pole_of], np.exp(ln_zeta)[pole_of])
         n_free = L.shape[1] - n_osc - n_s
-        return np.hstack([resonance, np.tile(np.ones_like(w), n_s), np.tile(-1 / w**2, n_free)])
+        static = np.ones_like(w) / static_loss
+        return np.hstack([resonance, np.tile(static, n_s), np.tile(-1 / w**2, n_free)])
 
     start_terms = terms(np.log(omega_j), np.log(zeta))
     unit = np.sqrt(np.median(np.abs(H)) / np.abs(start_terms).max(axis=0))  # (n_l,)
@@ -405,13 +523,15 @@ def _with_factors(
         """J^T J and J^T r, element by element: each depends on two rows of the factors alone, and J
         itself (2 k e, x) would be too large for memory with many points."""
         # d/d ln omega_j of 1 / D is -(2 omega_j^2 + 2 i zeta omega_j w) / D^2, and
-        # d/d ln zeta_j is -2 i zeta omega_j w / D^2, D = omega_j^2 - w^2 + 2 i zeta omega_j w
+        # d/d ln zeta_j is -2 i zeta omega_j w / D^2, D = omega_j^2 - w^2 + 2 i zeta omega_j w; of
+        # loss factors omega_j^2 stands for omega_j w
         g, F = parts(x)
         o, z, n_l = np.exp(x[:n]), np.exp(x[n : 2 * n]), F.shape[1]
         by_pole = np.zeros((2, len(omega), n_osc), complex)  # slopes to ln omega and ln zeta
         for i, (j, resonance) in enumerate(zip(pole_of, g[:, :n_osc].T, strict=True)):
-            by_pole[0, :, i] = -(resonance**2) * (2 * o[j] ** 2 + 2j * z[j] * o[j] * omega)
-            by_pole[1, :, i] = -(resonance**2) * 2j * z[j] * o[j] * omega
+            loss = 2j * z[j] * o[j] * (o[j] if hysteretic else omega)
+            by_pole[0, :, i] = -(resonance**2) * (2 * o[j] ** 2 + (1 + hysteretic) * loss)
+            by_pole[1, :, i] = -(resonance**2) * loss
         to_pole = np.zeros((n_osc, n))
         to_pole[np.arange(n_osc), pole_of] = 1.0
         A, b = np.zeros((len(x), len(x))), np.zeros(len(x))
@@ -474,7 +594,7 @@ def _with_factors(
     S = F[:, n_osc : n_osc + n_s]
     return MatrixFit(
         o[order], z[order], F[:, :n_osc][:, order], F[:, n_osc + n_s :], S @ S.T, misfit, np.nan,
-        np.nan, float(criterion),
+        np.nan, float(criterion), hysteretic,
     )  # fmt: skip
 
 

@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
+from scipy.ndimage import maximum_filter1d
 
 from rom.factorisation import ReductionError
 
@@ -69,6 +70,36 @@ def joint_receptance(
         raise ReductionError("a dashpot alone carries no force at 0 Hz; leave this frequency out.")
     rigid = np.isinf(k)
     return np.where(rigid, 0.0, 1 / (np.where(rigid, 1.0, k) + 1j * omega * c))
+
+
+class JoinedByFits(NamedTuple):
+    """A structure joined of fitted parts, and how far it is from that of the measured parts."""
+
+    H: NDArray[np.complex128]  # (k, n, n) [m/N, rad/N, rad/(N m)]
+    error: NDArray[np.float64]  # (k, n, n) of |H|, in its units
+
+
+def joined_by_fits(
+    fitted: Sequence[NDArray[np.complex128]],
+    measured: Sequence[NDArray[np.complex128]],
+    B: NDArray[np.float64],
+    Y: NDArray[np.complex128] | None = None,
+    *,
+    lines: int = 2,
+) -> JoinedByFits:
+    """Receptance of fitted parts joined, with its error at the frequencies of the measurement.
+
+    A resonance of the whole multiplies what a fit misses of a part, so that the part's own misfit
+    is no bar of the whole. The error is the distance to the measured receptances joined without a
+    fit, relative, the largest within so many `lines` to either side: what the fit misses, together
+    with the noise of the measurement. Of a part that is not measured, `fitted` and `measured` are
+    its receptance alike. B and Y as of `joined_receptance`, which says what is refused.
+    """
+    H = joined_receptance(fitted, B, Y)
+    size = np.maximum(np.abs(H), np.finfo(float).tiny)
+    relative = np.abs(H - joined_receptance(measured, B, Y)) / size
+    nearby = maximum_filter1d(relative, 2 * lines + 1, axis=0, mode="nearest")
+    return JoinedByFits(H, nearby * size)
 
 
 def joined_receptance(

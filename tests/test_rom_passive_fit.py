@@ -61,3 +61,19 @@ def test_a_fit_never_gives_power_whatever_the_noise(seed):
 def test_what_is_no_receptance_of_a_driving_point_is_refused(change, sentence):
     with pytest.raises(rom.ReductionError, match=sentence):
         rom.passive_fit(HZ, change(rom.modal_receptance(TRUE, HZ)))
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-4, 1e-2])
+def test_a_constant_loss_factor_makes_no_modes_that_are_not_measured(noise):
+    """A free part of two modes in the band, loss factor 1 %: without the check of what each pole
+    makes of the response, poles damped by up to 0.5 imitated the loss factor."""
+    hz = np.arange(5.0, 3000.0, 2.0)
+    w = 2 * np.pi * hz
+    o = 2 * np.pi * np.array([590.7, 1628.4, 3192.4, 5277.0])
+    H = np.sum(34 / (o**2 * (1 + 0.01j) - w[:, None] ** 2), axis=1) - 8.5 / w**2
+    rng = np.random.default_rng(0)
+    H = H * (1 + noise * (rng.normal(size=len(w)) + 1j * rng.normal(size=len(w))) / np.sqrt(2))
+    fit = rom.passive_fit(hz, H)
+    inside = fit.omega < w[-1]
+    np.testing.assert_allclose(fit.omega[inside], o[:2], rtol=1e-3)
+    assert fit.inverse_mass == pytest.approx(8.5, rel=0.01)

@@ -1,6 +1,8 @@
 """Receptances at several points as oscillators: exact without noise, passive with it, joined in
 time as in frequency."""
 
+from time import process_time
+
 import numpy as np
 import pytest
 from scipy.linalg import eigh, expm
@@ -168,12 +170,14 @@ def response(K, M, at, hz, loss=LOSS):
 
 @pytest.fixture(scope="module")
 def clamped():
-    """The tip of a clamped beam of 0.4 m in w and theta to 3 kHz, with 1 % noise, and its fit."""
+    """The tip of a clamped beam of 0.4 m in w and theta to 3 kHz, with 1 % noise, and its fit:
+    0.8 % are stated, and damping ratios of half the loss factor to 2 %."""
     hz = np.arange(10.0, 3000.0, 2.0)
     K, M = beam(0.4, True)
     H = response(K, M, [-2, -1], hz)
     fit = rom.passive_matrix_fit(hz, noisy(H, 0.01))
-    assert fit.error < 0.03
+    assert fit.error < 0.015
+    np.testing.assert_allclose(fit.zeta[:3], 0.005, rtol=0.02)
     return fit
 
 
@@ -184,15 +188,20 @@ def clamped():
 def test_a_beam_on_a_fitted_one_has_the_tip_receptance_of_the_whole(
     clamped, turning, size, degrees
 ):
-    """Numbers of dynamic stiffness matrices, within the error that the fit states: 2.1 % and 0.3 %
-    of 2.6 %. Without noise the fit states 0.2 % and is 0.6 % off, as the resonance at 107 Hz
-    multiplies what is wrong beside it by 7: viscous damping stands for a loss factor."""
-    hz = np.array([100.0])
+    """Numbers of dynamic stiffness matrices, within the error stated of the whole: 3.5 % and 0.5 %,
+    as the resonance at 107 Hz multiplies what is wrong beside it by 7, and viscous damping
+    stands for a loss factor. The fit of the part states 0.8 %."""
+    hz = np.arange(90.0, 112.0, 2.0)
     free = response(*beam(0.3, False), [0, 1, -2, -1], hz)
+    measured = noisy(response(*beam(0.4, True), [-2, -1], hz), 0.01)
     B = rom.compatibility((2, 4), [((0, 0), (1, 0)), ((0, 1), (1, 1))])
     Y = rom.joint_receptance(hz, [np.inf, turning])
-    tip = rom.joined_receptance([rom.matrix_receptance(clamped, hz), free], B, Y)[0, 4, 4]
-    assert abs(tip / (size * np.exp(1j * np.radians(degrees))) - 1) < clamped.error
+    fitted = rom.matrix_receptance(clamped, hz)
+    joined = rom.joined_by_fits([fitted, free], [measured, free], B, Y)
+    tip, stated = joined.H[5, 4, 4], joined.error[5, 4, 4]
+    true = size * np.exp(1j * np.radians(degrees))
+    assert hz[5] == 100.0 and abs(tip - true) < stated < 0.15 * abs(true)
+    assert abs(tip / true - 1) < 0.04
 
 
 @pytest.mark.parametrize("turning", [np.inf, 2000.0])
@@ -282,3 +291,63 @@ def test_noise_near_0_hz_is_told_from_rows_and_columns_in_another_order():
     near = np.abs(fit.omega[:, None] / true.omega - 1).min(axis=0)
     # two modes 3 Hz apart are one of that noise
     assert near[[0, 3, 4]].max() < 1e-3 and near.max() < 0.01 and fit.asymmetry < 0.1
+
+
+def end_and_end(length, omega):
+    """(4, 4) dynamic stiffness of w and theta at both ends of Euler and Bernoulli's beam."""
+    EI, mass = YOUNG * (1 + 1j * LOSS) * WIDTH * THICKNESS**3 / 12, DENSITY * WIDTH * THICKNESS
+    k = (mass * omega**2 / EI) ** 0.25
+    c, s, C, S = np.cos(k * length), np.sin(k * length), np.cosh(k * length), np.sinh(k * length)
+    ends = np.array([[1, 0, 1, 0], [0, k, 0, k], [c, s, C, S], [-k * s, k * c, k * S, k * C]])
+    loads = [
+        [0, -(k**3), 0, k**3], [k**2, 0, -(k**2), 0],
+        [-(k**3) * s, k**3 * c, -(k**3) * S, -(k**3) * C],
+        [-(k**2) * c, -(k**2) * s, k**2 * C, k**2 * S],
+    ]  # fmt: skip
+    return EI * np.array(loads) @ np.linalg.inv(ends)
+
+
+@pytest.fixture(scope="module")
+def free_beam():
+    """Lines, and exact receptances there of a free beam of 0.3 m at w, theta of its first end and w
+    of its other end; of a clamped one of 0.4 m at its tip; of both welded, at the other end."""
+    hz = np.arange(5.0, 3000.0, 1.0)
+    stiffness = [[end_and_end(x, 2 * np.pi * f) for f in hz] for x in (0.3, 0.4, 0.7)]
+    free = np.array([np.linalg.inv(Z)[:3, :3] for Z in stiffness[0]])
+    clamped, whole = (np.array([np.linalg.inv(Z[2:, 2:]) for Z in part]) for part in stiffness[1:])
+    return hz, free, clamped, whole[:, 0, 0]
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-4, 1e-2])
+def test_a_free_beam_of_constant_loss_has_its_modes_and_no_others(free_beam, noise):
+    """Joined to a clamped beam, 17.051, 106.859 and 299.208 Hz (Euler and Bernoulli) to 0.1 %, and
+    none between; poles that imitated the loss factor lay at 67 and 68 Hz. Viscous modes stand for
+    the loss factor: the whole is 1 % off at 1000 Hz, 40 % at the peak of 299 Hz, and says so."""
+    hz, free, clamped, whole = free_beam
+    H = noisy(free, noise, 1) if noise else free
+    started = process_time()
+    fit = rom.passive_matrix_fit(hz, H)
+    assert process_time() - started < 120  # seconds of a slow machine; 5 to 15 measured
+    inside = fit.omega < 2 * np.pi * 3000
+    np.testing.assert_allclose(fit.omega[inside] / (2 * np.pi), [590.73, 1628.38], rtol=1e-4)
+    np.testing.assert_allclose(fit.zeta[inside], LOSS / 2, rtol=0.02)
+    assert fit.free.shape == (3, 2)  # the rigid motions of a plane beam in bending
+
+    # joined frequencies: twenty elements of the clamped beam with the fitted first end
+    K, M = beam(0.4, True, 20)
+    end = fit._replace(phi=fit.phi[:2], free=fit.free[:2], compliance=fit.compliance[:2, :2])
+    joined = rom.coupled(K, M, None, np.eye(len(K))[-2:], end)
+    f = np.sqrt(np.maximum(eigh(joined.K, joined.M, eigvals_only=True), 0)) / (2 * np.pi)
+    np.testing.assert_allclose(f[f < 500], [17.05136, 106.85904, 299.20842], rtol=1e-3)
+
+    # the response of the whole, with an error that holds
+    B = rom.compatibility((2, 3), [((0, 0), (1, 0)), ((0, 1), (1, 1))])
+    answer = rom.joined_by_fits([clamped, rom.matrix_receptance(fit, hz)], [clamped, H], B)
+    Y, stated = answer.H[:, 4, 4], answer.error[:, 4, 4]
+    at = np.searchsorted(hz, [20.0, 1000.0])
+    np.testing.assert_allclose(np.abs(whole[at]), [8.33707e-4, 1.77328e-6], rtol=1e-5)
+    np.testing.assert_allclose(np.abs(Y[at]), np.abs(whole[at]), rtol=0.015)
+    covered = np.abs(Y - whole) <= stated + 1e-6 * np.abs(whole)
+    assert covered.mean() > 0.97 and np.median(stated / np.abs(whole)) < (
+        0.1 if noise > 1e-3 else 0.015
+    )

@@ -32,12 +32,14 @@ class OtherFits(NamedTuple):
 
 
 def other_fits(scene: Scene) -> list[OtherFits]:
-    """Fits by noise, each with 2 / n of its change so that their mean change counts twice, and that
-    of the lower part of the band; raises InvalidScene for files that cannot be fitted."""
+    """Fits by noise, each with 2.5 / n of its change so that their mean change counts as two
+    standard deviations (of a Gaussian 1.25 times the mean), and that of the lower part of the
+    band; raises InvalidScene for files that cannot be fitted."""
     parts = {table.name: fitted_part(table) for table in scene.measured or ()}
     n = PartErrorOptions().draws
     others = [
-        OtherFits({name: part.by_noise[i] for name, part in parts.items()}, 2 / n) for i in range(n)
+        OtherFits({name: part.by_noise[i] for name, part in parts.items()}, 2.5 / n)
+        for i in range(n)
     ]
     return [*others, OtherFits({name: part.by_band for name, part in parts.items()}, 1.0)]
 
