@@ -95,10 +95,16 @@ def read(path: Path) -> MeshFile:
                         if word.isdecimal():
                             members.append((scope, int(word)))
                         else:
-                            key = next(key for key in sets if _same(key, scope, word))
-                            members += sets[key][1]
+                            named = [key for key in sets if _same(key, scope, word)]
+                            if not named:
+                                raise KeyError(word)
+                            members += sets[named[0]][1]
                 joined(parameters["ELSET"], scope, Origin.NAME, members)
-    except (KeyError, StopIteration) as missing:
+    except InvalidGeometry:
+        raise
+    except (ValueError, IndexError):
+        raise InvalidGeometry(f"the data of a *{keyword} cannot be read") from None
+    except KeyError as missing:
         raise InvalidGeometry(f"*{keyword} refers to {missing}, which it does not hold") from None
 
     # sets of one name in several parts are told apart by the part; cells of one kind are a group

@@ -80,11 +80,18 @@ def body_meshes(
     meshes = {}
     for name, body in bodies.items():
         size = sizes.of(body)
-        with failing(f'"{name}" could not be meshed with elements of {size.seed:.3g} m'):
-            fitting = fitted(body, patches or {}, gap, size.around)
-            imprints = regions(body, touching, fitting, gap)
-            order = (body, imprints, named or {}, size, gap)
-            mesh = (None if element == "tet" else hexahedra(*order)) or tetrahedra(*order)
+        try:
+            with failing(f'"{name}" could not be meshed with elements of {size.seed:.3g} m'):
+                fitting = fitted(body, patches or {}, gap, size.around)
+                imprints = regions(body, touching, fitting, gap)
+                order = (body, imprints, named or {}, size, gap)
+                mesh = (None if element == "tet" else hexahedra(*order)) or tetrahedra(*order)
+        except ValueError as error:
+            if isinstance(error, InvalidGeometry) or error.__cause__ is None:
+                raise
+            raise InvalidGeometry(
+                f"{error}; take another seed for it, or repair its faces in the CAD."
+            ) from error
 
         # discs get back their area, which the polygon of the rim and the fitted radius changed
         discs = {key: disc for key, disc in fitting.items() if isinstance(disc, Disc)}

@@ -26,6 +26,12 @@ from geometry.solids import Vector
 # the B-spline: 2 um of 100 mm. Exact conversions are off by 1e-9, approximations by 1e-5 to 1e-4
 ALIKE = 2e-5
 N_POINTS = 9  # points along each side of the grid
+# smallest singular value of the lines over the largest, beyond which normals meet no common axis;
+# splines within ALIKE of a cylinder have 1e-4
+MEET = 1e-2
+# distance of a point from the surface about the axis that normals meet, over the size, beyond which
+# least squares need not be tried: the axis of splines within ALIKE is off by 1e-3
+GUESSED = 5e-3
 
 ENTITY = re.compile(r"#(\d+)\s*=\s*((?:[^;']|'(?:[^']|'')*')*);")
 TOKEN = re.compile(r"'(?:[^']|'')*'|#\d+|[(),]|[^\s(),']+")
@@ -149,21 +155,32 @@ class Spline(NamedTuple):
             derivatives.append((slope[..., :3] - slope[..., 3:] * points) / weight)
         return points, *derivatives
 
-    def grid(self) -> tuple[NDArray[np.float64], ...]:
-        """Parameters (n,) along each: N_POINTS of every span, at most nine times as many."""
+    def grid(self, *, coarse: bool = False) -> tuple[NDArray[np.float64], ...]:
+        """Parameters (n,) along each: some in every span, at least N_POINTS in all, of a `coarse`
+        grid no more."""
         along = []
         for degree, knots in zip(self.degrees, self.knots, strict=True):
             spans = np.unique(knots[degree : len(knots) - degree])
-            if len(spans) > N_POINTS:
-                spans = np.linspace(spans[0], spans[-1], N_POINTS)
-            parts = [np.linspace(*pair, N_POINTS) for pair in pairwise(spans)]
+            if coarse:
+                along.append(np.linspace(spans[0], spans[-1], N_POINTS))
+                continue
+            n = max(3, 1 + (N_POINTS - 1) // (len(spans) - 1))
+            parts = [np.linspace(*pair, n) for pair in pairwise(spans)]
             along.append(np.unique(np.concatenate(parts)))
         return tuple(along)
 
 
 def surface_of(spline: Spline) -> Recognised | None:
-    """The plane, cylinder, cone, sphere or torus that a B-spline surface is; None for others."""
-    u, v = spline.grid()
+    """The plane, cylinder, cone, sphere or torus that a B-spline surface is; None for others, most
+    of which a few points tell."""
+    if _fitted(spline, *spline.grid(coarse=True)) is None:
+        return None
+    return _fitted(spline, *spline.grid())
+
+
+def _fitted(spline: Spline, u: NDArray[np.float64], v: NDArray[np.float64]) -> Recognised | None:
+    """The surface of a known kind on which the points of a B-spline at parameters u (n,), v (m,)
+    lie; None where there is none."""
     grid, along_u, along_v = spline.at(u, v)
     p = grid.reshape(-1, 3)
     n = np.cross(along_u, along_v).reshape(-1, 3)
@@ -195,6 +212,8 @@ def surface_of(spline: Spline) -> Recognised | None:
     # axis of revolution: the line that all normals meet
     m = np.cross((q - middle) / size, n)
     _, s, lines = np.linalg.svd(np.column_stack([m, n]), full_matrices=False)
+    if s[-1] > MEET * s[0]:
+        return None
     # those of a cylinder meet the line at infinity across it too: of what is left to choose, the
     # line with the largest direction
     lines = lines[s <= max(s[-1], 1e-3 * s[0])]
@@ -291,7 +310,10 @@ def _revolved(kind: str, p, start: Vector, a: Vector, size: float) -> Recognised
             rho, h, _ = profile(x)
             return np.hypot(rho - x[4], h - x[5]) - x[6]
 
-    fit = least_squares(off, [0, 0, 0, 0, *first], xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    guess = np.array([0.0, 0.0, 0.0, 0.0, *first])
+    if np.abs(off(guess)).max() > GUESSED:
+        return None
+    fit = least_squares(off, guess, xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=20)
     x = fit.x
     if np.abs(fit.fun).max() > ALIKE or np.abs(x).max() > 100:
         return None

@@ -230,6 +230,25 @@ def test_a_deck_with_repeated_keywords_keeps_every_element(tmp_path):
     assert {name: mesh.nelements for name, mesh in halves.items()} == {"Solid": 2, "other": 1}
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("2, 2, 3, 4, 5", "2, 2, 3, 4, 55"), r"\*ELEMENT refers to"),
+        (("1, 0, 0, 0", "1, 0, 0, x"), r"the data of a \*NODE cannot be read"),
+        (("Type=C3D4, ", ""), r"\*ELEMENT refers to 'TYPE'"),
+        (("pair, 3", "nothing, 3"), r"\*ELSET refers to"),
+        (
+            ("*Heading", "*Include, input=other.inp"),
+            "it includes other.inp, which is not beside it",
+        ),
+    ],
+)
+def test_a_damaged_deck_is_refused_with_its_keyword(tmp_path, change, message):
+    (tmp_path / "one.inp").write_text(DECK.replace(*change))
+    with pytest.raises(InvalidScene, match=message):
+        volumes_of(tmp_path / "one.inp")
+
+
 def test_parts_of_a_deck_have_their_own_numbers(tmp_path):
     part = "*Part, name={}\n*Node\n1,{x},0,0\n2,{y},0,0\n3,{x},.1,0\n4,{x},0,.1\n"
     part += "*Element, type=C3D4\n1,1,2,3,4\n*Elset, elset=Set-1\n1\n*End Part\n"

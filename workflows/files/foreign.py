@@ -22,7 +22,7 @@ READER = "workflows.files.foreign_reader"
 # processor seconds to import a reader, and the fewest bytes that one reads in a second; a reader
 # that takes longer is taken to hang
 START, RATE = 8.0, 1e6
-RATES = {"step": 1e5}  # surfaces of STEP files are intersected and healed
+RATES = {"step": 5e4}  # surfaces of STEP files are intersected and healed, splines read twice
 SHARE = 1 / 12  # of a processor that a busy machine leaves to the reader, at least
 
 
