@@ -182,7 +182,8 @@ def _curved(skin: Skin, mine: NDArray[np.int64]) -> RoundSurface | None:
     """The cylinder or sphere on which the facets `mine` lie; None for any other surface."""
     points = np.unique(skin.corners[mine].reshape(-1, 3), axis=0)
     # cylinders first: a single row of facets around one lies on a sphere as well
-    cylinder = _cylinder(points, skin.normal[mine] * skin.area[mine, None])
+    areas = skin.normal[mine] * skin.area[mine, None]
+    cylinder = _cylinder(points, areas, tolerance=1e-15 if is_curved(skin.mesh) else 1e-8)
     if cylinder:
         return cylinder
     middle = points.mean(axis=0)
@@ -193,9 +194,12 @@ def _curved(skin: Skin, mine: NDArray[np.int64]) -> RoundSurface | None:
     return RoundSurface("sphere", middle + centre, radius)
 
 
-def _cylinder(points: NDArray[np.float64], normals: NDArray[np.float64]) -> RoundSurface | None:
-    """The cylinder with the least squares of the deviations of the radii of points (n, 3) [m]; None
-    where a point is off it. `normals` (m, 3) of the facets are weighted by area [m^2]."""
+def _cylinder(
+    points: NDArray[np.float64], normals: NDArray[np.float64], tolerance: float
+) -> RoundSurface | None:
+    """The cylinder with the least squares of the deviations of the radii of points (n, 3) [m], to a
+    relative `tolerance` of their sum; None where a point is off it. `normals` (m, 3) of the facets
+    are weighted by area [m^2]."""
     # first guess of the axis: the direction in which the normals have the smallest components; two
     # facets alone have one too
     normals = np.vstack([normals, np.zeros((max(0, 3 - len(normals)), 3))])
@@ -215,7 +219,12 @@ def _cylinder(points: NDArray[np.float64], normals: NDArray[np.float64]) -> Roun
     rho = (points - middle) @ np.array([u, v]).T
     start = np.array([0.0, 0.0, *_circle(rho)[0]])
     x = least_squares(
-        lambda x: radii(x) - radii(x).mean(), start, x_scale=[1, 1, size, size], xtol=1e-14
+        lambda x: radii(x) - radii(x).mean(),
+        start,
+        x_scale=[1, 1, size, size],
+        xtol=1e-14,
+        ftol=tolerance,
+        gtol=tolerance,
     ).x
     radius = radii(x).mean()
     # an arc shorter than a tenth of the radius, 6 degrees, could as well be a plane

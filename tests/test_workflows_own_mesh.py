@@ -100,7 +100,8 @@ at = [0.0, 0.0, {}]"""
     tied = modes_hz(capsys, f'{first}\ntouching = "tied"')
     np.testing.assert_allclose(tied, expected, rtol=0.01)
     again = modes_hz(capsys, f'{second}\ntouching = "tied"')
-    np.testing.assert_allclose(again, tied, rtol=1e-6)
+    # chords of ten around make holes 6 % too small in section, which changes these by 0.03 %
+    np.testing.assert_allclose(again, tied, rtol=1e-3)
     bolted = modes_hz(capsys, f'{first}\ntouching = "free"\n{BOLTS}')
     assert np.all(np.divide(bolted, tied) < 0.9)
 
