@@ -44,7 +44,8 @@ def identified(low, high, title=SYNTHETIC):
     ]
     report = SimpleNamespace(title=title, steps=[step], rows=rows)
     f = np.arange(0.0, 20001.0, 10.0)
-    responses = SimpleNamespace(frequency_hz=f, H=np.ones((3, 1, len(f)), complex))
+    usable = np.ones(len(f), bool)
+    responses = SimpleNamespace(frequency_hz=f, H=np.ones((3, 1, len(f)), complex), usable=usable)
     phi = np.array([[1.0, 1.0], [1.0, -1.0], [0.0, 0.2]])
     return IdentifiedTest(report, SimpleNamespace(responses=responses), SimpleNamespace(phi=phi))
 

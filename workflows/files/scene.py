@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from workflows.scene import InvalidScene, RomWall, Scene, nearest
 from workflows.scene.named_files import files_of, require_file
+from workflows.scene.shown import shown
 from workflows.scene.toml import Change, changed, parsed, require_shallow, resolved
 
 # values by dotted keys, or texts "key=value" as --set takes them
@@ -15,7 +16,8 @@ Changes = Mapping[str, Any] | Iterable[Change]
 Source = str | Path | Mapping[str, Any] | Scene | None  # name, file, tables; None is DEFAULT
 DEFAULT = "rig-rom"
 SURFACES = (".stl", ".obj", ".ply", ".3mf")  # triangles without a volume
-LONGEST_PATH = 4096  # characters; longer ones are TOML given in place of its file
+# characters of a path and of a name in it; longer ones are TOML given in place of its file
+LONGEST_PATH, LONGEST_NAME = 4096, 255
 MOST_BYTES = 50_000_000  # a million spheres, each with values of its own
 
 
@@ -46,10 +48,11 @@ def scene_text(name: str | None) -> SceneText:
 
     # no built-in scene: a file, or something that is likely to be meant for one
     path = Path(name)
-    if len(name) > LONGEST_PATH or "\0" in name:
+    too_long = any(len(part) > LONGEST_NAME for part in path.parts)
+    if len(name) > LONGEST_PATH or too_long or "\0" in name:
         raise InvalidScene(
-            f"{name!r} is no name of a file; give a TOML file, a built-in scene, or in Python a "
-            "dict of its tables."
+            f"{shown(name)} is no name of a file; give a TOML file, a built-in scene, or in Python "
+            "a dict of its tables."
         )
     if path.is_dir() and (path / "scene.toml").is_file():
         raise InvalidScene(f"{name} is a run folder; give its {path / 'scene.toml'}.")

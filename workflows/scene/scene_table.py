@@ -141,7 +141,7 @@ Density = of(Positive, DENSITY, 20, 25e3)  # foam to osmium
 Young = of(Positive, PRESSURE, 5e5, 2e12)  # soft rubber to diamond
 Radius = of(Positive, LENGTH, 1e-6, 0.25)
 # elements get as small as the patch: of 1e-12 m they filled the memory of a machine
-PatchRadius = of(Annotated[Number, Field(ge=1e-6)], LENGTH, 1e-5, 0.25)
+PatchRadius = of(Annotated[Number, Field(ge=1e-6)], LENGTH, 1e-5)
 YieldPressure = of(Positive, PRESSURE, 1e4, 1e11)
 YieldStress = of(Positive, PRESSURE, 1e5, 2e10)
 Velocity = of(Number, VELOCITY, 0, 100)

@@ -4,8 +4,7 @@ import re
 from typing import Any
 
 LONGEST = 80  # characters of a value in a sentence
-LONGEST_WORD = 250  # of a word without quotes, as a path
-QUOTED = re.compile(rf"(['\"])((?:(?!\1).){{{LONGEST + 1},}})\1", re.S)
+LONGEST_WORD = 250  # of a word of a sentence, as a path
 WORD = re.compile(rf"\S{{{LONGEST_WORD + 1},}}")
 
 
@@ -19,6 +18,5 @@ def shown(value: Any) -> str:
 
 
 def clipped(sentence: str) -> str:
-    """A sentence whose long quoted texts and long words are cut."""
-    sentence = QUOTED.sub(lambda text: f"{text[1]}{text[2][: LONGEST - 3]}...{text[1]}", sentence)
+    """A sentence whose words of more than LONGEST_WORD characters are cut."""
     return WORD.sub(lambda word: f"{word[0][:LONGEST_WORD]}...", sentence)

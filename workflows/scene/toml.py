@@ -170,7 +170,7 @@ def changed(tables: dict[str, Any], changes: Iterable[Change]) -> dict[str, Any]
         path = key.split(".")
         if not all(path) or len(path) > DEEPEST:
             raise InvalidScene(
-                f"the key {key!r} is not dotted words, {DEEPEST} at most; write chain.count."
+                f"the key {shown(key)} is not dotted words, {DEEPEST} at most; write chain.count."
             )
         require_shallow([value], f"--set {key}")
         tables = _with(_with_named_material(tables, path), path, value, key)
@@ -224,7 +224,7 @@ def _pair(change: Change) -> tuple[str, Any]:
         return change
     key, equals, text = change.partition("=")
     if not equals or not all(key.strip().split(".")):
-        raise InvalidScene(f"--set {change!r} is not key=value; write --set chain.count=17.")
+        raise InvalidScene(f"--set {shown(change)} is not key=value; write --set chain.count=17.")
     return key.strip(), value_of(text.strip())
 
 
@@ -339,7 +339,7 @@ TOO_DEEP = re.compile(rf"(?<![\w.\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){{{DEEPEST}}}"
 SENTENCES = {
     "missing": "{key} is missing; add {words}.",
     "union_tag_not_found": "{key}.kind is missing; add it to say which kind this is.",
-    "union_tag_invalid": "{key}.kind = {kind!r} must be one of {expected_tags}; change it.",
+    "union_tag_invalid": "{key}.kind = {kind} must be one of {expected_tags}; change it.",
     "value_error": "{key}: {error}.",
     "empty": "{key} is an empty list; give at least one value.",
     "too_short": "{key} = {shown} has {count}; give at least {min_length}.",
@@ -351,7 +351,7 @@ SENTENCES = {
     "string_too_long": "{key} = {shown} must have at most {max_length} characters; give another.",
     "string_too_short": "{key} is empty; give a text, or drop it.",
     "rows": "{key} is a list of tables: write [[{key}]], two brackets, once for each.",
-    "model_type": "{key} = {value!r} must be a table; write [{key}] with keys below it.",
+    "model_type": "{key} = {shown} must be a table; write [{key}] with keys below it.",
 }
 LISTS_OF_TABLES = {
     (name,) for name in ("shakers", "ties", "masses", "springs", "measured", "loads", "targets")
@@ -396,7 +396,7 @@ def _sentence(
         words=words or "it",
         wanted=wanted or error.get("ctx", {}).get("max_length"),
         wanted_values=f" of {wanted}" if wanted else "",
-        kind=value.get("kind") if isinstance(value, dict) else None,
+        kind=shown(value.get("kind") if isinstance(value, dict) else None),
         count=f"{n} value{'s' * (n != 1)}",
         allowed=error["msg"].replace("Input should", "must", 1),
         **error.get("ctx", {}),
