@@ -93,7 +93,8 @@ def require_sound(mesh: Mesh, name: str, source: str, *, as_it_is: bool = False)
             f"{body} is {n} pieces {joined}, with their middles at {places}"
             f"{', ...' if n > 3 else ''} m; the nearest nodes of two are "
             f"{1e3 * away[nearest]:.4g} mm apart, at {_place(mesh.p.T[first[nearest]])} m. Mesh it "
-            "as one, name each piece as a body, merge nodes by assembly.merge = "
+            "as one, name each piece as a body (assembly.volumes chooses the sets that are "
+            "bodies), merge nodes by assembly.merge = "
             f"{max(2 * away[nearest], 1e-6):.1g}, or take it as it is by merge = 0."
         )
 

@@ -97,6 +97,41 @@ def test_a_small_model_is_reduced_to_all_of_its_modes():
     assert reduced.K.shape[0] == 2
 
 
+CYCLE: list = []
+CYCLE.append(CYCLE)
+LONG = "é" * 300
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"striker.velocity": CYCLE}, {"striker": {"velocity": CYCLE}}, [("striker.velocity", CYCLE)]],
+)
+def test_endless_values_of_changes_are_refused(changes):
+    with pytest.raises(beadwave.InvalidScene, match="more than 20 levels"):
+        beadwave.scene("rig-1dof", changes)
+
+
+@pytest.mark.parametrize("name", [LONG, "\ud800", "a\0b"])
+def test_what_is_no_name_of_a_file_is_refused_wherever_it_stands(own_folder, name):
+    wall = {"wall": {"kind": "rom", "file": name}}
+    for call in (
+        lambda: beadwave.scene(name),
+        lambda: beadwave.load(name),
+        lambda: beadwave.impact("rig-1dof", out=name),
+        lambda: beadwave.impact("rig-1dof", rom=name),
+        lambda: beadwave.scene("rig-1dof", wall),
+    ):
+        with pytest.raises(beadwave.InvalidScene) as caught:
+            call()
+        assert len(str(caught.value)) < 300
+
+
+def test_a_mesh_in_place_of_a_scene_is_answered_by_the_key_that_names_it(own_folder):
+    Path("part.msh").write_text("$MeshFormat\n")
+    with pytest.raises(beadwave.InvalidScene, match=r'mesh = "part\.msh"'):
+        beadwave.look("part.msh")
+
+
 def command(*words, cwd=None, **environment):
     return subprocess.run(
         [sys.executable, "-m", "workflows", *words], capture_output=True, text=True, cwd=cwd,
@@ -143,7 +178,7 @@ def test_a_scene_of_many_numbers_is_not_deep(own_folder):
 
 
 def test_toml_in_place_of_its_file_is_refused(own_folder):
-    with pytest.raises(beadwave.InvalidScene, match="no name of a file"):
+    with pytest.raises(beadwave.InvalidScene, match="longer than a name of a file"):
         beadwave.scene("[chain]\n" + "count = 8\n" * 1000)
 
 

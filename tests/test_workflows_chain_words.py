@@ -52,6 +52,14 @@ def test_a_crest_is_no_plateau_however_finely_it_is_sampled():
     assert passages(t, v[None])[0, 0] == pytest.approx(0.4003, abs=1e-9)
 
 
+def test_spheres_that_move_away_from_the_wall_are_not_advised_to_wait(scene):
+    away = {"chain.initial_velocity": [-0.3, -0.2, -0.1], "wall": {"kind": "rigid"}}
+    tables = beadwave.scene(scene(THREE)).model_dump(exclude_none=True) | {"striker": None}
+    tables = {name: table for name, table in tables.items() if table is not None}
+    (words,) = beadwave.impact(tables, away).summary.warnings
+    assert words == "No sphere moves towards the wall: nothing is measured there."
+
+
 DIMERS = f"""
 [chain]
 count = 12

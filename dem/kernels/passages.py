@@ -20,7 +20,7 @@ def crest_between(v: Array, sign: float, first: int, end: int) -> tuple[float, f
     for i in range(first, end):
         if sign * v[i] > sign * v[k]:
             k = i
-    # of a plateau its first sample, see `dem.waves.arrivals.plateau_start`
+    # a plateau begins with its first sample, see `dem.waves.arrivals.plateau`
     level = sign * v[k] * (1.0 - PLATEAU)
     start, after = k, k + 1
     while start > first and sign * v[start - 1] >= level:
@@ -30,10 +30,12 @@ def crest_between(v: Array, sign: float, first: int, end: int) -> tuple[float, f
     half = start - 1
     while half > first and sign * v[half] >= 0.5 * sign * v[k]:
         half -= 1
-    if after - start > LASTING * (start - max(half, first)):
-        k = start
-    if k == 0 or k == v.size - 1:
+    if after - start <= LASTING * (start - max(half, first)):
+        start = k
+    if start == 0 or start == v.size - 1:
         return math.nan, math.nan
+    if start < k:
+        return float(start), v[k]
     y0, y1, y2 = sign * v[k - 1], sign * v[k], sign * v[k + 1]
     curvature = y0 - 2.0 * y1 + y2
     if curvature >= 0.0:

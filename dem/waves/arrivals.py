@@ -52,18 +52,21 @@ def arrivals(t: ArrayLike, v: ArrayLike, *, threshold: float = 0.2) -> list[Arri
     waves = []
     for run in np.split(np.arange(v.size), edges):
         sign = above[run[0]]
-        k = run[0] + plateau_start(sign * v[run])
-        if sign == 0.0 or not 0 < k < v.size - 1:
+        first, k = (run[0] + place for place in plateau(sign * v[run]))
+        if sign == 0.0 or not 0 < first < v.size - 1:
             continue
-        time, height = crest(t, sign * v, k)
+        if first < k:
+            time, height = float(t[first]), sign * v[k]
+        else:
+            time, height = crest(t, sign * v, k)
         waves.append(Arrival(time, float(sign * height), full_width(t, sign * v, k)))
     return waves
 
 
-def plateau_start(y: Array) -> int:
-    """Highest sample of y (n,); of a plateau around it the first sample, among those of a plateau
-    rounding would choose. A plateau lasts for a good part of the rise that leads to it, a crest for
-    a hundredth."""
+def plateau(y: Array) -> tuple[int, int]:
+    """First sample of the plateau around the highest sample of y (n,), and that one, which rounding
+    chooses among those of a plateau; twice the highest where it is a crest. A plateau lasts for a
+    good part of the rise that leads to it, a crest for a hundredth."""
     k = int(y.argmax())
     lower = np.flatnonzero(y < y[k] * (1.0 - PLATEAU))
     before, after = lower[lower < k], lower[lower > k]
@@ -71,7 +74,7 @@ def plateau_start(y: Array) -> int:
     end = int(after[0]) if after.size else y.size
     half = np.flatnonzero(y[:first] < 0.5 * y[k])
     rise = first - (int(half[-1]) if half.size else 0)
-    return first if end - first > LASTING * rise else k
+    return (first if end - first > LASTING * rise else k), k
 
 
 def crest(t: Array, y: Array, k: int) -> tuple[float, float]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from workflows.scene import InvalidScene, RomWall, Scene, nearest
-from workflows.scene.named_files import files_of, require_file
+from workflows.scene.named_files import files_of, no_name, require_file
 from workflows.scene.shown import shown
 from workflows.scene.toml import Change, changed, parsed, require_shallow, resolved
 
@@ -15,9 +15,8 @@ from workflows.scene.toml import Change, changed, parsed, require_shallow, resol
 Changes = Mapping[str, Any] | Iterable[Change]
 Source = str | Path | Mapping[str, Any] | Scene | None  # name, file, tables; None is DEFAULT
 DEFAULT = "rig-rom"
+MESHES = (".msh", ".med", ".unv", ".inp", ".bdf", ".nas", ".vtu", ".vtk")
 SURFACES = (".stl", ".obj", ".ply", ".3mf")  # triangles without a volume
-# characters of a path and of a name in it; longer ones are TOML given in place of its file
-LONGEST_PATH, LONGEST_NAME = 4096, 255
 MOST_BYTES = 50_000_000  # a million spheres, each with values of its own
 
 
@@ -48,14 +47,18 @@ def scene_text(name: str | None) -> SceneText:
 
     # no built-in scene: a file, or something that is likely to be meant for one
     path = Path(name)
-    too_long = any(len(part) > LONGEST_NAME for part in path.parts)
-    if len(name) > LONGEST_PATH or too_long or "\0" in name:
+    if why := no_name(name):
         raise InvalidScene(
-            f"{shown(name)} is no name of a file; give a TOML file, a built-in scene, or in Python "
-            "a dict of its tables."
+            f"{shown(name)} {why}; give a TOML file, a built-in scene, or in Python a dict of its "
+            "tables."
         )
     if path.is_dir() and (path / "scene.toml").is_file():
         raise InvalidScene(f"{name} is a run folder; give its {path / 'scene.toml'}.")
+    if path.suffix.lower() in MESHES and path.is_file():
+        raise InvalidScene(
+            f"{name} is a mesh; name it in a scene, "
+            f'assembly = {{ mesh = "{path.name}", material = "steel" }}, and give that.'
+        )
     if path.suffix.lower() in (".igs", ".iges", *SURFACES):
         is_surface = path.suffix.lower() in SURFACES
         filled = ", or fill it with tetrahedra by examples/fill_surface.py" if is_surface else ""
@@ -155,7 +158,10 @@ def tables_of(source: Source) -> dict[str, Any]:
 
 def each(changes: Changes) -> tuple[Change, ...]:
     """The changes one by one."""
-    return tuple(_plain(changes).items() if isinstance(changes, Mapping) else changes)
+    if not isinstance(changes, Mapping):
+        return tuple(changes)
+    require_shallow(changes, "changes")
+    return tuple(_plain(changes).items())
 
 
 def _plain(value: Any) -> Any:

@@ -14,6 +14,7 @@ from math import isnan
 from numbers import Integral, Real
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
+from workflows.scene.named_files import no_name
 from workflows.scene.scene_table import InvalidScene, nearest
 from workflows.scene.shown import shown
 
@@ -60,6 +61,9 @@ def checked(function: Function) -> Function:
                 raise InvalidScene(
                     f"{function.__name__}: {name} = {shown(value)} must be {_words(hints[name])}."
                 )
+            is_path = isinstance(value, str | os.PathLike) and "path" in _words(hints[name])
+            if is_path and (why := no_name(value)):
+                raise InvalidScene(f"{function.__name__}: {name} = {shown(value)} {why}.")
         return function(*values, **named)
 
     return call

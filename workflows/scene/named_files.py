@@ -5,24 +5,33 @@ over (`files_of`), and its content is in the key of every stage that reads its t
 (`workflows.stages.pipeline.tables_of`).
 """
 
+import os
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, get_args
 
-from pydantic import BaseModel
+from pydantic import AfterValidator, BaseModel
 
 from workflows.scene.memory import free_memory
 from workflows.scene.scene_table import InvalidScene, SceneTable
+from workflows.scene.shown import shown
 
 ALWAYS_READ = 1e7  # bytes of a file that is read whatever the memory
+LONGEST_PATH, LONGEST_NAME = 4096, 255  # bytes of a path, and of a name in it
 
 
 class ToRead:
     """Marks the type of a key whose text is a file that is read."""
 
 
-FileName = Annotated[str, ToRead()]
+def _nameable(path: str) -> str:
+    if why := no_name(path):
+        raise ValueError(f"{shown(path)} {why}")
+    return path
+
+
+FileName = Annotated[str, ToRead(), AfterValidator(_nameable)]
 
 
 @cache
@@ -84,6 +93,19 @@ def in_folder(value: Any, folder: Path) -> Any:
     return value.model_copy(update=changed) if changed else value
 
 
+def no_name(path: str | Path) -> str | None:
+    """Reason for which a path cannot be the name of a file; None if it can."""
+    try:
+        parts = [os.fsencode(part) for part in Path(path).parts]
+    except UnicodeEncodeError:
+        return "has characters that no name of a file has"
+    if any(b"\0" in part for part in parts):
+        return "contains a null character, which no name of a file has"
+    if any(len(part) > LONGEST_NAME for part in parts) or sum(map(len, parts)) > LONGEST_PATH:
+        return "is longer than a name of a file may be"
+    return None
+
+
 def unfit(path: Path) -> str | None:
     """Why nothing is read from a path; None where an ordinary file is."""
     if path.is_file():
@@ -100,6 +122,8 @@ def require_file(path: str | Path, advice: str, *, key: str = "", grows: float =
     Measured with 20 MB of CSV: responses take 6 times their size, time records 1.8 times.
     """
     path = Path(path)
+    if why := no_name(path):
+        raise InvalidScene(f"{key}{shown(str(path))} {why}; {advice}.")
     if why := unfit(path):
         raise InvalidScene(f"{key}{path} {why}; {advice}.")
     size, most = path.stat().st_size, free_memory() / grows
