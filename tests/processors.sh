@@ -2,9 +2,10 @@
 # The tests as on other processors of x86-64: BLAS, numpy and numba round differently where other
 # instructions are used.
 #
-#   tests/processors.sh                 the quick suite as on each of them, a quarter of an hour each
+#   tests/processors.sh                 tests near rounding as on each of them, a minute or two each
 #   tests/processors.sh sse             as on one: amd (AVX2), intel (AVX2), sse (SSE3 at most)
 #   tests/processors.sh in-turn         as on one, another one after each commit
+#   tests/processors.sh sse --quick     the whole quick suite, a quarter of an hour
 #   tests/processors.sh sse tests/test_rom_parts.py -x     some tests, with options of pytest
 #   PYTHON=python3.12 tests/processors.sh amd
 set -euo pipefail
@@ -18,6 +19,15 @@ case "${1:-}" in
     in-turn) names=("${every[$(($(git rev-list --count HEAD 2>/dev/null || date +%-j) % ${#every[@]}))]}") && shift ;;
     amd | intel | sse) names=("$1") && shift ;;
     *) names=("${every[@]}") ;;
+esac
+
+case "${1:-}" in
+    --quick) shift ;;
+    "") set -- tests/test_rom_{reduction,parts,reduced_model}.py \
+        tests/test_fem_{factorisation,beam,elasticity,materials,patch,joints}.py \
+        tests/test_coupling_{damping,fit,reduced_wall}.py tests/test_dem_{ends,kernels}.py \
+        tests/test_workflows_shaken_extremes.py \
+        tests/test_dem_damping.py::test_velocities_are_those_of_an_independent_stiff_integrator ;;
 esac
 
 code=$(mktemp -d)
