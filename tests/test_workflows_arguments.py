@@ -178,7 +178,7 @@ def test_a_scene_of_many_numbers_is_not_deep(own_folder):
 
 
 def test_toml_in_place_of_its_file_is_refused(own_folder):
-    with pytest.raises(beadwave.InvalidScene, match="longer than a name of a file"):
+    with pytest.raises(beadwave.InvalidScene, match="too long for the name of a file"):
         beadwave.scene("[chain]\n" + "count = 8\n" * 1000)
 
 

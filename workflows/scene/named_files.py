@@ -102,7 +102,7 @@ def no_name(path: str | Path) -> str | None:
     if any(b"\0" in part for part in parts):
         return "contains a null character, which no name of a file has"
     if any(len(part) > LONGEST_NAME for part in parts) or sum(map(len, parts)) > LONGEST_PATH:
-        return "is longer than a name of a file may be"
+        return "is too long for the name of a file"
     return None
 
 
