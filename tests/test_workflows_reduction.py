@@ -209,7 +209,7 @@ def test_a_wall_of_too_few_modes_is_told_with_what_to_do():
     [
         (("joints.head.ky=0.0",), "joints.head.ky = 0 leaves free; give it a stiffness"),
         (('assembly.parts=["block"]',), "of the rig: assembly.parts"),
-        (("patch.weights=thesis", "patch.radius=1e-6"), "would read the node that it pushes"),
+        (("patch.weights=thesis", "patch.radius=1e-5"), "would read the node that it pushes"),
     ],
 )
 def test_a_reduction_that_fails_names_the_keys_of_the_scene(changes, words):

@@ -135,7 +135,10 @@ def implausible(numbers: Iterator[ScannedNumber], intended: tuple[str, ...]) -> 
             continue
 
         value = f"{number.value:g} {kind.unit}"
-        usual = f"{low:g} to {high:g} {kind.unit}" if low else f"up to {high:g} {kind.unit}"
+        if high == inf:
+            usual = f"at least {low:g} {kind.unit}"
+        else:
+            usual = f"{low:g} to {high:g} {kind.unit}" if low else f"up to {high:g} {kind.unit}"
         usual += f" ({of_high})" if of_high else ""
         remedy = f'write "{value}" with its unit'
         if likely:
