@@ -19,45 +19,46 @@ Three things are easily left out of a wall made by hand, each some percent of th
 3. The surface. `flat` of dem.row_of_spheres is what the body struck is made of; without it the
    flat is rigid.
 
-    import coupling.reduced_wall  # loads rom, which other walls need not
+    from beadwave import coupling, dem
+    from beadwave.coupling import reduced_wall  # loads rom, which other walls need not
 
     row = dem.row_of_spheres(0.0127, 7800.0, 210e9, 0.3, count=17, preload=15.0,
                              flat=dem.Flat(210e9, 0.3))
     row.mass[-1] += 0.134
-    wall = coupling.reduced_wall.wall_of(reduced)
+    wall = reduced_wall.wall_of(reduced)
     result = coupling.impact(row, wall, [0.31] + 16 * [0.0], duration=3e-3, error=1e-4)
     result.trajectory.contact_force[:, -1].max()
 
 `beadwave.impact(scene, rom=reduced)` does all of it.
 """
 
-from coupling.coupled_march import (
+from beadwave.coupling.coupled_march import (
     EnergyGain,
     energy_gain,
     longest_step,
     march_coupled,
     with_coupled_error,
 )
-from coupling.coupled_wall import CoupledWall
-from coupling.damping import (
+from beadwave.coupling.coupled_wall import CoupledWall
+from beadwave.coupling.damping import (
     Damping,
     ModalDamping,
     RayleighDamping,
     damping_ratios,
     rayleigh,
 )
-from coupling.elliptical_contact import PLANE, EllipticalContact, elliptical_contact
-from coupling.errors import CouplingError
-from coupling.march import Impact, impact
-from coupling.plate import (
+from beadwave.coupling.elliptical_contact import PLANE, EllipticalContact, elliptical_contact
+from beadwave.coupling.errors import CouplingError
+from beadwave.coupling.march import Impact, impact
+from beadwave.coupling.plate import (
     Plate,
     group_speed,
     infinite_plate,
     slenderness,
 )
-from coupling.pruning import LeftOut, Pruning, mode_costs, prune
-from coupling.radiation import radiated_energy
-from coupling.verdict import Verdict, largest_monotone_force, predicted_peak_force, verdict
+from beadwave.coupling.pruning import LeftOut, Pruning, mode_costs, prune
+from beadwave.coupling.radiation import radiated_energy
+from beadwave.coupling.verdict import Verdict, largest_monotone_force, predicted_peak_force, verdict
 
 __all__ = [
     "PLANE",

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-import rom
-from coupling.damping import Damping, damping_ratios
+from beadwave import rom
+from beadwave.coupling.damping import Damping, damping_ratios
 
 BAND_HZ = (20.0, 20e3)
 CHECKED_HZ = (400.0, 2200.0, 9000.0, 18e3)  # between modes, where a wrong model shows

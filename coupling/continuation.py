@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from coupling.periodic_state import (
+from beadwave.coupling.periodic_state import (
     USUAL_PERIODIC_SEARCH,
     PeriodicSearch,
     PeriodicState,
@@ -22,10 +22,10 @@ from coupling.periodic_state import (
     period_of,
     periodic_state,
 )
-from coupling.spatial_march import Before, Moving, PreparedImpact
-from dem.kernels.arguments import Steps
-from dem.kernels.spatial import RUBBED
-from dem.richardson import richardson
+from beadwave.coupling.spatial_march import Before, Moving, PreparedImpact
+from beadwave.dem.kernels.arguments import Steps
+from beadwave.dem.kernels.spatial import RUBBED
+from beadwave.dem.richardson import richardson
 
 
 class SteadyState(NamedTuple):

@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from coupling.coupled_wall import CoupledWall
-from coupling.errors import CouplingError
-from dem import ArrayErrors, Chain, State, Trajectory, Wall, equilibrium
-from dem.kernels.laws import DAMPING_LAWS, elastic_indentation
-from dem.spheres import time_scale
+from beadwave.coupling.coupled_wall import CoupledWall
+from beadwave.coupling.errors import CouplingError
+from beadwave.dem import ArrayErrors, Chain, State, Trajectory, Wall, equilibrium
+from beadwave.dem.kernels.laws import DAMPING_LAWS, elastic_indentation
+from beadwave.dem.spheres import time_scale
 
 
 class EnergyGain(NamedTuple):

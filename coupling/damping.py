@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from coupling.errors import CouplingError
+from beadwave.coupling.errors import CouplingError
 
 UNCOUPLED = 1e-6  # largest normalised off-diagonal modal damping that counts as proportional
 

@@ -25,12 +25,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coupling.spatial_march import Before, Moving, PreparedImpact
-from dem import UnstableStep
-from dem.friction import stick_stiffness
-from dem.kernels.arguments import Array
-from dem.kernels.lateral import Springs, press_round
-from dem.kernels.spatial import (
+from beadwave.coupling.spatial_march import Before, Moving, PreparedImpact
+from beadwave.dem import UnstableStep
+from beadwave.dem.friction import stick_stiffness
+from beadwave.dem.kernels.arguments import Array
+from beadwave.dem.kernels.lateral import Springs, press_round
+from beadwave.dem.kernels.spatial import (
     BEYOND_MODES,
     BY_CONTACT,
     BY_SHAKERS,

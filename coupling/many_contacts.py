@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from coupling.damping import Damping, damping_ratios
-from dem import Wall
-from rom import ManyContacts
+from beadwave.coupling.damping import Damping, damping_ratios
+from beadwave.dem import Wall
+from beadwave.rom import ManyContacts
 
 
 def walls_of(

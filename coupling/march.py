@@ -4,11 +4,11 @@ from typing import NamedTuple
 
 from numpy.typing import ArrayLike
 
-from coupling.coupled_march import EnergyGain, energy_gain, march_coupled
-from coupling.coupled_wall import CoupledWall
-from coupling.errors import CouplingError
-from coupling.verdict import Verdict, verdict
-from dem import (
+from beadwave.coupling.coupled_march import EnergyGain, energy_gain, march_coupled
+from beadwave.coupling.coupled_wall import CoupledWall
+from beadwave.coupling.errors import CouplingError
+from beadwave.coupling.verdict import Verdict, verdict
+from beadwave.dem import (
     Chain,
     StepReport,
     Trajectory,

@@ -13,8 +13,8 @@ under the hammer's tip is not in the record and nothing is taken out for it. Of 
 
 import numpy as np
 
-from dem import Wall
-from rom import ModalFit
+from beadwave.dem import Wall
+from beadwave.rom import ModalFit
 
 
 def surface_compliance(young: float, poisson: float, distance: float) -> float:

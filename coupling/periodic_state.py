@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import expm
 
-from coupling.harmonic_balance import (
+from beadwave.coupling.harmonic_balance import (
     USUAL_BALANCE_SEARCH,
     Balance,
     answer,
@@ -28,11 +28,11 @@ from coupling.harmonic_balance import (
     cycle_of,
     let_go,
 )
-from coupling.spatial_march import Before, Moving, PreparedImpact, along_normal
-from dem import UnstableStep
-from dem.friction import gross_slip, redivided, stick_stiffness
-from dem.kernels.arguments import Array, Steps
-from dem.kernels.spatial import (
+from beadwave.coupling.spatial_march import Before, Moving, PreparedImpact, along_normal
+from beadwave.dem import UnstableStep
+from beadwave.dem.friction import gross_slip, redivided, stick_stiffness
+from beadwave.dem.kernels.arguments import Array, Steps
+from beadwave.dem.kernels.spatial import (
     BEYOND_MODES,
     BY_CONTACT,
     BY_SHAKERS,
@@ -42,10 +42,10 @@ from dem.kernels.spatial import (
     SavedSpatial,
     SpatialSystem,
 )
-from dem.kernels.tangential import HEAT
-from dem.lateral import Cycle
-from dem.prepared import prepare
-from dem.richardson import richardson
+from beadwave.dem.kernels.tangential import HEAT
+from beadwave.dem.lateral import Cycle
+from beadwave.dem.prepared import prepare
+from beadwave.dem.richardson import richardson
 
 
 class PeriodicSearch(NamedTuple):

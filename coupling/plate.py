@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem import Wall, plate_wall
+from beadwave.dem import Wall, plate_wall
 
 
 class Plate(NamedTuple):

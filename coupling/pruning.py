@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from coupling.march import impact
-from coupling.verdict import largest_monotone_force
-from dem import Chain, Trajectory, Wall
+from beadwave.coupling.march import impact
+from beadwave.coupling.verdict import largest_monotone_force
+from beadwave.dem import Chain, Trajectory, Wall
 
 
 class LeftOut(NamedTuple):

@@ -19,11 +19,11 @@ negative, and nearly diagonal. Johnson, Contact Mechanics (1985), sec. 3.2, 3.6 
 import numpy as np
 from scipy.linalg import eigh
 
-from coupling.damping import Damping, damping_ratios, matrix_ratios
-from coupling.errors import CouplingError
-from coupling.reduced_wall import moving_mask
-from coupling.spatial_wall import SpatialWall, spatial_wall_of_modes
-from rom import Columns, ModalWall, ReducedModel, modal
+from beadwave.coupling.damping import Damping, damping_ratios, matrix_ratios
+from beadwave.coupling.errors import CouplingError
+from beadwave.coupling.reduced_wall import moving_mask
+from beadwave.coupling.spatial_wall import SpatialWall, spatial_wall_of_modes
+from beadwave.rom import Columns, ModalWall, ReducedModel, modal
 
 
 def spatial_wall_of(

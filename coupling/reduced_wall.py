@@ -13,11 +13,11 @@ residual; Johnson, Contact Mechanics (1985), sec. 3.2 and 3.4 for the half-space
 
 import numpy as np
 
-from coupling.coupled_wall import CoupledWall
-from coupling.damping import Damping, couples_modes, damping_ratios, matrix_ratios
-from coupling.errors import CouplingError
-from dem import Wall
-from rom import (
+from beadwave.coupling.coupled_wall import CoupledWall
+from beadwave.coupling.damping import Damping, couples_modes, damping_ratios, matrix_ratios
+from beadwave.coupling.errors import CouplingError
+from beadwave.dem import Wall
+from beadwave.rom import (
     ModalWall,
     ReducedModel,
     is_indefinite,

@@ -22,15 +22,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from coupling.errors import CouplingError
-from coupling.harmonic_balance import (
+from beadwave.coupling.errors import CouplingError
+from beadwave.coupling.harmonic_balance import (
     USUAL_BALANCE_SEARCH,
     CutBodies,
     CycleForces,
     answer,
     cut_at_contacts,
 )
-from coupling.spatial_march import Before, PreparedImpact, ShakerForces
+from beadwave.coupling.spatial_march import Before, PreparedImpact, ShakerForces
 
 Array = NDArray[np.float64]
 

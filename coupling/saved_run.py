@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from coupling.coupled_wall import CoupledWall
-from dem import Trajectory, Wall
+from beadwave.coupling.coupled_wall import CoupledWall
+from beadwave.dem import Trajectory, Wall
 
 if TYPE_CHECKING:  # a run without friction loads no motion across
-    from dem.lateral import LateralTrajectory
+    from beadwave.dem.lateral import LateralTrajectory
 
 
 def arrays(

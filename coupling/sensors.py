@@ -20,14 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-import dem
-from coupling.band import Band, filtered
-from coupling.errors import CouplingError
-from dem.waves.labels import Label, labels
-from dem.waves.tracks import WaveTrack
+from beadwave import dem
+from beadwave.coupling.band import Band, filtered
+from beadwave.coupling.errors import CouplingError
+from beadwave.dem.waves.labels import Label, labels
+from beadwave.dem.waves.tracks import WaveTrack
 
 if TYPE_CHECKING:
-    from coupling.structure_sensors import Sensed
+    from beadwave.coupling.structure_sensors import Sensed
 
 NO_BAND = Band()
 

@@ -5,20 +5,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from coupling.periodic_state import (
+from beadwave.coupling.periodic_state import (
     USUAL_PERIODIC_SEARCH,
     PeriodicSearch,
     PeriodicState,
     periodic_state,
 )
-from coupling.spatial_march import (
+from beadwave.coupling.spatial_march import (
     Before,
     PreparedImpact,
     SpatialRun,
     march_to_error,
 )
-from dem import ArrayErrors
-from dem.checks import require, saves
+from beadwave.dem import ArrayErrors
+from beadwave.dem.checks import require, saves
 
 
 class ShakenRun(NamedTuple):

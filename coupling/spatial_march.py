@@ -16,15 +16,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from coupling.errors import CouplingError
-from coupling.spatial_wall import SpatialWall, require_one_solution
-from dem import ArrayErrors, Chain, Trajectory, UnstableStep, Wall
-from dem.chain import State
-from dem.checks import require, saves
-from dem.friction import open_cells, open_row, redivided, stick_stiffness
-from dem.kernels.arguments import Array, Steps
-from dem.kernels.oscillators import oscillator_propagator
-from dem.kernels.spatial import (
+from beadwave.coupling.errors import CouplingError
+from beadwave.coupling.spatial_wall import SpatialWall, require_one_solution
+from beadwave.dem import ArrayErrors, Chain, Trajectory, UnstableStep, Wall
+from beadwave.dem.chain import State
+from beadwave.dem.checks import require, saves
+from beadwave.dem.friction import open_cells, open_row, redivided, stick_stiffness
+from beadwave.dem.kernels.arguments import Array, Steps
+from beadwave.dem.kernels.oscillators import oscillator_propagator
+from beadwave.dem.kernels.spatial import (
     FrictionalContact,
     SavedSpatial,
     Shaking,
@@ -35,16 +35,16 @@ from dem.kernels.spatial import (
     march_spatial,
     settle,
 )
-from dem.lateral import (
+from beadwave.dem.lateral import (
     LastSphere,
     LateralTrajectory,
     checked_last_sphere,
     common_period,
     require_hertz,
 )
-from dem.prepared import PreparedChain, prepare
-from dem.richardson import richardson
-from dem.stability import fastest_rate
+from beadwave.dem.prepared import PreparedChain, prepare
+from beadwave.dem.richardson import richardson
+from beadwave.dem.stability import fastest_rate
 
 
 class ShakerForces(NamedTuple):

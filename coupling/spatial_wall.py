@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coupling.errors import CouplingError
+from beadwave.coupling.errors import CouplingError
 
 
 class SpatialWall(NamedTuple):

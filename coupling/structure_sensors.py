@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from coupling.damping import Damping, damping_ratios, matrix_ratios
-from coupling.reduced_spatial_wall import modes_and_oscillators
-from coupling.spatial_wall import SpatialWall
-from rom import ReducedModel
+from beadwave.coupling.damping import Damping, damping_ratios, matrix_ratios
+from beadwave.coupling.reduced_spatial_wall import modes_and_oscillators
+from beadwave.coupling.spatial_wall import SpatialWall
+from beadwave.rom import ReducedModel
 
 # instants of the driven modes between two of a run, 1 us apart: 4 and 8 differ by 7e-6 of an
 # acceleration by modes of 300 Hz to 17 kHz

@@ -15,9 +15,9 @@ Mechanics (1985), 7.2.
 
 import numpy as np
 
-from coupling.spatial_wall import SpatialWall, spatial_wall_of_modes
-from dem import Chain
-from dem.lateral import LastSphere
+from beadwave.coupling.spatial_wall import SpatialWall, spatial_wall_of_modes
+from beadwave.dem import Chain
+from beadwave.dem.lateral import LastSphere
 
 
 def stuck_wall(wall: SpatialWall, stiffness: float, last: LastSphere, chain: Chain) -> SpatialWall:

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coupling.reduced_wall import moving_mask, moving_modes, with_oscillator
-from rom import ModalWall, ReducedModel, modal
+from beadwave.coupling.reduced_wall import moving_mask, moving_modes, with_oscillator
+from beadwave.rom import ModalWall, ReducedModel, modal
 
 
 class SurfaceModes(NamedTuple):

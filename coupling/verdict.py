@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from coupling.coupled_wall import CoupledWall
-from dem import Chain, Wall
-from dem.elastic import ElasticLaw, elastic_law
+from beadwave.coupling.coupled_wall import CoupledWall
+from beadwave.dem import Chain, Wall
+from beadwave.dem.elastic import ElasticLaw, elastic_law
 
 
 class Verdict(NamedTuple):
@@ -91,7 +91,7 @@ def verdict(chain: Chain, wall: Wall | CoupledWall | None, v0: ArrayLike) -> Ver
         )
     energy_source = None
     if isinstance(wall, CoupledWall):
-        from rom import is_indefinite  # scipy.sparse, for a tenth of a second
+        from beadwave.rom import is_indefinite  # scipy.sparse, for a tenth of a second
 
         if not wall.reciprocal:
             energy_source = (

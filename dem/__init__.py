@@ -19,18 +19,24 @@ with the contact; `coupling.reduced_wall.wall_of` makes one of a reduced model.
 '732 N'
 """
 
-from dem.batch import Batch, march_batch
-from dem.chain import RIGID, Chain, Flat, State, row_of_spheres
-from dem.chains import Chains
-from dem.checks import InvalidChain
-from dem.elastic import ElasticLaw, force_table
-from dem.schemes import SCHEMES, Scheme
-from dem.stability import UnstableStep, stability_limit
-from dem.statics import Equilibrium, NoEquilibrium, equilibrium
-from dem.step_control import Controlled, StepReport, StepSearch, march_to_error, with_step_error
-from dem.trajectory import ArrayErrors, Trajectory, march, require_march
-from dem.validity import Strain, outside, strain, yielding
-from dem.walls import Wall, dashpot_wall, one_dof_wall, plate_wall, rigid_wall
+from beadwave.dem.batch import Batch, march_batch
+from beadwave.dem.chain import RIGID, Chain, Flat, State, row_of_spheres
+from beadwave.dem.chains import Chains
+from beadwave.dem.checks import InvalidChain
+from beadwave.dem.elastic import ElasticLaw, force_table
+from beadwave.dem.schemes import SCHEMES, Scheme
+from beadwave.dem.stability import UnstableStep, stability_limit
+from beadwave.dem.statics import Equilibrium, NoEquilibrium, equilibrium
+from beadwave.dem.step_control import (
+    Controlled,
+    StepReport,
+    StepSearch,
+    march_to_error,
+    with_step_error,
+)
+from beadwave.dem.trajectory import ArrayErrors, Trajectory, march, require_march
+from beadwave.dem.validity import Strain, outside, strain, yielding
+from beadwave.dem.walls import Wall, dashpot_wall, one_dof_wall, plate_wall, rigid_wall
 
 __all__ = [
     "RIGID",

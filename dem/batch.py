@@ -23,18 +23,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.chains import Chains
-from dem.checks import InvalidChain, columns, positive, saves, whole
-from dem.dense import values_between, velocities_between
-from dem.kernels.arguments import Array
-from dem.kernels.lanes import LaneSteps
-from dem.lanes import LaneRuns, march_side_by_side
-from dem.prepared import prepare
-from dem.richardson import richardson
-from dem.schemes import SCHEMES, named_scheme
-from dem.stability import UnstableStep, fastest_rate, marching_scheme, stability_interval
-from dem.step_control import EPSILON, StepSearch, lost_in_rounding, march_to_error
-from dem.trajectory import equal_steps, march
+from beadwave.dem.chains import Chains
+from beadwave.dem.checks import InvalidChain, columns, positive, saves, whole
+from beadwave.dem.dense import values_between, velocities_between
+from beadwave.dem.kernels.arguments import Array
+from beadwave.dem.kernels.lanes import LaneSteps
+from beadwave.dem.lanes import LaneRuns, march_side_by_side
+from beadwave.dem.prepared import prepare
+from beadwave.dem.richardson import richardson
+from beadwave.dem.schemes import SCHEMES, named_scheme
+from beadwave.dem.stability import UnstableStep, fastest_rate, marching_scheme, stability_interval
+from beadwave.dem.step_control import EPSILON, StepSearch, lost_in_rounding, march_to_error
+from beadwave.dem.trajectory import equal_steps, march
 
 
 class Batch(NamedTuple):

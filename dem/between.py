@@ -6,15 +6,15 @@ velocities the rate of the forces, so that four derivatives of every body are kn
 
 import numpy as np
 
-from dem.chain import State
-from dem.kernels.arguments import ChainArrays, Motion, Steps
-from dem.kernels.between import Between, save_between
-from dem.kernels.ends import ChainAndWall, empty_step_ends
-from dem.prepared import PreparedChain
-from dem.schemes import Scheme
-from dem.stability import fastest_decay
-from dem.trajectory import MOST_MODES, Trajectory, equal_steps, marched, room_for, run
-from dem.trajectory import trajectory as trajectory_of
+from beadwave.dem.chain import State
+from beadwave.dem.kernels.arguments import ChainArrays, Motion, Steps
+from beadwave.dem.kernels.between import Between, save_between
+from beadwave.dem.kernels.ends import ChainAndWall, empty_step_ends
+from beadwave.dem.prepared import PreparedChain
+from beadwave.dem.schemes import Scheme
+from beadwave.dem.stability import fastest_decay
+from beadwave.dem.trajectory import MOST_MODES, Trajectory, equal_steps, marched, room_for, run
+from beadwave.dem.trajectory import trajectory as trajectory_of
 
 
 def run_between(

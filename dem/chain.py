@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dem.checks import arrays, require, scalar, spread, vector, whole
-from dem.elastic import ElasticLaw
-from dem.kernels.arguments import Array, ForceTable
-from dem.kernels.laws import DAMPING_LAWS, ELASTIC_LAWS, SHAPE_PARAMETERS
-from dem.spheres import hertz_coefficient, mass
-from dem.walls import Wall, rigid_wall
+from beadwave.dem.checks import arrays, require, scalar, spread, vector, whole
+from beadwave.dem.elastic import ElasticLaw
+from beadwave.dem.kernels.arguments import Array, ForceTable
+from beadwave.dem.kernels.laws import DAMPING_LAWS, ELASTIC_LAWS, SHAPE_PARAMETERS
+from beadwave.dem.spheres import hertz_coefficient, mass
+from beadwave.dem.walls import Wall, rigid_wall
 
 PER_SPHERE = (
     "mass", "radius", "A", "gamma", "leaf_stiffness", "leaf_anchor", "yield_overlap", "friction",

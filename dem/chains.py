@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dem.chain import PER_SPHERE, Chain, validate
-from dem.checks import InvalidChain
-from dem.elastic import ElasticLaw
-from dem.kernels.arguments import Array
-from dem.statics import approach, static_state
-from dem.walls import Wall
+from beadwave.dem.chain import PER_SPHERE, Chain, validate
+from beadwave.dem.checks import InvalidChain
+from beadwave.dem.elastic import ElasticLaw
+from beadwave.dem.kernels.arguments import Array
+from beadwave.dem.statics import approach, static_state
+from beadwave.dem.walls import Wall
 
 # fields that may differ from chain to chain: numbers of a chain and of a wall, arrays of a wall;
 # those of the spheres and contacts are PER_SPHERE

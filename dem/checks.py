@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.kernels.arguments import Array
+from beadwave.dem.kernels.arguments import Array
 
 SMALLEST, LARGEST = 5e-324, 1.7976931348623157e308  # of all positive numbers
 MOST_SAVED = 5e8  # spheres times saves: 12 GB

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from dem.kernels.arguments import Array
-from dem.kernels.dense import fill_slopes, fill_values
+from beadwave.dem.kernels.arguments import Array
+from beadwave.dem.kernels.dense import fill_slopes, fill_values
 
 
 def velocities_between(x: Array, v: Array, a: Array, h: float, n_samples: int) -> Array:

@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dem.checks import require
-from dem.kernels import laws
-from dem.kernels.arguments import Array, ForceShape, ForceTable
-from dem.spheres import hertz_energy, hertz_overlap, hertz_stiffness
+from beadwave.dem.checks import require
+from beadwave.dem.kernels import laws
+from beadwave.dem.kernels.arguments import Array, ForceShape, ForceTable
+from beadwave.dem.spheres import hertz_energy, hertz_overlap, hertz_stiffness
 
 
 class ElasticLaw(NamedTuple):

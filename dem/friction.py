@@ -10,11 +10,11 @@ and 7.4.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dem.checks import above_0, require, scalar
-from dem.kernels.arguments import Array
-from dem.kernels.sliders import Segalman, Sliders
-from dem.kernels.tangential import WIDTH, SpringCells, SpringRow, TangentialLaw
-from dem.spheres import contact_modulus, contact_radius, relative_radius
+from beadwave.dem.checks import above_0, require, scalar
+from beadwave.dem.kernels.arguments import Array
+from beadwave.dem.kernels.sliders import Segalman, Sliders
+from beadwave.dem.kernels.tangential import WIDTH, SpringCells, SpringRow, TangentialLaw
+from beadwave.dem.spheres import contact_modulus, contact_radius, relative_radius
 
 
 def tangential_modulus(E1: float, nu1: float, E2: float = np.inf, nu2: float = 0.0) -> float:

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.chains import Chains
-from dem.kernels.arguments import Array
-from dem.kernels.lanes import (
+from beadwave.dem.chains import Chains
+from beadwave.dem.kernels.arguments import Array
+from beadwave.dem.kernels.lanes import (
     LANES,
     Blocks,
     Dampers,
@@ -21,11 +21,11 @@ from dem.kernels.lanes import (
     WallSprings,
     march_lanes,
 )
-from dem.kernels.laws import DAMPING_LAWS, ELASTIC_LAWS
-from dem.kernels.oscillators import oscillator_propagator
-from dem.prepared import prepare
-from dem.schemes import Scheme
-from dem.stability import refuse_step
+from beadwave.dem.kernels.laws import DAMPING_LAWS, ELASTIC_LAWS
+from beadwave.dem.kernels.oscillators import oscillator_propagator
+from beadwave.dem.prepared import prepare
+from beadwave.dem.schemes import Scheme
+from beadwave.dem.stability import refuse_step
 
 
 class LaneRuns(NamedTuple):

@@ -19,11 +19,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dem.chain import Chain
-from dem.checks import InvalidChain, positive, require, scalar, vector
-from dem.friction import open_cells, open_row, redivided, stick_stiffness
-from dem.kernels.arguments import Array, Steps
-from dem.kernels.lateral import (
+from beadwave.dem.chain import Chain
+from beadwave.dem.checks import InvalidChain, positive, require, scalar, vector
+from beadwave.dem.friction import open_cells, open_row, redivided, stick_stiffness
+from beadwave.dem.kernels.arguments import Array, Steps
+from beadwave.dem.kernels.lateral import (
     BY_WALL,
     IN_ARM,
     IN_CONTACTS,
@@ -38,8 +38,8 @@ from dem.kernels.lateral import (
     Touch,
     march_across,
 )
-from dem.kernels.oscillators import oscillator_propagator
-from dem.kernels.tangential import (
+from beadwave.dem.kernels.oscillators import oscillator_propagator
+from beadwave.dem.kernels.tangential import (
     HEAT,
     TangentialLaw,
     cell_force,
@@ -47,10 +47,10 @@ from dem.kernels.tangential import (
     slide_cells,
     tangential_force,
 )
-from dem.richardson import richardson
-from dem.stability import UnstableStep
-from dem.trajectory import Trajectory, march
-from dem.walls import Wall
+from beadwave.dem.richardson import richardson
+from beadwave.dem.stability import UnstableStep
+from beadwave.dem.trajectory import Trajectory, march
+from beadwave.dem.walls import Wall
 
 
 class LastSphere(NamedTuple):

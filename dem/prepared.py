@@ -4,12 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.chain import Chain
-from dem.checks import InvalidChain
-from dem.kernels.arguments import Array, Damping
-from dem.kernels.laws import DAMPING_LAWS
-from dem.statics import Equilibrium, static_state
-from dem.walls import Wall
+from beadwave.dem.chain import Chain
+from beadwave.dem.checks import InvalidChain
+from beadwave.dem.kernels.arguments import Array, Damping
+from beadwave.dem.kernels.laws import DAMPING_LAWS
+from beadwave.dem.statics import Equilibrium, static_state
+from beadwave.dem.walls import Wall
 
 
 class PreparedChain(NamedTuple):

@@ -27,10 +27,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.chain import Chain
-from dem.checks import require
-from dem.kernels.arguments import Array, Correction
-from dem.walls import Wall
+from beadwave.dem.chain import Chain
+from beadwave.dem.checks import require
+from beadwave.dem.kernels.arguments import Array, Correction
+from beadwave.dem.walls import Wall
 
 
 class Scheme(NamedTuple):

@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dem.chain import Chain, validate
-from dem.checks import InvalidChain
-from dem.kernels.arguments import Array
-from dem.kernels.oscillators import oscillator_propagator
-from dem.kernels.sensitivities import (
+from beadwave.dem.chain import Chain, validate
+from beadwave.dem.checks import InvalidChain
+from beadwave.dem.kernels.arguments import Array
+from beadwave.dem.kernels.oscillators import oscillator_propagator
+from beadwave.dem.kernels.sensitivities import (
     DerivativeRecord,
     SensitivityRig,
     Slopes,
@@ -24,10 +24,10 @@ from dem.kernels.sensitivities import (
     march,
     workspace,
 )
-from dem.spheres import time_scale
-from dem.static_sensitivities import Directions, static_sensitivities
-from dem.statics import equilibrium
-from dem.walls import Wall
+from beadwave.dem.spheres import time_scale
+from beadwave.dem.static_sensitivities import Directions, static_sensitivities
+from beadwave.dem.statics import equilibrium
+from beadwave.dem.walls import Wall
 
 STEPS_PER_TIME_SCALE = 40.0  # of the stiffest contact: 1e-6 in the velocities of a chain of 17
 

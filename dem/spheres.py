@@ -11,7 +11,7 @@ broadcast against each other, element by element. Nothing is checked: bad number
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dem.kernels.arguments import Array
+from beadwave.dem.kernels.arguments import Array
 
 
 def mass(radius: ArrayLike, density: ArrayLike) -> Array:

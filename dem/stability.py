@@ -12,11 +12,11 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dem.chain import Chain, validate
-from dem.checks import InvalidChain
-from dem.prepared import PreparedChain, prepare
-from dem.schemes import SCHEMES, Scheme, named_scheme
-from dem.walls import Wall
+from beadwave.dem.chain import Chain, validate
+from beadwave.dem.checks import InvalidChain
+from beadwave.dem.prepared import PreparedChain, prepare
+from beadwave.dem.schemes import SCHEMES, Scheme, named_scheme
+from beadwave.dem.walls import Wall
 
 SLIDING = ("verlet", "leapfrog")  # explicit, and never back in time
 # exponent of the growth of rounding in a scheme's step back in time, where damping is amplified

@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.chain import Chain
-from dem.kernels.arguments import Array
-from dem.statics import Equilibrium
-from dem.walls import Wall, static_compliance
+from beadwave.dem.chain import Chain
+from beadwave.dem.kernels.arguments import Array
+from beadwave.dem.statics import Equilibrium
+from beadwave.dem.walls import Wall, static_compliance
 
 
 class Directions(NamedTuple):

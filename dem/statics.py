@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dem.chain import Chain, validate
-from dem.elastic import ElasticLaw
-from dem.kernels.arguments import Array
-from dem.kernels.equilibrium import Bearing, NewtonRoom, rest
-from dem.walls import Wall, static_compliance
+from beadwave.dem.chain import Chain, validate
+from beadwave.dem.elastic import ElasticLaw
+from beadwave.dem.kernels.arguments import Array
+from beadwave.dem.kernels.equilibrium import Bearing, NewtonRoom, rest
+from beadwave.dem.walls import Wall, static_compliance
 
 
 class NoEquilibrium(ValueError):

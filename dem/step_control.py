@@ -35,22 +35,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dem.between import run_between
-from dem.chain import Chain, State, validate
-from dem.checks import columns, positive, saves
-from dem.kernels.arguments import Array
-from dem.prepared import PreparedChain, prepare
-from dem.richardson import richardson
-from dem.schemes import SCHEMES, Scheme
-from dem.stability import (
+from beadwave.dem.between import run_between
+from beadwave.dem.chain import Chain, State, validate
+from beadwave.dem.checks import columns, positive, saves
+from beadwave.dem.kernels.arguments import Array
+from beadwave.dem.prepared import PreparedChain, prepare
+from beadwave.dem.richardson import richardson
+from beadwave.dem.schemes import SCHEMES, Scheme
+from beadwave.dem.stability import (
     UnstableStep,
     fastest_decay,
     fastest_rate,
     marching_scheme,
     stability_interval,
 )
-from dem.trajectory import ArrayErrors, Trajectory, march, run, start
-from dem.walls import Wall
+from beadwave.dem.trajectory import ArrayErrors, Trajectory, march, run, start
+from beadwave.dem.walls import Wall
 
 EPSILON = float(np.finfo(float).eps)
 

@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dem.chain import Chain, State, validate
-from dem.checks import InvalidChain, positive, saves, vector
-from dem.kernels import oscillators
-from dem.kernels.arguments import (
+from beadwave.dem.chain import Chain, State, validate
+from beadwave.dem.checks import InvalidChain, positive, saves, vector
+from beadwave.dem.kernels import oscillators
+from beadwave.dem.kernels.arguments import (
     Array,
     ChainArrays,
     LeafSprings,
@@ -18,13 +18,13 @@ from dem.kernels.arguments import (
     Steps,
     WallModes,
 )
-from dem.kernels.explicit import march as march_explicit
-from dem.kernels.implicit import march_implicit, workspace
-from dem.kernels.laws import plastic_loss
-from dem.prepared import PreparedChain, prepare
-from dem.schemes import Scheme
-from dem.stability import UnstableStep, marching_scheme, refuse_step
-from dem.walls import Wall
+from beadwave.dem.kernels.explicit import march as march_explicit
+from beadwave.dem.kernels.implicit import march_implicit, workspace
+from beadwave.dem.kernels.laws import plastic_loss
+from beadwave.dem.prepared import PreparedChain, prepare
+from beadwave.dem.schemes import Scheme
+from beadwave.dem.stability import UnstableStep, marching_scheme, refuse_step
+from beadwave.dem.walls import Wall
 
 MOST_MODES = 500  # of a wall whose modal coordinates are saved: 6 MB at the usual 3000 instants
 

@@ -12,17 +12,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dem.chain import Chain
-from dem.checks import InvalidChain
-from dem.kernels.arguments import Array
-from dem.spheres import (
+from beadwave.dem.chain import Chain
+from beadwave.dem.checks import InvalidChain
+from beadwave.dem.kernels.arguments import Array
+from beadwave.dem.spheres import (
     contact_radius,
     max_pressure,
     modulus_of_contact,
     radii_of_contacts,
     yielded_radius,
 )
-from dem.trajectory import Trajectory
+from beadwave.dem.trajectory import Trajectory
 
 # limits of the model, as the sources above state them
 SMALL_CONTACT = 0.1  # contact radius over the smaller sphere's

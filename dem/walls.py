@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dem.checks import above_0, vector
-from dem.kernels.arguments import Array
+from beadwave.dem.checks import above_0, vector
+from beadwave.dem.kernels.arguments import Array
 
 
 class Wall(NamedTuple):

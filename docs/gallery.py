@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import beadwave
-from workflows.report import tables
+from beadwave.workflows.report import tables
 
 HERE = Path(__file__).parent / "gallery"
 

@@ -21,8 +21,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
-from workflows.commands.terminal import LABEL, fold
-from workflows.report.rows import ERRORS
+from beadwave.workflows.commands.terminal import LABEL, fold
+from beadwave.workflows.report.rows import ERRORS
 
 DOCS = Path(__file__).parent
 BLOCK = re.compile(r"^```(sh|python)\n(.*?)^```\n(?:\n```text\n(.*?)^```\n)?", re.M | re.S)

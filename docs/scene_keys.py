@@ -6,8 +6,8 @@ python docs/scene_keys.py
 from itertools import groupby
 from pathlib import Path
 
-from workflows.scene.named_materials import NAMED, SYNONYMS
-from workflows.scene.reference import KeyEntry, scene_keys
+from beadwave.workflows.scene.named_materials import NAMED, SYNONYMS
+from beadwave.workflows.scene.reference import KeyEntry, scene_keys
 
 PAGE = Path(__file__).with_name("scene-keys.md")
 HEAD = """# Scene keys

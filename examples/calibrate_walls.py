@@ -17,16 +17,16 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import beadwave
-from workflows.files.scene import scene
-from workflows.scene import Scene
-from workflows.stages import bending
-from workflows.stages.chain import Start
-from workflows.stages.impact import impact
-from workflows.stages.pipeline import pipeline_of
-from workflows.stages.progress import quiet
-from workflows.stages.signals import csv_text, record
-from workflows.stages.walls import wall_of
-from workflows.stages.waves import waves
+from beadwave.workflows.files.scene import scene
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages import bending
+from beadwave.workflows.stages.chain import Start
+from beadwave.workflows.stages.impact import impact
+from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.progress import quiet
+from beadwave.workflows.stages.signals import csv_text, record
+from beadwave.workflows.stages.walls import wall_of
+from beadwave.workflows.stages.waves import waves
 
 NOISE = 0.003  # of the largest velocity
 WALLS = ("solid", "usual", "finer")

@@ -21,11 +21,11 @@ from time import process_time
 
 import numpy as np
 
-import dem
-from workflows.evidence.accuracy.peers import Problem
-from workflows.evidence.accuracy.problems import problem as problem_of
-from workflows.evidence.accuracy.problems import with_parts
-from workflows.files.scene import scene
+from beadwave import dem
+from beadwave.workflows.evidence.accuracy.peers import Problem
+from beadwave.workflows.evidence.accuracy.problems import problem as problem_of
+from beadwave.workflows.evidence.accuracy.problems import with_parts
+from beadwave.workflows.files.scene import scene
 
 SCENES = ("free-chain", "rig-rigid", "rig-half-space", "rig-1dof")
 SMOOTH_PARTS = ("hunt-crossley", "residual spring", "40 wall modes", "dashpot wall")

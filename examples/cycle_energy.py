@@ -21,13 +21,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-import dem
-from coupling.errors import CouplingError
-from coupling.periodic_state import periodic_state
-from coupling.spatial_march import Before, PreparedImpact, ShakerForces, body_of
-from coupling.spatial_wall import spatial_wall_of_modes
-from dem.friction import tangential_law
-from dem.lateral import LastSphere
+from beadwave import dem
+from beadwave.coupling.errors import CouplingError
+from beadwave.coupling.periodic_state import periodic_state
+from beadwave.coupling.spatial_march import Before, PreparedImpact, ShakerForces, body_of
+from beadwave.coupling.spatial_wall import spatial_wall_of_modes
+from beadwave.dem.friction import tangential_law
+from beadwave.dem.lateral import LastSphere
 
 R, RHO, E, NU = 0.0127, 7800.0, 210e9, 0.3  # steel spheres
 

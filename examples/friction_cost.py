@@ -21,10 +21,10 @@ from time import process_time
 import numpy as np
 from joblib import Memory
 
-from workflows.files.scene import scene
-from workflows.scene import Scene
-from workflows.scene.toml import toml
-from workflows.stages.pipeline import Pipeline
+from beadwave.workflows.files.scene import scene
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.scene.toml import toml
+from beadwave.workflows.stages.pipeline import Pipeline
 
 PRESSED = {"preload.force": 60.0, "time.duration": 1e-3}
 HELD = {"stiffness": 2e6, "rotation": float("inf")}
@@ -58,7 +58,7 @@ def command(scene: Scene) -> float:
     """[s] of the processor that `beadwave impact` takes, with nothing kept but compiled code."""
     with TemporaryDirectory() as folder:
         Path(folder, "scene.toml").write_text(toml(scene), encoding="utf-8")
-        call = [sys.executable, "-m", "workflows", "impact", "scene.toml", "--json"]
+        call = [sys.executable, "-m", "beadwave", "impact", "scene.toml", "--json"]
         environment = os.environ | {"BEADWAVE_CACHE_DIR": str(Path(folder, "cache"))}
         before = getrusage(RUSAGE_CHILDREN)
         subprocess.run(call, cwd=folder, env=environment, check=True, capture_output=True)

@@ -28,17 +28,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-import dem
-from dem.friction import contact_of_load, gross_slip, tangential_law
-from dem.lateral import (
+from beadwave import dem
+from beadwave.dem.friction import contact_of_load, gross_slip, tangential_law
+from beadwave.dem.lateral import (
     LastSphere,
     LateralSearch,
     LateralTrajectory,
     WallMotion,
     march_lateral,
 )
-from dem.spheres import force_scale, time_scale
-from workflows.evidence.verify.stated_errors import COLUMNS, row, stated_over_true
+from beadwave.dem.spheres import force_scale, time_scale
+from beadwave.workflows.evidence.verify.stated_errors import COLUMNS, row, stated_over_true
 
 REFINEMENT = (8, 4)  # steps of the first reference in one of the run, in one direction and two
 AGREEMENT = 0.2  # of the stated error: difference of two references that may stand for the truth

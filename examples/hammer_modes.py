@@ -16,10 +16,10 @@ import sys
 
 import numpy as np
 
-from fem.correlation import mac
-from fem.hits import frequency_responses
-from fem.poly_reference import identified_modes
-from fem.synthetic_hits import HammerDefects, synthetic_hits
+from beadwave.fem.correlation import mac
+from beadwave.fem.hits import frequency_responses
+from beadwave.fem.poly_reference import identified_modes
+from beadwave.fem.synthetic_hits import HammerDefects, synthetic_hits
 
 PULSE_OVER = 0.030  # s, of every record, the ringing of its filter included
 

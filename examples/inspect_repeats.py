@@ -20,17 +20,17 @@ from time import process_time
 
 import numpy as np
 
-import dem
-from coupling.sensors import Sensor, measured, recorded, signals
-from workflows.files.record import Channel, Recorded
-from workflows.fit.inspect import InspectionRequest, inspected, problem
-from workflows.fit.inversion import Inversion, inverted, profiled
-from workflows.fit.parametric_wall import Bounds
-from workflows.fit.scene_parameters import per_record, shared
-from workflows.fit.structure import computed, structure
-from workflows.stages.chain import chain
-from workflows.stages.progress import quiet
-from workflows.sweep.cases import Base, base_of
+from beadwave import dem
+from beadwave.coupling.sensors import Sensor, measured, recorded, signals
+from beadwave.workflows.files.record import Channel, Recorded
+from beadwave.workflows.fit.inspect import InspectionRequest, inspected, problem
+from beadwave.workflows.fit.inversion import Inversion, inverted, profiled
+from beadwave.workflows.fit.parametric_wall import Bounds
+from beadwave.workflows.fit.scene_parameters import per_record, shared
+from beadwave.workflows.fit.structure import computed, structure
+from beadwave.workflows.stages.chain import chain
+from beadwave.workflows.stages.progress import quiet
+from beadwave.workflows.sweep.cases import Base, base_of
 
 TRUTH = {"beam.thickness": 12.4e-3, "beam.young": 72e9, "beam.axial_force": -20e3}
 BOUNDS = "beam.thickness=12.3mm:12.5mm,beam.young=70GPa:74GPa,beam.axial_force=-22kN:-18kN"

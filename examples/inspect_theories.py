@@ -17,11 +17,11 @@ import calibrate_walls  # the same experiment, with velocities that `calibrate` 
 import numpy as np
 
 import beadwave
-from workflows.files.scene import scene
-from workflows.scene import Scene
-from workflows.stages import bending
-from workflows.stages.pipeline import pipeline_of
-from workflows.stages.progress import quiet
+from beadwave.workflows.files.scene import scene
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages import bending
+from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.progress import quiet
 
 NOISE = 0.003  # of the largest force
 FIND = ("beam.thickness", "beam.young")

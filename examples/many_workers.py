@@ -30,7 +30,7 @@ from tempfile import TemporaryDirectory
 from time import perf_counter, process_time
 from typing import NamedTuple
 
-from workflows.sweep.cluster import OPTIONS
+from beadwave.workflows.sweep.cluster import OPTIONS
 
 MB = 1e-6
 EXTRAPOLATED = 1000  # workers for which the length of a task is told
@@ -158,11 +158,11 @@ def memory_of_a_worker() -> int:
 
 def marched() -> int:
     """Marches the chains of a task; the memory of the process after it."""
-    from workflows.sweep.cases import base_of
-    from workflows.sweep.design import grid
-    from workflows.sweep.march import rows
-    from workflows.sweep.models import SharedWall
-    from workflows.sweep.tasks import CHUNK, sharings
+    from beadwave.workflows.sweep.cases import base_of
+    from beadwave.workflows.sweep.design import grid
+    from beadwave.workflows.sweep.march import rows
+    from beadwave.workflows.sweep.models import SharedWall
+    from beadwave.workflows.sweep.tasks import CHUNK, sharings
 
     base = base_of("rig-rigid", ())
     cases = grid((f"striker.velocity=0.1:1:{CHUNK}",), base.number)

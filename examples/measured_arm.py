@@ -20,15 +20,15 @@ from pathlib import Path
 import numpy as np
 from scipy.sparse import csr_matrix, vstack
 
-import fem
-from fem.carried import DiscPoints
-from fem.full_responses import full_responses
-from fem.hits import FrequencyResponses
-from fem.springs import SpringEnd, along_disc
-from workflows.files.hammer import write_responses
-from workflows.files.scene import scene
-from workflows.scene import InvalidScene
-from workflows.stages.pipeline import pipeline_of
+from beadwave import fem
+from beadwave.fem.carried import DiscPoints
+from beadwave.fem.full_responses import full_responses
+from beadwave.fem.hits import FrequencyResponses
+from beadwave.fem.springs import SpringEnd, along_disc
+from beadwave.workflows.files.hammer import write_responses
+from beadwave.workflows.files.scene import scene
+from beadwave.workflows.scene import InvalidScene
+from beadwave.workflows.stages.pipeline import pipeline_of
 
 WIDE, TALL = 0.02, 0.04  # [m] of the bar
 RADIUS, OFF = 6e-3, 0.013  # [m] of a disc, and of its middle off the axis

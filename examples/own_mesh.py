@@ -13,7 +13,7 @@ import numpy as np
 from skfem import MeshHex
 
 import beadwave
-import fem
+from beadwave import fem
 
 STEEL = fem.Material(young=210e9, poisson=0.3, density=7850.0)
 PATCH = 3e-3  # [m] radius of the disc that is pushed and read

@@ -15,10 +15,10 @@ from contextlib import nullcontext
 
 import numpy as np
 
-from fem.correlation import MeasuredPairs, mac, measured_pairs
-from fem.sensor_placement import outside
-from workflows.files.scene import scene
-from workflows.stages.pipeline import pipeline_of
+from beadwave.fem.correlation import MeasuredPairs, mac, measured_pairs
+from beadwave.fem.sensor_placement import outside
+from beadwave.workflows.files.scene import scene
+from beadwave.workflows.stages.pipeline import pipeline_of
 
 ASSEMBLIES = ("rig-rom", "rig-full-tie", "cantilever", "plate-on-bolts", "rig-rom-269")
 HIGHEST = 16  # modes of a test are among so many

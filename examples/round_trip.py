@@ -24,23 +24,23 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from coupling import damping_ratios
-from fem.correlation import Shape, mac, measured_pairs, strained
-from fem.hits import frequency_responses
-from fem.measured_shapes import MeasuredShape
-from fem.poly_reference import identified_modes
-from fem.sensor_placement import effective_independence, outside
-from fem.spot import plane_spot
-from fem.synthetic_hits import HammerDefects
-from fem.tuning import determined, deviation_beside, tune, tuning_basis
-from workflows.files.scene import scene
-from workflows.scene import Scene
-from workflows.scene.places import mass_face
-from workflows.stages.loss_factors import structure_damping
-from workflows.stages.pipeline import Pipeline, pipeline_of
-from workflows.stages.targets import placed
-from workflows.structure.hammer_design import hits_of_modes
-from workflows.structure.tuning import at_values, candidates_of, loosened
+from beadwave.coupling import damping_ratios
+from beadwave.fem.correlation import Shape, mac, measured_pairs, strained
+from beadwave.fem.hits import frequency_responses
+from beadwave.fem.measured_shapes import MeasuredShape
+from beadwave.fem.poly_reference import identified_modes
+from beadwave.fem.sensor_placement import effective_independence, outside
+from beadwave.fem.spot import plane_spot
+from beadwave.fem.synthetic_hits import HammerDefects
+from beadwave.fem.tuning import determined, deviation_beside, tune, tuning_basis
+from beadwave.workflows.files.scene import scene
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.scene.places import mass_face
+from beadwave.workflows.stages.loss_factors import structure_damping
+from beadwave.workflows.stages.pipeline import Pipeline, pipeline_of
+from beadwave.workflows.stages.targets import placed
+from beadwave.workflows.structure.hammer_design import hits_of_modes
+from beadwave.workflows.structure.tuning import at_values, candidates_of, loosened
 
 POINTS, SCATTER, COARSER = 12, 0.3, 2.0
 DEFECTS = HammerDefects(noise=0.02, double=0.05, overload=0.05, cross=0.01)

@@ -28,12 +28,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-import dem
-from dem.spheres import force_scale, time_scale
-from workflows.evidence.verify.random_scenes import DAMPED, LAWS, WALLS
-from workflows.evidence.verify.random_scenes import scene as few_spheres
-from workflows.evidence.verify.stated_errors import COLUMNS, stated_over_true
-from workflows.evidence.verify.stated_errors import row as of_ratios
+from beadwave import dem
+from beadwave.dem.spheres import force_scale, time_scale
+from beadwave.workflows.evidence.verify.random_scenes import DAMPED, LAWS, WALLS
+from beadwave.workflows.evidence.verify.random_scenes import scene as few_spheres
+from beadwave.workflows.evidence.verify.stated_errors import COLUMNS, stated_over_true
+from beadwave.workflows.evidence.verify.stated_errors import row as of_ratios
 
 FORCES = ("smooth", "yield", "jump", "jump and yield")
 REFINEMENT = 8  # steps of the first reference in one of the run

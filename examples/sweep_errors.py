@@ -24,14 +24,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-import dem
-from workflows.stages.chain import start, together
-from workflows.stages.impact import impact
-from workflows.stages.walls import simple_wall
-from workflows.sweep.cases import Base, base_of, checked, groups
-from workflows.sweep.core.design import Design
-from workflows.sweep.march import observed, rows
-from workflows.sweep.models import SharedWall
+from beadwave import dem
+from beadwave.workflows.stages.chain import start, together
+from beadwave.workflows.stages.impact import impact
+from beadwave.workflows.stages.walls import simple_wall
+from beadwave.workflows.sweep.cases import Base, base_of, checked, groups
+from beadwave.workflows.sweep.core.design import Design
+from beadwave.workflows.sweep.march import observed, rows
+from beadwave.workflows.sweep.models import SharedWall
 
 # Smallest and largest value of each key [SI]; of a population a part of that range.
 RANGES = {

@@ -22,17 +22,17 @@ u are the free displacements of a Model, u_mesh = model.T @ u, node after node x
 See examples/own_mesh.py, from a mesh of one's own to an impact.
 """
 
-from fem.anisotropic_half_space import indentation_modulus
-from fem.beam import ENDS, BeamEnd, BesideSolid, Section, beam, rectangle, section, tube
-from fem.bending import Bending, Buckled
-from fem.carried import CarriedMass, with_carried
-from fem.contact_patch import (
+from beadwave.fem.anisotropic_half_space import indentation_modulus
+from beadwave.fem.beam import ENDS, BeamEnd, BesideSolid, Section, beam, rectangle, section, tube
+from beadwave.fem.bending import Bending, Buckled
+from beadwave.fem.carried import CarriedMass, with_carried
+from beadwave.fem.contact_patch import (
     ContactPatch,
     contact_patch,
     disc_quadrature,
     node_patch,
 )
-from fem.correlation import (
+from beadwave.fem.correlation import (
     BodyMotion,
     Number,
     Pairing,
@@ -43,34 +43,34 @@ from fem.correlation import (
     pair,
     target_mac,
 )
-from fem.dashpots import dashpots
-from fem.elasticity import Structure, assemble
-from fem.factorisation import Factor, factorised
-from fem.grounding import RigidBody, rigid_body
-from fem.half_space import (
+from beadwave.fem.dashpots import dashpots
+from beadwave.fem.elasticity import Structure, assemble
+from beadwave.fem.factorisation import Factor, factorised
+from beadwave.fem.grounding import RigidBody, rigid_body
+from beadwave.fem.half_space import (
     HalfSpaceField,
     half_space_fields,
     half_space_matrix,
     half_space_on_mesh,
     half_spaces_on_mesh,
 )
-from fem.joints import DIRECTIONS, Bushing, Joint, Side, Tie, normal_frame
-from fem.materials import Material, Orthotropic
-from fem.measured_part import MeasuredPart, PartPoint, joint_stiffness, with_measured
-from fem.mechanisms import Loose, loose_bodies
-from fem.mirror import mirrored
-from fem.model import Connections, Held, Model, SwayingTable, joined
-from fem.modes import Modes, held, modes
-from fem.plate import PlateBesideSolid, Sheet, TooLarge, mindlin_plate
-from fem.prestress import FaceForce, Heat, Load, prestressed
-from fem.response import receptance
-from fem.rods import Rod
-from fem.spot import Spot, planar_spot, round_spot
-from fem.springs import PointSpring, SpringEnd, missed_in_dents, with_springs
-from fem.stress_error import Faces, MissedEnergy, Pushed, missed_energy
-from fem.surface import OnSurface, on_surface
-from fem.threads import one_thread
-from fem.trace import face_edges, outer_nodes
+from beadwave.fem.joints import DIRECTIONS, Bushing, Joint, Side, Tie, normal_frame
+from beadwave.fem.materials import Material, Orthotropic
+from beadwave.fem.measured_part import MeasuredPart, PartPoint, joint_stiffness, with_measured
+from beadwave.fem.mechanisms import Loose, loose_bodies
+from beadwave.fem.mirror import mirrored
+from beadwave.fem.model import Connections, Held, Model, SwayingTable, joined
+from beadwave.fem.modes import Modes, held, modes
+from beadwave.fem.plate import PlateBesideSolid, Sheet, TooLarge, mindlin_plate
+from beadwave.fem.prestress import FaceForce, Heat, Load, prestressed
+from beadwave.fem.response import receptance
+from beadwave.fem.rods import Rod
+from beadwave.fem.spot import Spot, planar_spot, round_spot
+from beadwave.fem.springs import PointSpring, SpringEnd, missed_in_dents, with_springs
+from beadwave.fem.stress_error import Faces, MissedEnergy, Pushed, missed_energy
+from beadwave.fem.surface import OnSurface, on_surface
+from beadwave.fem.threads import one_thread
+from beadwave.fem.trace import face_edges, outer_nodes
 
 __all__ = [
     "DIRECTIONS",

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array
 from skfem import MeshHex
 
-from fem.deck import PRINT_CONTACT, Deck, Term, labels
-from fem.materials import Material, Orthotropic
-from fem.model import Model
+from beadwave.fem.deck import PRINT_CONTACT, Deck, Term, labels
+from beadwave.fem.materials import Material, Orthotropic
+from beadwave.fem.model import Model
 
 # local order of Abaqus' C3D20 and C3D10 among scikit-fem's shape functions
 ORDER = {

@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import RectBivariateSpline
 from scipy.optimize import root
 
-from fem.materials import Material, Orthotropic
-from fem.spot import spanning
+from beadwave.fem.materials import Material, Orthotropic
+from beadwave.fem.spot import spanning
 
 N_DIRECTIONS = 128  # of kappa in half a turn; periodic sums, whose errors fall exponentially
 

@@ -6,11 +6,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.constraints import Overconstrained
-from fem.correlation import RIGID, Target, effective_mass, pair
-from fem.mode_field import ModeField
-from fem.model import Model
-from fem.modes import Modes, modes, require_accurate
+from beadwave.fem.constraints import Overconstrained
+from beadwave.fem.correlation import RIGID, Target, effective_mass, pair
+from beadwave.fem.mode_field import ModeField
+from beadwave.fem.model import Model
+from beadwave.fem.modes import Modes, modes, require_accurate
 
 N_MODES = (30, 80)  # the second number if the first modes do not contain all targets
 SHOWN = 12  # modes that are shown without targets

@@ -28,11 +28,11 @@ import numpy as np
 from scipy.sparse import block_array, csc_array, csr_matrix, diags_array
 from skfem import MeshHex
 
-from fem.bending import ACROSS, DOWN, Bending, Buckled, load_factor, vertex_by_vertex
-from fem.contact_patch import ContactPatch
-from fem.line import divided, line, wave_length
-from fem.materials import Material
-from fem.spot import Spot
+from beadwave.fem.bending import ACROSS, DOWN, Bending, Buckled, load_factor, vertex_by_vertex
+from beadwave.fem.contact_patch import ContactPatch
+from beadwave.fem.line import divided, line, wave_length
+from beadwave.fem.materials import Material
+from beadwave.fem.spot import Spot
 
 
 class BeamMesh(NamedTuple):

@@ -8,8 +8,8 @@ from scipy.sparse import block_array, csc_array, csr_matrix
 from scipy.sparse.linalg import LinearOperator, eigsh
 from skfem import MeshHex
 
-from fem.contact_patch import ContactPatch
-from fem.factorisation import factorised
+from beadwave.fem.contact_patch import ContactPatch
+from beadwave.fem.factorisation import factorised
 
 DOWN, ACROSS = np.array([0.0, 0.0, -1.0]), np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 
-from fem.deck import PRINT_CONTACT, Deck
+from beadwave.fem.deck import PRINT_CONTACT, Deck
 
 PROGRAM, PACKAGE = "ccx", "calculix-ccx"
 

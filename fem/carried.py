@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from fem.contact_patch import disc_quadrature
-from fem.elasticity import Carried, Structure
-from fem.joints import distributing
-from fem.room import room_on_face
-from fem.spot import planar_spot
-from fem.trace import OffFace, trace
+from beadwave.fem.contact_patch import disc_quadrature
+from beadwave.fem.elasticity import Carried, Structure
+from beadwave.fem.joints import distributing
+from beadwave.fem.room import room_on_face
+from beadwave.fem.spot import planar_spot
+from beadwave.fem.trace import OffFace, trace
 
 
 class CarriedMass(NamedTuple):

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, csr_matrix
 
-from fem.model import Model
-from fem.spot import Spot, planar_spot, require_flat
-from fem.trace import OffFace, face_nodes, trace
+from beadwave.fem.model import Model
+from beadwave.fem.spot import Spot, planar_spot, require_flat
+from beadwave.fem.trace import OffFace, face_nodes, trace
 
 
 class ContactPatch(NamedTuple):

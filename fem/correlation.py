@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.sparse import csr_matrix
 
-from fem.joints import rigid_motion
-from fem.model import Model
-from fem.modes import Modes
+from beadwave.fem.joints import rigid_motion
+from beadwave.fem.model import Model
+from beadwave.fem.modes import Modes
 
 RIGID = 1e-4  # frequency over the highest one, below which a mode is a rigid-body motion
 SPRINGS = "springs:"  # before the name of springs between points among the bodies

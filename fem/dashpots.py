@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.sparse import csc_array, csr_array, csr_matrix, diags_array, vstack
 
-from fem.model import Model
+from beadwave.fem.model import Model
 
 
 def dashpots(model: Model, coefficient: dict[str, float]) -> csc_array:

@@ -6,7 +6,7 @@ Both read the same keywords; what differs between our decks are options of `Deck
 
 from collections.abc import Iterable, Sequence
 
-from fem.materials import Material, Orthotropic
+from beadwave.fem.materials import Material, Orthotropic
 
 Term = tuple[int, int, float | str]  # node, direction from 1, factor; a text is written as it is
 PRINT_CONTACT = ("*NODE PRINT, NSET=CONTACT", "U")

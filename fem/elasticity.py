@@ -26,7 +26,7 @@ from skfem import (
     MeshTet,
 )
 
-from fem.materials import Material, Orthotropic
+from beadwave.fem.materials import Material, Orthotropic
 
 
 class Carried(NamedTuple):

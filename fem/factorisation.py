@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, triu
 
-from fem.grouping import grouped, minimum_degree, minimum_degree_work
-from fem.multifrontal import NEITHER, Cholesky, NotPositiveDefinite, Singular
+from beadwave.fem.grouping import grouped, minimum_degree, minimum_degree_work
+from beadwave.fem.multifrontal import NEITHER, Cholesky, NotPositiveDefinite, Singular
 
 # unknowns from which on PARDISO is taken where it is installed
 WORTH_PARDISO = 20_000

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, vstack
 
-from fem.factorisation import Factor, factorised
-from fem.model import Model
-from fem.modes import SHIFT_HZ, Modes, deflated
+from beadwave.fem.factorisation import Factor, factorised
+from beadwave.fem.model import Model
+from beadwave.fem.modes import SHIFT_HZ, Modes, deflated
 
 
 class FullResponses(NamedTuple):

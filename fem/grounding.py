@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.constraints import Constraint
-from fem.elasticity import Structure
-from fem.joints import rigid_motion
+from beadwave.fem.constraints import Constraint
+from beadwave.fem.elasticity import Structure
+from beadwave.fem.joints import rigid_motion
 
 
 class RigidBody(NamedTuple):

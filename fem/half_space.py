@@ -27,12 +27,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.anisotropic_half_space import surface_force
-from fem.contact_patch import ContactPatch, disc_quadrature
-from fem.factorisation import factorised
-from fem.materials import Material, Orthotropic
-from fem.mirror import normal_dofs
-from fem.model import Model
+from beadwave.fem.anisotropic_half_space import surface_force
+from beadwave.fem.contact_patch import ContactPatch, disc_quadrature
+from beadwave.fem.factorisation import factorised
+from beadwave.fem.materials import Material, Orthotropic
+from beadwave.fem.mirror import normal_dofs
+from beadwave.fem.model import Model
 
 
 class HalfSpaceMesh(NamedTuple):

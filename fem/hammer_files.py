@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.hit_records import MOST, QUANTITIES, degree_of_freedom, quantity_named
-from fem.hits import FrequencyResponses
+from beadwave.fem.hit_records import MOST, QUANTITIES, degree_of_freedom, quantity_named
+from beadwave.fem.hits import FrequencyResponses
 
 RESPONSE = 4  # UFF58's function type of a frequency response
 SYNTHETIC = "SYNTHETIC: computed, not measured"

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from fem.model import Model
-from fem.trace import at_node
+from beadwave.fem.model import Model
+from beadwave.fem.trace import at_node
 
 
 def corner_readings(model: Model, body: str) -> NDArray[np.float64]:

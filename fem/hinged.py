@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from fem.beam import Section
-from fem.materials import Material
+from beadwave.fem.beam import Section
+from beadwave.fem.materials import Material
 
 
 def euler_bernoulli(

@@ -23,7 +23,7 @@ from warnings import catch_warnings, filterwarnings, simplefilter
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.hits import Hits
+from beadwave.fem.hits import Hits
 
 AXES = ("", "x", "y", "z", "rx", "ry", "rz")  # of UFF58's directions 0 to 6
 FORCE = 13  # UFF58's type of an excitation force

@@ -24,9 +24,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import eigh, null_space, qr
 
-from fem.correlation import Shape
-from fem.modes import Modes
-from fem.tuning import (
+from beadwave.fem.correlation import Shape
+from beadwave.fem.modes import Modes
+from beadwave.fem.tuning import (
     TuningBasis,
     TuningParameter,
     TuningSettings,

@@ -23,10 +23,10 @@ from scipy.linalg import block_diag, qr
 from scipy.sparse import coo_matrix, csr_matrix, vstack
 from scipy.sparse.csgraph import connected_components
 
-from fem.constraints import Constraint
-from fem.elasticity import Structure
-from fem.sagging import sagging
-from fem.trace import OffFace, face_nodes, face_quadrature, trace
+from beadwave.fem.constraints import Constraint
+from beadwave.fem.elasticity import Structure
+from beadwave.fem.sagging import sagging
+from beadwave.fem.trace import OffFace, face_nodes, face_quadrature, trace
 
 DIRECTIONS = ("kx", "ky", "kz", "krx", "kry", "krz")
 

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from fem.correlation import RIGID, spring_forms
-from fem.model import Model
-from fem.modes import Modes
+from beadwave.fem.correlation import RIGID, spring_forms
+from beadwave.fem.model import Model
+from beadwave.fem.modes import Modes
 
 
 class LossOptions(NamedTuple):

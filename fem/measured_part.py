@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, vstack
 
-from fem.carried import DiscPoints
-from fem.elasticity import Dent, JoinedPart, Structure
-from fem.spot import planar_spot
-from fem.springs import SpringEnd, along_disc
+from beadwave.fem.carried import DiscPoints
+from beadwave.fem.elasticity import Dent, JoinedPart, Structure
+from beadwave.fem.spot import planar_spot
+from beadwave.fem.springs import SpringEnd, along_disc
 
 
 class PartPoint(NamedTuple):

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from scipy.linalg import null_space
 from scipy.sparse import block_diag, csr_matrix, diags_array, vstack
 
-from fem.correlation import MOTIONS
-from fem.elasticity import Structure
-from fem.grounding import motions_about
-from fem.joints import rigid_motion
-from fem.model import Connections, Constrained, constrained
+from beadwave.fem.correlation import MOTIONS
+from beadwave.fem.elasticity import Structure
+from beadwave.fem.grounding import motions_about
+from beadwave.fem.joints import rigid_motion
+from beadwave.fem.model import Connections, Constrained, constrained
 
 
 class Loose(NamedTuple):

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.elasticity import Structure
-from fem.model import Connections, Held, Model, joined
-from fem.trace import face_nodes
+from beadwave.fem.elasticity import Structure
+from beadwave.fem.model import Connections, Held, Model, joined
+from beadwave.fem.trace import face_nodes
 
 
 def mirrored(structure: Structure, held: Sequence[str], mirrors: Sequence[str]) -> Model:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, csr_matrix, diags_array
 
-from fem.constraints import (
+from beadwave.fem.constraints import (
     Constraint,
     Overconstrained,
     claimed,
@@ -15,10 +15,10 @@ from fem.constraints import (
     eliminated,
     fixed,
 )
-from fem.elasticity import JoinedPart, Structure
-from fem.grounding import require_free_joints
-from fem.joints import DIRECTIONS, Joint, Tie, mean_sides, rigid_sides, tie
-from fem.trace import face_nodes
+from beadwave.fem.elasticity import JoinedPart, Structure
+from beadwave.fem.grounding import require_free_joints
+from beadwave.fem.joints import DIRECTIONS, Joint, Tie, mean_sides, rigid_sides, tie
+from beadwave.fem.trace import face_nodes
 
 
 class Held(NamedTuple):

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.sparse.linalg import LinearOperator, eigsh
 
-from fem.factorisation import Factor, factorised
-from fem.multifrontal import Singular
-from fem.threads import one_thread
+from beadwave.fem.factorisation import Factor, factorised
+from beadwave.fem.multifrontal import Singular
+from beadwave.fem.threads import one_thread
 
 SHIFT_HZ = 5.0  # of the shift: below the lowest elastic mode
 

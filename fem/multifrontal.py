@@ -19,9 +19,9 @@ from scipy.linalg.blas import dsyrk, dtrsm
 from scipy.linalg.lapack import dpotrf, dtfsm, dtrttf
 from scipy.sparse import csc_matrix, tril
 
-from fem.grouping import Groups
-from fem.nested_dissection import edges, nested_dissection
-from fem.threads import one_thread
+from beadwave.fem.grouping import Groups
+from beadwave.fem.nested_dissection import edges, nested_dissection
+from beadwave.fem.threads import one_thread
 
 NEITHER = "the stiffness is singular: a part is neither held nor joined; hold it, or shift."
 

@@ -40,11 +40,11 @@ from scipy.integrate import quad
 from scipy.sparse import block_array, block_diag, csc_array, csr_matrix, diags_array, kron
 from skfem import MeshHex
 
-from fem.bending import ACROSS, DOWN, Bending, Buckled, load_factor, vertex_by_vertex
-from fem.contact_patch import ContactPatch, disc_quadrature
-from fem.line import LineElements, divided, line, wave_length
-from fem.materials import Material
-from fem.spot import Spot
+from beadwave.fem.bending import ACROSS, DOWN, Bending, Buckled, load_factor, vertex_by_vertex
+from beadwave.fem.contact_patch import ContactPatch, disc_quadrature
+from beadwave.fem.line import LineElements, divided, line, wave_length
+from beadwave.fem.materials import Material
+from beadwave.fem.spot import Spot
 
 # of an edge: the deflection, the turn along the edge and the turn across it
 HELD = {"hinged": (True, True, False), "clamped": (True, True, True), "free": (False,) * 3}

@@ -30,9 +30,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from fem.correlation import mac
-from fem.hits import Deletions, FrequencyResponses
-from fem.threads import one_thread
+from beadwave.fem.correlation import mac
+from beadwave.fem.hits import Deletions, FrequencyResponses
+from beadwave.fem.threads import one_thread
 
 
 class Stability(NamedTuple):

@@ -20,15 +20,15 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import LinearOperator, eigsh
 from skfem import Basis
 
-from fem.bending import Buckled
-from fem.constraints import congruent
-from fem.elasticity import ELEMENTS, Structure, along_each_axis, scattered, summed
-from fem.factorisation import factorised
-from fem.materials import Material, Orthotropic
-from fem.model import Model
-from fem.rods import Rod, tightened
-from fem.threads import one_thread
-from fem.trace import face_mean
+from beadwave.fem.bending import Buckled
+from beadwave.fem.constraints import congruent
+from beadwave.fem.elasticity import ELEMENTS, Structure, along_each_axis, scattered, summed
+from beadwave.fem.factorisation import factorised
+from beadwave.fem.materials import Material, Orthotropic
+from beadwave.fem.model import Model
+from beadwave.fem.rods import Rod, tightened
+from beadwave.fem.threads import one_thread
+from beadwave.fem.trace import face_mean
 
 
 class FaceForce(NamedTuple):

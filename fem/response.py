@@ -23,9 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
-from fem.factorisation import Factor, factorised
-from fem.modes import Modes
-from fem.threads import one_thread
+from beadwave.fem.factorisation import Factor, factorised
+from beadwave.fem.modes import Modes
+from beadwave.fem.threads import one_thread
 
 
 class KrylovSettings(NamedTuple):

@@ -28,16 +28,16 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares, minimize
 from scipy.special import stdtrit
 
-from fem.correlation import paired
-from fem.modes import Modes
-from fem.response_model import (
+from beadwave.fem.correlation import paired
+from beadwave.fem.modes import Modes
+from beadwave.fem.response_model import (
     ComputedResponses,
     Parameter,
     ResponseModel,
     computed_responses,
     solid_ones,
 )
-from fem.tuning import TuningParameter, TuningSettings, largest_determined, sensitivity
+from beadwave.fem.tuning import TuningParameter, TuningSettings, largest_determined, sensitivity
 
 DB = 20 / np.log(10)  # dB in a unit of ln
 UNFITTED = TuningSettings().unfitted

@@ -29,9 +29,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.correlation import RIGID, SPRINGS
-from fem.modes import Modes
-from fem.tuning import TuningBasis, TuningParameter, spectrum
+from beadwave.fem.correlation import RIGID, SPRINGS
+from beadwave.fem.modes import Modes
+from beadwave.fem.tuning import TuningBasis, TuningParameter, spectrum
 
 CLOSE = 1e-9  # of the largest eigenvalue: two nearer ones take the slope of equal ones
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.poly_reference import IdentifiedModes
+from beadwave.fem.poly_reference import IdentifiedModes
 
 # powers of omega by which a residue differs from that of a receptance
 POWERS = {"displacements": 0, "velocities": 1, "accelerations": 2}

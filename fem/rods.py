@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, kron
 
-from fem.elasticity import Structure
-from fem.trace import face_mean
+from beadwave.fem.elasticity import Structure
+from beadwave.fem.trace import face_mean
 
 
 class Rod(NamedTuple):

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from fem.contact_patch import disc_quadrature
-from fem.elasticity import Structure
-from fem.spot import planar_spot
-from fem.trace import face_nodes, located
+from beadwave.fem.contact_patch import disc_quadrature
+from beadwave.fem.elasticity import Structure
+from beadwave.fem.spot import planar_spot
+from beadwave.fem.trace import face_nodes, located
 
 
 def room_on_face(structure: Structure, face: str, at: tuple[float, float], radius: float) -> str:

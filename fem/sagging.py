@@ -10,7 +10,7 @@ Facets side by side are chords of the face, edges end to end along its rim those
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.elasticity import Structure
+from beadwave.fem.elasticity import Structure
 
 
 def sagging(structure: Structure, face: str, *, corner: float = 50.0) -> float:

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from fem.model import Model
-from fem.trace import outer_nodes
+from beadwave.fem.model import Model
+from beadwave.fem.trace import outer_nodes
 
 
 class Candidates(NamedTuple):

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Mesh
 
-from fem.elasticity import Structure
-from fem.sagging import area_vectors
+from beadwave.fem.elasticity import Structure
+from beadwave.fem.sagging import area_vectors
 
 
 class SpotLimits(NamedTuple):

@@ -17,15 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, vstack
 
-from fem.carried import DiscPoints
-from fem.contact_patch import disc_quadrature
-from fem.elasticity import Dent, PointSprings, Structure
-from fem.joints import distributing
-from fem.materials import Material, Orthotropic
-from fem.model import Model
-from fem.room import room_on_face
-from fem.spot import Spot, planar_spot
-from fem.trace import OffFace, trace
+from beadwave.fem.carried import DiscPoints
+from beadwave.fem.contact_patch import disc_quadrature
+from beadwave.fem.elasticity import Dent, PointSprings, Structure
+from beadwave.fem.joints import distributing
+from beadwave.fem.materials import Material, Orthotropic
+from beadwave.fem.model import Model
+from beadwave.fem.room import room_on_face
+from beadwave.fem.spot import Spot, planar_spot
+from beadwave.fem.trace import OffFace, trace
 
 
 class SpringEnd(NamedTuple):

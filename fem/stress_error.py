@@ -31,13 +31,13 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Basis, Element, FacetBasis, Mesh, MeshHex
 
-from fem.elasticity import ELEMENTS, element_stiffness
-from fem.half_space import HalfSpaceField
-from fem.joints import Tie, rigid_motion
-from fem.materials import Material, Orthotropic
-from fem.model import Held, Model
-from fem.sagging import sagging
-from fem.trace import located
+from beadwave.fem.elasticity import ELEMENTS, element_stiffness
+from beadwave.fem.half_space import HalfSpaceField
+from beadwave.fem.joints import Tie, rigid_motion
+from beadwave.fem.materials import Material, Orthotropic
+from beadwave.fem.model import Held, Model
+from beadwave.fem.sagging import sagging
+from beadwave.fem.trace import located
 
 
 class Pushed(NamedTuple):

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.signal import decimate
 
-from fem.correlation import mac
-from fem.poly_reference import (
+from beadwave.fem.correlation import mac
+from beadwave.fem.poly_reference import (
     IdentifiedModes,
     Stability,
     StablePole,

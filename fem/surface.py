@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.sparse import csr_matrix, vstack
 
-from fem.elasticity import Structure
-from fem.trace import interpolation, local_coordinates
+from beadwave.fem.elasticity import Structure
+from beadwave.fem.trace import interpolation, local_coordinates
 
 
 class OnSurface(NamedTuple):

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 from scipy.signal import firwin, kaiser_beta
 
-from fem.hits import Hits
+from beadwave.fem.hits import Hits
 
 # samples by which the filter against aliasing rings before and after a pulse: enough for it to be
 # flat to 1 / 2.56 of the sampling rate and 100 dB down from where the rest would fold back on that

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from skfem import Basis, FacetBasis, Mesh, MeshHex, MeshTet
 
-from fem.elasticity import Structure
-from fem.sagging import area_vectors
+from beadwave.fem.elasticity import Structure
+from beadwave.fem.sagging import area_vectors
 
 
 class OffFace(ValueError):

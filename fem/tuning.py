@@ -22,10 +22,18 @@ from scipy.linalg import eigh, null_space
 from scipy.optimize import least_squares
 from scipy.sparse import csr_matrix
 
-from fem.correlation import RIGID, BodyForms, Shape, Target, body_forms, paired, spring_forms
-from fem.factorisation import Factor, factorised
-from fem.model import Model
-from fem.modes import SHIFT_HZ, Modes, deflated, modes
+from beadwave.fem.correlation import (
+    RIGID,
+    BodyForms,
+    Shape,
+    Target,
+    body_forms,
+    paired,
+    spring_forms,
+)
+from beadwave.fem.factorisation import Factor, factorised
+from beadwave.fem.model import Model
+from beadwave.fem.modes import SHIFT_HZ, Modes, deflated, modes
 
 CARRIED = "masses:"  # before the name of a carried mass among the bodies; no body has a colon
 

@@ -13,13 +13,13 @@ A mesh is a `skfem.Mesh` with named boundaries, a face is called "body:face". Di
 nobody can build raise InvalidGeometry, with one sentence.
 """
 
-from geometry.cell_groups import CellGroup
-from geometry.errors import InvalidGeometry
-from geometry.naming import by_body
-from geometry.plate_mesh import Extent, plate_mesh
-from geometry.quality import smallest_quality
-from geometry.refined import refined
-from geometry.thinning import thinned
+from beadwave.geometry.cell_groups import CellGroup
+from beadwave.geometry.errors import InvalidGeometry
+from beadwave.geometry.naming import by_body
+from beadwave.geometry.plate_mesh import Extent, plate_mesh
+from beadwave.geometry.quality import smallest_quality
+from beadwave.geometry.refined import refined
+from beadwave.geometry.thinning import thinned
 
 __all__ = [
     "CellGroup",

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from geometry.cell_groups import CellGroup, MeshFile, Origin
-from geometry.errors import InvalidGeometry
+from beadwave.geometry.cell_groups import CellGroup, MeshFile, Origin
+from beadwave.geometry.errors import InvalidGeometry
 
 SOLID = re.compile(r"C3D(4|6|8|10|15|20)\D*$")
 SURFACE = re.compile(r"(?:STRI|SFM3D|M3D|R3D|CPS|CPE|CAX|DS|S)(3|4|6|8|65)\D*$")

@@ -21,17 +21,17 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Mesh, MeshTet
 
-from geometry.contacts import TouchingPair
-from geometry.errors import InvalidGeometry
-from geometry.facets import facets_of
-from geometry.gmsh_session import EDGES_AROUND, failing
-from geometry.hexahedra import hexahedra
-from geometry.imprint import RIM_ROOM, Region, fitted, imprinted, regions
-from geometry.patches import Disc, Patch
-from geometry.roundness import enclosing, full_cylinders, rimmed
-from geometry.selectors import Selected
-from geometry.sizes import GROWTH, Size, Sizes, mesh_visible
-from geometry.solids import Body
+from beadwave.geometry.contacts import TouchingPair
+from beadwave.geometry.errors import InvalidGeometry
+from beadwave.geometry.facets import facets_of
+from beadwave.geometry.gmsh_session import EDGES_AROUND, failing
+from beadwave.geometry.hexahedra import hexahedra
+from beadwave.geometry.imprint import RIM_ROOM, Region, fitted, imprinted, regions
+from beadwave.geometry.patches import Disc, Patch
+from beadwave.geometry.roundness import enclosing, full_cylinders, rimmed
+from beadwave.geometry.selectors import Selected
+from beadwave.geometry.sizes import GROWTH, Size, Sizes, mesh_visible
+from beadwave.geometry.solids import Body
 
 TRIANGLE, TETRAHEDRON = 2, 4  # gmsh's element types
 

@@ -16,11 +16,11 @@ import gmsh
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.errors import InvalidGeometry
-from geometry.gmsh_session import session, silent
-from geometry.shapes import Box, Cylinder, Hole, Shape
-from geometry.solids import Body, Face, Vector, off_axis
-from geometry.step_file import (
+from beadwave.geometry.errors import InvalidGeometry
+from beadwave.geometry.gmsh_session import session, silent
+from beadwave.geometry.shapes import Box, Cylinder, Hole, Shape
+from beadwave.geometry.solids import Body, Face, Vector, off_axis
+from beadwave.geometry.step_file import (
     check_step,
     face_names,
     n_solids,
@@ -30,7 +30,7 @@ from geometry.step_file import (
     text_of,
     unit,
 )
-from geometry.step_splines import analytic
+from beadwave.geometry.step_splines import analytic
 
 # gmsh's names of surfaces, and ours
 KINDS = {"Plane": "plane", "Cylinder": "cylinder", "Cone": "cone", "Sphere": "sphere"}

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from geometry.errors import InvalidGeometry
-from geometry.solids import SAME, Body
+from beadwave.geometry.errors import InvalidGeometry
+from beadwave.geometry.solids import SAME, Body
 
 
 class Closeness(NamedTuple):

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.cell_groups import Origin
-from geometry.errors import InvalidGeometry
+from beadwave.geometry.cell_groups import Origin
+from beadwave.geometry.errors import InvalidGeometry
 
 # sets that are tried for one cell or another before a choice is asked for; 40 random sets over 12
 # bodies took at most 3000

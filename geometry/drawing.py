@@ -12,13 +12,13 @@ from typing import NamedTuple
 
 from skfem import Mesh
 
-from geometry.contacts import Neighbours, TouchingPair, require_apart
-from geometry.errors import InvalidGeometry
-from geometry.joints import Picked
-from geometry.own_mesh import OwnMesh, own_mesh
-from geometry.selectors import Selected
-from geometry.shapes import Shape
-from geometry.solids import Body, Vector, require_size
+from beadwave.geometry.contacts import Neighbours, TouchingPair, require_apart
+from beadwave.geometry.errors import InvalidGeometry
+from beadwave.geometry.joints import Picked
+from beadwave.geometry.own_mesh import OwnMesh, own_mesh
+from beadwave.geometry.selectors import Selected
+from beadwave.geometry.shapes import Shape
+from beadwave.geometry.solids import Body, Vector, require_size
 
 GMSH_NEEDS = (
     "apt-get install libgl1 libglu1-mesa libgomp1 libxcursor1 libxft2 libxinerama1 libxrender1"
@@ -63,8 +63,8 @@ def drawn(
         yield Drawing(mesh_of_file.bodies, None, mesh_of_file.meeting.near, mesh_of_file)
         return
     try:
-        from geometry.cad import model
-        from geometry.touching import neighbours
+        from beadwave.geometry.cad import model
+        from beadwave.geometry.touching import neighbours
     except OSError as missing:
         raise ValueError(
             f"gmsh cannot start ({missing}); install its shared libraries (Debian: {GMSH_NEEDS})."
@@ -103,8 +103,8 @@ def meshed(
             raise InvalidGeometry(str(error)) from None
 
     # bodies in the CAD kernel are meshed, each with the size asked for or that of its shape
-    from geometry.body_mesh import body_meshes
-    from geometry.sizes import Fine, Sizes, default_seeds
+    from beadwave.geometry.body_mesh import body_meshes
+    from beadwave.geometry.sizes import Fine, Sizes, default_seeds
 
     scale, usual = sizing.scale, default_seeds(bodies)
     seeds = {name: scale * (sizing.seeds[name] or usual[name]) for name in bodies}

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.facets import triangles
-from geometry.solids import Body
+from beadwave.geometry.facets import triangles
+from beadwave.geometry.solids import Body
 
 if TYPE_CHECKING:
-    from geometry.own_mesh import OwnMesh
+    from beadwave.geometry.own_mesh import OwnMesh
 
 ACROSS = 12.0  # triangles along the diagonal of a body, curved faces have more; chosen by eye
 

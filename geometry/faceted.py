@@ -15,9 +15,9 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from skfem import Basis, Mesh
 
-from geometry.curved import edge_normals, facet_areas, facet_nodes, is_curved
-from geometry.facets import triangles
-from geometry.solids import Body, Face, Vector
+from beadwave.geometry.curved import edge_normals, facet_areas, facet_nodes, is_curved
+from beadwave.geometry.facets import triangles
+from beadwave.geometry.solids import Body, Face, Vector
 
 # of the components of an axis or a normal: smaller ones are the rounding of a global axis
 ROUNDING = 1e-9

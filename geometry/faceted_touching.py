@@ -14,10 +14,17 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from skfem import Basis
 
-from geometry.contacts import CLOSENESS, FaceContact, NearMiss, Neighbours, Overlap, TouchingPair
-from geometry.faceted import Skin, away
-from geometry.patches import Disc, Patch, Spots, ThreadBand
-from geometry.solids import Body, off_axis, parallel
+from beadwave.geometry.contacts import (
+    CLOSENESS,
+    FaceContact,
+    NearMiss,
+    Neighbours,
+    Overlap,
+    TouchingPair,
+)
+from beadwave.geometry.faceted import Skin, away
+from beadwave.geometry.patches import Disc, Patch, Spots, ThreadBand
+from beadwave.geometry.solids import Body, off_axis, parallel
 
 
 class FacetCloseness(NamedTuple):

@@ -11,9 +11,9 @@ import gmsh
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.cell_groups import CORNERS, CellGroup, MeshFile, Origin
-from geometry.errors import InvalidGeometry
-from geometry.gmsh_session import session
+from beadwave.geometry.cell_groups import CORNERS, CellGroup, MeshFile, Origin
+from beadwave.geometry.errors import InvalidGeometry
+from beadwave.geometry.gmsh_session import session
 
 HEAD, END = b"$MeshFormat", b"$EndElements"
 HDF = b"\x89HDF\r\n\x1a\n"

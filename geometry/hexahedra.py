@@ -24,14 +24,14 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshHex
 
-from geometry.cad import distance
-from geometry.facets import EXTRUDED, facets_of, triangles
-from geometry.gmsh_session import boolean_tolerance, failing, mesh_options
-from geometry.imprint import Region
-from geometry.roundness import enclosing, full_cylinders
-from geometry.selectors import Selected
-from geometry.sizes import Size, mesh_visible, size_at
-from geometry.solids import SAME, Body, Face, Vector, off_axis, parallel
+from beadwave.geometry.cad import distance
+from beadwave.geometry.facets import EXTRUDED, facets_of, triangles
+from beadwave.geometry.gmsh_session import boolean_tolerance, failing, mesh_options
+from beadwave.geometry.imprint import Region
+from beadwave.geometry.roundness import enclosing, full_cylinders
+from beadwave.geometry.selectors import Selected
+from beadwave.geometry.sizes import Size, mesh_visible, size_at
+from beadwave.geometry.solids import SAME, Body, Face, Vector, off_axis, parallel
 
 TRIANGLE, QUADRILATERAL = 2, 3  # gmsh's element types
 # gmsh's algorithms for triangles and for joining them to quadrilaterals, the best first. Full-quad

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.contacts import TouchingPair
-from geometry.solids import SAME, Body, Face, Vector, of_one_cylinder, off_axis, parallel
+from beadwave.geometry.contacts import TouchingPair
+from beadwave.geometry.solids import SAME, Body, Face, Vector, of_one_cylinder, off_axis, parallel
 
 
 class HoleLimits(NamedTuple):

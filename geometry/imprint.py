@@ -16,12 +16,12 @@ from typing import NamedTuple
 import gmsh
 import numpy as np
 
-from geometry.contacts import TouchingPair
-from geometry.errors import InvalidGeometry
-from geometry.gmsh_session import boolean_tolerance
-from geometry.patches import Disc, Patch, Share, Spots, ThreadBand
-from geometry.selectors import Selected
-from geometry.solids import SAME, Body, Face, Vector
+from beadwave.geometry.contacts import TouchingPair
+from beadwave.geometry.errors import InvalidGeometry
+from beadwave.geometry.gmsh_session import boolean_tolerance
+from beadwave.geometry.patches import Disc, Patch, Share, Spots, ThreadBand
+from beadwave.geometry.selectors import Selected
+from beadwave.geometry.solids import SAME, Body, Face, Vector
 
 
 class RimRoom(NamedTuple):

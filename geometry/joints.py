@@ -12,12 +12,12 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from geometry.contacts import TouchingPair
-from geometry.errors import InvalidGeometry
-from geometry.holes import LIMITS, bores, concentric, crossed, engaged, misaligned
-from geometry.patches import Disc, Patch, Share, Spots, ThreadBand
-from geometry.selectors import Selected, bodies_named, faces, touches
-from geometry.solids import Body, Vector
+from beadwave.geometry.contacts import TouchingPair
+from beadwave.geometry.errors import InvalidGeometry
+from beadwave.geometry.holes import LIMITS, bores, concentric, crossed, engaged, misaligned
+from beadwave.geometry.patches import Disc, Patch, Share, Spots, ThreadBand
+from beadwave.geometry.selectors import Selected, bodies_named, faces, touches
+from beadwave.geometry.solids import Body, Vector
 
 
 class JointWords(NamedTuple):

@@ -24,10 +24,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.errors import InvalidGeometry
-from geometry.facets import EXTRUDED
-from geometry.grid_lines import Coordinates, Stop, lines_through
-from geometry.shapes import Box, Shape, Slab, in_place
+from beadwave.geometry.errors import InvalidGeometry
+from beadwave.geometry.facets import EXTRUDED
+from beadwave.geometry.grid_lines import Coordinates, Stop, lines_through
+from beadwave.geometry.shapes import Box, Shape, Slab, in_place
 
 if TYPE_CHECKING:  # half a second, which a scene that is only read does not pay
     from skfem import MeshHex

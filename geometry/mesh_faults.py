@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from skfem import Mesh
 from skfem.quadrature import get_quadrature
 
-from geometry.errors import InvalidGeometry
+from beadwave.geometry.errors import InvalidGeometry
 
 NO_VOLUME = 1e-9  # volume of a cell over the cube of its longest side
 # distance of two nodes at one place, over the mean edge: files with six digits round to less

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from geometry.cell_groups import CORNERS, CellGroup, MeshFile, Origin
+from beadwave.geometry.cell_groups import CORNERS, CellGroup, MeshFile, Origin
 
 READERS = {
     ".msh": "gmsh_file", ".med": "gmsh_file", ".inp": "abaqus_deck", ".bdf": "nastran_deck",
@@ -35,7 +35,7 @@ def mesh_file(path: Path) -> MeshFile:
     """
     module = READERS.get(path.suffix.lower())
     read: Callable[[Path], MeshFile] = (
-        import_module(f"geometry.{module}").read if module else _by_meshio
+        import_module(f"beadwave.geometry.{module}").read if module else _by_meshio
     )
     return read(path)
 

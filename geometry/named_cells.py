@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from skfem import Mesh, MeshHex, MeshTet
 from skfem.io.meshio import INV_HEX_MAPPING
 
-from geometry.cell_groups import CellGroup, MeshFile, Origin
-from geometry.cover import CellSet, bodies_of
-from geometry.curved import curved
-from geometry.errors import InvalidGeometry
-from geometry.mesh_faults import merged, require_sound
+from beadwave.geometry.cell_groups import CellGroup, MeshFile, Origin
+from beadwave.geometry.cover import CellSet, bodies_of
+from beadwave.geometry.curved import curved
+from beadwave.geometry.errors import InvalidGeometry
+from beadwave.geometry.mesh_faults import merged, require_sound
 
 KINDS = {4: MeshTet, 8: MeshHex}  # by the corners of a cell
 CELLS = {4: "tetrahedra", 5: "pyramids", 6: "prisms", 8: "hexahedra"}

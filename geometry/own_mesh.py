@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from skfem import Mesh
 
-from geometry.contacts import TouchingPair
-from geometry.faceted import Skin, bodies, skins
-from geometry.faceted_touching import Meeting, meeting
-from geometry.patches import Patch, Spots
-from geometry.selectors import Selected
-from geometry.solids import Body
+from beadwave.geometry.contacts import TouchingPair
+from beadwave.geometry.faceted import Skin, bodies, skins
+from beadwave.geometry.faceted_touching import Meeting, meeting
+from beadwave.geometry.patches import Patch, Spots
+from beadwave.geometry.selectors import Selected
+from beadwave.geometry.solids import Body
 
 
 class OwnMesh(NamedTuple):

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.selectors import Selected
-from geometry.solids import Vector
+from beadwave.geometry.selectors import Selected
+from beadwave.geometry.solids import Vector
 
 
 class Disc(NamedTuple):

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geometry.curved import is_curved, split, straight
-from geometry.facets import facets_of
+from beadwave.geometry.curved import is_curved, split, straight
+from beadwave.geometry.facets import facets_of
 
 if TYPE_CHECKING:  # see `lined`
     from skfem import Mesh

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Mesh
 
-from geometry.cad import face_of
-from geometry.gmsh_session import EDGES_AROUND
-from geometry.patches import Disc
-from geometry.solids import SAME, Face, of_one_cylinder, parallel
+from beadwave.geometry.cad import face_of
+from beadwave.geometry.gmsh_session import EDGES_AROUND
+from beadwave.geometry.patches import Disc
+from beadwave.geometry.solids import SAME, Face, of_one_cylinder, parallel
 
 AnyMesh = TypeVar("AnyMesh", bound=Mesh)
 

@@ -18,10 +18,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from geometry.contacts import TouchingPair
-from geometry.errors import InvalidGeometry
-from geometry.holes import bores
-from geometry.solids import ALIGNED, SAME, Body, described
+from beadwave.geometry.contacts import TouchingPair
+from beadwave.geometry.errors import InvalidGeometry
+from beadwave.geometry.holes import bores
+from beadwave.geometry.solids import ALIGNED, SAME, Body, described
 
 # "hole", "cylinder(12 mm)" or "hole(6..7 mm)"
 ROUND = re.compile(

@@ -15,7 +15,7 @@ from math import isfinite, pi
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.errors import InvalidGeometry
+from beadwave.geometry.errors import InvalidGeometry
 
 Point = tuple[float, float, float]
 PlanePoint = tuple[float, float]

@@ -7,9 +7,9 @@ over that of an element of the seed.
 from math import log, prod
 from typing import NamedTuple
 
-from geometry.grid_lines import n_cells
-from geometry.lined import Lines, stops_of
-from geometry.shapes import Box, Cylinder, Shape, Slab, volume
+from beadwave.geometry.grid_lines import n_cells
+from beadwave.geometry.lined import Lines, stops_of
+from beadwave.geometry.shapes import Box, Cylinder, Shape, Slab, volume
 
 
 class TetrahedraCount(NamedTuple):

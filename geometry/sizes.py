@@ -8,8 +8,8 @@ import gmsh
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.gmsh_session import EDGES_AROUND, mesh_options
-from geometry.solids import Body, Vector, parallel
+from beadwave.geometry.gmsh_session import EDGES_AROUND, mesh_options
+from beadwave.geometry.solids import Body, Vector, parallel
 
 
 class ElementGrowth(NamedTuple):

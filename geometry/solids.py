@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.errors import InvalidGeometry
+from beadwave.geometry.errors import InvalidGeometry
 
 ALIGNED = 1e-6  # 1 - cosine of the angle between directions that count as equal
 SAME = 1e-6  # m, lengths and places closer than this count as equal

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from geometry.errors import InvalidGeometry
+from beadwave.geometry.errors import InvalidGeometry
 
 PREFIXES = {"MILLI": "mm", "CENTI": "cm", "DECI": "dm", "MICRO": "um", "KILO": "km", "$": "m"}
 CONVERTED = re.compile(r"CONVERSION_BASED_UNIT\s*\(\s*'([^']*)'\s*,[^)]*\)\s*LENGTH_UNIT", re.I)

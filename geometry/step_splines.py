@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.optimize import least_squares
 
-from geometry.solids import Vector
+from beadwave.geometry.solids import Vector
 
 # largest distance of a point of the B-spline from the recognised surface or curve, over the size of
 # the B-spline: 2 um of 100 mm. Exact conversions are off by 1e-9, approximations by 1e-5 to 1e-4

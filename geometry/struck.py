@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.solids import SAME, Body, Face, off_axis, parallel
+from beadwave.geometry.solids import SAME, Body, Face, off_axis, parallel
 
 if TYPE_CHECKING:  # loads gmsh
-    from geometry.selectors import Selected
+    from beadwave.geometry.selectors import Selected
 
 
 class Struck(NamedTuple):
@@ -59,7 +59,7 @@ def nearest(faces: Sequence[Face], body: Body, point: Sequence[float]) -> Face:
 def struck_at(body: Body, faces: Sequence[Face], first: Face, point: Sequence[float]) -> Struck:
     """The face `first` and all other faces of the same plane, cylinder or sphere, struck near a
     point (3,) [m], which is not moved onto a round face."""
-    from geometry.selectors import Selected  # loads gmsh
+    from beadwave.geometry.selectors import Selected  # loads gmsh
 
     # faces of one surface: a split cylinder or plane is struck as a whole
     tags = []

@@ -12,7 +12,7 @@ from itertools import combinations, product
 import gmsh
 import numpy as np
 
-from geometry.contacts import (
+from beadwave.geometry.contacts import (
     CLOSENESS,
     Closeness,
     FaceContact,
@@ -21,8 +21,8 @@ from geometry.contacts import (
     Overlap,
     TouchingPair,
 )
-from geometry.gmsh_session import boolean_tolerance, failing
-from geometry.solids import ALIGNED, Body, Face, off_axis, parallel
+from beadwave.geometry.gmsh_session import boolean_tolerance, failing
+from beadwave.geometry.solids import ALIGNED, Body, Face, off_axis, parallel
 
 
 def neighbours(

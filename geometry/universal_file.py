@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from geometry.cell_groups import CellGroup, MeshFile, Origin
-from geometry.errors import InvalidGeometry
+from beadwave.geometry.cell_groups import CellGroup, MeshFile, Origin
+from beadwave.geometry.errors import InvalidGeometry
 
 # dimension and nodes by the number of a kind of element
 ELEMENTS = {

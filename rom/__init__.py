@@ -24,14 +24,22 @@ patch on a half-space: it is still in K, and `coupling.reduced_wall.wall_of` tak
 '2.50e-07 m/N'
 """
 
-from rom.columns import ColumnOptions, with_columns
-from rom.contact_modes import krylov_space
-from rom.contact_space import Space
-from rom.craig_bampton import craig_bampton
-from rom.exchange import load_h5, load_mat, load_npz, save_full, save_h5, save_mat, save_npz
-from rom.factorisation import Factorise, Pencil, ReductionError, Solver, superlu
-from rom.free_modes import free_modes
-from rom.health import (
+from beadwave.rom.columns import ColumnOptions, with_columns
+from beadwave.rom.contact_modes import krylov_space
+from beadwave.rom.contact_space import Space
+from beadwave.rom.craig_bampton import craig_bampton
+from beadwave.rom.exchange import (
+    load_h5,
+    load_mat,
+    load_npz,
+    save_full,
+    save_h5,
+    save_mat,
+    save_npz,
+)
+from beadwave.rom.factorisation import Factorise, Pencil, ReductionError, Solver, superlu
+from beadwave.rom.free_modes import free_modes
+from beadwave.rom.health import (
     EffectiveMass,
     Health,
     effective_mass,
@@ -39,10 +47,10 @@ from rom.health import (
     health,
     is_indefinite,
 )
-from rom.lanczos import no_modes
-from rom.many_contacts import ManyContacts, many_contacts, static_responses
-from rom.passive_fit import ModalFit, modal_receptance, passive_fit
-from rom.passive_matrix import (
+from beadwave.rom.lanczos import no_modes
+from beadwave.rom.many_contacts import ManyContacts, many_contacts, static_responses
+from beadwave.rom.passive_fit import ModalFit, modal_receptance, passive_fit
+from beadwave.rom.passive_matrix import (
     CoupledMatrices,
     MatrixFit,
     MatrixOptions,
@@ -50,7 +58,7 @@ from rom.passive_matrix import (
     matrix_receptance,
     passive_matrix_fit,
 )
-from rom.reduced_model import (
+from beadwave.rom.reduced_model import (
     Columns,
     Contact,
     MassProperties,
@@ -65,15 +73,15 @@ from rom.reduced_model import (
     receptance,
     static_compliance,
 )
-from rom.selection import Selection
-from rom.substructure_file import Substructure, load_mtx, substructure
-from rom.substructuring import (
+from beadwave.rom.selection import Selection
+from beadwave.rom.substructure_file import Substructure, load_mtx, substructure
+from beadwave.rom.substructuring import (
     compatibility,
     joined_by_fits,
     joined_receptance,
     joint_receptance,
 )
-from rom.truncation import LOSS
+from beadwave.rom.truncation import LOSS
 
 __all__ = [
     "LOSS",

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
-from rom.factorisation import ReductionError
-from rom.reduced_model import Columns, ReducedModel
+from beadwave.rom.factorisation import ReductionError
+from beadwave.rom.reduced_model import Columns, ReducedModel
 
 MATRICES = {"half_space": "half_space_matrix_m_per_N", "axes": "contact_axes"}
 GROUPS = {"load": "shaker", "sense": "sensor"}

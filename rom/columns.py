@@ -21,14 +21,14 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
-from rom.contact_modes import k_orthonormalised, static_shapes
-from rom.factorisation import Factorise, Pencil, ReductionError, Solver, superlu, symmetric
-from rom.floating import pencil
-from rom.free_modes import rigid_modes
-from rom.health import require_faithful
-from rom.reduced_model import ReducedModel, modal
-from rom.residual_vector import attachment_modes
-from rom.truncation import LOSS, frequencies, rms, size
+from beadwave.rom.contact_modes import k_orthonormalised, static_shapes
+from beadwave.rom.factorisation import Factorise, Pencil, ReductionError, Solver, superlu, symmetric
+from beadwave.rom.floating import pencil
+from beadwave.rom.free_modes import rigid_modes
+from beadwave.rom.health import require_faithful
+from beadwave.rom.reduced_model import ReducedModel, modal
+from beadwave.rom.residual_vector import attachment_modes
+from beadwave.rom.truncation import LOSS, frequencies, rms, size
 
 
 class ColumnOptions(NamedTuple):

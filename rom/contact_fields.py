@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rom.factorisation import ReductionError
-from rom.reduced_model import Contact, MassProperties, ReducedModel
+from beadwave.rom.factorisation import ReductionError
+from beadwave.rom.reduced_model import Contact, MassProperties, ReducedModel
 
 
 class Field(NamedTuple):

@@ -28,13 +28,13 @@ import scipy.sparse as sp
 from scipy.linalg import solve_triangular
 from scipy.optimize import linear_sum_assignment
 
-from rom.contact_space import KrylovOptions, Space, converged
-from rom.factorisation import Pencil, ReductionError
-from rom.lanczos import EigenPairs, Enough, with_columns
-from rom.residual_vector import attachment_modes
-from rom.selection import Selection
-from rom.tall import ROWS, gram, shares, squares, turned
-from rom.truncation import LOSS, frequencies, receptances, rms, size
+from beadwave.rom.contact_space import KrylovOptions, Space, converged
+from beadwave.rom.factorisation import Pencil, ReductionError
+from beadwave.rom.lanczos import EigenPairs, Enough, with_columns
+from beadwave.rom.residual_vector import attachment_modes
+from beadwave.rom.selection import Selection
+from beadwave.rom.tall import ROWS, gram, shares, squares, turned
+from beadwave.rom.truncation import LOSS, frequencies, receptances, rms, size
 
 
 class Chosen(NamedTuple):

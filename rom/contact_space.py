@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rom.lanczos import EigenPairs
+from beadwave.rom.lanczos import EigenPairs
 
 
 class KrylovOptions(NamedTuple):

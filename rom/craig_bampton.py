@@ -14,21 +14,21 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
-from rom.contact_modes import contact_modes, finer_space, static_shapes
-from rom.factorisation import Factorise, Solver, superlu, symmetric
-from rom.fixed_interface import (
+from beadwave.rom.contact_modes import contact_modes, finer_space, static_shapes
+from beadwave.rom.factorisation import Factorise, Solver, superlu, symmetric
+from beadwave.rom.fixed_interface import (
     FixedInterface,
     fixed_interface,
     interior_pencil,
     ritz_pairs,
     whole_pencil,
 )
-from rom.health import require_faithful
-from rom.lanczos import EigenPairs, known_modes, lowest_modes, modes_below, no_modes
-from rom.reduced_model import ReducedModel, contact_functional, modal, of_modes
-from rom.selection import Selection, require_selection
-from rom.tall import gram, shares
-from rom.truncation import LOSS, first_cutoff_hz, frequencies, rms, size
+from beadwave.rom.health import require_faithful
+from beadwave.rom.lanczos import EigenPairs, known_modes, lowest_modes, modes_below, no_modes
+from beadwave.rom.reduced_model import ReducedModel, contact_functional, modal, of_modes
+from beadwave.rom.selection import Selection, require_selection
+from beadwave.rom.tall import gram, shares
+from beadwave.rom.truncation import LOSS, first_cutoff_hz, frequencies, rms, size
 
 
 def craig_bampton(

@@ -29,10 +29,10 @@ from numpy.typing import ArrayLike
 from scipy.io import loadmat, savemat
 from scipy.io.matlab import MatReadError
 
-from rom.column_fields import column_fields, columns_of, contact_columns
-from rom.contact_fields import contact, known_fields, mass_properties
-from rom.factorisation import ReductionError, require_symmetric
-from rom.reduced_model import ReducedModel, Surface, contact_functional
+from beadwave.rom.column_fields import column_fields, columns_of, contact_columns
+from beadwave.rom.contact_fields import contact, known_fields, mass_properties
+from beadwave.rom.factorisation import ReductionError, require_symmetric
+from beadwave.rom.reduced_model import ReducedModel, Surface, contact_functional
 
 ABOUT = """\
 M q'' + (C + C_damping) q' + K q = w F, contact displacement u_w = w' q, SI units:

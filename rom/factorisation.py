@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 from scipy.sparse.linalg import splu
 
-from rom.tall import eighths, shares
+from beadwave.rom.tall import eighths, shares
 
 EPS = np.finfo(float).eps
 

@@ -19,10 +19,10 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, eigh
 
-from rom.factorisation import EPS, Factorise, Pencil, ReductionError, Solver, solutions
-from rom.floating import held_pencil, is_held
-from rom.lanczos import EigenPairs
-from rom.tall import eighths, gram, shares, squares, turned
+from beadwave.rom.factorisation import EPS, Factorise, Pencil, ReductionError, Solver, solutions
+from beadwave.rom.floating import held_pencil, is_held
+from beadwave.rom.lanczos import EigenPairs
+from beadwave.rom.tall import eighths, gram, shares, squares, turned
 
 
 class FixedInterface(NamedTuple):

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from rom.factorisation import Factorise, Pencil, ReductionError, frequency_scale, noise
-from rom.lanczos import LanczosOptions, past_rigid_modes
+from beadwave.rom.factorisation import Factorise, Pencil, ReductionError, frequency_scale, noise
+from beadwave.rom.lanczos import LanczosOptions, past_rigid_modes
 
 # accuracy of the first elastic mode, which only chooses the shift. Beside rigid modes of a stiff
 # body, whose theta are 1e6 times as large, rounding leaves no more digits; to ask for more takes

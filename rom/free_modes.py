@@ -14,11 +14,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
-from rom.contact_modes import contact_modes, finer_space, static_shapes
-from rom.factorisation import Factorise, Pencil, ReductionError, Solver, superlu, symmetric
-from rom.floating import n_suspended, pencil
-from rom.health import require_faithful, require_static_response
-from rom.lanczos import (
+from beadwave.rom.contact_modes import contact_modes, finer_space, static_shapes
+from beadwave.rom.factorisation import Factorise, Pencil, ReductionError, Solver, superlu, symmetric
+from beadwave.rom.floating import n_suspended, pencil
+from beadwave.rom.health import require_faithful, require_static_response
+from beadwave.rom.lanczos import (
     EigenPairs,
     known_modes,
     lowest_modes,
@@ -27,10 +27,10 @@ from rom.lanczos import (
     no_modes,
     past_rigid_modes,
 )
-from rom.reduced_model import ReducedModel, contact_functional, of_modes
-from rom.residual_vector import residual_vector, static_response
-from rom.selection import Selection, require_selection
-from rom.truncation import Moments, tail_errors
+from beadwave.rom.reduced_model import ReducedModel, contact_functional, of_modes
+from beadwave.rom.residual_vector import residual_vector, static_response
+from beadwave.rom.selection import Selection, require_selection
+from beadwave.rom.truncation import Moments, tail_errors
 
 
 def free_modes(

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from scipy.linalg import cho_factor, cho_solve, eigh
 from scipy.sparse.linalg import LinearOperator, eigsh
 
-from rom.factorisation import EPS, ReductionError, frequency_scale
-from rom.reduced_model import ModalWall, ReducedModel, modal, modal_compliance
+from beadwave.rom.factorisation import EPS, ReductionError, frequency_scale
+from beadwave.rom.reduced_model import ModalWall, ReducedModel, modal, modal_compliance
 
 
 class Health(NamedTuple):

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rom.factorisation import ReductionError
-from rom.health import Health, health
-from rom.reduced_model import ModalWall, ReducedModel, modal_compliance
+from beadwave.rom.factorisation import ReductionError
+from beadwave.rom.health import Health, health
+from beadwave.rom.reduced_model import ModalWall, ReducedModel, modal_compliance
 
 RIGID = 6  # motions of a body without stiffness
 

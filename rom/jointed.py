@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rom.reduced_model import ReducedModel
+from beadwave.rom.reduced_model import ReducedModel
 
 
 class Jointed(NamedTuple):

@@ -19,7 +19,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 
-from rom.factorisation import Pencil, ReductionError, noise
+from beadwave.rom.factorisation import Pencil, ReductionError, noise
 
 Enough = Callable[[np.ndarray, Callable[[], np.ndarray]], bool]
 

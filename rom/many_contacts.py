@@ -20,11 +20,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
-from rom.contact_space import KrylovOptions
-from rom.factorisation import Pencil
-from rom.lanczos import EigenPairs
-from rom.residual_vector import attachment_modes
-from rom.tall import shares
+from beadwave.rom.contact_space import KrylovOptions
+from beadwave.rom.factorisation import Pencil
+from beadwave.rom.lanczos import EigenPairs
+from beadwave.rom.residual_vector import attachment_modes
+from beadwave.rom.tall import shares
 
 NOTHING = 1e-12  # of the static response: rounding
 

@@ -22,7 +22,7 @@ from scipy.linalg import block_diag
 from scipy.optimize import least_squares, nnls
 from threadpoolctl import threadpool_limits
 
-from rom.factorisation import ReductionError
+from beadwave.rom.factorisation import ReductionError
 
 
 class FitOptions(NamedTuple):

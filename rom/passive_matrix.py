@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 from threadpoolctl import threadpool_limits
 
-from rom.factorisation import ReductionError
-from rom.passive_fit import (
+from beadwave.rom.factorisation import ReductionError
+from beadwave.rom.passive_fit import (
     FitOptions,
     enough_modes,
     require_driving_point,

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import cholesky, eigh, solve
 from scipy.linalg.lapack import dpocon
 
-from rom.factorisation import EPS, ReductionError, symmetric
+from beadwave.rom.factorisation import EPS, ReductionError, symmetric
 
 
 class Surface(NamedTuple):

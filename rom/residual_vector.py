@@ -13,7 +13,7 @@ MacNeal, Computers & Structures 1 (1971) 581; Rubin, AIAA Journal 13 (1975) 995.
 import numpy as np
 import scipy.sparse as sp
 
-from rom.factorisation import Pencil, ReductionError
+from beadwave.rom.factorisation import Pencil, ReductionError
 
 
 def residual_vector(M: sp.csc_array, phi: np.ndarray, static: np.ndarray) -> np.ndarray:

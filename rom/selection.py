@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rom.contact_space import Space
-from rom.factorisation import ReductionError
+from beadwave.rom.contact_space import Space
+from beadwave.rom.factorisation import ReductionError
 
 
 class Selection(NamedTuple):

@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rom.factorisation import ReductionError
-from rom.reduced_model import ReducedModel, contact_functional
+from beadwave.rom.factorisation import ReductionError
+from beadwave.rom.reduced_model import ReducedModel, contact_functional
 
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
 

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 from scipy.ndimage import maximum_filter1d
 
-from rom.factorisation import ReductionError
+from beadwave.rom.factorisation import ReductionError
 
 
 class InterfaceChecks(NamedTuple):

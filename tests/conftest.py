@@ -41,7 +41,7 @@ def pytest_cmdline_main(config):
 @pytest.fixture(autouse=True)
 def no_lines_of_progress(monkeypatch):
     """Which stages take over a second, and say so in a line on stderr, depends on the machine."""
-    monkeypatch.setattr("workflows.commands.terminal.PATIENCE", 1e4)
+    monkeypatch.setattr("beadwave.workflows.commands.terminal.PATIENCE", 1e4)
 
 
 @pytest.fixture
@@ -77,6 +77,6 @@ def shared_cache(cache, tmp_path, monkeypatch):
 @pytest.fixture
 def plain(monkeypatch):
     """Kernels as they are written, as plain Python."""
-    from dem.kernels.compiled import Compiled
+    from beadwave.dem.kernels.compiled import Compiled
 
     monkeypatch.setattr(Compiled, "__call__", lambda kernel, *given: kernel.py_func(*given))

@@ -34,7 +34,7 @@ JOBS = ("commands", "verify", "fuzz-text", "fuzz-binary", "kills")
 @pytest.fixture
 def checkout(tmp_path):
     """A checkout whose programs only say that they were called."""
-    for place in (".ci", ".venv/bin", "docs", "tests/hostile", "tmp"):
+    for place in (".ci", ".venv/bin", "docs", "tests/tools/hostile", "tmp"):
         (tmp_path / place).mkdir(parents=True)
     (tmp_path / "README.md").write_text(README)
     shutil.copy(RUN, tmp_path / ".ci" / "run")
@@ -58,7 +58,7 @@ def started(checkout, fails="nothing fails", hangs="nothing hangs"):
 
 
 def test_every_step_and_job_runs_and_says_how_long_it_took(checkout):
-    script = checkout / "tests" / "processors.sh"
+    script = checkout / "tests" / "tools" / "processors.sh"
     script.write_text(SAYS)
     script.chmod(0o755)
     with started(checkout) as process:

@@ -13,14 +13,14 @@ import pytest
 from PIL import Image
 
 import beadwave
-import dem
-import rom
-from coupling.contact_response import ContactResponse
+from beadwave import dem, rom
+from beadwave.coupling.contact_response import ContactResponse
+from beadwave.workflows.commands.app import COMMANDS, built
+from beadwave.workflows.files.scene import built_in
+from beadwave.workflows.report.plots import Line, Panel, panels
+from beadwave.workflows.run.run import IMPACT_FILES
+
 from signal_guard import signals_restored
-from workflows.commands.app import COMMANDS, built
-from workflows.files.scene import built_in
-from workflows.report.plots import Line, Panel, panels
-from workflows.run.run import IMPACT_FILES
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

@@ -8,10 +8,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from skfem import MeshHex
 
-import dem
-import fem
-import rom
-from workflows.files.scene import scene
+from beadwave import dem, fem, rom
+from beadwave.workflows.files.scene import scene
 
 LAWS = settings(derandomize=True, deadline=None, max_examples=25)
 FEW = settings(LAWS, max_examples=8)

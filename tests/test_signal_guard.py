@@ -10,13 +10,13 @@ import pytest
 
 from signal_guard import signals_restored
 
-TESTS = Path(__file__).parent
+SUPPORT = Path(__file__).parent / "support"
 
 
 def outcome(tmp_path, text):
     """Exit status, stdout and stderr of pytest on a file of tests, in a session of its own."""
     (tmp_path / "test_it.py").write_text(f"import os, signal, subprocess, sys\n{text}")
-    environment = os.environ | {"PYTHONPATH": str(TESTS), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
+    environment = os.environ | {"PYTHONPATH": str(SUPPORT), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
     (tmp_path / "pytest.ini").write_text("[pytest]\n")
     command = "-m pytest -q -p signal_guard -p no:cacheprovider .".split()
     with signals_restored():

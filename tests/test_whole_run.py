@@ -33,8 +33,8 @@ def pytest_says(tmp_path):
     (tmp_path / "tests").mkdir()
     (tmp_path / "pyproject.toml").write_text(PROJECT)
     (tmp_path / "tests" / "test_two.py").write_text(TWO)
-    for name in ("conftest.py", "signal_guard.py"):
-        shutil.copy(TESTS / name, tmp_path / "tests" / name)
+    for name in ("conftest.py", "support/signal_guard.py"):
+        shutil.copy(TESTS / name, tmp_path / "tests")
     inherited = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST_")}
 
     def says(*options):
@@ -76,7 +76,8 @@ def test_a_choice_of_marks_is_kept(pytest_says):
 
 
 def test_the_short_run_has_every_test_that_the_mutants_are_noticed_by():
-    """What it leaves out is none of the share that `tests/mutants.py` measures."""
-    files = {TESTS / f"test_{name}.py" for room in mutants.ROOMS.values() for name in room.tests}
+    """What it leaves out is none of the share that `tests/tools/mutants.py` measures."""
+    names = {name for room in mutants.ROOMS.values() for name in room.tests}
+    files = {TESTS / "{}/test_{}.py".format(*name.split("/")) for name in names}
     assert len(files) > 20
     assert not [file.name for file in files if "mark.slow" in file.read_text(encoding="utf-8")]

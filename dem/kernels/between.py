@@ -11,7 +11,7 @@ own polynomial.
 import math
 from typing import NamedTuple
 
-from dem.kernels.arguments import (
+from beadwave.dem.kernels.arguments import (
     DASH,
     IN_CONTACTS,
     IN_GUIDES,
@@ -25,8 +25,8 @@ from dem.kernels.arguments import (
     V,
     WallModes,
 )
-from dem.kernels.compiled import fastmath_inline, fastmath_march
-from dem.kernels.ends import (
+from beadwave.dem.kernels.compiled import fastmath_inline, fastmath_march
+from beadwave.dem.kernels.ends import (
     CONTACTS,
     DASHPOT,
     GUIDES,
@@ -37,10 +37,10 @@ from dem.kernels.ends import (
     StepEnds,
     fill_ends,
 )
-from dem.kernels.events import crossing
-from dem.kernels.ledger import save
-from dem.kernels.modes import modal_energy
-from dem.kernels.numbers import larger, smaller
+from beadwave.dem.kernels.events import crossing
+from beadwave.dem.kernels.ledger import save
+from beadwave.dem.kernels.modes import modal_energy
+from beadwave.dem.kernels.numbers import larger, smaller
 
 
 class Between(NamedTuple):

@@ -21,7 +21,7 @@ class Compiled:
     @cached_property
     def dispatcher(self) -> Callable:
         """The function as numba has it."""
-        from dem.kernels.kept_code import dispatcher
+        from beadwave.dem.kernels.kept_code import dispatcher
 
         return dispatcher(self.py_func, inner=self._inner, **self._options)
 

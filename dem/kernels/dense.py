@@ -8,8 +8,8 @@ at the most, to leading order.
 
 from typing import NamedTuple
 
-from dem.kernels.arguments import Array
-from dem.kernels.compiled import fastmath_entry, fastmath_inline
+from beadwave.dem.kernels.arguments import Array
+from beadwave.dem.kernels.compiled import fastmath_entry, fastmath_inline
 
 
 class StepEnd(NamedTuple):

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.kernels.arguments import Array, Saved
-from dem.kernels.compiled import fastmath_inline
+from beadwave.dem.kernels.arguments import Array, Saved
+from beadwave.dem.kernels.compiled import fastmath_inline
 
 CONTACTS, WALL, GUIDES, DASHPOT = range(4)  # of StepEnds.slow; the first three are energies lost
 

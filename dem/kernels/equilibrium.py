@@ -8,10 +8,10 @@ with contact forces f, leaf springs k to anchors a, and steady forces.
 import math
 from typing import NamedTuple
 
-from dem.kernels.arguments import Array, ForceShape
-from dem.kernels.compiled import ieee, ieee_march
-from dem.kernels.laws import elastic_force, elastic_indentation, elastic_stiffness
-from dem.kernels.numbers import larger
+from beadwave.dem.kernels.arguments import Array, ForceShape
+from beadwave.dem.kernels.compiled import ieee, ieee_march
+from beadwave.dem.kernels.laws import elastic_force, elastic_indentation, elastic_stiffness
+from beadwave.dem.kernels.numbers import larger
 
 
 class Bearing(NamedTuple):

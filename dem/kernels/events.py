@@ -9,7 +9,7 @@ Lyness, B. W. Ninham, Math. Comput. 21 (1967) 162). `correct_events` adds it as 
 
 import math
 
-from dem.kernels.arguments import (
+from beadwave.dem.kernels.arguments import (
     DASH,
     IN_CONTACTS,
     Array,
@@ -21,10 +21,10 @@ from dem.kernels.arguments import (
     U,
     V,
 )
-from dem.kernels.compiled import fastmath_inline, ieee
-from dem.kernels.laws import grows, plastic_indentation, plastic_loss
-from dem.kernels.modes import push_modes, shift_modes
-from dem.kernels.numbers import larger, smaller
+from beadwave.dem.kernels.compiled import fastmath_inline, ieee
+from beadwave.dem.kernels.laws import grows, plastic_indentation, plastic_loss
+from beadwave.dem.kernels.modes import push_modes, shift_modes
+from beadwave.dem.kernels.numbers import larger, smaller
 
 
 @ieee

@@ -12,7 +12,7 @@ yielded (`events`).
 
 import math
 
-from dem.kernels.arguments import (
+from beadwave.dem.kernels.arguments import (
     IN_CONTACTS,
     IN_GUIDES,
     Array,
@@ -27,9 +27,9 @@ from dem.kernels.arguments import (
     V,
     WallModes,
 )
-from dem.kernels.compiled import fastmath, fastmath_inline, fastmath_march
-from dem.kernels.events import correct_events, crossed, yield_contacts
-from dem.kernels.laws import (
+from beadwave.dem.kernels.compiled import fastmath, fastmath_inline, fastmath_march
+from beadwave.dem.kernels.events import correct_events, crossed, yield_contacts
+from beadwave.dem.kernels.laws import (
     damper,
     damping_impulse,
     elastic_force,
@@ -37,8 +37,8 @@ from dem.kernels.laws import (
     sphere_forces,
     wall_force,
 )
-from dem.kernels.ledger import save
-from dem.kernels.modes import drift_modes, push_modes, push_wall
+from beadwave.dem.kernels.ledger import save
+from beadwave.dem.kernels.modes import drift_modes, push_modes, push_wall
 
 
 @fastmath_march

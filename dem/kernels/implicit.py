@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.kernels.arguments import (
+from beadwave.dem.kernels.arguments import (
     DASH,
     IN_CONTACTS,
     IN_WALL,
@@ -31,8 +31,8 @@ from dem.kernels.arguments import (
     V,
     WallModes,
 )
-from dem.kernels.compiled import ieee, ieee_inline, ieee_march
-from dem.kernels.laws import (
+from beadwave.dem.kernels.compiled import ieee, ieee_inline, ieee_march
+from beadwave.dem.kernels.laws import (
     STOPPED,
     contact_stiffness,
     elastic_force,
@@ -44,7 +44,7 @@ from dem.kernels.laws import (
     spring_share,
     stored_energy,
 )
-from dem.kernels.ledger import save
+from beadwave.dem.kernels.ledger import save
 
 LEAD = 55.0  # in `lead`: a damper of z = 4 leaves exp(-4) of the velocity
 

@@ -10,17 +10,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.kernels.arguments import Array, Correction, ForceShape
-from dem.kernels.compiled import (
+from beadwave.dem.kernels.arguments import Array, Correction, ForceShape
+from beadwave.dem.kernels.compiled import (
     fastmath,
     fastmath_allocating,
     fastmath_allocating_march,
     fastmath_inline,
     ieee,
 )
-from dem.kernels.dense import StepEnd, cubic, cubic_slope, quintic, quintic_slope
-from dem.kernels.events import missed_impulse
-from dem.kernels.laws import (
+from beadwave.dem.kernels.dense import StepEnd, cubic, cubic_slope, quintic, quintic_slope
+from beadwave.dem.kernels.events import missed_impulse
+from beadwave.dem.kernels.laws import (
     STOPPED,
     contact_stiffness,
     damper_coefficient,

@@ -13,10 +13,10 @@ and S, the exact motion of sphere and arm without them, the new T and S, another
 
 from typing import NamedTuple
 
-from dem.kernels.arguments import Array, Steps
-from dem.kernels.compiled import ieee, ieee_entry, ieee_march
-from dem.kernels.numbers import larger
-from dem.kernels.tangential import (
+from beadwave.dem.kernels.arguments import Array, Steps
+from beadwave.dem.kernels.compiled import ieee, ieee_entry, ieee_march
+from beadwave.dem.kernels.numbers import larger
+from beadwave.dem.kernels.tangential import (
     HEAT,
     STICK,
     SpringCells,

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.kernels.arguments import (
+from beadwave.dem.kernels.arguments import (
     DASH,
     IN_WALL,
     Array,
@@ -33,8 +33,14 @@ from dem.kernels.arguments import (
     Plastic,
     U,
 )
-from dem.kernels.compiled import fastmath, fastmath_entry, fastmath_inline, ieee_entry, ieee_inline
-from dem.kernels.numbers import larger, smaller
+from beadwave.dem.kernels.compiled import (
+    fastmath,
+    fastmath_entry,
+    fastmath_inline,
+    ieee_entry,
+    ieee_inline,
+)
+from beadwave.dem.kernels.numbers import larger, smaller
 
 NONE, LINEAR, LINEAR_CLIPPED, HUNT_CROSSLEY = range(4)
 

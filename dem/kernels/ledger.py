@@ -7,7 +7,7 @@ done on them less what they hold. A sum that drifts shows an error of the march;
 not show that the model is right: a wall of a wrong participation conserves energy too.
 """
 
-from dem.kernels.arguments import (
+from beadwave.dem.kernels.arguments import (
     DASH,
     IN_CONTACTS,
     IN_GUIDES,
@@ -25,8 +25,8 @@ from dem.kernels.arguments import (
     V,
     WallModes,
 )
-from dem.kernels.compiled import fastmath_inline
-from dem.kernels.laws import (
+from beadwave.dem.kernels.compiled import fastmath_inline
+from beadwave.dem.kernels.laws import (
     STOPPED,
     damper,
     elastic_force,
@@ -36,8 +36,8 @@ from dem.kernels.laws import (
     stored_energy,
     wall_indentation,
 )
-from dem.kernels.modes import modal_energy
-from dem.kernels.numbers import larger, smaller
+from beadwave.dem.kernels.modes import modal_energy
+from beadwave.dem.kernels.numbers import larger, smaller
 
 
 @fastmath_inline

@@ -4,8 +4,8 @@ impulse I:  p <- p + phi I,  v_w <- v_w + (phi phi) I,  work I (v_w + phi phi I 
 drift:      (q, p) <- E (q, p), exact for damped oscillators
 """
 
-from dem.kernels.arguments import WORK, Array, U, V, WallModes
-from dem.kernels.compiled import fastmath_inline, ieee
+from beadwave.dem.kernels.arguments import WORK, Array, U, V, WallModes
+from beadwave.dem.kernels.compiled import fastmath_inline, ieee
 
 
 @fastmath_inline

@@ -4,7 +4,7 @@ numba compiles Python's `max` and `min` anew for each set of floating-point opti
 seven variants and 0.2 s in the kernels of an impact, where these two take 0.03 s.
 """
 
-from dem.kernels.compiled import fastmath_inline
+from beadwave.dem.kernels.compiled import fastmath_inline
 
 
 @fastmath_inline

@@ -5,8 +5,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dem.kernels.arguments import Array
-from dem.kernels.compiled import ieee, ieee_entry
+from beadwave.dem.kernels.arguments import Array
+from beadwave.dem.kernels.compiled import ieee, ieee_entry
 
 
 @ieee

@@ -2,8 +2,8 @@
 
 import math
 
-from dem.kernels.arguments import Array
-from dem.kernels.compiled import ieee, ieee_march
+from beadwave.dem.kernels.arguments import Array
+from beadwave.dem.kernels.compiled import ieee, ieee_march
 
 # relative change of velocity within which a sphere counts as free: interpolated samples of free
 # spheres change by up to 1e-6. A crest stays within it for a hundredth of its rise from half height

@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.kernels.arguments import Array, ForceShape
-from dem.kernels.compiled import fastmath, fastmath_inline, fastmath_march
-from dem.kernels.laws import (
+from beadwave.dem.kernels.arguments import Array, ForceShape
+from beadwave.dem.kernels.compiled import fastmath, fastmath_inline, fastmath_march
+from beadwave.dem.kernels.laws import (
     elastic_indentation,
     hertz_force,
     shape_bend,

@@ -20,9 +20,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dem.kernels.arguments import Array
-from dem.kernels.compiled import ieee, ieee_entry
-from dem.kernels.numbers import larger, smaller
+from beadwave.dem.kernels.arguments import Array
+from beadwave.dem.kernels.compiled import ieee, ieee_entry
+from beadwave.dem.kernels.numbers import larger, smaller
 
 
 class Segalman(NamedTuple):

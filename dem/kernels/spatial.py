@@ -21,12 +21,12 @@ what these lose are exact over each step.
 import math
 from typing import NamedTuple
 
-from dem.kernels.arguments import Array, Steps
-from dem.kernels.compiled import fastmath, ieee, ieee_entry, ieee_march
-from dem.kernels.lateral import Sphere, contact_state, press
-from dem.kernels.laws import damping_impulse, hertz_force
-from dem.kernels.numbers import larger
-from dem.kernels.tangential import SpringCells, SpringRow, TangentialLaw
+from beadwave.dem.kernels.arguments import Array, Steps
+from beadwave.dem.kernels.compiled import fastmath, ieee, ieee_entry, ieee_march
+from beadwave.dem.kernels.lateral import Sphere, contact_state, press
+from beadwave.dem.kernels.laws import damping_impulse, hertz_force
+from beadwave.dem.kernels.numbers import larger
+from beadwave.dem.kernels.tangential import SpringCells, SpringRow, TangentialLaw
 
 # of `SavedSpatial.energy`: [J] in Hertz' contacts, in the tangential contact's springs, friction's
 # heat, in the modes about rest; the four of the ledger; a number that is finite where the state is

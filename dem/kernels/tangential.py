@@ -24,9 +24,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dem.kernels.arguments import Array
-from dem.kernels.compiled import ieee, ieee_entry
-from dem.kernels.numbers import larger, smaller
+from beadwave.dem.kernels.arguments import Array
+from beadwave.dem.kernels.compiled import ieee, ieee_entry
+from beadwave.dem.kernels.numbers import larger, smaller
 
 # of `SpringRow.state` and `SpringCells.state`: overlap and q at the end of the last move, heat of
 # friction so far, share of the contact's area that did not slip in the last move, largest bound in

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dem.kernels.arguments import Array
-from dem.kernels.passages import LASTING, PLATEAU, fill_passages
+from beadwave.dem.kernels.arguments import Array
+from beadwave.dem.kernels.passages import LASTING, PLATEAU, fill_passages
 
 
 class Arrival(NamedTuple):

@@ -3,12 +3,12 @@
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from dem.chain import Chain
-from dem.kernels.arguments import Array
-from dem.trajectory import Trajectory
-from dem.waves.labels import Label, labels
-from dem.waves.measures import WallContact, wall_contact
-from dem.waves.tracks import WaveTrack, wave_tracks
+from beadwave.dem.chain import Chain
+from beadwave.dem.kernels.arguments import Array
+from beadwave.dem.trajectory import Trajectory
+from beadwave.dem.waves.labels import Label, labels
+from beadwave.dem.waves.measures import WallContact, wall_contact
+from beadwave.dem.waves.tracks import WaveTrack, wave_tracks
 
 UNEQUAL = 1.25  # ratio of masses beyond which waves are not those of equal spheres
 

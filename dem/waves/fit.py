@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.kernels.arguments import Array
-from dem.waves.arrivals import Arrival
-from dem.waves.solitary import ENDS, WIDTH, displacement_shape, velocity_shape
+from beadwave.dem.kernels.arguments import Array
+from beadwave.dem.waves.arrivals import Arrival
+from beadwave.dem.waves.solitary import ENDS, WIDTH, displacement_shape, velocity_shape
 
 
 class WaveFitOptions(NamedTuple):

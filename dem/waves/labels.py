@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.kernels.arguments import Array
-from dem.waves.arrivals import Arrival, crest, full_width
-from dem.waves.fit import Guess, apart, fit, groups
-from dem.waves.solitary import WIDTH
-from dem.waves.tracks import WaveTrack
+from beadwave.dem.kernels.arguments import Array
+from beadwave.dem.waves.arrivals import Arrival, crest, full_width
+from beadwave.dem.waves.fit import Guess, apart, fit, groups
+from beadwave.dem.waves.solitary import WIDTH
+from beadwave.dem.waves.tracks import WaveTrack
 
 
 class LabelOptions(NamedTuple):

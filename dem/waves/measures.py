@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dem.chain import Chain
-from dem.kernels.arguments import Array
-from dem.trajectory import Trajectory
-from dem.waves.arrivals import energy_restitution, velocity_sum_ratio
-from dem.waves.tracks import WaveTrack
+from beadwave.dem.chain import Chain
+from beadwave.dem.kernels.arguments import Array
+from beadwave.dem.trajectory import Trajectory
+from beadwave.dem.waves.arrivals import energy_restitution, velocity_sum_ratio
+from beadwave.dem.waves.tracks import WaveTrack
 
 CONTACT = 0.01  # of the peak force: above it a contact counts as closed; a convention, not varied
 

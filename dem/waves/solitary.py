@@ -14,7 +14,7 @@ arrays that broadcast against each other.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dem.kernels.arguments import Array
+from beadwave.dem.kernels.arguments import Array
 
 SPEED = 0.90747  # c = SPEED (A/m)^0.4 v^0.2 [spheres/s]
 FORCE = 1.01302  # peak force = FORCE A^0.4 m^0.6 v^1.2 [N]

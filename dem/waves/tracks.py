@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.kernels.arguments import Array
-from dem.waves.arrivals import crest, peaks
-from dem.waves.solitary import force, speed, velocity_of_force
+from beadwave.dem.kernels.arguments import Array
+from beadwave.dem.waves.arrivals import crest, peaks
+from beadwave.dem.waves.solitary import force, speed, velocity_of_force
 
 
 class TrackOptions(NamedTuple):

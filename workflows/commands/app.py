@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from workflows.commands.assembly import hammer, look, modes, reduce, tune_joints
-from workflows.commands.examples import EXAMPLES
-from workflows.commands.fits import calibrate, design, inspect, twin
-from workflows.commands.options import (
+from beadwave.workflows.commands.assembly import hammer, look, modes, reduce, tune_joints
+from beadwave.workflows.commands.examples import EXAMPLES
+from beadwave.workflows.commands.fits import calibrate, design, inspect, twin
+from beadwave.workflows.commands.options import (
     JsonFiles,
     Overwrite,
     Quiet,
@@ -31,10 +31,10 @@ from workflows.commands.options import (
     json_of,
     scene_names,
 )
-from workflows.commands.signals import Stopped, stopped_by
-from workflows.commands.studies import accuracy, run_study, stability, verify
-from workflows.commands.sweeps import scan, sweep
-from workflows.commands.terminal import (
+from beadwave.workflows.commands.signals import Stopped, stopped_by
+from beadwave.workflows.commands.studies import accuracy, run_study, stability, verify
+from beadwave.workflows.commands.sweeps import scan, sweep
+from beadwave.workflows.commands.terminal import (
     SummaryPrinter,
     folded,
     print_files,
@@ -43,10 +43,10 @@ from workflows.commands.terminal import (
     print_report,
     print_result,
 )
-from workflows.commands.verb import Call, Verb, Word, verb
+from beadwave.workflows.commands.verb import Call, Verb, Word, verb
 
 if TYPE_CHECKING:
-    from workflows.run.api import Run
+    from beadwave.workflows.run.api import Run
 
 INTERRUPTED = 130
 LONGEST = 200  # characters of a path in a sentence
@@ -88,14 +88,14 @@ def beadwave(
     """A chain of spheres hits a structure: from geometry to the solitary waves that come back."""
 
 
-@verb("workflows.run.api.run", json="summary.json")
+@verb("beadwave.workflows.run.api.run", json="summary.json")
 def run(call: Call, verbose: Verbose = False) -> None:
     """Run every stage that the scene needs and fill a run folder."""
     result = _printed(call, verbose)
     print_lines(f"written: {result.folder}/report.html", json=call.json, quiet=call.quiet)
 
 
-@verb("workflows.run.api.impact", json="summary.json")
+@verb("beadwave.workflows.run.api.impact", json="summary.json")
 def impact(call: Call, verbose: Verbose = False) -> None:
     """The coupled run alone, without pictures and report."""
     _printed(call, verbose)
@@ -114,7 +114,7 @@ def _printed(call: Call, verbose: bool) -> "Run":
 
 def scenes(json: json_of("{scenes: [{name, shows}]}") = False) -> None:
     """Built-in scenes, a line each."""
-    from workflows.run.api import scenes as built_in
+    from beadwave.workflows.run.api import scenes as built_in
 
     titles = built_in()
     rows = [{"name": name, "shows": line} for name, line in titles.items()]
@@ -137,16 +137,16 @@ def scene(
     json: json_of("its tables as written, inf as text; with --key {keys: [{key, ...}]}") = False,
 ) -> None:
     """Print a scene as commented TOML, or what a key of scenes is."""
-    from workflows.files.scene import checked_text, tables
+    from beadwave.workflows.files.scene import checked_text, tables
 
     if key is not None:
-        from workflows.scene.reference import entries_of
+        from beadwave.workflows.scene.reference import entries_of
 
         entries = entries_of(key)
         text = "\n\n".join(entry.text() for entry in entries)
         print_result({"keys": [entry._asdict() for entry in entries]}, text, json)
     elif name is None:
-        from workflows.scene import InvalidScene
+        from beadwave.workflows.scene import InvalidScene
 
         raise InvalidScene(
             "scene needs a NAME or a --key; `beadwave scenes` lists the built-in scenes, write "
@@ -165,8 +165,8 @@ def report(
     json: JsonFiles = False,
 ) -> None:
     """Write report.html of a run folder."""
-    from workflows.files.run_folder import RunFolder
-    from workflows.report.report import require_summary, write_report
+    from beadwave.workflows.files.run_folder import RunFolder
+    from beadwave.workflows.report.report import require_summary, write_report
 
     require_summary(folder)
     with RunFolder(folder, overwrite=overwrite).held("report.html") as locked:
@@ -174,14 +174,14 @@ def report(
     print_files([page], json, quiet)
 
 
-@verb("workflows.run.api.film", json="{written: [files]}", folder=Word(metavar="DIR"))
+@verb("beadwave.workflows.run.api.film", json="{written: [files]}", folder=Word(metavar="DIR"))
 def film(call: Call) -> None:
     """The impact of a run folder as a film (MP4, GIF, ParaView)."""
     print_files(call(), call.json, call.quiet)
 
 
 @verb(
-    "workflows.installation.doctor.doctor",
+    "beadwave.workflows.installation.doctor.doctor",
     json="{installed, missing: [{name, costs, remedy}], cache, ...}",
 )
 def doctor(call: Call) -> None:
@@ -265,7 +265,7 @@ def _require_values(words: list[str]) -> None:
     would be this one."""
     for previous, word in pairwise(["beadwave", *words]):
         if not word or fullmatch("--[a-z-]+=", word):
-            from workflows.scene import InvalidScene
+            from beadwave.workflows.scene import InvalidScene
 
             raise InvalidScene(
                 f"the word after {word or previous} is empty; fill it or leave it out."
@@ -303,14 +303,14 @@ def _failure(error: Exception) -> tuple[int, str]:
         message = (error.format_message() or "say which command").rstrip(".?!)")
         word = message.split("'")[1] if message.startswith("No such command") else None
         if word and "Did you mean" not in message:
-            from workflows.scene import nearest
+            from beadwave.workflows.scene import nearest
 
             return 2, f"{message}; {nearest(word, COMMANDS)}."
         bracket = ")" if message.count("(") > message.count(")") else ""
         return 2, f"{message}{bracket}."
 
     # bad input
-    from workflows.scene import InvalidScene
+    from beadwave.workflows.scene import InvalidScene
 
     if isinstance(error, InvalidScene):
         return 2, str(error)

@@ -5,20 +5,20 @@ from typing import Annotated
 
 import typer
 
-from workflows.commands.options import (
+from beadwave.workflows.commands.options import (
     scene_names,
 )
-from workflows.commands.terminal import (
+from beadwave.workflows.commands.terminal import (
     print_files,
     print_lines,
     print_report,
     print_result,
 )
-from workflows.commands.verb import Call, Word, verb
+from beadwave.workflows.commands.verb import Call, Word, verb
 
 
 @verb(
-    "workflows.structure.api.modes",
+    "beadwave.workflows.structure.api.modes",
     json="{rows: [a mode or model each]}; of --inp and --step {written}",
     out=Word("folder for the MAC matrix, or with --table 5.2 for figure 5.7"),
 )
@@ -34,8 +34,8 @@ def modes(
     step: Annotated[Path | None, typer.Option(help="Write the geometry (.step).")] = None,
 ) -> None:
     """Frequencies beside measured ones, MAC, participation."""
-    from workflows.scene import InvalidScene
-    from workflows.structure import api
+    from beadwave.workflows.scene import InvalidScene
+    from beadwave.workflows.structure import api
 
     if (inp or step) and (table or "out" in call.given):
         raise InvalidScene("--inp and --step write the model alone; drop --table and --out.")
@@ -50,7 +50,7 @@ def modes(
 
 
 @verb(
-    "workflows.structure.api.look",
+    "beadwave.workflows.structure.api.look",
     json="{bodies, touching, holes, dofs, memory_bytes, seconds, remarks}",
     source=Word(metavar="FILE.step|SCENE", completes=scene_names),
     starter=Word(name="--scene"),
@@ -66,7 +66,7 @@ def look(call: Call) -> None:
 
 
 @verb(
-    "workflows.structure.api.hammer",
+    "beadwave.workflows.structure.api.hammer",
     json="{file, title, rows: [a mode each], left_out, steps, remarks}; of --synthetic {written}, "
     "of --design {modes_hz, rows: [a point each], largest_mac, alike_hz}",
     files=Word(metavar="FILE"),
@@ -92,8 +92,8 @@ def hammer(
     ] = None,
 ) -> None:
     """Modes of a hammer test from its hits or responses."""
-    from workflows.scene import InvalidScene
-    from workflows.structure import api
+    from beadwave.workflows.scene import InvalidScene
+    from beadwave.workflows.structure import api
 
     if synthetic or design is not None:
         file, *others = call.given.pop("files")
@@ -119,7 +119,7 @@ def hammer(
 
 
 @verb(
-    "workflows.structure.api.tune",
+    "beadwave.workflows.structure.api.tune",
     json="{match, modes_hz, full_order_hz, stiffness, undetermined, mac, ...}; of --rank "
     "{parameters: [{name, frequency, rank, gain, condition, deviation}], onsets, determined, ...}; "
     "of --posterior {parameters: [{name, median, low, high, says}], lobes, log_evidence, ...}; "
@@ -185,8 +185,8 @@ def tune_joints(
     ] = None,
 ) -> None:
     """Fit joint stiffnesses to chosen modes and write a scene."""
-    from workflows.scene import InvalidScene
-    from workflows.structure import api
+    from beadwave.workflows.scene import InvalidScene
+    from beadwave.workflows.structure import api
 
     if rank + posterior + damping + bool(frf) > 1:
         raise InvalidScene(
@@ -224,7 +224,7 @@ def tune_joints(
             call.function = api.rank_parameters
             print_report(call(), call.json, call.quiet)
             return
-        from workflows.fit.api import joints_posterior
+        from beadwave.workflows.fit.api import joints_posterior
 
         call.function = joints_posterior
         print_report(call(bounds=bounds, seed=seed or 0).report, call.json, call.quiet)
@@ -237,7 +237,7 @@ def tune_joints(
     print_lines(f"written: {result.file}", json=call.json, quiet=call.quiet)
 
 
-@verb("workflows.structure.api.reduce", json="{written: [files]}", out=Word(required=True))
+@verb("beadwave.workflows.structure.api.reduce", json="{written: [files]}", out=Word(required=True))
 def reduce(call: Call) -> None:
     """Write the reduced model: M, K, C, w, and the outer nodes' T."""
     call()

@@ -95,14 +95,14 @@ class Durations:
         recorded = commands.setdefault(self._command, {})
         recorded[stage] = [round(seconds, 1), self.unknowns]
         with suppress(OSError):
-            from workflows.files.whole_file import writing_file
+            from beadwave.workflows.files.whole_file import writing_file
 
             with writing_file(_file()) as path:
                 path.write_text(dumps(commands), encoding="utf-8")
 
 
 def _file() -> Path:
-    from workflows.files.cache_folder import cache_folder
+    from beadwave.workflows.files.cache_folder import cache_folder
 
     return cache_folder() / NAME
 

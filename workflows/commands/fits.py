@@ -3,8 +3,8 @@
 Arguments, defaults and help of each are those of the function that it names (`verb.py`).
 """
 
-from workflows.commands.terminal import folded, print_lines, print_report, print_result
-from workflows.commands.verb import Call, Word, verb
+from beadwave.workflows.commands.terminal import folded, print_lines, print_report, print_result
+from beadwave.workflows.commands.verb import Call, Word, verb
 
 CALIBRATION = "the report, {parameters: [...], ...}, see report.json"
 BOUNDS, SPHERES = Word(metavar="KEY=LOW:HIGH,.."), Word(metavar="SPHERES")
@@ -13,7 +13,7 @@ SCAN, FIND = Word(metavar="LOW:HIGH:POINTS"), Word(metavar="KEY,...")
 
 
 @verb(
-    "workflows.fit.api.calibrate", json=CALIBRATION,
+    "beadwave.workflows.fit.api.calibrate", json=CALIBRATION,
     scene=SCENE, data=Word(metavar="DATA"), bounds=BOUNDS, hold_out=SPHERES, scan=SCAN,
 )  # fmt: skip
 def calibrate(call: Call) -> None:
@@ -22,7 +22,7 @@ def calibrate(call: Call) -> None:
 
 
 @verb(
-    "workflows.fit.api.twin", json=CALIBRATION,
+    "beadwave.workflows.fit.api.twin", json=CALIBRATION,
     scene=Word("the scene that is fitted"),
     spheres=SPHERES, bounds=BOUNDS, hold_out=SPHERES, scan=SCAN,
 )  # fmt: skip
@@ -44,7 +44,7 @@ def _print_scene(call: Call) -> None:
 
 
 @verb(
-    "workflows.fit.api.inspect", json="the report, {numbers: [...], ...}, see report.json",
+    "beadwave.workflows.fit.api.inspect", json="the report, {numbers: [...], ...}, see report.json",
     scene=SCENE, data=Word(metavar="DATA"), find=FIND, bounds=BOUNDS,
     each=Word(metavar="KEY=V1,V2,.."),
 )  # fmt: skip
@@ -55,12 +55,12 @@ def inspect(call: Call) -> None:
 
 
 @verb(
-    "workflows.fit.api.design", json="{rows: [{sphere, ...}], findings: [...]}",
+    "beadwave.workflows.fit.api.design", json="{rows: [{sphere, ...}], findings: [...]}",
     scene=SCENE, find=FIND, bounds=BOUNDS,
 )  # fmt: skip
 def design(call: Call) -> None:
     """Which sphere, chain and velocity tell a number best."""
-    from workflows.report import finding
+    from beadwave.workflows.report import finding
 
     result = call()
     print_result(finding.record(result), finding.text(result), call.json, call.quiet)

@@ -7,15 +7,15 @@ import typer
 
 def scene_names(incomplete: str) -> list[str]:
     """Built-in scenes that begin so; a shell completes files by itself."""
-    from workflows.files.scene import built_in
+    from beadwave.workflows.files.scene import built_in
 
     return [name for name in built_in() if name.startswith(incomplete)]
 
 
 def dotted_keys(ctx: typer.Context, incomplete: str) -> list[str]:
     """Keys of the scene that is named, up to the sign of equality."""
-    from workflows.files.scene import keys
-    from workflows.scene import InvalidScene
+    from beadwave.workflows.files.scene import keys
+    from beadwave.workflows.scene import InvalidScene
 
     # a line that ends in an option without its value leaves the words before it among the others
     scene = ctx.params.get("scene") or next((word for word in ctx.args if word[:1] != "-"), None)
@@ -46,7 +46,7 @@ def group_names(incomplete: str) -> list[str]:
 
 
 def _names(folder: str, incomplete: str) -> list[str]:
-    from workflows.evidence.catalogue import catalogue
+    from beadwave.workflows.evidence.catalogue import catalogue
 
     return [name for name in catalogue(folder) if name.startswith(incomplete)]
 

@@ -8,13 +8,14 @@ from typing import Annotated
 
 import typer
 
-from workflows.commands.options import case_names, group_names, stage_names, study_names
-from workflows.commands.terminal import print_lines, print_result
-from workflows.commands.verb import Call, Word, verb
+from beadwave.workflows.commands.options import case_names, group_names, stage_names, study_names
+from beadwave.workflows.commands.terminal import print_lines, print_result
+from beadwave.workflows.commands.verb import Call, Word, verb
 
 
 @verb(
-    "workflows.evidence.api.accuracy", json="{rows: [{study, method, parameter, error, ...}], ...}",
+    "beadwave.workflows.evidence.api.accuracy",
+    json="{rows: [{study, method, parameter, error, ...}], ...}",
     stage=Word("only this study; --list names them", completes=stage_names),
 )  # fmt: skip
 def accuracy(
@@ -25,8 +26,8 @@ def accuracy(
     if listed:
         _list("accuracy", "studies", call.json)
         return
-    from workflows.evidence.accuracy.folder import machine
-    from workflows.report import finding
+    from beadwave.workflows.evidence.accuracy.folder import machine
+    from beadwave.workflows.report import finding
 
     result = call()
     record = finding.record(result, machine=machine())
@@ -34,7 +35,8 @@ def accuracy(
 
 
 @verb(
-    "workflows.evidence.api.stability", json="{rows: [{case, parameter, verdict, value, ...}]}",
+    "beadwave.workflows.evidence.api.stability",
+    json="{rows: [{case, parameter, verdict, value, ...}]}",
     cases=Word(
         "only this case; may be repeated. --list names them", "--case", None, case_names,
         option=True,
@@ -51,8 +53,8 @@ def stability(
     if listed:
         _list("stability", "cases", call.json)
         return
-    from workflows.evidence.harness import brief
-    from workflows.report import finding
+    from beadwave.workflows.evidence.harness import brief
+    from beadwave.workflows.report import finding
 
     result = call()
     text = finding.text(result if all_trials else brief(result))
@@ -60,7 +62,7 @@ def stability(
 
 
 @verb(
-    "workflows.evidence.api.verify",
+    "beadwave.workflows.evidence.api.verify",
     json="{rows: [{group, quantity, ours, theirs, difference, ...}]}",
     groups=Word(
         "only this group; may be repeated. --list names them",
@@ -78,8 +80,8 @@ def verify(
     if listed:
         _list("verify", "groups", call.json)
         return
-    from workflows.evidence.harness import wrong
-    from workflows.report import finding
+    from beadwave.workflows.evidence.harness import wrong
+    from beadwave.workflows.report import finding
 
     result = call()
     print_result(finding.record(result), finding.text(result), call.json, call.quiet)
@@ -88,7 +90,7 @@ def verify(
 
 
 @verb(
-    "workflows.evidence.api.study",
+    "beadwave.workflows.evidence.api.study",
     json="{study, rows, findings, ...}; without NAME {studies: [{name, shows}]}",
     name=Word("a study; without it they are listed", None, "NAME", study_names, required=False),
 )
@@ -97,7 +99,7 @@ def run_study(call: Call) -> None:
     if "name" not in call.given:
         _list("thesis", "studies", call.json)
         return
-    from workflows.report import finding
+    from beadwave.workflows.report import finding
 
     path = call.given.setdefault("out", Path("studies"))
     result = call()
@@ -109,7 +111,7 @@ def run_study(call: Call) -> None:
 
 
 def _list(folder: str, called: str, json: bool) -> None:
-    from workflows.evidence import catalogue
+    from beadwave.workflows.evidence import catalogue
 
     entries = catalogue.catalogue(folder).items()
     rows = [{"name": name, "shows": entry.shows} for name, entry in entries]

@@ -5,8 +5,13 @@ from typing import Annotated, Any
 
 import typer
 
-from workflows.commands.terminal import StageProgress, print_lines, print_notes, print_result
-from workflows.commands.verb import Call, Word, verb
+from beadwave.workflows.commands.terminal import (
+    StageProgress,
+    print_lines,
+    print_notes,
+    print_result,
+)
+from beadwave.workflows.commands.verb import Call, Word, verb
 
 Folder = Annotated[
     Path | None, typer.Option("--open", metavar="DIR", help="Show a finished sweep.")
@@ -14,7 +19,7 @@ Folder = Annotated[
 
 
 @verb(
-    "workflows.sweep.api.sweep",
+    "beadwave.workflows.sweep.api.sweep",
     json="{cases, status, folder, outputs: [...], effects: [...]}",
     sample=Word(metavar="KIND:N"),
 )
@@ -42,7 +47,7 @@ def sweep(
     if open_folder:
         _show(call, open_folder, of, against)
         return
-    from workflows.scene import InvalidScene
+    from beadwave.workflows.scene import InvalidScene
 
     if of or against:
         raise InvalidScene("--of and --against draw a finished sweep; name it by --open DIR.")
@@ -52,8 +57,8 @@ def sweep(
             "own; give one of them."
         )
     if dry_run:
-        from workflows.report import tables
-        from workflows.sweep.api import sweep_price
+        from beadwave.workflows.report import tables
+        from beadwave.workflows.sweep.api import sweep_price
 
         described = ("scene", "changes", "over", "sample", "cases", "seed")
         options = {name: call.given[name] for name in described if name in call.given}
@@ -83,7 +88,7 @@ def _print(call: Call, result: Any) -> None:
 
 
 @verb(
-    "workflows.sweep.api.scan", json="{cases, status, folder, outputs: [...]}",
+    "beadwave.workflows.sweep.api.scan", json="{cases, status, folder, outputs: [...]}",
     face=Word(metavar="BODY:FACE"), grid=Word(metavar="NxM"),
 )  # fmt: skip
 def scan(call: Call) -> None:
@@ -93,8 +98,8 @@ def scan(call: Call) -> None:
 
 def _show(call: Call, folder: Path, of: str | None, against: str | None) -> None:
     """Print a finished sweep, or draw one of its outputs."""
-    from workflows.files.run_folder import RunFolder
-    from workflows.sweep.api import load_sweep
+    from beadwave.workflows.files.run_folder import RunFolder
+    from beadwave.workflows.sweep.api import load_sweep
 
     result = load_sweep(folder)
     if not (of or against):

@@ -10,12 +10,12 @@ from threading import Timer
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from workflows.commands.durations import Durations
-from workflows.report.stage_words import stage_words
+from beadwave.workflows.commands.durations import Durations
+from beadwave.workflows.report.stage_words import stage_words
 
 if TYPE_CHECKING:
-    from workflows.report.summary import Summary
-    from workflows.stages.progress import Plan
+    from beadwave.workflows.report.summary import Summary
+    from beadwave.workflows.stages.progress import Plan
 
 LABEL = 35  # characters of a label
 LINE = 80  # of a line
@@ -36,7 +36,7 @@ class StageProgress:
         if sys.stderr.isatty() and not quiet:
             from rich.console import Console
 
-            from workflows.commands.bars import progress
+            from beadwave.workflows.commands.bars import progress
 
             self._bars = progress(Console(file=sys.stderr))
         self._tells = self._bars is None and not quiet
@@ -201,7 +201,7 @@ class SummaryPrinter:
     def waves(self, summary: Summary) -> None:
         """What is known before errors are estimated and pictures drawn."""
         if not self._json and not self._quiet:
-            from workflows.report.rows import results
+            from beadwave.workflows.report.rows import results
 
             if sys.stdout.isatty():
                 self._print(results(summary))
@@ -214,7 +214,7 @@ class SummaryPrinter:
             print(summary.text(), end="")
             return
         if not self._quiet:
-            from workflows.report.rows import details, headline, left_out
+            from beadwave.workflows.report.rows import details, headline, left_out
 
             rows = list(headline(summary))
             if self._verbose:

@@ -1,7 +1,7 @@
 """Commands whose arguments are those of a Python function.
 
-`@verb("workflows.fit.api.design", json="...")` gives a command the arguments, types and defaults of
-that function, and the texts of its docstring as help:
+`@verb("beadwave.workflows.fit.api.design", json="...")` gives a command the arguments, types and
+defaults of that function, and the texts of its docstring as help:
 
     arguments     those in front of the `*`
     options       those behind it that have a line `name  text` in the docstring, or are in USUAL
@@ -21,8 +21,8 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from workflows.commands.options import Quiet, dotted_keys, json_of, scene_names
-from workflows.commands.terminal import StageProgress
+from beadwave.workflows.commands.options import Quiet, dotted_keys, json_of, scene_names
+from beadwave.workflows.commands.terminal import StageProgress
 
 
 class Word(NamedTuple):
@@ -68,8 +68,8 @@ class Call:
             try:
                 return self.function(**self.given, **hooks, **more)
             except ValueError as error:
-                from workflows.files.scene import about_its_file
-                from workflows.scene import InvalidScene
+                from beadwave.workflows.files.scene import about_its_file
+                from beadwave.workflows.scene import InvalidScene
 
                 if not isinstance(error, InvalidScene):
                     raise

@@ -6,20 +6,20 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from workflows.files.run_folder import RunFolder
-from workflows.files.scene import DEFAULT, Changes, Source, files_read
-from workflows.files.scene import scene as load_scene
-from workflows.scene import Scene
-from workflows.stages.progress import Progress, quiet
+from beadwave.workflows.files.run_folder import RunFolder
+from beadwave.workflows.files.scene import DEFAULT, Changes, Source, files_read
+from beadwave.workflows.files.scene import scene as load_scene
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages.progress import Progress, quiet
 
 if TYPE_CHECKING:
-    from workflows.report.finding import Finding
+    from beadwave.workflows.report.finding import Finding
 
 
 def studies(folder: str = "thesis") -> dict[str, str]:
     """Names of studies and what each shows; folder is "thesis", "accuracy", "stability" or
     "verify"."""
-    from workflows.evidence.catalogue import catalogue
+    from beadwave.workflows.evidence.catalogue import catalogue
 
     return {name: entry.shows for name, entry in catalogue(folder).items()}
 
@@ -42,7 +42,7 @@ def study(
     Tables, sentences and pictures; `plot()` shows one, `data()` is the table as an xarray.Dataset.
     Raises InvalidScene for bad input.
     """
-    from workflows.evidence import catalogue
+    from beadwave.workflows.evidence import catalogue
 
     chosen = load_scene(catalogue.usual_scene(name) if scene is None else scene, changes)
     return _written(
@@ -71,9 +71,9 @@ def accuracy(
     What takes minutes is left out without `thorough`; sentences say what. Raises InvalidScene for
     bad input.
     """
-    from workflows.evidence import catalogue
-    from workflows.evidence.accuracy import folder as files
-    from workflows.report import finding
+    from beadwave.workflows.evidence import catalogue
+    from beadwave.workflows.evidence.accuracy import folder as files
+    from beadwave.workflows.report import finding
 
     def scene_of(usual: str) -> Scene:
         return load_scene(usual if scene is None else scene, changes)
@@ -103,7 +103,7 @@ def stability(
     cases   only these, of `studies("stability")`
     out     folder for the table as CSV
     """
-    from workflows.evidence import catalogue
+    from beadwave.workflows.evidence import catalogue
 
     return _written(
         lambda: catalogue.verdicts("stability", tuple(cases), progress), "stability", out, overwrite
@@ -124,7 +124,7 @@ def verify(
 
     The table's column `verdict` is within, outside, failed or skipped.
     """
-    from workflows.evidence import catalogue
+    from beadwave.workflows.evidence import catalogue
 
     return _written(
         lambda: catalogue.verdicts("verify", tuple(groups), progress), "verify", out, overwrite
@@ -142,7 +142,7 @@ def _written(
 ) -> Finding:
     """What `compute` returns, written into the folder `out` if there is one; a folder that may not
     be written to is refused before anything is computed."""
-    from workflows.report import finding
+    from beadwave.workflows.report import finding
 
     folder = _folder(out, inputs, overwrite, finding.files(name))
     result = compute()

@@ -13,11 +13,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from workflows.evidence.harness import finding, rows_of
-from workflows.evidence.study import counted
-from workflows.report.finding import Finding
-from workflows.scene import InvalidScene, Scene, nearest
-from workflows.stages.progress import Progress
+from beadwave.workflows.evidence.harness import finding, rows_of
+from beadwave.workflows.evidence.study import counted
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.scene import InvalidScene, Scene, nearest
+from beadwave.workflows.stages.progress import Progress
 
 # what the functions of a folder return, and the option by which their names are given
 FOLDERS = {

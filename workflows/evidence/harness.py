@@ -30,8 +30,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workflows.report.finding import Finding
-from workflows.report.tables import Table
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.report.tables import Table
 
 NOT_STARTED = (126, 127)  # statuses of a program that the system cannot load
 VERDICTS = {

@@ -10,10 +10,10 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, TypeVar
 
-from workflows.files.run_folder import Picture
-from workflows.report.finding import Finding
-from workflows.report.tables import Table
-from workflows.stages.progress import Progress
+from beadwave.workflows.files.run_folder import Picture
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.report.tables import Table
+from beadwave.workflows.stages.progress import Progress
 
 PREFIXES = {"nano": 1e9, "micro": 1e6, "milli": 1e3, "kilo": 1e-3, "giga": 1e-9}
 

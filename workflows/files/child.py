@@ -2,7 +2,7 @@
 
 The child imports nothing from the working directory, ends itself when its time is over or whoever
 started it is gone, and dumps no core. What runs in it is
-`python -m workflows.files.child SECONDS MODULE ...`.
+`python -m beadwave.workflows.files.child SECONDS MODULE ...`.
 """
 
 import os
@@ -46,7 +46,8 @@ def while_open(module: str, *arguments: str) -> Iterator[Popen]:
 
 def _command(seconds: float, module: str, *arguments: str) -> list[str]:
     return [
-        sys.executable, "-P", "-m", "workflows.files.child", str(seconds), module, *arguments
+        sys.executable, "-P", "-m", "beadwave.workflows.files.child", str(seconds), module,
+        *arguments,
     ]  # fmt: skip
 
 

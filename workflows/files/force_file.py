@@ -3,9 +3,9 @@
 import csv
 from pathlib import Path
 
-import dem
-from dem.kernels.arguments import ForceTable
-from workflows.scene import InvalidScene
+from beadwave import dem
+from beadwave.dem.kernels.arguments import ForceTable
+from beadwave.workflows.scene import InvalidScene
 
 
 def force_table(path: str) -> ForceTable:

@@ -13,12 +13,12 @@ from typing import TypeVar
 
 import numpy as np
 
-from workflows.files.child import child
-from workflows.files.foreign_reader import REFUSED
-from workflows.scene.memory import free_memory
+from beadwave.workflows.files.child import child
+from beadwave.workflows.files.foreign_reader import REFUSED
+from beadwave.workflows.scene.memory import free_memory
 
 Result = TypeVar("Result")
-READER = "workflows.files.foreign_reader"
+READER = "beadwave.workflows.files.foreign_reader"
 # processor seconds to import a reader, and the fewest bytes that one reads in a second; a reader
 # that takes longer is taken to hang
 START, RATE = 8.0, 1e6

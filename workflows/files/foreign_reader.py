@@ -20,7 +20,7 @@ Arrays = dict[str, np.ndarray]
 def _mesh(path: Path) -> Arrays:
     """points (n, 3), names "dimension origin name" (g,) of groups, and the nodes of each as cells0,
     cells1, ... (m, nodes)."""
-    from geometry.mesh_file import mesh_file
+    from beadwave.geometry.mesh_file import mesh_file
 
     points, groups = mesh_file(path)
     names = np.array([f"{g.dimension} {g.origin:d} {g.name}" for g in groups], dtype=str)
@@ -78,7 +78,7 @@ def _uff(path: Path, kinds: str, *names: str) -> Arrays:
 def _reduced(path: Path, target: Path) -> None:
     """Write the reduced model of a .mat or .h5 as .npz; raises rom.ReductionError for one that is
     no model, ValueError for a damaged file."""
-    import rom
+    from beadwave import rom
 
     read = {".mat": rom.load_mat, ".h5": rom.load_h5}[path.suffix]
     try:
@@ -91,7 +91,7 @@ def _reduced(path: Path, target: Path) -> None:
 
 def _step(path: Path) -> Arrays:
     """names (n,) of the bodies of a STEP file: that it can be read at all is what is asked."""
-    from geometry.cad import model
+    from beadwave.geometry.cad import model
 
     with model({}, path) as cad:
         return {"names": np.array(list(cad.bodies), dtype=str)}
@@ -119,7 +119,7 @@ def main() -> None:
     """Read the file named on the command line, or say what is wrong with it."""
     seconds, kind, path, target, *names = sys.argv[1:]
     setitimer(ITIMER_PROF, float(seconds))  # of work, so that a busy machine refuses nothing
-    from workflows.scene.memory import free_memory
+    from beadwave.workflows.scene.memory import free_memory
 
     # the readers themselves take 2**30 bytes
     limit = max(2**30, free_memory())

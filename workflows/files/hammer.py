@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.hammer_files import (
+from beadwave.fem.hammer_files import (
     Responses,
     data_set,
     of_data_sets,
@@ -17,7 +17,7 @@ from fem.hammer_files import (
     require_finite,
     write_csv,
 )
-from fem.hit_records import (
+from beadwave.fem.hit_records import (
     TIME_RESPONSE,
     TimeRecord,
     copies,
@@ -31,14 +31,21 @@ from fem.hit_records import (
     require_consistent,
     sets_of_hits,
 )
-from fem.hits import ESTIMATORS, FrequencyResponses, HitChecks, Hits, beside, frequency_responses
-from fem.measured_shapes import POINTS, UNITS, points_of_nodes
-from fem.subspace import half_spectra, is_decay
-from workflows.files.foreign import Unreadable, arrays
-from workflows.files.output_file import OutputFile
-from workflows.files.uff import ENDINGS, data_sets, pyuff
-from workflows.scene import InvalidScene
-from workflows.scene.named_files import require_file
+from beadwave.fem.hits import (
+    ESTIMATORS,
+    FrequencyResponses,
+    HitChecks,
+    Hits,
+    beside,
+    frequency_responses,
+)
+from beadwave.fem.measured_shapes import POINTS, UNITS, points_of_nodes
+from beadwave.fem.subspace import half_spectra, is_decay
+from beadwave.workflows.files.foreign import Unreadable, arrays
+from beadwave.workflows.files.output_file import OutputFile
+from beadwave.workflows.files.uff import ENDINGS, data_sets, pyuff
+from beadwave.workflows.scene import InvalidScene
+from beadwave.workflows.scene.named_files import require_file
 
 HAMMER = "give a hammer test as .csv, .uff, .mat or .wav"
 METRES = {"m": 1.0, "mm": 1e-3}  # in a header of points

@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.hit_records import node_and_axis
-from workflows.files.hammer import measured_test
-from workflows.scene import InvalidScene
-from workflows.scene.measured import MeasuredTable
-from workflows.scene.walls import RESPONSE_UNITS
+from beadwave.fem.hit_records import node_and_axis
+from beadwave.workflows.files.hammer import measured_test
+from beadwave.workflows.scene import InvalidScene
+from beadwave.workflows.scene.measured import MeasuredTable
+from beadwave.workflows.scene.walls import RESPONSE_UNITS
 
 UNITS = {"accelerations": "m/s^2/N", "velocities": "m/s/N", "displacements": "m/N"}
 AXES = "xyz"

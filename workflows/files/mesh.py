@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from geometry import CellGroup, InvalidGeometry
-from geometry.cell_groups import MeshFile, Origin
-from geometry.named_cells import OwnVolumes, volumes
-from workflows.files.foreign import Unreadable, arrays
-from workflows.scene import InvalidScene
-from workflows.scene.named_files import require_file
+from beadwave.geometry import CellGroup, InvalidGeometry
+from beadwave.geometry.cell_groups import MeshFile, Origin
+from beadwave.geometry.named_cells import OwnVolumes, volumes
+from beadwave.workflows.files.foreign import Unreadable, arrays
+from beadwave.workflows.scene import InvalidScene
+from beadwave.workflows.scene.named_files import require_file
 
 
 def volumes_of(path: Path, chosen: Sequence[str] = (), merge: float | None = None) -> OwnVolumes:

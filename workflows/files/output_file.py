@@ -11,9 +11,9 @@ from os import fsencode
 from os.path import isdir, isfile, lexists
 from pathlib import Path
 
-from workflows.files.cache_folder import cache_folder, own_folders
-from workflows.files.whole_file import among, digest, unfit, writing_file
-from workflows.scene import InvalidScene
+from beadwave.workflows.files.cache_folder import cache_folder, own_folders
+from beadwave.workflows.files.whole_file import among, digest, unfit, writing_file
+from beadwave.workflows.scene import InvalidScene
 
 
 class OutputFile:

@@ -10,7 +10,7 @@ from pathlib import Path
 from tomllib import TOMLDecodeError, loads
 from typing import NamedTuple
 
-from workflows.files.run_folder import marked
+from beadwave.workflows.files.run_folder import marked
 
 
 class OutputFolder(NamedTuple):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from workflows.files.run_folder import RunFolder
+from beadwave.workflows.files.run_folder import RunFolder
 
 
 def picture_folder(

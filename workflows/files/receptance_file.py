@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-import rom
-from coupling.measured_wall import surface_compliance
-from rom.passive_fit import refitted
-from workflows.scene import InvalidScene
-from workflows.scene.walls import RESPONSE_UNITS, MeasuredWall
+from beadwave import rom
+from beadwave.coupling.measured_wall import surface_compliance
+from beadwave.rom.passive_fit import refitted
+from beadwave.workflows.scene import InvalidScene
+from beadwave.workflows.scene.walls import RESPONSE_UNITS, MeasuredWall
 
 
 class ErrorOptions(NamedTuple):
@@ -74,8 +74,8 @@ def driving_point(wall: MeasuredWall) -> tuple[np.ndarray, np.ndarray]:
     Where the file names its points, the response is that of the first point that was hit itself, or
     of number wall.response; hit against its direction the sign is changed. Raises InvalidScene.
     """
-    from fem.hit_records import node_and_axis
-    from workflows.files.hammer import measured_test
+    from beadwave.fem.hit_records import node_and_axis
+    from beadwave.workflows.files.hammer import measured_test
 
     path = Path(wall.receptance)
     measured = measured_test([path])

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflows.scene.sensors import KINDS
-from workflows.scene.units import VOLTAGE
+from beadwave.workflows.scene.sensors import KINDS
+from beadwave.workflows.scene.units import VOLTAGE
 
 SYNTHETIC = "SYNTHETIC: computed, not measured"
 LEAST_SAMPLES = 50

@@ -17,10 +17,17 @@ from re import fullmatch
 from shutil import rmtree
 from typing import NamedTuple
 
-from workflows.files.output_file import OutputFile
-from workflows.files.signals_deferred import signals_deferred
-from workflows.files.whole_file import among, clear_parts, digest, runs, unfit, writing_file
-from workflows.scene import InvalidScene, nearest
+from beadwave.workflows.files.output_file import OutputFile
+from beadwave.workflows.files.signals_deferred import signals_deferred
+from beadwave.workflows.files.whole_file import (
+    among,
+    clear_parts,
+    digest,
+    runs,
+    unfit,
+    writing_file,
+)
+from beadwave.workflows.scene import InvalidScene, nearest
 
 MARKER = ".beadwave"
 NEW = ".beadwave-new-"  # and the number of the process that fills it

@@ -6,10 +6,10 @@ from json import dumps, loads
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from workflows.scene import InvalidScene, RomWall, Scene, nearest
-from workflows.scene.named_files import files_of, no_name, require_file
-from workflows.scene.shown import shown
-from workflows.scene.toml import Change, changed, parsed, require_shallow, resolved
+from beadwave.workflows.scene import InvalidScene, RomWall, Scene, nearest
+from beadwave.workflows.scene.named_files import files_of, no_name, require_file
+from beadwave.workflows.scene.shown import shown
+from beadwave.workflows.scene.toml import Change, changed, parsed, require_shallow, resolved
 
 # values by dotted keys, or texts "key=value" as --set takes them
 Changes = Mapping[str, Any] | Iterable[Change]
@@ -32,7 +32,9 @@ def built_in() -> dict[str, str]:
     """The scenes that come with the program, name to commented TOML, the default first."""
     texts = {
         entry.name.removesuffix(".toml"): entry.read_text(encoding="utf-8")
-        for entry in sorted((files("workflows") / "scenes").iterdir(), key=lambda e: e.name)
+        for entry in sorted(
+            (files("beadwave.workflows") / "scenes").iterdir(), key=lambda e: e.name
+        )
         if entry.name.endswith(".toml")
     }
     return {DEFAULT: texts.pop(DEFAULT), **texts}
@@ -143,7 +145,7 @@ def completed(written: Written) -> Scene:
     if not isinstance(scene.wall, RomWall) or scene.wall.file is None:
         return scene
     # only a wall from a file pays for the reader
-    from workflows.files.wall_file import with_surface
+    from beadwave.workflows.files.wall_file import with_surface
 
     try:
         return scene.model_copy(update={"wall": with_surface(scene.wall)})

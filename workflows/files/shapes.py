@@ -3,11 +3,11 @@
 from functools import lru_cache
 from pathlib import Path
 
-from fem import measured_shapes as shapes
-from workflows.files.foreign import Unreadable
-from workflows.files.uff import ENDINGS, data_sets
-from workflows.scene import InvalidScene
-from workflows.scene.named_files import require_file
+from beadwave.fem import measured_shapes as shapes
+from beadwave.workflows.files.foreign import Unreadable
+from beadwave.workflows.files.uff import ENDINGS, data_sets
+from beadwave.workflows.scene import InvalidScene
+from beadwave.workflows.scene.named_files import require_file
 
 
 def measured_shape(path: Path, hz: float) -> shapes.MeasuredShape:

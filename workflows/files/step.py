@@ -3,9 +3,9 @@
 from functools import lru_cache
 from pathlib import Path
 
-from geometry.errors import InvalidGeometry
-from geometry.step_file import check_step
-from workflows.files.foreign import Refused, Unreadable, arrays, require_memory
+from beadwave.geometry.errors import InvalidGeometry
+from beadwave.geometry.step_file import check_step
+from beadwave.workflows.files.foreign import Refused, Unreadable, arrays, require_memory
 
 
 def require_step(path: Path) -> None:

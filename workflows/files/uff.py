@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from workflows.files.foreign import arrays
-from workflows.scene import InvalidScene
+from beadwave.workflows.files.foreign import arrays
+from beadwave.workflows.scene import InvalidScene
 
 ENDINGS = (".uff", ".unv")
 FIELDS = {

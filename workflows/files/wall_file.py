@@ -8,10 +8,10 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
-import rom
-from rom.imported import sound
-from workflows.files.foreign import Refused, Unreadable, through_child
-from workflows.scene import InvalidScene, RomWall
+from beadwave import rom
+from beadwave.rom.imported import sound
+from beadwave.workflows.files.foreign import Refused, Unreadable, through_child
+from beadwave.workflows.scene import InvalidScene, RomWall
 
 ENDINGS = (".npz", ".mat", ".h5", ".mtx")
 

@@ -8,23 +8,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from workflows.files.run_folder import Picture, RunFolder, picture_named
-from workflows.files.scene import Changes, Source, each, files_read
-from workflows.files.scene import scene as load_scene
-from workflows.scene import InvalidScene, Scene
-from workflows.scene.parts import with_chain
-from workflows.stages.progress import Progress, quiet
+from beadwave.workflows.files.run_folder import Picture, RunFolder, picture_named
+from beadwave.workflows.files.scene import Changes, Source, each, files_read
+from beadwave.workflows.files.scene import scene as load_scene
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.scene.parts import with_chain
+from beadwave.workflows.stages.progress import Progress, quiet
 
 if TYPE_CHECKING:
     import xarray
 
-    from workflows.fit.calibrate import Calibrated
-    from workflows.fit.inspect import Inspected
-    from workflows.fit.joints_posterior import JointsPosterior
-    from workflows.fit.report import CalibrationReport, InspectionReport
-    from workflows.fit.twin import Coverage
-    from workflows.report.finding import Finding
-    from workflows.stages.pipeline import Pipeline
+    from beadwave.workflows.fit.calibrate import Calibrated
+    from beadwave.workflows.fit.inspect import Inspected
+    from beadwave.workflows.fit.joints_posterior import JointsPosterior
+    from beadwave.workflows.fit.report import CalibrationReport, InspectionReport
+    from beadwave.workflows.fit.twin import Coverage
+    from beadwave.workflows.report.finding import Finding
+    from beadwave.workflows.stages.pipeline import Pipeline
 
 STARTS = 1, 1000  # of a search
 SEEDS = 0, 10**18
@@ -44,7 +44,7 @@ class Calibration:
     def data(self) -> xarray.Dataset:
         """Velocity [m/s] measured, at the start of the fit and found, over time and sphere; of
         other sensors their signals, over time and sensor."""
-        from workflows.report.arrays import dataset
+        from beadwave.workflows.report.arrays import dataset
 
         fit, signals = self.found.fit, self.found.signals
         kinds = {"measured": fit.data, "start": fit.start, "found": fit.model}
@@ -58,7 +58,7 @@ class Calibration:
     def plot(self, name: str | None = None) -> Picture:
         """signals, parameters, correlation, scan or posterior; the first without a name."""
 
-        from workflows.fit.figures import calibration_pictures
+        from beadwave.workflows.fit.figures import calibration_pictures
 
         return picture_named(calibration_pictures(self.found), name)
 
@@ -110,11 +110,11 @@ def calibrate(
     """
     _require_possible(posterior, two_stage)
     file = Path(data)
-    from workflows.fit.better_walls import better_walls
-    from workflows.fit.calibrate import CalibrationRequest, calibrated
-    from workflows.fit.folder import CALIBRATION_FILES, write_calibration
-    from workflows.fit.record import measured as record
-    from workflows.stages.pipeline import pipeline_of
+    from beadwave.workflows.fit.better_walls import better_walls
+    from beadwave.workflows.fit.calibrate import CalibrationRequest, calibrated
+    from beadwave.workflows.fit.folder import CALIBRATION_FILES, write_calibration
+    from beadwave.workflows.fit.record import measured as record
+    from beadwave.workflows.stages.pipeline import pipeline_of
 
     start = with_chain(load_scene(scene, changes))
     measured, request = record(file), CalibrationRequest(
@@ -184,11 +184,11 @@ def twin(
     Raises InvalidScene for bad input.
     """
     _require_possible(posterior, two_stage)
-    from workflows.fit import twin as experiment
-    from workflows.fit.better_walls import better_walls
-    from workflows.fit.calibrate import CalibrationRequest
-    from workflows.fit.folder import TWIN_FILES, write_calibration, write_data
-    from workflows.stages.pipeline import pipeline_of
+    from beadwave.workflows.fit import twin as experiment
+    from beadwave.workflows.fit.better_walls import better_walls
+    from beadwave.workflows.fit.calibrate import CalibrationRequest
+    from beadwave.workflows.fit.folder import TWIN_FILES, write_calibration, write_data
+    from beadwave.workflows.stages.pipeline import pipeline_of
 
     if watched := _spheres("--spheres", spheres):
         changes = (("output.spheres", list(watched)), *each(changes))
@@ -227,7 +227,7 @@ def _require_possible(posterior: bool, two_stage: bool) -> None:
     """Raise InvalidScene for a posterior that cannot be sampled."""
     if not posterior:
         return
-    from workflows.fit.posterior import require_sampler
+    from beadwave.workflows.fit.posterior import require_sampler
 
     require_sampler()
     if two_stage:
@@ -267,7 +267,7 @@ def _sampled(result: Calibrated, posterior: bool, seed: int, progress: Progress)
     """With samples of the posterior, where they are wanted."""
     if not posterior:
         return result
-    from workflows.fit.calibrate import with_posterior
+    from beadwave.workflows.fit.calibrate import with_posterior
 
     with progress("posterior"):
         return with_posterior(result, seed)
@@ -279,8 +279,8 @@ def _folder(out: str | Path | None, inputs: tuple[Path, ...], overwrite: bool) -
 
 def _with_wall(scene: Scene, pipeline: Pipeline) -> tuple[Scene, Any]:
     """The scene with the curvatures of the face that it strikes, and its wall."""
-    from workflows.stages.chain import flat, on_surface
-    from workflows.stages.pipeline import needs_structure
+    from beadwave.workflows.stages.chain import flat, on_surface
+    from beadwave.workflows.stages.pipeline import needs_structure
 
     flat(scene)  # refuses materials before anything is computed
     meshed = needs_structure(scene) and scene.bending is None
@@ -304,7 +304,7 @@ class Inspection:
 
     def plot(self, name: str | None = None) -> Picture:
         """signals, numbers or length; the first without a name."""
-        from workflows.fit.figures import inspection_pictures
+        from beadwave.workflows.fit.figures import inspection_pictures
 
         return picture_named(inspection_pictures(self.found, self.report), name)
 
@@ -339,12 +339,12 @@ def inspect(
 
     Raises InvalidScene for bad input.
     """
-    from workflows.fit.folder import INSPECTION_FILES, write_inspection
-    from workflows.fit.inspect import InspectionRequest, inspected
-    from workflows.fit.plausibility import called_apart
-    from workflows.fit.record import recorded
-    from workflows.fit.report import inspection_report
-    from workflows.sweep.cases import base_of
+    from beadwave.workflows.fit.folder import INSPECTION_FILES, write_inspection
+    from beadwave.workflows.fit.inspect import InspectionRequest, inspected
+    from beadwave.workflows.fit.plausibility import called_apart
+    from beadwave.workflows.fit.record import recorded
+    from beadwave.workflows.fit.report import inspection_report
+    from beadwave.workflows.sweep.cases import base_of
 
     request = InspectionRequest(
         find, bounds, each, _within("--starts", starts, *STARTS), _within("--seed", seed, *SEEDS)
@@ -384,9 +384,9 @@ def design(
 
     Raises InvalidScene for bad input.
     """
-    from workflows.fit.design import designed
-    from workflows.report import finding
-    from workflows.sweep.cases import base_of
+    from beadwave.workflows.fit.design import designed
+    from beadwave.workflows.report import finding
+    from beadwave.workflows.sweep.cases import base_of
 
     base = base_of(scene, changes)
     start = with_chain(base.with_values({}))
@@ -417,8 +417,8 @@ def joints_posterior(
     `tune` takes them; `bounds` are those of log-uniform priors, as joints.cover.kz=1e6:1e9. Raises
     InvalidScene for bad input.
     """
-    from workflows.fit.joints_posterior import posterior_of
-    from workflows.structure.api import names_of, with_modes
+    from beadwave.workflows.fit.joints_posterior import posterior_of
+    from beadwave.workflows.structure.api import names_of, with_modes
 
     chosen, wanted, remarks = with_modes(scene, changes, hammer, match, progress)
     if not SEEDS[0] <= seed <= SEEDS[1]:

@@ -7,12 +7,12 @@ from contextlib import suppress
 
 import numpy as np
 
-from workflows.fit.model_errors import BetterModel
-from workflows.scene import InvalidScene, Scene
-from workflows.stages.errors import MARGIN as REDUCTION_SHARE
-from workflows.stages.pipeline import needs_structure, pipeline_of
-from workflows.stages.progress import Progress, quiet
-from workflows.stages.walls import wall_of
+from beadwave.workflows.fit.model_errors import BetterModel
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.stages.errors import MARGIN as REDUCTION_SHARE
+from beadwave.workflows.stages.pipeline import needs_structure, pipeline_of
+from beadwave.workflows.stages.progress import Progress, quiet
+from beadwave.workflows.stages.walls import wall_of
 
 FAILURES = (InvalidScene, ValueError, ArithmeticError, np.linalg.LinAlgError)  # of one wall
 

@@ -11,16 +11,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-import dem
-import dem.spheres
-from workflows.files.record import Record
-from workflows.fit import scene_parameters
-from workflows.fit.chain_fit import CalibrationResult, calibrate, widened
-from workflows.fit.columns import beyond, require_columns
-from workflows.fit.forward import ChainForward
-from workflows.fit.judgement import SHARES, on_held_out, on_posterior
-from workflows.fit.model_errors import BetterModel, with_systems
-from workflows.fit.plausibility import (
+from beadwave import dem
+from beadwave.dem import spheres
+from beadwave.workflows.files.record import Record
+from beadwave.workflows.fit import scene_parameters
+from beadwave.workflows.fit.chain_fit import CalibrationResult, calibrate, widened
+from beadwave.workflows.fit.columns import beyond, require_columns
+from beadwave.workflows.fit.forward import ChainForward
+from beadwave.workflows.fit.judgement import SHARES, on_held_out, on_posterior
+from beadwave.workflows.fit.model_errors import BetterModel, with_systems
+from beadwave.workflows.fit.plausibility import (
     cut_off,
     filters_of,
     first_touch,
@@ -29,18 +29,18 @@ from workflows.fit.plausibility import (
     require_samples,
     unlike_the_model,
 )
-from workflows.fit.posterior import Posterior, posterior
-from workflows.fit.record import marched, sensor_of, usable
-from workflows.fit.report import CalibrationReport, PosteriorSummary, calibration_report
-from workflows.fit.rig import Rig
-from workflows.fit.scaling import Scaled, scaled
-from workflows.fit.sensed import Channels
-from workflows.fit.signals import Filter, Signals, aligned, lag_of, noise_of_mean
-from workflows.fit.windows import Options
-from workflows.report.numbers import supported
-from workflows.scene import InvalidScene, OneDofWall, Scene
-from workflows.scene.units import GAINS
-from workflows.stages.chain import initial_velocity
+from beadwave.workflows.fit.posterior import Posterior, posterior
+from beadwave.workflows.fit.record import marched, sensor_of, usable
+from beadwave.workflows.fit.report import CalibrationReport, PosteriorSummary, calibration_report
+from beadwave.workflows.fit.rig import Rig
+from beadwave.workflows.fit.scaling import Scaled, scaled
+from beadwave.workflows.fit.sensed import Channels
+from beadwave.workflows.fit.signals import Filter, Signals, aligned, lag_of, noise_of_mean
+from beadwave.workflows.fit.windows import Options
+from beadwave.workflows.report.numbers import supported
+from beadwave.workflows.scene import InvalidScene, OneDofWall, Scene
+from beadwave.workflows.scene.units import GAINS
+from beadwave.workflows.stages.chain import initial_velocity
 
 SCANNED = (50.0, 2000.0, 60)  # frequencies of a wall of one mass [Hz]: lowest, highest, points
 
@@ -208,7 +208,7 @@ def _in_velocities(scene: Scene, rig: Rig, record: Record) -> Scaled:
         tuple(c.unit for c in record.channels),
         tuple(name and name.removeprefix("sphere ") for name in gains),
     )
-    masses = dem.spheres.mass(scene.chain.radius, scene.chain.density)
+    masses = spheres.mass(scene.chain.radius, scene.chain.density)
     momentum = float(np.sum(masses * initial_velocity(scene)))
     gain_units = {quantity: kind.unit for quantity, kind in GAINS.items()}
     return scaled(rig, record, channels, gain_units, momentum)

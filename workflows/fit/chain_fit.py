@@ -12,16 +12,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coupling.errors import CouplingError
-from workflows.fit import model_errors
-from workflows.fit.forward import ChainForward
-from workflows.fit.least_squares import WindowFit, weights
-from workflows.fit.model_errors import BetterModel
-from workflows.fit.parameter import Parameter, at_bound, coordinates, scales, values
-from workflows.fit.rig import Rig
-from workflows.fit.signals import Filter, Signals
-from workflows.fit.uncertainty import Uncertainty, uncertainty
-from workflows.fit.windows import CoarseToFine, FitStage, Options, Scan
+from beadwave.coupling.errors import CouplingError
+from beadwave.workflows.fit import model_errors
+from beadwave.workflows.fit.forward import ChainForward
+from beadwave.workflows.fit.least_squares import WindowFit, weights
+from beadwave.workflows.fit.model_errors import BetterModel
+from beadwave.workflows.fit.parameter import Parameter, at_bound, coordinates, scales, values
+from beadwave.workflows.fit.rig import Rig
+from beadwave.workflows.fit.signals import Filter, Signals
+from beadwave.workflows.fit.uncertainty import Uncertainty, uncertainty
+from beadwave.workflows.fit.windows import CoarseToFine, FitStage, Options, Scan
 
 OTHER_STARTS = "other starts"  # a cause of bars, in tables
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import fftconvolve
 
-from workflows.files.record import UnusableRecord
+from beadwave.workflows.files.record import UnusableRecord
 
 
 class RecordWindow(NamedTuple):
@@ -36,7 +36,7 @@ class RecordWindow(NamedTuple):
 
 
 class ColumnTest(NamedTuple):
-    """Numbers of the test, tried on 1000 chains at random: see tests/test_coupling_columns.py. A
+    """Numbers of the test, tried on 1000 chains at random: see tests/coupling/test_columns.py. A
     time scale is that of the stiffest contact."""
 
     windows: tuple[RecordWindow, ...] = (

@@ -9,33 +9,33 @@ import numpy as np
 from joblib import Memory
 from numpy.typing import NDArray
 
-from coupling.band import Band
-from coupling.sensors import Sensor
-from workflows.files.run_folder import Picture
-from workflows.fit import scene_parameters
-from workflows.fit.better_walls import better_walls
-from workflows.fit.forward import Shot, StructureForward, Unknowns, unknowns
-from workflows.fit.inspect import STEPS
-from workflows.fit.inversion import GAIN_SCALE
-from workflows.fit.judgement import INSPECTION_LIMITS
-from workflows.fit.model_errors import NOISE, BetterModel, biases, changes, with_systems
-from workflows.fit.parameter import Parameter, ends, scales, trigger
-from workflows.fit.parametric_wall import Bounds
-from workflows.fit.plausibility import USUAL_NOISE
-from workflows.fit.record import marched
-from workflows.fit.structure import VariedScene, structure
-from workflows.fit.uncertainty import bars_over_time, bounds_information
-from workflows.report.finding import Finding
-from workflows.report.numbers import si
-from workflows.report.plots import Line, Panel, panels
-from workflows.report.tables import Table
-from workflows.scene import Instrument, InvalidScene
-from workflows.scene.places import has_friction
-from workflows.stages.pipeline import Pipeline
-from workflows.stages.progress import Progress
-from workflows.stages.signals import sensors as sensors_of
-from workflows.sweep.cases import Base
-from workflows.sweep.design import grid, require_free
+from beadwave.coupling.band import Band
+from beadwave.coupling.sensors import Sensor
+from beadwave.workflows.files.run_folder import Picture
+from beadwave.workflows.fit import scene_parameters
+from beadwave.workflows.fit.better_walls import better_walls
+from beadwave.workflows.fit.forward import Shot, StructureForward, Unknowns, unknowns
+from beadwave.workflows.fit.inspect import STEPS
+from beadwave.workflows.fit.inversion import GAIN_SCALE
+from beadwave.workflows.fit.judgement import INSPECTION_LIMITS
+from beadwave.workflows.fit.model_errors import NOISE, BetterModel, biases, changes, with_systems
+from beadwave.workflows.fit.parameter import Parameter, ends, scales, trigger
+from beadwave.workflows.fit.parametric_wall import Bounds
+from beadwave.workflows.fit.plausibility import USUAL_NOISE
+from beadwave.workflows.fit.record import marched
+from beadwave.workflows.fit.structure import VariedScene, structure
+from beadwave.workflows.fit.uncertainty import bars_over_time, bounds_information
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.report.numbers import si
+from beadwave.workflows.report.plots import Line, Panel, panels
+from beadwave.workflows.report.tables import Table
+from beadwave.workflows.scene import Instrument, InvalidScene
+from beadwave.workflows.scene.places import has_friction
+from beadwave.workflows.stages.pipeline import Pipeline
+from beadwave.workflows.stages.progress import Progress
+from beadwave.workflows.stages.signals import sensors as sensors_of
+from beadwave.workflows.sweep.cases import Base
+from beadwave.workflows.sweep.design import grid, require_free
 
 MOST_CASES = 200
 

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workflows.files.record import SYNTHETIC
-from workflows.files.run_folder import Picture
-from workflows.report.plots import (
+from beadwave.workflows.files.record import SYNTHETIC
+from beadwave.workflows.files.run_folder import Picture
+from beadwave.workflows.report.plots import (
     COLOURS,
     Line,
     Panel,
@@ -23,9 +23,9 @@ from workflows.report.plots import (
 )
 
 if TYPE_CHECKING:
-    from workflows.fit.calibrate import Calibrated
-    from workflows.fit.inspect import Inspected
-    from workflows.fit.report import InspectionReport
+    from beadwave.workflows.fit.calibrate import Calibrated
+    from beadwave.workflows.fit.inspect import Inspected
+    from beadwave.workflows.fit.report import InspectionReport
 
 
 VERDICTS = {"yes": 2, "weakly": 3, "no": 1, "at its bound": 4, "unconfirmed": 5}  # into COLOURS

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workflows.files.record import SYNTHETIC, Record, csv_text
-from workflows.files.run_folder import Picture, RunFolder, write_pictures
-from workflows.scene.toml import toml
+from beadwave.workflows.files.record import SYNTHETIC, Record, csv_text
+from beadwave.workflows.files.run_folder import Picture, RunFolder, write_pictures
+from beadwave.workflows.scene.toml import toml
 
 if TYPE_CHECKING:
-    from workflows.fit.calibrate import Calibrated
-    from workflows.fit.inspect import Inspected
-    from workflows.fit.report import CalibrationReport, InspectionReport
+    from beadwave.workflows.fit.calibrate import Calibrated
+    from beadwave.workflows.fit.inspect import Inspected
+    from beadwave.workflows.fit.report import CalibrationReport, InspectionReport
 
 CALIBRATION_FILES = ("scene.toml", "report.json", "parameters.csv", "signals.csv", "posterior.npz")
 TWIN_FILES = (*CALIBRATION_FILES, "data.csv", "coverage.json")
@@ -24,7 +24,7 @@ INSPECTION_FILES = ("scene.toml", "report.json", "numbers.csv", "signals.csv")
 def write_calibration(result: Calibrated, folder: RunFolder) -> None:
     """scene.toml, report.json, parameters.csv, signals.csv and figures/ of a calibration into a
     folder, and posterior.npz where there are enough samples."""
-    from workflows.fit.figures import calibration_pictures
+    from beadwave.workflows.fit.figures import calibration_pictures
 
     report, fit, signals = result.report, result.fit, result.signals
     comments = [
@@ -76,7 +76,7 @@ def write_calibration(result: Calibrated, folder: RunFolder) -> None:
 
 def write_inspection(result: Inspected, report: InspectionReport, folder: RunFolder) -> None:
     """scene.toml with what was found, report.json, numbers.csv, signals.csv and figures/."""
-    from workflows.fit.figures import inspection_pictures
+    from beadwave.workflows.fit.figures import inspection_pictures
 
     comments = [
         f"# {row.name} = {row.found:.6g} {row.unit} found, two sigma {row.two_sigma:.2g}"

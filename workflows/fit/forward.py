@@ -25,17 +25,19 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from coupling.errors import CouplingError
-from coupling.sensors import Sensor, measured, signals
-from dem import Trajectory, march
-from dem.sensitivities import march_with_sensitivities
-from workflows.fit.parameter import UNIFORM, Parameter, directions, ends, rig_at, scales
-from workflows.fit.rig import Rig
-from workflows.fit.sensed import require_summable, sensed, with_gains
-from workflows.fit.signals import Filter, Signals
+from beadwave.coupling.errors import CouplingError
+from beadwave.coupling.sensors import Sensor, measured, signals
+from beadwave.dem import Trajectory, march
+from beadwave.dem.sensitivities import march_with_sensitivities
+from beadwave.workflows.fit.parameter import UNIFORM, Parameter, directions, ends, rig_at, scales
+from beadwave.workflows.fit.rig import Rig
+from beadwave.workflows.fit.sensed import require_summable, sensed, with_gains
+from beadwave.workflows.fit.signals import Filter, Signals
 
 if TYPE_CHECKING:
-    from workflows.fit.rubbing import RubbingRun  # of scenes with friction on a structure alone
+    from beadwave.workflows.fit.rubbing import (
+        RubbingRun,  # of scenes with friction on a structure alone
+    )
 
 NO_FILTER = Filter()
 
@@ -321,7 +323,7 @@ class StructureForward(NamedTuple):
     def _run(self, system: Rig, duration: float) -> Trajectory | RubbingRun:
         """A run of whole steps of dt, the last of which may end after the duration [s]."""
         if system.across is not None:
-            from workflows.fit.rubbing import march_rubbing
+            from beadwave.workflows.fit.rubbing import march_rubbing
 
             return march_rubbing(system, duration, self.dt)
         n = int(np.ceil(duration / self.dt))

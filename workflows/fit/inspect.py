@@ -5,17 +5,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workflows.files.record import Recorded
-from workflows.fit import scene_parameters
-from workflows.fit.candidates import searched
-from workflows.fit.columns import beyond, require_columns
-from workflows.fit.forward import Shot, StructureForward, unknowns
-from workflows.fit.inversion import Inversion, inverted, profiled, widened
-from workflows.fit.judgement import INSPECTION_LIMITS, Judged
-from workflows.fit.least_squares import IMPOSSIBLE, RecordFit
-from workflows.fit.parameter import Parameter, ends
-from workflows.fit.parametric_wall import Bounds
-from workflows.fit.plausibility import (
+from beadwave.workflows.files.record import Recorded
+from beadwave.workflows.fit import scene_parameters
+from beadwave.workflows.fit.candidates import searched
+from beadwave.workflows.fit.columns import beyond, require_columns
+from beadwave.workflows.fit.forward import Shot, StructureForward, unknowns
+from beadwave.workflows.fit.inversion import Inversion, inverted, profiled, widened
+from beadwave.workflows.fit.judgement import INSPECTION_LIMITS, Judged
+from beadwave.workflows.fit.least_squares import IMPOSSIBLE, RecordFit
+from beadwave.workflows.fit.parameter import Parameter, ends
+from beadwave.workflows.fit.parametric_wall import Bounds
+from beadwave.workflows.fit.plausibility import (
     alike,
     noise_of,
     require_samples,
@@ -23,12 +23,12 @@ from workflows.fit.plausibility import (
     sizes_beside,
     trigger_of,
 )
-from workflows.fit.record import marched, sensor_of, usable
-from workflows.fit.structure import VariedScene, better_models, structure
-from workflows.report.numbers import supported
-from workflows.scene import InvalidScene, Scene
-from workflows.stages.progress import Progress
-from workflows.sweep.cases import Base
+from beadwave.workflows.fit.record import marched, sensor_of, usable
+from beadwave.workflows.fit.structure import VariedScene, better_models, structure
+from beadwave.workflows.report.numbers import supported
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.stages.progress import Progress
+from beadwave.workflows.sweep.cases import Base
 
 STEPS = 4.0  # of the model, in usual ones: leaves 1e-5 of the largest signal
 

@@ -16,12 +16,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import butter, sosfilt, sosfilt_zi
 
-from dem import Chain, Wall, march_to_error
-from workflows.fit.chain_fit import calibrate
-from workflows.fit.parameter import Parameter
-from workflows.fit.rig import Rig
-from workflows.fit.signals import Filter, aligned
-from workflows.fit.windows import Options
+from beadwave.dem import Chain, Wall, march_to_error
+from beadwave.workflows.fit.chain_fit import calibrate
+from beadwave.workflows.fit.parameter import Parameter
+from beadwave.workflows.fit.rig import Rig
+from beadwave.workflows.fit.signals import Filter, aligned
+from beadwave.workflows.fit.windows import Options
 
 OVERSAMPLED = 4  # samples of the march per sample of the instrument
 

@@ -13,13 +13,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from coupling.errors import CouplingError
-from workflows.fit import model_errors
-from workflows.fit.candidates import SearchResult, searched
-from workflows.fit.least_squares import RecordFit, rms
-from workflows.fit.model_errors import BetterModel
-from workflows.fit.parameter import Parameter, at_bound, scales
-from workflows.fit.uncertainty import Uncertainty, bounds_information, stretched, uncertainty
+from beadwave.coupling.errors import CouplingError
+from beadwave.workflows.fit import model_errors
+from beadwave.workflows.fit.candidates import SearchResult, searched
+from beadwave.workflows.fit.least_squares import RecordFit, rms
+from beadwave.workflows.fit.model_errors import BetterModel
+from beadwave.workflows.fit.parameter import Parameter, at_bound, scales
+from beadwave.workflows.fit.uncertainty import (
+    Uncertainty,
+    bounds_information,
+    stretched,
+    uncertainty,
+)
 
 GAIN_SCALE = 0.1  # of a gain: a change that counts as large
 

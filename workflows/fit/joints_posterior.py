@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel
 
-from fem.correlation import paired
-from fem.tuning import TuningBasis, TuningParameter, TuningSettings, spectrum
-from workflows.fit.nested import (
+from beadwave.fem.correlation import paired
+from beadwave.fem.tuning import TuningBasis, TuningParameter, TuningSettings, spectrum
+from beadwave.workflows.fit.nested import (
     NestedOptions,
     NestedPosterior,
     Prior,
@@ -24,11 +24,11 @@ from workflows.fit.nested import (
     nested_posterior,
     require_nested_sampler,
 )
-from workflows.report.tables import aligned_text
-from workflows.scene import InvalidScene, Scene, nearest
-from workflows.stages.pipeline import pipeline_of
-from workflows.stages.progress import Progress
-from workflows.structure.tuning import (
+from beadwave.workflows.report.tables import aligned_text
+from beadwave.workflows.scene import InvalidScene, Scene, nearest
+from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.progress import Progress
+from beadwave.workflows.structure.tuning import (
     TOLERANCES,
     at_values,
     candidates_of,

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from workflows.fit.chain_fit import CalibrationResult
-from workflows.fit.model_errors import NOISE
-from workflows.fit.parameter import Parameter, scales
-from workflows.fit.signals import Signals
-from workflows.fit.uncertainty import bars_over_time, bounds_information, felt_from
-from workflows.fit.windows import decisive
+from beadwave.workflows.fit.chain_fit import CalibrationResult
+from beadwave.workflows.fit.model_errors import NOISE
+from beadwave.workflows.fit.parameter import Parameter, scales
+from beadwave.workflows.fit.signals import Signals
+from beadwave.workflows.fit.uncertainty import bars_over_time, bounds_information, felt_from
+from beadwave.workflows.fit.windows import decisive
 
 if TYPE_CHECKING:
-    from workflows.fit.inversion import Inversion
-    from workflows.fit.least_squares import RecordFit
-    from workflows.fit.parametric_wall import ParametricWall
-    from workflows.fit.posterior import Posterior
+    from beadwave.workflows.fit.inversion import Inversion
+    from beadwave.workflows.fit.least_squares import RecordFit
+    from beadwave.workflows.fit.parametric_wall import ParametricWall
+    from beadwave.workflows.fit.posterior import Posterior
 
 
 SHARES = (0.02275, 0.5, 0.97725)  # of the quantiles: two sigma of a Gaussian to either side

@@ -35,10 +35,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from coupling.errors import CouplingError
-from dem import InvalidChain, NoEquilibrium, UnstableStep
-from workflows.fit.forward import ChainForward, Shot, StructureForward, Unknowns
-from workflows.fit.parameter import coordinates, ends, slopes, values
+from beadwave.coupling.errors import CouplingError
+from beadwave.dem import InvalidChain, NoEquilibrium, UnstableStep
+from beadwave.workflows.fit.forward import ChainForward, Shot, StructureForward, Unknowns
+from beadwave.workflows.fit.parameter import coordinates, ends, slopes, values
 
 # what a model raises for values that cannot be marched: a run that is impossible, not an error
 IMPOSSIBLE = (CouplingError, InvalidChain, NoEquilibrium, UnstableStep)

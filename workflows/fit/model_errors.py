@@ -16,7 +16,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from workflows.fit.uncertainty import Uncertainty, combinations
+from beadwave.workflows.fit.uncertainty import Uncertainty, combinations
 
 NOISE, TIME = "noise", "time"
 LEAST_SHARE = 0.01  # of a cause in the square of a bar, from which on a table names it

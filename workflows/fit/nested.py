@@ -22,7 +22,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from scipy.special import logsumexp, ndtr
 
-from workflows.scene import InvalidScene
+from beadwave.workflows.scene import InvalidScene
 
 
 class NestedOptions(NamedTuple):

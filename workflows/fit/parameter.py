@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.kernels.laws import ELASTIC_LAWS, SHAPE_PARAMETERS
-from dem.sensitivities import Directions
-from workflows.fit.rig import Rig
+from beadwave.dem.kernels.laws import ELASTIC_LAWS, SHAPE_PARAMETERS
+from beadwave.dem.sensitivities import Directions
+from beadwave.workflows.fit.rig import Rig
 
 OF_WALL = ("frequency", "mass", "damping")
 UNIFORM = 12.0  # the variance of a uniform distribution is its width squared over this

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.stats import qmc
 
-from coupling.errors import CouplingError
-from dem import Wall
-from rom import ReducedModel, modal
+from beadwave.coupling.errors import CouplingError
+from beadwave.dem import Wall
+from beadwave.rom import ReducedModel, modal
 
 FACTORS = 1.05  # high over low bound from which on a number varies by factors
 RIGID = 1e-9  # of the largest square of a frequency: a mode without stiffness

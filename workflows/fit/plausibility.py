@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workflows.files.record import Record, Recorded, UnusableRecord
-from workflows.fit.parameter import Parameter, trigger
-from workflows.fit.signals import Aligned, Filter, Signals, noise_between_waves, rise
+from beadwave.workflows.files.record import Record, Recorded, UnusableRecord
+from beadwave.workflows.fit.parameter import Parameter, trigger
+from beadwave.workflows.fit.signals import Aligned, Filter, Signals, noise_between_waves, rise
 
 
 class RecordLimits(NamedTuple):

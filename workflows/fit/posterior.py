@@ -23,13 +23,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem import InvalidChain, NoEquilibrium
-from workflows.fit.chain_fit import CalibrationResult
-from workflows.fit.forward import ChainForward
-from workflows.fit.least_squares import weights
-from workflows.fit.parameter import ends, scales
-from workflows.fit.uncertainty import noise_along
-from workflows.scene import InvalidScene
+from beadwave.dem import InvalidChain, NoEquilibrium
+from beadwave.workflows.fit.chain_fit import CalibrationResult
+from beadwave.workflows.fit.forward import ChainForward
+from beadwave.workflows.fit.least_squares import weights
+from beadwave.workflows.fit.parameter import ends, scales
+from beadwave.workflows.fit.uncertainty import noise_along
+from beadwave.workflows.scene import InvalidScene
 
 
 class Sampling(NamedTuple):

@@ -20,13 +20,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from coupling.band import Band
-from coupling.errors import CouplingError
-from coupling.sensors import Sensor
-from dem import InvalidChain, NoEquilibrium
-from workflows.files import record_formats
-from workflows.files.foreign import arrays
-from workflows.files.record import (
+from beadwave.coupling.band import Band
+from beadwave.coupling.errors import CouplingError
+from beadwave.coupling.sensors import Sensor
+from beadwave.dem import InvalidChain, NoEquilibrium
+from beadwave.workflows.files import record_formats
+from beadwave.workflows.files.foreign import arrays
+from beadwave.workflows.files.record import (
     SYNTHETIC,
     Channel,
     Record,
@@ -35,13 +35,13 @@ from workflows.files.record import (
     equidistant,
     stacked,
 )
-from workflows.files.record_formats import Column, Found, of_mat, text_of
-from workflows.files.uff import ENDINGS, data_sets
-from workflows.fit.signals import aligned
-from workflows.scene import InvalidScene, Scene
-from workflows.scene.named_files import require_file
-from workflows.scene.sensors import OF_SPHERES
-from workflows.scene.units import VOLTAGE, NoSuchQuantity, in_si
+from beadwave.workflows.files.record_formats import Column, Found, of_mat, text_of
+from beadwave.workflows.files.uff import ENDINGS, data_sets
+from beadwave.workflows.fit.signals import aligned
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.scene.named_files import require_file
+from beadwave.workflows.scene.sensors import OF_SPHERES
+from beadwave.workflows.scene.units import VOLTAGE, NoSuchQuantity, in_si
 
 HEADING = r"sphere\s+(\d+)(?:\s+([a-z-]+))?\s*\[(.+)\]"
 

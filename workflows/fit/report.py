@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import BaseModel
 
-from workflows.files.record import SYNTHETIC, Record, Recorded
-from workflows.fit.chain_fit import CalibrationResult
-from workflows.fit.judgement import SHARES, combinations, identifiable, remarks
-from workflows.fit.model_errors import LEAST_SHARE, NOISE, bar_by_words, shares
-from workflows.fit.signals import Signals
-from workflows.report.tables import LINE, aligned_text
-from workflows.scene import OneDofWall, Scene
+from beadwave.workflows.files.record import SYNTHETIC, Record, Recorded
+from beadwave.workflows.fit.chain_fit import CalibrationResult
+from beadwave.workflows.fit.judgement import SHARES, combinations, identifiable, remarks
+from beadwave.workflows.fit.model_errors import LEAST_SHARE, NOISE, bar_by_words, shares
+from beadwave.workflows.fit.signals import Signals
+from beadwave.workflows.report.tables import LINE, aligned_text
+from beadwave.workflows.scene import OneDofWall, Scene
 
 if TYPE_CHECKING:
-    from workflows.fit.inspect import Inspected
+    from beadwave.workflows.fit.inspect import Inspected
 
 
 class ParameterRow(BaseModel):

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dem import Chain, Wall
-from dem.sensitivities import STEPS_PER_TIME_SCALE, usual_step
+from beadwave.dem import Chain, Wall
+from beadwave.dem.sensitivities import STEPS_PER_TIME_SCALE, usual_step
 
 if TYPE_CHECKING:
-    from coupling.continuation import SteadyState
-    from coupling.spatial_march import ShakerForces
-    from coupling.spatial_wall import SpatialWall
-    from dem.lateral import LastSphere
+    from beadwave.coupling.continuation import SteadyState
+    from beadwave.coupling.spatial_march import ShakerForces
+    from beadwave.coupling.spatial_wall import SpatialWall
+    from beadwave.dem.lateral import LastSphere
 
 
 class Rubbing(NamedTuple):

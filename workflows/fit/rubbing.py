@@ -11,17 +11,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from coupling.continuation import (
+from beadwave.coupling.continuation import (
     NEIGHBOURS,
     before_striker,
     cold_state,
     neighbouring_state,
     struck,
 )
-from coupling.spatial_march import USUAL_SPATIAL_SEARCH, PreparedImpact, body_of
-from coupling.structure_sensors import Sensed, sensed_in_march
-from dem.kernels.arguments import Steps
-from workflows.fit.rig import Rig, Rubbing
+from beadwave.coupling.spatial_march import USUAL_SPATIAL_SEARCH, PreparedImpact, body_of
+from beadwave.coupling.structure_sensors import Sensed, sensed_in_march
+from beadwave.dem.kernels.arguments import Steps
+from beadwave.workflows.fit.rig import Rig, Rubbing
 
 
 class RubbingMarch(NamedTuple):

@@ -12,14 +12,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dem.sensitivities import march_with_sensitivities
-from dem.waves.arrivals import peaks
-from workflows.files.record import Record
-from workflows.fit.parameter import Parameter
-from workflows.fit.plausibility import sizes_beside
-from workflows.fit.rig import Rig
-from workflows.fit.sensed import Channels, sensed
-from workflows.fit.signals import noise_between_waves
+from beadwave.dem.sensitivities import march_with_sensitivities
+from beadwave.dem.waves.arrivals import peaks
+from beadwave.workflows.files.record import Record
+from beadwave.workflows.fit.parameter import Parameter
+from beadwave.workflows.fit.plausibility import sizes_beside
+from beadwave.workflows.fit.rig import Rig
+from beadwave.workflows.fit.sensed import Channels, sensed
+from beadwave.workflows.fit.signals import noise_between_waves
 
 
 class SignalLimits(NamedTuple):

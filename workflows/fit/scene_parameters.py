@@ -8,14 +8,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-import coupling
-import dem
-from dem.kernels.laws import SHAPE_PARAMETERS
-from workflows.fit.forward import OWN, SHARED
-from workflows.fit.parameter import RATIOS, Parameter
-from workflows.fit.parameter import trigger as first_touch
-from workflows.fit.rig import Rig
-from workflows.scene import (
+from beadwave import coupling, dem
+from beadwave.dem.kernels.laws import SHAPE_PARAMETERS
+from beadwave.workflows.fit.forward import OWN, SHARED
+from beadwave.workflows.fit.parameter import RATIOS, Parameter
+from beadwave.workflows.fit.parameter import trigger as first_touch
+from beadwave.workflows.fit.rig import Rig
+from beadwave.workflows.scene import (
     InvalidScene,
     ModalDampingTable,
     OneDofWall,
@@ -24,11 +23,11 @@ from workflows.scene import (
     Scene,
     nearest,
 )
-from workflows.scene.contact import KEYS as CONTACT_KEYS
-from workflows.scene.quantities import entries
-from workflows.scene.toml import changed
-from workflows.stages.chain import chain, initial_velocity
-from workflows.sweep.cases import Base
+from beadwave.workflows.scene.contact import KEYS as CONTACT_KEYS
+from beadwave.workflows.scene.quantities import entries
+from beadwave.workflows.scene.toml import changed
+from beadwave.workflows.stages.chain import chain, initial_velocity
+from beadwave.workflows.sweep.cases import Base
 
 
 class Range(NamedTuple):
@@ -83,7 +82,7 @@ def rig(scene: Scene, wall: dem.Wall | None, trigger: float) -> Rig:
     if isinstance(scene.wall, OneDofWall):
         damping = np.ones((1, 1))
     elif isinstance(scene.wall, RomWall) and isinstance(scene.damping, ModalDampingTable):
-        from workflows.thesis import HAMMER_TEST_HZ
+        from beadwave.workflows.thesis import HAMMER_TEST_HZ
 
         if np.ndim(scene.damping.ratio) == 0:
             damping = np.where(wall.omega > 0, 1.0, 0.0)[None]

@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coupling.errors import CouplingError
-from coupling.sensors import QUANTITIES, Sensor, measured, signals
-from dem.sensitivities import Sensitivities
-from workflows.fit.parameter import Parameter
-from workflows.fit.rig import Rig
+from beadwave.coupling.errors import CouplingError
+from beadwave.coupling.sensors import QUANTITIES, Sensor, measured, signals
+from beadwave.dem.sensitivities import Sensitivities
+from beadwave.workflows.fit.parameter import Parameter
+from beadwave.workflows.fit.rig import Rig
 
 
 class Channels(NamedTuple):

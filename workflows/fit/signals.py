@@ -12,7 +12,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
 
-from workflows.fit.sensed import Channels
+from beadwave.workflows.fit.sensed import Channels
 
 ORDER = 4  # of both filters, Butterworth
 DELAY = 1.0 / np.sin(np.pi / 8.0)  # at low frequency, times the angular cut-off, of order 4

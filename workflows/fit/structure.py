@@ -10,11 +10,10 @@ import numpy as np
 from joblib import Memory
 from numpy.typing import NDArray
 
-import coupling
-import dem
-from workflows.fit.better_walls import FAILURES, better_walls
-from workflows.fit.model_errors import BetterModel, with_systems
-from workflows.fit.parametric_wall import (
+from beadwave import coupling, dem
+from beadwave.workflows.fit.better_walls import FAILURES, better_walls
+from beadwave.workflows.fit.model_errors import BetterModel, with_systems
+from beadwave.workflows.fit.parametric_wall import (
     Bounds,
     Computed,
     ParametricWall,
@@ -22,19 +21,19 @@ from workflows.fit.parametric_wall import (
     parametric_wall,
     with_rest,
 )
-from workflows.fit.rig import Rig, Rubbing
-from workflows.fit.scene_parameters import number, put, scene_at
-from workflows.scene import InvalidScene, RomWall, Scene
-from workflows.scene.places import has_friction
-from workflows.stages.chain import Start, flat, initial_velocity, on_surface
-from workflows.stages.chain import chain as chain_of
-from workflows.stages.pipeline import Pipeline, needs_structure, pipeline_of
-from workflows.stages.progress import Progress, quiet
-from workflows.stages.walls import simple_wall, wall_of
-from workflows.sweep.cases import Base
+from beadwave.workflows.fit.rig import Rig, Rubbing
+from beadwave.workflows.fit.scene_parameters import number, put, scene_at
+from beadwave.workflows.scene import InvalidScene, RomWall, Scene
+from beadwave.workflows.scene.places import has_friction
+from beadwave.workflows.stages.chain import Start, flat, initial_velocity, on_surface
+from beadwave.workflows.stages.chain import chain as chain_of
+from beadwave.workflows.stages.pipeline import Pipeline, needs_structure, pipeline_of
+from beadwave.workflows.stages.progress import Progress, quiet
+from beadwave.workflows.stages.walls import simple_wall, wall_of
+from beadwave.workflows.sweep.cases import Base
 
 if TYPE_CHECKING:
-    from coupling.spatial_wall import SpatialWall
+    from beadwave.coupling.spatial_wall import SpatialWall
 
 DEGREE_BEAM, DEGREE_BODIES = 3, 2  # of the polynomials between walls: beams are computed quickly
 # keys of a shaker that leave the structure as it is; its stinger and its place do not
@@ -82,8 +81,8 @@ class VariedScene(NamedTuple):
 
     def rubbed(self, rig: Rig, scene: Scene) -> Rig:
         """The rig with the friction, the arm and the shakers of a scene."""
-        from workflows.stages.friction import last_sphere
-        from workflows.stages.structure_friction import shaker_forces
+        from beadwave.workflows.stages.friction import last_sphere
+        from beadwave.workflows.stages.structure_friction import shaker_forces
 
         begin = Start(rig.chain, rig.v0, flat=flat(on_surface(scene, self.surface)))
         across = self.rubbing._replace(last=last_sphere(scene, begin))
@@ -96,7 +95,7 @@ class VariedScene(NamedTuple):
         Raises CouplingError where shakers lead to no periodic state."""
         if self.rubbing is None:
             return self
-        from workflows.fit.rubbing import prepared
+        from beadwave.workflows.fit.rubbing import prepared
 
         try:
             return self._replace(rubbing=prepared(self(values), dt))
@@ -194,7 +193,7 @@ def structure(
 
 def _rubbing(scene: Scene, wall: SpatialWall) -> Rubbing:
     """Friction on a structure as the scene has it; the last sphere is that of a rig's chain."""
-    from workflows.stages.structure_friction import shaker_forces
+    from beadwave.workflows.stages.structure_friction import shaker_forces
 
     shakers = shaker_forces(scene) if scene.shakers else None
     return Rubbing(wall, None, shakers, scene.friction.upstream == "held")
@@ -276,7 +275,7 @@ def computed(scene: Scene) -> Computed:
     if not needs_structure(scene):
         reduced = None
     elif scene.bending:
-        from workflows.stages import bending
+        from beadwave.workflows.stages import bending
 
         reduced = bending.reduction(scene, bending.model(scene))
     else:

@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import BaseModel
 
-import dem
-from dem.kernels.laws import SHAPE_PARAMETERS
-from workflows.files.record import SYNTHETIC, Record
-from workflows.fit import scene_parameters
-from workflows.fit.calibrate import Calibrated, CalibrationRequest, calibrated
-from workflows.fit.instrument import (
+from beadwave import dem
+from beadwave.dem.kernels.laws import SHAPE_PARAMETERS
+from beadwave.workflows.files.record import SYNTHETIC, Record
+from beadwave.workflows.fit import scene_parameters
+from beadwave.workflows.fit.calibrate import Calibrated, CalibrationRequest, calibrated
+from beadwave.workflows.fit.instrument import (
     OVERSAMPLED,
     Clean,
     Repeats,
@@ -27,11 +27,11 @@ from workflows.fit.instrument import (
     refitted,
     repeated,
 )
-from workflows.fit.model_errors import BetterModel
-from workflows.fit.parameter import Parameter
-from workflows.report.tables import LINE, aligned_text
-from workflows.scene import InvalidScene, OneDofWall, Scene
-from workflows.stages.chain import chain, initial_velocity
+from beadwave.workflows.fit.model_errors import BetterModel
+from beadwave.workflows.fit.parameter import Parameter
+from beadwave.workflows.report.tables import LINE, aligned_text
+from beadwave.workflows.scene import InvalidScene, OneDofWall, Scene
+from beadwave.workflows.stages.chain import chain, initial_velocity
 
 MET = 0.9  # share of repeats inside their two-sigma bars that is asked for
 

@@ -30,8 +30,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflows.fit.least_squares import RecordFit
-from workflows.fit.parameter import UNIFORM, Parameter, scales
+from beadwave.workflows.fit.least_squares import RecordFit
+from beadwave.workflows.fit.parameter import UNIFORM, Parameter, scales
 
 LEAST_SHARE = 0.3  # of a parameter in a combination, from which on the text names it
 

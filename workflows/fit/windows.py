@@ -18,9 +18,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workflows.fit.least_squares import Solution, WindowFit, rms
-from workflows.fit.parameter import Parameter
-from workflows.fit.signals import first_waves_end
+from beadwave.workflows.fit.least_squares import Solution, WindowFit, rms
+from beadwave.workflows.fit.parameter import Parameter
+from beadwave.workflows.fit.signals import first_waves_end
 
 
 class Swaps(NamedTuple):

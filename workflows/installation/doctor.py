@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from pydantic import BaseModel
 
-from workflows.installation.shared_libraries import missing_libraries
+from beadwave.workflows.installation.shared_libraries import missing_libraries
 
 MISSING = {  # distribution of an extra: extra, what one goes without
     "pypardiso": ("fast", "factorisations of large models take longer; results are the same"),
@@ -77,11 +77,11 @@ class Installation(BaseModel):
 
 def doctor() -> Installation:
     """What is installed, what is missing and what that costs (`beadwave doctor`)."""
-    from fem.factorisation import has_pardiso
-    from workflows.files.cache_folder import cache_folder
-    from workflows.scene.memory import free_memory
-    from workflows.stages.cache import LIBRARIES as NEEDED
-    from workflows.stages.cache import fault, library_versions
+    from beadwave.fem.factorisation import has_pardiso
+    from beadwave.workflows.files.cache_folder import cache_folder
+    from beadwave.workflows.scene.memory import free_memory
+    from beadwave.workflows.stages.cache import LIBRARIES as NEEDED
+    from beadwave.workflows.stages.cache import fault, library_versions
 
     # extras that are not installed, libraries that the loader does not find, programs
     missing = []

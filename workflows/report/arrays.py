@@ -6,7 +6,7 @@ import numpy as np
 import xarray
 from numpy.typing import NDArray
 
-from workflows.report.tables import Table
+from beadwave.workflows.report.tables import Table
 
 DIMENSIONS = {
     "t": ("time",), "x": ("time", "sphere"), "v": ("time", "sphere"),

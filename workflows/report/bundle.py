@@ -7,7 +7,7 @@ import takes from what the other has returned.
 import re
 from importlib.resources import files
 
-PAGE = files("workflows.report") / "page"
+PAGE = files("beadwave.workflows.report") / "page"
 IMPORT = re.compile(r'^import (\{[^}]*\}) from "\./(\w+)\.js";\n', re.MULTILINE)
 EXPORT = re.compile(r"^export (?=(?:function|const) (\w+))", re.MULTILINE)
 

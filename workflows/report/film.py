@@ -12,13 +12,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflows.files.child import child
-from workflows.files.run_folder import RunFolder
-from workflows.files.scene import scene as load
-from workflows.report import page_data, plots
-from workflows.report.plots import Line, Panel
-from workflows.report.report import require_summary
-from workflows.scene import InvalidScene, Scene
+from beadwave.workflows.files.child import child
+from beadwave.workflows.files.run_folder import RunFolder
+from beadwave.workflows.files.scene import scene as load
+from beadwave.workflows.report import page_data, plots
+from beadwave.workflows.report.plots import Line, Panel
+from beadwave.workflows.report.report import require_summary
+from beadwave.workflows.scene import InvalidScene, Scene
 
 ENDINGS = (".mp4", ".gif")
 PVD = """<?xml version="1.0"?>
@@ -94,7 +94,9 @@ def film(
             Path(work) / "film.npz", **run._asdict(), scale_u=scale_u, scale_x=scale_x,
             up=page_data.upwards(scene, run.direction), head=head, rate=settings.rate,
         )  # fmt: skip
-        drawing = child("workflows.report.render_film", work, name, seconds=settings.seconds)
+        drawing = child(
+            "beadwave.workflows.report.render_film", work, name, seconds=settings.seconds
+        )
         if drawing.returncode != 0:
             raise ValueError(
                 "the film could not be drawn; install an off-screen GL library (Debian: apt-get "
@@ -152,7 +154,7 @@ def frames(folder: Path, n: int) -> tuple[Frames, Scene]:
     reduced = page_data.reduced_model(folder, scene)
     if reduced is not None and "wall_q" in run:
         # the assembly: u = sum_k q_k(t) phi_k at its outer nodes
-        from coupling.surface_motion import wall_modes
+        from beadwave.coupling.surface_motion import wall_modes
 
         cutoff = getattr(scene.wall, "cutoff", None)
         modes = wall_modes(reduced, run["wall_omega"], run["wall_phi"], cutoff_hz=cutoff)

@@ -6,10 +6,10 @@ from json import dumps
 from textwrap import fill
 from typing import Any, NamedTuple
 
-from workflows.files.run_folder import Picture, RunFolder, picture_named, write_pictures
-from workflows.report import tables
-from workflows.report.tables import LINE, Table
-from workflows.scene import InvalidScene, nearest
+from beadwave.workflows.files.run_folder import Picture, RunFolder, picture_named, write_pictures
+from beadwave.workflows.report import tables
+from beadwave.workflows.report.tables import LINE, Table
+from beadwave.workflows.scene import InvalidScene, nearest
 
 
 class Finding(NamedTuple):
@@ -26,7 +26,7 @@ class Finding(NamedTuple):
     def data(self, name: str | None = None):
         """A table by name, the study's own without one, as an xarray.Dataset over its rows; raises
         InvalidScene for a name that is none of them."""
-        from workflows.report.arrays import of_table
+        from beadwave.workflows.report.arrays import of_table
 
         by_name = {table.name: table for table in self.tables}
         if name is not None and name not in by_name:

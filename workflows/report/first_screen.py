@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from workflows.report.numbers import NONE, digits, grouped, percent, si
-from workflows.report.rows import ERROR_OF, measured_modes, run_seconds
-from workflows.report.summary import Summary
-from workflows.scene import (
+from beadwave.workflows.report.numbers import NONE, digits, grouped, percent, si
+from beadwave.workflows.report.rows import ERROR_OF, measured_modes, run_seconds
+from beadwave.workflows.report.summary import Summary
+from beadwave.workflows.scene import (
     DashpotWall,
     HalfSpaceWall,
     MeasuredWall,

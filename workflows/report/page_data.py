@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflows.files.scene import scene as load
-from workflows.report.packing import floats, quantised, whole
-from workflows.report.summary import Summary
-from workflows.scene import RomWall, Scene
+from beadwave.workflows.files.scene import scene as load
+from beadwave.workflows.report.packing import floats, quantised, whole
+from beadwave.workflows.report.summary import Summary
+from beadwave.workflows.scene import RomWall, Scene
 
 LEDGER = {
     "energy_kinetic": "spheres, kinetic",
@@ -169,7 +169,7 @@ def _moving_surface(
 
     The page adds up u(X, t) = sum_k q_k(t) phi_k(X) from rest; shapes take most of its size.
     """
-    from coupling.surface_motion import Moved, shown_shapes
+    from beadwave.coupling.surface_motion import Moved, shown_shapes
 
     moved = None
     if "wall_q" in run:
@@ -183,7 +183,7 @@ def _moving_surface(
     nodes, faces = np.arange(len(surface.points)), surface.faces
     most_nodes = limits.bytes // (3 * max(k, 1))
     if len(nodes) > most_nodes:
-        from geometry import thinned  # only a large surface pays for it
+        from beadwave.geometry import thinned  # only a large surface pays for it
 
         nodes, faces = thinned(surface.points, surface.faces, most_nodes)
     bits = "i2" if 6 * k * len(nodes) <= limits.bytes else "i1"
@@ -255,7 +255,7 @@ def reduced_model(folder: Path, scene: Scene):
         path = Path(file) if file and file.endswith(".npz") else path
     if not path.is_file():
         return None
-    import rom  # only a scene with a reduced model pays for it
+    from beadwave import rom  # only a scene with a reduced model pays for it
 
     try:
         reduced = rom.load_npz(path)

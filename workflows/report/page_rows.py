@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from workflows.report.first_screen import chain_words, facts, wall_words, waves_words
-from workflows.report.numbers import GLUE, NONE, digits, grouped, percent, si
-from workflows.report.packing import unpacked
-from workflows.report.provenance import flat
-from workflows.report.rows import (
+from beadwave.workflows.report.first_screen import chain_words, facts, wall_words, waves_words
+from beadwave.workflows.report.numbers import GLUE, NONE, digits, grouped, percent, si
+from beadwave.workflows.report.packing import unpacked
+from beadwave.workflows.report.provenance import flat
+from beadwave.workflows.report.rows import (
     ERROR_OF,
     LARGE,
     at_wall,
@@ -19,10 +19,10 @@ from workflows.report.rows import (
     spelled,
     spheres_words,
 )
-from workflows.report.summary import Summary
-from workflows.scene import Scene
-from workflows.scene.quantities import entries
-from workflows.scene.units import GAINS
+from beadwave.workflows.report.summary import Summary
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.scene.quantities import entries
+from beadwave.workflows.scene.units import GAINS
 
 # what the view draws for a wall without a shape, by wall.kind; see page/wall.js
 STANDS_FOR = {

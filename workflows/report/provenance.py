@@ -13,11 +13,19 @@ from json import dumps
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from workflows.files.scene import DEFAULT, Changes, Source, built_in, each, scene_text, tables_of
-from workflows.files.scene import scene as load
-from workflows.report.summary import ValueSource
-from workflows.scene import Scene
-from workflows.scene.toml import changed
+from beadwave.workflows.files.scene import (
+    DEFAULT,
+    Changes,
+    Source,
+    built_in,
+    each,
+    scene_text,
+    tables_of,
+)
+from beadwave.workflows.files.scene import scene as load
+from beadwave.workflows.report.summary import ValueSource
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.scene.toml import changed
 
 MARK = re.compile(r"(?:^|[,;] )(thesis|inferred|assumed)(?=[:,;.]| with|$)", re.IGNORECASE)
 HEADER = re.compile(r"(\[+)([\w.-]+)\]+\s*(?:#\s*(.*))?")

@@ -1,6 +1,6 @@
 """Rendered pictures of the assembly and its modes, from `modes.vtu`; run as a child process.
 
-    python -m workflows.report.render modes.vtu fixtures.json assembly.png modes.png
+    python -m beadwave.workflows.report.render modes.vtu fixtures.json assembly.png modes.png
 
 `fixtures.json` is a `Fixtures` as a dictionary.
 A render without a GL library kills its process: the run that started it loses the pictures only.
@@ -18,7 +18,7 @@ import numpy as np
 import pyvista as pv
 from numpy.typing import NDArray
 
-from workflows.report.callouts import callouts
+from beadwave.workflows.report.callouts import callouts
 
 MEASURED = "measured"  # in the names of modes that are targets
 EYE, UP = (1.0, -1.3, 0.55), (0.0, 0.0, 1.0)  # towards the eye where nothing is struck

@@ -1,6 +1,6 @@
 """Frames of a film from the arrays of `workflows.report.film`; run as a child process.
 
-    python -m workflows.report.render_film FOLDER NAME.mp4
+    python -m beadwave.workflows.report.render_film FOLDER NAME.mp4
 
 Pillow writes a GIF in two lines, imageio an MP4 in three. Not pyvista's writer (`Plotter.open_gif`,
 `open_movie`, `write_frame`), which is imageio as well: it takes what its window shows, without the
@@ -17,8 +17,8 @@ import numpy as np
 import pyvista as pv
 from PIL import Image
 
-from workflows.report.film import centres
-from workflows.report.render import MATT, RAMP, ramp
+from beadwave.workflows.report.film import centres
+from beadwave.workflows.report.render import MATT, RAMP, ramp
 
 SIZE = (1248, 624)  # of the view, in pixels
 TOWARDS, REST, AWAY = np.array([[200, 55, 27], [185, 194, 203], [29, 95, 180]]) / 255

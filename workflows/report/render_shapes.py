@@ -1,6 +1,6 @@
 """Measured mode shapes beside computed ones, from `modes.vtu`; run as a child process.
 
-    python -m workflows.report.render_shapes modes.vtu shapes.json shapes.png
+    python -m beadwave.workflows.report.render_shapes modes.vtu shapes.json shapes.png
 
 `shapes.json` is a list of `Compared` as dictionaries, one for each mode of the file in its order.
 """
@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 import pyvista as pv
 
-from workflows.report.render import EYE, IMPACT, MATT, RenderSettings, bent_by, seen_from
-from workflows.report.render import white_plotter as plotter_of
+from beadwave.workflows.report.render import EYE, IMPACT, MATT, RenderSettings, bent_by, seen_from
+from beadwave.workflows.report.render import white_plotter as plotter_of
 
 VIEW = (520, 340)  # pixels of a view
 

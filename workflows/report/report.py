@@ -15,15 +15,22 @@ from typing import Any
 from markupsafe import Markup
 from pydantic import ValidationError
 
-from workflows.files.run_folder import RunFolder
-from workflows.files.scene import scene as load
-from workflows.report import bundle, page_rows
-from workflows.report.numbers import difference, figures, grouped, percent, share_percent, si
-from workflows.report.page_data import page_data
-from workflows.report.stage_words import stage_words
-from workflows.report.summary import Summary
-from workflows.scene import InvalidScene
-from workflows.scene.named_files import unfit
+from beadwave.workflows.files.run_folder import RunFolder
+from beadwave.workflows.files.scene import scene as load
+from beadwave.workflows.report import bundle, page_rows
+from beadwave.workflows.report.numbers import (
+    difference,
+    figures,
+    grouped,
+    percent,
+    share_percent,
+    si,
+)
+from beadwave.workflows.report.page_data import page_data
+from beadwave.workflows.report.stage_words import stage_words
+from beadwave.workflows.report.summary import Summary
+from beadwave.workflows.scene import InvalidScene
+from beadwave.workflows.scene.named_files import unfit
 
 CAPTIONS = {
     "velocities": "Velocities of the observed spheres, positive towards the wall; i marks the "

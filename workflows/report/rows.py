@@ -1,8 +1,8 @@
 """Rows of a summary for the terminal and the page: label, value with unit, meaning."""
 
-from workflows.report.numbers import GLUE, NONE, digits, grouped, percent, si
-from workflows.report.stage_words import stage_words
-from workflows.report.summary import (
+from beadwave.workflows.report.numbers import GLUE, NONE, digits, grouped, percent, si
+from beadwave.workflows.report.stage_words import stage_words
+from beadwave.workflows.report.summary import (
     FrictionNumbers,
     ReductionHealth,
     SensorWaves,

@@ -14,23 +14,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from workflows.files.own_folder import OutputFolder, given, place
-from workflows.files.run_folder import Picture, RunFolder, picture_named
-from workflows.files.scene import Changes, Source, built_in, each, files_read
-from workflows.files.scene import scene as _loaded
-from workflows.files.scene import scene as load_scene
-from workflows.report.provenance import origin
-from workflows.report.summary import Summary
-from workflows.scene import InvalidScene, Scene
-from workflows.scene.named_files import require_file
-from workflows.scene.parts import with_chain
-from workflows.scene.toml import toml
-from workflows.stages.progress import Planned, Progress, quiet, unplanned
+from beadwave.workflows.files.own_folder import OutputFolder, given, place
+from beadwave.workflows.files.run_folder import Picture, RunFolder, picture_named
+from beadwave.workflows.files.scene import Changes, Source, built_in, each, files_read
+from beadwave.workflows.files.scene import scene as _loaded
+from beadwave.workflows.files.scene import scene as load_scene
+from beadwave.workflows.report.provenance import origin
+from beadwave.workflows.report.summary import Summary
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.scene.named_files import require_file
+from beadwave.workflows.scene.parts import with_chain
+from beadwave.workflows.scene.toml import toml
+from beadwave.workflows.stages.progress import Planned, Progress, quiet, unplanned
 
 if TYPE_CHECKING:
     import xarray
 
-    from rom import ReducedModel
+    from beadwave.rom import ReducedModel
 
 
 def scene(source: Source = None, changes: Changes = ()) -> Scene:
@@ -84,7 +84,7 @@ class Run:
         """The trajectory with named dimensions and units; raises InvalidScene without a chain."""
         if not self.arrays:
             raise InvalidScene(f"{self.summary.scene} has no chain, and so no trajectory.")
-        from workflows.report.arrays import of_trajectory
+        from beadwave.workflows.report.arrays import of_trajectory
 
         return of_trajectory(self.arrays)
 
@@ -95,7 +95,7 @@ class Run:
 
     def text(self) -> str:
         """The summary for a person."""
-        from workflows.report.rows import details, headline
+        from beadwave.workflows.report.rows import details, headline
 
         lines = (*headline(self.summary), *details(self.summary))
         text = "\n".join(f"{label:>36}  {value}" for label, value in lines)
@@ -128,8 +128,10 @@ def run(
     Raises InvalidScene for bad input, ValueError where a computation fails.
     """
     chosen = load_scene(scene, changes)
-    from workflows.run.run import run as run_stages
-    from workflows.stages.pipeline import pipeline_of  # a scene that is refused loads no solver
+    from beadwave.workflows.run.run import run as run_stages
+    from beadwave.workflows.stages.pipeline import (
+        pipeline_of,  # a scene that is refused loads no solver
+    )
 
     path, notes = place(out, RUNS, chosen.name, toml(chosen))
     folder = RunFolder(path, inputs=files_read(chosen, scene), overwrite=overwrite)
@@ -162,8 +164,8 @@ def impact(
     wall = () if rom is None else (("wall", {"kind": "rom", "file": str(_file_of(rom))}),)
     changes = (*wall, *each(changes))
     chosen = with_chain(load_scene(scene, changes))
-    from workflows.run.run import impact as run_impact
-    from workflows.stages.pipeline import pipeline_of
+    from beadwave.workflows.run.run import impact as run_impact
+    from beadwave.workflows.stages.pipeline import pipeline_of
 
     inputs = files_read(chosen, scene)
     path, notes = given(Path(out), toml(chosen)) if out else OutputFolder(None)
@@ -174,7 +176,7 @@ def impact(
 
     def read() -> dict[str, NDArray]:
         """Arrays of the run by name, shapes as in trajectory.npz."""
-        from coupling.saved_run import arrays  # kept results load no march
+        from beadwave.coupling.saved_run import arrays  # kept results load no march
 
         lateral = pipeline("friction") if chosen.friction else None
         return arrays(pipeline("impact").trajectory, pipeline("wall"), lateral)
@@ -185,7 +187,7 @@ def impact(
 def load(folder: str | Path) -> Run:
     """A finished run folder, its arrays read when they are asked for; raises InvalidScene where
     there is none."""
-    from workflows.report.report import require_summary
+    from beadwave.workflows.report.report import require_summary
 
     path = Path(folder)
     summary = require_summary(path)
@@ -205,7 +207,7 @@ def _in_folder(scene: Scene, summary: Summary, path: Path, notes: tuple[str, ...
 
     def draw() -> Iterable[Picture]:
         """The pictures that the run left in its folder, in their order on the page."""
-        from workflows.report.report import CAPTIONS
+        from beadwave.workflows.report.report import CAPTIONS
 
         files = ((name, path / "figures" / f"{name}.png") for name in CAPTIONS)
         return (Picture(name, file.read_bytes()) for name, file in files if file.is_file())
@@ -217,10 +219,10 @@ def _file_of(rom: str | Path | ReducedModel) -> Path:
     """The file of a reduced model; one in memory is kept by its content beside other results."""
     if isinstance(rom, str | Path):
         return Path(rom).absolute()
-    from rom import save_npz
-    from workflows.files.cache_folder import cache_folder
-    from workflows.files.whole_file import writing_file
-    from workflows.stages.cache import fault
+    from beadwave.rom import save_npz
+    from beadwave.workflows.files.cache_folder import cache_folder
+    from beadwave.workflows.files.whole_file import writing_file
+    from beadwave.workflows.stages.cache import fault
 
     matrices = (A for A in (rom.K, rom.M, rom.C, rom.w) if A is not None)
     content = sha256(b"".join(np.ascontiguousarray(A).tobytes() for A in matrices))
@@ -253,9 +255,9 @@ def film(
     """
     if not 0.5 <= seconds <= 60.0:
         raise InvalidScene(f"--seconds {seconds:g} must be between 0.5 and 60; change it.")
-    from workflows.report.film import film as draw
-    from workflows.report.film import paraview, require_name
-    from workflows.report.report import require_summary
+    from beadwave.workflows.report.film import film as draw
+    from beadwave.workflows.report.film import paraview, require_name
+    from beadwave.workflows.report.report import require_summary
 
     path = Path(folder)
     require_summary(path)

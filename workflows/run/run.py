@@ -6,19 +6,19 @@ from datetime import datetime
 from math import isnan
 from platform import python_version
 
-from workflows.files.run_folder import NoPicture, RunFolder, write_pictures
-from workflows.report.provenance import UNKNOWN, Origin
-from workflows.report.report import CAPTIONS, write_report
-from workflows.report.rows import spelled
-from workflows.report.summary import ErrorEstimate, NumberError, StageTime, Summary
-from workflows.run.second_process import IMPACT, RUN, two_processes
-from workflows.scene import MeasuredWall, Scene
-from workflows.scene.places import has_friction
-from workflows.scene.toml import toml
-from workflows.stages import warnings
-from workflows.stages.cache import LIBRARIES, library_versions
-from workflows.stages.pipeline import Pipeline, needs_structure
-from workflows.stages.progress import Planned, unplanned
+from beadwave.workflows.files.run_folder import NoPicture, RunFolder, write_pictures
+from beadwave.workflows.report.provenance import UNKNOWN, Origin
+from beadwave.workflows.report.report import CAPTIONS, write_report
+from beadwave.workflows.report.rows import spelled
+from beadwave.workflows.report.summary import ErrorEstimate, NumberError, StageTime, Summary
+from beadwave.workflows.run.second_process import IMPACT, RUN, two_processes
+from beadwave.workflows.scene import MeasuredWall, Scene
+from beadwave.workflows.scene.places import has_friction
+from beadwave.workflows.scene.toml import toml
+from beadwave.workflows.stages import warnings
+from beadwave.workflows.stages.cache import LIBRARIES, library_versions
+from beadwave.workflows.stages.pipeline import Pipeline, needs_structure
+from beadwave.workflows.stages.progress import Planned, unplanned
 
 IMPACT_FILES = ("given.toml", "summary.json", "trajectory.npz", "signals.csv")
 FILES = (
@@ -149,7 +149,7 @@ def _error_stages(scene: Scene) -> tuple[str, ...]:
 def _require_start(pipeline: Pipeline) -> None:
     """Raise InvalidScene for a chain that cannot be marched, unless it has been."""
     if pipeline.scene.chain and not pipeline.kept("impact"):
-        from workflows.stages.impact import require_start  # kept results load no march
+        from beadwave.workflows.stages.impact import require_start  # kept results load no march
 
         require_start(pipeline.scene)
 
@@ -237,7 +237,7 @@ def summary_of(
         numbers |= of_structure.numbers
         sentences += of_structure.warnings
         if scene.measured:
-            from workflows.files.measured_part import receptances
+            from beadwave.workflows.files.measured_part import receptances
 
             parts = {table.name: receptances(table) for table in scene.measured}
             numbers["synthetic"] = tuple(name for name, part in parts.items() if part.synthetic)
@@ -253,8 +253,8 @@ def summary_of(
                 for mode in numbers["modes"]
             )
     elif getattr(scene.wall, "file", None):
-        from workflows.files.wall_file import measured
-        from workflows.stages.health import reduction_health
+        from beadwave.workflows.files.wall_file import measured
+        from beadwave.workflows.stages.health import reduction_health
 
         numbers["reduction"] = reduction_health(*measured(scene.wall))
 

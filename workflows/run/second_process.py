@@ -27,10 +27,10 @@ from subprocess import Popen
 from tempfile import TemporaryDirectory
 from time import perf_counter, sleep
 
-from workflows.files.child import while_open
-from workflows.scene import InvalidScene
-from workflows.scene.size import foreseen_nodes, room_beside
-from workflows.stages.pipeline import Pipeline, couples, pipeline_of
+from beadwave.workflows.files.child import while_open
+from beadwave.workflows.scene import InvalidScene
+from beadwave.workflows.scene.size import foreseen_nodes, room_beside
+from beadwave.workflows.stages.pipeline import Pipeline, couples, pipeline_of
 
 # in the order in which the second process takes them
 IMPACT = ("compilation", "half-space", "missed-energy")
@@ -102,7 +102,7 @@ def two_processes(pipeline: Pipeline, names: tuple[str, ...]) -> Iterator[None]:
     environ.setdefault("MKL_NUM_THREADS", str(cores // 2))
     with TemporaryDirectory() as folder:
         Path(folder, "work").write_bytes(dumps((pipeline.scene, missing)))
-        with while_open("workflows.run.second_process", folder) as process:
+        with while_open("beadwave.workflows.run.second_process", folder) as process:
             pipeline.beside = SecondProcess(Path(folder), process, missing)
             try:
                 yield

@@ -1,22 +1,22 @@
 """What a run is made of: tables of keys, read from TOML, checked before anything is computed."""
 
-from workflows.scene.chain import LeafSpringsTable, Preload
-from workflows.scene.contact import ContactTable
-from workflows.scene.damping import (
+from beadwave.workflows.scene.chain import LeafSpringsTable, Preload
+from beadwave.workflows.scene.contact import ContactTable
+from beadwave.workflows.scene.damping import (
     Damping,
     LossFactorsTable,
     ModalDampingTable,
     NoDamping,
     RayleighDampingTable,
 )
-from workflows.scene.joints import Joints, JointStiffnesses
-from workflows.scene.mesh import Mesh
-from workflows.scene.reduction import Patch, Reduction
-from workflows.scene.scene import Scene
-from workflows.scene.scene_table import InvalidScene, Positive, SceneTable, nearest
-from workflows.scene.sensors import Instrument, Output, SensorTable
-from workflows.scene.time import Time
-from workflows.scene.walls import (
+from beadwave.workflows.scene.joints import Joints, JointStiffnesses
+from beadwave.workflows.scene.mesh import Mesh
+from beadwave.workflows.scene.reduction import Patch, Reduction
+from beadwave.workflows.scene.scene import Scene
+from beadwave.workflows.scene.scene_table import InvalidScene, Positive, SceneTable, nearest
+from beadwave.workflows.scene.sensors import Instrument, Output, SensorTable
+from beadwave.workflows.scene.time import Time
+from beadwave.workflows.scene.walls import (
     DashpotWall,
     HalfSpaceWall,
     MeasuredWall,

@@ -14,9 +14,9 @@ from math import isnan
 from numbers import Integral, Real
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from workflows.scene.named_files import no_name
-from workflows.scene.scene_table import InvalidScene, nearest
-from workflows.scene.shown import shown
+from beadwave.workflows.scene.named_files import no_name
+from beadwave.workflows.scene.scene_table import InvalidScene, nearest
+from beadwave.workflows.scene.shown import shown
 
 Function = TypeVar("Function", bound=Callable)
 WORDS = {  # of one value, and of the values in a list

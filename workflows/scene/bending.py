@@ -4,9 +4,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from workflows.scene.named_materials import of_named_material
-from workflows.scene.quantities import of
-from workflows.scene.scene_table import (
+from beadwave.workflows.scene.named_materials import of_named_material
+from beadwave.workflows.scene.quantities import of
+from beadwave.workflows.scene.scene_table import (
     Density,
     Number,
     Positive,
@@ -16,7 +16,7 @@ from workflows.scene.scene_table import (
     YieldStress,
     text_or_table,
 )
-from workflows.scene.units import AREA, FORCE, IN_PLANE, LENGTH, PRESSURE, SECOND_MOMENT
+from beadwave.workflows.scene.units import AREA, FORCE, IN_PLANE, LENGTH, PRESSURE, SECOND_MOMENT
 
 Modulus = of(Positive, PRESSURE, 1e6, 2e12)  # rubber to diamond
 Compressible = Annotated[float, Field(gt=-1, lt=0.5)]

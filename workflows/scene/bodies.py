@@ -12,10 +12,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
-from workflows.scene.joints import JointStiffnesses
-from workflows.scene.named_files import FileName
-from workflows.scene.quantities import Quantity, of
-from workflows.scene.scene_table import (
+from beadwave.workflows.scene.joints import JointStiffnesses
+from beadwave.workflows.scene.named_files import FileName
+from beadwave.workflows.scene.quantities import Quantity, of
+from beadwave.workflows.scene.scene_table import (
     Density,
     Frequency,
     Length,
@@ -32,7 +32,7 @@ from workflows.scene.scene_table import (
     one_or_each,
     text_or_table,
 )
-from workflows.scene.units import FORCE, FREQUENCY, LENGTH, PRESSURE
+from beadwave.workflows.scene.units import FORCE, FREQUENCY, LENGTH, PRESSURE
 
 GROUND = "ground"
 THREAD = "thread"  # a shank in a bore, in place of holes

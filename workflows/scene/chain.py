@@ -7,9 +7,9 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
-from workflows.scene.named_materials import of_named_material
-from workflows.scene.quantities import of
-from workflows.scene.scene_table import (
+from beadwave.workflows.scene.named_materials import of_named_material
+from beadwave.workflows.scene.quantities import of
+from beadwave.workflows.scene.scene_table import (
     Count,
     Density,
     NonNegative,
@@ -23,7 +23,7 @@ from workflows.scene.scene_table import (
     Young,
     one_or_each,
 )
-from workflows.scene.units import (
+from beadwave.workflows.scene.units import (
     FORCE,
     LENGTH,
     MASS,

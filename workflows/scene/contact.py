@@ -4,8 +4,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from workflows.scene.named_files import FileName
-from workflows.scene.scene_table import (
+from beadwave.workflows.scene.named_files import FileName
+from beadwave.workflows.scene.scene_table import (
     NonNegative,
     Positive,
     SceneTable,
@@ -13,7 +13,7 @@ from workflows.scene.scene_table import (
     one_or_each,
     si_of,
 )
-from workflows.scene.units import (
+from beadwave.workflows.scene.units import (
     DASHPOT,
     SLOWNESS,
 )

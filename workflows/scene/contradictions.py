@@ -5,7 +5,7 @@ from math import isinf
 from pathlib import Path
 from typing import NamedTuple
 
-from workflows.scene import (
+from beadwave.workflows.scene import (
     LossFactorsTable,
     MeasuredWall,
     ModalDampingTable,
@@ -13,8 +13,8 @@ from workflows.scene import (
     RomWall,
     Scene,
 )
-from workflows.scene.bodies import General
-from workflows.scene.body_contradictions import (
+from beadwave.workflows.scene.bodies import General
+from beadwave.workflows.scene.body_contradictions import (
     of_bending,
     of_bodies,
     of_masses,
@@ -23,12 +23,12 @@ from workflows.scene.body_contradictions import (
     of_test_axes,
     of_the_rig,
 )
-from workflows.scene.friction_contradictions import of_friction, of_gravity
-from workflows.scene.named_files import unfit
-from workflows.scene.sensor_contradictions import of_sensors
-from workflows.scene.shaker_contradictions import of_shakers
-from workflows.scene.size import too_large
-from workflows.scene.walls import gives_way
+from beadwave.workflows.scene.friction_contradictions import of_friction, of_gravity
+from beadwave.workflows.scene.named_files import unfit
+from beadwave.workflows.scene.sensor_contradictions import of_sensors
+from beadwave.workflows.scene.shaker_contradictions import of_shakers
+from beadwave.workflows.scene.size import too_large
+from beadwave.workflows.scene.walls import gives_way
 
 
 class SceneLimits(NamedTuple):
@@ -210,7 +210,7 @@ def _of_modes(scene: Scene) -> Iterator[str]:
                 'none; take damping.kind = "modal".'
             )
     if isinstance(scene.damping, RayleighDampingTable) and scene.damping.frequency:
-        import coupling
+        from beadwave import coupling
 
         (f1, f2), (zeta1, zeta2) = scene.damping.frequency, scene.damping.ratio
         try:

@@ -4,15 +4,15 @@ from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, model_validator
 
-from workflows.scene.quantities import of
-from workflows.scene.scene_table import (
+from beadwave.workflows.scene.quantities import of
+from beadwave.workflows.scene.scene_table import (
     Frequency,
     NonNegative,
     Ratio,
     SceneTable,
     one_or_each,
 )
-from workflows.scene.units import (
+from beadwave.workflows.scene.units import (
     RATE,
     TIME,
 )

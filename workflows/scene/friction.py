@@ -9,15 +9,15 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from workflows.scene.quantities import of
-from workflows.scene.scene_table import (
+from beadwave.workflows.scene.quantities import of
+from beadwave.workflows.scene.scene_table import (
     NonNegative,
     SceneTable,
     Spring,
     TurnSpring,
     one_or_each,
 )
-from workflows.scene.units import INERTIA
+from beadwave.workflows.scene.units import INERTIA
 
 
 class Friction(SceneTable):

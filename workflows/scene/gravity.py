@@ -6,14 +6,14 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, model_validator
 
-from workflows.scene.quantities import of
-from workflows.scene.scene_table import (
+from beadwave.workflows.scene.quantities import of
+from beadwave.workflows.scene.scene_table import (
     NonNegative,
     Positive,
     SceneTable,
     one_or_each,
 )
-from workflows.scene.units import ACCELERATION, FORCE
+from beadwave.workflows.scene.units import ACCELERATION, FORCE
 
 
 class Gravity(SceneTable):

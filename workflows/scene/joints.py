@@ -1,6 +1,6 @@
 """[joints]: springs and dashpots between the bodies of an assembly."""
 
-from workflows.scene.scene_table import (
+from beadwave.workflows.scene.scene_table import (
     Dashpot,
     SceneTable,
     Spring,

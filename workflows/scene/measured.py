@@ -6,12 +6,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from workflows.scene.named_files import FileName
-from workflows.scene.quantities import of
-from workflows.scene.scene_table import Count, Frequency, Point, Positive, SceneTable
-from workflows.scene.shakers import Face
-from workflows.scene.springs import Stiffness
-from workflows.scene.units import LENGTH
+from beadwave.workflows.scene.named_files import FileName
+from beadwave.workflows.scene.quantities import of
+from beadwave.workflows.scene.scene_table import Count, Frequency, Point, Positive, SceneTable
+from beadwave.workflows.scene.shakers import Face
+from beadwave.workflows.scene.springs import Stiffness
+from beadwave.workflows.scene.units import LENGTH
 
 SEVERAL = Field(strict=False, min_length=1)
 

@@ -2,15 +2,15 @@
 
 from typing import Literal
 
-from workflows.scene.named_files import FileName
-from workflows.scene.quantities import of
-from workflows.scene.scene_table import (
+from beadwave.workflows.scene.named_files import FileName
+from beadwave.workflows.scene.quantities import of
+from beadwave.workflows.scene.scene_table import (
     Frequency,
     Positive,
     SceneTable,
     Seed,
 )
-from workflows.scene.units import (
+from beadwave.workflows.scene.units import (
     MASS,
 )
 

@@ -13,9 +13,9 @@ from typing import Annotated, Any, get_args
 
 from pydantic import AfterValidator, BaseModel
 
-from workflows.scene.memory import free_memory
-from workflows.scene.scene_table import InvalidScene, SceneTable
-from workflows.scene.shown import shown
+from beadwave.workflows.scene.memory import free_memory
+from beadwave.workflows.scene.scene_table import InvalidScene, SceneTable
+from beadwave.workflows.scene.shown import shown
 
 ALWAYS_READ = 1e7  # bytes of a file that is read whatever the memory
 LONGEST_PATH, LONGEST_NAME = 4096, 255  # bytes of a path, and of a name in it

@@ -1,8 +1,8 @@
 """Checks that a scene has the parts that a command needs: each returns it or raises
 InvalidScene."""
 
-from workflows.scene.scene import Scene
-from workflows.scene.scene_table import InvalidScene
+from beadwave.workflows.scene.scene import Scene
+from beadwave.workflows.scene.scene_table import InvalidScene
 
 
 def with_chain(scene: Scene) -> Scene:

@@ -2,10 +2,10 @@
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from workflows.scene.walls import RomWall
+from beadwave.workflows.scene.walls import RomWall
 
 if TYPE_CHECKING:
-    from workflows.scene.scene import Scene
+    from beadwave.workflows.scene.scene import Scene
 
 RADIUS = 5e-3  # m, of a shaker's and a sensor's patch where the scene gives none: assumed
 MIDDLE = (0.0, 0.0)

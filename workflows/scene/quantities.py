@@ -14,7 +14,7 @@ from typing import Annotated, Any, NamedTuple, get_args
 
 from pydantic import BaseModel, BeforeValidator
 
-from workflows.scene.units import Kind, in_si, number_of
+from beadwave.workflows.scene.units import Kind, in_si, number_of
 
 
 class Quantity(NamedTuple):

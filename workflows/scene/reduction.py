@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from workflows.scene.scene_table import (
+from beadwave.workflows.scene.scene_table import (
     Count,
     Limit,
     PatchRadius,

@@ -18,13 +18,13 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from workflows.scene.bodies import General, Meshing
-from workflows.scene.mesh import Mesh
-from workflows.scene.quantities import Quantity, quantity_of
-from workflows.scene.rig import RigTable
-from workflows.scene.scene import Scene
-from workflows.scene.scene_table import InvalidScene, nearest
-from workflows.scene.toml import INSTEAD
+from beadwave.workflows.scene.bodies import General, Meshing
+from beadwave.workflows.scene.mesh import Mesh
+from beadwave.workflows.scene.quantities import Quantity, quantity_of
+from beadwave.workflows.scene.rig import RigTable
+from beadwave.workflows.scene.scene import Scene
+from beadwave.workflows.scene.scene_table import InvalidScene, nearest
+from beadwave.workflows.scene.toml import INSTEAD
 
 # what the tables are whose kind the scene decides
 KIND = "which of the tables below it is"

@@ -31,7 +31,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from pydantic import Field, create_model
 
-from workflows.scene.bodies import (
+from beadwave.workflows.scene.bodies import (
     SHARE,
     BodyTable,
     Bolts,
@@ -45,12 +45,12 @@ from workflows.scene.bodies import (
     Strike,
     Tied,
 )
-from workflows.scene.joints import JointStiffnesses
-from workflows.scene.quantities import of
-from workflows.scene.scene import Scene
-from workflows.scene.scene_table import Density, InvalidScene, SceneTable
-from workflows.scene.units import LENGTH
-from workflows.thesis import HAMMER_TEST
+from beadwave.workflows.scene.joints import JointStiffnesses
+from beadwave.workflows.scene.quantities import of
+from beadwave.workflows.scene.scene import Scene
+from beadwave.workflows.scene.scene_table import Density, InvalidScene, SceneTable
+from beadwave.workflows.scene.units import LENGTH
+from beadwave.workflows.thesis import HAMMER_TEST
 
 PARTS = ("block", "sheets", "sheets_support", "support", "plate")
 SIDES = {"sheet-y": -1.0, "sheet+y": 1.0}

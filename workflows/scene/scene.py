@@ -4,9 +4,9 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from workflows.scene.axes_of_test import AxesOfTest
-from workflows.scene.bending import Beam, BendingPlateTable
-from workflows.scene.bodies import (
+from beadwave.workflows.scene.axes_of_test import AxesOfTest
+from beadwave.workflows.scene.bending import Beam, BendingPlateTable
+from beadwave.workflows.scene.bodies import (
     GROUND,
     BodyName,
     BodyTable,
@@ -19,23 +19,23 @@ from workflows.scene.bodies import (
     Tied,
     fitting,
 )
-from workflows.scene.chain import ChainTable, LeafSpringsTable, Preload, Striker
-from workflows.scene.contact import ContactTable
-from workflows.scene.damping import Damping
-from workflows.scene.friction import Arm, Friction
-from workflows.scene.gravity import Gravity, Guides
-from workflows.scene.joints import Joints, JointStiffnesses
-from workflows.scene.masses import MassTable
-from workflows.scene.measured import MeasuredTable
-from workflows.scene.mesh import Standing
-from workflows.scene.named_materials import NUMBERS, named_material
-from workflows.scene.reduction import Patch, Reduction
-from workflows.scene.scene_table import SceneTable
-from workflows.scene.sensors import Output
-from workflows.scene.shakers import Shaker
-from workflows.scene.springs import SpringTable
-from workflows.scene.time import Time
-from workflows.scene.walls import Wall
+from beadwave.workflows.scene.chain import ChainTable, LeafSpringsTable, Preload, Striker
+from beadwave.workflows.scene.contact import ContactTable
+from beadwave.workflows.scene.damping import Damping
+from beadwave.workflows.scene.friction import Arm, Friction
+from beadwave.workflows.scene.gravity import Gravity, Guides
+from beadwave.workflows.scene.joints import Joints, JointStiffnesses
+from beadwave.workflows.scene.masses import MassTable
+from beadwave.workflows.scene.measured import MeasuredTable
+from beadwave.workflows.scene.mesh import Standing
+from beadwave.workflows.scene.named_materials import NUMBERS, named_material
+from beadwave.workflows.scene.reduction import Patch, Reduction
+from beadwave.workflows.scene.scene_table import SceneTable
+from beadwave.workflows.scene.sensors import Output
+from beadwave.workflows.scene.shakers import Shaker
+from beadwave.workflows.scene.springs import SpringTable
+from beadwave.workflows.scene.time import Time
+from beadwave.workflows.scene.walls import Wall
 
 LONGEST_NAME = 50  # four bytes a letter and an ending fit in the 255 of a file's name
 Several = Field(strict=False)

@@ -25,9 +25,9 @@ from pydantic import (
     model_validator,
 )
 
-from workflows.scene.quantities import of
-from workflows.scene.shown import clipped
-from workflows.scene.units import (
+from beadwave.workflows.scene.quantities import of
+from beadwave.workflows.scene.shown import clipped
+from beadwave.workflows.scene.units import (
     DASHPOT,
     DENSITY,
     FREQUENCY,

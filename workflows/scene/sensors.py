@@ -5,9 +5,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from workflows.scene.quantities import of
-from workflows.scene.reduction import TO_HZ, Reduction
-from workflows.scene.scene_table import (
+from beadwave.workflows.scene.quantities import of
+from beadwave.workflows.scene.reduction import TO_HZ, Reduction
+from beadwave.workflows.scene.scene_table import (
     Count,
     Frequency,
     Number,
@@ -17,8 +17,8 @@ from workflows.scene.scene_table import (
     SceneTable,
     si_of,
 )
-from workflows.scene.shakers import Direction
-from workflows.scene.units import (
+from beadwave.workflows.scene.shakers import Direction
+from beadwave.workflows.scene.units import (
     ACCELERATION,
     DISPLACEMENT,
     FORCE,

@@ -6,9 +6,9 @@ from re import fullmatch
 
 import numpy as np
 
-from workflows.scene.scene import Scene
-from workflows.scene.shakers import AMPLITUDES, AXES, FACE, MOST_CYCLES, Shaker
-from workflows.scene.walls import RomWall
+from beadwave.workflows.scene.scene import Scene
+from beadwave.workflows.scene.shakers import AMPLITUDES, AXES, FACE, MOST_CYCLES, Shaker
+from beadwave.workflows.scene.walls import RomWall
 
 
 def _of_wall(shaker: Shaker, key: str) -> Iterator[str]:

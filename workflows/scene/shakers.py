@@ -10,9 +10,16 @@ from typing import Annotated
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from workflows.scene.quantities import of
-from workflows.scene.scene_table import Frequency, Number, Point, Positive, SceneTable
-from workflows.scene.units import ACCELERATION, DISPLACEMENT, FORCE, LENGTH, STIFFNESS, VELOCITY
+from beadwave.workflows.scene.quantities import of
+from beadwave.workflows.scene.scene_table import Frequency, Number, Point, Positive, SceneTable
+from beadwave.workflows.scene.units import (
+    ACCELERATION,
+    DISPLACEMENT,
+    FORCE,
+    LENGTH,
+    STIFFNESS,
+    VELOCITY,
+)
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 FACE = r"^[^:@*#]+[:@].+$"  # a face of a body: "block:-x", "block@x,y,z"

@@ -1,11 +1,11 @@
 """What the tables of [bodies] draw, as `geometry` has it: shapes and grid lines."""
 
-from geometry.errors import InvalidGeometry
-from geometry.grid_lines import Stop, refined
-from geometry.lined import Lines, Ring
-from geometry.shapes import Box, Cylinder, Hole, RadialHole, Shape, Slab
-from workflows.scene.bodies import BodyTable
-from workflows.scene.scene import Scene
+from beadwave.geometry.errors import InvalidGeometry
+from beadwave.geometry.grid_lines import Stop, refined
+from beadwave.geometry.lined import Lines, Ring
+from beadwave.geometry.shapes import Box, Cylinder, Hole, RadialHole, Shape, Slab
+from beadwave.workflows.scene.bodies import BodyTable
+from beadwave.workflows.scene.scene import Scene
 
 
 def grid_lines(scene: Scene, scale: float = 1.0) -> dict[str, Lines]:

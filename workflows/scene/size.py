@@ -6,7 +6,7 @@ A run's peak memory, stage upon stage, of bodies of N_i unknowns, N = sum N_i (b
 
 for imported packages; K and M of bodies and assembly, and the arrays that they are made from; a
 factor with its fronts, as nested dissection fills it in a solid; Lanczos vectors, constraint modes
-and mode shapes. The runs of tests/test_workflows_memory.py, of 49 000 to a million unknowns, took
+and mode shapes. The runs of tests/workflows/test_memory.py, of 49 000 to a million unknowns, took
 0.8 to 0.95 times as much. The time from mesh to reduced model on one core is
 
     start + solved N^(4/3),
@@ -20,8 +20,8 @@ from importlib.util import find_spec
 from math import log, pi, prod
 from typing import NamedTuple
 
-from workflows.scene import Scene
-from workflows.scene.memory import free_memory
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.scene.memory import free_memory
 
 
 class RunLimits(NamedTuple):
@@ -154,8 +154,8 @@ def _too_fine(scene: Scene) -> Iterator[str]:
 def foreseen_nodes(scene: Scene) -> dict[str, float]:
     """Nodes that the program's own mesh will have, by body: counted along prescribed grid lines,
     within a third for tetrahedra of boxes and plates; empty where only meshing tells."""
-    from geometry.size import n_nodes, n_nodes_of_tetrahedra
-    from workflows.scene.shapes import grid_lines, shapes
+    from beadwave.geometry.size import n_nodes, n_nodes_of_tetrahedra
+    from beadwave.workflows.scene.shapes import grid_lines, shapes
 
     whole = scene.written_out
     scale, drawn, lines = whole.mesh.scale, shapes(whole), grid_lines(whole, whole.mesh.scale)

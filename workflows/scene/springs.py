@@ -5,11 +5,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
-from workflows.scene.bodies import GROUND
-from workflows.scene.quantities import of
-from workflows.scene.scene_table import Dashpot, Point, Positive, SceneTable
-from workflows.scene.shakers import AXES, FACE, Direction, Face
-from workflows.scene.units import LENGTH, STIFFNESS
+from beadwave.workflows.scene.bodies import GROUND
+from beadwave.workflows.scene.quantities import of
+from beadwave.workflows.scene.scene_table import Dashpot, Point, Positive, SceneTable
+from beadwave.workflows.scene.shakers import AXES, FACE, Direction, Face
+from beadwave.workflows.scene.units import LENGTH, STIFFNESS
 
 ALONG = "k"  # the key of a stiffness along one direction
 KEYS = ("kx", "ky", "kz", ALONG)

@@ -4,13 +4,13 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
-from workflows.scene.quantities import of
-from workflows.scene.scene_table import (
+from beadwave.workflows.scene.quantities import of
+from beadwave.workflows.scene.scene_table import (
     Positive,
     SceneTable,
     exactly_one,
 )
-from workflows.scene.units import (
+from beadwave.workflows.scene.units import (
     TIME,
 )
 

@@ -9,7 +9,7 @@ from typing import Any
 import tomli_w
 from pydantic import BaseModel, ValidationError
 
-from workflows.scene import (
+from beadwave.workflows.scene import (
     ContactTable,
     InvalidScene,
     Joints,
@@ -22,16 +22,16 @@ from workflows.scene import (
     Scene,
     Time,
 )
-from workflows.scene.allowed_words import allowed_words, wanted_values
-from workflows.scene.bodies import SHAPES, General, Meshing
-from workflows.scene.contradictions import contradictions
-from workflows.scene.fall import fallen
-from workflows.scene.named_files import in_folder
-from workflows.scene.named_materials import NUMBERS, named_material
-from workflows.scene.quantities import entries, implausible, unusual_keys
-from workflows.scene.rig import RigTable, check
-from workflows.scene.scene_table import nearest
-from workflows.scene.shown import shown
+from beadwave.workflows.scene.allowed_words import allowed_words, wanted_values
+from beadwave.workflows.scene.bodies import SHAPES, General, Meshing
+from beadwave.workflows.scene.contradictions import contradictions
+from beadwave.workflows.scene.fall import fallen
+from beadwave.workflows.scene.named_files import in_folder
+from beadwave.workflows.scene.named_materials import NUMBERS, named_material
+from beadwave.workflows.scene.quantities import entries, implausible, unusual_keys
+from beadwave.workflows.scene.rig import RigTable, check
+from beadwave.workflows.scene.scene_table import nearest
+from beadwave.workflows.scene.shown import shown
 
 Change = str | tuple[str, Any]  # "key=value" as --set takes it, or a dotted key and its value
 GENERAL = General.model_fields.keys()  # keys of an assembly of bodies

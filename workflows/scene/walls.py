@@ -7,10 +7,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, model_validator
 
-from workflows.scene.named_files import FileName
-from workflows.scene.named_materials import of_named_material, with_numbers
-from workflows.scene.quantities import of
-from workflows.scene.scene_table import (
+from beadwave.workflows.scene.named_files import FileName
+from beadwave.workflows.scene.named_materials import of_named_material, with_numbers
+from beadwave.workflows.scene.quantities import of
+from beadwave.workflows.scene.scene_table import (
     Count,
     Density,
     Frequency,
@@ -24,7 +24,7 @@ from workflows.scene.scene_table import (
     YieldStress,
     Young,
 )
-from workflows.scene.units import (
+from beadwave.workflows.scene.units import (
     COMPLIANCE,
     DASHPOT,
     LENGTH,

@@ -3,16 +3,15 @@
 import numpy as np
 from numpy.typing import NDArray
 
-import fem
-import fem.tuning
-import rom
-from fem.assembly_modes import AssemblyModes, assembly_modes
-from fem.model import Constrained, constrained
-from workflows.scene import InvalidScene, Scene
-from workflows.scene.places import mass_face, spring_face
-from workflows.stages import bodies, strike
-from workflows.stages.parts import STRIKE, Parts
-from workflows.stages.targets import targets
+from beadwave import fem, rom
+from beadwave.fem import tuning
+from beadwave.fem.assembly_modes import AssemblyModes, assembly_modes
+from beadwave.fem.model import Constrained, constrained
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.scene.places import mass_face, spring_face
+from beadwave.workflows.stages import bodies, strike
+from beadwave.workflows.stages.parts import STRIKE, Parts
+from beadwave.workflows.stages.targets import targets
 
 
 def mesh(scene: Scene, coarser: float = 1.0) -> Parts:
@@ -28,7 +27,7 @@ def model(scene: Scene, mesh: Parts, fits: dict[str, rom.MatrixFit] | None = Non
     structure = _with_springs(scene, mesh, structure)
     if scene.measured:
         # only these scenes pay for the reader of tests
-        from workflows.stages.measured_parts import with_parts
+        from beadwave.workflows.stages.measured_parts import with_parts
 
         structure = with_parts(scene, mesh, structure, fits)
     below = scene.table and fem.SwayingTable(scene.table.frequency, scene.table.mass)
@@ -197,6 +196,6 @@ def struck(scene: Scene) -> str:
     return f"{scene.struck_body}:{STRIKE}"
 
 
-def tuning_basis(scene: Scene, model: fem.Model) -> fem.tuning.TuningBasis:
+def tuning_basis(scene: Scene, model: fem.Model) -> tuning.TuningBasis:
     """The assembly projected on the shapes that joints can move."""
-    return fem.tuning.tuning_basis(model, targets(scene, model))
+    return tuning.tuning_basis(model, targets(scene, model))

@@ -17,16 +17,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-import coupling
-import fem
-import rom
-from fem.assembly_modes import SHOWN, AssemblyModes
-from fem.mode_field import ModeField
-from workflows.scene import InvalidScene, Scene
-from workflows.stages.chain import Start
-from workflows.stages.errors import observed, velocities
-from workflows.stages.reduction import SecondModel, selection
-from workflows.stages.walls import wall_of
+from beadwave import coupling, fem, rom
+from beadwave.fem.assembly_modes import SHOWN, AssemblyModes
+from beadwave.fem.mode_field import ModeField
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.stages.chain import Start
+from beadwave.workflows.stages.errors import observed, velocities
+from beadwave.workflows.stages.reduction import SecondModel, selection
+from beadwave.workflows.stages.walls import wall_of
 
 FINER = 2**-0.5  # length of the second mesh's elements over those of the run's, see above
 ORDER = 4.0  # of the mesh error, at least, see above

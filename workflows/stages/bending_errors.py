@@ -6,18 +6,17 @@ elements, and those of other theories of bending, whose shares add up.
 
 import numpy as np
 
-import coupling
-import rom
-from dem.waves.chain_waves import ChainWaves
-from fem.assembly_modes import AssemblyModes
-from fem.correlation import RIGID
-from workflows.report.summary import NumberError, QuantityErrors
-from workflows.scene import Scene
-from workflows.stages.chain import Start
-from workflows.stages.errors import mesh_error
-from workflows.stages.number_errors import MarchedPair, numbers_with_errors, with_errors
-from workflows.stages.quantity_errors import marched, of_reduction
-from workflows.stages.reduction import SecondModel
+from beadwave import coupling, rom
+from beadwave.dem.waves.chain_waves import ChainWaves
+from beadwave.fem.assembly_modes import AssemblyModes
+from beadwave.fem.correlation import RIGID
+from beadwave.workflows.report.summary import NumberError, QuantityErrors
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages.chain import Start
+from beadwave.workflows.stages.errors import mesh_error
+from beadwave.workflows.stages.number_errors import MarchedPair, numbers_with_errors, with_errors
+from beadwave.workflows.stages.quantity_errors import marched, of_reduction
+from beadwave.workflows.stages.reduction import SecondModel
 
 
 def quantity_errors(

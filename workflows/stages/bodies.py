@@ -13,22 +13,21 @@ from pathlib import Path
 
 import numpy as np
 
-import fem
-import geometry.joints
-from geometry import InvalidGeometry
-from geometry.contacts import TouchingPair
-from geometry.drawing import Drawing, Sizing, drawn, meshed
-from geometry.joints import JointWords, Picked, TieWords, Words, picked
-from geometry.lined import lined_meshes
-from workflows.files.mesh import volumes_of
-from workflows.files.step import require_step
-from workflows.scene import InvalidScene, Scene
-from workflows.scene.bodies import GROUND, SHARE, Solid, UnderTable
-from workflows.scene.places import named_faces, part_face, spring_face
-from workflows.scene.shapes import grid_lines, shapes
-from workflows.scene.size import too_large_mesh
-from workflows.stages.parts import STRIKE, Parts
-from workflows.stages.strike import around, struck
+from beadwave import fem
+from beadwave.geometry import InvalidGeometry
+from beadwave.geometry.contacts import TouchingPair
+from beadwave.geometry.drawing import Drawing, Sizing, drawn, meshed
+from beadwave.geometry.joints import JointWords, Picked, TieWords, Under, Words, picked
+from beadwave.geometry.lined import lined_meshes
+from beadwave.workflows.files.mesh import volumes_of
+from beadwave.workflows.files.step import require_step
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.scene.bodies import GROUND, SHARE, Solid, UnderTable
+from beadwave.workflows.scene.places import named_faces, part_face, spring_face
+from beadwave.workflows.scene.shapes import grid_lines, shapes
+from beadwave.workflows.scene.size import too_large_mesh
+from beadwave.workflows.stages.parts import STRIKE, Parts
+from beadwave.workflows.stages.strike import around, struck
 
 
 @contextmanager
@@ -95,8 +94,8 @@ def words(scene: Scene) -> Words:
     )
 
 
-def _under(table: UnderTable) -> geometry.joints.Under:
-    return geometry.joints.Under(table.at, table.radius, table.sides)
+def _under(table: UnderTable) -> Under:
+    return Under(table.at, table.radius, table.sides)
 
 
 def parts(scene: Scene, coarser: float = 1.0) -> Parts:

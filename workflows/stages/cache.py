@@ -19,9 +19,9 @@ from joblib import Memory, register_store_backend
 from joblib import __version__ as joblib_version
 from joblib.memory import FileSystemStoreBackend
 
-from workflows.files import whole_file
-from workflows.files.cache_folder import OWN, cache_folder, own_folders
-from workflows.stages.sources import fingerprint
+from beadwave.workflows.files import whole_file
+from beadwave.workflows.files.cache_folder import OWN, cache_folder, own_folders
+from beadwave.workflows.stages.sources import fingerprint
 
 LIBRARIES = ("numpy", "scipy", "numba", "scikit-fem", "gmsh")
 LIMIT = "8G"  # of all results; the oldest ones go first

@@ -4,14 +4,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-import coupling
-import dem
-from dem import spheres
-from dem.kernels.laws import ELASTIC_LAWS, SHAPE_PARAMETERS
-from workflows.files.force_file import force_table
-from workflows.scene import ContactTable, InvalidScene, RigidWall, RomWall, Scene
-from workflows.scene.gravity import friction
-from workflows.stages.walls import simple_wall
+from beadwave import coupling, dem
+from beadwave.dem import spheres
+from beadwave.dem.kernels.laws import ELASTIC_LAWS, SHAPE_PARAMETERS
+from beadwave.workflows.files.force_file import force_table
+from beadwave.workflows.scene import ContactTable, InvalidScene, RigidWall, RomWall, Scene
+from beadwave.workflows.scene.gravity import friction
+from beadwave.workflows.stages.walls import simple_wall
 
 STEEL = dem.Flat(210e9, 0.3)  # Pa; material of a wall whose file and scene state none
 

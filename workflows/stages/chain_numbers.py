@@ -8,20 +8,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import coupling
-import dem
-from coupling.saved_run import arrays
-from dem.waves.chain_waves import ChainWaves
-from workflows.files.npz import npz
-from workflows.report.summary import ChainNumbers
-from workflows.scene import Scene
-from workflows.stages import warnings
-from workflows.stages.chain import Start, contact_radius
-from workflows.stages.waves import chain_contact, sphere_waves
+from beadwave import coupling, dem
+from beadwave.coupling.saved_run import arrays
+from beadwave.dem.waves.chain_waves import ChainWaves
+from beadwave.workflows.files.npz import npz
+from beadwave.workflows.report.summary import ChainNumbers
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages import warnings
+from beadwave.workflows.stages.chain import Start, contact_radius
+from beadwave.workflows.stages.waves import chain_contact, sphere_waves
 
 if TYPE_CHECKING:
-    from coupling.sensor_record import SensorRecord  # scipy's filters, a second
-    from dem.lateral import LateralTrajectory
+    from beadwave.coupling.sensor_record import SensorRecord  # scipy's filters, a second
+    from beadwave.dem.lateral import LateralTrajectory
 
 
 def chain_numbers(
@@ -68,7 +67,7 @@ def chain_files(
     signals.csv where sensors record, by name."""
     files = {"trajectory.npz": npz(arrays(impact.trajectory, wall, lateral))}
     if record is not None:
-        from workflows.stages.signals import csv_text
+        from beadwave.workflows.stages.signals import csv_text
 
         files["signals.csv"] = csv_text(scene, record).encode()
     return files

@@ -9,12 +9,12 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
-import dem
-from workflows.scene import LossFactorsTable, ModalDampingTable, Scene
-from workflows.stages.chain import start
-from workflows.stages.impact import impact
-from workflows.stages.pipeline import couples, needs_structure
-from workflows.stages.walls import wall_of
+from beadwave import dem
+from beadwave.workflows.scene import LossFactorsTable, ModalDampingTable, Scene
+from beadwave.workflows.stages.chain import start
+from beadwave.workflows.stages.impact import impact
+from beadwave.workflows.stages.pipeline import couples, needs_structure
+from beadwave.workflows.stages.walls import wall_of
 
 BRIEF = {"duration": 20e-6, "horizon": 20e-6}  # [s] a few steps
 
@@ -30,7 +30,7 @@ def compilation(scene: Scene) -> NDArray[np.float64]:
         return np.empty(0)
     if needs_structure(scene):
         # a model of two modes with the same fields as the reduced one calls the same kernels
-        import rom
+        from beadwave import rom
 
         K, M = 1e7 * np.array([[2.0, -1.0], [-1.0, 2.0]]), np.eye(2)
         reduced = rom.full_order(K, M, np.array([1.0, 0.0]))

@@ -3,18 +3,18 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import coupling
-from workflows.scene import (
+from beadwave import coupling
+from beadwave.workflows.scene import (
     Damping,
     InvalidScene,
     LossFactorsTable,
     ModalDampingTable,
     RayleighDampingTable,
 )
-from workflows.thesis import HAMMER_TEST_HZ
+from beadwave.workflows.thesis import HAMMER_TEST_HZ
 
 if TYPE_CHECKING:
-    import rom
+    from beadwave import rom
 
 
 def damping(table: Damping, reduced: "rom.ReducedModel") -> coupling.Damping | None:
@@ -34,7 +34,7 @@ def damping(table: Damping, reduced: "rom.ReducedModel") -> coupling.Damping | N
 
 def law_of_loss(table: LossFactorsTable, strain: "rom.StrainShares") -> coupling.Damping:
     """Damping law of loss factors; raises InvalidScene for names that are not of the assembly."""
-    from fem.loss_factors import damping_ratios_of  # a simple wall loads no elements
+    from beadwave.fem.loss_factors import damping_ratios_of  # a simple wall loads no elements
 
     for name in table.factors:
         if name not in strain.parts:

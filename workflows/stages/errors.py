@@ -24,19 +24,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-import coupling
-import dem
-import fem
-import geometry
-import rom
-from fem.assembly_modes import N_MODES
-from workflows.scene import Scene
-from workflows.scene.reduction import TO_HZ
-from workflows.stages import assembly as stages
-from workflows.stages.chain import Start
-from workflows.stages.parts import Parts
-from workflows.stages.reduction import SecondModel, contact_of
-from workflows.stages.walls import wall_of
+from beadwave import coupling, dem, fem, geometry, rom
+from beadwave.fem.assembly_modes import N_MODES
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.scene.reduction import TO_HZ
+from beadwave.workflows.stages import assembly as stages
+from beadwave.workflows.stages.chain import Start
+from beadwave.workflows.stages.parts import Parts
+from beadwave.workflows.stages.reduction import SecondModel, contact_of
+from beadwave.workflows.stages.walls import wall_of
 
 COARSER = 2.0  # times the element size
 ORDER = 1.5  # of the mesh's error; see above for what the errors stated are with it

@@ -12,27 +12,26 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
-import fem
-import rom
-from coupling.damping import Damping, damping_ratios
-from coupling.many_contacts import Walls
-from dem import Wall
-from fem.trace import OffFace
-from rom import floating
-from rom.factorisation import Pencil, symmetric
-from rom.lanczos import EigenPairs, modes_below
-from workflows.scene import InvalidScene, LossFactorsTable, ModalDampingTable, Scene
-from workflows.scene.reduction import TO_HZ
-from workflows.stages import assembly as stages
-from workflows.stages.assembly import solid, struck
-from workflows.stages.chain import Start, start
-from workflows.stages.damping import damping_law
-from workflows.stages.errors import of_few_elements, other_mesh
-from workflows.stages.loss_factors import structure_damping
-from workflows.stages.mesh_error import energy_in, without_missed
-from workflows.stages.parts import Parts
-from workflows.stages.pipeline import Pipeline, Stage, pipeline_of, tables_of
-from workflows.thesis import HAMMER_TEST_HZ
+from beadwave import fem, rom
+from beadwave.coupling.damping import Damping, damping_ratios
+from beadwave.coupling.many_contacts import Walls
+from beadwave.dem import Wall
+from beadwave.fem.trace import OffFace
+from beadwave.rom import floating
+from beadwave.rom.factorisation import Pencil, symmetric
+from beadwave.rom.lanczos import EigenPairs, modes_below
+from beadwave.workflows.scene import InvalidScene, LossFactorsTable, ModalDampingTable, Scene
+from beadwave.workflows.scene.reduction import TO_HZ
+from beadwave.workflows.stages import assembly as stages
+from beadwave.workflows.stages.assembly import solid, struck
+from beadwave.workflows.stages.chain import Start, start
+from beadwave.workflows.stages.damping import damping_law
+from beadwave.workflows.stages.errors import of_few_elements, other_mesh
+from beadwave.workflows.stages.loss_factors import structure_damping
+from beadwave.workflows.stages.mesh_error import energy_in, without_missed
+from beadwave.workflows.stages.parts import Parts
+from beadwave.workflows.stages.pipeline import Pipeline, Stage, pipeline_of, tables_of
+from beadwave.workflows.thesis import HAMMER_TEST_HZ
 
 
 class FaceOptions(NamedTuple):

@@ -5,19 +5,19 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from coupling import Impact
-from dem.waves.chain_waves import ChainWaves
-from dem.waves.labels import Label
-from dem.waves.tracks import WaveTrack
-from workflows.files.run_folder import Picture
-from workflows.report import plots
-from workflows.report.page_data import ledger
-from workflows.report.plots import Line, Panel
-from workflows.scene import Scene
+from beadwave.coupling import Impact
+from beadwave.dem.waves.chain_waves import ChainWaves
+from beadwave.dem.waves.labels import Label
+from beadwave.dem.waves.tracks import WaveTrack
+from beadwave.workflows.files.run_folder import Picture
+from beadwave.workflows.report import plots
+from beadwave.workflows.report.page_data import ledger
+from beadwave.workflows.report.plots import Line, Panel
+from beadwave.workflows.scene import Scene
 
 if TYPE_CHECKING:
-    from coupling.sensors import SensorRecord  # scipy's filters, a second
-    from dem.lateral import LateralTrajectory
+    from beadwave.coupling.sensors import SensorRecord  # scipy's filters, a second
+    from beadwave.dem.lateral import LateralTrajectory
 
 
 def of_chain(scene: Scene, impact: Impact, waves: ChainWaves) -> tuple[Picture, ...]:

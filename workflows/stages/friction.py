@@ -14,29 +14,28 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-import coupling
-import dem
-from dem.friction import gross_slip, stick_stiffness, tangential_law
-from dem.lateral import (
+from beadwave import coupling, dem
+from beadwave.dem.friction import gross_slip, stick_stiffness, tangential_law
+from beadwave.dem.lateral import (
     LastSphere,
     LateralSearch,
     LateralTrajectory,
     WallMotion,
     march_lateral,
 )
-from dem.spheres import hertz_overlap, mass
-from workflows.report.summary import ChainNumbers, FrictionNumbers
-from workflows.scene import RomWall, Scene
-from workflows.scene.friction import arm_stiffness
-from workflows.stages import chain_numbers as of_chain
-from workflows.stages import compilation as of_impact
-from workflows.stages import warnings
-from workflows.stages.chain import Start, start
-from workflows.stages.walls import wall_of
+from beadwave.dem.spheres import hertz_overlap, mass
+from beadwave.workflows.report.summary import ChainNumbers, FrictionNumbers
+from beadwave.workflows.scene import RomWall, Scene
+from beadwave.workflows.scene.friction import arm_stiffness
+from beadwave.workflows.stages import chain_numbers as of_chain
+from beadwave.workflows.stages import compilation as of_impact
+from beadwave.workflows.stages import warnings
+from beadwave.workflows.stages.chain import Start, start
+from beadwave.workflows.stages.walls import wall_of
 
 if TYPE_CHECKING:
-    from coupling.sensor_record import SensorRecord  # scipy's filters, a second
-    from dem.waves.chain_waves import ChainWaves
+    from beadwave.coupling.sensor_record import SensorRecord  # scipy's filters, a second
+    from beadwave.dem.waves.chain_waves import ChainWaves
 
 ARRIVED = 0.01  # of a wave's rise of force, at which it has reached the wall; not varied
 ALL_STICKS = 0.999  # share of the area from which the contact sticks; not varied

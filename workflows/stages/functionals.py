@@ -12,14 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import fem
-import rom
-from fem.room import room_on_face
-from fem.trace import OffFace
-from workflows.scene import InvalidScene, Scene
-from workflows.scene.places import Place, has_friction, sensor_places, shaker_places
-from workflows.scene.shakers import AXES
-from workflows.stages.assembly import solid, struck
+from beadwave import fem, rom
+from beadwave.fem.room import room_on_face
+from beadwave.fem.trace import OffFace
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.scene.places import Place, has_friction, sensor_places, shaker_places
+from beadwave.workflows.scene.shakers import AXES
+from beadwave.workflows.stages.assembly import solid, struck
 
 
 def functional(

@@ -11,19 +11,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-import rom
-from workflows.report.summary import (
+from beadwave import rom
+from beadwave.workflows.report.summary import (
     ModeFound,
     NumberError,
     ReductionHealth,
     StructureNumbers,
 )
-from workflows.scene import Scene
-from workflows.stages import warnings
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages import warnings
 
 if TYPE_CHECKING:  # the health of a wall from a file loads no finite elements
-    from fem.assembly_modes import AssemblyModes
-    from workflows.stages.mesh_error import MissedByMesh
+    from beadwave.fem.assembly_modes import AssemblyModes
+    from beadwave.workflows.stages.mesh_error import MissedByMesh
 
 
 def reduction_health(
@@ -91,7 +91,7 @@ def structure_numbers(
     }
     said = list(warnings.of_structure(modes, health))
     if scene.measured:
-        from workflows.stages.measured_parts import sentences
+        from beadwave.workflows.stages.measured_parts import sentences
 
         said += sentences(scene)
     return StructureNumbers(numbers, tuple(said))

@@ -4,11 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-import coupling
-import dem
-from workflows.scene import InvalidScene, RomWall, Scene
-from workflows.stages.chain import Start, start
-from workflows.stages.walls import wall_of
+from beadwave import coupling, dem
+from beadwave.workflows.scene import InvalidScene, RomWall, Scene
+from beadwave.workflows.stages.chain import Start, start
+from beadwave.workflows.stages.walls import wall_of
 
 MOST_WORK = 1e10  # steps times spheres, minutes to an hour
 

@@ -10,16 +10,15 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-import fem
-import rom
-from fem.assembly_modes import N_MODES
-from rom.contact_space import KrylovOptions
-from workflows.scene import Scene
-from workflows.scene.reduction import TO_HZ
-from workflows.stages.assembly import contact
-from workflows.stages.parts import Parts
-from workflows.stages.reduction import selection
-from workflows.stages.targets import targets
+from beadwave import fem, rom
+from beadwave.fem.assembly_modes import N_MODES
+from beadwave.rom.contact_space import KrylovOptions
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.scene.reduction import TO_HZ
+from beadwave.workflows.stages.assembly import contact
+from beadwave.workflows.stages.parts import Parts
+from beadwave.workflows.stages.reduction import selection
+from beadwave.workflows.stages.targets import targets
 
 
 def krylov_space(

@@ -5,16 +5,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-import coupling
-import fem
-from fem.loss_factors import strain_shares
-from workflows.scene import LossFactorsTable, Scene
-from workflows.stages.assembly import dashpots
-from workflows.stages.damping import damping_law, law_of_loss
+from beadwave import coupling, fem
+from beadwave.fem.loss_factors import strain_shares
+from beadwave.workflows.scene import LossFactorsTable, Scene
+from beadwave.workflows.stages.assembly import dashpots
+from beadwave.workflows.stages.damping import damping_law, law_of_loss
 
 if TYPE_CHECKING:
-    import rom
-    from fem.assembly_modes import AssemblyModes
+    from beadwave import rom
+    from beadwave.fem.assembly_modes import AssemblyModes
 
 
 def structure_damping(
@@ -41,7 +40,7 @@ def ratios_of_modes(scene: Scene, model: fem.Model, modes: "AssemblyModes") -> N
 
 def strain_of(scene: Scene, model: fem.Model, modes: "AssemblyModes") -> "rom.StrainShares":
     """Of which materials, joints and springs the strain energy is, of the modes that have some."""
-    import rom
+    from beadwave import rom
 
     whole = scene.written_out
     material = {body: whole.material_name(body) or "" for body in model.structure.basis}

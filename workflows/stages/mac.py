@@ -14,13 +14,12 @@ touches there is tied wholly instead, and the whole assembly is solved.
 import numpy as np
 from numpy.typing import NDArray
 
-import fem
-import fem.tuning
-import rom
-from fem.assembly_modes import N_MODES, AssemblyModes, assembly_modes
-from workflows.scene import Scene
-from workflows.stages.parts import Parts
-from workflows.stages.targets import targets
+from beadwave import fem, rom
+from beadwave.fem import tuning
+from beadwave.fem.assembly_modes import N_MODES, AssemblyModes, assembly_modes
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages.parts import Parts
+from beadwave.workflows.stages.targets import targets
 
 
 def mac(
@@ -41,7 +40,7 @@ def mac(
     if len(model.elongation) and factor is not None and space is not None:
         for n_modes in N_MODES:
             with fem.one_thread():
-                rigid = fem.tuning.rigid_jointed(model, fem.Modes(*space.pairs), factor, n_modes)
+                rigid = tuning.rigid_jointed(model, fem.Modes(*space.pairs), factor, n_modes)
             index = fem.pair(model, rigid, sought).index
             if np.all(index >= 0):
                 break

@@ -9,19 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, eigh
 
-import coupling
-import fem
-import rom
-from fem.assembly_modes import AssemblyModes
-from fem.modes import SHIFT_HZ
-from workflows.scene import Scene
-from workflows.stages import assembly
-from workflows.stages.chain import Start
-from workflows.stages.errors import velocities, wall_model
-from workflows.stages.measured_parts import PartErrorOptions, fitted_part, measured_part
-from workflows.stages.parts import Parts
-from workflows.stages.targets import axes_of_test
-from workflows.stages.walls import wall_of
+from beadwave import coupling, fem, rom
+from beadwave.fem.assembly_modes import AssemblyModes
+from beadwave.fem.modes import SHIFT_HZ
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages import assembly
+from beadwave.workflows.stages.chain import Start
+from beadwave.workflows.stages.errors import velocities, wall_model
+from beadwave.workflows.stages.measured_parts import PartErrorOptions, fitted_part, measured_part
+from beadwave.workflows.stages.parts import Parts
+from beadwave.workflows.stages.targets import axes_of_test
+from beadwave.workflows.stages.walls import wall_of
 
 
 class OtherFits(NamedTuple):

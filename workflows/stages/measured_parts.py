@@ -7,17 +7,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-import fem
-import rom
-from fem.trace import OffFace
-from rom.passive_matrix import refitted
-from workflows.files.measured_part import AXES, PartReceptances, receptances
-from workflows.scene import InvalidScene, Scene
-from workflows.scene.measured import MeasuredTable
-from workflows.scene.places import part_face
-from workflows.stages.cache import key, memory
-from workflows.stages.parts import Parts
-from workflows.stages.targets import axes_of_test
+from beadwave import fem, rom
+from beadwave.fem.trace import OffFace
+from beadwave.rom.passive_matrix import refitted
+from beadwave.workflows.files.measured_part import AXES, PartReceptances, receptances
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.scene.measured import MeasuredTable
+from beadwave.workflows.scene.places import part_face
+from beadwave.workflows.stages.cache import key, memory
+from beadwave.workflows.stages.parts import Parts
+from beadwave.workflows.stages.targets import axes_of_test
 
 # [m] of a measured point from the plane of its face, over the disc's radius, beyond which axes or
 # units are taken to be wrong; chosen, not varied

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Mesh, MeshHex
 
-from workflows.scene import Scene
-from workflows.stages.parts import Parts
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages.parts import Parts
 
 
 class CauseOptions(NamedTuple):

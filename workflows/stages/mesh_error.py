@@ -20,18 +20,17 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshHex
 
-import fem
-import rom
-from fem.assembly_modes import N_MODES, AssemblyModes
-from rom.contact_space import KrylovOptions
-from workflows.scene import InvalidScene, Scene
-from workflows.scene.places import mass_face, part_face, spring_face
-from workflows.scene.reduction import TO_HZ
-from workflows.stages import assembly as stages
-from workflows.stages import errors
-from workflows.stages.mesh_causes import Cause, causes, explanation
-from workflows.stages.parts import Parts
-from workflows.stages.reduction import half_space_at
+from beadwave import fem, rom
+from beadwave.fem.assembly_modes import N_MODES, AssemblyModes
+from beadwave.rom.contact_space import KrylovOptions
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.scene.places import mass_face, part_face, spring_face
+from beadwave.workflows.scene.reduction import TO_HZ
+from beadwave.workflows.stages import assembly as stages
+from beadwave.workflows.stages import errors
+from beadwave.workflows.stages.mesh_causes import Cause, causes, explanation
+from beadwave.workflows.stages.parts import Parts
+from beadwave.workflows.stages.reduction import half_space_at
 
 
 class MeshErrorOptions(NamedTuple):

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-import dem
-from dem.waves.chain_waves import ChainWaves, chain_waves
-from workflows.report.summary import NumberError
-from workflows.scene import Scene
-from workflows.stages.chain import Start
+from beadwave import dem
+from beadwave.dem.waves.chain_waves import ChainWaves, chain_waves
+from beadwave.workflows.report.summary import NumberError
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages.chain import Start
 
 if TYPE_CHECKING:  # a chain before a simple wall loads no reduced model
-    import coupling
+    from beadwave import coupling
 
 
 class QuantityOptions(NamedTuple):

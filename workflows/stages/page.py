@@ -5,10 +5,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from workflows.report.page_data import page_data
-from workflows.report.summary import ChainNumbers, StructureNumbers, Summary
-from workflows.scene import Scene
-from workflows.scene.toml import toml
+from beadwave.workflows.report.page_data import page_data
+from beadwave.workflows.report.summary import ChainNumbers, StructureNumbers, Summary
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.scene.toml import toml
 
 
 def data(

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Mesh
 
-import fem
-from geometry.struck import Struck
+from beadwave import fem
+from beadwave.geometry.struck import Struck
 
 STRIKE = "strike"  # name of the face that the chain leans on
 

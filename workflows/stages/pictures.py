@@ -14,16 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Mesh
 
-import fem
-from fem import mode_field as field_file
-from fem.assembly_modes import AssemblyModes
-from fem.spot import Spot, plane_spot
-from workflows.files.child import child
-from workflows.files.run_folder import NoPicture, Picture
-from workflows.scene import Scene
-from workflows.scene.bodies import GROUND
-from workflows.scene.places import mass_face, part_face, spring_face
-from workflows.stages.parts import Parts
+from beadwave import fem
+from beadwave.fem import mode_field as field_file
+from beadwave.fem.assembly_modes import AssemblyModes
+from beadwave.fem.spot import Spot, plane_spot
+from beadwave.workflows.files.child import child
+from beadwave.workflows.files.run_folder import NoPicture, Picture
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.scene.bodies import GROUND
+from beadwave.workflows.scene.places import mass_face, part_face, spring_face
+from beadwave.workflows.stages.parts import Parts
 
 TIME_LIMIT = 120  # s, of the child; not varied
 
@@ -120,8 +120,8 @@ def _parts(scene: Scene, mesh: Parts) -> Iterator[tuple[str, list[float], list[f
     if not scene.measured:
         return
     # only these scenes pay for the reader of tests
-    from workflows.files.measured_part import receptances
-    from workflows.stages.measured_parts import places_on_face
+    from beadwave.workflows.files.measured_part import receptances
+    from beadwave.workflows.stages.measured_parts import places_on_face
 
     for table in scene.measured:
         spot = _spot(mesh, part_face(table.name), (0.0, 0.0))
@@ -171,7 +171,7 @@ def _rendered(modes: field_file.ModeField, shown: dict[str, Any]) -> tuple[Pictu
     """Pictures of assembly and modes with the fixtures shown, rendered by a child; raises
     NoPicture."""
     fixtures_of = {"bodies": [*modes.meshes]} | shown
-    return rendered("workflows.report.render", modes, fixtures_of, "assembly", "modes")
+    return rendered("beadwave.workflows.report.render", modes, fixtures_of, "assembly", "modes")
 
 
 def rendered(

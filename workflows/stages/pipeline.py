@@ -20,14 +20,14 @@ from typing import Any, NamedTuple
 
 from joblib import Memory
 
-from workflows.files import whole_file
-from workflows.files.foreign import Unreadable, require_memory
-from workflows.scene import InvalidScene, LossFactorsTable, MeasuredWall, RomWall, Scene
-from workflows.scene.named_files import files_of
-from workflows.scene.places import has_friction, named_faces, sensor_places, words_of
-from workflows.scene.size import foreseen_nodes
-from workflows.stages.cache import key, memory
-from workflows.stages.progress import Plan, Progress, quiet
+from beadwave.workflows.files import whole_file
+from beadwave.workflows.files.foreign import Unreadable, require_memory
+from beadwave.workflows.scene import InvalidScene, LossFactorsTable, MeasuredWall, RomWall, Scene
+from beadwave.workflows.scene.named_files import files_of
+from beadwave.workflows.scene.places import has_friction, named_faces, sensor_places, words_of
+from beadwave.workflows.scene.size import foreseen_nodes
+from beadwave.workflows.stages.cache import key, memory
+from beadwave.workflows.stages.progress import Plan, Progress, quiet
 
 
 class Stage(NamedTuple):

@@ -6,17 +6,15 @@ without what the mesh misses. The chain is marched before both.
 
 import numpy as np
 
-import coupling
-import dem
-import rom
-from dem.waves.chain_waves import ChainWaves
-from workflows.report.summary import QuantityErrors
-from workflows.scene import Scene
-from workflows.stages.chain import Start
-from workflows.stages.errors import MARGIN, SHORTER, observed, velocities
-from workflows.stages.mesh_error import MissedByMesh
-from workflows.stages.number_errors import MarchedPair, instants, numbers_with_errors
-from workflows.stages.walls import wall_of
+from beadwave import coupling, dem, rom
+from beadwave.dem.waves.chain_waves import ChainWaves
+from beadwave.workflows.report.summary import QuantityErrors
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages.chain import Start
+from beadwave.workflows.stages.errors import MARGIN, SHORTER, observed, velocities
+from beadwave.workflows.stages.mesh_error import MissedByMesh
+from beadwave.workflows.stages.number_errors import MarchedPair, instants, numbers_with_errors
+from beadwave.workflows.stages.walls import wall_of
 
 
 def quantity_errors(

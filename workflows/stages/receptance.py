@@ -7,16 +7,15 @@ the latter are the error.
 
 import numpy as np
 
-import coupling
-import dem
-from coupling.measured_wall import measured_wall
-from dem.waves.chain_waves import ChainWaves
-from workflows.files.receptance_file import fitted
-from workflows.report.summary import NumberError
-from workflows.scene import Scene
-from workflows.stages.chain import Start
-from workflows.stages.errors import observed
-from workflows.stages.number_errors import MarchedPair, instants, numbers_with_errors
+from beadwave import coupling, dem
+from beadwave.coupling.measured_wall import measured_wall
+from beadwave.dem.waves.chain_waves import ChainWaves
+from beadwave.workflows.files.receptance_file import fitted
+from beadwave.workflows.report.summary import NumberError
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages.chain import Start
+from beadwave.workflows.stages.errors import observed
+from beadwave.workflows.stages.number_errors import MarchedPair, instants, numbers_with_errors
 
 
 def pairs(scene: Scene, start: Start, impact: coupling.Impact) -> tuple[MarchedPair, ...]:

@@ -5,18 +5,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-import fem
-import rom
-from fem.assembly_modes import AssemblyModes
-from rom.jointed import Jointed
-from workflows.scene import InvalidScene, LossFactorsTable, Scene
-from workflows.scene.reduction import TO_HZ
-from workflows.stages.assembly import contact as patch
-from workflows.stages.assembly import dashpots, solid, struck
-from workflows.stages.functionals import with_functionals
-from workflows.stages.loss_factors import strain_of
-from workflows.stages.parts import Parts
-from workflows.stages.strike import surface_of
+from beadwave import fem, rom
+from beadwave.fem.assembly_modes import AssemblyModes
+from beadwave.rom.jointed import Jointed
+from beadwave.workflows.scene import InvalidScene, LossFactorsTable, Scene
+from beadwave.workflows.scene.reduction import TO_HZ
+from beadwave.workflows.stages.assembly import contact as patch
+from beadwave.workflows.stages.assembly import dashpots, solid, struck
+from beadwave.workflows.stages.functionals import with_functionals
+from beadwave.workflows.stages.loss_factors import strain_of
+from beadwave.workflows.stages.parts import Parts
+from beadwave.workflows.stages.strike import surface_of
 
 NOTHING = np.empty(0, np.int64)
 

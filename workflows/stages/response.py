@@ -5,12 +5,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-import fem
-import rom
-from coupling.contact_response import CHECKED_HZ, ContactResponse, contact_response
-from workflows.files.run_folder import Picture
-from workflows.scene import Scene
-from workflows.stages.damping import damping
+from beadwave import fem, rom
+from beadwave.coupling.contact_response import CHECKED_HZ, ContactResponse, contact_response
+from beadwave.workflows.files.run_folder import Picture
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages.damping import damping
 
 
 class Response(NamedTuple):
@@ -41,7 +40,7 @@ def response(scene: Scene, full: NDArray[np.float64], reduction: rom.ReducedMode
     """The reduced model's response with the run's damping, and undamped where it is checked, beside
     that of the full model (k,) [m/N]."""
     # a run whose results are kept reads this module's results and draws nothing
-    from workflows.report.plots import Line, Panel, panels
+    from beadwave.workflows.report.plots import Line, Panel, panels
 
     law = damping(scene.damping, reduction)
     curves = contact_response(reduction, full, law)

@@ -5,19 +5,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from coupling import Impact
-from coupling.band import Band
-from coupling.sensors import Sensor, SensorRecord, echo, sensor_record
-from dem.waves.chain_waves import ChainWaves
-from workflows.files.record import SYNTHETIC, csv_of_signals
-from workflows.report.summary import SensedArrival, SensorWaves
-from workflows.scene import Instrument, Scene
-from workflows.scene.sensors import low_pass_of
-from workflows.stages.damping import damping
+from beadwave.coupling import Impact
+from beadwave.coupling.band import Band
+from beadwave.coupling.sensors import Sensor, SensorRecord, echo, sensor_record
+from beadwave.dem.waves.chain_waves import ChainWaves
+from beadwave.workflows.files.record import SYNTHETIC, csv_of_signals
+from beadwave.workflows.report.summary import SensedArrival, SensorWaves
+from beadwave.workflows.scene import Instrument, Scene
+from beadwave.workflows.scene.sensors import low_pass_of
+from beadwave.workflows.stages.damping import damping
 
 if TYPE_CHECKING:
-    from coupling.structure_sensors import Sensed
-    from rom import ReducedModel
+    from beadwave.coupling.structure_sensors import Sensed
+    from beadwave.rom import ReducedModel
 
 
 def sensors(scene: Scene) -> tuple[Sensor, ...]:
@@ -48,7 +48,7 @@ def record(
     """Signals of the sensors (k, m) with noise, filters and rounding, and the waves in them; of
     those on the structure as it moves, or by its reduced model, which the contact force drives."""
     if reduced is not None:
-        from coupling.structure_sensors import sensed_in_run
+        from beadwave.coupling.structure_sensors import sensed_in_run
 
         run, law = impact.trajectory, damping(scene.damping, reduced)
         structure = sensed_in_run(reduced, run.t, run.contact_force[:, -1], damping=law)

@@ -12,12 +12,10 @@ from hashlib import sha256
 from importlib.util import find_spec
 from pathlib import Path
 
-ROOMS = ("geometry", "fem", "rom", "dem", "coupling", "workflows")
-ROOM = rf"(?:{'|'.join(ROOMS)})"
-OURS = rf"{ROOM}(?:\.\w+)*"
+OURS = r"beadwave(?:\.\w+)*"
 FROM = re.compile(rf"^[ \t]*from[ \t]+({OURS})[ \t]+import[ \t]+(\([^)]*\)|[^\n]+)", re.MULTILINE)
 IMPORT = re.compile(r"^[ \t]*import[ \t]+([^\n]+)", re.MULTILINE)
-NAMED = re.compile(rf'"({ROOM}(?:\.\w+)+)"')
+NAMED = re.compile(rf'"({OURS})"')
 DATA = re.compile(r'"([\w.-]+\.(?:toml|json|csv))"')
 
 
@@ -76,16 +74,12 @@ def _words(names: str) -> list[str]:
 
 @cache
 def _origin(name: str) -> Path | None:
-    """The file of a module of ours; None for anything else, a function in one for instance."""
-    room, *below = name.split(".")
-    if room not in ROOMS:
+    """The file of a module of ours; None for anything else, a function in one for instance, and for
+    `beadwave` itself, which names every public function and computes nothing."""
+    package, *below = name.split(".")
+    if package != "beadwave" or not below:
         return None
-    # find_spec imports what is above a module; a room alone has nothing above it
-    path = _folder(room).joinpath(*below)
+    # find_spec imports what is above a module; `beadwave` alone has nothing above it
+    path = Path(find_spec(package).origin).parent.joinpath(*below)
     candidates = (path.with_name(f"{path.name}.py"), path / "__init__.py")
     return next((file for file in candidates if file.is_file()), None)
-
-
-@cache
-def _folder(room: str) -> Path:
-    return Path(find_spec(room).origin).parent

@@ -8,17 +8,16 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-import fem
-import rom
-from fem.spot import require_flat, spanning
-from fem.trace import OffFace
-from geometry.struck import Struck, nearest, struck_at
-from workflows.scene import InvalidScene, Scene
-from workflows.stages.parts import STRIKE, Parts
+from beadwave import fem, rom
+from beadwave.fem.spot import require_flat, spanning
+from beadwave.fem.trace import OffFace
+from beadwave.geometry.struck import Struck, nearest, struck_at
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.stages.parts import STRIKE, Parts
 
 if TYPE_CHECKING:  # these load gmsh
-    from geometry.selectors import Selected
-    from geometry.solids import Body, Face
+    from beadwave.geometry.selectors import Selected
+    from beadwave.geometry.solids import Body, Face
 
 MIDDLE = (0.0, 0.0)  # of a plane face
 

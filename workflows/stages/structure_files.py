@@ -6,13 +6,13 @@ from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import rom
-from fem import mode_field
-from fem.assembly_modes import AssemblyModes
-from workflows.files.npz import npz
-from workflows.scene import Scene
-from workflows.stages.response import Response
-from workflows.stages.walls import save
+from beadwave import rom
+from beadwave.fem import mode_field
+from beadwave.fem.assembly_modes import AssemblyModes
+from beadwave.workflows.files.npz import npz
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages.response import Response
+from beadwave.workflows.stages.walls import save
 
 
 def mode_files(scene: Scene, modes: AssemblyModes) -> dict[str, bytes]:

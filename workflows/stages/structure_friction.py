@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-import coupling
-import dem
-from coupling.errors import CouplingError
-from coupling.reduced_spatial_wall import spatial_wall_of, with_stingers
-from coupling.shaken_march import march_shaken
-from coupling.spatial_march import (
+from beadwave import coupling, dem
+from beadwave.coupling.errors import CouplingError
+from beadwave.coupling.reduced_spatial_wall import spatial_wall_of, with_stingers
+from beadwave.coupling.shaken_march import march_shaken
+from beadwave.coupling.spatial_march import (
     USUAL_SPATIAL_SEARCH,
     ShakerForces,
     SpatialRun,
@@ -24,21 +23,21 @@ from coupling.spatial_march import (
     body_of,
     march_space,
 )
-from coupling.spatial_wall import SpatialWall
-from coupling.structure_sensors import sensed_in_march
-from dem.lateral import LateralTrajectory
-from dem.prepared import prepare
-from workflows.scene import InvalidScene, Scene
-from workflows.stages import signals
-from workflows.stages.chain import Start
-from workflows.stages.damping import damping
-from workflows.stages.friction import last_sphere
-from workflows.stages.walls import pressed_off_its_springs
+from beadwave.coupling.spatial_wall import SpatialWall
+from beadwave.coupling.structure_sensors import sensed_in_march
+from beadwave.dem.lateral import LateralTrajectory
+from beadwave.dem.prepared import prepare
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.stages import signals
+from beadwave.workflows.stages.chain import Start
+from beadwave.workflows.stages.damping import damping
+from beadwave.workflows.stages.friction import last_sphere
+from beadwave.workflows.stages.walls import pressed_off_its_springs
 
 if TYPE_CHECKING:
-    from coupling.sensors import SensorRecord
-    from dem.waves.chain_waves import ChainWaves
-    from rom import ReducedModel
+    from beadwave.coupling.sensors import SensorRecord
+    from beadwave.dem.waves.chain_waves import ChainWaves
+    from beadwave.rom import ReducedModel
 
 
 def spatial_wall(scene: Scene, reduction: ReducedModel | None = None) -> SpatialWall:
@@ -48,7 +47,7 @@ def spatial_wall(scene: Scene, reduction: ReducedModel | None = None) -> Spatial
     """
     reduced = reduction
     if reduced is None:
-        from workflows.files.wall_file import loaded
+        from beadwave.workflows.files.wall_file import loaded
 
         reduced = _shaken_by_name(scene, loaded(scene.wall))
     shakers = scene.shakers or ()

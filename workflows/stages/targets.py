@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 from scipy.sparse import csr_matrix
 
-import fem
-from fem.measured_shapes import MeasuredShape, RigidFit, rigid_fit
-from workflows.files.shapes import measured_shape
-from workflows.scene import InvalidScene, Scene
+from beadwave import fem
+from beadwave.fem.measured_shapes import MeasuredShape, RigidFit, rigid_fit
+from beadwave.workflows.files.shapes import measured_shape
+from beadwave.workflows.scene import InvalidScene, Scene
 
 # distance of a measured point from the assembly's surface, over the assembly's size, beyond which
 # axes or units are taken to be wrong; chosen, not varied

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-import coupling
-import dem
-from workflows.scene import (
+from beadwave import coupling, dem
+from beadwave.workflows.scene import (
     Damping,
     DashpotWall,
     HalfSpaceWall,
@@ -23,10 +22,10 @@ from workflows.scene import (
     RomWall,
     Scene,
 )
-from workflows.stages.damping import damping
+from beadwave.workflows.stages.damping import damping
 
 if TYPE_CHECKING:
-    import rom  # simple walls do without it and without what it loads
+    from beadwave import rom  # simple walls do without it and without what it loads
 
 
 def wall_of(
@@ -40,8 +39,8 @@ def wall_of(
     """
     if not isinstance(scene.wall, RomWall):
         return simple_wall(scene)
-    from coupling import reduced_wall
-    from workflows.files.wall_file import measured
+    from beadwave.coupling import reduced_wall
+    from beadwave.workflows.files.wall_file import measured
 
     reduced, modes = reduction, None
     if reduction is None:
@@ -99,8 +98,8 @@ def simple_wall(scene: Scene) -> dem.Wall | None:
             return dem.dashpot_wall(coefficient)
         case MeasuredWall():
             # fits are read by scenes with such a wall alone
-            from coupling.measured_wall import measured_wall
-            from workflows.files.receptance_file import fitted
+            from beadwave.coupling.measured_wall import measured_wall
+            from beadwave.workflows.files.receptance_file import fitted
 
             response = fitted(scene.wall)
             return measured_wall(response.fit, half_space=response.half_space)
@@ -112,8 +111,8 @@ def simple_wall(scene: Scene) -> dem.Wall | None:
 def save(path: Path, reduced: "rom.ReducedModel", table: Damping) -> None:
     """Write a reduced model as .npz, .mat or .h5, by the ending, with the matrix of the scene's
     damping."""
-    import rom
-    from coupling import reduced_wall
+    from beadwave import rom
+    from beadwave.coupling import reduced_wall
 
     write = {".npz": rom.save_npz, ".mat": rom.save_mat, ".h5": rom.save_h5}[path.suffix]
     write(path, reduced, C_damping=reduced_wall.damping_matrix(reduced, damping(table, reduced)))

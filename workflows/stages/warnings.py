@@ -18,22 +18,21 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from workflows.files.cache_folder import cache_folder
-from workflows.report.numbers import si
-from workflows.scene import DashpotWall, RomWall, Scene
-from workflows.stages.cache import fault
+from beadwave.workflows.files.cache_folder import cache_folder
+from beadwave.workflows.report.numbers import si
+from beadwave.workflows.scene import DashpotWall, RomWall, Scene
+from beadwave.workflows.stages.cache import fault
 
 if (
     TYPE_CHECKING
 ):  # a run whose results are kept loads no chain, one without a structure no elements
-    import coupling
-    import dem
-    from dem.lateral import LateralTrajectory
-    from dem.waves.chain_waves import ChainWaves
-    from fem.assembly_modes import AssemblyModes
-    from fem.constraints import Overconstrained
-    from workflows.report.summary import ReductionHealth
-    from workflows.stages.chain import Start
+    from beadwave import coupling, dem
+    from beadwave.dem.lateral import LateralTrajectory
+    from beadwave.dem.waves.chain_waves import ChainWaves
+    from beadwave.fem.assembly_modes import AssemblyModes
+    from beadwave.fem.constraints import Overconstrained
+    from beadwave.workflows.report.summary import ReductionHealth
+    from beadwave.workflows.stages.chain import Start
 
 CURES = {
     "reduction": "keep more modes (reduction.modes, reduction.to_hz, wall.cutoff)",
@@ -68,7 +67,7 @@ AT = Thresholds()
 def strain(scene: Scene, start: Start, run: dem.Trajectory) -> dem.Strain:
     """How far a run goes beyond Hertz' law, by the materials of the chain and of the face struck;
     a rigid wall does not yield."""
-    import dem
+    from beadwave import dem
 
     struck = scene.wall
     if isinstance(struck, RomWall):
@@ -87,8 +86,8 @@ def of_chain(
     scene: Scene, start: Start, impact: coupling.Impact, waves: ChainWaves
 ) -> Iterator[str]:
     """All warnings on a run of the chain and its waves."""
-    import dem
-    from coupling.verdict import large_step_error
+    from beadwave import dem
+    from beadwave.coupling.verdict import large_step_error
 
     run = impact.trajectory
     yield from judged(impact)
@@ -122,9 +121,9 @@ def of_structure(modes: AssemblyModes, health: ReductionHealth) -> Iterator[str]
 def long_contact(scene: Scene, start: Start, run: dem.Trajectory) -> Iterator[str]:
     """A contact ellipse on a curved face whose longer half axis at the peak force is not small
     relative to the sphere's radius, as Hertz' law assumes."""
-    from coupling import PLANE
-    from dem.validity import SMALL_CONTACT
-    from workflows.stages.chain import contact_radius
+    from beadwave.coupling import PLANE
+    from beadwave.dem.validity import SMALL_CONTACT
+    from beadwave.workflows.stages.chain import contact_radius
 
     if start.ellipse == PLANE:
         return
@@ -287,8 +286,8 @@ def shortened_step(scene: Scene) -> Iterator[str]:
 
 def thick_plate(scene: Scene, run: dem.Trajectory) -> Iterator[str]:
     """A plate too thick for Zener's law, relative to the bending waves of its contact time."""
-    import coupling
-    from dem.waves.measures import contact_time
+    from beadwave import coupling
+    from beadwave.dem.waves.measures import contact_time
 
     wall = scene.wall
     if not isinstance(wall, DashpotWall) or wall.plate_thickness is None:
@@ -306,7 +305,7 @@ def thick_plate(scene: Scene, run: dem.Trajectory) -> Iterator[str]:
 
 def unequal_spheres(start: Start) -> Iterator[str]:
     """Masses that differ between the first and the last sphere."""
-    from dem.waves.chain_waves import UNEQUAL, mass_spread
+    from beadwave.dem.waves.chain_waves import UNEQUAL, mass_spread
 
     spread = mass_spread(start.chain.mass)
     if spread >= UNEQUAL:
@@ -359,7 +358,7 @@ def short_record(
 
 def coarse_samples(scene: Scene, start: Start) -> tuple[str, ...]:
     """A sentence where samples are farther apart than the width of the striker's wave."""
-    from dem.waves import solitary
+    from beadwave.dem.waves import solitary
 
     row, striker = start.chain, float(np.abs(start.velocity).max())
     spacing = scene.time.duration / (scene.output.samples - 1)
@@ -377,7 +376,7 @@ def coarse_samples(scene: Scene, start: Start) -> tuple[str, ...]:
 
 def narrow_band(scene: Scene, run: dem.Trajectory) -> Iterator[str]:
     """A measured wall whose band ends within the spectrum of the force on it."""
-    from workflows.files.receptance_file import fitted
+    from beadwave.workflows.files.receptance_file import fitted
 
     highest = fitted(scene.wall).highest_hz
     power = np.abs(np.fft.rfft(run.contact_force[:, -1])) ** 2
@@ -396,8 +395,8 @@ def unusual_wall_file(wall: RomWall) -> Iterator[str]:
     """A reduced model from a file whose surface material is not stated, whose weights do not sum to
     1, whose units are not N/m and kg, whose bodies are loose, which floats, or whose half-space is
     more compliant than the whole (`rom.imported.unusual`)."""
-    from rom.imported import unusual
-    from workflows.files.wall_file import measured
+    from beadwave.rom.imported import unusual
+    from beadwave.workflows.files.wall_file import measured
 
     reduced, health = measured(wall)
     missing = [f"wall.{key}" for key in ("young", "poisson") if getattr(wall, key) is None]

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from coupling import Impact
-from dem.waves.arrivals import Arrival, arrivals, passage
-from dem.waves.chain_waves import ChainWaves, chain_waves
-from dem.waves.measures import track_speed
-from workflows.report.summary import ChainContact, SphereWaves, TrackedWave, WaveArrival
-from workflows.scene import Scene
-from workflows.stages.chain import Start
+from beadwave.coupling import Impact
+from beadwave.dem.waves.arrivals import Arrival, arrivals, passage
+from beadwave.dem.waves.chain_waves import ChainWaves, chain_waves
+from beadwave.dem.waves.measures import track_speed
+from beadwave.workflows.report.summary import ChainContact, SphereWaves, TrackedWave, WaveArrival
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages.chain import Start
 
 
 def waves(scene: Scene, start: Start, impact: Impact) -> ChainWaves:

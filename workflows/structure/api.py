@@ -10,34 +10,34 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workflows.files.hammer import HAMMER
-from workflows.files.output_file import OutputFile, output_files
-from workflows.files.picture_folder import picture_folder
-from workflows.files.run_folder import NoPicture, Picture, picture_named, write_pictures
-from workflows.files.scene import Changes, Source, files_read
-from workflows.files.scene import scene as load_scene
-from workflows.scene import InvalidScene, Scene
-from workflows.scene.named_files import require_file
-from workflows.scene.parts import with_assembly, with_structure, with_targets
-from workflows.stages.progress import Progress, quiet
+from beadwave.workflows.files.hammer import HAMMER
+from beadwave.workflows.files.output_file import OutputFile, output_files
+from beadwave.workflows.files.picture_folder import picture_folder
+from beadwave.workflows.files.run_folder import NoPicture, Picture, picture_named, write_pictures
+from beadwave.workflows.files.scene import Changes, Source, files_read
+from beadwave.workflows.files.scene import scene as load_scene
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.scene.named_files import require_file
+from beadwave.workflows.scene.parts import with_assembly, with_structure, with_targets
+from beadwave.workflows.stages.progress import Progress, quiet
 
 if TYPE_CHECKING:
     import xarray
     from numpy.typing import ArrayLike
     from scipy.sparse import sparray
 
-    from fem.poly_reference import IdentifiedModes
-    from rom import ReducedModel
-    from workflows.stages.pipeline import Pipeline
-    from workflows.structure.hammer import HammerReport
-    from workflows.structure.hammer_design import HammerDesign
-    from workflows.structure.look import Look, Seen
-    from workflows.structure.losses import LossReport
-    from workflows.structure.mode_table import ModeTable
-    from workflows.structure.ranking import RankReport
-    from workflows.structure.response_report import ResponseReport
-    from workflows.structure.thesis_tables import ThesisTable
-    from workflows.structure.tuning import TuningReport
+    from beadwave.fem.poly_reference import IdentifiedModes
+    from beadwave.rom import ReducedModel
+    from beadwave.workflows.stages.pipeline import Pipeline
+    from beadwave.workflows.structure.hammer import HammerReport
+    from beadwave.workflows.structure.hammer_design import HammerDesign
+    from beadwave.workflows.structure.look import Look, Seen
+    from beadwave.workflows.structure.losses import LossReport
+    from beadwave.workflows.structure.mode_table import ModeTable
+    from beadwave.workflows.structure.ranking import RankReport
+    from beadwave.workflows.structure.response_report import ResponseReport
+    from beadwave.workflows.structure.thesis_tables import ThesisTable
+    from beadwave.workflows.structure.tuning import TuningReport
 
 HAMMER_PICTURES = ("hammer", "synthesis", "coherence", "decay", "automac", "mac", "shapes")
 
@@ -51,7 +51,7 @@ class Looked:
 
     def plot(self) -> Picture:
         """The bodies, a colour and a name each; of a scene with chain, joints and held faces."""
-        from workflows.stages.pictures import picture_of, picture_of_parts
+        from beadwave.workflows.stages.pictures import picture_of, picture_of_parts
 
         if self.seen.parts is not None:
             return picture_of_parts(self.seen.scene, self.seen.parts)
@@ -79,8 +79,8 @@ def look(
 
     Raises InvalidScene for bad input.
     """
-    from workflows.structure import look as looking
-    from workflows.structure.starter import write_starter
+    from beadwave.workflows.structure import look as looking
+    from beadwave.workflows.structure.starter import write_starter
 
     path = Path(source) if isinstance(source, str | Path) else None
     is_step = path is not None and path.suffix.lower() in looking.ENDINGS
@@ -118,7 +118,7 @@ class ModesOfScene:
     def data(self) -> xarray.Dataset:
         """frequency [Hz] and participation at the contact [kg^-1/2] over mode; mac over mode and
         target, with the modes of stiff joints."""
-        from workflows.report.arrays import dataset
+        from beadwave.workflows.report.arrays import dataset
 
         rows, mac = self.table.rows, self.pipeline("mac")
         per_mode = {
@@ -134,7 +134,7 @@ class ModesOfScene:
 
     def plot(self) -> Picture:
         """The MAC matrix with the modes of stiff joints; raises InvalidScene without targets."""
-        from workflows.structure.mode_table import mac_picture
+        from beadwave.workflows.structure.mode_table import mac_picture
 
         return mac_picture(self.pipeline)
 
@@ -159,8 +159,8 @@ def modes(
     """
     chosen = with_structure(load_scene(scene, changes))
     folder = picture_folder(out, files_read(chosen, scene), overwrite, "mac")
-    from workflows.stages.pipeline import pipeline_of
-    from workflows.structure.mode_table import mode_table
+    from beadwave.workflows.stages.pipeline import pipeline_of
+    from beadwave.workflows.structure.mode_table import mode_table
 
     pipeline = pipeline_of(chosen, progress)
     result = ModesOfScene(chosen, mode_table(pipeline), pipeline)
@@ -186,7 +186,7 @@ def thesis_table(
     if table not in TABLES:
         raise InvalidScene(f"--table {table} is not known; known are {' and '.join(TABLES)}.")
     chosen = with_assembly(load_scene(scene, changes))
-    from workflows.structure.thesis_tables import effects, table_52, table_53
+    from beadwave.workflows.structure.thesis_tables import effects, table_52, table_53
 
     if table == "5.3":
         return table_53(chosen, progress)
@@ -212,8 +212,8 @@ def export(
     chosen = with_assembly(load_scene(scene, changes))
     options = {"--inp": inp, "--step": step}
     files = output_files(options, inputs=files_read(chosen, scene), overwrite=overwrite)
-    from workflows.stages.pipeline import pipeline_of
-    from workflows.structure.export import write_model
+    from beadwave.workflows.stages.pipeline import pipeline_of
+    from beadwave.workflows.structure.export import write_model
 
     write_model(pipeline_of(chosen, progress), files.get("--inp"), files.get("--step"))
     return [file.path for file in files.values()]
@@ -261,7 +261,7 @@ def tune(
     with `overwrite` alone. A mode missed by more than 5 % is a failure: `report.failures` lists
     them in sentences, and nothing is written. Raises InvalidScene for bad input.
     """
-    from workflows.structure.tuning import frequency_errors, tuned, write_scene
+    from beadwave.workflows.structure.tuning import frequency_errors, tuned, write_scene
 
     chosen, wanted, remarks = with_modes(scene, changes, hammer, match, progress)
 
@@ -328,9 +328,9 @@ def tune_to_responses(
     if match is not None:
         sentence = f"--match {match}: with --frf these are numbers of resonances, as 1,2,4."
         numbers = _whole_numbers(match, sentence)
-    from workflows.files.hammer import Reading
-    from workflows.structure.response_tuning import tuned_to_responses
-    from workflows.structure.tuning import write_scene
+    from beadwave.workflows.files.hammer import Reading
+    from beadwave.workflows.structure.response_tuning import tuned_to_responses
+    from beadwave.workflows.structure.tuning import write_scene
 
     reading = Reading(points=Path(points) if points else None)
     path = f"{chosen.name}-tuned.toml" if out is USUAL else out
@@ -374,8 +374,8 @@ def fit_losses(
     The ratios are `zeta` of the scene's targets, or those of a `hammer` test. To `out` goes the
     scene with damping.kind = "loss". Raises InvalidScene for bad input.
     """
-    from workflows.structure.losses import losses
-    from workflows.structure.tuning import write_scene
+    from beadwave.workflows.structure.losses import losses
+    from beadwave.workflows.structure.tuning import write_scene
 
     chosen, _, remarks = with_modes(scene, changes, hammer, None, progress)
     inputs = files_read(chosen, scene, hammer)
@@ -404,7 +404,7 @@ def rank_parameters(
     are rigid or open have the stiffness from which on they matter instead. `hammer` and `match` as
     `tune` takes them. Raises InvalidScene for bad input.
     """
-    from workflows.structure.ranking import ranked
+    from beadwave.workflows.structure.ranking import ranked
 
     chosen, wanted, remarks = with_modes(scene, changes, hammer, match, progress)
     report = ranked(chosen, wanted, names_of(free), progress)
@@ -422,8 +422,8 @@ def with_modes(
     if hammer:
         require_file(hammer, HAMMER)
     chosen = with_assembly(load_scene(scene, changes))
-    from workflows.stages.pipeline import pipeline_of
-    from workflows.structure.tuning import numbered, targets
+    from beadwave.workflows.stages.pipeline import pipeline_of
+    from beadwave.workflows.structure.tuning import numbered, targets
 
     # which modes: as `--match` takes them, "1,3,4" or "1=51.2,3=905"
     if isinstance(match, Mapping):
@@ -435,8 +435,8 @@ def with_modes(
         measured = with_targets(chosen).measured_modes
         wanted = dict(measured) if match is None else targets(match, measured)
         if hammer:
-            from workflows.structure.hammer import hammer_test
-            from workflows.structure.pairing import applied, measured_shapes, recognised
+            from beadwave.workflows.structure.hammer import hammer_test
+            from beadwave.workflows.structure.pairing import applied, measured_shapes, recognised
 
             test = hammer_test(Path(hammer), wanted)
             if not chosen.of_dimensions and measured_shapes(test):
@@ -444,8 +444,8 @@ def with_modes(
             chosen, wanted = applied(chosen, test.report, match)
             remarks = [step.text() for step in test.report.steps]
     elif hammer:
-        from workflows.structure.hammer import hammer_test
-        from workflows.structure.pairing import as_targets
+        from beadwave.workflows.structure.hammer import hammer_test
+        from beadwave.workflows.structure.pairing import as_targets
 
         test = hammer_test(Path(hammer), {})
         chosen, wanted, remarks = as_targets(test, pipeline_of(chosen, progress), match)
@@ -523,8 +523,8 @@ def hammer(
     and frequency together. Raises InvalidScene for bad input.
     """
     paths = _of_test(files)
-    from workflows.files.hammer import Reading, write_modes
-    from workflows.structure.hammer import Choice
+    from beadwave.workflows.files.hammer import Reading, write_modes
+    from beadwave.workflows.structure.hammer import Choice
 
     rejected, accepted = (
         _whole_numbers(numbers, f"{option} {numbers} must be numbers of poles, as 3,7.")
@@ -540,16 +540,16 @@ def hammer(
     folder = picture_folder(out, inputs, overwrite, *HAMMER_PICTURES)
     if folder:
         folder.require("modes.json", "poles.html", "modes.uff", "targets.toml")
-    from workflows.stages.pipeline import pipeline_of
-    from workflows.structure.hammer import hammer_test, pictures
-    from workflows.structure.pairing import (
+    from beadwave.workflows.stages.pipeline import pipeline_of
+    from beadwave.workflows.structure.hammer import hammer_test, pictures
+    from beadwave.workflows.structure.pairing import (
         mac_with_model,
         measured_shapes,
         recognised,
         shapes_beside,
         targets_of,
     )
-    from workflows.structure.pole_page import command_of, pole_page
+    from beadwave.workflows.structure.pole_page import command_of, pole_page
 
     with progress("identification"):
         wanted = chosen.measured_modes
@@ -643,24 +643,24 @@ def write_hammer_test(
     that was changed since, is only replaced with `overwrite`.
     """
     chosen = with_assembly(load_scene(scene, changes))
-    from workflows.files.hammer import (
+    from beadwave.workflows.files.hammer import (
         points_and_directions,
         synthetic_file,
         write_hits,
         write_synthetic,
     )
-    from workflows.stages.pipeline import pipeline_of
+    from beadwave.workflows.stages.pipeline import pipeline_of
 
     if points is None:
         synthetic = synthetic_file(Path(file), overwrite)
-        from workflows.structure.hammer import virtual_test
+        from beadwave.workflows.structure.hammer import virtual_test
 
         write_synthetic(synthetic, virtual_test(pipeline_of(chosen, progress)))
         return synthetic.path
     inputs = files_read(chosen, scene, points)
     output = OutputFile(file, "FILE", inputs=inputs, ending=".mat", overwrite=overwrite)
     nodes, directions = points_and_directions(Path(points))
-    from workflows.structure.hammer_design import computed_hits
+    from beadwave.workflows.structure.hammer_design import computed_hits
 
     hits = computed_hits(pipeline_of(chosen, progress), nodes, directions, _band(band))
     with output.writing() as draft:
@@ -685,8 +685,8 @@ def design_hammer_test(
     output = OutputFile(
         file, "FILE", inputs=files_read(chosen, scene), ending=".csv", overwrite=overwrite
     )
-    from workflows.stages.pipeline import pipeline_of
-    from workflows.structure.hammer_design import designed
+    from beadwave.workflows.stages.pipeline import pipeline_of
+    from beadwave.workflows.structure.hammer_design import designed
 
     design = designed(pipeline_of(chosen, progress), points, _band(band))
     with output.writing() as draft:
@@ -710,7 +710,7 @@ class Reduced:
             {"--out": path, "--matrices": matrices},
             inputs=files_read(self.scene), overwrite=overwrite,
         )  # fmt: skip
-        from workflows.structure.export import write_reduced
+        from beadwave.workflows.structure.export import write_reduced
 
         write_reduced(self.pipeline, *files.values())
         return [file.path for file in files.values()]
@@ -746,8 +746,8 @@ def reduce(
         targets = {"--out": out, "--matrices": matrices}
         inputs = files_read(chosen, scene)
         files = output_files(targets, inputs=inputs, overwrite=overwrite).values()
-    from workflows.stages.pipeline import pipeline_of
-    from workflows.structure.export import require_formats, write_reduced
+    from beadwave.workflows.stages.pipeline import pipeline_of
+    from beadwave.workflows.structure.export import require_formats, write_reduced
 
     if files:
         require_formats(*files)
@@ -781,8 +781,7 @@ def reduce_matrices(
 
     Raises rom.ReductionError, a ValueError.
     """
-    import fem
-    import rom
+    from beadwave import fem, rom
 
     n_modes = min(40, np.shape(w)[0]) if modes is None else modes
     selection = rom.Selection(n_modes=n_modes)

@@ -1,14 +1,14 @@
 """Models for other programs: input deck, geometry, reduced matrices."""
 
-import rom
-from fem.abaqus import input_deck
-from workflows.files.output_file import OutputFile
-from workflows.files.wall_file import require_reader
-from workflows.scene import InvalidScene
-from workflows.scene.shapes import shapes
-from workflows.stages.assembly import dashpots
-from workflows.stages.pipeline import Pipeline
-from workflows.stages.walls import save
+from beadwave import rom
+from beadwave.fem.abaqus import input_deck
+from beadwave.workflows.files.output_file import OutputFile
+from beadwave.workflows.files.wall_file import require_reader
+from beadwave.workflows.scene import InvalidScene
+from beadwave.workflows.scene.shapes import shapes
+from beadwave.workflows.stages.assembly import dashpots
+from beadwave.workflows.stages.pipeline import Pipeline
+from beadwave.workflows.stages.walls import save
 
 FORMATS = (".npz", ".mat", ".h5")
 FULL_FORMATS = (".mat", ".npz")
@@ -34,7 +34,7 @@ def write_model(pipeline: Pipeline, inp: OutputFile | None, step: OutputFile | N
         with inp.writing() as path:
             path.write_text(text, encoding="utf-8")
     if step:
-        from geometry.cad import write_step
+        from beadwave.geometry.cad import write_step
 
         whole = scene.written_out
         if whole.assembly is not None and whole.assembly.file:

@@ -5,17 +5,17 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from geometry.errors import InvalidGeometry
-from geometry.selectors import faces
-from geometry.solids import ALIGNED, Body, Face
-from workflows.report.report import harmless_json, in_one_file
-from workflows.stages.bodies import Drawing
+from beadwave.geometry.errors import InvalidGeometry
+from beadwave.geometry.selectors import faces
+from beadwave.geometry.solids import ALIGNED, Body, Face
+from beadwave.workflows.report.report import harmless_json, in_one_file
+from beadwave.workflows.stages.bodies import Drawing
 
 
 def face_page(name: str, geometry: Drawing) -> str:
     """HTML of all faces as triangles with the selectors that pick each; to be called while the
     drawing is open, since selectors are tried on its bodies."""
-    from geometry.face_triangles import face_triangles, own_face_triangles
+    from beadwave.geometry.face_triangles import face_triangles, own_face_triangles
 
     if geometry.own:
         triangles = own_face_triangles(geometry.own)

@@ -5,19 +5,19 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 from scipy.sparse import csr_matrix
 
-import fem
-from fem.full_responses import residual_flexibility
-from fem.hammer_files import SYNTHETIC
-from fem.hit_records import degree_of_freedom
-from fem.hits import Hits
-from fem.measured_shapes import MeasuredShape
-from fem.sensor_placement import effective_independence, outside
-from fem.synthetic_hits import HammerDefects, Striking, struck
-from workflows.report.tables import aligned_text
-from workflows.scene import InvalidScene
-from workflows.stages.loss_factors import ratios_of_modes
-from workflows.stages.pipeline import Pipeline
-from workflows.stages.targets import placed
+from beadwave import fem
+from beadwave.fem.full_responses import residual_flexibility
+from beadwave.fem.hammer_files import SYNTHETIC
+from beadwave.fem.hit_records import degree_of_freedom
+from beadwave.fem.hits import Hits
+from beadwave.fem.measured_shapes import MeasuredShape
+from beadwave.fem.sensor_placement import effective_independence, outside
+from beadwave.fem.synthetic_hits import HammerDefects, Striking, struck
+from beadwave.workflows.report.tables import aligned_text
+from beadwave.workflows.scene import InvalidScene
+from beadwave.workflows.stages.loss_factors import ratios_of_modes
+from beadwave.workflows.stages.pipeline import Pipeline
+from beadwave.workflows.stages.targets import placed
 
 DEFECTS = HammerDefects(noise=0.01, double=0.05, overload=0.05, cross=0.01)
 

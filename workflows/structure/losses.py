@@ -5,13 +5,13 @@ from typing import Literal
 import numpy as np
 from pydantic import BaseModel
 
-from fem.loss_factors import LossOptions, loss_factors
-from workflows.report.numbers import supported
-from workflows.report.tables import aligned_text
-from workflows.scene import InvalidScene, LossFactorsTable, Scene
-from workflows.stages.loss_factors import strain_of
-from workflows.stages.pipeline import pipeline_of
-from workflows.stages.progress import Progress
+from beadwave.fem.loss_factors import LossOptions, loss_factors
+from beadwave.workflows.report.numbers import supported
+from beadwave.workflows.report.tables import aligned_text
+from beadwave.workflows.scene import InvalidScene, LossFactorsTable, Scene
+from beadwave.workflows.stages.loss_factors import strain_of
+from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.progress import Progress
 
 
 class LossRow(BaseModel):

@@ -6,19 +6,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-import fem
-from fem.correlation import Shape
-from fem.hit_records import node_and_axis
-from fem.hits import FrequencyResponses
-from fem.measured_shapes import MeasuredShape
-from fem.response_fit import (
+from beadwave import fem
+from beadwave.fem.correlation import Shape
+from beadwave.fem.hit_records import node_and_axis
+from beadwave.fem.hits import FrequencyResponses
+from beadwave.fem.measured_shapes import MeasuredShape
+from beadwave.fem.response_fit import (
     MeasuredResponses,
     noise_of_coherence,
     noise_of_neighbours,
 )
-from workflows.scene import InvalidScene, Scene
-from workflows.stages.targets import placed
-from workflows.structure.hammer import (
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.stages.targets import placed
+from beadwave.workflows.structure.hammer import (
     IdentifiedTest,
     points_without_place,
 )

@@ -7,24 +7,29 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-import fem
-from fem.assembly_modes import AssemblyModes, field_of
-from fem.correlation import ShapeMatch, mac_near_double, measured_pairs
-from fem.hit_records import node_and_axis
-from fem.measured_shapes import MeasuredShape, along_directions
-from fem.response_scale import POWERS, remark_on_scale, response_scale
-from fem.sensor_placement import one_more_point, outside
-from workflows.files.run_folder import Picture
-from workflows.files.shapes import measured_shape
-from workflows.report import plots
-from workflows.report.numbers import digits, supported
-from workflows.scene import InvalidScene, ModalDampingTable, Scene
-from workflows.scene.bodies import MeasuredMode
-from workflows.stages.pictures import rendered
-from workflows.stages.pipeline import Pipeline
-from workflows.stages.targets import placed, remarks_on_axes
-from workflows.structure.hammer import HammerReport, HammerRow, IdentifiedTest, points_without_place
-from workflows.structure.tuning import targets
+from beadwave import fem
+from beadwave.fem.assembly_modes import AssemblyModes, field_of
+from beadwave.fem.correlation import ShapeMatch, mac_near_double, measured_pairs
+from beadwave.fem.hit_records import node_and_axis
+from beadwave.fem.measured_shapes import MeasuredShape, along_directions
+from beadwave.fem.response_scale import POWERS, remark_on_scale, response_scale
+from beadwave.fem.sensor_placement import one_more_point, outside
+from beadwave.workflows.files.run_folder import Picture
+from beadwave.workflows.files.shapes import measured_shape
+from beadwave.workflows.report import plots
+from beadwave.workflows.report.numbers import digits, supported
+from beadwave.workflows.scene import InvalidScene, ModalDampingTable, Scene
+from beadwave.workflows.scene.bodies import MeasuredMode
+from beadwave.workflows.stages.pictures import rendered
+from beadwave.workflows.stages.pipeline import Pipeline
+from beadwave.workflows.stages.targets import placed, remarks_on_axes
+from beadwave.workflows.structure.hammer import (
+    HammerReport,
+    HammerRow,
+    IdentifiedTest,
+    points_without_place,
+)
+from beadwave.workflows.structure.tuning import targets
 
 
 def measured_shapes(test: IdentifiedTest) -> list[MeasuredShape] | None:
@@ -229,7 +234,7 @@ def shapes_beside(
     if not index:
         return ()
     field = field_of(model, modes, np.array(index), np.zeros(len(index), int))
-    return rendered("workflows.report.render_shapes", field, content, "shapes")
+    return rendered("beadwave.workflows.report.render_shapes", field, content, "shapes")
 
 
 def targets_of(test: IdentifiedTest, shapes: Path) -> str:

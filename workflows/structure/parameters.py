@@ -3,10 +3,10 @@ masses that faces carry and on springs between points."""
 
 from collections.abc import Mapping, Sequence
 
-import fem
-from fem.correlation import SPRINGS
-from fem.tuning import CARRIED, TuningParameter
-from workflows.scene import InvalidScene, Scene, nearest
+from beadwave import fem
+from beadwave.fem.correlation import SPRINGS
+from beadwave.fem.tuning import CARRIED, TuningParameter
+from beadwave.workflows.scene import InvalidScene, Scene, nearest
 
 SHIFT = (1e7, 1e4, 1e12)  # start, lower, upper [N/m]
 TURN = (1e2, 1e-1, 1e8)  # [N m/rad]

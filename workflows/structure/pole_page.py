@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from fem.poly_reference import IdentifiedModes
-from workflows.files.hammer import Reading
-from workflows.report.report import harmless_json, in_one_file
-from workflows.structure.hammer import Choice, IdentifiedTest, shown_lines, summed_response
+from beadwave.fem.poly_reference import IdentifiedModes
+from beadwave.workflows.files.hammer import Reading
+from beadwave.workflows.report.report import harmless_json, in_one_file
+from beadwave.workflows.structure.hammer import Choice, IdentifiedTest, shown_lines, summed_response
 
 
 def pole_page(test: IdentifiedTest, choice: Choice, command: str, structure: str) -> str:

@@ -11,20 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel
 
-from fem.correlation import Shape, mac_near_double, paired
-from fem.identifiability import (
+from beadwave.fem.correlation import Shape, mac_near_double, paired
+from beadwave.fem.identifiability import (
     at_scene,
     frequency_sensitivity,
     mac_sensitivity,
     onset_stiffness,
     ranking,
 )
-from fem.tuning import TuningParameter
-from workflows.report.tables import aligned_text
-from workflows.scene import InvalidScene, Scene
-from workflows.stages.progress import Progress
-from workflows.structure import parameters as of_bodies
-from workflows.structure.tuning import (
+from beadwave.fem.tuning import TuningParameter
+from beadwave.workflows.report.tables import aligned_text
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.stages.progress import Progress
+from beadwave.workflows.structure import parameters as of_bodies
+from beadwave.workflows.structure.tuning import (
     PARTS,
     RIG_NAMES,
     FrequencyErrors,

@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 from scipy.sparse import csr_matrix
 
-import fem
-from fem.correlation import FROM_AFAR, mac_near_double, measured_pairs
-from fem.dashpots import dashpot_rows
-from fem.full_responses import full_responses
-from fem.measured_shapes import FEWEST
-from fem.response_fit import (
+from beadwave import fem
+from beadwave.fem.correlation import FROM_AFAR, mac_near_double, measured_pairs
+from beadwave.fem.dashpots import dashpot_rows
+from beadwave.fem.full_responses import full_responses
+from beadwave.fem.measured_shapes import FEWEST
+from beadwave.fem.response_fit import (
     DB,
     MeasuredResponses,
     Misfit,
@@ -21,29 +21,29 @@ from fem.response_fit import (
     fit_responses,
     misfit,
 )
-from fem.response_model import (
+from beadwave.fem.response_model import (
     DampingParameter,
     Parameter,
     ResponseModel,
     computed_responses,
     with_dampings,
 )
-from fem.tuning import TuningParameter, spectrum
-from workflows.files.run_folder import Picture
-from workflows.report import plots
-from workflows.report.tables import aligned_text
-from workflows.scene import Scene
-from workflows.stages.pipeline import pipeline_of
-from workflows.stages.progress import Progress
-from workflows.stages.targets import remarks_on_axes
-from workflows.structure.hammer import UNITS, IdentifiedTest
-from workflows.structure.measured_responses import (
+from beadwave.fem.tuning import TuningParameter, spectrum
+from beadwave.workflows.files.run_folder import Picture
+from beadwave.workflows.report import plots
+from beadwave.workflows.report.tables import aligned_text
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.progress import Progress
+from beadwave.workflows.stages.targets import remarks_on_axes
+from beadwave.workflows.structure.hammer import UNITS, IdentifiedTest
+from beadwave.workflows.structure.measured_responses import (
     Places,
     ResponseOptions,
     measured_lines,
     test_places,
 )
-from workflows.structure.tuning import (
+from beadwave.workflows.structure.tuning import (
     scene_values,
     unit,
 )

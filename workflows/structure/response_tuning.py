@@ -14,17 +14,17 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 from scipy.sparse import csr_matrix, vstack
 
-import fem
-from fem.correlation import FROM_AFAR, mac_near_double, measured_pairs, paired
-from fem.measured_shapes import FEWEST
-from fem.response_fit import (
+from beadwave import fem
+from beadwave.fem.correlation import FROM_AFAR, mac_near_double, measured_pairs, paired
+from beadwave.fem.measured_shapes import FEWEST
+from beadwave.fem.response_fit import (
     MeasuredResponses,
     Resonances,
     ResponseFit,
     fit_responses,
     undetermined,
 )
-from fem.response_model import (
+from beadwave.fem.response_model import (
     DampingParameter,
     Parameter,
     ResponseModel,
@@ -33,37 +33,44 @@ from fem.response_model import (
     solid_ones,
     with_dampings,
 )
-from fem.response_scale import POWERS, remark_on_scale, response_scale
-from fem.tuning import TuningBasis, TuningParameter, at_before, spectrum, tune, tuning_basis
-from workflows.files.hammer import Reading
-from workflows.files.run_folder import Picture
-from workflows.report.numbers import supported
-from workflows.scene import InvalidScene, Scene, nearest
-from workflows.stages.pipeline import pipeline_of
-from workflows.stages.progress import Progress
-from workflows.structure import dampings as of_damping
-from workflows.structure import parameters as of_bodies
-from workflows.structure.hammer import (
+from beadwave.fem.response_scale import POWERS, remark_on_scale, response_scale
+from beadwave.fem.tuning import (
+    TuningBasis,
+    TuningParameter,
+    at_before,
+    spectrum,
+    tune,
+    tuning_basis,
+)
+from beadwave.workflows.files.hammer import Reading
+from beadwave.workflows.files.run_folder import Picture
+from beadwave.workflows.report.numbers import supported
+from beadwave.workflows.scene import InvalidScene, Scene, nearest
+from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.progress import Progress
+from beadwave.workflows.structure import dampings as of_damping
+from beadwave.workflows.structure import parameters as of_bodies
+from beadwave.workflows.structure.hammer import (
     PHASES,
     IdentifiedTest,
     hammer_test,
     points_without_place,
 )
-from workflows.structure.measured_responses import (
+from beadwave.workflows.structure.measured_responses import (
     Places,
     ResponseOptions,
     measured_lines,
     resonances_chosen,
     test_places,
 )
-from workflows.structure.response_report import (
+from beadwave.workflows.structure.response_report import (
     Fitted,
     ResponseReport,
     full_model,
     pictures,
     response_report,
 )
-from workflows.structure.tuning import (
+from beadwave.workflows.structure.tuning import (
     RIG_NAMES,
     at_values,
     candidates_of,

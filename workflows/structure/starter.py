@@ -12,16 +12,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.spot import SpotLimits, spanning
-from geometry.errors import InvalidGeometry
-from geometry.holes import concentric
-from geometry.selectors import faces as selected
-from geometry.solids import ALIGNED, Body, Face
-from workflows.files.output_file import OutputFile
-from workflows.scene import InvalidScene
-from workflows.stages.bodies import Drawing
-from workflows.stages.strike import around
-from workflows.structure.face_page import words
+from beadwave.fem.spot import SpotLimits, spanning
+from beadwave.geometry.errors import InvalidGeometry
+from beadwave.geometry.holes import concentric
+from beadwave.geometry.selectors import faces as selected
+from beadwave.geometry.solids import ALIGNED, Body, Face
+from beadwave.workflows.files.output_file import OutputFile
+from beadwave.workflows.scene import InvalidScene
+from beadwave.workflows.stages.bodies import Drawing
+from beadwave.workflows.stages.strike import around
+from beadwave.workflows.structure.face_page import words
 
 PATCH = 2e-3  # [m] radius of the patch that is struck
 SMALLER = (1e-3, 0.5e-3, 0.25e-3)  # [m] on a face that has no room for it, as the rim of a tube

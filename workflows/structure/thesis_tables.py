@@ -7,14 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel
 
-from workflows.files.run_folder import Picture
-from workflows.report import plots
-from workflows.scene import Joints, JointStiffnesses, Scene
-from workflows.scene.rig import PARTS
-from workflows.stages.pipeline import pipeline_of
-from workflows.stages.progress import Progress
-from workflows.structure.tuning import tuned
-from workflows.thesis import HAMMER_TEST_HZ, THESIS
+from beadwave.workflows.files.run_folder import Picture
+from beadwave.workflows.report import plots
+from beadwave.workflows.scene import Joints, JointStiffnesses, Scene
+from beadwave.workflows.scene.rig import PARTS
+from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.progress import Progress
+from beadwave.workflows.structure.tuning import tuned
+from beadwave.workflows.thesis import HAMMER_TEST_HZ, THESIS
 
 SUPPORT = ("block", "sheets", "sheets_support", "support")
 PLATE = (*SUPPORT, "plate")

@@ -14,9 +14,9 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from pydantic import BaseModel
 
-import fem
-from fem.correlation import paired
-from fem.tuning import (
+from beadwave import fem
+from beadwave.fem.correlation import paired
+from beadwave.fem.tuning import (
     Tuning,
     TuningBasis,
     TuningParameter,
@@ -25,22 +25,22 @@ from fem.tuning import (
     spectrum,
     tune,
 )
-from workflows.files.output_file import OutputFile
-from workflows.files.scene import Source, Written, completed, scene_text
-from workflows.files.scene import scene as load_scene
-from workflows.report.numbers import supported
-from workflows.report.tables import aligned_text
-from workflows.scene import InvalidScene, Scene, nearest
-from workflows.scene.bodies import MeasuredMode
-from workflows.scene.named_files import every_file_key
-from workflows.scene.scene import LONGEST_NAME
-from workflows.scene.toml import parsed, toml
-from workflows.stages.mesh_causes import OPTIONS as OF_CAUSES
-from workflows.stages.mesh_causes import Cause, refinement, size_for
-from workflows.stages.pipeline import Pipeline, pipeline_of
-from workflows.stages.progress import Progress
-from workflows.stages.targets import remarks_on_axes
-from workflows.structure import parameters as of_bodies
+from beadwave.workflows.files.output_file import OutputFile
+from beadwave.workflows.files.scene import Source, Written, completed, scene_text
+from beadwave.workflows.files.scene import scene as load_scene
+from beadwave.workflows.report.numbers import supported
+from beadwave.workflows.report.tables import aligned_text
+from beadwave.workflows.scene import InvalidScene, Scene, nearest
+from beadwave.workflows.scene.bodies import MeasuredMode
+from beadwave.workflows.scene.named_files import every_file_key
+from beadwave.workflows.scene.scene import LONGEST_NAME
+from beadwave.workflows.scene.toml import parsed, toml
+from beadwave.workflows.stages.mesh_causes import OPTIONS as OF_CAUSES
+from beadwave.workflows.stages.mesh_causes import Cause, refinement, size_for
+from beadwave.workflows.stages.pipeline import Pipeline, pipeline_of
+from beadwave.workflows.stages.progress import Progress
+from beadwave.workflows.stages.targets import remarks_on_axes
+from beadwave.workflows.structure import parameters as of_bodies
 
 PARTS = {"head": "sheets", "foot": "sheets_support"}  # of the rig, that its joints hold
 JOINTS = tuple(PARTS)
@@ -667,7 +667,7 @@ def at_values(scene: Scene, parameters: list[TuningParameter], value) -> Scene:
             steel[p.of] = of_bodies.times(x, getattr(scene.assembly, p.of))
     result = scene.but(joints=joints)
     if steel:
-        from workflows.scene.rig import Steel
+        from beadwave.workflows.scene.rig import Steel
 
         result = result.but(assembly={"block": (scene.assembly.block or Steel()).but(**steel)})
     return result
@@ -716,7 +716,7 @@ def write_scene(
     scene = scene.model_copy(update={"name": name})
     text = toml(scene)
     if source is None or isinstance(source, str | Path):
-        from workflows.scene.commented import with_values
+        from beadwave.workflows.scene.commented import with_values
 
         original = scene_text(None if source is None else str(source)).text
 

@@ -7,17 +7,17 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from workflows.files.own_folder import place
-from workflows.files.run_folder import RunFolder, write_pictures
-from workflows.files.scene import Changes, Source, files_read
-from workflows.scene import InvalidScene
-from workflows.scene.toml import toml
+from beadwave.workflows.files.own_folder import place
+from beadwave.workflows.files.run_folder import RunFolder, write_pictures
+from beadwave.workflows.files.scene import Changes, Source, files_read
+from beadwave.workflows.scene import InvalidScene
+from beadwave.workflows.scene.toml import toml
 
 if TYPE_CHECKING:
-    from workflows.sweep.cases import Base
-    from workflows.sweep.core.design import Design
-    from workflows.sweep.price import Price
-    from workflows.sweep.result import Sweep
+    from beadwave.workflows.sweep.cases import Base
+    from beadwave.workflows.sweep.core.design import Design
+    from beadwave.workflows.sweep.price import Price
+    from beadwave.workflows.sweep.result import Sweep
 
 SWEEPS = Path("sweeps")  # of sweeps without a folder of their own
 SCANS = Path("scans")
@@ -74,10 +74,10 @@ def sweep(
     in all. Raises InvalidScene for bad input; a case that is refused or fails is a row of the
     table with its sentence.
     """
-    from workflows.sweep.cases import base_of
-    from workflows.sweep.result import opened
-    from workflows.sweep.store import require_libraries
-    from workflows.sweep.sweep import sweep as compute
+    from beadwave.workflows.sweep.cases import base_of
+    from beadwave.workflows.sweep.result import opened
+    from beadwave.workflows.sweep.store import require_libraries
+    from beadwave.workflows.sweep.sweep import sweep as compute
 
     # which cases: the scene, the keys that vary, their values
     require_libraries(signals)
@@ -95,7 +95,7 @@ def sweep(
     # every case once, in this process or on a cluster, then pictures of the whole table
     engine_or_none: Any = nullcontext()
     if on != 1:
-        from workflows.sweep.cluster import engine as cluster
+        from beadwave.workflows.sweep.cluster import engine as cluster
 
         engine_or_none = cluster(on)
     with folder.run(text, FILES) as folder, engine_or_none as engine:
@@ -108,7 +108,7 @@ def sweep(
 
 def _draw(folder: RunFolder, design: Design) -> None:
     """Write the pictures of a table; raises InvalidScene where every case was refused."""
-    from workflows.sweep.result import opened
+    from beadwave.workflows.sweep.result import opened
 
     table = opened(folder.find(FILES[0]).parent)
     _require_sound_case(design, table.counts().get("refused", 0), table.messages())
@@ -146,13 +146,13 @@ def scan(
     points that are missing. Raises InvalidScene for bad input; a point
     whose patch leaves the face is a row with its sentence.
     """
-    from workflows.stages.face import StruckFace
-    from workflows.sweep.cases import base_of
-    from workflows.sweep.result import opened
-    from workflows.sweep.scan import grid as grid_of
-    from workflows.sweep.scan import scan as compute
-    from workflows.sweep.scan import struck_scene
-    from workflows.sweep.store import require_libraries
+    from beadwave.workflows.stages.face import StruckFace
+    from beadwave.workflows.sweep.cases import base_of
+    from beadwave.workflows.sweep.result import opened
+    from beadwave.workflows.sweep.scan import grid as grid_of
+    from beadwave.workflows.sweep.scan import scan as compute
+    from beadwave.workflows.sweep.scan import struck_scene
+    from beadwave.workflows.sweep.store import require_libraries
 
     require_libraries(signals)
     points, base = grid_of(grid), base_of(scene, changes)
@@ -181,9 +181,9 @@ def sweep_price(
 ) -> Price:
     """Cases, shared models, seconds and memory of a sweep, timed on its first cases; arguments as
     in `sweep`."""
-    from workflows.sweep.cases import base_of
-    from workflows.sweep.cluster import require_processes
-    from workflows.sweep.price import price
+    from beadwave.workflows.sweep.cases import base_of
+    from beadwave.workflows.sweep.cluster import require_processes
+    from beadwave.workflows.sweep.price import price
 
     base = base_of(scene, changes)
     design, _ = _design(base, _cases(over, sample, cases, seed), signals=False)
@@ -195,7 +195,7 @@ def sweep_price(
 
 def load_sweep(folder: str | Path) -> Sweep:
     """A finished sweep from its folder; raises InvalidScene where it holds no table."""
-    from workflows.sweep.result import opened
+    from beadwave.workflows.sweep.result import opened
 
     return opened(folder)
 
@@ -218,8 +218,8 @@ def _cases(
 def _design(base: Base, cases: Cases, signals: bool) -> tuple[Design, tuple[str, ...]]:
     """The design that the cases describe, and notes on changes to keys that it varies; raises
     InvalidScene where the base cannot take its keys."""
-    from workflows.sweep import design as designs
-    from workflows.sweep.sweep import require_keys
+    from beadwave.workflows.sweep import design as designs
+    from beadwave.workflows.sweep.sweep import require_keys
 
     # values of a mapping as `--over` takes them; a text, start:stop:n for instance, as it is
     over = cases.over

@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from workflows.files.scene import Changes, Source, Written, completed, each, written
-from workflows.scene import HalfSpaceWall, InvalidScene, OneDofWall, Scene
-from workflows.scene.parts import with_chain
-from workflows.scene.toml import changed, keys_set
-from workflows.stages.chain import TOGETHER
-from workflows.sweep.core.design import Design
+from beadwave.workflows.files.scene import Changes, Source, Written, completed, each, written
+from beadwave.workflows.scene import HalfSpaceWall, InvalidScene, OneDofWall, Scene
+from beadwave.workflows.scene.parts import with_chain
+from beadwave.workflows.scene.toml import changed, keys_set
+from beadwave.workflows.stages.chain import TOGETHER
+from beadwave.workflows.sweep.core.design import Design
 
 SIDE_BY_SIDE = {f"{table}.{name}" for table, names in TOGETHER.items() for name in names}
 

@@ -16,11 +16,11 @@ from re import fullmatch
 from time import perf_counter
 from typing import Any, NamedTuple
 
-from workflows.scene import InvalidScene
-from workflows.sweep.core.rows import FAILED, Rows, without_result
-from workflows.sweep.march import rows
-from workflows.sweep.models import SharedWall, models, shared_wall
-from workflows.sweep.tasks import Sharing, Task
+from beadwave.workflows.scene import InvalidScene
+from beadwave.workflows.sweep.core.rows import FAILED, Rows, without_result
+from beadwave.workflows.sweep.march import rows
+from beadwave.workflows.sweep.models import SharedWall, models, shared_wall
+from beadwave.workflows.sweep.tasks import Sharing, Task
 
 HERE = "127.0.0.1"
 PATIENCE = "10s"  # to reach a scheduler

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from workflows.scene import InvalidScene
-from workflows.scene.named_files import require_file
-from workflows.scene.toml import undoes, value_of
-from workflows.sweep.core.design import Axis, Design, combined, latin_hypercube, sobol
+from beadwave.workflows.scene import InvalidScene
+from beadwave.workflows.scene.named_files import require_file
+from beadwave.workflows.scene.toml import undoes, value_of
+from beadwave.workflows.sweep.core.design import Axis, Design, combined, latin_hypercube, sobol
 
 MOST_CASES = 10_000_000  # rows of a table that a laptop still holds
 SAMPLES = ("lhs", "sobol")

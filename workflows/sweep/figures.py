@@ -2,9 +2,17 @@
 
 import numpy as np
 
-from workflows.files.run_folder import Picture
-from workflows.report.plots import Line, Panel, heat_map, outlined_map, panels, png, subplots
-from workflows.scene import InvalidScene
+from beadwave.workflows.files.run_folder import Picture
+from beadwave.workflows.report.plots import (
+    Line,
+    Panel,
+    heat_map,
+    outlined_map,
+    panels,
+    png,
+    subplots,
+)
+from beadwave.workflows.scene import InvalidScene
 
 ENDINGS = (("_m_s", "m/s", 1.0), ("_s", "\N{MICRO SIGN}s", 1e6), ("_N", "N", 1.0))
 Array = np.ndarray

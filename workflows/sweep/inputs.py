@@ -5,13 +5,13 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from workflows.files.scene import files_read
-from workflows.scene import Scene
-from workflows.scene.named_files import every_file_key
-from workflows.stages.cache import digest, program
-from workflows.stages.pipeline import content, every_stage
-from workflows.sweep.cases import Base
-from workflows.sweep.core.design import Design
+from beadwave.workflows.files.scene import files_read
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.scene.named_files import every_file_key
+from beadwave.workflows.stages.cache import digest, program
+from beadwave.workflows.stages.pipeline import content, every_stage
+from beadwave.workflows.sweep.cases import Base
+from beadwave.workflows.sweep.core.design import Design
 
 Stamp = tuple[int, int, int, int]
 

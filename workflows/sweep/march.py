@@ -4,15 +4,21 @@ from time import perf_counter
 
 import numpy as np
 
-import coupling
-import dem
-from workflows.scene import RomWall, Scene
-from workflows.stages.chain import on_surface, start, together
-from workflows.stages.impact import impact, require_start
-from workflows.stages.walls import simple_wall
-from workflows.sweep.cases import CheckedGroup, Group
-from workflows.sweep.core.rows import ACROSS, FAILED, REFUSED, Rows, measured, without_result
-from workflows.sweep.models import FAILURES, SharedWall, sentence
+from beadwave import coupling, dem
+from beadwave.workflows.scene import RomWall, Scene
+from beadwave.workflows.stages.chain import on_surface, start, together
+from beadwave.workflows.stages.impact import impact, require_start
+from beadwave.workflows.stages.walls import simple_wall
+from beadwave.workflows.sweep.cases import CheckedGroup, Group
+from beadwave.workflows.sweep.core.rows import (
+    ACROSS,
+    FAILED,
+    REFUSED,
+    Rows,
+    measured,
+    without_result,
+)
+from beadwave.workflows.sweep.models import FAILURES, SharedWall, sentence
 
 
 def rows(checked: CheckedGroup, shared: SharedWall, signals: bool) -> list[Rows]:
@@ -117,7 +123,7 @@ def _one_by_one(
             error_time = np.nan if run.error_estimate is None else run.error_estimate
             if scene.friction:
                 # the motion across is loaded by scenes that have one
-                from workflows.stages.friction import friction, friction_numbers
+                from beadwave.workflows.stages.friction import friction, friction_numbers
 
                 lateral = friction(scene, first, wall, result)
                 numbers = friction_numbers(scene, first, result, lateral)

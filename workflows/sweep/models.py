@@ -5,13 +5,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-import coupling
-import dem
-from workflows.scene import InvalidScene, RomWall, Scene
-from workflows.stages.chain import start
-from workflows.stages.impact import impact
-from workflows.stages.pipeline import Pipeline, Stage, needs_structure, pipeline_of, tables_of
-from workflows.stages.walls import wall_of
+from beadwave import coupling, dem
+from beadwave.workflows.scene import InvalidScene, RomWall, Scene
+from beadwave.workflows.stages.chain import start
+from beadwave.workflows.stages.impact import impact
+from beadwave.workflows.stages.pipeline import (
+    Pipeline,
+    Stage,
+    needs_structure,
+    pipeline_of,
+    tables_of,
+)
+from beadwave.workflows.stages.walls import wall_of
 
 FAILURES = (
     dem.InvalidChain, dem.NoEquilibrium, dem.UnstableStep, coupling.CouplingError, InvalidScene,
@@ -125,8 +130,8 @@ def _errors(
     nan = float("nan")
     if isinstance(reduced_wall, coupling.CoupledWall):
         return nan, nan
-    from workflows.stages.errors import mesh_error, reduction_error  # finite elements
-    from workflows.stages.quantity_errors import velocity_error_of_mesh
+    from beadwave.workflows.stages.errors import mesh_error, reduction_error  # finite elements
+    from beadwave.workflows.stages.quantity_errors import velocity_error_of_mesh
 
     at_rest = start(scene, models.reduction.contact)
     run = impact(scene, at_rest, reduced_wall)

@@ -4,14 +4,14 @@ from collections.abc import Sequence
 from time import perf_counter
 from typing import NamedTuple, TypeVar
 
-from workflows.report.tables import Table
-from workflows.scene.walls import gives_way
-from workflows.sweep.cases import Base, groups
-from workflows.sweep.core.design import Design
-from workflows.sweep.march import rows
-from workflows.sweep.models import is_kept, models, shared_wall
-from workflows.sweep.sweep import AT_ONCE
-from workflows.sweep.tasks import CHUNK, sharing
+from beadwave.workflows.report.tables import Table
+from beadwave.workflows.scene.walls import gives_way
+from beadwave.workflows.sweep.cases import Base, groups
+from beadwave.workflows.sweep.core.design import Design
+from beadwave.workflows.sweep.march import rows
+from beadwave.workflows.sweep.models import is_kept, models, shared_wall
+from beadwave.workflows.sweep.sweep import AT_ONCE
+from beadwave.workflows.sweep.tasks import CHUNK, sharing
 
 Item = TypeVar("Item")
 

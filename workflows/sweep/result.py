@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from workflows.files.run_folder import Picture
-from workflows.report import tables
-from workflows.report.tables import Table
-from workflows.scene import InvalidScene, nearest
-from workflows.scene.named_files import unfit
-from workflows.stages.warnings import CURES
-from workflows.sweep.core.design import Design
-from workflows.sweep.core.effects import Effects, rank_correlations, sobol_effects
-from workflows.sweep.core.rows import DONE, LARGE_ERROR, TEXT, other_wave
-from workflows.sweep.store import ABOUT, SIGNALS, TABLE
+from beadwave.workflows.files.run_folder import Picture
+from beadwave.workflows.report import tables
+from beadwave.workflows.report.tables import Table
+from beadwave.workflows.scene import InvalidScene, nearest
+from beadwave.workflows.scene.named_files import unfit
+from beadwave.workflows.stages.warnings import CURES
+from beadwave.workflows.sweep.core.design import Design
+from beadwave.workflows.sweep.core.effects import Effects, rank_correlations, sobol_effects
+from beadwave.workflows.sweep.core.rows import DONE, LARGE_ERROR, TEXT, other_wave
+from beadwave.workflows.sweep.store import ABOUT, SIGNALS, TABLE
 
 SHOWN = 40  # cases of a table on a terminal
 MAIN = ("echo_delay_s", "echo_ratio")
@@ -97,7 +97,7 @@ class Sweep:
 
     def plot(self, output: str | None = None, keys: tuple[str, ...] | None = None) -> Picture:
         """An output over keys, all that vary without any; raises InvalidScene for other names."""
-        from workflows.sweep.figures import face_map, picture
+        from beadwave.workflows.sweep.figures import face_map, picture
 
         name = output or next(iter(self.main), "")
         if self.face and keys is None:

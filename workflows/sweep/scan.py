@@ -17,20 +17,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-import coupling
-import dem
-from dem.waves.arrivals import arrivals
-from workflows.files.run_folder import RunFolder
-from workflows.scene import InvalidScene, RomWall, Scene
-from workflows.scene.rig import STRUCK
-from workflows.scene.toml import undoes
-from workflows.stages.chain import Start
-from workflows.stages.errors import MARGIN, SHORTER
-from workflows.stages.face import StruckFace, to_hz
-from workflows.stages.walls import require_support
-from workflows.sweep.cases import Base
-from workflows.sweep.core.continuity import same_wave
-from workflows.sweep.core.rows import (
+from beadwave import coupling, dem
+from beadwave.dem.waves.arrivals import arrivals
+from beadwave.workflows.files.run_folder import RunFolder
+from beadwave.workflows.scene import InvalidScene, RomWall, Scene
+from beadwave.workflows.scene.rig import STRUCK
+from beadwave.workflows.scene.toml import undoes
+from beadwave.workflows.stages.chain import Start
+from beadwave.workflows.stages.errors import MARGIN, SHORTER
+from beadwave.workflows.stages.face import StruckFace, to_hz
+from beadwave.workflows.stages.walls import require_support
+from beadwave.workflows.sweep.cases import Base
+from beadwave.workflows.sweep.core.continuity import same_wave
+from beadwave.workflows.sweep.core.rows import (
     FAILED,
     LARGE_ERROR,
     REFUSED,
@@ -39,10 +38,10 @@ from workflows.sweep.core.rows import (
     other_wave,
     without_result,
 )
-from workflows.sweep.design import Design, counted
-from workflows.sweep.inputs import Inputs, files_of_scene
-from workflows.sweep.march import observed, saved, taken
-from workflows.sweep.store import About, Store
+from beadwave.workflows.sweep.design import Design, counted
+from beadwave.workflows.sweep.inputs import Inputs, files_of_scene
+from beadwave.workflows.sweep.march import observed, saved, taken
+from beadwave.workflows.sweep.store import About, Store
 
 OF_REFLECTED = ("reflected_s", "reflected_m_s", "echo_delay_s", "echo_ratio")
 PART = 200  # points side by side, whose rows are stored together: what a stopped scan loses

@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from workflows.files.run_folder import RunFolder
-from workflows.scene import InvalidScene, Scene
-from workflows.scene.quantities import entries
-from workflows.stages.cache import digest
-from workflows.sweep.core.design import Design
-from workflows.sweep.core.rows import DONE, FAILED, TEXT, Rows
-from workflows.sweep.inputs import Inputs
+from beadwave.workflows.files.run_folder import RunFolder
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.scene.quantities import entries
+from beadwave.workflows.stages.cache import digest
+from beadwave.workflows.sweep.core.design import Design
+from beadwave.workflows.sweep.core.rows import DONE, FAILED, TEXT, Rows
+from beadwave.workflows.sweep.inputs import Inputs
 
 TABLE, SIGNALS = "cases.parquet", "signals.nc"
 ABOUT = b"beadwave"  # in the table's metadata: what it is a table of

@@ -12,16 +12,16 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 
-from workflows.files.run_folder import RunFolder
-from workflows.scene import InvalidScene
-from workflows.sweep.cases import Base
-from workflows.sweep.core.design import Design
-from workflows.sweep.core.rows import Rows
-from workflows.sweep.inputs import Inputs, files_of_cases
-from workflows.sweep.march import rows
-from workflows.sweep.models import Models, SharedWall, models, shared_wall
-from workflows.sweep.store import Store
-from workflows.sweep.tasks import Sharing, sharings
+from beadwave.workflows.files.run_folder import RunFolder
+from beadwave.workflows.scene import InvalidScene
+from beadwave.workflows.sweep.cases import Base
+from beadwave.workflows.sweep.core.design import Design
+from beadwave.workflows.sweep.core.rows import Rows
+from beadwave.workflows.sweep.inputs import Inputs, files_of_cases
+from beadwave.workflows.sweep.march import rows
+from beadwave.workflows.sweep.models import Models, SharedWall, models, shared_wall
+from beadwave.workflows.sweep.store import Store
+from beadwave.workflows.sweep.tasks import Sharing, sharings
 
 # tasks of cases side by side that march at a time: beside one, the table and the search for a step
 # keep a core busy

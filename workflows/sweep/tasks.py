@@ -4,10 +4,10 @@ from collections.abc import Iterator
 from math import isfinite
 from typing import NamedTuple
 
-from workflows.scene import InvalidScene, LossFactorsTable, Scene
-from workflows.sweep.cases import Base, CheckedGroup, Group, checked, groups
-from workflows.sweep.core.design import Design
-from workflows.sweep.models import Source, models_key
+from beadwave.workflows.scene import InvalidScene, LossFactorsTable, Scene
+from beadwave.workflows.sweep.cases import Base, CheckedGroup, Group, checked, groups
+from beadwave.workflows.sweep.core.design import Design
+from beadwave.workflows.sweep.models import Source, models_key
 
 CHUNK = 500  # cases of a task that march side by side: a killed sweep loses at most so many
 ALONE = 20  # cases of a task that march one after another, some seconds

@@ -6,16 +6,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-import dem
-from workflows.evidence.accuracy.cost import timed
-from workflows.evidence.accuracy.peers import Problem
-from workflows.evidence.accuracy.problems import problem
-from workflows.evidence.accuracy.row import AccuracyRow, table_of
-from workflows.evidence.accuracy.runs import limit
-from workflows.evidence.study import rendered
-from workflows.report.finding import Finding
-from workflows.scene import Scene
-from workflows.stages.progress import Progress
+from beadwave import dem
+from beadwave.workflows.evidence.accuracy.cost import timed
+from beadwave.workflows.evidence.accuracy.peers import Problem
+from beadwave.workflows.evidence.accuracy.problems import problem
+from beadwave.workflows.evidence.accuracy.row import AccuracyRow, table_of
+from beadwave.workflows.evidence.accuracy.runs import limit
+from beadwave.workflows.evidence.study import rendered
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages.progress import Progress
 
 SCENE = "rig-rigid"
 POPULATION = 8192  # chains

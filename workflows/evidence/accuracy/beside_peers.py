@@ -21,10 +21,10 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-import rom
-from fem.abaqus import input_deck
-from workflows.evidence.accuracy import peer_process
-from workflows.evidence.accuracy.peer_process import (
+from beadwave import rom
+from beadwave.fem.abaqus import input_deck
+from beadwave.workflows.evidence.accuracy import peer_process
+from beadwave.workflows.evidence.accuracy.peer_process import (
     BEADWAVE,
     CALCULIX,
     CONDENSATION,
@@ -39,19 +39,19 @@ from workflows.evidence.accuracy.peer_process import (
     problem_of,
     shift_inverted,
 )
-from workflows.evidence.accuracy.peers import SCIPY, SUNDIALS
-from workflows.evidence.accuracy.row import AccuracyRow, table_of
-from workflows.evidence.accuracy.runs import reference
-from workflows.evidence.study import rendered
-from workflows.files.run_folder import Picture
-from workflows.report.finding import Finding
-from workflows.report.plots import Line, Panel, panels
-from workflows.report.tables import Table
-from workflows.scene import Scene
-from workflows.scene.parts import with_assembly
-from workflows.stages import assembly as stages
-from workflows.stages.progress import Progress
-from workflows.stages.reduction import boundary_of
+from beadwave.workflows.evidence.accuracy.peers import SCIPY, SUNDIALS
+from beadwave.workflows.evidence.accuracy.row import AccuracyRow, table_of
+from beadwave.workflows.evidence.accuracy.runs import reference
+from beadwave.workflows.evidence.study import rendered
+from beadwave.workflows.files.run_folder import Picture
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.report.plots import Line, Panel, panels
+from beadwave.workflows.report.tables import Table
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.scene.parts import with_assembly
+from beadwave.workflows.stages import assembly as stages
+from beadwave.workflows.stages.progress import Progress
+from beadwave.workflows.stages.reduction import boundary_of
 
 SCENE = "rig-rom"
 ALONE = True  # some thirty processes, and CalculiX: minutes

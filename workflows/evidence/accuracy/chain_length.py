@@ -1,15 +1,15 @@
 """Chains of more and more spheres for a fixed duration, at a fixed step or tolerance."""
 
-from workflows.evidence.accuracy import peers
-from workflows.evidence.accuracy.curves import over_size
-from workflows.evidence.accuracy.growth import growths
-from workflows.evidence.accuracy.problems import lengthened, problem
-from workflows.evidence.accuracy.row import table_of
-from workflows.evidence.accuracy.runs import FIXED, limit, peer_rows, reference, scheme_row
-from workflows.evidence.study import rendered
-from workflows.report.finding import Finding
-from workflows.scene import Scene
-from workflows.stages.progress import Progress
+from beadwave.workflows.evidence.accuracy import peers
+from beadwave.workflows.evidence.accuracy.curves import over_size
+from beadwave.workflows.evidence.accuracy.growth import growths
+from beadwave.workflows.evidence.accuracy.problems import lengthened, problem
+from beadwave.workflows.evidence.accuracy.row import table_of
+from beadwave.workflows.evidence.accuracy.runs import FIXED, limit, peer_rows, reference, scheme_row
+from beadwave.workflows.evidence.study import rendered
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages.progress import Progress
 
 SCENE = "rig-rigid"
 LENGTHS = (17, 100, 1000, 10000)

@@ -15,14 +15,14 @@ from pickle import dumps, loads
 from tempfile import TemporaryDirectory
 from time import process_time
 
-from workflows.evidence.accuracy.row import AccuracyRow, table_of
-from workflows.evidence.study import rendered
-from workflows.files.child import child
-from workflows.report.finding import Finding
-from workflows.report.tables import Table
-from workflows.scene import InvalidScene, Scene
-from workflows.stages.pipeline import couples
-from workflows.stages.progress import Progress
+from beadwave.workflows.evidence.accuracy.row import AccuracyRow, table_of
+from beadwave.workflows.evidence.study import rendered
+from beadwave.workflows.files.child import child
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.report.tables import Table
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.stages.pipeline import couples
+from beadwave.workflows.stages.progress import Progress
 
 SCENE = "rig-rom"
 ALONE = True  # ten seconds of one core, which change with the versions of numba and LLVM only
@@ -42,7 +42,7 @@ def compile(scene: Scene, progress: Progress) -> Finding:
     with TemporaryDirectory() as folder, progress("compilation"):
         Path(folder, "scene").write_bytes(dumps(scene))
         # 600 s for the child: some 30 times what the largest variant of a chain takes
-        ended = child("workflows.evidence.accuracy.compile", folder, seconds=600.0)
+        ended = child("beadwave.workflows.evidence.accuracy.compile", folder, seconds=600.0)
         if ended.returncode:
             raise RuntimeError(ended.stderr.decode(errors="replace"))
         record = json.loads(Path(folder, "variants.json").read_text(encoding="utf-8"))
@@ -76,7 +76,7 @@ def main() -> None:
     from joblib import Memory
     from numba.core.event import Listener, register
 
-    from workflows.stages.pipeline import Pipeline
+    from beadwave.workflows.stages.pipeline import Pipeline
 
     variants, callers = [], []  # of those that are being compiled: start, seconds of callees
 

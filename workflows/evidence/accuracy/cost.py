@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from workflows.evidence.accuracy.growth import growth_exponent
+from beadwave.workflows.evidence.accuracy.growth import growth_exponent
 
 
 class Seconds(NamedTuple):

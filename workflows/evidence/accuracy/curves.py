@@ -5,13 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-import dem
-from workflows.evidence.accuracy import peers
-from workflows.evidence.accuracy.growth import at_one_setting
-from workflows.evidence.accuracy.row import AccuracyRow
-from workflows.evidence.accuracy.runs import CONTROLLED
-from workflows.files.run_folder import Picture
-from workflows.report.plots import Line, Panel, panels
+from beadwave import dem
+from beadwave.workflows.evidence.accuracy import peers
+from beadwave.workflows.evidence.accuracy.growth import at_one_setting
+from beadwave.workflows.evidence.accuracy.row import AccuracyRow
+from beadwave.workflows.evidence.accuracy.runs import CONTROLLED
+from beadwave.workflows.files.run_folder import Picture
+from beadwave.workflows.report.plots import Line, Panel, panels
 
 TARGETS = (1e-4, 1e-6)
 SOLVE_IVP = ("RK45", "DOP853", "LSODA", "Radau")

@@ -7,11 +7,11 @@ from os import cpu_count
 from pathlib import Path
 from typing import Any
 
-from workflows.evidence.accuracy.row import AccuracyRow, table_of
-from workflows.files.run_folder import RunFolder
-from workflows.report import finding
-from workflows.report.finding import Finding
-from workflows.stages.cache import LIBRARIES, library_versions
+from beadwave.workflows.evidence.accuracy.row import AccuracyRow, table_of
+from beadwave.workflows.files.run_folder import RunFolder
+from beadwave.workflows.report import finding
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.stages.cache import LIBRARIES, library_versions
 
 FILES = (*finding.files("accuracy"), "machine.json")
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import nnls
 
-from workflows.evidence.accuracy.row import AccuracyRow
+from beadwave.workflows.evidence.accuracy.row import AccuracyRow
 
 
 class TimeGrowth(NamedTuple):

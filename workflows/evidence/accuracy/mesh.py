@@ -16,26 +16,26 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-import fem
-from fem import assembly_modes
-from fem.convergence import extrapolated, off
-from fem.factorisation import has_pardiso
-from geometry import smallest_quality
-from workflows.evidence.accuracy.mesh_of_bending import of_bending
-from workflows.evidence.accuracy.row import AccuracyRow, table_of
-from workflows.evidence.study import rendered
-from workflows.files.run_folder import Picture
-from workflows.report.finding import Finding
-from workflows.report.plots import Line, Panel, panels
-from workflows.report.tables import Table
-from workflows.scene import Scene
-from workflows.scene.parts import with_assembly
-from workflows.scene.rig import PARTS
-from workflows.stages import assembly as stages
-from workflows.stages.errors import COARSER
-from workflows.stages.pipeline import pipeline_of
-from workflows.stages.progress import Progress
-from workflows.stages.targets import targets
+from beadwave import fem
+from beadwave.fem import assembly_modes
+from beadwave.fem.convergence import extrapolated, off
+from beadwave.fem.factorisation import has_pardiso
+from beadwave.geometry import smallest_quality
+from beadwave.workflows.evidence.accuracy.mesh_of_bending import of_bending
+from beadwave.workflows.evidence.accuracy.row import AccuracyRow, table_of
+from beadwave.workflows.evidence.study import rendered
+from beadwave.workflows.files.run_folder import Picture
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.report.plots import Line, Panel, panels
+from beadwave.workflows.report.tables import Table
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.scene.parts import with_assembly
+from beadwave.workflows.scene.rig import PARTS
+from beadwave.workflows.stages import assembly as stages
+from beadwave.workflows.stages.errors import COARSER
+from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.progress import Progress
+from beadwave.workflows.stages.targets import targets
 
 SCENE = "rig-rom"
 SEEDS = (11.3e-3, 5.66e-3, 2.83e-3)  # [m] ratio 2: the fewest that have a limit and an order

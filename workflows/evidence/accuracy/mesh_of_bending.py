@@ -10,19 +10,19 @@ from time import perf_counter
 
 import numpy as np
 
-import fem
-from workflows.evidence.accuracy.row import AccuracyRow, table_of
-from workflows.evidence.study import rendered
-from workflows.files.run_folder import Picture
-from workflows.report.plots import Line, Panel, panels
-from workflows.report.tables import Table
-from workflows.scene import Scene
-from workflows.scene.parts import with_chain
-from workflows.stages import bending
-from workflows.stages.errors import velocities
-from workflows.stages.pipeline import pipeline_of
-from workflows.stages.progress import Progress
-from workflows.stages.walls import wall_of
+from beadwave import fem
+from beadwave.workflows.evidence.accuracy.row import AccuracyRow, table_of
+from beadwave.workflows.evidence.study import rendered
+from beadwave.workflows.files.run_folder import Picture
+from beadwave.workflows.report.plots import Line, Panel, panels
+from beadwave.workflows.report.tables import Table
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.scene.parts import with_chain
+from beadwave.workflows.stages import bending
+from beadwave.workflows.stages.errors import velocities
+from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.progress import Progress
+from beadwave.workflows.stages.walls import wall_of
 
 TEMPLATE = str(Path(__file__).with_name("_mesh_of_bending.md"))
 FACTORS = (2.83, 2.0, 1.41, 1.0, bending.FINER, 0.5)  # of the elements' length

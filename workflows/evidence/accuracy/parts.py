@@ -1,12 +1,12 @@
 """What each optional part of a scene costs: the same step and scheme with one part more."""
 
-from workflows.evidence.accuracy.problems import bare, modal_wall, problem, with_parts
-from workflows.evidence.accuracy.row import table_of
-from workflows.evidence.accuracy.runs import ReferenceRun, marched, observed, scheme_row
-from workflows.evidence.study import rendered
-from workflows.report.finding import Finding
-from workflows.scene import Scene
-from workflows.stages.progress import Progress
+from beadwave.workflows.evidence.accuracy.problems import bare, modal_wall, problem, with_parts
+from beadwave.workflows.evidence.accuracy.row import table_of
+from beadwave.workflows.evidence.accuracy.runs import ReferenceRun, marched, observed, scheme_row
+from beadwave.workflows.evidence.study import rendered
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages.progress import Progress
 
 SCENE = "rig-rigid"
 SCHEMES = ("verlet", "suzuki4")

@@ -1,6 +1,6 @@
 """One method's work in a process of its own: its first call, its later ones, its memory.
 
-python -m workflows.evidence.accuracy.peer_process FILE
+python -m beadwave.workflows.evidence.accuracy.peer_process FILE
 
 calls the function that is pickled in the file with the arguments beside it, and leaves there what
 it returns. Its libraries compute in one thread, which the environment it is started in says.
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, eigsh
 
-from workflows.evidence.accuracy.cost import Timed, peak, timed
+from beadwave.workflows.evidence.accuracy.cost import Timed, peak, timed
 
 BEADWAVE, SUPERLU, PARDISO, CALCULIX = "beadwave", "scipy, SuperLU", "scipy, PARDISO", "CalculiX"
 MODES, CONDENSATION = "modes", "condensation"
@@ -67,7 +67,7 @@ def modes(method: str, structure: EigenProblem) -> Callable[[], NDArray[np.float
     them, (k + 1,)."""
     K, M, _, _, n_modes, deck = structure
     if method == CALCULIX:
-        from fem.calculix import answer
+        from beadwave.fem.calculix import answer
 
         def frequencies_and_compliance() -> NDArray[np.float64]:
             """(k + 1,) of one run of CalculiX."""
@@ -77,7 +77,7 @@ def modes(method: str, structure: EigenProblem) -> Callable[[], NDArray[np.float
 
         return frequencies_and_compliance
     if method == BEADWAVE:
-        import fem
+        from beadwave import fem
 
         return lambda: fem.modes(K, M, n_modes, factor=fem.held(K, M)).frequency_hz
     factorise = _factorise(method)
@@ -92,8 +92,7 @@ def condensation(method: str, structure: EigenProblem) -> Callable[[], NDArray[n
     """
     K, M, w, b, n_modes, _ = structure
     if method == BEADWAVE:
-        import fem
-        import rom
+        from beadwave import fem, rom
 
         selection = rom.Selection(n_modes=n_modes, choice="lowest")
 
@@ -137,10 +136,10 @@ def shift_inverted(K, M, n_modes: int, factor, sigma: float = 0.0):
 
 def _factorise(method: str):
     if method == PARDISO:
-        from fem.factorisation import Pardiso
+        from beadwave.fem.factorisation import Pardiso
 
         return Pardiso
-    from rom import superlu
+    from beadwave.rom import superlu
 
     return superlu
 
@@ -150,8 +149,8 @@ def chain_velocities(
 ) -> Callable[[], NDArray[np.float64]]:
     """A call that gives velocities (n_save, n) [m/s] of spheres at a reduced body, or without one
     at a rigid wall; setting is an error, a tolerance or a step [s]."""
-    import dem
-    from workflows.evidence.accuracy import peers
+    from beadwave import dem
+    from beadwave.workflows.evidence.accuracy import peers
 
     problem = problem_of(spheres, body)
     saves = {"duration": spheres.duration, "n_save": spheres.n_save}
@@ -159,12 +158,12 @@ def chain_velocities(
         arguments = problem.chain, problem.wall, problem.v0
         return lambda: dem.march_to_error(*arguments, error=setting, **saves).trajectory.v[1:]
     if method == LAMMPS:
-        from workflows.evidence.verify import lammps
+        from beadwave.workflows.evidence.verify import lammps
 
         row = lammps.LammpsSpheres(*spheres[:4])
         return lambda: lammps.velocities(row, problem.v0, dt=setting, wall=True, **saves)
     if method == EXUDYN:
-        from workflows.evidence.verify import exudyn
+        from beadwave.workflows.evidence.verify import exudyn
 
         return lambda: exudyn.velocities(problem.chain, body, problem.v0, dt=setting, **saves)
     solver, n = peers.peers()[method], spheres.count
@@ -173,12 +172,12 @@ def chain_velocities(
 
 def problem_of(spheres: Spheres, body):
     """The chain at a reduced body, or without one at a rigid wall."""
-    import dem
-    from workflows.evidence.accuracy.peers import Problem
+    from beadwave import dem
+    from beadwave.workflows.evidence.accuracy.peers import Problem
 
     wall = dem.rigid_wall()
     if body is not None:
-        from coupling.reduced_wall import wall_from_reduced
+        from beadwave.coupling.reduced_wall import wall_from_reduced
 
         wall = wall_from_reduced(body, half_space=0.0, cutoff_hz=np.inf)
     flat = dem.Flat(spheres.young, spheres.poisson)

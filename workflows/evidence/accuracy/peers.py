@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy import integrate
 
-import dem
-from dem.kernels.compiled import njit
-from dem.kernels.laws import DAMPING_LAWS
-from dem.spheres import time_scale
+from beadwave import dem
+from beadwave.dem.kernels.compiled import njit
+from beadwave.dem.kernels.laws import DAMPING_LAWS
+from beadwave.dem.spheres import time_scale
 
 NONE, LINEAR, CLIPPED, HUNT_CROSSLEY = (
     DAMPING_LAWS[name].number for name in ("none", "linear", "linear-clipped", "hunt-crossley")

@@ -2,14 +2,14 @@
 
 import numpy as np
 
-import dem
-from dem.spheres import force_scale
-from workflows.evidence.accuracy.peers import Problem
-from workflows.scene import InvalidScene, Scene
-from workflows.stages.chain import initial_velocity
-from workflows.stages.impact import require_start
-from workflows.stages.pipeline import pipeline_of
-from workflows.stages.progress import Progress
+from beadwave import dem
+from beadwave.dem.spheres import force_scale
+from beadwave.workflows.evidence.accuracy.peers import Problem
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.stages.chain import initial_velocity
+from beadwave.workflows.stages.impact import require_start
+from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.progress import Progress
 
 SPACING, MASS = 400.0, 4.2  # [Hz], [kg] of the block in the synthetic wall
 

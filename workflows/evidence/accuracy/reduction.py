@@ -24,26 +24,23 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-import coupling
-import dem
-import fem
-import rom
-from coupling.reduced_wall import wall_from_reduced
-from fem.assembly_modes import AssemblyModes
-from fem.shared_solutions import SharedSolutions
-from workflows.evidence.accuracy.cost import least_seconds
-from workflows.evidence.accuracy.row import AccuracyRow, table_of
-from workflows.evidence.study import rendered
-from workflows.files.run_folder import Picture
-from workflows.report.finding import Finding
-from workflows.report.plots import Line, Panel, panels
-from workflows.report.tables import Table
-from workflows.scene import InvalidScene, RomWall, Scene
-from workflows.stages.chain import chain, initial_velocity, on_surface
-from workflows.stages.damping import damping
-from workflows.stages.pipeline import Stage, pipeline_of, tables_of
-from workflows.stages.progress import Progress
-from workflows.stages.reduction import contact_of, selection, targets_kept
+from beadwave import coupling, dem, fem, rom
+from beadwave.coupling.reduced_wall import wall_from_reduced
+from beadwave.fem.assembly_modes import AssemblyModes
+from beadwave.fem.shared_solutions import SharedSolutions
+from beadwave.workflows.evidence.accuracy.cost import least_seconds
+from beadwave.workflows.evidence.accuracy.row import AccuracyRow, table_of
+from beadwave.workflows.evidence.study import rendered
+from beadwave.workflows.files.run_folder import Picture
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.report.plots import Line, Panel, panels
+from beadwave.workflows.report.tables import Table
+from beadwave.workflows.scene import InvalidScene, RomWall, Scene
+from beadwave.workflows.stages.chain import chain, initial_velocity, on_surface
+from beadwave.workflows.stages.damping import damping
+from beadwave.workflows.stages.pipeline import Stage, pipeline_of, tables_of
+from beadwave.workflows.stages.progress import Progress
+from beadwave.workflows.stages.reduction import contact_of, selection, targets_kept
 
 ERROR = 1e-4  # of the reduction, and of the marches that are compared
 SCENE = "rig-rom"

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from workflows.report.tables import Table
+from beadwave.workflows.report.tables import Table
 
 HEADING = ("study", "method", "parameter", "setting", "error", "energy", "steps", "evaluations",
            "warm [ms]", "cold [ms]")  # fmt: skip

@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-import dem
-from workflows.evidence.accuracy import peers
-from workflows.evidence.accuracy.cost import timed
-from workflows.evidence.accuracy.peers import Problem, Solver
-from workflows.evidence.accuracy.row import AccuracyRow
+from beadwave import dem
+from beadwave.workflows.evidence.accuracy import peers
+from beadwave.workflows.evidence.accuracy.cost import timed
+from beadwave.workflows.evidence.accuracy.peers import Problem, Solver
+from beadwave.workflows.evidence.accuracy.row import AccuracyRow
 
 TOLERANCES = tuple(10.0**-k for k in range(3, 12))
 ASKED = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # errors that march_to_error is given

@@ -16,22 +16,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.abaqus import input_deck
-from fem.correlation import RIGID
-from fem.factorisation import has_pardiso
-from workflows.evidence.accuracy.cost import Cost, cost_growth, cost_of_command, costed
-from workflows.evidence.accuracy.row import AccuracyRow, table_of
-from workflows.evidence.study import rendered
-from workflows.files.run_folder import Picture
-from workflows.report.finding import Finding
-from workflows.report.plots import Line, Panel, panels
-from workflows.report.tables import Table
-from workflows.scene import Scene
-from workflows.scene.parts import with_assembly
-from workflows.stages import assembly as stages
-from workflows.stages.krylov_space import krylov_space
-from workflows.stages.progress import Progress
-from workflows.stages.reduction import reduction
+from beadwave.fem.abaqus import input_deck
+from beadwave.fem.correlation import RIGID
+from beadwave.fem.factorisation import has_pardiso
+from beadwave.workflows.evidence.accuracy.cost import Cost, cost_growth, cost_of_command, costed
+from beadwave.workflows.evidence.accuracy.row import AccuracyRow, table_of
+from beadwave.workflows.evidence.study import rendered
+from beadwave.workflows.files.run_folder import Picture
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.report.plots import Line, Panel, panels
+from beadwave.workflows.report.tables import Table
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.scene.parts import with_assembly
+from beadwave.workflows.stages import assembly as stages
+from beadwave.workflows.stages.krylov_space import krylov_space
+from beadwave.workflows.stages.progress import Progress
+from beadwave.workflows.stages.reduction import reduction
 
 SCENE = "rig-rom"  # whose mesh no holes keep fine
 TIMES = (2.83, 2.0, 1.41, 1.0)  # the scene's element sizes: its own mesh is the finest

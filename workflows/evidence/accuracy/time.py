@@ -2,18 +2,23 @@
 
 from collections.abc import Iterable
 
-import dem
-from workflows.evidence.accuracy import peers
-from workflows.evidence.accuracy.curves import picture, ratios
-from workflows.evidence.accuracy.growth import growth_exponent
-from workflows.evidence.accuracy.peers import Problem
-from workflows.evidence.accuracy.problems import pressed, problem
-from workflows.evidence.accuracy.row import AccuracyRow, table_of
-from workflows.evidence.accuracy.runs import controlled_rows, peer_rows, reference, scheme_rows
-from workflows.evidence.study import rendered
-from workflows.report.finding import Finding
-from workflows.scene import Scene
-from workflows.stages.progress import Progress
+from beadwave import dem
+from beadwave.workflows.evidence.accuracy import peers
+from beadwave.workflows.evidence.accuracy.curves import picture, ratios
+from beadwave.workflows.evidence.accuracy.growth import growth_exponent
+from beadwave.workflows.evidence.accuracy.peers import Problem
+from beadwave.workflows.evidence.accuracy.problems import pressed, problem
+from beadwave.workflows.evidence.accuracy.row import AccuracyRow, table_of
+from beadwave.workflows.evidence.accuracy.runs import (
+    controlled_rows,
+    peer_rows,
+    reference,
+    scheme_rows,
+)
+from beadwave.workflows.evidence.study import rendered
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages.progress import Progress
 
 SCENE = "rig-rigid"
 

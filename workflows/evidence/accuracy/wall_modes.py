@@ -1,11 +1,11 @@
 """The scene's chain before walls of more and more modes."""
 
-from workflows.evidence.accuracy import peers
-from workflows.evidence.accuracy.curves import DRAWN, over_size, picture, ratios
-from workflows.evidence.accuracy.growth import at_one_setting, growth
-from workflows.evidence.accuracy.problems import MASS, SPACING, modal_wall, problem
-from workflows.evidence.accuracy.row import table_of
-from workflows.evidence.accuracy.runs import (
+from beadwave.workflows.evidence.accuracy import peers
+from beadwave.workflows.evidence.accuracy.curves import DRAWN, over_size, picture, ratios
+from beadwave.workflows.evidence.accuracy.growth import at_one_setting, growth
+from beadwave.workflows.evidence.accuracy.problems import MASS, SPACING, modal_wall, problem
+from beadwave.workflows.evidence.accuracy.row import table_of
+from beadwave.workflows.evidence.accuracy.runs import (
     CONTROLLED,
     FIXED,
     limit,
@@ -14,11 +14,11 @@ from workflows.evidence.accuracy.runs import (
     scheme_row,
     scheme_rows,
 )
-from workflows.evidence.study import rendered
-from workflows.report.finding import Finding
-from workflows.scene import Scene
-from workflows.scene.parts import with_wall
-from workflows.stages.progress import Progress
+from beadwave.workflows.evidence.study import rendered
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.scene.parts import with_wall
+from beadwave.workflows.stages.progress import Progress
 
 SCENE = "rig-rigid"
 MODES = (0, 1, 10, 50, 150, 500)

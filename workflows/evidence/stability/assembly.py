@@ -6,14 +6,13 @@ from functools import partial
 import numpy as np
 from joblib import Memory
 
-import coupling
-import dem
-from workflows.evidence.harness import Outcome, Trial
-from workflows.evidence.stability.trials import settled
-from workflows.files.scene import scene as load
-from workflows.stages.chain import chain, initial_velocity
-from workflows.stages.pipeline import Pipeline
-from workflows.thesis import THESIS
+from beadwave import coupling, dem
+from beadwave.workflows.evidence.harness import Outcome, Trial
+from beadwave.workflows.evidence.stability.trials import settled
+from beadwave.workflows.files.scene import scene as load
+from beadwave.workflows.stages.chain import chain, initial_velocity
+from beadwave.workflows.stages.pipeline import Pipeline
+from beadwave.workflows.thesis import THESIS
 
 COARSE = (
     "mesh.seed=12e-3", "mesh.block_seed=40e-3", "mesh.support_seed=60e-3",

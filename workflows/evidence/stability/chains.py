@@ -8,9 +8,9 @@ from functools import partial
 
 import numpy as np
 
-import dem
-from workflows.evidence.harness import Outcome, Trial
-from workflows.evidence.stability.trials import collisions, settled
+from beadwave import dem
+from beadwave.workflows.evidence.harness import Outcome, Trial
+from beadwave.workflows.evidence.stability.trials import collisions, settled
 
 RIG = {"radius": 0.0127, "density": 7800.0, "young": 210e9, "poisson": 0.3}
 STEEL = dem.Flat(210e9, 0.3)

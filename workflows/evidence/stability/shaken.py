@@ -6,14 +6,14 @@ from functools import partial
 
 import numpy as np
 
-import dem
-from coupling.shaken_march import march_shaken
-from coupling.spatial_march import ShakerForces, SpatialRun, body_of, march_space
-from coupling.spatial_wall import SpatialWall, spatial_wall_of_modes
-from dem.friction import tangential_law
-from dem.lateral import LastSphere
-from workflows.evidence.harness import Outcome, Trial
-from workflows.evidence.stability.trials import STEEL
+from beadwave import dem
+from beadwave.coupling.shaken_march import march_shaken
+from beadwave.coupling.spatial_march import ShakerForces, SpatialRun, body_of, march_space
+from beadwave.coupling.spatial_wall import SpatialWall, spatial_wall_of_modes
+from beadwave.dem.friction import tangential_law
+from beadwave.dem.lateral import LastSphere
+from beadwave.workflows.evidence.harness import Outcome, Trial
+from beadwave.workflows.evidence.stability.trials import STEEL
 
 R, NU, MU, LOAD = 0.0127, 0.3, 0.2, 50.0  # m, N pressed
 SPEED = 0.1  # m/s of the striker

@@ -5,12 +5,16 @@ from functools import partial
 
 import numpy as np
 
-import coupling
-import dem
-from coupling.verdict import large_step_error
-from workflows.evidence.harness import Outcome, Trial
-from workflows.evidence.stability.chains import SPEED, spheres_of, squeezed, striker_velocity
-from workflows.evidence.stability.trials import finer, settled
+from beadwave import coupling, dem
+from beadwave.coupling.verdict import large_step_error
+from beadwave.workflows.evidence.harness import Outcome, Trial
+from beadwave.workflows.evidence.stability.chains import (
+    SPEED,
+    spheres_of,
+    squeezed,
+    striker_velocity,
+)
+from beadwave.workflows.evidence.stability.trials import finer, settled
 
 
 def step() -> Iterator[Trial]:

@@ -4,9 +4,9 @@ from functools import partial
 
 import numpy as np
 
-import dem
-from dem.spheres import time_scale
-from workflows.evidence.harness import Outcome
+from beadwave import dem
+from beadwave.dem.spheres import time_scale
+from beadwave.workflows.evidence.harness import Outcome
 
 STEEL = 210e9  # Pa
 

@@ -5,10 +5,10 @@ from functools import partial
 
 import numpy as np
 
-import dem
-from workflows.evidence.harness import Outcome, Trial
-from workflows.evidence.stability.chains import SPEED, N, spheres_of, striker_velocity
-from workflows.evidence.stability.trials import settled
+from beadwave import dem
+from beadwave.workflows.evidence.harness import Outcome, Trial
+from beadwave.workflows.evidence.stability.chains import SPEED, N, spheres_of, striker_velocity
+from beadwave.workflows.evidence.stability.trials import settled
 
 
 def wall_mode_frequency() -> Iterator[Trial]:

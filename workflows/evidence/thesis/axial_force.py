@@ -7,14 +7,14 @@ passed the observed spheres, and after.
 
 from typing import NamedTuple
 
-from workflows.evidence.study import concluded, counted
-from workflows.evidence.thesis import bent
-from workflows.evidence.thesis.wave_distance import felt
-from workflows.report.finding import Finding
-from workflows.report.plots import Line, Panel, panels
-from workflows.scene import InvalidScene, Scene
-from workflows.stages import bending
-from workflows.stages.progress import Progress
+from beadwave.workflows.evidence.study import concluded, counted
+from beadwave.workflows.evidence.thesis import bent
+from beadwave.workflows.evidence.thesis.wave_distance import felt
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.report.plots import Line, Panel, panels
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.stages import bending
+from beadwave.workflows.stages.progress import Progress
 
 SCENE = "slender-beam"
 COLUMNS = ("share", "force_N", "first_mode_hz", "tof_us", "arr", "first_wave", "later", "later_ms")

@@ -10,19 +10,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-import coupling
-import dem
-from dem.waves.measures import WallContact
-from workflows.evidence.study import concluded, counted
-from workflows.evidence.thesis.observed_run import Observed, RecordOptions, Setup, seen
-from workflows.report.finding import Finding
-from workflows.report.plots import Line, Panel, panels
-from workflows.scene import InvalidScene, Scene
-from workflows.scene.parts import with_chain
-from workflows.stages import bending
-from workflows.stages.chain import chain, initial_velocity
-from workflows.stages.progress import Progress
-from workflows.stages.walls import wall_of
+from beadwave import coupling, dem
+from beadwave.dem.waves.measures import WallContact
+from beadwave.workflows.evidence.study import concluded, counted
+from beadwave.workflows.evidence.thesis.observed_run import Observed, RecordOptions, Setup, seen
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.report.plots import Line, Panel, panels
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.scene.parts import with_chain
+from beadwave.workflows.stages import bending
+from beadwave.workflows.stages.chain import chain, initial_velocity
+from beadwave.workflows.stages.progress import Progress
+from beadwave.workflows.stages.walls import wall_of
 
 COLUMNS = ("mm", "first_mode_hz", "contact_us", "tof_us", "arr", "peak_N")
 

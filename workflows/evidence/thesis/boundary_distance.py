@@ -10,18 +10,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-import coupling
-import dem
-from coupling.plate import Plate, group_speed
-from workflows.evidence.study import concluded, counted
-from workflows.evidence.thesis import plates
-from workflows.evidence.thesis.collision import Collision, CollisionRun
-from workflows.evidence.thesis.plates import PlateSizes
-from workflows.evidence.thesis.requirements import FEWEST, require_chain
-from workflows.report.finding import Finding
-from workflows.report.plots import Line, Panel, panels
-from workflows.scene import Scene
-from workflows.stages.progress import Progress
+from beadwave import coupling, dem
+from beadwave.coupling.plate import Plate, group_speed
+from beadwave.workflows.evidence.study import concluded, counted
+from beadwave.workflows.evidence.thesis import plates
+from beadwave.workflows.evidence.thesis.collision import Collision, CollisionRun
+from beadwave.workflows.evidence.thesis.plates import PlateSizes
+from beadwave.workflows.evidence.thesis.requirements import FEWEST, require_chain
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.report.plots import Line, Panel, panels
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages.progress import Progress
 
 FACTORS = {  # of the sizes of a plate's mesh, each varied alone
     "elements halved": {"seed": 0.5, "contact_seed": 0.5},

@@ -8,14 +8,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from coupling.march import impact
-from dem.chain import Chain
-from dem.spheres import time_scale
-from dem.trajectory import Trajectory
-from dem.walls import Wall
-from dem.waves import solitary
-from dem.waves.arrivals import crest, peaks
-from dem.waves.measures import CONTACT, ContactTime, contact_time, force_ratio
+from beadwave.coupling.march import impact
+from beadwave.dem.chain import Chain
+from beadwave.dem.spheres import time_scale
+from beadwave.dem.trajectory import Trajectory
+from beadwave.dem.walls import Wall
+from beadwave.dem.waves import solitary
+from beadwave.dem.waves.arrivals import crest, peaks
+from beadwave.dem.waves.measures import CONTACT, ContactTime, contact_time, force_ratio
 
 
 class CollisionRun(NamedTuple):

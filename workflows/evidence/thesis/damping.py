@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-import coupling
-from workflows.evidence.study import concluded, counted
-from workflows.evidence.thesis.requirements import require_rig
-from workflows.evidence.thesis.schemes import (
+from beadwave import coupling
+from beadwave.workflows.evidence.study import concluded, counted
+from beadwave.workflows.evidence.thesis.requirements import require_rig
+from beadwave.workflows.evidence.thesis.schemes import (
     ROUNDING,
     SchemeOptions,
     StruckBody,
@@ -20,12 +20,12 @@ from workflows.evidence.thesis.schemes import (
     of_the_thesis,
     one_functional,
 )
-from workflows.report.finding import Finding
-from workflows.report.plots import Line, Panel, panels
-from workflows.scene import Scene
-from workflows.stages import assembly as stages
-from workflows.stages.progress import Progress
-from workflows.thesis import HAMMER_TEST_HZ, THESIS
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.report.plots import Line, Panel, panels
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages import assembly as stages
+from beadwave.workflows.stages.progress import Progress
+from beadwave.workflows.thesis import HAMMER_TEST_HZ, THESIS
 
 RAYLEIGH = coupling.RayleighDamping(**THESIS["rayleigh"])  # section 6.2
 

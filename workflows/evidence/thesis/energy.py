@@ -10,18 +10,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-import coupling
-import dem
-import fem
-from dem.waves.measures import WaveEnergy, wave_energy
-from geometry.grid_lines import refined
-from geometry.lined import SAME, lined_mesh
-from geometry.lined import Lines as GridLines
-from geometry.shapes import Box
-from workflows.evidence.study import concluded, counted
-from workflows.evidence.thesis.observed_run import RecordOptions, round_trip
-from workflows.evidence.thesis.requirements import bare, require_chain, require_rig
-from workflows.evidence.thesis.schemes import (
+from beadwave import coupling, dem, fem
+from beadwave.dem.waves.measures import WaveEnergy, wave_energy
+from beadwave.geometry.grid_lines import refined
+from beadwave.geometry.lined import SAME, lined_mesh
+from beadwave.geometry.lined import Lines as GridLines
+from beadwave.geometry.shapes import Box
+from beadwave.workflows.evidence.study import concluded, counted
+from beadwave.workflows.evidence.thesis.observed_run import RecordOptions, round_trip
+from beadwave.workflows.evidence.thesis.requirements import bare, require_chain, require_rig
+from beadwave.workflows.evidence.thesis.schemes import (
     ROUNDING,
     EnergyRun,
     SchemeOptions,
@@ -30,12 +28,12 @@ from workflows.evidence.thesis.schemes import (
     of_the_thesis,
     one_functional,
 )
-from workflows.report.finding import Finding
-from workflows.report.plots import Line, Panel, panels
-from workflows.scene import Scene
-from workflows.stages import assembly as stages
-from workflows.stages.chain import initial_velocity
-from workflows.stages.progress import Progress
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.report.plots import Line, Panel, panels
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages import assembly as stages
+from beadwave.workflows.stages.chain import initial_velocity
+from beadwave.workflows.stages.progress import Progress
 
 WAVE = 0.99366  # of the striker's energy; the rest is the recoil of the first spheres
 MOVING = 5 / 9  # of the wave's energy, by the virial theorem of the Hertz chain

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coupling.continuation import (
+from beadwave.coupling.continuation import (
     SteadyState,
     before_striker,
     cold_state,
@@ -19,7 +19,7 @@ from coupling.continuation import (
     neighbouring_state,
     struck,
 )
-from coupling.spatial_march import (
+from beadwave.coupling.spatial_march import (
     USUAL_SPATIAL_SEARCH,
     PreparedImpact,
     ShakerForces,
@@ -28,27 +28,27 @@ from coupling.spatial_march import (
     march_space,
     march_to_error,
 )
-from coupling.spatial_wall import SpatialWall
-from coupling.stuck_wall import stuck_wall, uncoupled_wall
-from dem import UnstableStep, rigid_wall
-from dem.friction import stick_stiffness
-from dem.lateral import LastSphere
-from dem.prepared import prepare
-from dem.spheres import hertz_overlap
-from dem.waves.solitary import WIDTH, speed
-from workflows.evidence.study import concluded, counted
-from workflows.evidence.thesis.observed_run import Observed, RecordOptions, Setup, seen
-from workflows.evidence.thesis.requirements import require_chain
-from workflows.report.finding import Finding
-from workflows.report.plots import Line, Panel, panels
-from workflows.report.tables import Table
-from workflows.scene import InvalidScene, Scene
-from workflows.scene.places import has_friction
-from workflows.stages.chain import Start
-from workflows.stages.friction import ALL_STICKS, ARRIVED, last_sphere
-from workflows.stages.pipeline import pipeline_of
-from workflows.stages.progress import Progress
-from workflows.stages.structure_friction import shaker_forces, wall_along
+from beadwave.coupling.spatial_wall import SpatialWall
+from beadwave.coupling.stuck_wall import stuck_wall, uncoupled_wall
+from beadwave.dem import UnstableStep, rigid_wall
+from beadwave.dem.friction import stick_stiffness
+from beadwave.dem.lateral import LastSphere
+from beadwave.dem.prepared import prepare
+from beadwave.dem.spheres import hertz_overlap
+from beadwave.dem.waves.solitary import WIDTH, speed
+from beadwave.workflows.evidence.study import concluded, counted
+from beadwave.workflows.evidence.thesis.observed_run import Observed, RecordOptions, Setup, seen
+from beadwave.workflows.evidence.thesis.requirements import require_chain
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.report.plots import Line, Panel, panels
+from beadwave.workflows.report.tables import Table
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.scene.places import has_friction
+from beadwave.workflows.stages.chain import Start
+from beadwave.workflows.stages.friction import ALL_STICKS, ARRIVED, last_sphere
+from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.progress import Progress
+from beadwave.workflows.stages.structure_friction import shaker_forces, wall_along
 
 SCENE = "rig-shaker"
 COLUMNS = (

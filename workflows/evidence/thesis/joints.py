@@ -9,17 +9,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-import fem
-from fem.tuning import spectrum, tune
-from workflows.evidence.study import concluded
-from workflows.report.finding import Finding
-from workflows.report.plots import Line, Panel, panels
-from workflows.scene import Joints, JointStiffnesses, Scene
-from workflows.scene.parts import with_assembly
-from workflows.stages.pipeline import pipeline_of
-from workflows.stages.progress import Progress
-from workflows.structure.tuning import at_values, freed, loosened, shape_mac
-from workflows.thesis import HAMMER_TEST_HZ
+from beadwave import fem
+from beadwave.fem.tuning import spectrum, tune
+from beadwave.workflows.evidence.study import concluded
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.report.plots import Line, Panel, panels
+from beadwave.workflows.scene import Joints, JointStiffnesses, Scene
+from beadwave.workflows.scene.parts import with_assembly
+from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.progress import Progress
+from beadwave.workflows.structure.tuning import at_values, freed, loosened, shape_mac
+from beadwave.workflows.thesis import HAMMER_TEST_HZ
 
 TARGETS = {i: HAMMER_TEST_HZ[i - 1] for i in (1, 2, 3)}  # [Hz] by mode
 LOOSE = 100.0  # [N m/rad] a turn of the head joints that hardly resists

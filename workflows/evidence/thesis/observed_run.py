@@ -6,15 +6,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from coupling.march import impact
-from dem.chain import Chain
-from dem.spheres import max_pressure, modulus_of_contact, radii_of_contacts, time_scale
-from dem.trajectory import Trajectory
-from dem.walls import Wall
-from dem.waves.labels import Label, labels
-from dem.waves.measures import WallContact, wall_contact
-from dem.waves.tracks import WaveTrack, wave_tracks
-from workflows.report.plots import Line, Panel
+from beadwave.coupling.march import impact
+from beadwave.dem.chain import Chain
+from beadwave.dem.spheres import max_pressure, modulus_of_contact, radii_of_contacts, time_scale
+from beadwave.dem.trajectory import Trajectory
+from beadwave.dem.walls import Wall
+from beadwave.dem.waves.labels import Label, labels
+from beadwave.dem.waves.measures import WallContact, wall_contact
+from beadwave.dem.waves.tracks import WaveTrack, wave_tracks
+from beadwave.workflows.report.plots import Line, Panel
 
 
 class RecordOptions(NamedTuple):

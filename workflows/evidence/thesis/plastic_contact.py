@@ -10,10 +10,10 @@ flattened sphere. Thesis, section 7.2; C. Thornton, J. Appl. Mech. 64 (1997) 383
 
 import numpy as np
 
-import dem
-from dem.spheres import contact_modulus, yield_overlap
-from workflows.evidence.study import concluded
-from workflows.evidence.thesis.observed_run import (
+from beadwave import dem
+from beadwave.dem.spheres import contact_modulus, yield_overlap
+from beadwave.workflows.evidence.study import concluded
+from beadwave.workflows.evidence.thesis.observed_run import (
     Observed,
     Setup,
     observed,
@@ -21,12 +21,12 @@ from workflows.evidence.thesis.observed_run import (
     wave_cells,
     wave_columns,
 )
-from workflows.evidence.thesis.requirements import last, require_chain, require_echo
-from workflows.report.finding import Finding
-from workflows.report.plots import Line, Panel, panels
-from workflows.scene import HalfSpaceWall, RigidWall, Scene
-from workflows.stages.chain import chain, initial_velocity
-from workflows.stages.progress import Progress
+from beadwave.workflows.evidence.thesis.requirements import last, require_chain, require_echo
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.report.plots import Line, Panel, panels
+from beadwave.workflows.scene import HalfSpaceWall, RigidWall, Scene
+from beadwave.workflows.stages.chain import chain, initial_velocity
+from beadwave.workflows.stages.progress import Progress
 
 FACTOR = 3.0  # thesis, section 7.2
 CONSTRAINT = 1.6  # contact yield stress over yield stress, K. L. Johnson, sec. 6.1

@@ -1,10 +1,10 @@
 """A chain against plates of one thickness after the other."""
 
-from workflows.evidence.thesis import bent
-from workflows.evidence.thesis.bent import StructuresOptions, compared
-from workflows.report.finding import Finding
-from workflows.scene import Scene
-from workflows.stages.progress import Progress
+from beadwave.workflows.evidence.thesis import bent
+from beadwave.workflows.evidence.thesis.bent import StructuresOptions, compared
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages.progress import Progress
 
 SCENE = "plate"
 

@@ -10,17 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-import dem
-import fem
-import geometry
-import rom
-from coupling.plate import Plate, group_speed, shear_speed, wavenumber
-from coupling.reduced_wall import wall_from_reduced
-from workflows.evidence.thesis import collision as collisions
-from workflows.evidence.thesis.collision import Collision
-from workflows.evidence.thesis.requirements import bare, last
-from workflows.scene import Scene
-from workflows.stages.chain import initial_velocity
+from beadwave import dem, fem, geometry, rom
+from beadwave.coupling.plate import Plate, group_speed, shear_speed, wavenumber
+from beadwave.coupling.reduced_wall import wall_from_reduced
+from beadwave.workflows.evidence.thesis import collision as collisions
+from beadwave.workflows.evidence.thesis.collision import Collision
+from beadwave.workflows.evidence.thesis.requirements import bare, last
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages.chain import initial_velocity
 
 STRUCK = "plate:+x"
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-import dem
-from workflows.evidence.thesis.observed_run import Observed
-from workflows.scene import InvalidScene, Scene
-from workflows.scene.parts import with_chain
+from beadwave import dem
+from beadwave.workflows.evidence.thesis.observed_run import Observed
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.scene.parts import with_chain
 
 FEWEST = 5  # spheres that make a wave
 SPHERES = (1, 4, 14)  # observed unless the scene says otherwise

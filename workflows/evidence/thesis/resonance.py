@@ -11,21 +11,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coupling.continuation import before_striker, cold_state
-from coupling.errors import CouplingError
-from coupling.resonance import CurvePoint, HarmonicBalance, curve
-from coupling.stuck_wall import stuck_wall
-from dem import UnstableStep
-from dem.friction import stick_stiffness
-from dem.spheres import hertz_overlap
-from workflows.evidence.study import concluded, counted
-from workflows.evidence.thesis.friction import MarchedRig, name_of, rig_of
-from workflows.report.finding import Finding
-from workflows.report.plots import Line, Panel, panels
-from workflows.report.tables import Table
-from workflows.scene import InvalidScene, Scene
-from workflows.scene.places import has_friction
-from workflows.stages.progress import Progress
+from beadwave.coupling.continuation import before_striker, cold_state
+from beadwave.coupling.errors import CouplingError
+from beadwave.coupling.resonance import CurvePoint, HarmonicBalance, curve
+from beadwave.coupling.stuck_wall import stuck_wall
+from beadwave.dem import UnstableStep
+from beadwave.dem.friction import stick_stiffness
+from beadwave.dem.spheres import hertz_overlap
+from beadwave.workflows.evidence.study import concluded, counted
+from beadwave.workflows.evidence.thesis.friction import MarchedRig, name_of, rig_of
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.report.plots import Line, Panel, panels
+from beadwave.workflows.report.tables import Table
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.scene.places import has_friction
+from beadwave.workflows.stages.progress import Progress
 
 SCENE = "rig-shaker"
 COLUMNS = (

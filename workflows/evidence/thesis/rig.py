@@ -10,16 +10,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workflows.evidence.study import concluded
-from workflows.evidence.thesis.observed_run import Observed, RecordOptions, Setup, record
-from workflows.evidence.thesis.requirements import require_chain, require_echo, require_rig
-from workflows.evidence.thesis.walls import HALF_SPACE, RIGID, impact_run, one_dof, rig_walls
-from workflows.evidence.thesis.wave_distance import DependenceLimits, separation, spread
-from workflows.report.finding import Finding
-from workflows.report.plots import panels
-from workflows.scene import HalfSpaceWall, LeafSpringsTable, Preload, Scene
-from workflows.stages.chain import chain, contact_radius, start
-from workflows.stages.progress import Progress
+from beadwave.workflows.evidence.study import concluded
+from beadwave.workflows.evidence.thesis.observed_run import Observed, RecordOptions, Setup, record
+from beadwave.workflows.evidence.thesis.requirements import require_chain, require_echo, require_rig
+from beadwave.workflows.evidence.thesis.walls import (
+    HALF_SPACE,
+    RIGID,
+    impact_run,
+    one_dof,
+    rig_walls,
+)
+from beadwave.workflows.evidence.thesis.wave_distance import DependenceLimits, separation, spread
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.report.plots import panels
+from beadwave.workflows.scene import HalfSpaceWall, LeafSpringsTable, Preload, Scene
+from beadwave.workflows.stages.chain import chain, contact_radius, start
+from beadwave.workflows.stages.progress import Progress
 
 # what the thesis states, sections 6.1, 7.1 and 7.2: reflected waves by sphere within 3 ms, at
 # which spheres waves are separate, the radius of the contact "near 0.3 mm"

@@ -9,16 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-import coupling
-import dem
-import fem
-import rom
-from coupling.coupled_march import EnergyGain
-from coupling.reduced_wall import coupled_wall, wall_from_reduced
-from workflows.scene import Scene
-from workflows.stages.assembly import solid
-from workflows.stages.chain import chain, initial_velocity
-from workflows.stages.parts import STRIKE
+from beadwave import coupling, dem, fem, rom
+from beadwave.coupling.coupled_march import EnergyGain
+from beadwave.coupling.reduced_wall import coupled_wall, wall_from_reduced
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages.assembly import solid
+from beadwave.workflows.stages.chain import chain, initial_velocity
+from beadwave.workflows.stages.parts import STRIKE
 
 ROUNDING = 1e-9  # of the striker's energy: what is smaller is the march's own error
 

@@ -9,15 +9,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-import fem
-from fem.trace import trace
-from workflows.evidence.study import concluded, counted
-from workflows.report.finding import Finding
-from workflows.report.plots import Line, Panel, panels
-from workflows.scene import Scene
-from workflows.scene.parts import with_assembly
-from workflows.stages import assembly as stages
-from workflows.stages.progress import Progress
+from beadwave import fem
+from beadwave.fem.trace import trace
+from beadwave.workflows.evidence.study import concluded, counted
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.report.plots import Line, Panel, panels
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.scene.parts import with_assembly
+from beadwave.workflows.stages import assembly as stages
+from beadwave.workflows.stages.progress import Progress
 
 COLUMNS = (
     "seed_mm", "dofs", "node", "node_itself", "growth", "recovery_points", "patch",

@@ -8,20 +8,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-import dem
-import fem
-import geometry
-import rom
-from coupling.reduced_wall import wall_from_reduced
-from fem.hinged import euler_bernoulli
-from workflows.evidence.study import concluded, counted
-from workflows.evidence.thesis import bent
-from workflows.evidence.thesis.wave_distance import distance
-from workflows.report.finding import Finding
-from workflows.report.plots import Line, Panel, panels
-from workflows.scene import InvalidScene, Scene
-from workflows.stages import bending
-from workflows.stages.progress import Progress
+from beadwave import dem, fem, geometry, rom
+from beadwave.coupling.reduced_wall import wall_from_reduced
+from beadwave.fem.hinged import euler_bernoulli
+from beadwave.workflows.evidence.study import concluded, counted
+from beadwave.workflows.evidence.thesis import bent
+from beadwave.workflows.evidence.thesis.wave_distance import distance
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.report.plots import Line, Panel, panels
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.stages import bending
+from beadwave.workflows.stages.progress import Progress
 
 SCENE = "beam"
 N_MODES = 5  # that the table and the sentences compare

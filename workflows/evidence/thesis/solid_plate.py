@@ -7,14 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workflows.evidence.study import concluded
-from workflows.evidence.thesis import bent
-from workflows.report.finding import Finding
-from workflows.report.plots import Line, Panel, panels
-from workflows.scene import InvalidScene, Scene
-from workflows.scene.toml import resolved
-from workflows.stages.pipeline import pipeline_of
-from workflows.stages.progress import Progress
+from beadwave.workflows.evidence.study import concluded
+from beadwave.workflows.evidence.thesis import bent
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.report.plots import Line, Panel, panels
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.scene.toml import resolved
+from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.progress import Progress
 
 SCENE = "plate"
 EDGES = ("left", "right", "front", "back")

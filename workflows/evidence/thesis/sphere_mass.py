@@ -9,16 +9,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-import dem
-from dem.waves.measures import exponent
-from workflows.evidence.study import concluded
-from workflows.evidence.thesis.observed_run import Setup, observed, round_trip
-from workflows.evidence.thesis.requirements import bare, last, require_chain
-from workflows.report.finding import Finding
-from workflows.report.plots import Line, Panel, panels
-from workflows.scene import InvalidScene, Scene
-from workflows.stages.chain import initial_velocity
-from workflows.stages.progress import Progress
+from beadwave import dem
+from beadwave.dem.waves.measures import exponent
+from beadwave.workflows.evidence.study import concluded
+from beadwave.workflows.evidence.thesis.observed_run import Setup, observed, round_trip
+from beadwave.workflows.evidence.thesis.requirements import bare, last, require_chain
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.report.plots import Line, Panel, panels
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.stages.chain import initial_velocity
+from beadwave.workflows.stages.progress import Progress
 
 FIGURE_2_9 = (0.013, 0.07, 0.5)  # [kg] masses of the thesis' figure
 CHANGED = ("radius", "density")  # what reaches a mass

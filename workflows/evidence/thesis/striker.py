@@ -11,17 +11,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-import dem
-from dem.spheres import time_scale
-from dem.waves.measures import exponent, leading_share
-from workflows.evidence.study import concluded
-from workflows.evidence.thesis.observed_run import Setup, observed, record, round_trip
-from workflows.evidence.thesis.requirements import bare, require_chain
-from workflows.report.finding import Finding
-from workflows.report.plots import Line, Panel, panels
-from workflows.scene import Scene
-from workflows.stages.chain import initial_velocity
-from workflows.stages.progress import Progress
+from beadwave import dem
+from beadwave.dem.spheres import time_scale
+from beadwave.dem.waves.measures import exponent, leading_share
+from beadwave.workflows.evidence.study import concluded
+from beadwave.workflows.evidence.thesis.observed_run import Setup, observed, record, round_trip
+from beadwave.workflows.evidence.thesis.requirements import bare, require_chain
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.report.plots import Line, Panel, panels
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages.chain import initial_velocity
+from beadwave.workflows.stages.progress import Progress
 
 # share of the energy in the leading wave by the striker's mass over a sphere's, published
 REFERENCE = {0.5: 0.86492, 1.0: 0.99366, 2.0: 0.96120, 5.0: 0.71353, 10.0: 0.48407}

@@ -11,18 +11,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-import dem
-from dem.spheres import time_scale
-from dem.waves.measures import exponent
-from workflows.evidence.study import concluded
-from workflows.evidence.thesis.observed_run import RecordOptions, Setup, observed, record
-from workflows.evidence.thesis.requirements import bare, last, require_chain
-from workflows.report.finding import Finding
-from workflows.report.plots import Line, Panel, panels
-from workflows.report.tables import short
-from workflows.scene import Scene
-from workflows.stages.chain import initial_velocity
-from workflows.stages.progress import Progress
+from beadwave import dem
+from beadwave.dem.spheres import time_scale
+from beadwave.dem.waves.measures import exponent
+from beadwave.workflows.evidence.study import concluded
+from beadwave.workflows.evidence.thesis.observed_run import RecordOptions, Setup, observed, record
+from beadwave.workflows.evidence.thesis.requirements import bare, last, require_chain
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.report.plots import Line, Panel, panels
+from beadwave.workflows.report.tables import short
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages.chain import initial_velocity
+from beadwave.workflows.stages.progress import Progress
 
 PUBLISHED = (0.39, 0.47)  # J. Yang et al. (2011): ratios between which the second wave fades out
 RATIOS = np.unique(

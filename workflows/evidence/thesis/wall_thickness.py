@@ -10,17 +10,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-import coupling
-import dem
-from workflows.evidence.study import concluded, counted
-from workflows.evidence.thesis import plates
-from workflows.evidence.thesis.collision import Collision
-from workflows.evidence.thesis.plates import PlateSizeRules
-from workflows.evidence.thesis.requirements import FEWEST, require_chain
-from workflows.report.finding import Finding
-from workflows.report.plots import Line, Panel, panels
-from workflows.scene import Scene
-from workflows.stages.progress import Progress
+from beadwave import coupling, dem
+from beadwave.workflows.evidence.study import concluded, counted
+from beadwave.workflows.evidence.thesis import plates
+from beadwave.workflows.evidence.thesis.collision import Collision
+from beadwave.workflows.evidence.thesis.plates import PlateSizeRules
+from beadwave.workflows.evidence.thesis.requirements import FEWEST, require_chain
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.report.plots import Line, Panel, panels
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages.progress import Progress
 
 NEGLIGIBLE = 5.0  # D/t from which the thesis, after its reference [8], sees no reflected wave
 DEEP_LOSS = 0.05  # of the energy, thesis: what a wall thicker than c T_c takes

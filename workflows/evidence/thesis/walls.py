@@ -10,9 +10,9 @@ from math import inf, isnan
 
 import numpy as np
 
-import dem
-from workflows.evidence.study import rendered
-from workflows.evidence.thesis.observed_run import (
+from beadwave import dem
+from beadwave.workflows.evidence.study import rendered
+from beadwave.workflows.evidence.thesis.observed_run import (
     Observed,
     RecordOptions,
     Setup,
@@ -21,23 +21,23 @@ from workflows.evidence.thesis.observed_run import (
     wave_cells,
     wave_columns,
 )
-from workflows.evidence.thesis.requirements import require_chain, require_echo, require_rig
-from workflows.evidence.thesis.wave_distance import (
+from beadwave.workflows.evidence.thesis.requirements import require_chain, require_echo, require_rig
+from beadwave.workflows.evidence.thesis.wave_distance import (
     DependenceLimits,
     distance,
     overall,
     similarity,
     spread,
 )
-from workflows.files.run_folder import Picture
-from workflows.files.scene import scene as built_in
-from workflows.report.finding import Finding
-from workflows.report.plots import matrix, panels
-from workflows.report.tables import Table
-from workflows.scene import HalfSpaceWall, RigidWall, Scene
-from workflows.stages.chain import chain, initial_velocity
-from workflows.stages.pipeline import pipeline_of
-from workflows.stages.progress import Progress
+from beadwave.workflows.files.run_folder import Picture
+from beadwave.workflows.files.scene import scene as built_in
+from beadwave.workflows.report.finding import Finding
+from beadwave.workflows.report.plots import matrix, panels
+from beadwave.workflows.report.tables import Table
+from beadwave.workflows.scene import HalfSpaceWall, RigidWall, Scene
+from beadwave.workflows.stages.chain import chain, initial_velocity
+from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.progress import Progress
 
 ONE_DOF_HZ = (269.0, 907.0, 8425.0, 700.0, 240.0)  # thesis, sections 7.2 and 7.3
 ROMS = {"ROM 269": "rig-rom-269", "ROM 907": "rig-rom-907", "ROM all four": "rig-rom"}

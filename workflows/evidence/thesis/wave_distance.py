@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dem.waves.fit import Guess, apart
-from dem.waves.labels import Label
-from dem.waves.solitary import WIDTH, speed
-from workflows.evidence.thesis.observed_run import Observed
+from beadwave.dem.waves.fit import Guess, apart
+from beadwave.dem.waves.labels import Label
+from beadwave.dem.waves.solitary import WIDTH, speed
+from beadwave.workflows.evidence.thesis.observed_run import Observed
 
 
 def distance(a: Observed, b: Observed, number: int, spheres: tuple[int, ...]) -> float:

@@ -15,9 +15,9 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-import fem
-from fem.beam import ENDS, BeamEnd, Section
-from workflows.evidence.harness import Comparison, compared
+from beadwave import fem
+from beadwave.fem.beam import ENDS, BeamEnd, Section
+from beadwave.workflows.evidence.harness import Comparison, compared
 
 LENGTH, STRUCK = 0.5, 0.19  # m
 STEEL = fem.Material(210e9, 0.3, 7850.0)

@@ -3,7 +3,7 @@
 import numpy as np
 from skfem import MeshHex
 
-import fem
+from beadwave import fem
 
 
 def block(*lines: np.ndarray, material: fem.Material) -> fem.Structure:

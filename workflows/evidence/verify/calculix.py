@@ -4,17 +4,17 @@ from collections.abc import Iterator
 
 import numpy as np
 
-import rom
-from coupling.reduced_spatial_wall import spatial_wall_of
-from fem import calculix as program
-from fem import factorised, modes
-from fem.abaqus import input_deck
-from fem.model import Model
-from workflows.evidence.harness import Comparison, compared, require_program
-from workflows.files.scene import scene
-from workflows.stages.assembly import dashpots
-from workflows.stages.pipeline import Pipeline, pipeline_of
-from workflows.stages.progress import quiet
+from beadwave import rom
+from beadwave.coupling.reduced_spatial_wall import spatial_wall_of
+from beadwave.fem import calculix as program
+from beadwave.fem import factorised, modes
+from beadwave.fem.abaqus import input_deck
+from beadwave.fem.model import Model
+from beadwave.workflows.evidence.harness import Comparison, compared, require_program
+from beadwave.workflows.files.scene import scene
+from beadwave.workflows.stages.assembly import dashpots
+from beadwave.workflows.stages.pipeline import Pipeline, pipeline_of
+from beadwave.workflows.stages.progress import quiet
 
 PRINTED = 1e-6  # CalculiX prints seven digits
 COARSE = (

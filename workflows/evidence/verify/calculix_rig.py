@@ -11,22 +11,22 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-import fem
-from fem import calculix as program
-from fem import factorised, modes
-from fem.calculix_tied import Screw, tied_deck
-from geometry.cad import write_step
-from geometry.step_tetrahedra import ElementSizes, StepPatch, step_tetrahedra
-from workflows.evidence.harness import Comparison, require_program
-from workflows.files.scene import scene
-from workflows.scene import Scene
-from workflows.scene.rig import screw_cells
-from workflows.scene.shapes import shapes
-from workflows.stages import assembly
-from workflows.stages.errors import COARSER, ORDER
-from workflows.stages.pipeline import Pipeline, pipeline_of
-from workflows.stages.progress import quiet
-from workflows.stages.reduction import contact_of
+from beadwave import fem
+from beadwave.fem import calculix as program
+from beadwave.fem import factorised, modes
+from beadwave.fem.calculix_tied import Screw, tied_deck
+from beadwave.geometry.cad import write_step
+from beadwave.geometry.step_tetrahedra import ElementSizes, StepPatch, step_tetrahedra
+from beadwave.workflows.evidence.harness import Comparison, require_program
+from beadwave.workflows.files.scene import scene
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.scene.rig import screw_cells
+from beadwave.workflows.scene.shapes import shapes
+from beadwave.workflows.stages import assembly
+from beadwave.workflows.stages.errors import COARSER, ORDER
+from beadwave.workflows.stages.pipeline import Pipeline, pipeline_of
+from beadwave.workflows.stages.progress import quiet
+from beadwave.workflows.stages.reduction import contact_of
 
 SHORT = ('assembly.parts=["block", "sheets"]',)  # what stands on the sheets' support
 # changes of a scene, and the factor of the sizes below: the mean motion under a screw fills the

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-import dem
-from coupling.periodic_state import periodic_state
-from coupling.spatial_march import (
+from beadwave import dem
+from beadwave.coupling.periodic_state import periodic_state
+from beadwave.coupling.spatial_march import (
     Before,
     Moving,
     ShakerForces,
@@ -17,12 +17,12 @@ from coupling.spatial_march import (
     body_of,
     march_space,
 )
-from coupling.spatial_wall import SpatialWall, spatial_wall_of_modes
-from dem.friction import tangential_modulus
-from dem.kernels.tangential import WIDTH
-from dem.lateral import LastSphere
-from workflows.evidence.harness import Comparison, compared
-from workflows.evidence.verify.friction import MU, NU, E, R, sphere_with_friction
+from beadwave.coupling.spatial_wall import SpatialWall, spatial_wall_of_modes
+from beadwave.dem.friction import tangential_modulus
+from beadwave.dem.kernels.tangential import WIDTH
+from beadwave.dem.lateral import LastSphere
+from beadwave.workflows.evidence.harness import Comparison, compared
+from beadwave.workflows.evidence.verify.friction import MU, NU, E, R, sphere_with_friction
 
 SPEED, ACROSS = 0.1, (0.06, 0.05)  # m/s struck, along n and along t1, t2
 LOAD, FORCE, FREQUENCY, PHASE = 40.0, 60.0, 1000.0, 0.4  # N pressed, N and Hz shaken, rad

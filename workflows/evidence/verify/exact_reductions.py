@@ -7,11 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-import dem
-import rom
-from coupling.radiation import lamb_integral
-from dem.spheres import hertz_coefficient
-from workflows.evidence.harness import Comparison, compared
+from beadwave import dem, rom
+from beadwave.coupling.radiation import lamb_integral
+from beadwave.dem.spheres import hertz_coefficient
+from beadwave.workflows.evidence.harness import Comparison, compared
 
 JULIA = "JuliaFEM, ModelReduction.jl, README"
 MILLER = "G. F. Miller, H. Pursey, Proc. R. Soc. A 233 (1955) 55"

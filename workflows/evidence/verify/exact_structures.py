@@ -5,15 +5,15 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.linalg import eigh
 
-import fem
-from coupling import RayleighDamping, damping_ratios
-from fem.beam import Section
-from fem.factorisation import factorised
-from fem.hinged import euler_bernoulli, lamb_hz
-from geometry.grid_lines import graded
-from workflows.evidence.harness import Comparison, compared
-from workflows.evidence.verify.blocks import block, held_block
-from workflows.evidence.verify.exact_reductions import JOHNSON, sphere_on_modes
+from beadwave import fem
+from beadwave.coupling import RayleighDamping, damping_ratios
+from beadwave.fem.beam import Section
+from beadwave.fem.factorisation import factorised
+from beadwave.fem.hinged import euler_bernoulli, lamb_hz
+from beadwave.geometry.grid_lines import graded
+from beadwave.workflows.evidence.harness import Comparison, compared
+from beadwave.workflows.evidence.verify.blocks import block, held_block
+from beadwave.workflows.evidence.verify.exact_reductions import JOHNSON, sphere_on_modes
 
 STEEL = fem.Material(210e9, 0.3, 7850.0)
 ROD = "the rod, f_j = (2 j - 1) c / 4 L"

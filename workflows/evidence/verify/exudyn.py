@@ -11,13 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import null_space
 
-import dem
-import rom
-from coupling.reduced_wall import wall_from_reduced
-from workflows.evidence.harness import Comparison, compared, require_module
-from workflows.files.scene import scene
-from workflows.stages.pipeline import pipeline_of
-from workflows.stages.progress import quiet
+from beadwave import dem, rom
+from beadwave.coupling.reduced_wall import wall_from_reduced
+from beadwave.workflows.evidence.harness import Comparison, compared, require_module
+from beadwave.workflows.files.scene import scene
+from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.progress import quiet
 
 SOURCE = "Exudyn, ObjectGenericODE2 and ObjectContactSphereSphere, step 0.1 us"
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, root
 
-from dem import Chain, Wall
+from beadwave.dem import Chain, Wall
 
 RTOL = 1e-11
 Array = NDArray[np.float64]

@@ -6,10 +6,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-import dem
-from dem.friction import tangential_law
-from dem.lateral import LastSphere, WallMotion, march_lateral
-from workflows.evidence.harness import Comparison, compared
+from beadwave import dem
+from beadwave.dem.friction import tangential_law
+from beadwave.dem.lateral import LastSphere, WallMotion, march_lateral
+from beadwave.workflows.evidence.harness import Comparison, compared
 
 R, RHO, E, NU, MU = 0.0127, 7800.0, 210e9, 0.3, 0.2  # m, kg/m^3, Pa
 LOAD, SPEED = 100.0, 0.1  # N pressed, m/s struck

@@ -4,16 +4,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-import coupling
-import dem
-import fem
-import rom
-from workflows.evidence.harness import Comparison
-from workflows.files.scene import scene
-from workflows.stages.damping import damping
-from workflows.stages.impact import impact
-from workflows.stages.pipeline import Pipeline, pipeline_of
-from workflows.stages.progress import quiet
+from beadwave import coupling, dem, fem, rom
+from beadwave.workflows.evidence.harness import Comparison
+from beadwave.workflows.files.scene import scene
+from beadwave.workflows.stages.damping import damping
+from beadwave.workflows.stages.impact import impact
+from beadwave.workflows.stages.pipeline import Pipeline, pipeline_of
+from beadwave.workflows.stages.progress import quiet
 
 RIG = ("mesh.seed=0.01", "mesh.block_seed=0.035", "mesh.support_seed=0.1", "mesh.contact_seed=0.01",
        "time.error=1e-6")  # fmt: skip

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-import dem
-from workflows.evidence.harness import Comparison, compared
+from beadwave import dem
+from beadwave.workflows.evidence.harness import Comparison, compared
 
 G = 9.80665  # m/s^2
 DENSITY, YOUNG, YOUNG_FLAT, POISSON = 7800.0, 193e9, 210e9, 0.3  # kg/m^3, Pa, Pa

@@ -11,22 +11,21 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-import dem
-import rom
-from dem.spheres import time_scale
-from rom.truncation import frequencies
-from workflows.evidence.harness import Comparison
-from workflows.evidence.verify.random_scenes import LAWS, WALLS
-from workflows.evidence.verify.random_scenes import scene as random_scene
-from workflows.files.scene import scene
-from workflows.fit.chain_fit import calibrate
-from workflows.fit.forward import ChainForward
-from workflows.fit.parameter import Parameter
-from workflows.fit.rig import Rig
-from workflows.fit.signals import Signals
-from workflows.fit.windows import Options
-from workflows.stages.pipeline import pipeline_of
-from workflows.stages.progress import quiet
+from beadwave import dem, rom
+from beadwave.dem.spheres import time_scale
+from beadwave.rom.truncation import frequencies
+from beadwave.workflows.evidence.harness import Comparison
+from beadwave.workflows.evidence.verify.random_scenes import LAWS, WALLS
+from beadwave.workflows.evidence.verify.random_scenes import scene as random_scene
+from beadwave.workflows.files.scene import scene
+from beadwave.workflows.fit.chain_fit import calibrate
+from beadwave.workflows.fit.forward import ChainForward
+from beadwave.workflows.fit.parameter import Parameter
+from beadwave.workflows.fit.rig import Rig
+from beadwave.workflows.fit.signals import Signals
+from beadwave.workflows.fit.windows import Options
+from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.progress import quiet
 
 LEAST, MOST = 1.0, 10.0  # the 5 % point and the median of stated over true errors
 FLOOR = 1e-10  # a true error below it is counted as it: the references resolve no less

@@ -19,14 +19,14 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 
-import fem
-from workflows.evidence.harness import Comparison, compared
-from workflows.files.record import Channel, Recorded
-from workflows.fit.inspect import InspectionRequest
-from workflows.fit.inspect import inspected as inspection
-from workflows.scene import Scene
-from workflows.stages.progress import quiet
-from workflows.sweep.cases import base_of
+from beadwave import fem
+from beadwave.workflows.evidence.harness import Comparison, compared
+from beadwave.workflows.files.record import Channel, Recorded
+from beadwave.workflows.fit.inspect import InspectionRequest
+from beadwave.workflows.fit.inspect import inspected as inspection
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages.progress import quiet
+from beadwave.workflows.sweep.cases import base_of
 
 Array = NDArray[np.float64]
 NOISE = 3e-3  # of the largest signal

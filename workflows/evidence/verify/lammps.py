@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-import dem
-from workflows.evidence.harness import Comparison, compared, require_module
-from workflows.evidence.verify.friction import MU, SPEED, oblique_impact, tangential_speed
+from beadwave import dem
+from beadwave.workflows.evidence.harness import Comparison, compared, require_module
+from beadwave.workflows.evidence.verify.friction import MU, SPEED, oblique_impact, tangential_speed
 
 CONTACT = "hertz/material {young!r} {damping!r} {poisson!r} tangential linear_nohistory 0 0"
 SOURCE = "LAMMPS, package GRANULAR, pair hertz/material and fix wall/gran, step 25 ns"

@@ -13,9 +13,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from skfem import MeshHex
 
-import fem
-from geometry.grid_lines import graded
-from workflows.evidence.harness import Comparison, compared
+from beadwave import fem
+from beadwave.geometry.grid_lines import graded
+from beadwave.workflows.evidence.harness import Comparison, compared
 
 STEEL = fem.Material(210e9, 0.3, 7850.0)
 HEIGHT, CENTRE = 0.04, np.array([0.013, -0.006, 0.04])  # m

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-import dem
-from dem.spheres import force_scale, time_scale
-from dem.waves.arrivals import arrivals, passage
-from workflows.evidence.harness import Comparison, compared
+from beadwave import dem
+from beadwave.dem.spheres import force_scale, time_scale
+from beadwave.dem.waves.arrivals import arrivals, passage
+from beadwave.workflows.evidence.harness import Comparison, compared
 
 NESTERENKO = "V. F. Nesterenko, Dynamics of Heterogeneous Materials (2001), and exact runs of it"
 SEN_MANCIU = "S. Sen, M. Manciu, Phys. Rev. E 64 (2001) 056605"

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 from skfem import MeshHex
 
-import fem
-import rom
-from workflows.evidence.harness import Comparison, compared, require_module
+from beadwave import fem, rom
+from beadwave.workflows.evidence.harness import Comparison, compared, require_module
 
 SOURCE = "pyYeti, cb.cbcheck"
 EXACT = "the block's density and sides"

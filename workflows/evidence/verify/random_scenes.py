@@ -5,10 +5,10 @@ from itertools import product
 
 import numpy as np
 
-import dem
-from dem.spheres import force_scale, time_scale
-from workflows.evidence.harness import Comparison, compared
-from workflows.evidence.verify.formulas import motion
+from beadwave import dem
+from beadwave.dem.spheres import force_scale, time_scale
+from beadwave.workflows.evidence.harness import Comparison, compared
+from beadwave.workflows.evidence.verify.formulas import motion
 
 DAMPED = {"none": 0.0, "linear": 20.0, "linear-clipped": 20.0, "hunt-crossley": 0.2}
 WALLS = ("free", "rigid", "one mass", "modes", "compliance", "dashpot")

@@ -5,12 +5,16 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from workflows.evidence.harness import Comparison, compared
-from workflows.evidence.thesis.wall_modulus import PUBLISHED, WallModulusOptions, wall_modulus
-from workflows.evidence.verify.published import EXACT
-from workflows.files.scene import scene
-from workflows.stages.progress import quiet
-from workflows.structure.thesis_tables import TABLE_53, TableRow, table_52, table_53
+from beadwave.workflows.evidence.harness import Comparison, compared
+from beadwave.workflows.evidence.thesis.wall_modulus import (
+    PUBLISHED,
+    WallModulusOptions,
+    wall_modulus,
+)
+from beadwave.workflows.evidence.verify.published import EXACT
+from beadwave.workflows.files.scene import scene
+from beadwave.workflows.stages.progress import quiet
+from beadwave.workflows.structure.thesis_tables import TABLE_53, TableRow, table_52, table_53
 
 FITTED, UNFITTED = 0.04, 0.2  # of a frequency that a tuning matches, and of one that it does not
 YANG = "J. Yang et al., Phys. Rev. E 83 (2011) 046606"

@@ -5,14 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-import fem
-import rom
-from coupling.reduced_spatial_wall import spatial_wall_of
-from coupling.spatial_wall import SpatialWall
-from fem.factorisation import Factor, factorised
-from geometry.grid_lines import graded
-from workflows.evidence.harness import Comparison, compared
-from workflows.evidence.verify.blocks import held_block
+from beadwave import fem, rom
+from beadwave.coupling.reduced_spatial_wall import spatial_wall_of
+from beadwave.coupling.spatial_wall import SpatialWall
+from beadwave.fem.factorisation import Factor, factorised
+from beadwave.geometry.grid_lines import graded
+from beadwave.workflows.evidence.harness import Comparison, compared
+from beadwave.workflows.evidence.verify.blocks import held_block
 
 STEEL = fem.Material(210e9, 0.3, 7850.0)
 G = STEEL.young / (2 * (1 + STEEL.poisson))

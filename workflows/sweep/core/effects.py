@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workflows.sweep.core.design import Design
+from beadwave.workflows.sweep.core.design import Design
 
 
 class EffectOptions(NamedTuple):

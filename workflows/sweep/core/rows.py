@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dem.waves.arrivals import passages
+from beadwave.dem.waves.arrivals import passages
 
 DONE, REFUSED, FAILED = "done", "refused", "failed"
 RUN = (

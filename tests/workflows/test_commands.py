@@ -1,0 +1,347 @@
+"""Comfort of the command line: help, completion, progress, hints, `doctor`."""
+
+import json
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from beadwave.workflows.commands import durations, options, terminal
+from beadwave.workflows.commands.app import COMMANDS, built, main
+from beadwave.workflows.commands.examples import EXAMPLES
+from beadwave.workflows.evidence.catalogue import catalogue
+from beadwave.workflows.files.scene import built_in
+from beadwave.workflows.stages.progress import Plan
+
+ROOT = Path(__file__).parents[2]
+SHORT = ("--set=chain.count=4", "--set=output.spheres=[1]", "--set=time.duration=0.2 ms")
+
+pytestmark = pytest.mark.usefixtures("own_folder")
+
+
+@pytest.fixture
+def beadwave(monkeypatch, capfd):
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["beadwave", *arguments])
+        with pytest.raises(SystemExit) as end:
+            main()
+        out, err = capfd.readouterr()
+        return end.value.code or 0, out, err
+
+    return run
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_shows_examples_on_lines_of_eighty(command, beadwave):
+    status, out, err = beadwave(command, "-h")
+    assert status == 0 and err == ""
+    assert all(f"  beadwave {line}" in out for line in EXAMPLES[command])
+    assert all(len(line) <= 80 for line in out.splitlines() if "beadwave" not in line)
+
+
+def test_examples_use_options_and_scenes_that_are_there():
+    for name, lines in EXAMPLES.items():
+        for line in lines:
+            command, *words = line.split(" > ")[0].split(" | ")[0].split()
+            assert command == name
+            given = {word.partition("=")[0] for word in words if word.startswith("--")}
+            assert given <= {option for p in built(name).params for option in p.opts}
+            scenes = {word for word in words if re.fullmatch(r"rig-[\w-]+", word)}
+            assert scenes <= set(built_in())
+
+
+def test_help_names_what_options_take(beadwave):
+    for command in ("accuracy", "stability", "verify"):
+        assert "--list names them" in " ".join(beadwave(command, "-h")[1].split())
+        names = [line.split()[0] for line in beadwave(command, "--list")[1].splitlines()]
+        assert names == list(catalogue(command))
+    assert "re_1, im_1" in beadwave("hammer", "-h")[1]
+
+
+def test_version(beadwave):
+    assert beadwave("--version") == (0, "beadwave 0.1.0\n", "")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "meant"),
+    [
+        (("rnu",), "run"),
+        (("stabilty",), "stability"),
+        (("impact", "rig-rgid"), "rig-rigid"),
+        (("impact", "rig-1dof", "--set=wall.frequecy=3"), "frequency"),
+        (("impact", "--otu=d"), "--out"),
+        (("study", "wals"), "walls"),
+        (("accuracy", "--stage=tme"), "time"),
+        (("stability", "--case=prelod"), "preload"),
+        (("tune", "--free=haed.ky"), "head.ky"),
+    ],
+)
+def test_a_mistyped_word_is_answered_by_the_one_that_was_meant(arguments, meant, beadwave):
+    status, out, err = beadwave(*arguments)
+    assert (status, out) == (2, "")
+    assert err.count("\n") == 1 and meant in err
+
+
+def test_quiet_leaves_files_and_warnings_alone(beadwave):
+    status, out, err = beadwave("run", "rig-rigid", "--quiet", "--out=out", *SHORT)
+    assert (status, out) == (0, "") and Path("out/report.html").is_file()
+    assert all(line.startswith("warning: ") for line in err.splitlines())
+    assert json.loads(beadwave("impact", "rig-rigid", "-q", "--json", *SHORT)[1])["n_steps"] > 0
+
+
+def test_an_impact_says_where_it_wrote_and_leaves_no_empty_folder(beadwave):
+    _, out, _ = beadwave("impact", "rig-rigid", "--out=out", *SHORT)
+    assert "written: out/trajectory.npz" in out
+    names = {path.name for path in Path("out").iterdir()}
+    assert names == {
+        ".beadwave", "given.toml", "scene.toml", "summary.json", "trajectory.npz"
+    }  # fmt: skip
+
+
+def test_completion_knows_scenes_keys_studies_and_stages():
+    assert options.scene_names("rig-rom") == ["rig-rom", "rig-rom-269", "rig-rom-907"]
+    assert set(options.study_names("wa")) == {"wall-modulus", "wall-thickness", "walls"}
+    assert options.stage_names("me") == ["mesh"] and "preload" in options.case_names("p")
+
+    for params, words in (({"scene": "rig-1dof"}, []), ({"scene": None}, ["rig-1dof"])):
+        typed = SimpleNamespace(params=params, args=words)
+        keys = options.dotted_keys(typed, "wall.")
+        assert {"wall.frequency=", "wall.mass="} <= set(keys) and "wall.young=" in keys
+        assert "striker.velocity=" in options.dotted_keys(typed, "stri")
+    assert options.dotted_keys(SimpleNamespace(params={}, args=["none.toml"]), "wall.") == []
+
+
+@pytest.mark.parametrize(
+    ("line", "result"),
+    [("run rig-1", "rig-1dof"), ("impact rig-1dof --set wall.freq", "wall.frequency=")],
+)
+def test_a_shell_completes(line, result, monkeypatch):
+    words = f"beadwave {line}"
+    for name, value in (
+        ("_BEADWAVE_COMPLETE", "complete_bash"), ("COMP_WORDS", words),
+        ("COMP_CWORD", str(len(words.split()) - 1)), ("_TYPER_COMPLETE_ARGS", words),
+    ):  # fmt: skip
+        monkeypatch.setenv(name, value)
+    done = subprocess.run(
+        [Path(sys.executable).parent / "beadwave"], capture_output=True, text=True, check=False
+    )
+    assert done.stdout.split() == [result]
+
+
+def test_doctor_tells_what_is_missing_and_what_that_costs(beadwave, monkeypatch):
+    from beadwave.workflows.installation import doctor
+
+    def absent(name):
+        raise doctor.PackageNotFoundError(name)
+
+    monkeypatch.setattr(doctor, "version", absent)
+    monkeypatch.setattr(doctor, "PROGRAMS", {"no-such-program": ("debian-package", "less")})
+    result = json.loads(beadwave("doctor", "--json")[1])
+    missing = {name: (costs, remedy) for name, costs, remedy in result["missing"]}
+    assert missing["h5py"][1] == "./install.sh h5" and ".h5" in missing["h5py"][0]
+    assert missing["no-such-program"] == ("less", "apt-get install debian-package")
+    assert result["cores"] > 0 and result["cache"].endswith("cache")
+    out = beadwave("doctor")[1]
+    assert "missing: h5py: reduced models cannot be read from or written to .h5" in out
+
+
+def test_doctor_knows_extras_that_there_are():
+    from beadwave.workflows.installation.doctor import MISSING
+
+    extras = (ROOT / "pyproject.toml").read_text()
+    assert all(f"\n{extra} = " in extras for extra, _ in MISSING.values())
+
+
+def test_a_stage_tells_the_next_time_how_long_it_takes(monkeypatch, tmp_path):
+    (tmp_path / "cache").mkdir()
+    clock = iter((10.0, 17.0, 20.0, 20.4))
+    monkeypatch.setattr(durations, "perf_counter", lambda: next(clock))
+    known = durations.Durations("run mine")
+    assert known.expected("march") is None
+    assert known.expected("compilation") == durations.COMPILATION.seconds
+    assert known.expected("factor") is None, "nobody has run this scene"
+    rig = durations.RIG["factor"].seconds
+    assert durations.Durations("run None").expected("factor") == rig
+    for stage in ("march", "brief"):
+        with known.measured(stage):
+            pass
+    assert known.expected("march") == 7.0 and known.expected("brief") is None
+    assert durations.Durations("run other").expected("march") is None
+    (tmp_path / "cache" / durations.NAME).write_text("[1")
+    assert known.expected("march") is None
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        '{"run mine": []}',
+        '{"run mine": 3}',
+        '{"run mine": {"march": "ab"}}',
+        '{"run mine": {"march": {"seconds": 3}}}',
+        '{"run mine": {"march": [1e999, 1]}}',
+        "[" * 100_000,
+    ],
+)
+def test_durations_of_another_shape_count_as_none(monkeypatch, tmp_path, content):
+    (tmp_path / "cache").mkdir()
+    file = tmp_path / "cache" / durations.NAME
+    file.write_text(content)
+    clock = iter((10.0, 17.0))
+    monkeypatch.setattr(durations, "perf_counter", lambda: next(clock))
+    known = durations.Durations("run mine")
+    assert known.expected("march") is None
+    with known.measured("march"):
+        pass
+    assert known.expected("march") == 7.0
+
+
+def test_a_command_runs_with_its_stderr_closed(tmp_path):
+    done = subprocess.run(
+        ["sh", "-c", f'"{sys.executable}" -m workflows impact nonsense 2>&-'],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 2 and done.stdout == ""
+
+
+def test_a_slow_machine_raises_what_is_expected_of_the_next_stage(monkeypatch):
+    quiet = durations.RIG["model"].seconds
+    clock = iter((0.0, 4 * quiet))
+    monkeypatch.setattr(durations, "perf_counter", lambda: next(clock))
+    known = durations.Durations("run None")
+    with known.measured("model"):
+        pass
+    assert known.expected("factor") == pytest.approx(4 * durations.RIG["factor"].seconds)
+
+
+def test_a_mesh_of_other_size_is_expected_to_take_its_own_time(monkeypatch, tmp_path):
+    """The last run's seconds, and those of the rig for a scene that nobody has run, go with the
+    unknowns as the stage does."""
+    (tmp_path / "cache").mkdir()
+    clock = iter((0.0, 20.0))
+    monkeypatch.setattr(durations, "perf_counter", lambda: next(clock))
+    known = durations.Durations("run mine")
+    known.unknowns = 1e5
+    with known.measured("factor"):
+        pass
+    finer, power = durations.Durations("run mine"), durations.RIG["factor"].power
+    finer.unknowns = 2e5
+    assert finer.expected("factor") == pytest.approx(20.0 * 2**power)
+    of_rig = durations.RIG["model"]
+    assert finer.expected("model") == pytest.approx(
+        of_rig.seconds * (2e5 / of_rig.unknowns) ** of_rig.power
+    )
+
+
+def test_the_time_to_the_end_is_that_of_the_slower_process(monkeypatch):
+    progress = terminal.StageProgress("run None")
+    assert progress.left() is None
+    monkeypatch.setattr(terminal, "perf_counter", lambda: 100.0)
+    seconds = {name: durations.RIG[name].seconds for name in ("factor", "krylov-space")}
+    progress.planned(Plan(("compilation", "factor", "krylov-space"), ("compilation",)))
+    compilation = durations.COMPILATION.seconds
+    assert progress.left() == pytest.approx(max(sum(seconds.values()), compilation))
+    monkeypatch.setattr(terminal, "perf_counter", lambda: 100.0 + compilation)
+    assert progress.left() == pytest.approx(sum(seconds.values()))
+    with progress.stage("factor"):
+        pass
+    assert progress.left() == pytest.approx(seconds["krylov-space"], rel=1e-6)
+
+
+def test_bars_fill_with_the_time_that_was_expected():
+    from io import StringIO
+
+    from rich.console import Console
+
+    from beadwave.workflows.commands.bars import progress
+
+    written = StringIO()
+    bars = progress(Console(file=written, width=79, get_time=lambda: 100.0))
+    known = bars.add_task("modes", total=None, expected=40.0, left=lambda: 95.0)
+    bars.tasks[known].start_time = bars.get_time() - 10.0
+    bars.add_task("waves", total=None, expected=None, left=lambda: None)
+    bars.console.print(bars.get_renderable())
+    assert re.search(r"modes .* 25 %, 30 s left, 95 s to the end", written.getvalue())
+    assert re.search(r"waves .* 0\.0 s", written.getvalue())
+
+
+def test_the_seconds_of_a_stage_that_has_ended_stand_still():
+    from io import StringIO
+
+    from rich.console import Console
+
+    from beadwave.workflows.commands.bars import progress
+
+    clock = [0.0]
+    bars = progress(Console(file=StringIO(), width=79, get_time=lambda: clock[0]))
+    ended = bars.add_task("mesh", total=None, expected=None, left=lambda: None)
+    clock[0] = 3.0
+    bars.update(ended, total=1, completed=1)
+    clock[0] = 60.0
+    bars.console.print(bars.get_renderable())
+    assert re.search(r"mesh .* 3\.0 s", bars.console.file.getvalue())
+
+
+def test_a_stage_says_one_line_where_nobody_watches_a_terminal(monkeypatch, capfd):
+    """One that ends within a second says nothing."""
+    for quiet in (False, True):
+        monkeypatch.setattr(terminal, "PATIENCE", 0.05)
+        text = ""
+        with terminal.StageProgress("run rig-rom", quiet=quiet) as progress:
+            progress.planned(Plan(("factor", "krylov-space"), (), durations.UNKNOWNS))
+            for n, stage in enumerate(("factor", "krylov-space"), start=1):
+                with progress.stage(stage):
+                    time.sleep(0.3)
+                    while not quiet and text.count("\n") < n:  # on a busy machine it comes later
+                        time.sleep(0.01)
+                        text += capfd.readouterr().err
+            monkeypatch.setattr(terminal, "PATIENCE", 60.0)  # which no busy machine takes for this
+            with progress.stage("waves"):
+                pass
+        text += capfd.readouterr().err
+        if quiet:
+            assert text == ""
+            continue
+        first, second = text.splitlines()
+        hint = r" \(--quiet: no progress, no text\)"
+        assert re.fullmatch(
+            rf"beadwave: now factors of the stiffness, about \d+ s, \d+ s to the end{hint}\.", first
+        )
+        assert re.fullmatch(r"beadwave: now search for modes, about \d+ s\.", second)
+
+
+def test_a_missing_hammer_file_is_told_before_anything_is_loaded(beadwave, monkeypatch):
+    monkeypatch.setattr("beadwave.workflows.structure.api.load_scene", None)
+    monkeypatch.setattr("beadwave.workflows.structure.api.load_scene", None)
+    for arguments in (("hammer", "none.csv"), ("tune", "--hammer=none.csv")):
+        status, _, err = beadwave(*arguments)
+        assert status == 2 and "none.csv does not exist" in err
+
+
+@pytest.mark.parametrize("text", ["secret = 'x'\n", "root:x:0:0\n", "", "[project]\nname = 'a'\n"])
+@pytest.mark.parametrize("more", [(), ("--json",)])
+def test_the_command_scene_prints_scenes_alone(text, more, beadwave):
+    Path("any.txt").write_text(text)
+    status, out, err = beadwave("scene", "any.txt", *more)
+    assert (status, out) == (2, "") and err.startswith("beadwave: any.txt") and err.count("\n") == 1
+    Path("mine.toml").write_text(f"# mine\n{built_in()['rig-rigid']}")
+    status, out, err = beadwave("scene", "mine.toml", *more)
+    assert status == 0 and ("striker" in out if more else out == Path("mine.toml").read_text())
+
+
+def test_a_sentence_longer_than_a_terminal_is_folded_between_words_and_tables_are_not(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "40")
+    terminal_like = SimpleNamespace(isatty=lambda: True)
+    sentence = "the mesh makes mode 2 7.4 % too high, more than the fit misses."
+    table = "mode  paired with      wanted [Hz]  fitted [Hz]"
+    folded = terminal.folded(f"{table}\n{sentence}", terminal_like)
+    assert folded.split("\n")[0] == table
+    assert folded.split("\n")[1:] == [
+        "the mesh makes mode 2 7.4 % too high,", "  more than the fit misses.",
+    ]  # fmt: skip
+    assert terminal.folded(sentence, SimpleNamespace(isatty=lambda: False)) == sentence
