@@ -38,7 +38,7 @@ def answer(deck: str) -> DeckResults:
     where CalculiX gives none."""
     with TemporaryDirectory() as folder:
         _run(Path(folder), deck)
-        text = (Path(folder) / "deck.dat").read_text()
+        text = (Path(folder) / "deck.dat").read_text(encoding="utf-8", errors="replace")
     rows = [line.split() for line in text.splitlines()]
     hz = [float(row[3]) for row in rows if len(row) == 5 and row[0].isdigit()]
     if not hz:
@@ -60,7 +60,7 @@ def matrices(deck: str) -> Matrices:
             off = i != j
             both = np.append(i, j[off]), np.append(j, i[off])
             full.append(coo_matrix((np.append(value, value[off]), both)).tocsr())
-        names = (Path(folder) / "deck.dof").read_text().split()
+        names = (Path(folder) / "deck.dof").read_text(encoding="utf-8", errors="replace").split()
     node, direction = np.array([name.split(".") for name in names], int).T
     return Matrices(*full, 3 * (node - 1) + direction - 1)
 
@@ -85,7 +85,7 @@ def receptance(
     )  # fmt: skip
     with TemporaryDirectory() as folder:
         _run(Path(folder), deck.partition("*STEP\n")[0] + steps.text())
-        text = (Path(folder) / "deck.dat").read_text()
+        text = (Path(folder) / "deck.dat").read_text(encoding="utf-8", errors="replace")
     rows = [block.split() for block in text.split("set CONTACT and time")[1:]]
     f, u = np.array([[float(row[0]), float(row[2])] for row in rows]).T
     return f[::2], u[::2] + 1j * u[1::2]
@@ -93,9 +93,15 @@ def receptance(
 
 def _run(folder: Path, deck: str, *, seconds: float = 600.0) -> None:
     """Run the deck in a folder; raises ValueError where CalculiX gives up on it."""
-    (folder / "deck.inp").write_text(deck)
+    (folder / "deck.inp").write_text(deck, encoding="utf-8", newline="\n")
     ended = run(
-        [PROGRAM, "deck"], cwd=folder, capture_output=True, text=True, timeout=seconds, check=False
+        [PROGRAM, "deck"],
+        cwd=folder,
+        capture_output=True,
+        encoding="utf-8",
+        errors="replace",
+        timeout=seconds,
+        check=False,
     )
     errors = [line for line in ended.stdout.splitlines() if line.startswith(" *ERROR")]
     if ended.returncode not in (0, 201) or errors:

@@ -154,7 +154,8 @@ def write_csv(path: Path, test: Responses) -> None:
     names = [f"{name}_{i}" for i in range(1, len(test.H) + 1) for name in ("re", "im")]
     header = f"frequency_hz,{','.join(names)}  ({test.title})"
     table = np.column_stack([test.frequency_hz, *columns])
-    np.savetxt(path, table, fmt="%.6g", delimiter=",", header=header, comments="")
+    with path.open("w", encoding="utf-8", newline="\n") as file:
+        np.savetxt(file, table, fmt="%.6g", delimiter=",", header=header, comments="")
 
 
 def data_set(test: Responses, i: int) -> dict:

@@ -218,7 +218,7 @@ def _shapes(step: Path, copy: Path) -> list[tuple[int, int]]:
     text = analytic(text_of(step))
     if text is None:
         return gmsh.model.occ.importShapes(str(step), highestDimOnly=False, format="step")
-    copy.write_text(text, encoding="utf-8")
+    copy.write_text(text, encoding="utf-8", newline="\n")
     _, original = read(step)
     gmsh.clear()
     try:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from beadwave.geometry.cell_groups import CORNERS, CellGroup, MeshFile, Origin
 from beadwave.geometry.errors import InvalidGeometry
 from beadwave.geometry.gmsh_session import session
+from beadwave.system import link_or_copy
 
 HEAD, END = b"$MeshFormat", b"$EndElements"
 HDF = b"\x89HDF\r\n\x1a\n"
@@ -54,7 +55,7 @@ def read(path: Path) -> MeshFile:
     with TemporaryDirectory() as folder, session("gmsh could not read it"):
         # gmsh knows a format by the suffix in small letters
         link = Path(folder) / f"mesh{suffix}"
-        link.symlink_to(path.absolute())
+        link_or_copy(path, link)
         gmsh.merge(str(link))
         tags, flat_points, _ = gmsh.model.mesh.getNodes()
         points = flat_points.reshape(-1, 3)

@@ -5,9 +5,11 @@ import ctypes
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from signal import SIGHUP, SIGINT, SIGQUIT, SIGTERM
+from signal import SIGINT, SIGTERM
 
 import gmsh
+
+from beadwave import system
 
 # edges around a circle, at least: chords change its area by 2 pi^2 / (3 n^2), 1.6 %, which
 # `geometry.roundness` restores
@@ -27,7 +29,8 @@ def session(failure: str = "gmsh could not mesh the assembly") -> Iterator[None]
     """
     # gmsh sets signals to their defaults behind Python's back: a run that is terminated later would
     # stop in the middle of a file, and one under nohup would end with its terminal
-    handlers = {number: handler_of(number) for number in (SIGHUP, SIGINT, SIGQUIT, SIGTERM)}
+    numbers = system.existing(system.HANGUP, SIGINT, system.QUIT, SIGTERM)
+    handlers = {number: handler_of(number) for number in numbers}
     gmsh.initialize(readConfigFiles=False, interruptible=False)
     for number, handler in handlers.items():
         set_handler(number, handler)

@@ -146,7 +146,7 @@ def plainly_named(path: Path, copy: Path) -> dict[str, str]:
     head, data, body = text.partition("DATA;")
     plain = STRING.sub(replaced, body)
     if strings:
-        copy.write_text(head + data + plain, encoding="utf-8")
+        copy.write_text(head + data + plain, encoding="utf-8", newline="\n")
     return strings
 
 
@@ -199,4 +199,4 @@ def name_solids(path: Path, names: list[str]) -> None:
             return "'assembly'"
         return f"'{encoded(names[int(match[1] or 1) - 1])}'"
 
-    path.write_text(WRITTEN.sub(named, text), encoding="latin-1")
+    path.write_text(WRITTEN.sub(named, text), encoding="latin-1", newline="\n")

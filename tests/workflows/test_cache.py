@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from beadwave.workflows.commands.app import main
-from beadwave.workflows.files import cache_folder
 from beadwave.workflows.stages import cache
 
 SMALL = ("chain.count=3", "output.spheres=[1]", "output.samples=51", "time.duration=0.2e-3")
@@ -75,7 +74,8 @@ def test_a_cache_that_others_may_write_into_is_not_read(below, mode, tmp_path, c
 
 def test_a_cache_of_another_user_is_not_read(monkeypatch, capsys):
     impact(capsys)
-    monkeypatch.setattr(cache_folder, "geteuid", lambda: os.geteuid() + 1)
+    user = os.geteuid()
+    monkeypatch.setattr(os, "geteuid", lambda: user + 1)
     _, kept, said = impact(capsys)
     assert not any(kept) and "belongs to another user" in said
 

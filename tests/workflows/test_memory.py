@@ -2,8 +2,9 @@
 
 import pytest
 
+from beadwave import system
 from beadwave.workflows.files.scene import scene
-from beadwave.workflows.scene import InvalidScene, memory
+from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.scene.size import (
     RunLimits,
     foreseen_nodes,
@@ -116,7 +117,7 @@ def test_trajectories_that_no_memory_holds_are_refused(monkeypatch):
 def test_a_container_limit_counts_and_its_cached_files_do_not(tmp_path):
     mine = tmp_path / "cgroup"
     for version, (line, names) in enumerate(
-        ((f"{i}:{c}:/box/run", memory.NAMES[c]) for i, c in ((0, ""), (4, "memory"))), start=1
+        ((f"{i}:{c}:/box/run", system.NAMES[c]) for i, c in ((0, ""), (4, "memory"))), start=1
     ):
         mine.write_text(line + "\n")
         root = tmp_path / f"v{version}"
@@ -127,11 +128,11 @@ def test_a_container_limit_counts_and_its_cached_files_do_not(tmp_path):
         (box / used).write_text("2500\n")
         (box / "memory.stat").write_text(f"anon 1\n{cached} 700\n")
         (box / "run" / limit).write_text("max\n")
-        assert list(memory._of_groups(root, mine)) == [1200.0]
+        assert list(system._of_groups(root, mine)) == [1200.0]
 
 
 def test_free_memory_is_less_than_the_machine_has():
-    assert 0 < memory.free_memory() < 1e15
+    assert 0 < system.free_memory() < 1e15
 
 
 @pytest.mark.parametrize(

@@ -42,7 +42,7 @@ def two(monkeypatch, tmp_path):
     monkeypatch.setenv("BEADWAVE_PROCESSES", "2")
     monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setenv("MKL_NUM_THREADS", "1")
-    monkeypatch.setattr(second_process, "sched_getaffinity", lambda _: {0, 1})
+    monkeypatch.setattr(second_process, "free_cores", lambda: 2)
 
 
 def ran(rig, folder):
@@ -140,7 +140,7 @@ def test_a_second_process_prepares_mesh_and_model_before_it_claims_what_needs_th
 def test_a_run_is_one_process_where_two_lack_something(lack, rig, two, monkeypatch):
     match lack:
         case "a core":
-            monkeypatch.setattr(second_process, "sched_getaffinity", lambda _: {0})
+            monkeypatch.setattr(second_process, "free_cores", lambda: 1)
         case "memory":
             monkeypatch.setattr("beadwave.workflows.scene.size.free_memory", lambda: 0.0)
         case "a cache":

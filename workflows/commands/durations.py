@@ -98,7 +98,7 @@ class Durations:
             from beadwave.workflows.files.whole_file import writing_file
 
             with writing_file(_file()) as path:
-                path.write_text(dumps(commands), encoding="utf-8")
+                path.write_text(dumps(commands), encoding="utf-8", newline="\n")
 
 
 def _file() -> Path:

@@ -9,11 +9,15 @@ import sys
 from threading import Event, Thread
 from types import FrameType
 
+from beadwave import system
+
 WORDS = {
     signal.SIGINT: "interrupted",
+    system.BREAK: "interrupted, or its terminal is gone",
     signal.SIGTERM: "terminated",
-    signal.SIGHUP: "its terminal is gone",
+    system.HANGUP: "its terminal is gone",
 }
+WORDS = {number: WORDS[number] for number in system.existing(*WORDS)}
 AGAIN = 0.5  # s until Stopped is raised again, where a bare `except` of a library swallowed it
 PATIENCE = 10.0  # s until the process ends without unwinding, inside a long compiled calculation
 _unwinding = Event()
@@ -48,23 +52,20 @@ def unwind() -> None:
     _handle(_raise)
     # Python runs a handler between two of its own instructions, so never inside one compiled march
     # or mesh; the byte that C writes at once wakes a thread that ends the process in its stead
-    reading, writing = os.pipe()
-    os.set_blocking(writing, False)
-    signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
-    os.register_at_fork(after_in_child=lambda: signal.set_wakeup_fd(-1))  # its signals are its own
+    reading = system.woken_by_signals()
     Thread(target=_end_if_busy, args=(reading, PATIENCE), daemon=True).start()
 
 
 def ignore() -> None:
     """Ignore signals from now on: the program has ended but for the interpreter's own clean-up."""
-    signal.setitimer(signal.ITIMER_REAL, 0)
+    system.end_repeats()
     _handle(signal.SIG_IGN)
 
 
 def stopped_by(error: BaseException | None) -> int | None:
     """The signal behind an exception: also where a library raised another exception from it, or
     where it was lost in a callback from C and the library failed because of that."""
-    handler = signal.getsignal(signal.SIGALRM)
+    handler = signal.getsignal(system.REPEATS)
     if error is not None and isinstance(handler, Again):
         return handler.number
     while error is not None:
@@ -107,8 +108,7 @@ def _raise(number: int, frame: FrameType | None) -> None:
     for other in WORDS:
         signal.signal(other, signal.SIG_IGN)
     again = Again(number)
-    signal.signal(signal.SIGALRM, again)
-    signal.setitimer(signal.ITIMER_REAL, AGAIN, AGAIN)
+    system.repeat(again, AGAIN)
     again()
 
 

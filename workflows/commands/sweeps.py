@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
+from beadwave.system import file_name
 from beadwave.workflows.commands.terminal import (
     StageProgress,
     print_lines,
@@ -108,6 +109,7 @@ def _show(call: Call, folder: Path, of: str | None, against: str | None) -> None
         return
     picture = result.plot(of, tuple(against.split(",")) if against else None)
     name = picture.name + (f"_over_{against.replace(',', '_')}" if against else "")
-    with RunFolder(folder, overwrite=call.given["overwrite"]).held(f"figures/{name}.png") as locked:
-        path = locked.write(f"figures/{name}.png", picture.png)
+    file = f"figures/{file_name(name)}.png"
+    with RunFolder(folder, overwrite=call.given["overwrite"]).held(file) as locked:
+        path = locked.write(file, picture.png)
     print_result({"written": [str(path)]}, f"written: {path}", call.json, call.quiet)

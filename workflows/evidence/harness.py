@@ -119,7 +119,9 @@ def require_program(name: str, package: str) -> None:
     Debian package that installs it."""
     if which(name) is None:
         raise PeerMissing(f"{name} is not installed; apt-get install {package} adds it.")
-    version = run([name, "-v"], capture_output=True, text=True, check=False)
+    version = run(
+        [name, "-v"], capture_output=True, encoding="utf-8", errors="replace", check=False
+    )
     if version.returncode in NOT_STARTED:
         why = version.stderr.strip().partition("\n")[0]
         remedy = f"apt-get install --reinstall {package} repairs it."

@@ -1,11 +1,12 @@
 """The cache folder of the user, with results and notes, and the check that only the user can write
 into it."""
 
-from os import environ, geteuid
+from os import environ
 from pathlib import Path
-from stat import S_IWGRP, S_IWOTH
 
 from platformdirs import user_cache_path
+
+from beadwave.system import untrusted
 
 OWN = 0o700  # mode of a folder that nobody else reads or writes
 
@@ -23,9 +24,6 @@ def own_folders(*folders: Path) -> str | None:
     """
     for folder in folders:
         folder.mkdir(mode=OWN, parents=True, exist_ok=True)
-        status = folder.stat()
-        if status.st_uid != geteuid():
-            return f"is not trusted: {folder} belongs to another user"
-        if status.st_mode & (S_IWGRP | S_IWOTH):
-            return f"is not trusted: others may write into {folder} (chmod go-w ends that)"
+        if why := untrusted(folder):
+            return f"is not trusted: {why}"
     return None

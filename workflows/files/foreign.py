@@ -7,15 +7,14 @@ pickles.
 
 from collections.abc import Callable
 from pathlib import Path
-from signal import SIGPROF, Signals
 from tempfile import TemporaryDirectory
 from typing import TypeVar
 
 import numpy as np
 
+from beadwave.system import crash, free_memory, worked_out
 from beadwave.workflows.files.child import child
 from beadwave.workflows.files.foreign_reader import REFUSED
-from beadwave.workflows.scene.memory import free_memory
 
 Result = TypeVar("Result")
 READER = "beadwave.workflows.files.foreign_reader"
@@ -64,15 +63,14 @@ def through_child(kind: str, path: Path, load: Callable[[Path], Result], *names:
         except TimeoutError:
             raise endless from None
         status = reader.returncode
-        if status == -SIGPROF:
+        if worked_out(status):
             raise endless
         if status == REFUSED:
             raise Refused(target.with_suffix(".txt").read_text(encoding="utf-8").rstrip("."))
         if status != 0:
-            crash = (
-                f"crashes ({Signals(-status).name})" if status < 0 else f"fails (status {status})"
-            )
-            raise Unreadable(f"its reader {crash}, the file is damaged")
+            cause = crash(status)
+            end = f"crashes ({cause})" if cause else f"fails (status {status})"
+            raise Unreadable(f"its reader {end}, the file is damaged")
         return load(target)
 
 

@@ -8,10 +8,10 @@ started this one sees the result alone.
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from resource import RLIMIT_DATA, setrlimit
-from signal import ITIMER_PROF, setitimer
 
 import numpy as np
+
+from beadwave.system import end_after_work, free_memory, limit_memory
 
 REFUSED = 3
 Arrays = dict[str, np.ndarray]
@@ -118,13 +118,8 @@ READERS = {
 def main() -> None:
     """Read the file named on the command line, or say what is wrong with it."""
     seconds, kind, path, target, *names = sys.argv[1:]
-    setitimer(ITIMER_PROF, float(seconds))  # of work, so that a busy machine refuses nothing
-    from beadwave.workflows.scene.memory import free_memory
-
-    # the readers themselves take 2**30 bytes
-    limit = max(2**30, free_memory())
-    if limit < float("inf"):
-        setrlimit(RLIMIT_DATA, (int(limit), int(limit)))
+    end_after_work(float(seconds))  # so that a busy machine refuses nothing
+    limit_memory(max(2**30, free_memory()))  # the readers themselves take 2**30 bytes
     try:
         READERS[kind](Path(path), Path(target), *names)
     except MemoryError:
@@ -134,7 +129,7 @@ def main() -> None:
 
 
 def _refuse(target: str, why: str) -> None:
-    Path(target).with_suffix(".txt").write_text(why, encoding="utf-8")
+    Path(target).with_suffix(".txt").write_text(why, encoding="utf-8", newline="\n")
     sys.exit(REFUSED)
 
 

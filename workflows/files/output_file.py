@@ -42,7 +42,7 @@ class OutputFile:
             with suppress(OSError):
                 note, noted = _note_of(self.path), _noted(self.path)
                 if content not in noted and not own_folders(cache_folder(), note.parent):
-                    with note.open("a", encoding="ascii") as file:
+                    with note.open("a", encoding="ascii", newline="\n") as file:
                         # the first break ends a line that a killed process left half
                         file.write(f"\n{content}\n")
 

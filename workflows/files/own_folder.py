@@ -10,6 +10,7 @@ from pathlib import Path
 from tomllib import TOMLDecodeError, loads
 from typing import NamedTuple
 
+from beadwave.system import file_name
 from beadwave.workflows.files.run_folder import marked
 
 
@@ -24,7 +25,7 @@ def place(out: str | Path | None, parent: Path, name: str, scene_toml: str) -> O
     """The folder `out`, or without one a folder in the parent that no other scene fills."""
     if out:
         return given(Path(out), scene_toml)
-    usual, path = parent / name, own_folder(parent, name, scene_toml)
+    usual, path = parent / file_name(name), own_folder(parent, name, scene_toml)
     note = f"{usual} is left as it is: it holds another run"
     return OutputFolder(path, () if path == usual else (note,))
 
@@ -51,7 +52,7 @@ def own_folder(parent: Path, name: str, scene_toml: str) -> Path:
         ours = marked(path) or (path.is_dir() and not any(path.iterdir()))
         return ours and (_scene(path) == scene_toml or not lexists(path / "scene.toml"))
 
-    numbered = (parent / (name if n == 1 else f"{name}-{n}") for n in count(1))
+    numbered = (parent / file_name(name if n == 1 else f"{name}-{n}") for n in count(1))
     return next(filter(is_free, numbered))
 
 

@@ -2,45 +2,36 @@
 
 The marker `.beadwave` of a folder lists the files that were written into it with their sha256, each
 line before its file appears. A run may replace and clear files that are listed and unchanged, no
-others. A lock on the marker, which ends with its process, keeps two runs from one folder.
+others. A lock, which ends with its process, keeps two runs from one folder.
 """
 
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, nullcontext, suppress
-from errno import ENOLCK, ENOSYS, ENOTSUP
-from fcntl import LOCK_EX, LOCK_NB, flock
-from os import O_CREAT, O_NOFOLLOW, O_RDWR, close, getpid, replace
-from os import open as open_file
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from os import getpid, replace
 from os.path import expanduser, isdir, isfile, islink, lexists
 from pathlib import Path
 from re import fullmatch
 from shutil import rmtree
 from typing import NamedTuple
 
+from beadwave.system import file_name, is_shared, locked, runs
 from beadwave.workflows.files.output_file import OutputFile
 from beadwave.workflows.files.signals_deferred import signals_deferred
 from beadwave.workflows.files.whole_file import (
     among,
     clear_parts,
     digest,
-    runs,
     unfit,
     writing_file,
 )
 from beadwave.workflows.scene import InvalidScene, nearest
 
 MARKER = ".beadwave"
+LOCK = ".beadwave.lock"  # empty, there while a run writes
 NEW = ".beadwave-new-"  # and the number of the process that fills it
 HEAD = "# What beadwave wrote here, with its sha256; the next run clears what is unchanged.\n"
 # of a marker; a killed run leaves half a line
 LINE = r"|#.*|[0-9a-f]{1,64}|[0-9a-f]{64} .*"
-# folders that the system or its users share; a run folder may lie in one, and be none
-SYSTEM = (
-    "/", "/bin", "/boot", "/dev", "/etc", "/home", "/lib", "/lib32", "/lib64", "/opt", "/proc",
-    "/run", "/sbin", "/sys", "/usr", "/usr/bin", "/usr/lib", "/usr/local", "/usr/sbin",
-    "/usr/share", "/var", "/Applications", "/Library", "/System", "/Users", "/Volumes", "/private",
-)  # fmt: skip
-NO_LOCKS = (ENOLCK, ENOSYS, ENOTSUP)  # file systems without locks
 
 
 class Picture(NamedTuple):
@@ -95,24 +86,27 @@ class RunFolder:
         """
         is_new, has_marker = not lexists(self.path), lexists(self.path / MARKER)
         same = self.ours("scene.toml") and _text(self.path / "scene.toml") == scene_toml
-        with self.held(*(() if same else ("scene.toml",)), *files):
-            over = any(map(self.ours, self._noted()))
-            try:
-                with self._inside_of() if over else nullcontext(self) as folder:
-                    folder.write("scene.toml", scene_toml)
-                    yield folder
-                    self._take(folder)
-            except InvalidScene:
-                # what was written since the start goes, and marker and folder if made for that
-                self.clear(self._new)
-                with suppress(OSError):
-                    (self.path / "figures").rmdir()
-                if not has_marker:
-                    (self.path / MARKER).unlink(missing_ok=True)
-                if is_new:
+        try:
+            with self.held(*(() if same else ("scene.toml",)), *files):
+                over = any(map(self.ours, self._noted()))
+                try:
+                    with self._inside_of() if over else nullcontext(self) as folder:
+                        folder.write("scene.toml", scene_toml)
+                        yield folder
+                        self._take(folder)
+                except InvalidScene:
+                    # what was written since the start goes, and marker and folder if made for that
+                    self.clear(self._new)
                     with suppress(OSError):
-                        self.path.rmdir()
-                raise
+                        (self.path / "figures").rmdir()
+                    if not has_marker:
+                        (self.path / MARKER).unlink(missing_ok=True)
+                    raise
+        except InvalidScene:
+            if is_new:
+                with suppress(OSError):  # one that holds the lock or files of another run is left
+                    self.path.rmdir()
+            raise
 
     @contextmanager
     def _inside_of(self) -> Iterator["RunFolder"]:
@@ -168,7 +162,7 @@ class RunFolder:
         # no folder of the system, no home, none whose marker would be waited for (a pipe), leads to
         # another file (a link) or is of other origin
         place = path.resolve()
-        if str(place) in SYSTEM:
+        if is_shared(place):
             raise InvalidScene(
                 f"--out {path} is a folder of the system; choose one for the run alone."
             )
@@ -180,6 +174,12 @@ class RunFolder:
         if not all(fullmatch(LINE, line) for line in (_text(path / MARKER) or "").splitlines()):
             raise InvalidScene(
                 f"--out {path} holds {MARKER}, which beadwave did not write; remove it or choose "
+                "another folder."
+            )
+        lock = path / LOCK
+        if lexists(lock) and (islink(lock) or not isfile(lock) or lock.stat().st_size):
+            raise InvalidScene(
+                f"--out {path} holds {LOCK}, which beadwave did not write; remove it or choose "
                 "another folder."
             )
         if place == Path(expanduser("~")).resolve() and not marked(path):
@@ -198,33 +198,22 @@ class RunFolder:
     def held(self, *files: str) -> Iterator["RunFolder"]:
         """The folder, closed to other runs; raises InvalidScene where these files cannot be."""
         self.require(*files)
-        try:
-            self.make()
-            lock = self._lock()
-            clear_parts(self.path, self.path / "figures")
-        except OSError as error:
-            raise InvalidScene(
-                f"--out {self.path} cannot be written ({error.strerror}); choose another."
-            ) from None
-        try:
+        with ExitStack() as held:
+            try:
+                self.make()
+                held.enter_context(locked(self.path / LOCK))
+                (self.path / MARKER).touch()
+                clear_parts(self.path, self.path / "figures")
+            except BlockingIOError:
+                raise InvalidScene(
+                    f"--out {self.path} is being written by another run; wait for it or choose "
+                    "another."
+                ) from None
+            except OSError as error:
+                raise InvalidScene(
+                    f"--out {self.path} cannot be written ({error.strerror}); choose another."
+                ) from None
             yield self
-        finally:
-            close(lock)
-
-    def _lock(self) -> int:
-        """A descriptor of the marker that holds the lock; the system drops it with the process."""
-        marker = open_file(self.path / MARKER, O_RDWR | O_CREAT | O_NOFOLLOW, 0o666)
-        try:
-            flock(marker, LOCK_EX | LOCK_NB)
-        except BlockingIOError:
-            close(marker)
-            raise InvalidScene(
-                f"--out {self.path} is being written by another run; wait for it or choose another."
-            ) from None
-        except OSError as error:
-            if error.errno not in NO_LOCKS:
-                raise
-        return marker
 
     def clear(self, names: Iterable[str]) -> None:
         """Remove these files as far as they are ours and no input."""
@@ -320,7 +309,7 @@ class RunFolder:
         self._new.add(name)
         if content in self._noted().get(name, ()):
             return
-        with (self.path / MARKER).open("a", encoding="utf-8") as marker:
+        with (self.path / MARKER).open("a", encoding="utf-8", newline="\n") as marker:
             # the line break before it ends a line that a killed run left half
             marker.write(("" if marker.tell() else HEAD) + f"\n{content}  {name}\n")
 
@@ -344,7 +333,7 @@ def _text(path: Path) -> str | None:
 def write_pictures(folder: RunFolder, pictures: tuple[Picture, ...]) -> None:
     """Write each picture to `figures/`."""
     for picture in pictures:
-        folder.write(f"figures/{picture.name}.png", picture.png)
+        folder.write(f"figures/{file_name(picture.name)}.png", picture.png)
 
 
 def picture_named(pictures: Iterable[Picture], name: str | None) -> Picture:

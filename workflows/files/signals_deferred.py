@@ -2,10 +2,13 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from signal import SIG_DFL, SIGALRM, SIGHUP, SIGINT, SIGTERM, raise_signal, signal
+from signal import SIG_DFL, SIGINT, SIGTERM, raise_signal, signal
 from threading import current_thread, main_thread
 
-ENDING = (SIGINT, SIGTERM, SIGHUP, SIGALRM)  # the last repeats one that was lost
+from beadwave import system
+
+# the last one repeats one that was lost
+ENDING = system.existing(SIGINT, SIGTERM, system.HANGUP, system.BREAK, system.REPEATS)
 
 
 @contextmanager

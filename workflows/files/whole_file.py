@@ -3,10 +3,12 @@
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from hashlib import file_digest
-from os import W_OK, access, getpid, kill, replace
+from os import W_OK, access, getpid, replace
 from os.path import exists, isdir, lexists
 from pathlib import Path
 from re import escape, match
+
+from beadwave.system import runs
 
 PART = ".beadwave-"  # and the number of the process that writes it
 
@@ -35,17 +37,6 @@ def clear_parts(*folders: Path) -> None:
             writer = match(rf"{escape(PART)}(\d+)-", draft.name)
             if writer and not runs(int(writer[1])):
                 draft.unlink(missing_ok=True)
-
-
-def runs(process: int) -> bool:
-    """Whether another process of this number is there."""
-    try:
-        kill(process, 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except PermissionError:
-        return True
-    return process != getpid()
 
 
 def unfit(folder: Path) -> str | None:

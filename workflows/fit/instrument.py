@@ -10,13 +10,14 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from multiprocessing import active_children, get_context
-from signal import SIG_BLOCK, SIG_SETMASK, SIGINT, pthread_sigmask
+from signal import SIG_IGN, SIGINT, signal
 from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import butter, sosfilt, sosfilt_zi
 
 from beadwave.dem import Chain, Wall, march_to_error
+from beadwave.system import interrupts_blocked
 from beadwave.workflows.fit.chain_fit import calibrate
 from beadwave.workflows.fit.parameter import Parameter
 from beadwave.workflows.fit.rig import Rig
@@ -120,13 +121,10 @@ def refitted(repeats: Repeats, runs: int) -> np.ndarray:
     """`Repeats.fitted` of the runs after the first, (runs, 2, p), in two processes, which end with
     this one's interruption."""
     halves = [range(1 + first, 1 + runs, 2) for first in range(2)]
-    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-        # what is blocked is inherited: Ctrl-C reaches this process alone, which ends the others
-        unblocked = pthread_sigmask(SIG_BLOCK, {SIGINT})
-        try:
+    # Ctrl-C is for this process alone, which ends the others
+    with ProcessPoolExecutor(2, get_context("spawn"), signal, (SIGINT, SIG_IGN)) as pool:
+        with interrupts_blocked():
             results = pool.map(partial(Repeats.fitted, repeats), halves)
-        finally:
-            pthread_sigmask(SIG_SETMASK, unblocked)
         try:
             return np.vstack([rows for rows in results if len(rows)])
         except BaseException:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from importlib.metadata import PackageNotFoundError, version
 from math import isfinite
-from os import environ, sched_getaffinity
+from os import environ
 from platform import machine, python_version
 from shutil import which
 from typing import NamedTuple
 
 from pydantic import BaseModel
 
+from beadwave.system import free_cores, free_memory
 from beadwave.workflows.installation.shared_libraries import missing_libraries
 
 MISSING = {  # distribution of an extra: extra, what one goes without
@@ -79,7 +80,6 @@ def doctor() -> Installation:
     """What is installed, what is missing and what that costs (`beadwave doctor`)."""
     from beadwave.fem.factorisation import has_pardiso
     from beadwave.workflows.files.cache_folder import cache_folder
-    from beadwave.workflows.scene.memory import free_memory
     from beadwave.workflows.stages.cache import LIBRARIES as NEEDED
     from beadwave.workflows.stages.cache import fault, library_versions
 
@@ -111,7 +111,7 @@ def doctor() -> Installation:
         cache=str(folder),
         cache_bytes=sum(file.stat().st_size for file in files),
         cache_fault=fault(),
-        cores=len(sched_getaffinity(0)),
+        cores=free_cores(),
         threads={name: environ[name] for name in THREADS if name in environ},
         memory_free_bytes=int(free) if isfinite(free) else None,
     )

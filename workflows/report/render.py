@@ -409,7 +409,10 @@ def fill_view(
 def main(arguments: list[str]) -> None:
     """Render the pictures that the command line names."""
     field, fixtures_json, assembly_png, modes_png = map(Path, arguments)
-    grid, fixtures = pv.read(field), Fixtures(**json.loads(fixtures_json.read_text()))
+    grid, fixtures = (
+        pv.read(field),
+        Fixtures(**json.loads(fixtures_json.read_text(encoding="utf-8"))),
+    )
     assembly(grid, fixtures, assembly_png)
     modes(grid, fixtures, modes_png)
 

@@ -75,7 +75,7 @@ def shapes(
 def main(arguments: list[str]) -> None:
     """Render the picture that the command line names."""
     field, compared, image = map(Path, arguments)
-    modes = [Compared(**mode) for mode in json.loads(compared.read_text())]
+    modes = [Compared(**mode) for mode in json.loads(compared.read_text(encoding="utf-8"))]
     shapes(pv.read(field), modes, image)
 
 

@@ -20,13 +20,14 @@ in the cache by now.
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
-from os import environ, replace, sched_getaffinity
+from os import environ, replace
 from pathlib import Path
 from pickle import dumps, loads
 from subprocess import Popen
 from tempfile import TemporaryDirectory
 from time import perf_counter, sleep
 
+from beadwave.system import free_cores
 from beadwave.workflows.files.child import while_open
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.scene.size import foreseen_nodes, room_beside
@@ -67,7 +68,7 @@ class SecondProcess:
             if not meanwhile():
                 sleep(PAUSE)
         self._theirs.discard(name)
-        return float(ended.read_text()) if ended.exists() else None
+        return float(ended.read_text(encoding="utf-8")) if ended.exists() else None
 
     def _claim(self, name: str) -> bool:
         """Whether this process computes the stage: it claims it now, or has done so."""
@@ -89,7 +90,7 @@ def two_processes(pipeline: Pipeline, names: tuple[str, ...]) -> Iterator[None]:
             f"BEADWAVE_PROCESSES = {processes!r} must be 1 or 2; set it so, or leave it out."
         )
     missing = tuple(name for name in names if _wanted(pipeline, name))
-    cores = len(sched_getaffinity(0))
+    cores = free_cores()
     allowed = processes == "2" and cores > 1 and pipeline.keeps
     worth = len(missing) > 1 or "compilation" in missing
     if allowed and worth and (scene := pipeline.scene).bending is None:
@@ -150,7 +151,7 @@ def main() -> None:
         with suppress(Exception):  # computed again by the run, which says what is wrong
             pipeline(ready)
         # the whole number at once: the run reads it as soon as the file is there
-        (folder / "part").write_text(f"{perf_counter() - started}")
+        (folder / "part").write_text(f"{perf_counter() - started}", encoding="utf-8", newline="\n")
         replace(folder / "part", folder / f"{ready}.seconds")
 
 

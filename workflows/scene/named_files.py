@@ -13,7 +13,7 @@ from typing import Annotated, Any, get_args
 
 from pydantic import AfterValidator, BaseModel
 
-from beadwave.workflows.scene.memory import free_memory
+from beadwave.system import free_memory
 from beadwave.workflows.scene.scene_table import InvalidScene, SceneTable
 from beadwave.workflows.scene.shown import shown
 

@@ -20,8 +20,8 @@ from importlib.util import find_spec
 from math import log, pi, prod
 from typing import NamedTuple
 
+from beadwave.system import free_memory
 from beadwave.workflows.scene import Scene
-from beadwave.workflows.scene.memory import free_memory
 
 
 class RunLimits(NamedTuple):

@@ -37,7 +37,8 @@ class CheckedStore(FileSystemStoreBackend):
         folder = Path(self.location, *call_id)
         with suppress(OSError):  # a disk that is full keeps no result either
             unfinished = folder / f"{SUM}.part"
-            unfinished.write_text(whole_file.digest(folder / "output.pkl"), encoding="utf-8")
+            digest = whole_file.digest(folder / "output.pkl")
+            unfinished.write_text(digest, encoding="utf-8", newline="\n")
             replace(unfinished, folder / SUM)
 
     def load_item(self, call_id, *args, **kwargs):

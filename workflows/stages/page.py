@@ -17,7 +17,7 @@ def data(
     """What the page's scripts read (`report.page_data`), of files by name and of numbers."""
     numbers: dict[str, Any] = {}
     with TemporaryDirectory() as folder:
-        Path(folder, "scene.toml").write_text(toml(scene), encoding="utf-8")
+        Path(folder, "scene.toml").write_text(toml(scene), encoding="utf-8", newline="\n")
         for result in results:
             if not isinstance(result, dict):
                 numbers |= result.numbers

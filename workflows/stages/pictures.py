@@ -182,7 +182,7 @@ def rendered(
     with TemporaryDirectory() as folder:
         field, json = Path(folder, "modes.vtu"), Path(folder, "content.json")
         field_file.write(field, modes)
-        json.write_text(dumps(content))
+        json.write_text(dumps(content), encoding="utf-8", newline="\n")
         images = [Path(folder) / f"{name}.png" for name in names]
         drawn = " and ".join(names)
         try:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beadwave.system import file_name
 from beadwave.workflows.files.hammer import HAMMER
 from beadwave.workflows.files.output_file import OutputFile, output_files
 from beadwave.workflows.files.picture_folder import picture_folder
@@ -266,7 +267,7 @@ def tune(
     chosen, wanted, remarks = with_modes(scene, changes, hammer, match, progress)
 
     # where to, before the fit: a file that cannot be written is refused at once
-    path = f"{chosen.name}-tuned.toml" if out is USUAL else out
+    path = file_name(f"{chosen.name}-tuned.toml") if out is USUAL else out
     inputs = files_read(chosen, scene, hammer)
     options = {"inputs": inputs, "ending": ".toml", "overwrite": overwrite}
     file = OutputFile(path, **options) if path else None
@@ -333,7 +334,7 @@ def tune_to_responses(
     from beadwave.workflows.structure.tuning import write_scene
 
     reading = Reading(points=Path(points) if points else None)
-    path = f"{chosen.name}-tuned.toml" if out is USUAL else out
+    path = file_name(f"{chosen.name}-tuned.toml") if out is USUAL else out
     inputs = files_read(chosen, scene, *paths, reading.points)
     file = OutputFile(path, inputs=inputs, ending=".toml", overwrite=overwrite) if path else None
     folder = picture_folder(pictures, inputs, overwrite, "responses")
@@ -690,7 +691,7 @@ def design_hammer_test(
 
     design = designed(pipeline_of(chosen, progress), points, _band(band))
     with output.writing() as draft:
-        draft.write_text(design.csv())
+        draft.write_text(design.csv(), encoding="utf-8", newline="\n")
     return design
 
 

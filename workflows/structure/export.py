@@ -32,7 +32,7 @@ def write_model(pipeline: Pipeline, inp: OutputFile | None, step: OutputFile | N
         w, materials = pipeline("contact").w if struck else None, pipeline("mesh").materials
         text = input_deck(model, materials, w=w, C=dashpots(scene, model))
         with inp.writing() as path:
-            path.write_text(text, encoding="utf-8")
+            path.write_text(text, encoding="utf-8", newline="\n")
     if step:
         from beadwave.geometry.cad import write_step
 

@@ -2,6 +2,7 @@
 strikes."""
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from itertools import islice, product
 from json import dumps
 from os.path import relpath
@@ -70,7 +71,7 @@ def starter(geometry: Drawing, source: Path, gap: float) -> str | None:
     held = next((word for word in words_of if word), None)
     return STARTER.format(
         name=source.stem.replace(" ", "-"),
-        source=source.absolute(),
+        source=source.absolute().as_posix(),
         held=dumps([held] if held else []),
         floats="" if held else FLOATS,
         bolts="".join(
@@ -197,9 +198,12 @@ def write_starter(file: OutputFile, text: str | None, source: Path) -> None:
             f"{SMALLER[-1]:g} m; write the scene by hand."
         )
     # the file by a path from the scene, so that both can be moved together
-    relative = relpath(source.absolute(), file.path.absolute().parent)
+    absolute = source.absolute()
+    with suppress(ValueError):  # on another drive of Windows
+        relative = Path(relpath(absolute, file.path.absolute().parent))
+        text = text.replace(absolute.as_posix(), relative.as_posix())
     with file.writing() as path:
-        path.write_text(text.replace(str(source.absolute()), relative), encoding="utf-8")
+        path.write_text(text, encoding="utf-8", newline="\n")
 
 
 FLOATS = 'reduction = { kind = "free-modes" }  # of a structure that nothing holds\n'

@@ -738,5 +738,5 @@ def write_scene(
                 scene, text = read, commented
                 break
     with file.writing() as path:
-        path.write_text(f"# {first}\n{text}", encoding="utf-8")
+        path.write_text(f"# {first}\n{text}", encoding="utf-8", newline="\n")
     return scene, file.path

@@ -220,7 +220,8 @@ def in_own_process(work: str, method: str, function: Callable, *arguments) -> An
         file.write_bytes(dumps((function, arguments)))
         ended = run(
             [sys.executable, "-m", peer_process.__name__, str(file)], cwd=folder,
-            capture_output=True, text=True, env=environ | dict.fromkeys(THREADS, "1"),
+            capture_output=True, encoding="utf-8", errors="replace",
+            env=environ | dict.fromkeys(THREADS, "1"),
         )  # fmt: skip
         if ended.returncode:
             lines = ended.stderr.strip().splitlines() or [f"exit status {ended.returncode}"]

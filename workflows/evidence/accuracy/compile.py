@@ -102,7 +102,7 @@ def main() -> None:
     start = process_time()
     Pipeline(scene, Memory(None, verbose=0)).compute("compilation")
     record = {"impact": process_time() - start, "variants": variants}
-    (folder / "variants.json").write_text(json.dumps(record), encoding="utf-8")
+    (folder / "variants.json").write_text(json.dumps(record), encoding="utf-8", newline="\n")
 
 
 if __name__ == "__main__":

@@ -1,15 +1,14 @@
 """What work costs: seconds on the clock and of the processor, and the most memory meanwhile."""
 
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
-from resource import RUSAGE_CHILDREN, getrusage
 from subprocess import DEVNULL, Popen
 from time import perf_counter, process_time, sleep
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from beadwave.system import children_seconds, peak_memory, reset_peak_memory
 from beadwave.workflows.evidence.accuracy.growth import growth_exponent
 
 
@@ -57,8 +56,7 @@ def least_seconds(calls: tuple[Callable[[], object], ...], repeats: int) -> list
 
 def processor_seconds() -> float:
     """Of this process and its ended children."""
-    children = getrusage(RUSAGE_CHILDREN)
-    return process_time() + children.ru_utime + children.ru_stime
+    return process_time() + children_seconds()
 
 
 class Cost(NamedTuple):
@@ -70,11 +68,10 @@ class Cost(NamedTuple):
 
 def costed(call: Callable[[], Any]) -> tuple[Any, Cost]:
     """The value of a call, its seconds and its peak memory."""
-    with suppress(OSError):  # 5 resets the peak of the resident set, where Linux allows it
-        Path("/proc/self/clear_refs").write_text("5")
+    reset_peak_memory()
     started = perf_counter()
     result = call()
-    return result, Cost(perf_counter() - started, peak("self"))
+    return result, Cost(perf_counter() - started, peak_memory())
 
 
 def cost_of_command(command: list[str], folder: Path) -> Cost | None:
@@ -86,18 +83,9 @@ def cost_of_command(command: list[str], folder: Path) -> Cost | None:
     started, largest = perf_counter(), None
     with Popen(command, cwd=folder, stdout=DEVNULL, stderr=DEVNULL) as program:
         while program.poll() is None:
-            largest = peak(str(program.pid)) or largest
+            largest = peak_memory(program.pid) or largest
             sleep(0.02)
     return None if program.returncode else Cost(perf_counter() - started, largest)
-
-
-def peak(process: str) -> float | None:
-    """VmHWM: the largest resident set [bytes] of a process since its peak was reset."""
-    try:
-        lines = Path("/proc", process, "status").read_text().splitlines()
-    except OSError:
-        return None
-    return next((1024.0 * int(s.split()[1]) for s in lines if s.startswith("VmHWM:")), None)
 
 
 class CostGrowth(NamedTuple):

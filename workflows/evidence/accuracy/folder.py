@@ -4,9 +4,9 @@ import platform
 from datetime import UTC, datetime
 from json import dumps, loads
 from os import cpu_count
-from pathlib import Path
 from typing import Any
 
+from beadwave.system import processor_name
 from beadwave.workflows.evidence.accuracy.row import AccuracyRow, table_of
 from beadwave.workflows.files.run_folder import RunFolder
 from beadwave.workflows.report import finding
@@ -19,13 +19,8 @@ FILES = (*finding.files("accuracy"), "machine.json")
 def machine() -> dict[str, Any]:
     """The machine that a study runs on: processor, by its model's name where the system tells it,
     system, versions, and the time (UTC) to the second."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-        models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    except OSError:
-        models = [platform.processor()] if platform.processor() else []
     return {
-        "processor": models[0] if models else platform.machine(),
+        "processor": processor_name(),
         "cores": cpu_count() or 1,
         "system": platform.platform(),
         "python": platform.python_version(),

@@ -10,7 +10,6 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 from pickle import dumps, loads
-from resource import RUSAGE_CHILDREN, getrusage
 from time import perf_counter
 from typing import NamedTuple
 
@@ -18,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, eigsh
 
-from beadwave.workflows.evidence.accuracy.cost import Timed, peak, timed
+from beadwave.system import largest_child, peak_memory
+from beadwave.workflows.evidence.accuracy.cost import Timed, timed
 
 BEADWAVE, SUPERLU, PARDISO, CALCULIX = "beadwave", "scipy, SuperLU", "scipy, PARDISO", "CalculiX"
 MODES, CONDENSATION = "modes", "condensation"
@@ -58,8 +58,8 @@ def measured(work: Callable[..., Callable], method: str, *given) -> tuple[Timed,
     # repeats of 1 s in all; a first call of SLOW is not repeated
     cost = timed(work(method, *given), budget=1.0, repeats=20, slow=SLOW)
     # ccx is a child of this process, which holds less than it when it starts it
-    of_child = 1024.0 * getrusage(RUSAGE_CHILDREN).ru_maxrss if method == CALCULIX else None
-    return cost, of_child or peak("self")
+    of_child = largest_child() if method == CALCULIX else None
+    return cost, of_child or peak_memory()
 
 
 def modes(method: str, structure: EigenProblem) -> Callable[[], NDArray[np.float64]]:

@@ -141,7 +141,7 @@ def _costed_mesh(scene: Scene, times: float) -> SizedMesh:
     if which("ccx") and model.K.shape[0] < 1e5:  # beyond it minutes with its default solver
         with TemporaryDirectory() as folder:
             deck = input_deck(model, mesh.materials, n_modes=N_CALCULIX)
-            Path(folder, "deck.inp").write_text(deck, encoding="utf-8")
+            Path(folder, "deck.inp").write_text(deck, encoding="utf-8", newline="\n")
             peer = cost_of_command(["ccx", "deck"], Path(folder))
         if peer is not None:
             costs[CALCULIX] = peer
