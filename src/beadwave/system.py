@@ -69,7 +69,7 @@ def woken_by_signals() -> int:
     """Descriptor from which a thread reads a byte for each signal as it comes, also while the main
     thread is in compiled code; a forked process has none."""
     reading, writing = os.pipe()
-    if hasattr(os, "set_blocking"):  # on Windows from Python 3.12, which asks for it nowhere
+    if hasattr(os, "set_blocking"):  # on Windows from Python 3.12, and not needed there
         os.set_blocking(writing, False)
     signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
     if hasattr(os, "register_at_fork"):
