@@ -65,6 +65,13 @@ def drawn(
     try:
         from beadwave.geometry.cad import model
         from beadwave.geometry.touching import neighbours
+    except ModuleNotFoundError as missing:
+        if missing.name != "gmsh":
+            raise
+        raise ValueError(
+            "gmsh is not installed, and has no wheel for Linux on ARM; build it of its sources, or "
+            "take another machine."
+        ) from None
     except OSError as missing:
         raise ValueError(
             f"gmsh cannot start ({missing}); install its shared libraries (Debian: {GMSH_NEEDS})."

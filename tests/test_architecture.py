@@ -14,6 +14,8 @@ import beadwave
 from beadwave.workflows.commands.app import COMMANDS
 from beadwave.workflows.commands.verb import Verb
 
+import other_system
+
 ROOT = Path(__file__).parents[1]
 ROOMS = ("geometry", "fem", "rom", "dem", "coupling", "workflows")
 
@@ -33,6 +35,99 @@ def test_no_room_is_imported_by_its_bare_name(room, tmp_path):
     found = subprocess.run([*command, str(bare)], cwd=ROOT, capture_output=True, text=True)
     assert found.stdout.count("TID251") == 2
     assert not sys.modules.keys() & set(ROOMS)
+
+
+SYSTEM = "src/beadwave/system.py"
+SOURCES = [path for room in (*ROOMS, "src") for path in (ROOT / room).rglob("*.py")]
+
+
+def of_one_system(tree):
+    """Names of modules, functions and signals, and paths, that not every system has."""
+    for node in ast.walk(tree):
+        words = []
+        if isinstance(node, ast.Import):
+            words = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            words = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            words = [f"{node.value.id}.{node.attr}"]
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield from re.findall(r"^/(?:proc|sys|dev|etc|tmp)\b", node.value)
+        if isinstance(node, ast.Attribute) and node.attr in ("symlink_to", "hardlink_to"):
+            yield node.attr
+        for word in words:
+            module, _, name = word.rpartition(".")
+            hidden = other_system.HIDDEN.get(module)
+            if word in other_system.MODULES or (hidden and re.fullmatch(hidden, name)):
+                yield word
+
+
+def test_what_one_system_alone_has_is_in_one_module():
+    assert {*of_one_system(ast.parse((ROOT / SYSTEM).read_text("utf-8")))} > {"resource"}
+    found = {
+        str(path.relative_to(ROOT)): names
+        for path in SOURCES
+        if (names := [*of_one_system(ast.parse(path.read_text("utf-8")))])
+    }
+    assert found.keys() == {SYSTEM}, found
+
+
+def test_each_way_to_name_what_one_system_has_is_seen():
+    sources = (
+        "import fcntl", "from resource import getrlimit", "import os\nos.fork()",
+        "from signal import SIGHUP", "from signal import SIGALRM as late", "open('/proc/meminfo')",
+        "path.symlink_to(other)",
+    )  # fmt: skip
+    assert all([*of_one_system(ast.parse(source))] for source in sources)
+    assert not [*of_one_system(ast.parse("from signal import SIGINT\nfrom os import path"))]
+
+
+def without_encoding(tree):
+    """Lines that read or write text in the encoding, or write it with the line ends, of the system
+    that they run on."""
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Call):
+            continue
+        given = {word.arg: word.value for word in node.keywords}
+        function = node.func
+        name = function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
+        if name in ("read_text", "write_text"):
+            known = "encoding" in given or len(node.args) > (name == "write_text")
+            if not known or (name == "write_text" and "newline" not in given):
+                yield ast.unparse(node)
+        elif name == "open":
+            # the mode comes first at a path, second at the function
+            mode = node.args[:1] if isinstance(function, ast.Attribute) else node.args[1:2]
+            words = ast.literal_eval(mode[0]) if mode and isinstance(mode[0], ast.Constant) else "r"
+            if (mode and not isinstance(mode[0], ast.Constant)) or "b" in words:
+                continue  # of pictures and archives, or bytes
+            if "encoding" not in given or ({*words} & {*"wax"} and "newline" not in given):
+                yield ast.unparse(node)
+        elif "text" in given or "universal_newlines" in given:
+            yield ast.unparse(node)
+
+
+def test_text_has_an_encoding_and_ends_of_lines_of_no_system():
+    found = {
+        str(path.relative_to(ROOT)): calls
+        for path in SOURCES
+        if (calls := [*without_encoding(ast.parse(path.read_text("utf-8")))])
+    }
+    assert not found
+
+
+@pytest.mark.parametrize(
+    ("source", "n"),
+    [
+        ("a.read_text()", 1), ("a.read_text('utf-8')", 0), ("a.write_text('b')", 1),
+        ("a.write_text('b', encoding='utf-8')", 1), ("run(a, text=True)", 1),
+        ("a.write_text('b', encoding='utf-8', newline='')", 0), ("open(a)", 1),
+        ("open(a, 'rb')", 0), ("a.open('a', encoding='utf-8')", 1), ("a.open()", 1),
+        ("open(a, encoding='utf-8')", 0), ("Image.open(path)", 0),
+    ],
+)  # fmt: skip
+def test_text_of_the_system_is_seen(source, n):
+    assert len([*without_encoding(ast.parse(source))]) == n
 
 
 def test_arrows_point_down():

@@ -135,6 +135,32 @@ def test_a_scene_with_the_name_of_a_device_gets_a_folder_of_a_legal_name(place, 
     assert (place[1] / "runs" / system.file_name(name) / "report.html").is_file()
 
 
+OPEN = """
+from pathlib import Path
+from beadwave.workflows.files.run_folder import RunFolder
+from beadwave.workflows.scene import InvalidScene
+
+out = Path("open")
+with RunFolder(out).run("name = 'a'\\n") as folder:
+    folder.write("summary.json", b"old")
+    folder.write("rom.npz", b"old")
+try:
+    with open(out / "summary.json", "rb"), RunFolder(out).run("name = 'b'\\n") as folder:
+        folder.write("summary.json", b"new")
+        folder.write("trajectory.npz", b"new")
+except InvalidScene as error:
+    print(error)
+print(*sorted(path.name for path in out.iterdir()), (out / "summary.json").read_bytes())
+"""
+
+
+def test_a_file_that_another_program_has_open_keeps_the_earlier_run(place):
+    done = python(place, "-c", OPEN)
+    sentence, left = done.stdout.splitlines()
+    assert "holds summary.json, which another program has open; close it" in sentence
+    assert left == ".beadwave rom.npz scene.toml summary.json b'old'", done.stderr
+
+
 SWALLOWED = """
 import sys, time
 from beadwave.workflows.commands import signals
@@ -145,7 +171,8 @@ def work(*_):
     print("ready", flush=True)
     for _ in range(2):
         try:
-            time.sleep(60)
+            for _ in range(600):
+                time.sleep(0.1)
         except BaseException:  # as some library does
             pass
     print("never")

@@ -10,7 +10,7 @@ def main() -> None:
     """Run the command and end the process: signals stay ignored until the interpreter is gone. A
     signal while the program still loads is as quiet as later."""
     if sys.stderr is None:  # closed by the shell: print would write to stdout instead
-        sys.stderr = open(os.devnull, "w", encoding="utf-8")
+        sys.stderr = open(os.devnull, "w", encoding="utf-8", newline="\n")
     try:
         from beadwave.workflows.commands import signals
 

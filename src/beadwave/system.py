@@ -22,6 +22,7 @@ except ImportError:  # Windows
     resource = None
 
 WINDOWS = os.name == "nt"
+LINUX = hasattr(os, "uname") and os.uname().sysname == "Linux"
 
 # signals, None where there is none
 HANGUP = getattr(signal, "SIGHUP", None)  # the terminal is closed
@@ -49,11 +50,10 @@ def repeat(handler: Callable, seconds: float) -> None:
     if ALARM is not None:
         signal.setitimer(signal.ITIMER_REAL, seconds, seconds)
         return
-    from _thread import interrupt_main
 
     def again() -> None:
         while not _repeats_ended.wait(seconds):
-            interrupt_main(REPEATS)
+            signal.raise_signal(REPEATS)  # its handler runs in the main thread
 
     Thread(target=again, daemon=True).start()
 
@@ -300,6 +300,19 @@ def processor_name() -> str:
     return next(iter(models), platform.processor() or platform.machine())
 
 
+# ---- what can be installed ---------------------------------------------------------------------
+
+
+def adding(extra: str) -> str:
+    """The command that adds an extra: of a checkout on Linux, else of pip."""
+    return f"./install.sh {extra}" if LINUX else f'pip install "beadwave[{extra}]"'
+
+
+def providing(package: str) -> str:
+    """How to get a program that a package of Debian has."""
+    return f"apt-get install {package}" if LINUX else "the installer of its makers"
+
+
 # ---- files -------------------------------------------------------------------------------------
 
 # folders that the system or its users share
@@ -342,11 +355,27 @@ def locked(path: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        # while it is held: who has opened it before finds out that it is gone; Windows removes it
-        # when it is released
+        # while it is held, so that who has opened it before finds out that it is gone; on Windows
+        # an open file cannot be removed
+        if WINDOWS:
+            lock.release()
         with suppress(OSError):
             path.unlink()
         lock.release()
+
+
+def held_open(path: Path) -> bool:
+    """Whether another program has a file open in a way that keeps it from being replaced, as
+    Windows allows."""
+    if not WINDOWS:
+        return False
+    try:
+        os.replace(path, path)
+    except FileNotFoundError:
+        return False
+    except PermissionError:
+        return True
+    return False
 
 
 def untrusted(folder: Path) -> str | None:
@@ -371,6 +400,12 @@ def link_or_copy(source: Path, target: Path) -> None:
         from shutil import copyfile
 
         copyfile(source, target)
+
+
+def too_long(path: str) -> bool:
+    """Whether Windows, as it is installed, takes no file of this path: it has 260 letters or more,
+    with which a name is as good as absent."""
+    return WINDOWS and len(os.path.abspath(path)) >= 260
 
 
 def file_name(name: str) -> str:

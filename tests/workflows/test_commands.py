@@ -149,6 +149,23 @@ def test_doctor_tells_what_is_missing_and_what_that_costs(beadwave, monkeypatch)
     assert "missing: h5py: reduced models cannot be read from or written to .h5" in out
 
 
+@pytest.mark.parametrize(
+    ("linux", "kind", "n"), [(True, "aarch64", 1), (True, "x86_64", 0), (False, "arm64", 0)]
+)
+def test_doctor_says_that_gmsh_has_no_wheel_for_linux_on_arm(linux, kind, n, beadwave, monkeypatch):
+    from beadwave.workflows.installation import doctor
+
+    monkeypatch.setattr(doctor, "machine", lambda: kind)
+    monkeypatch.setattr(doctor, "LINUX", linux)
+    monkeypatch.setattr("beadwave.workflows.stages.cache._version", lambda name: None)
+    missing = json.loads(beadwave("doctor", "--json")[1])["missing"]
+    found = [costs for name, costs, _ in missing if name == "gmsh"]
+    assert len(found) == n and all("no wheel for Linux on ARM" in costs for costs in found)
+    assert linux or not any(
+        remedy.startswith("apt-get") for name, _, remedy in missing if ".so" in name
+    )
+
+
 def test_doctor_knows_extras_that_there_are():
     from beadwave.workflows.installation.doctor import MISSING
 

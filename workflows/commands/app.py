@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from beadwave.system import too_long
 from beadwave.workflows.commands.assembly import hammer, look, modes, reduce, tune_joints
 from beadwave.workflows.commands.examples import EXAMPLES
 from beadwave.workflows.commands.fits import calibrate, design, inspect, twin
@@ -329,6 +330,8 @@ def _failure(error: Exception) -> tuple[int, str]:
     if isinstance(error, OSError) and error.filename and error.strerror:
         name = f"{error.filename}"
         name = name if len(name) <= LONGEST else f"{name[:LONGEST]}..."
+        if too_long(f"{error.filename}"):
+            return 2, f"{name}: the path has over 259 letters; choose a folder of a shorter path."
         return status, f"{name}: {error.strerror}; choose another place or mend it."
 
     # what a computation refuses says why itself; anything else is a defect of the program

@@ -30,6 +30,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from beadwave.system import adding, providing
 from beadwave.workflows.report.finding import Finding
 from beadwave.workflows.report.tables import Table
 
@@ -118,13 +119,13 @@ def require_program(name: str, package: str) -> None:
     """Raises PeerMissing if the program is not on the path or does not start; `package` is the
     Debian package that installs it."""
     if which(name) is None:
-        raise PeerMissing(f"{name} is not installed; apt-get install {package} adds it.")
+        raise PeerMissing(f"{name} is not installed; {providing(package)} adds it.")
     version = run(
         [name, "-v"], capture_output=True, encoding="utf-8", errors="replace", check=False
     )
     if version.returncode in NOT_STARTED:
         why = version.stderr.strip().partition("\n")[0]
-        remedy = f"apt-get install --reinstall {package} repairs it."
+        remedy = f"{providing(f'--reinstall {package}')} repairs it."
         raise PeerMissing(f"{name} is installed and does not start ({why}); {remedy}")
 
 
@@ -132,12 +133,12 @@ def require_module(name: str, start: Callable[[], object] | None = None) -> None
     """Raises PeerMissing if a Python module of the extra `verify` is not installed, or if `start`
     (the import, if None) does not find a library that the module needs."""
     if find_spec(name) is None:
-        raise PeerMissing(f"{name} is not installed; ./install.sh verify adds it.")
+        raise PeerMissing(f"{name} is not installed; {adding('verify')} adds it.")
     try:
         (start or partial(import_module, name))()
     except (ImportError, OSError) as error:
         why = str(error).strip().partition("\n")[0]
-        remedy = "./install.sh verify adds what it needs."
+        remedy = f"{adding('verify')} adds what it needs."
         raise PeerMissing(f"{name} is installed and does not start ({why}); {remedy}") from error
 
 

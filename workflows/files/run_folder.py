@@ -14,7 +14,7 @@ from re import fullmatch
 from shutil import rmtree
 from typing import NamedTuple
 
-from beadwave.system import file_name, is_shared, locked, runs
+from beadwave.system import file_name, held_open, is_shared, locked, runs
 from beadwave.workflows.files.output_file import OutputFile
 from beadwave.workflows.files.signals_deferred import signals_deferred
 from beadwave.workflows.files.whole_file import (
@@ -138,6 +138,12 @@ class RunFolder:
             self._require_no_input(name)
             self._require_ours(name)
         cleared = self._clearable(self._noted().keys() - new._written - {*arrived})
+        for name in (*moved, *cleared):
+            if held_open(self.path / name):
+                raise InvalidScene(
+                    f"--out {self.path} holds {name}, which another program has open; close it "
+                    "there and repeat the command."
+                )
         for name in moved:
             self._note(name, new.path / name)
             (self.path / name).parent.mkdir(exist_ok=True)

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from beadwave.system import adding
 from beadwave.workflows.files.foreign import arrays
 from beadwave.workflows.scene import InvalidScene
 
@@ -40,6 +41,6 @@ def pyuff():
         import pyuff
     except ImportError:
         raise InvalidScene(
-            "universal files (.uff, .unv) need pyuff; ./install.sh identify adds it."
+            f"universal files (.uff, .unv) need pyuff; {adding('identify')} adds it."
         ) from None
     return pyuff

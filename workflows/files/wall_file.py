@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from beadwave import rom
 from beadwave.rom.imported import sound
+from beadwave.system import adding
 from beadwave.workflows.files.foreign import Refused, Unreadable, through_child
 from beadwave.workflows.scene import InvalidScene, RomWall
 
@@ -120,4 +121,4 @@ def of_substructure(path: Path, wall: RomWall) -> rom.ReducedModel:
 def require_reader(path: Path) -> None:
     """Raises InvalidScene for HDF5 where the extra that reads and writes it is not installed."""
     if path.suffix == ".h5" and find_spec("h5py") is None:
-        raise InvalidScene(f"{path} needs h5py; ./install.sh h5 adds it, or take .npz or .mat.")
+        raise InvalidScene(f"{path} needs h5py; {adding('h5')} adds it, or take .npz or .mat.")

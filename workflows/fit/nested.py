@@ -22,6 +22,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from scipy.special import logsumexp, ndtr
 
+from beadwave.system import adding
 from beadwave.workflows.scene import InvalidScene
 
 
@@ -274,4 +275,4 @@ def model_probabilities(evidences: Mapping[str, float]) -> dict[str, float]:
 def require_nested_sampler() -> None:
     """Raise InvalidScene where the sampler is not installed."""
     if find_spec("dynesty") is None:
-        raise InvalidScene("nested sampling needs dynesty; ./install.sh posterior adds it.")
+        raise InvalidScene(f"nested sampling needs dynesty; {adding('posterior')} adds it.")

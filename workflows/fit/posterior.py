@@ -24,6 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from beadwave.dem import InvalidChain, NoEquilibrium
+from beadwave.system import adding
 from beadwave.workflows.fit.chain_fit import CalibrationResult
 from beadwave.workflows.fit.forward import ChainForward
 from beadwave.workflows.fit.least_squares import weights
@@ -231,4 +232,4 @@ def reflected(theta: np.ndarray, bounds: tuple[np.ndarray, np.ndarray]) -> np.nd
 def require_sampler() -> None:
     """Raise InvalidScene where the sampler is not installed."""
     if find_spec("emcee") is None:
-        raise InvalidScene("--posterior needs emcee; ./install.sh posterior adds it.")
+        raise InvalidScene(f"--posterior needs emcee; {adding('posterior')} adds it.")

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from pydantic import BaseModel
 
-from beadwave.system import free_cores, free_memory
+from beadwave.system import LINUX, adding, free_cores, free_memory, providing
 from beadwave.workflows.installation.shared_libraries import missing_libraries
 
 MISSING = {  # distribution of an extra: extra, what one goes without
@@ -30,6 +30,8 @@ MISSING = {  # distribution of an extra: extra, what one goes without
     "scikit-sundae": ("peers", "no CVODE in the tables of accuracy"),
 }
 PROGRAMS = {"ccx": ("calculix-ccx", "no comparison with CalculiX in verify")}
+ARM = ("aarch64", "arm64", "armv7l")
+NO_GMSH = "it has no wheel for Linux on ARM: no bodies are drawn, meshed or read from STEP"
 THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "BEADWAVE_PROCESSES")
 
 
@@ -89,16 +91,18 @@ def doctor() -> Installation:
         try:
             version(name)
         except PackageNotFoundError:
-            missing.append(Absent(name, costs, f"./install.sh {extra}"))
+            missing.append(Absent(name, costs, adding(extra)))
     if "pypardiso" not in (absent.name for absent in missing) and not has_pardiso():
         costs = "pypardiso finds no library mkl_rt, and " + MISSING["pypardiso"][1]
         missing.append(Absent("mkl", costs, "pip install --force-reinstall mkl"))
-    for name, package, costs in missing_libraries():
+    if LINUX and machine() in ARM and not library_versions(("gmsh",)):
+        missing.append(Absent("gmsh", NO_GMSH, "building it of its sources with Python"))
+    for name, package, costs in missing_libraries() if LINUX else ():
         unknown = f"the package that apt-file search {name} names"
         missing.append(Absent(name, costs, f"apt-get install {package}" if package else unknown))
     for name, (package, costs) in PROGRAMS.items():
         if which(name) is None:
-            missing.append(Absent(name, costs, f"apt-get install {package}"))
+            missing.append(Absent(name, costs, providing(package)))
 
     names = ("beadwave", *NEEDED, "matplotlib", "pyvista", "xarray", *MISSING)
     folder, free = cache_folder(), free_memory()

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from beadwave.system import adding
 from beadwave.workflows.files.child import child
 from beadwave.workflows.files.run_folder import RunFolder
 from beadwave.workflows.files.scene import scene as load
@@ -62,7 +63,7 @@ def require_name(name: str) -> None:
         raise InvalidScene(f"--out {name} must end in {' or '.join(ENDINGS)}.")
     if name.endswith(".mp4") and not find_spec("imageio_ffmpeg"):
         raise InvalidScene(
-            f"--out {name} needs imageio with ffmpeg (./install.sh film); name a .gif instead."
+            f"--out {name} needs imageio with ffmpeg ({adding('film')}); name a .gif instead."
         )
 
 

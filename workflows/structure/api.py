@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beadwave.system import file_name
+from beadwave.system import adding, file_name
 from beadwave.workflows.files.hammer import HAMMER
 from beadwave.workflows.files.output_file import OutputFile, output_files
 from beadwave.workflows.files.picture_folder import picture_folder
@@ -579,7 +579,7 @@ def hammer(
         if not has_pyuff:
             without = "modes.uff and targets.toml are" if measured_shapes(test) else "modes.uff is"
             test.report.remarks.append(
-                f"{without} not written, as universal files need pyuff; ./install.sh identify adds "
+                f"{without} not written, as universal files need pyuff; {adding('identify')} adds "
                 "it, then repeat the command"
             )
         with folder.renewed("modes.json", *made) as renewed:

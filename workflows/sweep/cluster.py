@@ -16,6 +16,7 @@ from re import fullmatch
 from time import perf_counter
 from typing import Any, NamedTuple
 
+from beadwave.system import adding
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.sweep.core.rows import FAILED, Rows, without_result
 from beadwave.workflows.sweep.march import rows
@@ -67,7 +68,7 @@ def engine(where: int | str) -> Iterator[Callable]:
     except ImportError:
         raise InvalidScene(
             "processes and clusters need dask.distributed, which is not installed; "
-            "./install.sh sweep installs it."
+            f"{adding('sweep')} installs it."
         ) from None
     dask.config.set({"distributed.scheduler.allowed-failures": OPTIONS.retries})
 

