@@ -40,6 +40,7 @@ def prepare(folder: Path, *watched: Path) -> dict[str, str]:
     return os.environ | {
         "PYTHONPATH": os.pathsep.join(map(str, paths)),
         "PYTHONWARNDEFAULTENCODING": "1",
+        "PYTHONWARNINGS": "ignore",  # the command keeps the filters that it finds
         WATCHED: os.pathsep.join(map(str, watched)),
     }
 
