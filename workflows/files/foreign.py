@@ -55,7 +55,8 @@ def through_child(kind: str, path: Path, load: Callable[[Path], Result], *names:
     require_memory(path)
     seconds = START + path.stat().st_size / RATES.get(kind, RATE)
     endless = Unreadable(f"reading it does not end within {seconds:.0f} s")
-    with TemporaryDirectory() as folder:
+    # on Windows a child that was killed may have its files open for some ms
+    with TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         target = Path(folder) / "result.npz"
         arguments = (str(seconds), kind, str(path.absolute()), str(target), *names)
         try:

@@ -101,7 +101,8 @@ def two_processes(pipeline: Pipeline, names: tuple[str, ...]) -> Iterator[None]:
         return
     # threads of MKL that wait for a core spin: each process gets its share
     environ.setdefault("MKL_NUM_THREADS", str(cores // 2))
-    with TemporaryDirectory() as folder:
+    # on Windows a child that was killed may have its files open for some ms
+    with TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         Path(folder, "work").write_bytes(dumps((pipeline.scene, missing)))
         with while_open("beadwave.workflows.run.second_process", folder) as process:
             pipeline.beside = SecondProcess(Path(folder), process, missing)
