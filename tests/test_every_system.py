@@ -99,6 +99,7 @@ def test_an_impact_runs_there(place):
     assert "trajectory.npz" in legal_and_apart(place[1] / "an impact")
 
 
+@pytest.mark.slow
 def test_a_structure_runs_there_with_its_report(place):
     summary = command(place, "run", "cantilever", "--out=größe", changes=BEAM)
     names = legal_and_apart(place[1] / "größe")
@@ -109,6 +110,7 @@ def test_a_structure_runs_there_with_its_report(place):
             assert b"\r\n" not in (place[1] / "größe" / name).read_bytes()
 
 
+@pytest.mark.slow
 def test_a_sweep_on_two_processes_runs_there(place):
     pytest.importorskip("distributed")
     record = command(

@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from errno import ENOLCK, ENOSYS, ENOTSUP
 from pathlib import Path
-from subprocess import DEVNULL
 from threading import Event, Thread
 
 try:
@@ -102,6 +101,8 @@ def lifeline() -> Iterator[int]:
     """Standard input of a child that calls `end_with` this process: the end of a pipe that is
     closed however this process ends."""
     if WINDOWS:
+        from subprocess import DEVNULL
+
         yield DEVNULL
         return
     read_end, write_end = os.pipe()
