@@ -181,7 +181,7 @@ def test_friction_above_that_of_dry_solids_is_warned_of(coefficient, n):
 EXAMPLES = Path(__file__).parents[2] / "examples"
 WITHOUT = """
 import runpy, sys
-for name in ("pyuff", "pyarrow", "distributed", "psutil"):
+for name in ("pyuff", "pyarrow", "distributed"):
     sys.modules[name] = None  # as if it were not installed
 folder, name = sys.argv[1:]
 sys.path.insert(0, folder)
