@@ -2,10 +2,12 @@
 
 import gc
 import os
+import pickle
 import shutil
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from hashlib import sha256
 from importlib import import_module
 from pathlib import Path
 from pkgutil import walk_packages
@@ -86,6 +88,25 @@ def test_files_of_a_process_that_was_killed_are_removed(chosen):
     stray.write_bytes(b"half")
     again, value = compiled()
     assert value == 42.0 and loads(again) == 0 and not stray.exists()
+
+
+def test_code_that_names_a_class_of_before_is_compiled_again(chosen):
+    """Its bytes are those that were written, but nothing can load them."""
+    compiled()
+    (manifest,), (index,) = chosen.rglob("sha256.json"), chosen.rglob("*.nbi")
+    written = sha256(index.read_bytes()).hexdigest()
+    version, rest = pickle.dumps(numba.__version__), b"cgone\nGone\n."
+    index.write_bytes(version + rest)
+    renamed = manifest.read_text().replace(written, sha256(version + rest).hexdigest())
+    manifest.write_text(renamed)
+    for hits in (0, 0, 1):  # compiled, compiled and kept, loaded
+        function, value = compiled()
+        assert value == 42.0 and loads(function) == hits
+
+
+def test_an_error_of_the_compiler_is_raised(chosen):
+    with pytest.raises(numba.TypingError):
+        njit(error_model="numpy")(lambda x: x.absent)(1.0)
 
 
 def test_processes_that_compile_for_other_arguments_keep_both(chosen):
