@@ -23,13 +23,13 @@ from pathlib import Path
 from tempfile import TemporaryFile
 
 import numba
-from filelock import FileLock
+from filelock import FileLock, Timeout
 from platformdirs import user_cache_path
 
 PREFIX = "code-"
 KEPT = 3  # folders of code: of this state of the sources and of the last ones before
 MANIFEST = "sha256.json"
-PATIENCE = 60.0  # s to wait for the lock; the largest kernel compiles in 7 s
+PATIENCE = 30.0  # s to wait for the lock of a process that may be stopped; a kernel takes 1 to 7 s
 _setting = threading.Lock()  # numba's settings are those of the process
 
 
@@ -60,7 +60,7 @@ def folder_of_code(sources: Path) -> Path | None:
             is_new = not folder.is_dir()
             folder.mkdir(parents=True, exist_ok=True)
             TemporaryFile(dir=folder).close()
-            with FileLock(folder / "lock", timeout=PATIENCE):
+            with suppress(Timeout), FileLock(folder / "lock", timeout=0.0):
                 pass
             if is_new:
                 oldest_first = sorted(

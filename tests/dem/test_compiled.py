@@ -6,7 +6,6 @@ import pickle
 import shutil
 import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor
 from hashlib import sha256
 from importlib import import_module
 from pathlib import Path
@@ -14,7 +13,6 @@ from pkgutil import walk_packages
 from types import ModuleType
 
 import numba
-import numpy as np
 import pytest
 from filelock import FileLock
 
@@ -109,52 +107,42 @@ def test_an_error_of_the_compiler_is_raised(chosen):
         njit(error_model="numpy")(lambda x: x.absent)(1.0)
 
 
-def test_processes_that_compile_for_other_arguments_keep_both(chosen):
-    """All start before there is an index; numba alone gives each file the number 1."""
-    functions = [njit(error_model="numpy")(twice) for _ in range(3)]
-    arguments = (21.0, 10**17 + 1, np.float32(1.5))
-    for function in functions:
-        assert function.dispatcher.signatures == []
-    with ThreadPoolExecutor(3) as pool:
-        values = [*pool.map(lambda function, x: function(x), functions, arguments)]
-    assert list(map(repr, values)) == [
-        "42.0",
-        "200000000000000002",
-        "3.0",
-    ]  # no float is the second
-    assert len([*chosen.rglob("*.nbc")]) == 3
-    for argument, expected in zip(arguments, values, strict=True):
-        function, value = compiled(argument)
-        assert repr(value) == repr(expected) and loads(function) == 1
-
-
 COMPILES = """
 import sys
-import numba
 from beadwave.dem.kernels.laws import hertz_indentation
+hertz_indentation.dispatcher
 print("ready", flush=True)
-sys.stdin.readline()
-hertz_indentation(1e-6, 1e10, 1e-9)
-print(sum(hertz_indentation.dispatcher.stats.cache_hits.values()))
+value = hertz_indentation(*eval(sys.stdin.readline()))
+print(sum(hertz_indentation.dispatcher.stats.cache_hits.values()), value)
 """
 
 
 @pytest.mark.slow
-def test_of_processes_that_need_a_kernel_at_once_one_compiles_it(tmp_path):
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    processes = [
-        subprocess.Popen(
-            [sys.executable, "-P", "-c", COMPILES],
-            env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-        )
-        for _ in range(3)
-    ]  # fmt: skip
-    for process in processes:
-        assert process.stdout.readline() == "ready\n"
-    for process in processes:
-        process.stdin.write("\n")
-        process.stdin.flush()
-    assert sorted(int(process.communicate()[0]) for process in processes) == [0, 1, 1]
+def test_processes_that_need_a_kernel_at_once_compile_each_variant_once(tmp_path):
+    """Two for numbers, two for integers, whose code numba alone would give the same name."""
+    of_floats, of_integers = (2.0, 1.0, 1.0), (3, 1, 1)
+    expected = [laws.hertz_indentation.py_func(*of) for of in (of_floats, of_integers)]
+    for hits in ([0, 1], [1, 1]):  # from an empty folder, and once more
+        processes = [
+            subprocess.Popen(
+                [sys.executable, "-P", "-c", COMPILES],
+                env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
+                stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+            )
+            for _ in range(4)
+        ]  # fmt: skip
+        for process in processes:
+            assert process.stdout.readline() == "ready\n"
+        for process, arguments in zip(processes, 2 * (of_floats, of_integers), strict=True):
+            process.stdin.write(f"{arguments}\n")
+            process.stdin.flush()
+        answers = [process.communicate()[0].split() for process in processes]
+        for i in range(2):
+            assert sorted(int(answer[0]) for answer in answers[i::2]) == hits
+            # rounding of fast sums
+            assert [float(answer[1]) for answer in answers[i::2]] == pytest.approx(
+                2 * [expected[i]], rel=1e-14
+            )
 
 
 def test_a_full_disk_costs_the_next_start_only(chosen, monkeypatch):
@@ -254,7 +242,6 @@ def test_compiled_code_calls_its_own_folder_and_the_kernels_alone():
 
 
 FORCE = """
-import numpy as np
 from beadwave.dem.kernels.equilibrium import Bearing, NewtonRoom, rest
 room = NewtonRoom(np.zeros(2), *np.zeros((5, 1)))
 bearing = Bearing(np.ones(1), np.zeros(1), np.zeros(1), np.zeros(1), 0.0)
