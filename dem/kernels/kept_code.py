@@ -62,11 +62,9 @@ def folder_of_code(sources: Path) -> Path | None:
             TemporaryFile(dir=folder).close()
             with suppress(Timeout), FileLock(folder / "lock", timeout=0.0):
                 pass
-            if is_new:
-                oldest_first = sorted(
-                    place.glob(f"{PREFIX}*"), key=lambda code: code.stat().st_mtime
-                )
-                for code in oldest_first[:-KEPT]:
+            with suppress(OSError):  # another process may remove them too
+                codes = [*place.glob(f"{PREFIX}*")] if is_new else []
+                for code in sorted(codes, key=lambda code: code.stat().st_mtime)[:-KEPT]:
                     shutil.rmtree(code, ignore_errors=True)
             return folder
     return None
