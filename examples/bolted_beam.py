@@ -31,7 +31,9 @@ NEAR = 0.8  # [rad] phase on either side of a resonance that is fitted
 
 def main(folder: str) -> None:
     # the ring-down of three sensors as a file of records without a force
-    record = scipy.io.loadmat(Path(folder, "HammerImpact.mat"), squeeze_me=True)["HIdata"]
+    record = scipy.io.loadmat(Path(folder, "HammerImpact.mat"), squeeze_me=True, spmatrix=False)[
+        "HIdata"
+    ]
     columns = np.column_stack([record[name].item() for name in ("time", "acc1", "acc2", "acc3")])
     with TemporaryDirectory() as work:
         file = Path(work, "beam.csv")
@@ -70,7 +72,9 @@ def sine_tests(file: Path) -> list[tuple[float, float, float]]:
 
     f / (omega^2 u) = k / omega^2 - m + 2 i zeta omega_0 m / omega is linear in k and m.
     """
-    tests = scipy.io.loadmat(file, squeeze_me=True)["FRdata"]["ResponseControl"].item()
+    tests = scipy.io.loadmat(file, squeeze_me=True, spmatrix=False)["FRdata"][
+        "ResponseControl"
+    ].item()
     rows = []
     for test in tests:
         names = ("frequency", "force", "amplitude", "phase")

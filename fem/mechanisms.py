@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import null_space
-from scipy.sparse import block_diag, csr_matrix, diags_array, vstack
+from scipy.sparse import block_diag, csr_array, diags_array, vstack
 
 from beadwave.fem.correlation import MOTIONS
 from beadwave.fem.elasticity import Structure
@@ -59,7 +59,7 @@ def loose_bodies(
     n_table = 2 if connections.table else 0
     n_parts = sum(len(part.omega) for part in structure.measured)
     others = [*(1 / lengths), *(1 / lengths), *[1.0] * (n_parts + n_table)]
-    blocks = [*map(csr_matrix, G), diags_array(others)] if others else G
+    blocks = [*map(csr_array, G), *([diags_array(others)] if others else [])]
     Phi = block_diag(blocks, format="csr")
     about = lengths[:, None] * motions_about(connections.centres)
     R = np.vstack([*R, 0 * about, about, np.zeros((n_parts, 6)), np.eye(6)[:n_table]])
@@ -71,7 +71,7 @@ def loose_bodies(
     table = np.arange(n + 2 * len(k), n_total)  # and oscillators, which are taken to stand still
     E = vstack([*violations, Phi[springs], Phi[table]]).tocsr()
     between = [*structure.springs, *structure.measured]
-    points = vstack([csr_matrix((0, n)), *(one.B for one in between)]) @ Phi[:n]
+    points = vstack([csr_array((0, n)), *(one.B for one in between)]) @ Phi[:n]
     of_all = vstack([E, points]).tocsr()
 
     # null space; without the assembly's own motions where nothing but springs between points

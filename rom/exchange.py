@@ -101,7 +101,7 @@ def load_mat(path: str | Path, *, w: ArrayLike | None = None) -> ReducedModel:
 
     Raises FileNotFoundError, or ReductionError if the content is not a reduced model.
     """
-    content = _readable(path, "mat", lambda: loadmat(str(path), appendmat=False))
+    content = _readable(path, "mat", lambda: loadmat(str(path), appendmat=False, spmatrix=False))
     return _model({k: v for k, v in content.items() if not k.startswith("__")}, path, w)
 
 

@@ -5,6 +5,7 @@ out none; where files are named, all of their tests run in one process.
 """
 
 from os import environ, sched_getaffinity
+from zlib import crc32
 
 import pytest
 
@@ -15,8 +16,9 @@ MOST_WORKERS = 8  # each holds up to 1 GB
 
 
 def pytest_addoption(parser):
-    """`--all` runs the slow tests too."""
+    """`--all` runs the slow tests too, `--part` some of the files."""
     parser.addoption("--all", action="store_true", help="run the tests that are marked slow too")
+    parser.addoption("--part", metavar="K/N", help="run the Kth of N parts of the files of tests")
 
 
 @pytest.hookimpl(tryfirst=True)  # before xdist reads the number of workers
@@ -36,6 +38,15 @@ def pytest_cmdline_main(config):
             # halves of the list in its order: what a file shares is computed once, but for the one
             # where the halves meet and those that are taken over at the end
             option.dist = "worksteal"
+
+
+def pytest_collection_modifyitems(config, items):
+    """`--part K/N` runs the files whose names have a checksum of K - 1, divided by N."""
+    if part := config.option.part:
+        k, n = map(int, part.split("/"))
+        other = [item for item in items if crc32(item.location[0].encode()) % n != k - 1]
+        config.hook.pytest_deselected(items=other)
+        items[:] = [item for item in items if crc32(item.location[0].encode()) % n == k - 1]
 
 
 @pytest.fixture(autouse=True)

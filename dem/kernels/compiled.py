@@ -3,6 +3,12 @@ call: a run whose results are all kept does without."""
 
 from collections.abc import Callable
 from functools import cached_property, update_wrapper
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from beadwave.dem.kernels.kept_code import Entry
 
 FAST = {"contract", "reassoc", "nsz", "arcp"}
 
@@ -17,29 +23,57 @@ class Compiled:
     def __init__(self, function: Callable, *, inner: bool, **options) -> None:
         update_wrapper(self, function)
         self.py_func, self._inner, self._options = function, inner, options
+        self._prepared = set()  # kinds of arguments
 
     @cached_property
-    def dispatcher(self) -> Callable:
-        """The function as numba has it."""
-        from beadwave.dem.kernels.kept_code import dispatcher
+    def _entry(self) -> "Entry":
+        from beadwave.dem.kernels.kept_code import Entry
 
-        return dispatcher(self.py_func, inner=self._inner, **self._options)
+        return Entry(self.py_func, **self._options)
+
+    @property
+    def dispatcher(self) -> Callable:
+        """The function that Python enters, as numba has it."""
+        return self._entry.dispatcher
+
+    @cached_property
+    def within(self) -> Callable:
+        """The function as compiled ones call it: its code is part of theirs."""
+        import numba
+
+        return numba.njit(no_cpython_wrapper=True, **self._options)(self.py_func)
 
     @property
     def _numba_type_(self):
-        """How numba knows the function where a compiled one calls it."""
-        return self.dispatcher._numba_type_
+        """The type of the function where a compiled one calls it."""
+        return self.within._numba_type_
 
     def __call__(self, *arguments):
-        """What the function gives."""
-        return (self.py_func if self._inner else self.dispatcher)(*arguments)
+        """The function of the arguments."""
+        if self._inner:
+            return self.py_func(*arguments)
+        kinds = tuple(map(kind, arguments))
+        if kinds not in self._prepared:
+            self._entry.prepare(arguments)
+            self._prepared.add(kinds)
+        return self._entry.dispatcher(*arguments)
+
+
+def kind(argument: object) -> object:
+    """Type of an argument as far as numba compiles for it, in a thirtieth of `numba.typeof`'s time.
+
+    A finer one only looks a second time whether there is code.
+    """
+    if isinstance(argument, np.ndarray):
+        return argument.dtype, argument.ndim, argument.flags.num
+    if isinstance(argument, tuple):
+        return type(argument), *map(kind, argument)
+    return type(argument)
 
 
 def njit(*, inner: bool = False, **options) -> Callable:
     """A decorator that compiles a function and keeps what was compiled."""
     options["no_cfunc_wrapper"] = True  # C calls none of them
-    if inner:
-        options["no_cpython_wrapper"] = True
     return lambda function: Compiled(function, inner=inner, **options)
 
 

@@ -1,205 +1,174 @@
-"""`numba.njit` whose kept machine code is checked before it is used.
+"""Machine code of the functions that Python enters, kept for the next start.
 
-Machine code holds what it calls and the constants that it reads, also those of other files, and
-numba looks at the function's own file alone. It is kept in a folder named by all sources that it
-may come from: those beside the function and the kernels here. Each index and each piece of code
-ends in its sha256. What is cut short, empty or changed is as good as absent: it is compiled again
-and written over.
+numba keeps code (`cache=True`) under a stamp of the function's own file. The code also holds what
+the function calls in other files, and constants from there, so its folder here is named by a
+fingerprint of all sources that it may come from: those in the function's folder and the kernels.
+
+Two processes that compile one function for different arguments may give their files the same
+number, and numba loads what it finds: changed bytes of machine code end the process. So code is
+loaded, compiled and written under a lock of the folder, and the manifest there has the sha256 of
+each file. A file that differs from the manifest is removed before numba looks, and compiled again.
 """
 
-import pickle
+import gc
+import json
+import os
 import shutil
-from collections.abc import Callable
-from contextlib import suppress
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
-from typing import ClassVar
+from tempfile import TemporaryFile
 
 import numba
-from numba.core.caching import FunctionCache, IndexDataCacheFile
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
-from numba.core.types import Array, BaseTuple, Boolean, Number, unliteral
+from filelock import FileLock, Timeout
+from platformdirs import user_cache_path
 
-LENGTH = sha256().digest_size
 PREFIX = "code-"
 KEPT = 3  # folders of code: of this state of the sources and of the last ones before
+MANIFEST = "sha256.json"
+PATIENCE = 30.0  # s to wait for the lock of a process that may be stopped; a kernel takes 1 to 7 s
+_setting = threading.Lock()  # numba's settings are those of the process
 
 
 @cache
 def fingerprint(folder: Path) -> str:
-    """A digest of the sources of a folder and of the kernels."""
-    read = sha256()
+    """Digest of numba's version, the sources of a folder and those of the kernels."""
+    read = sha256(numba.__version__.encode())
     for source in sorted({*folder.glob("*.py"), *Path(__file__).parent.glob("*.py")}):
         content = source.read_bytes()
         read.update(f"{source.name} {len(content)}\n".encode() + content)
     return read.hexdigest()
 
 
-class CheckedFile(IndexDataCacheFile):
-    """A function's index and code, with their checksums; no trouble with them is the caller's."""
+def folder_of_code(sources: Path) -> Path | None:
+    """Folder that keeps the code of a folder of sources; None if no place can be written.
 
-    def save(self, key: object, data: object) -> None:
-        """Keep the code, unless the folder takes none."""
-        with suppress(OSError):
-            folder = Path(self._cache_path)
-            if not folder.is_dir():
-                folder.mkdir(parents=True)
-                folders = folder.parent.glob(f"{PREFIX}*")
-                oldest_first = sorted(folders, key=lambda code: code.stat().st_mtime)
-                for code in oldest_first[:-KEPT]:
+    The place is the folder that the user chose for numba, else `__pycache__` of the sources, else
+    the user's cache. A new folder displaces the oldest beyond `KEPT`.
+    """
+    of_sources = f"{sources.name}-{sha256(os.fsencode(sources)).hexdigest()[:8]}"
+    places = [sources / "__pycache__", user_cache_path("beadwave") / "code" / of_sources]
+    if numba.config.CACHE_DIR:
+        places = [Path(numba.config.CACHE_DIR, of_sources)]
+    for place in places:
+        folder = place / (PREFIX + fingerprint(sources)[:16])
+        # a file system without locks is a NotImplementedError
+        with suppress(OSError, NotImplementedError):
+            is_new = not folder.is_dir()
+            folder.mkdir(parents=True, exist_ok=True)
+            TemporaryFile(dir=folder).close()
+            with suppress(Timeout), FileLock(folder / "lock", timeout=0.0):
+                pass
+            with suppress(OSError):  # another process may remove them too
+                codes = [*place.glob(f"{PREFIX}*")] if is_new else []
+                for code in sorted(codes, key=lambda code: code.stat().st_mtime)[:-KEPT]:
                     shutil.rmtree(code, ignore_errors=True)
-            # with what it was compiled for: numba numbers the pieces of code, and of two processes
-            # that compile one function for other arguments both may take the same number
-            super().save(key, (key, data))
+            return folder
+    return None
 
-    def load(self, key: object) -> object | None:
-        """The code; None where there is none, or another process's under the same number."""
-        key_of_code, data = super().load(key) or (None, None)
-        return data if key_of_code == key else None
 
-    def _dump(self, obj):
-        content = super()._dump(obj)
-        return content + sha256(content).digest()  # a pickle ends before it
+def _files(folder: Path) -> dict[str, tuple[int, int]]:
+    """Size and time of each file that numba wrote."""
+    places = [place.path for place in os.scandir(folder) if place.is_dir()]
+    files = [file for place in places for file in os.scandir(place)]
+    return {
+        os.path.relpath(file.path, folder): (file.stat().st_size, file.stat().st_mtime_ns)
+        for file in files
+    }
 
-    def _load_index(self):
+
+def _digest(path: Path) -> str | None:
+    try:
+        return sha256(path.read_bytes()).hexdigest()
+    except OSError:
+        return None
+
+
+def _manifest(folder: Path) -> dict[str, dict[str, str]]:
+    """Digests of the files of each function; none where the manifest is missing or damaged."""
+    try:
+        manifest = json.loads((folder / MANIFEST).read_bytes())
+        return {name: dict(digests) for name, digests in manifest.items()}
+    except (OSError, ValueError, TypeError, AttributeError):
+        return {}
+
+
+@contextmanager
+def whole_code(folder: Path, function: str) -> Iterator[None]:
+    """Hold the folder's lock with no damaged file of the function in it; list what is written.
+
+    Removes the function's files after an error inside. Raises OSError if the lock is not free
+    within `PATIENCE` or the folder takes no file.
+    """
+    with FileLock(folder / "lock", timeout=PATIENCE):
+        manifest = _manifest(folder)
+        digests = manifest.setdefault(function, {})
+        # a process killed while it wrote leaves files that are in no list
+        unlisted = _files(folder).keys() - {name for files in manifest.values() for name in files}
+        damaged = {name for name in digests if digests[name] != _digest(folder / name)}
+        for name in unlisted | damaged:
+            (folder / name).unlink(missing_ok=True)
+        before = _files(folder)
+
         try:
-            with open(self._index_path, "rb") as index:
-                pickle.load(index)  # the version
-                _require_whole(index.read())
-            return super()._load_index()
-        except Exception:  # what unpickling rubbish raises has no bounds
-            return {}
+            yield
+        except Exception:  # of any kind if a class has gone that the code names
+            for name in digests:
+                (folder / name).unlink(missing_ok=True)
+            raise
 
-    def _load_data(self, name):
-        with open(self._data_path(name), "rb") as code:
-            _require_whole(code.read())
-        return super()._load_data(name)
-
-
-def _require_whole(content: bytes) -> None:
-    """Raise OSError, which numba takes for an absent file, where the checksum does not fit."""
-    if sha256(content[:-LENGTH]).digest() != content[-LENGTH:]:
-        raise OSError("damaged")
+        written = [name for name, stamp in _files(folder).items() if before.get(name) != stamp]
+        if written:
+            digests |= {name: _digest(folder / name) for name in written}
+            half = folder / f"{MANIFEST}.new"
+            half.write_text(json.dumps(manifest), encoding="utf-8", newline="\n")
+            os.replace(half, folder / MANIFEST)
 
 
-class CheckedCache(FunctionCache):
-    """The code of a function, in a folder of its sources where numba would keep it."""
+class Entry:
+    """A compiled function that Python enters: numba's `dispatcher` and the folder of its code."""
 
-    def __init__(self, function: Callable) -> None:
-        super().__init__(function)
-        sources = Path(function.__code__.co_filename).parent
-        self._cache_file = CheckedFile(
-            str(Path(self.cache_path, PREFIX + fingerprint(sources)[:16])),
-            self._impl.filename_base,
-            self._cache_file._source_stamp,
-        )
+    def __init__(self, function: Callable, **options) -> None:
+        self.function, self.options = function, options
+        self.folder = None
+        if not numba.config.DISABLE_JIT:  # njit returns the function itself then
+            self.folder = folder_of_code(Path(function.__code__.co_filename).parent)
+        self.dispatcher = self._kept() if self.folder else numba.njit(**options)(function)
 
+    def _kept(self) -> Callable:
+        """The dispatcher that keeps its code in the folder.
 
-class InnerLibrary(JITCodeLibrary):
-    """The intermediate code of a function that compiled ones alone call.
+        numba reads these settings when it decorates; for other functions they stay the user's.
+        """
+        ours = {"CACHE_DIR": str(self.folder), "CACHE_LOCATOR_CLASSES": ""}
+        with _setting:
+            users = {name: getattr(numba.config, name, "") for name in ours}
+            try:
+                vars(numba.config).update(ours)
+                return numba.njit(cache=True, **self.options)(self.function)
+            finally:
+                vars(numba.config).update(users)
 
-    LLVM optimises the caller's module with all that it calls. numba also optimises each callee for
-    itself, with its own callees, and makes machine code of it, which nobody enters: a function four
-    calls deep was optimised five times.
-    """
-
-    def _optimize_final_module(self) -> None:
-        """Nothing: the caller's module is optimised with what is linked here."""
-
-    def _finalize_final_module(self) -> None:
-        """No machine code."""
-        self._finalized = True
-
-    def get_pointer_to_function(self, name: str) -> int:
-        """0, as of any symbol without machine code."""
-        self._ensure_finalized()
-        return 0
-
-    @property
-    def codegen(self) -> "InnerLibrary":
-        """What numba tells the function's environment (the Python objects of its exceptions)."""
-        return self
-
-    def set_env(self, name: str, environment: object) -> None:
-        """Nothing: no machine code has a place for it, and none here raises an exception."""
-
-
-class KernelTyping:
-    """numba's typing context, which types an operator on numbers and arrays of them once.
-
-    numba asks some ten templates about each `+` and `[ ]` of a function, those of strings and lists
-    among them: a fifth of the compilation.
-    """
-
-    signatures: ClassVar[dict] = {}  # of a context, an operator and types of its arguments
-
-    def __init__(self, context) -> None:
-        self._context = context
-
-    def __getattr__(self, name: str):
-        return getattr(self._context, name)
-
-    def _once(self, resolve: Callable, operator: object, *arguments):
-        """What `resolve` gives for the operator; only that on numbers and arrays is kept, which
-        numba writes itself: other code depends on the flags of the function that calls it."""
-        if not all(map(is_numeric, arguments)):
-            return resolve()
-        key = self._context, operator, arguments
-        if key not in self.signatures:
-            self.signatures[key] = resolve()
-        return self.signatures[key]
-
-    def resolve_function_type(self, func, args, kws):
-        """The signature of a function for these types of arguments."""
-
-        def resolve():
-            return self._context.resolve_function_type(func, args, kws)
-
-        operator = getattr(func, "typing_key", func)
-        if getattr(operator, "__module__", None) != "_operator":
-            return resolve()
-        return self._once(resolve, operator, *args)
-
-    def resolve_setitem(self, target, index, value):
-        """The signature of target[index] = value."""
-
-        def resolve():
-            return self._context.resolve_setitem(target, index, value)
-
-        return self._once(resolve, "setitem", target, index, value)
-
-
-def is_numeric(type_) -> bool:
-    """Is it the type of a number, of a tuple of numbers or of an array?"""
-    if isinstance(type_, BaseTuple):
-        return all(map(is_numeric, type_))
-    return isinstance(unliteral(type_), Number | Boolean | Array)
-
-
-class EntryCompiler(Compiler):
-    """numba's pipeline with `KernelTyping`."""
-
-    def __init__(self, typingctx, *arguments) -> None:
-        super().__init__(KernelTyping(typingctx), *arguments)
-
-
-class InnerCompiler(EntryCompiler):
-    """The same into an `InnerLibrary`."""
-
-    def __init__(self, typingctx, targetctx, library, *arguments) -> None:
-        library = InnerLibrary(targetctx.codegen(), "inner")
-        super().__init__(typingctx, targetctx, library, *arguments)
-
-
-def dispatcher(function: Callable, *, inner: bool, **options) -> Callable:
-    """What compiles the function for the arguments that it is called with, and keeps the code; of
-    an inner one its caller's code is kept."""
-    if inner:
-        return numba.njit(pipeline_class=InnerCompiler, **options)(function)
-    compiled = numba.njit(pipeline_class=EntryCompiler, **options)(function)
-    if compiled is not function:  # as it is where NUMBA_DISABLE_JIT is set
-        with suppress(RuntimeError):  # no folder takes code: each start compiles anew
-            compiled._cache = CheckedCache(function)
-    return compiled
+    def prepare(self, arguments: tuple) -> None:
+        """Load the code for arguments of these types, or compile it and keep it."""
+        types = tuple(map(numba.typeof, arguments))
+        if self.folder is None or types in self.dispatcher.signatures:
+            return
+        name = f"{self.function.__module__}.{self.function.__qualname__}"
+        # numba makes millions of objects and few cycles: without collections 0.82, 0.89 and 0.97 of
+        # the processor time in three pairs of runs, at 55 MB more
+        collects = gc.isenabled()
+        gc.disable()
+        try:
+            with whole_code(self.folder, name):
+                self.dispatcher.compile(types)
+        except Exception:  # not kept: the next start compiles again
+            if types not in self.dispatcher.signatures:
+                # the call compiles, and raises the error of a function that numba cannot compile
+                self.folder, self.dispatcher = None, numba.njit(**self.options)(self.function)
+        finally:
+            if collects:
+                gc.enable()

@@ -182,7 +182,7 @@ def test_names_and_the_way_back_to_the_surface_come_with_the_model(tmp_path, end
 def test_damping_stands_beside_the_matrices_for_others_to_read(tmp_path):
     C = np.array([[2.0, 1.0], [1.0, 3.0]])
     save_mat(tmp_path / "rom.mat", small_model(), C_damping=C)
-    content = loadmat(tmp_path / "rom.mat")
+    content = loadmat(tmp_path / "rom.mat", spmatrix=False)
     np.testing.assert_array_equal(content["C_damping"], C)
     assert "K [N/m]" in content["about"][0]
     assert load_mat(tmp_path / "rom.mat").C is None
@@ -193,7 +193,7 @@ def test_a_model_without_dashpots_is_written_with_zero_damping_and_read_without(
     path = tmp_path / f"rom.{ending}"
     write, read = {"npz": (save_npz, load_npz), "mat": (save_mat, load_mat)}[ending]
     write(path, small_model())
-    stored = loadmat(path) if ending == "mat" else np.load(path)
+    stored = loadmat(path, spmatrix=False) if ending == "mat" else np.load(path)
     assert stored["C"].shape == stored["K"].shape and not stored["C"].any()
     assert read(path).C is None
 
@@ -203,7 +203,7 @@ def test_matrices_of_the_whole_come_back_sparse(tmp_path, ending):
     K, w = sp.random_array((50, 50), density=0.1, rng=1, format="csc"), np.arange(50.0)
     path = tmp_path / f"full.{ending}"
     save_full(path, {"K": K, "w": w})
-    content = loadmat(path) if ending == "mat" else np.load(path)
+    content = loadmat(path, spmatrix=False) if ending == "mat" else np.load(path)
     if ending == "npz":
         parts = [content[f"K_{part}"] for part in ("data", "indices", "indptr")]
         content = {"K": sp.csc_array(tuple(parts), shape=content["K_shape"]), "w": content["w"]}
@@ -213,7 +213,7 @@ def test_matrices_of_the_whole_come_back_sparse(tmp_path, ending):
 
 def test_matlab_finds_matrices_and_a_column_of_weights(tmp_path):
     save_mat(tmp_path / "rom.mat", small_model())
-    content = loadmat(tmp_path / "rom.mat")
+    content = loadmat(tmp_path / "rom.mat", spmatrix=False)
     assert {"K", "M", "w"} < set(content)
     assert content["w"].shape == (2, 1)
     assert content["kind"][0] == "craig-bampton"

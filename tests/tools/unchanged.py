@@ -104,7 +104,7 @@ def contents(path: Path) -> dict[str, object]:
         table = pandas.read_parquet(path)
         return {name: table[name].to_numpy() for name in table if not CHANGING.search(name)}
     if path.suffix == ".mat":
-        return {k: v for k, v in loadmat(path).items() if not k.startswith("__")}
+        return {k: v for k, v in loadmat(path, spmatrix=False).items() if not k.startswith("__")}
     if path.suffix == ".json":
         text = path.read_text()
         return dict(leaves(json.loads(text), "")) if text.strip() else {}

@@ -200,7 +200,7 @@ def test_the_results_are_printed_on_a_terminal_without_signs_beyond_ascii(own_fo
 def test_a_removed_working_folder_is_named(tmp_path):
     folder = tmp_path / "gone"
     folder.mkdir()
-    script = f"cd '{folder}' && rmdir '{folder}' && '{sys.executable}' -m workflows impact rig-1dof"
+    script = f"cd '{folder}' && rmdir '{folder}' && '{sys.executable}' -m beadwave impact rig-1dof"
     done = subprocess.run(
         ["sh", "-c", script], capture_output=True, text=True, check=False
     )  # fmt: skip

@@ -218,7 +218,7 @@ def test_durations_of_another_shape_count_as_none(monkeypatch, tmp_path, content
 
 def test_a_command_runs_with_its_stderr_closed(tmp_path):
     done = subprocess.run(
-        ["sh", "-c", f'"{sys.executable}" -m workflows impact nonsense 2>&-'],
+        ["sh", "-c", f'"{sys.executable}" -m beadwave impact nonsense 2>&-'],
         cwd=ROOT,
         capture_output=True,
         text=True,

@@ -53,7 +53,9 @@ def fitted(folder, **options):
 
 def altered(folder, name, **change):
     """The hits with other variables."""
-    hits = {key: x for key, x in loadmat(folder / "hits.mat").items() if key[0] != "_"}
+    hits = {
+        key: x for key, x in loadmat(folder / "hits.mat", spmatrix=False).items() if key[0] != "_"
+    }
     names = {key: [str(one).strip() for one in hits[key]] for key in ("points", "sensors")}
     given = {key: x(hits, names) for key, x in change.items()}
     savemat(folder / name, {k: v for k, v in (hits | names | given).items() if v is not None})

@@ -35,7 +35,7 @@ def _matlab(path: Path, *names: str) -> Arrays:
     from scipy.io.matlab import MatReadError
 
     try:
-        variables = loadmat(str(path), appendmat=False, variable_names=names)
+        variables = loadmat(str(path), appendmat=False, spmatrix=False, variable_names=names)
     except NotImplementedError:
         raise ValueError("it is a .mat file of version 7.3; save it with -v7") from None
     except (MatReadError, ValueError):

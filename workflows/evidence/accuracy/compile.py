@@ -2,8 +2,7 @@
 
 A variant is a function for one tuple of argument types. Types are inferred through calls, so a
 function is compiled in the middle of its caller: its own seconds are without those of what it
-calls. LLVM optimises a function that compiled ones alone call within those that Python enters,
-whose seconds hold that.
+calls. LLVM optimises each function by itself and again within each of its callers.
 """
 
 import json
