@@ -5,9 +5,9 @@ the function calls in other files, and constants from there, so its folder here 
 fingerprint of all sources that it may come from: those in the function's folder and the kernels.
 
 Two processes that compile one function for different arguments may give their files the same
-number, and numba loads what it finds: changed bytes of machine code end the process. So code is
-loaded, compiled and written under a lock of the folder, and the manifest there has the sha256 of
-each file. A file that differs from the manifest is removed before numba looks, and compiled again.
+number, and numba loads what it finds: changed bytes of machine code end the process. So the code of
+a function is loaded, compiled and written under the function's lock, and its manifest has the
+sha256 of each file. A file that differs from it is removed before numba looks, and compiled again.
 """
 
 import gc
@@ -28,7 +28,6 @@ from platformdirs import user_cache_path
 
 PREFIX = "code-"
 KEPT = 3  # folders of code: of this state of the sources and of the last ones before
-MANIFEST = "sha256.json"
 PATIENCE = 30.0  # s to wait for the lock of a process that may be stopped; a kernel takes 1 to 7 s
 _setting = threading.Lock()  # numba's settings are those of the process
 
@@ -70,13 +69,14 @@ def folder_of_code(sources: Path) -> Path | None:
     return None
 
 
-def _files(folder: Path) -> dict[str, tuple[int, int]]:
-    """Size and time of each file that numba wrote."""
+def _files(folder: Path, name: str) -> dict[str, tuple[int, int]]:
+    """Size and time of each file that numba wrote of a function."""
     places = [place.path for place in os.scandir(folder) if place.is_dir()]
     files = [file for place in places for file in os.scandir(place)]
     return {
         os.path.relpath(file.path, folder): (file.stat().st_size, file.stat().st_mtime_ns)
         for file in files
+        if file.name.startswith(f"{name}-")  # and the number of its first line
     }
 
 
@@ -87,45 +87,38 @@ def _digest(path: Path) -> str | None:
         return None
 
 
-def _manifest(folder: Path) -> dict[str, dict[str, str]]:
-    """Digests of the files of each function; none where the manifest is missing or damaged."""
-    try:
-        manifest = json.loads((folder / MANIFEST).read_bytes())
-        return {name: dict(digests) for name, digests in manifest.items()}
-    except (OSError, ValueError, TypeError, AttributeError):
-        return {}
-
-
 @contextmanager
-def whole_code(folder: Path, function: str) -> Iterator[None]:
-    """Hold the folder's lock with no damaged file of the function in it; list what is written.
+def whole_code(folder: Path, name: str) -> Iterator[None]:
+    """Hold the lock of a function with none of its files damaged; list what is written.
 
     Removes the function's files after an error inside. Raises OSError if the lock is not free
     within `PATIENCE` or the folder takes no file.
     """
-    with FileLock(folder / "lock", timeout=PATIENCE):
-        manifest = _manifest(folder)
-        digests = manifest.setdefault(function, {})
+    manifest = folder / f"{name}.json"
+    with FileLock(folder / f"{name}.lock", timeout=PATIENCE):
+        try:
+            digests = dict(json.loads(manifest.read_bytes()))
+        except (OSError, ValueError, TypeError):  # missing or damaged
+            digests = {}
         # a process killed while it wrote leaves files that are in no list
-        unlisted = _files(folder).keys() - {name for files in manifest.values() for name in files}
-        damaged = {name for name in digests if digests[name] != _digest(folder / name)}
-        for name in unlisted | damaged:
-            (folder / name).unlink(missing_ok=True)
-        before = _files(folder)
+        for file in _files(folder, name):
+            if digests.get(file) != _digest(folder / file):
+                (folder / file).unlink(missing_ok=True)
+        before = _files(folder, name)
 
         try:
             yield
         except Exception:  # of any kind if a class has gone that the code names
-            for name in digests:
-                (folder / name).unlink(missing_ok=True)
+            for file in _files(folder, name):
+                (folder / file).unlink(missing_ok=True)
             raise
 
-        written = [name for name, stamp in _files(folder).items() if before.get(name) != stamp]
-        if written:
-            digests |= {name: _digest(folder / name) for name in written}
-            half = folder / f"{MANIFEST}.new"
-            half.write_text(json.dumps(manifest), encoding="utf-8", newline="\n")
-            os.replace(half, folder / MANIFEST)
+        after = _files(folder, name)
+        if after != before:
+            half = manifest.with_suffix(".new")
+            listed = {file: _digest(folder / file) for file in after}
+            half.write_text(json.dumps(listed), encoding="utf-8", newline="\n")
+            os.replace(half, manifest)
 
 
 class Entry:
@@ -157,7 +150,9 @@ class Entry:
         types = tuple(map(numba.typeof, arguments))
         if self.folder is None or types in self.dispatcher.signatures:
             return
-        name = f"{self.function.__module__}.{self.function.__qualname__}"
+        # as numba begins the names of its files
+        module = self.function.__module__.rpartition(".")[2]
+        name = f"{module}.{self.function.__qualname__}".replace("<", "").replace(">", "")
         # numba makes millions of objects and few cycles: without collections 0.82, 0.89 and 0.97 of
         # the processor time in three pairs of runs, at 55 MB more
         collects = gc.isenabled()
