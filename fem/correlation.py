@@ -114,20 +114,21 @@ def mac_near_double(
     ln_hz = np.log(np.maximum(computed_hz, 1e-9))
     distance = np.abs(np.subtract.outer(ln_hz, ln_hz)) / near
     total = np.sum(np.abs(measured) ** 2, axis=0)
-    for j in np.flatnonzero(np.sum(distance < 1, axis=1) > 1):
-        others = np.flatnonzero((distance[j] < 1) & (np.arange(len(computed_hz)) != j))
-        size = np.linalg.norm(computed[:, j])
-        if not size > 0:
-            continue
+    gram, loads = computed.conj().T @ computed, computed.conj().T @ measured
 
-        # least squares, with rows sqrt(c_l) |phi_j| a_l = 0 below
-        weight = np.maximum((1 - distance[j, others] ** 2) ** 2, 1e-12)
-        penalty = np.diag(size * np.sqrt(1 / weight - 1))
-        A = np.vstack([computed[:, [j, *others]], np.insert(penalty, 0, 0.0, axis=1)])
-        b = np.vstack([measured, np.zeros((len(others), measured.shape[1]))])
-        a = np.linalg.lstsq(A, b, rcond=1e-10)[0]
-        missed = np.sum(np.abs(b - A @ a) ** 2, axis=0)
-        likeness[:, j] = np.where(total > 0, 1 - missed / np.where(total > 0, total, 1), np.nan)
+    # least squares by the normal equations (gram + c |phi_j|^2) a = loads, of all modes with as
+    # many neighbours at once: a posterior asks for this a hundred thousand times
+    n_near = np.sum(distance < 1, axis=1)
+    n_near[~(gram.diagonal().real > 0)] = 1
+    for n in np.unique(n_near[n_near > 1]):
+        modes = np.flatnonzero(n_near == n)
+        S = np.nonzero(distance[modes] < 1)[1].reshape(-1, n)  # each mode and its neighbours
+        weight = np.maximum((1 - distance[modes[:, None], S] ** 2) ** 2, 1e-12)
+        c = gram[modes, modes].real[:, None] * (1 / weight - 1)
+        normal = gram[S[:, :, None], S[:, None, :]] + c[:, :, None] * np.eye(n)
+        a = np.linalg.pinv(normal, rcond=1e-13, hermitian=True) @ loads[S]
+        explained = np.sum(loads[S].conj() * a, axis=1).real.T
+        likeness[:, modes] = explained / np.where(total > 0, total, np.nan)[:, None]
     return likeness
 
 
@@ -264,8 +265,6 @@ def paired(
             character[i] = elastic & (np.cumsum(elastic) == target.number)
             continue
         if isinstance(target, Shape):
-            reading = target.reading @ modes.phi
-            character[i] = mac_near_double(target.shape[:, None], reading, modes.frequency_hz)[0]
             continue
         form, directions = forms[target.body], target.directions
         if directions:
@@ -276,12 +275,21 @@ def paired(
         omega = np.where(elastic, modes.omega, 1.0)
         character[i] = np.where(elastic, strain / omega**2, 0.0)
 
+    # shapes that were measured at the same points together
+    shapes = [i for i, target in enumerate(targets) if isinstance(target, Shape)]
+    remaining = shapes
+    while remaining:
+        reading = targets[remaining[0]].reading
+        same = [i for i in remaining if np.array_equal(targets[i].reading, reading)]
+        measured = np.column_stack([targets[i].shape for i in same])
+        character[same] = mac_near_double(measured, reading @ modes.phi, modes.frequency_hz)
+        remaining = [i for i in remaining if i not in same]
+
     # the first mode that has half of the largest share: a soft neighbour that joins in less is
     # passed over, and of two that share the motion the lower one counts
     threshold = 0.5 * character.max(axis=1, keepdims=True, initial=0.0)
     eligible = character >= np.maximum(threshold, smallest)
     index = np.where(eligible.any(axis=1), eligible.argmax(axis=1), -1)
-    shapes = [i for i, target in enumerate(targets) if isinstance(target, Shape)]
     if shapes:
         measured_hz = np.array([targets[i].hz for i in shapes])
         match = match._replace(smallest=smallest)
