@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from beadwave import dem
 from beadwave.coupling.shaken_march import march_shaken
 from beadwave.coupling.spatial_march import ShakerForces, body_of
 from beadwave.coupling.spatial_wall import spatial_wall_of_modes
@@ -146,17 +145,15 @@ def test_spheres_that_nothing_holds_are_refused_or_held():
 
 
 def test_a_contact_that_opens_in_its_cycle_is_called_impacting():
+    """From 215 to 225 N it grazes and comes back to itself; at less damping, or 235 N, rounding
+    decides whether it does."""
     chain = row(preload=5.0)
     omega = 2 * np.pi * 400.0
-    wall = spatial_wall_of_modes([omega], [0.05], [[0.6, 0.2, 0.0]], load=[[0.5]])
+    wall = spatial_wall_of_modes([omega], [0.2], [[0.6, 0.2, 0.0]], load=[[0.5]])
     shakers = ShakerForces(np.array([220.0]), np.array([300.0]), np.array([0.0]))
     body = last(chain, arm_stiffness=np.full(2, 1e6), arm_rotation=np.inf)
-    try:
-        before = march_shaken(
-            body_of(chain, wall, [0.0], body, shakers), [0.0], duration=1e-4, n_save=2, error=1e-2
-        ).before
-    except dem.UnstableStep as error:
-        assert "no periodic state within 200 periods" in str(error)
-    else:
-        assert before.impacting
-        assert before.force[:, 0].min() == 0.0
+    before = march_shaken(
+        body_of(chain, wall, [0.0], body, shakers), [0.0], duration=1e-4, n_save=2, error=1e-2
+    ).before
+    assert before.impacting
+    assert before.force[:, 0].min() == 0.0
