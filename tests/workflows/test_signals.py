@@ -162,14 +162,14 @@ def test_a_signal_that_a_library_makes_an_error_of_is_still_a_signal(monkeypatch
 LOSING = """
 import os
 import signal
+import time
 
 from numba.core.codegen import CPUCodeLibrary
 
 from beadwave.dem.kernels.compiled import ieee_entry
 from beadwave.__main__ import main
-from beadwave.workflows.commands import app, signals
+from beadwave.workflows.commands import app
 
-signals.AGAIN = 60.0
 known, status = CPUCodeLibrary._object_compiled_hook, app._status
 
 def emitted(module, code):
@@ -182,13 +182,14 @@ def twice(x):
     return 2.0 * x
 
 CPUCodeLibrary._object_compiled_hook = staticmethod(emitted)
-app._status = lambda command: status(lambda **_: twice(3.0))
+app._status = lambda command: status(lambda **_: (twice(3.0), time.sleep(600)))
 main()
 """
 
 
 def test_a_signal_while_machine_code_is_made_is_no_error_of_the_compiler(tmp_path):
-    """numba loses what is raised where it takes the code over, and then misses the code."""
+    """numba loses what is raised where it takes the code over, and then misses the code: it is
+    compiled again, and the signal comes again."""
     script = tmp_path / "losing.py"
     script.write_text(LOSING)
     result = subprocess.run([sys.executable, "-P", script], capture_output=True, text=True)
