@@ -280,7 +280,7 @@ def paired(
     remaining = shapes
     while remaining:
         reading = targets[remaining[0]].reading
-        same = [i for i in remaining if np.array_equal(targets[i].reading, reading)]
+        same = [i for i in remaining if np.array_equal(targets[i].reading, reading, equal_nan=True)]
         measured = np.column_stack([targets[i].shape for i in same])
         character[same] = mac_near_double(measured, reading @ modes.phi, modes.frequency_hz)
         remaining = [i for i in remaining if i not in same]
