@@ -22,6 +22,7 @@ import numpy as np
 
 from beadwave import dem
 from beadwave.coupling.sensors import Sensor, measured, recorded, signals
+from beadwave.dem.sensitivities import usual_step
 from beadwave.workflows.files.record import Channel, Recorded
 from beadwave.workflows.fit.inspect import InspectionRequest, inspected, problem
 from beadwave.workflows.fit.inversion import Inversion, inverted, profiled
@@ -77,7 +78,7 @@ def signals_of(base: Base, sensor: Sensor, speeds, late) -> list[np.ndarray]:
     row, wall = chain(scene), computed(scene).wall
     for speed, begin in zip(speeds, late, strict=True):
         v0 = np.append(speed, np.zeros(len(row.mass) - 1))
-        dt = dem.sensitivities.usual_step(row, wall, v0)
+        dt = usual_step(row, wall, v0)
         n = int(np.ceil(t[-1] / dt))
         run = dem.march(row, wall, v0, duration=n * dt, dt=dt, n_save=n)
         force = measured([sensor], run.t, run.x, run.v, run.contact_force)

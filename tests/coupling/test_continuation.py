@@ -14,6 +14,7 @@ from beadwave.coupling.continuation import (
 from beadwave.coupling.periodic_state import USUAL_PERIODIC_SEARCH, period_of
 from beadwave.coupling.spatial_march import ShakerForces, body_of, march_space
 from beadwave.coupling.stuck_wall import stuck_wall, uncoupled_wall
+from beadwave.dem.friction import stick_stiffness
 
 from spatial_contact import last, random_wall, row
 
@@ -106,7 +107,7 @@ def test_a_contact_that_sticks_on_a_constant_area_is_a_part_of_the_structure(arm
     sphere = last(chain, **arm)
     law = sphere.law._replace(bound=100.0 * sphere.law.bound)
     overlap = float(dem.spheres.hertz_overlap(1000.0, chain.A[-1]))
-    k_t = float(dem.friction.stick_stiffness(law, np.sqrt(law.radius * overlap)))
+    k_t = float(stick_stiffness(law, np.sqrt(law.radius * overlap)))
     full = march_space(
         chain, wall, v0, sphere._replace(law=law), duration=2e-3, error=1e-6, n_save=400
     ).trajectory.v[:, -1]

@@ -10,6 +10,7 @@ import numpy as np
 
 from beadwave import coupling, dem
 from beadwave.dem.kernels.laws import SHAPE_PARAMETERS
+from beadwave.dem.sensitivities import require_smooth
 from beadwave.workflows.fit.forward import OWN, SHARED
 from beadwave.workflows.fit.parameter import RATIOS, Parameter
 from beadwave.workflows.fit.parameter import trigger as first_touch
@@ -72,7 +73,7 @@ def rig(scene: Scene, wall: dem.Wall | None, trigger: float) -> Rig:
         )
     start = chain(scene)
     try:
-        dem.sensitivities.require_smooth(start, wall)
+        require_smooth(start, wall)
     except dem.InvalidChain as error:
         raise InvalidScene(f"{scene.name} cannot be calibrated: {error}.") from None
 

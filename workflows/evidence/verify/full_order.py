@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from beadwave import coupling, dem, fem, rom
+from beadwave.coupling.reduced_wall import wall_of
 from beadwave.workflows.evidence.harness import Comparison
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.stages.damping import damping
@@ -25,7 +26,7 @@ def full_order() -> Iterator[Comparison]:
     full = rom.full_order(K, M, reduced("contact").w)
     full = full._replace(contact=reduced("reduction").contact)
     law = damping(reduced.scene.damping, full)
-    wall = coupling.reduced_wall.wall_of(full, damping=law, cutoff_hz=np.inf)
+    wall = wall_of(full, damping=law, cutoff_hz=np.inf)
     yield _waves(
         f"cantilever, waves of all {model.K.shape[0]} modes [V]", reduced,
         impact(reduced.scene, reduced("start"), wall).trajectory.v,
