@@ -21,7 +21,6 @@ import numpy as np
 from scipy.sparse import csr_matrix, vstack
 
 from beadwave import fem
-from beadwave.fem.carried import DiscPoints
 from beadwave.fem.full_responses import full_responses
 from beadwave.fem.hits import FrequencyResponses
 from beadwave.fem.springs import SpringEnd, along_disc
@@ -83,7 +82,7 @@ def written(folder: Path, noise: float = 0.002, seed: int = 0) -> Path:
         nodes[node] = spot.point
         for axis, letter in ((0, "x"), (2, "z")):
             end, d = SpringEnd(face, at, RADIUS), np.eye(3)[axis]
-            rows.append(along_disc(model.structure, end, spot, spot.point, d, DiscPoints()))
+            rows.append(along_disc(model.structure, end, spot, spot.point, d))
             names.append(f"{node}+{letter}")
 
     # accelerances to 6 kHz, damping ratio 0.3 %

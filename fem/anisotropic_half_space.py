@@ -35,13 +35,11 @@ N_DIRECTIONS = 128  # of kappa in half a turn; periodic sums, whose errors fall 
 Anisotropic = Material | Orthotropic
 
 
-class FieldTable(NamedTuple):
-    """Resolution of the tabulated field of a force; values not varied."""
-
-    heights: int = 32  # elevations from the surface to the normal, less one
-    around: int = 96  # azimuths
-    fine: int = 100  # directions of kappa over the height of a point above the surface
-    accuracy: float = 1e-3  # of displacements between the entries of the table
+# Resolution of the tabulated field of a force
+N_ELEVATIONS = 32  # elevations from the surface to the normal, less one
+N_AZIMUTHS = 96  # azimuths
+N_KAPPA = 100  # directions of kappa over the height of a point above the surface
+TABLE_ACCURACY = 1e-3  # of displacements between the entries of the table
 
 
 class HalfSpace(NamedTuple):
@@ -100,26 +98,24 @@ class SurfaceForce(NamedTuple):
         return along / np.hypot(r, z)[:, None]
 
 
-def surface_force(
-    material: Anisotropic, inward: NDArray[np.float64], options: FieldTable = FieldTable()
-) -> SurfaceForce:
+def surface_force(material: Anisotropic, inward: NDArray[np.float64]) -> SurfaceForce:
     """The field of a unit force along the inward unit normal (3,) of a half-space.
 
     Raises ValueError for a solid whose moduli differ too much for the table.
     """
     solid = half_space(material, inward)
-    elevation = np.linspace(0.0, np.pi / 2, options.heights + 1)
-    azimuth = _azimuths(options.around)
+    elevation = np.linspace(0.0, np.pi / 2, N_ELEVATIONS + 1)
+    azimuth = _azimuths(N_AZIMUTHS)
     both = np.vstack([solid.y, -solid.y])  # over a full turn: S changes its sign with kappa
 
     # R u (heights + 1, around, 3) [m^2/N], the integral over the waves
-    u = np.empty((len(elevation), options.around, 3))
+    u = np.empty((len(elevation), N_AZIMUTHS, 3))
     for row, angle in zip(u, elevation, strict=True):
         # rho falls to the height of the point where kappa lies across it: directions as dense as
         # that peak is narrow, but at the surface, where its part is added in closed form
         height = np.sin(angle)
-        per_azimuth = options.fine / options.around / max(height, 1 / options.heights)
-        n = options.around * int(np.ceil(per_azimuth))
+        per_azimuth = N_KAPPA / N_AZIMUTHS / max(height, 1 / N_ELEVATIONS)
+        n = N_AZIMUTHS * int(np.ceil(per_azimuth))
         # half-way beside the directions across, along which 1 / s has no end at the surface
         kappa = _azimuths(n) + np.pi / n
         s = np.cos(angle) * np.cos(kappa - azimuth[:, None])
@@ -142,10 +138,10 @@ def surface_force(
     coarse = SurfaceForce(solid.axes, _splines(elevation[::2], u[::2, ::2]))
     between = coarse(points, np.zeros(3)).reshape(u.shape)
     off = np.abs(between - u).max() / np.abs(u).max() / 2**4  # cubic: of order 4
-    if off > options.accuracy:
+    if off > TABLE_ACCURACY:
         raise ValueError(
             f"the half-space of {material} is known to {off:.1g} only, allowed is "
-            f"{options.accuracy:g}: its moduli differ too much; strike a body of another material."
+            f"{TABLE_ACCURACY:g}: its moduli differ too much; strike a body of another material."
         )
     return SurfaceForce(solid.axes, _splines(elevation, u))
 

@@ -34,14 +34,11 @@ from beadwave.fem.line import divided, line, wave_length
 from beadwave.fem.materials import Material
 from beadwave.fem.spot import Spot
 
-
-class BeamMesh(NamedTuple):
-    """How finely a beam is divided; values not varied."""
-
-    order: int = 10  # of the elements
-    resolved_hz: float = 40e3  # a wave of this frequency is as long as an element, right to 1e-8
-    fewest: int = 2  # elements to either side of the strike
-    slices: int = 120  # of the beam as it is drawn
+# Division of a beam into elements
+ORDER = 10  # of the elements
+RESOLVED_HZ = 40e3  # a wave of this frequency is as long as an element, right to 1e-8
+MIN_ELEMENTS = 2  # elements to either side of the strike
+N_DRAWN_SLICES = 120  # of the beam as it is drawn
 
 
 class BesideSolid(NamedTuple):
@@ -159,7 +156,6 @@ def beam(
     *,
     axial_force: float = 0.0,
     coarser: float = 1.0,
-    mesh: BeamMesh = BeamMesh(),
 ) -> Bending:
     """A beam of a length [m] struck at a position [m] from its first end.
 
@@ -181,10 +177,8 @@ def beam(
     aside = np.sqrt(section.bulge * max(material.poisson, 0.0) * squares)
     aside = min(aside, position / 2, (length - position) / 2)
     struck = [position - aside, position + aside] if aside else [position]
-    longest = coarser * wave_length(
-        2 * np.pi * mesh.resolved_hz, kGA, EI, *(rho * np.array([A, I]))
-    )
-    along = line(divided(sorted({0.0, *struck, length}), longest, mesh.fewest), mesh.order)
+    longest = coarser * wave_length(2 * np.pi * RESOLVED_HZ, kGA, EI, *(rho * np.array([A, I])))
+    along = line(divided(sorted({0.0, *struck, length}), longest, MIN_ELEMENTS), ORDER)
 
     # all deflections w, then all turns theta: the module's energies V and T, row by row
     _, mass, slope, mixed = along
@@ -219,7 +213,7 @@ def beam(
     patch = ContactPatch(w, np.flatnonzero(w), w, spot, 0.0, "point")
 
     # drawn as a box whose vertices follow their section: u_x = -z theta, u_z = w
-    x = np.linspace(0, length, mesh.slices + 1)
+    x = np.linspace(0, length, N_DRAWN_SLICES + 1)
     sides = [np.array([-0.5, 0.5]) * side for side in (section.width, section.thickness)]
     box = MeshHex.init_tensor(x, *sides)
     section_of = np.abs(box.p[0][:, None] - x).argmin(axis=1)

@@ -33,22 +33,18 @@ class CarriedMass(NamedTuple):
     inertia: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [kg m^2] about x, y, z through it
 
 
-class DiscPoints(NamedTuple):
-    """Points that average over the disc; rigid motions are exact with any number of them."""
-
-    radial: int = 16
-    around: int = 48
+# Points that average over the disc; rigid motions are exact with any number of them.
+N_RADIAL = 16
+N_AROUND = 48
 
 
-def with_carried(
-    structure: Structure, masses: Iterable[CarriedMass], points: DiscPoints = DiscPoints()
-) -> Structure:
+def with_carried(structure: Structure, masses: Iterable[CarriedMass]) -> Structure:
     """The structure with these masses in M, and each of them alone in `carried`.
 
     Raises OffFace where a disc leaves its face, ValueError for a face that is not plane.
     """
     carried = []
-    disc, share = disc_quadrature("area", points.radial, points.around)
+    disc, share = disc_quadrature("area", N_RADIAL, N_AROUND)
     for body in masses:
         # displacements of the disc's points by those of the mesh, u_disc = P u
         spot = planar_spot(structure, body.face, body.at)

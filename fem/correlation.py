@@ -148,11 +148,8 @@ class ShapeMatch(NamedTuple):
 FROM_AFAR = ShapeMatch(spread=1.0, farthest=10.0)
 
 
-class RigidLimits(NamedTuple):
-    """When a mode on springs between points is a rigid motion; not varied."""
-
-    # share of its strain energy in these springs: 1 - 1e-6 of a box on cords, 1e-6 of its bending
-    suspended: float = 0.5
+# share of its strain energy in these springs: 1 - 1e-6 of a box on cords, 1e-6 of its bending
+SUSPENDED_SHARE = 0.5
 
 
 class MeasuredPairs(NamedTuple):
@@ -298,9 +295,7 @@ def paired(
     return Pairing(index, score, character)
 
 
-def strains(
-    modes: Modes, forms: Mapping[str, BodyForms], limits: RigidLimits = RigidLimits()
-) -> NDArray[np.bool_]:
+def strains(modes: Modes, forms: Mapping[str, BodyForms]) -> NDArray[np.bool_]:
     """Which modes (k,) strain bodies or joints; the others are rigid motions, free or on springs
     between points."""
     in_springs = sum(
@@ -312,7 +307,7 @@ def strains(
         start=np.zeros(len(modes.omega)),
     )
     elastic = modes.omega > RIGID * modes.omega.max()
-    return elastic & (in_springs < limits.suspended * modes.omega**2)
+    return elastic & (in_springs < SUSPENDED_SHARE * modes.omega**2)
 
 
 def strained(model: Model, modes: Modes) -> NDArray[np.bool_]:

@@ -17,19 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import fft, fftfreq, ifft
 
-
-class DecaySteps(NamedTuple):
-    """How a decay is cut into steps of the amplitude."""
-
-    ratio: float = 1.6  # of amplitudes at a step's ends: 20 steps for the noise of four decades
-    clear: float = 5.0  # times the noise that the low pass leaves beside the mode; 3 to 10 alike
-    beside: float = 6.0  # low passes away from the mode, where the noise is taken
-    width: float = 0.25  # low pass over the distance of the nearest mode, in standard deviations
-    widest: float = 0.05  # low pass over the frequency of the mode
-    uncertain: float = 0.5  # deviation of a step over its damping from which on all is noise
-    fewest: int = 3  # steps: with less there is nothing to compare
-    varies: float = 0.2  # relative change of the damping over the decay that is worth a sentence
-    certain: float = 4.0  # standard deviations by which it must exceed chance
+# Steps of the amplitude that a decay is cut into
+AMPLITUDE_RATIO = 1.6  # of amplitudes at a step's ends: 20 steps for the noise of four decades
+CLEAR_OF_NOISE = 5.0  # times the noise that the low pass leaves beside the mode; 3 to 10 alike
+NOISE_OFFSET = 6.0  # low passes away from the mode, where the noise is taken
+LOW_PASS_WIDTH = 0.25  # low pass over the distance of the nearest mode, in standard deviations
+MAX_LOW_PASS_WIDTH = 0.05  # low pass over the frequency of the mode
+UNCERTAIN_STEP = 0.5  # deviation of a step over its damping from which on all is noise
+MIN_STEPS = 3  # steps: with less there is nothing to compare
+NOTABLE_CHANGE = 0.2  # relative change of the damping over the decay that is worth a sentence
+CERTAIN_DEVIATIONS = 4.0  # standard deviations by which it must exceed chance
 
 
 class AmplitudeStep(NamedTuple):
@@ -47,7 +44,6 @@ def over_amplitude(
     frequency_hz: NDArray[np.float64],
     phi: NDArray[np.complex128],
     mode: int,
-    options: DecaySteps = DecaySteps(),
 ) -> list[AmplitudeStep]:
     """Steps of the decay of one mode, largest amplitude first, of a record y (m, k) from its onset
     on, sampled every dt [s] at m sensors, and modes frequency_hz (n,) [Hz], phi (m, n); none where
@@ -55,7 +51,7 @@ def over_amplitude(
     hz = float(frequency_hz[mode])
     others = np.delete(frequency_hz, mode)
     gap = float(np.abs(others - hz).min()) if len(others) else np.inf
-    sigma_hz = min(options.width * gap, options.widest * hz)
+    sigma_hz = min(LOW_PASS_WIDTH * gap, MAX_LOW_PASS_WIDTH * hz)
 
     # sensors together as the shape has them; what the low pass smears over the ends is left out
     k = y.shape[1]
@@ -77,12 +73,10 @@ def over_amplitude(
     z = demodulated(hz)
     size = np.abs(z)
     noise = [
-        np.median(
-            np.abs(demodulated(hz + side * options.beside * sigma_hz))[len(size) // 2 : -ends]
-        )
+        np.median(np.abs(demodulated(hz + side * NOISE_OFFSET * sigma_hz))[len(size) // 2 : -ends])
         for side in (-1, 1)
     ]
-    floor = options.clear * min(noise)
+    floor = CLEAR_OF_NOISE * min(noise)
 
     # from the largest amplitude, early in the record, down to the noise
     start = ends + int(size[ends : len(size) // 4 + ends].argmax())
@@ -92,7 +86,7 @@ def over_amplitude(
     while True:
         # a step ends where the amplitude has fallen by the ratio; slopes of ln|z| and arg z by
         # least squares with times x about their mean
-        stop = np.flatnonzero(size[start:end] < size[start] / options.ratio)
+        stop = np.flatnonzero(size[start:end] < size[start] / AMPLITUDE_RATIO)
         if not len(stop) or stop[0] < 2 * sigma:
             break
         window = slice(start, start + int(stop[0]))
@@ -104,7 +98,7 @@ def over_amplitude(
         # of its autocorrelation exp(-t^2 / (4 sigma^2)); two are spent on the line
         independent = max(len(x) / (2 * np.sqrt(np.pi) * sigma), 3.0)
         spread = np.sqrt(np.sum(residual**2) / (x @ x) / (independent - 2))
-        if spread > options.uncertain * -slope:
+        if spread > UNCERTAIN_STEP * -slope:
             break
         omega = 2 * np.pi * hz
         steps.append(
@@ -114,10 +108,10 @@ def over_amplitude(
             )
         )  # fmt: skip
         start += int(stop[0])
-    return steps if len(steps) >= options.fewest else []
+    return steps if len(steps) >= MIN_STEPS else []
 
 
-def varies(steps: list[AmplitudeStep], options: DecaySteps = DecaySteps()) -> bool:
+def varies(steps: list[AmplitudeStep]) -> bool:
     """Whether the damping changes over the decay by more than chance: the slope of a straight line
     zeta(ln a) through the steps, weighted by their deviations."""
     if not steps:
@@ -131,5 +125,6 @@ def varies(steps: list[AmplitudeStep], options: DecaySteps = DecaySteps()) -> bo
     deviation = scatter * np.sqrt(np.linalg.inv(columns.T @ columns)[1, 1])
     change = abs(fit[1]) * np.ptp(x)
     return bool(
-        abs(fit[1]) > options.certain * deviation and change > options.varies * np.abs(zeta).min()
+        abs(fit[1]) > CERTAIN_DEVIATIONS * deviation
+        and change > NOTABLE_CHANGE * np.abs(zeta).min()
     )

@@ -11,23 +11,18 @@ A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations, Wiley 1979, secs. 4.1 and 6.2.
 """
 
 from itertools import combinations
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-
-class DistortionOptions(NamedTuple):
-    """What counts as a tone of two modes.
-
-    On the ring-down of a bolted beam (Brake-Reuss beam, `examples/bolted_beam.py`) the three tones
-    are 0.01 to 0.1 % off, decay 0.5 to 1.3 times as fast as the sum and reach 1 to 7 % of the
-    weaker parent.
-    """
-
-    frequency: float = 1.2e-3  # relative distance: frequencies shift with the amplitude
-    rate: float = 3.0  # decay rates are alike within this factor: damping varies with amplitude
-    height: float = 0.1  # of the weaker parent's peak
+# Limits of a tone of two modes.
+#
+# On the ring-down of a bolted beam (Brake-Reuss beam, `examples/bolted_beam.py`) the three tones
+# are 0.01 to 0.1 % off, decay 0.5 to 1.3 times as fast as the sum and reach 1 to 7 % of the weaker
+# parent.
+FREQUENCY_TOLERANCE = 1.2e-3  # relative distance: frequencies shift with the amplitude
+RATE_FACTOR = 3.0  # decay rates are alike within this factor: damping varies with amplitude
+MAX_HEIGHT = 0.1  # of the weaker parent's peak
 
 
 def combination_tone(
@@ -36,13 +31,12 @@ def combination_tone(
     zeta: NDArray[np.float64],
     height: NDArray[np.float64],
     varies: NDArray[np.bool_],
-    options: DistortionOptions = DistortionOptions(),
 ) -> str | None:
     """Which tone of other modes a mode is, "2 x 80.45 Hz" or "845.62 + 80.45 Hz", the nearest in
     frequency; None where it is none. Frequencies [Hz], damping ratios, peaks of the response in any
     unit, and whether damping depends on amplitude, (n,) each; `mode` is a position among them."""
     hz, rate = frequency_hz, zeta * frequency_hz
-    strong = np.flatnonzero(height[mode] < options.height * height)
+    strong = np.flatnonzero(height[mode] < MAX_HEIGHT * height)
     tones = [
         (k * hz[i], k * rate[i], f"{k} x {hz[i]:.2f} Hz")
         for i in strong
@@ -58,7 +52,7 @@ def combination_tone(
     near = [
         (abs(at / hz[mode] - 1), name)
         for at, decays, name in tones
-        if abs(at / hz[mode] - 1) < options.frequency
-        and 1 / options.rate < rate[mode] / decays < options.rate
+        if abs(at / hz[mode] - 1) < FREQUENCY_TOLERANCE
+        and 1 / RATE_FACTOR < rate[mode] / decays < RATE_FACTOR
     ]
     return min(near)[1] if near else None

@@ -11,7 +11,7 @@ from ctypes import POINTER, byref, c_double, c_int32
 from functools import cache
 from importlib.util import find_spec
 from os import environ
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 from weakref import finalize
 
 import numpy as np
@@ -32,18 +32,16 @@ WORTH_COUNTING = 5_000, 80_000
 WORTH_DISSECTION = 150e3
 
 
-class PardisoOptions(NamedTuple):
-    """Settings of MKL's PARDISO in place of its defaults, which refine every solution twice; the
-    manual's name of each in brackets."""
-
-    mtype: int = -2  # real symmetric; 2, for a Cholesky factor, saved 3 % of factor and solution
-    ordering: int = 3  # nested dissection on all cores, as by default [iparm(2)]
-    # steps of iterative refinement; 0: none but where pivots were perturbed. Two made each solution
-    # three times as long: at 232 000 unknowns of steel they took the residual of a random one from
-    # 5.1e-16 to 4.2e-16, its error from 8e-12 to 4e-12 [iparm(8)]
-    refinements: int = 0
-    perturbed: int = 8  # pivots below 10^-8 of the largest entry are, as by default [iparm(10)]
-    pivots: int = 1  # of one row or two, after Bunch and Kaufman, as by default [iparm(21)]
+# Settings of MKL's PARDISO in place of its defaults, which refine every solution twice; the
+# manual's name of each in brackets
+MTYPE = -2  # real symmetric; 2, for a Cholesky factor, saved 3 % of factor and solution
+ORDERING = 3  # nested dissection on all cores, as by default [iparm(2)]
+# steps of iterative refinement; 0: none but where pivots were perturbed. Two made each solution
+# three times as long: at 232 000 unknowns of steel they took the residual of a random one from
+# 5.1e-16 to 4.2e-16, its error from 8e-12 to 4e-12 [iparm(8)]
+N_REFINEMENTS = 0
+PIVOT_PERTURBATION = 8  # pivots below 10^-8 of the largest entry are, as by default [iparm(10)]
+PIVOTING = 1  # of one row or two, after Bunch and Kaufman, as by default [iparm(21)]
 
 
 class Factor(Protocol):
@@ -60,17 +58,17 @@ class Pardiso:
     Raises PyPardisoError where MKL gives up.
     """
 
-    def __init__(self, A: csc_matrix, options: PardisoOptions = PardisoOptions()) -> None:
+    def __init__(self, A: csc_matrix) -> None:
         from pypardiso import PyPardisoSolver
 
         # else every solver searches the disk for MKL anew, longer than some factorisations take
         environ.setdefault("PYPARDISO_MKL_RT", _mkl())
-        self._solver: Any = PyPardisoSolver(mtype=options.mtype)
+        self._solver: Any = PyPardisoSolver(mtype=MTYPE)
         self._solver.set_iparm(1, 1)  # not the defaults
-        self._solver.set_iparm(2, options.ordering)
-        self._solver.set_iparm(8, options.refinements)
-        self._solver.set_iparm(10, options.perturbed)
-        self._solver.set_iparm(21, options.pivots)
+        self._solver.set_iparm(2, ORDERING)
+        self._solver.set_iparm(8, N_REFINEMENTS)
+        self._solver.set_iparm(10, PIVOT_PERTURBATION)
+        self._solver.set_iparm(21, PIVOTING)
 
         # rows from the diagonal on, counted from 1. pypardiso's own calls count them anew each
         # time, an eighth of a solution, and keep a copy of A

@@ -52,13 +52,11 @@ class TimeRecord(NamedTuple):
     quantity: str = ""  # "accelerations", "velocities" or "displacements" where it is known
 
 
-class Cutting(NamedTuple):
-    """How a record of several hits is cut into records of one."""
-
-    pulse: float = 0.2  # of the largest force, from which on a pulse is a hit
-    apart: float = 0.25  # [s] closer pulses are a double hit; rebounds follow in 5 to 50 ms
-    before: float = 0.01  # [s] of a record before its pulse, at most
-    shortest: float = 0.5  # of the median length; what is left after a late hit is shorter
+# Cutting of a record of several hits into records of one
+PULSE_THRESHOLD = 0.2  # of the largest force, from which on a pulse is a hit
+DOUBLE_HIT_TIME = 0.25  # [s] closer pulses are a double hit; rebounds follow in 5 to 50 ms
+PRETRIGGER = 0.01  # [s] of a record before its pulse, at most
+MIN_LENGTH = 0.5  # of the median length; what is left after a late hit is shorter
 
 
 def degree_of_freedom(node: int, direction: int) -> str:
@@ -405,9 +403,7 @@ def copies(records: Sequence[TimeRecord]) -> dict[int, int]:
     return again
 
 
-def cut_at_hits(
-    records: Sequence[TimeRecord], options: Cutting = Cutting()
-) -> tuple[list[TimeRecord], list[str]]:
+def cut_at_hits(records: Sequence[TimeRecord]) -> tuple[list[TimeRecord], list[str]]:
     """Records of one hit each, and sentences on what is left out. Records without a force, and of
     one hit, stay as they are."""
     pieces, remarks = [], []
@@ -418,16 +414,16 @@ def cut_at_hits(
 
         # hits: the first sample above a share of the largest force after a pause
         f, dt = np.abs(record.force), record.dt
-        high = np.flatnonzero(f > options.pulse * f.max()) if f.size else np.zeros(0, int)
-        starts = high[np.diff(high, prepend=-np.inf) > options.apart / dt]
+        high = np.flatnonzero(f > PULSE_THRESHOLD * f.max()) if f.size else np.zeros(0, int)
+        starts = high[np.diff(high, prepend=-np.inf) > DOUBLE_HIT_TIME / dt]
         if len(starts) < 2:
             pieces.append(record)
             continue
 
         # from a little before each pulse to as long before the next one
-        before = min(int(options.before / dt), int(starts[0]))
+        before = min(int(PRETRIGGER / dt), int(starts[0]))
         lengths = np.diff([*starts, len(f) + before])
-        long_enough = lengths >= options.shortest * np.median(lengths)
+        long_enough = lengths >= MIN_LENGTH * np.median(lengths)
         # the last hit may have less time; the others are all of one length
         usual = lengths[:-1][long_enough[:-1]]
         length = int(usual.min()) if len(usual) > 1 else int(lengths[long_enough].min())

@@ -52,18 +52,16 @@ class HitChecks(NamedTuple):
     decay: float | None = None  # exponential window at the record's end; None: no window
 
 
-class Excitation(NamedTuple):
-    """Lines at which a force spectrum holds too little to divide by; chosen, not varied."""
-
-    null: float = 0.01  # of the largest: below, rounding and noise are divided by nothing
-    # of the largest, below which a line needs coherence (hammers are used down to a tenth, 20 dB:
-    # ISO 7626-5); of a single hit, which has no coherence, `weak_alone`. With 0.02 a pole beside
-    # the null of a pulse of five samples was listed as a mode where the noise was 0.5 %
-    weak: float = 0.1
-    weak_alone: float = 0.05
-    coherence: float = 0.8  # median of the responses and of `smooth` lines
-    smooth: int = 9
-    listed: int = 3  # ranges that a sentence names
+# Lines at which a force spectrum holds too little to divide by
+NULL_FORCE = 0.01  # of the largest: below, rounding and noise are divided by nothing
+# of the largest, below which a line needs coherence (hammers are used down to a tenth, 20 dB:
+# ISO 7626-5). With 0.02 a pole near the null of a pulse of five samples was listed as a mode where
+# the noise was 0.5 %
+WEAK_FORCE = 0.1
+WEAK_FORCE_OF_SINGLE_HIT = 0.05  # which has no coherence
+MIN_COHERENCE = 0.8  # median of the responses and of N_SMOOTHED_LINES
+N_SMOOTHED_LINES = 9
+MAX_LISTED_RANGES = 3  # ranges that a sentence names
 
 
 class Deletions(NamedTuple):
@@ -248,7 +246,6 @@ def frequency_responses(
 def excited_lines(
     share: NDArray[np.float64],
     coherence: NDArray[np.float64] | None,
-    options: Excitation = Excitation(),
 ) -> NDArray[np.bool_]:
     """Lines (f,) at which the force is known: `share` (f,) is its spectrum over the largest value,
     coherence (p, m, f) that of the responses, None of single hits.
@@ -257,17 +254,16 @@ def excited_lines(
     nothing, in which a fit finds sharp modes.
     """
     if coherence is None:
-        return share >= options.weak_alone
+        return share >= WEAK_FORCE_OF_SINGLE_HIT
     # of pure noise and few hits single lines may be coherent by chance: a median along lines
-    median = median_filter(np.median(coherence, axis=(0, 1)), options.smooth, mode="nearest")
-    is_null = share < options.null
-    return ~is_null & ((share >= options.weak) | (median >= options.coherence))
+    median = median_filter(np.median(coherence, axis=(0, 1)), N_SMOOTHED_LINES, mode="nearest")
+    is_null = share < NULL_FORCE
+    return ~is_null & ((share >= WEAK_FORCE) | (median >= MIN_COHERENCE))
 
 
 def lines_left_out(
     frequency_hz: NDArray[np.float64],
     excited: NDArray[np.bool_],
-    options: Excitation = Excitation(),
 ) -> list[str]:
     """A sentence on the ranges of lines that are not excited; none where all are."""
     at = np.flatnonzero(~excited)
@@ -275,7 +271,7 @@ def lines_left_out(
         return []
     ranges = np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)
     ranges.sort(key=len, reverse=True)
-    named = sorted(ranges[: options.listed], key=lambda r: r[0])
+    named = sorted(ranges[:MAX_LISTED_RANGES], key=lambda r: r[0])
     listed = ", ".join(
         f"{frequency_hz[r[0]]:.5g}" + (f" to {frequency_hz[r[-1]]:.5g} Hz" if len(r) > 1 else " Hz")
         for r in named

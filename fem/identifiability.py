@@ -29,7 +29,6 @@ from beadwave.fem.modes import Modes
 from beadwave.fem.tuning import (
     TuningBasis,
     TuningParameter,
-    TuningSettings,
     covariance_over,
     largest_determined,
     of_bodies,
@@ -185,7 +184,6 @@ def ranking(
     *,
     frequency_error: ArrayLike = 1e-3,
     least: float = 1e-9,
-    settings: TuningSettings = TuningSettings(),
 ) -> Ranking:
     """Parameters ranked by d ln f / d ln p (n, p) of n targets, with a relative frequency_error of
     all or of each (n,).
@@ -193,7 +191,7 @@ def ranking(
     `least` is the column of S, over the largest, that counts as zero: rounding of the slopes.
     """
     # S, and its columns from the one that adds most on; |R_jj| is what the j-th adds
-    limit = largest_determined(parameters, settings)
+    limit = largest_determined(parameters)
     weighted = slopes / np.broadcast_to(frequency_error, len(slopes))[:, None]
     S = weighted * limit
     _, R, order = qr(S, mode="economic", pivoting=True)

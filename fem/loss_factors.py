@@ -19,14 +19,10 @@ from beadwave.fem.correlation import RIGID, spring_forms
 from beadwave.fem.model import Model
 from beadwave.fem.modes import Modes
 
-
-class LossOptions(NamedTuple):
-    """What a fit of loss factors takes for known; values not varied."""
-
-    prior: float = 0.3  # deviation of a loss factor before the test: rubber has some 0.3
-    significant: float = 2.0  # deviations from 0, beyond which a value is one
-    assumed: float = 0.1  # relative deviation of a ratio that comes without
-    share: float = 1e-3  # of a mode's strain energy, below which in all modes a part has no say
+PRIOR_DEVIATION = 0.3  # deviation of a loss factor before the test: rubber has some 0.3
+SIGNIFICANT_DEVIATIONS = 2.0  # deviations from 0, beyond which a value is one
+ASSUMED_RATIO_DEVIATION = 0.1  # relative deviation of a ratio that comes without
+MIN_ENERGY_SHARE = 1e-3  # of a mode's strain energy, below which in all modes a part has no say
 
 
 class LossFactors(NamedTuple):
@@ -77,7 +73,6 @@ def loss_factors(
     shares: NDArray[np.float64],
     zeta: NDArray[np.float64],
     deviation: NDArray[np.float64],
-    options: LossOptions = LossOptions(),
 ) -> LossFactors:
     """Loss factors (n,) that give modes with these shares (m, n) their measured damping ratios
     (m,), which have standard deviations (m,).
@@ -95,8 +90,12 @@ def loss_factors(
     residual = A @ value - b
     scatter = np.sqrt(residual @ residual / spare) if spare > 0 else 0.0
     widened = max(scatter, 1.0)
-    covariance = np.linalg.inv(A.T @ A / widened**2 + np.eye(len(value)) / options.prior**2)
+    covariance = np.linalg.inv(A.T @ A / widened**2 + np.eye(len(value)) / PRIOR_DEVIATION**2)
     bars = np.sqrt(np.diag(covariance))
     return LossFactors(
-        value, bars, value > options.significant * bars, damping_ratios_of(shares, value), scatter
+        value,
+        bars,
+        value > SIGNIFICANT_DEVIATIONS * bars,
+        damping_ratios_of(shares, value),
+        scatter,
     )

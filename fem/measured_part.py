@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, vstack
 
-from beadwave.fem.carried import DiscPoints
 from beadwave.fem.elasticity import Dent, JoinedPart, Structure
 from beadwave.fem.spot import planar_spot
 from beadwave.fem.springs import SpringEnd, along_disc
@@ -44,17 +43,13 @@ class MeasuredPart(NamedTuple):
     stiffness: tuple[float, float, float] = (np.inf,) * 3  # [N/m] along x, y, z; inf is rigid
 
 
-class PointLimits(NamedTuple):
-    """When points of a part move with each other for want of a compliance; not varied."""
-
-    condition: float = 1e12  # of the compliance between part and structure, points scaled alike
+# When points of a part move with each other for want of a compliance
+MAX_CONDITION = 1e12  # of the compliance between part and structure, points scaled alike
 
 
 def with_measured(
     structure: Structure,
     parts: Iterable[MeasuredPart],
-    points: DiscPoints = DiscPoints(),
-    limits: PointLimits = PointLimits(),
 ) -> Structure:
     """The structure with these parts in `measured`; `fem.joined` adds them to K and M.
 
@@ -66,19 +61,19 @@ def with_measured(
         rows, dents = [], []
         for one in part.points:
             spot = planar_spot(structure, one.end.face, one.end.at)
-            rows.append(along_disc(structure, one.end, spot, spot.point, one.direction, points))
+            rows.append(along_disc(structure, one.end, spot, spot.point, one.direction))
             per_length = 16 / (3 * np.pi**2 * one.end.radius)
             dents.append(Dent(one.end.face.partition(":")[0], float(per_length)))
         joined.append(
             JoinedPart(
                 part.name, csr_matrix(vstack(rows)), part.omega, part.zeta, part.phi,
-                joint_stiffness(part, limits), tuple(dents),
+                joint_stiffness(part), tuple(dents),
             )
         )  # fmt: skip
     return structure._replace(measured=structure.measured + tuple(joined))
 
 
-def joint_stiffness(part: MeasuredPart, limits: PointLimits = PointLimits()) -> NDArray[np.float64]:
+def joint_stiffness(part: MeasuredPart) -> NDArray[np.float64]:
     """K_j (m, m) [N/m] of the part's compliance and its springs in series; raises ValueError where
     it would be infinite. Motions at one point share its three springs, so that two directions that
     are not square to each other couple: d_i^T k^-1 d_j."""
@@ -87,7 +82,7 @@ def joint_stiffness(part: MeasuredPart, limits: PointLimits = PointLimits()) -> 
     same = number[:, None] == number
     Y = part.compliance + same * (d / np.array(part.stiffness) @ d.T)
     scale = np.sqrt(np.diag(Y))
-    if not np.all(scale > 0) or np.linalg.cond(Y / np.outer(scale, scale)) > limits.condition:
+    if not np.all(scale > 0) or np.linalg.cond(Y / np.outer(scale, scale)) > MAX_CONDITION:
         raise ValueError(
             "the responses show no compliance beyond their modes in some direction, where a rigid "
             "joint would tie modes to each other; give it stiffnesses kx, ky, kz in N/m, or "

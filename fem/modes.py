@@ -23,17 +23,14 @@ from beadwave.fem.threads import one_thread
 SHIFT_HZ = 5.0  # of the shift: below the lowest elastic mode
 
 
-class ModeAccuracy(NamedTuple):
-    """What rounding leaves of modes, and how far they are solved for; values not varied."""
-
-    # over K's largest eigenvalue: how large rounding makes an eigenvalue that is zero
-    rounding: float = 200 * np.finfo(float).eps
-    # relative residual of an eigenvalue; to ask for rounding itself takes a sixth more solutions
-    converged: float = 1e-11
-    # residual of a mode over its eigenvalue less the shift, from which on modes are refused
-    lost: float = 1e-2
-    inverse_iterations: int = 3  # for each rigid motion
-    columns: int = 16  # modes that are checked together
+# over K's largest eigenvalue: how large rounding makes an eigenvalue that is zero
+EIGENVALUE_ROUNDING = 200 * np.finfo(float).eps
+# relative residual of an eigenvalue; to ask for rounding itself takes a sixth more solutions
+CONVERGED_RESIDUAL = 1e-11
+# residual of a mode over its eigenvalue less the shift, from which on modes are refused
+LOST_RESIDUAL = 1e-2
+N_INVERSE_ITERATIONS = 3  # for each rigid motion
+N_CHECKED_TOGETHER = 16  # modes that are checked together
 
 
 class Modes(NamedTuple):
@@ -59,7 +56,7 @@ def held(K, M) -> Factor | None:
         factor = factorised(K)
     except Singular:
         return None
-    n_iterations = ModeAccuracy().inverse_iterations
+    n_iterations = N_INVERSE_ITERATIONS
     no_motions = np.empty((K.shape[0], 0))
     x = _lowest(no_motions, M, factor, np.random.default_rng(1), n_iterations)
     return factor if x @ (K @ x) > (2 * np.pi * SHIFT_HZ) ** 2 else None
@@ -72,7 +69,6 @@ def modes(
     *,
     shift_hz: float = SHIFT_HZ,
     factor: Factor | None = None,
-    accuracy: ModeAccuracy = ModeAccuracy(),
 ) -> Modes:
     """The n_modes lowest modes of K phi = omega^2 M phi, K [N/m] and M [kg] (n, n) sparse.
 
@@ -88,9 +84,9 @@ def modes(
         factor = factorised((K - sigma * M).tocsc())
 
         # rigid motions R (n, r), M-orthonormal: of no strain energy but by rounding
-        rng, rounding = np.random.default_rng(1), _rounded_zero(K, M, accuracy.rounding)
+        rng, rounding = np.random.default_rng(1), _rounded_zero(K, M, EIGENVALUE_ROUNDING)
         while R.shape[1] < n_modes:
-            x = _lowest(R, M, factor, rng, accuracy.inverse_iterations)
+            x = _lowest(R, M, factor, rng, N_INVERSE_ITERATIONS)
             if x @ (K @ x) > rounding:
                 break
             R = np.column_stack([R, x])
@@ -103,7 +99,7 @@ def modes(
         start = np.random.default_rng(0).standard_normal(n)
         with one_thread():
             eigenvalues, phi = eigsh(
-                K, n_elastic, M, sigma=sigma, OPinv=inverse, v0=start, tol=accuracy.converged
+                K, n_elastic, M, sigma=sigma, OPinv=inverse, v0=start, tol=CONVERGED_RESIDUAL
             )
 
     # both together: Rayleigh-Ritz
@@ -113,26 +109,24 @@ def modes(
         phi = V @ Q
     order = np.argsort(eigenvalues)
     solution = Modes(np.sqrt(np.maximum(eigenvalues[order], 0.0)), phi[:, order])
-    require_accurate(solution, K, M, sigma, accuracy)
+    require_accurate(solution, K, M, sigma)
     return solution
 
 
-def require_accurate(
-    modes: Modes, K, M, sigma: float, accuracy: ModeAccuracy = ModeAccuracy()
-) -> None:
+def require_accurate(modes: Modes, K, M, sigma: float) -> None:
     """Raise ValueError for modes that are not M-orthonormal, or lost in the rounding of K."""
     # the elongation of a joint moves a whole face: its row counts as that of a node
     m = M.diagonal()
     row = np.sqrt(np.minimum(1.0, np.quantile(m, 0.99) / np.maximum(m, np.finfo(float).tiny)))
     # a free bolt of 30 g in elements of 1 mm: rounding leaves 1.3e-2 of a shift of 5 Hz
-    floor = _rounded_zero(K, M, accuracy.rounding) / accuracy.lost
+    floor = _rounded_zero(K, M, EIGENVALUE_ROUNDING) / LOST_RESIDUAL
     eigenvalues = np.maximum(modes.omega**2 - sigma, floor)
 
     # a few columns at a time: of a million unknowns the modes alone take a gigabyte
     n_modes = len(modes.omega)
     product, relative = np.empty((n_modes, n_modes)), np.empty(n_modes)
-    for start in range(0, n_modes, accuracy.columns):
-        c = slice(start, start + accuracy.columns)
+    for start in range(0, n_modes, N_CHECKED_TOGETHER):
+        c = slice(start, start + N_CHECKED_TOGETHER)
         phi = modes.phi[:, c]
         Mphi = M @ phi
         product[:, c] = modes.phi.T @ Mphi
@@ -147,10 +141,10 @@ def require_accurate(
             f"the modes are not M-orthonormal (largest error {skew:.1e}); refine K, M."
         )
     i, worst = int(relative.argmax()), relative.max()
-    if not worst < accuracy.lost:
+    if not worst < LOST_RESIDUAL:
         raise ValueError(
             f"a mode near {modes.frequency_hz[i]:.2g} Hz is lost in the rounding of K (relative "
-            f"residual {worst:.1e}, allowed {accuracy.lost:g}): a part hangs on joints too soft "
+            f"residual {worst:.1e}, allowed {LOST_RESIDUAL:g}): a part hangs on joints too soft "
             "beside its own stiffness; stiffen the softest joints."
         )
 

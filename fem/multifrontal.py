@@ -26,12 +26,9 @@ from beadwave.fem.threads import one_thread
 NEITHER = "the stiffness is singular: a part is neither held nor joined; hold it, or shift."
 
 
-class FrontSettings(NamedTuple):
-    """How dense fronts are factorised; values not varied."""
-
-    worth_threads: float = 1e9  # multiplications and additions of an update that threads share
-    columns: int = 64  # of a child's update that are added at once
-    singular: float = 1e-9  # of a front's largest eigenvalue: a smaller negative one is rounding
+THREADS_FROM_FLOPS = 1e9  # multiplications and additions of an update that threads share
+BLOCK_COLUMNS = 64  # of a child's update that are added at once
+SINGULAR_SHARE = 1e-9  # of a front's largest eigenvalue: a smaller negative one is rounding
 
 
 class NotPositiveDefinite(ValueError):
@@ -84,9 +81,7 @@ class Elimination(NamedTuple):
 class Cholesky:
     """The factor of a symmetric positive definite matrix."""
 
-    def __init__(
-        self, A: csc_matrix, groups: Groups, settings: FrontSettings = FrontSettings()
-    ) -> None:
+    def __init__(self, A: csc_matrix, groups: Groups) -> None:
         """groups are those of A; raises NotPositiveDefinite or Singular."""
         self._order, self._fronts = plan(groups)
         A, fronts = tril(A[self._order][:, self._order], format="csc"), self._fronts
@@ -111,7 +106,7 @@ class Cholesky:
             # the updates of the children, each freed once it is added
             F22 = np.zeros((len(front.boundary),) * 2, order="F")
             for child in front.children:
-                boundary, at_once = fronts[child].boundary, settings.columns
+                boundary, at_once = fronts[child].boundary, BLOCK_COLUMNS
                 extend_add(front, (F11, F21, F22), boundary, updates.pop(child), at_once)
 
             # L11 L11^T = F11; two halves that nothing joins have no unknowns between them
@@ -122,7 +117,7 @@ class Cholesky:
                 factor, failed = dpotrf(F11, lower=1, clean=0)
             if failed:
                 values = eigvalsh(F11, lower=True)
-                if values[0] < -settings.singular * np.abs(values).max():
+                if values[0] < -SINGULAR_SHARE * np.abs(values).max():
                     raise NotPositiveDefinite("the matrix has negative eigenvalues.")
                 raise Singular(NEITHER)
 
@@ -130,7 +125,7 @@ class Cholesky:
             if len(F21):
                 with one_thread():
                     dtrsm(1.0, factor, F21, side=1, lower=1, trans_a=1, overwrite_b=1)
-                is_large = F21.size * len(F21) > settings.worth_threads
+                is_large = F21.size * len(F21) > THREADS_FROM_FLOPS
                 with nullcontext() if is_large else one_thread():
                     dsyrk(-1.0, F21, beta=1.0, c=F22, lower=1, overwrite_c=1)
             L11[:] = dtrttf(factor, uplo="L")[0]

@@ -19,19 +19,14 @@ from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 MIDDLE = 2  # label of the separator, beside 0 and 1 of the halves
 
 
-class Dissection(NamedTuple):
-    """How a graph is cut; values not varied."""
-
-    landmarks: int = 24  # vertices to which distances are measured
-    dimensions: int = 6  # of the coordinates: bodies that are joined overlap in three
-    smoothings: int = 10  # of the coordinates, which are whole numbers of edges at first
-    all_axes: int = (
-        300  # vertices from which on a cut is tried along every axis, not only the first
-    )
-    worth_flow: int = 200  # vertices from which on the separator is made smallest by a flow
-    band: float = 0.08  # share of the vertices, on either side of a cut, that the flow may choose
-    smallest: float = 0.25  # share of the unknowns that either half has at least
-    leaf: int = 24  # vertices that are eliminated together without a further cut
+N_LANDMARKS = 24  # vertices to which distances are measured
+N_DIMENSIONS = 6  # of the coordinates: bodies that are joined overlap in three
+N_SMOOTHINGS = 10  # of the coordinates, which are whole numbers of edges at first
+ALL_AXES_FROM = 300  # vertices from which on a cut is tried along every axis, not only the first
+FLOW_FROM = 200  # vertices from which on the separator is made smallest by a flow
+FLOW_BAND = 0.08  # share of the vertices, on either side of a cut, that the flow may choose
+MIN_HALF = 0.25  # share of the unknowns that either half has at least
+LEAF_SIZE = 24  # vertices that are eliminated together without a further cut
 
 
 class Domain(NamedTuple):
@@ -62,9 +57,7 @@ class Separator(NamedTuple):
     score: float
 
 
-def nested_dissection(
-    graph: csr_matrix, weight: NDArray[np.int64], options: Dissection = Dissection()
-) -> list[Domain]:
+def nested_dissection(graph: csr_matrix, weight: NDArray[np.int64]) -> list[Domain]:
     """Domains of a symmetric graph (n, n) with its diagonal, children before their parents.
 
     weight (n,) are the unknowns that each vertex stands for.
@@ -73,18 +66,18 @@ def nested_dissection(
 
     def dissect(sub: Subgraph) -> int:
         """Append the domains of a subgraph, and return the position of the last, their parent."""
-        if len(sub.vertices) <= options.leaf:
+        if len(sub.vertices) <= LEAF_SIZE:
             domains.append(Domain(sub.vertices, ()))
             return len(domains) - 1
 
         # a first cut across the axis, of the principal ones, that gives the smallest separator
         X = sub.X - sub.X.mean(axis=0)
         axes = np.linalg.eigh(X.T @ X)[1][:, ::-1].T
-        axes = axes if len(X) > options.all_axes else axes[:1]
-        cuts = (_swept_cut(sub, X @ axis, options.smallest) for axis in axes)
+        axes = axes if len(X) > ALL_AXES_FROM else axes[:1]
+        cuts = (_swept_cut(sub, X @ axis, MIN_HALF) for axis in axes)
         side = min(cuts, key=lambda cut: cut.score).side
-        if len(X) > options.worth_flow:
-            side = _least_separator(sub, side, options.band)
+        if len(X) > FLOW_FROM:
+            side = _least_separator(sub, side, FLOW_BAND)
 
         # the larger half first: its update is kept in memory while the smaller half is eliminated,
         # which takes less memory than the other way round
@@ -96,7 +89,7 @@ def nested_dissection(
         domains.append(Domain(sub.vertices[side == MIDDLE], children))
         return len(domains) - 1
 
-    coordinates = _landmark_coordinates(graph, options)
+    coordinates = _landmark_coordinates(graph)
     dissect(Subgraph(np.arange(graph.shape[0]), graph, weight, coordinates))
     return domains
 
@@ -199,11 +192,11 @@ def _least_separator(sub: Subgraph, side: NDArray[np.int8], band: float) -> NDAr
     return narrowed
 
 
-def _landmark_coordinates(graph: csr_matrix, options: Dissection) -> NDArray[np.float64]:
+def _landmark_coordinates(graph: csr_matrix) -> NDArray[np.float64]:
     """X (n, dimensions) with distances like those along the graph's edges, by landmark MDS."""
     # numbers of edges to landmarks, each the farthest from those before it
     distances, start = [], int(_levels(graph, 0).argmax())
-    for _ in range(options.landmarks):
+    for _ in range(N_LANDMARKS):
         distances.append(_levels(graph, start))
         start = int(np.min(distances, axis=0).argmax())
     squared = np.array(distances, dtype=float) ** 2
@@ -214,14 +207,14 @@ def _landmark_coordinates(graph: csr_matrix, options: Dissection) -> NDArray[np.
     mean = between.mean(axis=0)
     centred = -(between - mean - mean[:, None] + mean.mean()) / 2
     values, vectors = np.linalg.eigh(centred)
-    largest = slice(-1, -options.dimensions - 1, -1)
+    largest = slice(-1, -N_DIMENSIONS - 1, -1)
     floor = 1e-12 * max(values[-1], 1e-12)
     scaled = vectors[:, largest] / np.sqrt(np.maximum(values[largest], floor))
     X = -(squared - mean[:, None]).T @ scaled / 2
 
     # each the mean of itself and its neighbours, several times over
     shares = diags_array(1 / np.maximum(np.diff(graph.indptr), 1)) @ graph
-    for _ in range(options.smoothings):
+    for _ in range(N_SMOOTHINGS):
         X = shares @ X
     return X
 

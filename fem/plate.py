@@ -50,14 +50,12 @@ from beadwave.fem.spot import Spot
 HELD = {"hinged": (True, True, False), "clamped": (True, True, True), "free": (False,) * 3}
 
 
-class PlateMesh(NamedTuple):
-    """How finely a plate is divided; values not varied."""
-
-    order: int = 6  # of the elements
-    resolved_hz: float = 10e3  # a wave of this frequency is as long as an element, right to 1e-3
-    around: float = 2.0  # radii of the disc: size of the elements that are struck
-    most: int = 60_000  # unknowns: a minute and 2 GB
-    cells: int = 60  # along the longer side of the plate as it is drawn
+# Division of a plate into elements
+ORDER = 6  # of the elements
+RESOLVED_HZ = 10e3  # a wave of this frequency is as long as an element, right to 1e-3
+STRUCK_SIZE = 2.0  # radii of the disc: size of the elements that are struck
+MAX_UNKNOWNS = 60_000  # unknowns: a minute and 2 GB
+N_DRAWN_CELLS = 60  # along the longer side of the plate as it is drawn
 
 
 class Sheet(NamedTuple):
@@ -122,7 +120,6 @@ def mindlin_plate(
     in_plane: tuple[float, float] = (0.0, 0.0),
     coarser: float = 1.0,
     beside: PlateBesideSolid | None = None,
-    mesh: PlateMesh = PlateMesh(),
 ) -> Bending:
     """A plate with edges "hinged", "clamped" or "free" at x = 0, x = length, y = 0, y = width,
     struck at x, y [m], under forces `in_plane` N_x, N_y [N/m].
@@ -143,8 +140,8 @@ def mindlin_plate(
     m, j = sheet.inertia
     N_x, N_y = in_plane
 
-    ends = element_ends(sheet, at, coarser, mesh)
-    x, y = along = tuple(line(e, mesh.order) for e in ends)
+    ends = element_ends(sheet, at, coarser)
+    x, y = along = tuple(line(e, ORDER) for e in ends)
 
     # K, M and K_G of w, t_x, t_y on all products of the functions along x and y
     shear = (1 - nu) / 2
@@ -196,7 +193,7 @@ def mindlin_plate(
     spot = Spot(np.array([*at, sheet.thickness / 2]), DOWN, ACROSS)
     patch = ContactPatch(read, np.flatnonzero(read), read, spot, sheet.patch_radius, "hertz")
 
-    box, T = box_around(sheet, x, y, mesh)
+    box, T = box_around(sheet, x, y)
     unit = np.kron(x.one, y.one)
     return Bending(
         csc_array(K + K_G) if any(in_plane) else K,
@@ -212,37 +209,35 @@ def mindlin_plate(
 
 
 def element_ends(
-    sheet: Sheet, at: tuple[float, float], coarser: float, mesh: PlateMesh
+    sheet: Sheet, at: tuple[float, float], coarser: float
 ) -> list[NDArray[np.float64]]:
     """Ends of the elements, (k,) [m] along x and (l,) along y: as long as the shortest wave that is
     resolved, small ones where the plate is struck, at `at` [m]. Raises TooLarge for more unknowns
     than `mesh.most`."""
     D, S = sheet.bending_stiffness, sheet.shear_stiffness
     m, j = sheet.inertia
-    shortest = coarser * wave_length(2 * np.pi * mesh.resolved_hz, S, D, m, j)
-    around = coarser * mesh.around * sheet.patch_radius
+    shortest = coarser * wave_length(2 * np.pi * RESOLVED_HZ, S, D, m, j)
+    around = coarser * STRUCK_SIZE * sheet.patch_radius
     ends = []
     for side, c in zip(sheet[:2], at, strict=True):
         struck = [p for p in (c - around, c, c + around) if 0.2 * around < p < side - 0.2 * around]
         ends.append(divided([0.0, *struck, side], shortest))
-    n_unknowns = int(3 * np.prod([mesh.order * (len(e) - 1) + 1 for e in ends]))
-    if n_unknowns > mesh.most:
+    n_unknowns = int(3 * np.prod([ORDER * (len(e) - 1) + 1 for e in ends]))
+    if n_unknowns > MAX_UNKNOWNS:
         longest = max(np.diff(e).max() for e in ends)
         raise TooLarge(
             f"a plate of {sheet.length:g} x {sheet.width:g} x {sheet.thickness:g} m has "
             f"{n_unknowns:.2g} unknowns with elements of {longest:.2g} m, as long as waves of "
-            f"{mesh.resolved_hz:g} Hz; allowed are {mesh.most:g}: take a smaller or thicker one"
+            f"{RESOLVED_HZ:g} Hz; allowed are {MAX_UNKNOWNS:g}: take a smaller or thicker one"
         )
     return ends
 
 
-def box_around(
-    sheet: Sheet, x: LineElements, y: LineElements, mesh: PlateMesh
-) -> tuple[MeshHex, csr_matrix]:
+def box_around(sheet: Sheet, x: LineElements, y: LineElements) -> tuple[MeshHex, csr_matrix]:
     """A box of v vertices to draw the plate by, and their displacements T (3 v, n) by all unknowns
     w, t_x, t_y: they follow the normal, u_x = -z t_x, u_y = -z t_y, u_z = w."""
     sides, longer = sheet[:2], max(sheet[:2])
-    lines = [np.linspace(0, side, max(4, int(mesh.cells * side / longer)) + 1) for side in sides]
+    lines = [np.linspace(0, side, max(4, int(N_DRAWN_CELLS * side / longer)) + 1) for side in sides]
     box = MeshHex.init_tensor(*lines, np.array([-0.5, 0.5]) * sheet.thickness)
     place = [np.abs(p[:, None] - q).argmin(axis=1) for p, q in zip(box.p, lines, strict=False)]
     grid = csr_matrix(kron(x.at(lines[0]), y.at(lines[1])))

@@ -37,21 +37,18 @@ from beadwave.fem.response_model import (
     computed_responses,
     solid_ones,
 )
-from beadwave.fem.tuning import TuningParameter, TuningSettings, largest_determined, sensitivity
+from beadwave.fem.tuning import UNFITTED, TuningParameter, largest_determined, sensitivity
 
 DB = 20 / np.log(10)  # dB in a unit of ln
-UNFITTED = TuningSettings().unfitted
 
 
-class ResponseFitOptions(NamedTuple):
-    """How responses are weighed and what a fit counts as done; values not varied but where said."""
-
-    rounds: int = 12  # of weights, at most; 3 to 6 are usual
-    evaluations: int = 30  # of a round
-    still: float = 0.05  # deviations by which a value moves in the last round
-    faint: float = 0.3  # noise over |H| above which a line says nothing: the logarithm is biased
-    # chi^2 of the noise alone over the residuals' number, beyond which the model has an error
-    significant: float = 1.3
+# Weighing of responses, and when a fit is done
+MAX_ROUNDS = 12  # of weights, at most; 3 to 6 are usual
+MAX_EVALUATIONS = 30  # of a round
+SETTLED_DEVIATIONS = 0.05  # deviations by which a value moves in the last round
+FAINT_NOISE = 0.3  # noise over |H| above which a line says nothing: the logarithm is biased
+# chi^2 of the noise alone over the residuals' number, beyond which the model has an error
+SIGNIFICANT_CHI2 = 1.3
 
 
 class MeasuredResponses(NamedTuple):
@@ -150,7 +147,7 @@ def misfit(measured: MeasuredResponses, H: NDArray[np.complex128]) -> Misfit:
     """How far responses H (p, r, f) are from measured ones, over the lines whose noise is below the
     share `faint` of the response; nan where there is none."""
     relative = measured.noise / np.maximum(np.abs(measured.H), np.finfo(float).tiny)
-    heard = relative < ResponseFitOptions().faint
+    heard = relative < FAINT_NOISE
     r = log_ratio(H, measured.H)[heard]
     if not r.size:
         return Misfit(np.nan, np.nan, np.nan)
@@ -206,7 +203,6 @@ def fit_responses(
     start: NDArray[np.float64],
     measured: MeasuredResponses,
     resonances: Resonances | None = None,
-    options: ResponseFitOptions = ResponseFitOptions(),
 ) -> ResponseFit:
     """Least squares from the values `start` (n,), with weights renewed until values rest.
 
@@ -247,11 +243,11 @@ def fit_responses(
         H = at(x).H
         magnitude = np.maximum(np.abs(H), floor)
         relative = np.maximum(measured.noise, floor) / magnitude
-        heard = (relative < options.faint) & (measured.noise < options.faint * size)
+        heard = (relative < FAINT_NOISE) & (measured.noise < FAINT_NOISE * size)
         noise, r = np.tile(relative[heard], 2), stacked(log_ratio(H, measured.H)[heard])
         left = max(noise.size - n, 1)
         unit = np.tile((np.abs(s) ** model.power / magnitude)[heard], 2)
-        error = model_error(r, noise, unit, left, options.significant)
+        error = model_error(r, noise, unit, left, SIGNIFICANT_CHI2)
         if any(error):
             sigma = np.sqrt(noise**2 + error.level**2 + (error.absent * unit) ** 2)
             return Weights(heard, noise, error, sigma, None)
@@ -284,16 +280,16 @@ def fit_responses(
 
     # weights and values in turn: each round fits with the weights of the last values, until no
     # value moves by more than a share of its deviation
-    for _ in range(options.rounds if n else 0):
+    for _ in range(MAX_ROUNDS if n else 0):
         now = weights(x)
         fit = least_squares(
-            residual, x, jacobian, bounds=(lower, upper), max_nfev=options.evaluations,
+            residual, x, jacobian, bounds=(lower, upper), max_nfev=MAX_EVALUATIONS,
             args=(now,), xtol=1e-9, ftol=1e-9, gtol=1e-12,
         )  # fmt: skip
         evaluations += fit.nfev
         moved, x = np.abs(fit.x - x), fit.x
         information = fit.jac.T @ fit.jac + prior_information(parameters)
-        if np.all(moved < options.still * np.sqrt(np.diag(np.linalg.inv(information)))):
+        if np.all(moved < SETTLED_DEVIATIONS * np.sqrt(np.diag(np.linalg.inv(information)))):
             break
 
     # how likely the values found are, and their deviations

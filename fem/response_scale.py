@@ -9,8 +9,6 @@ these depends neither on stiffnesses that are off nor on damping: it is the mass
 that of the structure, or a unit that is not what the file says.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,11 +27,8 @@ UNITS = {
 }
 
 
-class ScaleOptions(NamedTuple):
-    """From when on a scale is worth a sentence; not varied."""
-
-    off: float = 1.5  # times; two builds of one part differ in mass by less
-    near: float = 0.2  # relative distance from the ratio of a unit that is named
+NOTABLE_SCALE = 1.5  # times; two builds of one part differ in mass by less
+UNIT_TOLERANCE = 0.2  # relative distance from the ratio of a unit that is named
 
 
 def response_scale(
@@ -55,17 +50,17 @@ def response_scale(
     return np.where(size > 0.0, along / np.where(size > 0.0, size, 1.0), np.nan)
 
 
-def remark_on_scale(scale: NDArray[np.float64], options: ScaleOptions = ScaleOptions()) -> str:
+def remark_on_scale(scale: NDArray[np.float64]) -> str:
     """A sentence where most of the scales (n,) say that responses and model differ in size; ""
     where they do not."""
     scale = scale[np.isfinite(scale) & (scale > 0.0)]
     if not len(scale):
         return ""
     middle = float(np.median(scale))
-    if 1 / options.off <= middle <= options.off:
+    if 1 / NOTABLE_SCALE <= middle <= NOTABLE_SCALE:
         return ""
     distance = {words: abs(np.log(middle / ratio)) for ratio, words in UNITS.items()}
     words, nearest = min(distance.items(), key=lambda item: item[1])
-    why = words if nearest < options.near else "look at units and sensitivities, or at its mass"
+    why = words if nearest < UNIT_TOLERANCE else "look at units and sensitivities, or at its mass"
     modes = "1 paired mode" if len(scale) == 1 else f"{len(scale)} paired modes"
     return f"the responses are {middle:.3g} times what the model gives at {modes}: {why}"

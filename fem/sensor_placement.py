@@ -27,15 +27,13 @@ class Candidates(NamedTuple):
     reading: NDArray[np.int64]  # (c,) dof of the structure that moves along it
 
 
-class Spread(NamedTuple):
-    """How candidates are spread over the outside."""
-
-    most: int = 400  # points; 200 to 1000 end in points of like determinants
-    apart: float = 0.75  # edges of the mesh between a candidate and another body: room for a sensor
-    flat: float = 0.9  # cosine between a facet's normal and the axis along which it is hit
+# Spread of candidates over the outside
+MAX_CANDIDATES = 400  # points; 200 to 1000 end in points of like determinants
+MIN_DISTANCE = 0.75  # edges of the mesh between a candidate and another body: room for a sensor
+MIN_COSINE = 0.9  # cosine between a facet's normal and the axis along which it is hit
 
 
-def outside(model: Model, options: Spread = Spread()) -> Candidates:
+def outside(model: Model) -> Candidates:
     """Points of the outside away from other bodies, each as far from the others as can be.
 
     Raises ValueError where no face looks along an axis.
@@ -49,14 +47,14 @@ def outside(model: Model, options: Spread = Spread()) -> Candidates:
     # a node can be hit along the axis of each face around it that looks along one
     along = np.zeros((len(outer.points), 3), bool)
     for a in range(3):
-        along[np.unique(outer.faces[normal[:, a] > options.flat]), a] = True
+        along[np.unique(outer.faces[normal[:, a] > MIN_COSINE]), a] = True
     usable, length = along.any(axis=1), np.zeros(len(outer.points))
     np.maximum.at(length, outer.faces.ravel(), np.repeat(edge, outer.faces.shape[1]))
     for body in np.unique(outer.body):
         on_body = outer.body == body
         if not on_body.all():
             distance = cKDTree(outer.points[~on_body]).query(outer.points[on_body])[0]
-            usable[on_body] &= distance > options.apart * length[on_body]
+            usable[on_body] &= distance > MIN_DISTANCE * length[on_body]
     nodes = np.flatnonzero(usable)
     if not len(nodes):
         raise ValueError("no face of the outside looks along x, y or z; name points by hand")
@@ -66,7 +64,7 @@ def outside(model: Model, options: Spread = Spread()) -> Candidates:
     points = outer.points[nodes]
     taken = [int(np.argmin(points.sum(axis=1)))]
     distance = np.linalg.norm(points - points[taken[0]], axis=1)
-    while len(taken) < min(options.most, len(nodes)) and distance.max() > 0:
+    while len(taken) < min(MAX_CANDIDATES, len(nodes)) and distance.max() > 0:
         taken.append(int(distance.argmax()))
         distance = np.minimum(distance, np.linalg.norm(points - points[taken[-1]], axis=1))
     place, axes = np.nonzero(along[nodes[taken]])

@@ -9,13 +9,9 @@ from skfem import Mesh
 from beadwave.fem.elasticity import Structure
 from beadwave.fem.sagging import area_vectors
 
-
-class SpotLimits(NamedTuple):
-    """What counts as plane, as round and as flat; values not varied."""
-
-    plane: float = 1e-6  # of a face's size: by which a plane face may leave its mean plane
-    round: float = 0.02  # of a radius: by which corners of a mesh may leave a round face
-    flat: float = 0.1  # of the smallest radius of curvature: the largest patch on a half-space
+PLANE_TOLERANCE = 1e-6  # of a face's size: by which a plane face may leave its mean plane
+ROUND_TOLERANCE = 0.02  # of a radius: by which corners of a mesh may leave a round face
+MAX_PATCH_SHARE = 0.1  # of the smallest radius of curvature: the largest patch on a half-space
 
 
 class Spot(NamedTuple):
@@ -28,17 +24,15 @@ class Spot(NamedTuple):
     gap: float = 0.0  # [m] by which the mesh may miss the tangent plane under a patch
 
 
-def require_flat(
-    radii: tuple[float, float], patch_radius: float, limits: SpotLimits = SpotLimits()
-) -> None:
+def require_flat(radii: tuple[float, float], patch_radius: float) -> None:
     """Raise ValueError for a patch of a radius [m] too large for the half-space of the contact law
     on a face with these principal radii of curvature [m], inf of a plane."""
     smallest = min(map(abs, radii))
-    if patch_radius > limits.flat * smallest:
+    if patch_radius > MAX_PATCH_SHARE * smallest:
         raise ValueError(
-            f"a patch of radius {patch_radius:g} m on a face of curvature radius {smallest:g} "
-            f"m is {patch_radius / smallest:.2g} of it, allowed is {limits.flat:g}: the local law "
-            "of a half-space does not hold; take a smaller patch."
+            f"a patch of radius {patch_radius:g} m on a face of curvature radius {smallest:g} m "
+            f"is {patch_radius / smallest:.2g} of it, allowed is {MAX_PATCH_SHARE:g}: the local "
+            "law of a half-space does not hold; take a smaller patch."
         )
 
 
@@ -46,12 +40,11 @@ def planar_spot(
     structure: Structure,
     face: str,
     at: tuple[float, float],
-    limits: SpotLimits = SpotLimits(),
 ) -> Spot:
     """The spot `at` [m] from the middle of a plane face "body:face" along the two axes that span
     it. Raises ValueError for a face that is not plane."""
     body, facets = structure.facets(face)
-    return plane_spot(structure.basis[body].mesh, facets, face, at, limits)
+    return plane_spot(structure.basis[body].mesh, facets, face, at)
 
 
 def plane_spot(
@@ -59,7 +52,6 @@ def plane_spot(
     facets: NDArray[np.int64],
     face: str,
     at: tuple[float, float],
-    limits: SpotLimits = SpotLimits(),
 ) -> Spot:
     """The spot `at` [m] from the middle of the plane face that some facets of a mesh make up,
     called `face`, along the two axes that span it.
@@ -78,7 +70,7 @@ def plane_spot(
     normal[np.abs(normal) < 1e-9] = 0.0  # else a contact along x would read y and z as well
     normal /= np.linalg.norm(normal)
     off, size = float(np.ptp(points @ normal)), np.ptp(points, axis=0).max()
-    if off > limits.plane * size:
+    if off > PLANE_TOLERANCE * size:
         raise ValueError(
             f"the face {face!r} is not plane: it leaves its mean plane by {off:.2g} m of "
             f"{size:.2g} m; name a plane face, or a cylinder's or sphere's point and radii."
@@ -99,7 +91,6 @@ def round_spot(
     centre: NDArray[np.float64],
     radius: float,
     axis: NDArray[np.float64] | None = None,
-    limits: SpotLimits = SpotLimits(),
 ) -> Spot:
     """The spot nearest to a point (3,) [m] on a cylinder of an axis (3,) through `centre` (3,) [m],
     or without one on a sphere around it.
@@ -119,7 +110,7 @@ def round_spot(
     # the mesh's corners must lie at the radius; elements behind lie inside of it where it is convex
     outward = away / np.linalg.norm(away)
     rims = np.linalg.norm(_across(corners.reshape(3, -1).T - centre, axis), axis=1)
-    if np.abs(rims / radius - 1).max() > limits.round:
+    if np.abs(rims / radius - 1).max() > ROUND_TOLERANCE:
         raise ValueError(
             f"the face {face!r} is not of radius {radius:g} m about its middle: its mesh has "
             f"{rims.min():g} to {rims.max():g} m."
@@ -131,7 +122,7 @@ def round_spot(
     radii = (convex * radius if axis is None else np.inf, convex * radius)
     # the sagitta of a facet, and by how much the face leaves its tangent plane under a patch
     facet = np.ptp(corners, axis=1).max()
-    gap = (facet**2 / 4 + (limits.flat * radius) ** 2) / (2 * radius)
+    gap = (facet**2 / 4 + (MAX_PATCH_SHARE * radius) ** 2) / (2 * radius)
     return Spot(point - away + radius * outward, -convex * outward, along, radii, gap)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, vstack
 
-from beadwave.fem.carried import DiscPoints
+from beadwave.fem.carried import N_AROUND, N_RADIAL
 from beadwave.fem.contact_patch import disc_quadrature
 from beadwave.fem.elasticity import Dent, PointSprings, Structure
 from beadwave.fem.joints import distributing
@@ -48,9 +48,7 @@ class PointSpring(NamedTuple):
     dashpot: float = 0.0  # [N s/m]
 
 
-def with_springs(
-    structure: Structure, springs: Iterable[PointSpring], points: DiscPoints = DiscPoints()
-) -> Structure:
+def with_springs(structure: Structure, springs: Iterable[PointSpring]) -> Structure:
     """The structure with these springs in `springs`, equal names together; `fem.joined` adds them
     to K.
 
@@ -87,7 +85,7 @@ def with_springs(
                     "give one, or stiffnesses along x, y and z."
                 )
         d = np.asarray(direction, float) / np.linalg.norm(direction)
-        b = sum(sign * along_disc(structure, end, s, middle, d, points) for sign, end, s in ends)
+        b = sum(sign * along_disc(structure, end, s, middle, d) for sign, end, s in ends)
         rows.setdefault(spring.name, []).append(csr_matrix(b))
         constants[spring.name] = spring.stiffness, spring.dashpot
 
@@ -145,13 +143,12 @@ def along_disc(
     spot: Spot,
     middle: NDArray[np.float64],
     d: NDArray[np.float64],
-    points: DiscPoints,
 ) -> csr_matrix:
     """d . q(middle) of a disc's rigid motion, (1, ndof): middle (3,) [m], d (3,) a unit vector.
 
     Raises OffFace, with where the disc would have room, where it leaves its face.
     """
-    disc, share = disc_quadrature("area", points.radial, points.around)
+    disc, share = disc_quadrature("area", N_RADIAL, N_AROUND)
     on_face = spot.point + end.radius * disc @ spot.axes
     try:
         P = trace(structure, end.face, on_face)

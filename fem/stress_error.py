@@ -67,15 +67,12 @@ class MissedEnergy(NamedTuple):
         return sum(self.of_bodies.values())
 
 
-class MissedEnergyOptions(NamedTuple):
-    """How energies are summed."""
-
-    at_once: int = 1000  # elements or facets that are computed at a time, 100 MB of 60 shapes
-    # length over thickness of hexahedra from which on functions along them are orthogonal to
-    # constants and slopes. With such functions in all hexahedra errors of tubes were stated at 0.3
-    # of their value without any
-    slender: float = 5.0
-    still: float = 1e8  # times its own stiffness: a function that is zero on a held face
+CHUNK = 1000  # elements or facets that are computed at a time, 100 MB of 60 shapes
+# length over thickness of hexahedra from which on functions along them are orthogonal to
+# constants and slopes. With such functions in all hexahedra errors of tubes were stated at 0.3
+# of their value without any
+SLENDER_RATIO = 5.0
+HELD_STIFFNESS = 1e8  # times its own stiffness: a function that is zero on a held face
 
 
 def missed_energy(
@@ -86,7 +83,6 @@ def missed_energy(
     faces: Faces = Faces(),
     *,
     pushed: Pushed | None = None,
-    options: MissedEnergyOptions = MissedEnergyOptions(),
 ) -> MissedEnergy:
     """G (k, k) [J] of displacements u (n, k) of a model's free dofs.
 
@@ -131,7 +127,7 @@ def missed_energy(
             corners, at_1 = mesh.p[:, mesh.t], mesh.elem().refdom.p > 0.5
             along = [corners[:, end].mean(axis=1) - corners[:, ~end].mean(axis=1) for end in at_1]
             length = np.linalg.norm(along, axis=1)
-            vanish[length > options.slender * length.min(axis=0)] = 0
+            vanish[length > SLENDER_RATIO * length.min(axis=0)] = 0
         for face in faces.held:
             if face.face.partition(":")[0] == body:
                 side = FacetSide.of(mesh, structure.facets(face.face)[1], 0, order)
@@ -149,7 +145,7 @@ def missed_energy(
         bears = np.unique(np.concatenate([np.empty(0, int), *named]))
         ends = np.empty(0, int) if field is None else field.ends
         for facets, signs in ((inside, (1, -1)), (bears, (1,))):
-            for some in shares(facets, options.at_once):
+            for some in shares(facets, CHUNK):
                 sides = [FacetSide.of(mesh, some, side, order) for side in range(len(signs))]
                 # out of side 0: the jump is shared in proportion to the heights, and what acts on
                 # side 1 is the opposite force
@@ -176,7 +172,7 @@ def missed_energy(
                 kh_across = np.zeros(across.nelems)
                 kh_across[beyond.cells] = np.trace(of_partner[1]) * beyond.height
                 gap = pair.gap + sagging(structure, face) + sagging(structure, opposite)
-                for some in shares(facets, options.at_once):
+                for some in shares(facets, CHUNK):
                     # this body's points in the partner's elements; stiffness times height of both
                     # says how they share the jump, as between elements of one body
                     side = FacetSide.of(mesh, some, 0, order)
@@ -207,7 +203,7 @@ def missed_energy(
         G, of_cells[body] = np.zeros((k, k)), np.zeros((n_cells, k))
 
         # what inertia and stresses leave inside the elements, and the errors that balance it all
-        for cells in shares(np.arange(n_cells), options.at_once):
+        for cells in shares(np.arange(n_cells), CHUNK):
             at = Basis(mesh, element, intorder=order, elements=cells)
             phi = np.stack([np.broadcast_to(np.asarray(f[0]), at.dx.shape) for f in at.basis])
             gradient = np.stack([f[0].grad for f in at.basis])
@@ -233,7 +229,7 @@ def missed_energy(
             # that it stays
             stiffness = element_stiffness(db, db, at.dx, C)
             diagonal = np.einsum("eii->ei", stiffness)
-            diagonal[still[cells].reshape(len(cells), -1)] *= options.still
+            diagonal[still[cells].reshape(len(cells), -1)] *= HELD_STIFFNESS
             error = np.linalg.solve(stiffness, r)
             G += r.reshape(-1, k).T @ error.reshape(-1, k)
             of_cells[body][cells] = np.sum(r * error, axis=1)

@@ -15,8 +15,6 @@ Peeters and De Roeck, Mech. Syst. Signal Process. 13 (1999) 855; Efron and Stein
 (1981) 586.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
@@ -32,18 +30,15 @@ from beadwave.fem.poly_reference import (
     stable_poles,
 )
 
-
-class Subspace(NamedTuple):
-    """How many lags, orders and blocks; the rest as of responses."""
-
-    blocks: int = 20  # of an ambient record; 10 to 40 give the same deviations within their scatter
-    longest: int = 400  # rows of H, at most
-    periods: float = 3.0  # of the lowest frequency within the lags, as far as the rows allow
-    oversampling: float = 2.56  # of the sampling rate over the band's upper end
-    largest_order: int = 60
-    outliers: float = 0.1  # relative change of a frequency by one block that is another pole
-    twin: float = 0.015  # relative distance of two tracks of one mode
-    alike: float = 0.9  # MAC of their shapes
+# Lags, orders and blocks
+N_BLOCKS = 20  # of an ambient record; 10 to 40 give the same deviations within their scatter
+MAX_ROWS = 400  # rows of H, at most
+N_PERIODS = 3.0  # of the lowest frequency within the lags, as far as the rows allow
+OVERSAMPLING = 2.56  # of the sampling rate over the band's upper end
+MAX_ORDER = 60
+OUTLIER_CHANGE = 0.1  # relative change of a frequency by one block that is another pole
+TWIN_DISTANCE = 0.015  # relative distance of two tracks of one mode
+TWIN_MAC = 0.9  # MAC of their shapes
 
 
 def correlations(y: NDArray[np.float64], n_lags: int) -> NDArray[np.float64]:
@@ -78,13 +73,13 @@ def subspace_poles(
 
 
 def blocks_of(
-    records: list[NDArray[np.float64]], dt: float, band_hz: tuple[float, float], options: Subspace
+    records: list[NDArray[np.float64]], dt: float, band_hz: tuple[float, float]
 ) -> tuple[list[NDArray[np.float64]], float, int]:
     """Records (m, k) at a step [s] whose frequencies the band fills, a single one cut into blocks;
     that step; and s, block rows and columns of H, for lags up to 2 s. Raises ValueError for records
     shorter than 4 s samples."""
     # decimated by a filter of linear phase, which moves no pole, in steps of ten at most
-    factor = int(0.5 / dt / (0.5 * options.oversampling * band_hz[1]))
+    factor = int(0.5 / dt / (0.5 * OVERSAMPLING * band_hz[1]))
     while factor > 1:
         step = min(factor, 10)
         records = [decimate(y, step, ftype="fir", axis=1) for y in records]
@@ -93,11 +88,11 @@ def blocks_of(
     # lags over some periods of the lowest mode, but enough rows for the largest order
     records = [y - y.mean(axis=1, keepdims=True) for y in records]
     m = len(records[0])
-    s = min(int(options.periods / (band_hz[0] * dt)), options.longest // m)
-    s = max(s, -(-options.largest_order // m) + 1)
+    s = min(int(N_PERIODS / (band_hz[0] * dt)), MAX_ROWS // m)
+    s = max(s, -(-MAX_ORDER // m) + 1)
     if len(records) == 1:
-        k = records[0].shape[1] // options.blocks
-        records = [records[0][:, i * k : (i + 1) * k] for i in range(options.blocks)]
+        k = records[0].shape[1] // N_BLOCKS
+        records = [records[0][:, i * k : (i + 1) * k] for i in range(N_BLOCKS)]
     shortest = min(y.shape[1] for y in records)
     if shortest < 4 * s:
         raise ValueError(
@@ -111,7 +106,6 @@ def subspace_modes(
     records: list[NDArray[np.float64]],
     dt: float,
     band_hz: tuple[float, float],
-    options: Subspace = Subspace(),
     stability: Stability = Stability(),
     *,
     reject: tuple[int, ...] = (),
@@ -123,13 +117,13 @@ def subspace_modes(
     left out, see `identified_modes`. Raises ValueError for records too short, where no pole recurs,
     and for numbers that are none.
     """
-    records, dt, s = blocks_of(records, dt, band_hz, options)
+    records, dt, s = blocks_of(records, dt, band_hz)
     m = len(records[0])
     lags = np.array([correlations(y, 2 * s) for y in records])
     mean, n = lags.mean(axis=0), len(lags)
 
     # poles that recur over orders, and in every other block
-    orders = range(4, min(options.largest_order, (s - 1) * m) + 1, 2)
+    orders = range(4, min(MAX_ORDER, (s - 1) * m) + 1, 2)
     diagram = subspace_poles(mean, dt, orders)
     within = [
         pole for pole in stable_poles(diagram, stability)
@@ -159,8 +153,8 @@ def subspace_modes(
         twins = [
             other for other in within
             if other is not pole
-            and abs(abs(other.pole) / abs(pole.pole) - 1) < options.twin
-            and mac(other.participation[:, None], pole.participation[:, None])[0, 0] > options.alike
+            and abs(abs(other.pole) / abs(pole.pole) - 1) < TWIN_DISTANCE
+            and mac(other.participation[:, None], pole.participation[:, None])[0, 0] > TWIN_MAC
             and (len(other.orders), abs(other.pole)) > (len(pole.orders), abs(pole.pole))
         ]  # fmt: skip
         reason = None
@@ -193,7 +187,7 @@ def subspace_modes(
     poles, phi = np.array(poles), np.array(shapes).T
     unit = np.abs(phi).argmax(axis=0)
     phi = phi / phi[unit, np.arange(len(poles))]
-    deleted, deleted_phi = without_each_block(lags, dt, own_order, poles, phi, unit, options)
+    deleted, deleted_phi = without_each_block(lags, dt, own_order, poles, phi, unit)
 
     order = np.argsort(np.abs(poles))
     size = np.abs(deleted)
@@ -215,7 +209,6 @@ def without_each_block(
     poles: NDArray[np.complex128],
     phi: NDArray[np.complex128],
     unit: NDArray[np.int64],
-    options: Subspace,
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """Poles (n, k) and shapes (n, m, k), 1 at the points `unit` (k,), without each of n blocks,
     each at the order of its own; nan where no pole is near."""
@@ -233,7 +226,7 @@ def without_each_block(
                 continue
             alike = mac(L.T, phi[:, [i]])[:, 0]
             j = int((np.abs(some / poles[i] - 1) + 0.1 * (1 - alike)).argmin())
-            if abs(some[j] / poles[i] - 1) < options.outliers:
+            if abs(some[j] / poles[i] - 1) < OUTLIER_CHANGE:
                 deleted[b, i], deleted_phi[b, :, i] = some[j], L[j] / L[j, unit[i]]
     return deleted, deleted_phi
 

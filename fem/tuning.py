@@ -78,25 +78,20 @@ class Tuning(NamedTuple):
     evaluations: int
 
 
-class BasisSettings(NamedTuple):
-    """Two stiffnesses of all joints, whose modes span the projection; values not varied."""
-
-    stiff: float = 1e10  # [N/m]
-    soft: float = 1e6  # [N/m] that of the attachment shapes as well
-    lever: float = 1e-4  # [m^2] a rotational stiffness is one of shifts at a distance of 10 mm
-    dependent: float = 1e-10  # of the largest eigenvalue of V^T M V: below, a shape is dropped
-    # of the length of an attachment: below, what it has beyond the modes is dropped; a point on
-    # the block of the rig has 6e-6
-    rounding: float = 1e-10
+# Stiffnesses of all joints whose modes span the projection
+STIFF = 1e10  # [N/m]
+SOFT = 1e6  # [N/m] that of the attachment shapes as well
+LEVER2 = 1e-4  # [m^2] a rotational stiffness is one of shifts at a distance of 10 mm
+DEPENDENT_SHARE = 1e-10  # of the largest eigenvalue of V^T M V: below, a shape is dropped
+# of the length of an attachment: below, what it has beyond the modes is dropped; a point on
+# the block of the rig has 6e-6
+ATTACHMENT_ROUNDING = 1e-10
 
 
-class TuningSettings(NamedTuple):
-    """What a fit counts as lost, as determined and as needed; values not varied."""
-
-    unfitted: float = 3.0  # ln(f / target) charged for a mode that lost its shape: a factor of 20
-    unseen: float = 0.7  # deviation over that within the bounds: above, the data say nothing
-    vague: float = np.log(2.0)  # deviation of ln(value): not even known within a factor of two
-    worse: float = 4.0  # rise of the sum of squares that one parameter explains: two deviations
+UNFITTED = 3.0  # ln(f / target) charged for a mode that lost its shape: a factor of 20
+UNDETERMINED_SHARE = 0.7  # deviation over that within the bounds: above, the data say nothing
+VAGUE_DEVIATION = np.log(2.0)  # deviation of ln(value): not even known within a factor of two
+SIGNIFICANT_RISE = 4.0  # rise of the sum of squares that one parameter explains: two deviations
 
 
 def tuning_basis(
@@ -105,7 +100,6 @@ def tuning_basis(
     *,
     n_modes: int = 24,
     loads: csr_matrix | None = None,
-    settings: BasisSettings = BasisSettings(),
 ) -> TuningBasis:
     """Project a model of finite springs; takes two solves for modes and one for attachments, to
     which `loads` (l, n) add the static shapes of forces that act along their rows.
@@ -116,14 +110,14 @@ def tuning_basis(
     """
     # "joint.krx" and the like: the direction is the last word of a spring's name
     is_turn = np.array([name.rpartition(".")[2].startswith("kr") for name in model.spring], bool)
-    unit_stiffness = np.where(is_turn, settings.lever, 1.0)
+    unit_stiffness = np.where(is_turn, LEVER2, 1.0)
 
     # modes at both ends of the range, and the static shape of every spring pulled alone
     stiff, soft = (
         modes(model._replace(stiffness=k * unit_stiffness).K, model.M, n_modes)
-        for k in (settings.stiff, settings.soft)
+        for k in (STIFF, SOFT)
     )
-    K = model._replace(stiffness=settings.soft * unit_stiffness).K
+    K = model._replace(stiffness=SOFT * unit_stiffness).K
     pulls = np.zeros((K.shape[0], len(model.elongation)))
     pulls[model.elongation, range(len(model.elongation))] = 1.0
     of_points = [(spring.B @ model.T).toarray().T for spring in model.structure.springs]
@@ -133,16 +127,16 @@ def tuning_basis(
     shift = (2 * np.pi * SHIFT_HZ) ** 2 if R.shape[1] else 0.0
     factor = factorised((K + shift * model.M).tocsc() if shift else K)
     attachments = deflated(R, model.M, factor, pulls)
-    V = _m_orthonormalised(np.hstack([stiff.phi, soft.phi]), model.M, settings.dependent)
+    V = _m_orthonormalised(np.hstack([stiff.phi, soft.phi]), model.M, DEPENDENT_SHARE)
     # what attachments have beyond the modes: in their lengths in M the yielding around a point is
     # small as (omega_1 / omega)^2 and passes for dependent; once leaves rounding of their size
     length = np.sqrt(np.sum(attachments * (model.M @ attachments), axis=0))
     for _ in range(2):
         attachments = attachments - V @ (V.T @ (model.M @ attachments))
     beyond = np.sqrt(np.sum(attachments * (model.M @ attachments), axis=0))
-    attachments = attachments[:, beyond > settings.rounding * length]
+    attachments = attachments[:, beyond > ATTACHMENT_ROUNDING * length]
     if attachments.shape[1]:
-        V = np.hstack([V, _m_orthonormalised(attachments, model.M, settings.dependent)])
+        V = np.hstack([V, _m_orthonormalised(attachments, model.M, DEPENDENT_SHARE)])
 
     # masses that faces carry: bodies that nothing strains
     u, m = model.T @ V, V.shape[1]
@@ -260,7 +254,6 @@ def tune(
     regularisation: float = 0.1,
     n_starts: int = 12,
     seed: int = 0,
-    settings: TuningSettings = TuningSettings(),
 ) -> Tuning:
     """Parameters that bring targets {1, 2, ...: Hz} of the basis to their frequencies.
 
@@ -294,7 +287,7 @@ def tune(
         """Residuals (n_targets + p,); one that is lost has a constant, which no slope reduces."""
         computed, index = matched(x)
         error = np.log(np.maximum(computed.frequency_hz[index], 1e-3) / measured_hz)
-        error = np.where(index < 0, settings.unfitted, error)
+        error = np.where(index < 0, UNFITTED, error)
         return np.concatenate([weight * error, pull * (x - start)])
 
     def jacobian(x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -320,7 +313,7 @@ def tune(
 
     # covariance of the best fit, targets and bounds together, in units of what counts as known
     error, J = residual(x)[:n_targets] / s.min(), jacobian(x)[:n_targets] / s.min()
-    limit = largest_determined(parameters, settings)
+    limit = largest_determined(parameters)
     covariance = covariance_over(limit, parameters, J)
     uncertainty = np.sqrt(np.diag(covariance))
 
@@ -347,7 +340,6 @@ def deviation_beside(
     left_out: Sequence[TuningParameter],
     *,
     frequency_error: float | Mapping[int, float] = 1e-3,
-    settings: TuningSettings = TuningSettings(),
 ) -> NDArray[np.float64]:
     """Standard deviations (p,) of ln(value) of a fit where springs that were left out of it, at the
     values they had before, are known to within a factor of two alone.
@@ -367,16 +359,14 @@ def deviation_beside(
     value = np.concatenate([fit.value, [p.before[0] for p in elastic]])
     J = sensitivity(basis, parameters, value, of_targets) / s[:, None]
     J[index < 0] = 0.0
-    prior = np.append(_of_bounds(fit.parameters), np.full(len(elastic), settings.vague))
+    prior = np.append(_of_bounds(fit.parameters), np.full(len(elastic), VAGUE_DEVIATION))
     together = np.sqrt(np.diag(np.linalg.inv(J.T @ J + np.diag(prior**-2.0))))
     return np.maximum(fit.deviation, together[: len(fit.parameters)])
 
 
-def largest_determined(
-    parameters: Sequence[TuningParameter], settings: TuningSettings = TuningSettings()
-) -> NDArray[np.float64]:
+def largest_determined(parameters: Sequence[TuningParameter]) -> NDArray[np.float64]:
     """The largest deviations (p,) of ln(value) that count as determined."""
-    return np.minimum(settings.unseen * _of_bounds(parameters), settings.vague)
+    return np.minimum(UNDETERMINED_SHARE * _of_bounds(parameters), VAGUE_DEVIATION)
 
 
 def covariance_over(
@@ -401,7 +391,6 @@ def determined(
     fit: Tuning,
     *,
     frequency_error: float | Mapping[int, float] = 1e-3,
-    settings: TuningSettings = TuningSettings(),
 ) -> tuple[TuningParameter, ...]:
     """The parameters, of a fit of all of them with this frequency_error, that the targets
     determine; none where they determine none. The others are at the values they had before
@@ -420,14 +409,12 @@ def determined(
         by_uncertainty = sorted(parameters, key=lambda p: -uncertainty[p.name])
         rigid = [p for p in by_uncertainty if p.springs and min(p.before) > p.upper]
         elastic = [p for p in by_uncertainty if p not in rigid]
-        allowed = fit.misfit + settings.worse * max(1.0, fit.misfit / len(target_hz))
+        allowed = fit.misfit + SIGNIFICANT_RISE * max(1.0, fit.misfit / len(target_hz))
         refits = {}
         for dropped in rigid if fit.is_determined else rigid + elastic:
             remaining = [p for p in parameters if p is not dropped]
             reduced = at_before(basis, dropped)
-            refit = tune(
-                reduced, remaining, target_hz, frequency_error=frequency_error, settings=settings
-            )
+            refit = tune(reduced, remaining, target_hz, frequency_error=frequency_error)
             refits[dropped.name] = remaining, reduced, refit
             if refit.misfit <= allowed:
                 break
@@ -458,7 +445,7 @@ def at_before(basis: TuningBasis, p: TuningParameter) -> TuningBasis:
     constraint = basis.elongation[rigid]
     constraint = constraint / np.linalg.norm(constraint, axis=1, keepdims=True)
     Z = null_space(constraint) if rigid.any() else np.eye(len(M))
-    Z = _m_orthonormalised(Z, M, BasisSettings().dependent)
+    Z = _m_orthonormalised(Z, M, DEPENDENT_SHARE)
     return TuningBasis(
         Z.T @ K0 @ Z,
         np.eye(Z.shape[1]),

@@ -14,7 +14,6 @@ t = 2 V / area,
 
 from collections.abc import Mapping, Sequence
 from math import log, pi
-from typing import NamedTuple
 
 import gmsh
 import numpy as np
@@ -26,28 +25,24 @@ from beadwave.geometry.errors import InvalidGeometry
 from beadwave.geometry.facets import facets_of
 from beadwave.geometry.gmsh_session import EDGES_AROUND, failing
 from beadwave.geometry.hexahedra import hexahedra
-from beadwave.geometry.imprint import RIM_ROOM, Region, fitted, imprinted, regions
+from beadwave.geometry.imprint import MERGED, Region, fitted, imprinted, regions
 from beadwave.geometry.patches import Disc, Patch
 from beadwave.geometry.roundness import enclosing, full_cylinders, rimmed
 from beadwave.geometry.selectors import Selected
-from beadwave.geometry.sizes import GROWTH, Size, Sizes, mesh_visible
+from beadwave.geometry.sizes import GRADING, Size, Sizes, mesh_visible
 from beadwave.geometry.solids import Body
 
 TRIANGLE, TETRAHEDRON = 2, 4  # gmsh's element types
 
 
-class NodeCount(NamedTuple):
-    """Factors of the estimated number of nodes, measured on bodies of six kinds, with elements from
-    a third of the default seed to the default seed."""
+# Factors of the estimated number of nodes, measured on bodies of six kinds, with elements from a
+# third of the default seed to the default seed.
+INNER_NODES = {"hex": 3.9, "tet": 5.5}
+OUTER_NODES = {"hex": 4.0, "tet": 8.5}
+PIN_NODES = 11.0  # nodes of tetrahedra over area / s^2, at an outer cylinder
+BORE_NODES = 20.0  # the same at a bore
+MAX_NODES = 5e6  # nodes of a body beyond which it is refused: no machine at hand solves it
 
-    inner: Mapping[str, float] = {"hex": 3.9, "tet": 5.5}
-    outer: Mapping[str, float] = {"hex": 4.0, "tet": 8.5}
-    on_pin: float = 11.0  # nodes of tetrahedra over area / s^2, at an outer cylinder
-    on_hole: float = 20.0  # the same at a bore
-    most: float = 5e6  # nodes of a body beyond which it is refused: no machine at hand solves it
-
-
-COUNT = NodeCount()
 DEFAULT = Sizes()
 
 
@@ -71,11 +66,11 @@ def body_meshes(
     for body in bodies.values():
         size = sizes.of(body)
         n = foreseen_nodes(body, size, "hex")
-        if n > COUNT.most:
-            coarse = size.seed * (n / COUNT.most) ** (1 / 3)
+        if n > MAX_NODES:
+            coarse = size.seed * (n / MAX_NODES) ** (1 / 3)
             raise InvalidGeometry(
                 f'"{body.name}" with seed = {size.seed:.3g} m would have some {n:.1e} nodes, more '
-                f"than {COUNT.most:.0e}; take a seed above {coarse:.2g} m."
+                f"than {MAX_NODES:.0e}; take a seed above {coarse:.2g} m."
             )
     meshes = {}
     for name, body in bodies.items():
@@ -131,7 +126,7 @@ def _require_edges(mesh: Mesh, name: str, disc: Disc, body: Body, gap: float) ->
         ]
     ).min(axis=0)
     # beyond rounding, and up to the distance within which an intersection merges edges
-    if np.any((off > 1e-8) & (off < RIM_ROOM.merged * gap)):
+    if np.any((off > 1e-8) & (off < MERGED * gap)):
         raise InvalidGeometry(
             f'"{name}": a washer of radius {disc.radius:.6g} m at '
             f"{np.round(disc.centre, 6).tolist()} m ends within {gap:g} m, the gap that faces may "
@@ -183,18 +178,18 @@ def foreseen_nodes(body: Body, size: Size, element: str) -> float:
     and each cylinder adds what its finer elements have more.
     """
     seed, thickness = size.seed, 2 * body.volume / body.area
-    n = body.volume / seed**3 * (COUNT.inner[element] + COUNT.outer[element] * seed / thickness)
+    n = body.volume / seed**3 * (INNER_NODES[element] + OUTER_NODES[element] * seed / thickness)
     around = 0.0
     for face in (face for face in body.faces if face.axis is not None):
         on_circle = 2 * pi * face.radius / EDGES_AROUND  # size of elements there
         if element == "tet":
-            factor = COUNT.on_hole if face.hollow else COUNT.on_pin
+            factor = BORE_NODES if face.hollow else PIN_NODES
             around += max(0.0, factor * face.area * (1 / on_circle**2 - 1 / seed**2))
         elif on_circle < seed:
             # rings of quadrilaterals that grow from the cylinder's size to the seed, in layers
             length = face.along[1] - face.along[0]
             edges = EDGES_AROUND * face.area / (2 * pi * face.radius * length)
-            rings = 1 - on_circle / seed + log(seed / on_circle) / GROWTH.grading
+            rings = 1 - on_circle / seed + log(seed / on_circle) / GRADING
             if not face.hollow:  # inside a pin there is no room for more
                 rings = min(rings, EDGES_AROUND / (4 * pi))
             around += edges * rings * (4 * max(1, round(length / seed)) + 3)

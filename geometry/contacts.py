@@ -11,17 +11,10 @@ import numpy as np
 from beadwave.geometry.errors import InvalidGeometry
 from beadwave.geometry.solids import SAME, Body
 
-
-class Closeness(NamedTuple):
-    """When bodies touch or nearly touch."""
-
-    near: float = 1e-3  # m, bodies closer than this that do not touch are reported; not varied
-    # of the smaller face: a smaller common area is the rounding of an intersection, and faces whose
-    # areas differ by less end together; not varied
-    fraction: float = 1e-6
-
-
-CLOSENESS = Closeness()
+NEARLY_TOUCHING = 1e-3  # m, bodies closer than this that do not touch are reported; not varied
+# of the smaller face: a smaller common area is the rounding of an intersection, and faces whose
+# areas differ by less end together; not varied
+MIN_COMMON_AREA = 1e-6
 
 
 class FaceContact(NamedTuple):

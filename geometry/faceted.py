@@ -23,20 +23,14 @@ from beadwave.geometry.solids import Body, Face, Vector
 ROUNDING = 1e-9
 
 
-class FaceFinding(NamedTuple):
-    """What counts as one face, as a plane, as round; none of the values was varied."""
-
-    # least cosine between normals of neighbours on one curved face
-    smooth: float = np.cos(np.radians(40))
-    flat: float = 1 - 1e-9  # the same on a plane
-    straight: float = 1e-6  # largest spread of the normals' components on a plane face
-    round: float = 1e-3  # distance of corners from their cylinder or sphere, over its radius
-    # area of a strip of coplanar facets over the median of a curved face's strips, beyond which it
-    # is a plane that runs into the curved face
-    strip: float = 4.0
-
-
-FINDING = FaceFinding()
+# least cosine between normals of neighbours on one curved face
+SMOOTH_COSINE = np.cos(np.radians(40))
+FLAT_COSINE = 1 - 1e-9  # the same on a plane
+PLANE_SPREAD = 1e-6  # largest spread of the normals' components on a plane face
+ROUND_TOLERANCE = 1e-3  # distance of corners from their cylinder or sphere, over its radius
+# area of a strip of coplanar facets over the median of a curved face's strips, beyond which it
+# is a plane that runs into the curved face
+STRIP_RATIO = 4.0
 
 
 class Skin(NamedTuple):
@@ -71,7 +65,7 @@ class Skin(NamedTuple):
         """Whether the face of each facet is a plane, (n,)."""
         _, face = np.unique(self.tag, return_inverse=True)
         spread = [np.ptp(self.normal[face == i], axis=0).max() for i in range(face.max() + 1)]
-        return np.array(spread)[face] < FINDING.straight
+        return np.array(spread)[face] < PLANE_SPREAD
 
     def on(self, tags) -> "Skin":
         """The facets of the faces with these tags."""
@@ -152,8 +146,8 @@ def _faces(
         there = at_edges.transpose(1, 0, 2).reshape(-1, 3)
         bend = np.sum(there[order[repeats]] * there[order[repeats + 1]], axis=1)
     alike = surface[first] == surface[second]
-    smooth = connected(alike & (bend > FINDING.smooth))
-    strip = connected(alike & (cosine > FINDING.flat))
+    smooth = connected(alike & (bend > SMOOTH_COSINE))
+    strip = connected(alike & (cosine > FLAT_COSINE))
 
     # a smooth group that is neither plane nor round may be a fillet with the planes that it runs
     # into: those of its flat strips that are much larger than the others are planes
@@ -163,7 +157,7 @@ def _faces(
         strips, number = np.unique(strip[mine], return_inverse=True)
         if len(strips) > 1 and _curved(skin, mine) is None:
             area = np.bincount(number, skin.area[mine])
-            plane = area[number] > FINDING.strip * np.median(area)
+            plane = area[number] > STRIP_RATIO * np.median(area)
             face[mine[plane]] = smooth.max() + 1 + strip[mine[plane]]
     # a face that such a plane has cut in two becomes two
     return connected(alike & (face[first] == face[second]))
@@ -189,7 +183,7 @@ def _curved(skin: Skin, mine: NDArray[np.int64]) -> RoundSurface | None:
     middle = points.mean(axis=0)
     centre, radius = _circle(points - middle)
     off = np.linalg.norm(points - middle - centre, axis=1)
-    if len(points) < 5 or np.abs(off - radius).max() > FINDING.round * radius:
+    if len(points) < 5 or np.abs(off - radius).max() > ROUND_TOLERANCE * radius:
         return None
     return RoundSurface("sphere", middle + centre, radius)
 
@@ -228,7 +222,7 @@ def _cylinder(
     ).x
     radius = radii(x).mean()
     # an arc shorter than a tenth of the radius, 6 degrees, could as well be a plane
-    if not np.abs(radii(x) - radius).max() < FINDING.round * radius or radius > 10 * size:
+    if not np.abs(radii(x) - radius).max() < ROUND_TOLERANCE * radius or radius > 10 * size:
         return None
     axis = w + x[0] * u + x[1] * v
     return RoundSurface("cylinder", middle + x[2] * u + x[3] * v, radius, _unit(axis))
@@ -285,10 +279,10 @@ def _face(skin: Skin, tag: int, named: Mapping[str, NDArray[np.int64]]) -> Face:
     points = skin.corners[mine].reshape(-1, 3)
     mean = _unit(area @ normals) if np.linalg.norm(area @ normals) > 0 else np.eye(3)[0]
     # normals against their mean: they may differ by more than those of two neighbours
-    is_plane = bool(np.all(normals @ mean > FINDING.flat - 1e-7))
+    is_plane = bool(np.all(normals @ mean > FLAT_COSINE - 1e-7))
     if is_plane and is_curved(skin.mesh):
         heights = (facet_nodes(skin.mesh, skin.number[mine]) - points[0]) @ mean
-        is_plane = bool(np.abs(heights).max() < FINDING.straight * np.sqrt(area.sum()))
+        is_plane = bool(np.abs(heights).max() < PLANE_SPREAD * np.sqrt(area.sum()))
     curved = None if is_plane else _curved(skin, mine)
     label = (n for n, facets in named.items() if np.isin(skin.number[mine], facets).all())
     face = Face(

@@ -15,7 +15,8 @@ from scipy.spatial import cKDTree
 from skfem import Basis
 
 from beadwave.geometry.contacts import (
-    CLOSENESS,
+    MIN_COMMON_AREA,
+    NEARLY_TOUCHING,
     FaceContact,
     NearMiss,
     Neighbours,
@@ -26,19 +27,12 @@ from beadwave.geometry.faceted import Skin, away
 from beadwave.geometry.patches import Disc, Patch, Spots, ThreadBand
 from beadwave.geometry.solids import Body, off_axis, parallel
 
-
-class FacetCloseness(NamedTuple):
-    """Which facets touch, and which of them lie wholly on the other body; none was varied."""
-
-    facing: float = -0.8  # cosine between the normals of facets that touch, at most
-    # distance between facets of touching curved faces, over their size: chords of either mesh
-    sagging: float = 0.1
-    # common area over a facet's area from which on all of it counts as lying on the other body
-    covered: float = 0.99
-    covered_curved: float = 0.9  # the same on a curved face, whose facets lie askew to each other
-
-
-FACETS = FacetCloseness()
+FACING_COSINE = -0.8  # cosine between the normals of facets that touch, at most
+# distance between facets of touching curved faces, over their size: chords of either mesh
+CHORD_DISTANCE = 0.1
+# common area over a facet's area from which on all of it counts as lying on the other body
+COVERED_SHARE = 0.99
+COVERED_SHARE_CURVED = 0.9  # the same on a curved face, whose facets lie askew to each other
 
 
 class FacetPairs(NamedTuple):
@@ -63,8 +57,8 @@ class Meeting(NamedTuple):
         pairs = self.pairs[name]
         mine = pairs.first if name.split("|")[0] == body else pairs.second
         covered = np.bincount(mine, pairs.area, minlength=len(skin.area)) / skin.area
-        wholly = np.where(skin.flat, FACETS.covered, FACETS.covered_curved)
-        return skin.number[covered > (wholly if whole else CLOSENESS.fraction)]
+        wholly = np.where(skin.flat, COVERED_SHARE, COVERED_SHARE_CURVED)
+        return skin.number[covered > (wholly if whole else MIN_COMMON_AREA)]
 
     def under(self, patch: Patch, skin: Skin) -> NDArray[np.int64]:
         """Numbers (k,), in its mesh, of the facets whose middles lie under a washer, on a pad, in a
@@ -93,7 +87,7 @@ def meeting(skins: Mapping[str, Skin], bodies: Mapping[str, Body], gap: float) -
     touching, misses, overlaps, facet_pairs = [], [], [], {}
     for a, b in combinations(skins, 2):
         # boxes too far apart leave nothing to look for
-        within = CLOSENESS.near + gap
+        within = NEARLY_TOUCHING + gap
         if np.any(bodies[a].lower - within > bodies[b].upper) or np.any(
             bodies[b].lower - within > bodies[a].upper
         ):
@@ -107,9 +101,9 @@ def meeting(skins: Mapping[str, Skin], bodies: Mapping[str, Body], gap: float) -
             mine = np.all(tags == (first, second), axis=1)
             face, partner = bodies[a].face(first), bodies[b].face(second)
             area = float(pairs.area[mine].sum())
-            if not area > CLOSENESS.fraction * min(face.area, partner.area):
+            if not area > MIN_COMMON_AREA * min(face.area, partner.area):
                 continue
-            flush = area > (1 - CLOSENESS.fraction) * max(face.area, partner.area)
+            flush = area > (1 - MIN_COMMON_AREA) * max(face.area, partner.area)
             # the mean distance, of cylinders that of their radii and axes
             both_round = face.axis is not None and partner.axis is not None
             if both_round and parallel(face.axis, partner.axis):
@@ -128,14 +122,14 @@ def meeting(skins: Mapping[str, Skin], bodies: Mapping[str, Body], gap: float) -
             facet_pairs[f"{a}|{b}"] = pairs
         elif not overlap:
             miss = _nearest_miss(skins[a], skins[b], (a, b))
-            misses += [miss] if miss.distance <= CLOSENESS.near else []
+            misses += [miss] if miss.distance <= NEARLY_TOUCHING else []
     return Meeting(Neighbours(tuple(touching), tuple(misses), tuple(overlaps)), facet_pairs)
 
 
 def _facet_pairs(first: Skin, second: Skin, a: Body, b: Body, gap: float) -> FacetPairs:
     """Facets of two bodies that face each other and have an area in common."""
     # facets of a curved face lie off the face itself, those of a plane do not
-    sag, sag_of_second = (FACETS.sagging * skin.size * ~skin.flat for skin in (first, second))
+    sag, sag_of_second = (CHORD_DISTANCE * skin.size * ~skin.flat for skin in (first, second))
 
     # facets within the other body's box; of these, all pairs whose enclosing spheres meet
     indices = []
@@ -156,7 +150,7 @@ def _facet_pairs(first: Skin, second: Skin, a: Body, b: Body, gap: float) -> Fac
     # those that look at each other, near enough along the normal; of facets that lie askew the
     # middles are apart along it by the slope as well
     cosine = np.sum(first.normal[pairs[:, 0]] * second.normal[pairs[:, 1]], axis=1)
-    i, j = pairs[cosine < FACETS.facing].T
+    i, j = pairs[cosine < FACING_COSINE].T
     off = np.abs(np.sum((second.middle[j] - first.middle[i]) * first.normal[i], axis=1))
     close_by = off <= gap + sag[i] + sag_of_second[j]
     i, j, off = i[close_by], j[close_by], off[close_by]
@@ -173,7 +167,7 @@ def _facet_pairs(first: Skin, second: Skin, a: Body, b: Body, gap: float) -> Fac
     area = np.zeros(len(i))
     for k in np.flatnonzero(~disjoint.any(axis=1)):
         area[k] = clipped_area(polygons[k].tolist(), knives[k].tolist())
-    touch = area > CLOSENESS.fraction * np.minimum(first.area[i], second.area[j])
+    touch = area > MIN_COMMON_AREA * np.minimum(first.area[i], second.area[j])
     return FacetPairs(i[touch], j[touch], area[touch], off[touch])
 
 
@@ -216,7 +210,7 @@ def _overlap(first: Skin, second: Skin, names: tuple[str, str], gap: float) -> O
         shares.append(filled / volume.sum())
     if not max(shares):
         return None
-    within = (n for n, s in zip(names, shares, strict=True) if s > 1 - CLOSENESS.fraction)
+    within = (n for n, s in zip(names, shares, strict=True) if s > 1 - MIN_COMMON_AREA)
     return Overlap(names, float(max(volumes)), next(within, None))
 
 
@@ -242,8 +236,8 @@ def _nearest_miss(first: Skin, second: Skin, names: tuple[str, str]) -> NearMiss
     best = NearMiss(names, np.inf, np.zeros(3))
     for skin, partner in ((first, second), (second, first)):
         corners = np.unique(skin.corners.reshape(-1, 3), axis=0)
-        lower = partner.corners.min(axis=(0, 1)) - CLOSENESS.near
-        upper = partner.corners.max(axis=(0, 1)) + CLOSENESS.near
+        lower = partner.corners.min(axis=(0, 1)) - NEARLY_TOUCHING
+        upper = partner.corners.max(axis=(0, 1)) + NEARLY_TOUCHING
         for point in corners[np.all((corners >= lower) & (corners <= upper), axis=1)]:
             distance = float(away(point, partner.triangles).min())
             if distance < best.distance:

@@ -51,22 +51,16 @@ JOINED = (
 )
 
 
-class ExtrusionLimits(NamedTuple):
-    """What counts as an extrusion, and as a fair quadrilateral."""
-
-    exact: float = 1e-9  # relative difference of area times height from the volume
-    upright: float = 1e-6  # component of a side's unit normal along the axis
-    filled: float = 1e-6  # relative difference of a rectangle's area from what should fill it
-    square: float = 0.15  # sine of the sharpest corner; a sharper one is left to tetrahedra
-    # the same, from which on no other algorithm is tried. On a corner of 0.19 at an inner edge of a
-    # U profile the error of the first mode was stated 7 times too large; not varied
-    fair: float = 0.3
-    # times the same, from which on a mesh is taken in place of one before. Where the outline itself
-    # has such a corner all algorithms have it, and rounding chose meshes of half the size
-    fairer: float = 1.1
-
-
-LIMITS = ExtrusionLimits()
+VOLUME_TOLERANCE = 1e-9  # relative difference of area times height from the volume
+UPRIGHT_TOLERANCE = 1e-6  # component of a side's unit normal along the axis
+FILLED_TOLERANCE = 1e-6  # relative difference of a rectangle's area from what should fill it
+MIN_SINE = 0.15  # sine of the sharpest corner; a sharper one is left to tetrahedra
+# the same, from which on no other algorithm is tried. On a corner of 0.19 at an inner edge of a
+# U profile the error of the first mode was stated 7 times too large; not varied
+FAIR_SINE = 0.3
+# times the same, from which on a mesh is taken in place of one before. Where the outline itself
+# has such a corner all algorithms have it, and rounding chose meshes of half the size
+FAIRER_FACTOR = 1.1
 
 
 class Prism(NamedTuple):
@@ -278,7 +272,7 @@ def prisms(body: Body) -> Iterator[Prism]:
         top = tuple(f for f in caps if f.normal @ axis > 0)
         base = tuple(f for f in caps if f.normal @ axis < 0)
         upright = all(
-            abs(f.normal @ axis) < LIMITS.upright
+            abs(f.normal @ axis) < UPRIGHT_TOLERANCE
             if f.normal is not None
             else f.axis is not None and parallel(f.axis, axis)
             for f in sides
@@ -293,7 +287,7 @@ def prisms(body: Body) -> Iterator[Prism]:
             continue
         areas = [sum(f.area for f in faces) for faces in (base, top)]
         volumes = [areas[1] * height, areas[0] * height]
-        if not np.allclose(volumes, body.volume, rtol=LIMITS.exact, atol=0):
+        if not np.allclose(volumes, body.volume, rtol=VOLUME_TOLERANCE, atol=0):
             continue
         corners = [
             [gmsh.model.getValue(0, tag, []) @ axis for tag in corners_of(f.tag)] for f in sides
@@ -378,7 +372,7 @@ def _grid(prism: Prism, marks: Imprints, size: Size) -> BaseMesh | None:
         spans = tuple((float((corners @ a).min()), float((corners @ a).max())) for a in (u, v))
         filled = np.prod([upper - lower for lower, upper in spans])
         area = gmsh.model.occ.getMass(2, tag)
-        if not (len(corners) and abs(filled - area) < LIMITS.filled * area):
+        if not (len(corners) and abs(filled - area) < FILLED_TOLERANCE * area):
             return None
         boxes[tag] = spans
 
@@ -432,7 +426,7 @@ def _ring(prism: Prism, marks: Imprints, size: Size) -> BaseMesh | None:
     if a.axis is None or b.axis is None or a.hollow == b.hollow or size.fine:
         return None
     covered = [gmsh.model.occ.getMass(2, tag) for tag in marks.base]
-    if not np.allclose(covered, prism.base[0].area, rtol=LIMITS.filled, atol=0):
+    if not np.allclose(covered, prism.base[0].area, rtol=FILLED_TOLERANCE, atol=0):
         return None
 
     # axes u, v across the axis; lines along the radius through the feet of side patches, and one at
@@ -488,7 +482,7 @@ def _joined(prism: Prism, marks: Imprints, size: Size, gap: float) -> BaseMesh |
     visible = sorted({t for surfaces in pieces.values() for t in surfaces})
 
     # algorithms one after the other; triangles left over cannot be extruded to hexahedra
-    best, sharpest = None, LIMITS.square
+    best, sharpest = None, MIN_SINE
     for options in JOINED:
         try:
             with failing("no quadrilaterals"), mesh_options({"RecombineAll": 1, **options}):
@@ -524,9 +518,9 @@ def _joined(prism: Prism, marks: Imprints, size: Size, gap: float) -> BaseMesh |
         sine = np.sum(area * upright, axis=2) / np.linalg.norm(upright, axis=2)
         lengths = np.linalg.norm(ahead, axis=2) * np.linalg.norm(behind, axis=2)
         corner = float((sine / lengths).min())
-        if corner > sharpest * (LIMITS.fairer if best else 1.0):
+        if corner > sharpest * (FAIRER_FACTOR if best else 1.0):
             parts = {tag: np.concatenate([of[t] for t in ts]) for tag, ts in pieces.items()}
             best, sharpest = BaseMesh(p, quads, parts), corner
-        if sharpest > LIMITS.fair:
+        if sharpest > FAIR_SINE:
             break
     return best

@@ -15,19 +15,12 @@ from numpy.typing import NDArray
 from beadwave.geometry.contacts import TouchingPair
 from beadwave.geometry.solids import SAME, Body, Face, Vector, of_one_cylinder, off_axis, parallel
 
-
-class HoleLimits(NamedTuple):
-    """What counts as a hole and as a thread; angles were not varied."""
-
-    hole: float = 0.75 * 2 * pi  # rad around, less is a fillet or a slot's end
-    cut: float = 0.45 * 2 * pi  # rad around, of a hole that an edge cuts; less is a fillet
-    # difference of the radii of shank and bore, or of their axes, over the bore's radius, at most:
-    # the depth of a coarse metric thread is 0.14 (M20) to 0.18 (M6) of it, and CAD files draw
-    # either of its diameters
-    thread: float = 0.2
-
-
-LIMITS = HoleLimits()
+HOLE_ANGLE = 0.75 * 2 * pi  # rad around, less is a fillet or a slot's end
+CUT_HOLE_ANGLE = 0.45 * 2 * pi  # rad around, of a hole that an edge cuts; less is a fillet
+# difference of the radii of shank and bore, or of their axes, over the bore's radius, at most:
+# the depth of a coarse metric thread is 0.14 (M20) to 0.18 (M6) of it, and CAD files draw
+# either of its diameters
+THREAD_DEPTH = 0.2
 
 
 class Bore(NamedTuple):
@@ -66,13 +59,13 @@ class Engaged(NamedTuple):
 
 def bores(body: Body, *, hollow: bool = True) -> tuple[Bore, ...]:
     """The holes of a body; with hollow False its outer cylinders."""
-    return tuple(bore for bore, angle in _cylinders(body, hollow) if angle > LIMITS.hole)
+    return tuple(bore for bore, angle in _cylinders(body, hollow) if angle > HOLE_ANGLE)
 
 
 def cut_holes(body: Body) -> tuple[Bore, ...]:
     """Holes that an edge of the body cuts, with about half of them or more left."""
     cylinders = _cylinders(body, hollow=True)
-    return tuple(bore for bore, angle in cylinders if LIMITS.cut < angle <= LIMITS.hole)
+    return tuple(bore for bore, angle in cylinders if CUT_HOLE_ANGLE < angle <= HOLE_ANGLE)
 
 
 def _cylinders(body: Body, hollow: bool) -> list[tuple[Bore, float]]:
@@ -192,14 +185,14 @@ def crossed(
 def engaged(first: Body, second: Body) -> tuple[Engaged, ...]:
     """Shanks of either body in bores of the partner, the first body first: axes parallel,
     with a length in common; the distance of the axes and the difference of the radii make together
-    at most LIMITS.thread of the bore's radius."""
+    at most THREAD_DEPTH of the bore's radius."""
     threads = []
     for hollow in (False, True):
         cylinders = bores(first, hollow=hollow), bores(second, hollow=not hollow)
         for a, b in product(*cylinders):
             bore = a if hollow else b
             mismatch = off_axis(a.ends, b.ends[0], b.axis).max() + abs(a.radius - b.radius)
-            if not parallel(a.axis, b.axis) or mismatch > LIMITS.thread * bore.radius:
+            if not parallel(a.axis, b.axis) or mismatch > THREAD_DEPTH * bore.radius:
                 continue
             # the length that both have, along the bore
             heights = [np.sort((c.ends - bore.ends[0]) @ bore.axis) for c in (a, b)]

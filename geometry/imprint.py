@@ -23,28 +23,21 @@ from beadwave.geometry.patches import Disc, Patch, Share, Spots, ThreadBand
 from beadwave.geometry.selectors import Selected
 from beadwave.geometry.solids import SAME, Body, Face, Vector
 
-
-class RimRoom(NamedTuple):
-    """How near to an edge of its face, or to another rim, the rim of a disc may come.
-
-    r is the radius of the disc, step = 2 pi / n the angle of one of the n edges around it. Nearer
-    than these distances, the rim is drawn through the edge instead. Chosen by the reasons given,
-    not varied.
-    """
-
-    # from the rim to an edge beyond it, over r step^2: corners of a polygon of the circle's area
-    # lie r step^2 / 12 outside the circle (`geometry.roundness`); twice that leaves an element
-    sliver: float = 1 / 6
-    # by which the disc reaches over an edge, over r step^2: at d = r step^2 / 32 the edge cuts it
-    # along a chord of 2 sqrt(2 r d) = r step / 2, half an element
-    chord: float = 1 / 32
-    # either way, over the gap that counts as touching: an intersection with a tolerance of twice
-    # the gap merges edges that are closer than that
-    merged: float = 4
-    most: float = 1 / 4  # either way, over r: limits what a large gap would ask for
-
-
-RIM_ROOM = RimRoom()
+# How near to an edge of its face, or to another rim, the rim of a disc may come.
+#
+# r is the radius of the disc, step = 2 pi / n the angle of one of the n edges around it. Nearer
+# than these distances, the rim is drawn through the edge instead. Chosen by the reasons given, not
+# varied.
+# from the rim to an edge beyond it, over r step^2: corners of a polygon of the circle's area
+# lie r step^2 / 12 outside the circle (`geometry.roundness`); twice that leaves an element
+SLIVER = 1 / 6
+# by which the disc reaches over an edge, over r step^2: at d = r step^2 / 32 the edge cuts it
+# along a chord of 2 sqrt(2 r d) = r step / 2, half an element
+CHORD = 1 / 32
+# either way, over the gap that counts as touching: an intersection with a tolerance of twice
+# the gap merges edges that are closer than that
+MERGED = 4
+MAX_ROOM = 1 / 4  # either way, over r: limits what a large gap would ask for
 
 
 class Imprinted(NamedTuple):
@@ -69,7 +62,7 @@ def fitted(body: Body, patches: Mapping[str, Patch], gap: float, around: float) 
     over that edge by less than an element, is drawn through it; `geometry.roundness.rimmed`
     restores the area. `gap` [m] is the distance up to which bodies count as touching.
     """
-    occ, room = gmsh.model.occ, RIM_ROOM
+    occ = gmsh.model.occ
     fitting: dict[str, Patch] = {}
     for name, patch in patches.items():
         if patch.on.body != body.name:
@@ -101,15 +94,14 @@ def fitted(body: Body, patches: Mapping[str, Patch], gap: float, around: float) 
         # the nearest critical radius replaces the radius where it is too near
         ends, r, step = np.array(radii), patch.radius, 2 * pi / around
         inside, outside = (
-            min(max(share * r * step**2, room.merged * gap), room.most * r)
-            for share in (room.sliver, room.chord)
+            min(max(share * r * step**2, MERGED * gap), MAX_ROOM * r) for share in (SLIVER, CHORD)
         )
         too_near = ends[(ends > r - outside) & (ends < r + inside)]
         if len(too_near):
             r = too_near[np.argmin(abs(too_near - r))]
-            merged = ends[abs(ends - r) < room.merged * gap]
+            merged = ends[abs(ends - r) < MERGED * gap]
             if np.ptp(merged) > SAME:  # several edges: the intersection would merge them all
-                r = merged.min() - room.merged * gap
+                r = merged.min() - MERGED * gap
             patch = patch._replace(radius=float(r))
         fitting[name] = patch
     return fitting

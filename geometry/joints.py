@@ -14,7 +14,7 @@ import numpy as np
 
 from beadwave.geometry.contacts import TouchingPair
 from beadwave.geometry.errors import InvalidGeometry
-from beadwave.geometry.holes import LIMITS, bores, concentric, crossed, engaged, misaligned
+from beadwave.geometry.holes import THREAD_DEPTH, bores, concentric, crossed, engaged, misaligned
 from beadwave.geometry.patches import Disc, Patch, Share, Spots, ThreadBand
 from beadwave.geometry.selectors import Selected, bodies_named, faces, touches
 from beadwave.geometry.solids import Body, Vector
@@ -274,7 +274,7 @@ def _place_threads(
         ]
         raise InvalidGeometry(
             f'{joint.key}.at = "thread" finds no shank of one of "{joint.first}|{joint.second}" in '
-            f"a bore of the other, on one axis, up to {100 * LIMITS.thread:g} % of the bore's "
+            f"a bore of the other, on one axis, up to {100 * THREAD_DEPTH:g} % of the bore's "
             f"radius apart: {', '.join(sizes[:6]) or 'neither has a cylinder'}; move them onto "
             "each other, or give at = [[x, y, z], ...] and washer."
         )

@@ -10,7 +10,7 @@ div rho = 2. Moving all nodes to s rho multiplies it by s^2; equal volumes need
 from collections.abc import Sequence
 from dataclasses import replace
 from math import pi
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import gmsh
 import numpy as np
@@ -25,16 +25,10 @@ from beadwave.geometry.solids import SAME, Face, of_one_cylinder, parallel
 AnyMesh = TypeVar("AnyMesh", bound=Mesh)
 
 
-class RimLimits(NamedTuple):
-    """Which nodes are on a rim, and where one stays as it was meshed; none was varied."""
-
-    on_rim: float = 1e-6  # of the radius: distance from a disc's rim of the nodes on it
-    # of an element's volume at a corner: what moving a rim must leave of it
-    flattened: float = 0.3
-    open: float = 1.5  # of the usual edge: a longer one is where a face cuts the disc off
-
-
-RIM = RimLimits()
+RIM_TOLERANCE = 1e-6  # of the radius: distance from a disc's rim of the nodes on it
+# of an element's volume at a corner: what moving a rim must leave of it
+MIN_CORNER_VOLUME = 0.3
+OPEN_EDGE = 1.5  # of the usual edge: a longer one is where a face cuts the disc off
 
 
 def full_cylinders(volume: int, gap: float) -> list[tuple[Face, ...]]:
@@ -105,14 +99,14 @@ def rimmed(
     normal = disc.normal / np.linalg.norm(disc.normal)
     nodes = np.unique(mesh.facets[:, mesh.boundaries[name]])
     rho = mesh.p[:, nodes].T - disc.centre
-    on_rim = np.abs(np.linalg.norm(rho, axis=1) - radius) < RIM.on_rim * radius
+    on_rim = np.abs(np.linalg.norm(rho, axis=1) - radius) < RIM_TOLERANCE * radius
     if not on_rim.any():
         return mesh
     nodes, rho = nodes[on_rim], rho[on_rim]
     angle = np.arctan2(np.cross(rho[0], rho) @ normal / radius, rho @ rho[0] / radius)
     nodes, rho, angle = (array[np.argsort(angle)] for array in (nodes, rho, angle))
     step = np.diff(angle, append=angle[:1] + 2 * pi)
-    if step.max() > RIM.open * 2 * pi / edges:
+    if step.max() > OPEN_EDGE * 2 * pi / edges:
         return mesh
 
     # nodes that stay: on facets out of the disc's plane, and on rims of neighbours
@@ -137,7 +131,7 @@ def rimmed(
         p[:, nodes[free]] += (s - 1) * rho[free].T
         moved = replace(mesh, doflocs=p)
         share = moved.mapping().detDF(corners) / volume
-        flat_cells = np.any(share < RIM.flattened, axis=1)
+        flat_cells = np.any(share < MIN_CORNER_VOLUME, axis=1)
         flattened = np.isin(nodes, mesh.t[:, flat_cells]) & free
         if not flattened.any():
             return moved

@@ -5,28 +5,21 @@ over that of an element of the seed.
 """
 
 from math import log, prod
-from typing import NamedTuple
 
 from beadwave.geometry.grid_lines import n_cells
 from beadwave.geometry.lined import Lines, stops_of
 from beadwave.geometry.shapes import Box, Cylinder, Shape, Slab, volume
 
-
-class TetrahedraCount(NamedTuple):
-    """Factors of the number of nodes of tetrahedra, measured on meshes of the thesis' rig from half
-    to twice the default seeds."""
-
-    solid: float = 13.0  # nodes over volume / seed^3
-    flat: float = 11.0  # of a plate thinner than the seed, nodes over area / seed^2
-    hole: float = 1500.0  # nodes around a hole of a plate, however large the seed
-    # around a hole besides, times its length over its diameter; from 1560 to 2460 on cylinders with
-    # one or four holes of 4 to 9 mm, 12 to 80 mm deep
-    drilled: float = 2300.0
-    refined: float = 650.0  # over the logarithm of the seed over that at the contact
-    imprinted: float = 500.0  # around imprints on a body that is not struck, as large as the rig's
-
-
-COUNT = TetrahedraCount()
+# Factors of the number of nodes of tetrahedra, measured on meshes of the thesis' rig from half to
+# twice the default seeds.
+SOLID_NODES = 13.0  # nodes over volume / seed^3
+PLATE_NODES = 11.0  # of a plate thinner than the seed, nodes over area / seed^2
+HOLE_NODES = 1500.0  # nodes around a hole of a plate, however large the seed
+# around a hole besides, times its length over its diameter; from 1560 to 2460 on cylinders with
+# one or four holes of 4 to 9 mm, 12 to 80 mm deep
+DRILLED_NODES = 2300.0
+REFINED_NODES = 650.0  # over the logarithm of the seed over that at the contact
+IMPRINT_NODES = 500.0  # around imprints on a body that is not struck, as large as the rig's
 
 
 def n_nodes(shape: Shape, lines: Lines, seed: float) -> float:
@@ -50,10 +43,10 @@ def n_nodes_of_tetrahedra(shape: Shape, seed: float, fine: float | None = None) 
         chord = 2 * (shape.radius - shape.bore)
         slenderness += sum(min(h.depth or chord, chord) / h.diameter for h in shape.radial_holes)
         slenderness += shape.length / (2 * shape.bore) if shape.bore else 0.0
-    drilled = COUNT.drilled * slenderness
+    drilled = DRILLED_NODES * slenderness
 
     if isinstance(shape, Slab) and shape.thickness < seed:
-        flat = COUNT.flat * volume(shape) / shape.thickness / seed**2
-        return flat + COUNT.hole * len(shape.holes) + drilled
-    around = COUNT.imprinted if fine is None else COUNT.refined * log(max(1.0, seed / fine))
-    return COUNT.solid * volume(shape) / seed**3 + drilled + around
+        flat = PLATE_NODES * volume(shape) / shape.thickness / seed**2
+        return flat + HOLE_NODES * len(shape.holes) + drilled
+    around = IMPRINT_NODES if fine is None else REFINED_NODES * log(max(1.0, seed / fine))
+    return SOLID_NODES * volume(shape) / seed**3 + drilled + around

@@ -11,32 +11,26 @@ from numpy.typing import NDArray
 from beadwave.geometry.gmsh_session import EDGES_AROUND, mesh_options
 from beadwave.geometry.solids import Body, Vector, parallel
 
-
-class ElementGrowth(NamedTuple):
-    """How the element size follows from a body's shape, and how it grows away from fine places."""
-
-    grading: float = 0.35  # growth of the element size per distance from a point or a circle
-    steep: float = 0.7  # the same from a line on which a partner ends
-    # singular edges of a thick body with a seed above `coarse` times the default: the first element
-    # has `sharp` times the seed, but at least `sharpest` times the default seed, and each next one
-    # is exp(sharply) times as large, h(d) = first log(3) / 2 + log(3) d. At smaller seeds the edges
-    # cause less error than the rest of the mesh
-    sharp: float = 1 / 8
-    sharpest: float = 1 / 2
-    sharply: float = log(3)
-    coarse: float = 2.0
-    # elements along a body's diagonal, and through the thickness of a thin one: with these the
-    # first six modes of a free beam, plate, tube and block lie within 0.5 % (hexahedra) and 0.8 %
-    # (tetrahedra) of those on meshes twice as fine
-    across: float = 20
-    layers: float = 1 / 2
-    across_all: float = 60  # elements along an assembly's diagonal: small bodies need no finer ones
-    edge: float = 4  # of the seed, the finest where a partner ends
-    thin: float = 1.5  # of the thickness: a body with a larger seed is thin
-    sampled: int = 200  # points of a line that distances are taken from
-
-
-GROWTH = ElementGrowth()
+# Element size by a body's shape, and its growth away from fine places
+GRADING = 0.35  # growth of the element size per distance from a point or a circle
+STEEP_GRADING = 0.7  # the same from a line on which a partner ends
+# singular edges of a thick body with a seed above COARSE times the default: the first element
+# has SHARP times the seed, but at least SHARPEST times the default seed, and each next one
+# is exp(SHARP_GROWTH) times as large, h(d) = first log(3) / 2 + log(3) d. At smaller seeds the edges
+# cause less error than the rest of the mesh
+SHARP = 1 / 8
+SHARPEST = 1 / 2
+SHARP_GROWTH = log(3)
+COARSE = 2.0
+# elements along a body's diagonal, and through the thickness of a thin one: with these the
+# first six modes of a free beam, plate, tube and block lie within 0.5 % (hexahedra) and 0.8 %
+# (tetrahedra) of those on meshes twice as fine
+N_ACROSS = 20
+N_LAYERS = 1 / 2
+N_ACROSS_ASSEMBLY = 60  # elements along an assembly's diagonal: small bodies need no finer ones
+EDGE = 4  # of the seed, the finest where a partner ends
+THIN = 1.5  # of the thickness: a body with a larger seed is thin
+N_SAMPLED = 200  # points of a line that distances are taken from
 
 
 class Fine(NamedTuple):
@@ -83,24 +77,24 @@ def size_of(body: Body, seed: float | None = None, fine: Sequence[Fine] = ()) ->
     """
     usual = default_seed(body)
     seed = seed or usual
-    edge = max(_thickness(body), seed / GROWTH.edge)
+    edge = max(_thickness(body), seed / EDGE)
     mine = tuple(f for f in fine if f.body == body.name)
-    thick = seed > GROWTH.coarse * usual
-    sharp = max(GROWTH.sharp * seed, GROWTH.sharpest * usual) if thick else None
-    return Size(seed, mine, edge if GROWTH.thin * edge <= seed else None, sharp)
+    thick = seed > COARSE * usual
+    sharp = max(SHARP * seed, SHARPEST * usual) if thick else None
+    return Size(seed, mine, edge if THIN * edge <= seed else None, sharp)
 
 
 def default_seeds(bodies: Mapping[str, Body]) -> dict[str, float]:
     """Default element size [m] of every body of an assembly. Small bodies, whose own modes lie
     above those of the whole, get larger elements than they would alone."""
     corners = [corner for body in bodies.values() for corner in (body.lower, body.upper)]
-    smallest = float(np.linalg.norm(np.ptp(corners, axis=0))) / GROWTH.across_all
+    smallest = float(np.linalg.norm(np.ptp(corners, axis=0))) / N_ACROSS_ASSEMBLY
     return {name: default_seed(body, smallest) for name, body in bodies.items()}
 
 
 def default_seed(body: Body, smallest: float = 0.0) -> float:
     """Element size from a body's extent, `smallest` or more, less for a thin one [m]."""
-    return min(max(body.extent / GROWTH.across, smallest), _thickness(body) / GROWTH.layers)
+    return min(max(body.extent / N_ACROSS, smallest), _thickness(body) / N_LAYERS)
 
 
 def _thickness(body: Body) -> float:
@@ -114,11 +108,11 @@ def size_at(
     """Element sizes (k,) [m] at the coordinates x (k,) [m] along an axis (3,): the smallest of the
     seed and of all that grows from fine points and from `edges`, the coordinates [m] at which other
     bodies end."""
-    grown = [f.size + GROWTH.grading * np.abs(x - f.point @ axis) for f in size.fine]
+    grown = [f.size + GRADING * np.abs(x - f.point @ axis) for f in size.fine]
     if size.edge:
-        grown += [size.edge + GROWTH.steep * np.abs(x - edge) for edge in edges]
+        grown += [size.edge + STEEP_GRADING * np.abs(x - edge) for edge in edges]
     elif size.sharp:
-        grown += [GROWTH.sharply * (size.sharp / 2 + np.abs(x - edge)) for edge in edges]
+        grown += [SHARP_GROWTH * (size.sharp / 2 + np.abs(x - edge)) for edge in edges]
     return np.minimum.reduce([np.full_like(x, size.seed), *grown])
 
 
@@ -159,14 +153,14 @@ def mesh_visible(entities: Sequence[tuple[int, int]], size: Size) -> None:
     fields = []
     for fine in (fine for fine in size.fine if fine.size < size.seed):
         ball = dict(zip(("XCenter", "YCenter", "ZCenter"), fine.point, strict=True))
-        ball |= {"Radius": fine.size, "Thickness": (size.seed - fine.size) / GROWTH.grading}
+        ball |= {"Radius": fine.size, "Thickness": (size.seed - fine.size) / GRADING}
         fields.append(_field("Ball", ball | {"VIn": fine.size, "VOut": size.seed}))
-    sources = [(lines, size.edge, GROWTH.steep)] if lines else []
+    sources = [(lines, size.edge, STEEP_GRADING)] if lines else []
     for finest in sorted({round(s, 9) for s in on_circle.values() if s < size.seed}):
         circles = [tag for tag, s in on_circle.items() if round(s, 9) == finest]
-        sources.append((circles, finest, GROWTH.grading))
+        sources.append((circles, finest, GRADING))
     for tags, finest, growth in sources:
-        distance = _field("Distance", {"Sampling": GROWTH.sampled})
+        distance = _field("Distance", {"Sampling": N_SAMPLED})
         field.setNumbers(distance, "CurvesList", tags)
         growing = {"DistMin": 0.0, "DistMax": (size.seed - finest) / growth}
         sizes = {"InField": distance, "SizeMin": finest, "SizeMax": size.seed}

@@ -17,15 +17,9 @@ SAME = 1e-6  # m, lengths and places closer than this count as equal
 Vector = NDArray[np.float64]  # (3,)
 
 
-class AssemblySize(NamedTuple):
-    """Size of an assembly beyond which its file is taken to be wrong; not varied."""
-
-    largest: float = 30.0  # m: structures of millimetres read as metres are larger
-    # size of the assembly over that of its median face: units do not change it, a stray point does
-    unlike: float = 500
-
-
-ASSEMBLY_SIZE = AssemblySize()
+MAX_SIZE = 30.0  # m: structures of millimetres read as metres are larger
+# size of the assembly over that of its median face: units do not change it, a stray point does
+MAX_SIZE_RATIO = 500
 
 
 class Face(NamedTuple):
@@ -121,20 +115,20 @@ def require_size(bodies: Mapping[str, Body], *, of_file: bool) -> None:
     damaged file has a stray point; one that is not `of_file` is drawn by its own dimensions."""
     sides = np.max([b.upper for b in bodies.values()], axis=0)
     sides = sides - np.min([b.lower for b in bodies.values()], axis=0)
-    if sides.max() > ASSEMBLY_SIZE.largest:
+    if sides.max() > MAX_SIZE:
         size = " x ".join(f"{side:.4g}" for side in sides)
         usual = np.median([np.max(f.upper - f.lower) for b in bodies.values() for f in b.faces])
-        if sides.max() > ASSEMBLY_SIZE.unlike * usual:
+        if sides.max() > MAX_SIZE_RATIO * usual:
             raise InvalidGeometry(
                 f"the assembly is {size} m, while half of its faces are smaller than {usual:.3g} m:"
                 " its file is damaged; export it again."
             )
         if not of_file:
             raise InvalidGeometry(
-                f"the assembly is {size} m, allowed are {ASSEMBLY_SIZE.largest:g} m: its bodies "
+                f"the assembly is {size} m, allowed are {MAX_SIZE:g} m: its bodies "
                 'are drawn in metres; write "80 mm" or 0.08 for 80 mm.'
             )
         raise InvalidGeometry(
-            f"the assembly is {size} m, allowed are {ASSEMBLY_SIZE.largest:g} m: its file is in "
+            f"the assembly is {size} m, allowed are {MAX_SIZE:g} m: its file is in "
             "other units than it says, or a mesh not in metres; write it anew."
         )

@@ -10,18 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-
-class Clustering(NamedTuple):
-    """Which nodes may be merged, and how fast the cells grow."""
-
-    growth: float = 1.3  # of the cells, until there are few enough nodes; not varied
-    # largest eigenvalue of the mean of n n^T, of normals n, at a flat place: a crease of 45 degrees
-    # has 0.85
-    flat: float = 0.85
-    crease: float = 0.1  # smallest eigenvalue: the normals at a sharp edge lie in a plane
-
-
-CLUSTERING = Clustering()
+CELL_GROWTH = 1.3  # of the cells, until there are few enough nodes; not varied
+# largest eigenvalue of the mean of n n^T, of normals n, at a flat place: a crease of 45 degrees
+# has 0.85
+FLAT_EIGENVALUE = 0.85
+CREASE_EIGENVALUE = 0.1  # smallest eigenvalue: the normals at a sharp edge lie in a plane
 
 
 class Thinned(NamedTuple):
@@ -35,7 +28,6 @@ def thinned(
     points: NDArray[np.float64],
     faces: NDArray[np.integer],
     most: int,
-    options: Clustering = CLUSTERING,
 ) -> Thinned:
     """At most `most` of the nodes at points (n, 3) [m], and the faces (k, 3 or 4), nodes around
     each, between them; more nodes where the surface is rough everywhere, since rough places are not
@@ -57,9 +49,9 @@ def thinned(
     at_edge = _eigenvalues_of_mean(squared, number.ravel(), edge.shape[1])
 
     # nodes may be merged along an edge (2, k) between two flat places, or along a sharp edge
-    flat = at_node[:, 2] >= options.flat
-    crease = ~flat & (at_node[:, 0] < options.crease)
-    sharp = at_edge[:, 2] < options.flat
+    flat = at_node[:, 2] >= FLAT_EIGENVALUE
+    crease = ~flat & (at_node[:, 0] < CREASE_EIGENVALUE)
+    sharp = at_edge[:, 2] < FLAT_EIGENVALUE
     edges = edge[:, np.where(sharp, crease[edge].all(axis=0), flat[edge].all(axis=0))]
 
     # clusters: nodes that such edges join within one cell of a grid, which grows
@@ -70,7 +62,7 @@ def thinned(
         inside = edges[:, (cell[edges[0]] == cell[edges[1]]).all(axis=1)]
         graph = coo_matrix((np.ones(inside.shape[1]), tuple(inside)), shape=2 * cluster.shape)
         cluster = connected_components(graph, directed=False)[1]
-        size *= options.growth
+        size *= CELL_GROWTH
 
     # of each cluster the node nearest to its mean
     count = np.bincount(cluster)

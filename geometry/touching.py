@@ -13,8 +13,8 @@ import gmsh
 import numpy as np
 
 from beadwave.geometry.contacts import (
-    CLOSENESS,
-    Closeness,
+    MIN_COMMON_AREA,
+    NEARLY_TOUCHING,
     FaceContact,
     NearMiss,
     Neighbours,
@@ -25,19 +25,17 @@ from beadwave.geometry.gmsh_session import boolean_tolerance, failing
 from beadwave.geometry.solids import ALIGNED, Body, Face, off_axis, parallel
 
 
-def neighbours(
-    bodies: Mapping[str, Body], gap: float, closeness: Closeness = CLOSENESS
-) -> Neighbours:
+def neighbours(bodies: Mapping[str, Body], gap: float) -> Neighbours:
     """Every pair of bodies that touch across at most `gap` [m], overlap, or nearly touch; to be
     called in the ``with model(...)`` of the bodies. Raises ValueError, naming both bodies, where
     the kernel cannot intersect them."""
     occ = gmsh.model.occ
     touching, misses, overlaps = [], [], []
     for a, b in combinations(bodies.values(), 2):
-        if not _boxes_meet(a, b, closeness.near + gap):
+        if not _boxes_meet(a, b, NEARLY_TOUCHING + gap):
             continue
         with failing(f'"{a.name}" and "{b.name}" could not be intersected'):
-            contacts = tuple(_contacts(a, b, gap, closeness))
+            contacts = tuple(_contacts(a, b, gap))
 
             # the volume that both fill; a shell no thicker than the gap is none
             volume = 0.0
@@ -56,13 +54,13 @@ def neighbours(
                 touching.append(TouchingPair((a.name, b.name), contacts))
             elif not overlapping:
                 distance, *points = occ.getDistance(3, a.tag, 3, b.tag)
-                if distance <= closeness.near:
+                if distance <= NEARLY_TOUCHING:
                     at = np.mean(np.reshape(points, (2, 3)), axis=0)
                     misses.append(NearMiss((a.name, b.name), distance, at))
     return Neighbours(tuple(touching), tuple(misses), tuple(overlaps))
 
 
-def _contacts(a: Body, b: Body, gap: float, closeness: Closeness) -> Iterator[FaceContact]:
+def _contacts(a: Body, b: Body, gap: float) -> Iterator[FaceContact]:
     """Pairs of faces with an area in common, found by OpenCASCADE's intersection of their
     copies."""
     occ = gmsh.model.occ
@@ -75,8 +73,8 @@ def _contacts(a: Body, b: Body, gap: float, closeness: Closeness) -> Iterator[Fa
             common, _ = occ.intersect(*copies)
         regions = tuple(tag for dimension, tag in common if dimension == 2)
         area = sum(occ.getMass(2, tag) for tag in regions)
-        if area > closeness.fraction * min(first.area, second.area):
-            flush = area > (1 - closeness.fraction) * max(first.area, second.area)
+        if area > MIN_COMMON_AREA * min(first.area, second.area):
+            flush = area > (1 - MIN_COMMON_AREA) * max(first.area, second.area)
             yield FaceContact((first.tag, second.tag), area, distance, regions, flush)
 
 

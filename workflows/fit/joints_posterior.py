@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from beadwave.fem.correlation import paired
-from beadwave.fem.tuning import TuningBasis, TuningParameter, TuningSettings, spectrum
+from beadwave.fem.tuning import UNFITTED, TuningBasis, TuningParameter, spectrum
 from beadwave.workflows.fit.nested import (
     NestedOptions,
     NestedPosterior,
@@ -167,7 +167,7 @@ def joints_posterior(
 
     # a target that no mode is like counts as far too high: finite, so that likelihoods of two such
     # points can be compared, and charged as `tune` charges it
-    lost = measured * np.exp(TuningSettings().unfitted)
+    lost = measured * np.exp(UNFITTED)
     if priors is None:
         priors = [log_uniform(p.name, p.lower, p.upper) for p in parameters]
     of_error = log_uniform(MODEL_ERROR, options.least_error, options.largest_error)

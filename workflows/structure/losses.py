@@ -5,7 +5,12 @@ from typing import Literal
 import numpy as np
 from pydantic import BaseModel
 
-from beadwave.fem.loss_factors import LossOptions, loss_factors
+from beadwave.fem.loss_factors import (
+    ASSUMED_RATIO_DEVIATION,
+    MIN_ENERGY_SHARE,
+    PRIOR_DEVIATION,
+    loss_factors,
+)
 from beadwave.workflows.report.numbers import supported
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import InvalidScene, LossFactorsTable, Scene
@@ -71,9 +76,7 @@ class LossReport(BaseModel):
         return self.text()
 
 
-def losses(
-    scene: Scene, progress: Progress, options: LossOptions = LossOptions()
-) -> tuple[Scene, LossReport]:
+def losses(scene: Scene, progress: Progress) -> tuple[Scene, LossReport]:
     """The scene with the loss factors that its targets' damping ratios determine, and the report.
 
     The ratio of a mode is half the sum of loss factors by their shares of its strain energy
@@ -114,22 +117,25 @@ def losses(
     zeta = np.array([damped[n].zeta for n in used])
     assumed = [n for n in used if not damped[n].zeta_deviation]
     deviation = np.array(
-        [damped[n].zeta_deviation or max(options.assumed * damped[n].zeta, 1e-9) for n in used]
+        [
+            damped[n].zeta_deviation or max(ASSUMED_RATIO_DEVIATION * damped[n].zeta, 1e-9)
+            for n in used
+        ]
     )
 
     # parts that no mode strains are left out
     shares = strain.shares[rows]
-    strained = shares.max(axis=0) > options.share
+    strained = shares.max(axis=0) > MIN_ENERGY_SHARE
     parts = [name for name, has in zip(strain.parts, strained, strict=True) if has]
     shares = shares[:, strained]
 
     # a part whose factor cannot be told from zero has a bound, and none above the prior's
-    fit = loss_factors(shares, zeta, deviation, options)
+    fit = loss_factors(shares, zeta, deviation)
     at_most = fit.value + 2 * fit.deviation
     factors = []
     for j, name in enumerate(parts):
         says = "value" if fit.is_value[j] else "upper bound"
-        if not fit.is_value[j] and at_most[j] > options.prior:
+        if not fit.is_value[j] and at_most[j] > PRIOR_DEVIATION:
             says = "nothing"
         factors.append(
             LossRow(
@@ -139,7 +145,7 @@ def losses(
         )  # fmt: skip
     unstrained = [name for name, has in zip(strain.parts, strained, strict=True) if not has]
     ratios = dict(zip(used, (fit.zeta / zeta).tolist(), strict=True))
-    remarks = remarks_on_losses(factors, unstrained, assumed, ratios, fit.scatter, options)
+    remarks = remarks_on_losses(factors, unstrained, assumed, ratios, fit.scatter)
     if not fit.is_value.any():
         raise InvalidScene(
             f"{scene.name}: the damping of mode {', '.join(map(str, used))} tells no loss factor "
@@ -173,7 +179,6 @@ def remarks_on_losses(
     assumed: list[int],
     ratios: dict[int, float],
     scatter: float,
-    options: LossOptions,
 ) -> list[str]:
     """Sentences on loss factors left open, on parts that no mode strains, on deviations that were
     assumed and on damping that the factors do not explain: its scatter about the fit in deviations,
@@ -186,7 +191,7 @@ def remarks_on_losses(
     if assumed:
         remarks.append(
             f"mode {', '.join(map(str, assumed))} came without zeta_deviation: "
-            f"{100 * options.assumed:g} % of the ratio is assumed."
+            f"{100 * ASSUMED_RATIO_DEVIATION:g} % of the ratio is assumed."
         )
     if scatter > 2:
         remarks.append(

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beadwave.fem.spot import SpotLimits, spanning
+from beadwave.fem.spot import MAX_PATCH_SHARE, spanning
 from beadwave.geometry.errors import InvalidGeometry
 from beadwave.geometry.holes import concentric
 from beadwave.geometry.selectors import faces as selected
@@ -153,7 +153,7 @@ def _on_rounds(geometry: Drawing) -> Iterator[StartStrike]:
     for body in geometry.bodies.values():
         rounds = [f for f in body.faces if f.kind in ("cylinder", "sphere") and not f.hollow]
         for face in sorted(rounds, key=lambda face: -face.area):
-            radius = min(PATCH, float(f"{0.9 * SpotLimits().flat * face.radius:.2g}"))
+            radius = min(PATCH, float(f"{0.9 * MAX_PATCH_SHARE * face.radius:.2g}"))
             # on a cylinder or a sphere at least 0.5 mm, a tenth of its radius at most
             if radius < 0.5e-3:
                 continue
