@@ -40,32 +40,26 @@ from beadwave.dem.kernels.spatial import (
     SavedSpatial,
 )
 
-
-class BalanceSearch(NamedTuple):
-    """How a cycle is searched for."""
-
-    # of the contacts; 10 to 120 are usual, and cycles that slip as a whole are found by few or none
-    most_evaluations: int = 160
-    # evaluations after which a cycle that still changes by more than `far` is given up: of 60
-    # random scenes those found had come below 0.004 by then, the others ended above 0.004
-    early: int = 40
-    far: float = 0.05
-    laps: int = 2  # of the frictional contact round a cycle
-    directions: int = 60  # of a Newton step, at most
-    linear: float = 0.1  # of a Newton step's equation that may be left
-    # change of r over a step from which the next one takes no new directions; 0.1 to 0.5 take as
-    # many evaluations to 20 %
-    good: float = 0.3
-    cut_backs: int = 3  # of a Newton step that leads further away, each to its half
-    nudge: float = 1e-6  # of the cycle's size: differences along a direction; not varied
-    stuck: float = 0.8  # K across, of the contact's stiffness where it sticks; 0.6 to 0.8 tried
-    lightest: float = 1e-2  # K at least, over its largest, by which motions are weighed
-    # of the contact's stiffness: springs of bodies that nothing holds; and of a body's own, what a
-    # harmonic leaves of it where it resonates
-    weak: float = 1e-9
-
-
-USUAL_BALANCE_SEARCH = BalanceSearch()
+# Search for a cycle
+# of the contacts; 10 to 120 are usual, and cycles that slip as a whole are found by few or none
+MAX_EVALUATIONS = 160
+# evaluations after which a cycle that still changes by more than `far` is given up: of 60
+# random scenes those found had come below 0.004 by then, the others ended above 0.004
+EARLY_EVALUATIONS = 40
+FAR_CHANGE = 0.05
+N_LAPS = 2  # of the frictional contact round a cycle
+MAX_DIRECTIONS = 60  # of a Newton step, at most
+LINEAR_RESIDUAL = 0.1  # of a Newton step's equation that may be left
+# change of r over a step from which the next one takes no new directions; 0.1 to 0.5 take as
+# many evaluations to 20 %
+GOOD_CHANGE = 0.3
+MAX_CUT_BACKS = 3  # of a Newton step that leads further away, each to its half
+NUDGE = 1e-6  # of the cycle's size: differences along a direction; not varied
+STUCK_SHARE = 0.8  # K across, of the contact's stiffness where it sticks; 0.6 to 0.8 tried
+MIN_WEIGHT = 1e-2  # K at least, over its largest, by which motions are weighed
+# of the contact's stiffness: springs of bodies that nothing holds; and of a body's own, what a
+# harmonic leaves of it where it resonates
+WEAK_SPRING = 1e-9
 
 
 class Learned(NamedTuple):
@@ -127,9 +121,7 @@ class Balance(NamedTuple):
     learned: Learned
 
 
-def cut_at_contacts(
-    body: PreparedImpact, before: Before, n_samples: int, search: BalanceSearch
-) -> CutBodies:
+def cut_at_contacts(body: PreparedImpact, before: Before, n_samples: int) -> CutBodies:
     """The bodies of a chain before the striker, at the n_samples // 2 + 1 harmonics of the shakers'
     period.
 
@@ -154,9 +146,9 @@ def cut_at_contacts(
         inverse, stiffness = np.atleast_1d(inverse), np.atleast_1d(stiffness)
         free = inverse > 0.0
         mass = 1.0 / np.where(free, inverse, 1.0)
-        soft = np.maximum(stiffness, search.weak * max(k.max(), k_t))
+        soft = np.maximum(stiffness, WEAK_SPRING * max(k.max(), k_t))
         dynamic = soft - np.multiply.outer(omega**2, mass)
-        least = search.weak * soft  # of a body without damping at a harmonic
+        least = WEAK_SPRING * soft  # of a body without damping at a harmonic
         return free / np.where(np.abs(dynamic) < least, least, dynamic)
 
     leaf, R = np.broadcast_to(chain.springs[0], n), float(chain.radius[-1])
@@ -168,7 +160,7 @@ def cut_at_contacts(
     turn = oscillator(inverse_inertia * R**2, kappa / R**2)[:, 0]  # of R psi under T
     w = np.asarray(wall.omega, float)
     dynamic = w**2 - omega[:, None] ** 2 + 2j * wall.zeta * w * omega[:, None]
-    resonates = np.abs(dynamic) <= search.weak * w**2
+    resonates = np.abs(dynamic) <= WEAK_SPRING * w**2
     modes = ~resonates / np.where(resonates, 1.0, dynamic)
 
     # spheres join contacts before and behind, the wall's modes and S the last ones
@@ -322,7 +314,6 @@ def balance(
     *,
     start: Balance | None = None,
     pushed: Array | None = None,
-    search: BalanceSearch = USUAL_BALANCE_SEARCH,
 ) -> Balance:
     """A cycle of n_samples to a change of `tolerance`, from one of any number of samples; its
     change is above the tolerance where none is found. Before it the contact was never sheared, or
@@ -333,10 +324,10 @@ def balance(
     UnstableStep as of `resonant_modes`.
     """
     # r is linear but for what the contacts answer beyond K y: A = (1 + C K)^-1 harmonic by harmonic
-    cut = cut_at_contacts(body, before, n_samples, search)
+    cut = cut_at_contacts(body, before, n_samples)
     N, c, d = n_samples, cut.K.size, len(body.frame)
     K = cut.K.copy()
-    K[c - d :] *= search.stuck
+    K[c - d :] *= STUCK_SHARE
     A = np.linalg.inv(np.eye(c) + cut.C * K)
     AC = A @ cut.C
     linear = (A @ cut.shaken[:, :, None])[:, :, 0]
@@ -345,14 +336,14 @@ def balance(
         linear[h] -= resonant.moves @ resonant.fixed
         AC[h] += resonant.moves @ resonant.gain
     # contacts that little presses are weighed as well, else their spheres drift unseen
-    units = np.maximum(K, search.lightest * K.max())
+    units = np.maximum(K, MIN_WEIGHT * K.max())
     evaluations, memory = 0, None
 
     def residual(y: Array) -> tuple[Array, CycleForces]:
         """r, as forces K r, and what the contacts answer."""
         nonlocal evaluations
         evaluations += 1
-        now = answer(body, before, cut, y, memory, search.laps, pushed)
+        now = answer(body, before, cut, y, memory, N_LAPS, pushed)
         beyond = np.fft.rfft(now.force - cut.force - K * y, axis=0)
         r = np.fft.irfft(linear - (AC @ beyond[:, :, None])[:, :, 0], N, axis=0) - y
         return units * r, now
@@ -370,8 +361,8 @@ def balance(
         best = Balance(cut, y, now, change, evaluations, learned)
         if change <= tolerance and now.creep <= creep:
             return best
-        lost = evaluations >= search.early and change > search.far
-        if lost or evaluations >= search.most_evaluations:
+        lost = evaluations >= EARLY_EVALUATIONS and change > FAR_CHANGE
+        if lost or evaluations >= MAX_EVALUATIONS:
             return best._replace(change=max(change, now.creep))
         if not math.isfinite(change):
             return best._replace(change=math.inf)
@@ -390,15 +381,15 @@ def balance(
             if norm > 0.0:
                 learned.w.append((s - learned.step(e)) / norm)
                 learned.e.append(e / norm)
-            trusted = size(r_after) <= search.good * size(r)
+            trusted = size(r_after) <= GOOD_CHANGE * size(r)
             if size(r_after) <= size(r):
                 y, r, now = y + s / units, r_after, now_after
             continue
 
         # Newton's step: directions d, each what is known to solve what remains, and e = -dr/dy d
         remaining, s, D, E = r, np.zeros_like(r), [], []
-        length = search.nudge * size(units * y)
-        while len(D) < search.directions and size(remaining) > search.linear * size(r):
+        length = NUDGE * size(units * y)
+        while len(D) < MAX_DIRECTIONS and size(remaining) > LINEAR_RESIDUAL * size(r):
             direction = learned.step(remaining)
             direction = direction / size(direction)
             e = (r - residual(y + length * direction / units)[0]) / length
@@ -414,7 +405,7 @@ def balance(
             remaining, s = remaining - share * E[-1], s + share * D[-1]
         new = [direction - learned.step(e) for direction, e in zip(D, E, strict=True)]
         learned = Learned([*learned.w, *new], [*learned.e, *E])
-        for _ in range(search.cut_backs + 1):
+        for _ in range(MAX_CUT_BACKS + 1):
             r_after, now_after = residual(y + s / units)
             if size(r_after) < size(r):
                 break

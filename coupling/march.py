@@ -19,15 +19,12 @@ from beadwave.dem import (
     with_step_error,
 )
 
-
-class LongRun(NamedTuple):
-    """How the step of a run beyond its horizon is chosen; not varied."""
-
-    energy_error: float = 1e-2  # of the ledger, over the velocity error asked for
-    halvings: int = 5  # of the step, at most, until the ledger closes; then the best of them counts
-    # shortest opening by which a step is chosen, in longest stable steps, some ten impacts: chosen
-    # by a shorter one, steps came out tiny
-    opening: float = 30.0
+# Step of a run beyond its horizon
+LEDGER_ERROR = 1e-2  # of the ledger, over the velocity error asked for
+MAX_HALVINGS = 5  # of the step, at most, until the ledger closes; then the best of them counts
+# shortest opening by which a step is chosen, in longest stable steps, some ten impacts: chosen
+# by a shorter one, steps came out tiny
+MIN_OPENING = 30.0
 
 
 class Impact(NamedTuple):
@@ -91,12 +88,11 @@ def _beyond_horizon(
     error: float,
     horizon: float,
     run: dict,
-    long_run: LongRun = LongRun(),
 ) -> tuple[Trajectory, StepReport]:
     """A run whose velocities meet the error up to the horizon [s], and whose energy balance closes
     beyond it; with the report on its step."""
     duration, n_save = run["duration"], run["n_save"]
-    horizon = max(horizon, long_run.opening * stability_limit(chain, wall, v0))
+    horizon = max(horizon, MIN_OPENING * stability_limit(chain, wall, v0))
     if horizon >= duration:
         return march_to_error(chain, wall, v0, error=error, **run)
 
@@ -107,8 +103,8 @@ def _beyond_horizon(
     # halved until the energy of all of the run is closed; the last halving may be no better
     options = {"duration": duration, "n_save": n_save, "scheme": first.scheme}
     best = finest = march(chain, wall, v0, dt=first.dt, **options)
-    for _ in range(long_run.halvings):
-        if best.energy_error <= long_run.energy_error * error:
+    for _ in range(MAX_HALVINGS):
+        if best.energy_error <= LEDGER_ERROR * error:
             break
         finest = march(chain, wall, v0, dt=finest.dt / 2, **options)
         best = min(best, finest, key=lambda trajectory: trajectory.energy_error)

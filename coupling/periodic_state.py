@@ -20,14 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import expm
 
-from beadwave.coupling.harmonic_balance import (
-    USUAL_BALANCE_SEARCH,
-    Balance,
-    answer,
-    balance,
-    cycle_of,
-    let_go,
-)
+from beadwave.coupling.harmonic_balance import N_LAPS, Balance, answer, balance, cycle_of, let_go
 from beadwave.coupling.spatial_march import Before, Moving, PreparedImpact, along_normal
 from beadwave.dem import UnstableStep
 from beadwave.dem.friction import gross_slip, redivided, stick_stiffness
@@ -631,7 +624,7 @@ def heat_of_path(
     n_cells = max(search.ring_cells, 2 * body.search.n_cells)
     fine = cycle.answer.contacts._replace(cells=redivided(cells, n_cells))
     memory = cycle.answer._replace(contacts=fine)
-    return answer(body, before, cycle.cut, cycle.y, memory, USUAL_BALANCE_SEARCH.laps).heat
+    return answer(body, before, cycle.cut, cycle.y, memory, N_LAPS).heat
 
 
 def least_heat(body: PreparedImpact, n_cells: int) -> float:

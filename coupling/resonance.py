@@ -23,13 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beadwave.coupling.errors import CouplingError
-from beadwave.coupling.harmonic_balance import (
-    USUAL_BALANCE_SEARCH,
-    CutBodies,
-    CycleForces,
-    answer,
-    cut_at_contacts,
-)
+from beadwave.coupling.harmonic_balance import CutBodies, CycleForces, answer, cut_at_contacts
 from beadwave.coupling.spatial_march import Before, PreparedImpact, ShakerForces
 
 Array = NDArray[np.float64]
@@ -113,7 +107,7 @@ def point(
     # contacts that nothing presses are left out
     n_absent = int(np.argmax(static.force > 0.0))
     before = Before(np.zeros(chain.mass.size, bool), n_absent)
-    cut = cut_at_contacts(body, before, N, USUAL_BALANCE_SEARCH)
+    cut = cut_at_contacts(body, before, N)
     H = without_other_contacts(cut, body, m)
     last = chain.mass.size - 1
     c = H.shape[1]

@@ -171,12 +171,10 @@ def quantised(
     return np.clip(np.round(y / step), -(2.0 ** (bits - 1)), 2.0 ** (bits - 1) - 1) * step
 
 
-class CrestSearch(NamedTuple):
-    """Where a wave's crest is sought, in widths of the wave; not varied."""
-
-    top: float = 0.15  # to both sides of the crest, through which a parabola is laid
-    early: float = 0.7  # before the wave's time
-    late: float = 1.3  # behind it: a band delays what it shows
+# Range in which a wave's crest is sought, in widths of the wave
+PARABOLA_WIDTH = 0.15  # to both sides of the crest, through which a parabola is laid
+CREST_BEFORE = 0.7  # before the wave's time
+CREST_AFTER = 1.3  # behind it: a band delays what it shows
 
 
 class SensedWave(NamedTuple):
@@ -193,7 +191,6 @@ def sensed_waves(
     t: NDArray[np.float64],
     y: NDArray[np.float64],
     named: Sequence[Label],
-    search: CrestSearch = CrestSearch(),
 ) -> tuple[SensedWave, ...]:
     """The waves named at the sensor's sphere that have a crest of their own in its signal (k,).
 
@@ -211,12 +208,12 @@ def sensed_waves(
             continue
 
         # one crest a wave, positive in either direction
-        reach = max(1, round(search.top * width / dt))  # samples
+        reach = max(1, round(PARABOLA_WIDTH * width / dt))  # samples
         direction = 1.0 if quantity.presses else np.sign(velocity)
         shape = direction * quantity.crested(signal, dt, reach)
 
         # the highest sample near the wave's time, no nearer to another wave's
-        low, high = max(time - search.early * width, start), min(time + search.late * width, end)
+        low, high = max(time - CREST_BEFORE * width, start), min(time + CREST_AFTER * width, end)
         inside = np.flatnonzero((t > low) & (t < high))
         if not len(inside):
             continue

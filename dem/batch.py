@@ -55,55 +55,49 @@ class Batch(NamedTuple):
     refused: Mapping[int, str] = MappingProxyType({})  # chains that miss the error, and why
 
 
-class BatchSearch(NamedTuple):
-    """How the steps of a batch to an error are searched for.
+# Search for the steps of a batch to an error.
+#
+# Where no range is given, none is on record; `examples/sweep_errors.py` prints what a change does
+# to stated errors and costs on random rows.
+# first steps
+BOLDNESS = 0.055  # h over the stability interval at error 1e-4
+MAX_STEP_SHARE = 0.15  # h over the stability interval at most
+N_PILOTS = 16  # chains that correct the first steps before all are marched
+PILOT_SHARE = 0.95  # of the pilots that are to keep pilot_error
+PILOT_ERROR = 0.6  # estimate over the error asked for
+PILOT_BOUNDS = (0.25, 3.0)  # times longer, by one round of pilots
+SETTLED_BOUNDS = (0.6, 1.6)  # times longer: no further round of pilots
+# velocity difference beyond which a pilot that keeps its energy counts as chaotic: then the
+# difference says nothing about the step
+CHAOTIC_DIFFERENCE = 1e-2
 
-    Where no range is given, none is on record; `examples/sweep_errors.py` prints what a change does
-    to stated errors and costs on random rows.
-    """
+# steps H of the coarse march over those h of the fine one
+FIRST_RATIO = 4.0  # of the first pair: the coarse march adds a quarter of the cost
+MAX_RATIO = 8.0  # of a fine march repeated with shorter steps beside the same coarse
 
-    # first steps
-    boldness: float = 0.055  # h over the stability interval at error 1e-4
-    longest: float = 0.15  # h over the stability interval at most
-    pilots: int = 16  # chains that correct the first steps before all are marched
-    pilot_share: float = 0.95  # of the pilots that are to keep pilot_error
-    pilot_error: float = 0.6  # estimate over the error asked for
-    pilot_bounds: tuple[float, float] = (0.25, 3.0)  # times longer, by one round of pilots
-    settled: tuple[float, float] = (0.6, 1.6)  # times longer: no further round of pilots
-    # velocity difference beyond which a pilot that keeps its energy counts as chaotic: then the
-    # difference says nothing about the step
-    chaotic: float = 1e-2
+# Order p by which the difference of a pair is taken to fall. Between steps velocities lie on
+# polynomials, off by order 2.5 where a contact opens or closes in the step; the march itself
+# keeps 3.5. Differences scatter: of 7000 random rows the error was above the difference over 8
+# in two, above that over 13 in 20, never above 2.7 times that. 4^1.9 - 1 = 13, 4^1.16 - 1 = 4,
+# as chains that have to be refined are sensitive.
+FIRST_ORDER = 1.9
+LATER_ORDER = 1.16  # at most, where differences of refined steps show an order
+SLOWEST_ORDER = 0.5  # at least, there
+ORDER_CAUTION = 0.5  # taken off the order that refined steps show, which scatters
+FASTEST_ORDER = 4.0  # no scheme falls faster: a smaller difference is small by chance
+STEP_ORDER = 3.0  # what coarse marches show, for the next step
 
-    # steps H of the coarse march over those h of the fine one
-    first_ratio: float = 4.0  # of the first pair: the coarse march adds a quarter of the cost
-    largest_ratio: float = 8.0  # of a fine march repeated with shorter steps beside the same coarse
+# the next step
+ERROR_MARGIN = 1.6  # in the error, of steps that are to reach it
+ENERGY_SHARE = 0.1  # of the error, that steps may leave in the energy
+ROUNDING_WALK = 3.0  # times sqrt(evaluations) eps, of rounding in a march
+ROUNDING_EXCESS = 30.0  # times the error: left by rounding, where no step reaches it
 
-    # Order p by which the difference of a pair is taken to fall. Between steps velocities lie on
-    # polynomials, off by order 2.5 where a contact opens or closes in the step; the march itself
-    # keeps 3.5. Differences scatter: of 7000 random rows the error was above the difference over 8
-    # in two, above that over 13 in 20, never above 2.7 times that. 4^1.9 - 1 = 13, 4^1.16 - 1 = 4,
-    # as chains that have to be refined are sensitive.
-    first_order: float = 1.9
-    later_order: float = 1.16  # at most, where differences of refined steps show an order
-    slowest_order: float = 0.5  # at least, there
-    caution: float = 0.5  # taken off the order that refined steps show, which scatters
-    fastest_order: float = 4.0  # no scheme falls faster: a smaller difference is small by chance
-    step_order: float = 3.0  # what coarse marches show, for the next step
-
-    # the next step
-    error_margin: float = 1.6  # in the error, of steps that are to reach it
-    energy_share: float = 0.1  # of the error, that steps may leave in the energy
-    rounding_walk: float = 3.0  # times sqrt(evaluations) eps, of rounding in a march
-    rounding_excess: float = 30.0  # times the error: left by rounding, where no step reaches it
-
-    # effort
-    group: int = 64  # chains that march together at most ...
-    group_spread: float = 2.0  # ... if their numbers of steps are within this ratio
-    rounds: int = 5  # of marches, before the search of a single run takes over
-    most_steps: float = 1e6  # of a chain in the lanes
-
-
-USUAL_SEARCH = BatchSearch()
+# effort
+MAX_GROUP = 64  # chains that march together at most ...
+GROUP_SPREAD = 2.0  # ... if their numbers of steps are within this ratio
+MAX_ROUNDS = 5  # of marches, before the search of a single run takes over
+MAX_STEPS = 1e6  # of a chain in the lanes
 
 
 class _BatchRequest(NamedTuple):
@@ -157,7 +151,7 @@ def march_batch(
     return _march_to_error(chains, error, request) if dt is None else _march(chains, dt, request)
 
 
-def _march_to_error(chains, error, request, search=USUAL_SEARCH):
+def _march_to_error(chains, error, request):
     """Every chain to the error by steps of its own, judged by its own marches.
 
     Each chain is marched twice, by fine steps h and coarse steps H. Its error is estimated from the
@@ -188,27 +182,27 @@ def _march_to_error(chains, error, request, search=USUAL_SEARCH):
     speed = np.abs(chains.v0).max(axis=1)
     speed[speed == 0.0] = 1.0
 
-    phase = pilot_phase(chains, rate, speed, error, request, search)
+    phase = pilot_phase(chains, rate, speed, error, request)
 
     # the coarse march of all chains in the lanes; those of more steps are marched singly
     wanted = request.duration * rate / phase
-    rows, refused = np.flatnonzero(wanted < search.most_steps), {}
+    rows, refused = np.flatnonzero(wanted < MAX_STEPS), {}
     wanted = wanted[rows]
-    coarse = _march_by_steps(chains.take(rows), wanted / search.first_ratio, request, search)
+    coarse = _march_by_steps(chains.take(rows), wanted / FIRST_RATIO, request)
     coarse_v, coarse_steps = coarse.v, coarse.n_steps
 
     # of refined chains also the difference of the coarse march from a coarser one; NaN before
     coarse_difference, coarser_steps = np.full((2, rows.size), np.nan)
 
-    for _ in range(search.rounds):
+    for _ in range(MAX_ROUNDS):
         chains_left = chains.take(rows)
-        fine = _march_by_steps(chains_left, wanted, request, search)
+        fine = _march_by_steps(chains_left, wanted, request)
         difference = _velocity_difference(fine.v, coarse_v, speed[rows])
         refined = ~np.isnan(coarse_difference)
 
         # a difference that has fallen faster than any scheme's is small by chance, as happens in
         # sensitive chains: it counts as if it had fallen by the fastest order
-        fallen = coarse_difference / (coarse_steps / coarser_steps) ** search.fastest_order
+        fallen = coarse_difference / (coarse_steps / coarser_steps) ** FASTEST_ORDER
         difference = np.where(fallen < np.inf, np.maximum(difference, fallen), difference)
 
         # Richardson's estimate. For the first pair p is assumed; later it is the
@@ -217,8 +211,8 @@ def _march_to_error(chains, error, request, search=USUAL_SEARCH):
         with np.errstate(divide="ignore", invalid="ignore"):
             fall = np.log(coarse_difference / difference)
             order = np.nan_to_num(fall / np.log(coarse_steps / coarser_steps), nan=0.0)
-        order = np.clip(order - search.caution, search.slowest_order, search.later_order)
-        order = np.where(refined, order, search.first_order)
+        order = np.clip(order - ORDER_CAUTION, SLOWEST_ORDER, LATER_ORDER)
+        order = np.where(refined, order, FIRST_ORDER)
         ratio = fine.n_steps / coarse_steps
         estimate = richardson(difference, ratio, order)
 
@@ -228,20 +222,20 @@ def _march_to_error(chains, error, request, search=USUAL_SEARCH):
         again = np.flatnonzero(refined)
         if again.size:
             evaluations = fine.n_steps[again] * method.evaluations
-            change = search.rounding_walk * EPSILON * np.sqrt(evaluations) * speed[rows[again]]
+            change = ROUNDING_WALK * EPSILON * np.sqrt(evaluations) * speed[rows[again]]
             changed = chains_left.take(again)
             signs = (-1.0) ** np.arange(changed.mass.shape[1])
             changed.arrays["v0"] = changed.v0 + change[:, None] * signs
-            moved = _march_by_steps(changed, fine.n_steps[again], request, search)
+            moved = _march_by_steps(changed, fine.n_steps[again], request)
             rounding = _velocity_difference(moved.v, fine.v[again], speed[rows[again]])
             estimate[again] = np.maximum(estimate[again], rounding)
             closed = fine.energy_error[again] <= error
-            for i in again[closed & (rounding > search.rounding_excess * error)]:
+            for i in again[closed & (rounding > ROUNDING_EXCESS * error)]:
                 dt = request.duration / fine.n_steps[i]
                 refused[int(rows[i])] = lost_in_rounding(error, estimate[i], dt)
 
         # chains within the error are finished
-        excess = _excess(estimate, fine.energy_error, error, search)
+        excess = _excess(estimate, fine.energy_error, error)
         within = excess <= 1.0
         into = rows[within]
         if rows.size == count:
@@ -257,10 +251,10 @@ def _march_to_error(chains, error, request, search=USUAL_SEARCH):
 
         # next pairs of the others: a finer march beside the same coarse one where few more steps
         # should do, else one of `first_ratio` times the steps beside the fine march
-        shorter = (search.error_margin * excess[missed]) ** (1.0 / search.step_order)
+        shorter = (ERROR_MARGIN * excess[missed]) ** (1.0 / STEP_ORDER)
         shorter = np.maximum(shorter, 1.15)
-        same = ~refined[missed] & (ratio[missed] * shorter <= search.largest_ratio)
-        wanted = fine.n_steps[missed] * np.where(same, shorter, search.first_ratio)
+        same = ~refined[missed] & (ratio[missed] * shorter <= MAX_RATIO)
+        wanted = fine.n_steps[missed] * np.where(same, shorter, FIRST_RATIO)
         coarse_v = np.where(same[:, None, None], coarse_v[missed], fine.v[missed])
         coarse_difference = np.where(same, coarse_difference[missed], difference[missed])
         coarser_steps = np.where(same, coarser_steps[missed], coarse_steps[missed])
@@ -294,7 +288,7 @@ def fastest_contacts(chains: Chains, duration: float) -> Array:
     return np.maximum(np.sqrt(square), 1.0 / duration)
 
 
-def pilot_phase(chains, rate, speed, error, request, search) -> float:
+def pilot_phase(chains, rate, speed, error, request) -> float:
     """Phase h * rate of the first steps, corrected by marches of a few chains: errors grow with
     duration, length and parts of the chain. rate [1/s] of the fastest contact and largest initial
     speed [m/s] of every chain, (n_chains,).
@@ -303,27 +297,27 @@ def pilot_phase(chains, rate, speed, error, request, search) -> float:
     ones, whose difference says nothing about the step, have no voice.
     """
     interval = stability_interval(SCHEMES[request.scheme])
-    bold = search.boldness * (error / 1e-4) ** (1.0 / search.step_order)
-    phase = interval * min(bold, search.longest)
+    bold = BOLDNESS * (error / 1e-4) ** (1.0 / STEP_ORDER)
+    phase = interval * min(bold, MAX_STEP_SHARE)
 
-    spread = np.linspace(0, chains.count - 1, search.pilots).astype(int)
+    spread = np.linspace(0, chains.count - 1, N_PILOTS).astype(int)
     pilot = np.argsort(rate)[spread]
     pilots = chains.take(pilot)
-    for _ in range(3 if chains.count > 2 * search.pilots else 0):
+    for _ in range(3 if chains.count > 2 * N_PILOTS else 0):
         wanted = request.duration * rate[pilot] / phase
-        coarse = _march_by_steps(pilots, wanted / search.first_ratio, request, search)
-        fine = _march_by_steps(pilots, wanted, request, search)
+        coarse = _march_by_steps(pilots, wanted / FIRST_RATIO, request)
+        fine = _march_by_steps(pilots, wanted, request)
         difference = _velocity_difference(fine.v, coarse.v, speed[pilot])
-        estimate = difference / (search.first_ratio**search.first_order - 1.0)
-        excess = _excess(estimate, fine.energy_error, error, search)
-        telling = (difference < search.chaotic) | (coarse.energy_error > search.chaotic)
-        worst = search.pilot_error
+        estimate = difference / (FIRST_RATIO**FIRST_ORDER - 1.0)
+        excess = _excess(estimate, fine.energy_error, error)
+        telling = (difference < CHAOTIC_DIFFERENCE) | (coarse.energy_error > CHAOTIC_DIFFERENCE)
+        worst = PILOT_ERROR
         if telling.any():
-            worst = np.quantile(excess[telling], search.pilot_share, method="lower")
-        longer = (search.pilot_error / max(worst, EPSILON)) ** (1.0 / search.step_order)
-        longer = min(np.clip(longer, *search.pilot_bounds), search.longest * interval / phase)
+            worst = np.quantile(excess[telling], PILOT_SHARE, method="lower")
+        longer = (PILOT_ERROR / max(worst, EPSILON)) ** (1.0 / STEP_ORDER)
+        longer = min(np.clip(longer, *PILOT_BOUNDS), MAX_STEP_SHARE * interval / phase)
         phase *= longer
-        if search.settled[0] < longer < search.settled[1]:
+        if SETTLED_BOUNDS[0] < longer < SETTLED_BOUNDS[1]:
             break
     return phase
 
@@ -337,7 +331,7 @@ class _Marches(NamedTuple):
     n_steps: Array  # (m,)
 
 
-def _march_by_steps(chains, wanted, request, search):
+def _march_by_steps(chains, wanted, request):
     """The chains by about the wanted numbers of steps (m,): those that need like numbers march
     together, by the largest of them. NaN where steps are unstable."""
     n_steps = np.ceil(np.maximum(wanted, 1.0)).astype(int)
@@ -365,8 +359,8 @@ def _march_by_steps(chains, wanted, request, search):
     # an outlier's short steps are not forced on others
     groups, first = [], 0
     for i in range(1, count + 1):
-        full = i == count or i - first == search.group
-        if full or n_steps[order[first]] > search.group_spread * n_steps[order[i]]:
+        full = i == count or i - first == MAX_GROUP
+        if full or n_steps[order[first]] > GROUP_SPREAD * n_steps[order[i]]:
             groups.append(order[first:i])
             first = i
     chains.static  # noqa: B018  once for all groups
@@ -386,10 +380,10 @@ def _velocity_difference(fine, coarse, speed):
     return np.where(np.isfinite(difference), difference, np.inf)
 
 
-def _excess(estimate, energy_error, error, search):
+def _excess(estimate, energy_error, error):
     """(m,) the worse of velocity and energy error over what is allowed."""
     energy = np.where(np.isfinite(energy_error), energy_error, np.inf)
-    return np.maximum(estimate, energy / search.energy_share) / error
+    return np.maximum(estimate, energy / ENERGY_SHARE) / error
 
 
 def _finished_singly(batch, chains, rows, error, request, refused):

@@ -30,7 +30,7 @@ from tempfile import TemporaryDirectory
 from time import perf_counter, process_time
 from typing import NamedTuple
 
-from beadwave.workflows.sweep.cluster import OPTIONS
+from beadwave.workflows.sweep.cluster import TASKS_AHEAD
 
 MB = 1e-6
 EXTRAPOLATED = 1000  # workers for which the length of a task is told
@@ -124,7 +124,7 @@ def seconds_of_a_task(client, length: float, tasks: int) -> SecondsOfATask:
     """Of tasks that wait for a length [s], handed over as a sweep does."""
     from distributed import as_completed
 
-    in_flight, finished, running = OPTIONS.ahead * len(client.nthreads()), as_completed([]), 0
+    in_flight, finished, running = TASKS_AHEAD * len(client.nthreads()), as_completed([]), 0
     clock, processor = perf_counter(), process_time()
     for _ in range(tasks):
         finished.add(client.submit(sleep, length, pure=False))

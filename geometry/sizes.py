@@ -16,8 +16,8 @@ GRADING = 0.35  # growth of the element size per distance from a point or a circ
 STEEP_GRADING = 0.7  # the same from a line on which a partner ends
 # singular edges of a thick body with a seed above COARSE times the default: the first element
 # has SHARP times the seed, but at least SHARPEST times the default seed, and each next one
-# is exp(SHARP_GROWTH) times as large, h(d) = first log(3) / 2 + log(3) d. At smaller seeds the edges
-# cause less error than the rest of the mesh
+# is exp(SHARP_GROWTH) times as large, h(d) = first log(3) / 2 + log(3) d. At smaller seeds the
+# edges cause less error than the rest of the mesh
 SHARP = 1 / 8
 SHARPEST = 1 / 2
 SHARP_GROWTH = log(3)

@@ -5,8 +5,6 @@ would be noise. One that hangs on soft springs (cords, foam) is held, but its su
 K^-1 a million times as much as what is elastic, which is lost beside it: it is shifted too.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 import scipy.sparse as sp
 
@@ -19,15 +17,12 @@ from beadwave.rom.lanczos import LanczosOptions, past_rigid_modes
 ROUGHLY = LanczosOptions(converged=1e-3)
 
 
-class ShiftLimits(NamedTuple):
-    """Which modes count as a suspension's, and how far a shift lies from zero; not varied."""
-
-    guess: float = 1e-9  # of K's frequency scale: a shift while no mode is known
-    soft: float = 1e-2  # of that: the lowest omega^2 of a K that is not shifted
-    # ratio of a suspension's highest frequency to the next one; a box on cords has 1000, and a test
-    # on cords should have 10 at least
-    gap: float = 8.0
-    below: float = 10.0  # the first elastic mode over the shift's frequency
+GUESSED_SHIFT = 1e-9  # of K's frequency scale: a shift while no mode is known
+SOFT_MODE = 1e-2  # of that: the lowest omega^2 of a K that is not shifted
+# ratio of a suspension's highest frequency to the next one; a box on cords has 1000, and a test
+# on cords should have 10 at least
+SUSPENSION_GAP = 8.0
+SHIFT_RATIO = 10.0  # the first elastic mode over the shift's frequency
 
 
 def pencil(
@@ -35,7 +30,6 @@ def pencil(
     M: sp.csc_array,
     factorise: Factorise,
     shift: float | None = None,
-    limits: ShiftLimits = ShiftLimits(),
 ) -> Pencil:
     """Factor of K, or of K - shift M where K floats freely and so has none, or hangs softly.
 
@@ -45,7 +39,7 @@ def pencil(
     """
     if shift is not None:
         return Pencil(K, M, factorise(sp.csc_array(K - shift * M)), shift)
-    guess = -limits.guess * frequency_scale(K, M)
+    guess = -GUESSED_SHIFT * frequency_scale(K, M)
 
     # K as it is, unless it hangs so softly that its modes drown all others
     trial = held_pencil(K, M, factorise)
@@ -53,7 +47,7 @@ def pencil(
         if lowest_square(trial) > -guess:
             return trial
         omega = past_rigid_modes(trial, softer_than=-guess, options=ROUGHLY).omega
-        if omega[0] ** 2 > -limits.soft * guess and not n_suspended(omega):
+        if omega[0] ** 2 > -SOFT_MODE * guess and not n_suspended(omega):
             return trial
     else:
         # a guess of the shift finds the first elastic mode, which says whether it was near enough:
@@ -69,19 +63,19 @@ def pencil(
     # a tenth of the frequency of the first mode that is neither rigid nor a suspension's: theta
     # = 1 / (omega^2 - sigma) of the elastic modes then stands well beside that of the rigid ones
     omega = omega[omega > 0]
-    sigma = -((omega[n_suspended(omega)] / limits.below) ** 2)
-    sigma = min(sigma, limits.soft * guess)  # above rounding, also of a soft structure
+    sigma = -((omega[n_suspended(omega)] / SHIFT_RATIO) ** 2)
+    sigma = min(sigma, SOFT_MODE * guess)  # above rounding, also of a soft structure
     # a trial shifted by no less than a tenth of that frequency serves: no second factorisation
     if trial.sigma and sigma / guess < 1e2:
         return trial
     return Pencil(K, M, factorise(sp.csc_array(K - sigma * M)), sigma)
 
 
-def n_suspended(omega: np.ndarray, limits: ShiftLimits = ShiftLimits()) -> int:
+def n_suspended(omega: np.ndarray) -> int:
     """How many of the lowest modes omega (k,) [rad/s] ascending, above zero, are rigid motions on
     soft springs: those below the widest gap between neighbours, if that is wide."""
     ratio = omega[1:] / np.maximum(omega[:-1], np.finfo(float).tiny)
-    return int(ratio.argmax()) + 1 if len(ratio) and ratio.max() > limits.gap else 0
+    return int(ratio.argmax()) + 1 if len(ratio) and ratio.max() > SUSPENSION_GAP else 0
 
 
 def held_pencil(K: sp.csc_array, M: sp.csc_array, factorise: Factorise) -> Pencil | None:

@@ -25,14 +25,12 @@ class Limits(NamedTuple):
     few_digits: float = -1e-5
 
 
-class Usual(NamedTuple):
-    """Ranges of solid walls: outside of them other units or loose parts are likely."""
-
-    compliance: tuple[float, float] = (1e-13, 0.1)  # [m/N] a block of steel to a ruler, clamped
-    lowest_hz: tuple[float, float] = (0.1, 50e3)
-    # of several modes: waves of a chain last a tenth of a millisecond
-    highest_hz: tuple[float, float] = (50.0, 1e9)
-    softest: float = 1 / 100  # of the next frequency: nothing bolted sways as slowly as that
+# Ranges of solid walls: outside of them other units or loose parts are likely
+USUAL_COMPLIANCE = (1e-13, 0.1)  # [m/N] a block of steel to a ruler, clamped
+USUAL_LOWEST_HZ = (0.1, 50e3)
+# of several modes: waves of a chain last a tenth of a millisecond
+USUAL_HIGHEST_HZ = (50.0, 1e9)
+SOFTEST_RATIO = 1 / 100  # of the next frequency: nothing bolted sways as slowly as that
 
 
 def sound(reduced: ReducedModel, limits: Limits = Limits()) -> Health:
@@ -63,9 +61,7 @@ def sound(reduced: ReducedModel, limits: Limits = Limits()) -> Health:
     return measures
 
 
-def unusual(
-    reduced: ReducedModel, modes: ModalWall, name: str, usual: Usual = Usual()
-) -> Iterator[str]:
+def unusual(reduced: ReducedModel, modes: ModalWall, name: str) -> Iterator[str]:
     """Sentences on a model, called `name`, that can be run but was probably meant otherwise.
 
     modes are those of `modal(reduced)`. Nothing is refused here: values outside of their usual
@@ -87,9 +83,9 @@ def unusual(
 
     # other units than SI
     measures = (
-        ("static compliance at the contact", compliance or None, usual.compliance, "m/N"),
-        ("lowest elastic mode", hz[0] if len(hz) else None, usual.lowest_hz, "Hz"),
-        ("highest mode", hz[-1] if len(hz) > 1 else None, usual.highest_hz, "Hz"),
+        ("static compliance at the contact", compliance or None, USUAL_COMPLIANCE, "m/N"),
+        ("lowest elastic mode", hz[0] if len(hz) else None, USUAL_LOWEST_HZ, "Hz"),
+        ("highest mode", hz[-1] if len(hz) > 1 else None, USUAL_HIGHEST_HZ, "Hz"),
     )
     for what, value, (low, high), unit in measures:
         if value is not None and not low < value < high:
@@ -110,7 +106,7 @@ def unusual(
 
     # a K of few digits holds a wall that floats by springs that are rounding
     steps = hz[:RIGID][: len(hz) - 1] / hz[1:][:RIGID]
-    if len(steps) and steps.min() < usual.softest:
+    if len(steps) and steps.min() < SOFTEST_RATIO:
         slow = int(steps.argmin())
         yield (
             f"{name} has {slow + 1} modes up to {hz[slow]:.3g} Hz, the next is at "

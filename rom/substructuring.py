@@ -25,13 +25,9 @@ from scipy.ndimage import maximum_filter1d
 
 from beadwave.rom.factorisation import ReductionError
 
-
-class InterfaceChecks(NamedTuple):
-    """What is refused of an interface; values not varied."""
-
-    # condition of the scaled interface receptance beyond which forces in joints are rounding:
-    # a condition that is stated twice has 1e16
-    condition: float = 1e12
+# condition of the scaled interface receptance beyond which forces in joints are rounding:
+# a condition that is stated twice has 1e16
+MAX_CONDITION = 1e12
 
 
 def compatibility(
@@ -106,8 +102,6 @@ def joined_receptance(
     substructures: Sequence[NDArray[np.complex128]],
     B: NDArray[np.float64],
     Y: NDArray[np.complex128] | None = None,
-    *,
-    checks: InterfaceChecks = InterfaceChecks(),
 ) -> NDArray[np.complex128]:
     """Receptance (k, n, n) [m/N, rad/N, rad/(N m)] of the joined structure at all degrees of
     freedom of its parts.
@@ -133,7 +127,7 @@ def joined_receptance(
         across = B @ H @ B.T + (0 if Y is None else np.diag(Y[i]))
         scale = 1 / np.sqrt(np.maximum(np.abs(np.diag(across)), np.finfo(float).tiny))
         scaled = scale[:, None] * across * scale
-        if np.linalg.cond(scaled) > checks.condition:
+        if np.linalg.cond(scaled) > MAX_CONDITION:
             raise ReductionError(
                 f"interface conditions repeat each other (number {i + 1} of the frequencies); "
                 "leave out those that others imply."

@@ -19,21 +19,15 @@ from beadwave.dem.kernels.arguments import Array
 from beadwave.dem.waves.arrivals import Arrival
 from beadwave.dem.waves.solitary import ENDS, WIDTH, displacement_shape, velocity_shape
 
-
-class WaveFitOptions(NamedTuple):
-    """How overlapping waves are fitted; ranges are not on record."""
-
-    # rms residual over the largest velocity, below which d_j = 0 is kept
-    pure: float = 0.015
-    reach: float = 1.5  # how much record is fitted on either side of a group of waves, in widths
-    largest_group: int = 6  # waves that are fitted together
-    speeds: tuple[float, float] = (0.4, 2.5)  # bounds of the fitted c_j over the guessed one
-    shift: float = 1.5  # spheres by which a crest moves at most
-    rounds: int = 60  # iterations of Levenberg and Marquardt, at most
-    step: float = 1e-5  # of the difference quotients of the Jacobian, in the scaled unknowns z
-
-
-USUAL_FIT = WaveFitOptions()
+# Fit of overlapping waves; ranges are not on record
+# rms residual over the largest velocity, below which d_j = 0 is kept
+PURE_RESIDUAL = 0.015
+REACH = 1.5  # how much record is fitted on either side of a group of waves, in widths
+MAX_GROUP = 6  # waves that are fitted together
+SPEED_BOUNDS = (0.4, 2.5)  # bounds of the fitted c_j over the guessed one
+MAX_SHIFT = 1.5  # spheres by which a crest moves at most
+MAX_ROUNDS = 60  # iterations of Levenberg and Marquardt, at most
+QUOTIENT_STEP = 1e-5  # of the difference quotients of the Jacobian, in the scaled unknowns z
 
 
 class Guess(NamedTuple):
@@ -55,7 +49,7 @@ class WaveFit(NamedTuple):
     misfit: float  # rms of the residual over the largest peak
 
 
-def groups(guesses: Iterable[Guess], options: WaveFitOptions = USUAL_FIT) -> list[list[Guess]]:
+def groups(guesses: Iterable[Guess]) -> list[list[Guess]]:
     """Guesses in order of time; those whose stretches of the record overlap share a list.
 
     A list of more than `largest_group` waves is split at its widest gap, again and again.
@@ -63,7 +57,7 @@ def groups(guesses: Iterable[Guess], options: WaveFitOptions = USUAL_FIT) -> lis
     together = []
     for guess in sorted(guesses):
         last = together[-1][-1] if together else None
-        if last is not None and apart(last, guess) < 2.0 * options.reach:
+        if last is not None and apart(last, guess) < 2.0 * REACH:
             together[-1].append(guess)
         else:
             together.append([guess])
@@ -72,7 +66,7 @@ def groups(guesses: Iterable[Guess], options: WaveFitOptions = USUAL_FIT) -> lis
     small, queue = [], together[::-1]
     while queue:
         group = queue.pop()
-        if len(group) <= options.largest_group:
+        if len(group) <= MAX_GROUP:
             small.append(group)
         else:
             k = int(np.argmax([apart(first, second) for first, second in pairwise(group)])) + 1
@@ -85,12 +79,10 @@ def apart(first: Guess, second: Guess) -> float:
     return 2.0 * abs(second.time - first.time) / (first.width + second.width)
 
 
-def fit(
-    t: Array, v: Array, guesses: Sequence[Guess], options: WaveFitOptions = USUAL_FIT
-) -> WaveFit:
+def fit(t: Array, v: Array, guesses: Sequence[Guess]) -> WaveFit:
     """Waves of one group fitted to the velocity v (k,) [m/s] at times t (k,) [s] around them; no
     arrivals and an infinite misfit where the record has too few samples there."""
-    reach = options.reach * max(guess.width for guess in guesses)
+    reach = REACH * max(guess.width for guess in guesses)
     window = (t >= guesses[0].time - reach) & (t <= guesses[-1].time + reach)
     if window.sum() < 4 * len(guesses) + 1:
         return WaveFit((), np.inf)
@@ -100,9 +92,9 @@ def fit(
 
     # d_j = 0 first; with d_j, twice as many linear unknowns, only where that leaves a misfit
     for with_steps in (False, True):
-        shapes = least_squares_shapes(t, v, start, with_steps, options)
+        shapes = least_squares_shapes(t, v, start, with_steps)
         weights, residual = _weighted(t, v, shapes, with_steps)
-        if np.sqrt(np.mean(residual**2)) < options.pure * size:
+        if np.sqrt(np.mean(residual**2)) < PURE_RESIDUAL * size:
             break
 
     arrivals = []

@@ -15,25 +15,19 @@ from beadwave.dem.waves.fit import Guess, apart, fit, groups
 from beadwave.dem.waves.solitary import WIDTH
 from beadwave.dem.waves.tracks import WaveTrack
 
-
-class LabelOptions(NamedTuple):
-    """When a measured or fitted wave is accepted; ranges are not on record."""
-
-    # distance of two crests, in widths, below which a fit cannot separate them: quality is lowered
-    separable: float = 0.6
-    clear: float = 1.5  # distance of two crests, in widths, beyond which waves do not overlap
-    widest: float = 3.0  # width over that of the track's force; a wider crest is of several waves
-    # velocity at the end of a wave's window over its crest, from which on the wave is taken to
-    # leave its sphere moving
-    stays: float = 0.9
-    hidden: int = 3  # contacts before its first pulse at which a track is still looked for
-    # fitted peak of one of several overlapping waves, over that of the track's force: a larger one
-    # comes of waves that cancel each other in the fit, and means nothing
-    shared: float = 2.0
-    single: float = 5.0  # the same of a wave that passes alone: beyond it, the crest is another's
-
-
-USUAL_LABELS = LabelOptions()
+# Limits for accepting a measured or fitted wave; ranges are not on record
+# distance of two crests, in widths, below which a fit cannot separate them: quality is lowered
+SEPARABLE = 0.6
+CLEAR = 1.5  # distance of two crests, in widths, beyond which waves do not overlap
+MAX_WIDTH_RATIO = 3.0  # width over that of the track's force; a wider crest is of several waves
+# velocity at the end of a wave's window over its crest, from which on the wave is taken to
+# leave its sphere moving
+STAYS = 0.9
+HIDDEN_CONTACTS = 3  # contacts before its first pulse at which a track is still looked for
+# fitted peak of one of several overlapping waves, over that of the track's force: a larger one
+# comes of waves that cancel each other in the fit, and means nothing
+MAX_SHARED_PEAK = 2.0
+MAX_SINGLE_PEAK = 5.0  # the same of a wave that passes alone: beyond it, the crest is another's
 
 
 class Label(NamedTuple):
@@ -59,7 +53,6 @@ def labels(
     t: Array,
     v: Array,
     sphere: int,
-    options: LabelOptions = USUAL_LABELS,
 ) -> tuple[Label, ...]:
     """Waves at a sphere (counted from 1) with velocity v (k,) [m/s] at times t (k,) [s], in order
     of time.
@@ -73,7 +66,7 @@ def labels(
         way = 1 if track.kind == "incident" else -1
         enters, leaves = (sphere - 1, sphere) if way > 0 else (sphere, sphere - 1)
         first, last = track.pulses[0].contact, track.pulses[-1].contact
-        hidden = way * (enters - first) < -options.hidden
+        hidden = way * (enters - first) < -HIDDEN_CONTACTS
         if hidden or way * (last - enters) < 0 or enters < 1:
             continue
         pulse = min(track.pulses, key=lambda pulse: abs(pulse.contact - enters))
@@ -88,27 +81,27 @@ def labels(
         waves = fit(t, v, group).arrivals
         others = [[guess for guess in group if guess is not passage.guess] for passage in members]
         alone = [
-            all(apart(passage.guess, guess) > options.clear for guess in guesses)
+            all(apart(passage.guess, guess) > CLEAR for guess in guesses)
             for passage, guesses in zip(members, others, strict=True)
         ]
 
         # a wave that is fitted far larger than its track is cancelled by another one of the group,
         # so that no wave of the group can be trusted
         cancel = any(
-            wave.peak_velocity / passage.guess.peak_velocity > options.shared
+            wave.peak_velocity / passage.guess.peak_velocity > MAX_SHARED_PEAK
             for passage, wave, single in zip(members, waves, alone, strict=False)
             if not single
         )
         for passage, wave, single, guesses in zip(members, waves, alone, others, strict=False):
             if single:
-                arrival = _measured(t, v, passage, wave, options)
-                arrival = _credible(passage.guess, arrival, options.single)
+                arrival = _measured(t, v, passage, wave)
+                arrival = _credible(passage.guess, arrival, MAX_SINGLE_PEAK)
             else:
                 # two crests that nearly coincide can share their sum in any proportion, and the fit
                 # is as good: quality falls with the square of their distance
-                arrival = _credible(passage.guess, wave, 0.0 if cancel else options.shared)
+                arrival = _credible(passage.guess, wave, 0.0 if cancel else MAX_SHARED_PEAK)
                 closest = min(apart(passage.guess, guess) for guess in guesses)
-                share = min(1.0, closest / options.separable) ** 2
+                share = min(1.0, closest / SEPARABLE) ** 2
                 arrival = arrival._replace(quality=share * arrival.quality)
             track = tracks[passage.track]
             labelled.append(Label(track.kind, track.number, track.name, arrival, single))

@@ -14,17 +14,11 @@ from beadwave.dem.kernels.arguments import Array
 from beadwave.dem.waves.arrivals import crest, peaks
 from beadwave.dem.waves.solitary import force, speed, velocity_of_force
 
-
-class TrackOptions(NamedTuple):
-    """When pulses at successive contacts belong to one wave; ranges are not on record."""
-
-    early: float = 0.7  # passing times for each contact by which a pulse may be too early
-    late: float = 5.0  # passing times by which a pulse may be too late: gaps close first
-    skipped: int = 3  # successive contacts at which a larger wave may hide a wave's pulse
-    shortest: int = 3  # pulses that make a track
-
-
-USUAL_TRACKS = TrackOptions()
+# Limits for pulses at successive contacts that belong to one wave; ranges are not on record
+EARLIEST = 0.7  # passing times for each contact by which a pulse may be too early
+LATEST = 5.0  # passing times by which a pulse may be too late: gaps close first
+MAX_SKIPPED = 3  # successive contacts at which a larger wave may hide a wave's pulse
+MIN_PULSES = 3  # pulses that make a track
 
 
 class Pulse(NamedTuple):
@@ -63,8 +57,7 @@ class WaveTrack(NamedTuple):
 
 def wave_tracks(
     t: Array, v: Array, contact_force: Array, mass: Array, A: Array, *, threshold: float = 0.03,
-    options: TrackOptions = USUAL_TRACKS,
-) -> tuple[WaveTrack, ...]:  # fmt: skip
+    ) -> tuple[WaveTrack, ...]:  # fmt: skip
     """Wave tracks in the velocities v (k, n) [m/s] and contact_force (k, n_contacts) [N] of all
     spheres at times t (k,) [s]; spheres of mass (n,) [kg] with Hertz' A (n_contacts,) [N/m^1.5].
 
@@ -94,8 +87,8 @@ def wave_tracks(
             passing_time = float(1.0 / speed(size, m_passing, A[i]))
             pulses.append(Pulse(time, i + 1, height, float(way * size), passing_time))
 
-    inward = _linked([pulse for pulse in pulses if pulse.velocity > 0.0], 1, options)
-    outward = _linked([pulse for pulse in pulses if pulse.velocity < 0.0], -1, options)
+    inward = _linked([pulse for pulse in pulses if pulse.velocity > 0.0], 1)
+    outward = _linked([pulse for pulse in pulses if pulse.velocity < 0.0], -1)
 
     # in order of time at the wall; a reflected track whose first pulse is away from the wall was
     # hidden by a faster wave until then, whose passing time leads back to the wall

@@ -5,7 +5,7 @@ import pytest
 
 from beadwave.coupling.continuation import before_striker
 from beadwave.coupling.errors import CouplingError
-from beadwave.coupling.harmonic_balance import USUAL_BALANCE_SEARCH, answer, cut_at_contacts
+from beadwave.coupling.harmonic_balance import answer, cut_at_contacts
 from beadwave.coupling.periodic_state import periodic_state
 from beadwave.coupling.resonance import HarmonicBalance, curve, point
 from beadwave.coupling.spatial_march import Before, ShakerForces, body_of
@@ -96,7 +96,7 @@ def test_a_cycle_has_johnsons_loop(load):
     amplitude = float(loop_amplitude(law, most, load * most, a))
     shakers = ShakerForces(np.ones(1), np.array([100.0]), np.zeros(1))
     body, before = body._replace(shakers=shakers), Before(np.zeros(1, bool), 0)
-    cut = cut_at_contacts(body, before, 512, USUAL_BALANCE_SEARCH)
+    cut = cut_at_contacts(body, before, 512)
     y = np.zeros((512, 2))
     y[:, 1] = amplitude * np.cos(2 * np.pi * t)
     cycle = answer(body, before, cut, y, None, 2)

@@ -20,7 +20,16 @@ from beadwave.workflows.fit.posterior import (
 )
 from beadwave.workflows.fit.scaling import incident_impulse
 from beadwave.workflows.fit.uncertainty import noise_along
-from beadwave.workflows.fit.windows import IMPOSSIBLE, SWAPS, GrowingWindows, local_minima, scanned
+from beadwave.workflows.fit.windows import (
+    BETTER_SWAP,
+    IMPOSSIBLE,
+    N_SWAPS_TRIED,
+    SWAP_ROUNDS,
+    WORSE_GUESS,
+    GrowingWindows,
+    local_minima,
+    scanned,
+)
 
 K, M = 60, 2
 RNG = np.random.default_rng(11)
@@ -242,7 +251,7 @@ def test_windows_grow_with_a_prior_on_all_but_the_last():
 
 def test_swaps_go_on_while_they_help_and_then_by_cycles_of_three():
     """The best SWAPS.tried that are guessed below SWAPS.worse of the misfit, each fitted once."""
-    guesses = [0.5] * 3 + [0.99 * SWAPS.worse] + [1.01 * SWAPS.worse] * 5
+    guesses = [0.5] * 3 + [0.99 * WORSE_GUESS] + [1.01 * WORSE_GUESS] * 5
     fit, begin = Scripted(guesses), Solution(np.array([1.0]), 1.0, 1, True)
     search = windows(fit)
     best, spent = search.swapped(best=begin, free=None, window=np.ones(4), enough=0.3)
@@ -251,9 +260,9 @@ def test_swaps_go_on_while_they_help_and_then_by_cycles_of_three():
     assert kinds == [("pairs", 1.0), ("pairs", 0.5)]
     many = Scripted([0.5] * 9)
     windows(many).swapped(begin, None, np.ones(4), 0.9, rounds=1)
-    assert len(many.calls) == 1 + SWAPS.tried
+    assert len(many.calls) == 1 + N_SWAPS_TRIED
     for improves, expected in (
-        (1.01 * SWAPS.better, ["pairs", "cycles"]), (0.99 * SWAPS.better, ["pairs"] * SWAPS.rounds)
+        (1.01 * BETTER_SWAP, ["pairs", "cycles"]), (0.99 * BETTER_SWAP, ["pairs"] * SWAP_ROUNDS)
     ):  # fmt: skip
         fit = Scripted([0.5], improves)
         best, _ = windows(fit).swapped(begin, None, np.ones(4), 0.0)

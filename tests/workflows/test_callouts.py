@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from beadwave.workflows.report.callouts import CalloutLayout, callouts
+from beadwave.workflows.report.callouts import N_LINES, callouts
 
 ALONG, UP = (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)  # seen along y: x to the right, z upwards
 
@@ -23,7 +23,7 @@ def test_names_of_many_bodies_do_not_overlap_and_stand_beside_the_bodies():
         side = [callout for callout in labels if callout.left == left]
         assert len(side) == 7
         heights = np.sort([callout.text[2] for callout in side])
-        assert np.diff(heights).min() > 0.999 * size / CalloutLayout().lines
+        assert np.diff(heights).min() > 0.999 * size / N_LINES
         edge = points[:, 0].min() if left else points[:, 0].max()
         assert all((callout.text[0] < edge) == left for callout in side)
 
@@ -42,6 +42,6 @@ def test_names_stand_across_from_a_side_that_is_occupied():
         labels = callouts(bodies, ALONG, UP, occupied=(x, 0.0, -0.2))
         assert [callout.left for callout in labels] == [left] * 4
         heights = np.sort([callout.text[2] for callout in labels])
-        assert np.diff(heights).min() > 3.0 / CalloutLayout().lines
+        assert np.diff(heights).min() > 3.0 / N_LINES
     for along in ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), None):  # no side of the picture
         assert sum(callout.left for callout in callouts(bodies, ALONG, UP, occupied=along)) == 2

@@ -15,12 +15,9 @@ from beadwave.rom.passive_fit import refitted
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.scene.walls import RESPONSE_UNITS, MeasuredWall
 
-
-class ErrorOptions(NamedTuple):
-    """How the error of a fit is found; none of the values was varied."""
-
-    draws: int = 3  # fits of the response with its residuals at random phases
-    band: float = 0.8  # of the highest frequency, up to which another fit reads
+# Error of a fit
+N_DRAWS = 3  # fits of the response with its residuals at random phases
+BAND_SHARE = 0.8  # of the highest frequency, up to which another fit reads
 
 
 class FitAndErrors(NamedTuple):
@@ -47,16 +44,15 @@ def _fitted(key: tuple, stamp: tuple[int, int, int]) -> FitAndErrors:
     """`fitted` of a wall with these keys, and of a file with this stamp."""
     wall = MeasuredWall(kind="measured", **dict(key))
     f, H = driving_point(wall)
-    options = ErrorOptions()
     try:
         fit = rom.passive_fit(f, H)
         model = rom.modal_receptance(fit, f)
         rng = np.random.default_rng(0)
         by_noise = tuple(
             refitted(f, model + (H - model) * np.exp(2j * np.pi * rng.random(len(f))), fit)
-            for _ in range(options.draws)
+            for _ in range(N_DRAWS)
         )
-        inside = f <= options.band * f[-1]
+        inside = f <= BAND_SHARE * f[-1]
         by_band = rom.passive_fit(f[inside], H[inside])
     except rom.ReductionError as error:
         raise InvalidScene(

@@ -35,28 +35,23 @@ class RecordWindow(NamedTuple):
     late: bool  # whether the record may have begun after the first touch
 
 
-class ColumnTest(NamedTuple):
-    """Numbers of the test, tried on 1000 chains at random: see tests/coupling/test_columns.py. A
-    time scale is that of the stiffest contact."""
-
-    windows: tuple[RecordWindow, ...] = (
-        RecordWindow(1.0, 0.7, 0.1, True),
-        RecordWindow(0.5, 0.8, 0.2, False),
-        RecordWindow(0.25, 0.8, 0.2, False),
-    )
-    lag: float = 4.0  # time scales over which changes are taken
-    sampling: float = 0.4  # time scales between the samples that are compared
-    stretches: tuple[float, ...] = tuple(np.geomspace(0.75, 1.35, 16))  # of the model's time
-    latest: float = 0.6  # of the record: how late the first touch may be, and how early before it
-    shared: float = 0.3  # least share of a signal's squares within the time that both have
-    rest: float = 0.2  # of the largest value: by how much a record may begin unlike the model
-    other_sign: float = 0.2  # of the largest value: a wave that goes the other way
-    arrived: float = 0.5  # of the largest value: the first wave has come
-    good: float = 0.85  # correlation of columns that are not refused, whatever fits better
-    earliest: float = 2.0  # time scales after the touch at which a record that shows all may begin
-
-
-TEST = ColumnTest()
+# Numbers of the test, tried on 1000 chains at random: see tests/coupling/test_columns.py. A time
+# scale is that of the stiffest contact.
+WINDOWS = (
+    RecordWindow(1.0, 0.7, 0.1, True),
+    RecordWindow(0.5, 0.8, 0.2, False),
+    RecordWindow(0.25, 0.8, 0.2, False),
+)
+LAG = 4.0  # time scales over which changes are taken
+SAMPLING = 0.4  # time scales between the samples that are compared
+STRETCHES = tuple(np.geomspace(0.75, 1.35, 16))  # of the model's time
+LATEST_TOUCH = 0.6  # of the record: how late the first touch may be, and how early before it
+MIN_SHARED = 0.3  # least share of a signal's squares within the time that both have
+REST_DIFFERENCE = 0.2  # of the largest value: by how much a record may begin unlike the model
+OTHER_SIGN = 0.2  # of the largest value: a wave that goes the other way
+ARRIVED = 0.5  # of the largest value: the first wave has come
+GOOD_CORRELATION = 0.85  # correlation of columns that are not refused, whatever fits better
+EARLIEST_BEGIN = 2.0  # time scales after the touch at which a record that shows all may begin
 
 
 class Arrangement(NamedTuple):
@@ -88,17 +83,19 @@ def require_columns(
 
     # a record begins as the model does, at rest but for a striker: one that begins within a wave
     # has lost what tells the first wave from the next
-    n_first = max(1, round(TEST.sampling * time_scale / dt))
+    n_first = max(1, round(SAMPLING * time_scale / dt))
     begin, model_begin = (
         np.abs(x[:n_first].mean(axis=0)) / np.maximum(np.abs(x).max(axis=0), 1e-300)
         for x in (y, model)
     )
-    others = [a for a in others if (np.abs(begin[list(a.order)] - model_begin) < TEST.rest).all()]
+    others = [
+        a for a in others if (np.abs(begin[list(a.order)] - model_begin) < REST_DIFFERENCE).all()
+    ]
 
     # motions of one sign are of one wave: with all signs turned, it goes or it comes back
     means = uniform_filter1d(y[:, ~forces], max(1, round(time_scale / dt)), axis=0, mode="nearest")
     high, low = means.max(axis=0), -means.min(axis=0)
-    both_ways = (np.minimum(high, low) > TEST.other_sign * np.maximum(high, low)).all()
+    both_ways = (np.minimum(high, low) > OTHER_SIGN * np.maximum(high, low)).all()
     if signed.all() and not both_ways:
         others = [a for a in others if any(s > 0 for s in a.sign)]
     if not others:
@@ -107,19 +104,19 @@ def require_columns(
     # the best arrangement in the whole record and in its first half and quarter
     from_start = np.abs(y - y[0])
     largest = np.maximum(from_start.max(axis=0), 1e-300)
-    first_wave = int((from_start > TEST.arrived * largest).any(axis=1).argmax())
-    for window in TEST.windows:
+    first_wave = int((from_start > ARRIVED * largest).any(axis=1).argmax())
+    for window in WINDOWS:
         k = first_wave + int(window.share * (len(t) - first_wave))
         c, at_touch = _correlations(y[:k], model, dt, time_scale)
         if c is None:
             return
         correlation = _agreement(c, as_they_are)
-        early = max(at_touch - round(TEST.earliest / TEST.sampling), 0)
+        early = max(at_touch - round(EARLIEST_BEGIN / SAMPLING), 0)
         delays = c if window.late else c[..., early:]
         agreements = [(_agreement(delays, a), a) for a in others]
         best, arrangement = max(agreements, key=itemgetter(0))
         is_clear = best > max(window.least, correlation + window.better)
-        if is_clear and correlation < TEST.good:
+        if is_clear and correlation < GOOD_CORRELATION:
             raise UnusableRecord(_refusal(names, arrangement, best, correlation))
 
 
@@ -175,9 +172,9 @@ def _correlations(
     """Correlations c_ab (r, m, m, s) by stretch, column of y (k, m), sensor of the model (n, m) and
     delay, and the delay at which the record begins with the first touch; None of a record that is
     too short."""
-    step = TEST.sampling * time_scale
+    step = SAMPLING * time_scale
     at, at_model = (np.arange(0.0, len(x) * dt, step) for x in (y, model))
-    q = round(TEST.lag / TEST.sampling)
+    q = round(LAG / SAMPLING)
     if len(at) < 4 * q:
         return None, 0
     width = max(1, round(step / dt))
@@ -191,9 +188,9 @@ def _correlations(
 
     of_data = changes(y, at)
     by_delay = np.array(
-        [_by_delay(of_data, changes(model, at_model / stretch)) for stretch in TEST.stretches]
+        [_by_delay(of_data, changes(model, at_model / stretch)) for stretch in STRETCHES]
     )
-    return by_delay, min(int(TEST.latest * len(of_data)), len(at_model) - q - 1)
+    return by_delay, min(int(LATEST_TOUCH * len(of_data)), len(at_model) - q - 1)
 
 
 def _by_delay(y: NDArray[np.float64], model: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -208,8 +205,8 @@ def _by_delay(y: NDArray[np.float64], model: NDArray[np.float64]) -> NDArray[np.
     sums_y, sums_model = (np.vstack([np.zeros(m), np.cumsum(x**2, axis=0)]) for x in (y, model))
     squares_y = sums_y[np.minimum(n + delay, k)]
     squares_model = sums_model[last] - sums_model[first]
-    enough_y = (squares_y > TEST.shared * sums_y[-1]) & (sums_y[-1] > 0.0)
-    enough_model = (squares_model > TEST.shared * sums_model[-1]) & (sums_model[-1] > 0.0)
+    enough_y = (squares_y > MIN_SHARED * sums_y[-1]) & (sums_y[-1] > 0.0)
+    enough_model = (squares_model > MIN_SHARED * sums_model[-1]) & (sums_model[-1] > 0.0)
 
     C = np.zeros((m, m, len(delay)))
     for a in range(m):
@@ -218,9 +215,9 @@ def _by_delay(y: NDArray[np.float64], model: NDArray[np.float64]) -> NDArray[np.
             size = np.sqrt(squares_y[:, a] * squares_model[:, b])
             enough = enough_model[:, b] & enough_y[:, a] & (size > 0)
             np.divide(product, size, out=C[a, b], where=enough)
-    return C[..., np.abs(delay) <= TEST.latest * k]
+    return C[..., np.abs(delay) <= LATEST_TOUCH * k]
 
 
 def beyond(t: NDArray[np.float64]) -> NDArray[np.float64]:
     """(n,) [s] times of a model that a record t (k,) may show from, however late it begins."""
-    return t[0] + (t[1] - t[0]) * np.arange(round((1.0 + TEST.latest) * len(t)))
+    return t[0] + (t[1] - t[0]) * np.arange(round((1.0 + LATEST_TOUCH) * len(t)))

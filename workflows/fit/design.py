@@ -17,7 +17,7 @@ from beadwave.workflows.fit.better_walls import better_walls
 from beadwave.workflows.fit.forward import Shot, StructureForward, Unknowns, unknowns
 from beadwave.workflows.fit.inspect import STEPS
 from beadwave.workflows.fit.inversion import GAIN_SCALE
-from beadwave.workflows.fit.judgement import INSPECTION_LIMITS
+from beadwave.workflows.fit.judgement import BARELY_DETERMINED_BAR, DETERMINED_BAR
 from beadwave.workflows.fit.model_errors import NOISE, BetterModel, biases, changes, with_systems
 from beadwave.workflows.fit.parameter import Parameter, ends, scales, trigger
 from beadwave.workflows.fit.parametric_wall import Bounds
@@ -222,12 +222,12 @@ def _on_best(p: Parameter, i: int, chains: list[CandidateChain]) -> str:
     sphere = int(best.bars[:, i].argmin())
     bar = best.bars[sphere, i]
     share = bar / (p.high - p.low)
-    if share > INSPECTION_LIMITS.barely:
+    if share > BARELY_DETERMINED_BAR:
         return (
             f"{p.name} is told by no sphere: its bar is as long as its bounds; record longer, "
             "or find fewer numbers."
         )
-    how = "told" if share <= INSPECTION_LIMITS.told else "weakly told"
+    how = "told" if share <= DETERMINED_BAR else "weakly told"
     where, place = _with_values(best.values), best.places[sphere]
     by = f"sphere {place}" if isinstance(place, int) else place
     return (

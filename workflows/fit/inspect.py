@@ -11,7 +11,7 @@ from beadwave.workflows.fit.candidates import searched
 from beadwave.workflows.fit.columns import beyond, require_columns
 from beadwave.workflows.fit.forward import Shot, StructureForward, unknowns
 from beadwave.workflows.fit.inversion import Inversion, inverted, profiled, widened
-from beadwave.workflows.fit.judgement import INSPECTION_LIMITS, Judged
+from beadwave.workflows.fit.judgement import SETTLED_SHIFT, Judged
 from beadwave.workflows.fit.least_squares import IMPOSSIBLE, RecordFit
 from beadwave.workflows.fit.parameter import Parameter, ends
 from beadwave.workflows.fit.parametric_wall import Bounds
@@ -206,7 +206,7 @@ def answered(
             bars = again.uncertainty.two_sigma[:n_shared]
             moved = float((np.abs(again.value - inversion.value)[:n_shared] / bars).max())
             end_fit, inversion = fit_there, again
-            if moved <= INSPECTION_LIMITS.settled:
+            if moved <= SETTLED_SHIFT:
                 break
         inversion = profiled(end_fit, inversion, n_shared)._replace(search=search)
         answers.append(Answer(inversion, end_fit, moved, no_wall))

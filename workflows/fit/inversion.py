@@ -29,17 +29,12 @@ from beadwave.workflows.fit.uncertainty import (
 GAIN_SCALE = 0.1  # of a gain: a change that counts as large
 
 
-class ResidualTest(NamedTuple):
-    """When a residual may be noise, and answers may not be told apart. None of these numbers has
-    been varied systematically."""
-
-    parts: int = 50  # of a record, in each of which the residual must be noise
-    noise_square: float = 1.15  # mean square over the noise's, whose rms is known to some per cent
-    deviations: float = 5.0  # standard deviations of the mean square of noise
-    rival: float = 16.0  # squares of the noise by which an answer may leave more and be a rival
-
-
-NOISE_TEST = ResidualTest()
+# Limits of a residual that may be noise, and of answers that may not be told apart; not varied
+# systematically
+N_PARTS = 50  # of a record, in each of which the residual must be noise
+NOISE_SQUARE = 1.15  # mean square over the noise's, whose rms is known to some per cent
+NOISE_DEVIATIONS = 5.0  # standard deviations of the mean square of noise
+RIVAL_SQUARES = 16.0  # squares of the noise by which an answer may leave more and be a rival
 
 
 class RecordPart(NamedTuple):
@@ -104,7 +99,7 @@ class Inversion(NamedTuple):
         squares = np.array([self.whole_misfit, *(part.misfit for part in self.parts)]) ** 2
         samples = np.array([n] + [n // len(self.parts)] * len(self.parts))
         deviation = np.sqrt(2.0 * max(self.memory, 1.0) / np.maximum(samples, 1))
-        limit = NOISE_TEST.noise_square + self.rounded + NOISE_TEST.deviations * deviation
+        limit = NOISE_SQUARE + self.rounded + NOISE_DEVIATIONS * deviation
         return np.nan_to_num(squares - limit, nan=np.inf, posinf=np.inf)
 
     @property
@@ -121,7 +116,7 @@ class Inversion(NamedTuple):
         rivals: list[Inversion] = []
         for other in others:
             excess = self.model.size * (other.whole_misfit**2 / self.whole_misfit**2 - 1.0)
-            as_small = excess <= NOISE_TEST.rival * max(self.memory, 1.0)
+            as_small = excess <= RIVAL_SQUARES * max(self.memory, 1.0)
             if as_small and all(other.differs_from(a, n_shared) for a in (self, *rivals)):
                 rivals.append(other)
         return tuple(rivals)
@@ -215,7 +210,7 @@ def sensors_side_by_side(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def residual_parts(fit: RecordFit, residual: NDArray[np.float64]) -> tuple[RecordPart, ...]:
     """The residual (S, k, m) of each record in parts of equal lengths, from first to last."""
-    n_parts = min(NOISE_TEST.parts, residual.shape[1])
+    n_parts = min(N_PARTS, residual.shape[1])
     cuts = np.array_split(np.arange(residual.shape[1]), n_parts)
     return tuple(
         RecordPart(s, float(shot.t[cut[0]]), float(shot.t[cut[-1]]), rms(residual[s, cut]))

@@ -29,7 +29,7 @@ from beadwave.workflows.scene import InvalidScene, Scene, nearest
 from beadwave.workflows.stages.pipeline import pipeline_of
 from beadwave.workflows.stages.progress import Progress
 from beadwave.workflows.structure.tuning import (
-    TOLERANCES,
+    DISAGREEMENT,
     at_values,
     candidates_of,
     frequency_errors,
@@ -324,7 +324,7 @@ def posterior_of(
     for i, hz in full("modes").paired_hz.items():
         n = numbers[int(i) - 1]
         best = lobes[0].modes_hz.get(str(n))
-        if best is not None and abs(best / hz - 1) > TOLERANCES.disagreement:
+        if best is not None and abs(best / hz - 1) > DISAGREEMENT:
             remarks.append(
                 f"the full model has mode {n} at {hz:.2f} Hz at the best values of lobe 1: the "
                 "projection is inaccurate."

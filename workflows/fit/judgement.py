@@ -25,23 +25,17 @@ if TYPE_CHECKING:
 SHARES = (0.02275, 0.5, 0.97725)  # of the quantiles: two sigma of a Gaussian to either side
 
 
-class FitLimits(NamedTuple):
-    """When a sentence is said of a calibration. None of these numbers has been varied
-    systematically."""
-
-    identified: float = 0.1  # two-sigma bar over the value, or over ten scales of one that may be 0
-    weak: float = 0.5  # the same, up to which a parameter is weakly identified
-    separated: float = 2.0  # two-sigma bar of a combination that the data determines, in scales
-    named: int = 3  # combinations that the data cannot separate, at most
-    suspicious: float = 1.05  # misfit over the noise that noise leaves once in a thousand records
-    guessed: float = 1.1  # the same for noise that is estimated from one record
-    explained: float = 1.5  # misfit over the noise above which the model does not explain the data
-    missed: float = 3.0  # misfit of a sphere held out, over that of the fitted: no prediction
-    blurred: float = 0.2  # step error over the misfit
-    different: float = 0.1  # between a quantile and the end of its bar, in two sigma
-
-
-FIT_LIMITS = FitLimits()
+# Limits beyond which a sentence is said of a calibration; not varied systematically
+IDENTIFIED_BAR = 0.1  # two-sigma bar over the value, or over ten scales of one that may be 0
+WEAK_BAR = 0.5  # the same, up to which a parameter is weakly identified
+SEPARATED_BAR = 2.0  # two-sigma bar of a combination that the data determines, in scales
+MAX_NAMED = 3  # combinations that the data cannot separate, at most
+SUSPICIOUS_MISFIT = 1.05  # misfit over the noise that noise leaves once in a thousand records
+SUSPICIOUS_GUESSED_MISFIT = 1.1  # the same for noise that is estimated from one record
+EXPLAINED_MISFIT = 1.5  # misfit over the noise above which the model does not explain the data
+MISSED_SPHERE = 3.0  # misfit of a sphere held out, over that of the fitted: no prediction
+BLURRED_STEP = 0.2  # step error over the misfit
+ASYMMETRIC_BAR = 0.1  # between a quantile and the end of its bar, in two sigma
 
 
 def identifiable(p: Parameter, value: float, bar: float, confirmed: bool = True) -> str:
@@ -49,11 +43,11 @@ def identifiable(p: Parameter, value: float, bar: float, confirmed: bool = True)
     where the search is not sure of its answer."""
     size = p.scale if p.kind == "trigger" else max(abs(value), 10 * p.scale)
     share = bar / size
-    if not share <= FIT_LIMITS.weak:
+    if not share <= WEAK_BAR:
         return "no"
     if not confirmed:
         return "unconfirmed"
-    return "yes" if share <= FIT_LIMITS.identified else "weakly"
+    return "yes" if share <= IDENTIFIED_BAR else "weakly"
 
 
 def combinations(fit: CalibrationResult) -> list[str]:
@@ -74,15 +68,15 @@ def remarks(fit: CalibrationResult, noise: float | None, signals: Signals) -> It
 
     # what the data does not determine, or determines least
     directions = fit.uncertainty.combinations
-    undetermined = [c for c in directions if not c.two_sigma < FIT_LIMITS.separated]
-    for combination in undetermined[: FIT_LIMITS.named]:
+    undetermined = [c for c in directions if not c.two_sigma < SEPARATED_BAR]
+    for combination in undetermined[:MAX_NAMED]:
         yield (
             f"The data cannot separate: {combination.text(fit.parameters)} (two sigma "
             f"{combination.two_sigma:.2g} of their scales)."
         )
-    if len(undetermined) > FIT_LIMITS.named:
+    if len(undetermined) > MAX_NAMED:
         yield (
-            f"Nor can it separate {len(undetermined) - FIT_LIMITS.named} more of {len(directions)} "
+            f"Nor can it separate {len(undetermined) - MAX_NAMED} more of {len(directions)} "
             "combinations; free fewer parameters or measure further spheres."
         )
     if directions and not undetermined:
@@ -115,13 +109,13 @@ def _on_misfit(fit: CalibrationResult, noise: float | None, repeats: int) -> Ite
             f"The noise cannot be estimated from one record of so many waves: whether "
             f"{1e3 * misfit:.3g} mm/s is noise or a wrong chain remains open; measure repeats."
         )
-    elif misfit > FIT_LIMITS.explained * noise:
+    elif misfit > EXPLAINED_MISFIT * noise:
         yield (
             f"The misfit of {1e3 * misfit:.3g} mm/s is {misfit / noise:.2g} times the {of_mean}, "
             f"{1e3 * noise:.3g} mm/s: the model does not explain all of the data, and the bars "
             "hold only for what it leaves as if it were noise."
         )
-    elif misfit > (FIT_LIMITS.suspicious if repeats > 1 else FIT_LIMITS.guessed) * noise:
+    elif misfit > (SUSPICIOUS_MISFIT if repeats > 1 else SUSPICIOUS_GUESSED_MISFIT) * noise:
         yield (
             f"The misfit is {misfit / noise:.3g} times the {of_mean}: contacts that no laser "
             "stands between may be swapped, try more --starts or measure further spheres."
@@ -139,7 +133,7 @@ def _on_misfit(fit: CalibrationResult, noise: float | None, repeats: int) -> Ite
             f"hold {fit.others.shape[1]} others that were found, not those that were not): measure "
             "more repeats or spheres, or hold a sphere out."
         )
-    if fit.step_error > FIT_LIMITS.blurred * misfit:
+    if fit.step_error > BLURRED_STEP * misfit:
         yield (
             f"The model's own step error reaches {1e3 * fit.step_error:.2g} mm/s beside a misfit "
             f"of {1e3 * misfit:.2g} mm/s; the bars hold what it does to the parameters."
@@ -151,7 +145,7 @@ def on_held_out(left_out: dict[str, float], fit: CalibrationResult) -> Iterator[
     left_out: misfits [m/s] by the sphere's number."""
     fitted = float(np.sqrt(np.mean(fit.misfit**2)))
     for sphere, misfit in left_out.items():
-        if misfit > FIT_LIMITS.missed * fitted:
+        if misfit > MISSED_SPHERE * fitted:
             yield (
                 f"Sphere {sphere}, held out, is missed by {1e3 * misfit:.3g} mm/s, "
                 f"{misfit / fitted:.2g} times what the fitted ones leave: what was found does not "
@@ -180,7 +174,7 @@ def on_posterior(posterior: Posterior, fit: CalibrationResult, *, seed: int, sec
     unlike = [
         p.name
         for p, bar, difference in zip(fit.parameters, bars, off, strict=True)
-        if not np.isfinite(bar) or difference > FIT_LIMITS.different * bar
+        if not np.isfinite(bar) or difference > ASYMMETRIC_BAR * bar
     ]
     verdict = (
         f"differ from their bars by more than a tenth of two sigma: {', '.join(unlike)}"
@@ -199,19 +193,13 @@ AT_BOUND = "at its bound"
 UNEXPLAINED = "not explained"
 
 
-class InspectionLimits(NamedTuple):
-    """When a number is said to be told by the records, and when a sentence is worth saying. None
-    of these numbers has been varied systematically."""
-
-    told: float = 0.1  # two-sigma bar over the bounds' distance of a number that is determined
-    barely: float = 0.5  # the same, of one that is determined weakly
-    coloured: float = 1.3  # memory of a residual that is not white
-    stretched: float = 1.05  # factor on a bar by the profile of the misfit
-    alike: float = 0.9  # correlation of two numbers
-    settled: float = 0.05  # of a bar, that a further wall computed at the answer may move
-
-
-INSPECTION_LIMITS = InspectionLimits()
+# Limits beyond which a sentence is said of an inspection; not varied systematically
+DETERMINED_BAR = 0.1  # two-sigma bar over the bounds' distance of a number that is determined
+BARELY_DETERMINED_BAR = 0.5  # the same, of one that is determined weakly
+COLOURED_MEMORY = 1.3  # memory of a residual that is not white
+STRETCHED_BAR = 1.05  # factor on a bar by the profile of the misfit
+ALIKE_CORRELATION = 0.9  # correlation of two numbers
+SETTLED_SHIFT = 0.05  # of a bar, that a further wall computed at the answer may move
 
 
 def told_of(inversion: Inversion) -> list[str]:
@@ -221,14 +209,14 @@ def told_of(inversion: Inversion) -> list[str]:
     for share, at_bound in zip(
         inversion.uncertainty.two_sigma / width, inversion.at_bound, strict=True
     ):
-        if at_bound and share < INSPECTION_LIMITS.barely:
+        if at_bound and share < BARELY_DETERMINED_BAR:
             verdicts.append(AT_BOUND)
         else:
             verdicts.append(
                 "yes"
-                if share <= INSPECTION_LIMITS.told
+                if share <= DETERMINED_BAR
                 else "weakly"
-                if share <= INSPECTION_LIMITS.barely
+                if share <= BARELY_DETERMINED_BAR
                 else "no"
             )
     return verdicts
@@ -320,7 +308,7 @@ class Judged(NamedTuple):
                 f"What is left is {misfit:.3g} times the noise, no more than the known errors of "
                 "the model (mesh, reduction, theory) leave; the bars hold these."
             )
-        if inversion.memory > INSPECTION_LIMITS.coloured:
+        if inversion.memory > COLOURED_MEMORY:
             yield (
                 "What is left goes on from sample to sample (its variance is "
                 f"{inversion.memory:.3g} times that of its differences): the bars count with that."
@@ -338,9 +326,7 @@ class Judged(NamedTuple):
             t = self.fit.shots[0].t
             length = 1e3 * (t[-1] - self._touch)
             width = np.array([p.high - p.low for p in inversion.parameters])
-            felt = felt_from(
-                inversion.slopes, width / scales(inversion.parameters), INSPECTION_LIMITS.told
-            )
+            felt = felt_from(inversion.slopes, width / scales(inversion.parameters), DETERMINED_BAR)
             opening = f"The records do not tell {names[i]}: its bar is as long as its bounds"
             if felt[i] < len(t):
                 yield (
@@ -362,13 +348,13 @@ class Judged(NamedTuple):
         for i in range(n) if not undetermined else ():
             for j in range(i):
                 r = float(inversion.uncertainty.correlation[i, j])
-                if abs(r) > INSPECTION_LIMITS.alike:
+                if abs(r) > ALIKE_CORRELATION:
                     way = "together" if r > 0 else "one up and one down"
                     yield (
                         f"{names[j]} and {names[i]} move {way} at almost no cost (correlation "
                         f"{r:.2f}): each alone is known far worse than the two of them."
                     )
-        if inversion.stretch > INSPECTION_LIMITS.stretched:
+        if inversion.stretch > STRETCHED_BAR:
             yield (
                 "The misfit rises more slowly than a parabola: bars are up to "
                 f"{inversion.stretch:.2g} times as long as its curvature says."
@@ -394,7 +380,7 @@ class Judged(NamedTuple):
                 f"mode. The one computed at the answer moved it by {self.moved:.2g} of its bars at "
                 "last."
             )
-            if self.moved > INSPECTION_LIMITS.settled:
+            if self.moved > SETTLED_SHIFT:
                 yield (
                     "Walls between others are not good enough there for the bars: narrow --bounds."
                 )

@@ -29,16 +29,11 @@ FACTORS = 1.05  # high over low bound from which on a number varies by factors
 RIGID = 1e-9  # of the largest square of a frequency: a mode without stiffness
 
 
-class Interpolation(NamedTuple):
-    """How walls are computed and their modes followed; not varied systematically."""
-
-    oversampled: float = 1.6  # walls that are computed, over coefficients of a polynomial
-    followed: float = 0.2  # MAC of two walls' modes that are the same, at least
-    in_order: float = 0.05  # MAC that the same place in the order counts for
-    rows: int = 600  # points of a surface at which shapes are compared, about
-
-
-INTERPOLATION = Interpolation()
+# Computation of walls and following of their modes; not varied systematically
+OVERSAMPLED = 1.6  # walls that are computed, over coefficients of a polynomial
+FOLLOWED_MAC = 0.2  # MAC of two walls' modes that are the same, at least
+ORDER_MAC = 0.05  # MAC that the same place in the order counts for
+N_SURFACE_POINTS = 600  # points of a surface at which shapes are compared, about
 
 
 class Computed(NamedTuple):
@@ -65,7 +60,7 @@ def with_rest(wall: Wall, reduced: ReducedModel | None) -> Computed:
     if modes is None or reduced.surface is None:
         return Computed(wall)
     T = reduced.surface.T.reshape(-1, reduced.surface.T.shape[-1])
-    return Computed(wall, T[:: max(1, len(T) // INTERPOLATION.rows)] @ modes.vectors[:, :n_modes])
+    return Computed(wall, T[:: max(1, len(T) // N_SURFACE_POINTS)] @ modes.vectors[:, :n_modes])
 
 
 class Bounds(NamedTuple):
@@ -153,7 +148,7 @@ class ParametricWall(NamedTuple):
 def design(box: Bounds, degree: int, seed: int = 0) -> NDArray[np.float64]:
     """(n, d) numbers at which to compute walls, the middle first; dense towards the bounds."""
     d = len(box.low)
-    n = int(np.ceil(INTERPOLATION.oversampled * comb(d + degree, degree)))
+    n = int(np.ceil(OVERSAMPLED * comb(d + degree, degree)))
     unit = qmc.Sobol(d, rng=np.random.default_rng(seed)).random_base2(int(np.ceil(np.log2(n))))[:n]
     return box.at(np.vstack([np.zeros(d), np.cos(np.pi * unit)]))
 
@@ -214,9 +209,9 @@ def matched_modes(first: Computed, second: Computed) -> NDArray[np.int64]:
         order = np.arange(n)
         return np.where(order < m, order, -1)
     similarity = mac(first.shapes[:, :n], second.shapes[:, :m])
-    rows, columns = linear_sum_assignment(-similarity - INTERPOLATION.in_order * np.eye(n, m))
+    rows, columns = linear_sum_assignment(-similarity - ORDER_MAC * np.eye(n, m))
     places = np.full(n, -1)
-    same = similarity[rows, columns] >= INTERPOLATION.followed
+    same = similarity[rows, columns] >= FOLLOWED_MAC
     places[rows[same]] = columns[same]
     return places
 

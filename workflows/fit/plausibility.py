@@ -2,7 +2,6 @@
 sizes, sampling, noise, the first touch."""
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -10,34 +9,28 @@ from beadwave.workflows.files.record import Record, Recorded, UnusableRecord
 from beadwave.workflows.fit.parameter import Parameter, trigger
 from beadwave.workflows.fit.signals import Aligned, Filter, Signals, noise_between_waves, rise
 
+# Limits beyond which a record is refused or flagged; not varied systematically. Velocities are over
+# the largest of the record, times over the contact time scale.
+# sizes
+WRONG_UNITS = 20.0  # largest signal over the scene's, or one over it: refused beyond
+DOUBTFUL_UNITS = 3.0  # the same: flagged beyond
+ARRIVED = 0.5  # velocity of a wave, or of the striker on its way
+OFFSET = 0.02  # velocity at rest: an offset of the instrument
+STILL = 0.05  # change of velocity: no wave has come by
 
-class RecordLimits(NamedTuple):
-    """When a record is refused or flagged. Velocities are over the largest of the record, times
-    over the contact time scale; none of these numbers has been varied systematically."""
+# times
+COARSEST_SAMPLING = 0.5  # sampling interval: refused above, flagged above half
+SHORTEST_RECORD = 2.0  # record: refused below
+LOWEST_CUT_OFF = 0.05  # of a low-pass, times the time scale: refused below
+TRIGGER_RANGE = (-0.5, 1.0)  # of the record: where the first touch may be
+SHIFTED_TRIGGER = 5e-6  # [s] between the triggers of repeats: worth a sentence
 
-    # sizes
-    wrong_units: float = 20.0  # largest signal over the scene's, or one over it: refused beyond
-    doubtful_units: float = 3.0  # the same: flagged beyond
-    arrived: float = 0.5  # velocity of a wave, or of the striker on its way
-    offset: float = 0.02  # velocity at rest: an offset of the instrument
-    still: float = 0.05  # change of velocity: no wave has come by
+# velocities that stay at the end of an instrument's range
+FLAT_TIME = 0.15  # time for which no wave stays at its largest velocity
+MIN_FLAT_SAMPLES = 5  # samples, that noise does not repeat
+SAME_VALUE = 1e-6  # difference of two samples at the same value
 
-    # times
-    coarsest: float = 0.5  # sampling interval: refused above, flagged above half
-    shortest: float = 2.0  # record: refused below
-    lowest_cut_off: float = 0.05  # of a low-pass, times the time scale: refused below
-    triggers: tuple[float, float] = (-0.5, 1.0)  # of the record: where the first touch may be
-    shifted: float = 5e-6  # [s] between the triggers of repeats: worth a sentence
-
-    # velocities that stay at the end of an instrument's range
-    flat: float = 0.15  # time for which no wave stays at its largest velocity
-    least_flat: int = 5  # samples, that noise does not repeat
-    same_value: float = 1e-6  # difference of two samples at the same value
-
-    alike: float = 0.5  # correlation with the start model: flagged below
-
-
-LIMITS = RecordLimits()
+ALIKE_CORRELATION = 0.5  # correlation with the start model: flagged below
 
 
 def plausible(record: Record, v0: np.ndarray) -> Iterator[str]:
@@ -54,15 +47,15 @@ def plausible(record: Record, v0: np.ndarray) -> Iterator[str]:
     speed, largest = np.abs(v0).max(), np.abs(record.v).max()
     ratio = largest / speed
     sizes = f"velocities reach {largest:.3g} m/s, the scene's striker {speed:g} m/s"
-    if not 1 / LIMITS.wrong_units < ratio < LIMITS.wrong_units:
+    if not 1 / WRONG_UNITS < ratio < WRONG_UNITS:
         raise UnusableRecord(f"{sizes}; correct the unit in the data's header or striker.velocity.")
-    if not 1 / LIMITS.doubtful_units < ratio < LIMITS.doubtful_units:
+    if not 1 / DOUBTFUL_UNITS < ratio < DOUBTFUL_UNITS:
         yield f"{sizes}: check units and striker.velocity."
 
     # sphere 1 is the striker, on its way to the wall
     mean = record.v.mean(axis=0)
     begin = mean[:5].mean(axis=0)
-    arrived = LIMITS.arrived * np.abs(mean[:, 0]).max()
+    arrived = ARRIVED * np.abs(mean[:, 0]).max()
     if record.spheres[0] == 1 and begin[0] < -arrived:
         raise UnusableRecord(
             f"sphere 1, the striker, starts at {begin[0]:.3g} m/s, away from the wall; velocities "
@@ -77,7 +70,7 @@ def plausible(record: Record, v0: np.ndarray) -> Iterator[str]:
     # every sphere has moved by the end of the record
     change = np.abs(mean - begin).max(axis=0)
     for n, moved in zip(record.spheres, change, strict=True):
-        if moved < LIMITS.still * np.abs(mean).max():
+        if moved < STILL * np.abs(mean).max():
             length = 1e3 * (record.t[-1] - record.t[0])
             raise UnusableRecord(
                 f"no wave comes by sphere {n} within the {length:.4g} ms of the record, its "
@@ -86,7 +79,7 @@ def plausible(record: Record, v0: np.ndarray) -> Iterator[str]:
             )
 
     for n, v in zip(record.spheres, begin, strict=True):
-        if v0[n - 1] == 0.0 and abs(v) > LIMITS.offset * largest:
+        if v0[n - 1] == 0.0 and abs(v) > OFFSET * largest:
             yield (
                 f"Sphere {n} begins at {v:.3g} m/s, the scene has it at rest: take the "
                 "instrument's offset off the data."
@@ -97,14 +90,14 @@ def require_samples(t: np.ndarray, time_scale: float) -> None:
     """Raise UnusableRecord where waves pass between two samples of t (k,) [s], or a record ends
     within one; `time_scale` [s] is that within which the stiffest contact moves."""
     dt, length = t[1] - t[0], t[-1] - t[0]
-    if dt > LIMITS.coarsest * time_scale:
-        lowest_rate = 1 / (LIMITS.coarsest * time_scale)
+    if dt > COARSEST_SAMPLING * time_scale:
+        lowest_rate = 1 / (COARSEST_SAMPLING * time_scale)
         raise UnusableRecord(
             f"a sample every {1e6 * dt:.3g} us is too seldom for contacts that move within "
             f"{1e6 * time_scale:.3g} us; measure with {lowest_rate:.3g} Hz or more, or correct the "
             "unit of time."
         )
-    if length < LIMITS.shortest * time_scale:
+    if length < SHORTEST_RECORD * time_scale:
         raise UnusableRecord(
             f"the record lasts {1e6 * length:.3g} us, contacts move within {1e6 * time_scale:.3g} "
             "us; correct the unit of time or record longer."
@@ -113,14 +106,14 @@ def require_samples(t: np.ndarray, time_scale: float) -> None:
 
 def cut_off(record: Record, time_scale: float) -> Iterator[str]:
     """Sentences on spheres that stay at their largest velocity, as beyond a laser's range."""
-    longest = max(LIMITS.least_flat, LIMITS.flat * time_scale / (record.t[1] - record.t[0]))
+    longest = max(MIN_FLAT_SAMPLES, FLAT_TIME * time_scale / (record.t[1] - record.t[0]))
     for i, n in enumerate(record.spheres):
         largest = np.abs(record.v[:, :, i]).max()
         for sign in (1.0, -1.0):
             v = sign * record.v[:, :, i]
-            at_end = v > v.max() - LIMITS.same_value * largest
+            at_end = v > v.max() - SAME_VALUE * largest
             flat = max(map(_longest_run, at_end))
-            if v.max() > LIMITS.arrived * largest and flat > longest:
+            if v.max() > ARRIVED * largest and flat > longest:
                 yield (
                     f"Sphere {n} stays at {sign * v.max():.3g} m/s, the end of what it shows, for "
                     f"{flat} samples: beyond the instrument's range?"
@@ -154,12 +147,12 @@ def unlike_the_model(
     if lag < -2 * dt:
         early = 1e6 * -lag
         yield f"The first touch is {early:.3g} us before the record starts: the trigger came late."
-    if dt > 0.5 * LIMITS.coarsest * time_scale:
+    if dt > 0.5 * COARSEST_SAMPLING * time_scale:
         yield f"A sample every {1e6 * dt:.3g} us is seldom for waves of {1e6 * time_scale:.3g} us."
     late = np.array([np.interp(t - lag, t, column) for column in model.T]).T
     for i, sphere in enumerate(signals.spheres):
         correlation = np.corrcoef(late[:, i], data[:, i])[0, 1]
-        if correlation < LIMITS.alike:
+        if correlation < ALIKE_CORRELATION:
             yield (
                 f"Sphere {sphere + 1} does not look like the model it starts from (correlation "
                 f"{correlation:.2f}): check its column, sign and time base."
@@ -171,7 +164,7 @@ def on_repeats(raw: Aligned) -> Iterator[str]:
     for i in raw.outliers:
         yield f"Repeat {i + 1} is unlike the others and was left out."
     spread = np.ptp(np.delete(raw.shift, raw.outliers))
-    if spread > LIMITS.shifted:
+    if spread > SHIFTED_TRIGGER:
         yield f"Repeats were shifted against each other by up to {1e6 * spread:.3g} us; undone."
 
 
@@ -180,7 +173,7 @@ def filters_of(
 ) -> Filter:
     """Low-passes [Hz] of data and model; raises UnusableRecord for one that leaves nothing of the
     waves, or lies beyond what the samples t (k,) [s] and the model's finer ones hold."""
-    nyquist, lowest = 0.5 / (t[1] - t[0]), LIMITS.lowest_cut_off / time_scale
+    nyquist, lowest = 0.5 / (t[1] - t[0]), LOWEST_CUT_OFF / time_scale
     for name, value in (("band", band), ("instrument", instrument)):
         highest = nyquist if name == "band" else 10 * nyquist
         if value is not None and not lowest < value < highest:
@@ -201,7 +194,7 @@ def first_touch(text: str, estimate: float, t: np.ndarray) -> float:
         trigger = float(text)
     except ValueError:
         trigger = np.nan
-    low, high = (t[0] + share * (t[-1] - t[0]) for share in LIMITS.triggers)
+    low, high = (t[0] + share * (t[-1] - t[0]) for share in TRIGGER_RANGE)
     if not low < trigger < high:
         raise UnusableRecord(
             f"--trigger {text!r} must be fit, estimate, or the time of the first touch between "
@@ -248,11 +241,11 @@ def sizes_beside(
             raise UnusableRecord(f"{label} is 0 all the time; leave its column out.")
         ratio = largest / max(expected, 1e-300)
         sizes = f"{label} reaches {largest:.3g} {unit}, the scene as it is {expected:.3g} {unit}"
-        if not 1 / LIMITS.wrong_units < ratio < LIMITS.wrong_units:
+        if not 1 / WRONG_UNITS < ratio < WRONG_UNITS:
             raise UnusableRecord(
                 f"{sizes}; correct the unit in the data's header, the gain or the scene."
             )
-        if not 1 / LIMITS.doubtful_units < ratio < LIMITS.doubtful_units:
+        if not 1 / DOUBTFUL_UNITS < ratio < DOUBTFUL_UNITS:
             doubts.append(f"{sizes}: check units, gain and the striker's velocity.")
     return doubts
 

@@ -21,18 +21,12 @@ from beadwave.workflows.fit.rig import Rig
 from beadwave.workflows.fit.sensed import Channels, sensed
 from beadwave.workflows.fit.signals import noise_between_waves
 
-
-class SignalLimits(NamedTuple):
-    """Numbers of the checks and of the unknown gains; not varied systematically."""
-
-    risen: float = 0.3  # of the largest value: the first excursion, which tells the sign
-    gain_reach: float = 30.0  # factor from a gain to its bounds
-    gain_scale: float = 0.1  # of a gain: a change that counts as large
-    cut: float = 0.02  # of an impulse: what lies beyond the end of its wave
-    correlated: float = 4.0  # samples over which noise is correlated
-
-
-LIMITS = SignalLimits()
+# Numbers of the checks and of the unknown gains; not varied systematically
+RISEN = 0.3  # of the largest value: the first excursion, which tells the sign
+GAIN_REACH = 30.0  # factor from a gain to its bounds
+GAIN_SCALE = 0.1  # of a gain: a change that counts as large
+CUT_IMPULSE = 0.02  # of an impulse: what lies beyond the end of its wave
+N_CORRELATED = 4.0  # samples over which noise is correlated
 
 
 class Scaled(NamedTuple):
@@ -83,8 +77,8 @@ def scaled(
     for sensor, group, g in zip(sensors, bare.groups, gain, strict=True):
         if group and group not in gains:
             size, unit = abs(float(g)), gain_units[sensor.quantity]
-            low, high = size / LIMITS.gain_reach, size * LIMITS.gain_reach
-            step, sign = LIMITS.gain_scale * size, int(np.sign(g))
+            low, high = size / GAIN_REACH, size * GAIN_REACH
+            step, sign = GAIN_SCALE * size, int(np.sign(g))
             name = f"gain {group}"
             gains[group] = Parameter(name, "gain", size, low, high, step, unit, sign)
     channels = bare._replace(sensors=sensors, scale=scale)
@@ -94,7 +88,7 @@ def scaled(
 
 def _first_sign(y: np.ndarray) -> float:
     """Sign of the first excursion of a signal (k,)."""
-    return float(np.sign(y[(np.abs(y) > LIMITS.risen * np.abs(y).max()).argmax()]))
+    return float(np.sign(y[(np.abs(y) > RISEN * np.abs(y).max()).argmax()]))
 
 
 def _on_impulses(
@@ -117,8 +111,8 @@ def _on_impulses(
             noise = float(spread / np.sqrt(len(record.v)))
         else:
             noise = noise_between_waves(t, data[:, [i]], 50 * dt) or 0.0
-        two_sigma = 2.0 * noise * dt * float(np.sqrt(LIMITS.correlated * wave.samples))
-        bar = np.hypot(LIMITS.cut, two_sigma / abs(sensor.gain) / model_wave.impulse)
+        two_sigma = 2.0 * noise * dt * float(np.sqrt(N_CORRELATED * wave.samples))
+        bar = np.hypot(CUT_IMPULSE, two_sigma / abs(sensor.gain) / model_wave.impulse)
         off = wave.impulse / model_wave.impulse - 1.0
         if abs(off) > bar:
             yield (

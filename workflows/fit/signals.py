@@ -18,24 +18,17 @@ ORDER = 4  # of both filters, Butterworth
 DELAY = 1.0 / np.sin(np.pi / 8.0)  # at low frequency, times the angular cut-off, of order 4
 
 
-class Alignment(NamedTuple):
-    """How repeats are laid over each other; not varied systematically."""
-
-    rounds: int = 6  # of least-squares shifts to the mean
-    changes: int = 200  # of a record over which changes are taken: plateaus do not count
-    alike: float = 0.9  # correlation with the median of all below which a repeat is left out
+# Alignment of repeats; not varied systematically
+ALIGNMENT_ROUNDS = 6  # of least-squares shifts to the mean
+N_CHANGES = 200  # of a record over which changes are taken: plateaus do not count
+ALIKE_CORRELATION = 0.9  # correlation with the median of all below which a repeat is left out
 
 
-class WaveLimits(NamedTuple):
-    """What tells waves from calm; not varied systematically."""
-
-    peak: float = 0.1  # of the largest velocity: a reflected wave has arrived
-    quiet: float = 0.02  # of the largest acceleration: a wave has passed
-    calm: float = 0.05  # of the largest slope: no wave, noise included
-    least_quiet: int = 20  # half contact time scales without waves, that show the noise at least
-
-
-ALIGNMENT, WAVES = Alignment(), WaveLimits()
+# Limits of waves and calm; not varied systematically
+REFLECTED_PEAK = 0.1  # of the largest velocity: a reflected wave has arrived
+QUIET_ACCELERATION = 0.02  # of the largest acceleration: a wave has passed
+CALM_SLOPE = 0.05  # of the largest slope: no wave, noise included
+MIN_QUIET = 20  # half contact time scales without waves, that show the noise at least
 
 
 class Signals(NamedTuple):
@@ -125,7 +118,7 @@ def aligned(t: np.ndarray, v: np.ndarray, spheres: tuple[int, ...], move: bool =
     shift = np.zeros(n)
     if move:
         shift = np.array([shift_to_a_sample(t, v[0], repeat) for repeat in v])
-        for _ in range(ALIGNMENT.rounds):
+        for _ in range(ALIGNMENT_ROUNDS):
             moved = shifted(t, v, shift)
             mean = moved.mean(axis=0)
             slope = np.gradient(mean, t, axis=0)
@@ -136,7 +129,7 @@ def aligned(t: np.ndarray, v: np.ndarray, spheres: tuple[int, ...], move: bool =
     moved = shifted(t, v, shift)
     median = np.median(moved, axis=0).ravel()
     correlation = np.array([np.corrcoef(repeat.ravel(), median)[0, 1] for repeat in moved])
-    alike = correlation >= ALIGNMENT.alike
+    alike = correlation >= ALIKE_CORRELATION
     if alike.sum() < max(2, n / 2):
         alike = correlation > -2.0  # all but those that have none
 
@@ -152,7 +145,7 @@ def aligned(t: np.ndarray, v: np.ndarray, spheres: tuple[int, ...], move: bool =
 def shift_to_a_sample(t: np.ndarray, reference: np.ndarray, v: np.ndarray) -> float:
     """Lag [s] of v (k, m) behind the reference (k, m), to a sample: where the cross-correlation of
     their changes over k / `changes` samples is largest."""
-    q = max(1, len(t) // ALIGNMENT.changes)
+    q = max(1, len(t) // N_CHANGES)
     v, reference = v[q:] - v[:-q], reference[q:] - reference[:-q]
     k = len(v)
     product = np.fft.rfft(v, 2 * k, axis=0) * np.conj(np.fft.rfft(reference, 2 * k, axis=0))
@@ -196,7 +189,7 @@ def noise_between_waves(t: np.ndarray, v: np.ndarray, time_scale: float) -> floa
     if len(t) <= 8 * q:
         return None
     differences = np.concatenate([calm_second_differences(column, q) for column in v.T])
-    if differences.size < WAVES.least_quiet * q:
+    if differences.size < MIN_QUIET * q:
         return None
     return float(np.sqrt(np.mean(differences**2) / 6.0))
 
@@ -207,7 +200,7 @@ def calm_second_differences(v: np.ndarray, q: int) -> np.ndarray:
     smooth = np.convolve(v, np.ones(2 * q) / (2 * q), mode="same")
     smooth[:q], smooth[-q:] = v[: 2 * q].mean(), v[-2 * q :].mean()
     slope = np.abs(smooth[q:] - smooth[:-q])
-    calm = slope < WAVES.calm * slope.max()
+    calm = slope < CALM_SLOPE * slope.max()
     calm = np.convolve(calm, np.ones(5 * q), mode="valid") > 5 * q - 0.5
     difference = v[2 * q :] - 2.0 * v[q:-q] + v[: -2 * q]
     return difference[2 * q : 2 * q + len(calm)][calm]
@@ -216,18 +209,18 @@ def calm_second_differences(v: np.ndarray, q: int) -> np.ndarray:
 def first_waves_end(t: np.ndarray, v: np.ndarray, pause: float) -> np.ndarray:
     """(m,) times [s] at which the first reflected wave has passed each sphere, by a model v (k, m).
 
-    It arrives when the velocity first turns away from the wall by a share `WAVES.peak` of the
-    largest, and has passed when the acceleration has stayed below a share `WAVES.quiet` of the
-    largest for `pause` [s]; the end of the record where it does not.
+    It arrives when the velocity first turns away from the wall by a share `REFLECTED_PEAK` of the
+    largest, and has passed when the acceleration has stayed below a share `QUIET_ACCELERATION` of
+    the largest for `pause` [s]; the end of the record where it does not.
     """
     ends = np.full(v.shape[1], float(t[-1]))
     width = max(1, round(pause / (t[1] - t[0])))
     for i, column in enumerate(v.T):
-        arrived = np.flatnonzero(column < -WAVES.peak * np.abs(column).max())
+        arrived = np.flatnonzero(column < -REFLECTED_PEAK * np.abs(column).max())
         if not arrived.size:
             continue
         acceleration = np.abs(np.gradient(column, t))
-        quiet = (acceleration < WAVES.quiet * acceleration.max()).astype(float)
+        quiet = (acceleration < QUIET_ACCELERATION * acceleration.max()).astype(float)
         calm = np.convolve(quiet, np.ones(width), mode="valid") >= width - 0.5
         passed = np.flatnonzero(calm[arrived[0] :])
         if passed.size:

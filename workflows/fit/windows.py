@@ -22,18 +22,12 @@ from beadwave.workflows.fit.least_squares import Solution, WindowFit, rms
 from beadwave.workflows.fit.parameter import Parameter
 from beadwave.workflows.fit.signals import first_waves_end
 
-
-class Swaps(NamedTuple):
-    """When swaps of contacts are tried; none of these numbers has been varied systematically."""
-
-    tried: int = 6  # swaps that are fitted in a round, those of the least guessed misfit
-    rounds: int = 5
-    worse: float = 2.0  # guessed misfit, over that of now, above which a swap is not fitted
-    better: float = 0.97  # misfit of a swap, over that of now, that counts as progress
-    at_once: float = 0.5  # the same, at which the other swaps of the round are not fitted any more
-
-
-SWAPS = Swaps()
+# Trial swaps of contacts; not varied systematically
+N_SWAPS_TRIED = 6  # swaps that are fitted in a round, those of the least guessed misfit
+SWAP_ROUNDS = 5
+WORSE_GUESS = 2.0  # guessed misfit, over that of now, above which a swap is not fitted
+BETTER_SWAP = 0.97  # misfit of a swap, over that of now, that counts as progress
+ACCEPTED_AT_ONCE = 0.5  # the same, at which the other swaps of the round are not fitted any more
 
 
 class GrowingWindows:
@@ -45,9 +39,8 @@ class GrowingWindows:
         fit: WindowFit,
         enough: Callable[[int], float],
         budget: int,
-        swaps: Swaps = SWAPS,
     ) -> None:
-        self.fit, self.enough, self.budget, self.swaps = fit, enough, budget, swaps
+        self.fit, self.enough, self.budget = fit, enough, budget
         self.tried: list[Solution] = []  # every swap that was fitted
 
     def on_windows(
@@ -80,26 +73,26 @@ class GrowingWindows:
         """The best of a fit and of those with contacts swapped, as long as that helps, and the
         model runs: two at a time, then cycles of three, then two again."""
         runs, cycles = 0, False
-        for _ in range(self.swaps.rounds if rounds is None else rounds):
+        for _ in range(SWAP_ROUNDS if rounds is None else rounds):
             if best.misfit <= enough or self.budget <= 0:
                 break
 
             # the most promising swaps to first order, each fitted
             guesses = self.fit.swapped(best.point, free, window, cycles=cycles)
             trial, swap_runs = best, len(guesses)
-            for guess, z in guesses[: self.swaps.tried]:
-                if guess > self.swaps.worse * best.misfit:
+            for guess, z in guesses[:N_SWAPS_TRIED]:
+                if guess > WORSE_GUESS * best.misfit:
                     break
                 swap = self.fit.solved(z, free, window, max_runs=8, prior=prior, tolerance=1e-4)
                 swap_runs += swap.evaluations
                 self.tried.append(swap)
                 trial = min(trial, swap, key=lambda solution: solution.misfit)
-                if trial.misfit < self.swaps.at_once * best.misfit:
+                if trial.misfit < ACCEPTED_AT_ONCE * best.misfit:
                     break
             runs += swap_runs
             self.budget -= swap_runs
 
-            progress = trial.misfit < self.swaps.better * best.misfit
+            progress = trial.misfit < BETTER_SWAP * best.misfit
             best = min(best, trial, key=lambda solution: solution.misfit)
             if not progress and cycles:
                 break
@@ -156,49 +149,44 @@ class Options(NamedTuple):
     noise: float | None = None  # rms [m/s] in the mean signals: a misfit that cannot be bettered
 
 
-class StartSearch(NamedTuple):
-    """Tuned numbers of the search; none has been varied systematically. Velocities are over that of
-    the fastest sphere."""
+# Tuned numbers of the search; not varied systematically. Velocities are over that of the fastest
+# sphere.
+# the coarse model and its windows
+COARSE_STEPS = (5.0, 2.5)  # time steps in usual ones, the first that will do
+COVERED_ERROR = 0.1  # rms error of large steps, over the noise, that will do
+N_WINDOWS = 8  # that grow to the end of the first waves, or of the record
+WINDOW_LEAD = 2.0  # contact time scales before the first touch at which windows begin
 
-    # the coarse model and its windows
-    coarse_steps: tuple[float, ...] = (5.0, 2.5)  # time steps in usual ones, the first that will do
-    covered: float = 0.1  # rms error of large steps, over the noise, that will do
-    windows: int = 8  # that grow to the end of the first waves, or of the record
-    lead: float = 2.0  # contact time scales before the first touch at which windows begin
+# starts
+START_SCATTER = 0.5  # standard deviation of a further start around the first, in scales
+SWAP_RUNS = 600  # of the model that a start may put into swaps of contacts
+LAST_SWAP_RUNS = 3000  # the same for the best of starts of which none explains the data
 
-    # starts
-    scatter: float = 0.5  # standard deviation of a further start around the first, in scales
-    swap_runs: int = 600  # of the model that a start may put into swaps of contacts
-    last_swap_runs: int = 3000  # the same for the best of starts of which none explains the data
+# misfits at which a search goes on or ends
+EXACT_MISFIT = 1e-5  # a misfit that needs no further search, even without noise
+N_CORRELATED = 5.0  # samples over which noise is correlated, at most
+EXPLAINED_SIGMAS = 1.5  # sigmas above the noise at which the data are explained
+REFINABLE_MISFIT = 1e-4  # misfit of the first waves that the last stage can still better
+ALMOST_MISFIT = 1.02  # misfit of first waves over the noise, of a chain worth the others
+NEAR_NOISE_MISFIT = 1.5  # misfit over the noise that the right contacts would better
+N_ALIKE_STARTS = 3  # starts with the same misfit that end the search
+ALIKE_MISFIT = 1.01  # misfits over the least of starts that ended alike
+SAME_MISFIT = 1.002  # the same, of starts that found the same answer
+# the same, of starts whose answers have a part in the bars where little is measured. In 15
+# virtual tests with one drop, or ten drops and two spheres (twins of rig-1dof, seeds 0 to 10
+# and 0 to 3), bars of the best answer alone held 67 % of 300 true values, with the others up
+# to 1.03, 1.1 and 1.2 times its misfit 80, 83 and 88 %
+RIVAL_MISFIT = 1.2
+DISTINCT_SCALES = 0.02  # scales by which a parameter of two different answers differs at least
+# misfit of an answer with contacts swapped over that of the best, up to which the data do not
+# decide between them: of 9000 samples whose noise is correlated over five, chi^2 grows by 18
+NEIGHBOUR_MISFIT = 1.005
+SWAPPED_SCALES = 0.1  # scales by which a contact of such an answer differs at least
+FINE_RUNS = 100  # of the fine model in a fit: a slow one may still end at the truth
 
-    # misfits at which a search goes on or ends
-    exact: float = 1e-5  # a misfit that needs no further search, even without noise
-    correlated: float = 5.0  # samples over which noise is correlated, at most
-    ended: float = 1.5  # sigmas above the noise at which the data are explained
-    refinable: float = 1e-4  # misfit of the first waves that the last stage can still better
-    almost: float = 1.02  # misfit of first waves over the noise, of a chain worth the others
-    near_noise: float = 1.5  # misfit over the noise that the right contacts would better
-    alike: int = 3  # starts with the same misfit that end the search
-    alike_misfit: float = 1.01  # misfits over the least of starts that ended alike
-    same: float = 1.002  # the same, of starts that found the same answer
-    # the same, of starts whose answers have a part in the bars where little is measured. In 15
-    # virtual tests with one drop, or ten drops and two spheres (twins of rig-1dof, seeds 0 to 10
-    # and 0 to 3), bars of the best answer alone held 67 % of 300 true values, with the others up
-    # to 1.03, 1.1 and 1.2 times its misfit 80, 83 and 88 %
-    rivals: float = 1.2
-    distinct: float = 0.02  # scales by which a parameter of two different answers differs at least
-    # misfit of an answer with contacts swapped over that of the best, up to which the data do not
-    # decide between them: of 9000 samples whose noise is correlated over five, chi^2 grows by 18
-    neighbours: float = 1.005
-    swapped: float = 0.1  # scales by which a contact of such an answer differs at least
-    fine_runs: int = 100  # of the fine model in a fit: a slow one may still end at the truth
-
-    # noise and measured spheres with which a wrong chain cannot hide in the noise
-    decisive: float = 1.5e-3  # largest such noise
-    contacts_per_sphere: float = 6.0  # largest such number of contacts to a measured sphere
-
-
-TUNING = StartSearch()
+# noise and measured spheres with which a wrong chain cannot hide in the noise
+DECISIVE_NOISE = 1.5e-3  # largest such noise
+MAX_CONTACTS_PER_SPHERE = 6.0  # largest such number of contacts to a measured sphere
 
 
 class FitStage(NamedTuple):
@@ -227,7 +215,6 @@ def decisive(
     largest: float,
     parameters: Sequence[Parameter],
     data: np.ndarray,
-    tuning: StartSearch = TUNING,
 ) -> bool:
     """Whether a chain that leaves no more than the noise [m/s] in the data (k, m) must be the right
     one: where little is measured, contacts may be swapped at a misfit that hides in it. `largest`
@@ -236,7 +223,7 @@ def decisive(
     if not contacts:
         return True
     measured = data.shape[1]
-    return noise <= tuning.decisive * largest and contacts <= tuning.contacts_per_sphere * measured
+    return noise <= DECISIVE_NOISE * largest and contacts <= MAX_CONTACTS_PER_SPHERE * measured
 
 
 class CoarseToFine:
@@ -248,8 +235,8 @@ class CoarseToFine:
     hide in the noise.
     """
 
-    def __init__(self, fine: WindowFit, options: Options, tuning: StartSearch = TUNING) -> None:
-        self.fine, self.options, self.tuning = fine, options, tuning
+    def __init__(self, fine: WindowFit, options: Options) -> None:
+        self.fine, self.options = fine, options
         self.noise = options.noise or 0.0
         self.parameters = fine.parameters
         self.of_wall = np.array([p.of_wall for p in self.parameters])
@@ -262,14 +249,14 @@ class CoarseToFine:
         # the coarse model: the largest steps whose rms error [m/s] the noise covers
         forward = fine.forward
         usual_steps = forward.coarser(1.0).velocities(forward.start)
-        for steps in tuning.coarse_steps:
+        for steps in COARSE_STEPS:
             coarse = forward.coarser(steps)
             error = rms(coarse.velocities(forward.start) - usual_steps)
-            if error <= tuning.covered * self.noise:
+            if error <= COVERED_ERROR * self.noise:
                 break
         self.coarse = WindowFit(coarse)
-        self.exact = 1.1 * max(error, tuning.exact * fine.largest)
-        self.growing = GrowingWindows(self.coarse, self.enough, tuning.swap_runs)
+        self.exact = 1.1 * max(error, EXACT_MISFIT * fine.largest)
+        self.growing = GrowingWindows(self.coarse, self.enough, SWAP_RUNS)
 
         # (m,) [s] when the first reflected wave has passed, by the model at the start
         modelled = forward.of_velocities()
@@ -279,7 +266,7 @@ class CoarseToFine:
     def enough(self, samples: int, sigmas: float = 0.5) -> float:
         """Misfit [m/s] that needs no further search: so many sigmas above the noise, whose rms over
         n samples has the relative deviation sqrt(correlated / (2 n))."""
-        deviation = sigmas * np.sqrt(self.tuning.correlated / (2.0 * samples))
+        deviation = sigmas * np.sqrt(N_CORRELATED / (2.0 * samples))
         return float(np.hypot(self.noise * (1.0 + deviation), self.exact))
 
     def first_wave_window(self, fit: WindowFit, end: float = np.inf) -> np.ndarray:
@@ -289,7 +276,7 @@ class CoarseToFine:
 
     def solution(self, z: np.ndarray) -> np.ndarray:
         """z (p,) of the least misfit over the starts, with the fine model; the first start is z."""
-        tuning, options = self.tuning, self.options
+        options = self.options
         if options.local:
             everything = np.ones_like(self.fine.data, bool)
             return self._polished("all, all waves", z, self.every, everything, perf_counter())
@@ -298,28 +285,28 @@ class CoarseToFine:
         rng = np.random.default_rng(options.seed)
         starts = [z]
         for _ in range(options.starts - 1):
-            moved = z + tuning.scatter * ~self.of_wall * rng.standard_normal(len(z))
+            moved = z + START_SCATTER * ~self.of_wall * rng.standard_normal(len(z))
             starts.append(np.clip(moved, self.fine.low, self.fine.high))
 
-        explained = self.enough(self.fine.data.size, tuning.ended)
-        refinable = tuning.refinable * self.fine.largest if options.joint else 0.0
+        explained = self.enough(self.fine.data.size, EXPLAINED_SIGMAS)
+        refinable = REFINABLE_MISFIT * self.fine.largest if options.joint else 0.0
         noise_of_first = self.enough(int(self.first_wave_window(self.coarse).sum()))
-        promising = max(refinable, tuning.almost * noise_of_first)
-        sure = decisive(self.noise, self.fine.largest, self.parameters, self.fine.data, tuning)
+        promising = max(refinable, ALMOST_MISFIT * noise_of_first)
+        sure = decisive(self.noise, self.fine.largest, self.parameters, self.fine.data)
 
         ends: list[SearchEnd] = []
         given_up = []  # (misfit, chain, start, stages) of chains not worth the other waves
         confirmed = False
         for self.starts, start in enumerate(starts, 1):
-            self.stages, self.growing.budget = [], tuning.swap_runs
+            self.stages, self.growing.budget = [], SWAP_RUNS
             chain, misfit = self.chain_from_first_waves(start)
             if misfit <= promising:
                 ends.append(self._end(chain, start))
                 best_misfit = min(end.misfit for end in ends)
 
                 # a misfit as small as the noise is enough, else other starts must find it too
-                same = sum(end.misfit <= tuning.same * best_misfit for end in ends)
-                confirmed = best_misfit <= explained and (sure or same >= tuning.alike)
+                same = sum(end.misfit <= SAME_MISFIT * best_misfit for end in ends)
+                confirmed = best_misfit <= explained and (sure or same >= N_ALIKE_STARTS)
             else:
                 given_up.append((misfit, chain, start, self.stages))
             if confirmed:
@@ -330,10 +317,10 @@ class CoarseToFine:
         # none is confirmed: the most promising of those given up goes on, at any cost
         if given_up and not confirmed:
             _, chain, start, self.stages = min(given_up, key=lambda g: g[0])
-            self.growing.budget = tuning.last_swap_runs
+            self.growing.budget = LAST_SWAP_RUNS
             ends.append(self._end(chain, start))
         best = min(ends, key=lambda end: end.misfit)
-        self.same_starts = sum(end.misfit <= tuning.same * best.misfit for end in ends)
+        self.same_starts = sum(end.misfit <= SAME_MISFIT * best.misfit for end in ends)
         self.stages, self.scan = list(best.stages), best.scan
         self.confirmed = confirmed and all(stage.converged for stage in best.stages)
         # swaps that fit as well: the data do not say which contact is where
@@ -341,10 +328,10 @@ class CoarseToFine:
         self.confirmed = self.confirmed and not neighbours
         ends += neighbours
         if not (sure and self.confirmed):
-            near = [end for end in ends if end.misfit <= tuning.rivals * best.misfit]
+            near = [end for end in ends if end.misfit <= RIVAL_MISFIT * best.misfit]
             distinct = [best.z]
             for end in sorted(near, key=lambda end: end.misfit):
-                if all(np.abs(end.z - z).max() > tuning.distinct for z in distinct):
+                if all(np.abs(end.z - z).max() > DISTINCT_SCALES for z in distinct):
                     distinct.append(end.z)
             self.others = np.array(distinct[1:]).reshape(-1, len(best.z)).T - best.z[:, None]
         return best.z
@@ -353,11 +340,9 @@ class CoarseToFine:
         """Whether the least misfit [m/s] has come often enough; never so near the noise that a
         better one must exist."""
         best_misfit = min(misfits, default=0.0)
-        if self.options.joint and best_misfit <= self.tuning.near_noise * self.noise:
+        if self.options.joint and best_misfit <= NEAR_NOISE_MISFIT * self.noise:
             return False
-        return (
-            sum(m <= self.tuning.alike_misfit * best_misfit for m in misfits) >= self.tuning.alike
-        )
+        return sum(m <= ALIKE_MISFIT * best_misfit for m in misfits) >= N_ALIKE_STARTS
 
     def _end(self, chain: np.ndarray, start: np.ndarray) -> SearchEnd:
         """A start (p,) from its chain (p,) on to its end."""
@@ -381,7 +366,7 @@ class CoarseToFine:
         ends = self._window_ends(0.1, self.first_waves.max())
         windows = [self.first_wave_window(self.coarse, end) for end in ends]
         free = self.every if self.options.joint else of_chain
-        goal = self.tuning.refinable * self.fine.largest if self.options.joint else 0.0
+        goal = REFINABLE_MISFIT * self.fine.largest if self.options.joint else 0.0
         z, misfit, runs = self.growing.on_windows(z, free, windows, goal)
         if self.options.joint:  # the last stage fits the chain again, with the fine model
             self._note("chain, first waves", of_chain, misfit, runs, began, True)
@@ -416,13 +401,13 @@ class CoarseToFine:
         t = self.coarse.forward.signals.t[:, None]
         everything = np.ones_like(self.coarse.data, bool)
         best = self.coarse.solved(z, self.every, everything, max_runs=12, tolerance=1e-5)
-        enough = self.enough(self.coarse.data.size, self.tuning.ended)
+        enough = self.enough(self.coarse.data.size, EXPLAINED_SIGMAS)
 
         # two rigs that differ by a swap may both leave no more than noise: the least is meant
         rounds = 1 if best.misfit <= enough else None
         self.growing.tried = [best]
         best, _ = self.growing.swapped(best, self.every, everything, self.exact, rounds=rounds)
-        likely = self.tuning.neighbours * best.misfit
+        likely = NEIGHBOUR_MISFIT * best.misfit
         moves = [swap.point - best.point for swap in self.growing.tried if swap.misfit <= likely]
         if best.misfit > enough:
             ends = self._window_ends(0.5, t[-1, 0])
@@ -433,19 +418,19 @@ class CoarseToFine:
         everything = np.ones_like(self.fine.data, bool)
         z = self._polished("all, all waves", best.point, self.every, everything, began)
         # less than that is no swap, see `WindowFit.swapped`, but the same valley by fewer runs
-        return z, tuple(z + move for move in moves if np.abs(move).max() > self.tuning.swapped)
+        return z, tuple(z + move for move in moves if np.abs(move).max() > SWAPPED_SCALES)
 
     def _window_ends(self, share: float, last: float) -> np.ndarray:
         """Ends [s] of windows that grow, from a share of the time since before the first touch."""
         forward = self.fine.forward
-        lead = self.tuning.lead * forward.time_scale
+        lead = WINDOW_LEAD * forward.time_scale
         begin = max(forward.touch - lead, forward.signals.t[0])
         first = (1.0 - share) * begin + share * last
-        return np.linspace(first, last, self.tuning.windows)
+        return np.linspace(first, last, N_WINDOWS)
 
     def _polished(self, name, z, free, windows, began) -> np.ndarray:
         """z (p,) of a fit with the fine model, noted as a stage."""
-        fit = self.fine.solved(z, free, windows, max_runs=self.tuning.fine_runs)
+        fit = self.fine.solved(z, free, windows, max_runs=FINE_RUNS)
         self._note(name, free, fit.misfit, fit.evaluations, began, fit.converged)
         return fit.point
 

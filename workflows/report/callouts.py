@@ -10,15 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-
-class CalloutLayout(NamedTuple):
-    """Sizes of a picture's callouts, chosen by eye."""
-
-    cells: int = 45  # across the picture, in which the nearest point hides the others
-    visible: int = 3  # a body is visible that is the nearest in more cells than these
-    margin: float = 0.2  # of the picture's width, between bodies and names
-    lines: int = 16  # of text that fit on its height
-    aslant: float = 0.3  # of a unit direction in the picture, from which on it points to a side
+# Sizes of a picture's callouts, chosen by eye
+N_CELLS = 45  # across the picture, in which the nearest point hides the others
+MIN_VISIBLE_CELLS = 3  # a body is visible that is the nearest in more cells than these
+MARGIN = 0.2  # of the picture's width, between bodies and names
+N_LINES = 16  # of text that fit on its height
+ASLANT = 0.3  # of a unit direction in the picture, from which on it points to a side
 
 
 class Callout(NamedTuple):
@@ -34,7 +31,6 @@ def callouts(
     bodies: Sequence[NDArray[np.float64]],
     towards: Sequence[float],
     up: Sequence[float],
-    layout: CalloutLayout = CalloutLayout(),
     *,
     occupied: Sequence[float] | None = None,
 ) -> list[Callout]:
@@ -53,8 +49,8 @@ def callouts(
     size = (upper - lower)[:2].max()
 
     # the point nearest to the eye in each cell of the picture
-    cell = np.floor((points[:, :2] - lower[:2]) / (size / layout.cells)).astype(np.int64)
-    column = cell @ [1, 10 * layout.cells]
+    cell = np.floor((points[:, :2] - lower[:2]) / (size / N_CELLS)).astype(np.int64)
+    column = cell @ [1, 10 * N_CELLS]
     order = np.lexsort((-points[:, 2], column))
     nearest = order[np.unique(column[order], return_index=True)[1]]
 
@@ -62,7 +58,7 @@ def callouts(
     anchors, visible = [], []
     for i, own_points in enumerate(projected):
         front = points[nearest[body[nearest] == i]]
-        visible.append(len(front) > layout.visible)
+        visible.append(len(front) > MIN_VISIBLE_CELLS)
         front = front if visible[-1] else own_points
         distance = np.linalg.norm(front[:, :2] - np.median(front[:, :2], axis=0), axis=1)
         anchors.append(front[distance.argmin()])
@@ -74,13 +70,13 @@ def callouts(
     order = np.argsort(anchors[:, 0], kind="stable")
     is_left = np.isin(np.arange(len(bodies)), order[: len(bodies) // 2])
     along = 0.0 if occupied is None else float(right @ np.asarray(occupied, dtype=float))
-    if abs(along) > layout.aslant:
+    if abs(along) > ASLANT:
         is_left[:] = along > 0
     text = anchors.copy()
-    margin = layout.margin * (upper[0] - lower[0])
+    margin = MARGIN * (upper[0] - lower[0])
     text[:, 0] = np.where(is_left, lower[0] - margin, upper[0] + margin)
     for side in (is_left, ~is_left):
-        text[side, 1] = spread(anchors[side, 1], size / layout.lines)
+        text[side, 1] = spread(anchors[side, 1], size / N_LINES)
 
     rows = zip(anchors @ axes, text @ axes, is_left.tolist(), visible, strict=True)
     return [Callout(*row) for row in rows]

@@ -30,16 +30,14 @@ PVD = """<?xml version="1.0"?>
 """
 
 
-class FilmSettings(NamedTuple):
-    """How a film looks, chosen by eye, and how long its frames may take."""
-
-    rate: int = 20  # frames a second
-    paraview_frames: int = 100  # instants in files for ParaView
-    structure: float = 0.06  # largest displacement as drawn over the assembly's size
-    spheres: float = 0.9  # the same over the smallest radius: spheres keep their order
-    # velocities below the frames: at the 130 dots an inch of `plots.png` as wide as the frames
-    strip_inches: tuple[float, float] = (9.6, 1.7)
-    seconds: int = 900  # for all frames
+# Looks of a film, chosen by eye, and the time that its frames may take
+FRAME_RATE = 20  # frames a second
+N_PARAVIEW_FRAMES = 100  # instants in files for ParaView
+STRUCTURE_AMPLITUDE = 0.06  # largest displacement as drawn over the assembly's size
+SPHERE_AMPLITUDE = 0.9  # the same over the smallest radius: spheres keep their order
+# velocities below the frames: at the 130 dots an inch of `plots.png` as wide as the frames
+STRIP_INCHES = (9.6, 1.7)
+MAX_SECONDS = 900  # for all frames
 
 
 class Frames(NamedTuple):
@@ -67,17 +65,15 @@ def require_name(name: str) -> None:
         )
 
 
-def film(
-    folder: RunFolder, name: str, *, seconds: float, settings: FilmSettings = FilmSettings()
-) -> list[Path]:
+def film(folder: RunFolder, name: str, *, seconds: float) -> list[Path]:
     """Write the film NAME, .mp4 or .gif, into a run folder; raises InvalidScene without a run."""
-    run, scene = frames(folder.path, round(seconds * settings.rate))
+    run, scene = frames(folder.path, round(seconds * FRAME_RATE))
 
     # displacements are drawn by round factors, 1 where nothing moves
     size = float(np.linalg.norm(np.ptp(run.points, axis=0)))
     largest_u, largest_x = np.linalg.norm(run.u, axis=2).max(), np.abs(run.x).max()
-    scale_u = rounded(settings.structure * size / largest_u) if largest_u else 1.0
-    scale_x = rounded(settings.spheres * run.radius.min() / largest_x) if largest_x else 1.0
+    scale_u = rounded(STRUCTURE_AMPLITUDE * size / largest_u) if largest_u else 1.0
+    scale_x = rounded(SPHERE_AMPLITUDE * run.radius.min() / largest_x) if largest_x else 1.0
 
     # velocities of the observed spheres, and where their time starts and ends in the picture
     trajectory = page_data.arrays(folder.path / "trajectory.npz")
@@ -85,7 +81,7 @@ def film(
     observed = scene.output.spheres or (1, v.shape[1])
     lines = [Line(f"sphere {s}", t, v[:, s - 1], "-") for s in observed]
     panel = Panel("", "time [ms]", "velocity [mm/s]", lines)
-    figure, (axis,) = plots.drawn([panel], size=settings.strip_inches)
+    figure, (axis,) = plots.drawn([panel], size=STRIP_INCHES)
     strip = plots.png(figure)  # lays out the axes
     head = axis.transData.transform([(t[0], 0), (t[-1], 0)])[:, 0] / figure.bbox.width
 
@@ -93,11 +89,9 @@ def film(
         (Path(work) / "strip.png").write_bytes(strip)
         np.savez(
             Path(work) / "film.npz", **run._asdict(), scale_u=scale_u, scale_x=scale_x,
-            up=page_data.upwards(scene, run.direction), head=head, rate=settings.rate,
+            up=page_data.upwards(scene, run.direction), head=head, rate=FRAME_RATE,
         )  # fmt: skip
-        drawing = child(
-            "beadwave.workflows.report.render_film", work, name, seconds=settings.seconds
-        )
+        drawing = child("beadwave.workflows.report.render_film", work, name, seconds=MAX_SECONDS)
         if drawing.returncode != 0:
             raise ValueError(
                 "the film could not be drawn; install an off-screen GL library (Debian: apt-get "
@@ -106,13 +100,13 @@ def film(
         return [folder.write(name, (Path(work) / name).read_bytes())]
 
 
-def paraview(folder: RunFolder, settings: FilmSettings = FilmSettings()) -> list[Path]:
+def paraview(folder: RunFolder) -> list[Path]:
     """Write film.pvd and the surfaces and spheres of its instants; raises InvalidScene without a
     run that moves."""
     from meshio import Mesh as Grid
 
     # quadrilaterals of a surface, and triangles, whose last corner is named twice
-    run, _ = frames(folder.path, settings.paraview_frames)
+    run, _ = frames(folder.path, N_PARAVIEW_FRAMES)
     triangle = run.faces[:, 2] == run.faces[:, -1] if len(run.faces) else np.zeros(0, bool)
     faces = (("quad", run.faces[~triangle]), ("triangle", run.faces[triangle][:, :3]))
     faces = [(kind, corners) for kind, corners in faces if len(corners)]

@@ -39,29 +39,27 @@ BAR = {
 }  # fmt: skip
 
 
-class RenderSettings(NamedTuple):
-    """How bodies and modes are drawn, chosen by eye."""
-
-    split: int = 4  # of a triangle's sides, between the points that tell which body is in front
-    chain: float = 1.3  # most length of the chain that is drawn over the assembly's size
-    # length of the pin at a joint over the assembly's size: longer than most covers are thick
-    bolt: float = 0.09
-    slender: float = 0.1  # radius of that pin over its length
-    short: float = 0.12  # side of the assembly over its size that has no room for three numbers
-    # of a spring to the ground over the assembly's size, and of any coil: turns, radius and wire
-    # over the assembly's size
-    spring: float = 0.16
-    turns: int = 7
-    shade: float = 0.4  # opacity of a pin that is behind a face
-    coil: tuple[float, float] = (0.013, 0.003)
-    smallest_mass: float = 0.012  # radius of a mass as drawn over the assembly's size
-    slant: float = 52.0  # [deg] of the view from the direction of the impact, about the vertical
-    above: float = 0.55  # height of the eye over its distance along the ground
-    largest_mode: float = 0.05  # largest displacement of a mode as drawn over the assembly's size
-    edge_angle: float = 30.0  # [deg] between facets that makes an edge of an outline
-    mode: tuple[float, float] = (0.87, 0.85)  # shares of the view's width and height that it fills
-    assembly: tuple[float, float] = (0.95, 0.8)  # the same, with labels and below the legend
-    letter: float = 0.0085  # width of a letter of a label over the view's, about
+# Looks of bodies and modes, chosen by eye
+SPLIT = 4  # of a triangle's sides, between the points that tell which body is in front
+CHAIN_LENGTH = 1.3  # most length of the chain that is drawn over the assembly's size
+# length of the pin at a joint over the assembly's size: longer than most covers are thick
+PIN_LENGTH = 0.09
+PIN_RADIUS = 0.1  # radius of that pin over its length
+SHORT_SIDE = 0.12  # side of the assembly over its size that has no room for three numbers
+# of a spring to the ground over the assembly's size, and of any coil: turns, radius and wire
+# over the assembly's size
+SPRING_LENGTH = 0.16
+N_TURNS = 7
+PIN_OPACITY = 0.4  # opacity of a pin that is behind a face
+COIL = (0.013, 0.003)
+MIN_MASS_RADIUS = 0.012  # radius of a mass as drawn over the assembly's size
+VIEW_SLANT = 52.0  # [deg] of the view from the direction of the impact, about the vertical
+EYE_HEIGHT = 0.55  # height of the eye over its distance along the ground
+MODE_AMPLITUDE = 0.05  # largest displacement of a mode as drawn over the assembly's size
+EDGE_ANGLE = 30.0  # [deg] between facets that makes an edge of an outline
+MODE_VIEW = (0.87, 0.85)  # shares of the view's width and height that it fills
+ASSEMBLY_VIEW = (0.95, 0.8)  # the same, with labels and below the legend
+LETTER_WIDTH = 0.0085  # width of a letter of a label over the view's, about
 
 
 class Fixtures(NamedTuple):
@@ -78,15 +76,15 @@ class Fixtures(NamedTuple):
     parts: Sequence[tuple[str, list[float], list[float]]] = ()  # measured: name, point, out
 
 
-def eye_of(strike: list[float] | None, settings: RenderSettings) -> NDArray[np.float64]:
+def eye_of(strike: list[float] | None) -> NDArray[np.float64]:
     """Direction (3,) towards the eye: from the side that is struck, and from above, or from below
     where the impact comes from there."""
     if strike is None:
         return np.array(EYE)
     outward = -np.array(strike[3:])
     along = outward[:2] if np.hypot(*outward[:2]) > 0.3 else np.array([1.0, 0.0])
-    angle = np.arctan2(along[1], along[0]) - np.radians(settings.slant)
-    above = -settings.above if outward[2] < -0.7 else settings.above
+    angle = np.arctan2(along[1], along[0]) - np.radians(VIEW_SLANT)
+    above = -EYE_HEIGHT if outward[2] < -0.7 else EYE_HEIGHT
     return np.array([np.cos(angle), np.sin(angle), above])
 
 
@@ -116,9 +114,7 @@ def coil(
     return start + t[:, None] * length * axis + swing * around
 
 
-def held_faces(
-    plotter: pv.Plotter, fixtures: Fixtures, settings: RenderSettings
-) -> list[tuple[str, str]]:
+def held_faces(plotter: pv.Plotter, fixtures: Fixtures) -> list[tuple[str, str]]:
     """Held faces outlined; what the legend says of them."""
     if not fixtures.held:
         return []
@@ -126,43 +122,35 @@ def held_faces(
     first = np.cumsum([0, *(len(facet) for facet in facets)]).tolist()
     cells = [[b - a, *range(a, b)] for a, b in pairwise(first)]
     faces = pv.PolyData(np.concatenate(facets), np.concatenate(cells)).clean()
-    outline = faces.extract_feature_edges(
-        settings.edge_angle, manifold_edges=False, feature_edges=False
-    )
+    outline = faces.extract_feature_edges(EDGE_ANGLE, manifold_edges=False, feature_edges=False)
     plotter.add_mesh(outline, color=HELD, line_width=7, render_lines_as_tubes=True)
     return [("held face", HELD)]
 
 
-def bolts(
-    plotter: pv.Plotter, fixtures: Fixtures, size: float, settings: RenderSettings
-) -> list[tuple[str, str]]:
+def bolts(plotter: pv.Plotter, fixtures: Fixtures, size: float) -> list[tuple[str, str]]:
     """A pin at each joint, also seen through the bodies around it; what the legend says."""
     if not fixtures.joints:
         return []
     for _, centre, axis in fixtures.joints:
-        length = settings.bolt * size
-        pin = pv.Cylinder(
-            center=centre, direction=axis, radius=settings.slender * length, height=length
-        )
+        length = PIN_LENGTH * size
+        pin = pv.Cylinder(center=centre, direction=axis, radius=PIN_RADIUS * length, height=length)
         plotter.add_mesh(pin, color=BOLT, **MATT)
         # also seen through the bodies around it
-        shade = plotter.add_mesh(pin, color=BOLT, opacity=settings.shade, lighting=False).mapper
+        shade = plotter.add_mesh(pin, color=BOLT, opacity=PIN_OPACITY, lighting=False).mapper
         shade.SetResolveCoincidentTopologyToPolygonOffset()
         shade.SetRelativeCoincidentTopologyPolygonOffsetParameters(0.0, -1e5)
     return [(f"joints: {_numbered(name for name, *_ in fixtures.joints)}", BOLT)]
 
 
-def springs(
-    plotter: pv.Plotter, fixtures: Fixtures, size: float, settings: RenderSettings
-) -> list[tuple[str, str]]:
+def springs(plotter: pv.Plotter, fixtures: Fixtures, size: float) -> list[tuple[str, str]]:
     """A coil for each spring, with a plate where it stands on the ground; what the legend says."""
     if not fixtures.springs:
         return []
     for _, start, other, grounded in fixtures.springs:
-        radius, wire = (share * size for share in settings.coil)
-        end = np.array(start) + settings.spring * size * np.array(other)
+        radius, wire = (share * size for share in COIL)
+        end = np.array(start) + SPRING_LENGTH * size * np.array(other)
         end = end if grounded else np.array(other)
-        path_of_wire = pv.lines_from_points(coil(np.array(start), end, radius, settings.turns))
+        path_of_wire = pv.lines_from_points(coil(np.array(start), end, radius, N_TURNS))
         plotter.add_mesh(path_of_wire.tube(radius=wire), color=SPRING, **MATT)
         if grounded:
             plate = pv.Cylinder(center=end, direction=other, radius=1.6 * radius, height=2 * wire)
@@ -170,15 +158,13 @@ def springs(
     return [(f"springs: {_numbered(name for name, *_ in fixtures.springs)}", SPRING)]
 
 
-def measured_parts(
-    plotter: pv.Plotter, fixtures: Fixtures, size: float, settings: RenderSettings
-) -> list[tuple[str, str]]:
+def measured_parts(plotter: pv.Plotter, fixtures: Fixtures, size: float) -> list[tuple[str, str]]:
     """A rod that ends in a ball at each point of a measured part; what the legend says."""
     if not fixtures.parts:
         return []
     for _, point, out in fixtures.parts:
         # a rod that ends in a ball: what is behind it is known by its responses alone
-        length, radius = (share * size for share in (0.6 * settings.spring, settings.coil[0]))
+        length, radius = (share * size for share in (0.6 * SPRING_LENGTH, COIL[0]))
         end = np.array(point) + length * np.array(out)
         rod = pv.Cylinder(
             center=0.5 * (np.array(point) + end), direction=out, radius=0.4 * radius, height=length
@@ -189,14 +175,12 @@ def measured_parts(
     return [(f"points of measured parts: {named}", PART)]
 
 
-def masses(
-    plotter: pv.Plotter, fixtures: Fixtures, size: float, settings: RenderSettings
-) -> list[tuple[str, str]]:
+def masses(plotter: pv.Plotter, fixtures: Fixtures, size: float) -> list[tuple[str, str]]:
     """A disc for each mass on a face; what the legend says."""
     if not fixtures.masses:
         return []
     for _, point, out, radius in fixtures.masses:
-        radius = max(radius, settings.smallest_mass * size)
+        radius = max(radius, MIN_MASS_RADIUS * size)
         body = pv.Cylinder(
             center=np.array(point) + 0.5 * radius * np.array(out), direction=out, radius=radius,
             height=radius,
@@ -205,9 +189,7 @@ def masses(
     return [(f"masses: {_numbered(name for name, *_ in fixtures.masses)}", MASS)]
 
 
-def struck(
-    plotter: pv.Plotter, fixtures: Fixtures, size: float, settings: RenderSettings
-) -> list[tuple[str, str]]:
+def struck(plotter: pv.Plotter, fixtures: Fixtures, size: float) -> list[tuple[str, str]]:
     """The spheres of the chain, as far as there is room, and an arrow along the impact; what the
     legend says."""
     if not fixtures.strike:
@@ -215,7 +197,7 @@ def struck(
     point, direction = np.array(fixtures.strike[:3]), np.array(fixtures.strike[3:])
     depth, drawn = 0.0, 0
     for radius in fixtures.spheres:
-        if depth and depth + 2 * radius > settings.chain * size:
+        if depth and depth + 2 * radius > CHAIN_LENGTH * size:
             break
         drawn += 1
         sphere = pv.Sphere(radius=radius, center=point - (depth + radius) * direction)
@@ -232,12 +214,12 @@ def struck(
     return [(impact, IMPACT)]
 
 
-def dimensions(plotter: pv.Plotter, grid: pv.DataSet, settings: RenderSettings) -> None:
+def dimensions(plotter: pv.Plotter, grid: pv.DataSet) -> None:
     """Axes in mm around the assembly: three numbers along a side, or both ends of a short one."""
     # to a micrometre: an end at -1e-17 m is 0, not -0
     millimetres = [round(1e3 * x, 3) + 0.0 for x in grid.bounds]
     sides = np.diff(np.reshape(grid.bounds, (3, 2)), axis=1)[:, 0]
-    numbers = np.where(sides > settings.short * grid.length, 3, 2).tolist()
+    numbers = np.where(sides > SHORT_SIDE * grid.length, 3, 2).tolist()
     axes = plotter.show_bounds(
         bounds=grid.bounds, axes_ranges=millimetres, xtitle="x [mm]", ytitle="y [mm]",
         ztitle="z [mm]",
@@ -247,13 +229,11 @@ def dimensions(plotter: pv.Plotter, grid: pv.DataSet, settings: RenderSettings) 
     axes.SetAxisLabels(1, pv.convert_array(np.array(["", *axes.y_labels[1:]])))  # x has that corner
 
 
-def assembly(
-    grid: pv.DataSet, fixtures: Fixtures, path: Path, settings: RenderSettings = RenderSettings()
-) -> None:
+def assembly(grid: pv.DataSet, fixtures: Fixtures, path: Path) -> None:
     """The mesh, each body in a colour of its own, with its dimensions, the chain that strikes it,
     pins where bolts are and held faces outlined."""
-    plotter, n, names = white_plotter((1, 1)), settings.split, fixtures.bodies
-    eye = eye_of(fixtures.strike, settings)
+    plotter, n, names = white_plotter((1, 1)), SPLIT, fixtures.bodies
+    eye = eye_of(fixtures.strike)
     shares = [(i / n, j / n, (n - i - j) / n) for i in range(n + 1) for j in range(n + 1 - i)]
     points = []
     for i in range(len(names)):
@@ -284,26 +264,26 @@ def assembly(
 
     # what is fastened to the bodies, each kind with its entry in the legend
     legend = [
-        *held_faces(plotter, fixtures, settings),
-        *bolts(plotter, fixtures, grid.length, settings),
-        *springs(plotter, fixtures, grid.length, settings),
-        *measured_parts(plotter, fixtures, grid.length, settings),
-        *masses(plotter, fixtures, grid.length, settings),
-        *struck(plotter, fixtures, grid.length, settings),
+        *held_faces(plotter, fixtures),
+        *bolts(plotter, fixtures, grid.length),
+        *springs(plotter, fixtures, grid.length),
+        *measured_parts(plotter, fixtures, grid.length),
+        *masses(plotter, fixtures, grid.length),
+        *struck(plotter, fixtures, grid.length),
     ]
     if legend:
         size = 0.3, 0.033 * len(legend)
         plotter.add_legend(legend, bcolor=None, face="rectangle", loc="upper left", size=size)
 
-    dimensions(plotter, grid, settings)
+    dimensions(plotter, grid)
     seen_from(plotter, eye)
 
     # of the view's width, what the z axis or names take on the left, and names on the right
     beside = {True: 0.08, False: 0.04}
     for name, label in zip(names, labels, strict=True):
         letters = len(name) + (0 if label.seen else len(" (hidden)"))
-        beside[label.left] = max(beside[label.left], settings.letter * letters)
-    width, height = settings.assembly
+        beside[label.left] = max(beside[label.left], LETTER_WIDTH * letters)
+    width, height = ASSEMBLY_VIEW
     fill_view(
         plotter, np.concatenate([mesh.points for mesh in plotter.meshes]),
         (width - sum(beside.values()), height),
@@ -317,9 +297,7 @@ def _numbered(names: Iterable[str]) -> str:
     return ", ".join(f"{name} ({n})" for name, n in Counter(names).items())
 
 
-def modes(
-    grid: pv.DataSet, fixtures: Fixtures, path: Path, settings: RenderSettings = RenderSettings()
-) -> None:
+def modes(grid: pv.DataSet, fixtures: Fixtures, path: Path) -> None:
     """The measured modes, or the first ones, coloured by displacement, and the outline at rest."""
     names = [name for name in grid.point_data if name.startswith("mode ")]
     names = [name for name in names if MEASURED in name] or names
@@ -328,28 +306,26 @@ def modes(
     for i, name in enumerate(names[:4]):
         plotter.subplot(i // columns, i % columns)
 
-        bent = bent_by(plotter, grid, name, settings)
+        bent = bent_by(plotter, grid, name)
         plotter.add_text(name, font_size=12, color="black")
-        seen_from(plotter, eye_of(fixtures.strike, settings))
+        seen_from(plotter, eye_of(fixtures.strike))
 
         # beside the colour bar and below the name
-        fill_view(plotter, np.concatenate([grid.points, bent.points]), settings.mode)
-        plotter.camera.SetWindowCenter(1 - settings.mode[0], 0.0)
+        fill_view(plotter, np.concatenate([grid.points, bent.points]), MODE_VIEW)
+        plotter.camera.SetWindowCenter(1 - MODE_VIEW[0], 0.0)
 
     caption = "colour: displacement over the largest of the mode"
     plotter.add_text(caption, position="lower_left", font_size=8, color="black")
     plotter.screenshot(path)
 
 
-def bent_by(
-    plotter: pv.Plotter, grid: pv.DataSet, name: str, settings: RenderSettings
-) -> pv.DataSet:
+def bent_by(plotter: pv.Plotter, grid: pv.DataSet, name: str) -> pv.DataSet:
     """Draw a mode, exaggerated and coloured by displacement, on the outline at rest; the bent
     mesh."""
     u = grid.point_data[name]
     size = np.linalg.norm(u, axis=1)
     bent = grid.copy()
-    bent.points = grid.points + settings.largest_mode * grid.length / size.max() * u
+    bent.points = grid.points + MODE_AMPLITUDE * grid.length / size.max() * u
     title = f"{name}: displacement"
     bent[title] = size / size.max()
     surface = bent.extract_surface(algorithm=None)
@@ -357,8 +333,8 @@ def bent_by(
         surface, scalars=title, cmap=ramp(RAMP, 64), clim=(0, 1),
         scalar_bar_args={"title": title, **BAR}, **MATT,
     )  # fmt: skip
-    edges = surface.extract_feature_edges(settings.edge_angle)
-    at_rest = grid.extract_surface(algorithm=None).extract_feature_edges(settings.edge_angle)
+    edges = surface.extract_feature_edges(EDGE_ANGLE)
+    at_rest = grid.extract_surface(algorithm=None).extract_feature_edges(EDGE_ANGLE)
     plotter.add_mesh(edges, color="#202020", line_width=1.5)
     plotter.add_mesh(at_rest, color="#909090", line_width=1.0)
     return bent

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import pyvista as pv
 
-from beadwave.workflows.report.render import EYE, IMPACT, MATT, RenderSettings, bent_by, seen_from
+from beadwave.workflows.report.render import EDGE_ANGLE, EYE, IMPACT, MATT, bent_by, seen_from
 from beadwave.workflows.report.render import white_plotter as plotter_of
 
 VIEW = (520, 340)  # pixels of a view
@@ -30,8 +30,7 @@ class Compared(NamedTuple):
 
 def shapes(
     grid: pv.DataSet, modes: list[Compared], path: Path,
-    settings: RenderSettings = RenderSettings(),
-) -> None:  # fmt: skip
+    ) -> None:  # fmt: skip
     """A pair of views for each mode: arrows at the points of the test on the outline at rest, and
     the computed mode; two pairs in a row where there are more than three."""
     names = [name for name in grid.point_data if name.startswith("mode ")]
@@ -39,7 +38,7 @@ def shapes(
     rows = -(-len(modes) // pairs)
     plotter = plotter_of((rows, 2 * pairs), (2 * pairs * VIEW[0], rows * VIEW[1]))
     skin = grid.extract_surface(algorithm=None)
-    outline = skin.extract_feature_edges(settings.edge_angle)
+    outline = skin.extract_feature_edges(EDGE_ANGLE)
     dot = 0.008  # radius of a point over the structure's size
     for i, (mode, name) in enumerate(zip(modes, names, strict=True)):
         row, pair = divmod(i, pairs)
@@ -65,7 +64,7 @@ def shapes(
 
         # the computed mode beside it, from the same direction
         plotter.subplot(row, 2 * pair + 1)
-        bent_by(plotter, grid, name, settings)
+        bent_by(plotter, grid, name)
         plotter.remove_scalar_bar(f"{name}: displacement")
         plotter.add_text(mode.computed, font_size=12, color="black")
         seen_from(plotter, np.array(EYE))

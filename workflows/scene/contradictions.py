@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from math import isinf
 from pathlib import Path
-from typing import NamedTuple
 
 from beadwave.workflows.scene import (
     LossFactorsTable,
@@ -30,16 +29,10 @@ from beadwave.workflows.scene.shaker_contradictions import of_shakers
 from beadwave.workflows.scene.size import too_large
 from beadwave.workflows.scene.walls import gives_way
 
-
-class SceneLimits(NamedTuple):
-    """Bounds on combinations of keys, by orders of magnitude beyond real cases; not varied."""
-
-    yield_pressure: float = 1e-6  # over Young's modulus, at least; that of lead is 1e-3
-    young: float = 1e6  # [Pa] of a body of finite elements, at least: rubber
-    damping: float = 1e6  # [s/m] of Hunt and Crossley's law, at most; from 1e3 nothing rebounds
-
-
-LIMITS = SceneLimits()
+# Bounds on combinations of keys, by orders of magnitude beyond real cases
+MIN_YIELD_PRESSURE = 1e-6  # over Young's modulus, at least; that of lead is 1e-3
+MIN_YOUNG = 1e6  # [Pa] of a body of finite elements, at least: rubber
+MAX_HUNT_CROSSLEY = 1e6  # [s/m] of Hunt and Crossley's law, at most; from 1e3 nothing rebounds
 
 
 def contradictions(scene: Scene) -> Iterator[str]:
@@ -114,9 +107,9 @@ def _of_rig_assembly(scene: Scene) -> Iterator[str]:
     # moduli: of the assembly, and of bodies with a material of their own
     bodies = {f"assembly.{name}": getattr(table, "young", None) for name, table in scene.assembly}
     for name, young in {"assembly": scene.assembly.young, **bodies}.items():
-        if young is not None and young < LIMITS.young:
+        if young is not None and young < MIN_YOUNG:
             yield (
-                f"{name}.young = {young:g} Pa must be at least {LIMITS.young:g} Pa, that of "
+                f"{name}.young = {young:g} Pa must be at least {MIN_YOUNG:g} Pa, that of "
                 "rubber: "
                 "softer bodies have too many modes; raise it."
             )
@@ -264,7 +257,7 @@ def _of_chain(scene: Scene) -> Iterator[str]:
     if contact.law == "thornton":
         lowest, allowed = (
             _lowest(contact.yield_pressure),
-            LIMITS.yield_pressure * _lowest(chain.young),
+            MIN_YIELD_PRESSURE * _lowest(chain.young),
         )
         if lowest < allowed:
             yield (
@@ -287,10 +280,10 @@ def _of_chain(scene: Scene) -> Iterator[str]:
         yield f"contact.file = {contact.file!r} {why}; give a CSV of overlaps and forces."
     largest = contact.coefficient
     largest = max(largest) if isinstance(largest, tuple) else largest
-    if contact.dissipation == "hunt-crossley" and largest > LIMITS.damping:
+    if contact.dissipation == "hunt-crossley" and largest > MAX_HUNT_CROSSLEY:
         yield (
             f"contact.coefficient = {largest:g} s/m, allowed with dissipation = "
-            f'"hunt-crossley" is up to {LIMITS.damping:g} s/m; from some 1000 s/m on nothing '
+            f'"hunt-crossley" is up to {MAX_HUNT_CROSSLEY:g} s/m; from some 1000 s/m on nothing '
             "rebounds, lower it."
         )
 

@@ -155,14 +155,12 @@ class EdgeRefinement(NamedTuple):
     growth: float = 3.0  # size of an element over that of its neighbour nearer to the edge
 
 
-class ClampRefinement(NamedTuple):
-    """Elements of a sheet on either side of a line where it is clamped: it bends there within some
-    thicknesses. One row of a tenth of the seed in place of these left twice the error in the waves
-    of rig-rom, at the same number of unknowns."""
-
-    size: float = 1 / 30  # of the elements' size, of the first row
-    growth: float = 2.0  # of neighbouring rows away from the line; 2.5 and 3 left more error
-    reach: float = 0.4  # of the elements' size: the rows between the line and the rings of screws
+# Elements of a sheet on either side of a line where it is clamped: it bends there within some
+# thicknesses. One row of a tenth of the seed in place of these left twice the error in the waves of
+# rig-rom, at the same number of unknowns.
+CLAMP_ROW = 1 / 30  # of the elements' size, of the first row
+CLAMP_GROWTH = 2.0  # of neighbouring rows away from the line; 2.5 and 3 left more error
+CLAMP_REACH = 0.4  # of the elements' size: the rows between the line and the rings of screws
 
 
 EDGE = EdgeRefinement()
@@ -170,7 +168,6 @@ EDGE = EdgeRefinement()
 # left an error of 1.1 % in the waves (38 000 unknowns), 2 mm and 6 left 1.6 % (37 000), 0.6 mm and
 # 9 left 1.4 % (43 000)
 EDGE_BELOW = EdgeRefinement(1 / 40, 5.0)
-CLAMP = ClampRefinement()
 
 
 class Cuboid(NamedTuple):
@@ -365,12 +362,12 @@ def _sheet(a: Any, name: str, seed: float) -> dict[str, Any]:
     half, lower, y = a.sheet_width / 2, -a.sheet_free_length - a.foot_overlap, a.block_y / 2
     top, foot = a.head_overlap, -a.sheet_free_length
     corners = ((-half, lower), (half, lower), (half, top), (-half, top))
-    clamp = {"size": CLAMP.size * seed, "growth": CLAMP.growth}
+    clamp = {"size": CLAMP_ROW * seed, "growth": CLAMP_GROWTH}
 
     # where the thin rows end and the rings begin
     r, screws = a.washer_radius, screw_z(a)
-    head_rows = min(CLAMP.reach * seed, (screws["head"] - r) / 2)
-    foot_rows = foot - min(CLAMP.reach * seed, (foot - screws["foot"] - r) / 2)
+    head_rows = min(CLAMP_REACH * seed, (screws["head"] - r) / 2)
+    foot_rows = foot - min(CLAMP_REACH * seed, (foot - screws["foot"] - r) / 2)
     rings, at = [], []
     for joint, (z, end) in {"head": (head_rows, top), "foot": (lower, foot_rows)}.items():
         for x, (left, right) in zip(a.screw_x, screw_cells(a), strict=True):

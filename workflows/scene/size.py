@@ -15,7 +15,7 @@ since most of it is spent reading factors; models of 39 000 and 49 000 unknowns 
 times as long.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from importlib.util import find_spec
 from math import log, pi, prod
 from typing import NamedTuple
@@ -35,24 +35,21 @@ class RunLimits(NamedTuple):
     error: float = 1e-9  # of a receptance, at least: some digits above rounding
 
 
-class RunCosts(NamedTuple):
-    """Coefficients of the memory [bytes] and the time [s] of a run, fitted to the runs
-    named above."""
-
-    libraries: float = 0.35e9  # of the imported packages
-    vectors: int = 40  # Lanczos vectors at a time
-    # of matrices for each unknown; an unknown of hexahedra is coupled to twice as many others
-    matrices: Mapping[str, float] = {"hex": 11e3, "tet": 6e3}
-    # of factors, over N^(4/3): by our own Cholesky (False), by PARDISO (True)
-    fill: Mapping[bool, float] = {False: 170.0, True: 240.0}
-    instant: int = 70  # of a saved instant of a sphere: 31 in a march, then errors and pictures
-    start: float = 2.0  # s
-    solved: float = 1.4e-5  # s, over N^(4/3)
-    growth: float = 1.7  # of neighbouring elements away from the contact (`geometry.grid_lines`)
+# Coefficients of the memory [bytes] and the time [s] of a run, fitted to the runs named above.
+LIBRARY_BYTES = 0.35e9  # of the imported packages
+N_VECTORS = 40  # Lanczos vectors at a time
+# of matrices for each unknown; an unknown of hexahedra is coupled to twice as many others
+MATRIX_BYTES = {"hex": 11e3, "tet": 6e3}
+# of factors, over N^(4/3): by our own Cholesky (False), by PARDISO (True)
+FACTOR_BYTES = {False: 170.0, True: 240.0}
+INSTANT_BYTES = 70  # of a saved instant of a sphere: 31 in a march, then errors and pictures
+START_SECONDS = 2.0  # s
+SOLUTION_SECONDS = 1.4e-5  # s, over N^(4/3)
+ELEMENT_GROWTH = 1.7  # of neighbouring elements away from the contact (`geometry.grid_lines`)
 
 
 LIMITS = RunLimits()
-COSTS = RunCosts()
+
 SEEDS = ("seed", "block_seed", "support_seed", "contact_seed")
 SEED_OF = {"block": "block_seed", "sheet": "seed"}  # of all other bodies "support_seed"
 
@@ -87,10 +84,10 @@ def _too_long(scene: Scene) -> Iterator[str]:
             f"output.samples = {scene.output.samples} of chain.count = {scene.chain.count} spheres "
             f"are {values:.1e} values, allowed are {LIMITS.values:.0e}; lower one of them."
         )
-    elif COSTS.instant * values > free_memory():
+    elif INSTANT_BYTES * values > free_memory():
         yield (
             f"output.samples = {scene.output.samples} of chain.count = {scene.chain.count} spheres "
-            f"would take {_gigabytes(COSTS.instant * values)} of memory, "
+            f"would take {_gigabytes(INSTANT_BYTES * values)} of memory, "
             f"{_gigabytes(free_memory())} "
             "are free; lower one of them."
         )
@@ -113,7 +110,7 @@ def _too_fine(scene: Scene) -> Iterator[str]:
         "block_seed": block / mesh.block_seed**3,
         "seed": 2 * length * a.sheet_width / mesh.seed**2,
         "contact_seed": 4
-        * (1 + log(max(1, mesh.block_seed / mesh.contact_seed), COSTS.growth)) ** 3,
+        * (1 + log(max(1, mesh.block_seed / mesh.contact_seed), ELEMENT_GROWTH)) ** 3,
         "support_seed": sum(below) / mesh.support_seed**3,
     }
     for key, number in elements.items():
@@ -182,8 +179,8 @@ def room_beside(scene: Scene, nodes: dict[str, float] | None = None) -> bool:
     memory beside a run; `nodes` of a mesh that is there."""
     nodes = nodes or foreseen_nodes(scene)
     n = 3.0 * sum(nodes.values())
-    matrices = COSTS.matrices[scene.mesh.element] * n
-    second = 2 * COSTS.libraries + matrices + 8 * n * COSTS.vectors
+    matrices = MATRIX_BYTES[scene.mesh.element] * n
+    second = 2 * LIBRARY_BYTES + matrices + 8 * n * N_VECTORS
     return peak_memory(scene, nodes) + second < free_memory()
 
 
@@ -203,18 +200,18 @@ def peak_memory(scene: Scene, nodes: dict[str, float]) -> float:
     """Bytes that a run will hold at most, of bodies with so many nodes."""
     bodies = [3.0 * n for n in nodes.values()]
     n = sum(bodies)
-    fill = COSTS.fill[find_spec("pypardiso") is not None] * sum(m ** (4 / 3) for m in bodies)
+    fill = FACTOR_BYTES[find_spec("pypardiso") is not None] * sum(m ** (4 / 3) for m in bodies)
     strike = scene.written_out.strike
     radius, seed = (0.0, 1.0) if strike is None else (strike.radius, strike.size)
-    across = log(1 + (COSTS.growth - 1) * radius / seed, COSTS.growth)  # elements of the patch
+    across = log(1 + (ELEMENT_GROWTH - 1) * radius / seed, ELEMENT_GROWTH)  # elements of the patch
     boundary = 8 + 3 * pi * across**2
-    vectors = COSTS.vectors + boundary + (scene.reduction.modes or 40)
-    return COSTS.libraries + COSTS.matrices[scene.mesh.element] * n + fill + 8 * n * vectors
+    vectors = N_VECTORS + boundary + (scene.reduction.modes or 40)
+    return LIBRARY_BYTES + MATRIX_BYTES[scene.mesh.element] * n + fill + 8 * n * vectors
 
 
 def foreseen_seconds(nodes: dict[str, float]) -> float:
     """Seconds of mesh, modes and reduction on one core, within a factor of 2."""
-    return COSTS.start + COSTS.solved * (3.0 * sum(nodes.values())) ** (4 / 3)
+    return START_SECONDS + SOLUTION_SECONDS * (3.0 * sum(nodes.values())) ** (4 / 3)
 
 
 def _gigabytes(n_bytes: float) -> str:

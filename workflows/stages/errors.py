@@ -20,7 +20,6 @@ stop at the scene's horizon, beyond which spheres move chaotically and any two r
 """
 
 from math import log
-from typing import NamedTuple
 
 import numpy as np
 
@@ -40,19 +39,14 @@ MARGIN = 1.25  # of a difference, for what the finer model itself misses
 SHORTER = 8  # times the step for the finer model, whose highest modes move faster than any kept
 
 
-class SecondMeshChoice(NamedTuple):
-    """Whether a run is compared with a coarser or a finer mesh; none of the values was varied."""
-
-    even_order: float = 1.0  # of the error of a mesh whose elements are parted evenly
-    fewer: float = 1.5  # times the elements of a body in a mesh that is markedly coarser
-    # share of all elements in bodies whose second mesh is hardly coarser, up to which the second
-    # mesh still shows the error
-    unseen: float = 0.3
-    small: float = 1.6e4  # unknowns of a finer mesh that is solved in a second
-    afforded: float = 6e4  # unknowns of one that takes as long as the run
-
-
-CHOICE = SecondMeshChoice()
+# Choice of a coarser or a finer mesh that a run is compared with
+EVEN_ORDER = 1.0  # of the error of a mesh whose elements are parted evenly
+FEWER_ELEMENTS = 1.5  # times the elements of a body in a mesh that is markedly coarser
+# share of all elements in bodies whose second mesh is hardly coarser, up to which the second
+# mesh still shows the error
+UNSEEN_SHARE = 0.3
+SMALL_UNKNOWNS = 1.6e4  # unknowns of a finer mesh that is solved in a second
+MAX_UNKNOWNS = 6e4  # unknowns of one that takes as long as the run
 
 
 def reduction_error(
@@ -78,25 +72,25 @@ def other_mesh(scene: Scene, mesh: Parts) -> tuple[Parts, float]:
         hardly_coarser = [
             n_cells[name]
             for name, body in coarse.meshes.items()
-            if n_cells[name] < CHOICE.fewer * body.nelements
+            if n_cells[name] < FEWER_ELEMENTS * body.nelements
         ]
-        if sum(hardly_coarser) <= CHOICE.unseen * sum(n_cells.values()):
+        if sum(hardly_coarser) <= UNSEEN_SHARE * sum(n_cells.values()):
             return coarse, 1 / (COARSER**ORDER - 1)
-    if 8 * n > CHOICE.afforded:
+    if 8 * n > MAX_UNKNOWNS:
         finer = "one of your own" if scene.own_mesh else "--set mesh.scale=0.5"
         raise ValueError(
             f"its elements cannot be made larger, and halved they would have {8 * n:.1e} "
-            f"unknowns, allowed are {CHOICE.afforded:.0e}; compare with a run on a finer mesh, "
+            f"unknowns, allowed are {MAX_UNKNOWNS:.0e}; compare with a run on a finer mesh, "
             f"{finer}."
         )
-    times = max(1, int(log(CHOICE.small / n, 8)))
+    times = max(1, int(log(SMALL_UNKNOWNS / n, 8)))
     meshes = {name: geometry.refined(body, times) for name, body in mesh.meshes.items()}
-    return mesh._replace(meshes=meshes), 1 / (1 - 2 ** (-times * CHOICE.even_order))
+    return mesh._replace(meshes=meshes), 1 / (1 - 2 ** (-times * EVEN_ORDER))
 
 
 def of_few_elements(mesh: Parts) -> bool:
     """Whether every element can be split in eight and the assembly solved again in a second."""
-    return 8 * 3 * sum(mesh.nodes.values()) <= CHOICE.small
+    return 8 * 3 * sum(mesh.nodes.values()) <= SMALL_UNKNOWNS
 
 
 def second_mesh(scene: Scene, mesh: Parts) -> SecondModel:

@@ -33,20 +33,15 @@ from beadwave.workflows.stages.parts import Parts
 from beadwave.workflows.stages.pipeline import Pipeline, Stage, pipeline_of, tables_of
 from beadwave.workflows.thesis import HAMMER_TEST_HZ
 
+# Patches and modes of a face that is struck at many points
+# points of a patch's quadrature along its radius and around; the half-space compliance is that
+# of the same weights on the same mesh, so that their error cancels
+N_RADIAL = 8
+N_AROUND = 24
+# highest frequency of the modes that all points share, over the one that errors hold up to. On
+# a 4 mm plate a factor of 2 costs as much as 300 static solutions and saves 7 at every point
+HIGHER_FREQUENCY = 2.0
 
-class FaceOptions(NamedTuple):
-    """Patches and modes of a face that is struck at many points."""
-
-    # points of a patch's quadrature along its radius and around; the half-space compliance is that
-    # of the same weights on the same mesh, so that their error cancels
-    n_radial: int = 8
-    n_around: int = 24
-    # highest frequency of the modes that all points share, over the one that errors hold up to. On
-    # a 4 mm plate a factor of 2 costs as much as 300 static solutions and saves 7 at every point
-    higher: float = 2.0
-
-
-SCAN = FaceOptions()
 AXES = "xyz"
 
 
@@ -127,7 +122,7 @@ class StruckFace:
             try:
                 patches[i] = fem.contact_patch(
                     self.model, self.name, tuple(at), table.radius, weights=table.weights,
-                    n_radial=SCAN.n_radial, n_around=SCAN.n_around,
+                    n_radial=N_RADIAL, n_around=N_AROUND,
                 )  # fmt: skip
             except OffFace:
                 refused[i] = f"the patch of radius {table.radius:g} m leaves the face at {at} m."
@@ -227,9 +222,9 @@ def pencil(scene: Scene, model: fem.Model) -> Pencil:
 
 
 def modes(scene: Scene, problem: Pencil) -> EigenPairs:
-    """The modes that all points of a face share, up to `SCAN.higher` times the frequency
+    """The modes that all points of a face share, up to HIGHER_FREQUENCY times the frequency
     `to_hz`."""
-    return modes_below(problem, SCAN.higher * to_hz(scene))
+    return modes_below(problem, HIGHER_FREQUENCY * to_hz(scene))
 
 
 def to_hz(scene: Scene) -> float:

@@ -16,7 +16,7 @@ from beadwave.workflows.scene import Scene
 from beadwave.workflows.stages import assembly
 from beadwave.workflows.stages.chain import Start
 from beadwave.workflows.stages.errors import velocities, wall_model
-from beadwave.workflows.stages.measured_parts import PartErrorOptions, fitted_part, measured_part
+from beadwave.workflows.stages.measured_parts import N_DRAWS, fitted_part, measured_part
 from beadwave.workflows.stages.parts import Parts
 from beadwave.workflows.stages.targets import axes_of_test
 from beadwave.workflows.stages.walls import wall_of
@@ -34,7 +34,7 @@ def other_fits(scene: Scene) -> list[OtherFits]:
     standard deviations (of a Gaussian 1.25 times the mean), and that of the lower part of the
     band; raises InvalidScene for files that cannot be fitted."""
     parts = {table.name: fitted_part(table) for table in scene.measured or ()}
-    n = PartErrorOptions().draws
+    n = N_DRAWS
     others = [
         OtherFits({name: part.by_noise[i] for name, part in parts.items()}, 2.5 / n)
         for i in range(n)

@@ -23,12 +23,10 @@ from beadwave.workflows.stages.targets import axes_of_test
 FARTHEST = 2.0
 
 
-class PartErrorOptions(NamedTuple):
-    """How the error of a fit is found; none of the values was varied."""
-
-    draws: int = 3  # fits of the responses with their residuals at random phases
-    band: float = 0.8  # of the highest frequency, up to which another fit reads
-    most: float = 0.3  # of the receptances missed (rms), above which modes are no model of the part
+# Error of a fit
+N_DRAWS = 3  # fits of the responses with their residuals at random phases
+BAND_SHARE = 0.8  # of the highest frequency, up to which another fit reads
+MAX_MISSED = 0.3  # of the receptances missed (rms), above which modes are no model of the part
 
 
 class FittedPart(NamedTuple):
@@ -78,23 +76,23 @@ def fits_of(
     """The fit of receptances, those of its residuals at random phases, and that of the lower part
     of the band, without free masses where the part is held; raises ReductionError. `content` names
     them in the cache."""
-    f, H, options = part.frequency_hz, part.H, PartErrorOptions()
+    f, H = part.frequency_hz, part.H
     of_matrix = rom.MatrixOptions(most_free=0 if held else rigid_motions(part))
     fit = rom.passive_matrix_fit(f, H, of_matrix=of_matrix)
-    if fit.error > options.most:
+    if fit.error > MAX_MISSED:
         raise rom.ReductionError(
-            f"modes miss {fit.error:.0%} of its receptances (rms), allowed are {options.most:.0%}: "
+            f"modes miss {fit.error:.0%} of its receptances (rms), allowed are {MAX_MISSED:.0%}: "
             "check names and signs of the points"
             + (", or that it is held" if held else "")
             + ", or leave out frequencies by lowest and highest"
         )
     model, rng = rom.matrix_receptance(fit, f), np.random.default_rng(0)
     by_noise = []
-    for _ in range(options.draws):
+    for _ in range(N_DRAWS):
         phase = np.exp(2j * np.pi * rng.random(H.shape))
         phase = np.triu(phase) + np.triu(phase, 1).swapaxes(1, 2)
         by_noise.append(refitted(f, model + (H - model) * phase, fit))
-    inside = f <= options.band * f[-1]
+    inside = f <= BAND_SHARE * f[-1]
     return fit, tuple(by_noise), refitted(f[inside], H[inside], fit)
 
 

@@ -17,18 +17,12 @@ from skfem import Mesh, MeshHex
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.stages.parts import Parts
 
-
-class CauseOptions(NamedTuple):
-    """Which errors are explained, and how far refinement is trusted; none was varied."""
-
-    large: float = 0.05  # relative error from which on a cause is given
-    inner: float = 50.0  # degrees by which faces turn inwards at a sharp edge; those of bores less
-    singular: float = 1.0  # order of the error at singular edges, 2 lambda of the sharpest
-    smooth: float = 1.5  # elsewhere: of quadratic elements 4, less while they are few
-    finest: float = 0.3  # times mesh.scale, below which a mesh has forty times the unknowns
-
-
-OPTIONS = CauseOptions()
+# Errors that are explained, and trust in refinement
+LARGE_ERROR = 0.05  # relative error from which on a cause is given
+INNER_ANGLE = 50.0  # degrees by which faces turn inwards at a sharp edge; those of bores less
+SINGULAR_ORDER = 1.0  # order of the error at singular edges, 2 lambda of the sharpest
+SMOOTH_ORDER = 1.5  # elsewhere: of quadratic elements 4, less while they are few
+FINEST_SCALE = 0.3  # times mesh.scale, below which a mesh has forty times the unknowns
 
 
 class Cause(NamedTuple):
@@ -133,7 +127,7 @@ def inner_edges(mesh: Mesh) -> NDArray[np.int64]:
     # an edge turns inwards where the middle of one facet lies on the outer side of the other
     turns = np.degrees(np.arccos(np.clip(np.sum(normal[:, a] * normal[:, b], axis=0), -1, 1)))
     inwards = np.sum(normal[:, a] * (middle[:, b] - middle[:, a]), axis=0) > 0
-    return np.unique(edges[:, pairs[inwards & (turns > OPTIONS.inner)]])
+    return np.unique(edges[:, pairs[inwards & (turns > INNER_ANGLE)]])
 
 
 def one_thick(mesh: Mesh) -> NDArray[np.bool_]:
@@ -156,21 +150,21 @@ def one_thick(mesh: Mesh) -> NDArray[np.bool_]:
 
 def explanation(scene: Scene, relative: float, cause: Cause) -> str:
     """Why the mesh's relative error of a number is large, and what helps; "" of a small one."""
-    if not relative > OPTIONS.large:
+    if not relative > LARGE_ERROR:
         return ""
     why = f"{100 * cause.share:.0f} % of the mesh's error of {100 * relative:.2g} % "
     why += f"arises {cause.place}"
-    times = size_for(OPTIONS.large, relative, cause)
+    times = size_for(LARGE_ERROR, relative, cause)
     if scene.own_mesh:
         return f"{why}; take elements {times:.2g} times as large there."
-    if times < OPTIONS.finest and cause.remedy:
+    if times < FINEST_SCALE and cause.remedy:
         return f"{why}, where errors fall slowly with the size of elements; {cause.remedy} helps."
-    return f"{why}; {refinement(scene, times)} would bring it to about {100 * OPTIONS.large:.0f} %."
+    return f"{why}; {refinement(scene, times)} would bring it to about {100 * LARGE_ERROR:.0f} %."
 
 
 def size_for(wanted: float, relative: float, cause: Cause) -> float:
     """Times the size of elements that brings a relative error to the one wanted."""
-    return (wanted / relative) ** (1 / (OPTIONS.singular if cause.singular else OPTIONS.smooth))
+    return (wanted / relative) ** (1 / (SINGULAR_ORDER if cause.singular else SMOOTH_ORDER))
 
 
 def refinement(scene: Scene, times: float) -> str:

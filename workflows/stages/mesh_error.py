@@ -32,23 +32,16 @@ from beadwave.workflows.stages.mesh_causes import Cause, causes, explanation
 from beadwave.workflows.stages.parts import Parts
 from beadwave.workflows.stages.reduction import half_space_at
 
-
-class MeshErrorOptions(NamedTuple):
-    """How the energy that a mesh misses is used."""
-
-    # times the energy found, of which functions of the next order hold 0.6 where stresses are
-    # singular and all where they are smooth. Of the 716 pairs of 19 structures that
-    # `examples/mesh_errors.py 1906` compares the least stated over true error is 0.92 with 2.3, the
-    # median 1.9, and 92 % are from 1 to 4
-    safety: float = 2.3
-    # times it in tetrahedra, whose functions hold more: with 1 the least ratio of brackets, and of
-    # a plate, profiles and tied boxes of tetrahedra, is 1.9
-    of_tetrahedra: float = 0.7
-    pairs: float = 1e-3  # relative difference of frequencies of one mode, by two eigensolvers
-    krylov: int = 20  # shapes beside the modes, of an assembly that floats
-
-
-OPTIONS = MeshErrorOptions()
+# times the energy found, of which functions of the next order hold 0.6 where stresses are
+# singular and all where they are smooth. Of the 716 pairs of 19 structures that
+# `examples/mesh_errors.py 1906` compares the least stated over true error is 0.92 with 2.3, the
+# median 1.9, and 92 % are from 1 to 4
+SAFETY = 2.3
+# times it in tetrahedra, whose functions hold more: with 1 the least ratio of brackets, and of
+# a plate, profiles and tied boxes of tetrahedra, is 1.9
+TETRAHEDRA_SHARE = 0.7
+PAIR_DISTANCE = 1e-3  # relative difference of frequencies of one mode, by two eigensolvers
+N_KRYLOV = 20  # shapes beside the modes, of an assembly that floats
 
 
 class SplitMesh(NamedTuple):
@@ -99,7 +92,7 @@ class MissedByMesh(NamedTuple):
         if not len(self.omega):
             return np.full(len(omega), -1)
         nearest = np.abs(self.omega - omega[:, None]).argmin(axis=1)
-        pairs = np.abs(self.omega[nearest] - omega) <= OPTIONS.pairs * omega
+        pairs = np.abs(self.omega[nearest] - omega) <= PAIR_DISTANCE * omega
         pairs &= omega > fem.correlation.RIGID * np.max(omega, initial=0.0)
         return np.where(pairs, nearest, -1)
 
@@ -230,7 +223,7 @@ def energy_of_shapes(
     # with residual attachment
     omega, phi = modes.omega, modes.phi
     if contact is not None and static is None:
-        n = min(len(omega) + OPTIONS.krylov, model.K.shape[0] - 2)
+        n = min(len(omega) + N_KRYLOV, model.K.shape[0] - 2)
         n_modes = min(len(omega), N_MODES[0])
         known = omega[:n_modes], phi[:, :n_modes]
         selected = rom.Selection(n_modes=n, choice="contact", to_hz=TO_HZ, modes=known)
@@ -300,11 +293,11 @@ def energy_in(
     with fem.one_thread():
         missed = fem.missed_energy(model, mesh.materials, phi, D, boundary, pushed=pushed)
     G = sum(
-        of_body * (1.0 if isinstance(mesh.meshes[body], MeshHex) else OPTIONS.of_tetrahedra)
+        of_body * (1.0 if isinstance(mesh.meshes[body], MeshHex) else TETRAHEDRA_SHARE)
         for body, of_body in missed.of_bodies.items()
     )
     dents = fem.missed_in_dents(model, mesh.materials, phi)
-    return OPTIONS.safety * G + dents, causes(mesh, missed.of_cells)
+    return SAFETY * G + dents, causes(mesh, missed.of_cells)
 
 
 def without_missed(omega: NDArray[np.float64], energy: NDArray[np.float64]) -> NDArray[np.float64]:

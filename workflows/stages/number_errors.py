@@ -22,21 +22,19 @@ if TYPE_CHECKING:  # a chain before a simple wall loads no reduced model
     from beadwave import coupling
 
 
-class QuantityOptions(NamedTuple):
-    """How errors of single numbers are found beside those of whole records."""
-
-    # of what the change of the record could do to a time, added to its own change, which may be
-    # zero by accident. Of ten structures of `examples/mesh_errors.py` times and amplitudes were
-    # stated down to 0.56 of the true error with none and down to 0.72 with 0.1; with 0.3 peak
-    # forces were stated up to 13 times too large
-    floor: float = 0.1
-    # the same of amplitudes, which are where the record is flat: with 0.1 peak velocities were
-    # stated 3.3 times too large in the median (seed 77), with 0.05 2.7, but down to 0.62 of the
-    # true error (seed 555, a plate)
-    of_amplitudes: float = 0.08
-    # the same of the amplitude ratio, whose two waves may change alike: of a plate (seed 31) it was
-    # stated at 0.48 of its true error with 0.05, at 0.60 with 0.1 and at 0.85 with 0.2
-    of_ratios: float = 0.2
+# Errors of single numbers from those of whole records
+# of what the change of the record could do to a time, added to its own change, which may be
+# zero by accident. Of ten structures of `examples/mesh_errors.py` times and amplitudes were
+# stated down to 0.56 of the true error with none and down to 0.72 with 0.1; with 0.3 peak
+# forces were stated up to 13 times too large
+TIME_FLOOR = 0.1
+# the same of amplitudes, which are where the record is flat: with 0.1 peak velocities were
+# stated 3.3 times too large in the median (seed 77), with 0.05 2.7, but down to 0.62 of the
+# true error (seed 555, a plate)
+AMPLITUDE_FLOOR = 0.08
+# the same of the amplitude ratio, whose two waves may change alike: of a plate (seed 31) it was
+# stated at 0.48 of its true error with 0.05, at 0.60 with 0.1 and at 0.85 with 0.2
+RATIO_FLOOR = 0.2
 
 
 # by name the value, unit, width of the wave [s] and sphere, None of those at the wall
@@ -71,7 +69,6 @@ def numbers_with_errors(
     impact: coupling.Impact,
     waves: ChainWaves,
     pairs: Mapping[str, Sequence[MarchedPair]],
-    options: QuantityOptions = QuantityOptions(),
 ) -> tuple[NumberError, ...]:
     """Every number of the waves with its errors: of the time step and of the instants that are
     kept, and by cause the sum of those of its pairs."""
@@ -121,8 +118,8 @@ def numbers_with_errors(
                 if name in first and name in second:
                     by_summand = np.subtract(summands(name, second), summands(name, first))
                     moved = float(np.abs(by_summand).sum())
-                floors = {"s": options.floor, "1": options.of_ratios}
-                floor = floors.get(unit, options.of_amplitudes)
+                floors = {"s": TIME_FLOOR, "1": RATIO_FLOOR}
+                floor = floors.get(unit, AMPLITUDE_FLOOR)
                 errors[cause] += share * (moved + floor * change * scale)
         rows.append(with_errors(name, value, unit, errors))
     return tuple(rows)

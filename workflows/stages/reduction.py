@@ -20,16 +20,10 @@ from beadwave.workflows.stages.strike import surface_of
 NOTHING = np.empty(0, np.int64)
 
 
-class ReductionLimits(NamedTuple):
-    """What a reduction refuses or explains."""
-
-    most_values: float = 1.5e8  # of the constraint modes: 1.2 GB, some minutes
-    # Hz of the lowest mode: below, a wall floats for all that a chain notices; not varied
-    floating: float = 0.1
-    open: float = 1.0  # [N/m] of a joint's spring that holds nothing; not varied
-
-
-LIMITS = ReductionLimits()
+MAX_VALUES = 1.5e8  # of the constraint modes: 1.2 GB, some minutes
+# Hz of the lowest mode: below, a wall floats for all that a chain notices; not varied
+FLOATING_HZ = 0.1
+OPEN_SPRING = 1.0  # [N/m] of a joint's spring that holds nothing; not varied
 
 
 class SecondModel(NamedTuple):
@@ -101,12 +95,12 @@ def reduction(
         if below or (table.modes is not None and table.modes <= len(modes.omega)):
             ready = modes.omega, modes.phi
     selected = selected._replace(modes=ready, space=space)
-    if craig_bampton and len(boundary) * len(contact.w) > LIMITS.most_values:
+    if craig_bampton and len(boundary) * len(contact.w) > MAX_VALUES:
         gigabytes = 8e-9 * len(boundary) * len(contact.w)
         raise ValueError(
             f"the patch of radius = {contact.radius:g} m holds {len(boundary)} nodes of the mesh, "
             f"whose constraint modes of {len(contact.w)} unknowns would take "
-            f"{gigabytes:.1f} GB, allowed are {8e-9 * LIMITS.most_values:.1f}; take a larger "
+            f"{gigabytes:.1f} GB, allowed are {8e-9 * MAX_VALUES:.1f}; take a larger "
             'seed, a smaller patch, or reduction.kind = "free-modes".'
         )
     matrices, solver = (model.K, model.M, contact.w), {"factorise": fem.factorised}
@@ -203,14 +197,14 @@ def _require_held(scene: Scene, modes: AssemblyModes) -> None:
     """Raise InvalidScene with the keys to change where a reduction failed on parts that nothing
     holds."""
     lowest = modes.omega.min() / (2 * np.pi)
-    if lowest > LIMITS.floating:
+    if lowest > FLOATING_HZ:
         return
     springs = scene.bushings.items()
     open_joints = [
         f"joints.{joint}.{key} = {k:g}"
         for joint, table in springs
         for key in fem.DIRECTIONS
-        if (k := getattr(table, key)) < LIMITS.open
+        if (k := getattr(table, key)) < OPEN_SPRING
     ]
     held = [hold.on for hold in scene.assembly.holds]
     loose = ", ".join(open_joints) or f"assembly.held = {held} (of the rig: assembly.parts)"
@@ -219,7 +213,7 @@ def _require_held(scene: Scene, modes: AssemblyModes) -> None:
         loose = f"springs ({names}) that leave that motion free"
     raise InvalidScene(
         f"{scene.name}: the assembly, or a part of it, is not held: its lowest mode is below "
-        f"{LIMITS.floating:g} Hz, with {loose}. Constraint modes need what is held; hold it, or "
+        f"{FLOATING_HZ:g} Hz, with {loose}. Constraint modes need what is held; hold it, or "
         'take reduction.kind = "free-modes".'
     )
 

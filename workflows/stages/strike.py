@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,16 +22,10 @@ if TYPE_CHECKING:  # these load gmsh
 MIDDLE = (0.0, 0.0)  # of a plane face
 
 
-class PatchRoom(NamedTuple):
-    """Whether a patch lies on its face in the CAD model; not varied."""
-
-    n_rim: int = 16  # points of the rim whose distance from the face is measured
-    # distance from the face, over the patch's radius, beyond which a point is off it; the patch on
-    # the mesh decides where it is nearer (fem.trace.OffFace)
-    off_face: float = 0.02
-
-
-ROOM = PatchRoom()
+N_RIM = 16  # points of the rim whose distance from the face is measured
+# distance from the face, over the patch's radius, beyond which a point is off it; the patch on
+# the mesh decides where it is nearer (fem.trace.OffFace)
+OFF_FACE = 0.02
 
 
 def struck(scene: Scene, bodies: Mapping[str, Body], selected: Selected) -> Struck:
@@ -84,9 +78,9 @@ def struck(scene: Scene, bodies: Mapping[str, Body], selected: Selected) -> Stru
 
     # plane face: the patch must lie on it. Not checked at the middle, the default, where a face
     # with a hole has nothing: a scan of such a face names no point. The mesh decides there.
-    rim = around(hit.point, hit.normal, strike.radius, ROOM.n_rim)
+    rim = around(hit.point, hit.normal, strike.radius, N_RIM)
     off = max(min(body.distance(p, tag) for tag in hit.face.tags) for p in rim)
-    if off > ROOM.off_face * strike.radius and (strike.point or tuple(strike.at) != MIDDLE):
+    if off > OFF_FACE * strike.radius and (strike.point or tuple(strike.at) != MIDDLE):
         raise _off_face(scene, hit.point, faces)
     return hit
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import ceil, isfinite, isnan, nan
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -42,26 +42,21 @@ CURES = {
 }
 
 
-class Thresholds(NamedTuple):
-    """Limits beyond which a run has a warning; chosen, not varied."""
-
-    model_error: float = 0.1  # error of the velocities over the striker's speed
-    # wavenumber times thickness k h, up to which Zener's thin plate absorbs the energy of a solid
-    # one within a tenth (`beadwave study wall-thickness`)
-    slender: float = 0.65
-    quality: float = 0.7  # of a wave: below it, time and peak are those of overlapping waves
-    pressed: float = 0.05  # elastic energy when the record ends, over the striker's
-    # energy of the force at the wall above the band of a measured response, of the whole
-    beyond_band: float = 0.01
-    # of a mode of measured parts, by their noise and band, from which on it is doubtful
-    part_error: float = 0.1
-    # ratio of frequencies of a measured mode and the computed one that its shape is paired with;
-    # chosen, not varied
-    distant_pair: float = 1.6
-    per_wave: int = 5  # samples within the width of a wave that show its crest
-
-
-AT = Thresholds()
+# Limits beyond which a run has a warning; chosen
+LARGE_MODEL_ERROR = 0.1  # error of the velocities over the striker's speed
+# wavenumber times thickness k h, up to which Zener's thin plate absorbs the energy of a solid
+# one within a tenth (`beadwave study wall-thickness`)
+SLENDER_KH = 0.65
+LOW_QUALITY = 0.7  # of a wave: below it, time and peak are those of overlapping waves
+PRESSED_ENERGY = 0.05  # elastic energy when the record ends, over the striker's
+# energy of the force at the wall above the band of a measured response, of the whole
+BEYOND_BAND_ENERGY = 0.01
+# of a mode of measured parts, by their noise and band, from which on it is doubtful
+LARGE_PART_ERROR = 0.1
+# ratio of frequencies of a measured mode and the computed one that its shape is paired with;
+# chosen, not varied
+DISTANT_PAIR = 1.6
+SAMPLES_PER_WAVE = 5  # samples within the width of a wave that show its crest
 
 
 def strain(scene: Scene, start: Start, run: dem.Trajectory) -> dem.Strain:
@@ -188,7 +183,7 @@ def distant_pairs(pairs: Mapping[int, tuple[float, float]]) -> Iterator[str]:
     (measured, computed) [Hz]. At few points such shapes look alike."""
     for number, (measured, computed) in pairs.items():
         apart = computed / measured
-        if not 1 / AT.distant_pair < apart < AT.distant_pair:
+        if not 1 / DISTANT_PAIR < apart < DISTANT_PAIR:
             yield (
                 f"Measured mode {number}, {measured:.5g} Hz, is paired with {computed:.5g} Hz by "
                 f"its shape alone, {apart:.2g} times its frequency: at few points modes of distant "
@@ -200,11 +195,11 @@ def distant_pairs(pairs: Mapping[int, tuple[float, float]]) -> Iterator[str]:
 def doubtful_parts(errors: Mapping[int, float]) -> Iterator[str]:
     """Modes whose frequency, relative error by number from 1, changes with what measured parts
     leave open."""
-    doubtful = [str(number) for number, error in errors.items() if error > AT.part_error]
+    doubtful = [str(number) for number, error in errors.items() if error > LARGE_PART_ERROR]
     if doubtful:
         yield (
-            f"Modes {', '.join(doubtful)} change by more than {100 * AT.part_error:g} % with the "
-            "noise of the receptances or the end of their band: they rest on oscillators that "
+            f"Modes {', '.join(doubtful)} change by more than {100 * LARGE_PART_ERROR:g} % with "
+            "the noise of the receptances or the end of their band: they rest on oscillators that "
             "noise makes, or on motions that these points hardly show; measure with less noise, or "
             "at points farther apart."
         )
@@ -234,7 +229,7 @@ def judged(impact: coupling.Impact) -> Iterator[str]:
 def large_model_error(name: str, error: float) -> Iterator[str]:
     """A reduction or a mesh ("reduction" or "mesh") whose relative error of the velocities is
     large."""
-    if error > AT.model_error:
+    if error > LARGE_MODEL_ERROR:
         yield (
             f"The error of the {name} is about {100 * error:.0f} % of the striker's speed: "
             f"{CURES[name]}."
@@ -295,10 +290,10 @@ def thick_plate(scene: Scene, run: dem.Trajectory) -> Iterator[str]:
     plate = coupling.Plate(wall.young, wall.poisson, wall.density, wall.plate_thickness)
     seconds = contact_time(run.t, run.contact_force[:, -1]).seconds
     slender = coupling.slenderness(plate, seconds) if 0 < seconds < np.inf else 0.0
-    if slender >= AT.slender:
+    if slender >= SLENDER_KH:
         yield (
             f"The plate is thick relative to its bending waves (k h = {slender:.2f}, thin is below "
-            f"{AT.slender:g}); a solid one absorbs over 10 % more energy, see beadwave study "
+            f"{SLENDER_KH:g}); a solid one absorbs over 10 % more energy, see beadwave study "
             "wall-thickness."
         )
 
@@ -319,14 +314,14 @@ def unequal_spheres(start: Start) -> Iterator[str]:
 def overlapping_waves(waves: ChainWaves) -> Iterator[str]:
     """Waves at the observed spheres whose quality is low."""
     named = [label.arrival for labels in waves.labels.values() for label in labels]
-    poor = sum(wave.quality < AT.quality for wave in named)
+    poor = sum(wave.quality < LOW_QUALITY for wave in named)
     if not poor:
         return
     has, it, its = ("has", "it overlaps", "its") if poor == 1 else ("have", "they overlap", "their")
     yield (
         f"{poor} of {len(named)} waves at the observed spheres {has} a quality below "
-        f"{AT.quality:g}: {it} with others too much to be separated, or the spheres differ; do not "
-        f"rely on {its} velocit{'y' if poor == 1 else 'ies'}."
+        f"{LOW_QUALITY:g}: {it} with others too much to be separated, or the spheres differ; do "
+        f"not rely on {its} velocit{'y' if poor == 1 else 'ies'}."
     )
 
 
@@ -348,7 +343,7 @@ def short_record(
             f"{ends} before a wave is at the wall: nothing is measured there; take a longer one."
         )
         yield from coarse_samples(scene, start) or (too_early,)
-    elif share >= AT.pressed:
+    elif share >= PRESSED_ENERGY:
         yield (
             f"{ends} while contacts hold {100 * share:.0f} % of the impact's energy more than at "
             "rest: the velocity sum ratio and the restitution are not those of spheres that "
@@ -370,7 +365,7 @@ def coarse_samples(scene: Scene, start: Start) -> tuple[str, ...]:
     return (
         f"output.samples = {scene.output.samples} leaves {spacing:.2g} s between samples, in which "
         f"waves of {width:.2g} s pass unseen: nothing is measured at the wall; take at least "
-        f"{ceil(AT.per_wave * scene.time.duration / width)}.",
+        f"{ceil(SAMPLES_PER_WAVE * scene.time.duration / width)}.",
     )
 
 
@@ -382,8 +377,8 @@ def narrow_band(scene: Scene, run: dem.Trajectory) -> Iterator[str]:
     power = np.abs(np.fft.rfft(run.contact_force[:, -1])) ** 2
     f = np.fft.rfftfreq(len(run.t), float(run.t[1]))
     beyond = float(power[f > highest].sum() / power.sum()) if power.any() else 0.0
-    if beyond > AT.beyond_band:
-        enough = f[np.searchsorted(np.cumsum(power), (1 - AT.beyond_band) * power.sum())]
+    if beyond > BEYOND_BAND_ENERGY:
+        enough = f[np.searchsorted(np.cumsum(power), (1 - BEYOND_BAND_ENERGY) * power.sum())]
         yield (
             f"The response of wall.receptance ends at {highest:.4g} Hz, above which the force has "
             f"{100 * beyond:.0f} % of its energy: measure up to {1.1 * enough:.2g} Hz, with a "

@@ -38,14 +38,12 @@ UNITS = {"accelerations": "m/s^2 / N", "velocities": "m/s / N", "displacements":
 PHASES = {"accelerations": 1j, "velocities": 1.0, "displacements": -1j}
 
 
-class Remarkable(NamedTuple):
-    """What of a mode is worth a sentence; values not varied."""
-
-    collinearity: float = 0.8  # phase collinearity below which a shape is complex
-    coherence: float = 0.8  # at a mode, in the median over responses
-    coarse: int = 4  # lines in a bandwidth that the half-power value needs
-    damping: float = 0.15  # relative difference of the damping ratio by the half-power bandwidth
-    zeta: float = 0.2  # relative deviation of a damping ratio
+# Thresholds above which a mode property is reported
+LOW_COLLINEARITY = 0.8  # phase collinearity below which a shape is complex
+LOW_COHERENCE = 0.8  # at a mode, in the median over responses
+COARSE_LINES = 4  # lines in a bandwidth that the half-power value needs
+DAMPING_DIFFERENCE = 0.15  # relative difference of the damping ratio by the half-power bandwidth
+LARGE_ZETA_DEVIATION = 0.2  # relative deviation of a damping ratio
 
 
 class Choice(NamedTuple):
@@ -199,7 +197,6 @@ def hammer_test(
     expected_hz: Mapping[int, float],
     reading: Reading = Reading(),
     choice: Choice = Choice(),
-    remarkable: Remarkable = Remarkable(),
 ) -> IdentifiedTest:
     """Read, identify and pair with modes expected near `expected_hz` {mode: Hz}; raises
     InvalidScene where no mode is identified."""
@@ -225,7 +222,7 @@ def hammer_test(
         raise InvalidScene(f"{named}: {str(error).rstrip('.')}.") from None
 
     # the report: modes, poles left out, and every step from the files to the modes
-    rows = hammer_rows(test, modes, expected_hz, remarkable)
+    rows = hammer_rows(test, modes, expected_hz)
     left_out = [LeftOutRow(**row._asdict()) for row in modes.left_out]
     f = test.responses.frequency_hz
     band = choice.band_hz or (float(f[f > 0][0]), float(f[-1]))
@@ -306,7 +303,6 @@ def hammer_rows(
     test: MeasuredTest,
     modes: IdentifiedModes,
     expected_hz: Mapping[int, float],
-    remarkable: Remarkable,
 ) -> list[HammerRow]:
     """A row per mode: its numbers beside those of the half-power bandwidth, and what is remarkable
     about it.
@@ -334,21 +330,21 @@ def hammer_rows(
         window = slice(max(line - 2, 0), line + 3)
         peak = window.start + int(np.abs(H[at][window]).argmax())
         f_peak, width = half_power_bandwidth(f, np.abs(H[at]), peak)
-        if width < remarkable.coarse * (f[1] - f[0]):
+        if width < COARSE_LINES * (f[1] - f[0]):
             width = np.nan  # lines too far apart to tell
         half_power = width / (2 * f_peak) - responses.shift / (2 * np.pi * hz)
         if not half_power > 0:
             half_power = np.nan
-        elif abs(half_power / zeta - 1) > remarkable.damping:
+        elif abs(half_power / zeta - 1) > DAMPING_DIFFERENCE:
             remarks.append(f"half-power bandwidth: {100 * half_power:.2g} %")
         coherence = None
         if responses.coherence is not None:
             coherence = float(np.median(responses.coherence[:, :, line]))
-            if coherence < remarkable.coherence:
+            if coherence < LOW_COHERENCE:
                 remarks.append(f"coherence {coherence:.2f}")
-        if modes.collinearity[i] < remarkable.collinearity:
+        if modes.collinearity[i] < LOW_COLLINEARITY:
             remarks.append("complex shape")
-        if modes.zeta_deviation[i] > remarkable.zeta * zeta:
+        if modes.zeta_deviation[i] > LARGE_ZETA_DEVIATION * zeta:
             remarks.append("damping uncertain")
         df, dzeta = modes.frequency_deviation[i], modes.zeta_deviation[i]
         if not np.isfinite([df, dzeta]).all():

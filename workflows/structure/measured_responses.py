@@ -23,20 +23,17 @@ from beadwave.workflows.structure.hammer import (
     points_without_place,
 )
 
-
-class ResponseOptions(NamedTuple):
-    """What of a test a fit reads; values not varied but where said."""
-
-    lines: int = 600  # of the band, at most; those near resonances first
-    near: float = 6.0  # half bandwidths around a resonance that half of the lines may come from
-    loads: int = 40  # points and references whose static shapes are added, at most; else references
-    beyond: float = 1.5  # the projection's modes reach this factor beyond the band
-    most_modes: int = 96  # computed for it
-    further: float = 1.3  # the full model's modes reach this factor beyond the lines
-    clear: float = 10.0  # times its noise, from which on a response judges the projection
-    lasting: float = 0.02  # of a mode's amplitude at the record's end, from which its height is off
-    opposite: float = -0.7  # correlation of measured with computed residues of a reversed sensor
-    worse: float = 4.0  # rise of -2 ln(likelihood) that a value explains: two deviations
+# Lines of a test that a fit uses
+MAX_LINES = 600  # of the band, at most; those near resonances first
+NEAR_BANDWIDTHS = 6.0  # half bandwidths around a resonance that half of the lines may come from
+MAX_LOADS = 40  # points and references whose static shapes are added, at most; else references
+PROJECTION_REACH = 1.5  # the projection's modes reach this factor beyond the band
+MAX_MODES = 96  # computed for it
+FULL_MODEL_REACH = 1.3  # the full model's modes reach this factor beyond the lines
+CLEAR_OF_NOISE = 10.0  # times its noise, from which on a response judges the projection
+LASTING_AMPLITUDE = 0.02  # of a mode's amplitude at the record's end, from which its height is off
+OPPOSITE_CORRELATION = -0.7  # correlation of measured with computed residues of a reversed sensor
+SIGNIFICANT_RISE = 4.0  # rise of -2 ln(likelihood) that a value explains: two deviations
 
 
 class Places(NamedTuple):
@@ -113,7 +110,6 @@ def measured_lines(
     places: Places,
     band_hz: tuple[float, float],
     chosen: NDArray[np.bool_],
-    options: ResponseOptions,
 ) -> tuple[MeasuredResponses, int]:
     """The responses that are fitted, with their noise, and how many lines there were: those near
     resonances and evenly chosen others.
@@ -129,13 +125,13 @@ def measured_lines(
     # a line belongs to the nearest resonance; those of resonances not fitted are not read
     lines = np.flatnonzero(within & chosen[group])
     n_lines = len(lines)
-    if n_lines > options.lines:
+    if n_lines > MAX_LINES:
         distance = np.abs(f[lines, None] - hz[chosen]) / (hz[chosen] * zeta[chosen])
-        near = distance.min(axis=1) < options.near
+        near = distance.min(axis=1) < NEAR_BANDWIDTHS
         close, far = lines[near], lines[~near]
-        half = options.lines // 2
+        half = MAX_LINES // 2
         close = close[:: max(1, -(-len(close) // half))]
-        far = far[:: max(1, -(-len(far) // max(options.lines - len(close), 1)))]
+        far = far[:: max(1, -(-len(far) // max(MAX_LINES - len(close), 1)))]
         lines = np.sort(np.concatenate([close, far]))
     H, noise = responses.H, noise_of(responses)
     used = places.used

@@ -5,7 +5,7 @@ It takes the projection that `tune` takes, so that nothing is solved on the mesh
 """
 
 from collections.abc import Iterator
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,13 +34,9 @@ from beadwave.workflows.structure.tuning import (
     unit,
 )
 
-
-class RankingOptions(NamedTuple):
-    """What a ranking says sentences about; values not varied."""
-
-    change: float = 0.01  # of a frequency, that a rigid or an open spring makes at its onset
-    far: float = 0.1  # of a target from its mode, beyond which slopes at the scene say little
-    close: float = 5e-3  # of two frequencies, below which shapes exchange as parameters change
+ONSET_CHANGE = 0.01  # of a frequency, that a rigid or an open spring makes at its onset
+FAR_TARGET = 0.1  # of a target from its mode, beyond which slopes at the scene say little
+CLOSE_FREQUENCIES = 5e-3  # of two frequencies, below which shapes exchange as parameters change
 
 
 class RankedParameter(BaseModel):
@@ -139,7 +135,6 @@ def ranked(
     match: dict[int, float],
     free: tuple[str, ...],
     progress: Progress,
-    options: RankingOptions = RankingOptions(),
 ) -> RankReport:
     """Sensitivities of the modes {number: Hz} to the parameters named, to all that the scene has
     without names, and their ranking.
@@ -205,14 +200,14 @@ def ranked(
     onsets = []
     for p in candidates:
         if (is_now := state(p)) != "elastic":
-            k = {n: onset_stiffness(basis, p, now, i, options.change) for n, i in at.items()}
+            k = {n: onset_stiffness(basis, p, now, i, ONSET_CHANGE) for n, i in at.items()}
             stiffness = {str(n): float(x) if np.isfinite(x) else None for n, x in k.items()}
             onsets.append(OnsetRow(name=p.name, now=is_now, stiffness=stiffness))
 
     determined = [row.name for row in rows[: order.n_determined]]
     remarks = [
         _on_determined(match, determined, errors),
-        *_on_modes(match, at, hz, options),
+        *_on_modes(match, at, hz),
     ]
     return RankReport(
         scene=scene.name,
@@ -248,12 +243,12 @@ def _on_determined(match: dict[int, float], determined: list[str], errors: Frequ
 
 
 def _on_modes(
-    match: dict[int, float], at: dict[int, int], hz: NDArray[np.float64], options: RankingOptions
+    match: dict[int, float], at: dict[int, int], hz: NDArray[np.float64]
 ) -> Iterator[str]:
     """Sentences on modes far from their targets or close to a neighbour, places `at` among all
     computed frequencies."""
     apart = {n: hz[i] / match[n] - 1 for n, i in at.items()}
-    if far := [f"mode {n} ({100 * x:+.0f} %)" for n, x in apart.items() if abs(x) > options.far]:
+    if far := [f"mode {n} ({100 * x:+.0f} %)" for n, x in apart.items() if abs(x) > FAR_TARGET]:
         yield (
             f"Far from the target: {', '.join(far)}. Sensitivities at the fitted values will "
             "differ, rank again after a fit."
@@ -261,7 +256,7 @@ def _on_modes(
     for n, i in at.items():
         others = np.delete(hz, i)
         nearest = others[np.abs(np.log(np.maximum(others, 1e-9) / hz[i])).argmin()]
-        if abs(nearest / hz[i] - 1) < options.close:
+        if abs(nearest / hz[i] - 1) < CLOSE_FREQUENCIES:
             yield (
                 f"mode {n} has a neighbour at {nearest:.2f} Hz: their shapes exchange as "
                 "parameters change, and sensitivities with them."

@@ -38,8 +38,11 @@ from beadwave.workflows.stages.progress import Progress
 from beadwave.workflows.stages.targets import remarks_on_axes
 from beadwave.workflows.structure.hammer import UNITS, IdentifiedTest
 from beadwave.workflows.structure.measured_responses import (
+    CLEAR_OF_NOISE,
+    FULL_MODEL_REACH,
+    LASTING_AMPLITUDE,
+    MAX_MODES,
     Places,
-    ResponseOptions,
     measured_lines,
     test_places,
 )
@@ -236,15 +239,15 @@ class FullModel(NamedTuple):
     H: NDArray[np.complex128]  # (p, r, f) at the lines that were fitted
 
 
-def full_model(of_fit: Fitted, progress: Progress, options: ResponseOptions) -> FullModel:
+def full_model(of_fit: Fitted, progress: Progress) -> FullModel:
     """Modes and responses of the scene with the fitted values, without the fit's projection."""
     pipeline, fit, lines = pipeline_of(of_fit.result, progress), of_fit.fit, of_fit.data
     model, modes = pipeline("model"), fem.Modes(pipeline("modes").omega, pipeline("modes").phi)
     places = test_places(of_fit.result, model, of_fit.test)
     shown = modes
     highest = 2 * np.pi * lines.frequency_hz[-1]
-    while modes.omega[-1] < options.further * highest and len(modes.omega) < options.most_modes:
-        n = min(2 * len(modes.omega), options.most_modes)
+    while modes.omega[-1] < FULL_MODEL_REACH * highest and len(modes.omega) < MAX_MODES:
+        n = min(2 * len(modes.omega), MAX_MODES)
         modes = fem.modes(model.K, model.M, n)
 
     # damping of each mode is that of the projection's nearest; dashpots as they sit
@@ -301,13 +304,13 @@ def resonance_rows(of_fit: Fitted, full: FullModel) -> list[ResonanceRow]:
     return rows
 
 
-def held_out_misfit(of_fit: Fitted, highest_hz: float, options: ResponseOptions) -> Misfit | None:
+def held_out_misfit(of_fit: Fitted, highest_hz: float) -> Misfit | None:
     """Of the fitted model at lines around the resonances that were not fitted, as high as the
     projection holds; None where all were."""
     if of_fit.chosen.all():
         return None
     band = (0.0, highest_hz)
-    lines, _ = measured_lines(of_fit.test, of_fit.places, band, ~of_fit.chosen, options)
+    lines, _ = measured_lines(of_fit.test, of_fit.places, band, ~of_fit.chosen)
     if not len(lines.frequency_hz):
         return None
     fit = of_fit.fit
@@ -315,7 +318,7 @@ def held_out_misfit(of_fit: Fitted, highest_hz: float, options: ResponseOptions)
     return misfit(lines, H)
 
 
-def remarks_on_fit(of_fit: Fitted, after: Misfit, options: ResponseOptions) -> list[str]:
+def remarks_on_fit(of_fit: Fitted, after: Misfit) -> list[str]:
     """Sentences on what the fit is worth: its noise, the model's error, values left open or at
     their bounds, correlations, damping, and records that end too early."""
     fit, scene, test = of_fit.fit, of_fit.scene, of_fit.test
@@ -367,7 +370,7 @@ def remarks_on_fit(of_fit: Fitted, after: Misfit, options: ResponseOptions) -> l
         f = responses.frequency_hz
         decay = 2 * np.pi * test.modes.frequency_hz * test.modes.zeta + responses.shift
         left = np.exp(-decay / (f[1] - f[0]))
-        if left.max() > options.lasting:
+        if left.max() > LASTING_AMPLITUDE:
             hz = test.modes.frequency_hz[left.argmax()]
             remarks.append(
                 f"the records end while {hz:.5g} Hz still has {100 * left.max():.2g} % of its "
@@ -380,7 +383,6 @@ def response_report(
     of_fit: Fitted,
     full: FullModel,
     highest_hz: float,
-    options: ResponseOptions,
     *,
     evaluations: int,
     seconds: float,
@@ -394,18 +396,18 @@ def response_report(
     after = computed_responses(of_fit.model_of, fit.parameters, fit.value, data.frequency_hz).H
     off = [misfit(data, H) for H in (at_scene, after, full.H)]
     # where a response is no more than noise, as across a plane of symmetry, so is a ratio of two
-    clear = np.abs(data.H) > options.clear * data.noise
+    clear = np.abs(data.H) > CLEAR_OF_NOISE * data.noise
     apart = np.abs(20 * np.log10(np.abs(after / full.H)))
     projection_decibel = float(apart[clear].max(initial=0.0))
     projection_rms = float(np.sqrt(np.mean(apart[clear] ** 2))) if clear.any() else 0.0
-    held_out = held_out_misfit(of_fit, highest_hz, options)
+    held_out = held_out_misfit(of_fit, highest_hz)
     remarks = [
         *remarks,
         *(remarks_on_axes(scene) if scene.test_axes else ()),
-        *remarks_on_fit(of_fit, off[1], options),
+        *remarks_on_fit(of_fit, off[1]),
         "the full model's responses differ from those of the fit's projection by "
         f"{projection_rms:.2g} dB (rms), {projection_decibel:.2g} dB at most, where they are "
-        f"{options.clear:g} times their noise.",
+        f"{CLEAR_OF_NOISE:g} times their noise.",
     ]
     undetermined_ones = {
         key: "rigid" if np.isinf(x) else x

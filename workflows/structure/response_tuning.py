@@ -57,8 +57,12 @@ from beadwave.workflows.structure.hammer import (
     points_without_place,
 )
 from beadwave.workflows.structure.measured_responses import (
+    MAX_LOADS,
+    MAX_MODES,
+    OPPOSITE_CORRELATION,
+    PROJECTION_REACH,
+    SIGNIFICANT_RISE,
     Places,
-    ResponseOptions,
     measured_lines,
     resonances_chosen,
     test_places,
@@ -102,7 +106,6 @@ def tuned_to_responses(
     reading: Reading = Reading(),
     band_hz: tuple[float, float] | None = None,
     match: Sequence[int] | None = None,
-    options: ResponseOptions = ResponseOptions(),
 ) -> TunedResponses:
     """The scene fitted to the responses in the files, at the lines in a band and around the
     resonances numbered in `match`, all without; raises InvalidScene."""
@@ -142,14 +145,14 @@ def tuned_to_responses(
     top_hz = ABOVE * float(test.modes.frequency_hz.max())
     band_hz = band_hz or (0.0, top_hz)
     chosen = resonances_chosen(test, band_hz, match)
-    data, n_lines = measured_lines(test, places, band_hz, chosen, options)
+    data, n_lines = measured_lines(test, places, band_hz, chosen)
     with progress("tuning-basis"):
-        basis, top = response_basis(model, test, places, data.frequency_hz[-1], options)
-    if top < options.beyond * data.frequency_hz[-1]:
+        basis, top = response_basis(model, test, places, data.frequency_hz[-1])
+    if top < PROJECTION_REACH * data.frequency_hz[-1]:
         raise InvalidScene(
-            f"--band: {options.most_modes} modes reach to {top:.5g} Hz, which is not "
-            f"{options.beyond:g} times the highest line at {data.frequency_hz[-1]:.5g} Hz; give "
-            f"a band up to {top / options.beyond:.0f} Hz."
+            f"--band: {MAX_MODES} modes reach to {top:.5g} Hz, which is not "
+            f"{PROJECTION_REACH:g} times the highest line at {data.frequency_hz[-1]:.5g} Hz; give "
+            f"a band up to {top / PROJECTION_REACH:.0f} Hz."
         )
     if not scene.of_dimensions:
         solids = of_bodies.on_bodies(scene, solids, list(basis.forms))
@@ -169,7 +172,7 @@ def tuned_to_responses(
     started = perf_counter()
     before = unfitted(basis, solids, made)
     near, resonances = resonances_near(before, test, chosen)
-    require_signs_and_size(named, test, before, near, quantity, options)
+    require_signs_and_size(named, test, before, near, quantity)
 
     # values that meet the frequencies of the poles, then the damping of these
     n_shapes = len(basis.targets) - 2
@@ -196,7 +199,7 @@ def tuned_to_responses(
         fits = [fit_responses(model_of, parameters, x, data, of_poles) for x in starts]
         fit = min(fits, key=lambda one: one.objective)
         # what the responses do not determine would take any value: it goes back to the scene's
-        fit, model_of, evaluations = determined(subset, made, fit, data, of_poles, options)
+        fit, model_of, evaluations = determined(subset, made, fit, data, of_poles)
     evaluations += sum(one.evaluations for one in fits)
     seconds = perf_counter() - started
     steps.append(
@@ -220,9 +223,9 @@ def tuned_to_responses(
     of_fit = Fitted(
         scene, result, test, places, fit, model_of, before, parameters, chosen, data, of_poles
     )
-    full = full_model(of_fit, progress, options)
+    full = full_model(of_fit, progress)
     report = response_report(
-        of_fit, full, top / options.beyond, options,
+        of_fit, full, top / PROJECTION_REACH,
         evaluations=evaluations, seconds=seconds, steps=steps, remarks=remarks,
     )  # fmt: skip
     with progress("picture"):
@@ -271,7 +274,6 @@ def response_basis(
     test: IdentifiedTest,
     places: Places,
     highest_hz: float,
-    options: ResponseOptions,
 ) -> tuple[TuningBasis, float]:
     """The projection with static shapes of forces at the test's points; its targets are the
     identified shapes, of three points or more, and then points and references. And the highest
@@ -288,7 +290,7 @@ def response_basis(
             for i, hz in enumerate(test.modes.frequency_hz)
         ]
     readings = [csr_matrix(one.reading) for one in (places.points, places.references)]
-    few = sum(one.shape[0] for one in readings) <= options.loads
+    few = sum(one.shape[0] for one in readings) <= MAX_LOADS
     loads = csr_matrix(vstack(readings)) if few else readings[1]
     n_modes = 24
     while True:
@@ -298,7 +300,7 @@ def response_basis(
         stiffest = spectrum(basis, [], np.zeros(0)).frequency_hz
         top = float(stiffest[min(n_modes, len(stiffest)) - 1])
         n_modes *= 2
-        if top > options.beyond * highest_hz or n_modes > options.most_modes:
+        if top > PROJECTION_REACH * highest_hz or n_modes > MAX_MODES:
             return basis, top
 
 
@@ -411,7 +413,6 @@ def require_signs_and_size(
     before: ResponseModel,
     near: NDArray[np.int64],
     quantity: str,
-    options: ResponseOptions,
 ) -> None:
     """Raise InvalidScene where residues of the paired resonances `near` (k,) say that a sensor or
     the hammer looks the other way, or that a unit is another.
@@ -438,7 +439,7 @@ def require_signs_and_size(
     )
     along = np.sum((measured * computed.conj()).real, axis=0)
     correlation = along / np.maximum(np.sum(np.abs(measured * computed), axis=0), 1e-300)
-    reversed_ones = correlation < options.opposite
+    reversed_ones = correlation < OPPOSITE_CORRELATION
 
     # one mode alone may be paired with a wrong one: two must agree
     responses = test.test.responses
@@ -470,7 +471,6 @@ def determined(
     fit: ResponseFit,
     data: MeasuredResponses,
     resonances: Resonances | None,
-    options: ResponseOptions,
 ) -> tuple[ResponseFit, ResponseModel, int]:
     """The fit of what the responses determine: what they do not has the value it had before, and
     directions that were rigid stay so where the others alone explain the responses as well."""
@@ -496,7 +496,11 @@ def determined(
             is_rigid = any(dropped is p for p in rigid)
             # its compliance is zero within two deviations
             is_insignificant = fit.of_groups[fit.parameters.index(dropped)] > 0.5
-            if not is_rigid or is_insignificant or refit.objective <= fit.objective + options.worse:
+            if (
+                not is_rigid
+                or is_insignificant
+                or refit.objective <= fit.objective + SIGNIFICANT_RISE
+            ):
                 basis, made, model, fit = reduced, remade, without, refit
                 break
         else:

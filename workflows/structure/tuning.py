@@ -35,8 +35,7 @@ from beadwave.workflows.scene.bodies import MeasuredMode
 from beadwave.workflows.scene.named_files import every_file_key
 from beadwave.workflows.scene.scene import LONGEST_NAME
 from beadwave.workflows.scene.toml import parsed, toml
-from beadwave.workflows.stages.mesh_causes import OPTIONS as OF_CAUSES
-from beadwave.workflows.stages.mesh_causes import Cause, refinement, size_for
+from beadwave.workflows.stages.mesh_causes import FINEST_SCALE, Cause, refinement, size_for
 from beadwave.workflows.stages.pipeline import Pipeline, pipeline_of
 from beadwave.workflows.stages.progress import Progress
 from beadwave.workflows.stages.targets import remarks_on_axes
@@ -54,16 +53,11 @@ RIG_NAMES = (
 )
 
 
-class FitTolerances(NamedTuple):
-    """Relative errors of frequencies by which a fit is judged; not varied."""
-
-    disagreement: float = 1e-3  # of the full model and the projection
-    of_mesh: float = 0.01  # of a mesh that is fine enough to tune on; finer ones halve the error
-    at_bound: float = 1e-3  # of a value from its bound
-    largest_miss: float = 0.05  # of a fit: three times what the thesis' own matches miss, table 5.3
-
-
-TOLERANCES = FitTolerances()
+# Relative errors of frequencies by which a fit is judged
+DISAGREEMENT = 1e-3  # of the full model and the projection
+MESH_ERROR = 0.01  # of a mesh that is fine enough to tune on; finer ones halve the error
+AT_BOUND = 1e-3  # of a value from its bound
+LARGEST_MISS = 0.05  # of a fit: three times what the thesis' own matches miss, table 5.3
 
 
 class FrequencyErrors(NamedTuple):
@@ -181,7 +175,7 @@ class TuningReport(BaseModel):
         """A sentence on each mode that is missed by more than a fit of it may be."""
         return [
             f"mode {n} of {self.match[n]:g} Hz is missed by {100 * error:+.3g} %, where a fit "
-            f"may miss {100 * TOLERANCES.largest_miss:g} %; free what moves this mode, or match "
+            f"may miss {100 * LARGEST_MISS:g} %; free what moves this mode, or match "
             "others."
             for n, error in _misses(self.modes_hz, self.match).items()
         ]
@@ -191,7 +185,7 @@ def _misses(modes_hz: Mapping[Any, float], match: Mapping[Any, float]) -> dict[A
     """Relative errors, by number, of modes missed by more than `largest_miss`; nan counts
     as missed."""
     errors = {n: modes_hz[n] / hz - 1 for n, hz in match.items()}
-    return {n: error for n, error in errors.items() if not abs(error) <= TOLERANCES.largest_miss}
+    return {n: error for n, error in errors.items() if not abs(error) <= LARGEST_MISS}
 
 
 def fit_to_these(
@@ -418,7 +412,7 @@ def _remarks(
 
     for parameter, x in zip(fit.parameters, fit.value, strict=True):
         for bound in (parameter.lower, parameter.upper):
-            if abs(np.log(x / bound)) < TOLERANCES.at_bound:
+            if abs(np.log(x / bound)) < AT_BOUND:
                 remarks.append(
                     f"{parameter.name} ends at its bound, {bound:.3g} {unit(parameter.name)}: "
                     "these modes ask for more than it may do; free another value, or look at the "
@@ -430,8 +424,7 @@ def _remarks(
     contradicted = [
         f"mode {n}"
         for n, hz in match.items()
-        if abs(fitted[n] / hz - 1) > TOLERANCES.disagreement
-        and abs(met_by_all[n] / hz - 1) < TOLERANCES.disagreement / 2
+        if abs(fitted[n] / hz - 1) > DISAGREEMENT and abs(met_by_all[n] / hz - 1) < DISAGREEMENT / 2
     ]
     if contradicted:
         values = [
@@ -447,11 +440,11 @@ def _remarks(
     # modes that are missed, and why two of the rig's contradict each other
     missed = {n: fitted[n] / hz - 1 for n, hz in match.items()}
     for n, error in missed.items():
-        if abs(error) > TOLERANCES.disagreement:
+        if abs(error) > DISAGREEMENT:
             remarks.append(f"mode {n} is missed by {100 * error:+.1f} %.")
     has_free_turn = {"head.kz", "head.kry"} <= {p.name for p in candidates}
     conflict = scene.of_dimensions and {2, 3} <= match.keys() and not has_free_turn
-    if conflict and max(map(abs, missed.values())) > TOLERANCES.disagreement:
+    if conflict and max(map(abs, missed.values())) > DISAGREEMENT:
         remarks.append(
             "Modes 2 and 3 both shear the joints along x: one stiffness for x and z that is soft "
             "enough for mode 2 pulls mode 3 down with it. Free head.kz and head.kry instead."
@@ -459,7 +452,7 @@ def _remarks(
 
     # the full model beside the projection, and shapes that are not those meant
     for i, hz in confirmed.items():
-        if abs(fitted[int(i)] / hz - 1) > TOLERANCES.disagreement:
+        if abs(fitted[int(i)] / hz - 1) > DISAGREEMENT:
             remarks.append(
                 f"the full model has mode {i} at {hz:.2f} Hz: the projection is inaccurate."
             )
@@ -499,7 +492,6 @@ def worth_of_the_mesh(
     modes_hz: Mapping[str, float],
     mesh_percent: Mapping[str, float],
     causes: Mapping[str, Cause],
-    tolerances: FitTolerances = TOLERANCES,
 ) -> list[str]:
     """A sentence where the mesh makes more of a mode than the fit misses, and more than a fit may
     miss, with the size of elements that brings it to what both allow."""
@@ -508,7 +500,7 @@ def worth_of_the_mesh(
     if worst is None:
         return []
     error, missed = mesh_percent[str(worst)], 100 * abs(modes_hz[str(worst)] / match[worst] - 1)
-    if error <= max(missed, 100 * tolerances.disagreement):
+    if error <= max(missed, 100 * DISAGREEMENT):
         return []
     sentence = (
         f"the mesh makes mode {worst} {error:.2g} % too high, more than the fit misses "
@@ -516,12 +508,12 @@ def worth_of_the_mesh(
     )
     if (cause := causes.get(str(worst))) is None:  # of few elements nothing is known but that
         return [f"{sentence} Tune again with {refinement(scene, 0.5)}."]
-    wanted = max(missed, min(100 * tolerances.of_mesh, error / 2))
+    wanted = max(missed, min(100 * MESH_ERROR, error / 2))
     times = size_for(wanted, error, cause)
-    if times < OF_CAUSES.finest and cause.remedy:
+    if times < FINEST_SCALE and cause.remedy:
         return [
             f"{sentence} It arises {cause.place}, where errors fall slowly with their size: take "
-            f"{cause.remedy}, or {refinement(scene, OF_CAUSES.finest)}, and tune again."
+            f"{cause.remedy}, or {refinement(scene, FINEST_SCALE)}, and tune again."
         ]
     return [
         f"{sentence} Bring it to {wanted:.2g} % with {refinement(scene, times)}, and tune again."

@@ -14,7 +14,7 @@ from logging import getLogger
 from os import cpu_count
 from re import fullmatch
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any
 
 from beadwave.system import adding
 from beadwave.workflows.scene import InvalidScene
@@ -29,21 +29,16 @@ PATIENCE = "10s"  # to reach a scheduler
 ADDRESS = r"((tcp|tls|ws|wss|ucx)://)?(\[[\da-fA-F:]+\]|[^\s:/\[\]]+):\d{1,5}|inproc://.+"
 
 
-class ClusterOptions(NamedTuple):
-    """How tasks are handed to a cluster; chosen, not varied."""
-
-    retries: int = 2  # of a task whose worker ended
-    most_a_core: int = 64  # processes of this machine, each a third of a gigabyte
-    recount: float = 1.0  # s between counts of the workers, each as long as the list of workers
-    ahead: int = 4  # tasks for each thread that are handed over before the first is done
-
-
-OPTIONS = ClusterOptions()
+# Distribution of tasks over a cluster
+N_RETRIES = 2  # of a task whose worker ended
+MAX_PER_CORE = 64  # processes of this machine, each a third of a gigabyte
+RECOUNT_SECONDS = 1.0  # s between counts of the workers, each as long as the list of workers
+TASKS_AHEAD = 4  # tasks for each thread that are handed over before the first is done
 
 
 def require_processes(where: int | str) -> None:
     """Raise InvalidScene for no process at all, and for more than this machine can start."""
-    allowed = OPTIONS.most_a_core * (cpu_count() or 1)
+    allowed = MAX_PER_CORE * (cpu_count() or 1)
     if isinstance(where, int) and not 1 <= where <= allowed:
         raise InvalidScene(
             f"{where} processes; give 1 to {allowed} on this machine, or a scheduler's address."
@@ -70,7 +65,7 @@ def engine(where: int | str) -> Iterator[Callable]:
             "processes and clusters need dask.distributed, which is not installed; "
             f"{adding('sweep')} installs it."
         ) from None
-    dask.config.set({"distributed.scheduler.allowed-failures": OPTIONS.retries})
+    dask.config.set({"distributed.scheduler.allowed-failures": N_RETRIES})
 
     # processes of this machine
     if isinstance(where, int):
@@ -144,7 +139,7 @@ def on(client: Any) -> Callable[[Iterator[Sharing]], Iterator[list[Rows]]]:
         """Rows task by task, in the order in which tasks end."""
         from distributed import as_completed
 
-        submit = partial(client.submit, pure=False, retries=OPTIONS.retries)
+        submit = partial(client.submit, pure=False, retries=N_RETRIES)
 
         # futures of models by key, and of tasks; no more tasks at once than the workers need, as a
         # scheduler keeps all that it is handed
@@ -165,7 +160,7 @@ def on(client: Any) -> Callable[[Iterator[Sharing]], Iterator[list[Rows]]]:
                 completed.add(future)
                 while len(running) >= allowed:
                     yield _result(next(completed), running)
-                    if perf_counter() > counted_at + OPTIONS.recount:
+                    if perf_counter() > counted_at + RECOUNT_SECONDS:
                         allowed, counted_at = _handed_over(client), perf_counter()
         while running:
             yield _result(next(completed), running)
@@ -176,7 +171,7 @@ def on(client: Any) -> Callable[[Iterator[Sharing]], Iterator[list[Rows]]]:
 def _handed_over(client: Any) -> int:
     """Tasks to hand over to the present workers; raises CancelledError without a scheduler."""
     try:
-        return OPTIONS.ahead * max(1, sum(client.nthreads().values()))
+        return TASKS_AHEAD * max(1, sum(client.nthreads().values()))
     except OSError:
         raise CancelledError from None
 

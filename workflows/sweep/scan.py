@@ -50,21 +50,19 @@ Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]  # points done, points in all
 
 
-class ScanOptions(NamedTuple):
-    """How the walls of a scan are reduced and its waves identified."""
-
-    # oscillators of a point beyond the common modes: with 1, 2, 3, 4 and 6 the velocities of
-    # spheres of 6 mm that strike a 4 mm plate are off by up to 3e-3, 1e-3, 5e-4, 1e-4 and 8e-5;
-    # those before `plate-on-bolts` by 2e-4 with any
-    beyond: int = 3
-    finer: int = 5  # the same, of the wall that the error of the reduction is measured against
-    # times the frequency that errors hold to, above which these are one: without, blocks take 8 and
-    # plates up to 4 times the steps; errors are 1.2 times as large, or below 2e-5
-    far: float = 4.0
-    # of the march that the width of a wave is read from: a bound of the error of velocities, and
-    # samples; not varied
-    width_error: float = 1e-3
-    width_samples: int = 2000
+# Reduction of the walls of a scan, and its waves
+# oscillators of a point beyond the common modes: with 1, 2, 3, 4 and 6 the velocities of
+# spheres of 6 mm that strike a 4 mm plate are off by up to 3e-3, 1e-3, 5e-4, 1e-4 and 8e-5;
+# those before `plate-on-bolts` by 2e-4 with any
+N_BEYOND = 3
+N_FINER = 5  # the same, of the wall that the error of the reduction is measured against
+# times the frequency that errors hold to, above which these are one: without, blocks take 8 and
+# plates up to 4 times the steps; errors are 1.2 times as large, or below 2e-5
+FAR_FREQUENCY = 4.0
+# of the march that the width of a wave is read from: a bound of the error of velocities, and
+# samples; not varied
+WIDTH_ERROR = 1e-3
+WIDTH_SAMPLES = 2000
 
 
 class Grid(NamedTuple):
@@ -138,8 +136,7 @@ def struck_scene(base: Base, face: str | None) -> Scene:
 
 def scan(
     face: StruckFace, design: Design, folder: RunFolder, *, signals: bool, progress: Progress,
-    options: ScanOptions = ScanOptions(),
-) -> tuple[str, ...]:  # fmt: skip
+    ) -> tuple[str, ...]:  # fmt: skip
     """Fill the folder with the table of all points and return notes for the user, in sentences;
     rows of an earlier scan of these points stay.
 
@@ -171,17 +168,17 @@ def scan(
     if patches:
         # all walls at once: they share the modes of the structure
         march, cases = _March(scene, face.begun), np.array(list(patches))
-        walls = face.walls(list(patches.values()), options.finer)
-        wall = walls.all(options.beyond, options.far * to_hz(scene))
+        walls = face.walls(list(patches.values()), N_FINER)
+        wall = walls.all(N_BEYOND, FAR_FREQUENCY * to_hz(scene))
         require_support(scene, wall)
-        finer = walls.all(options.finer)
+        finer = walls.all(N_FINER)
         impossible = march.impossible(wall)
         if impossible:
             failed = tuple(cases[list(impossible)].tolist())
             store.add(without_result(spheres, failed, FAILED, list(impossible.values())))
         possible = np.delete(np.arange(len(cases)), list(impossible))
         if face.few_elements:
-            other = _on_split_mesh(face, march, points[cases], options)
+            other = _on_split_mesh(face, march, points[cases])
         else:
             softer = face.without_missed_energy(wall, list(patches.values()))
             other = _OtherWalls(softer, np.arange(len(cases)), 1.0, {})
@@ -230,7 +227,7 @@ def scan(
         progress(len(points) - len(possible) + first + len(part), len(points))
 
     progress(design.n_cases, design.n_cases)
-    store.finish(_one_reflected_wave(face, points, store, options))
+    store.finish(_one_reflected_wave(face, points, store))
     return notes
 
 
@@ -290,17 +287,15 @@ class _OtherWalls(NamedTuple):
     without: dict[int, tuple[str]]
 
 
-def _on_split_mesh(
-    face: StruckFace, march: _March, points: Array, options: ScanOptions
-) -> _OtherWalls:
+def _on_split_mesh(face: StruckFace, march: _March, points: Array) -> _OtherWalls:
     """Walls at points (p, 2) of the face on a mesh whose every element is split."""
     row = np.full(len(points), -1)
     split, share = face.split()
     patches, without = split.placed(points)
     wall = None
     if patches:
-        walls = split.walls(list(patches.values()), options.beyond)
-        wall = walls.all(options.beyond, options.far * to_hz(face.scene))
+        walls = split.walls(list(patches.values()), N_BEYOND)
+        wall = walls.all(N_BEYOND, FAR_FREQUENCY * to_hz(face.scene))
         impossible, at = march.impossible(wall), np.array(list(patches))
         without = without | {int(at[i]): reason for i, reason in impossible.items()}
         row[at] = np.arange(len(at))
@@ -314,9 +309,7 @@ def _some(wall: dem.Wall, rows: Array | int) -> dem.Wall:
     return dem.Wall(*(array[rows] for array in wall[:4]), wall.mobility)
 
 
-def _one_reflected_wave(
-    face: StruckFace, points: Array, store: Store, options: ScanOptions
-) -> dict[str, Any]:
+def _one_reflected_wave(face: StruckFace, points: Array, store: Store) -> dict[str, Any]:
     """Columns (n_cases,) of the table in which each sphere has the same reflected wave at all
     points, or none, and the messages of points that have none for that."""
     spheres = face.scene.output.spheres
@@ -334,7 +327,7 @@ def _one_reflected_wave(
     scene, at_rest = face.scene, face.begun
     run = dem.march_to_error(
         at_rest.chain, dem.rigid_wall(), at_rest.velocity, duration=scene.time.duration,
-        error=options.width_error, n_save=options.width_samples,
+        error=WIDTH_ERROR, n_save=WIDTH_SAMPLES,
     ).trajectory  # fmt: skip
     widths, width = {}, np.inf
     for sphere in range(scene.chain.count, 0, -1):

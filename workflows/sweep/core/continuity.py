@@ -12,8 +12,6 @@ have one wave if no two neighbours among them jump. Where two do, continuity lea
 points at such jumps are left out until there are none.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_array
@@ -23,17 +21,13 @@ from scipy.spatial import KDTree
 Mask = NDArray[np.bool_]
 
 
-class WaveSteps(NamedTuple):
-    """What counts as one wave from point to point of a map."""
-
-    same: float = 0.5  # of a wave's full width at half maximum: a step along one wave
-    other: float = 0.75  # of the same width: a jump to another wave; two crests are 0.9 apart
-    nearest: int = 33  # points among which neighbours are sought: of a grid those within 3 steps
+# One wave from point to point of a map
+SAME_WAVE = 0.5  # of a wave's full width at half maximum: a step along one wave
+OTHER_WAVE = 0.75  # of the same width: a jump to another wave; two crests are 0.9 apart
+N_NEAREST = 33  # points among which neighbours are sought: of a grid those within 3 steps
 
 
-def same_wave(
-    points: ArrayLike, time: ArrayLike, width: float, options: WaveSteps = WaveSteps()
-) -> Mask:
+def same_wave(points: ArrayLike, time: ArrayLike, width: float) -> Mask:
     """The points (p, 2) of a face whose waves at the times (p,) [s] are one and the same, (p,).
 
     time is NaN where there is no wave; width [s] is that of a wave at half its height. The result
@@ -46,9 +40,9 @@ def same_wave(
     n_waves = len(remaining)
     while len(remaining):
         # groups of points that steps along one wave connect; a single point has no neighbours
-        i, j = remaining[neighbours(points[remaining], options.nearest)].T
+        i, j = remaining[neighbours(points[remaining], N_NEAREST)].T
         jump = np.abs(time[i] - time[j])
-        step, torn = jump <= options.same * width, jump > options.other * width
+        step, torn = jump <= SAME_WAVE * width, jump > OTHER_WAVE * width
         links = coo_array((step[step], (i[step], j[step])), shape=(len(time),) * 2)
         _, group = connected_components(links, directed=False)
         counts = np.bincount(group[remaining])
@@ -72,7 +66,7 @@ def same_wave(
     return np.zeros(len(time), bool)
 
 
-def neighbours(points: ArrayLike, nearest: int = WaveSteps().nearest) -> NDArray[np.int64]:
+def neighbours(points: ArrayLike, nearest: int = N_NEAREST) -> NDArray[np.int64]:
     """Pairs (m, 2) of points (p, 2) that have no other one in the circle between them, the edges of
     their Gabriel graph. Of an even grid these are the steps along it and both diagonals. Partners
     are sought among the `nearest` points of each.

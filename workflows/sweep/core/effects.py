@@ -10,17 +10,12 @@ import numpy as np
 
 from beadwave.workflows.sweep.core.design import Design
 
+# Effects and their bootstrap
+N_RESAMPLES = 400  # standard errors are known to 1 / sqrt(2 * 400), 3.5 %
+MIN_SAMPLES = 16  # samples with a value that indices and rank correlations need
+# range of an output over its largest value, below which it is the errors of the runs
+ALIKE_RANGE = 1e-5
 
-class EffectOptions(NamedTuple):
-    """When effects are stated, and their bootstrap; not varied."""
-
-    resamples: int = 400  # standard errors are known to 1 / sqrt(2 * 400), 3.5 %
-    fewest: int = 16  # samples with a value that indices and rank correlations need
-    # range of an output over its largest value, below which it is the errors of the runs
-    alike: float = 1e-5
-
-
-OPTIONS = EffectOptions()
 Array = np.ndarray
 
 
@@ -47,16 +42,16 @@ def sobol_effects(design: Design, y: Array) -> Effects:
     complete = np.isfinite(outputs).all(axis=0)
     used = int(complete.sum())
     values = outputs[:, complete]
-    if used < OPTIONS.fewest or np.ptp(values) <= OPTIONS.alike * np.abs(values).max():
+    if used < MIN_SAMPLES or np.ptp(values) <= ALIKE_RANGE * np.abs(values).max():
         raise ValueError(
             f"{used} of {n} samples have a value in all of their {d + 2} cases, and indices need "
-            f"{OPTIONS.fewest} whose values differ by more than {OPTIONS.alike:g} of the largest; "
+            f"{MIN_SAMPLES} whose values differ by more than {ALIKE_RANGE:g} of the largest; "
             "take more "
             "samples or another output."
         )
 
     # standard errors by bootstrap: base samples drawn with replacement
-    draws = np.random.default_rng(0).integers(used, size=(OPTIONS.resamples, used))
+    draws = np.random.default_rng(0).integers(used, size=(N_RESAMPLES, used))
     resampled = np.stack([_indices(values[:, draw]) for draw in draws])
     return Effects(*_indices(values), *resampled.std(axis=0, ddof=1), used)
 
@@ -76,7 +71,7 @@ def rank_correlations(design: Design, y: Array) -> dict[str, float]:
     from scipy.stats import spearmanr
 
     finite = np.isfinite(y)
-    if finite.sum() < OPTIONS.fewest or np.ptp(y[finite]) == 0.0:
+    if finite.sum() < MIN_SAMPLES or np.ptp(y[finite]) == 0.0:
         return {}
     return {
         key: float(spearmanr(np.array(values)[finite], y[finite]).statistic)
