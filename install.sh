@@ -28,11 +28,11 @@ echo "install.sh: installing beadwave${1:+ with $1}, some minutes where nothing 
     --constraint constraints.txt --editable ".${1:+[$1]}"
 
 echo "install.sh: looking for shared libraries"
-# Debian packages that are missing: of shared libraries that what was installed asks for, and of the
-# browser in which the tests open the report page
+# Debian packages that are missing: of shared libraries that what was installed loads, of the browser
+# in which the tests open the report page, and of what drives it
 missing() {
-    .venv/bin/python -P workflows/installation/shared_libraries.py | sort -u | tr '\n' ' '
-    case ",${1:-}," in *,test,*) command -v chromium >/dev/null || printf 'chromium ' ;; esac
+    .venv/bin/python -P workflows/installation/shared_libraries.py | tr '\n' ' '
+    case ",${1:-}," in *,test,*) command -v chromium >/dev/null || printf 'chromium libatomic1 ' ;; esac
 }
 packages=$(missing "$@")
 # shellcheck disable=SC2086  one word per package

@@ -126,7 +126,7 @@ def _weighted(t, v, shapes, with_steps):
     return np.resize([*weight[:-1], *np.zeros(len(a))], 2 * len(a)).reshape(2, -1).T, residual
 
 
-def least_squares_shapes(t, v, start, with_steps, options):
+def least_squares_shapes(t, v, start, with_steps):
     """t_j, c_j (n, 2) [s, spheres/s] with the least sum of squares of the residual, where p_j, d_j
     are the best ones for each trial.
 
@@ -141,19 +141,19 @@ def least_squares_shapes(t, v, start, with_steps, options):
         return _weighted(t, v, start + scale * z.reshape(-1, 2), with_steps)[1]
 
     residual = misfit(z)
-    for _ in range(options.rounds):
+    for _ in range(MAX_ROUNDS):
         # (J^T J + damping diag) dz = J^T r
-        steps = options.step * np.eye(z.size)
-        J = np.array([(misfit(z + h) - residual) / options.step for h in steps]).T
+        steps = QUOTIENT_STEP * np.eye(z.size)
+        J = np.array([(misfit(z + h) - residual) / QUOTIENT_STEP for h in steps]).T
         H = J.T @ J
         diagonal = np.diag(H) + 1e-12 * np.trace(H) + np.finfo(float).tiny
         trial = z - np.linalg.solve(H + damping * np.diag(diagonal), J.T @ residual)
 
         # within the bounds: a wave that wanders off would fit another one's crest
         shift, speed = trial.reshape(-1, 2).T
-        low, high = options.speeds
+        low, high = SPEED_BOUNDS
         trial = np.column_stack([
-            np.clip(shift, -options.shift, options.shift), np.clip(speed, low - 1.0, high - 1.0)
+            np.clip(shift, -MAX_SHIFT, MAX_SHIFT), np.clip(speed, low - 1.0, high - 1.0)
         ]).ravel()  # fmt: skip
 
         # nearer: less damping, towards Gauss and Newton; else more, towards steepest descent

@@ -116,7 +116,7 @@ def _credible(guess, arrival, bound):
     return Arrival(*guess, 0.0)
 
 
-def _measured(t, v, passage, fitted, options):
+def _measured(t, v, passage, fitted):
     """The crest of a wave that passes alone, on the record between its contacts; the fitted wave
     where the record has no crest there."""
     guess = passage.guess
@@ -135,9 +135,9 @@ def _measured(t, v, passage, fitted, options):
     if k in (0, len(v) - 1, *inside[[0, -1]]) or sign * v[k] <= 0.0:
         return fitted
     time, height = crest(t, sign * v, k)
-    if sign * v[inside[-1]] > options.stays * height:
+    if sign * v[inside[-1]] > STAYS * height:
         return fitted._replace(peak_velocity=float(sign * height), width=np.nan)
     width = full_width(t, sign * v, k)
-    if not width < options.widest * guess.width:
+    if not width < MAX_WIDTH_RATIO * guess.width:
         width = np.nan
     return Arrival(time, float(sign * height), width, fitted.quality)

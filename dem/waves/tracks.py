@@ -62,7 +62,7 @@ def wave_tracks(
     spheres at times t (k,) [s]; spheres of mass (n,) [kg] with Hertz' A (n_contacts,) [N/m^1.5].
 
     A pulse counts if spheres in a solitary wave of its force reach `threshold` times the velocity
-    of those in the largest one; a track has at least `options.shortest` pulses. Incident tracks
+    of those in the largest one; a track has at least `MIN_PULSES` pulses. Incident tracks
     first, then reflected ones, each in order of time at the wall.
     """
     t, v, contact_force = np.asarray(t), np.asarray(v), np.asarray(contact_force)
@@ -101,15 +101,13 @@ def wave_tracks(
     )
 
 
-def _linked(pulses, way, options):
+def _linked(pulses, way):
     """Lists of the pulses of one wave each, in order along its way; +1: to the wall, -1: back."""
     tracks, at_contact = [], {}
     for pulse in pulses:
         at_contact.setdefault(pulse.contact, []).append(pulse)
     for contact, candidates in sorted(at_contact.items(), reverse=way < 0):
-        recent = [
-            track for track in tracks if abs(contact - track[-1].contact) <= 1 + options.skipped
-        ]
+        recent = [track for track in tracks if abs(contact - track[-1].contact) <= 1 + MAX_SKIPPED]
 
         # every track and pulse that may belong together, by how late the pulse comes, in passing
         # times: behind the track's last pulse, in its direction, within the contacts it may skip
@@ -119,8 +117,8 @@ def _linked(pulses, way, options):
                 last = track[-1]
                 contacts = way * (pulse.contact - last.contact)
                 late = (pulse.time - last.time) / last.passing_time - contacts
-                in_time = -options.early * contacts <= late <= options.late
-                if 1 <= contacts <= 1 + options.skipped and in_time:
+                in_time = -EARLIEST * contacts <= late <= LATEST
+                if 1 <= contacts <= 1 + MAX_SKIPPED and in_time:
                     offers.append((abs(late), i, j))
 
         # pairs in order of |lateness|, each track and each pulse once; a pulse that fits no track
@@ -132,4 +130,4 @@ def _linked(pulses, way, options):
                 matched.add(j)
                 recent[i].append(candidates[j])
         tracks += [[pulse] for j, pulse in enumerate(candidates) if j not in matched]
-    return [track for track in tracks if len(track) >= options.shortest]
+    return [track for track in tracks if len(track) >= MIN_PULSES]

@@ -40,7 +40,7 @@ def refused(hint, value, words):
         return False  # an integer is a number
     if "Source" in hint or "Changes" in hint:  # texts, dicts and None
         return isinstance(value, float | int | list)
-    if "Callable" in hint or "Progress" in hint or "Planned" in hint:
+    if "Callable" in hint or "Progress" in hint:
         return True
     if "Array" in hint or isinstance(value, dict):
         return False

@@ -18,8 +18,8 @@ import beadwave
 from beadwave import Cases, InvalidScene, dem, rom
 from beadwave.workflows.files.run_folder import RunFolder
 from beadwave.workflows.report.tables import apart
-from beadwave.workflows.stages import cache, pipeline, sources
-from beadwave.workflows.sweep import inputs, models, tasks
+from beadwave.workflows.stages import cache
+from beadwave.workflows.sweep import inputs, tasks
 from beadwave.workflows.sweep import sweep as sweeping
 from beadwave.workflows.sweep.cases import base_of
 from beadwave.workflows.sweep.cluster import engine
@@ -791,22 +791,6 @@ def test_a_table_is_computed_anew_by_another_program(monkeypatch):
             other.setattr(cache, name, lambda *_: "of another program")
             new = beadwave.sweep("rig-rigid", SHORT, cases=over, out="out")
         assert new.notes and (new.columns["seconds"] != old.columns["seconds"]).all()
-
-
-@pytest.mark.parametrize(
-    "module", ["beadwave.workflows.sweep.sweep", "beadwave.workflows.sweep.scan"]
-)
-def test_what_computes_rows_is_among_the_sources_of_a_table(module):
-    reached = sources.modules(module, *pipeline.every_stage())
-    for stages in (pipeline.ASSEMBLY, pipeline.BENDING, pipeline.IMPACT, models.FURTHER):
-        assert reached >= {stage.module for stage in stages.values()}
-    assert reached >= {
-        module,
-        "beadwave.dem.batch",
-        "beadwave.workflows.sweep.core.rows",
-        "beadwave.fem.plate",
-        "beadwave.rom.lanczos",
-    }
 
 
 KILLED = """

@@ -63,13 +63,13 @@ def sweep(
 
         described = ("scene", "changes", "over", "sample", "cases", "seed")
         options = {name: call.given[name] for name in described if name in call.given}
-        with StageProgress(call.title, quiet=call.quiet) as progress, progress.stage("first case"):
+        with StageProgress(quiet=call.quiet) as progress, progress.stage("first case"):
             price = sweep_price(**options, processes=workers)
         text = "\n\n".join([tables.text(price.table()), *price.notes])
         print_result(price._asdict(), text, call.json, call.quiet)
         return
 
-    with StageProgress(call.title, quiet=call.quiet) as progress:
+    with StageProgress(quiet=call.quiet) as progress:
         with progress.counted("cases") as counter:
             result = call.function(**call.given, on=scheduler or workers or 1, told=counter)
     _print(call, result)

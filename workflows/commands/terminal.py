@@ -7,16 +7,16 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Timer
-from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from beadwave.workflows.commands.durations import Durations
 from beadwave.workflows.report.stage_words import stage_words
 
 if TYPE_CHECKING:
-    from beadwave.workflows.report.summary import Summary
-    from beadwave.workflows.stages.progress import Plan
+    from rich.progress import TaskID
 
+    from beadwave.workflows.report.summary import Summary
+
+BAR = 16  # characters of a bar: name, bar and times fit 80 columns
 LABEL = 35  # characters of a label
 LINE = 80  # of a line
 UNBROKEN = "\u00a0"
@@ -25,26 +25,23 @@ PATIENCE = 1.0  # s that a stage runs before a line says so where stderr is no t
 
 class StageProgress:
     """A bar per stage on a terminal; elsewhere a line for each that takes over a second; nothing
-    with `quiet`.
+    with `quiet`."""
 
-    `command` names what runs: how long its stages took tells the next time how long they will.
-    """
-
-    def __init__(self, command: str = "", *, quiet: bool = False) -> None:
-        self._durations = Durations(command)
+    def __init__(self, *, quiet: bool = False) -> None:
         self._bars = None
         if sys.stderr.isatty() and not quiet:
             from rich.console import Console
+            from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-            from beadwave.workflows.commands.bars import progress
-
-            self._bars = progress(Console(file=sys.stderr))
-        self._tells = self._bars is None and not quiet
-        self._told = False
-        self._running: dict[str, float] = {}  # stages, and when each began
-        self._ended: set[str] = set()
-        self._plan: Plan | None = None
-        self._planned_at = 0.0
+            # a print goes above the bars where it is seen on the same terminal, and to its file
+            # otherwise
+            self._bars = Progress(
+                TextColumn("{task.description:>26}"), BarColumn(BAR), TimeElapsedColumn(),
+                TextColumn("{task.fields[remaining]}"), console=Console(file=sys.stderr),
+                redirect_stdout=sys.stdout.isatty(),
+            )  # fmt: skip
+        self._has_lines = self._bars is None and not quiet
+        self._hint = " (--quiet: no progress, no text)"  # of the first line
 
     def __enter__(self) -> StageProgress:
         if self._bars:
@@ -55,84 +52,49 @@ class StageProgress:
         if self._bars:
             self._bars.stop()
 
-    def planned(self, plan: Plan) -> None:
-        """What the command is about to compute, from which the time to its end is foreseen."""
-        self._plan, self._planned_at = plan, perf_counter()
-        self._durations.unknowns = plan.unknowns
-
-    def left(self) -> float | None:
-        """[s] to the end of the plan, of the slower of its two processes; None without a plan, or
-        where nothing is known of its stages."""
-        if self._plan is None:
-            return None
-        now, plan = perf_counter(), self._plan
-        ended = self._ended | self._running.keys()
-        left = self._durations.left(
-            name for name in plan.stages if name not in ended and name not in plan.beside
-        )
-        for name, began in self._running.items():
-            left += max(0.0, (self._durations.expected(name) or 0.0) - (now - began))
-        beside = self._durations.left(name for name in plan.beside if name not in self._ended)
-        return max(left, beside - (now - self._planned_at)) or None
-
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Show a stage as running, then as done."""
-        key = name.partition(" (")[0]  # in brackets: how many are left, other each time
-        expected = self._durations.expected(key)
-        with self._shown(name, expected), self._durations.measured(key):
+        with self._shown(name):
             yield
-        self._ended.add(key)
 
     @contextmanager
     def counted(self, name: str) -> Iterator[Callable[[int, int], None]]:
         """Show work that says how many of its pieces are done, and of how many."""
-        n_before: int | None = None  # pieces of an earlier run, which cost no time now
 
         def count(n_done: int, n: int) -> None:
-            nonlocal n_before
-            n_before = n_done if n_before is None else n_before
-            n_new = n_done - n_before
-            if self._bars and n_new:
-                elapsed = self._bars.tasks[task].elapsed or 0.0
-                expected = elapsed + elapsed * (n - n_done) / n_new
+            if self._bars and task is not None:
                 description = f"{name}: {n_done} of {n}"
-                self._bars.update(task, expected=expected, description=description)
+                self._bars.update(task, total=n, completed=n_done, description=description)
+                seconds = self._bars.tasks[task].time_remaining
+                remaining = "" if seconds is None else f"{seconds:.0f} s left"
+                self._bars.update(task, remaining=remaining)
 
-        with self._shown(name, None) as task:
+        with self._shown(name) as task:
             yield count
 
     @contextmanager
-    def _shown(self, name: str, expected: float | None) -> Iterator[int | None]:
+    def _shown(self, name: str) -> Iterator[TaskID | None]:
         """A bar, whose number comes out, or a line after a second."""
         task, timer, words = None, None, stage_words(name)
         if self._bars:
-            task = self._bars.add_task(words, total=None, expected=expected, left=self.left)
-        elif self._tells:
-            timer = Timer(PATIENCE, self._tell, (words, expected))
+            task = self._bars.add_task(words, total=None, remaining="")
+        elif self._has_lines:
+            timer = Timer(PATIENCE, self._print_line, (words,))
             timer.daemon = True
             timer.start()
-        self._running[name] = perf_counter()
         try:
             yield task
         finally:
-            self._running.pop(name, None)
             if timer:
                 timer.cancel()
-        if self._bars:
-            self._bars.update(task, total=1, completed=1)
+        if self._bars and task is not None:
+            self._bars.update(task, total=1, completed=1, remaining="")
 
-    def _tell(self, name: str, expected: float | None) -> None:
+    def _print_line(self, name: str) -> None:
         """A line on a stage that is running."""
-        words = [f"beadwave: now {name}"]
-        if expected and expected > PATIENCE:
-            words.append(f"about {expected:.0f} s")
-        left = self.left()
-        if left and left > max(expected or 0.0, PATIENCE):
-            words.append(f"{left:.0f} s to the end")
-        hint = "" if self._told else " (--quiet: no progress, no text)"
-        self._told = True
-        print(f"{', '.join(words)}{hint}.", file=sys.stderr, flush=True)
+        hint, self._hint = self._hint, ""
+        print(f"beadwave: now {name}{hint}.", file=sys.stderr, flush=True)
 
 
 def folded(text: str, stream: Any = None) -> str:

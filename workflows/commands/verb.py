@@ -54,19 +54,18 @@ LAST = ("changes", "overwrite")  # in the help
 class Call:
     """The function with what was typed; `json` and `quiet` say what is printed of its result."""
 
-    def __init__(self, title: str, function: Callable, given: dict[str, Any]) -> None:
-        self.title, self.function = title, function
+    def __init__(self, function: Callable, given: dict[str, Any]) -> None:
+        self.function = function
         self.quiet, self.json = given.pop("quiet"), given.pop("json")
         self.given = given
 
     def __call__(self, **more: Any) -> Any:
         """What the function returns, with progress on stderr."""
-        with StageProgress(self.title, quiet=self.quiet) as progress:
-            hooks = {"progress": progress.stage, "planned": progress.planned}
-            known = signature(self.function).parameters
-            hooks = {name: hook for name, hook in hooks.items() if name in known}
+        with StageProgress(quiet=self.quiet) as progress:
+            if "progress" in signature(self.function).parameters:
+                more["progress"] = progress.stage
             try:
-                return self.function(**self.given, **hooks, **more)
+                return self.function(**self.given, **more)
             except ValueError as error:
                 from beadwave.workflows.files.scene import about_its_file
                 from beadwave.workflows.scene import InvalidScene
@@ -114,8 +113,7 @@ class Verb:
             of_command = {name: given.pop(name) for name in own_parameters}
             # what was not typed is the function's default
             typed = {name: value for name, value in given.items() if value is not None}
-            subject = next((given[one] for one in of_function), None)
-            self.command(Call(f"{name} {subject}", function, typed), **of_command)
+            self.command(Call(function, typed), **of_command)
 
         run.__doc__ = self.__doc__
         parameters = of_function | own_parameters | last | printing

@@ -98,8 +98,7 @@ def doctor() -> Installation:
     if LINUX and machine() in ARM and not library_versions(("gmsh",)):
         missing.append(Absent("gmsh", NO_GMSH, "building it of its sources with Python"))
     for name, package, costs in missing_libraries() if LINUX else ():
-        unknown = f"the package that apt-file search {name} names"
-        missing.append(Absent(name, costs, f"apt-get install {package}" if package else unknown))
+        missing.append(Absent(name, costs, f"apt-get install {package}"))
     for name, (package, costs) in PROGRAMS.items():
         if which(name) is None:
             missing.append(Absent(name, costs, providing(package)))

@@ -25,7 +25,7 @@ from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.named_files import require_file
 from beadwave.workflows.scene.parts import with_chain
 from beadwave.workflows.scene.toml import toml
-from beadwave.workflows.stages.progress import Planned, Progress, quiet, unplanned
+from beadwave.workflows.stages.progress import Progress, quiet
 
 if TYPE_CHECKING:
     import xarray
@@ -112,7 +112,6 @@ def run(
     out: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
-    planned: Planned = unplanned,
     waves_known: Callable[[Summary], None] = lambda summary: None,
 ) -> Run:
     """Every stage that a scene needs, into a run folder (`beadwave run`).
@@ -123,8 +122,8 @@ def run(
     trajectory.npz, figures, report.html, and of an assembly rom.npz, rom.mat, modes.vtu. Files
     that no run left there are only replaced with `overwrite`. Waves come first: `waves_known` is
     called with a summary of them, before errors are estimated and pictures drawn. `progress` is
-    entered with the name of every stage that is computed, `planned` called before with those that
-    will be. `scene` and `changes` as in `beadwave.scene`.
+    entered with the name of every stage that is computed. `scene` and `changes` as in
+    `beadwave.scene`.
     Raises InvalidScene for bad input, ValueError where a computation fails.
     """
     chosen = load_scene(scene, changes)
@@ -137,7 +136,7 @@ def run(
     folder = RunFolder(path, inputs=files_read(chosen, scene), overwrite=overwrite)
     command = origin("run", chosen, scene, changes)
     pipeline = pipeline_of(chosen, progress)
-    summary = run_stages(pipeline, folder, origin=command, planned=planned, waves_known=waves_known)
+    summary = run_stages(pipeline, folder, origin=command, waves_known=waves_known)
     return _in_folder(chosen, summary, path, notes)
 
 
@@ -149,7 +148,6 @@ def impact(
     out: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
-    planned: Planned = unplanned,
     waves_known: Callable[[Summary], None] = lambda summary: None,
 ) -> Run:
     """The coupled run alone (`beadwave impact`).
@@ -158,8 +156,7 @@ def impact(
             one's own K, M, w by `beadwave.reduce_matrices` for instance
     out     folder for scene.toml, summary.json and trajectory.npz; nothing is written without it
 
-    `progress`, `planned`, `waves_known`
-    and what is raised as of `run`.
+    `progress`, `waves_known` and what is raised as of `run`.
     """
     wall = () if rom is None else (("wall", {"kind": "rom", "file": str(_file_of(rom))}),)
     changes = (*wall, *each(changes))
@@ -172,7 +169,7 @@ def impact(
     folder = RunFolder(path, inputs=inputs, overwrite=overwrite) if path else None
     pipeline = pipeline_of(chosen, progress)
     command = origin("impact", chosen, scene, changes)
-    summary = run_impact(pipeline, folder, origin=command, planned=planned, waves_known=waves_known)
+    summary = run_impact(pipeline, folder, origin=command, waves_known=waves_known)
 
     def read() -> dict[str, NDArray]:
         """Arrays of the run by name, shapes as in trajectory.npz."""

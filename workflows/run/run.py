@@ -12,13 +12,12 @@ from beadwave.workflows.report.report import CAPTIONS, write_report
 from beadwave.workflows.report.rows import spelled
 from beadwave.workflows.report.summary import ErrorEstimate, NumberError, StageTime, Summary
 from beadwave.workflows.run.second_process import IMPACT, RUN, two_processes
-from beadwave.workflows.scene import MeasuredWall, Scene
+from beadwave.workflows.scene import MeasuredWall
 from beadwave.workflows.scene.places import has_friction
 from beadwave.workflows.scene.toml import toml
 from beadwave.workflows.stages import warnings
 from beadwave.workflows.stages.cache import LIBRARIES, library_versions
 from beadwave.workflows.stages.pipeline import Pipeline, needs_structure
-from beadwave.workflows.stages.progress import Planned, unplanned
 
 IMPACT_FILES = ("given.toml", "summary.json", "trajectory.npz", "signals.csv")
 FILES = (
@@ -37,7 +36,6 @@ def run(
     folder: RunFolder,
     *,
     origin: Origin = UNKNOWN,
-    planned: Planned = unplanned,
     waves_known: Callable[[Summary], None] = lambda summary: None,
 ) -> Summary:
     """Fill the run folder with all that the scene gives: waves first, then errors, checks and
@@ -47,17 +45,6 @@ def run(
     with folder.run(toml(scene), FILES) as folder:
         _write_given(folder, origin)
         with two_processes(pipeline, RUN) if structure else nullcontext():
-            of_structure = ("mode-files", "model-files", "response-files", "pictures")
-            planned(
-                pipeline.plan(
-                    *(("chain-files", "chain-numbers") if scene.chain else ()),
-                    *(of_structure if structure else ()),
-                    *(("mac",) if structure and scene.measured_hz else ()),
-                    *_error_stages(scene),
-                    *(("figures",) if scene.chain else ()),
-                )
-            )
-
             if structure:
                 _begin_mesh_error(pipeline)
 
@@ -103,7 +90,6 @@ def impact(
     folder: RunFolder | None,
     *,
     origin: Origin = UNKNOWN,
-    planned: Planned = unplanned,
     waves_known: Callable[[Summary], None] = lambda summary: None,
 ) -> Summary:
     """The coupled run alone; the folder, if any, gets scene, trajectory and summary. `waves_known`
@@ -112,7 +98,6 @@ def impact(
     _require_start(pipeline)
     with folder.run(toml(scene), IMPACT_FILES) if folder else nullcontext() as folder:
         with two_processes(pipeline, IMPACT) if needs_structure(scene) else nullcontext():
-            planned(pipeline.plan("chain-numbers", *_error_stages(scene)))
             if needs_structure(scene):
                 _begin_mesh_error(pipeline)
             if needs_structure(scene) and not pipeline.kept("mesh-error"):
@@ -133,17 +118,6 @@ def _begin_mesh_error(pipeline: Pipeline) -> None:
     one reduces the assembly."""
     if pipeline.scene.bending is None and not pipeline.kept("missed-energy"):
         pipeline("static-shape")
-
-
-def _error_stages(scene: Scene) -> tuple[str, ...]:
-    """The stages that estimate errors of this scene's structure."""
-    if not needs_structure(scene):
-        return ()
-    compared = scene.chain is not None and not scene.friction
-    of_models = ("reduction-error", "mesh-error") if compared else ()
-    if scene.bending is not None and scene.chain:
-        of_models = (*of_models, "theory-error", "quantity-errors")
-    return ("structure-errors", *of_models)
 
 
 def _require_start(pipeline: Pipeline) -> None:

@@ -2,17 +2,15 @@
 
     mesh -> model -> modes -> reduction -> wall -> impact
 
-A stage's key is what it reads of the scene, the keys of the stages it needs, the sources that its
-module reaches (`workflows.stages.sources`), our version and those of the libraries below. A
-stage whose result is kept never looks at the stages it needs: a new sphere leaves the finite
-elements alone.
+A stage's key is what it reads of the scene, the keys of the stages it needs, and the program
+(`workflows.stages.cache`). A stage whose result is kept never looks at the stages it needs: a new
+sphere leaves the finite elements alone.
 """
 
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext, suppress
 from functools import lru_cache
 from importlib import import_module
-from importlib.util import resolve_name
 from os import environ
 from pathlib import Path
 from time import perf_counter
@@ -25,9 +23,8 @@ from beadwave.workflows.files.foreign import Unreadable, require_memory
 from beadwave.workflows.scene import InvalidScene, LossFactorsTable, MeasuredWall, RomWall, Scene
 from beadwave.workflows.scene.named_files import files_of
 from beadwave.workflows.scene.places import has_friction, named_faces, sensor_places, words_of
-from beadwave.workflows.scene.size import foreseen_nodes
 from beadwave.workflows.stages.cache import key, memory
-from beadwave.workflows.stages.progress import Plan, Progress, quiet
+from beadwave.workflows.stages.progress import Progress, quiet
 
 
 class Stage(NamedTuple):
@@ -43,11 +40,6 @@ class Stage(NamedTuple):
     # what it is computed with, handed in after what it needs: its result does not depend on it
     # but for rounding, so that a change of the contact keeps the modes
     means: tuple[str, ...] = ()
-
-    @property
-    def module(self) -> str:
-        """Where the function is."""
-        return resolve_name(self.function.split(":")[0], __package__)
 
 
 class StageReport(NamedTuple):
@@ -567,33 +559,6 @@ class Pipeline:
         """Whether the stage need not be computed."""
         return name in self._results or self._kept.check_call_in_cache(name, self.key(name), self)
 
-    def plan(self, *names: str) -> Plan:
-        """What these results have to be computed from, in the order in which it will be."""
-        missing: list[str] = []
-
-        def visit(name: str) -> None:
-            """Add a stage that is not kept behind all that it is computed from."""
-            stage = self._stages[name]
-            if name in missing or name in self._results or (stage.kept and self.kept(name)):
-                return
-            for need in stage.needs + stage.means + stage.after:
-                visit(need)
-            missing.append(name)
-
-        for name in names:
-            visit(name)
-        beside = [] if self.beside is None else [name for name in missing if self.beside.has(name)]
-        meshed = "mesh" in missing or "mesh" in self._results
-        return Plan(tuple(missing), tuple(beside), self._unknowns() if meshed else None)
-
-    def _unknowns(self) -> float | None:
-        """Unknowns of the mesh: counted, or foreseen from grid lines; None where bodies have to
-        be meshed first."""
-        if "mesh" in self._results:
-            return 3.0 * sum(self._results["mesh"].nodes.values())
-        nodes = {} if self.scene.bending is not None else foreseen_nodes(self.scene)
-        return 3.0 * sum(nodes.values()) if nodes else None
-
     def ready(self, name: str) -> bool:
         """Whether all that the stage needs is kept, or not worth keeping."""
         return all(
@@ -624,17 +589,17 @@ class Pipeline:
         needed = [self(need) for need in stage.needs + stage.means]
         for earlier in stage.after:
             self(earlier)
-        function = stage.function.split(":")[1]
+        module, function = stage.function.split(":")
         self._computed.add(name)
         with self._progress(name) if stage.listed else nullcontext():
-            return getattr(import_module(stage.module), function)(self._whole, *needed)
+            return getattr(import_module(module, __package__), function)(self._whole, *needed)
 
     def key(self, name: str) -> str:
         """Changes with everything that the stage's result depends on."""
         if name not in self._keys:
             stage = self._stages[name]
             needs = [self.key(need) for need in stage.needs]
-            self._keys[name] = key(name, stage.reads(self._whole), needs, stage.module)
+            self._keys[name] = key(name, stage.reads(self._whole), needs)
         return self._keys[name]
 
 
@@ -647,9 +612,3 @@ def pipeline_of(
 
 def _result(name: str, key: str, pipeline: Pipeline) -> Any:
     return pipeline.compute(name)
-
-
-def every_stage() -> list[str]:
-    """The modules of the stages in the three tables."""
-    tables = (ASSEMBLY, BENDING, IMPACT)
-    return sorted({stage.module for stages in tables for stage in stages.values()})

@@ -1,5 +1,4 @@
-"""Inputs of a table beside scene and cases: the files that these name, and the program's
-sources."""
+"""Inputs of a table besides scene and cases: the files that these name, and the program."""
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -9,7 +8,7 @@ from beadwave.workflows.files.scene import files_read
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.scene.named_files import every_file_key
 from beadwave.workflows.stages.cache import digest, program
-from beadwave.workflows.stages.pipeline import content, every_stage
+from beadwave.workflows.stages.pipeline import content
 from beadwave.workflows.sweep.cases import Base
 from beadwave.workflows.sweep.core.design import Design
 
@@ -17,14 +16,14 @@ Stamp = tuple[int, int, int, int]
 
 
 class Inputs:
-    """Files as they were when a table was begun, and the sources of the module that fills it."""
+    """Files as they were when a table was begun, and the program that fills it."""
 
-    def __init__(self, files: Iterable[Path], module: str) -> None:
+    def __init__(self, files: Iterable[Path]) -> None:
         # stamps first: a file that changes while it is read has another one afterwards
         self._stamps = {path: _stamp(path) for path in files}
         self._contents = {path: content(path) for path in self._stamps}
         contents = {str(path): read for path, read in self._contents.items()}
-        self.key = digest([contents, *program(module, *every_stage())])
+        self.key = digest([contents, *program()])
 
     def require_unchanged(self, *, by_content: bool = False) -> None:
         """Raise ValueError for a file that has changed; `by_content` reads also those whose

@@ -148,7 +148,7 @@ def scan(
     name = scene.strike.on
     plain = {"name": name, "axes": outline.axes, "edges": outline.edges.tolist()}
     about = About(dict.fromkeys(design.keys, "m"), plain)
-    store = Store(folder, design, scene, signals, Inputs(files_of_scene(scene), __name__), about)
+    store = Store(folder, design, scene, signals, Inputs(files_of_scene(scene)), about)
     notes = store.notes()
     if store.finished():
         store.keep()

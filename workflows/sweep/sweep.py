@@ -62,7 +62,7 @@ def sweep(
         typical = base.with_values(design.case(0))
     except InvalidScene:
         typical = base.with_values({})
-    store = Store(folder, design, typical, signals, Inputs(files_of_cases(base, design), __name__))
+    store = Store(folder, design, typical, signals, Inputs(files_of_cases(base, design)))
     notes = store.notes()
 
     # a finished table stays as it is, and rows of a stopped sweep count
