@@ -23,12 +23,12 @@ def surface_compliance(young: float, poisson: float, distance: float) -> float:
 
 
 def measured_wall(fit: ModalFit, *, half_space: float = 0.0) -> Wall:
-    """The oscillators of a fit, its free mass as a mode of omega = 0 and phi^2 = 1/m, and its
-    compliance less half_space [m/N]."""
-    free = np.full(int(fit.inverse_mass > 0), fit.inverse_mass)
+    """The oscillators of a fit at one point, its free mass as a mode of omega = 0 and phi^2 = 1/m,
+    and its compliance less half_space [m/N]."""
+    (phi,), (free,), ((compliance,),) = fit.phi, fit.free, fit.compliance
     return Wall(
         np.concatenate([0 * free, fit.omega]),
         np.concatenate([0 * free, fit.zeta]),
-        np.sqrt(np.concatenate([free, fit.residue])),
-        fit.compliance - half_space,
+        np.abs(np.concatenate([free, phi])),
+        float(compliance) - half_space,
     )

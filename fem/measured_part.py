@@ -1,6 +1,6 @@
 """A part known by measured receptances at points, joined to a structure at these points.
 
-Its oscillators (`rom.passive_matrix_fit`) have mass-normalised shapes Phi (m, k) at the m points,
+Its oscillators (`rom.passive_fit`) have mass-normalised shapes Phi (m, k) at the m points,
 omega, zeta (free masses with omega = 0), and a compliance S (m, m) beyond them. Where the points
 move by B u with the structure, through springs of compliance 1 / k in series with S,
 

@@ -10,8 +10,8 @@
     static_compliance, health, effective_mass   what a reduced model is like
     joined_receptance   parts, measured or computed, joined by their receptances
     joined_by_fits      fitted parts joined, with the error of the whole
-    passive_fit      oscillators of a measured driving-point receptance, which create no energy
-    passive_matrix_fit  those of receptances at several points; coupled: joined to matrices
+    passive_fit      oscillators of measured receptances at points of a part, which create no
+                     energy; coupled: joined to matrices
     save_npz, save_mat, save_h5, load_npz, load_mat, load_h5, load_mtx   files
 
 A ReducedModel holds K (r, r) [N/m], M (r, r) [kg], C (r, r) [N s/m] or None, and w (r,): the wall
@@ -49,14 +49,12 @@ from beadwave.rom.health import (
 )
 from beadwave.rom.lanczos import no_modes
 from beadwave.rom.many_contacts import ManyContacts, many_contacts, static_responses
-from beadwave.rom.passive_fit import ModalFit, modal_receptance, passive_fit
-from beadwave.rom.passive_matrix import (
+from beadwave.rom.passive_fit import (
     CoupledMatrices,
-    MatrixFit,
-    MatrixOptions,
+    ModalFit,
     coupled,
-    matrix_receptance,
-    passive_matrix_fit,
+    modal_receptance,
+    passive_fit,
 )
 from beadwave.rom.reduced_model import (
     Columns,
@@ -94,8 +92,6 @@ __all__ = [
     "Health",
     "ManyContacts",
     "MassProperties",
-    "MatrixFit",
-    "MatrixOptions",
     "ModalFit",
     "ModalWall",
     "Pencil",
@@ -125,14 +121,12 @@ __all__ = [
     "load_mtx",
     "load_npz",
     "many_contacts",
-    "matrix_receptance",
     "modal",
     "modal_compliance",
     "modal_receptance",
     "modes_alone",
     "no_modes",
     "passive_fit",
-    "passive_matrix_fit",
     "receptance",
     "save_full",
     "save_h5",

@@ -20,7 +20,7 @@ def known(free=NOTHING, seed=0):
     zeta = np.array([0.004, 0.01, 0.006, 0.008, 0.005])
     phi = rng.normal(size=(3, 5)) * np.array([1, 0.7, 0.6, 0.4, 0.5])
     S = 3e-5 * rng.normal(size=(3, 2))
-    return rom.MatrixFit(omega, zeta, phi, free, S @ S.T)
+    return rom.ModalFit(omega, zeta, phi, free, S @ S.T)
 
 
 def noisy(H, share, seed=3):
@@ -35,7 +35,7 @@ def rms(H):
 @pytest.mark.parametrize("free", [NOTHING, np.array([[0.5], [0.2], [-0.3]])])
 def test_receptances_without_noise_give_modes_free_mass_and_compliance_back(free):
     true = known(free)
-    fit = rom.passive_matrix_fit(HZ, rom.matrix_receptance(true, HZ))
+    fit = rom.passive_fit(HZ, rom.modal_receptance(true, HZ))
     np.testing.assert_allclose(fit.omega, true.omega, rtol=1e-9)
     np.testing.assert_allclose(fit.zeta, true.zeta, rtol=1e-7)
     sign = np.sign(np.sum(fit.phi * true.phi, axis=0))
@@ -49,11 +49,11 @@ def test_receptances_without_noise_give_modes_free_mass_and_compliance_back(free
 def test_of_noise_of_2_per_cent_the_truth_is_nearer_than_the_error_stated(units):
     """The residual holds the noise, the fit averages it; points of other units are scaled alike."""
     true = known()
-    H = rom.matrix_receptance(true, HZ) * np.outer(units, units)
-    fit = rom.passive_matrix_fit(HZ, noisy(H, 0.02))
+    H = rom.modal_receptance(true, HZ) * np.outer(units, units)
+    fit = rom.passive_fit(HZ, noisy(H, 0.02))
     np.testing.assert_allclose(fit.omega, true.omega, rtol=2e-4)
     assert len(fit.omega) == 5 and fit.free.shape == (3, 0)
-    away = rms((rom.matrix_receptance(fit, HZ) - H) / np.outer(units, units))
+    away = rms((rom.modal_receptance(fit, HZ) - H) / np.outer(units, units))
     assert away < fit.error * rms(H / np.outer(units, units)) < 0.03 * rms(H)
     assert 0.01 < fit.asymmetry < 0.02  # of independent noise: 2 % over sqrt(2)
 
@@ -64,16 +64,16 @@ def test_of_twelve_motions_of_a_free_part_poles_are_found_from_combinations():
     rng = np.random.default_rng(3)
     omega = 2 * np.pi * np.array([132.0, 139.0, 259.0, 424.0, 549.0, 733.0])
     S = 3e-5 * rng.normal(size=(12, 15))
-    true = rom.MatrixFit(
+    true = rom.ModalFit(
         omega, rng.uniform(0.003, 0.02, 6), rng.normal(size=(12, 6)),
         0.5 * rng.normal(size=(12, 6)), S @ S.T,
     )  # fmt: skip
     hz = np.linspace(5.0, 1000.0, 1200)
-    H = rom.matrix_receptance(true, hz)
-    fit = rom.passive_matrix_fit(hz, noisy(H, 0.01))
+    H = rom.modal_receptance(true, hz)
+    fit = rom.passive_fit(hz, noisy(H, 0.01))
     away = np.abs(fit.omega[:, None] / omega - 1)
     assert np.all(away.min(axis=0) < 1e-3) and fit.free.shape == (12, 6)
-    assert rms(rom.matrix_receptance(fit, hz) - H) < fit.error * rms(H) < 0.02 * rms(H)
+    assert rms(rom.modal_receptance(fit, hz) - H) < fit.error * rms(H) < 0.02 * rms(H)
     assert np.linalg.eigvalsh(fit.compliance)[0] >= -1e-12 * np.trace(fit.compliance)
 
 
@@ -81,9 +81,7 @@ def test_two_modes_of_one_frequency_are_one_pole_of_two_shapes():
     true = known()
     omega, zeta = true.omega.copy(), true.zeta.copy()
     omega[2], zeta[2] = omega[1], zeta[1]
-    fit = rom.passive_matrix_fit(
-        HZ, rom.matrix_receptance(true._replace(omega=omega, zeta=zeta), HZ)
-    )
+    fit = rom.passive_fit(HZ, rom.modal_receptance(true._replace(omega=omega, zeta=zeta), HZ))
     np.testing.assert_allclose(fit.omega, omega, rtol=1e-8)
     pair = fit.phi[:, 1:3] @ fit.phi[:, 1:3].T
     np.testing.assert_allclose(pair, true.phi[:, 1:3] @ true.phi[:, 1:3].T, rtol=1e-6, atol=1e-9)
@@ -120,11 +118,11 @@ def least_work(omega, zeta, drive, read, seed, dt=1e-4, k=4000):
 @pytest.mark.parametrize("seed", range(3))
 def test_forces_on_a_fit_never_get_more_work_back_than_they_did(seed):
     """Whatever the noise; the check sees a residue with one negative eigenvalue."""
-    H = noisy(rom.matrix_receptance(known(), HZ), 0.15, seed)
-    fit = rom.passive_matrix_fit(HZ, H)
+    H = noisy(rom.modal_receptance(known(), HZ), 0.15, seed)
+    fit = rom.passive_fit(HZ, H)
     assert least_work(fit.omega, fit.zeta, fit.phi, fit.phi, seed) > -1e-12
     # F^H (-Im H) F omega / 2 is the power of a force F: no direction gives any back
-    loss = np.linalg.eigvalsh(-rom.matrix_receptance(fit, np.geomspace(1.0, 1e5, 2000)).imag)
+    loss = np.linalg.eigvalsh(-rom.modal_receptance(fit, np.geomspace(1.0, 1e5, 2000)).imag)
     assert np.all(loss[:, 0] > -1e-12 * loss[:, -1])
     assert np.linalg.eigvalsh(fit.compliance).min() > -1e-12 * np.abs(fit.compliance).max()
 
@@ -175,7 +173,7 @@ def clamped():
     hz = np.arange(10.0, 3000.0, 2.0)
     K, M = beam(0.4, True)
     H = response(K, M, [-2, -1], hz)
-    fit = rom.passive_matrix_fit(hz, noisy(H, 0.01))
+    fit = rom.passive_fit(hz, noisy(H, 0.01))
     assert fit.error < 0.015
     np.testing.assert_allclose(fit.zeta[:3], 0.005, rtol=0.02)
     return fit
@@ -196,7 +194,7 @@ def test_a_beam_on_a_fitted_one_has_the_tip_receptance_of_the_whole(
     measured = noisy(response(*beam(0.4, True), [-2, -1], hz), 0.01)
     B = rom.compatibility((2, 4), [((0, 0), (1, 0)), ((0, 1), (1, 1))])
     Y = rom.joint_receptance(hz, [np.inf, turning])
-    fitted = rom.matrix_receptance(clamped, hz)
+    fitted = rom.modal_receptance(clamped, hz)
     joined = rom.joined_by_fits([fitted, free], [measured, free], B, Y)
     tip, stated = joined.H[5, 4, 4], joined.error[5, 4, 4]
     true = size * np.exp(1j * np.radians(degrees))
@@ -213,7 +211,7 @@ def test_coupled_matrices_answer_as_joined_receptances(clamped, turning):
     free = response(K, M, [0, 1, -2, -1], hz, loss=0.0)
     B = rom.compatibility((2, 4), [((0, 0), (1, 0)), ((0, 1), (1, 1))])
     Y = rom.joint_receptance(hz, [np.inf, turning])
-    tip = rom.joined_receptance([rom.matrix_receptance(clamped, hz), free], B, Y)[:, 4, 4]
+    tip = rom.joined_receptance([rom.modal_receptance(clamped, hz), free], B, Y)[:, 4, 4]
     w = 2 * np.pi * hz
     for i, s in enumerate(w):
         D = whole.K + 1j * s * whole.C - s**2 * whole.M
@@ -261,7 +259,7 @@ def test_a_coupled_structure_never_gains_energy_and_loses_what_its_dampers_take(
 )
 def test_what_are_no_receptances_of_a_part_is_refused(change, sentence):
     with pytest.raises(rom.ReductionError, match=sentence):
-        rom.passive_matrix_fit(HZ, change(rom.matrix_receptance(known(), HZ)))
+        rom.passive_fit(HZ, change(rom.modal_receptance(known(), HZ)))
 
 
 def test_joints_that_cannot_be_are_refused():
@@ -279,15 +277,15 @@ def test_noise_near_0_hz_is_told_from_rows_and_columns_in_another_order():
     """Noise of accelerations divided by omega^2: the lines from the frequency named on are fitted
     to the noise that they have, and name it again no more."""
     true, hz, rng = known(), np.arange(0.1, 2000.0, 1.0), np.random.default_rng(1)
-    H = rom.matrix_receptance(true, hz)
+    H = rom.modal_receptance(true, hz)
     w = (2 * np.pi * hz)[:, None, None] ** 2
     noise = rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape)
     H = H + 0.01 * rms(w * H) * noise / w
     with pytest.raises(rom.ReductionError, match=r"lines near 0 Hz are noise; .* lowest = ") as why:
-        rom.passive_matrix_fit(hz, H)
+        rom.passive_fit(hz, H)
     lowest = float(str(why.value).split("lowest = ")[1].split(" ")[0])
     assert 1.0 < lowest < 150.0
-    fit = rom.passive_matrix_fit(hz[hz > lowest], H[hz > lowest])
+    fit = rom.passive_fit(hz[hz > lowest], H[hz > lowest])
     near = np.abs(fit.omega[:, None] / true.omega - 1).min(axis=0)
     # two modes 3 Hz apart are one of that noise
     assert near[[0, 3, 4]].max() < 1e-3 and near.max() < 0.01 and fit.asymmetry < 0.1
@@ -326,7 +324,7 @@ def test_a_free_beam_of_constant_loss_has_its_modes_and_no_others(free_beam, noi
     hz, free, clamped, whole = free_beam
     H = noisy(free, noise, 1) if noise else free
     started = process_time()
-    fit = rom.passive_matrix_fit(hz, H)
+    fit = rom.passive_fit(hz, H)
     assert process_time() - started < 120  # seconds of a slow machine; 5 to 15 measured
     inside = fit.omega < 2 * np.pi * 3000
     np.testing.assert_allclose(fit.omega[inside] / (2 * np.pi), [590.73, 1628.38], rtol=1e-4)
@@ -342,7 +340,7 @@ def test_a_free_beam_of_constant_loss_has_its_modes_and_no_others(free_beam, noi
 
     # the response of the whole, with an error that holds
     B = rom.compatibility((2, 3), [((0, 0), (1, 0)), ((0, 1), (1, 1))])
-    answer = rom.joined_by_fits([clamped, rom.matrix_receptance(fit, hz)], [clamped, H], B)
+    answer = rom.joined_by_fits([clamped, rom.modal_receptance(fit, hz)], [clamped, H], B)
     Y, stated = answer.H[:, 4, 4], answer.error[:, 4, 4]
     at = np.searchsorted(hz, [20.0, 1000.0])
     np.testing.assert_allclose(np.abs(whole[at]), [8.33707e-4, 1.77328e-6], rtol=1e-5)

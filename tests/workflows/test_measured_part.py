@@ -129,7 +129,7 @@ def test_points_on_a_line_across_show_three_rigid_motions(arm):
     z = [i for i, a in enumerate(part.receptances.axis) if a == 2]
     mass = 1 / np.mean(np.sum(part.fit.free[z] ** 2, axis=1))
     assert mass == pytest.approx(0.3 * 0.02 * 0.04 * 7850 / 4, rel=0.03)
-    H = rom.matrix_receptance(part.fit, part.receptances.frequency_hz)
+    H = rom.modal_receptance(part.fit, part.receptances.frequency_hz)
     assert np.linalg.norm(H - part.receptances.H) < 0.01 * np.linalg.norm(part.receptances.H)
 
 
@@ -253,5 +253,5 @@ def test_a_part_that_is_said_to_be_held_has_no_free_masses(arm):
     phi = np.array([[0.4, 0.3], [0.3, -0.5]])
     modes = 1 / (own**2 - w[:, None] ** 2 + 0.02j * own * w[:, None])
     H = np.einsum("aj,bj,kj->kab", phi, phi, modes)
-    fit = rom.passive_matrix_fit(w / (2 * np.pi), H, of_matrix=rom.MatrixOptions(most_free=0))
+    fit = rom.passive_fit(w / (2 * np.pi), H, most_free=0)
     assert not fit.free.size and fit.error < 1e-6

@@ -45,15 +45,15 @@ def _fitted(key: tuple, stamp: tuple[int, int, int]) -> FitAndErrors:
     wall = MeasuredWall(kind="measured", **dict(key))
     f, H = driving_point(wall)
     try:
-        fit = rom.passive_fit(f, H)
-        model = rom.modal_receptance(fit, f)
+        fit = rom.passive_fit(f, H, most_free=1)
+        model = rom.modal_receptance(fit, f)[:, 0, 0]
         rng = np.random.default_rng(0)
         by_noise = tuple(
             refitted(f, model + (H - model) * np.exp(2j * np.pi * rng.random(len(f))), fit)
             for _ in range(N_DRAWS)
         )
         inside = f <= BAND_SHARE * f[-1]
-        by_band = rom.passive_fit(f[inside], H[inside])
+        by_band = rom.passive_fit(f[inside], H[inside], most_free=1)
     except rom.ReductionError as error:
         raise InvalidScene(
             f"wall.receptance: {wall.receptance}, read in {wall.unit}: {error}."

@@ -20,7 +20,7 @@ class MeasuredTable(SceneTable):
     """A part known by measured receptances between all of its points, to which a plane face of a
     body is joined there: rigidly, or by springs kx, ky, kz at each point.
 
-    The responses are fitted by modes that cannot create energy (`rom.passive_matrix_fit`). Points
+    The responses are fitted by modes that cannot create energy (`rom.passive_fit`). Points
     are found on the face by the file's coordinates, which [test_axes] may turn, or lie where `at`
     says. A point of the face moves with the mean of its disc.
     """

@@ -20,7 +20,7 @@ def mesh(scene: Scene, coarser: float = 1.0) -> Parts:
     return bodies.parts(scene.written_out, coarser)
 
 
-def model(scene: Scene, mesh: Parts, fits: dict[str, rom.MatrixFit] | None = None) -> fem.Model:
+def model(scene: Scene, mesh: Parts, fits: dict[str, rom.ModalFit] | None = None) -> fem.Model:
     """The parts assembled, joined and held, with measured parts of these fits where they are
     another's; raises InvalidScene for bodies that nothing keeps."""
     structure = _with_masses(scene, mesh, fem.assemble(mesh.meshes, mesh.materials))

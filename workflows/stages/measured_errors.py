@@ -25,7 +25,7 @@ from beadwave.workflows.stages.walls import wall_of
 class OtherFits(NamedTuple):
     """Fits that differ from the scene's by an error, and how much of a change is the error."""
 
-    fits: dict[str, rom.MatrixFit]  # by the name of the part
+    fits: dict[str, rom.ModalFit]  # by the name of the part
     share: float
 
 
@@ -84,7 +84,7 @@ def part_errors(scene: Scene, model: fem.Model, modes: AssemblyModes) -> NDArray
             for node, axis in zip(measured.node, measured.axis, strict=True)
         )
 
-    def modes_with(fits: dict[str, rom.MatrixFit]) -> tuple[NDArray, NDArray]:
+    def modes_with(fits: dict[str, rom.ModalFit]) -> tuple[NDArray, NDArray]:
         """Frequencies (r,) [rad/s] of the whole with these fits, and the assembly's motions."""
         whole, mass = K.copy(), M
         for name, fit in fits.items():
@@ -118,7 +118,7 @@ def receptance_error(scene: Scene, mesh: Parts, start: Start, impact: coupling.I
     observed spheres up to the horizon, before walls with other fits, over the largest initial
     speed. Walls without the damping of the parts, in both."""
 
-    def marched(fits: dict[str, rom.MatrixFit] | None) -> NDArray[np.float64]:
+    def marched(fits: dict[str, rom.ModalFit] | None) -> NDArray[np.float64]:
         """Velocities (k, m) [m/s] of the observed spheres before the assembly with these fits."""
         joined = assembly.model(scene, mesh, fits)
         reduced = wall_model(scene, joined, assembly.contact(scene, mesh, joined))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from beadwave import fem, rom
 from beadwave.fem.trace import OffFace
-from beadwave.rom.passive_matrix import refitted
+from beadwave.rom.passive_fit import refitted
 from beadwave.workflows.files.measured_part import AXES, PartReceptances, receptances
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.measured import MeasuredTable
@@ -33,9 +33,9 @@ class FittedPart(NamedTuple):
     """The fit of a part's receptances and others that differ by its errors."""
 
     receptances: PartReceptances
-    fit: rom.MatrixFit
-    by_noise: tuple[rom.MatrixFit, ...]  # of the fit plus its residuals at random phases
-    by_band: rom.MatrixFit  # of the lower part of the band
+    fit: rom.ModalFit
+    by_noise: tuple[rom.ModalFit, ...]  # of the fit plus its residuals at random phases
+    by_band: rom.ModalFit  # of the lower part of the band
 
     @property
     def synthetic(self) -> bool:
@@ -72,13 +72,12 @@ def _fitted(keys: tuple, stamp: tuple[int, int, int] | None) -> FittedPart:
 
 def fits_of(
     content: str, part: PartReceptances, held: bool
-) -> tuple[rom.MatrixFit, tuple[rom.MatrixFit, ...], rom.MatrixFit]:
+) -> tuple[rom.ModalFit, tuple[rom.ModalFit, ...], rom.ModalFit]:
     """The fit of receptances, those of its residuals at random phases, and that of the lower part
     of the band, without free masses where the part is held; raises ReductionError. `content` names
     them in the cache."""
     f, H = part.frequency_hz, part.H
-    of_matrix = rom.MatrixOptions(most_free=0 if held else rigid_motions(part))
-    fit = rom.passive_matrix_fit(f, H, of_matrix=of_matrix)
+    fit = rom.passive_fit(f, H, most_free=0 if held else rigid_motions(part))
     if fit.error > MAX_MISSED:
         raise rom.ReductionError(
             f"modes miss {fit.error:.0%} of its receptances (rms), allowed are {MAX_MISSED:.0%}: "
@@ -86,7 +85,7 @@ def fits_of(
             + (", or that it is held" if held else "")
             + ", or leave out frequencies by lowest and highest"
         )
-    model, rng = rom.matrix_receptance(fit, f), np.random.default_rng(0)
+    model, rng = rom.modal_receptance(fit, f), np.random.default_rng(0)
     by_noise = []
     for _ in range(N_DRAWS):
         phase = np.exp(2j * np.pi * rng.random(H.shape))
@@ -100,7 +99,7 @@ def with_parts(
     scene: Scene,
     mesh: Parts,
     structure: fem.Structure,
-    fits: dict[str, rom.MatrixFit] | None = None,
+    fits: dict[str, rom.ModalFit] | None = None,
 ) -> fem.Structure:
     """The structure joined to the scene's measured parts, with their fits or others by their names;
     raises InvalidScene for points that are not on the face."""
@@ -119,7 +118,7 @@ def with_parts(
 
 
 def measured_part(
-    table: MeasuredTable, fit: rom.MatrixFit, points: tuple[fem.PartPoint, ...]
+    table: MeasuredTable, fit: rom.ModalFit, points: tuple[fem.PartPoint, ...]
 ) -> fem.MeasuredPart:
     """A fit as a part with its points; free masses are oscillators of no stiffness."""
     n_free = fit.free.shape[1]
