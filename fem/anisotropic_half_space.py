@@ -169,8 +169,8 @@ def indentation_modulus(material: Anisotropic, inward: NDArray[np.float64]) -> f
         return float((weight / c).sum()), (kappa.T * (weight / c**3)) @ kappa
 
     def asphericity(G: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What the curvatures (2,) differ by from those of a sphere, relative: 0 of the ellipse
-        that a sphere presses."""
+        """Relative difference of the curvatures (2,) from those of a sphere: 0 of the ellipse that
+        a sphere presses."""
         _, bent = pressed(G)
         return np.array([bent[0, 0] - bent[1, 1], 2 * bent[0, 1]]) / np.trace(bent)
 

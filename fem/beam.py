@@ -42,8 +42,8 @@ N_DRAWN_SLICES = 120  # of the beam as it is drawn
 
 
 class BesideSolid(NamedTuple):
-    """How a solid beam differs from the theory, fitted to solids of `examples/theory_errors.py`
-    with width / thickness b / h from 0.5 to 3 and nu from 0.15 to 0.4.
+    """Corrections of the beam theory towards a solid beam, fitted to solids of
+    `examples/theory_errors.py` with width / thickness b / h from 0.5 to 3 and nu from 0.15 to 0.4.
 
     Under the sphere a solid, its half-space taken off, is stiffer than the theory. Its compliance
     is smaller, with x = ln(b / h), by

@@ -19,7 +19,7 @@ PROGRAM, PACKAGE = "ccx", "calculix-ccx"
 
 
 class DeckResults(NamedTuple):
-    """What CalculiX computes of a deck that `fem.abaqus` wrote."""
+    """Results of CalculiX for a deck that `fem.abaqus` wrote."""
 
     frequency_hz: NDArray[np.float64]  # (n_modes,)
     compliance: float | None  # [m/N] at the contact, where the deck has one

@@ -42,8 +42,8 @@ class ContactPatch(NamedTuple):
         return np.array([n, t1, np.cross(n, t1)])
 
     def across(self, model: Model) -> "tuple[ContactPatch, ContactPatch]":
-        """The same average of the displacements along t1 and t2, as two patches; of a patch with
-        its `mean`, which bent structures have not."""
+        """Averages of the displacements along t1 and t2, as two patches; of a patch with its
+        `mean`, which bent structures have not."""
         patches = []
         for tangent in self.axes[1:]:
             on_mesh = tangent @ self.mean

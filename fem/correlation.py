@@ -1,4 +1,4 @@
-"""Which mode is which: identified by a body's motion, by number, or by measured shapes.
+"""Correlation of modes: identified by a body's motion, by number, or by measured shapes.
 
 The order of frequencies does not identify modes: those of soft parts lie between those of stiff
 ones, and move with the joints. What does is the share of a mode's kinetic energy in a body's rigid
@@ -59,7 +59,7 @@ class Shape(NamedTuple):
     hz: float  # measured
 
     def within(self, V: NDArray[np.float64]) -> "Shape":
-        """The same in coordinates q (j,) of u = V @ q, V (n, j)."""
+        """The shape in coordinates q (j,) of u = V @ q, V (n, j)."""
         return self._replace(reading=self.reading @ V)
 
 
@@ -133,7 +133,7 @@ def mac_near_double(
 
 
 class ShapeMatch(NamedTuple):
-    """When a measured and a computed mode are one, and when that is in doubt; values not varied."""
+    """Limits of the pairing of a measured and a computed mode, and of its doubt."""
 
     spread: float = 0.3  # ln of the frequencies' ratio that costs as much as a MAC lower by 0.4
     smallest: float = 0.3  # MAC of a pair, at least
@@ -296,8 +296,8 @@ def paired(
 
 
 def strains(modes: Modes, forms: Mapping[str, BodyForms]) -> NDArray[np.bool_]:
-    """Which modes (k,) strain bodies or joints; the others are rigid motions, free or on springs
-    between points."""
+    """True for modes (k,) that strain bodies or joints; the others are rigid motions, free or on
+    springs between points."""
     in_springs = sum(
         (
             np.sum(modes.phi * (form.K @ modes.phi), axis=0)
@@ -311,7 +311,8 @@ def strains(modes: Modes, forms: Mapping[str, BodyForms]) -> NDArray[np.bool_]:
 
 
 def strained(model: Model, modes: Modes) -> NDArray[np.bool_]:
-    """Which modes (k,) of a model strain bodies or joints (`strains`): those that numbers count."""
+    """True for modes (k,) of a model that strain bodies or joints (`strains`): those that are
+    numbered."""
     of_modes = modes._replace(phi=np.eye(len(modes.omega)))
     return strains(of_modes, spring_forms(model, modes.phi))
 

@@ -112,7 +112,7 @@ def over_amplitude(
 
 
 def varies(steps: list[AmplitudeStep]) -> bool:
-    """Whether the damping changes over the decay by more than chance: the slope of a straight line
+    """True if the damping changes over the decay by more than chance: the slope of a straight line
     zeta(ln a) through the steps, weighted by their deviations."""
     if not steps:
         return False

@@ -32,9 +32,10 @@ def combination_tone(
     height: NDArray[np.float64],
     varies: NDArray[np.bool_],
 ) -> str | None:
-    """Which tone of other modes a mode is, "2 x 80.45 Hz" or "845.62 + 80.45 Hz", the nearest in
-    frequency; None where it is none. Frequencies [Hz], damping ratios, peaks of the response in any
-    unit, and whether damping depends on amplitude, (n,) each; `mode` is a position among them."""
+    """Name of the tone of other modes that a mode is, "2 x 80.45 Hz" or "845.62 + 80.45 Hz", the
+    nearest in frequency; None where it is none. Frequencies [Hz], damping ratios, peaks of the
+    response in any unit, and whether damping depends on amplitude, (n,) each; `mode` is a position
+    among them."""
     hz, rate = frequency_hz, zeta * frequency_hz
     strong = np.flatnonzero(height[mode] < MAX_HEIGHT * height)
     tones = [

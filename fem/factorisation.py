@@ -156,7 +156,7 @@ def _superlu(A: csc_matrix) -> Factor:
 
 @cache
 def has_pardiso() -> bool:
-    """Whether the optional solver is installed and finds its MKL."""
+    """True if the optional solver is installed and finds its MKL."""
     with suppress(ImportError):
         return find_spec("pypardiso") is not None and bool(_mkl())
     return False
@@ -164,7 +164,7 @@ def has_pardiso() -> bool:
 
 @cache
 def _mkl() -> str:
-    """Where the MKL is that pypardiso finds by itself; raises ImportError where it finds none."""
+    """Path of the MKL that pypardiso finds by itself; raises ImportError where it finds none."""
     from pypardiso import PyPardisoSolver
 
     return PyPardisoSolver().libmkl._name

@@ -36,7 +36,7 @@ from beadwave.fem.model import Model
 
 
 class HalfSpaceMesh(NamedTuple):
-    """Which elements of the body the half-space is solved on, and how many fields at a time."""
+    """Elements of the body that the half-space is solved on, and the number of fields at a time."""
 
     large: int = 100_000  # dofs of a body beyond which only elements near the patch are used
     # distance from the patch, in its radii, up to which elements of a large body are used: the mesh

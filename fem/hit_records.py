@@ -250,8 +250,8 @@ def records_of_mat(variables: dict[str, NDArray], name: str) -> list[TimeRecord]
 
 
 def quantity_named(variables: dict[str, NDArray]) -> str:
-    """What the responses of a .mat file are by its variable `quantity`, a text or an array (1,) of
-    one, "" without it; raises ValueError where it is none of accelerations, velocities and
+    """Quantity of the responses of a .mat file by its variable `quantity`, a text or an array (1,)
+    of one, "" without it; raises ValueError where it is none of accelerations, velocities and
     displacements, in SI units."""
     named = "".join(map(str, np.ravel(variables.get("quantity", "")))).strip()
     if named and named not in QUANTITIES.values():

@@ -39,7 +39,7 @@ class Hits(NamedTuple):
 
 
 class HitChecks(NamedTuple):
-    """What a usable hit is, and the windows put on it."""
+    """Limits of a usable hit, and the windows put on it."""
 
     second_impulse: float = (
         0.03  # of the impulse, in a later pulse: a double hit; 0.02 to 0.1 alike
@@ -310,7 +310,7 @@ def hit_defect(
     response: NDArray[np.float64],
     checks: HitChecks,
 ) -> str | None:
-    """Why a hit cannot be used: an overload, a double hit, a force that rings; else None.
+    """Reason why a hit cannot be used: an overload, a double hit, a force that rings; else None.
 
     force (k,) is positive at its peak; onset and width of its pulse are in samples, noise is the
     standard deviation of its noise; response (m, k).

@@ -1,4 +1,5 @@
-"""What measured frequencies say of an assembly's parameters, before any of them is fitted.
+"""Identifiability of an assembly's parameters from measured frequencies, before any of them is
+fitted.
 
     S_ij = (d ln f_i / d ln p_j) limit_j / frequency error_i
 

@@ -1,4 +1,4 @@
-"""What a body is made of: isotropic and orthotropic elasticity.
+"""Materials: isotropic and orthotropic elasticity.
 
 sigma_ac = C_acbd eps_bd. An orthotropic solid is given by its compliance in its own axes,
 

@@ -24,7 +24,7 @@ from beadwave.fem.springs import SpringEnd, along_disc
 
 
 class PartPoint(NamedTuple):
-    """Where and along which direction one of the m motions of a part was measured."""
+    """Place and direction of one of the m measured motions of a part."""
 
     end: SpringEnd
     direction: NDArray[np.float64]  # (3,) unit vector

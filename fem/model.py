@@ -29,21 +29,21 @@ class Held(NamedTuple):
 
 
 class SwayingTable(NamedTuple):
-    """What the assembly stands on: a mass that sways along x and y."""
+    """The table below the assembly: a mass that sways along x and y."""
 
     frequency_hz: float  # at which table and assembly sway as one
     mass: float  # [kg] of the table
 
 
 class Sway(NamedTuple):
-    """What a table adds along x and along y."""
+    """Mass and stiffness of a table along x and along y."""
 
     stiffness: float  # [N/m]
     mass: float  # [kg]
 
 
 class Connections(NamedTuple):
-    """How bodies are joined to each other and to the ground."""
+    """Connections of bodies to each other and to the ground."""
 
     ties: Sequence[Tie] = ()
     joints: Sequence[Joint] = ()

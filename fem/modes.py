@@ -150,8 +150,8 @@ def require_accurate(modes: Modes, K, M, sigma: float) -> None:
 
 
 def _rounded_zero(K, M, rounding: float) -> float:
-    """How large rounding makes an eigenvalue that is zero [rad^2/s^2]: `rounding` times an estimate
-    of the largest one by K_ii / M_ii."""
+    """Size that rounding gives to an eigenvalue that is zero [rad^2/s^2]: EIGENVALUE_ROUNDING times
+    an estimate of the largest one by K_ii / M_ii."""
     k, m = K.diagonal(), M.diagonal()
     return float(rounding * np.quantile(k[m > 0] / m[m > 0], 0.99))
 

@@ -98,8 +98,8 @@ class Sheet(NamedTuple):
 
 
 class PlateBesideSolid(NamedTuple):
-    """How a solid plate differs from the theory: a clamped edge also hinders the strain across the
-    thickness.
+    """Corrections of the plate theory towards a solid plate: a clamped edge also hinders the strain
+    across the thickness.
 
     This acts as if the plate were edge nu^2 h shorter there. Fitted to single frequencies and
     compliances of solids 8 to 14 thicknesses long, `edge` is 0.2 to 0.45.

@@ -36,7 +36,7 @@ from beadwave.fem.threads import one_thread
 
 
 class Stability(NamedTuple):
-    """When a pole is one of the order before, and when it is a mode."""
+    """Criteria for a pole that is one of the order before, and for a mode."""
 
     poles: int = 72  # of the largest order, those that grow and the conjugate ones included
     orders: int = 24  # between 2 and the largest, at most
@@ -202,8 +202,9 @@ def stable_poles(
 
 
 def background(frequency_hz: NDArray[np.float64], even: int, odd: int) -> NDArray[np.complex128]:
-    """What modes outside of the band leave in it (1 + even + odd, f), with x = f over the largest:
-    1 / x^2 of rigid motions and Chebyshev polynomials T(2 x^2 - 1), those times i x as well.
+    """Functions (1 + even + odd, f) for what modes outside of the band leave in it, with x = f over
+    the largest: 1 / x^2 of rigid motions and Chebyshev polynomials T(2 x^2 - 1), those times i x as
+    well.
 
     A mode at 1.2 times the band's end is met to 3.5^(1 - even), one close behind it hardly: with
     two even terms estimates of synthetic tests were up to eleven deviations off, with

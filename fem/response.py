@@ -29,7 +29,7 @@ from beadwave.fem.threads import one_thread
 
 
 class KrylovSettings(NamedTuple):
-    """When and how far a projection is used; values not varied."""
+    """Use of a projection; values not varied."""
 
     smallest: int = 5_000  # unknowns from which on a projection is faster than solving each time
     shift: float = (2 * np.pi * 5.0) ** 2  # s [rad^2/s^2]: K itself may be singular

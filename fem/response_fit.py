@@ -72,7 +72,7 @@ class Resonances(NamedTuple):
 
 
 class ModelError(NamedTuple):
-    """What a model is off beyond the noise; both 0 where the noise explains the residual."""
+    """Error of a model beyond the noise; both 0 where the noise explains the residual."""
 
     level: float = 0.0  # relative
     absent: float = 0.0  # in the unit of a receptance
@@ -95,7 +95,7 @@ class ResponseFit(NamedTuple):
 
 
 class Misfit(NamedTuple):
-    """How far computed responses are from measured ones."""
+    """Distance of computed responses from measured ones."""
 
     decibel: float  # rms of the magnitudes' difference
     degrees: float  # rms of the phases' difference
@@ -144,8 +144,8 @@ def log_ratio(H: NDArray[np.complex128], measured: NDArray[np.complex128]) -> ND
 
 
 def misfit(measured: MeasuredResponses, H: NDArray[np.complex128]) -> Misfit:
-    """How far responses H (p, r, f) are from measured ones, over the lines whose noise is below the
-    share `faint` of the response; nan where there is none."""
+    """Distance of responses H (p, r, f) from measured ones, over the lines whose noise is below the
+    share FAINT_NOISE of the response; nan where there is none."""
     relative = measured.noise / np.maximum(np.abs(measured.H), np.finfo(float).tiny)
     heard = relative < FAINT_NOISE
     r = log_ratio(H, measured.H)[heard]
@@ -158,7 +158,7 @@ def misfit(measured: MeasuredResponses, H: NDArray[np.complex128]) -> Misfit:
 
 
 class Weights(NamedTuple):
-    """How k residuals of h lines are weighed, real parts first."""
+    """Weights of k residuals of h lines, real parts first."""
 
     heard: NDArray[np.bool_]  # (p, r, f) which lines say something
     noise: NDArray[np.float64]  # (k,) deviation by noise alone
@@ -238,8 +238,8 @@ def fit_responses(
         return np.concatenate([r.real, r.imag], axis=0)
 
     def weights(x: NDArray[np.float64]) -> Weights:
-        """How residuals are weighed next to x (n,); noise is over the computed magnitude, so that
-        no measured line biases its own weight."""
+        """Weights of the residuals near x (n,); noise is over the computed magnitude, so that no
+        measured line biases its own weight."""
         H = at(x).H
         magnitude = np.maximum(np.abs(H), floor)
         relative = np.maximum(measured.noise, floor) / magnitude
@@ -347,7 +347,7 @@ def of_resonances(
 
 
 def prior_information(parameters: Sequence[Parameter]) -> NDArray[np.float64]:
-    """What bounds say of ln(value): the information (n, n) of an even distribution within them."""
+    """Information in the bounds of ln(value): (n, n) of an even distribution within them."""
     span = np.array([np.log(p.upper / p.lower) for p in parameters])
     return np.diag(12.0 / span**2)
 

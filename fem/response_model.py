@@ -37,7 +37,7 @@ CLOSE = 1e-9  # of the largest eigenvalue: two nearer ones take the slope of equ
 
 
 class StructureDamping(NamedTuple):
-    """What damps a structure; all of it acts together."""
+    """Damping of a structure; all parts act together."""
 
     ratio: tuple[float, ...] = ()  # of modes: one for all, or of those nearest to ratio_hz
     ratio_hz: tuple[float, ...] = ()
@@ -115,8 +115,8 @@ def solid_ones(
 
 
 def members(model: ResponseModel, part: str) -> tuple[NDArray[np.bool_], list[str]]:
-    """Which springs of joints (s,), and which bodies, are of a part: "materials.steel",
-    "joints.bolts" or "springs.cord"."""
+    """Springs of joints (s,) and bodies that belong to a part: "materials.steel", "joints.bolts" or
+    "springs.cord"."""
     kind, _, name = part.partition(".")
     springs = np.array([spring.rpartition(".")[0] == name for spring in model.basis.spring], bool)
     between = [body for body in model.basis.forms if body.startswith(SPRINGS)]

@@ -1,4 +1,5 @@
-"""Whether measured responses have the size that a model says: a check of units and sensitivities.
+"""Comparison of measured responses with the size that a model gives: a check of units and
+sensitivities.
 
 Of modes phi normalised to mass, the receptance of point i to a force at j has the residue
 

@@ -22,7 +22,7 @@ from beadwave.fem.trace import face_mean
 
 
 class Rod(NamedTuple):
-    """What pulls two faces together."""
+    """A rod that pulls two faces together."""
 
     first: str  # "body:face"
     second: str

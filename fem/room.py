@@ -1,4 +1,4 @@
-"""Where a disc finds room on a plane face, for the sentence on one that leaves its face."""
+"""Places where a disc fits on a plane face, for the sentence on one that leaves its face."""
 
 import numpy as np
 

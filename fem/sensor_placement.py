@@ -1,4 +1,4 @@
-"""Where to hit and watch a structure, so that its modes can be told apart with few points.
+"""Points at which to hit and measure a structure, so that few of them tell its modes apart.
 
 Of candidate points with shapes Phi (c, n) those are kept that carry most of the determinant of the
 information matrix Phi^T Phi (effective independence):
@@ -75,7 +75,7 @@ def outside(model: Model) -> Candidates:
 def effective_independence(
     phi: NDArray[np.float64], count: int, *, alike: float = 0.05
 ) -> NDArray[np.int64]:
-    """Which `count` of the candidates with shapes phi (c, n) tell the modes apart best, ascending.
+    """The `count` candidates, of shapes phi (c, n), that tell the modes apart best, ascending.
 
     Of candidates that move alike, as those on both faces of a sheet, to within the share `alike` of
     the largest motion in each mode, one is left, as far as there are enough. Raises ValueError
@@ -107,7 +107,7 @@ def effective_independence(
 
 
 def one_more_point(phi: NDArray[np.float64], candidates: NDArray[np.float64]) -> tuple[int, float]:
-    """Which of c candidates tells two modes apart best beside the points that there are: its
+    """The candidate of c that tells two modes apart best in addition to the present points: its
     position, and the MAC of both with it; from their shapes phi (p, 2) and candidates (c, 2)."""
     cross = (phi[:, 0] @ phi[:, 1] + candidates[:, 0] * candidates[:, 1]) ** 2
     sizes = np.sum(phi**2, axis=0) + candidates**2

@@ -30,7 +30,7 @@ class SharedSolutions:
         return _Factor(self, key, self.once(key, lambda: factorised(A)))
 
     def once(self, key: bytes, computed):
-        """What `computed` returns, from the store where it was computed before."""
+        """The result of `computed`, from the store if it was computed before."""
         if key in self._known:
             result, seconds = self._known[key]
             self.saved += seconds

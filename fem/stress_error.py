@@ -1,4 +1,4 @@
-"""What elements that are too large leave of error, from the forces that they leave unbalanced.
+"""Error of elements that are too large, from the forces that they leave unbalanced.
 
 Displacements u_j (modes, static shapes) with K u_j = sum_i M u_i D_ij + forces on faces are too
 stiff. In each element e the error is sought in functions b that the element lacks, of the next

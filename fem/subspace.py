@@ -244,7 +244,7 @@ def jackknife(values: NDArray) -> NDArray[np.float64]:
 
 
 def is_decay(y: NDArray[np.float64], factor: float = 4.0) -> bool:
-    """Whether a record (m, k) is a ring-down: its energy falls by `factor` from its first to its
+    """True if a record (m, k) is a ring-down: its energy falls by `factor` from its first to its
     second half, where that of ambient vibration is the same but for chance."""
     half = y.shape[1] // 2
     centred = y - y.mean(axis=1, keepdims=True)

@@ -31,7 +31,7 @@ ROUND = 1e10
 
 
 class HammerDefects(NamedTuple):
-    """What is wrong with a synthetic test."""
+    """Defects of a synthetic test."""
 
     noise: float = 0.02  # rms over that of the channel's record
     double: float = 0.1  # share of the hits that are double
@@ -95,7 +95,7 @@ def synthetic_hits(
 
 
 class Striking(NamedTuple):
-    """How a structure is hit: `repeats` times at every point, records of k samples."""
+    """Hits on a structure: `repeats` times at every point, records of k samples."""
 
     points: int
     repeats: int

@@ -127,7 +127,7 @@ def read(path: Path) -> MeshFile:
 
 
 def _same(key: tuple[str, str], scope: str, name: str) -> bool:
-    """Whether a set's key is this name in this part; names have no case."""
+    """True if a set's key is this name in this part; names have no case."""
     return key[0] == scope and key[1].upper() == name.upper()
 
 

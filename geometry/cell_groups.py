@@ -14,8 +14,8 @@ CORNERS = {  # of a cell by its dimension and its number of nodes
 
 
 class Origin(IntEnum):
-    """Where the name of a group comes from; of two groups of one content the smaller one names
-    the body."""
+    """Source of the name of a group; of two groups of one content the smaller one names the
+    body."""
 
     NAME = 0  # a group that somebody named
     BLOCK = 1  # a block of elements that carries a name

@@ -1,4 +1,4 @@
-"""Which bodies touch, nearly touch or overlap, as numbers, however it was found.
+"""Numbers of bodies that touch, nearly touch or overlap, for every way of finding them.
 
 `geometry.touching` finds it on the CAD, `geometry.faceted_touching` on the facets of meshes.
 """

@@ -75,7 +75,7 @@ def curved(mesh: Mesh, corners: NDArray[np.int64], middles: NDArray[np.float64])
 
 
 def is_curved(mesh: Mesh) -> bool:
-    """Whether cells have nodes besides their corners."""
+    """True if cells have nodes besides their corners."""
     return mesh.doflocs.shape[1] > mesh.nvertices
 
 

@@ -1,4 +1,4 @@
-"""What is wrong with a geometry that a user gave."""
+"""Errors of a geometry that a user gave."""
 
 
 class InvalidGeometry(ValueError):

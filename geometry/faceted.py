@@ -62,7 +62,7 @@ class Skin(NamedTuple):
 
     @property
     def flat(self) -> NDArray[np.bool_]:
-        """Whether the face of each facet is a plane, (n,)."""
+        """True for each facet whose face is a plane, (n,)."""
         _, face = np.unique(self.tag, return_inverse=True)
         spread = [np.ptp(self.normal[face == i], axis=0).max() for i in range(face.max() + 1)]
         return np.array(spread)[face] < PLANE_SPREAD

@@ -1,4 +1,4 @@
-"""Where bodies of a mesh touch: facets that face each other across less than `gap`.
+"""Contacts of the bodies of a mesh: facets that face each other across less than `gap`.
 
 Of two facets the common area is that of one clipped by the other, projected onto its plane
 (Sutherland and Hodgman, Commun. ACM 17 (1974) 32). Facets of touching curved faces may be apart
@@ -45,7 +45,7 @@ class FacetPairs(NamedTuple):
 
 
 class Meeting(NamedTuple):
-    """Which bodies touch, and on which facets."""
+    """Two bodies that touch, and their facets."""
 
     near: Neighbours
     pairs: dict[str, FacetPairs]  # by the name of the touching pair, "a|b"
@@ -215,8 +215,8 @@ def _overlap(first: Skin, second: Skin, names: tuple[str, str], gap: float) -> O
 
 
 def inside(points: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether points (n, 3) lie within a closed surface of triangles (m, 3, 3), by its solid angle:
-    4 pi seen from inside, 0 from outside. 2 pi parts them, except for points on the surface.
+    """True for points (n, 3) within a closed surface of triangles (m, 3, 3), by its solid angle: 4
+    pi seen from inside, 0 from outside. 2 pi parts them, except for points on the surface.
 
     A. van Oosterom and J. Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125.
     """

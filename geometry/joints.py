@@ -73,7 +73,7 @@ class JointPlace(NamedTuple):
 
 
 class Picked(NamedTuple):
-    """What a scene's words refer to."""
+    """Bodies, faces and joints that a scene's words refer to."""
 
     groups: dict[str, list[str]]  # bodies by the key of their pattern
     faces: dict[str, Selected]  # those of the words, and those that joints hold as they are
@@ -89,8 +89,8 @@ class Picked(NamedTuple):
 def picked(
     words: Words, bodies: Mapping[str, Body], touching: Sequence[TouchingPair], gap: float
 ) -> Picked:
-    """What a scene's words refer to; to be called in the bodies' ``with model(...)``. `gap` [m] is
-    the distance up to which bodies touch and axes of holes are one.
+    """Bodies, faces and joints that a scene's words refer to; call it in the bodies' ``with
+    model(...)``. `gap` [m] is the distance up to which bodies touch and axes of holes are one.
 
     Raises InvalidGeometry for words that pick nothing or leave a choice, with what there is.
     """

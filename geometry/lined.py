@@ -44,7 +44,8 @@ class Ring(NamedTuple):
 
 
 class Lines(NamedTuple):
-    """What the grid lines of a body pass, along its own axes; its ends need not be among them."""
+    """Positions that the grid lines of a body pass, along its own axes; its ends need not be among
+    them."""
 
     x: Sequence[Stop] = ()
     y: Sequence[Stop] = ()

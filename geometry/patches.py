@@ -59,7 +59,7 @@ class Spots(NamedTuple):
         return np.delete(np.eye(3), np.argmax(np.abs(self.normal)), axis=0)
 
     def hold(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether points (p, 3) [m] of the faces lie in one of them."""
+        """True for points (p, 3) [m] of the faces that lie in one of them."""
         off = points[:, None] - self.centres  # (p, n, 3)
         if self.radius is not None:
             inside = np.linalg.norm(np.cross(off, self.normal), axis=2) <= self.radius

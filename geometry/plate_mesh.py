@@ -19,7 +19,7 @@ if TYPE_CHECKING:  # see `lined`
 
 
 class Extent(NamedTuple):
-    """Where a plate's edges lie [m]."""
+    """Position of a plate's edges [m]."""
 
     y: tuple[float, float]
     z: tuple[float, float]

@@ -51,7 +51,7 @@ class Size(NamedTuple):
     around: float = EDGES_AROUND  # edges around a circle, at least
 
     def times(self, coarser: float) -> "Size":
-        """The same with all elements `coarser` times as large, those that its shape bounds too."""
+        """Sizes with all elements `coarser` times as large, those that its shape bounds too."""
         fine = tuple(f._replace(size=coarser * f.size) for f in self.fine)
         edge, sharp = (s and coarser * s for s in (self.edge, self.sharp))
         return Size(coarser * self.seed, fine, edge, sharp, self.around / coarser)

@@ -70,7 +70,7 @@ class Body(NamedTuple):
 
 
 def parallel(u: Vector, v: Vector) -> bool:
-    """Whether two unit vectors point along one line, in the same or in opposite directions."""
+    """True if two unit vectors point along one line, in the same or in opposite directions."""
     return bool(abs(u @ v) > 1 - ALIGNED)
 
 

@@ -1,4 +1,4 @@
-"""Where bodies touch, found on the CAD before anything is meshed.
+"""Contacts of bodies, found on the CAD before anything is meshed.
 
 Two faces touch where they lie within `gap` of each other over an area: coplanar planes that look
 at each other, a pin in its bore, any two faces on one surface. The area is that of their common
@@ -96,6 +96,6 @@ def facing_distance(first: Face, second: Face) -> float | None:
 
 
 def _boxes_meet(a: Body | Face, b: Body | Face, within: float) -> bool:
-    """Whether the boxes around both come within a distance [m] of each other along every axis; with
+    """True if the boxes around both come within a distance [m] of each other along every axis; with
     a negative one, whether they overlap by more than that."""
     return bool(np.all(a.lower - within <= b.upper) and np.all(b.lower - within <= a.upper))
