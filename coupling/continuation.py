@@ -62,7 +62,7 @@ def cold_state(
 
 
 def steady(body: PreparedImpact, state: PeriodicState) -> SteadyState:
-    """What a search from rest left; its cycle may be one of samples, coarser than a march takes."""
+    """Result of a search from rest; its cycle may be one of samples, coarser than a march takes."""
     cycle = state.cycle
     amplitude = 0.5 * np.ptp(cycle.friction_force, axis=0)
     speed = max(state.wall_speed, float(np.abs(state.moving.motion.v).max()))

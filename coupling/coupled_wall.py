@@ -24,5 +24,5 @@ class CoupledWall(NamedTuple):
 
     @property
     def reciprocal(self) -> bool:
-        """Whether the force enters through the weights that read the displacement."""
+        """True if the force enters through the weights that read the displacement."""
         return bool(np.allclose(self.force, self.reading, rtol=1e-9, atol=0))

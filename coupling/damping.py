@@ -141,7 +141,7 @@ def matrix_ratios(D: np.ndarray | None, omega: np.ndarray) -> np.ndarray:
 
 
 def couples_modes(D: np.ndarray | None) -> bool:
-    """Whether no ratios can stand for a modal damping matrix (k, k)."""
+    """True if no ratios can stand for a modal damping matrix (k, k)."""
     return D is not None and modal_coupling(D) > UNCOUPLED
 
 

@@ -74,7 +74,7 @@ class Learned(NamedTuple):
         return r + sum(x * w for x, w in zip(share, self.w, strict=True))
 
     def resampled(self, n_samples: int) -> "Learned":
-        """The same of a cycle of n_samples instants."""
+        """Forces of a cycle of n_samples instants."""
         return Learned(*([resampled(x, n_samples) for x in part] for part in self))
 
 
@@ -265,8 +265,8 @@ def answer(
     laps: int,
     pushed: Array | None = None,
 ) -> CycleForces:
-    """What the contacts answer the cycle y (N, c) [m], led round it `laps` times: from what another
-    cycle left, else from rest, after pushes of the frictional contact by (d,) [m] if any
+    """Forces of the contacts on the cycle y (N, c) [m], led round it `laps` times: from what
+    another cycle left, else from rest, after pushes of the frictional contact by (d,) [m] if any
     (`let_go`)."""
     chain, law = body.prepared.chain, body.last.law
     n, d, N = chain.mass.size, len(body.frame), len(y)

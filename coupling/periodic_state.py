@@ -42,7 +42,7 @@ from beadwave.dem.richardson import richardson
 
 
 class PeriodicSearch(NamedTuple):
-    """How a periodic state is searched for."""
+    """Search for a periodic state."""
 
     cycle_steps: int = 1024  # of a period, at least
     cycle_saves: int = 256  # instants of a period that are kept
@@ -108,7 +108,7 @@ class PeriodicState(NamedTuple):
 
     @property
     def balance(self) -> float:
-        """What the shakers' work differs by from all losses of a cycle, over it."""
+        """Difference of the shakers' work from all losses of a cycle, over that work."""
         lost = self.heat + self.lost_in_dampers + self.lost_in_wall
         return abs(self.work - lost) / (abs(self.work) or 1.0)
 
@@ -482,7 +482,7 @@ def periodic_state(
 
 
 class Numbers(NamedTuple):
-    """What two cycles are compared by."""
+    """Numbers by which two cycles are compared."""
 
     speeds: Array  # of all bodies at the instants saved, over the largest
     force: float  # logarithm of the amplitude of the tangential force
@@ -579,7 +579,7 @@ def balanced(
 
 
 def remembers(body: PreparedImpact, stick: Array) -> bool:
-    """Whether a mean force may stay that a cycle with these shares (k,) of sticking area began
+    """True if a mean force may stay that a cycle with these shares (k,) of sticking area began
     with: where all slips it is forgotten, and a sphere that is free to move or to turn lets it
     go."""
     turns = body.mobility()[1] > 0.0 and body.last.arm_rotation == 0.0
@@ -769,7 +769,7 @@ def shot(
 
 
 def stays(period: Period, state: Moving, search: PeriodicSearch) -> bool:
-    """Whether the state is stable: whether one beside it stays within three times its distance, by
+    """True if the state is stable: a neighbouring one stays within three times its distance, by
     energy, over `search.subharmonics` periods."""
     moving = state.copied()
     z = period.z_of(moving)

@@ -96,10 +96,10 @@ def without(wall: Wall, left_out: ArrayLike) -> Wall:
 
 
 def mode_costs(chain: Chain, wall: Wall, run: Trajectory) -> tuple[LeftOut, ...]:
-    """What leaving out each mode would cost in relative velocity, frozen or static, whichever costs
-    less, estimated from the wall force of a run. The displacement that a mode lacks is that under
-    this force, and changes it by the contact's stiffness; what the changed force does to the modes
-    in turn is left out, and only measured by the march of `prune`."""
+    """Cost of leaving out each mode, in relative velocity, frozen or static, whichever costs less,
+    estimated from the wall force of a run. The displacement that a mode lacks is that under this
+    force, and changes it by the contact's stiffness; what the changed force does to the modes in
+    turn is left out, and only measured by the march of `prune`."""
     # the velocity that a displacement held for a step makes, relative to the striker's
     F = run.contact_force[:, -1]
     h = run.t[1] - run.t[0]

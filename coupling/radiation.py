@@ -37,7 +37,7 @@ def lamb_integral(poisson: float) -> Shares:
         return s * a / ((2 * s**2 - 1) ** 2 + 4 * s**2 * a * b)
 
     def below_shear(s: float) -> float:
-        """The same from g to 1, where a is real."""
+        """The integral from g to 1, where a is real."""
         a, b = np.sqrt(max(s**2 - g**2, 0.0)), np.sqrt(max(1 - s**2, 0.0))
         return 4 * s**3 * a**2 * b / ((2 * s**2 - 1) ** 4 + 16 * s**4 * a**2 * b**2)
 

@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 
 class HarmonicBalance(NamedTuple):
-    """How a point of a curve is found."""
+    """Search for a point of a curve."""
 
     # heat of a cycle of the shaken rig under 2 N, where all of it slips: 13 % off with 7 harmonics,
     # 1.6 % with 15, 0.02 % with 31, beside the march in time; under 1 N, where a part slips, 0.3 %

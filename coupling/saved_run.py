@@ -18,12 +18,12 @@ def arrays(
     wall: Wall | CoupledWall | None,
     lateral: LateralTrajectory | None = None,
 ) -> dict[str, np.ndarray]:
-    """What is saved of a run, by name: every array (k, ...) over the k saved times, with the units
-    of `dem.Trajectory` and `dem.lateral.LateralTrajectory`; wall_omega (n_modes,) [rad/s] and
-    wall_phi (n_modes,) [kg^-1/2] of the modes whose coordinates are among them; arrays of the cycle
-    before the striker as cycle_*. energy_total is that of both motions, along the chain and across
-    it. error_x, error_v (n,), error_contact_force (c,): errors of these arrays by the time step,
-    the largest over time, where they are known."""
+    """Saved arrays of a run, by name: each (k, ...) over the k saved times, with the units of
+    `dem.Trajectory` and `dem.lateral.LateralTrajectory`; wall_omega (n_modes,) [rad/s] and wall_phi
+    (n_modes,) [kg^-1/2] of the modes whose coordinates are among them; arrays of the cycle before
+    the striker as cycle_*. energy_total is that of both motions, along the chain and across it.
+    error_x, error_v (n,), error_contact_force (c,): errors of these arrays by the time step, the
+    largest over time, where they are known."""
     k = len(trajectory.t)
     fields = trajectory._asdict().items()
     saved = {name: a for name, a in fields if isinstance(a, np.ndarray) and len(a) == k and a.size}

@@ -33,7 +33,8 @@ NO_BAND = Band()
 
 
 class Quantity(NamedTuple):
-    """What a sensor shows of a sphere i, counted from 0, and what of it has one crest a wave."""
+    """Signal that a sensor shows of a sphere i, counted from 0, and the part of it that has one
+    crest a wave."""
 
     # (k, ...) of a run t, x, v, contact_force and i, as `measured` has them
     of_run: Callable[..., NDArray[np.float64]]

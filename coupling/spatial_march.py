@@ -61,7 +61,7 @@ class ShakerForces(NamedTuple):
 
 
 class SpatialSearch(NamedTuple):
-    """How the step is searched for, and how finely the contact is divided."""
+    """Step-size search, and division of the contact."""
 
     dt: float | None = None  # [s] a step that is given, in place of an error
     safety: float = 2.0  # stated error over what the difference says, as `dem.lateral`'s
@@ -139,7 +139,7 @@ class PreparedImpact(NamedTuple):
         return Moving(motion, contacts)
 
     def stepped(self, h: float, *, before_striker: "Before | None" = None) -> SpatialSystem:
-        """What a march by steps of h [s] reads."""
+        """System for a march by steps of h [s]."""
         chain, static = self.prepared.chain, self.prepared.static
         wall, Q = self.wall, self.to_frame
         n, d = chain.mass.size, len(Q)
@@ -223,7 +223,7 @@ class Moving(NamedTuple):
     contacts: FrictionalContact
 
     def divided(self, n_cells: int) -> "Moving":
-        """The same in arrays of their own, a contact in two directions in n_cells cells."""
+        """A copy in arrays of its own, a contact in two directions in n_cells cells."""
         moving, contacts = self.copied(), self.contacts
         if contacts.cells is None:
             return moving
@@ -231,16 +231,16 @@ class Moving(NamedTuple):
         return Moving(moving.motion, FrictionalContact(None, None, cells, None, trial))
 
     def copied(self) -> "Moving":
-        """The same in arrays of their own."""
+        """A copy in arrays of its own."""
         motion = SpatialMotion(*(values.copy() for values in self.motion))
         return Moving(motion, self.contacts.copied())
 
 
 def shaking(wall: SpatialWall, shakers: ShakerForces | None, to_frame: Array, h: float) -> Shaking:
-    """What shakers do to the modes over a step of h [s], exact: integrals of the modes' response to
-    an impulse, by Gauss' rule with as many points as the fastest of them asks for; to_frame
-    (1 + n_directions, 3). Shakers of one frequency are one force, B e^(i omega t) with complex B
-    (k,) on the modes and L (1 + n_directions,) on the contact's residual motion."""
+    """Effect of shakers on the modes over a step of h [s], exact: integrals of the modes' response
+    to an impulse, by Gauss' rule with as many points as the fastest of them asks for; to_frame (1 +
+    n_directions, 3). Shakers of one frequency are one force, B e^(i omega t) with complex B (k,) on
+    the modes and L (1 + n_directions,) on the contact's residual motion."""
     k, d = wall.omega.size, len(to_frame)
     frequency = np.zeros(0) if shakers is None else np.asarray(shakers.frequency, float)
 
@@ -508,7 +508,7 @@ def difference(a: SavedSpatial, b: SavedSpatial, radius: float) -> float:
 def spatial_run(
     body: PreparedImpact, saved: SavedSpatial, moving: Moving, steps: Steps, estimate: float
 ) -> SpatialRun:
-    """What a march saved, in n, t1, t2, with all energies."""
+    """Saved run of a march, in n, t1, t2, with all energies."""
     chain, static, wall = body.prepared.chain, body.prepared.static, body.wall
     frame, Q = body.frame, body.to_frame
     duration = steps.h * steps.n_save * steps.stride

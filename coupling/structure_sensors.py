@@ -1,4 +1,5 @@
-"""What sensors on a structure read: displacement, velocity and acceleration of points of its faces.
+"""Signals of sensors on a structure: displacement, velocity and acceleration of points of its
+faces.
 
     q_j'' + 2 zeta_j omega_j q_j' + omega_j^2 q_j = phi_j . F + load_j . f,    y = sense^T q
 
@@ -44,8 +45,8 @@ def sensed_in_march(
     force: NDArray[np.float64],
     shakers: NDArray[np.float64],
 ) -> Sensed:
-    """What sensors of a wall read of its modes q [kg^1/2 m] and their rates p (k, n_modes), under
-    forces (k, 3) at the contact and (k, s) of the shakers [N].
+    """Signals of the sensors of a wall from its modes q [kg^1/2 m] and their rates p (k, n_modes),
+    under forces (k, 3) at the contact and (k, s) of the shakers [N].
 
     The wall's residual motion enters displacements alone: it has no inertia.
     """
@@ -64,8 +65,9 @@ def sensed_in_run(
     damping: Damping | None = None,
     finer: int = FINER,
 ) -> Sensed:
-    """What sensors of a reduced model read of a run whose contact force along the normal is `force`
-    (k,) [N] at equal times t (k,) [s], with `finer` instants of the modes from one to the next.
+    """Signals of the sensors of a reduced model in a run whose contact force along the normal is
+    `force` (k,) [N] at equal times t (k,) [s], with `finer` instants of the modes from one to the
+    next.
 
     The structure starts at rest under the force of t[0]. Raises CouplingError where C couples the
     modes.

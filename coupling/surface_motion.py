@@ -1,4 +1,4 @@
-"""How the outer nodes of a reduced structure move in each of its wall's modes.
+"""Motion of the outer nodes of a reduced structure in each of its wall's modes.
 
 u(X, t) = sum_k q_k(t) phi_k(X),   phi_k = T_surface v_k
 """

@@ -38,7 +38,7 @@ from beadwave.dem.trajectory import equal_steps, march
 
 
 class Batch(NamedTuple):
-    """What many marches leave: n_chains chains, k saves.
+    """Results of many marches: n_chains chains, k saves.
 
     To an error, every chain has steps of its own, and those that cannot be brought to it are NaN,
     with the reason in `refused`.
@@ -101,7 +101,7 @@ MAX_STEPS = 1e6  # of a chain in the lanes
 
 
 class _BatchRequest(NamedTuple):
-    """How all chains of a batch are marched and saved."""
+    """Request of a batch: duration, saves, scheme, threads of all its chains."""
 
     duration: float  # [s]
     n_save: int
@@ -323,7 +323,7 @@ def pilot_phase(chains, rate, speed, error, request) -> float:
 
 
 class _Marches(NamedTuple):
-    """What chains by steps of their own leave."""
+    """Results of chains by steps of their own."""
 
     v: Array  # (m, k, n_observed)
     wall_force: Array  # (m, k)

@@ -70,7 +70,7 @@ class Chain(NamedTuple):
 
     @property
     def jumps(self) -> bool:
-        """Whether the damping force jumps when a contact closes."""
+        """True if the damping force jumps when a contact closes."""
         return not DAMPING_LAWS[self.dissipation].grows
 
     @property
@@ -82,7 +82,7 @@ class Chain(NamedTuple):
 
     @property
     def slides(self) -> bool:
-        """Whether friction acts on any sphere."""
+        """True if friction acts on any sphere."""
         return self.friction is not None and bool(np.any(self.friction))
 
     @property
@@ -104,7 +104,7 @@ class State(NamedTuple):
     deepest: Array | None = None  # (n_contacts,) largest overlap so far, of plastic contacts
 
     def reversed(self) -> "State":
-        """The same positions with all velocities reversed."""
+        """The positions with all velocities reversed."""
         wall = self.wall * [1.0, -1.0, 1.0, 1.0]
         return State(self.x, -self.v, self.q, -self.p, wall, self.deepest)
 

@@ -75,7 +75,7 @@ class Chains:
 
     @property
     def fit_lanes(self) -> bool:
-        """Whether the kernel for chains side by side has all parts of these: no yield, no friction,
+        """True if the kernel for chains side by side has all parts of these: no yield, no friction,
         no dashpot."""
         creeps = np.any(self.arrays.get("mobility", 0.0))
         return not (creeps or self.chain.yield_overlap is not None or self.chain.slides)
@@ -88,12 +88,12 @@ class Chains:
 
     @property
     def free(self) -> bool:
-        """Whether the last sphere has no wall."""
+        """True if the last sphere has no wall."""
         return self.wall is None
 
     @property
     def damped(self) -> bool:
-        """Whether any contact dissipates."""
+        """True if any contact dissipates."""
         return self.chain.dissipation != "none" and bool(self.gamma.any())
 
     @property

@@ -39,8 +39,8 @@ class ElasticLaw(NamedTuple):
 
     @property
     def shape(self) -> ForceShape | None:
-        """What kernels take beside A, parameters (n_parameters, ..., n_contacts); None for Hertz'
-        law."""
+        """Shape of the force that kernels take in addition to A, parameters (n_parameters, ...,
+        n_contacts); None for Hertz' law."""
         if self.name is None:
             return None
         law = laws.ELASTIC_LAWS[self.name]

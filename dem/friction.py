@@ -71,8 +71,8 @@ def open_cells(n_cells: int = 256) -> SpringCells:
 
 
 def redivided(cells: SpringCells, n_cells: int) -> SpringCells:
-    """The same displacements, linear between the ends of `n_cells` cells over the same width, in
-    arrays of its own. Kinks inside of a new cell are cut, that at the contact's edge too: the force
+    """The displacements, linear between the ends of `n_cells` cells over the same width, in arrays
+    of its own. Kinks inside of a new cell are cut, that at the contact's edge too: the force
     changes by the error of the cells."""
     n, state = cells.u.shape[0] - 1, cells.state.copy()
     if n == n_cells:

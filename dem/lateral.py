@@ -127,7 +127,7 @@ def common_period(frequency: ArrayLike, most_cycles: int = 100) -> float:
 
 
 class LateralSearch(NamedTuple):
-    """How the step of a lateral march is searched for.
+    """Step-size search of a lateral march.
 
     The error that is asked for is that of velocities, and of the energy ledger.
     """
@@ -614,7 +614,7 @@ def copied_springs(contacts: Contacts) -> Contacts:
 
 
 class Cycle(NamedTuple):
-    """What the wall's motion has become periodic in before the striker, (k, 2) along t1, t2."""
+    """Periodic motion before the striker arrives, (k, 2) along t1, t2."""
 
     t: Array  # (k,) [s] from `periods` periods before the striker to its touch
     friction_force: Array  # [N]
@@ -682,7 +682,7 @@ class Shaken(NamedTuple):
         return MarchedPeriod(state, contact, saved)
 
     def ramped(self, pushed: Array) -> tuple[Across, Contacts]:
-        """What a wall leads to whose motion begins over some periods, on a contact that was
+        """State after ramping the wall's motion up over some periods, on a contact that was
         pressed, pushed to and fro by (n_directions,) [m], and let go where the arm rests under the
         force that it then holds."""
         body, R = self.body, float(self.body.chain.radius[-1])
@@ -804,8 +804,8 @@ def returning_state(
 def marched_until_repeated(
     shaken: Shaken, state: Across, springs: Contacts
 ) -> tuple[ReturningState, int]:
-    """What a march of many periods, each from the end of the last, becomes, and after how many of
-    them it repeats itself. Raises UnstableStep where it does not within four."""
+    """State after a march of many periods, each from the end of the last, and the number of them
+    after which it repeats itself. Raises UnstableStep where it does not within four."""
     search, wall = shaken.body.search, shaken.displacements()
     forces: list[Array] = []
     for _ in range(search.most_periods):
@@ -832,7 +832,7 @@ def repetition(forces: list[Array]) -> list[float]:
 
 
 def remembers(body: MarchedSphere, stick: Array) -> bool:
-    """Whether forces of a start may stay, of shares (k,) that stick: a contact that slips as a
+    """True if forces of a start may stay, of shares (k,) that stick: a contact that slips as a
     whole in each period forgets them, and a sphere that is free to move or to turn lets them go."""
     turns = body.mobility[1] > 0.0 and body.last.arm_rotation == 0.0
     return stick.min() > 0.0 and body.stiffness.all() and not turns

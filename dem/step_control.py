@@ -56,7 +56,7 @@ EPSILON = float(np.finfo(float).eps)
 
 
 class StepReport(NamedTuple):
-    """How a step was found: one entry per comparison of two marches, coarse to fine."""
+    """Record of the search for a step: one entry per comparison of two marches, coarse to fine."""
 
     dt: Array  # (n_pairs,) [s] of the finer march
     difference: Array  # (n_pairs,) relative velocity change against the coarser march
@@ -73,7 +73,7 @@ class Controlled(NamedTuple):
 
 
 class StepSearch(NamedTuple):
-    """How the step of a march to an error is searched for: three wishes, then tuned numbers.
+    """Search for the step of a march to an error: three choices, then tuned numbers.
 
     Scenes are those of `examples/step_errors.py`; "below" are those that state less than their true
     error. Costs are what `examples/cost_of_error.py` prints.

@@ -1,4 +1,4 @@
-"""What the last sphere of a chain hits: `Wall`, and the walls that closed formulas give.
+"""Walls that the last sphere of a chain hits: `Wall`, and those that closed formulas give.
 
     u_w = sum_j phi_j q_j + s F + mobility * integral of F dt
 

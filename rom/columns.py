@@ -32,7 +32,7 @@ from beadwave.rom.truncation import LOSS, frequencies, rms, size
 
 
 class ColumnOptions(NamedTuple):
-    """When a block Krylov space of further functionals is large enough."""
+    """Size of a block Krylov space of further functionals."""
 
     to_hz: float = 20e3  # [Hz] up to which receptances count: what a chain of spheres excites
     # relative rms change of any receptance of a column with itself, up to to_hz, by the last block

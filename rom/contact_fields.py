@@ -1,4 +1,4 @@
-"""What is known of a reduced model's contact and mass, as fields of a file.
+"""Contact and mass of a reduced model, as fields of a file.
 
 Until version 0.1 they stood as text among the notes, under the same names; what a file does not
 say is None.
@@ -62,7 +62,7 @@ def known_fields(reduced: ReducedModel) -> dict[str, np.ndarray]:
 
 
 def contact(content: Mapping[str, object], r: int, path: str | Path) -> Contact:
-    """What a file says of the contact of a model of r coordinates; fields it does not say are None.
+    """Contact of a model of r coordinates, as a file has it; fields that the file lacks are None.
 
     Raises ReductionError for a field with another number of values, or with a value that its rule
     in CONTACT does not allow.
@@ -80,7 +80,7 @@ def contact(content: Mapping[str, object], r: int, path: str | Path) -> Contact:
 
 
 def mass_properties(content: Mapping[str, object], path: str | Path) -> MassProperties:
-    """What a file says of the mass; raises ReductionError where it cannot be that."""
+    """Mass properties in a file; raises ReductionError if they are impossible."""
     return MassProperties(**{name: _value(content, field, path) for name, field in MASS.items()})
 
 

@@ -142,7 +142,7 @@ def condensed(pairs: EigenPairs, w: np.ndarray, to_hz: float, error: float) -> E
 def static_shapes(
     omega: np.ndarray, highest: float, to_hz: float, options: KrylovOptions = KrylovOptions()
 ) -> int:
-    """How many of the modes omega (k,) [rad/s] are static shapes, which follow the force without
+    """Number of the modes omega (k,) [rad/s] that are static shapes, which follow the force without
     inertia: those above `highest` [rad/s], the highest mode that was chosen, or far above to_hz
     [Hz]. At least one, the shape that stands for all modes left out."""
     limit = min(highest, options.reach * 2 * np.pi * to_hz)

@@ -8,7 +8,7 @@ from beadwave.rom.lanczos import EigenPairs
 
 
 class KrylovOptions(NamedTuple):
-    """How large a Krylov space at a contact becomes, and which of its Ritz pairs are static."""
+    """Size of a Krylov space at a contact, and limits of its static Ritz pairs."""
 
     converged: float = 5e-3  # bound of the space's own error where a number of modes is wanted
     share: float = 0.3  # of a wanted error, for the space; the choice among its modes has the rest
@@ -52,5 +52,5 @@ class Space(NamedTuple):
 
 
 def converged(residual: np.ndarray, tolerance: float) -> int:
-    """How many of the first residuals (k,) are all within the tolerance."""
+    """Number of first residuals (k,) that are all within the tolerance."""
     return int(np.argmax(np.append(residual > tolerance, True)))

@@ -155,8 +155,8 @@ def save_full(path: str | Path, matrices: Mapping[str, sp.sparray | np.ndarray])
 
 
 def _fields(reduced: ReducedModel, C_damping: ArrayLike | None) -> dict[str, object]:
-    """What is written of a model, by its name in the file; without dashpots C is zero, what else is
-    not known is left out."""
+    """Arrays of a model to write, by name in the file; without dashpots C is zero, other unknown
+    fields are left out."""
     fields = {name: getattr(reduced, name) for name in ("K", "M", "C", "w", "T")}
     if reduced.C is None:
         fields["C"] = np.zeros_like(reduced.K)
@@ -189,7 +189,7 @@ def _names(fields: Mapping[str, object]) -> list[str]:
 
 
 def _readable(path: str | Path, format_name: str, read: Callable):
-    """What read() gives; raises FileNotFoundError, or ReductionError with why it cannot."""
+    """Result of read(); raises FileNotFoundError, or ReductionError with the reason."""
     try:
         return read()
     except FileNotFoundError:

@@ -21,7 +21,7 @@ class ReductionError(ValueError):
 
 
 class Solver(Protocol):
-    """What a factorisation can do: ``solve(b)`` for b (n,) or (n, k)."""
+    """A factorisation: ``solve(b)`` for b (n,) or (n, k)."""
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         """x with A x = b, of the shape of b."""
@@ -96,7 +96,8 @@ def frequency_scale(K: sp.csc_array, M: sp.csc_array) -> float:
 
 
 def noise(K: sp.csc_array, M: sp.csc_array) -> float:
-    """What rounding makes of a zero eigenvalue omega^2 [rad^2/s^2]: 200 roundings of the scale."""
+    """Size that rounding gives to a zero eigenvalue omega^2 [rad^2/s^2]: 200 roundings of the
+    scale."""
     return 200 * EPS * frequency_scale(K, M)
 
 

@@ -1,4 +1,4 @@
-"""Whether K can be factorised as it is, and with what shift where it floats freely or hangs softly.
+"""Shift with which K is factorised if the structure floats freely or hangs softly.
 
 A K that is held by springs at the level of its rounding counts as floating: its lowest eigenvalue
 would be noise. One that hangs on soft springs (cords, foam) is held, but its suspension answers
@@ -72,8 +72,8 @@ def pencil(
 
 
 def n_suspended(omega: np.ndarray) -> int:
-    """How many of the lowest modes omega (k,) [rad/s] ascending, above zero, are rigid motions on
-    soft springs: those below the widest gap between neighbours, if that is wide."""
+    """Number of the lowest modes omega (k,) [rad/s] ascending, above zero, that are rigid motions
+    on soft springs: those below the widest gap between neighbours, if that is wide."""
     ratio = omega[1:] / np.maximum(omega[:-1], np.finfo(float).tiny)
     return int(ratio.argmax()) + 1 if len(ratio) and ratio.max() > SUSPENSION_GAP else 0
 
@@ -89,7 +89,8 @@ def held_pencil(K: sp.csc_array, M: sp.csc_array, factorise: Factorise) -> Penci
 
 
 def is_held(problem: Pencil) -> bool:
-    """Whether the lowest eigenvalue of a K that was factorised as it is stands above rounding."""
+    """True if the lowest eigenvalue of a K that was factorised without a shift is above
+    rounding."""
     return lowest_square(problem) > noise(problem.K, problem.M)
 
 

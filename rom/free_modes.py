@@ -81,7 +81,7 @@ def free_modes(
         static = static_response(problem, w, rigid)
 
         def enough(omega: np.ndarray, shapes: Callable[[], np.ndarray]) -> bool:
-            """Whether some number of these modes (k,) has a bound within the error wanted."""
+            """True if some number of these modes (k,) has a bound within the required error."""
             if omega.max(initial=0) < 2 * np.pi * to_hz:
                 return False
             pairs = EigenPairs(omega, shapes())

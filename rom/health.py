@@ -1,4 +1,4 @@
-"""What a reduced model must still be true of: symmetry, definiteness, statics, mass.
+"""Checks of a reduced model: symmetry, definiteness, statics, mass.
 
 The require_ functions raise ReductionError with one sentence; health() measures a finished model,
 made here or elsewhere, and only reports. After the checks of Craig and Kurdila (2006) and the
@@ -97,7 +97,7 @@ def health(reduced: ReducedModel) -> Health:
 
 
 def is_indefinite(D: np.ndarray) -> bool:
-    """Whether a damping matrix (k, k) has an eigenvalue below zero by more than 1e-9 of its largest
+    """True if a damping matrix (k, k) has an eigenvalue below zero by more than 1e-9 of its largest
     entry, by a Cholesky factorisation of what that is added to."""
     if not D.any():
         return False

@@ -19,7 +19,7 @@ class Jointed(NamedTuple):
     stiffness: dict[str, float]  # [N/m] or [N m/rad] that the reduced model has
 
     def with_stiffness(self, stiffness: dict[str, float]) -> ReducedModel:
-        """The same structure with other springs: exact in statics, as good in its modes as the
+        """The structure with other springs: exact in statics, as good in its modes as the
         fixed-interface modes, which no spring changes.
 
         stiffness [N/m, N m/rad] by "joint.direction"; springs that are not named stay as they are.

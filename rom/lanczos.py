@@ -25,7 +25,7 @@ Enough = Callable[[np.ndarray, Callable[[], np.ndarray]], bool]
 
 
 class LanczosOptions(NamedTuple):
-    """How modes are sought."""
+    """Search for modes."""
 
     dense: int = 400  # dofs up to which all modes by LAPACK are faster than a few by Lanczos
     block: int = 8  # right-hand sides a solution: eight together cost a third of eight alone

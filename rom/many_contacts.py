@@ -36,7 +36,7 @@ class Oscillators(NamedTuple):
     phi: np.ndarray  # (p, n) [kg^-1/2]; 0 where a contact moves nothing more
 
     def lumped(self, above_hz: float) -> "Oscillators":
-        """The same with one oscillator in place of all above above_hz [Hz], which would cost steps.
+        """Oscillators with one in place of all above above_hz [Hz], which would cost steps.
 
         It has their static response m_1 = sum phi^2 / omega^2 and m_2 = sum phi^2 / omega^4, so
         that omega^2 = m_1 / m_2 and phi^2 = omega^2 m_1, and takes the place of the first of them;
@@ -98,7 +98,7 @@ def many_contacts(
 
 
 def static_responses(problem: Pencil, W: sp.csc_array, modes: EigenPairs) -> np.ndarray:
-    """What the modes leave of the static responses to unit forces through W (n, m), r (n, m)
+    """Part of the static responses that the modes lack, to unit forces through W (n, m), r (n, m)
     [m/N]; of a floating structure, of those with inertia relief."""
     elastic = modes.omega > 0
     shapes, rigid = modes.phi[:, elastic], modes.phi[:, ~elastic]

@@ -495,9 +495,9 @@ def shows(
     deviation: NDArray[np.float64],
     zeta: NDArray[np.float64],
 ) -> NDArray[np.bool_]:
-    """Whether n poles are modes that the measurement shows: at its own frequency each makes enough
-    of the responses, the more the wider its peak is. peak (n, e) is what each makes of e responses
-    there, over which deviation (n, e) divides; zeta (n,)."""
+    """True for those of n poles that are modes which the measurement shows: at its own frequency
+    each makes enough of the responses, the more the wider its peak is. peak (n, e) is what each
+    makes of e responses there, over which deviation (n, e) divides; zeta (n,)."""
     share = np.sqrt(np.mean(np.abs(peak / deviation) ** 2, axis=1))
     return share >= PEAK_SHARE + SHOWN_SHARE * np.minimum(zeta / WIDE, 1.0)
 

@@ -17,7 +17,7 @@ from beadwave.rom.factorisation import Pencil, ReductionError
 
 
 def residual_vector(M: sp.csc_array, phi: np.ndarray, static: np.ndarray) -> np.ndarray:
-    """What the static response (n,) [m/N] has beyond the modes phi (n, k), orthogonal to them in M.
+    """Part of the static response (n,) [m/N] beyond the modes phi (n, k), orthogonal to them in M.
 
     Projected instead of summed up by modes, so that errors of their frequencies do not enter; and
     twice, since one projection leaves rounding of the size of the static response.

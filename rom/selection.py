@@ -1,4 +1,4 @@
-"""Which modes a reduction keeps."""
+"""Selection of the modes that a reduction keeps."""
 
 from typing import NamedTuple
 
@@ -9,7 +9,7 @@ from beadwave.rom.factorisation import ReductionError
 
 
 class Selection(NamedTuple):
-    """How many modes, which of them, and up to what frequency.
+    """Number of modes, the rule that chooses them, and their highest frequency.
 
     Give n_modes, or cutoff_hz [Hz] for all modes below it, or error and to_hz [Hz] for the fewest
     that keep the receptance at the contact to a relative rms error up to that frequency; with to_hz
@@ -32,7 +32,7 @@ class Selection(NamedTuple):
 
     @property
     def by_contact(self) -> bool:
-        """Whether the contact says which modes."""
+        """True if the contact chooses the modes."""
         return self.choice == "contact"
 
 

@@ -1,4 +1,4 @@
-"""How far a few modes and a residual vector answer at the contact like all modes do.
+"""Difference at the contact between a few modes with a residual vector and all modes.
 
 Every error stated of a reduction is that of the receptance H with the loss factor LOSS, relative,
 rms over even frequencies up to to_hz:

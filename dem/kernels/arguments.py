@@ -1,4 +1,4 @@
-"""What the marches take: the state that they change, the arrays of a chain, where saves go.
+"""Arguments of the marches: the state that they change, the arrays of a chain, the saved arrays.
 
 A drift or a part of a step is one of a scheme's fractions of the step; its exact propagators are
 computed once a march, for each of the n_fractions.

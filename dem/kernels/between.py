@@ -111,7 +111,8 @@ def fill_between(ends: Ends, h: float, x: Array, v: Array) -> None:
 
 
 class Onset(NamedTuple):
-    """Where in a step a contact begins to push, and how its overlap grows; time in steps."""
+    """Instant in a step at which a contact begins to push, and the growth of its overlap; time in
+    steps."""
 
     at: float  # below 0 if it began in the step before; counted from the end if the contact opens
     slope: float  # of the overlap there, away from touching; 0 where there is none

@@ -15,7 +15,7 @@ from beadwave.dem.kernels.numbers import larger
 
 
 class Bearing(NamedTuple):
-    """What holds n spheres at rest."""
+    """Supports that hold n spheres at rest."""
 
     A: Array  # (n_contacts,) as `dem.elastic.ElasticLaw.A`
     stiffness: Array  # (n,) [N/m] of the leaf springs
@@ -26,8 +26,8 @@ class Bearing(NamedTuple):
 
 
 class NewtonRoom(NamedTuple):
-    """What an iteration works on, zeros at the start; arrays made by compiled code take a quarter
-    of a second to compile."""
+    """Workspace of an iteration, zeros at the start; arrays made by compiled code take a quarter of
+    a second to compile."""
 
     f: Array  # (n + 1,) [N] contact forces
     r: Array  # (n,) [N] net forces

@@ -60,7 +60,7 @@ class StepStates(NamedTuple):
 
 
 class Newton(NamedTuple):
-    """What a Newton iteration works on."""
+    """Workspace of a Newton iteration."""
 
     elastic: Array  # (n_contacts,) [N] part of the mean force
     slope: Array  # (n + 1,) [N/m] of the mean force in the overlap, 0 behind the last contact
@@ -126,8 +126,9 @@ def march_implicit(
 def predict_spheres(
     s: int, h: float, motion: Motion, mass: Array, leaf: LeafSprings | None, states: StepStates
 ) -> None:
-    """Where spheres go in the s-th part of a step, h [s], without contact, into `states`, and what
-    a mean force adds: h^2 / 2m of free flight, less on a leaf spring. mass (n,) [kg]."""
+    """Write into `states` the motion of the spheres in the s-th part of a step, h [s], without
+    contact, and what a mean force adds: h^2 / 2m of free flight, less on a leaf spring. mass (n,)
+    [kg]."""
     x, v = motion.x, motion.v
     for i in range(x.size):
         states.start[i] = x[i]
@@ -146,9 +147,9 @@ def predict_wall(
     s: int, h: float, wall: Array, offset: float, mobility: float | None, modes: WallModes | None,
     states: StepStates,
 ) -> None:  # fmt: skip
-    """Where the wall goes in the s-th part of a step, h [s], without contact, into `states`, and
-    what a mean force adds: phi^2 times the step response of each mode, and what the dashpot gives
-    way by. wall (4,), offset [m] of the wall at rest, mobility [m/(N s)]."""
+    """Write into `states` the motion of the wall in the s-th part of a step, h [s], without
+    contact, and what a mean force adds: phi^2 times the step response of each mode, and what the
+    dashpot gives way by. wall (4,), offset [m] of the wall at rest, mobility [m/(N s)]."""
     free, compliance = states.free, states.compliance
     n = free.size - 1
     states.start[n] = wall[U] + wall[DASH] + offset
@@ -370,10 +371,11 @@ def closed_share(g0: float, g1: float) -> tuple[float, float]:
 
 @ieee_inline
 def lead(z: float) -> tuple[float, float]:
-    """How far past the middle of a step a damper of z, its rate times the step, reads the velocity:
-    read in the middle, a strong one would throw two bodies back with the speed that it takes from
-    them. 0 for a weak one, which keeps the order and the symmetry of the step, 1/2 for one that
-    stops them within the step, between them about what leaves exp(-z). Also its slope in z."""
+    """Distance past the middle of a step at which a damper of z, its rate times the step, reads the
+    velocity: read in the middle, a strong one would throw two bodies back with the speed that it
+    takes from them. 0 for a weak one, which keeps the order and the symmetry of the step, 1/2 for
+    one that stops them within the step, between them about what leaves exp(-z). Also its slope in
+    z."""
     square = z * z
     cube = abs(z) * square
     share = 1.0 / (cube + LEAD)
@@ -439,8 +441,8 @@ def update_dashpot(
 
 @ieee_inline
 def damping_work(states: StepStates, f: Array, elastic: Array) -> float:
-    """What the damping parts of the mean forces f (n + 1,) [N] take from the contacts [J]: f less
-    its elastic part (n_contacts,) times the change of the overlap."""
+    """Work [J] that the damping parts of the mean forces f (n + 1,) [N] take from the contacts: f
+    less its elastic part (n_contacts,) times the change of the overlap."""
     x0, x1 = states.start, states.end
     lost = 0.0
     for i in range(elastic.size):

@@ -91,7 +91,7 @@ class Blocks(NamedTuple):
 
 
 class SavedLanes(NamedTuple):
-    """What is kept of every chain."""
+    """Saved values of every chain."""
 
     v: Array  # (n_blocks, n_save + 1, n_observed, LANES)
     wall_force: Array  # (n_blocks, n_save + 1, LANES)
@@ -130,7 +130,7 @@ class Lanes(NamedTuple):
 
 
 class WallPush(NamedTuple):
-    """What the wall's modes get, (LANES,)."""
+    """Impulses on the wall's modes, (LANES,)."""
 
     impulse: Array  # [N s] of the contact at the wall
     shift: Array  # [kg m] displacement times mass, of `correct_lanes`
@@ -628,7 +628,7 @@ def crossed_row(x: Array, x_old: Array, row: int) -> bool:
 
 @fastmath
 def note_end(lanes: Lanes, f: Array, observed: Array, end: LaneEnds) -> None:
-    """What the polynomials of a step need of one of its ends, where the contact forces are f
+    """Save what the polynomials of a step need of one of its ends, where the contact forces are f
     ((n + 1) LANES,) [N], of the observed spheres (n_observed,), the last one and the wall."""
     x, v, minv, resting = lanes.x, lanes.v, lanes.inverse_mass, lanes.resting
     n = lanes.A.size // LANES

@@ -46,7 +46,7 @@ NONE, LINEAR, LINEAR_CLIPPED, HUNT_CROSSLEY = range(4)
 
 
 class DampingLaw(NamedTuple):
-    """What the estimates and the choice of a scheme need to know of a damping law."""
+    """Properties of a damping law that estimates and the choice of a scheme use."""
 
     number: int
     grows: bool  # c = gamma F: the force does not jump when the contact closes
@@ -74,7 +74,7 @@ class ShapeParameter(NamedTuple):
 
 
 class ElasticShape(NamedTuple):
-    """What all but the formulas need to know of a law whose force is not Hertz'."""
+    """Properties of a law whose force is not Hertz', for all but the formulas."""
 
     number: int
     parameters: tuple[ShapeParameter, ...]
@@ -313,7 +313,7 @@ def segment(value: float, knots: Array) -> int:
 
 @fastmath_inline
 def risen(t: float, j: int, table: ForceTable) -> float:
-    """What phi has risen by at t behind the table's knot j."""
+    """Rise of phi at t behind the table's knot j."""
     return t * (table.slope[j] + t * (table.square[j] + table.cube[j] * t))
 
 

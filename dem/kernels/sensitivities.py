@@ -306,7 +306,7 @@ def add(
 
 
 class Workspace(NamedTuple):
-    """What a march with sensitivities works on, the spheres' start included."""
+    """Workspace of a march with sensitivities, with the spheres' start."""
 
     f: Array  # (5 + n_parameters, n_contacts) as FORCE .. BY_PARAMETERS
     a: Array  # (n,) accelerations

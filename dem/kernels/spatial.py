@@ -58,7 +58,7 @@ class SpatialMotion(NamedTuple):
 
 
 class SpatialArrays(NamedTuple):
-    """What the march reads of chain and wall."""
+    """Arrays of chain and wall that the march reads."""
 
     inverse_mass: Array  # (n,) [1/kg]; 0 of a sphere that is held
     A: Array  # (n,) [N/m^1.5]; 0 where a contact is left out
@@ -101,7 +101,7 @@ class FrictionalContact(NamedTuple):
     trial_cells: SpringCells | None
 
     def copied(self) -> "FrictionalContact":
-        """The same in arrays of their own."""
+        """A copy in arrays of its own."""
         parts = (
             None if part is None else type(part)(*(values.copy() for values in part))
             for part in self
@@ -170,8 +170,9 @@ def push(i: int, impulse: float, motion: SpatialMotion, square: Array) -> None:
 
 @fastmath
 def shake(t: float, q: Array, p: Array, shaking: Shaking) -> float:
-    """What the shakers add to q and p (k,) in the step from t [s] on, into `forced`; their work
-    [J] in it, exact: over q and p at its start, and over what the shakers themselves move."""
+    """Write into `forced` what the shakers add to q and p (k,) in the step from t [s] on; returns
+    their work [J] in it, exact: over q and p at its start, and over what the shakers themselves
+    move."""
     forced, work = shaking.forced, 0.0
     for j in range(q.size):
         forced[0, j], forced[1, j] = 0.0, 0.0

@@ -36,7 +36,7 @@ GAUSS = 0.5 * math.sqrt(0.6)  # the outer points of Gauss' rule, from the middle
 
 
 class TangentialLaw(NamedTuple):
-    """What a contact's tangential springs are made of."""
+    """Law of a contact's tangential springs."""
 
     modulus: float  # G* [Pa]
     bound: float  # c = mu E* / G*: the displacement that slips, over the overlap of the spring

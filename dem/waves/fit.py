@@ -31,7 +31,7 @@ QUOTIENT_STEP = 1e-5  # of the difference quotients of the Jacobian, in the scal
 
 
 class Guess(NamedTuple):
-    """When a wave passes a sphere by its track, and how fast the sphere then moves."""
+    """Time at which a wave passes a sphere by its track, and the speed of the sphere then."""
 
     time: float  # [s]
     peak_velocity: float  # [m/s]

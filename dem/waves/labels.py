@@ -1,4 +1,4 @@
-"""Which wave passes a sphere at what time, its peak velocity, and its quality as a solitary wave.
+"""Waves that pass a sphere: time, peak velocity, and quality as a solitary wave.
 
 The track of a wave says when it passes and how large it should be. A wave that passes alone is
 measured on the record itself; overlapping waves are separated by a fit of their shape (`fit`).

@@ -1,4 +1,5 @@
-"""What systems differ in: locks, memory, processor time, signals, limits of children, file names.
+"""Differences between systems: locks, memory, processor time, signals, limits of children, file
+names.
 
 No other module asks for what one system alone has (`tests/test_architecture.py`). Each function
 says what holds where the system lacks it.
@@ -145,12 +146,12 @@ def end_after_work(seconds: float) -> None:
 
 
 def timed_out(status: int) -> bool:
-    """Whether a process of this status was ended by `end_after`."""
+    """True if `end_after` ended a process of this status."""
     return ALARM is not None and status == -ALARM
 
 
 def worked_out(status: int) -> bool:
-    """Whether a process of this status was ended by `end_after_work`."""
+    """True if `end_after_work` ended a process of this status."""
     return PROFILE is not None and status == -PROFILE
 
 
@@ -176,7 +177,7 @@ def limit_memory(size: float) -> None:
 
 
 def runs(process: int) -> bool:
-    """Whether another process of this number is there."""
+    """True if another process of this number runs."""
     # os.kill(process, 0), as elsewhere, would send a Ctrl-C on Windows
     import psutil
 
@@ -310,7 +311,7 @@ def adding(extra: str) -> str:
 
 
 def providing(package: str) -> str:
-    """How to get a program that a package of Debian has."""
+    """Command that installs a program of a Debian package."""
     return f"apt-get install {package}" if LINUX else "the installer of its makers"
 
 
@@ -329,8 +330,8 @@ LONGEST = 100  # letters: with a folder of 150 below the 260 of a path on Window
 
 
 def is_shared(folder: Path) -> bool:
-    """Whether the system or its users share a resolved folder; a run folder may lie in one, and be
-    none."""
+    """True if the system or its users share a resolved folder; a run folder may lie in one but not
+    be one."""
     root = Path(folder.anchor)
     named = {Path(os.environ[name]) for name in SHARED_ON_WINDOWS if name in os.environ}
     return folder in {root, root / "Users", *map(Path, SHARED), *named}
@@ -366,8 +367,7 @@ def locked(path: Path) -> Iterator[None]:
 
 
 def held_open(path: Path) -> bool:
-    """Whether another program has a file open in a way that keeps it from being replaced, as
-    Windows allows."""
+    """True if another program has the file open so that it cannot be replaced, as on Windows."""
     if not WINDOWS:
         return False
     try:
@@ -404,8 +404,8 @@ def link_or_copy(source: Path, target: Path) -> None:
 
 
 def too_long(path: str) -> bool:
-    """Whether Windows, as it is installed, takes no file of this path: it has 260 letters or more,
-    with which a name is as good as absent."""
+    """True if the path has 260 letters or more, which Windows does not accept by default: such a
+    file is treated as missing."""
     return WINDOWS and len(os.path.abspath(path)) >= 260
 
 
