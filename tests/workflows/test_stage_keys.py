@@ -99,7 +99,8 @@ def test_a_stage_reads_nothing_of_a_scene_that_its_key_lacks(source, changes, re
         stage = pipeline._stages[name]
         needed = [pipeline(need) for need in stage.needs + stage.means]
         allowed = keys_of(name) | {("Scene", "name")}
-        function = getattr(import_module(stage.module), stage.function.split(":")[1])
+        module, name_of_function = stage.function.split(":")
+        function = getattr(import_module(module, "beadwave.workflows.stages"), name_of_function)
         reads.clear()
         function(whole, *needed)
         lacks = set(reads) - allowed if name not in UNKEYED else set()

@@ -186,7 +186,7 @@ def film(call: Call) -> None:
     json="{installed, missing: [{name, costs, remedy}], cache, ...}",
 )
 def doctor(call: Call) -> None:
-    """What is installed, what is missing, what that costs."""
+    """Installed and missing packages, and what the missing ones cost."""
     print_report(call(), call.json, call.quiet)
 
 
@@ -228,7 +228,7 @@ def built(name: str) -> Any:
 
 
 def _in_words(label: Callable[[Any], str], context: Any) -> str:
-    """What typer calls the type of a value in the help, in plain words."""
+    """Type of a value in the help, in plain words in place of typer's."""
     words = {"str": "text", "float": "number", "int": "integer", "Path": "path"}
     inner = label(context).strip("<>").removeprefix("list[").removesuffix("]")
     return f"<{words.get(inner.removesuffix(' range'), inner)}>"

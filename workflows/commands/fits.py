@@ -59,7 +59,7 @@ def inspect(call: Call) -> None:
     scene=SCENE, find=FIND, bounds=BOUNDS,
 )  # fmt: skip
 def design(call: Call) -> None:
-    """Which sphere, chain and velocity tell a number best."""
+    """Choose the sphere, chain and velocity that determine a number best."""
     from beadwave.workflows.report import finding
 
     result = call()

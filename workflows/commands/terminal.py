@@ -161,7 +161,7 @@ class SummaryPrinter:
         self._printed: set[tuple[str, str]] = set()
 
     def waves(self, summary: Summary) -> None:
-        """What is known before errors are estimated and pictures drawn."""
+        """Print what is known before errors are estimated and pictures drawn."""
         if not self._json and not self._quiet:
             from beadwave.workflows.report.rows import results
 
@@ -171,7 +171,7 @@ class SummaryPrinter:
                 print(*map(_row, results(summary)), sep="\n", file=sys.stderr, flush=True)
 
     def whole(self, summary: Summary) -> None:
-        """What has not been printed yet."""
+        """Print the rest."""
         if self._json:
             print(summary.text(), end="")
             return

@@ -26,7 +26,7 @@ from beadwave.workflows.commands.terminal import StageProgress
 
 
 class Word(NamedTuple):
-    """What the command line knows of an argument beside its function; None: nothing more."""
+    """An argument on the command line, in addition to its function; None: nothing more."""
 
     help: str | None = None
     name: str | None = None  # --hold-out of hold_out without one
@@ -60,7 +60,7 @@ class Call:
         self.given = given
 
     def __call__(self, **more: Any) -> Any:
-        """What the function returns, with progress on stderr."""
+        """Result of the function, with progress on stderr."""
         with StageProgress(quiet=self.quiet) as progress:
             if "progress" in signature(self.function).parameters:
                 more["progress"] = progress.stage
@@ -130,7 +130,7 @@ def verb(function: str, *, json: str, **words: Word) -> Callable[[Callable], Ver
 
 
 def described(function: Callable) -> dict[str, str]:
-    """What the docstring says of each argument: lines `name  text`, with indented ones below."""
+    """Text of the docstring on each argument: lines `name text`, with indented ones below."""
     text = cleandoc(function.__doc__ or "")
     lines = re.findall(r"^(\w+) {2,}(.+(?:\n {3,}.+)*)", text, re.MULTILINE)
     return {name: " ".join(words.split()) for name, words in lines}

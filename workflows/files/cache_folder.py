@@ -12,7 +12,7 @@ OWN = 0o700  # mode of a folder that nobody else reads or writes
 
 
 def cache_folder() -> Path:
-    """Where results are kept: BEADWAVE_CACHE_DIR, or the user's cache."""
+    """Folder of kept results: BEADWAVE_CACHE_DIR, or the user's cache."""
     folder = environ.get("BEADWAVE_CACHE_DIR")
     return Path(folder) if folder else user_cache_path("beadwave")
 

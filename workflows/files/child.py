@@ -15,7 +15,7 @@ from beadwave import system
 
 
 def child(module: str, *arguments: str, seconds: float) -> CompletedProcess[bytes]:
-    """What `python -m module arguments` left: exit status, stdout and stderr.
+    """Result of `python -m module arguments`: exit status, stdout and stderr.
 
     Raises TimeoutError where it took longer. A negative status is the signal that killed it.
     """

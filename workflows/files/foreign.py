@@ -50,7 +50,7 @@ def arrays(kind: str, path: Path, *names: str) -> dict[str, np.ndarray]:
 
 
 def through_child(kind: str, path: Path, load: Callable[[Path], Result], *names: str) -> Result:
-    """What `load` reads from the .npz to which a child process has converted the file; raises
+    """Result of `load` on the .npz to which a child process has converted the file; raises
     Unreadable."""
     require_memory(path)
     seconds = START + path.stat().st_size / RATES.get(kind, RATE)

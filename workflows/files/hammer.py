@@ -66,7 +66,7 @@ MAT_NAMES = (
 
 
 class Reading(NamedTuple):
-    """How the files of a hammer test are read."""
+    """Options for reading the files of a hammer test."""
 
     estimator: str = "H1"
     decay: float | None = None  # exponential window at the end of a record; None: no window
@@ -104,8 +104,8 @@ class MeasuredTest(NamedTuple):
 
     @property
     def without_force(self) -> str:
-        """What its records are called where they hold no force, so that the height of responses is
-        unknown; "" of responses to known forces."""
+        """Name of its records if they hold no force, so that the height of responses is unknown; ""
+        of responses to known forces."""
         return {"ambient": "ambient records", "ring-downs": "ring-downs"}.get(self.kind, "")
 
 
@@ -229,8 +229,8 @@ def responses_of_records(
 def content_of(
     path: Path, reading: Reading
 ) -> tuple[Responses | list[TimeRecord], dict[int, NDArray[np.float64]]]:
-    """What a file holds, and points (3,) [m] of nodes by number; raises InvalidScene where it has
-    no hammer test."""
+    """Content of a file, and points (3,) [m] of nodes by number; raises InvalidScene if it has no
+    hammer test."""
     ending = path.suffix.lower()
     if ending not in WANTED:
         *first, last = WANTED
@@ -272,7 +272,7 @@ def content_of(
 
 
 def _why(error: Exception) -> str:
-    """What is wrong with a file, for a sentence."""
+    """Reason why a file cannot be used, for a sentence."""
     if isinstance(error, UnicodeDecodeError):
         return "it is no text in UTF-8"
     return " ".join(str(error).split()).rstrip(".")
@@ -443,7 +443,7 @@ def write_synthetic(file: OutputFile, test: Responses) -> None:
 
 
 def synthetic_file(path: Path, overwrite: bool) -> OutputFile:
-    """Where a computed test goes; raises InvalidScene where it cannot."""
+    """File for a computed test; raises InvalidScene if it cannot be written."""
     if path.suffix.lower() not in (".csv", ".uff"):
         raise InvalidScene(
             f"{path} must end in .csv or .uff; hits at --points are written as .mat."

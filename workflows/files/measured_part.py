@@ -31,7 +31,7 @@ class PartReceptances(NamedTuple):
 
     @property
     def synthetic(self) -> bool:
-        """Whether the file says that its responses were computed."""
+        """True if the file says that its responses were computed."""
         return "SYNTHETIC" in self.title.upper()
 
 

@@ -1,4 +1,4 @@
-"""Which folder a run fills, and what it replaces there.
+"""Folder that a run fills, and the files that it replaces there.
 
 A folder belongs to the scene of its `scene.toml`: another scene, or other cases of a sweep, get
 another folder, or a note on what they replace.
@@ -46,7 +46,7 @@ def own_folder(parent: Path, name: str, scene_toml: str) -> Path:
     """NAME in the parent, or the first of NAME-2, NAME-3, ... that no other scene's files fill."""
 
     def is_free(path: Path) -> bool:
-        """Whether the folder is absent, or one of ours that holds this scene or none yet."""
+        """True if the folder is absent, or one of ours that holds this scene or none yet."""
         if not lexists(path):
             return True
         ours = marked(path) or (path.is_dir() and not any(path.iterdir()))

@@ -85,8 +85,8 @@ def equidistant(t: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def stacked(t: NDArray[np.float64], columns) -> tuple[tuple, NDArray[np.float64]]:
-    """What the m columns hold, in order, and their values (r, k, m) in r repeats at times t (k,)
-    [s]; raises ValueError for missing numbers and where columns differ in repeats."""
+    """Kinds of the m columns, in order, and their values (r, k, m) in r repeats at times t (k,)
+    [s]; raises ValueError for missing numbers and if columns differ in repeats."""
     repeats_of: dict[Any, list] = {}
     for key, values in columns:
         if not np.isfinite(values).all():

@@ -34,8 +34,8 @@ class Found(NamedTuple):
 
 
 def of_csv(text: str, column: Column) -> Found:
-    """What a CSV file holds; `column` makes of a heading what it holds and its unit. Raises
-    ValueError; where a line is at fault, it names that by the number that an editor shows."""
+    """Content of a CSV file; `column` turns a heading into its kind and unit. Raises ValueError; if
+    a line is at fault, it names that line by the number that an editor shows."""
     lines = text.splitlines()
     title = " ".join(line.lstrip("# ").strip() for line in lines if line.startswith("#"))
     # lines by their number in the file, as an editor shows it
@@ -149,9 +149,9 @@ def require_whole(raw: bytes) -> None:
 
 
 def of_data_sets(sets: Sequence[dict], column: Column, *, named: bool) -> Found:
-    """What data sets 58 hold; `column` is given sphere and unit as in a CSV, where they are `named`
-    with the quantity that the ordinate's label may say. Raises ValueError without time responses,
-    for different time bases and for complex signals."""
+    """Content of data sets 58; `column` is given sphere and unit as in a CSV, where they are
+    `named` with the quantity that the ordinate's label may say. Raises ValueError without time
+    responses, for different time bases and for complex signals."""
     sets = [s for s in sets if s["func_type"] == TIME_RESPONSE]
     if not sets:
         raise ValueError("no data set 58 that can be read has a time response (function type 1)")

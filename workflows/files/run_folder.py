@@ -289,7 +289,7 @@ class RunFolder:
             )
 
     def ours(self, name: str) -> bool:
-        """Whether the file is there and as we wrote it: a run killed while it replaced a file has
+        """True if the file is there and as we wrote it: a run killed while it replaced a file has
         left the marker with both contents, of which either is ours."""
         digests = self._noted().get(name)
         return bool(digests) and isfile(self.path / name) and digest(self.path / name) in digests
@@ -304,7 +304,7 @@ class RunFolder:
         return noted
 
     def _inside(self, name: str) -> bool:
-        """Whether a name leads to a place in the folder: markers may be made by anybody."""
+        """True if a name leads to a place in the folder: anybody may write a marker."""
         folder = self.path.resolve()
         return (folder / name).parent.resolve().is_relative_to(folder)
 
@@ -328,7 +328,7 @@ def checked_folder(path: Path) -> Path:
 
 
 def marked(folder: Path) -> bool:
-    """Whether beadwave filled the folder: its marker is an ordinary file."""
+    """True if beadwave filled the folder: its marker is a regular file."""
     return isfile(folder / MARKER) and not islink(folder / MARKER)
 
 

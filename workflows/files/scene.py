@@ -104,7 +104,7 @@ def working_folder() -> Path:
 
 
 def checked_text(name: str) -> SceneText:
-    """The same of a scene alone; raises InvalidScene for a text that is none."""
+    """Text of one scene; raises InvalidScene if it is not a scene."""
     text = scene_text(name)
     if name not in built_in():
         completed(Written(name, parsed(text.text, name), text.folder))

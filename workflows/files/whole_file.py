@@ -40,7 +40,7 @@ def clear_parts(*folders: Path) -> None:
 
 
 def unfit(folder: Path) -> str | None:
-    """Why nothing can be written into a folder that may have to be made."""
+    """Reason why nothing can be written into a folder that may have to be made."""
     existing = next(path for path in (folder, *folder.parents) if lexists(path))
     if not isdir(existing):
         return f"{existing} is no folder"
@@ -54,5 +54,5 @@ def digest(path: Path) -> str:
 
 
 def among(path: Path, others: Iterable[Path]) -> bool:
-    """Whether the path leads to one of the other files."""
+    """True if the path leads to one of the other files."""
     return exists(path) and any(exists(file) and path.samefile(file) for file in others)

@@ -373,7 +373,7 @@ def design(
     overwrite: bool = False,
     progress: Progress = quiet,
 ) -> Finding:
-    """Which sphere to watch, in which chain, at which velocity (`beadwave design`).
+    """Choice of sphere, chain and velocity for a measurement (`beadwave design`).
 
     Bars of the numbers to find, key by key, from each sphere alone, before anything is measured.
 

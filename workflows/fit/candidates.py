@@ -97,7 +97,7 @@ def with_triggers(fit: RecordFit, theta: NDArray[np.float64]) -> NDArray[np.floa
 
 
 def searched(fit: RecordFit, *, n_shared: int, starts: int, seed: int) -> SearchResult:
-    """Where `starts` candidates end; a single one begins where the numbers start.
+    """Ends of `starts` candidates; a single one begins at the start values.
 
     The first n_shared numbers of theta are those of the structure. The loudest record is followed
     first, and the next one, or the same from other draws, where the result does not explain all
@@ -269,7 +269,7 @@ def distinct(
 
 
 def _explains(fit: RecordFit, theta: NDArray[np.float64], n_explained: int) -> bool:
-    """Whether what theta (p,) leaves is noise."""
+    """True if the residual at theta (p,) is noise."""
     residual = fit.residual(theta).reshape(fit.data.shape)
     return is_noise(residual, n_explained, fit.rounded)
 
@@ -279,7 +279,7 @@ def is_noise(
     n_explained: int,
     rounded: float = 0.0,
 ) -> bool:
-    """Whether a residual (S, k, m), and its samples after the first n_explained, are noise.
+    """True if a residual (S, k, m), and its samples after the first n_explained, are noise.
 
     Mean squares may exceed 1 by what the rms of the noise is uncertain, by what rounding may add,
     and by three standard deviations sqrt(2 / n) of the mean of n squares.

@@ -102,7 +102,7 @@ def calibrate(
 def widened(
     fit: CalibrationResult, forward: ChainForward, models: Mapping[str, Sequence[BetterModel]]
 ) -> CalibrationResult:
-    """The same with bars that hold the errors of its model, and with the part of each in them.
+    """The result with bars that hold the errors of its model, and with the part of each in them.
 
     `models` are rigs that are better in what a cause names; smaller steps of time are added here,
     and the further answers of a search that is not sure of its own: as likely as it, their second

@@ -1,4 +1,4 @@
-"""Which sphere to watch, in which chain, at which velocity: bars before anything is measured, by a
+"""Choice of sphere, chain and velocity for a measurement: bars before anything is measured, by a
 run of the model and its derivatives."""
 
 from collections.abc import Iterable, Mapping, Sequence

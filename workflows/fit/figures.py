@@ -275,7 +275,7 @@ def recorded_signals(result: Inspected, report: InspectionReport, face: str) -> 
 
 
 def numbers(report: InspectionReport, face: str) -> bytes:
-    """What was found with its bars between its bounds, and what goes together."""
+    """Fitted numbers with their bars between their bounds, and their correlations."""
     rows = report.numbers
     figure, (axis, matrix) = subplots(1, 2, (10, 1.8 + 0.55 * len(rows)), width_ratios=(1.6, 1))
     for i, row in enumerate(rows):

@@ -93,15 +93,15 @@ class ChainForward:
         return k if self.filters.band else k - int(windows.any(axis=1)[::-1].argmax())
 
     def with_steps(self, steps: float) -> ChainForward:
-        """The same model with other steps, in usual ones."""
+        """The model with other steps, in usual ones."""
         return ChainForward(self.rig, self.parameters, self.signals, self.filters, steps)
 
     def with_system(self, system: Rig) -> ChainForward:
-        """The same model of another rig, whose steps are its own usual ones."""
+        """The model of another rig, whose steps are its own usual ones."""
         return ChainForward(system, self.parameters, self.signals, self.filters, self.steps)
 
     def of_velocities(self) -> ChainForward:
-        """The same model with the velocities of the sensors' spheres."""
+        """The model with the velocities of the sensors' spheres."""
         signals = self.signals._replace(channels=None)
         return ChainForward(self.rig, self.parameters, signals, self.filters, self.steps)
 
@@ -213,7 +213,7 @@ class Unknowns(NamedTuple):
         return bounded * np.sqrt(UNIFORM) / (high - low)
 
     def only(self, shots: Sequence[int]) -> Unknowns:
-        """The same of these records alone; the numbers of others stay among the parameters."""
+        """Unknowns of these records alone; the numbers of others stay among the parameters."""
         return self._replace(of_system=self.of_system[shots], trigger=self.trigger[shots])
 
 
@@ -243,15 +243,15 @@ class StructureForward(NamedTuple):
     difference: float = 1e-5  # step of a difference quotient, in scales
 
     def narrowed(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> StructureForward:
-        """The same with a system made for shared numbers between these ends (n_shared,) alone."""
+        """The model with a system made for shared numbers between these ends (n_shared,) alone."""
         return self.with_system(self.within(low, high))
 
     def with_system(self, system: Callable[[NDArray[np.float64]], Rig]) -> StructureForward:
-        """The same of another structure, `system` of the values (q,) of a record."""
+        """The model of another structure, `system` of the values (q,) of a record."""
         return self._replace(system=system)
 
     def with_steps(self, factor: float) -> StructureForward:
-        """The same with steps so many times as long."""
+        """The model with steps so many times as long."""
         return self._replace(dt=factor * self.dt)
 
     def signals_of_run(

@@ -1,4 +1,4 @@
-"""What an instrument shows of computed velocities, and bars of fits to repeats of that.
+"""Signals that an instrument shows of computed velocities, and bars of fits to repeats of these.
 
 The velocities are marched by another scheme than that of the fits, at an error of 1e-8 and with
 more samples than the instrument takes; its low-pass acts on those, and each repeat is sampled from
@@ -42,7 +42,7 @@ class Twin(NamedTuple):
 
 
 class Clean(NamedTuple):
-    """What the instrument would show without noise and with a perfect trigger, oversampled."""
+    """Signals of the instrument without noise and with a perfect trigger, oversampled."""
 
     t: np.ndarray  # (k,) [s] on the record's clock
     v: np.ndarray  # (k, m) [m/s]
@@ -98,7 +98,7 @@ def repeated(clean: Clean, twin: Twin, run: int = 0) -> tuple[np.ndarray, np.nda
 
 
 class Repeats(NamedTuple):
-    """What all repeats share: the rig fitted, what the instrument shows of the known one."""
+    """Common part of all repeats: the fitted rig, and the signals of the known one."""
 
     rig: Rig
     twin: Twin

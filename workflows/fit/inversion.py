@@ -74,7 +74,7 @@ class Inversion(NamedTuple):
 
     @property
     def explained(self) -> bool:
-        """Whether the residual as a whole, and in every part of a record, may be noise.
+        """True if the residual as a whole, and in every part of a record, may be noise.
 
         The mean square of n samples may exceed 1 by what the noise is uncertain, by what rounding
         adds, by standard deviations sqrt(2 c / n) of the mean, c the memory of the residual, and by
@@ -84,7 +84,7 @@ class Inversion(NamedTuple):
 
     @property
     def noisy(self) -> bool:
-        """Whether it may be noise alone."""
+        """True if it may be noise alone."""
         return bool(np.all(self.excess <= 0.0))
 
     @property
@@ -122,7 +122,7 @@ class Inversion(NamedTuple):
         return tuple(rivals)
 
     def differs_from(self, other: "Inversion", n_shared: int) -> bool:
-        """Whether a number of the structure differs by more than its bar here."""
+        """True if a number of the structure differs by more than its bar here."""
         bars = self.uncertainty.two_sigma
         return bool((np.abs(self.value - other.value) > bars)[:n_shared].any())
 
@@ -196,7 +196,8 @@ def inverted(
 
 
 def profiled(fit: RecordFit, inversion: Inversion, n_shared: int) -> Inversion:
-    """The same with bars of the structure's numbers as long as the profile of the misfit says."""
+    """The inversion with bars of the structure's numbers as long as the profile of the misfit
+    says."""
     theta = inversion.value[: len(fit.unknowns.parameters)]
     bars, stretch = stretched(fit, theta, fit.jacobian(theta), inversion.uncertainty, n_shared)
     return inversion._replace(uncertainty=bars, stretch=stretch)
@@ -230,8 +231,8 @@ def memory(residual: NDArray[np.float64]) -> float:
 def widened(
     fit: RecordFit, inversion: Inversion, models: Mapping[str, Sequence[BetterModel]]
 ) -> Inversion:
-    """The same with bars that hold the model errors, with the part of each cause in every bar, and
-    with what the errors leave of the records at the best numbers.
+    """The inversion with bars that hold the model errors, with the part of each cause in every bar,
+    and with what the errors leave of the records at the best numbers.
 
     `models` are those that are better in what a cause names; smaller steps of time are added here.
     The model is fitted to what each of them shows at the best numbers: where numbers move along a

@@ -217,7 +217,7 @@ def quantiles(
 def parameter_rows(
     posterior: NestedPosterior, parameters: Sequence[TuningParameter], options: PosteriorOptions
 ) -> list[PosteriorRow]:
-    """What the posterior of each parameter, and of the model's error, says beyond the prior."""
+    """Posterior of each parameter and of the model's error, next to the prior."""
     rows, shares = [], (0.5, 0.025, 0.975)
     ends = [(p.lower, p.upper) for p in parameters] + [(options.least_error, options.largest_error)]
     for j, (name, (lower, upper)) in enumerate(zip(posterior.names, ends, strict=True)):

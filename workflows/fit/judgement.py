@@ -1,5 +1,5 @@
-"""How far to believe a calibration or an inspection: what is determined, and what the misfit
-says, in sentences."""
+"""Reliability of a calibration or an inspection: numbers that are determined, and the misfit, in
+sentences."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def remarks(fit: CalibrationResult, noise: float | None, signals: Signals) -> It
 
 
 def _on_misfit(fit: CalibrationResult, noise: float | None, repeats: int) -> Iterator[str]:
-    """What the misfit says beside the noise [m/s] and beside the model's own error."""
+    """Sentences on the misfit, compared with the noise [m/s] and with the model's own error."""
     misfit = float(np.sqrt(np.mean(fit.misfit**2)))
     source = "the repeats tell" if repeats > 1 else "the record tells between its waves"
     of_mean = "noise of the mean" if repeats > 1 else "noise"
@@ -154,7 +154,7 @@ def on_held_out(left_out: dict[str, float], fit: CalibrationResult) -> Iterator[
 
 
 def on_posterior(posterior: Posterior, fit: CalibrationResult, *, seed: int, seconds: float) -> str:
-    """How the samples of a posterior came about, and what they say beyond the bars."""
+    """Sentence on the sampling of a posterior, and on what it says beyond the bars."""
     cost = f"{posterior.model_runs} model runs in {seconds:.1f} s, seed {seed}"
     tau = float(posterior.autocorrelation.max())
     if not (np.isfinite(tau) and posterior.long_enough):
@@ -237,8 +237,8 @@ class Judged(NamedTuple):
 
     @property
     def explained(self) -> bool:
-        """Whether the model explains the records, as far as their noise is known; where no wall can
-        be computed at the answer there is no model of it."""
+        """True if the model explains the records, as far as their noise is known; without a wall at
+        the answer there is no model of it."""
         return not self.no_wall and (not self.noise_known or self.inversion.explained)
 
     @property
@@ -285,7 +285,7 @@ class Judged(NamedTuple):
         yield from self._on_wall()
 
     def _on_misfit(self) -> Iterator[str]:
-        """What the residual says of the model."""
+        """Sentences on the model by its residual."""
         inversion = self.inversion
         misfit = inversion.whole_misfit
         if not self.noise_known:
@@ -315,7 +315,7 @@ class Judged(NamedTuple):
             )
 
     def _on_numbers(self) -> Iterator[str]:
-        """What the records do not determine, or only together with another number."""
+        """Numbers that the records do not determine, or only together with another one."""
         inversion, n = self.inversion, self.n_shared
         names = [p.name for p in inversion.parameters]
         verdicts = told_of(inversion)
@@ -364,7 +364,7 @@ class Judged(NamedTuple):
             yield f"Least told by the records: {worst.text(inversion.parameters)}."
 
     def _on_wall(self) -> Iterator[str]:
-        """How far the interpolation and the step of the model may be believed."""
+        """Errors of the interpolation and of the step of the model."""
         between = self.between
         if self.no_wall:
             yield (

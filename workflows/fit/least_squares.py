@@ -46,7 +46,7 @@ MARGIN = 1e-9  # of the bounds' distance: least_squares must begin strictly insi
 
 
 class Solution(NamedTuple):
-    """Where a fit ended, and whether it converged before its largest number of runs."""
+    """End of a fit, and whether it converged before its largest number of runs."""
 
     point: NDArray[np.float64]  # (p,) in the coordinates of the problem
     misfit: float  # rms of the residual, without the pull
@@ -55,7 +55,7 @@ class Solution(NamedTuple):
 
 
 class Pull(NamedTuple):
-    """What is known besides the data: springs that pull each coordinate to a centre."""
+    """Knowledge besides the data: springs that pull each coordinate to a centre."""
 
     stiffness: NDArray[np.float64]  # (p,) residual of a coordinate that is 1 off; 0 of a free one
     centre: NDArray[np.float64]  # (p,)
@@ -225,22 +225,22 @@ class RecordFit(NamedTuple):
 
     @property
     def rounded(self) -> float:
-        """What rounding may add to the mean square of a residual over the noise, of the record that
-        shows most of it: 2 q exp(-pi^2/6 (1/q - 1)) with q the share of D^2/12 in the noise, whose
-        square is sigma^2 + D^2/12."""
+        """Largest effect of rounding on the mean square of a residual over the noise, of the record
+        that shows most of it: 2 q exp(-pi^2/6 (1/q - 1)) with q the share of D^2/12 in the noise,
+        whose square is sigma^2 + D^2/12."""
         shares = [np.max((shot.rounding / shot.noise) ** 2) for shot in self.shots]
         # 1e-3: share of the noise's square below which exp(..) has long vanished
         q = np.clip(max(shares), 1e-3, 1.0)
         return float(2.0 * q * np.exp(-(np.pi**2) / 6.0 * (1.0 / q - 1.0)))
 
     def of_shots(self, shots: Sequence[int], stride: int = 1) -> "RecordFit":
-        """The same problem on these records, on every stride-th sample of them."""
+        """The problem on these records, on every stride-th sample of them."""
         chosen = (self.shots[s] for s in shots)
         thinned = tuple(shot._replace(t=shot.t[::stride], y=shot.y[::stride]) for shot in chosen)
         return self._replace(unknowns=self.unknowns.only(shots), shots=thinned)
 
     def until(self, n: int) -> "RecordFit":
-        """The same problem on the first n samples of the records."""
+        """The problem on the first n samples of the records."""
         shots = tuple(shot._replace(t=shot.t[:n], y=shot.y[:n]) for shot in self.shots)
         return self._replace(shots=shots)
 

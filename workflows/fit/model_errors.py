@@ -1,4 +1,4 @@
-"""What the known errors of a model do to numbers that are found with it.
+"""Effect of the known errors of a model on the numbers fitted with it.
 
 A model that is better in one respect (smaller steps, finer elements, more modes, another theory)
 shows signals f + d; records that are like it move the numbers of least squares, to first order, by
@@ -26,10 +26,10 @@ class Forward(Protocol):
     """A model of signals that can be marched otherwise."""
 
     def with_steps(self, factor: float) -> "Forward":
-        """The same with time steps so many times as long."""
+        """The model with time steps so many times as long."""
 
     def with_system(self, system: object) -> "Forward":
-        """The same with another chain and wall."""
+        """The model with another chain and wall."""
 
 
 class BetterModel(NamedTuple):
@@ -41,7 +41,7 @@ class BetterModel(NamedTuple):
 
 
 class ModelChange(NamedTuple):
-    """What signals change by in a better model, and how much of that counts as an error."""
+    """Change of the signals in a better model, and the part of it that counts as an error."""
 
     signals: NDArray[np.float64]  # as `shown` of `changes` gives them, better less usual
     share: float

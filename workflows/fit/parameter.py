@@ -1,4 +1,4 @@
-"""What a calibration varies: parameters of a chain and its wall, and their exact derivatives.
+"""Parameters that a calibration varies: those of a chain and its wall, and their exact derivatives.
 
 The stiffness of contact i is a factor on what the rig has; the trigger is the time on the record's
 clock at which the model starts, the first touch.
@@ -43,7 +43,7 @@ class Parameter(NamedTuple):
 
     @property
     def of_wall(self) -> bool:
-        """Whether it belongs to the wall, else to the chain or the record."""
+        """True if it belongs to the wall, else to the chain or the record."""
         return self.kind in OF_WALL
 
     @property

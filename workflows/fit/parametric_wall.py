@@ -121,7 +121,7 @@ class ParametricWall(NamedTuple):
         )
 
     def through(self, theta: NDArray[np.float64], computed: Computed) -> "ParametricWall":
-        """The same moved so that it gives the computed wall at theta (d,); modes that the computed
+        """The wall moved so that it gives the computed wall at theta (d,); modes that the computed
         wall lacks keep their frequencies and take no part there (phi = 0). Raises CouplingError
         where a mode has no stiffness left."""
         interpolated = self(theta)
@@ -197,8 +197,8 @@ def polynomials(x: NDArray[np.float64], degrees: NDArray[np.int64]) -> NDArray[n
 
 
 def quantities(wall: Wall) -> NDArray[np.float64]:
-    """What follows the polynomials: omega^2, phi^2, zeta of each mode, and the residual compliance,
-    (3 modes + 1,)."""
+    """Quantities that follow the polynomials: omega^2, phi^2, zeta of each mode, and the residual
+    compliance, (3 modes + 1,)."""
     return np.concatenate([wall.omega**2, wall.phi**2, wall.zeta, [wall.residual_compliance]])
 
 

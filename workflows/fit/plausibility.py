@@ -1,5 +1,5 @@
-"""What records must be like before anything is fitted to them, and what they say of themselves:
-sizes, sampling, noise, the first touch."""
+"""Checks of records before anything is fitted to them, and their own properties: sizes, sampling,
+noise, the first touch."""
 
 from collections.abc import Iterator, Sequence
 
@@ -251,8 +251,8 @@ def sizes_beside(
 
 
 def trigger_of(record: Recorded, model: np.ndarray, name: str) -> Parameter:
-    """When the chain is first touched on the record's clock, by the rise of its first wave beside
-    that of the model (k, m)."""
+    """Time at which the chain is first touched on the record's clock, by the rise of its first wave
+    compared with that of the model (k, m)."""
     estimate = rise(record.t, record.y) - rise(record.t - record.t[0], model)
     return trigger(name, estimate)
 

@@ -64,7 +64,7 @@ class Posterior(NamedTuple):
 
     @property
     def long_enough(self) -> bool:
-        """Whether every parameter's autocorrelation time goes often enough into the chain."""
+        """True if the chain is many autocorrelation times long, of every parameter."""
         return bool(np.all(self.enough * self.autocorrelation <= self.kept))
 
     @property

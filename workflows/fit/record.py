@@ -57,7 +57,7 @@ def usable() -> Iterator[None]:
 
 @contextmanager
 def marched(name: str) -> Iterator[None]:
-    """What cannot be marched of a scene or file of this name raised as InvalidScene."""
+    """Raise InvalidScene for what cannot be marched of a scene or file of this name."""
     try:
         yield
     except (CouplingError, InvalidChain, NoEquilibrium) as reason:
@@ -108,7 +108,7 @@ def _channels(
 
 
 def _holds_sensors(path: Path) -> bool:
-    """Whether a CSV or .mat file that exists holds anything but velocities."""
+    """True if a CSV or .mat file that exists holds anything but velocities."""
     if not path.is_file() or path.suffix.lower() not in (".csv", ".mat"):
         return False
     if path.suffix.lower() == ".mat":

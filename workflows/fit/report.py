@@ -38,7 +38,7 @@ class ParameterRow(BaseModel):
 
 
 class PosteriorSummary(BaseModel):
-    """How the samples of a posterior came about; steps and autocorrelation are the walkers'."""
+    """Sampling of a posterior; steps and autocorrelation are the walkers'."""
 
     walkers: int
     steps: int
@@ -54,7 +54,7 @@ class PosteriorSummary(BaseModel):
 
 
 def _page(report: CalibrationReport | InspectionReport, *lines: str) -> str:
-    """What a terminal shows of a report: its face, tables and sums, and sentences."""
+    """Text of a report for a terminal: its face, tables and sums, and sentences."""
     face = [SYNTHETIC] if report.synthetic else []
     remarks = (fill(remark, LINE, subsequent_indent="  ") for remark in report.remarks)
     return "\n".join([*face, *lines, *remarks])
@@ -66,7 +66,7 @@ def _with_unit(row: ParameterRow | NumberRow) -> str:
 
 
 class CalibrationReport(BaseModel):
-    """What was fitted, what came out, and how far to believe it."""
+    """Input, results and reliability of a calibration."""
 
     scene: str
     data: str
@@ -217,7 +217,8 @@ class NumberRow(BaseModel):
 
 
 class InspectionReport(BaseModel):
-    """What was found, how far to believe it, and what the records do not tell."""
+    """Results of an inspection, their reliability, and the numbers that the records do not
+    determine."""
 
     scene: str
     records: list[str]

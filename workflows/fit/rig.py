@@ -1,4 +1,4 @@
-"""What a fit marches: a chain, its wall and the impact."""
+"""The system that a fit marches: a chain, its wall and the impact."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Rubbing(NamedTuple):
-    """What the last sphere rubs on, and what shakes that."""
+    """The surface that the last sphere rubs on, and its shakers."""
 
     wall: SpatialWall
     last: LastSphere | None  # None until a chain stands before it
@@ -28,7 +28,7 @@ class Rubbing(NamedTuple):
 
 
 class Rig(NamedTuple):
-    """What is marched: chain, wall and impact."""
+    """The marched system: chain, wall and impact."""
 
     chain: Chain
     wall: Wall | None

@@ -25,7 +25,7 @@ from beadwave.workflows.fit.rig import Rig, Rubbing
 
 
 class RubbingMarch(NamedTuple):
-    """How it is marched; not varied."""
+    """Steps of its march; not varied."""
 
     n_cells: int = 64  # of the contact
     # [rad] of the fastest contact in a step, at most; at 0.1 the steps' error made up to 90 % of a

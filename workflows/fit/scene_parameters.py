@@ -32,7 +32,7 @@ from beadwave.workflows.sweep.cases import Base
 
 
 class Range(NamedTuple):
-    """How far a parameter may go unless --bounds say so, and a change of it that counts as large;
+    """Range of a parameter unless --bounds give one, and a change of it that counts as large;
     factors on the start, or in its unit. Not varied systematically."""
 
     low: float
@@ -137,7 +137,7 @@ def parameters(
 
 
 def _keys(p: Parameter) -> tuple[str, ...]:
-    """What --bounds may call a parameter; the later one counts."""
+    """Names of a parameter for --bounds; the later one counts."""
     return ("contacts", f"contact.{p.index + 1}") if p.kind == "contact" else (p.name,)
 
 
@@ -388,7 +388,7 @@ def per_record(base: Base, each: str, n_records: int) -> list[list[Parameter]]:
 
 
 def usual_each(scene: Scene, find: str) -> str:
-    """What every record has for itself unless it is found for all."""
+    """Parameters that every record has for itself unless they are fitted for all."""
     return SPEED if scene.striker and SPEED not in listed("--find", find) else "none"
 
 

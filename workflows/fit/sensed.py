@@ -100,8 +100,8 @@ def with_gains(
 def _quantities(
     run: Sensitivities, v: np.ndarray, a: np.ndarray, rig: Rig, sensors: Sequence[Sensor]
 ) -> np.ndarray:
-    """What the sensors measure (steps, m, ...) of velocities and accelerations (steps, n, ...) or
-    of their derivatives."""
+    """Quantities (steps, m, ...) that the sensors measure of velocities and accelerations (steps,
+    n, ...) or of their derivatives."""
     h, n = run.t[1], v.shape[1]
 
     # Newton's law summed from the striker on, and Hermite's quadrature of the velocities

@@ -61,7 +61,7 @@ class VariedScene(NamedTuple):
     rubbing: Rubbing | None = None  # friction on a structure, of the scene's own values
 
     def __call__(self, values: NDArray[np.float64]) -> Rig:
-        """What is marched at the values (q,); raises CouplingError for those that no scene may
+        """The marched system at the values (q,); raises CouplingError for those that no scene may
         have."""
         try:
             if self.rows is None:
@@ -91,7 +91,7 @@ class VariedScene(NamedTuple):
         return rig._replace(across=across)
 
     def stepped(self, values: NDArray[np.float64], dt: float) -> VariedScene:
-        """The same, with friction prepared for marches by steps of dt [s] near these values (q,).
+        """The scene with friction prepared for marches by steps of dt [s] near these values (q,).
         Raises CouplingError where shakers lead to no periodic state."""
         if self.rubbing is None:
             return self
@@ -103,16 +103,16 @@ class VariedScene(NamedTuple):
             raise coupling.CouplingError(str(reason)) from None
 
     def of(self, scene: Scene, base: Base) -> VariedScene:
-        """The same walls behind the chain of another scene."""
+        """The walls behind the chain of another scene."""
         rows = _keyed_chains(base, scene, self.keys, self.surface)
         return self._replace(scene=scene, base=base, rows=rows)
 
     def behind(self, wall: dem.Wall | coupling.CoupledWall) -> VariedScene:
-        """The same chain before this wall, whatever the values of its keys."""
+        """The chain before this wall, whatever the values of its keys."""
         return self._replace(between=None, fixed=wall)
 
     def within(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> VariedScene:
-        """The same with walls computed between narrower bounds (n,) of the first keys, where
+        """The scene with walls computed between narrower bounds (n,) of the first keys, where
         enough of them can be."""
         places = list(self.of_wall)
         keys = tuple(self.keys[i] for i in places)
@@ -124,7 +124,7 @@ class VariedScene(NamedTuple):
         return self._replace(between=between)
 
     def through(self, values: NDArray[np.float64]) -> VariedScene:
-        """The same with the wall that is computed at these values (q,); raises CouplingError where
+        """The scene with the wall that is computed at these values (q,); raises CouplingError where
         none can be."""
         try:
             exact = computed(scene_at(self.base, self.keys, values))

@@ -67,7 +67,7 @@ class Truth(NamedTuple):
 
 
 class Coverage(BaseModel):
-    """How often repeats of the noise found the truth inside their two-sigma bars."""
+    """Rate at which repeats of the noise have the truth inside their two-sigma bars."""
 
     synthetic: bool = True
     runs: int

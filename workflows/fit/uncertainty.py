@@ -1,4 +1,4 @@
-"""How well a fit is determined: bars by its residual, before it is made, and along its valley.
+"""Uncertainty of a fit: bars by its residual, before it is made, and along its valley.
 
     cov = H^-1 (sum J^T R J) H^-1,   H = J^T J
 
@@ -241,7 +241,7 @@ class Valley(NamedTuple):
         return float(min(squares) - bottom)
 
     def room(self, step: NDArray[np.float64], i: int) -> float:
-        """How many such steps (p,) the bounds of number i leave, from theta on."""
+        """Number of such steps (p,) within the bounds of number i, from theta on."""
         low, high = self.fit.unknowns.ends()
         end = high[i] if step[i] > 0 else low[i]
         return float((end - self.theta[i]) / (step[i] * self.fit.unknowns.scale[i]))

@@ -136,8 +136,8 @@ def local_minima(misfit: np.ndarray) -> np.ndarray:
 
 
 class Options(NamedTuple):
-    """What a caller chooses: waves of the chain first or all at once; `joint` frees all parameters
-    at the end, else the chain stays as the first waves gave it. Further starts are drawn around the
+    """Choices of a caller: waves of the chain first or all at once; `joint` frees all parameters at
+    the end, else the chain stays as the first waves gave it. Further starts are drawn around the
     first."""
 
     staged: bool = True
@@ -201,7 +201,7 @@ class FitStage(NamedTuple):
 
 
 class SearchEnd(NamedTuple):
-    """Where a start led: z (p,) of the parameters in scales, its misfit [m/s], the way there."""
+    """End of a start: z (p,) of the parameters in scales, its misfit [m/s], the way there."""
 
     z: np.ndarray
     misfit: float
@@ -216,7 +216,7 @@ def decisive(
     parameters: Sequence[Parameter],
     data: np.ndarray,
 ) -> bool:
-    """Whether a chain that leaves no more than the noise [m/s] in the data (k, m) must be the right
+    """True if a chain that leaves no more than the noise [m/s] in the data (k, m) must be the right
     one: where little is measured, contacts may be swapped at a misfit that hides in it. `largest`
     is the velocity of the fastest sphere [m/s]."""
     contacts = sum(p.kind == "contact" for p in parameters)
@@ -337,7 +337,7 @@ class CoarseToFine:
         return best.z
 
     def _settled(self, misfits: list[float]) -> bool:
-        """Whether the least misfit [m/s] has come often enough; never so near the noise that a
+        """True if the least misfit [m/s] has come often enough; never so near the noise that a
         better one must exist."""
         best_misfit = min(misfits, default=0.0)
         if self.options.joint and best_misfit <= NEAR_NOISE_MISFIT * self.noise:

@@ -44,7 +44,7 @@ class Absent(NamedTuple):
 
 
 class Installation(BaseModel):
-    """What `doctor` found; `missing` is empty where everything is there."""
+    """State of the installation; `missing` is empty if it is complete."""
 
     python: str
     machine: str
@@ -79,7 +79,7 @@ class Installation(BaseModel):
 
 
 def doctor() -> Installation:
-    """What is installed, what is missing and what that costs (`beadwave doctor`)."""
+    """Installed and missing packages, and what the missing ones cost (`beadwave doctor`)."""
     from beadwave.fem.factorisation import has_pardiso
     from beadwave.workflows.files.cache_folder import cache_folder
     from beadwave.workflows.stages.cache import LIBRARIES as NEEDED

@@ -36,7 +36,7 @@ def missing_libraries() -> list[tuple[str, str, str]]:
 
 
 def loads(library: str) -> bool:
-    """Whether the system's loader finds it, and what it needs itself."""
+    """True if the system's loader finds it, and what it needs itself."""
     try:
         CDLL(library)
     except OSError:

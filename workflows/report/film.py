@@ -41,7 +41,7 @@ MAX_SECONDS = 900  # for all frames
 
 
 class Frames(NamedTuple):
-    """What moves at f instants: n spheres, and the m outer nodes of an assembly or of a slab."""
+    """Motion at f instants: n spheres, and the m outer nodes of an assembly or of a slab."""
 
     t: NDArray[np.float64]  # (f,) [s]
     x: NDArray[np.float64]  # (f, n) [m] displacements of the spheres from rest

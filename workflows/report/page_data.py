@@ -41,7 +41,7 @@ KINETIC = ("energy_kinetic", "energy_lateral", "energy_rotation")
 
 
 class PageLimits(NamedTuple):
-    """How much of a run the page holds, for a page of 3 MB at most."""
+    """Amount of a run on the page, for a page of 3 MB at most."""
 
     frames: int = 3001  # instants
     values: int = 600_000  # of a chain's positions and velocities

@@ -1,4 +1,4 @@
-"""Where each value of a scene comes from, by the comments of the built-in scenes.
+"""Origin of each value of a scene, by the comments of the built-in scenes.
 
 A value that equals that of the built-in scene of the same name has the mark of its comment there:
 thesis, inferred or assumed; chosen, if there is none. A value that differs, or that stands in

@@ -63,7 +63,7 @@ LETTER_WIDTH = 0.0085  # width of a letter of a label over the view's, about
 
 
 class Fixtures(NamedTuple):
-    """What a picture shows beside the meshes."""
+    """Things that a picture shows besides the meshes."""
 
     bodies: list[str]
     strike: list[float] | None = None  # point struck and direction of the force (6,)

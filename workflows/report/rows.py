@@ -190,7 +190,7 @@ def details(summary: Summary) -> list[tuple[str, str]]:
 
 
 def left_out(summary: Summary) -> list[tuple[str, str]]:
-    """What the headline leaves out, and the options that bring it."""
+    """Numbers that the headline leaves out, and the options that print them."""
     groups = [
         *(["contact, wave speeds, restitution"] if summary.wall_contact else []),
         *(["reduced model"] if summary.reduction else []),
@@ -277,7 +277,7 @@ def friction_loop(across: FrictionNumbers) -> str:
 
 
 def contact_state(across: FrictionNumbers) -> str:
-    """What the contact does when the wave comes, and the first shaker's phase then."""
+    """State of the contact when the wave arrives, and the first shaker's phase then."""
     if across.state_at_impact is None or across.phase_at_wall_deg is None:
         return ""
     parts = [across.state_at_impact, f"{percent(across.stick_share_at_impact)} of the area sticks"]

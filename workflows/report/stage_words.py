@@ -1,4 +1,4 @@
-"""What a person reads in place of the name of a stage, by which summaries and caches call it."""
+"""Words for a person in place of the names of stages in summaries and caches."""
 
 WORDS = {
     "model": "stiffness and mass",

@@ -1,4 +1,4 @@
-"""What a run found, as other programs read it: `summary.json`.
+"""Results of a run, as other programs read them: `summary.json`.
 
 The named tuples are results of stages that a summary is put together from. They stand here, and not
 beside the stages that compute them, so that a run whose results are kept loads no march and no
@@ -15,7 +15,7 @@ ECHO_RATIO = AliasChoices("echo_ratio", "arr")
 
 
 class StageTime(BaseModel):
-    """What a stage took in this run."""
+    """Time of a stage in this run."""
 
     name: str
     seconds: float
@@ -249,7 +249,7 @@ class ModeFound(BaseModel):
 
 
 class ValueSource(BaseModel):
-    """Where a value of the scene comes from: thesis, inferred, assumed, yours, chosen, default."""
+    """Origin of a value of the scene: thesis, inferred, assumed, yours, chosen, default."""
 
     kind: str
     note: str = ""
@@ -296,7 +296,7 @@ class Summary(BaseModel):
         return next((e.total for e in self.errors if e.name == name), None)
 
     def relative_error(self, name: str) -> float | None:
-        """The same over the number's value."""
+        """Error over the number's value."""
         return next((e.relative for e in self.errors if e.name == name), None)
 
     def text(self) -> str:

@@ -57,7 +57,7 @@ RUNS = Path("runs")  # of runs without a folder of their own
 
 @dataclass(frozen=True, repr=False)
 class Run:
-    """What a run found.
+    """Results of a run.
 
     scene     as it was run, every default filled in
     summary   single numbers: `summary.peak_wall_force_N`, `summary.modes_hz`, `summary.waves`, ...

@@ -48,7 +48,7 @@ class SecondProcess:
         self._theirs = set(names)
 
     def has(self, name: str) -> bool:
-        """Whether the stage may be there."""
+        """True if the stage may be there."""
         return name in self._theirs
 
     def claim_ready(self, ready: Callable[[str], bool]) -> str | None:
@@ -57,7 +57,7 @@ class SecondProcess:
         return next((name for name in names if ready(name) and self._claim(name)), None)
 
     def seconds(self, name: str, meanwhile: Callable[[], bool]) -> float | None:
-        """What a stage took there, once it has ended; None where it is ours to compute.
+        """Seconds of a stage there, once it has ended; None if this process has to compute it.
 
         meanwhile() computes another stage, and is False where there is none to compute.
         """
@@ -71,7 +71,7 @@ class SecondProcess:
         return float(ended.read_text(encoding="utf-8")) if ended.exists() else None
 
     def _claim(self, name: str) -> bool:
-        """Whether this process computes the stage: it claims it now, or has done so."""
+        """True if this process computes the stage: it claims it now, or has done so."""
         if claim(self._folder, name):
             self._theirs.discard(name)
         return name not in self._theirs
@@ -113,7 +113,7 @@ def two_processes(pipeline: Pipeline, names: tuple[str, ...]) -> Iterator[None]:
 
 
 def _wanted(pipeline: Pipeline, name: str) -> bool:
-    """Whether the run will need a stage that is not kept."""
+    """True if the run will need a stage that is not kept."""
     scene = pipeline.scene
     if not scene.chain and name in ("compilation", "half-space", "figures"):
         return False

@@ -62,7 +62,7 @@ def _fitted(keys: tuple, stamp: tuple[int, int, int] | None) -> FittedPart:
     store = memory()
     fits = fits_of if store is None else store.cache(fits_of, ignore=["part"])
     try:
-        fit, by_noise, by_band = fits(key("measured", contents, [], __name__), part, table.held)
+        fit, by_noise, by_band = fits(key("measured", contents, []), part, table.held)
     except rom.ReductionError as error:
         raise InvalidScene(
             f"measured.{table.name}: {table.receptance}: {str(error).rstrip('.')}."
