@@ -1,4 +1,4 @@
-"""What a run is made of: tables of keys, read from TOML, checked before anything is computed."""
+"""The scene of a run: tables of keys, read from TOML, checked before anything is computed."""
 
 from beadwave.workflows.scene.chain import LeafSpringsTable, Preload
 from beadwave.workflows.scene.contact import ContactTable

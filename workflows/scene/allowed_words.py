@@ -1,4 +1,5 @@
-"""What a key of a scene may be, for the sentence that asks for it: words, or how many values."""
+"""Allowed values of a key of a scene, for the sentence that asks for it: words, or a number of
+values."""
 
 from collections.abc import Iterator, Sequence
 from types import UnionType
@@ -20,8 +21,8 @@ def allowed_words(model: Any, path: Sequence[str | int]) -> str:
 
 
 def wanted_values(model: Any, path: Sequence[str | int]) -> str:
-    """How many values the list at a path of keys below a table must have, as in "3: x, y, z"; ""
-    where any number will do. Parts of the path that are no keys, as pydantic's names for the
+    """Number of values that the list at a path of keys below a table must have, as in "3: x, y, z";
+    "" if any number will do. Parts of the path that are no keys, as pydantic's names for the
     branches of a union, are passed over."""
     annotations = [model]
     for key in path:

@@ -79,7 +79,7 @@ class Beam(SceneTable):
 
     @property
     def floats(self) -> bool:
-        """Whether the beam can move as a rigid body."""
+        """True if the beam can move as a rigid body."""
         (shift, turn), (other_shift, other_turn) = self.springs
         n_turns = (shift > 0) + (other_shift > 0)
         return n_turns == 0 or (n_turns == 1 and turn == 0 and other_turn == 0)
@@ -162,7 +162,7 @@ class BendingPlateTable(SceneTable):
 
     @property
     def floats(self) -> bool:
-        """Whether the plate can move as a rigid body: one hinged edge lets it turn."""
+        """True if the plate can move as a rigid body: one hinged edge lets it turn."""
         supported = [edge for edge in self.edges if edge != "free"]
         return not supported or supported == ["hinged"]
 

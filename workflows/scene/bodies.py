@@ -247,7 +247,7 @@ class BodyTable(SceneTable):
 
     @property
     def drawn(self) -> str | None:
-        """Which shape it has."""
+        """Name of its shape."""
         return next((shape for shape in SHAPES if getattr(self, shape) is not None), None)
 
     @property
@@ -366,7 +366,7 @@ class General(SceneTable):
 
     @property
     def file(self) -> str | None:
-        """Where bodies that are not drawn come from."""
+        """File of bodies that are not drawn."""
         return self.step or self.mesh
 
     def written_out(self, scene: Any) -> Any:
@@ -375,7 +375,7 @@ class General(SceneTable):
 
     @property
     def holds(self) -> tuple[Hold, ...]:
-        """What is held, in tables."""
+        """Held faces, as tables."""
         return tuple(Hold(on=h) if isinstance(h, str) else h for h in self.held or ())
 
 
@@ -438,9 +438,9 @@ class Bolts(JointStiffnesses):
 
 
 class Strike(SceneTable):
-    """Where the last sphere touches: a plane face, and a point from its middle along the two global
-    axes that span it; or a plane, a cylinder or a sphere, and the point of it that is nearest to
-    [x, y, z]. "body@x,y,z" of a round face tells both.
+    """Place that the last sphere touches: a plane face, and a point from its middle along the two
+    global axes that span it; or a plane, a cylinder or a sphere, and the point of it that is
+    nearest to [x, y, z]. "body@x,y,z" of a round face tells both.
 
     `nodes` takes the mean of the nodes nearest to these points of a plane face in place of a
     pressure. "thesis" pushes at the node nearest to the point and reads the mean of two others, one

@@ -79,5 +79,5 @@ class ContactTable(SceneTable):
 
     @property
     def shaped(self) -> bool:
-        """Whether the contacts have a force of their own in the place of Hertz'."""
+        """True if the contacts have another force than Hertz'."""
         return self.law not in CIRCULAR

@@ -188,7 +188,7 @@ def _dashpots(scene: Scene) -> Iterator[str]:
 
 
 def _of_modes(scene: Scene) -> Iterator[str]:
-    """How many modes are kept, and how they are damped."""
+    """Contradictions of the number of modes and of their damping."""
     table, n_measured = scene.reduction, len(scene.measured_hz)
     counted = scene.assembly is not None and table.choice == "contact" and table.modes is not None
     if counted and table.modes < n_measured:

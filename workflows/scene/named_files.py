@@ -107,7 +107,7 @@ def no_name(path: str | Path) -> str | None:
 
 
 def unfit(path: Path) -> str | None:
-    """Why nothing is read from a path; None where an ordinary file is."""
+    """Reason why nothing is read from a path; None of a regular file."""
     if path.is_file():
         return None
     if path.is_dir():

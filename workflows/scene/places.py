@@ -1,4 +1,4 @@
-"""Where shakers and sensors sit on a structure, and what its reduced model has to hold for them."""
+"""Places of shakers and sensors on a structure, and what its reduced model has to hold for them."""
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -12,7 +12,7 @@ MIDDLE = (0.0, 0.0)
 
 
 class Place(NamedTuple):
-    """Where a shaker or a sensor sits on the structure, as the scene says it."""
+    """Place of a shaker or a sensor on the structure, as the scene has it."""
 
     key: str  # that messages call it by
     name: str
@@ -48,7 +48,7 @@ def sensor_places(scene: "Scene") -> list[Place]:
 
 
 def has_friction(scene: "Scene") -> bool:
-    """Whether the chain meets the structure with friction."""
+    """True if the chain meets the structure with friction."""
     return scene.friction is not None and isinstance(scene.wall, RomWall)
 
 
@@ -82,5 +82,5 @@ def part_face(name: str) -> str:
 
 
 def words_of(scene: "Scene") -> list[Any]:
-    """What the functionals are made of, but for the contact's patch: changes with each word."""
+    """Words of the functionals, without the contact's patch: changes with each word."""
     return [has_friction(scene), shaker_places(scene), sensor_places(scene)]

@@ -40,7 +40,7 @@ class ScannedNumber(NamedTuple):
 
     @property
     def unusual(self) -> bool:
-        """Whether it lies outside of the usual range; 0 and inf are always usual."""
+        """True if it lies outside of the usual range; 0 and inf are always usual."""
         size, quantity = abs(self.value), self.quantity
         return size not in (0.0, inf) and not quantity.low <= size <= quantity.high
 

@@ -41,7 +41,7 @@ class Reduction(SceneTable):
 
 
 class Patch(SceneTable):
-    """Where the last sphere touches the block's +x face, and how the face is averaged there.
+    """Place that the last sphere touches on the block's +x face, and the average of the face there.
 
     `nodes` takes the mean of the nodes nearest to these points in place of a pressure. "thesis"
     pushes at the node nearest to the point and reads the mean of two others, one radius to either

@@ -280,7 +280,7 @@ def _tables(annotation: Any) -> Iterator[tuple[type[BaseModel], tuple[str, ...]]
 
 
 def _values(annotation: Any) -> str:
-    """Which values an annotation takes, in words; empty for tables alone.
+    """Values that an annotation takes, in words; empty for tables alone.
 
     By the kind of the annotation: bounds of a number, literals, alternatives, lists, tables by
     name; each asks for the words of what is in it.
@@ -377,8 +377,8 @@ def _toml(default: Any) -> str:
 
 
 def _meanings(table: type[BaseModel]) -> dict[str, str]:
-    """What each field of a table is: the comment behind it, or the comment lines above it, without
-    its unit."""
+    """Meaning of each field of a table: the comment behind it, or the comment lines above it,
+    without its unit."""
     meanings: dict[str, str] = {}
     for base in reversed(table.__mro__):
         if not (isinstance(base, type) and issubclass(base, BaseModel)) or base is BaseModel:

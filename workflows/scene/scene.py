@@ -125,7 +125,7 @@ class Scene(SceneTable):
 
     @property
     def of_dimensions(self) -> bool:
-        """Whether a user changes the assembly by the dimensions of the rig, not by bodies."""
+        """True if a user changes the assembly by the dimensions of the rig, not by bodies."""
         return self.written_out is not self
 
     @property
@@ -135,7 +135,7 @@ class Scene(SceneTable):
 
     @property
     def has_structure(self) -> bool:
-        """Whether there are finite elements to reduce."""
+        """True if there are finite elements to reduce."""
         return self.assembly is not None or self.bending is not None
 
     @property
@@ -162,8 +162,8 @@ class Scene(SceneTable):
 
     @property
     def measured_numbers(self) -> tuple[int, ...]:
-        """What tables and keys call each measured mode: the number of the computed mode where all
-        are known by it, else their places in the list, from 1."""
+        """Number of each measured mode in tables and keys: that of the computed mode where all are
+        known by it, else their places in the list, from 1."""
         numbers = tuple(target.number for target in self.written_out.targets or ())
         return tuple(range(1, len(numbers) + 1)) if None in numbers else numbers
 
@@ -174,7 +174,7 @@ class Scene(SceneTable):
 
     @property
     def floats(self) -> bool:
-        """Whether nothing joins the structure to the ground, springs and measured parts
+        """True if nothing joins the structure to the ground, springs and measured parts
         included."""
         if self.bending is not None:
             return self.bending.floats
@@ -185,15 +185,15 @@ class Scene(SceneTable):
 
     @property
     def unsupported(self) -> bool:
-        """Whether no face of the assembly is held and no joint holds it to the ground: on springs
+        """True if no face of the assembly is held and no joint holds it to the ground: on springs
         it may be free in some directions."""
         whole = self.written_out
         return not whole.assembly.held and not any(GROUND in j.partners for j in whole.joints or ())
 
     @property
     def has_dashpots(self) -> bool:
-        """Whether dashpots couple the modes of the assembly: in joints, beside springs, or as the
-        damping of measured parts."""
+        """True if dashpots couple the modes of the assembly: in joints, parallel to springs, or as
+        the damping of measured parts."""
         of_joints = any(table.dashpots for table in self.bushings.values())
         of_springs = any(any(spring.dashpots.values()) for spring in self.springs or ())
         return of_joints or of_springs or bool(self.measured)

@@ -1,4 +1,4 @@
-"""What every table of a scene is made of: a pydantic model, types of numbers with their units.
+"""Parts of every table of a scene: a pydantic model, types of numbers with their units.
 
 The tables stand in the files of their names: `chain`, `contact`, `walls`, `joints`, `bodies`,
 `bending` ([beam], [plate]), `mesh`, `reduction`, `damping`, `time`, `sensors` ([output]),

@@ -1,4 +1,4 @@
-"""What a run writes: observed spheres, sensors on them, the instrument that records those."""
+"""Output of a run: observed spheres, sensors on them, the instrument that records those."""
 
 from re import fullmatch
 from typing import Annotated, Any, Literal
@@ -42,7 +42,7 @@ NAME = r"[A-Za-z][\w -]*"
 
 
 class SensorTable(SceneTable):
-    """What one channel shows of a sphere: the mean of its two contact forces, its rate, a velocity
+    """Signal of one channel. Of a sphere: the mean of its two contact forces, its rate, a velocity
     or a displacement; or of a structure: acceleration, velocity or displacement of a place on a
     face, in a direction. Forces and displacements count from the state at the start.
 

@@ -60,7 +60,7 @@ class Shaker(SceneTable):
 
     @property
     def on_face(self) -> bool:
-        """Whether it shakes a face of a structure."""
+        """True if it shakes a face of a structure."""
         return self.on != "wall"
 
     @property

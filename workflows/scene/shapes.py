@@ -1,4 +1,4 @@
-"""What the tables of [bodies] draw, as `geometry` has it: shapes and grid lines."""
+"""Shapes of the tables of [bodies], as `geometry` has them: shapes and grid lines."""
 
 from beadwave.geometry.errors import InvalidGeometry
 from beadwave.geometry.grid_lines import Stop, refined

@@ -25,8 +25,8 @@ from beadwave.workflows.scene import Scene
 
 
 class RunLimits(NamedTuple):
-    """What a scene may ask for; what asks for more is refused. Chosen by the time that it takes on
-    one core, not varied."""
+    """Largest requests of a scene; larger ones are refused. Chosen by the time that it takes on one
+    core, not varied."""
 
     steps: float = 1e9  # of a march: minutes to hours
     values: float = 1e8  # of one saved quantity: 0.8 GB
@@ -175,8 +175,8 @@ def foreseen_nodes(scene: Scene) -> dict[str, float]:
 
 
 def room_beside(scene: Scene, nodes: dict[str, float] | None = None) -> bool:
-    """Whether a process that compiles, estimates the mesh's error and draws the modes fits into
-    memory beside a run; `nodes` of a mesh that is there."""
+    """True if a process that compiles, estimates the mesh's error and draws the modes fits into
+    memory next to a run; `nodes` of a mesh that is there."""
     nodes = nodes or foreseen_nodes(scene)
     n = 3.0 * sum(nodes.values())
     matrices = MATRIX_BYTES[scene.mesh.element] * n

@@ -16,7 +16,7 @@ from beadwave.workflows.scene.units import (
 
 
 class Time(SceneTable):
-    """How long, and the error asked for; `dt` replaces the error.
+    """Duration and requested error; `dt` replaces the error.
 
     The velocities meet `error` until `horizon`. After tens of impacts spheres move chaotically, and
     no step bounds the error of their velocities; from the horizon on the energy alone is

@@ -235,8 +235,8 @@ def instead_of(key: str) -> set[str]:
 
 
 def undoes(later: str, earlier: str) -> bool:
-    """Whether setting one dotted key undoes the setting of another: the same key, a table and a
-    key in it, or a key in whose stead it stands."""
+    """True if setting one dotted key undoes the setting of another: the same key, a table and a key
+    in it, or a key in whose stead it stands."""
     first, second = later.split("."), earlier.split(".")
     shorter = min(len(first), len(second))
     excludes = first[:-1] == second[:-1] and second[-1] in instead_of(later)

@@ -30,7 +30,7 @@ class Unit(NamedTuple):
 
 
 class Kind(NamedTuple):
-    """What is measured, its SI unit, and the units in which it is often thought of."""
+    """A physical quantity, its SI unit, and other units in use."""
 
     name: str
     unit: str

@@ -185,6 +185,6 @@ Wall = Annotated[
 
 
 def gives_way(wall: Wall | None) -> bool:
-    """Whether a steady force moves the wall on and on, as a dashpot lets it. Such a wall takes
+    """True if a steady force moves the wall without end, as a dashpot lets it. Such a wall takes
     Hertz' contacts without damping of its own."""
     return isinstance(wall, DashpotWall)

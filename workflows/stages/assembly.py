@@ -63,7 +63,7 @@ def _with_masses(scene: Scene, mesh: Parts, structure: fem.Structure) -> fem.Str
 
 
 def _is_held(mesh: Parts, face: str) -> bool:
-    """Whether a face "body:face" is part of one that is held in all directions."""
+    """True if a face "body:face" is part of one that is held in all directions."""
     facets = set(mesh.facets(face).tolist())
     return any(
         facets <= set(mesh.facets(held.face).tolist())
@@ -149,7 +149,7 @@ def _require_kept(
 
 
 def solid(scene: Scene, body: str) -> fem.Material | fem.Orthotropic:
-    """What a body of the scene is made of."""
+    """Material of a body of the scene."""
     return bodies.material(scene.written_out.made_of(body))
 
 

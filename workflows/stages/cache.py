@@ -77,8 +77,8 @@ def memory() -> Memory | None:
 
 
 def fault() -> str | None:
-    """Why the cache cannot be used, as the end of a sentence that begins with the folder; None
-    where it can."""
+    """Reason why the cache cannot be used, as the end of a sentence that begins with the folder;
+    None if it can."""
     try:
         if why := own_folders(cache_folder(), _results()):
             return why

@@ -89,7 +89,7 @@ def other_mesh(scene: Scene, mesh: Parts) -> tuple[Parts, float]:
 
 
 def of_few_elements(mesh: Parts) -> bool:
-    """Whether every element can be split in eight and the assembly solved again in a second."""
+    """True if every element can be split in eight and the assembly solved again in a second."""
     return 8 * 3 * sum(mesh.nodes.values()) <= SMALL_UNKNOWNS
 
 

@@ -109,7 +109,7 @@ class StruckFace:
         return start(self.scene, self.pipeline("surface"))
 
     def outline(self) -> Outline:
-        """Where the face ends; raises InvalidScene for one that is not plane."""
+        """Outline of the face; raises InvalidScene for one that is not plane."""
         return self.pipeline("outline")
 
     def placed(
@@ -181,7 +181,7 @@ class StruckFace:
 
     @property
     def few_elements(self) -> bool:
-        """Whether the mesh is so small that its error is shown by splitting its elements."""
+        """True if the mesh is so small that its error is found by splitting its elements."""
         return of_few_elements(self.pipeline("mesh"))
 
     def split(self) -> tuple["StruckFace", float]:

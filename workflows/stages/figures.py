@@ -88,7 +88,7 @@ def velocities(run, observed: Iterable[int], named: dict[int, tuple[Label, ...]]
 
 
 def signals(scene: Scene, record: "SensorRecord") -> Picture:
-    """What the sensors record, one panel each, the waves marked by their names."""
+    """Signals of the sensors, one panel each, the waves marked by their names."""
     t = record.t
     panels, marks = [], []
     columns = zip(scene.output.sensors, record.y.T, record.waves, strict=True)

@@ -104,8 +104,8 @@ def structure_errors(
     structure: StructureNumbers,
     of_parts: NDArray[np.float64] | None = None,
 ) -> tuple[NumberError, ...]:
-    """What the mesh leaves of error in the frequencies and in the static compliance, as far as it
-    is known, and the fits of measured parts in the frequencies, `of_parts` (k,)."""
+    """Errors of the mesh in the frequencies and in the static compliance, as far as they are known,
+    and of the fits of measured parts in the frequencies, `of_parts` (k,)."""
     errors = []
     hz = modes.omega / (2 * np.pi)
     whys = missed.explained(scene, modes.omega)

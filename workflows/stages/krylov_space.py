@@ -38,7 +38,7 @@ def krylov_space(
         w, error = model.M @ np.random.default_rng(2).standard_normal(n), np.inf
 
     def enough(omega: NDArray[np.float64], shapes: Callable[[], NDArray[np.float64]]) -> bool:
-        """Whether the modes omega (k,) [rad/s], `shapes` (n, k) of them, are as many as are listed,
+        """True if the modes omega (k,) [rad/s] of `shapes` (n, k) are as many as are listed, with
         the targets among them."""
         smallest, largest = (min(n_modes, n - 2) for n_modes in N_MODES)
         if len(omega) < smallest:

@@ -1,4 +1,4 @@
-"""What fits of measured parts leave of error in the modes of an assembly and in a run.
+"""Errors of the fits of measured parts in the modes of an assembly and in a run.
 
 Apart from `measured_parts`, which the model needs, so that a changed reduction keeps the modes.
 """

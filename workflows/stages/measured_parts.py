@@ -39,7 +39,7 @@ class FittedPart(NamedTuple):
 
     @property
     def synthetic(self) -> bool:
-        """Whether the file says that its responses were computed."""
+        """True if the file says that its responses were computed."""
         return self.receptances.synthetic
 
 
@@ -131,8 +131,8 @@ def measured_part(
 def points_on_face(
     scene: Scene, table: MeasuredTable, face: str, structure: fem.Structure, part: FittedPart
 ) -> tuple[fem.PartPoint, ...]:
-    """Where and along which direction each motion of a part lies on its face; raises ValueError for
-    nodes without a place, and for places off the face."""
+    """Place and direction of each motion of a part on its face; raises ValueError for nodes without
+    a place, and for places off the face."""
     middle = fem.planar_spot(structure, face, (0.0, 0.0))
     measured, axes = part.receptances, axes_of_test(scene)
     turn = np.eye(3) if axes is None else axes.turn
@@ -149,7 +149,7 @@ def points_on_face(
 def places_on_face(
     scene: Scene, table: MeasuredTable, middle: fem.Spot, measured: PartReceptances
 ) -> dict[int, NDArray[np.float64]]:
-    """Where each node lies on its face (2,) [m] from the middle along the axes that span it; raises
+    """Place of each node on its face (2,) [m] from the middle along the axes that span it; raises
     ValueError for nodes without a place, and for places off the plane of the face."""
     axes = axes_of_test(scene)
     turn = np.eye(3) if axes is None else axes.turn
@@ -178,7 +178,7 @@ def places_on_face(
 
 
 def sentences(scene: Scene) -> list[str]:
-    """What each measured part is, how well its responses are fitted, and what it is like as a
+    """Sentences on each measured part: its responses, the error of their fit, its mass as a
     whole."""
     remarks = []
     for table in scene.measured or ():

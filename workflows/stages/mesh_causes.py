@@ -1,4 +1,5 @@
-"""Why the error of a mesh is large, and what helps: where the elements miss most of the energy.
+"""Causes and remedies of a large error of a mesh: places where the elements miss most of the
+energy.
 
 Each element belongs to the first of these places that it touches: a joint, a tie, a sharp inner
 edge, a held face, a part of one element between two free faces, all else. The place that holds the
@@ -26,7 +27,7 @@ FINEST_SCALE = 0.3  # times mesh.scale, below which a mesh has forty times the u
 
 
 class Cause(NamedTuple):
-    """Where the elements miss most of a shape's energy."""
+    """Place where the elements miss most of a shape's energy."""
 
     place: str
     share: float  # of the energy
@@ -149,7 +150,7 @@ def one_thick(mesh: Mesh) -> NDArray[np.bool_]:
 
 
 def explanation(scene: Scene, relative: float, cause: Cause) -> str:
-    """Why the mesh's relative error of a number is large, and what helps; "" of a small one."""
+    """Cause and remedy of a large relative error of a number by the mesh; "" of a small one."""
     if not relative > LARGE_ERROR:
         return ""
     why = f"{100 * cause.share:.0f} % of the mesh's error of {100 * relative:.2g} % "

@@ -1,4 +1,4 @@
-"""What the mesh of an assembly leaves of error in its modes and in the wall that it makes.
+"""Error of the mesh of an assembly in its modes and in the wall of it.
 
 In mass-normalised shapes phi_j that hold the modes and the static response at the contact, with
 K = diag(omega^2), the mesh misses the strain energy G (`fem.missed_energy`). Without the mesh
@@ -88,7 +88,7 @@ class MissedByMesh(NamedTuple):
         return error
 
     def shapes_of(self, omega: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Which shapes (m,) are these modes (m,) [rad/s]; -1 of rigid motions, and of none."""
+        """Indices of the shapes (m,) of modes (m,) [rad/s]; -1 of rigid motions, and of none."""
         if not len(self.omega):
             return np.full(len(omega), -1)
         nearest = np.abs(self.omega - omega[:, None]).argmin(axis=1)
@@ -97,15 +97,15 @@ class MissedByMesh(NamedTuple):
         return np.where(pairs, nearest, -1)
 
     def explained(self, scene: Scene, omega: NDArray[np.float64]) -> list[str]:
-        """Why the errors of modes (m,) [rad/s] are large and what helps; "" of small ones."""
+        """Causes and remedies of large errors of modes (m,) [rad/s]; "" of small ones."""
         if not self.causes:
             return [""] * len(omega)
         errors = zip(self.of_frequencies(omega), self.shapes_of(omega), strict=True)
         return [explanation(scene, error, self.causes[j]) if j >= 0 else "" for error, j in errors]
 
     def at_contact(self, scene: Scene, relative: float) -> str:
-        """Why the relative error of a number of the impact, or of the static compliance, is large
-        and what helps: of the shape with the largest part in the error of the compliance; "" of a
+        """Cause and remedy of a large relative error of a number of the impact, or of the static
+        compliance: that of the shape with the largest part in the error of the compliance; "" of a
         small one."""
         if not self.causes:
             return ""
@@ -115,7 +115,8 @@ class MissedByMesh(NamedTuple):
 
     @property
     def of_compliance(self) -> float | None:
-        """What the static compliance at the contact [m/N] falls short by; None of what floats."""
+        """Amount by which the static compliance at the contact [m/N] is too small; None if the
+        structure floats."""
         if self.w is None or not np.all(self.omega > 0):
             return None
         if self.split is not None:
@@ -149,8 +150,8 @@ class MissedByMesh(NamedTuple):
 
 
 class StaticShape(NamedTuple):
-    """What the static response at the contact has beyond some modes Phi, as a mass-normalised
-    shape: K phi = M Phi d + w / length."""
+    """Part of the static response at the contact beyond some modes Phi, as a mass-normalised shape:
+    K phi = M Phi d + w / length."""
 
     phi: NDArray[np.float64]  # (n,) [kg^-1/2]
     omega: float  # [rad/s] sqrt(phi^T K phi)
@@ -213,7 +214,8 @@ def energy_of_shapes(
     static: StaticShape | None = None,
     field: fem.HalfSpaceField | None = None,
 ) -> MissedByMesh:
-    """The same; raises ValueError where a second mesh, or its modes, cannot be had."""
+    """Missed energy of shapes; raises ValueError if a second mesh, or its modes, cannot be
+    computed."""
     try:
         contact = stages.contact(scene, mesh, model)
     except (InvalidScene, ValueError):  # nothing is struck

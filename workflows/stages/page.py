@@ -14,7 +14,7 @@ from beadwave.workflows.scene.toml import toml
 def data(
     scene: Scene, *results: dict[str, bytes] | ChainNumbers | StructureNumbers
 ) -> dict[str, Any]:
-    """What the page's scripts read (`report.page_data`), of files by name and of numbers."""
+    """Data that the page's scripts read (`report.page_data`): files by name, and numbers."""
     numbers: dict[str, Any] = {}
     with TemporaryDirectory() as folder:
         Path(folder, "scene.toml").write_text(toml(scene), encoding="utf-8", newline="\n")

@@ -63,7 +63,7 @@ def picture_of(meshes: dict[str, Mesh]) -> Picture:
 
 
 def fixtures(scene: Scene, mesh: Parts) -> dict[str, Any]:
-    """What `report.render` draws beside the meshes, as JSON takes it."""
+    """Things that `report.render` draws besides the meshes, for JSON."""
     strike, joints = None, []
     if mesh.struck is not None:
         outward = mesh.struck.outward / np.linalg.norm(mesh.struck.outward)

@@ -43,7 +43,7 @@ class Stage(NamedTuple):
 
 
 class StageReport(NamedTuple):
-    """What a stage took in this run."""
+    """Time of a stage in this run."""
 
     name: str
     seconds: float
@@ -51,12 +51,12 @@ class StageReport(NamedTuple):
 
 
 def tables_of(*tables: str) -> Callable[[Scene], Any]:
-    """What a stage reads of a scene: these tables whole, and the files that they name."""
+    """Input of a stage from a scene: these tables whole, and the files that they name."""
     return lambda scene: {name: _plain(getattr(scene, name)) for name in tables}
 
 
 def _plain(table: Any) -> Any:
-    """What JSON knows of a table, with the contents of the files that it names."""
+    """A table as JSON has it, with the contents of the files that it names."""
     if isinstance(table, tuple):
         return [_plain(entry) for entry in table]
     if isinstance(table, dict):
@@ -76,22 +76,23 @@ _targets = tables_of("targets", "test_axes")
 
 
 def _observed(scene: Scene) -> Any:
-    """Which spheres a run is watched at, and at how many instants."""
+    """Spheres at which a run is observed, and the number of instants."""
     return [scene.output.spheres, scene.output.samples]
 
 
 def _marched(scene: Scene) -> Any:
-    """What a march reads besides chain and wall."""
+    """Input of a march besides chain and wall."""
     return [tables_of("time")(scene), _observed(scene)]
 
 
 def _measured(scene: Scene) -> Any:
-    """What marches at walls fitted to a measured response read."""
+    """Input of marches at walls fitted to a measured response."""
     return [_marched(scene), _wall_reads(scene)]
 
 
 def _reduced(scene: Scene) -> Any:
-    """What a reduction reads: its options, where the structure is struck, shaken and watched."""
+    """Input of a reduction: its options, and the places where the structure is struck, shaken and
+    observed."""
     tables = tables_of("reduction", "strike", "assembly")(scene)
     # loss factors ask for the shares of parts in the strain, whatever their values
     shared = ["strain"] if isinstance(scene.damping, LossFactorsTable) else []
@@ -99,7 +100,7 @@ def _reduced(scene: Scene) -> Any:
 
 
 def _dimensions(scene: Scene) -> Any:
-    """What a mesh reads: bodies, their contacts, sizes of elements, the faces that are named."""
+    """Input of a mesh: bodies, their contacts, sizes of elements, the faces that are named."""
     tables = tables_of(*BODIES, "mesh")(scene)
     if scene.strike and any(body.lines for body in (scene.bodies or {}).values()):
         # grid lines are prescribed: the mesh does not depend on the patch
@@ -131,7 +132,7 @@ BODIES = ("assembly", "bodies", "materials", "ties", "joints", "strike", "loads"
 
 
 def _joined(scene: Scene) -> Any:
-    """What joins bodies, and what they are joined to."""
+    """Joints of the bodies, and their partners."""
     tables = tables_of("assembly", "joints", "table", "masses", "springs", "measured")(scene)
     if scene.measured:
         tables["test_axes"] = _plain(scene.test_axes)
@@ -139,7 +140,7 @@ def _joined(scene: Scene) -> Any:
 
 
 def _coarse(scene: Scene) -> Any:
-    """What a second mesh is joined and struck by; its bodies are in the key of the mesh."""
+    """Joints and strike of a second mesh; its bodies are in the key of the mesh."""
     return [_joined(scene), tables_of("strike")(scene)]
 
 
@@ -392,7 +393,7 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
 
 
 def across_the_chain(impact: dict[str, Stage]) -> dict[str, Stage]:
-    """What friction at the wall adds to the stages of an impact, or puts in their place."""
+    """Stages that friction at the wall adds to those of an impact, or puts in their place."""
     files, numbers = impact["chain-files"], impact["chain-numbers"]
     further = files.needs[2:]  # the record, of a scene with sensors
     across = tables_of("friction", "arm", "shakers", "striker")
@@ -423,8 +424,8 @@ def across_the_chain(impact: dict[str, Stage]) -> dict[str, Stage]:
 def on_a_structure(
     scene: Scene, impact: dict[str, Stage], needs: tuple[str, ...]
 ) -> dict[str, Stage]:
-    """What friction on a structure puts in the place of the stages of an impact with friction: one
-    march along and across the chain."""
+    """Stages that friction on a structure puts in the place of those of an impact with friction:
+    one march along and across the chain."""
     reads = impact["friction"].reads
     stages = {
         "spatial-wall": Stage(
@@ -448,14 +449,14 @@ def on_a_structure(
 
 
 def needs_structure(scene: Scene) -> bool:
-    """Whether a run of this scene builds its finite elements."""
+    """True if a run of this scene builds its finite elements."""
     if not scene.has_structure:
         return False
     return scene.chain is None or (isinstance(scene.wall, RomWall) and scene.wall.file is None)
 
 
 def couples(scene: Scene) -> bool:
-    """Whether dashpots or the thesis' scheme make a wall that is marched by its own integrator."""
+    """True if dashpots or the thesis' scheme make a wall that is marched by its own integrator."""
     scene = scene.written_out
     return scene.has_dashpots or (scene.strike is not None and scene.strike.weights == "thesis")
 
@@ -556,18 +557,18 @@ class Pipeline:
         return perf_counter() - self._started
 
     def kept(self, name: str) -> bool:
-        """Whether the stage need not be computed."""
+        """True if the stage need not be computed."""
         return name in self._results or self._kept.check_call_in_cache(name, self.key(name), self)
 
     def ready(self, name: str) -> bool:
-        """Whether all that the stage needs is kept, or not worth keeping."""
+        """True if all that the stage needs is kept, or not worth keeping."""
         return all(
             self.kept(need) if self._stages[need].kept else self.ready(need)
             for need in self._stages[name].needs + self._stages[name].means
         )
 
     def at_hand(self, name: str) -> bool:
-        """Whether all that the stage needs is kept, or in memory: nothing is computed before it."""
+        """True if all that the stage needs is kept, or in memory: nothing is computed before it."""
         needs = self._stages[name].needs + self._stages[name].means
         return all(
             need in self._results or (self._stages[need].kept and self.kept(need)) for need in needs

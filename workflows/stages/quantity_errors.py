@@ -77,8 +77,8 @@ def velocity_error_of_mesh(
     contact: rom.Contact,
     impact: coupling.Impact,
 ) -> float:
-    """What the mesh leaves in the observed velocities up to the horizon, relative to the striker's
-    speed; raises ValueError where nothing is known."""
+    """Error of the mesh in the observed velocities up to the horizon, relative to the striker's
+    speed; raises ValueError if nothing is known."""
     whole = scene.but(wall={"cutoff": None})
     on_mesh, without = (
         velocities(scene, start, wall_of(whole, wall), impact) for wall in missed.walls(contact)

@@ -173,7 +173,7 @@ def damped_dofs(model: fem.Model, C) -> NDArray[np.int64]:
 def names(
     model: fem.Model, boundary: NDArray[np.int64], reduced: rom.ReducedModel
 ) -> tuple[str, ...]:
-    """What each coordinate (r,) is: displacements of the boundary (b,), then amplitudes of
+    """Names of the coordinates (r,): displacements of the boundary (b,), then amplitudes of
     shapes."""
     coordinates = []
     oscillator = {
@@ -219,7 +219,7 @@ def _require_held(scene: Scene, modes: AssemblyModes) -> None:
 
 
 def selection(scene: Scene) -> rom.Selection:
-    """How many modes, which, and up to what frequency."""
+    """Number of modes, the rule that chooses them, and their highest frequency."""
     table = scene.reduction
     choice = "lowest" if table.cutoff is not None else table.choice
     to_hz = table.to_hz or (TO_HZ if table.error or choice == "contact" else None)

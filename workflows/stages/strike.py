@@ -1,4 +1,5 @@
-"""Where the chain touches an assembly of bodies: a point of a plane, a cylinder or a sphere."""
+"""Place where the chain touches an assembly of bodies: a point of a plane, a cylinder or a
+sphere."""
 
 from __future__ import annotations
 

@@ -79,13 +79,13 @@ def _shaken_by_name(scene: Scene, reduced: ReducedModel) -> ReducedModel:
 
 
 def wall_along(scene: Scene, wall: SpatialWall) -> dem.Wall:
-    """What the chain sees of the structure along its normal."""
+    """The structure along its normal, as a wall of the chain."""
     residual = float(wall.residual_compliance[0, 0])
     return dem.Wall(wall.omega, wall.zeta, np.ascontiguousarray(wall.phi[:, 0]), residual)
 
 
 def shaker_forces(scene: Scene) -> ShakerForces:
-    """What the scene's shakers push by, of a motion the force on its stinger."""
+    """Forces of the scene's shakers; of a given motion the force on its stinger."""
     shakers = scene.shakers or ()
     return ShakerForces(
         np.array([shaker.force_amplitude for shaker in shakers]),

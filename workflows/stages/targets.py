@@ -1,4 +1,4 @@
-"""How the measured modes of a scene are recognised among the computed ones: by number, by a body's
+"""Recognition of the measured modes of a scene among the computed ones: by number, by a body's
 motion, or by a measured shape."""
 
 from pathlib import Path
@@ -17,8 +17,8 @@ FARTHEST = 0.05
 
 
 def targets(scene: Scene, model: fem.Model) -> tuple[fem.Target, ...]:
-    """What each measured mode of the scene is recognised by; raises InvalidScene for measured
-    shapes with points off the assembly."""
+    """Targets that each measured mode of the scene is recognised by; raises InvalidScene for
+    measured shapes with points off the assembly."""
     recognised: list[fem.Target] = []
     for target in scene.written_out.targets or ():
         if target.number:

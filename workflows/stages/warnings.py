@@ -60,8 +60,8 @@ SAMPLES_PER_WAVE = 5  # samples within the width of a wave that show its crest
 
 
 def strain(scene: Scene, start: Start, run: dem.Trajectory) -> dem.Strain:
-    """How far a run goes beyond Hertz' law, by the materials of the chain and of the face struck;
-    a rigid wall does not yield."""
+    """Strain of a run beyond Hertz' law, by the materials of the chain and of the face struck; a
+    rigid wall does not yield."""
     from beadwave import dem
 
     struck = scene.wall

@@ -397,7 +397,7 @@ def rank_parameters(
     free: str | Iterable[str] = (),
     progress: Progress = quiet,
 ) -> RankReport:
-    """What is worth freeing in a fit to measured modes, before it (`beadwave tune --rank`).
+    """Rank parameters before a fit to measured modes (`beadwave tune --rank`).
 
     Sensitivities d ln f / d ln value of each mode (and of the MAC of modes known by shape) to the
     values named in `free`, to all that can be freed without, at the values of the scene; the order
@@ -457,7 +457,7 @@ def with_modes(
 
 
 def names_of(free: str | Iterable[str]) -> tuple[str, ...]:
-    """What may vary, by name; raises InvalidScene."""
+    """Names of the parameters that may vary; raises InvalidScene."""
     names = tuple(free.split(",")) if isinstance(free, str) else free
     if not isinstance(names, Iterable) or not all(isinstance(name, str) for name in names):
         raise InvalidScene(
@@ -679,9 +679,9 @@ def design_hammer_test(
     overwrite: bool = False,
     progress: Progress = quiet,
 ) -> HammerDesign:
-    """Where to hit and watch, so that the modes of a scene in `band` [Hz], the ten lowest without
-    one, are told apart with this many points (`beadwave hammer --design`): written to a .csv that
-    `hammer` takes as points. Raises InvalidScene for fewer points than modes."""
+    """Points to hit and to measure, so that the modes of a scene in `band` [Hz], the ten lowest
+    without one, are told apart with this many points (`beadwave hammer --design`): written to a
+    .csv that `hammer` takes as points. Raises InvalidScene for fewer points than modes."""
     chosen = with_assembly(load_scene(scene, changes))
     output = OutputFile(
         file, "FILE", inputs=files_read(chosen, scene), ending=".csv", overwrite=overwrite

@@ -47,7 +47,7 @@ LARGE_ZETA_DEVIATION = 0.2  # relative deviation of a damping ratio
 
 
 class Choice(NamedTuple):
-    """What a user decides on the poles of a test."""
+    """Decisions of a user on the poles of a test."""
 
     band_hz: tuple[float, float] | None = None
     reject: tuple[int, ...] = ()  # numbers of poles
@@ -102,7 +102,7 @@ class StepRow(BaseModel):
     left_out: list[str]
 
     def text(self) -> str:
-        """What was done with which options, and what was left out."""
+        """Text on the options that were used and on what was left out."""
         options = [
             f"{name} {value:.6g}" if isinstance(value, float) else f"{name} {value}"
             for name, value in self.options.items()
@@ -177,12 +177,12 @@ class IdentifiedTest(NamedTuple):
 
     @property
     def banner(self) -> str:
-        """What stands over pictures of a test that was computed; nothing over a measured one."""
+        """Banner over pictures of a computed test; none over a measured one."""
         return SYNTHETIC if SYNTHETIC in self.report.title else ""
 
     @property
     def kind_of_data(self) -> str:
-        """What a legend calls the responses of the test."""
+        """Name of the responses of the test in a legend."""
         return "computed, with noise" if self.banner else "measured"
 
     @property

@@ -57,8 +57,8 @@ class HammerDesign(BaseModel):
 
 
 def elastic(pipeline: Pipeline, band_hz: tuple[float, float] | None) -> NDArray[np.int64]:
-    """Which modes (k,) that strain something lie in a band [Hz], the lowest ten without one; raises
-    InvalidScene for none."""
+    """Elastic modes (k,) in a band [Hz], the lowest ten without one; raises InvalidScene for
+    none."""
     modes = pipeline("modes")
     hz = modes.omega / (2 * np.pi)
     strained = np.flatnonzero(fem.correlation.strained(pipeline("model"), modes))

@@ -45,7 +45,7 @@ class Places(NamedTuple):
 
 
 def test_places(scene: Scene, model: fem.Model, test: IdentifiedTest) -> Places:
-    """Where points and references of a test are on the model; raises InvalidScene where hammer or
+    """Places of the points and references of a test on the model; raises InvalidScene if hammer or
     sensors have no place."""
     responses, nodes = test.test.responses, test.test.nodes
     missing = set(points_without_place(test.test))
@@ -81,8 +81,8 @@ def test_places(scene: Scene, model: fem.Model, test: IdentifiedTest) -> Places:
 def resonances_chosen(
     test: IdentifiedTest, band_hz: tuple[float, float], match: Sequence[int] | None
 ) -> NDArray[np.bool_]:
-    """Which identified resonances (n,) are fitted; raises InvalidScene for numbers that are none,
-    and where none is left."""
+    """True for identified resonances (n,) that are fitted; raises InvalidScene for unknown numbers,
+    and if none is left."""
     hz = test.modes.frequency_hz
     numbers = np.arange(1, len(hz) + 1)
     if match is not None:

@@ -290,7 +290,7 @@ def as_targets(
         )
 
     def holds_shape(hz: float) -> bool:
-        """Whether the file itself holds the shape, and a scene may name it."""
+        """True if the file itself holds the shape, and a scene may name it."""
         try:
             return by_shape and bool(len(measured_shape(file, hz).points))
         except InvalidScene:
@@ -369,5 +369,5 @@ def _of_test(row: HammerRow) -> dict[str, float | None]:
 
 
 def has_deviation(row: HammerRow) -> bool:
-    """Whether the deviation of a row's frequency is known; of one line it is not."""
+    """True if the deviation of a row's frequency is known; of one line it is not."""
     return 0 < (row.frequency_deviation_hz or 0.0) < row.frequency_hz

@@ -1,5 +1,5 @@
-"""What is worth freeing in a fit to measured modes: sensitivities of every parameter at the values
-that the scene has, and a ranking by what the modes determine together.
+"""Ranking of parameters before a fit to measured modes: sensitivities of every parameter at the
+values that the scene has, and a ranking by what the modes determine together.
 
 It takes the projection that `tune` takes, so that nothing is solved on the mesh again.
 """
@@ -231,7 +231,7 @@ def ranked(
 
 
 def _on_determined(match: dict[int, float], determined: list[str], errors: FrequencyErrors) -> str:
-    """Which values the modes determine, as --free takes them."""
+    """Values that the modes determine, as --free takes them."""
     several, error = len(match) > 1, f"at {errors.text()}"
     mode = f"{'modes' if several else 'mode'} {', '.join(map(str, match))}"
     does = "determine together" if several else "determines"

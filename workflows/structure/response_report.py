@@ -1,4 +1,4 @@
-"""What a fit to responses says of itself: values with bars, resonances, misfit, pictures."""
+"""Report of a fit to responses: values with bars, resonances, misfit, pictures."""
 
 from typing import Literal, NamedTuple
 
@@ -174,7 +174,7 @@ class ResponseReport(BaseModel):
 
 
 class Fitted(NamedTuple):
-    """What a report on a fit is made of."""
+    """Content of a report on a fit."""
 
     scene: Scene
     result: Scene

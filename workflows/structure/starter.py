@@ -29,7 +29,7 @@ SMALLER = (1e-3, 0.5e-3, 0.25e-3)  # [m] on a face that has no room for it, as t
 
 
 class StartStrike(NamedTuple):
-    """What the chain strikes."""
+    """Place that the chain strikes."""
 
     face: Face
     on: str  # selector

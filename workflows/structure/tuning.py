@@ -521,7 +521,8 @@ def worth_of_the_mesh(
 
 
 def usual(match: dict[int, float]) -> tuple[str, ...]:
-    """What to free for the modes wanted: one tangential stiffness cannot meet both 2 and 3."""
+    """Parameters to free for the chosen modes: one tangential stiffness cannot meet both 2 and
+    3."""
     joint = ("head.ky", "head.kz", "head.kry") if {2, 3} <= match.keys() else ("head.ky", "head.kt")
     return (*joint, "block.young", "block.density") if 4 in match else joint
 

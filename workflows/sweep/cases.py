@@ -31,7 +31,7 @@ class Base(NamedTuple):
         return with_chain(completed(self.written._replace(tables=tables)))
 
     def number(self, key: str, text: str) -> float:
-        """What a text means for a key of the scene, a unit included; raises InvalidScene."""
+        """Value of a text for a key of the scene, with its unit; raises InvalidScene."""
         try:
             return float(text)
         except ValueError:
@@ -117,7 +117,7 @@ class CheckedGroup:
         return self.group.take([i for i in range(n) if i not in self.refused])
 
     def pieces(self, size: int) -> Iterator["CheckedGroup"]:
-        """The same in pieces of up to `size` cases; the refused ones are in the first."""
+        """The group in pieces of up to `size` cases; the refused ones are in the first."""
         refused = sorted(self.refused)
         if refused:
             sentences = {i: self.refused[place] for i, place in enumerate(refused)}
@@ -129,14 +129,14 @@ class CheckedGroup:
 
     @property
     def across(self) -> bool:
-        """Whether its rows have columns of friction."""
+        """True if its rows have columns of friction."""
         keys = (*self.group.shared, *self.group.columns)
         has_table = self.base.written.tables.get("friction") is not None
         return has_table or any(key.startswith("friction.") for key in keys)
 
     @property
     def side_by_side(self) -> bool:
-        """Whether its chains may march side by side."""
+        """True if its chains may march side by side."""
         scene = self.scene
         differs = {key.split(".")[0] for key in self.group.columns}
         return not (

@@ -77,7 +77,7 @@ def models_key(source: Source) -> str | None:
 
 
 def is_kept(source: Source) -> bool:
-    """Whether the models were computed earlier."""
+    """True if the models were computed earlier."""
     return all(source.pipeline.kept(stage) for stage in source.stages)
 
 
@@ -102,8 +102,9 @@ def models(source: Source) -> Models | str:
 
 
 def shared_wall(scene: Scene, source: Source, models: Models | str | None) -> SharedWall:
-    """What the cases of a group share, whose first scene this is; `models` are those of the
-    source, the sentence with which they failed, or None where no reduced model is computed."""
+    """Wall and errors that the cases of a group share, whose first scene this is; `models` are
+    those of the source, the sentence with which they failed, or None where no reduced model is
+    computed."""
     if isinstance(models, str):
         return SharedWall(failure=models)
     if not isinstance(scene.wall, RomWall):
@@ -148,5 +149,5 @@ def _errors(
 
 
 def sentence(reason: Exception) -> str:
-    """Why something failed, for a row of the table."""
+    """Reason of a failure, for a row of the table."""
     return str(reason).strip() or type(reason).__name__

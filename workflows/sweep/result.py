@@ -66,8 +66,8 @@ class Sweep:
 
     @property
     def main(self) -> tuple[str, ...]:
-        """What is drawn unasked: echo delay and ratio at the last sphere, the wall's force, and of
-        friction the surface's velocity and the loop."""
+        """Columns that are drawn by default: echo delay and ratio at the last sphere, the wall's
+        force, and of friction the surface's velocity and the loop."""
         waves = [name for name in self.outputs if name.endswith(MAIN)]
         further = ("wall_peak_force_N", "surface_velocity_ratio", "loop_energy_J")
         return (*waves[-len(MAIN) :], *(n for n in self.outputs if n in further))
@@ -121,7 +121,7 @@ class Sweep:
         return self.columns[name]
 
     def counts(self) -> dict[str, int]:
-        """How many cases are done, refused and failed."""
+        """Numbers of cases that are done, refused and failed."""
         return dict(Counter(self.columns["status"].tolist()))
 
     def messages(self) -> dict[str, int]:

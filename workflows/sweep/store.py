@@ -75,7 +75,7 @@ class Store:
         return [path for path in paths if self._folder.base.ours(self._name(path))]
 
     def finished(self) -> bool:
-        """Whether the folder has the whole table of this design, scene and content of files."""
+        """True if the folder has the whole table of this design, scene and content of files."""
         has_signals = self._folder.base.ours(SIGNALS) or not self._signals
         return self._key_of_table() == self._key and has_signals
 

@@ -1,4 +1,5 @@
-"""What an output depends on: Sobol's indices of a Saltelli design, rank correlations of a sample.
+"""Dependence of an output on the varied values: Sobol's indices of a Saltelli design, rank
+correlations of a sample.
 
 I. M. Sobol, Math. Comput. Simul. 55 (2001) 271; A. Saltelli et al., Comput. Phys. Commun. 181
 (2010) 259.
