@@ -2,7 +2,7 @@
 
     H(s) = d + sum r_i / (s - p_i),   y_i' = p_i y_i + u,   y = d u + sum r_i y_i
 
-Over a step h a pole answers u = sum c_j tau^j with sum c_j j! h^(j+1) phi_(j+1)(p h) beside
+Over a step h a pole answers u = sum c_j tau^j with sum c_j j! h^(j+1) phi_(j+1)(p h) in addition to
 exp(p h) y_i, phi_(j+1)(z) = (phi_j(z) - 1/j!) / z, phi_0 = exp. S. M. Cox, P. C. Matthews,
 J. Comput. Phys. 176 (2002) 430.
 """

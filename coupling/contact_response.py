@@ -1,4 +1,4 @@
-"""The receptance u_w / F at the contact: reduced models beside solutions of the full one."""
+"""The receptance u_w / F at the contact: reduced models compared with solutions of the full one."""
 
 from typing import NamedTuple
 

@@ -93,7 +93,7 @@ def neighbouring_state(
     its steps of a period; from rest where that is not near enough, which `cold` says. Raises
     UnstableStep.
 
-    The error is that beside half as many steps and cells, twice the time; `compared=False` leaves
+    The error is found by half as many steps and cells, twice the time; `compared=False` leaves
     it out, as differences of neighbours do, whose errors by the steps are alike.
     """
     # Newton's method from the neighbour's state, with the linear system of its cycle as Jacobian
@@ -110,7 +110,7 @@ def neighbouring_state(
     if not point.change <= search.accepted * error:
         return cold_state(body, before, error=error, speed=speed)
 
-    # beside half as many steps and cells, from the state that was just found
+    # compared with half as many steps and cells, from the state that was just found
     saved, of_steps = point.saved, math.inf
     if compared:
         coarser = period_of(body, before, n_steps // 2, search)

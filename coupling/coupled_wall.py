@@ -4,7 +4,7 @@ force enters through other weights than those by which the displacement is read.
     q'' + D q' + diag(omega^2) q = g F,   u_w = h^T q + s F,   g = V^T w_force, h = V^T w_read
 
 With h = g and D positive semidefinite the wall is passive. The scheme of the thesis, force at the
-contact node and reading at nodes beside it, has h != g and makes energy out of nothing; it is here
+contact node and reading at nodes next to it, has h != g and makes energy out of nothing; it is here
 for comparison. coupling.coupled_march runs them.
 """
 

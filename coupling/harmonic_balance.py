@@ -127,7 +127,7 @@ def cut_at_contacts(body: PreparedImpact, before: Before, n_samples: int) -> Cut
 
     A body that its contacts alone hold has no static receptance, and an undamped one has none at
     its own frequency. The first gets a spring of `weak` times the contacts' stiffness, the second
-    `weak` times its own stiffness as its dynamic one: both are too soft to be seen beside the
+    `weak` times its own stiffness as its dynamic one: both are too soft to be seen next to the
     contacts. Modes of the wall that resonate are left to `resonant_modes`.
     """
     chain, static, wall, Q = body.prepared.chain, body.prepared.static, body.wall, body.to_frame

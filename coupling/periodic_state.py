@@ -365,10 +365,10 @@ def fixed_point(
             if not norm > 0.0:
                 break
             d = d / norm
-            beside = start.copied()
-            period.place(beside, z + length * d / units, sheared=sheared)
-            period.march(beside)
-            change = units * (period.z_of(beside) - image) * moves / length
+            neighbour = start.copied()
+            period.place(neighbour, z + length * d / units, sheared=sheared)
+            period.march(neighbour)
+            change = units * (period.z_of(neighbour) - image) * moves / length
             J += np.outer(change - J @ d, d)
             D.append(d)
             E.append(d - change)
@@ -488,7 +488,7 @@ class Numbers(NamedTuple):
     force: float  # logarithm of the amplitude of the tangential force
     slip: float  # the same of the slip
     heat: float  # of friction, over the shakers' work
-    loop: float  # [J] the same heat, which may be small beside what modes take
+    loop: float  # [J] the same heat, which may be small against what modes take
 
     def difference(self, other: "Numbers") -> float:
         """Largest of all but the loop's."""
@@ -512,9 +512,9 @@ def numbers_of(saved: SavedSpatial, speed: float) -> Numbers:
 def balanced(
     body: PreparedImpact, before: Before, error: float, speed: float, search: PeriodicSearch
 ) -> tuple[RepeatedMotion | None, Moving | None]:
-    """The state by harmonic balance (`coupling.harmonic_balance`), to an error, beside a cycle of
-    half as many samples and cells; None where that finds none, or a contact that opens, and then a
-    state near to it where there is one.
+    """The state by harmonic balance (`coupling.harmonic_balance`), to an error, compared with a
+    cycle of half as many samples and cells; None where that finds none, or a contact that opens,
+    and then a state near to it where there is one.
 
     Periods marched from it by two steps prove it: what they change by vanishes with the step.
     """
@@ -589,7 +589,7 @@ def remembers(body: PreparedImpact, stick: Array) -> bool:
 def pushed_forces(
     body: PreparedImpact, before: Before, n_samples: int, cycle: Balance, search: PeriodicSearch
 ) -> list[Array] | None:
-    """Tangential forces (n_samples, n_directions) [N] of the cycles beside this one from contacts
+    """Tangential forces (n_samples, n_directions) [N] of the neighbouring cycles from contacts
     that were pushed before to either side of what slips most; empty where all come into one, None
     where a cycle is not found."""
     if not remembers(body, cycle.answer.stick):
@@ -691,7 +691,7 @@ def shot(
     start: Moving | None = None,
 ) -> RepeatedMotion:  # fmt: skip
     """The state by Newton's method on periods marched, from rest or else from `start`, to an error
-    beside longer steps and half as many cells; by periods one after the other where it finds
+    compared with longer steps and half as many cells; by periods one after the other where it finds
     none. Raises UnstableStep."""
     body = still(whole)
     T = body.shakers.period
@@ -732,7 +732,7 @@ def shot(
         if change > accepted or (impacting and not stays(period, state, search)):
             state, saved, change, n_periods = marched_on(period, state, search, accepted)
 
-        # the error beside the search before, if both come back after as many periods
+        # the error by the search before, if both come back after as many periods
         numbers = numbers_of(saved, speed)
         if coarse is not None and coarse.speeds.shape == numbers.speeds.shape:
             order = 1.0 if two_directions else 2.0
@@ -774,9 +774,9 @@ def stays(period: Period, state: Moving, search: PeriodicSearch) -> bool:
     moving = state.copied()
     z = period.z_of(moving)
     weights = linear_period(period, None)[1]
-    beside = z * (1.0 + search.nudge * np.cos(np.arange(len(z))))
-    distance = np.linalg.norm(weights * (beside - z))
-    period.place(moving, beside)
+    neighbour = z * (1.0 + search.nudge * np.cos(np.arange(len(z))))
+    distance = np.linalg.norm(weights * (neighbour - z))
+    period.place(moving, neighbour)
     for _ in range(search.subharmonics):
         period.march(moving)
     return bool(np.linalg.norm(weights * (period.z_of(moving) - z)) < 3.0 * distance)

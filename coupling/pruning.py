@@ -67,7 +67,7 @@ def prune(chain: Chain, wall: Wall, v0: ArrayLike, *, duration: float, error: fl
     n = int(np.searchsorted(total, error))
 
     # the change they make is measured by a second run, and a fifth of them comes back after each
-    # run that misses the error; no run where the contact would be unstable beside static modes
+    # run that misses the error; no run where the contact would be unstable with static modes
     speed = np.abs(v0).max()
     while n > 0:
         pruned = without(wall, order[:n])

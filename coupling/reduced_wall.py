@@ -189,7 +189,7 @@ def residual_compliance(
 
 
 def damping_matrix(reduced: ReducedModel, damping: Damping | None) -> np.ndarray | None:
-    """C (r, r) = M V diag(2 zeta omega) V^T M of the modes V, beside the model's own C."""
+    """C (r, r) = M V diag(2 zeta omega) V^T M of the modes V, added to the model's own C."""
     if damping is None:
         return None
     modes = modal(reduced)

@@ -33,8 +33,8 @@ class HarmonicBalance(NamedTuple):
     """Search for a point of a curve."""
 
     # heat of a cycle of the shaken rig under 2 N, where all of it slips: 13 % off with 7 harmonics,
-    # 1.6 % with 15, 0.02 % with 31, beside the march in time; under 1 N, where a part slips, 0.3 %
-    # with 7
+    # 1.6 % with 15, 0.02 % with 31, compared with the march in time; under 1 N, where a part slips,
+    # 0.3 % with 7
     n_harmonics: int = 15
     n_instants: int = 128  # of a cycle
     # of the contact in two directions: 64 and 256 leave one that sticks 0.35 and 0.09 % soft

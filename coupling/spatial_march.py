@@ -213,7 +213,9 @@ class Before(NamedTuple):
     """The chain before the striker."""
 
     held: Array  # (n,) mask of the spheres that rest: the striker, those held until it comes
-    n_absent: int  # contacts from the first on that are left out: 1 with a striker beside the chain
+    n_absent: (
+        int  # contacts from the first on that are left out: 1 with a striker besides the chain
+    )
 
 
 class Moving(NamedTuple):
@@ -315,18 +317,18 @@ def body_of(
     prepared = prepare(chain, along_normal(wall))
 
     # one direction across where nothing leads out of it: no mode that moves along it or that the
-    # chain or a shaker drives moves the wall beside it, and nothing beside it moves the sphere
+    # chain or a shaker drives moves the wall sideways, and nothing sideways moves the sphere
     frame, scale = np.eye(2), np.abs(wall.phi).max(initial=0.0)
     lines = [velocity / np.hypot(*velocity)] if velocity.any() else [*np.eye(2)]
     for line in lines:
-        beside = np.array([-line[1], line[0]])
+        sideways = np.array([-line[1], line[0]])
         driven = np.abs(np.column_stack([wall.phi[:, 0], wall.phi[:, 1:] @ line, wall.load]))
-        stray = np.abs(wall.phi[:, 1:] @ beside) > 1e-12 * scale
+        stray = np.abs(wall.phi[:, 1:] @ sideways) > 1e-12 * scale
         residual = np.append(S[1:, 0], S[1:, 1:] @ line).reshape(2, 2, order="F")
         straight = stiffness[0] == stiffness[1] or 0.0 in line
         straight &= not np.any(driven[stray] > 1e-12 * np.abs(wall.phi).max(initial=0.0))
-        straight &= bool((np.abs(beside @ residual) <= 1e-12 * np.abs(S).max(initial=0.0)).all())
-        straight &= not np.any(beside @ wall.load_residual[1:])
+        straight &= bool((np.abs(sideways @ residual) <= 1e-12 * np.abs(S).max(initial=0.0)).all())
+        straight &= not np.any(sideways @ wall.load_residual[1:])
         if straight:
             frame = line[None]
             break
@@ -441,7 +443,7 @@ def march_to_error(
     stride = max(1, math.ceil(spacing / first * (1 - 1e-9)))
     coarse, _ = run(stride, n_cells)
 
-    # the part of the cells, beside half as many: of order 1 too, see `dem.lateral`
+    # the part of the cells, compared with half as many: of order 1 too, see `dem.lateral`
     of_cells, halved = 0.0, run(stride, n_cells // 2)[0] if two_directions else None
     while halved is not None:
         of_cells = search.safety * difference(coarse, halved, radius) / speed

@@ -84,8 +84,8 @@ def require_one_solution(
     if min(least, slipping) <= 0.0:
         diagonal = ", ".join(f"{value:.3g}" for value in np.diag(S))
         raise CouplingError(
-            f"the wall's residual compliance of {diagonal} m/N along n, t1, t2 beside a contact of "
-            f"{1.0 / k_n:.3g} m/N normal and {1.0 / k_t:.3g} m/N tangential leaves no unique force "
-            f"(least sum {min(least, slipping):.3g} m/N, it must be positive); enlarge the patch, "
+            f"the wall's residual compliance of {diagonal} m/N along n, t1, t2 next to a contact "
+            f"of {1.0 / k_n:.3g} m/N normal and {1.0 / k_t:.3g} m/N tangential leaves no unique "
+            f"force (least sum {min(least, slipping):.3g} m/N, it must be positive); enlarge the patch, "
             "or refine the mesh at the contact."
         )

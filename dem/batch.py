@@ -73,7 +73,7 @@ CHAOTIC_DIFFERENCE = 1e-2
 
 # steps H of the coarse march over those h of the fine one
 FIRST_RATIO = 4.0  # of the first pair: the coarse march adds a quarter of the cost
-MAX_RATIO = 8.0  # of a fine march repeated with shorter steps beside the same coarse
+MAX_RATIO = 8.0  # of a fine march repeated with shorter steps against the same coarse
 
 # Order p by which the difference of a pair is taken to fall. Between steps velocities lie on
 # polynomials, off by order 2.5 where a contact opens or closes in the step; the march itself
@@ -158,8 +158,8 @@ def _march_to_error(chains, error, request):
     difference of the two by Richardson's extrapolation, e = |v_h - v_H| / ((H / h)^p - 1).
 
     The first steps are the same share of the period of each chain's fastest contact, found with the
-    chains of a pilot. A chain that misses the error is marched by shorter steps, beside the same
-    coarse march where few more are needed, else beside its last one. Chains that do not reach the
+    chains of a pilot. A chain that misses the error is marched by shorter steps, against the same
+    coarse march where few more are needed, else against its last one. Chains that do not reach the
     error this way are left to `march_to_error`, except those in which rounding alone grows far
     beyond the error: no step mends that.
     """
@@ -249,8 +249,8 @@ def _march_to_error(chains, error, request):
         if not missed.size:
             break
 
-        # next pairs of the others: a finer march beside the same coarse one where few more steps
-        # should do, else one of `first_ratio` times the steps beside the fine march
+        # next pairs of the others: a finer march against the same coarse one where few more steps
+        # should do, else one of `first_ratio` times the steps against the fine march
         shorter = (ERROR_MARGIN * excess[missed]) ** (1.0 / STEP_ORDER)
         shorter = np.maximum(shorter, 1.15)
         same = ~refined[missed] & (ratio[missed] * shorter <= MAX_RATIO)

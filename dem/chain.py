@@ -240,7 +240,7 @@ def validate(chain: Chain, wall: Wall | None, v0: ArrayLike) -> None:
         vector("leaf_stiffness", chain.leaf_stiffness, n, at_least=0.0)
     if chain.leaf_anchor is not None:
         vector("leaf_anchor", chain.leaf_anchor, n)
-        require(chain.leaf_stiffness is not None, "leaf_anchor needs leaf_stiffness beside it")
+        require(chain.leaf_stiffness is not None, "leaf_anchor needs leaf_stiffness too")
     if chain.friction is not None:
         vector("friction", chain.friction, n, at_least=0.0)
         require(

@@ -125,7 +125,7 @@ class ElasticLaw(NamedTuple):
         return self._each(laws.shape_fold, steepest)
 
     def _each(self, formula, values):
-        """A formula of `laws`, uncompiled, at every value (..., n_contacts) beside the parameters
+        """A formula of `laws`, uncompiled, at every value (..., n_contacts) with the parameters
         of its contact."""
         formula, shape = getattr(formula, "py_func", formula), self.shape
         values = np.asarray(values, float)
@@ -184,7 +184,7 @@ def force_table(overlap: ArrayLike, force: ArrayLike) -> ForceTable:
         bad = np.flatnonzero(~np.isfinite(values))
         require(
             not bad.size,
-            f"the step of a table to row {bad.min(initial=10**9) + 2} is too small beside its "
+            f"the step of a table to row {bad.min(initial=10**9) + 2} is too small for its "
             "force; leave the row out",
         )
 

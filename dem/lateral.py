@@ -8,8 +8,8 @@ by
 
     e = safety |v_h - v_H| / ((H/h)^2 - 1)
 
-beside a coarser one by H, in the velocity of the centre and that of the turn at the surface. In two
-directions the coarser one has cells as many times wider, and the powers are 1.
+against a coarser one by H, in the velocity of the centre and that of the turn at the surface. In
+two directions the coarser one has cells as many times wider, and the powers are 1.
 """
 
 import math
@@ -138,10 +138,10 @@ class LateralSearch(NamedTuple):
     safety: float = 2.0  # stated error over what the difference says: orders of 2 to 2.5 were seen
     phase: float = 0.2  # of the stiffest contact with the sphere, a first step; not varied
     most_steps: float = 3e8  # about a minute to ten
-    # nodes of the contact at an error of 1e-5, as its inverse root beside, at least a quarter of
+    # nodes of the contact at an error of 1e-5, as its inverse root, at least a quarter of
     # them: half or a quarter change velocities by less than a thousandth of the error
     capacity: int = 1024
-    # of the contact in two directions at an error of 1e-4, as its inverse root beside; the march
+    # of the contact in two directions at an error of 1e-4, as its inverse root; the march
     # that states the error takes half of them and twice the step
     n_cells: int = 128
     chunk: int = 20_000  # steps of the march along the chain that are held in memory
@@ -763,7 +763,7 @@ def returning_state(
                 jumps = (z - motion_of(end.state)) / units
                 change = max(change, float(np.abs(jumps[n : 2 * n]).max()))
                 change = max(change, float(np.abs(jumps[3 * n :]).max()))
-            # after so many periods a change is accepted that is small beside the error
+            # after so many periods a change is accepted that is small against the error
             late = i == search.newton_periods - 1
             if change <= (max(periodicity, search.rough * body.error) if late else periodicity):
                 return ReturningState(end.state, end.springs, end, change, B)
@@ -772,16 +772,16 @@ def returning_state(
             state, springs = end.state, end.springs
             continue
 
-        # B: column by column from starts beside this one, or Broyden's update from the last step
+        # B: column by column from starts next to this one, or Broyden's update from the last step
         g_before, g = g, (z - motion_of(end.state)) / units
         if B is None or age >= search.broyden_periods:
             B, age = np.eye(4 * n), 0
             moves = np.array([saved.u, saved.v, saved.psi, saved.spin]).any(axis=(1, 2))
             for column in np.flatnonzero(np.repeat(moves, n)):
                 nudge = np.where(np.arange(4 * n) == column, search.nudge, 0.0)
-                beside, contact = copied(state), copied_springs(springs)
-                body.displace(beside, contact, shaken.overlaps, nudge * units)
-                after = shaken.march(beside, contact, wall)
+                neighbour, contact = copied(state), copied_springs(springs)
+                body.displace(neighbour, contact, shaken.overlaps, nudge * units)
+                after = shaken.march(neighbour, contact, wall)
                 moved = (z - motion_of(after.state)) / units + nudge - g
                 B[:, column] = moved / search.nudge
         elif g_before is not None:
@@ -890,8 +890,8 @@ def state_on_moving_wall(
         forces += pushed_forces(shaken, overlaps[0])
 
     # twice as many steps, until nothing changes by more than half of the error; in two directions
-    # both steps and, after them, cells have a quarter. Cells need no further safety beside order 1:
-    # 56 to 856 of them left differences of order 1.2 to 1.5
+    # both steps and, after them, cells have a quarter. Cells need no further safety besides order
+    # 1: 56 to 856 of them left differences of order 1.2 to 1.5
     orders = {"steps": 2.0} if straight else {"steps": 2.0, "cells": 1.0}
     share = 0.5 / len(orders)
     estimate, off = 0.0, 0.0

@@ -32,7 +32,7 @@ from beadwave.fem.poly_reference import identified_modes
 from beadwave.fem.sensor_placement import effective_independence, outside
 from beadwave.fem.spot import plane_spot
 from beadwave.fem.synthetic_hits import HammerDefects
-from beadwave.fem.tuning import determined, deviation_beside, tune, tuning_basis
+from beadwave.fem.tuning import determined, deviation_of_others, tune, tuning_basis
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.scene.places import mass_face
@@ -215,7 +215,7 @@ def round_trips(test: Test, joints: int, tests: int, first: int) -> Counts:
             if len(of_all) < len(candidates):
                 fit = tune(aimed, of_all, measured, frequency_error=errors)
             left_out = [p for p in candidates if p not in of_all]
-            bars = deviation_beside(aimed, fit, measured, left_out, frequency_error=errors)
+            bars = deviation_of_others(aimed, fit, measured, left_out, frequency_error=errors)
             true = np.array([x for p, x in zip(candidates, true_value, strict=True) if p in of_all])
             spare = len(measured) - len(of_all)
             scatter = max(1.0, np.sqrt(fit.misfit / spare)) if spare > 0 else 1.0

@@ -7,7 +7,7 @@
     half_space_matrix    the same along the normal and in the face (3, 3), for friction
     prestressed     the Model under forces, heat and rods: K + K_G, and its share of buckling
     modes           omega (k,) [rad/s], phi (n, k) mass-normalised, by eigsh
-    receptance      H(f) [m/N] of the full model;   mac, pair: modes beside measured ones
+    receptance      H(f) [m/N] of the full model;   mac, pair: modes compared with measured ones
     held            factor of a K that is held, which modes and a reduction can share
     factorised      factor of a sparse symmetric matrix, the fastest that is installed
 
@@ -23,7 +23,7 @@ See examples/own_mesh.py, from a mesh of one's own to an impact.
 """
 
 from beadwave.fem.anisotropic_half_space import indentation_modulus
-from beadwave.fem.beam import ENDS, BeamEnd, BesideSolid, Section, beam, rectangle, section, tube
+from beadwave.fem.beam import ENDS, BeamCorrection, BeamEnd, Section, beam, rectangle, section, tube
 from beadwave.fem.bending import Bending, Buckled
 from beadwave.fem.carried import CarriedMass, with_carried
 from beadwave.fem.contact_patch import (
@@ -61,7 +61,7 @@ from beadwave.fem.mechanisms import Loose, loose_bodies
 from beadwave.fem.mirror import mirrored
 from beadwave.fem.model import Connections, Held, Model, SwayingTable, joined
 from beadwave.fem.modes import Modes, held, modes
-from beadwave.fem.plate import PlateBesideSolid, Sheet, TooLarge, mindlin_plate
+from beadwave.fem.plate import PlateCorrection, Sheet, TooLarge, mindlin_plate
 from beadwave.fem.prestress import FaceForce, Heat, Load, prestressed
 from beadwave.fem.response import receptance
 from beadwave.fem.rods import Rod
@@ -75,9 +75,9 @@ from beadwave.fem.trace import face_edges, outer_nodes
 __all__ = [
     "DIRECTIONS",
     "ENDS",
+    "BeamCorrection",
     "BeamEnd",
     "Bending",
-    "BesideSolid",
     "BodyMotion",
     "Buckled",
     "Bushing",
@@ -103,7 +103,7 @@ __all__ = [
     "Orthotropic",
     "Pairing",
     "PartPoint",
-    "PlateBesideSolid",
+    "PlateCorrection",
     "PointSpring",
     "Pushed",
     "RigidBody",

@@ -3,8 +3,8 @@
 Ties and joints are written as linear equations, each slave displacement in terms of free ones, so
 that another solver builds the same matrices. The elongation of a joint is that of two nodes of its
 own (shifts of one, turns of the other, each as displacements 1 to 3), which springs hold to the
-ground, one per direction, with a dashpot to a node beside it where the joint has one; the motion of
-its second side is that of two more nodes. A table is one more node, with a spring and a mass.
+ground, one per direction, with a dashpot to a node next to it where the joint has one; the motion
+of its second side is that of two more nodes. A table is one more node, with a spring and a mass.
 
 The contact is the node CONTACT: its displacement 1 is w^T u, so that a unit force on it loads the
 patch as the chain does. A static step does so, and its answer is the compliance w^T K^-1 w.

@@ -116,7 +116,7 @@ def surface_force(material: Anisotropic, inward: NDArray[np.float64]) -> Surface
         height = np.sin(angle)
         per_azimuth = N_KAPPA / N_AZIMUTHS / max(height, 1 / N_ELEVATIONS)
         n = N_AZIMUTHS * int(np.ceil(per_azimuth))
-        # half-way beside the directions across, along which 1 / s has no end at the surface
+        # half-way between the directions across, along which 1 / s has no end at the surface
         kappa = _azimuths(n) + np.pi / n
         s = np.cos(angle) * np.cos(kappa - azimuth[:, None])
         rho, omega = np.hypot(s, height)[..., None], np.arctan2(height, s)

@@ -41,7 +41,7 @@ MIN_ELEMENTS = 2  # elements to either side of the strike
 N_DRAWN_SLICES = 120  # of the beam as it is drawn
 
 
-class BesideSolid(NamedTuple):
+class BeamCorrection(NamedTuple):
     """Corrections of the beam theory towards a solid beam, fitted to solids of
     `examples/theory_errors.py` with width / thickness b / h from 0.5 to 3 and nu from 0.15 to 0.4.
 
@@ -83,7 +83,7 @@ class Section(NamedTuple):
     width: float  # [m] across
     thickness: float  # [m] along the chain
     bulge: float = 1.0  # share of the bulge that counts; 0 reads and loads w itself
-    beside: BesideSolid | None = None  # corrections of the theory towards solids
+    correction: BeamCorrection | None = None  # corrections of the theory towards solids
 
 
 class BeamEnd(NamedTuple):
@@ -163,15 +163,15 @@ def beam(
     Raises Buckled where the force presses more than the beam can bear.
     """
     # a solid's clamped ends hinder the strain across the section: as if the beam were shorter
-    clamped, beside = [end == ENDS["clamped"] for end in ends], section.beside
-    if beside is not None:
-        left, right = beside.shorter(section, material) * np.array(clamped)
+    clamped, correction = [end == ENDS["clamped"] for end in ends], section.correction
+    if correction is not None:
+        left, right = correction.shorter(section, material) * np.array(clamped)
         length, position = length - left - right, position - left
     rho, A, I = material.density, section.area, section.second_moment
     kGA = section.shear_factor * material.lame[1] * A
     EI = material.young * I
 
-    # the strike is the mean of two places beside it; elements end there
+    # the strike is the mean of two places next to it; elements end there
     width, thickness = section.width, section.thickness
     squares = (2 * thickness**2 + width**2) / 12
     aside = np.sqrt(section.bulge * max(material.poisson, 0.0) * squares)
@@ -228,6 +228,6 @@ def beam(
         patch,
         rho * inertia[free],
         rho * A * length,
-        half_space=0.0 if beside is None else beside.stiffer(section, material),
+        half_space=0.0 if correction is None else correction.stiffer(section, material),
         load_factor=factor,
     )

@@ -35,7 +35,7 @@ def dashpots(model: Model, coefficient: dict[str, float]) -> csc_array:
 
 
 def dashpot_rows(model: Model, coefficient: Mapping[str, float]) -> csr_matrix:
-    """Rows (d, n) of which C = rows^T rows [N s/m], of dashpots by the name of the spring beside,
+    """Rows (d, n) of which C = rows^T rows [N s/m], of dashpots by the name of the parallel spring,
     "joint.direction" or that of a spring between points, and of the oscillators of measured parts.
 
     The same C as that of `dashpots` in as many rows as there are dampers: what Woodbury's formula

@@ -19,7 +19,7 @@ from scipy.fft import fft, fftfreq, ifft
 
 # Steps of the amplitude that a decay is cut into
 AMPLITUDE_RATIO = 1.6  # of amplitudes at a step's ends: 20 steps for the noise of four decades
-CLEAR_OF_NOISE = 5.0  # times the noise that the low pass leaves beside the mode; 3 to 10 alike
+CLEAR_OF_NOISE = 5.0  # times the noise that the low pass leaves near the mode; 3 to 10 alike
 NOISE_OFFSET = 6.0  # low passes away from the mode, where the noise is taken
 LOW_PASS_WIDTH = 0.25  # low pass over the distance of the nearest mode, in standard deviations
 MAX_LOW_PASS_WIDTH = 0.05  # low pass over the frequency of the mode
@@ -68,7 +68,7 @@ def over_amplitude(
         low_pass = np.exp(-0.5 * ((lines - at_hz) / sigma_hz) ** 2)
         return 2 * ifft(spectrum * low_pass) * np.exp(-2j * np.pi * at_hz * dt * np.arange(k))
 
-    # the noise is what the same low pass leaves beside the mode, late in the record, on the quieter
+    # the noise is what the same low pass leaves near the mode, late in the record, on the quieter
     # side: a neighbour may stand on the other
     z = demodulated(hz)
     size = np.abs(z)

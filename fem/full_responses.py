@@ -6,8 +6,9 @@ tau = -s^2 + sigma, s = i 2 pi f + a,
     (K + s^2 M)^-1 = sum_k phi_k phi_k^T / (omega_k^2 + s^2) + sum_j tau^j (P D^-1 M)^j P D^-1
 
 where the series falls by |tau| / (omega_top^2 + sigma) a term: what lies beyond the modes is there
-as well, not at rest but with its inertia. Modes are damped, s c_k beside omega_k^2 + s^2; dashpots
-follow from the same solutions (Woodbury). What lies beyond the modes is taken without damping.
+as well, not at rest but with its inertia. Modes are damped, s c_k added to omega_k^2 + s^2;
+dashpots follow from the same solutions (Woodbury). What lies beyond the modes is taken without
+damping.
 """
 
 from typing import NamedTuple

@@ -1,4 +1,5 @@
-"""The half-power bandwidth of a measured peak, beside the damping ratio of the mode fitted there.
+"""The half-power bandwidth of a measured peak, to compare with the damping ratio of the mode fitted
+there.
 
     zeta = (f2 - f1) / (2 f_n),    |H(f1)| = |H(f2)| = |H(f_n)| / sqrt(2)
 

@@ -116,7 +116,7 @@ def half_space_matrix(
 
     Of the exact half-space it is diagonal: 0.6 (1 - nu^2) / (E b) along the normal and
     0.15 (2 - nu) / (G b) in the plane under Hertz' weights over a radius b. On a mesh its parts
-    beside the diagonal are the mesh's, which the body's compliance contains as well. Raises
+    off the diagonal are the mesh's, which the body's compliance contains as well. Raises
     ValueError for a material that is not isotropic.
     """
     if not isinstance(material, Material):
@@ -179,7 +179,7 @@ class HalfSpaceField(NamedTuple):
 
     body: str
     cells: NDArray[np.int64]  # the elements
-    ends: NDArray[np.int64]  # facets on which they end, beside the struck face
+    ends: NDArray[np.int64]  # facets on which they end, other than the struck face
     dofs: NDArray[np.int64]  # (n,) of the structure
     u: NDArray[np.float64]  # (n, m) [m] by a unit force on each of m patches
 

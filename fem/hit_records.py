@@ -265,7 +265,7 @@ def record_of_wav(path: Path, name: str, force_channel: int) -> TimeRecord:
     from scipy.io import wavfile
 
     with catch_warnings():
-        simplefilter("ignore")  # of chunks beside the samples
+        simplefilter("ignore")  # of chunks other than the samples
         filterwarnings("error", "Reached EOF prematurely")
         try:
             rate, samples = wavfile.read(path)

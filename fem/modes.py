@@ -134,7 +134,7 @@ def require_accurate(modes: Modes, K, M, sigma: float) -> None:
         scale = np.linalg.norm(row[:, None] * Mphi, axis=0) * eigenvalues[c]
         relative[c] = np.linalg.norm(row[:, None] * residual, axis=0) / scale
 
-    # phi^T M phi = 1, and K phi = omega^2 M phi beside the size of M phi
+    # phi^T M phi = 1, and K phi = omega^2 M phi relative to the size of M phi
     skew = np.abs(product - np.eye(n_modes)).max()
     if not skew < 1e-7:
         raise ValueError(
@@ -145,7 +145,7 @@ def require_accurate(modes: Modes, K, M, sigma: float) -> None:
         raise ValueError(
             f"a mode near {modes.frequency_hz[i]:.2g} Hz is lost in the rounding of K (relative "
             f"residual {worst:.1e}, allowed {LOST_RESIDUAL:g}): a part hangs on joints too soft "
-            "beside its own stiffness; stiffen the softest joints."
+            "next to its own stiffness; stiffen the softest joints."
         )
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags_array
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
-MIDDLE = 2  # label of the separator, beside 0 and 1 of the halves
+MIDDLE = 2  # label of the separator; 0 and 1 are the halves
 
 
 N_LANDMARKS = 24  # vertices to which distances are measured

@@ -97,7 +97,7 @@ class Sheet(NamedTuple):
         return rho * self.thickness, rho * self.thickness**3 / 12
 
 
-class PlateBesideSolid(NamedTuple):
+class PlateCorrection(NamedTuple):
     """Corrections of the plate theory towards a solid plate: a clamped edge also hinders the strain
     across the thickness.
 
@@ -119,19 +119,19 @@ def mindlin_plate(
     *,
     in_plane: tuple[float, float] = (0.0, 0.0),
     coarser: float = 1.0,
-    beside: PlateBesideSolid | None = None,
+    correction: PlateCorrection | None = None,
 ) -> Bending:
     """A plate with edges "hinged", "clamped" or "free" at x = 0, x = length, y = 0, y = width,
     struck at x, y [m], under forces `in_plane` N_x, N_y [N/m].
 
-    A hinged edge turns about itself alone. Elements are `coarser` times as long as usual; `beside`
-    corrects the theory by what solids have otherwise.
+    A hinged edge turns about itself alone. Elements are `coarser` times as long as usual;
+    `correction` corrects the theory by what solids have otherwise.
     Raises Buckled for forces that press more than the plate can bear, TooLarge for a plate with
     more unknowns than `most`.
     """
     # a solid's clamped edges hinder the strain across the thickness: as if the plate were shorter
-    if beside is not None:
-        shorter = beside.edge * sheet.material.poisson**2 * sheet.thickness
+    if correction is not None:
+        shorter = correction.edge * sheet.material.poisson**2 * sheet.thickness
         left, right, front, back = shorter * (np.array(edges) == "clamped")
         size = sheet.length - left - right, sheet.width - front - back
         sheet = sheet._replace(length=float(size[0]), width=float(size[1]))

@@ -208,7 +208,7 @@ def background(frequency_hz: NDArray[np.float64], even: int, odd: int) -> NDArra
 
     A mode at 1.2 times the band's end is met to 3.5^(1 - even), one close behind it hardly: with
     two even terms estimates of synthetic tests were up to eleven deviations off, with
-    six twenty of a weak mode where the band ends beside others. Sampling, in which
+    six twenty of a weak mode where the band ends next to others. Sampling, in which
     dt / (1 - exp((lambda - s) dt)) stands for 1 / (s - lambda), adds odd powers.
     """
     x = frequency_hz / frequency_hz[-1]
@@ -244,7 +244,7 @@ def modal_fit(
     terms: tuple[int, int],
 ) -> ResponseModes:
     """Poles (n,), participation L (n, m) and shapes that fit H (p, m, f) by least squares with
-    weights (p, m) [1 / standard deviation], by Gauss and Newton from the poles given, beside a
+    weights (p, m) [1 / standard deviation], by Gauss and Newton from the poles given, with a
     background of so many even and odd terms.
 
     With P = 1 / (s - lambda), Q = 1 / (s - lambda*) all columns are c P + c* Q and c P^2 + c* Q^2,
@@ -351,7 +351,7 @@ def modal_fit(
 
 
 def stacked(rows: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Real parts beside imaginary ones, (r, 2 k) of (r, k)."""
+    """Real parts next to imaginary ones, (r, 2 k) of (r, k)."""
     return np.concatenate([rows.real, rows.imag], axis=1)
 
 
@@ -560,14 +560,14 @@ def fitted_modes(
         if drop is None:
             # what modes beyond the band's end leave in it may need more terms
             further = [t for t in options.terms if t > terms and 8 * sum(t) < len(f)]
-            beside = further[:1] or [t for t in options.terms if t < terms][-1:]
-            if not beside:
+            other_terms = further[:1] or [t for t in options.terms if t < terms][-1:]
+            if not other_terms:
                 of_other_terms = None
                 break
             of_other_terms = modal_fit(
-                f, H, 1 / noise, fit.pole, fit.L, options.iterations, beside[0]
+                f, H, 1 / noise, fit.pole, fit.L, options.iterations, other_terms[0]
             )
-            n_further = 2 * H[:, :, 0].size * (sum(beside[0]) - sum(terms))
+            n_further = 2 * H[:, :, 0].size * (sum(other_terms[0]) - sum(terms))
             least = np.finfo(float).eps * np.sum(np.abs(H / noise[:, :, None]) ** 2)
             gain = 2 * H.size * np.log(max(fit.misfit, least) / max(of_other_terms.misfit, least))
             if not further or gain < n_further * np.log(2 * H.size):

@@ -5,8 +5,8 @@ Of a large model by projection on the Krylov space
     V = span {u, S u, S^2 u, ...},    u = (K + s M)^-1 w,    S = (K + s M)^-1 M
 
 which one factorisation spans for all frequencies (Feldmann and Freund, IEEE Trans. CAD 14 (1995)
-639); it ends where the residual K u - omega^2 M u - w of the full model is small beside w. Of small
-models, and where the space does not reach, by a factorisation a frequency.
+639); it ends where the residual K u - omega^2 M u - w of the full model is small against w. Of
+small models, and where the space does not reach, by a factorisation a frequency.
 
 A basis of the whole model that is known already takes the place of V. Its error is
 

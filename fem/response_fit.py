@@ -61,8 +61,8 @@ class MeasuredResponses(NamedTuple):
 
 
 class Resonances(NamedTuple):
-    """Frequencies that are fitted beside the responses; the first targets of the basis tell which
-    computed modes they are."""
+    """Frequencies that are fitted together with the responses; the first targets of the basis tell
+    which computed modes they are."""
 
     hz: NDArray[np.float64]  # (n,)
     group: NDArray[np.int64]  # (n,) as that of the lines around each

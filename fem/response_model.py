@@ -70,7 +70,7 @@ class ResponseModel(NamedTuple):
     points: NDArray[np.float64]  # (p, m) displacements at the points, along their directions
     references: NDArray[np.float64]  # (r, m)
     damping: StructureDamping
-    # (d, m) elongations beside each dashpot, d equal ones of one name
+    # (d, m) elongations of the springs parallel to each dashpot, d equal ones of one name
     rows: Mapping[str, NDArray[np.float64]]
     power: int  # of s: 0 receptance, 1 mobility, 2 accelerance
     shift: float = 0.0  # [1/s] of an exponential window
@@ -167,14 +167,14 @@ def response_model(
     """The model of a basis whose last two targets are the shapes at the points and at the
     references of a test; power is that of s in the responses, shift [1/s] of an exponential window.
 
-    `stiffness` [N/m], by name, is that of springs between points with a dashpot beside them, which
+    `stiffness` [N/m], by name, is that of springs between points with a parallel dashpot, which
     turns the spring's energy back into elongations; raises KeyError where one is missing.
     """
     points, references = (np.asarray(one.reading) for one in basis.targets[-2:])
     rows = {}
     for name in damping.dashpot:
-        beside = np.array([spring == name for spring in basis.spring], bool)
-        rows[name] = basis.elongation[beside]
+        parallel = np.array([spring == name for spring in basis.spring], bool)
+        rows[name] = basis.elongation[parallel]
         if (between := f"{SPRINGS}{name}") in basis.forms:
             # their form is k times the sum of squares of elongations, which are its roots
             square, directions = np.linalg.eigh(basis.forms[between].K / (stiffness or {})[name])

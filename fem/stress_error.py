@@ -13,7 +13,7 @@ order, which balance what the stresses s of u leave there (Bank and Weiser, Math
 t is a mean of the tractions t_1 and t_2 of the two elements at a facet, of two bodies' where these
 are tied, and zero on faces that bear nothing. Each element takes a share of the jump t_2 - t_1 in
 proportion to its stiffness times its height h over the facet, which makes the sum of energies,
-share^2 / h, least: with a half each, slivers of 4 um beside elements of 6 mm made a frequency's
+share^2 / h, least: with a half each, slivers of 4 um next to elements of 6 mm made a frequency's
 error 34 times too large in the median, with these shares 5. On faces that are bolted or pushed t is
 the element's own. Functions b vanish where a face is held or moves as a rigid one.
 
@@ -86,8 +86,8 @@ def missed_energy(
 ) -> MissedEnergy:
     """G (k, k) [J] of displacements u (n, k) of a model's free dofs.
 
-    D (k, k) [rad^2/s^2] are the inertia forces M u D that hold u beside those on faces; of modes
-    diag(omega^2). In elements around patches that are pushed, what counts is the error of the
+    D (k, k) [rad^2/s^2] are the inertia forces M u D that hold u in addition to those on faces; of
+    modes diag(omega^2). In elements around patches that are pushed, what counts is the error of the
     difference to the half-spaces.
 
     Body by body: residuals r (cells, functions, 3, m) of all functions that its elements lack are

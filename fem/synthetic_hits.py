@@ -1,4 +1,4 @@
-"""A hammer test computed from a seed, with the defects of real ones, and the truth beside it.
+"""A hammer test computed from a seed, with the defects of real ones, and the true values.
 
 A structure of random modes is hit at every point several times (roving hammer), a few sensors
 record. Records are those of an ideal analyser: the force went through a filter against aliasing,
@@ -6,7 +6,7 @@ and responses are exact between samples, of a force that has no more than the ba
 
     X(s) = sum_i phi_i c_i s^2 F(s) / (s^2 + 2 zeta omega s + omega^2),    s = sigma + i omega_k
 
-Lines of the Fourier transform lie beside the imaginary axis, where a record that goes on ringing
+Lines of the Fourier transform lie near the imaginary axis, where a record that goes on ringing
 comes round e^(-sigma T) times smaller.
 
 Defects: noise in force and response, records shorter than the decay (leakage), double hits,

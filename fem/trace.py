@@ -71,9 +71,7 @@ class OuterNodes(NamedTuple):
     their edges."""
 
     points: NDArray[np.float64]  # (m, 3) [m]
-    faces: NDArray[
-        np.int64
-    ]  # (k, 3 or 4) into the points; a triangle beside quads repeats its last
+    faces: NDArray[np.int64]  # (k, 3 or 4) into the points; a triangle among quads repeats its last
     dofs: NDArray[np.int64]  # (m, 3) their displacements
     body: NDArray[np.int64]  # (m,) which of the structure's bodies each belongs to
 

@@ -333,7 +333,7 @@ def tune(
     )
 
 
-def deviation_beside(
+def deviation_of_others(
     basis: TuningBasis,
     fit: Tuning,
     target_hz: Mapping[int, float],

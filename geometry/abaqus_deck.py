@@ -168,7 +168,7 @@ def _included(block: Block, path: Path, depth: int) -> Iterator[Block]:
         return
     other = path.parent / block.parameters.get("INPUT", "").strip("\"'")
     if not other.is_file():
-        raise InvalidGeometry(f"it includes {other.name}, which is not beside it")
+        raise InvalidGeometry(f"it includes {other.name}, which is not in the same folder")
     yield from _blocks(other, depth + 1)
 
 

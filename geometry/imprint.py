@@ -58,7 +58,7 @@ class Region(NamedTuple):
 def fitted(body: Body, patches: Mapping[str, Patch], gap: float, around: float) -> dict[str, Patch]:
     """The body's patches by name; discs with radii at which rims of `around` edges can be meshed.
 
-    A rim that would leave a sliver beside an edge of its face or beside an earlier disc, or reach
+    A rim that would leave a sliver at an edge of its face or at an earlier disc, or reach
     over that edge by less than an element, is drawn through it; `geometry.roundness.rimmed`
     restores the area. `gap` [m] is the distance up to which bodies count as touching.
     """

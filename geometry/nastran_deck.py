@@ -1,7 +1,7 @@
 """Meshes of Nastran bulk data: nodes, and elements by their property.
 
-A property is called as the comment says that HyperMesh, ANSA, Femap or Patran write beside it, else
-by its number. Fields may be free, small or large; lines before BEGIN BULK are skipped.
+A property is called as the comment says that HyperMesh, ANSA, Femap or Patran write next to it,
+else by its number. Fields may be free, small or large; lines before BEGIN BULK are skipped.
 """
 
 import re

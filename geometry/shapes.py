@@ -123,7 +123,7 @@ def volume(shape: Shape) -> float:
 
 
 def _volume(hole: RadialHole, cylinder: Cylinder) -> float:
-    """Volume [m^3] that a radial hole takes from a cylinder: chords along the hole, beside its
+    """Volume [m^3] that a radial hole takes from a cylinder: chords along the hole, next to its
     middle by s = r sin a, less what lies in the bore, summed over equal steps of a; within 1e-6 of
     the body where the hole is wider than the bore, else nearer."""
     a = (np.arange(-1000, 1000) + 0.5) * pi / 2000

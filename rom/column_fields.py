@@ -1,4 +1,4 @@
-"""The functionals of a reduced model beside w as fields of a file.
+"""The further functionals of a reduced model as fields of a file.
 
 w (r, 3) of a contact with friction; w_load (r, s) and w_sense (r, m) with their names;
 half_space_matrix_m_per_N and contact_axes (3, 3).
@@ -18,7 +18,7 @@ GROUPS = {"load": "shaker", "sense": "sensor"}
 
 
 def column_fields(reduced: ReducedModel) -> dict[str, object]:
-    """The functionals beside w by their names in a file; what the model does not know is left out.
+    """The further functionals by their names in a file; what the model does not know is left out.
 
     w (r, 3) along n, t1, t2, only of a contact with friction: it replaces the single column;
     w_load (r, s), w_sense (r, m) with load_names and sense_names; half_space_matrix_m_per_N (3, 3)
@@ -60,7 +60,7 @@ def contact_columns(
 def columns_of(
     content: Mapping[str, object], across: np.ndarray | None, r: int, path: str | Path
 ) -> Columns | None:
-    """The functionals beside w that a file holds, None without any.
+    """The further functionals that a file holds, None without any.
 
     content holds the file's arrays by name; across (r, 2) comes from `contact_columns` and is None
     of a contact known along its normal only, whose matrices (3, 3) are then not read. A vector (r,)

@@ -1,4 +1,5 @@
-"""Further functionals of a reduced model beside its contact: a block Krylov space beyond its basis.
+"""Further functionals of a reduced model in addition to its contact: a block Krylov space beyond
+its basis.
 
     B (n, p):  a force F at one of them enters as B_j F, its displacement is B_j^T u
     T' = [T, V],   V spans X, K^-1 M X, (K^-1 M)^2 X, ... beyond T with X = K^-1 B
@@ -78,7 +79,7 @@ def with_columns(
     previous, changes = None, []
     for _ in range(options.blocks):
         # what K^-1 of the loads has beyond Q; twice, since one projection leaves rounding. Lengths
-        # are those before it: what the projection leaves is judged beside them, not by itself
+        # are those before it: what the projection leaves is judged relative to them, not by itself
         X = attachment_modes(problem, np.asfortranarray(loads), rigid)
         lengths = np.sqrt(np.maximum(np.einsum("ij,ij->j", X, K @ X), 0.0))
         for _ in range(2):

@@ -6,8 +6,8 @@ Of all spaces of k vectors this one has most of the receptance's moments at the 
 of them. A mode that the contact does not move never enters; one that it moves comes out to
 rounding once k is large enough.
 
-Random loads beside w make it a block space, which holds the modes that the contact does not move
-as well: one run then gives the lowest modes, the static response and the modes of the contact.
+Random loads in addition to w make it a block space, which holds the modes that the contact does not
+move as well: one run then gives the lowest modes, the static response and the modes of the contact.
 With the block V_j in place of v_j, R the part of K^-1 M V_j that no vector so far has, and
 (1 + i eta - s^2 H) y = V^T w, a model of this space misses
 
@@ -157,7 +157,7 @@ def finer_space(
     n_vectors: int = 0,
     options: KrylovOptions = KrylovOptions(),
 ) -> Space:
-    """A space that stands for the full model at the contact w (n,) up to to_hz [Hz], beside a
+    """A space that stands for the full model at the contact w (n,) up to to_hz [Hz], with a
     reduced model of n_vectors coordinates: it has more vectors than that, or it could not judge it.
 
     retained are the modes to begin with. Raises ReductionError where the space cannot be made so

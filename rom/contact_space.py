@@ -20,11 +20,12 @@ class KrylovOptions(NamedTuple):
     exhausted: float = 1e-10
     # times to_hz: vectors that resonate above it serve as static shapes, as they would cost steps
     reach: float = 2.5
-    # random loads beside w where modes are asked for: of a rig of 49 000 unknowns 4, 8 and 16
-    # columns took 6.2, 5.6 and 6.3 s to 30 modes, a solution of 8 costing twice that of one
+    # random loads in addition to w where modes are asked for: of a rig of 49 000 unknowns 4, 8 and
+    # 16 columns took 6.2, 5.6 and 6.3 s to 30 modes, a solution of 8 costing twice that of one
     random: int = 7
-    # residual of a Ritz pair beside theta from which on it is a mode: its frequency is then right
-    # to rounding (its error is the square of this), its shape to this over the gap to the next
+    # residual of a Ritz pair relative to theta from which on it is a mode: its frequency is then
+    # right to rounding (its error is the square of this), its shape to this over the gap to the
+    # next
     mode: float = 1e-8
 
 

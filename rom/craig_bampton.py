@@ -99,7 +99,7 @@ def craig_bampton(
             if error is None or reduced.error <= error:
                 break
             cutoff_hz *= 1.4
-        del inside, pairs, phi  # (n, k) and matrices, not to be held beside the finer model
+        del inside, pairs, phi  # (n, k) and matrices, not to be held next to the finer model
         if selection.finer_hz is not None:
             problem, finer_hz = whole_pencil(fixed), selection.finer_hz
             finer_pairs = finer_space(problem, w, no_modes(len(w)), finer_hz, len(reduced.w)).pairs

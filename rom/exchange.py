@@ -3,13 +3,13 @@
 Every format holds K, M, w, and where known C and T, under these names; w is a column in .mat. Of a
 contact with friction w has three columns, along n, t1 and t2; shakers and sensors are the columns
 of w_load and w_sense, named by load_names and sense_names.
-kind, n_boundary, n_residual and provenance (JSON text: jsondecode in MATLAB) stand beside them.
+kind, n_boundary, n_residual and provenance (JSON text: jsondecode in MATLAB) stand next to them.
 A file with K, M and w alone is a model made elsewhere and reads as kind "imported". What is known
 of the contact and the mass stands as numbers under the names of rom.contact_fields.
 
 T_surface, surface_points and surface_faces (nodes counted from 1) give the outer nodes back,
 coordinates names each q, about says what the names are and in which units. C_damping is what a
-scene's [damping] makes beside C; it is written for others and not read back.
+scene's [damping] adds to C; it is written for others and not read back.
 
 To write: `_fields` of the model -> np.savez, savemat or h5py. To read: load -> a mapping of arrays
 by name -> `_model`, which checks every one of them, since a file may come from anywhere.
@@ -49,7 +49,7 @@ BROKEN = (OSError, ValueError, TypeError, KeyError, EOFError, BadZipFile, MatRea
 def save_npz(
     path: str | Path, reduced: ReducedModel, *, C_damping: ArrayLike | None = None
 ) -> None:
-    """Write a reduced model to .npz; C_damping (r, r) stands beside it for others to read."""
+    """Write a reduced model to .npz; C_damping (r, r) is added for others to read."""
     with open(path, "wb") as file:
         np.savez(file, **_fields(reduced, C_damping))
 

@@ -84,7 +84,7 @@ def fixed_interface(
         if inside is None:
             raise ReductionError(
                 "the interior still floats with the boundary fixed, or cannot be told from one "
-                "that does beside its largest stiffness; add boundary degrees of freedom, tie the "
+                "that does next to its largest stiffness; add boundary degrees of freedom, tie the "
                 "loose part, replace joints of extreme stiffness by rigid ones, or take free modes."
             )
         clamped = _InteriorOfAll(inside.factor, i)
@@ -107,7 +107,7 @@ def fixed_interface(
     fixed = FixedInterface(K, M, w, b, i, clamped, psi, factor)
 
     # the constraint modes under the contact's load leave no forces inside: their energy
-    # r^T K_ii^-1 r beside that of the field
+    # r^T K_ii^-1 r relative to that of the field
     u = psi @ w[b]
     residual = K @ u
     u[b] = 0.0

@@ -2,7 +2,7 @@
 
 A K that is held by springs at the level of its rounding counts as floating: its lowest eigenvalue
 would be noise. One that hangs on soft springs (cords, foam) is held, but its suspension answers
-K^-1 a million times as much as what is elastic, which is lost beside it: it is shifted too.
+K^-1 a million times as much as what is elastic, which is lost in it: it is shifted too.
 """
 
 import numpy as np
@@ -51,7 +51,8 @@ def pencil(
             return trial
     else:
         # a guess of the shift finds the first elastic mode, which says whether it was near enough:
-        # too small a shift drowns all modes beside the rigid ones, too large a one slows the search
+        # too small a shift drowns all modes next to the rigid ones, too large a one slows the
+        # search
         trial = Pencil(K, M, factorise(sp.csc_array(K - guess * M)), guess)
         omega = past_rigid_modes(trial, softer_than=-guess, options=ROUGHLY).omega
     if not omega.any():
@@ -61,7 +62,8 @@ def pencil(
         )
 
     # a tenth of the frequency of the first mode that is neither rigid nor a suspension's: theta
-    # = 1 / (omega^2 - sigma) of the elastic modes then stands well beside that of the rigid ones
+    # = 1 / (omega^2 - sigma) of the elastic modes is then large enough next to that of the rigid
+    # ones
     omega = omega[omega > 0]
     sigma = -((omega[n_suspended(omega)] / SHIFT_RATIO) ** 2)
     sigma = min(sigma, SOFT_MODE * guess)  # above rounding, also of a soft structure

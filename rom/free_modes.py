@@ -96,7 +96,7 @@ def free_modes(
             )
         n_modes = int(np.argmax(errors <= error))
         pairs, stated = _lowest_of(candidates, n_modes, None), errors[n_modes]
-        del candidates  # (n, k), not to be held beside the finer model
+        del candidates  # (n, k), not to be held next to the finer model
         r = residual_vector(M, pairs.phi, static)
     else:
         # the lowest modes, by their number or a frequency; one static response serves r and error

@@ -61,7 +61,7 @@ class ManyContacts(NamedTuple):
     phi: np.ndarray  # (p, k) [kg^-1/2]
     static: np.ndarray  # (p,) [m/N] sum phi^2 / omega^2 of all modes that are not here
     alpha: np.ndarray  # (p, n) [s^2] diagonal of V^T M V
-    beta: np.ndarray  # (p, n - 1) [s^2] beside it
+    beta: np.ndarray  # (p, n - 1) [s^2] off it
 
     def beyond(self, n: int) -> Oscillators:
         """Ritz pairs of the first n vectors, omega (p, n) ascending, with

@@ -157,7 +157,7 @@ def passive_fit(
         except ReductionError as why:
             raise ReductionError(f"of point {a + 1}: {why}" if m > 1 else str(why)) from None
 
-    # points scaled to be alike, or a turn [rad] beside a displacement [m] would count for nothing;
+    # points scaled to be alike, or a turn [rad] next to a displacement [m] would count for nothing;
     # then the mean of H and its transpose, which a reciprocal part has equal
     size, scaled, elements = _alike(H)
     require_reciprocal(f, scaled)

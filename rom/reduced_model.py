@@ -74,8 +74,8 @@ class MassProperties(NamedTuple):
 
 
 class Columns(NamedTuple):
-    """Functionals of a reduced model beside w, each loaded and read by its column: a force F enters
-    as column F, its displacement is column^T q.
+    """Functionals of a reduced model in addition to w, each loaded and read by its column: a force
+    F enters as column F, its displacement is column^T q.
 
     across (r, 2): the contact along t1 and t2, None where it is known along its normal only;
     half_space (3, 3) [m/N]: compliance of the patch on a half-space along n, t1 and t2, which the
@@ -104,7 +104,7 @@ class ReducedModel(NamedTuple):
     force. error is the estimated relative rms error of the receptance at the contact, where it was
     asked for. coordinates names each q, where names are known; surface gives the outer nodes back.
     finer is a model of the same structure without a basis that stands for the full one
-    where this one's error is stated; it goes into no file. columns are functionals beside w.
+    where this one's error is stated; it goes into no file. columns are further functionals.
     """
 
     K: np.ndarray  # (r, r) [N/m] where coordinates are displacements
@@ -124,7 +124,7 @@ class ReducedModel(NamedTuple):
     contact: Contact = Contact()  # patch, material and place of the contact
     mass: MassProperties = MassProperties()  # of the whole structure
     finer: "ReducedModel | None" = None  # against which error is stated; in no file
-    columns: Columns | None = None  # functionals beside w
+    columns: Columns | None = None  # further functionals
 
 
 def of_modes(

@@ -4,7 +4,7 @@
     u = P^T K^+ P w,   P = 1 - M R R^T            of a floating one: inertia relief, R rigid modes
     r = u - sum_j phi_j (phi_j^T w) / omega_j^2   what the modes j leave of it
 
-With r beside the modes the static response to the contact force is exact, however few they are.
+With r added to the modes the static response to the contact force is exact, however few they are.
 Free modes take it as computed here; modes that the contact chooses sum it up from the Ritz pairs
 left out (`contact_modes`); Craig-Bampton has it in its constraint modes (`craig_bampton`).
 MacNeal, Computers & Structures 1 (1971) 581; Rubin, AIAA Journal 13 (1975) 995.

@@ -70,7 +70,7 @@ def size(H: np.ndarray) -> float:
     """The size of a receptance H (f,), real or complex, that its errors are relative to.
 
     A root mean square, of every eighth frequency, the smallest of the eight: one frequency that
-    happens to meet a lightly damped peak would dominate that of all, and any error beside it would
+    happens to meet a lightly damped peak would dominate that of all, and any error next to it would
     look small.
     """
     return min(rms(H[i::8]) for i in range(8))

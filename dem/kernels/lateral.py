@@ -70,7 +70,7 @@ class Across(NamedTuple):
 
 
 class Springs(NamedTuple):
-    """The contact: a row and room beside it in one direction, cells in two; None for the other."""
+    """The contact: a row and a workspace in one direction, cells in two; None for the other."""
 
     row: SpringRow | None
     room: SpringRow | None

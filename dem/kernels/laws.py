@@ -65,7 +65,7 @@ NEVER_PULLS = sum((law.clipped or not law.number) << law.number for law in DAMPI
 
 
 class ShapeParameter(NamedTuple):
-    """A number of every contact, beside A, that the shape of its force depends on."""
+    """A number of every contact, in addition to A, that the shape of its force depends on."""
 
     name: str  # a field of `dem.Chain` and, in a scene, a key of [contact]
     low: float  # what it may be

@@ -14,7 +14,7 @@ LASTING = 0.25  # of that rise, at least, for which a plateau lasts
 @ieee
 def crest_between(v: Array, sign: float, first: int, end: int) -> tuple[float, float]:
     """Place [samples] and height of the crest of sign * v, v (n,), within first..end - 1, by the
-    parabola through its highest sample and both beside it; nan where that lies at an end of the
+    parabola through its highest sample and both next to it; nan where that lies at an end of the
     record, since what comes before or after is unknown."""
     k = first
     for i in range(first, end):

@@ -401,8 +401,8 @@ def damp(
 
 @ieee
 def share(force: float, arrays: SpatialArrays) -> float:
-    """Share of the bodies' rate of approach that the contact takes beside the residual compliance s
-    under a normal force [N]: 1 / (1 + s k), right for dampers to first order."""
+    """Share of the bodies' rate of approach that the contact takes next to the residual compliance
+    s under a normal force [N]: 1 / (1 + s k), right for dampers to first order."""
     A = arrays.A[arrays.A.size - 1]
     k = 1.5 * (A * A * larger(force, 0.0)) ** (1.0 / 3.0)
     return 1.0 / (1.0 + arrays.residual[0, 0] * k)

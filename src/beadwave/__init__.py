@@ -26,7 +26,7 @@ sets values by their dotted keys. Everything is in SI units: m, kg, s, N, Pa, Hz
     sweep, sweep_price           many cases into one table, what outputs depend on; the cost
     scan, load_sweep             the chain over a face, a map; a finished sweep or scan
     study, accuracy, stability   the thesis again; errors against run times; extreme cases
-    verify                       our results beside independent codes and published numbers
+    verify                       our results against closed forms and published numbers
     doctor                       what is installed, what is missing and what that costs
 
 Results hold numbers as attributes; `data` is an xarray.Dataset with named dimensions and units,

@@ -340,7 +340,7 @@ def test_the_fold_of_a_table_is_the_first_overlap_where_the_stiffness_meets_the_
 
 
 def test_a_table_whose_steps_are_too_small_for_a_cubic_is_refused():
-    with pytest.raises(dem.InvalidChain, match="row 2 is too small beside its force"):
+    with pytest.raises(dem.InvalidChain, match="row 2 is too small for its force"):
         dem.force_table([0.0, 1e-300, 1e-6], [0.0, 1.0, 2.0])
 
 

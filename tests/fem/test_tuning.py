@@ -10,7 +10,7 @@ from beadwave.fem.tuning import (
     TuningParameter,
     at_before,
     determined,
-    deviation_beside,
+    deviation_of_others,
     sensitivity,
     spectrum,
     tune,
@@ -200,11 +200,11 @@ def test_bars_beside_a_spring_left_out_are_those_of_a_fit_that_knows_it_by_a_fac
     target, errors = targets_at([kx, young, ky], [4e6, 1.1, 8e6], 3), {1: 1e-3, 2: 4e-3, 3: 2e-3}
     basis = small_basis(stiffness=(0.0, 8e6))
     fit = tune(basis, [kx, young], target, frequency_error=errors, n_starts=1)
-    beside = deviation_beside(basis, fit, target, [ky], frequency_error=errors)
+    beside = deviation_of_others(basis, fit, target, [ky], frequency_error=errors)
     half = np.exp(np.log(2.0) * np.sqrt(12) / 2)
     known = ky._replace(start=8e6, lower=8e6 / half, upper=8e6 * half)
     both = tune(basis, [kx, young, known], target, frequency_error=errors, n_starts=1)
     np.testing.assert_allclose(beside, both.deviation[:2], rtol=1e-6)
     assert np.all(beside > fit.deviation) and beside[1] > 1.05 * fit.deviation[1]
     rigid = [parameter("ky", np.inf)]
-    np.testing.assert_array_equal(deviation_beside(basis, fit, target, rigid), fit.deviation)
+    np.testing.assert_array_equal(deviation_of_others(basis, fit, target, rigid), fit.deviation)

@@ -346,7 +346,7 @@ def test_a_starter_strikes_where_nothing_lies_and_holes_at_an_edge_are_reported(
     beside = covered.but(strike={"on": "body-1:+z", "at": (0.0175, 0.0)})
     assert pipeline_of(beside, lambda name: nullcontext())("mesh").struck is not None
     close_by = covered.but(strike={"on": "body-1:+z", "at": (0.0165, 0.0)})
-    with pytest.raises(InvalidScene, match=r"less than 0.002 m beside it; move it by strike.at"):
+    with pytest.raises(InvalidScene, match=r"less than 0.002 m next to it; move it by strike.at"):
         pipeline_of(close_by, lambda name: nullcontext())("mesh")
 
 

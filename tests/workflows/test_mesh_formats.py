@@ -240,7 +240,7 @@ def test_a_deck_with_repeated_keywords_keeps_every_element(tmp_path):
         (("pair, 3", "nothing, 3"), r"\*ELSET refers to"),
         (
             ("*Heading", "*Include, input=other.inp"),
-            "it includes other.inp, which is not beside it",
+            "it includes other.inp, which is not in the same folder",
         ),
     ],
 )

@@ -246,7 +246,7 @@ REFUSED = {
     "direction = [0.0, 0.0, 0.0] must not be zero": table(
         kx=None, ky=None, kz=None, k=500.0, direction=[0.0, 0.0, 0.0]
     ),
-    "springs.cord: c = 3 is beside no spring: give k in N/m": table(c=3.0),
+    "springs.cord: c = 3 has no spring: give k in N/m": table(c=3.0),
     'to_at needs a face: give to = "body:-z"': table(to_at=[[0.0, 0.0]]),
     "springs.cord: a disc of radius 0.01 m at [0.145, 0.0] m from the middle of 'box:+z' leaves": (
         table(at=[[0.145, 0.0]])

@@ -26,14 +26,14 @@ def modes(
     call: Call,
     table: Annotated[
         str | None,
-        typer.Option(help="Rebuild a table of the thesis beside its numbers: 5.2 or 5.3."),
+        typer.Option(help="Rebuild a table of the thesis with its numbers: 5.2 or 5.3."),
     ] = None,
     inp: Annotated[
         Path | None, typer.Option(help="Write the model for CalculiX or Abaqus (.inp).")
     ] = None,
     step: Annotated[Path | None, typer.Option(help="Write the geometry (.step).")] = None,
 ) -> None:
-    """Frequencies beside measured ones, MAC, participation."""
+    """Frequencies, measured ones, MAC, participation."""
     from beadwave.workflows.scene import InvalidScene
     from beadwave.workflows.structure import api
 

@@ -1,6 +1,6 @@
 """Readers of foreign binary files, run in a child: SECONDS KIND PATH RESULT [NAME ...].
 
-The result is an .npz of plain arrays; a file that is refused gives the reason as text beside it,
+The result is an .npz of plain arrays; a file that is refused gives the reason as text next to it,
 with exit status REFUSED. Libraries that read binary files may crash or never end: the process that
 started this one sees the result alone.
 """

@@ -1,7 +1,7 @@
 """One file that an option names: replaced only where beadwave wrote it and nobody changed it since.
 
 A note in the user's cache, named by the digest of the file's path, holds the sha256 of what was
-written there; nothing is written beside the file. A file without a note is taken for the user's.
+written there; nothing is written next to the file. A file without a note is taken for the user's.
 """
 
 from collections.abc import Iterator

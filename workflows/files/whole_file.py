@@ -15,7 +15,7 @@ PART = ".beadwave-"  # and the number of the process that writes it
 
 @contextmanager
 def writing_file(path: Path) -> Iterator[Path]:
-    """A path beside to write to, renamed to the file once it is complete; its folder is made."""
+    """A temporary path to write to, renamed to the file once it is complete; its folder is made."""
     path.parent.mkdir(parents=True, exist_ok=True)
     clear_parts(path.parent)
     draft = path.with_name(f"{PART}{getpid()}-{path.stem[:40]}{path.suffix}")

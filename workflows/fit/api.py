@@ -102,7 +102,7 @@ def calibrate(
     two_stage   as in the thesis: keep the chain as the first waves determine it
     scan        misfit over the wall's frequency [Hz], as 100:1000:60: low, high, points
     starts      largest number of starts of the search; it ends once the data is explained
-    posterior   sample the posterior (extra posterior): quantiles beside the two-sigma bars; minutes
+    posterior   sample the posterior (extra posterior): quantiles and the two-sigma bars; minutes
     seed        random seed of the starts after the first and of the posterior samples
     out         folder for the calibrated scene, tables and figures
 
@@ -178,7 +178,7 @@ def twin(
     two_stage   as in the thesis: keep the chain as the first waves determine it
     scan        misfit over the wall's frequency [Hz], as 100:1000:60: low, high, points
     starts      largest number of starts of the search; it ends once the data is explained
-    posterior   sample the posterior (extra posterior): quantiles beside the two-sigma bars; minutes
+    posterior   sample the posterior (extra posterior): quantiles and the two-sigma bars; minutes
     out         folder for the calibrated scene, tables and figures
 
     Raises InvalidScene for bad input.

@@ -95,7 +95,7 @@ def calibrated(
     limits = scene_parameters.limits_of(request.bounds, scene_parameters.plain_number)
     scene_parameters.parameters(scene, names, 0.0, {})
 
-    # the record: samples beside the time [s] within which the stiffest contact moves, then sizes
+    # the record: samples against the time [s] within which the stiffest contact moves, then sizes
     rig = scene_parameters.rig(scene, wall, 0.0)
     time_scale = rig.time_scale
     require_samples(measured.t, time_scale)
@@ -227,7 +227,7 @@ def _first_touch(
     no_parameters = np.zeros(0)
     forward = ChainForward(scene_parameters.rig(scene, wall, t0), (), signals, filters)
 
-    # the columns beside a longer model: a record may begin late
+    # the columns against a longer model: a record may begin late
     longer = ChainForward(forward.rig, (), signals._replace(t=beyond(signals.t)), filters)
     m, channels = len(signals.names), signals.channels
     if channels:

@@ -1,4 +1,4 @@
-"""Columns of a record beside the model it starts from: turned signs and exchanged columns.
+"""Columns of a record against the model it starts from: turned signs and exchanged columns.
 
     c_ab(s) = sum_t y_a(t) m_b(t - s) / sqrt(sum_t y_a(t)^2  sum_t m_b(t - s)^2)
 

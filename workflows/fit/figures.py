@@ -51,7 +51,7 @@ def fitted_signals(t, fit, report, face: str) -> bytes:
     """Data, the model that it started from and the one found, two panels per signal."""
     figure, panels = residual_pairs(len(report.misfit_m_s), 2.3)
     for i, (name, (upper, lower)) in enumerate(zip(report.misfit_m_s, panels, strict=True)):
-        # a sensor in its unit, a velocity in m/s beside a residual in mm/s
+        # a sensor in its unit, a velocity in m/s, a residual in mm/s
         words, residual_words = f"sphere {name}\nvelocity [m/s]", "residual\n[mm/s]"
         scale, residual_scale = 1.0, 1e3
         if name in report.units:
@@ -163,7 +163,7 @@ def correlation(fit, face: str) -> bytes:
 
 
 def corner(fit, posterior, rows, face: str) -> bytes:
-    """Marginals and pairs of the least determined parameters beside the Gaussian of the bars."""
+    """Marginals and pairs of the least determined parameters, with the Gaussian of the bars."""
     size = np.nan_to_num(fit.uncertainty.two_sigma / [p.scale for p in fit.parameters])
     # the picture of a posterior has the 4 parameters that are determined least
     chosen = np.sort(np.argsort(-size, kind="stable")[:4])

@@ -20,7 +20,7 @@ from beadwave.workflows.fit.plausibility import (
     noise_of,
     require_samples,
     rounding,
-    sizes_beside,
+    size_comparison,
     trigger_of,
 )
 from beadwave.workflows.fit.record import marched, sensor_of, usable
@@ -34,7 +34,7 @@ STEPS = 4.0  # of the model, in usual ones: leaves 1e-5 of the largest signal
 
 
 class InspectionRequest(NamedTuple):
-    """Options of an inspection beside scene and records."""
+    """Options of an inspection besides scene and records."""
 
     find: str  # keys of the scene, as in "beam.thickness,beam.young"
     bounds: str | None = None  # as in "beam.thickness=8mm:12mm"
@@ -137,7 +137,7 @@ def problem(
         model = model.stepped(starts[0], STEPS * step)
     forward = StructureForward(model, sensors, STEPS * step, within)
 
-    # each record beside the model at the start: samples, noise, sizes, columns, first touch
+    # each record against the model at the start: samples, noise, sizes, columns, first touch
     triggers, shots, noise_known = [], [], True
     for i, (record, start) in enumerate(zip(records, starts, strict=True), 1):
         require_samples(record.t, time_scale)
@@ -148,7 +148,7 @@ def problem(
         signals = longer[: len(record.t)]
         names = [f"{channel.name} of {record.name}" for channel in record.channels]
         known = np.flatnonzero(gain_known)
-        sizes_beside(
+        size_comparison(
             [names[c] for c in known], [record.channels[c].unit for c in known],
             record.y[:, known], signals[:, known],
         )  # fmt: skip

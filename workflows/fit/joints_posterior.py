@@ -46,7 +46,7 @@ class PosteriorOptions(NamedTuple):
 
     # relative, of a measured frequency, where its test states none; that of `tune`
     frequency_error: float = 1e-3
-    least_error: float = 1e-4  # ends of the prior of the model's relative error: nothing beside a
+    least_error: float = 1e-4  # ends of the prior of the model's relative error: nothing next to a
     largest_error: float = 0.3  # measurement, and a model of which frequencies say nothing
     at_end: float = 0.05  # share of the prior, nearer to whose end a bar says a bound alone
     # what few modes leave open is a thin, bent surface: uniform draws had not filled one in 600 s,

@@ -39,7 +39,7 @@ ASYMMETRIC_BAR = 0.1  # between a quantile and the end of its bar, in two sigma
 
 
 def identifiable(p: Parameter, value: float, bar: float, confirmed: bool = True) -> str:
-    """ "yes", "weakly" or "no" by a two-sigma bar beside the value; "unconfirmed" for the first two
+    """ "yes", "weakly" or "no" by a two-sigma bar over the value; "unconfirmed" for the first two
     where the search is not sure of its answer."""
     size = p.scale if p.kind == "trigger" else max(abs(value), 10 * p.scale)
     share = bar / size
@@ -59,7 +59,7 @@ def combinations(fit: CalibrationResult) -> list[str]:
 
 
 def remarks(fit: CalibrationResult, noise: float | None, signals: Signals) -> Iterator[str]:
-    """Sentences on the misfit beside the noise [m/s], and on what the data does not determine."""
+    """Sentences on the misfit against the noise [m/s], and on what the data does not determine."""
     if signals.channels:
         rows = zip(signals.names, signals.channels.units, signals.channels.scale, strict=True)
         scales = ", ".join(f"{scale:.3g} {unit} of {name}" for name, unit, scale in rows)
@@ -135,7 +135,7 @@ def _on_misfit(fit: CalibrationResult, noise: float | None, repeats: int) -> Ite
         )
     if fit.step_error > BLURRED_STEP * misfit:
         yield (
-            f"The model's own step error reaches {1e3 * fit.step_error:.2g} mm/s beside a misfit "
+            f"The model's own step error reaches {1e3 * fit.step_error:.2g} mm/s at a misfit "
             f"of {1e3 * misfit:.2g} mm/s; the bars hold what it does to the parameters."
         )
 
@@ -203,7 +203,7 @@ SETTLED_SHIFT = 0.05  # of a bar, that a further wall computed at the answer may
 
 
 def told_of(inversion: Inversion) -> list[str]:
-    """Of each number "yes", "weakly", "no" or "at its bound", by its bar beside its bounds."""
+    """Of each number "yes", "weakly", "no" or "at its bound", by its bar over its bounds."""
     width = np.array([p.high - p.low for p in inversion.parameters])
     verdicts = []
     for share, at_bound in zip(

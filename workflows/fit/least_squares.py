@@ -156,7 +156,7 @@ class WindowFit:
         if not free.any():
             return Solution(z, self.misfit(z, windows), 0, True)
 
-        # sqrt(samples): the square of the spring is beside the sum over all samples of the windows
+        # sqrt(samples): the square of the spring is next to the sum over all samples of the windows
         spring = PRIOR * self.largest * np.sqrt(windows.sum()) if prior else 0.0
         return solved(
             lambda z: self.residual(z, windows), lambda z: self.jacobian(z, windows),

@@ -33,7 +33,7 @@ class Forward(Protocol):
 
 
 class BetterModel(NamedTuple):
-    """A model beside the one of a fit, and how much of their difference counts as its error."""
+    """A better model than that of a fit, and how much of their difference counts as its error."""
 
     system: object  # what the forward model of a fit marches, a function that gives it, or a wall
     share: float

@@ -43,7 +43,7 @@ def plausible(record: Record, v0: np.ndarray) -> Iterator[str]:
                 "correct its header or the scene."
             )
 
-    # units: the size of the velocities beside the striker's
+    # units: the size of the velocities against the striker's
     speed, largest = np.abs(v0).max(), np.abs(record.v).max()
     ratio = largest / speed
     sizes = f"velocities reach {largest:.3g} m/s, the scene's striker {speed:g} m/s"
@@ -229,10 +229,10 @@ def _sensors_of(record: Recorded) -> str:
     return ", ".join(channel.name for channel in record.channels)
 
 
-def sizes_beside(
+def size_comparison(
     labels: Sequence[str], units: Sequence[str], data: np.ndarray, model: np.ndarray
 ) -> list[str]:
-    """Sentences on signals (k, m) whose size is doubtful beside that of the model's (k, m); raises
+    """Sentences on signals (k, m) whose size is doubtful against that of the model's (k, m); raises
     UnusableRecord for those that cannot be in their units."""
     doubts = []
     for label, unit, y, y_model in zip(labels, units, data.T, model.T, strict=True):

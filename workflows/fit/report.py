@@ -204,7 +204,7 @@ def calibration_report(
 
 
 class NumberRow(BaseModel):
-    """One number; `told` says what its bar is beside its bounds."""
+    """One number; `told` compares its bar with its bounds."""
 
     name: str
     unit: str

@@ -16,7 +16,7 @@ from beadwave.dem.sensitivities import march_with_sensitivities
 from beadwave.dem.waves.arrivals import peaks
 from beadwave.workflows.files.record import Record
 from beadwave.workflows.fit.parameter import Parameter
-from beadwave.workflows.fit.plausibility import sizes_beside
+from beadwave.workflows.fit.plausibility import size_comparison
 from beadwave.workflows.fit.rig import Rig
 from beadwave.workflows.fit.sensed import Channels, sensed
 from beadwave.workflows.fit.signals import noise_between_waves
@@ -63,7 +63,7 @@ def scaled(
         gain[columns] = np.median(sizes) * np.sign(np.sum(signs) or 1.0)
 
     remarks = [
-        *sizes_beside(bare.labels, bare.units, data, gain * model),
+        *size_comparison(bare.labels, bare.units, data, gain * model),
         *_on_impulses(momentum, bare, record, data, model),
     ]
     scale = np.abs(gain * model).max(axis=0) / speed

@@ -141,7 +141,7 @@ def twin_run(
     request: CalibrationRequest,
     better: Mapping[str, Sequence[BetterModel]] = MappingProxyType({}),
 ) -> tuple[Calibrated, Record]:
-    """The experiment made and calibrated; the report holds the truth beside what was found."""
+    """The experiment made and calibrated; the report has the true and the fitted values."""
     true_rig = truth(scene, twin)
     data = measured(clean(scene, wall, twin, true_rig), twin)
     request = request._replace(instrument=twin.instrument)

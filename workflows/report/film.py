@@ -1,4 +1,4 @@
-"""A run as a film: frames of the impact beside its play head, and the same for ParaView.
+"""A run as a film: frames of the impact above its play head, and the same for ParaView.
 
 The frames are drawn by `workflows.report.render_film` in a process of its own, from one file of
 arrays: a render without a GL library kills its process alone.

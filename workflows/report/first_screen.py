@@ -1,5 +1,5 @@
 """The first screen of the report page: a sentence on chain, wall and first reflected waves, and the
-main numbers beside it. Its frame is the section `answer` of `page/page.html.jinja`."""
+main numbers. Its frame is the section `answer` of `page/page.html.jinja`."""
 
 from pathlib import Path
 
@@ -82,7 +82,7 @@ def waves_words(summary: Summary) -> str:
 
 
 def facts(summary: Summary) -> list[tuple[str, str, float | None]]:
-    """The few numbers beside the answer, each with its relative error where one is known, several
+    """The few numbers next to the answer, each with its relative error where one is known, several
     with the largest of theirs."""
     rows = []
     if contact := summary.wall_contact:

@@ -49,7 +49,7 @@ def velocity_errors(summary: Summary) -> list[tuple[float | None, str]]:
 
 
 def context(scene: Scene | None, summary: Summary, data: dict[str, Any]) -> dict[str, Any]:
-    """Variables of the page's template beside summary, scene and data."""
+    """Variables of the page's template besides summary, scene and data."""
     plots = data.get("curves", {}).get("plots", {})
     signals = data.get("signals", {}).get("plots", {})
     signal_words = {
@@ -104,7 +104,7 @@ def context(scene: Scene | None, summary: Summary, data: dict[str, Any]) -> dict
         "worst_target": max((abs(m.frequency_hz / m.target_hz - 1) for m in targets), default=0),
         "has_mac": any(mode.mac is not None for mode in summary.modes),
         "shown_modes": shown_modes,
-        # errors, beside their numbers and by cause
+        # errors, next to their numbers and by cause
         "relative_error": summary.relative_error,
         "error_of": ERROR_OF,
         "large_error": LARGE,
@@ -171,7 +171,7 @@ def energies(plots: dict[str, Any]) -> list[tuple[str, float, float, float]]:
 
 
 def scene_rows(scene: Scene, summary: Summary) -> list[dict[str, str]]:
-    """Every value of the scene with its unit, where it comes from and the note beside it."""
+    """Every value of the scene with its unit, where it comes from and its note."""
     # units by dotted key; the gain of a sensor goes with what it reads
     units = {entry.key: entry.quantity.kind.unit for entry in entries(scene)}
     units |= {
@@ -194,7 +194,7 @@ def scene_rows(scene: Scene, summary: Summary) -> list[dict[str, str]]:
         is_mark = first.startswith(("thesis", "inferred", "assumed"))
         if comma and len(first) < 9 and "(" not in first and not is_mark:
             note = after_unit
-        if source:  # the mark beside it says that already
+        if source:  # its mark says that already
             note = note.removeprefix(f"{source.kind}: ").removeprefix(f"{source.kind}, ")
         rows.append(
             {

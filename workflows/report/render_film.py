@@ -6,7 +6,7 @@ Pillow writes a GIF in two lines, imageio an MP4 in three. Not pyvista's writer 
 `open_movie`, `write_frame`), which is imageio as well: it takes what its window shows, without the
 strip of velocities below, and would refuse a GIF in an installation without the extra `film`. Nor
 is it quicker: 60 frames of the rig as a GIF take 8.0 s and 2.0 MB by Pillow, 8.5 s and 2.7 MB by
-imageio, beside 12 s of rendering; as an MP4 0.2 s.
+imageio, in addition to 12 s of rendering; as an MP4 0.2 s.
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""Measured mode shapes beside computed ones, from `modes.vtu`; run as a child process.
+"""Measured and computed mode shapes, from `modes.vtu`; run as a child process.
 
     python -m beadwave.workflows.report.render_shapes modes.vtu shapes.json shapes.png
 
@@ -62,7 +62,7 @@ def shapes(
         plotter.add_text(mode.measured, font_size=12, color="black")
         seen_from(plotter, np.array(EYE))
 
-        # the computed mode beside it, from the same direction
+        # the computed mode next to it, from the same direction
         plotter.subplot(row, 2 * pair + 1)
         bent_by(plotter, grid, name)
         plotter.remove_scalar_bar(f"{name}: displacement")

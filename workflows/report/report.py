@@ -41,7 +41,7 @@ CAPTIONS = {
     "energies": "Energies of chain, contacts and wall since the start, and the error of their "
     "balance.",
     "friction": "Friction at the wall: over the displacement of the sphere's surface, over time "
-    "beside its bound, and the share of the contact's area that sticks.",
+    "with its bound, and the share of the contact's area that sticks.",
     "frequency_response": "Receptance at the contact: the reduced model, the finer one that its "
     "error is stated against, and solutions of the full one.",
     "assembly": "The meshed structure, a colour per body, and the arrow of the impact.",

@@ -92,7 +92,7 @@ def with_error(summary: Summary, name: str, text: str) -> str:
 
 
 def error_words(relative: float) -> str:
-    """A relative error beside its number, a large one with an exclamation mark."""
+    """A relative error next to its number, a large one with an exclamation mark."""
     return f"±{GLUE}{percent(relative, 2)}{'!' if relative > LARGE else ''}"
 
 
@@ -250,7 +250,7 @@ def at_wall(summary: Summary) -> list[tuple[str, str, str]]:
 
 
 def budget(summary: Summary) -> list[tuple[str, str, str]]:
-    """Each error beside the seconds of the stages that it pays for."""
+    """Each error with the seconds of the stages that it pays for."""
     spent = {stage.name: stage.seconds for stage in summary.stages if not stage.cached}
     rows, paid = [], set()
     for label, (name, stages) in ERRORS.items():

@@ -1,7 +1,7 @@
 """Results of a run, as other programs read them: `summary.json`.
 
 The named tuples are results of stages that a summary is put together from. They stand here, and not
-beside the stages that compute them, so that a run whose results are kept loads no march and no
+with the stages that compute them, so that a run whose results are kept loads no march and no
 finite elements to read them.
 """
 
@@ -196,7 +196,7 @@ class ErrorEstimate(BaseModel):
     time: float | None = None
     reduction: float | None = None
     mesh: float | None = None
-    theory: float | None = None  # of a beam or a plate, beside three-dimensional elasticity
+    theory: float | None = None  # of a beam or a plate, against three-dimensional elasticity
     receptance: float | None = None  # of a measured wall: noise and end of its band
 
 

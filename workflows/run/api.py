@@ -213,7 +213,7 @@ def _in_folder(scene: Scene, summary: Summary, path: Path, notes: tuple[str, ...
 
 
 def _file_of(rom: str | Path | ReducedModel) -> Path:
-    """The file of a reduced model; one in memory is kept by its content beside other results."""
+    """The file of a reduced model; one in memory is kept by its content with other results."""
     if isinstance(rom, str | Path):
         return Path(rom).absolute()
     from beadwave.rom import save_npz

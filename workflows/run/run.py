@@ -129,7 +129,7 @@ def _require_start(pipeline: Pipeline) -> None:
 
 
 def _write_given(folder: RunFolder, origin: Origin) -> None:
-    """The scene in the user's words, as given.toml; scene.toml beside it has every default. A run
+    """The scene in the user's words, as given.toml; scene.toml next to it has every default. A run
     of that scene.toml keeps the given.toml of the run that wrote it."""
     in_words, scene = folder.base.path / "given.toml", folder.base.path / "scene.toml"
     words = origin.text.partition("\n")[2]

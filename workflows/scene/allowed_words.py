@@ -51,7 +51,7 @@ def _below(annotation: Any, key: str | int) -> Iterator[Any]:
 
 
 def _metadata(annotation: Any) -> Iterator[FieldInfo]:
-    """The pydantic fields beside an annotation, at any depth of its unions."""
+    """The pydantic fields of an annotation, at any depth of its unions."""
     for member in (annotation, *get_args(annotation)):
         yield from (m for m in getattr(member, "__metadata__", ()) if isinstance(m, FieldInfo))
 

@@ -91,7 +91,7 @@ Pair = Annotated[str, AfterValidator(_pair)]
 
 class Solid(SceneTable):
     """A material. An orthotropic one has three moduli along its axes 1, 2, 3, the ratios 12, 13
-    and 23, the shear moduli 12, 13 and 23, and `axes`: the direction of 1, and one beside it for 2.
+    and 23, the shear moduli 12, 13 and 23, and `axes`: the direction of 1, and another one for 2.
     """
 
     young: one_or_each(Modulus)  # [Pa] Young's modulus, or three of an orthotropic material
@@ -99,7 +99,7 @@ class Solid(SceneTable):
     density: Density  # [kg/m^3] mass over volume
     yield_stress: YieldStress | None = None  # [Pa] beyond which a run warns
     shear: Three | None = None  # [Pa] shear moduli 12, 13, 23
-    # directions of the axis 1 and of one beside it for 2
+    # directions of the axis 1 and of another one for 2
     axes: Annotated[tuple[Vector, Vector], Field(strict=False)] | None = None
     # [1/K] thermal expansion of its length
     expansion: Annotated[float, Field(gt=-1e-3, lt=1e-3)] | None = None
@@ -132,7 +132,7 @@ class PlateTable(SceneTable):
 
     def narrowed(self, name: str, quantity: Quantity) -> Quantity:
         """The usual range of its number `name`: a thickness is at most that of a bar with this
-        outline, so that one in millimetres beside an outline in metres is asked about."""
+        outline, so that one in millimetres in an outline in metres is asked about."""
         if name != "thickness":
             return quantity
         side = max(max(along) - min(along) for along in zip(*self.outline, strict=True))
@@ -184,10 +184,10 @@ OneOrMoreHoles = Annotated[
 
 
 class LineTable(SceneTable):
-    """A grid line, the size of the elements beside it and that of each next one over it."""
+    """A grid line, the size of the elements next to it and that of each next one over it."""
 
     at: Place  # [m] where the line is
-    size: Size | None = None  # [m] of the elements beside it; the body's seed
+    size: Size | None = None  # [m] of the elements next to it; the body's seed
     growth: Annotated[float, Field(gt=1, le=100)] = 1.7  # size of each next element over its own
 
 

@@ -38,10 +38,11 @@ def of_bodies(scene: Scene) -> Iterator[str]:
             if body.drawn or body.seed:
                 key = body.drawn or "seed"
                 yield (
-                    f"bodies.{name}.{key} is beside assembly.mesh, which has all elements; drop it."
+                    f"bodies.{name}.{key} contradicts assembly.mesh, which has all elements; drop "
+                    "it."
                 )
         if scene.mesh.scale != 1.0 or scene.mesh.element != "hex":
-            yield "[mesh] is beside assembly.mesh, which has all elements; drop it."
+            yield "[mesh] contradicts assembly.mesh, which has all elements; drop it."
     for key in ("volumes", "merge"):
         if assembly.mesh is None and getattr(assembly, key) is not None:
             yield f"assembly.{key} says how assembly.mesh is read, and there is none; drop it."
@@ -56,7 +57,7 @@ def of_bodies(scene: Scene) -> Iterator[str]:
             "them to all bodies, or to none."
         )
     if lined and scene.mesh.element == "tet":
-        yield f'mesh.element = "tet" is beside bodies.{lined[0]}.lines of hexahedra; drop one.'
+        yield f'mesh.element = "tet" contradicts bodies.{lined[0]}.lines of hexahedra; drop one.'
     for name in lined:
         if scene.seed_of(name) is None:
             yield f"bodies.{name}.lines needs bodies.{name}.seed, the size between them; add it."
@@ -122,7 +123,7 @@ def of_bending(scene: Scene) -> Iterator[str]:
     others = ("assembly", *(("plate",) if scene.beam else ()), *OF_BODIES)
     others += ("joints", "targets", "table", "mesh", "patch")
     for name in (name for name in others if getattr(scene, name) is not None):
-        yield f"[{name}] is beside [{body}], which is a structure of its own; drop one of them."
+        yield f"[{name}] contradicts [{body}], which is a structure of its own; drop one of them."
     for key, value in scene.bending.loads.items():
         if value and scene.floats:
             yield (
@@ -175,7 +176,7 @@ def _joints(scene: Scene) -> Iterator[str]:
         for key, coefficient in joint.dashpots.items():
             if isinf(getattr(joint, key)):
                 yield (
-                    f"joints.{joint.name}.c{key[1:]} = {coefficient} is beside {key} = inf, "
+                    f"joints.{joint.name}.c{key[1:]} = {coefficient} is parallel to {key} = inf, "
                     f"which never moves; give joints.{joint.name}.{key}."
                 )
 
@@ -189,13 +190,13 @@ def _thread(joint: Bolts) -> Iterator[str]:
         )
     if joint.washer is not None:
         yield (
-            f'joints.{joint.name}.washer = {joint.washer} is beside at = "thread", which holds the '
-            "cylinders that bolt and nut have in common; drop washer."
+            f'joints.{joint.name}.washer = {joint.washer} contradicts at = "thread", which holds '
+            "the cylinders that bolt and nut have in common; drop washer."
         )
     if joint.sides != ("mean", "mean"):
         yield (
-            f'joints.{joint.name}.sides = {list(joint.sides)} is beside at = "thread", whose sides '
-            'both move by their mean; drop sides, or write ["mean", "mean"].'
+            f'joints.{joint.name}.sides = {list(joint.sides)} contradicts at = "thread", whose '
+            'sides both move by their mean; drop sides, or write ["mean", "mean"].'
         )
 
 

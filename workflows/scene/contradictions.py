@@ -146,7 +146,10 @@ def _of_rig_assembly(scene: Scene) -> Iterator[str]:
                     f'{name} needs the joints of assembly.constraint = "wires"; change one of them.'
                 )
             if isinf(getattr(table, key)):
-                yield f"{name} is beside {key} = inf, which never moves; give joints.{joint}.{key}."
+                yield (
+                    f"{name} is parallel to {key} = inf, which never moves; give "
+                    f"joints.{joint}.{key}."
+                )
 
 
 def _of_reading(scene: Scene, table: str) -> Iterator[str]:
@@ -180,8 +183,8 @@ def _dashpots(scene: Scene) -> Iterator[str]:
         )
     if scene.time and scene.time.dt is not None:
         yield (
-            "dashpots in joints and beside springs couple the modes and are marched to an error; "
-            "give time.error, not time.dt."
+            "dashpots in joints and parallel to springs couple the modes and are marched to an "
+            "error; give time.error, not time.dt."
         )
     if getattr(scene.wall, "prune", False):
         yield "dashpots couple the modes, none can be left out alone; drop wall.prune."

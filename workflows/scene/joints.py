@@ -12,7 +12,8 @@ from beadwave.workflows.scene.scene_table import (
 class JointStiffnesses(SceneTable):
     """Along x, y, z [N/m] and about them [N m/rad]; inf is a rigid direction.
 
-    cx to crz are dashpots beside the springs [N s/m], [N m s/rad]; a rigid direction takes none.
+    cx to crz are dashpots parallel to the springs [N s/m], [N m s/rad]; a rigid direction takes
+    none.
     """
 
     kx: Spring = float("inf")  # [N/m] along x of its axes
@@ -31,7 +32,7 @@ class JointStiffnesses(SceneTable):
 
     @property
     def dashpots(self) -> dict[str, float]:
-        """Coefficients that are not zero, by the spring beside them."""
+        """Coefficients that are not zero, by the parallel spring."""
         axes = ("x", "y", "z", "rx", "ry", "rz")
         coefficients = {f"k{axis}": getattr(self, f"c{axis}") for axis in axes}
         return {key: value for key, value in coefficients.items() if value}

@@ -1,6 +1,6 @@
 """Materials that a scene may name, `material = "steel"`, in place of their numbers.
 
-Numbers beside the name replace its own. Each is of one common grade; a structure's own grade,
+Numbers next to the name replace its own. Each is of one common grade; a structure's own grade,
 temper and batch differ by some per cent in stiffness and by much more in yield stress.
 """
 
@@ -79,7 +79,7 @@ SPELLINGS = (
     (r"[\s_]+", "-"), ("aluminum", "aluminium"), (r"^(en-aw|alu?)(-|$)", r"aluminium\2"),
     ("^stainless-steel", "stainless"), ("^(aisi|inox)-", "stainless-"), ("-t6$", ""),
 )  # fmt: skip
-# names of many materials beside those that begin a name of theirs, as `aluminium` does
+# names of many materials besides those that begin a name of theirs, as `aluminium` does
 FAMILIES = {"polymer": ("pmma",), "plastic": ("pmma",), "inox": ("stainless-304",)}
 
 

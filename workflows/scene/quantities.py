@@ -54,7 +54,7 @@ def of(number: Any, kind: Kind, low: float = 0.0, high: float = inf) -> Any:
 def entries(
     table: BaseModel, written: Any = None, path: tuple[str, ...] = ()
 ) -> Iterator[ScannedNumber]:
-    """Every number of a table that has a unit, beside what the user wrote for it; `path` are the
+    """Every number of a table that has a unit, with what the user wrote for it; `path` are the
     keys above the table."""
     for name in type(table).model_fields:
         value, key = getattr(table, name), (*path, name)

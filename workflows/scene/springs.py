@@ -45,10 +45,10 @@ class SpringTable(SceneTable):
     k: Stiffness | None = None  # [N/m] of each along its direction, in place of kx, ky, kz
     # of k: "x", "y", "z", "normal" (out of the face), or a vector; without it, from end to end
     direction: Direction | None = None
-    cx: Dashpot = 0.0  # [N s/m] dashpot beside kx
-    cy: Dashpot = 0.0  # [N s/m] dashpot beside ky
-    cz: Dashpot = 0.0  # [N s/m] dashpot beside kz
-    c: Dashpot = 0.0  # [N s/m] dashpot beside k
+    cx: Dashpot = 0.0  # [N s/m] dashpot parallel to kx
+    cy: Dashpot = 0.0  # [N s/m] dashpot parallel to ky
+    cz: Dashpot = 0.0  # [N s/m] dashpot parallel to kz
+    c: Dashpot = 0.0  # [N s/m] dashpot parallel to k
 
     @field_validator("at", "to_at", mode="before")
     @classmethod
@@ -69,7 +69,7 @@ class SpringTable(SceneTable):
 
     @property
     def dashpots(self) -> dict[str, float]:
-        """[N s/m] by the key of the stiffness beside."""
+        """[N s/m] by the key of the parallel stiffness."""
         return {key: getattr(self, f"c{key[1:]}") for key in KEYS}
 
     def along(self, key: str) -> tuple[float, float, float] | str | None:
@@ -107,9 +107,7 @@ class SpringTable(SceneTable):
             )
         for key, c in self.dashpots.items():
             if c and key not in stiffnesses:
-                raise ValueError(
-                    f"c{key[1:]} = {c:g} is beside no spring: give {key} in N/m, or drop it"
-                )
+                raise ValueError(f"c{key[1:]} = {c:g} has no spring: give {key} in N/m, or drop it")
         if self.to_at is not None and self.to == GROUND:
             raise ValueError('to_at needs a face: give to = "body:-z", or drop it')
         if self.to_at is not None and len(self.to_at) != len(self.at):

@@ -154,7 +154,7 @@ def solid(scene: Scene, body: str) -> fem.Material | fem.Orthotropic:
 
 
 def dashpots(scene: Scene, model: fem.Model):
-    """C of the dashpots in joints and beside springs; None where there are none."""
+    """C of the dashpots in joints and parallel to springs; None where there are none."""
     tables = {joint: table.dashpots for joint, table in scene.bushings.items()}
     named = {f"{joint}.{key}": c for joint, table in tables.items() for key, c in table.items()}
     return fem.dashpots(model, named) if scene.has_dashpots else None

@@ -9,7 +9,7 @@ times those measured against elements half as long. The finer mesh of a plate of
 half as long again as the run's own.
 
 The error of the theory is estimated by two other theories: the same corrected by solids (see
-`fem.BesideSolid`), which is five to ten times nearer to those, and the usual one, Cowper's beam
+`fem.BeamCorrection`), which is five to ten times nearer to those, and the usual one, Cowper's beam
 that does not bulge or Mindlin's shear factor. `examples/theory_errors.py` compares all with solids.
 """
 
@@ -49,7 +49,7 @@ def model(scene: Scene, coarser: float = 1.0, theory: str = "own") -> fem.Bendin
             ends = tuple(fem.BeamEnd(*springs) for springs in table.springs)
             shape = section(table)
             if theory == "solid":
-                shape = shape._replace(beside=fem.BesideSolid())
+                shape = shape._replace(correction=fem.BeamCorrection())
             # Cowper's factor of a rectangle (J. Appl. Mech. 33 (1966) 335), no bulge
             if theory == "usual":
                 nu = table.poisson
@@ -65,7 +65,7 @@ def model(scene: Scene, coarser: float = 1.0, theory: str = "own") -> fem.Bendin
         return fem.mindlin_plate(
             sheet, table.edges, table.at,
             in_plane=(table.in_plane_x, table.in_plane_y), coarser=coarser,
-            beside=fem.PlateBesideSolid() if theory == "solid" else None,
+            correction=fem.PlateCorrection() if theory == "solid" else None,
         )  # fmt: skip
     except fem.Buckled as why:
         keys = ", ".join(f"{scene.struck_body}.{key}" for key in scene.bending.loads)

@@ -1,6 +1,6 @@
 """The errors of the single numbers of a beam or a plate, by cause: reduction, mesh, theory.
 
-Each cause is a second model beside the run's own: the finer reduced one, the one on shorter
+Each cause is a second model in addition to the run's own: the finer reduced one, the one on shorter
 elements, and those of other theories of bending, whose shares add up.
 """
 

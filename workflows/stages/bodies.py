@@ -126,7 +126,7 @@ def parts(scene: Scene, coarser: float = 1.0) -> Parts:
                 raise InvalidScene(
                     f'{scene.name}: strike.on = {scene.strike.on!r}: "{over}" lies on {body} at '
                     f"the point struck, {np.round(face.point, 6).tolist()} m, or less than "
-                    f"{radius:g} m beside it; move it by strike.at."
+                    f"{radius:g} m next to it; move it by strike.at."
                 )
             named[STRIKE] = face.face
 

@@ -30,7 +30,7 @@ SUM = "output.sha256"
 
 
 class CheckedStore(FileSystemStoreBackend):
-    """joblib's store with a checksum beside each result: a damaged result is computed again."""
+    """joblib's store with a checksum for each result: a damaged result is computed again."""
 
     def dump_item(self, call_id, item, *args, **kwargs):
         """Keep a result, then its checksum."""

@@ -1,6 +1,6 @@
 """The chain in the summary: its numbers and warnings, and the files of its arrays.
 
-They are stages of their own since they are small beside the march that they are made from: a run
+They are stages of their own since they are small against the march that they are made from: a run
 whose results are kept loads neither the march nor the libraries that its types belong to.
 """
 

@@ -34,8 +34,8 @@ def of_chain(scene: Scene, impact: Impact, waves: ChainWaves) -> tuple[Picture, 
 def of_friction(
     scene: Scene, impact: Impact, waves: ChainWaves, lateral: "LateralTrajectory"
 ) -> tuple[Picture, ...]:
-    """Figures of a run with friction: beside `of_chain`'s the force over the slip, and over time
-    friction beside its bound and the share of the contact that sticks."""
+    """Figures of a run with friction: besides `of_chain`'s the force over the slip, and over time
+    friction with its bound and the share of the contact that sticks."""
     across = {k: a for k, a in lateral._asdict().items() if isinstance(a, np.ndarray)}
     run = impact.trajectory
     both = run._asdict() | across | {"energy_total": run.energy_total + lateral.energy}
@@ -49,7 +49,7 @@ def of_friction(
 
 
 def friction_loop(run, lateral: "LateralTrajectory", coefficient: float) -> bytes:
-    """PNG: tangential force over slip, and over time beside its bound mu F, with the share of the
+    """PNG: tangential force over slip, and over time with its bound mu F, with the share of the
     contact's area that sticks; along the direction in which the surface moves most."""
     axis = int(np.ptp(lateral.slip, axis=0).argmax())
     force, slip = lateral.friction_force[:, axis], 1e6 * lateral.slip[:, axis]
@@ -105,7 +105,7 @@ def signals(scene: Scene, record: "SensorRecord") -> Picture:
 
 
 class Mark(NamedTuple):
-    """A wave's name beside its crest on a curve."""
+    """A wave's name next to its crest on a curve."""
 
     name: str
     time: float  # [s] of the crest

@@ -1,6 +1,6 @@
 """Checks of a reduced model, the list of modes and their errors, as the summary has them.
 
-They are stages of their own since they are small beside the modes and the model that they are made
+They are stages of their own since they are small against the modes and the model that they are made
 from: a run whose results are kept loads neither of these.
 """
 

@@ -116,7 +116,7 @@ def inner_edges(mesh: Mesh) -> NDArray[np.int64]:
     inside = mesh.p[:, mesh.t[:, mesh.f2t[0, facets]]].mean(axis=1)
     normal *= np.sign(np.sum(normal * (middle - inside), axis=0)) / np.linalg.norm(normal, axis=0)
 
-    # edges sorted by their corners, so that the two facets of an edge stand beside each other
+    # edges sorted by their corners, so that the two facets of an edge stand next to each other
     n = len(corners)
     edges = np.sort(np.hstack([corners[[i, (i + 1) % n]] for i in range(n)]), axis=0)
     facet = np.tile(np.arange(len(facets)), n)

@@ -41,11 +41,11 @@ SAFETY = 2.3
 # a plate, profiles and tied boxes of tetrahedra, is 1.9
 TETRAHEDRA_SHARE = 0.7
 PAIR_DISTANCE = 1e-3  # relative difference of frequencies of one mode, by two eigensolvers
-N_KRYLOV = 20  # shapes beside the modes, of an assembly that floats
+N_KRYLOV = 20  # shapes in addition to the modes, of an assembly that floats
 
 
 class SplitMesh(NamedTuple):
-    """A mesh of few elements beside the same with every element split."""
+    """A mesh of few elements compared with the one with every element split."""
 
     omega: NDArray[np.float64]  # (k,) [rad/s] of the modes of the split mesh, lowest first
     walls: tuple[rom.ReducedModel, rom.ReducedModel]  # own and split

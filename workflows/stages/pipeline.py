@@ -504,8 +504,8 @@ class Pipeline:
                 self._results.pop(name, None)
 
     def release(self) -> None:
-        """Drop what is so large that nothing holds it beside the next structure; a stage that needs
-        it after all computes it again."""
+        """Drop what is so large that it does not fit into memory with the next structure; a stage
+        that needs it after all computes it again."""
         for name in list(self._results):
             if self._stages[name].passing:
                 del self._results[name]

@@ -19,7 +19,7 @@ from beadwave.workflows.stages.number_errors import MarchedPair, instants, numbe
 
 
 def pairs(scene: Scene, start: Start, impact: coupling.Impact) -> tuple[MarchedPair, ...]:
-    """The run beside each of those at other walls, with its share of the error."""
+    """The run compared with each of those at other walls, with its share of the error."""
     run, fits = impact.trajectory, fitted(scene.wall)
     others = [(fit, 2 / len(fits.by_noise)) for fit in fits.by_noise] + [(fits.by_band, 1.0)]
     march = {"duration": float(run.t[-1]), "dt": run.dt, "n_save": len(run.t) - 1}

@@ -162,8 +162,8 @@ def boundary_of(
 
 def damped_dofs(model: fem.Model, C) -> NDArray[np.int64]:
     """Elongations of joints with dashpots, and oscillators of measured parts (k,): on the boundary,
-    since a damper force converges slowly with the number of modes. Dashpots beside springs between
-    points, which are far softer than bodies, do without."""
+    since a damper force converges slowly with the number of modes. Dashpots parallel to springs
+    between points, which are far softer than bodies, do without."""
     if C is None:
         return NOTHING
     elongations = model.elongation[C.diagonal()[model.elongation] > 0]

@@ -113,7 +113,7 @@ def _off_face(scene: Scene, point: NDArray[np.float64], faces: Sequence[Face] = 
 
 def surface(scene: Scene, mesh: Parts) -> rom.Contact | None:
     """Curvatures of the face struck, and modulus and Poisson's ratio if it is orthotropic: what
-    Hertz' law needs beside the scene; None without a strike.
+    Hertz' law needs besides the scene; None without a strike.
 
     Raises InvalidScene for a curved face of an orthotropic material.
     """

@@ -419,7 +419,7 @@ def high_friction(scene: Scene) -> Iterator[str]:
 def unbalanced(lateral: LateralTrajectory) -> Iterator[str]:
     """A loop of friction whose error is a good part of it, as of a contact that nearly sticks, and
     a periodic state in which what the shakers give and what is lost differ by as much: the loop is
-    small beside what modes take, or the state is not yet periodic."""
+    small against what modes take, or the state is not yet periodic."""
     cycle = lateral.cycle
     if cycle is None:
         return
@@ -433,7 +433,7 @@ def unbalanced(lateral: LateralTrajectory) -> Iterator[str]:
     if cycle.unbalanced is not None and cycle.unbalanced > balanced * cycle.energy:
         yield (
             f"In the periodic state the shakers' work and all losses of a period differ by "
-            f"{si(cycle.unbalanced, 'J')}, beside a loop of friction of {si(cycle.energy, 'J')}: "
+            f"{si(cycle.unbalanced, 'J')}, at a loop of friction of {si(cycle.energy, 'J')}: "
             "lower time.error before you rely on the loop."
         )
 

@@ -1,1 +1,1 @@
-"""Work on an assembly beside a run: tuning, hammer tests, tables of modes."""
+"""Work on an assembly apart from a run: tuning, hammer tests, tables of modes."""

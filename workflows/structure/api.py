@@ -151,7 +151,7 @@ def modes(
     overwrite: bool = False,
     progress: Progress = quiet,
 ) -> ModesOfScene:
-    """Frequencies beside measured ones, MAC, participation at the contact (`beadwave modes`).
+    """Frequencies, measured ones, MAC, participation at the contact (`beadwave modes`).
 
     out  folder for the picture of the MAC matrix
 
@@ -182,7 +182,7 @@ def thesis_table(
     overwrite: bool = False,
     progress: Progress = quiet,
 ) -> ThesisTable:
-    """Table 5.2 (models of ties) or 5.3 (tuned joints) of the thesis computed again, beside its
+    """Table 5.2 (models of ties) or 5.3 (tuned joints) of the thesis computed again, with its
     numbers (`beadwave modes --table`); `out` gets the picture of 5.2, what each part changes."""
     if table not in TABLES:
         raise InvalidScene(f"--table {table} is not known; known are {' and '.join(TABLES)}.")
@@ -517,7 +517,7 @@ def hammer(
     out            folder for modes.json, poles.html (the stability diagram, on which a click takes
                    a pole or leaves it out), modes.uff, where the points are known targets.toml, and
                    pictures: stability diagram, responses measured and of the modes, coherence,
-                   AutoMAC, MAC with computed modes, measured shapes beside computed ones
+                   AutoMAC, MAC with computed modes, measured and computed shapes
 
     The modes are paired with the measured modes of `scene` by frequency, or where the points of the
     test are known one-to-one with the modes of an assembly of bodies, by the MAC of their shapes
@@ -547,7 +547,7 @@ def hammer(
         mac_with_model,
         measured_shapes,
         recognised,
-        shapes_beside,
+        shape_comparison,
         targets_of,
     )
     from beadwave.workflows.structure.pole_page import command_of, pole_page
@@ -569,7 +569,7 @@ def hammer(
             drawn += mac_with_model(test, pipeline)
         if folder and pipeline:
             try:
-                drawn += shapes_beside(test, pipeline)
+                drawn += shape_comparison(test, pipeline)
             except NoPicture as error:
                 test.report.remarks.append(str(error))
         result = HammerTest(test.report, test.modes, tuple(drawn))
@@ -736,7 +736,7 @@ def reduce(
     """The assembly reduced to few coordinates at the contact (`beadwave reduce`).
 
     out       file of the reduced model: .npz, .mat or .h5
-    matrices  write the full model's K, M, w beside it (.mat, .npz)
+    matrices  write the full model's K, M, w as well (.mat, .npz)
 
     Files that beadwave did not write, or that were changed since, are only replaced with
     `overwrite`. Raises InvalidScene for bad input, ValueError where a computation fails.

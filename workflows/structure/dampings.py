@@ -1,5 +1,5 @@
 """Damping values of a scene that a fit to responses may vary: ratios, Rayleigh's alpha and beta,
-loss factors, and dashpots beside springs."""
+loss factors, and dashpots parallel to springs."""
 
 from collections.abc import Mapping, Sequence
 
@@ -20,7 +20,7 @@ OF_STIFFNESS = 0.01 / (2 * np.pi * 100)  # [s] dashpot over stiffness, where the
 
 def dashpot_keys(scene: Scene) -> dict[str, tuple[float, float]]:
     """Dashpots of a scene of bodies by name, "joints.bolts.cz": their coefficient [N s/m] and the
-    stiffness [N/m] beside them; rigid and open directions have none."""
+    stiffness [N/m] parallel to them; rigid and open directions have none."""
     keys = {}
     for name, table in scene.bushings.items():
         for axis in ("x", "y", "z", "rx", "ry", "rz"):

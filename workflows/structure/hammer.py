@@ -113,7 +113,7 @@ class StepRow(BaseModel):
 
 
 class HammerReport(BaseModel):
-    """The modes of a hammer test, each beside the mode that it is paired with."""
+    """The modes of a hammer test, each with the mode that it is paired with."""
 
     file: str
     title: str
@@ -304,7 +304,7 @@ def hammer_rows(
     modes: IdentifiedModes,
     expected_hz: Mapping[int, float],
 ) -> list[HammerRow]:
-    """A row per mode: its numbers beside those of the half-power bandwidth, and what is remarkable
+    """A row per mode: its numbers with those of the half-power bandwidth, and what is remarkable
     about it.
 
     Half-power damping is (f_2 - f_1) / (2 f) of the largest response, less shift / omega: an

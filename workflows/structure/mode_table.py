@@ -1,4 +1,4 @@
-"""The modes of a scene beside the hammer test: as a table, and their MAC matrix as a picture."""
+"""The modes of a scene and of the hammer test: as a table, and their MAC matrix as a picture."""
 
 import numpy as np
 from pydantic import BaseModel
@@ -17,7 +17,7 @@ mesh error: by which the elements make the frequency too high;
 at contact: participation [kg^-1/2];  score: share of the mode's energy in the motion that
 identifies the measured mode;  MAC: with that mode of stiff joints"""
 LOADED = "The static load is {:.4g} % of the load that buckles it."
-NO_TARGETS = "No targets: [[targets]] lists measured modes to set beside these."
+NO_TARGETS = "No targets: [[targets]] lists measured modes to compare with these."
 
 
 class ModeRow(BaseModel):

@@ -93,7 +93,7 @@ def recognised(test: IdentifiedTest, pipeline: Pipeline, wanted: Collection[int]
 
     # pairs of which nothing is doubted tell whether the responses have the model's size
     sure = np.array([i for i, j in enumerate(pairs.index) if j >= 0 and not pairs.doubts[i]], int)
-    of_scale = scale_beside(test, pipeline, reading, sure, pairs.index[sure])
+    of_scale = measured_scale(test, pipeline, reading, sure, pairs.index[sure])
     on_points = points_that_tell(model, modes, reading, pairs.index[pairs.index >= 0])
     remarks = [
         *report.remarks,
@@ -142,7 +142,7 @@ def points_that_tell(
     return sentences
 
 
-def scale_beside(
+def measured_scale(
     test: IdentifiedTest,
     pipeline: Pipeline,
     reading: NDArray[np.float64],
@@ -202,10 +202,10 @@ def mac_with_model(
     return (Picture("mac", plots.png(figure, test.banner)),)
 
 
-def shapes_beside(
+def shape_comparison(
     test: IdentifiedTest, pipeline: Pipeline, *, most: int = 8
 ) -> tuple[Picture, ...]:
-    """Measured shapes as arrows beside the computed modes that they are paired with, of the first
+    """Measured shapes as arrows next to the computed modes that they are paired with, of the first
     pairs of a test that is `recognised`, `most` in one picture (not varied); nothing without any.
     Raises NoPicture."""
     model, modes = pipeline("model"), pipeline("modes")

@@ -67,7 +67,7 @@ class FittedValue(BaseModel):
 
 
 class ResonanceRow(BaseModel):
-    """A resonance of the test beside the model before and after the fit."""
+    """A resonance of the test and of the model before and after the fit."""
 
     number: int  # in the order of frequencies, for --match
     hz: float
@@ -186,7 +186,7 @@ class Fitted(NamedTuple):
     parameters: list[Parameter]
     chosen: NDArray[np.bool_]  # (n,) of the test's resonances, those fitted
     data: MeasuredResponses
-    of_poles: Resonances | None  # that were fitted beside the responses
+    of_poles: Resonances | None  # that were fitted together with the responses
 
 
 def values_of(scene: Scene, p: Parameter) -> list[tuple[str, float]]:
@@ -267,8 +267,8 @@ def full_model(of_fit: Fitted, progress: Progress) -> FullModel:
 
 
 def resonance_rows(of_fit: Fitted, full: FullModel) -> list[ResonanceRow]:
-    """Every identified resonance beside the model before and after the fit, and the full one; each
-    model's modes are paired with the test's anew, on MAC and frequency."""
+    """Every identified resonance with that of the model before and after the fit, and the full one;
+    each model's modes are paired with the test's anew, on MAC and frequency."""
     test, used, fit = of_fit.test, of_fit.places.used, of_fit.fit
     before = spectrum(of_fit.before.basis, [], np.zeros(0))
     after = computed_responses(of_fit.model_of, fit.parameters, fit.value, np.array([1.0]))

@@ -81,8 +81,8 @@ from beadwave.workflows.structure.tuning import (
     loosened,
 )
 
-# relative, of identified frequencies beside the responses, as `tune` takes it, and of their damping
-# ratios; 3 deviations at least, so that what the responses say already hardly counts twice
+# relative, of identified frequencies together with the responses, as `tune` takes it, and of their
+# damping ratios; 3 deviations at least, so that what the responses say already hardly counts twice
 FREQUENCY_ERROR, ZETA_ERROR = 1e-3, 0.02
 
 

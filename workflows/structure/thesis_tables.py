@@ -1,4 +1,4 @@
-"""Tables of the thesis rebuilt beside its numbers."""
+"""Tables of the thesis rebuilt, with its numbers."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -35,7 +35,7 @@ TABLE_53 = {
 
 
 class TableRow(BaseModel):
-    """Computed modes beside the thesis'; None where no mode has the shape."""
+    """Computed modes for those of the thesis; None where no mode has the shape."""
 
     model: str
     modes_hz: list[float | None]
@@ -107,7 +107,7 @@ def added(table: ThesisTable) -> dict[str, Added]:
     for constraint in (row.model for row in table.rows if " + " not in row.model):
         models = [row for row in table.rows if row.model.split(" + ")[0] == constraint]
         components = tuple(row.model.split(" + ")[-1] for row in models[1:])
-        # (models, 4), each model beside the one with a component less
+        # (models, 4), each model after the one with a component less
         ours = np.array([row.modes_hz for row in models], dtype=float)
         thesis = np.array([row.thesis_hz for row in models], dtype=float)
         percent = (100 * (f[1:] / f[:-1] - 1) for f in (ours, thesis))
@@ -116,7 +116,7 @@ def added(table: ThesisTable) -> dict[str, Added]:
 
 
 def effects(table: ThesisTable) -> Picture:
-    """Figure 5.7: percent that each component adds to the four modes, ours beside the thesis'."""
+    """Figure 5.7: percent that each component adds to the four modes, ours and the thesis'."""
     by_constraint = added(table)
     figure, axes = plots.subplots(1, len(by_constraint), (8, 3.8), sharey=True)
     for axis, (constraint, percent) in zip(axes, by_constraint.items(), strict=True):
@@ -135,7 +135,7 @@ def effects(table: ThesisTable) -> Picture:
 
 
 def _compared(model: str, computed_hz: dict[str, float], thesis_hz: Sequence[float]) -> TableRow:
-    """A row of computed modes by number beside those of the thesis."""
+    """A row of computed modes by number, and those of the thesis."""
     hz = [computed_hz.get(str(i)) for i in (1, 2, 3, 4)]
     return TableRow(
         model=model,

@@ -21,7 +21,7 @@ from beadwave.fem.tuning import (
     TuningBasis,
     TuningParameter,
     determined,
-    deviation_beside,
+    deviation_of_others,
     spectrum,
     tune,
 )
@@ -266,7 +266,7 @@ def tuned(
     places, hz, of_each = wanted
     of_match = basis._replace(targets=tuple(basis.targets[i] for i in places))
     by_number, by_error = (dict(enumerate(values, start=1)) for values in (hz, of_each))
-    beside = deviation_beside(of_match, fit, by_number, left_out, frequency_error=by_error)
+    beside = deviation_of_others(of_match, fit, by_number, left_out, frequency_error=by_error)
     fit = fit._replace(deviation=beside)
     spare = len(match) - len(fit.parameters)
     scatter = max(1.0, np.sqrt(fit.misfit / spare)) if spare > 0 else 1.0
@@ -450,7 +450,7 @@ def _remarks(
             "enough for mode 2 pulls mode 3 down with it. Free head.kz and head.kry instead."
         )
 
-    # the full model beside the projection, and shapes that are not those meant
+    # the full model against the projection, and shapes that are not those meant
     for i, hz in confirmed.items():
         if abs(fitted[int(i)] / hz - 1) > DISAGREEMENT:
             remarks.append(

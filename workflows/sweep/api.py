@@ -58,7 +58,7 @@ def sweep(
 ) -> Sweep:
     """Every case once, into one table (`beadwave sweep`).
 
-    over     a key that varies: start:stop:n, start:stop:n:log, or a list a,b,c; beside --sample a
+    over     a key that varies: start:stop:n, start:stop:n:log, or a list a,b,c; with --sample a
              range low:high or low:high:log. May be repeated; a unit is optional
     sample   samples of ranges: lhs:N, a Latin hypercube; sobol:N, N (keys + 2) cases for indices of
              Sobol

@@ -39,7 +39,7 @@ def grid(over: Iterable[str], number: Number) -> Design:
             axes.append(Axis(key, tuple(meant)))
             continue
         if len(fields) not in (3, 4) or fields[3:] not in ([], ["log"]):
-            raise InvalidScene(f"--over {text} must be {FORMS}, or {RANGE} beside --sample.")
+            raise InvalidScene(f"--over {text} must be {FORMS}, or {RANGE} with --sample.")
         low, high = (number(key, field.strip()) for field in fields[:2])
         n = counted(fields[2], MOST_CASES)
         if n is None:
@@ -89,7 +89,7 @@ def sampled(over: Iterable[str], sample: str, seed: int, number: Number) -> Desi
         key, values = _split(text, RANGE)
         fields = values.split(":")
         if len(fields) not in (2, 3) or fields[2:] not in ([], ["log"]):
-            raise InvalidScene(f"--over {text} beside --sample must be {RANGE}.")
+            raise InvalidScene(f"--over {text} with --sample must be {RANGE}.")
         low, high = (number(key, field.strip()) for field in fields[:2])
         axes.append(_sound(Axis(key, (), low, high, bool(fields[2:])), text))
     _require_distinct(axes)

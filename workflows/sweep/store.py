@@ -36,7 +36,7 @@ def require_libraries(signals: bool) -> None:
 
 
 class About(NamedTuple):
-    """Metadata of a table beside its design: units of keys that no scene has, and the face whose
+    """Metadata of a table besides its design: units of keys that no scene has, and the face whose
     points its cases are (name, axes, edges)."""
 
     units: dict[str, str]
@@ -237,7 +237,7 @@ def _write_signals(path: Path, parts: list[Path], table: Any, spheres: tuple[int
         ("time", "time", t, "s", "time since the striker starts"),
         ("sphere", "sphere", np.array(spheres), "1", "counted from the striker"),
     ]
-    # numeric columns of the table beside the signals
+    # numeric columns of the table besides the signals
     for key in table.column_names:
         values = table[key].to_numpy()
         if (key != "status" and values.dtype.kind == "f") or key == "case":

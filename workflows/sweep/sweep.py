@@ -23,7 +23,7 @@ from beadwave.workflows.sweep.models import Models, SharedWall, models, shared_w
 from beadwave.workflows.sweep.store import Store
 from beadwave.workflows.sweep.tasks import Sharing, sharings
 
-# tasks of cases side by side that march at a time: beside one, the table and the search for a step
+# tasks of cases side by side that march at a time: next to one, the table and the search for a step
 # keep a core busy
 AT_ONCE = 2
 FIXED = ("name", "output.", "unusual")  # keys that the table's columns depend on
