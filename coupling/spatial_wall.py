@@ -86,6 +86,6 @@ def require_one_solution(
         raise CouplingError(
             f"the wall's residual compliance of {diagonal} m/N along n, t1, t2 next to a contact "
             f"of {1.0 / k_n:.3g} m/N normal and {1.0 / k_t:.3g} m/N tangential leaves no unique "
-            f"force (least sum {min(least, slipping):.3g} m/N, it must be positive); enlarge the patch, "
-            "or refine the mesh at the contact."
+            f"force (least sum {min(least, slipping):.3g} m/N, it must be positive); enlarge the "
+            "patch, or refine the mesh at the contact."
         )
