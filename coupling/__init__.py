@@ -56,7 +56,7 @@ from beadwave.coupling.plate import (
     infinite_plate,
     slenderness,
 )
-from beadwave.coupling.pruning import LeftOut, Pruning, mode_costs, prune
+from beadwave.coupling.pruning import Pruning, TruncatedMode, mode_costs, prune
 from beadwave.coupling.radiation import radiated_energy
 from beadwave.coupling.verdict import Verdict, largest_monotone_force, predicted_peak_force, verdict
 
@@ -68,11 +68,11 @@ __all__ = [
     "EllipticalContact",
     "EnergyGain",
     "Impact",
-    "LeftOut",
     "ModalDamping",
     "Plate",
     "Pruning",
     "RayleighDamping",
+    "TruncatedMode",
     "Verdict",
     "damping_ratios",
     "elliptical_contact",

@@ -22,7 +22,7 @@ from beadwave.coupling.periodic_state import (
     period_of,
     periodic_state,
 )
-from beadwave.coupling.spatial_march import Before, Moving, PreparedImpact
+from beadwave.coupling.spatial_march import Before, MarchState, PreparedImpact
 from beadwave.dem.kernels.arguments import Steps
 from beadwave.dem.kernels.spatial import RUBBED
 from beadwave.dem.richardson import richardson
@@ -31,7 +31,7 @@ from beadwave.dem.richardson import richardson
 class SteadyState(NamedTuple):
     """A periodic state at t = 0, and what its cycle shows."""
 
-    moving: Moving
+    moving: MarchState
     energy: float  # [J] heat of friction in a period
     friction: float  # [N] half of peak to peak, along the direction that slips most
     slip: float  # [m] half of peak to peak
@@ -142,7 +142,7 @@ def neighbouring_state(
 
 def later(
     body: PreparedImpact, before: Before, state: SteadyState, turn: float
-) -> tuple[PreparedImpact, Moving]:
+) -> tuple[PreparedImpact, MarchState]:
     """Body and state with all shakers later in their cycle by `turn` common periods, rounded to a
     step of the march: a periodic state holds every phase, and a march on reaches it. Raises
     UnstableStep."""
@@ -169,7 +169,7 @@ def before_striker(body: PreparedImpact, v0: ArrayLike, *, upstream_held: bool =
     return Before(rests, int(striker))
 
 
-def struck(moving: Moving, before: Before, v0: ArrayLike) -> None:
+def struck(moving: MarchState, before: Before, v0: ArrayLike) -> None:
     """Add velocities v0 (n,) [m/s] of the chain to a state, in place; a striker that was not there
     touches the second sphere."""
     if before.n_absent:

@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beadwave.coupling.spatial_march import Before, Moving, PreparedImpact
+from beadwave.coupling.spatial_march import Before, MarchState, PreparedImpact
 from beadwave.dem import UnstableStep
 from beadwave.dem.friction import stick_stiffness
 from beadwave.dem.kernels.arguments import Array
@@ -62,7 +62,7 @@ MIN_WEIGHT = 1e-2  # K at least, over its largest, by which motions are weighed
 WEAK_SPRING = 1e-9
 
 
-class Learned(NamedTuple):
+class InverseUpdate(NamedTuple):
     """By what -dr/dy differs from 1 on a cycle, in pairs: P = 1 + sum w e^T is near its inverse."""
 
     w: list  # of (N, c), in units of force
@@ -73,9 +73,9 @@ class Learned(NamedTuple):
         share = [float(np.vdot(e, r)) / len(r) for e in self.e]
         return r + sum(x * w for x, w in zip(share, self.w, strict=True))
 
-    def resampled(self, n_samples: int) -> "Learned":
+    def resampled(self, n_samples: int) -> "InverseUpdate":
         """Forces of a cycle of n_samples instants."""
-        return Learned(*([resampled(x, n_samples) for x in part] for part in self))
+        return InverseUpdate(*([resampled(x, n_samples) for x in part] for part in self))
 
 
 class CutBodies(NamedTuple):
@@ -118,7 +118,7 @@ class Balance(NamedTuple):
     answer: CycleForces
     change: float  # of y by a step of r, over its size, both as forces K y
     evaluations: int
-    learned: Learned
+    learned: InverseUpdate
 
 
 def cut_at_contacts(body: PreparedImpact, before: Before, n_samples: int) -> CutBodies:
@@ -353,7 +353,7 @@ def balance(
         return float(np.sqrt(np.vdot(r, r) / N))
 
     y = np.fft.irfft(linear, N, axis=0) if start is None else resampled(start.y, N)
-    learned = Learned([], []) if start is None else start.learned.resampled(N)
+    learned = InverseUpdate([], []) if start is None else start.learned.resampled(N)
     r, now = residual(y)
     trusted = True  # what was learned
     while True:
@@ -404,7 +404,7 @@ def balance(
             share = float(np.vdot(E[-1], remaining)) / N
             remaining, s = remaining - share * E[-1], s + share * D[-1]
         new = [direction - learned.step(e) for direction, e in zip(D, E, strict=True)]
-        learned = Learned([*learned.w, *new], [*learned.e, *E])
+        learned = InverseUpdate([*learned.w, *new], [*learned.e, *E])
         for _ in range(MAX_CUT_BACKS + 1):
             r_after, now_after = residual(y + s / units)
             if size(r_after) < size(r):
@@ -423,7 +423,9 @@ def resampled(y: Array, n_samples: int) -> Array:
     return np.fft.irfft(out, n_samples, axis=0)
 
 
-def cycle_of(body: PreparedImpact, balance: Balance, n_saves: int) -> tuple[Moving, SavedSpatial]:
+def cycle_of(
+    body: PreparedImpact, balance: Balance, n_saves: int
+) -> tuple[MarchState, SavedSpatial]:
     """The state at t = 0, and n_saves + 1 instants of the period as a march would save them.
 
     Of the energies the last instant has what a period adds: friction's heat, what is lost in

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from beadwave.coupling.harmonic_balance import N_LAPS, Balance, answer, balance, cycle_of, let_go
-from beadwave.coupling.spatial_march import Before, Moving, PreparedImpact, along_normal
+from beadwave.coupling.spatial_march import Before, MarchState, PreparedImpact, along_normal
 from beadwave.dem import UnstableStep
 from beadwave.dem.friction import gross_slip, redivided, stick_stiffness
 from beadwave.dem.kernels.arguments import Array, Steps
@@ -92,7 +92,7 @@ USUAL_PERIODIC_SEARCH = PeriodicSearch()
 class PeriodicState(NamedTuple):
     """A state at t = 0 that comes back, and its last cycle."""
 
-    moving: Moving
+    moving: MarchState
     cycle: Cycle
     force: Array  # (k, 3) [N] on the wall along n, t1, t2 over the cycle
     slip_mean: Array  # (2,) [m] middle of the slip, from which that of the cycle counts
@@ -121,12 +121,12 @@ class Period(NamedTuple):
     system: SpatialSystem
     steps: Steps
 
-    def march(self, moving: Moving) -> SavedSpatial:
+    def march(self, moving: MarchState) -> SavedSpatial:
         """A period on from t = -T, in place, to t = 0. Raises UnstableStep."""
         duration = self.steps.h * self.steps.n_save * self.steps.stride
         return self.body.march(moving, self.system, -duration, self.steps)
 
-    def place(self, moving: Moving, z: Array, *, sheared: bool = True) -> None:
+    def place(self, moving: MarchState, z: Array, *, sheared: bool = True) -> None:
         """Bring the bodies to z (2 (n + 2 n_directions + k),), in place, and the contact with them;
         or with its shear as it is.
 
@@ -146,20 +146,20 @@ class Period(NamedTuple):
             motion.slip[:] += self.shift_of(moving) - shift_before
         self.body.settle(moving, self.system, 0.0)
 
-    def shift_of(self, moving: Moving) -> Array:
+    def shift_of(self, moving: MarchState) -> Array:
         """(n_directions,) [m] of the sphere's contact point relative to the wall's modes."""
         motion, arrays = moving.motion, self.system.arrays
         surface = motion.u + self.system.sphere.radius * motion.psi
         return surface - (arrays.phi @ motion.q)[1:]
 
-    def z_of(self, moving: Moving) -> Array:
+    def z_of(self, moving: MarchState) -> Array:
         """The bodies' displacements from rest and velocities, (2 (n + 2 n_directions + k),):
         x (n,), u, psi (n_directions,) each, q (k,), then their rates."""
         motion = moving.motion
         return np.concatenate([motion.x - self.system.arrays.rest, *coordinates(moving)[1:]])
 
 
-def coordinates(moving: Moving) -> tuple[Array, ...]:
+def coordinates(moving: MarchState) -> tuple[Array, ...]:
     """The arrays of a state, not copied: x (n,), u, psi (n_directions,), q (k,) and their rates, in
     the order of `Period.z_of`."""
     motion = moving.motion
@@ -261,13 +261,13 @@ def linear_period(period: Period, saved: SavedSpatial | None) -> tuple[Array, Ar
 class FixedPoint(NamedTuple):
     """A state that a period brings back, and the cycle that does."""
 
-    moving: Moving
+    moving: MarchState
     saved: SavedSpatial
     change: float  # of state and forces in the period, over their largest
     jacobian: Array  # (2 m, 2 m) of the period map, in units of energy^(1/2)
 
 
-def risen(period: Period, moving: Moving, search: PeriodicSearch) -> SavedSpatial | None:
+def risen(period: Period, moving: MarchState, search: PeriodicSearch) -> SavedSpatial | None:
     """The last period of `moving`, which is brought from rest near its periodic state by shakers
     whose level rises; None where nothing was marched."""
     saved, level_before = None, 0.0
@@ -290,7 +290,7 @@ def risen(period: Period, moving: Moving, search: PeriodicSearch) -> SavedSpatia
 
 def fixed_point(
     period: Period,
-    moving: Moving,
+    moving: MarchState,
     search: PeriodicSearch,
     tolerance: float,
     jacobian: Array | None = None,
@@ -400,7 +400,7 @@ def step_of(M: Array, weights: Array, residual: Array) -> Array:
 class RepeatedMotion(NamedTuple):
     """A state that comes back, what a cycle from it saves, and how far both may be trusted."""
 
-    moving: Moving
+    moving: MarchState
     saved: SavedSpatial
     change: float  # from cycle to cycle, over the largest
     error_estimate: float
@@ -511,7 +511,7 @@ def numbers_of(saved: SavedSpatial, speed: float) -> Numbers:
 
 def balanced(
     body: PreparedImpact, before: Before, error: float, speed: float, search: PeriodicSearch
-) -> tuple[RepeatedMotion | None, Moving | None]:
+) -> tuple[RepeatedMotion | None, MarchState | None]:
     """The state by harmonic balance (`coupling.harmonic_balance`), to an error, compared with a
     cycle of half as many samples and cells; None where that finds none, or a contact that opens,
     and then a state near to it where there is one.
@@ -664,13 +664,13 @@ def still_modes(body: PreparedImpact) -> Array:
     return np.asarray(body.wall.omega) > 8.0 * body.rate
 
 
-def without_still(body: PreparedImpact, moving: Moving) -> Moving:
+def without_still(body: PreparedImpact, moving: MarchState) -> MarchState:
     """A state of the body as one of `still(body)`."""
     fast, motion = still_modes(body), moving.motion
     return moving._replace(motion=motion._replace(q=motion.q[~fast], p=motion.p[~fast]))
 
 
-def with_still(body: PreparedImpact, moving: Moving, rate: Array) -> Moving:
+def with_still(body: PreparedImpact, moving: MarchState, rate: Array) -> MarchState:
     """A state of `still(body)` at t = 0 as one of the body, whose fast modes follow their forces:
     q = push / omega^2, and its rate by that of the push; `rate` (1 + n_directions,) [N/s] of those
     at the wall."""
@@ -688,7 +688,7 @@ def with_still(body: PreparedImpact, moving: Moving, rate: Array) -> Moving:
 
 def shot(
     whole: PreparedImpact, before: Before, error: float, speed: float, search: PeriodicSearch,
-    start: Moving | None = None,
+    start: MarchState | None = None,
 ) -> RepeatedMotion:  # fmt: skip
     """The state by Newton's method on periods marched, from rest or else from `start`, to an error
     compared with longer steps and half as many cells; by periods one after the other where it finds
@@ -768,7 +768,7 @@ def shot(
     )
 
 
-def stays(period: Period, state: Moving, search: PeriodicSearch) -> bool:
+def stays(period: Period, state: MarchState, search: PeriodicSearch) -> bool:
     """True if the state is stable: a neighbouring one stays within three times its distance, by
     energy, over `search.subharmonics` periods."""
     moving = state.copied()
@@ -783,8 +783,8 @@ def stays(period: Period, state: Moving, search: PeriodicSearch) -> bool:
 
 
 def marched_on(
-    period: Period, moving: Moving, search: PeriodicSearch, tolerance: float
-) -> tuple[Moving, SavedSpatial, float, int]:
+    period: Period, moving: MarchState, search: PeriodicSearch, tolerance: float
+) -> tuple[MarchState, SavedSpatial, float, int]:
     """The state after periods one by one, its cycle, the change from cycle to cycle, and after how
     many periods it comes back. Raises UnstableStep where it does not."""
     recent: list[SavedSpatial] = []

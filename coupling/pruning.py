@@ -17,7 +17,7 @@ from beadwave.coupling.verdict import largest_monotone_force
 from beadwave.dem import Chain, Trajectory, Wall
 
 
-class LeftOut(NamedTuple):
+class TruncatedMode(NamedTuple):
     """A mode left out: its index in the wall, frequency [Hz], "frozen" or "static", its cost in
     relative velocity."""
 
@@ -35,7 +35,7 @@ class Pruning(NamedTuple):
     speed that was measured for it."""
 
     wall: Wall
-    left_out: tuple[LeftOut, ...]
+    left_out: tuple[TruncatedMode, ...]
     cost: float
 
     @property
@@ -82,7 +82,7 @@ def prune(chain: Chain, wall: Wall, v0: ArrayLike, *, duration: float, error: fl
 
 
 def without(wall: Wall, left_out: ArrayLike) -> Wall:
-    """The wall without the modes of some `LeftOut`; the static ones go into the residual
+    """The wall without the modes of some `TruncatedMode`; the static ones go into the residual
     compliance, by (phi / omega)^2 each."""
     static = [mode.mode for mode in left_out if mode.how == "static"]
     moving = np.setdiff1d(np.arange(len(wall.omega)), [mode.mode for mode in left_out])
@@ -95,7 +95,7 @@ def without(wall: Wall, left_out: ArrayLike) -> Wall:
     )
 
 
-def mode_costs(chain: Chain, wall: Wall, run: Trajectory) -> tuple[LeftOut, ...]:
+def mode_costs(chain: Chain, wall: Wall, run: Trajectory) -> tuple[TruncatedMode, ...]:
     """Cost of leaving out each mode, in relative velocity, frozen or static, whichever costs less,
     estimated from the wall force of a run. The displacement that a mode lacks is that under this
     force, and changes it by the contact's stiffness; what the changed force does to the modes in
@@ -118,7 +118,7 @@ def mode_costs(chain: Chain, wall: Wall, run: Trajectory) -> tuple[LeftOut, ...]
             missing["static"] = u - (phi / omega) ** 2 * swing
         cost = {how: float(np.abs(np.cumsum(slope * d)).max()) for how, d in missing.items()}
         how = min(cost, key=cost.get)
-        costs.append(LeftOut(j, float(omega / (2 * np.pi)), how, cost[how]))
+        costs.append(TruncatedMode(j, float(omega / (2 * np.pi)), how, cost[how]))
     return tuple(costs)
 
 

@@ -27,7 +27,7 @@ from beadwave.dem.waves.labels import Label, labels
 from beadwave.dem.waves.tracks import WaveTrack
 
 if TYPE_CHECKING:
-    from beadwave.coupling.structure_sensors import Sensed
+    from beadwave.coupling.structure_sensors import SensorSignals
 
 NO_BAND = Band()
 
@@ -91,7 +91,7 @@ class Sensor(NamedTuple):
     band: Band = NO_BAND
     noise: float = 0.0  # rms over the largest value of the signal, of a synthetic record
     range: float | None = None  # largest value that is shown; None: what fits the signal
-    column: int | None = None  # of one on a structure, in `structure_sensors.Sensed`
+    column: int | None = None  # of one on a structure, in `structure_sensors.SensorSignals`
 
 
 def measured(
@@ -100,7 +100,7 @@ def measured(
     x: NDArray[np.float64],
     v: NDArray[np.float64],
     contact_force: NDArray[np.float64],
-    structure: "Sensed | None" = None,
+    structure: "SensorSignals | None" = None,
 ) -> NDArray[np.float64]:
     """(k, m, ...) the quantities of m sensors at the instants t (k,) of a run or of its
     derivatives: x, v (k, n, ...), contact_force (k, n or n - 1, ...); those on a structure as it
@@ -258,7 +258,7 @@ def sensor_record(
     sampling: float,
     bits: int | None,
     seed: int,
-    structure: "Sensed | None" = None,
+    structure: "SensorSignals | None" = None,
 ) -> SensorRecord:
     """Signals of a run at a sampling rate [Hz], rounded to `bits` (None: not rounded), with noise
     from `seed`, and the waves in them; `structure` is the motion that sensors on it read, in which

@@ -26,8 +26,8 @@ from beadwave.dem.kernels.arguments import Array, Steps
 from beadwave.dem.kernels.oscillators import oscillator_propagator
 from beadwave.dem.kernels.spatial import (
     FrictionalContact,
+    ModalShakerForces,
     SavedSpatial,
-    Shaking,
     SpatialArrays,
     SpatialMotion,
     SpatialSystem,
@@ -119,7 +119,7 @@ class PreparedImpact(NamedTuple):
         k = np.asarray(self.last.arm_stiffness, float)
         return k if len(self.frame) == 2 else k[[int(np.abs(self.frame[0]).argmax())]]
 
-    def at_rest(self) -> "Moving":
+    def at_rest(self) -> "MarchState":
         """The static state, its contact pressed and never sheared."""
         static, n, d = self.prepared.static, self.prepared.chain.mass.size, len(self.frame)
         k = self.wall.omega.size
@@ -136,7 +136,7 @@ class PreparedImpact(NamedTuple):
         else:
             row, room, trial = (open_row(self.search.capacity) for _ in range(3))
             contacts = FrictionalContact(row, room, None, trial, None)
-        return Moving(motion, contacts)
+        return MarchState(motion, contacts)
 
     def stepped(self, h: float, *, before_striker: "Before | None" = None) -> SpatialSystem:
         """System for a march by steps of h [s]."""
@@ -179,7 +179,7 @@ class PreparedImpact(NamedTuple):
 
     def march(
         self,
-        moving: "Moving",
+        moving: "MarchState",
         system: SpatialSystem,
         t: float,
         steps: Steps,
@@ -204,7 +204,7 @@ class PreparedImpact(NamedTuple):
             )
         return saved
 
-    def settle(self, moving: "Moving", system: SpatialSystem, t: float) -> None:
+    def settle(self, moving: "MarchState", system: SpatialSystem, t: float) -> None:
         """Bring contact and forces to the positions of bodies and modes, in place."""
         settle(t, moving.motion, system, moving.contacts)
 
@@ -218,27 +218,29 @@ class Before(NamedTuple):
     )
 
 
-class Moving(NamedTuple):
+class MarchState(NamedTuple):
     """State and contact, changed in place by marches."""
 
     motion: SpatialMotion
     contacts: FrictionalContact
 
-    def divided(self, n_cells: int) -> "Moving":
+    def divided(self, n_cells: int) -> "MarchState":
         """A copy in arrays of its own, a contact in two directions in n_cells cells."""
         moving, contacts = self.copied(), self.contacts
         if contacts.cells is None:
             return moving
         cells, trial = (redivided(contacts.cells, n_cells) for _ in range(2))
-        return Moving(moving.motion, FrictionalContact(None, None, cells, None, trial))
+        return MarchState(moving.motion, FrictionalContact(None, None, cells, None, trial))
 
-    def copied(self) -> "Moving":
+    def copied(self) -> "MarchState":
         """A copy in arrays of its own."""
         motion = SpatialMotion(*(values.copy() for values in self.motion))
-        return Moving(motion, self.contacts.copied())
+        return MarchState(motion, self.contacts.copied())
 
 
-def shaking(wall: SpatialWall, shakers: ShakerForces | None, to_frame: Array, h: float) -> Shaking:
+def shaking(
+    wall: SpatialWall, shakers: ShakerForces | None, to_frame: Array, h: float
+) -> ModalShakerForces:
     """Effect of shakers on the modes over a step of h [s], exact: integrals of the modes' response
     to an impulse, by Gauss' rule with as many points as the fastest of them asks for; to_frame (1 +
     n_directions, 3). Shakers of one frequency are one force, B e^(i omega t) with complex B (k,) on
@@ -289,7 +291,7 @@ def shaking(wall: SpatialWall, shakers: ShakerForces | None, to_frame: Array, h:
         return np.stack([part for z in values for part in (z.real, z.imag)], axis=1)
 
     mutual = np.stack([at_sum.real, at_sum.imag, at_difference.real, at_difference.imag], axis=2)
-    return Shaking(
+    return ModalShakerForces(
         omega=omega, response=parts(q, p), work=parts(over_q, over_p),
         mutual_work=np.ascontiguousarray(mutual), residual=parts(L), forced=np.zeros((2, k)),
     )  # fmt: skip
@@ -397,7 +399,7 @@ def march_space(
 
 
 def march_to_error(
-    body: PreparedImpact, start: Moving, *, duration: float, error: float | None, n_save: int,
+    body: PreparedImpact, start: MarchState, *, duration: float, error: float | None, n_save: int,
     speed: float | None = None,
 ) -> SpatialRun:  # fmt: skip
     """March from a state at t = 0 for `duration` [s], at n_save + 1 equal times; errors are
@@ -418,7 +420,7 @@ def march_to_error(
     spacing, radius = duration / n_save, float(body.prepared.chain.radius[-1])
     two_directions, n_cells = len(body.frame) == 2, search.n_cells
 
-    def run(stride: int, n_cells: int) -> tuple[SavedSpatial, Moving]:
+    def run(stride: int, n_cells: int) -> tuple[SavedSpatial, MarchState]:
         """The march by `stride` steps from save to save, with n_cells cells in two directions."""
         moving, system = start.divided(n_cells), body.stepped(spacing / stride)
         body.settle(moving, system, 0.0)
@@ -508,7 +510,7 @@ def difference(a: SavedSpatial, b: SavedSpatial, radius: float) -> float:
 
 
 def spatial_run(
-    body: PreparedImpact, saved: SavedSpatial, moving: Moving, steps: Steps, estimate: float
+    body: PreparedImpact, saved: SavedSpatial, moving: MarchState, steps: Steps, estimate: float
 ) -> SpatialRun:
     """Saved run of a march, in n, t1, t2, with all energies."""
     chain, static, wall = body.prepared.chain, body.prepared.static, body.wall

@@ -30,7 +30,7 @@ from beadwave.rom import ReducedModel
 FINER = 4
 
 
-class Sensed(NamedTuple):
+class SensorSignals(NamedTuple):
     """Motion of r sensors at k instants, (k, r) each."""
 
     displacement: NDArray[np.float64]  # [m] from the start
@@ -44,7 +44,7 @@ def sensed_in_march(
     p: NDArray[np.float64],
     force: NDArray[np.float64],
     shakers: NDArray[np.float64],
-) -> Sensed:
+) -> SensorSignals:
     """Signals of the sensors of a wall from its modes q [kg^1/2 m] and their rates p (k, n_modes),
     under forces (k, 3) at the contact and (k, s) of the shakers [N].
 
@@ -54,7 +54,7 @@ def sensed_in_march(
     rate = rate - 2 * wall.zeta * wall.omega * p - wall.omega**2 * q
     residual = force @ wall.sense_residual.T + shakers @ wall.sense_load_residual.T
     displacement = q @ wall.sense + residual
-    return Sensed(displacement - displacement[0], p @ wall.sense, rate @ wall.sense)
+    return SensorSignals(displacement - displacement[0], p @ wall.sense, rate @ wall.sense)
 
 
 def sensed_in_run(
@@ -64,7 +64,7 @@ def sensed_in_run(
     *,
     damping: Damping | None = None,
     finer: int = FINER,
-) -> Sensed:
+) -> SensorSignals:
     """Signals of the sensors of a reduced model in a run whose contact force along the normal is
     `force` (k,) [N] at equal times t (k,) [s], with `finer` instants of the modes from one to the
     next.
@@ -102,4 +102,4 @@ def sensed_in_run(
         p[:, j] = ((lambdas[0] * z[0] - lambdas[1] * z[1]) / (2 * swing)).real
     q, p = phi * q, phi * p
     rate = np.outer(F[::finer], phi) - 2 * zeta * omega * p - omega**2 * q
-    return Sensed(q @ sense, p @ sense, rate @ sense)
+    return SensorSignals(q @ sense, p @ sense, rate @ sense)

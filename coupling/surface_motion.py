@@ -64,7 +64,7 @@ class Shapes(NamedTuple):
     of_mode: list[int]  # one for each mode listed, -1 where the model has none
 
 
-class Moved(NamedTuple):
+class SurfaceMotion(NamedTuple):
     """The wall's modes in a run, at n instants."""
 
     omega: np.ndarray  # (k,) [rad/s]
@@ -74,7 +74,7 @@ class Moved(NamedTuple):
 
 
 def shown_shapes(
-    reduced: ReducedModel, frequency_hz: Sequence[float], moved: Moved | None
+    reduced: ReducedModel, frequency_hz: Sequence[float], moved: SurfaceMotion | None
 ) -> Shapes:
     """Shapes of the wall's modes that are visible in a run, and of listed modes that are not among
     them. The smallest modes are left out as long as together they move no node by more than a

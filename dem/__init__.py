@@ -28,7 +28,7 @@ from beadwave.dem.schemes import SCHEMES, Scheme
 from beadwave.dem.stability import UnstableStep, stability_limit
 from beadwave.dem.statics import Equilibrium, NoEquilibrium, equilibrium
 from beadwave.dem.step_control import (
-    Controlled,
+    ControlledMarch,
     StepReport,
     StepSearch,
     march_to_error,
@@ -45,7 +45,7 @@ __all__ = [
     "Batch",
     "Chain",
     "Chains",
-    "Controlled",
+    "ControlledMarch",
     "ElasticLaw",
     "Equilibrium",
     "Flat",

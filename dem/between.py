@@ -8,7 +8,7 @@ import numpy as np
 
 from beadwave.dem.chain import State
 from beadwave.dem.kernels.arguments import ChainArrays, Motion, Steps
-from beadwave.dem.kernels.between import Between, save_between
+from beadwave.dem.kernels.between import InterpolatedStates, save_between
 from beadwave.dem.kernels.ends import ChainAndWall, empty_step_ends
 from beadwave.dem.prepared import PreparedChain
 from beadwave.dem.schemes import Scheme
@@ -54,7 +54,7 @@ def run_between(
     # serve as room for those of a sample
     march = marched(prepared, state, Steps(duration / n_steps, n_steps, 1), scheme, speeds=True)
     k, n, n_modes = n_save + 1, chain.mass.size, prepared.static.q.size
-    samples = Between(
+    samples = InterpolatedStates(
         *np.empty((2, k, n)), *np.empty((2, k, n_modes)), *np.empty((2, k, 4))
     )  # fmt: skip
     saved = room_for(k, prepared)

@@ -65,7 +65,7 @@ class StepReport(NamedTuple):
     evaluations: int  # contact force evaluations of all marches
 
 
-class Controlled(NamedTuple):
+class ControlledMarch(NamedTuple):
     """A march and the report on its step."""
 
     trajectory: Trajectory
@@ -156,7 +156,7 @@ def march_to_error(
     observed: Sequence[int] | None = None,
     n_save: int = 1000,
     search: StepSearch = USUAL_SEARCH,
-) -> Controlled:
+) -> ControlledMarch:
     """Trajectory from velocities v0 (n,) [m/s] at n_save + 1 equal times to `duration` [s], whose
     velocities on the observed spheres (indices, None for all) are off by less than `error` times
     the largest initial speed, and whose energy ledger closes to `search.energy_error`, usually
@@ -424,7 +424,7 @@ def march_to_error(
     if thinned > 1:
         saved = {name: a for name, a in fine._asdict().items() if isinstance(a, np.ndarray)}
         fine = fine._replace(**{name: a[::thinned] for name, a in saved.items()})
-    return Controlled(fine._replace(error_estimate=estimate, errors=errors), report)
+    return ControlledMarch(fine._replace(error_estimate=estimate, errors=errors), report)
 
 
 def event_order(prepared: PreparedChain, method: Scheme, speed: float) -> float:

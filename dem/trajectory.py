@@ -14,7 +14,7 @@ from beadwave.dem.kernels.arguments import (
     LeafSprings,
     Motion,
     Plastic,
-    Saved,
+    SavedStates,
     Steps,
     WallModes,
 )
@@ -171,19 +171,19 @@ def run(
     return trajectory(march, march.saved, duration)
 
 
-class Marched(NamedTuple):
+class MarchResult(NamedTuple):
     """The result of a march by equal steps."""
 
     steps: Steps
     scheme: Scheme
     arrays: ChainArrays
-    saved: Saved
+    saved: SavedStates
     final: State
 
 
 def marched(
     prepared: PreparedChain, state: State, steps: Steps, scheme: Scheme, *, speeds: bool = False
-) -> Marched:
+) -> MarchResult:
     """March a prepared chain, with the speeds of the wall's modes if asked for; raises
     UnstableStep."""
     chain = prepared.chain
@@ -212,7 +212,7 @@ def marched(
     q, p = (np.zeros(0), np.zeros(0)) if modes is None else (modes.q, modes.p)
     deepest = None if plastic is None else plastic.top
     final = State(motion.x, motion.v, q, p, motion.wall, deepest)
-    return Marched(steps, scheme, arrays, out, final)
+    return MarchResult(steps, scheme, arrays, out, final)
 
 
 def equal_steps(duration: float, dt: float, n_save: int) -> Steps:
@@ -222,7 +222,7 @@ def equal_steps(duration: float, dt: float, n_save: int) -> Steps:
     return Steps(duration / (n_save * stride), n_save, stride)
 
 
-def trajectory(march: Marched, out: Saved, duration: float) -> Trajectory:
+def trajectory(march: MarchResult, out: SavedStates, duration: float) -> Trajectory:
     """The Trajectory of what a march saved at equally spaced times."""
     total, steps = out.energy[:, 10], march.steps
     scale = out.energy[0, 0] or np.abs(total).max() or 1.0
@@ -247,12 +247,12 @@ def trajectory(march: Marched, out: Saved, duration: float) -> Trajectory:
     )
 
 
-def room_for(k: int, prepared: PreparedChain, *, speeds: bool = False) -> Saved:
+def room_for(k: int, prepared: PreparedChain, *, speeds: bool = False) -> SavedStates:
     """Room for k saves; the modes of walls of up to MOST_MODES."""
     n, n_contacts, n_modes = prepared.chain.mass.size, prepared.chain.A.size, prepared.static.q.size
     n_modes = n_modes if n_modes <= MOST_MODES else 0
     widths = (n, n, n_contacts, 2, 11, n_modes, n_modes if speeds else 0)
-    return Saved(*(np.empty((k, width)) for width in widths))
+    return SavedStates(*(np.empty((k, width)) for width in widths))
 
 
 def chain_arrays(prepared: PreparedChain, state: State, scheme: Scheme, h: float) -> ChainArrays:

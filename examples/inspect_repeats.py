@@ -23,7 +23,7 @@ import numpy as np
 from beadwave import dem
 from beadwave.coupling.sensors import Sensor, measured, recorded, signals
 from beadwave.dem.sensitivities import usual_step
-from beadwave.workflows.files.record import Channel, Recorded
+from beadwave.workflows.files.record import Channel, MeanRecord
 from beadwave.workflows.fit.inspect import InspectionRequest, inspected, problem
 from beadwave.workflows.fit.inversion import Inversion, inverted, profiled
 from beadwave.workflows.fit.parametric_wall import Bounds
@@ -86,11 +86,11 @@ def signals_of(base: Base, sensor: Sensor, speeds, late) -> list[np.ndarray]:
     return records
 
 
-def with_noise(y: np.ndarray, seed: tuple[int, ...]) -> Recorded:
+def with_noise(y: np.ndarray, seed: tuple[int, ...]) -> MeanRecord:
     """Record of a signal by the instrument: noise, and its bits."""
     t, rows = np.arange(SAMPLES) / RATE, recorded([SENSOR], y, BITS, seed)
     channel = Channel(SENSOR.sphere + 1, SENSOR.quantity, True)
-    return Recorded(t, rows, (channel,), np.full(1, np.nan), 1, f"record {seed[-1] + 1}", True)
+    return MeanRecord(t, rows, (channel,), np.full(1, np.nan), 1, f"record {seed[-1] + 1}", True)
 
 
 def print_bars(answers: list[Inversion], truth: np.ndarray, seconds: float) -> None:
@@ -137,7 +137,7 @@ def random_beam(rng, low: np.ndarray, high: np.ndarray) -> np.ndarray:
             return beam
 
 
-def random_records(base: Base, i: int) -> tuple[Recorded, ...]:
+def random_records(base: Base, i: int) -> tuple[MeanRecord, ...]:
     """Five impacts; gain, velocities and triggers are drawn."""
     rng = np.random.default_rng([7, i])
     gain, impacts = rng.uniform(0.2, 2.0), []

@@ -37,7 +37,7 @@ from beadwave.workflows.files.scene import scene as load_scene
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.stages import assembly
 from beadwave.workflows.stages.krylov_space import krylov_space
-from beadwave.workflows.stages.mesh_error import MissedByMesh
+from beadwave.workflows.stages.mesh_error import MeshErrorEstimate
 from beadwave.workflows.stages.number_errors import numbers_of
 from beadwave.workflows.stages.parts import Parts
 from beadwave.workflows.stages.pipeline import Pipeline, pipeline_of
@@ -238,7 +238,7 @@ def reference(scene: Scene, parts: Parts, points: dict[str, np.ndarray], start, 
     order = np.argsort(space.pairs.omega)
     omega, w = space.pairs.omega[order], space.pairs.phi[:, order].T @ contact.w
     static = int(np.sum(omega > KrylovOptions().reach * 2 * np.pi * TO_HZ))
-    plain = MissedByMesh(omega, np.zeros((len(omega), len(omega))), w, static)
+    plain = MeshErrorEstimate(omega, np.zeros((len(omega), len(omega))), w, static)
     wall = plain.walls(contact_of(scene, model, contact))[0]
     march = dem.march(
         start.chain, wall_of(scene.but(wall={"cutoff": None}), wall), start.velocity,

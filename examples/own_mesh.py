@@ -29,7 +29,7 @@ def block(n: int = 6) -> MeshHex:
 def reduced():
     """The block in 20 modes and a residual vector at the patch."""
     structure = fem.assemble({"block": block()}, {"block": STEEL})
-    model = fem.joined(structure, fem.Connections(held=[fem.Held("block:back")]))
+    model = fem.joined(structure, fem.Connections(held=[fem.HeldFace("block:back")]))
     patch = fem.contact_patch(model, "block:front", (0.0, 0.0), PATCH)
     local = fem.half_space_on_mesh(model, "block:front", patch, STEEL)
     return beadwave.reduce_matrices(

@@ -144,13 +144,13 @@ def solid_wall(drawn: Scene) -> dem.Wall:
     structure = half._replace(K=2 * half.K, M=2 * half.M)
 
     # the mirror; hinged edges hold what lies across, and of a plate along the edge
-    held = [fem.Held("plate:-z", "z")]
+    held = [fem.HeldFace("plate:-z", "z")]
     sides = [("plate:-y", table.left, tangential[:1]), ("plate:+y", table.right, tangential[:1])]
     if drawn.plate:
         sides.append(("plate:+z", table.front, tangential[1:]))
     for face, kind, along in sides:
         directions = HELD[kind] + (along if kind == "hinged" else "")
-        held += [fem.Held(face, direction) for direction in directions]
+        held += [fem.HeldFace(face, direction) for direction in directions]
     model = fem.joined(structure, fem.Connections(held=held))
 
     # struck on the plane of the mirror: of patch and half-space one half is meshed

@@ -59,13 +59,13 @@ from beadwave.fem.materials import Material, Orthotropic
 from beadwave.fem.measured_part import MeasuredPart, PartPoint, joint_stiffness, with_measured
 from beadwave.fem.mechanisms import Loose, loose_bodies
 from beadwave.fem.mirror import mirrored
-from beadwave.fem.model import Connections, Held, Model, SwayingTable, joined
+from beadwave.fem.model import Connections, HeldFace, Model, SwayingTable, joined
 from beadwave.fem.modes import Modes, held, modes
 from beadwave.fem.plate import PlateCorrection, Sheet, TooLarge, mindlin_plate
 from beadwave.fem.prestress import FaceForce, Heat, Load, prestressed
 from beadwave.fem.response import receptance
 from beadwave.fem.rods import Rod
-from beadwave.fem.spot import Spot, planar_spot, round_spot
+from beadwave.fem.spot import SurfacePoint, planar_spot, round_spot
 from beadwave.fem.springs import PointSpring, SpringEnd, missed_in_dents, with_springs
 from beadwave.fem.stress_error import Faces, MissedEnergy, Pushed, missed_energy
 from beadwave.fem.surface import OnSurface, on_surface
@@ -89,7 +89,7 @@ __all__ = [
     "Factor",
     "HalfSpaceField",
     "Heat",
-    "Held",
+    "HeldFace",
     "Joint",
     "Load",
     "Loose",
@@ -112,9 +112,9 @@ __all__ = [
     "Shape",
     "Sheet",
     "Side",
-    "Spot",
     "SpringEnd",
     "Structure",
+    "SurfacePoint",
     "SwayingTable",
     "Target",
     "Tie",

@@ -32,7 +32,7 @@ from beadwave.fem.bending import ACROSS, DOWN, Bending, Buckled, load_factor, ve
 from beadwave.fem.contact_patch import ContactPatch
 from beadwave.fem.line import divided, line, wave_length
 from beadwave.fem.materials import Material
-from beadwave.fem.spot import Spot
+from beadwave.fem.spot import SurfacePoint
 
 # Division of a beam into elements
 ORDER = 10  # of the elements
@@ -209,7 +209,7 @@ def beam(
     # a force on top, downwards
     dofs = [along.node(x) for x in struck]
     w = np.isin(free, dofs) / -len(dofs)
-    spot = Spot(np.array([position, 0.0, section.thickness / 2]), DOWN, ACROSS)
+    spot = SurfacePoint(np.array([position, 0.0, section.thickness / 2]), DOWN, ACROSS)
     patch = ContactPatch(w, np.flatnonzero(w), w, spot, 0.0, "point")
 
     # drawn as a box whose vertices follow their section: u_x = -z theta, u_z = w

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from beadwave.fem.contact_patch import disc_quadrature
-from beadwave.fem.elasticity import Carried, Structure
+from beadwave.fem.elasticity import AttachedMass, Structure
 from beadwave.fem.joints import distributing
 from beadwave.fem.room import room_on_face
 from beadwave.fem.spot import planar_spot
@@ -63,6 +63,6 @@ def with_carried(structure: Structure, masses: Iterable[CarriedMass]) -> Structu
         centre = spot.point - body.height * spot.inward
         C = csr_matrix(csr_matrix(distributing(on_face, share, centre)) @ P)
         inertia = np.array([body.mass] * 3 + list(body.inertia))
-        carried.append(Carried(body.name, csr_matrix(C.T @ C.multiply(inertia[:, None]))))
+        carried.append(AttachedMass(body.name, csr_matrix(C.T @ C.multiply(inertia[:, None]))))
     M = sum((mass.M for mass in carried), start=structure.M).tocsr()
     return structure._replace(M=M, carried=structure.carried + tuple(carried))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, csr_matrix
 
 from beadwave.fem.model import Model
-from beadwave.fem.spot import Spot, planar_spot, require_flat
+from beadwave.fem.spot import SurfacePoint, planar_spot, require_flat
 from beadwave.fem.trace import OffFace, face_nodes, trace
 
 
@@ -27,7 +27,7 @@ class ContactPatch(NamedTuple):
     w: NDArray[np.float64]  # (n,) u_w = w @ u [1]
     boundary: NDArray[np.int64]  # free dofs of the recovery nodes, those that w reads
     on_mesh: NDArray[np.float64]  # (ndof,) the same functional on the displacements of the mesh
-    spot: Spot  # point, inward normal and curvature of the face there
+    spot: SurfacePoint  # point, inward normal and curvature of the face there
     radius: float  # [m]
     weights: str  # "hertz", "area" or "nodes"
     # (3, ndof) averages of the mesh's displacements along x, y and z; None of a bent structure
@@ -74,7 +74,7 @@ def disc_quadrature(
 def contact_patch(
     model: Model,
     face: str,
-    at: tuple[float, float] | Spot,
+    at: tuple[float, float] | SurfacePoint,
     radius: float,
     *,
     weights: str = "hertz",
@@ -91,7 +91,7 @@ def contact_patch(
     not plane, or curved too much for so large a patch. The default quadrature leaves some 4e-6 of
     the compliance where the disc crosses edges of elements, an error that falls as 1 / n^2.
     """
-    spot = at if isinstance(at, Spot) else planar_spot(model.structure, face, at)
+    spot = at if isinstance(at, SurfacePoint) else planar_spot(model.structure, face, at)
     require_flat(spot.radii, radius)
 
     # points of the disc; half of them, or a quarter, on each side of a mirror are one
@@ -103,7 +103,7 @@ def contact_patch(
         P = trace(model.structure, face, spot.point + radius * disc @ spot.axes, gap=spot.gap)
     except OffFace:
         place = f"{list(at)} m from the middle"
-        if isinstance(at, Spot):
+        if isinstance(at, SurfacePoint):
             place = f"{np.round(at.point, 6).tolist()} m"
         raise OffFace(
             f"the contact patch at {place} with radius {radius} m leaves the face "
@@ -131,7 +131,7 @@ def node_patch(model: Model, face: str, points: Sequence[tuple[float, float]]) -
     return _patch(model, mean, spots[0]._replace(point=middle), radius, "nodes")
 
 
-def _patch(model: Model, mean, spot: Spot, radius: float, weights: str) -> ContactPatch:
+def _patch(model: Model, mean, spot: SurfacePoint, radius: float, weights: str) -> ContactPatch:
     """The functional with its recovery nodes: all three displacements of every node it reads."""
     on_mesh = spot.inward @ mean
     nodes = np.unique(np.flatnonzero(on_mesh) // 3)

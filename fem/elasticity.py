@@ -29,7 +29,7 @@ from skfem import (
 from beadwave.fem.materials import Material, Orthotropic
 
 
-class Carried(NamedTuple):
+class AttachedMass(NamedTuple):
     """A mass that a face carries, apart from all others."""
 
     name: str
@@ -73,7 +73,7 @@ class Structure(NamedTuple):
     points: NDArray[np.float64]  # (n_nodes, 3) [m]
     K: csr_matrix  # (ndof, ndof) [N/m]
     M: csr_matrix  # (ndof, ndof) [kg], with the masses that faces carry
-    carried: tuple[Carried, ...] = ()  # these masses, each alone
+    carried: tuple[AttachedMass, ...] = ()  # these masses, each alone
     springs: tuple[PointSprings, ...] = ()  # between points; no part of K
     measured: tuple[JoinedPart, ...] = ()  # parts known by receptances; no part of K and M
 

@@ -16,7 +16,7 @@ from beadwave.fem.correlation import MOTIONS
 from beadwave.fem.elasticity import Structure
 from beadwave.fem.grounding import motions_about
 from beadwave.fem.joints import rigid_motion
-from beadwave.fem.model import Connections, Constrained, constrained
+from beadwave.fem.model import Connections, ConstrainedModel, constrained
 
 
 class Loose(NamedTuple):
@@ -29,7 +29,7 @@ class Loose(NamedTuple):
 def loose_bodies(
     structure: Structure,
     connections: Connections,
-    constraints_of_all: Constrained | None = None,
+    constraints_of_all: ConstrainedModel | None = None,
     *,
     free: float = 1e-6,
     moving: float = 0.05,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beadwave.fem.elasticity import Structure
-from beadwave.fem.model import Connections, Held, Model, joined
+from beadwave.fem.model import Connections, HeldFace, Model, joined
 from beadwave.fem.trace import face_nodes
 
 
@@ -20,8 +20,8 @@ def mirrored(structure: Structure, held: Sequence[str], mirrors: Sequence[str]) 
     excites. Raises ValueError for a mirror that is no such plane."""
     copies = 2 ** len(mirrors)
     body = structure._replace(K=copies * structure.K, M=copies * structure.M)
-    still = [Held(face, "xyz"[normal_axis(structure, face)]) for face in mirrors]
-    return joined(body, Connections(held=[*map(Held, held), *still]))
+    still = [HeldFace(face, "xyz"[normal_axis(structure, face)]) for face in mirrors]
+    return joined(body, Connections(held=[*map(HeldFace, held), *still]))
 
 
 def normal_axis(structure: Structure, face: str) -> int:

@@ -21,7 +21,7 @@ from beadwave.fem.joints import DIRECTIONS, Joint, Tie, mean_sides, rigid_sides,
 from beadwave.fem.trace import face_nodes
 
 
-class Held(NamedTuple):
+class HeldFace(NamedTuple):
     """A face held by the ground, or by the table."""
 
     face: str  # "body:face"
@@ -47,7 +47,7 @@ class Connections(NamedTuple):
 
     ties: Sequence[Tie] = ()
     joints: Sequence[Joint] = ()
-    held: Sequence[Held] = ()
+    held: Sequence[HeldFace] = ()
     table: SwayingTable | None = None
 
     @property
@@ -93,7 +93,7 @@ class Model(NamedTuple):
         return (self.K0 + diags_array(k)).tocsc()
 
 
-class Constrained(NamedTuple):
+class ConstrainedModel(NamedTuple):
     """All dofs U = [u, elongations r, motions q of second sides, oscillators of measured parts,
     sway of the table (2)]."""
 
@@ -103,7 +103,9 @@ class Constrained(NamedTuple):
 
 
 def joined(
-    structure: Structure, connections: Connections, constraints_of_all: Constrained | None = None
+    structure: Structure,
+    connections: Connections,
+    constraints_of_all: ConstrainedModel | None = None,
 ) -> Model:
     """The bodies joined and held; `constraints_of_all` are those of these connections, where they
     are known.
@@ -173,7 +175,7 @@ def joined(
     )
 
 
-def constrained(structure: Structure, connections: Connections) -> Constrained:
+def constrained(structure: Structure, connections: Connections) -> ConstrainedModel:
     """All constraints; where two hold a dof the ground comes first, then joints, then ties.
 
     A later one loses the dof and is listed in `overconstrained`. Raises ValueError where faces
@@ -211,4 +213,6 @@ def constrained(structure: Structure, connections: Connections) -> Constrained:
     means = mean_sides(structure, joints, slaves, n_total)
     require_free_joints(structure, [*rigid, *means, *ties], connections.centres)
     rigid_springs = fixed(n + np.flatnonzero(np.isinf(k)), n_total, "rigid springs")
-    return Constrained(n_total, *claimed(n_total, [rigid_springs, ground, *rigid, *means, *ties]))
+    return ConstrainedModel(
+        n_total, *claimed(n_total, [rigid_springs, ground, *rigid, *means, *ties])
+    )

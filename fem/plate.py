@@ -44,7 +44,7 @@ from beadwave.fem.bending import ACROSS, DOWN, Bending, Buckled, load_factor, ve
 from beadwave.fem.contact_patch import ContactPatch, disc_quadrature
 from beadwave.fem.line import LineElements, divided, line, wave_length
 from beadwave.fem.materials import Material
-from beadwave.fem.spot import Spot
+from beadwave.fem.spot import SurfacePoint
 
 # of an edge: the deflection, the turn along the edge and the turn across it
 HELD = {"hinged": (True, True, False), "clamped": (True, True, True), "free": (False,) * 3}
@@ -190,7 +190,7 @@ def mindlin_plate(
     pressed = np.einsum("q,qi,qj->ij", share, *values).ravel()
     read = -np.append(pressed, np.zeros(2 * len(pressed)))[free]
     read[np.abs(read) < 1e-14 * np.abs(read).max()] = 0.0
-    spot = Spot(np.array([*at, sheet.thickness / 2]), DOWN, ACROSS)
+    spot = SurfacePoint(np.array([*at, sheet.thickness / 2]), DOWN, ACROSS)
     patch = ContactPatch(read, np.flatnonzero(read), read, spot, sheet.patch_radius, "hertz")
 
     box, T = box_around(sheet, x, y)

@@ -30,7 +30,7 @@ class Rod(NamedTuple):
     stiffness: float = 0.0  # [N/m] its own, E A / L
 
 
-class Tightened(NamedTuple):
+class RodForces(NamedTuple):
     """Forces and stiffnesses that rods add to a structure."""
 
     f: NDArray[np.float64]  # (ndof,) [N]
@@ -38,7 +38,7 @@ class Tightened(NamedTuple):
     K: csr_matrix  # (ndof, ndof) [N/m]
 
 
-def tightened(structure: Structure, rods: Sequence[Rod], *, most_nodes: int = 600) -> Tightened:
+def tightened(structure: Structure, rods: Sequence[Rod], *, most_nodes: int = 600) -> RodForces:
     """Forces f (ndof,) [N], K_G and K (ndof, ndof) [N/m] of all rods. Raises ValueError for faces
     without a distance, and for more than `most_nodes` nodes on a face: a rod couples all nodes of
     both, 9 (2 n)^2 entries."""
@@ -72,4 +72,4 @@ def tightened(structure: Structure, rods: Sequence[Rod], *, most_nodes: int = 60
         f -= rod.tension * (B.T @ t)
         K_G = K_G + rod.tension / L * (B.T @ csr_matrix(np.eye(3) - along) @ B)
         K = K + rod.stiffness * (B.T @ csr_matrix(along) @ B)
-    return Tightened(f, K_G, K)
+    return RodForces(f, K_G, K)

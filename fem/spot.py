@@ -14,7 +14,7 @@ ROUND_TOLERANCE = 0.02  # of a radius: by which corners of a mesh may leave a ro
 MAX_PATCH_SHARE = 0.1  # of the smallest radius of curvature: the largest patch on a half-space
 
 
-class Spot(NamedTuple):
+class SurfacePoint(NamedTuple):
     """A point of a face, and the surface around it to second order."""
 
     point: NDArray[np.float64]  # (3,) [m]
@@ -40,7 +40,7 @@ def planar_spot(
     structure: Structure,
     face: str,
     at: tuple[float, float],
-) -> Spot:
+) -> SurfacePoint:
     """The spot `at` [m] from the middle of a plane face "body:face" along the two axes that span
     it. Raises ValueError for a face that is not plane."""
     body, facets = structure.facets(face)
@@ -52,7 +52,7 @@ def plane_spot(
     facets: NDArray[np.int64],
     face: str,
     at: tuple[float, float],
-) -> Spot:
+) -> SurfacePoint:
     """The spot `at` [m] from the middle of the plane face that some facets of a mesh make up,
     called `face`, along the two axes that span it.
 
@@ -81,7 +81,7 @@ def plane_spot(
     middle = (along.min(axis=0) + along.max(axis=0)) / 2 + np.asarray(at, dtype=float)
     height = points.mean(axis=0) @ normal
     side = np.sign(np.mean(middles @ normal) - height)  # of the plane on which the body lies
-    return Spot(middle @ axes + height * normal, side * normal, axes)
+    return SurfacePoint(middle @ axes + height * normal, side * normal, axes)
 
 
 def round_spot(
@@ -91,7 +91,7 @@ def round_spot(
     centre: NDArray[np.float64],
     radius: float,
     axis: NDArray[np.float64] | None = None,
-) -> Spot:
+) -> SurfacePoint:
     """The spot nearest to a point (3,) [m] on a cylinder of an axis (3,) through `centre` (3,) [m],
     or without one on a sphere around it.
 
@@ -123,7 +123,7 @@ def round_spot(
     # the sagitta of a facet, and by how much the face leaves its tangent plane under a patch
     facet = np.ptp(corners, axis=1).max()
     gap = (facet**2 / 4 + (MAX_PATCH_SHARE * radius) ** 2) / (2 * radius)
-    return Spot(point - away + radius * outward, -convex * outward, along, radii, gap)
+    return SurfacePoint(point - away + radius * outward, -convex * outward, along, radii, gap)
 
 
 def _corners_and_middles(

@@ -24,7 +24,7 @@ from beadwave.fem.joints import distributing
 from beadwave.fem.materials import Material, Orthotropic
 from beadwave.fem.model import Model
 from beadwave.fem.room import room_on_face
-from beadwave.fem.spot import Spot, planar_spot
+from beadwave.fem.spot import SurfacePoint, planar_spot
 from beadwave.fem.trace import OffFace, trace
 
 
@@ -140,7 +140,7 @@ def _softness(material: Material | Orthotropic) -> float:
 def along_disc(
     structure: Structure,
     end: SpringEnd,
-    spot: Spot,
+    spot: SurfacePoint,
     middle: NDArray[np.float64],
     d: NDArray[np.float64],
 ) -> csr_matrix:

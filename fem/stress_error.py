@@ -35,7 +35,7 @@ from beadwave.fem.elasticity import ELEMENTS, element_stiffness
 from beadwave.fem.half_space import HalfSpaceField
 from beadwave.fem.joints import Tie, rigid_motion
 from beadwave.fem.materials import Material, Orthotropic
-from beadwave.fem.model import Held, Model
+from beadwave.fem.model import HeldFace, Model
 from beadwave.fem.sagging import sagging
 from beadwave.fem.trace import located
 
@@ -50,7 +50,7 @@ class Pushed(NamedTuple):
 class Faces(NamedTuple):
     """Faces that are not free of traction."""
 
-    held: Sequence[Held] = ()  # held, or moving as rigid ones
+    held: Sequence[HeldFace] = ()  # held, or moving as rigid ones
     bearing: Collection[str] = ()  # "body:face" with an unknown traction: bolted, pushed
     ties: Sequence[Tie] = ()
 

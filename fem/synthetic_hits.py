@@ -78,7 +78,7 @@ def synthetic_hits(
     at_sensors = phi[rng.choice(points, references, replace=False)]
     mixing = np.eye(references) + defects.cross * rng.uniform(-1, 1, (references, references))
 
-    plan = Striking(points, repeats, dt, k, 1e-3)
+    plan = HammerHits(points, repeats, dt, k, 1e-3)
     force, response, point, spoiled = struck(
         rng, (f, zeta), (phi, side, mixing @ at_sensors), defects, plan
     )
@@ -94,7 +94,7 @@ def synthetic_hits(
     )  # fmt: skip
 
 
-class Striking(NamedTuple):
+class HammerHits(NamedTuple):
     """Hits on a structure: `repeats` times at every point, records of k samples."""
 
     points: int
@@ -109,7 +109,7 @@ def struck(
     poles: tuple[NDArray[np.float64], NDArray[np.float64]],
     shapes: tuple[NDArray[np.float64], ...],
     defects: HammerDefects,
-    plan: Striking,
+    plan: HammerHits,
 ) -> tuple[NDArray, NDArray, NDArray, NDArray]:
     """Forces (n, k), responses (n, m, k), points (n,) and whether a hit is double or clipped, of
     modes with frequencies [Hz] and damping ratios (q,), shapes at the points (p, q), across the

@@ -122,7 +122,7 @@ def face_quadrature(
     return points.reshape(3, -1).T, basis.dx.ravel()
 
 
-class Located(NamedTuple):
+class LocatedPoints(NamedTuple):
     """Points in the elements at a face."""
 
     cells: NDArray[np.int64]  # (n,) of the face's body
@@ -133,7 +133,7 @@ class Located(NamedTuple):
 
 def located(
     structure: Structure, face: str, points: NDArray[np.float64], *, gap: float = 0.0
-) -> Located:
+) -> LocatedPoints:
     """The elements at a face in which points (n, 3) lie, or the nearest ones; points farther than
     `gap` [m] from all facets may have none (-1)."""
     body, facets = structure.facets(face)
@@ -174,7 +174,7 @@ def located(
     miss = 1e-5 * np.ptp(candidates, axis=1).max(axis=0) + bulge[facet]
     distance = np.full(len(points), np.inf)
     np.minimum.at(distance, point, facet_distances(candidates, points[point].T) - miss)
-    return Located(cell, X_of_point, distance)
+    return LocatedPoints(cell, X_of_point, distance)
 
 
 def _bulge(mesh: Mesh, facets: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -28,7 +28,7 @@ from beadwave.geometry.hexahedra import hexahedra
 from beadwave.geometry.imprint import MERGED, Region, fitted, imprinted, regions
 from beadwave.geometry.patches import Disc, Patch
 from beadwave.geometry.roundness import enclosing, full_cylinders, rimmed
-from beadwave.geometry.selectors import Selected
+from beadwave.geometry.selectors import FaceSelection
 from beadwave.geometry.sizes import GRADING, Size, Sizes, mesh_visible
 from beadwave.geometry.solids import Body
 
@@ -52,7 +52,7 @@ def body_meshes(
     *,
     gap: float,
     sizes: Sizes = DEFAULT,
-    named: Mapping[str, Selected] | None = None,
+    named: Mapping[str, FaceSelection] | None = None,
     patches: Mapping[str, Patch] | None = None,
     element: str | None = None,
 ) -> dict[str, Mesh]:
@@ -138,7 +138,7 @@ def _require_edges(mesh: Mesh, name: str, disc: Disc, body: Body, gap: float) ->
 def tetrahedra(
     body: Body,
     wanted: Mapping[str, Sequence[Region]],
-    named: Mapping[str, Selected],
+    named: Mapping[str, FaceSelection],
     size: Size,
     gap: float,
 ) -> MeshTet:

@@ -14,9 +14,9 @@ from skfem import Mesh
 
 from beadwave.geometry.contacts import Neighbours, TouchingPair, require_apart
 from beadwave.geometry.errors import InvalidGeometry
-from beadwave.geometry.joints import Picked
+from beadwave.geometry.joints import NamedParts
 from beadwave.geometry.own_mesh import OwnMesh, own_mesh
-from beadwave.geometry.selectors import Selected
+from beadwave.geometry.selectors import FaceSelection
 from beadwave.geometry.shapes import Shape
 from beadwave.geometry.solids import Body, Vector, require_size
 
@@ -89,8 +89,8 @@ def drawn(
 
 
 def meshed(
-    drawing: Drawing, chosen: Picked, ties: Sequence[TouchingPair], named: Mapping[str, Selected],
-    sizing: Sizing,
+    drawing: Drawing, chosen: NamedParts, ties: Sequence[TouchingPair],
+    named: Mapping[str, FaceSelection], sizing: Sizing,
 ) -> tuple[dict[str, Mesh], dict[str, float]]:  # fmt: skip
     """Meshes of the bodies, with named faces, patches and ties as boundaries, and the fineness by
     which of two bodies tied the finer one is the slave; to be called once in `drawn`.

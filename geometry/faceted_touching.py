@@ -44,7 +44,7 @@ class FacetPairs(NamedTuple):
     gap: NDArray[np.float64]  # (n,) [m] between them
 
 
-class Meeting(NamedTuple):
+class TouchingBodies(NamedTuple):
     """Two bodies that touch, and their facets."""
 
     near: Neighbours
@@ -81,7 +81,7 @@ class Meeting(NamedTuple):
         return np.intersect1d(face.number[nearest], touching)
 
 
-def meeting(skins: Mapping[str, Skin], bodies: Mapping[str, Body], gap: float) -> Meeting:
+def meeting(skins: Mapping[str, Skin], bodies: Mapping[str, Body], gap: float) -> TouchingBodies:
     """Every pair of bodies that touch across at most `gap` [m], overlap, or nearly touch, and the
     facets of those that touch; skins and bodies by the same names."""
     touching, misses, overlaps, facet_pairs = [], [], [], {}
@@ -123,7 +123,7 @@ def meeting(skins: Mapping[str, Skin], bodies: Mapping[str, Body], gap: float) -
         elif not overlap:
             miss = _nearest_miss(skins[a], skins[b], (a, b))
             misses += [miss] if miss.distance <= NEARLY_TOUCHING else []
-    return Meeting(Neighbours(tuple(touching), tuple(misses), tuple(overlaps)), facet_pairs)
+    return TouchingBodies(Neighbours(tuple(touching), tuple(misses), tuple(overlaps)), facet_pairs)
 
 
 def _facet_pairs(first: Skin, second: Skin, a: Body, b: Body, gap: float) -> FacetPairs:

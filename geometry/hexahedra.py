@@ -29,7 +29,7 @@ from beadwave.geometry.facets import EXTRUDED, facets_of, triangles
 from beadwave.geometry.gmsh_session import boolean_tolerance, failing, mesh_options
 from beadwave.geometry.imprint import Region
 from beadwave.geometry.roundness import enclosing, full_cylinders
-from beadwave.geometry.selectors import Selected
+from beadwave.geometry.selectors import FaceSelection
 from beadwave.geometry.sizes import Size, mesh_visible, size_at
 from beadwave.geometry.solids import SAME, Body, Face, Vector, off_axis, parallel
 
@@ -153,7 +153,7 @@ class Layers(NamedTuple):
 def hexahedra(
     body: Body,
     wanted: Mapping[str, Sequence[Region]],
-    named: Mapping[str, Selected],
+    named: Mapping[str, FaceSelection],
     size: Size,
     gap: float,
 ) -> MeshHex | None:

@@ -47,7 +47,7 @@ class Concentric(NamedTuple):
     faces: tuple[int, int]  # tags of the planes that touch there
 
 
-class Engaged(NamedTuple):
+class ThreadedPair(NamedTuple):
     """A shank in a bore: where a thread joins two bodies."""
 
     bodies: tuple[str, str]
@@ -99,7 +99,7 @@ def _span(face: Face, axis_of: Face) -> tuple[float, float]:
     return lower, upper
 
 
-class Facing(NamedTuple):
+class FacingHoles(NamedTuple):
     """A hole of each body of a touching pair, where they open into a plane in which these touch."""
 
     diameters: tuple[float, float]  # m
@@ -113,7 +113,7 @@ class Facing(NamedTuple):
         return float(np.linalg.norm(self.centres[0] - self.centres[1]))
 
 
-def facing(touch: TouchingPair, bodies: Mapping[str, Body]) -> Iterator[Facing]:
+def facing(touch: TouchingPair, bodies: Mapping[str, Body]) -> Iterator[FacingHoles]:
     """Every hole of the first body with every one of the second, across the planes of contact."""
     first, second = (bodies[name] for name in touch.bodies)
     for contact in touch.contacts:
@@ -122,7 +122,7 @@ def facing(touch: TouchingPair, bodies: Mapping[str, Body]) -> Iterator[Facing]:
             continue
         for one, other in product(_at_plane(first, plane), _at_plane(second, plane)):
             diameters, centres = zip(one, other, strict=True)
-            yield Facing(diameters, centres, plane, contact.faces)
+            yield FacingHoles(diameters, centres, plane, contact.faces)
 
 
 def concentric(
@@ -136,7 +136,9 @@ def concentric(
     )
 
 
-def misaligned(touch: TouchingPair, bodies: Mapping[str, Body], gap: float) -> tuple[Facing, ...]:
+def misaligned(
+    touch: TouchingPair, bodies: Mapping[str, Body], gap: float
+) -> tuple[FacingHoles, ...]:
     """Holes of both bodies that open into each other and are about two axes."""
     return tuple(
         pair
@@ -182,7 +184,7 @@ def crossed(
     return bolts
 
 
-def engaged(first: Body, second: Body) -> tuple[Engaged, ...]:
+def engaged(first: Body, second: Body) -> tuple[ThreadedPair, ...]:
     """Shanks of either body in bores of the partner, the first body first: axes parallel,
     with a length in common; the distance of the axes and the difference of the radii make together
     at most THREAD_DEPTH of the bore's radius."""
@@ -200,5 +202,5 @@ def engaged(first: Body, second: Body) -> tuple[Engaged, ...]:
             if upper - lower > SAME:
                 names, tags = (first.name, second.name), (a.tags, b.tags)
                 centre = bore.ends[0] + (lower + upper) / 2 * bore.axis
-                threads.append(Engaged(names, tags, centre, bore.axis, float(upper - lower)))
+                threads.append(ThreadedPair(names, tags, centre, bore.axis, float(upper - lower)))
     return tuple(threads)

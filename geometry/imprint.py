@@ -20,7 +20,7 @@ from beadwave.geometry.contacts import TouchingPair
 from beadwave.geometry.errors import InvalidGeometry
 from beadwave.geometry.gmsh_session import boolean_tolerance
 from beadwave.geometry.patches import Disc, Patch, Share, Spots, ThreadBand
-from beadwave.geometry.selectors import Selected
+from beadwave.geometry.selectors import FaceSelection
 from beadwave.geometry.solids import SAME, Body, Face, Vector
 
 # How near to an edge of its face, or to another rim, the rim of a disc may come.
@@ -40,7 +40,7 @@ MERGED = 4
 MAX_ROOM = 1 / 4  # either way, over r: limits what a large gap would ask for
 
 
-class Imprinted(NamedTuple):
+class ImprintedBody(NamedTuple):
     """A body with its faces split."""
 
     tag: int  # of the new volume in the CAD model
@@ -223,8 +223,11 @@ def _polygon(corners: Sequence[Vector]) -> int:
 
 
 def imprinted(
-    body: Body, wanted: Mapping[str, Sequence[Region]], named: Mapping[str, Selected], gap: float
-) -> Imprinted:
+    body: Body,
+    wanted: Mapping[str, Sequence[Region]],
+    named: Mapping[str, FaceSelection],
+    gap: float,
+) -> ImprintedBody:
     """The body with the regions `wanted` imprinted, and the faces of both `named` and imprints.
 
     The surfaces of the regions are consumed. Raises ValueError when an imprint would cut the body
@@ -268,7 +271,7 @@ def imprinted(
     }
     for name, imprint in wanted.items():
         faces[name] = flat(new[region.tag] for region in imprint)
-    return Imprinted(volume, faces)
+    return ImprintedBody(volume, faces)
 
 
 def flat(lists: Iterable[Sequence[int]]) -> tuple[int, ...]:

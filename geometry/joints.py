@@ -16,7 +16,7 @@ from beadwave.geometry.contacts import TouchingPair
 from beadwave.geometry.errors import InvalidGeometry
 from beadwave.geometry.holes import THREAD_DEPTH, bores, concentric, crossed, engaged, misaligned
 from beadwave.geometry.patches import Disc, Patch, Share, Spots, ThreadBand
-from beadwave.geometry.selectors import Selected, bodies_named, faces, touches
+from beadwave.geometry.selectors import FaceSelection, bodies_named, faces, touches
 from beadwave.geometry.solids import Body, Vector
 
 
@@ -72,13 +72,13 @@ class JointPlace(NamedTuple):
     over: tuple[str | None, ...] = (None, None)
 
 
-class Picked(NamedTuple):
+class NamedParts(NamedTuple):
     """Bodies, faces and joints that a scene's words refer to."""
 
     groups: dict[str, list[str]]  # bodies by the key of their pattern
-    faces: dict[str, Selected]  # those of the words, and those that joints hold as they are
+    faces: dict[str, FaceSelection]  # those of the words, and those that joints hold as they are
     patches: dict[str, Patch]  # what joints hold of a face, to be imprinted
-    struck: Selected | None
+    struck: FaceSelection | None
     tied: dict[str, TouchingPair]  # by the pair's name "a|b"
     # slave and master, "body:face", of those that are tied under parts alone, by the pair's name
     partly: dict[str, tuple[str, str]]
@@ -88,7 +88,7 @@ class Picked(NamedTuple):
 
 def picked(
     words: Words, bodies: Mapping[str, Body], touching: Sequence[TouchingPair], gap: float
-) -> Picked:
+) -> NamedParts:
     """Bodies, faces and joints that a scene's words refer to; call it in the bodies' ``with
     model(...)``. `gap` [m] is the distance up to which bodies touch and axes of holes are one.
 
@@ -110,7 +110,7 @@ def picked(
         name: _spots(named[name], under, bodies, name) for name, under in words.under.items()
     }
     struck = faces(words.struck, bodies) if words.struck else None
-    result = Picked(groups, named, dict(patches), struck, tied, {}, {}, [])
+    result = NamedParts(groups, named, dict(patches), struck, tied, {}, {}, [])
 
     # a tie of parts: the smaller body follows under these the whole face of the larger one
     for tie, touch in pairs:
@@ -121,7 +121,7 @@ def picked(
         for body in (slave, master):
             side = touch.bodies.index(body)
             tags = tuple(dict.fromkeys(contact.faces[side] for contact in touch.contacts))
-            name, on = f"under-{touch.name}-{body}", Selected(body, tags)
+            name, on = f"under-{touch.name}-{body}", FaceSelection(body, tags)
             if body == slave:
                 result.patches[name] = _spots(on, tie.under, bodies, f"ties {touch.name}")
             else:
@@ -144,7 +144,7 @@ def picked(
         walls = [b for b in bores(bodies[selected.body]) if set(b.tags) <= set(selected.tags)]
         for i, bore in enumerate(walls, start=1):
             name, body = f"{joint.name}-{i}", selected.body
-            result.faces[name] = Selected(body, bore.tags)
+            result.faces[name] = FaceSelection(body, bore.tags)
             centre = bore.ends.mean(axis=0)
             result.joints.append(
                 JointPlace(joint.name, (body,), (f"{body}:{name}",), centre, bore.axis)
@@ -152,7 +152,7 @@ def picked(
     return result
 
 
-def _spots(on: Selected, under: Under, bodies: Mapping[str, Body], key: str) -> Spots:
+def _spots(on: FaceSelection, under: Under, bodies: Mapping[str, Body], key: str) -> Spots:
     """The parts of a plane face that are meant, on it; `key` is what messages call it by."""
     face = bodies[on.body].face(on.tags[0])
     if face.normal is None:
@@ -164,7 +164,7 @@ def _spots(on: Selected, under: Under, bodies: Mapping[str, Body], key: str) -> 
 
 def _place_bolts(
     joint: JointWords,
-    result: Picked,
+    result: NamedParts,
     bodies: Mapping[str, Body],
     touching: Sequence[TouchingPair],
     gap: float,
@@ -217,7 +217,7 @@ def _place_bolts(
         sides, axis = list(zip(place.bodies, place.faces, strict=True)), place.axis
         if not (place.bodies[0] in first and place.bodies[1] in second):
             sides, axis = sides[::-1], -axis
-        on = [Selected(body, (tag,)) for body, tag in sides]
+        on = [FaceSelection(body, (tag,)) for body, tag in sides]
         names = [f"{joint.name}-{i}-{body}" for body, _ in sides]
         in_mesh = [f"{body}:{name}" for (body, _), name in zip(sides, names, strict=True)]
         over: list[str | None] = [None, None]
@@ -245,7 +245,7 @@ def _place_bolts(
 
 
 def _place_threads(
-    joint: JointWords, result: Picked, bodies: Mapping[str, Body], n_before: int
+    joint: JointWords, result: NamedParts, bodies: Mapping[str, Body], n_before: int
 ) -> int:
     """Adds the threads of a joint, numbered on from those before; how many there are now."""
     firsts, seconds = (bodies_named(side, bodies) for side in (joint.first, joint.second))
@@ -283,7 +283,7 @@ def _place_threads(
     for i, thread in enumerate(threads, start=n_before + 1):
         names = [f"{joint.name}-{i}-{body}" for body in thread.bodies]
         for name, body, tags in zip(names, thread.bodies, thread.tags, strict=True):
-            on = Selected(body, tags)
+            on = FaceSelection(body, tags)
             result.patches[name] = ThreadBand(on, thread.centre, thread.axis, thread.length)
         in_mesh = tuple(f"{b}:{n}" for b, n in zip(thread.bodies, names, strict=True))
         result.joints.append(

@@ -35,7 +35,7 @@ if TYPE_CHECKING:  # half a second, which a scene that is only read does not pay
 SAME = 1e-9  # m, lines closer than this are one
 
 
-class Ring(NamedTuple):
+class HoleRing(NamedTuple):
     """The rectangle around a hole that its rings fill."""
 
     washer: float  # m, radius of the circle between the rings
@@ -50,13 +50,13 @@ class Lines(NamedTuple):
     x: Sequence[Stop] = ()
     y: Sequence[Stop] = ()
     z: Sequence[Stop] = ()
-    rings: Sequence[Ring] = ()  # one for every hole of a plate, in their order
+    rings: Sequence[HoleRing] = ()  # one for every hole of a plate, in their order
 
 
 class _Rectangle(NamedTuple):
     """A hole's ring, and which lines along x and y are the sides of its rectangle."""
 
-    ring: Ring
+    ring: HoleRing
     i: tuple[int, int]
     j: tuple[int, int]
 

@@ -9,9 +9,9 @@ from skfem import Mesh
 
 from beadwave.geometry.contacts import TouchingPair
 from beadwave.geometry.faceted import Skin, bodies, skins
-from beadwave.geometry.faceted_touching import Meeting, meeting
+from beadwave.geometry.faceted_touching import TouchingBodies, meeting
 from beadwave.geometry.patches import Patch, Spots
-from beadwave.geometry.selectors import Selected
+from beadwave.geometry.selectors import FaceSelection
 from beadwave.geometry.solids import Body
 
 
@@ -20,11 +20,11 @@ class OwnMesh(NamedTuple):
 
     skins: dict[str, Skin]
     bodies: dict[str, Body]
-    meeting: Meeting
+    meeting: TouchingBodies
 
     def marked(
         self,
-        named: Mapping[str, Selected],
+        named: Mapping[str, FaceSelection],
         patches: Mapping[str, Patch],
         tied: Sequence[tuple[TouchingPair, str]],
     ) -> dict[str, Mesh]:

@@ -10,14 +10,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beadwave.geometry.selectors import Selected
+from beadwave.geometry.selectors import FaceSelection
 from beadwave.geometry.solids import Vector
 
 
 class Disc(NamedTuple):
     """A round patch on plane faces of a body: under a washer, or where the chain strikes."""
 
-    on: Selected
+    on: FaceSelection
     centre: Vector  # (3,) [m]
     normal: Vector  # (3,) unit vector, along the outward normal of the faces or opposite to it
     radius: float  # m
@@ -26,7 +26,7 @@ class Disc(NamedTuple):
 class Share(NamedTuple):
     """The part of the common face of two bodies that is nearer to one bolt than to the others."""
 
-    on: Selected
+    on: FaceSelection
     regions: tuple[int, ...]  # tags of the common face's surfaces in the CAD model
     centre: Vector  # (3,) of the bolt [m]
     others: Sequence[Vector]  # (3,) each, of the other bolts [m]
@@ -37,7 +37,7 @@ class ThreadBand(NamedTuple):
     """The part of a cylinder's faces between two planes normal to its axis, along which a thread
     engages."""
 
-    on: Selected
+    on: FaceSelection
     centre: Vector  # (3,) on the axis, half-way between the planes [m]
     axis: Vector  # (3,) unit vector
     length: float  # m, between the planes
@@ -47,7 +47,7 @@ class Spots(NamedTuple):
     """Discs or rectangles on plane faces of a body, taken together: pads, or what several screws
     press on."""
 
-    on: Selected
+    on: FaceSelection
     centres: NDArray[np.float64]  # (n, 3) [m], moved onto the plane of the faces
     normal: Vector  # (3,) of the faces
     radius: float | None = None  # m

@@ -30,7 +30,7 @@ ROUND = re.compile(
 POINT = re.compile(r"(.+)@([^,@]+),([^,@]+),([^,@]+)")  # "body@x,y,z"
 
 
-class Selected(NamedTuple):
+class FaceSelection(NamedTuple):
     """Faces of one body, by their tags in the CAD model."""
 
     body: str
@@ -83,7 +83,7 @@ def touches(
     return pairs
 
 
-def faces(selector: str, bodies: Mapping[str, Body]) -> Selected:
+def faces(selector: str, bodies: Mapping[str, Body]) -> FaceSelection:
     """The faces of one body that a selector names; to be called in the bodies' ``with model(...)``.
 
     Raises InvalidGeometry, with what there is, for one that picks nothing or cannot choose.
@@ -99,7 +99,7 @@ def faces(selector: str, bodies: Mapping[str, Body]) -> Selected:
             )
         if not owners:
             raise _no_name(selector, bodies)
-        return Selected(owners[0].name, _with_name(owners[0], selector, name))
+        return FaceSelection(owners[0].name, _with_name(owners[0], selector, name))
 
     # "body@x,y,z" or "body:what"
     point = POINT.fullmatch(selector)
@@ -126,7 +126,7 @@ def faces(selector: str, bodies: Mapping[str, Body]) -> Selected:
             f'"{body.name}@x,y,z", "{body.name}:hole", "{body.name}:hole(6..7 mm)" or '
             f'"{body.name}:cylinder".'
         )
-    return Selected(body.name, tags)
+    return FaceSelection(body.name, tags)
 
 
 def _nearest(body: Body, selector: str, words: Sequence[str]) -> tuple[int, ...]:

@@ -41,7 +41,7 @@ DEGREE = re.compile(r"CONVERSION_BASED_UNIT\s*\(\s*'DEGREES?'", re.I)
 WITH_CURVE = ("SURFACE_CURVE", "SEAM_CURVE", "INTERSECTION_CURVE")
 
 
-class Recognised(NamedTuple):
+class AnalyticShape(NamedTuple):
     """A surface or a curve of a known kind, with an axis system: origin, axis z and direction x."""
 
     kind: str  # name of the entity in ISO 10303-42
@@ -170,7 +170,7 @@ class Spline(NamedTuple):
         return tuple(along)
 
 
-def surface_of(spline: Spline) -> Recognised | None:
+def surface_of(spline: Spline) -> AnalyticShape | None:
     """The plane, cylinder, cone, sphere or torus that a B-spline surface is; None for others, most
     of which a few points tell."""
     if _fitted(spline, *spline.grid(coarse=True)) is None:
@@ -178,7 +178,7 @@ def surface_of(spline: Spline) -> Recognised | None:
     return _fitted(spline, *spline.grid())
 
 
-def _fitted(spline: Spline, u: NDArray[np.float64], v: NDArray[np.float64]) -> Recognised | None:
+def _fitted(spline: Spline, u: NDArray[np.float64], v: NDArray[np.float64]) -> AnalyticShape | None:
     """The surface of a known kind on which the points of a B-spline at parameters u (n,), v (m,)
     lie; None where there is none."""
     grid, along_u, along_v = spline.at(u, v)
@@ -197,7 +197,7 @@ def _fitted(spline: Spline, u: NDArray[np.float64], v: NDArray[np.float64]) -> R
     z = np.linalg.svd(p - middle, full_matrices=False)[2][2]
     if np.abs((p - middle) @ z).max() < allowed:
         z = z * np.sign(n.sum(axis=0) @ z)
-        return Recognised("PLANE", p[0] - ((p[0] - middle) @ z) * z, z, _across(z))
+        return AnalyticShape("PLANE", p[0] - ((p[0] - middle) @ z) * z, z, _across(z))
 
     # sphere: rho^2 = 2 c rho + d, linear in c and d
     rho = (p - middle) / size
@@ -207,7 +207,7 @@ def _fitted(spline: Spline, u: NDArray[np.float64], v: NDArray[np.float64]) -> R
     if np.abs(np.linalg.norm(p - centre, axis=1) - radius).max() < allowed and radius < 100 * size:
         poles = _poles(grid, centre)
         turned = bool(np.mean(np.sum(n * (q - centre), axis=1)) < 0)
-        return Recognised("SPHERICAL_SURFACE", centre, *poles, (radius,), turned)
+        return AnalyticShape("SPHERICAL_SURFACE", centre, *poles, (radius,), turned)
 
     # axis of revolution: the line that all normals meet
     m = np.cross((q - middle) / size, n)
@@ -242,7 +242,7 @@ def _fitted(spline: Spline, u: NDArray[np.float64], v: NDArray[np.float64]) -> R
     return None
 
 
-def curve_of(spline: Spline) -> Recognised | None:
+def curve_of(spline: Spline) -> AnalyticShape | None:
     """The line or circle that a B-spline curve is, in its direction; None for others."""
     (t,) = spline.grid()
     p, along = spline.at(t)
@@ -254,7 +254,7 @@ def curve_of(spline: Spline) -> Recognised | None:
     off = (p - middle) - np.outer((p - middle) @ axes[0], axes[0])
     if np.linalg.norm(off, axis=1).max() < ALIKE * size:
         z = axes[0] * np.sign((p[-1] - p[0]) @ axes[0])
-        return Recognised("LINE", p[0], z, _across(z))
+        return AnalyticShape("LINE", p[0], z, _across(z))
     z = axes[2]
     if np.abs((p - middle) @ z).max() > ALIKE * size:
         return None
@@ -270,10 +270,10 @@ def curve_of(spline: Spline) -> Recognised | None:
         return None
     z = z * np.sign(np.cross(arms[0], along[0]) @ z)
     x = arms[0] - (arms[0] @ z) * z
-    return Recognised("CIRCLE", centre, z, x / np.linalg.norm(x), (radius,))
+    return AnalyticShape("CIRCLE", centre, z, x / np.linalg.norm(x), (radius,))
 
 
-def _revolved(kind: str, p, start: Vector, a: Vector, size: float) -> Recognised | None:
+def _revolved(kind: str, p, start: Vector, a: Vector, size: float) -> AnalyticShape | None:
     """A cylinder, cone or torus about an axis near the line through `start` along `a` that fits
     points p (n, 3); None where one is farther off than ALIKE."""
     b, c = np.linalg.svd(a[None])[2][1:]
@@ -320,7 +320,7 @@ def _revolved(kind: str, p, start: Vector, a: Vector, size: float) -> Recognised
     _, h, axis = profile(x)
     origin = start + size * (x[2] * b + x[3] * c)
     if kind == "CYLINDRICAL_SURFACE":
-        return Recognised(kind, origin + size * h.min() * axis, axis, axis, (size * x[4],))
+        return AnalyticShape(kind, origin + size * h.min() * axis, axis, axis, (size * x[4],))
     if kind == "CONICAL_SURFACE":
         # the half angle is positive: the axis points to where the cone widens
         if x[4] < 0:
@@ -330,11 +330,11 @@ def _revolved(kind: str, p, start: Vector, a: Vector, size: float) -> Recognised
         if radius < -ALIKE:  # both halves of a double cone
             return None
         numbers = size * max(radius, 0.0), float(np.arctan(x[4]))
-        return Recognised(kind, origin + size * low * axis, axis, axis, numbers)
+        return AnalyticShape(kind, origin + size * low * axis, axis, axis, numbers)
     R, r = size * x[4], size * x[6]
     if r <= 0 or r >= R:  # a torus that crosses itself
         return None
-    return Recognised(kind, origin + size * x[5] * axis, axis, axis, (R, r))
+    return AnalyticShape(kind, origin + size * x[5] * axis, axis, axis, (R, r))
 
 
 def _line(pluecker: NDArray, middle: Vector, size: float) -> tuple[Vector, Vector]:

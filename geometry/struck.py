@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from beadwave.geometry.solids import SAME, Body, Face, off_axis, parallel
 
 if TYPE_CHECKING:  # loads gmsh
-    from beadwave.geometry.selectors import Selected
+    from beadwave.geometry.selectors import FaceSelection
 
 
 class Struck(NamedTuple):
     """The face that the chain strikes, and the point struck; of a round face its centre, radius and
     axis, of a plane one its normal."""
 
-    face: Selected
+    face: FaceSelection
     point: NDArray[np.float64]  # (3,) [m]
     centre: NDArray[np.float64] | None = None  # (3,) [m] on a cylinder's axis, or a sphere's
     radius: float | None = None  # [m] < 0 of a hollow
@@ -59,7 +59,7 @@ def nearest(faces: Sequence[Face], body: Body, point: Sequence[float]) -> Face:
 def struck_at(body: Body, faces: Sequence[Face], first: Face, point: Sequence[float]) -> Struck:
     """The face `first` and all other faces of the same plane, cylinder or sphere, struck near a
     point (3,) [m], which is not moved onto a round face."""
-    from beadwave.geometry.selectors import Selected  # loads gmsh
+    from beadwave.geometry.selectors import FaceSelection  # loads gmsh
 
     # faces of one surface: a split cylinder or plane is struck as a whole
     tags = []
@@ -76,7 +76,7 @@ def struck_at(body: Body, faces: Sequence[Face], first: Face, point: Sequence[fl
             off = off_axis(face.on_axis, first.on_axis, first.axis)
         if max(np.linalg.norm(off), abs(first.radius - face.radius)) < SAME:
             tags.append(face.tag)
-    surface = Selected(body.name, tuple(tags))
+    surface = FaceSelection(body.name, tuple(tags))
 
     if first.normal is not None:
         height = (first.centre - point) @ first.normal

@@ -17,7 +17,7 @@ FLAT_EIGENVALUE = 0.85
 CREASE_EIGENVALUE = 0.1  # smallest eigenvalue: the normals at a sharp edge lie in a plane
 
 
-class Thinned(NamedTuple):
+class ThinnedMesh(NamedTuple):
     """Nodes that stay, and faces around them."""
 
     nodes: NDArray[np.int64]  # (m,) into the nodes of the surface
@@ -28,7 +28,7 @@ def thinned(
     points: NDArray[np.float64],
     faces: NDArray[np.integer],
     most: int,
-) -> Thinned:
+) -> ThinnedMesh:
     """At most `most` of the nodes at points (n, 3) [m], and the faces (k, 3 or 4), nodes around
     each, between them; more nodes where the surface is rough everywhere, since rough places are not
     merged. For pictures: the surface moves by up to the size of a cell."""
@@ -81,7 +81,7 @@ def thinned(
     _, first = np.unique(np.sort(merged, axis=1), axis=0, return_index=True)
     merged = merged[np.sort(first)]
     a, b, c = merged[:, 0], merged[:, 1], merged[:, 2]
-    return Thinned(nodes, merged[(a != b) & (b != c) & (a != c) & (merged[:, -1] != b)])
+    return ThinnedMesh(nodes, merged[(a != b) & (b != c) & (a != c) & (merged[:, -1] != b)])
 
 
 def _eigenvalues_of_mean(squared: NDArray, place: NDArray, n: int) -> NDArray[np.float64]:

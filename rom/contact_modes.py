@@ -37,7 +37,7 @@ from beadwave.rom.tall import ROWS, gram, shares, squares, turned
 from beadwave.rom.truncation import LOSS, frequencies, receptances, rms, size
 
 
-class Chosen(NamedTuple):
+class ChosenModes(NamedTuple):
     """Modes chosen by the contact, and what is known of those that were not."""
 
     pairs: EigenPairs  # omega (k,) [rad/s] ascending, phi (n, k) mass-normalised
@@ -52,7 +52,7 @@ def contact_modes(
     retained: EigenPairs,
     selection: Selection,
     options: KrylovOptions = KrylovOptions(),
-) -> Chosen:
+) -> ChosenModes:
     """The n_modes that matter most for the receptance at the contact up to to_hz, or the fewest
     that with a residual vector keep it to the relative rms error selected.
 
@@ -106,7 +106,7 @@ def contact_modes(
     weights[order[n:]] = participation[order[n:]] / pairs.omega[order[n:]] ** 2
     residual = pairs.phi @ weights
     modes = EigenPairs(pairs.omega[chosen], pairs.phi[:, chosen])
-    return Chosen(modes, residual, float(errors[n]), finer)
+    return ChosenModes(modes, residual, float(errors[n]), finer)
 
 
 def condensed(pairs: EigenPairs, w: np.ndarray, to_hz: float, error: float) -> EigenPairs:

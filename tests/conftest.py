@@ -88,6 +88,6 @@ def shared_cache(cache, tmp_path, monkeypatch):
 @pytest.fixture
 def plain(monkeypatch):
     """Kernels as they are written, as plain Python."""
-    from beadwave.dem.kernels.compiled import Compiled
+    from beadwave.dem.kernels.compiled import CompiledFunction
 
-    monkeypatch.setattr(Compiled, "__call__", lambda kernel, *given: kernel.py_func(*given))
+    monkeypatch.setattr(CompiledFunction, "__call__", lambda kernel, *given: kernel.py_func(*given))

@@ -213,7 +213,7 @@ def test_a_contact_turned_and_moved_with_its_body_answers_alike(seed):
     for turned, moved in ((np.eye(3), np.zeros(3)), (Q, shift)):
         model = fem.joined(blocks(turned, moved), fem.Connections())
         point = turned @ [0.02, -0.019, LOWER] + moved
-        spot = fem.Spot(point, turned @ [0, 0, -1.0], np.eye(3)[:2] @ turned.T)
+        spot = fem.SurfacePoint(point, turned @ [0, 0, -1.0], np.eye(3)[:2] @ turned.T)
         patch = fem.contact_patch(model, "lower:top", spot, 0.006)
         whole = rom.full_order(model.K, model.M, patch.w)
         answers.append(rom.receptance(whole, None, FREQUENCIES[1:], loss=0.02))

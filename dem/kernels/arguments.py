@@ -123,7 +123,7 @@ class Steps(NamedTuple):
     stride: int  # steps from save to save
 
 
-class Saved(NamedTuple):
+class SavedStates(NamedTuple):
     """States, forces and energies at every save, k of them."""
 
     x: Array  # (k, n) [m]

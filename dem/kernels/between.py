@@ -20,7 +20,7 @@ from beadwave.dem.kernels.arguments import (
     Array,
     ChainArrays,
     Motion,
-    Saved,
+    SavedStates,
     U,
     V,
     WallModes,
@@ -43,7 +43,7 @@ from beadwave.dem.kernels.modes import modal_energy
 from beadwave.dem.kernels.numbers import larger, smaller
 
 
-class Between(NamedTuple):
+class InterpolatedStates(NamedTuple):
     """Spheres at k samples; modes (k, n_modes) from their static state."""
 
     x: Array  # (k, n) [m]
@@ -110,7 +110,7 @@ def fill_between(ends: Ends, h: float, x: Array, v: Array) -> None:
             v[k, b] = mixed(i, b, h, slope, mirrored_slope, -1.0, ends) / h
 
 
-class Onset(NamedTuple):
+class ContactOnset(NamedTuple):
     """Instant in a step at which a contact begins to push, and the growth of its overlap; time in
     steps."""
 
@@ -148,7 +148,7 @@ def risen(t: float, bend: float) -> tuple[float, float, float, float]:
 
 
 @fastmath_inline
-def touch(h: float, i: int, k: int, c: int, gaps: Gaps) -> Onset:
+def touch(h: float, i: int, k: int, c: int, gaps: Gaps) -> ContactOnset:
     """Onset of contact c between the ends i and k of a step of h [s], seen from i: open there, or
     just closed. A slope of 0 where there is none. With k = i - 1 time runs backwards, and a contact
     that opens is one that closes."""
@@ -167,11 +167,13 @@ def touch(h: float, i: int, k: int, c: int, gaps: Gaps) -> Onset:
         slope = r0 + curvature * at
     else:
         at, slope = 0.0, 0.0
-    return Onset(at, larger(slope, 0.0), curvature)
+    return ContactOnset(at, larger(slope, 0.0), curvature)
 
 
 @fastmath_inline
-def move(k: int, c: int, dx: float, dv: float, bodies: ChainAndWall, moved: Between) -> None:
+def move(
+    k: int, c: int, dx: float, dv: float, bodies: ChainAndWall, moved: InterpolatedStates
+) -> None:
     """Move the bodies of contact c at the k-th sample by dx [kg m], mass times displacement,
     and the impulse dv [N s] of its force: each sphere by that over its mass, the modes by phi."""
     x, v, q, p, _, _ = moved
@@ -188,7 +190,7 @@ def move(k: int, c: int, dx: float, dv: float, bodies: ChainAndWall, moved: Betw
 
 
 @fastmath_inline
-def mend_events(gaps: Gaps, h: float, bodies: ChainAndWall, moved: Between) -> None:
+def mend_events(gaps: Gaps, h: float, bodies: ChainAndWall, moved: InterpolatedStates) -> None:
     """Correct the spheres and modes in `moved` by what contacts do that open or close in a step of
     h [s]: their true motion u'' = (r tau)^(3/2) takes the place of its own polynomial. Nothing
     changes at the ends of the step, where both agree."""
@@ -212,7 +214,7 @@ def mend_events(gaps: Gaps, h: float, bodies: ChainAndWall, moved: Between) -> N
 
 
 @fastmath_inline
-def place_modes(k: int, rows: Between, wall: Array, modes: WallModes | None) -> None:
+def place_modes(k: int, rows: InterpolatedStates, wall: Array, modes: WallModes | None) -> None:
     """Modes at the k-th sample into those of the chain, and displacement and velocity of the wall
     (4,) with them."""
     wall[U], wall[V] = 0.0, 0.0
@@ -225,8 +227,9 @@ def place_modes(k: int, rows: Between, wall: Array, modes: WallModes | None) -> 
 
 @fastmath_march
 def save_between(
-    h: float, marched: Saved, bodies: ChainAndWall, ends: StepEnds, samples: Between,
-    snapshot: Motion, chain: ChainArrays, saved: Saved,
+    h: float, marched: SavedStates, bodies: ChainAndWall, ends: StepEnds,
+    samples: InterpolatedStates,
+    snapshot: Motion, chain: ChainArrays, saved: SavedStates,
 ) -> None:  # fmt: skip
     """States, forces and energies between the steps of h [s] that were marched, at equally spaced
     times.

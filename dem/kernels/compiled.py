@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 FAST = {"contract", "reassoc", "nsz", "arcp"}
 
 
-class Compiled:
+class CompiledFunction:
     """A function that numba compiles.
 
     An inner one is called by compiled ones only, which saves a fifth of the compilation: it has no
@@ -74,7 +74,7 @@ def kind(argument: object) -> object:
 def njit(*, inner: bool = False, **options) -> Callable:
     """A decorator that compiles a function and keeps what was compiled."""
     options["no_cfunc_wrapper"] = True  # C calls none of them
-    return lambda function: Compiled(function, inner=inner, **options)
+    return lambda function: CompiledFunction(function, inner=inner, **options)
 
 
 # `_nrt=False`: no reference counts, which would cost more than the arithmetic of a short chain;

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beadwave.dem.kernels.arguments import Array, Saved
+from beadwave.dem.kernels.arguments import Array, SavedStates
 from beadwave.dem.kernels.compiled import fastmath_inline
 
 CONTACTS, WALL, GUIDES, DASHPOT = range(4)  # of StepEnds.slow; the first three are energies lost
@@ -61,7 +61,7 @@ class StepEnds(NamedTuple):
     force_rate: Array  # (k, n_contacts)
 
 
-def empty_step_ends(saved: Saved) -> StepEnds:
+def empty_step_ends(saved: SavedStates) -> StepEnds:
     """Room for the derivatives at the k ends of a march's steps; positions and velocities of the
     spheres and speeds of the modes are those of `saved`, not copied."""
     k, n_modes = saved.speeds.shape
@@ -75,7 +75,7 @@ def empty_step_ends(saved: Saved) -> StepEnds:
 
 
 @fastmath_inline
-def fill_ends(saved: Saved, bodies: ChainAndWall, h: float, ends: StepEnds) -> None:
+def fill_ends(saved: SavedStates, bodies: ChainAndWall, h: float, ends: StepEnds) -> None:
     """Derivatives at the ends of steps h [s], from what a march has saved there, into `ends`.
 
     Energies lost and the way of the dashpot (`slow`) have power and rate in closed form; the third

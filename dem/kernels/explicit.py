@@ -22,7 +22,7 @@ from beadwave.dem.kernels.arguments import (
     ForceShape,
     LeafSprings,
     Motion,
-    Saved,
+    SavedStates,
     Steps,
     V,
     WallModes,
@@ -44,7 +44,7 @@ from beadwave.dem.kernels.modes import drift_modes, push_modes, push_wall
 @fastmath_march
 def march(
     motion: Motion, start: Motion, snapshot: Motion, chain: ChainArrays,
-    fractions: tuple[Array, Array], correction: Correction | None, steps: Steps, saved: Saved,
+    fractions: tuple[Array, Array], correction: Correction | None, steps: Steps, saved: SavedStates,
 ) -> int:  # fmt: skip
     """n_save times stride steps of kick b[0], drift a[0], kick b[1], ..., kick b[-1], with the
     `fractions` a (n_drifts,), b (n_kicks,) of the step.

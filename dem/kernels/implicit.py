@@ -25,7 +25,7 @@ from beadwave.dem.kernels.arguments import (
     ForceShape,
     LeafSprings,
     Motion,
-    Saved,
+    SavedStates,
     Steps,
     U,
     V,
@@ -90,7 +90,7 @@ def workspace(n: int, n_contacts: int) -> tuple[StepStates, Newton]:
 @ieee_march
 def march_implicit(
     motion: Motion, snapshot: Motion, chain: ChainArrays, states: StepStates, newton: Newton,
-    b: Array, steps: Steps, saved: Saved,
+    b: Array, steps: Steps, saved: SavedStates,
 ) -> int:  # fmt: skip
     """As `explicit.march`, by steps of the parts b[s] dt, with b (n_parts,) of sum 1.
 

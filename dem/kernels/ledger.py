@@ -20,7 +20,7 @@ from beadwave.dem.kernels.arguments import (
     LeafSprings,
     Motion,
     Plastic,
-    Saved,
+    SavedStates,
     U,
     V,
     WallModes,
@@ -111,7 +111,12 @@ def save_modes(row: Array, speeds: Array, modes: WallModes | None) -> None:
 
 @fastmath_inline
 def save(
-    k: int, dt: float, motion: Motion, chain: ChainArrays, saved: Saved, mobility: float | None
+    k: int,
+    dt: float,
+    motion: Motion,
+    chain: ChainArrays,
+    saved: SavedStates,
+    mobility: float | None,
 ) -> bool:
     """Row k of the saved states, forces and energies; is it finite? dt [s] of the steps."""
     x, v, wall, energy = motion.x, motion.v, motion.wall, saved.energy[k]

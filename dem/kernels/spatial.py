@@ -76,7 +76,7 @@ class SpatialArrays(NamedTuple):
     soft: bool  # whether S is anything
 
 
-class Shaking(NamedTuple):
+class ModalShakerForces(NamedTuple):
     """m harmonic forces on the modes, as real and imaginary parts of e^(i omega t) amplitudes."""
 
     omega: Array  # (m,) [rad/s]
@@ -133,7 +133,7 @@ class SpatialSystem(NamedTuple):
     arrays: SpatialArrays
     sphere: Sphere
     law: TangentialLaw
-    shaking: Shaking
+    shaking: ModalShakerForces
     trials: Trials
 
 
@@ -169,7 +169,7 @@ def push(i: int, impulse: float, motion: SpatialMotion, square: Array) -> None:
 
 
 @fastmath
-def shake(t: float, q: Array, p: Array, shaking: Shaking) -> float:
+def shake(t: float, q: Array, p: Array, shaking: ModalShakerForces) -> float:
     """Write into `forced` what the shakers add to q and p (k,) in the step from t [s] on; returns
     their work [J] in it, exact: over q and p at its start, and over what the shakers themselves
     move."""

@@ -16,7 +16,7 @@ from beadwave.workflows.fit.candidates import (
     with_draws,
     with_triggers,
 )
-from beadwave.workflows.fit.forward import Shot, StructureForward, durations, unknowns
+from beadwave.workflows.fit.forward import MeasuredRecord, StructureForward, durations, unknowns
 from beadwave.workflows.fit.inversion import (
     Inversion,
     RecordPart,
@@ -26,7 +26,7 @@ from beadwave.workflows.fit.inversion import (
     sensors_side_by_side,
     widened,
 )
-from beadwave.workflows.fit.judgement import Judged
+from beadwave.workflows.fit.judgement import InspectionAnswer
 from beadwave.workflows.fit.least_squares import HUGE, RecordFit, Solution
 from beadwave.workflows.fit.model_errors import BetterModel
 from beadwave.workflows.fit.parameter import Parameter, at_bound
@@ -75,9 +75,11 @@ class Linear:
 
 
 def a_fit(gain=(-1, -1), noise=1.0, truth=TRUTH, factor=1.0):
-    y = factor * Linear().signals(SOUGHT, truth, [Shot(T, T, T)] * 2)
+    y = factor * Linear().signals(SOUGHT, truth, [MeasuredRecord(T, T, T)] * 2)
     y = y + noise * NOISE * np.random.default_rng(1).standard_normal(y.shape)
-    return RecordFit(Linear(), SOUGHT, tuple(Shot(T, item, NOISE) for item in y), np.array(gain))
+    return RecordFit(
+        Linear(), SOUGHT, tuple(MeasuredRecord(T, item, NOISE) for item in y), np.array(gain)
+    )
 
 
 def whole_line(fit):
@@ -141,7 +143,7 @@ def test_numbers_of_all_records_come_first_then_those_of_each_with_its_trigger()
 
 
 def test_a_run_lasts_to_the_end_of_its_record_from_the_earliest_trigger_on():
-    shots = [Shot(T, T, T), Shot(T[:101], T, T)]
+    shots = [MeasuredRecord(T, T, T), MeasuredRecord(T[:101], T, T)]
     assert durations(SOUGHT, shots).tolist() == [239.0 + 40.0, 100.0 + 40.0]
     late = SOUGHT._replace(parameters=tuple(p._replace(low=100.0) for p in SOUGHT.parameters))
     with pytest.raises(CouplingError, match="ends before the first touch"):
@@ -239,8 +241,11 @@ def test_rounding_adds_to_the_square_what_the_steadiest_record_shows(sigma):
     """2 D^2 / 12 exp(-(2 pi sigma / D)^2 / 2) of steps D, sigma the noise before them."""
     D = 0.3
     rms = np.hypot(sigma * D, D / np.sqrt(12.0))
-    shots = [Shot(T, T, np.array([more * rms]), np.array([D / np.sqrt(12.0)])) for more in (2, 1)]
-    fit = a_fit()._replace(shots=(*shots, Shot(T, T, NOISE)))
+    shots = [
+        MeasuredRecord(T, T, np.array([more * rms]), np.array([D / np.sqrt(12.0)]))
+        for more in (2, 1)
+    ]
+    fit = a_fit()._replace(shots=(*shots, MeasuredRecord(T, T, NOISE)))
     exact = D**2 / 6.0 * np.exp(-((2 * np.pi * sigma) ** 2) / 2)
     assert fit.rounded * rms**2 / exact == pytest.approx(1.0)
     assert a_fit().rounded < 1e-300
@@ -463,7 +468,7 @@ def test_records_are_explained_where_the_whole_residual_and_its_parts_may_be_noi
 
 def test_no_number_is_determined_by_a_model_that_does_not_explain_the_records():
     for misfit, expected in ((1.0, "yes"), (2.0, "not explained")):
-        judged = Judged(an_answer(misfit=misfit), (), None, 1, True, None, None, ("one",))
+        judged = InspectionAnswer(an_answer(misfit=misfit), (), None, 1, True, None, None, ("one",))
         assert judged.told == [expected]
         assert judged._replace(noise_known=False).told == ["yes"]
 
@@ -512,7 +517,7 @@ def test_triggers_are_set_so_that_first_waves_rise_together():
         def signals(self, unknowns, theta, shots):
             return np.array([ramps(30.0 + theta[i]) for i in unknowns.trigger])
 
-    shots = tuple(Shot(T, 0.1 * ramps(late), NOISE) for late in (33.5, 200.0))
+    shots = tuple(MeasuredRecord(T, 0.1 * ramps(late), NOISE) for late in (33.5, 200.0))
     fit = RecordFit(Ramp(), SOUGHT, shots, np.array([0, 0]))
     result = with_triggers(fit, SOUGHT.centre)
     np.testing.assert_allclose(result[[3, 5]], [3.5, 60.0], atol=1e-9)  # 60 is a bound

@@ -7,7 +7,7 @@ from beadwave import dem
 from beadwave.coupling import CouplingError
 from beadwave.coupling.sensors import Sensor, recorded
 from beadwave.workflows.fit.candidates import searched
-from beadwave.workflows.fit.forward import Shot, StructureForward, unknowns
+from beadwave.workflows.fit.forward import MeasuredRecord, StructureForward, unknowns
 from beadwave.workflows.fit.inversion import inverted, profiled
 from beadwave.workflows.fit.least_squares import RecordFit
 from beadwave.workflows.fit.parameter import Parameter
@@ -61,13 +61,13 @@ def sought(speeds=(0.3, 0.45)):
 def measured(duration, gain=0.2, wall=hinged, seed=0, bits=8):
     """Two records at 1 MHz, by a march of finer steps: noise of 1 %, 8 bits."""
     t = np.arange(0.0, duration, 1e-6)
-    blank = tuple(Shot(t, np.zeros((len(t), 1)), np.ones(1)) for _ in SPEEDS)
+    blank = tuple(MeasuredRecord(t, np.zeros((len(t), 1)), np.ones(1)) for _ in SPEEDS)
     true = StructureForward(lambda values: system(values, wall), SENSORS, STEP / 4)
     theta = EVERYTHING
     for i, y in enumerate(gain * true.signals(sought(), theta, blank)):
         noisy = recorded(SENSORS, y, bits, [seed, i])
         rms = 0.01 * np.abs(y).max() * np.hypot(1.0, 0.01 / 0.0347 / 2)  # and of 8 bits
-        yield Shot(t, noisy, np.array([rms]))
+        yield MeasuredRecord(t, noisy, np.array([rms]))
 
 
 def problem(duration, **how):
@@ -155,9 +155,11 @@ def problem_of(truth, shared, made=system, duration=3.5e-3):
     trigger = Parameter("trigger", "trigger", 0.0, -1e-4, 1e-4, 3e-6)
     sought = unknowns(shared, [[of_record]], [trigger])
     y = StructureForward(made, SENSORS, STEP / 4).signals(
-        sought, np.array([*truth, 0.306, 4e-6]), (Shot(t, np.zeros((len(t), 1)), np.ones(1)),)
+        sought,
+        np.array([*truth, 0.306, 4e-6]),
+        (MeasuredRecord(t, np.zeros((len(t), 1)), np.ones(1)),),
     )[0]
-    shot = Shot(t, recorded(SENSORS, y, 8, 1), np.array([0.0102 * np.abs(y).max()]))
+    shot = MeasuredRecord(t, recorded(SENSORS, y, 8, 1), np.array([0.0102 * np.abs(y).max()]))
     return RecordFit(StructureForward(made, SENSORS, STEP), sought, (shot,), np.array([0]))
 
 
@@ -284,13 +286,13 @@ def test_too_few_samples_are_refused():
 def stepped(duration, wall=hinged):
     """Two noiseless records of a sphere's velocity in 8 bits; it stands still between waves."""
     sensors, t = (Sensor(8, "velocity"),), np.arange(0.0, duration, 1e-6)
-    blank = tuple(Shot(t, np.zeros((len(t), 1)), np.ones(1)) for _ in SPEEDS)
+    blank = tuple(MeasuredRecord(t, np.zeros((len(t), 1)), np.ones(1)) for _ in SPEEDS)
     true = StructureForward(lambda values: system(values, wall), sensors, STEP / 4)
     shots = []
     for y in true.signals(sought(), EVERYTHING, blank):
         rounded = recorded(sensors, y, 8)
         rms = np.diff(np.unique(rounded)).min() / np.sqrt(12.0)
-        shots.append(Shot(t, rounded, np.array([rms]), np.array([rms])))
+        shots.append(MeasuredRecord(t, rounded, np.array([rms]), np.array([rms])))
     return RecordFit(
         StructureForward(system, sensors, STEP), sought(), tuple(shots), np.array([-1])
     )
@@ -313,7 +315,9 @@ def test_rounding_a_signal_that_stands_still_leaves_what_the_noise_before_it_say
     still = np.linspace(0.0, 1.0, 201)[:, None] + noise
     worst = np.max((still - np.round(still)) ** 2 @ density / density.sum())
     rms = np.sqrt(sigma**2 + 1.0 / 12.0)
-    shot = Shot(np.arange(2.0), np.zeros((2, 1)), np.array([rms]), np.array([1.0 / np.sqrt(12.0)]))
+    shot = MeasuredRecord(
+        np.arange(2.0), np.zeros((2, 1)), np.array([rms]), np.array([1.0 / np.sqrt(12.0)])
+    )
     fit = RecordFit(
         StructureForward(system, SENSORS, STEP), sought(SPEEDS[:1]), (shot,), np.array([0])
     )

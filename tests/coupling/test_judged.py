@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from beadwave import dem
 from beadwave.coupling import CoupledWall, CouplingError, energy_gain, march_coupled, verdict
 from beadwave.coupling.coupled_march import longest_step, with_coupled_error
-from beadwave.coupling.pruning import LeftOut, mode_costs, oscillation, prune, without
+from beadwave.coupling.pruning import TruncatedMode, mode_costs, oscillation, prune, without
 from beadwave.coupling.verdict import (
     _contact_frequency,
     large_step_error,
@@ -351,7 +351,9 @@ def test_an_oscillation_under_held_forces_is_exact(omega, zeta):
 
 def test_a_wall_without_modes_keeps_what_is_static_of_them():
     wall = Wall(np.array([1.0, 2.0, 3.0]), np.array([0.1, 0.2, 0.3]), np.array([4.0, 5, 6]), 0.5)
-    left = without(wall, [LeftOut(2, 0.5, "static", 0.0), LeftOut(0, 0.2, "frozen", 0.0)])
+    left = without(
+        wall, [TruncatedMode(2, 0.5, "static", 0.0), TruncatedMode(0, 0.2, "frozen", 0.0)]
+    )
     np.testing.assert_array_equal(left[:3], [[2.0], [0.2], [5.0]])
     assert left.residual_compliance == pytest.approx(0.5 + 4.0)
 
@@ -453,7 +455,7 @@ def test_modes_come_back_by_fifths_until_the_measured_change_is_allowed(
             trajectory=SimpleNamespace(v=v), verdict=SimpleNamespace(predicted_peak_force=peak)
         )
 
-    each = [LeftOut(j, 1.0, "frozen", (1 + 0.001 * j) * error / 9.5) for j in range(10)]
+    each = [TruncatedMode(j, 1.0, "frozen", (1 + 0.001 * j) * error / 9.5) for j in range(10)]
     monkeypatch.setattr("beadwave.coupling.pruning.impact", run)
     monkeypatch.setattr("beadwave.coupling.pruning.mode_costs", lambda *_: each[::-1])
     chain = row()._replace(A=np.array([1.0, 50.0, 1.5]))

@@ -9,7 +9,7 @@ from beadwave.dem import Wall
 from beadwave.rom import Surface, full_order, modal
 from beadwave.workflows.fit.parametric_wall import (
     Bounds,
-    Computed,
+    ComputedWall,
     design,
     left_out_errors,
     mac,
@@ -33,7 +33,7 @@ def hinged(theta, n=12):
     squares = (E * 0.04 * h**3 / 12 * k**4 + N * k**2) / mass
     phi = np.sqrt(2.0 / (mass * LENGTH)) * np.sin(k * AT)
     wall = Wall(np.sqrt(squares), np.full(n, 0.01), phi, 1e-9 / h)
-    return Computed(wall, np.sin(np.outer(X, k)))
+    return ComputedWall(wall, np.sin(np.outer(X, k)))
 
 
 BOX = Bounds(np.array([0.008, 60e9, -500.0]), np.array([0.012, 84e9, 0.0]))
@@ -66,7 +66,7 @@ def test_walls_that_leave_out_no_mode_do_not_spoil_those_between():
             zeta=np.append(wall.zeta, 0.0),
             phi=np.append(wall.phi, 0.0),
         )
-        return Computed(rest, computed.shapes)
+        return ComputedWall(rest, computed.shapes)
 
     between = made(of=varied)
     for theta in design(BOX, 3, seed=1):
@@ -106,7 +106,7 @@ def test_modes_that_change_places_are_followed_by_their_shapes():
         given = wall._replace(
             omega=put(wall.omega, omega), phi=put(wall.phi, phi), zeta=put(wall.zeta, 0.01)
         )
-        return Computed(given, np.column_stack([shapes, hinged(theta).shapes[:, -1]]))
+        return ComputedWall(given, np.column_stack([shapes, hinged(theta).shapes[:, -1]]))
 
     places = {int(np.argmin(np.abs(crossing(x).wall.phi - 0.3))) for x in design(BOX, 3)}
     assert len(places) > 1  # it does cross
@@ -128,7 +128,7 @@ def test_modes_of_a_hundredth_of_the_mean_compliance_count_for_the_missed_freque
         given = wall._replace(
             omega=put(wall.omega, omega), phi=put(wall.phi, phi), zeta=put(wall.zeta, 0.01)
         )
-        return Computed(given, np.column_stack([(X == X[3]).astype(float), shapes]))
+        return ComputedWall(given, np.column_stack([(X == X[3]).astype(float), shapes]))
 
     plain = made().missed.frequency
     assert (made(of=with_jump).missed.frequency > 100 * plain) == counts
@@ -137,7 +137,7 @@ def test_modes_of_a_hundredth_of_the_mean_compliance_count_for_the_missed_freque
 def test_a_mode_that_some_walls_lack_moves_with_the_rest():
     def lacking(theta):
         wall, shapes = hinged(theta, 12 if theta[0] > 0.01 else 10)
-        return Computed(wall, shapes)
+        return ComputedWall(wall, shapes)
 
     result = made(of=lacking)
     assert result.n_modes == 10
@@ -203,7 +203,7 @@ def dropped(numbers, walls, degree, i):
 def test_what_polynomials_miss_is_what_walls_left_out_are_missed_by():
     numbers = design(BOX, 1)[::-1]  # the first wall says which modes there are
     walls = [hinged(theta, 3) for theta in numbers]
-    walls = [Computed(with_rest(w.wall, None).wall, w.shapes) for w in walls]
+    walls = [ComputedWall(with_rest(w.wall, None).wall, w.shapes) for w in walls]
     result = parametric_wall(BOX, numbers, walls, 1)
     frequency, compliance, largest = [], [], []
     for i, item in enumerate(walls):
@@ -232,7 +232,7 @@ def constant(squares, phi2, zeta, residual=0.3):
     numbers = np.linspace(-1.0, 1.0, 4)[:, None]
     wall = Wall(np.ones(len(squares)), np.ones(len(squares)), np.ones(len(squares)), 1.0)
     data = parametric_wall(
-        Bounds(np.array([-1.0]), np.array([1.0])), numbers, [Computed(wall)] * 4, 1
+        Bounds(np.array([-1.0]), np.array([1.0])), numbers, [ComputedWall(wall)] * 4, 1
     )
     values = np.concatenate([squares, phi2, zeta, [residual]])
     return data._replace(coefficients=np.outer([1.0, 0.0], values))
@@ -286,7 +286,7 @@ def test_through_a_wall_with_fewer_modes_the_others_take_no_part():
 def shaped(shapes, n=None):
     """A wall of as many modes as shapes, and the oscillator for the rest."""
     n = shapes.shape[1] if n is None else n
-    return Computed(Wall(*np.ones((3, n + 1))), shapes)
+    return ComputedWall(Wall(*np.ones((3, n + 1))), shapes)
 
 
 def test_modes_are_the_same_from_a_mac_of_a_fifth():

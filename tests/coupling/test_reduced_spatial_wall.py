@@ -9,7 +9,7 @@ from beadwave.coupling.reduced_spatial_wall import half_space_of, spatial_wall_o
 from beadwave.coupling.reduced_wall import wall_from_reduced
 from beadwave.fem import (
     Connections,
-    Held,
+    HeldFace,
     assemble,
     contact_patch,
     factorised,
@@ -45,7 +45,7 @@ def held_block(order="xyz"):
         for sign, s in (("+", 1), ("-", -1))
     }
     structure = assemble({"block": mesh.with_boundaries(ends)}, {"block": STEEL})
-    return joined(structure, Connections(held=[Held("block:-x")]))
+    return joined(structure, Connections(held=[HeldFace("block:-x")]))
 
 
 def reduced_block(model, at, shaker_on, shaker_at, radius=3e-3, kind="free-modes"):

@@ -19,7 +19,7 @@ from filelock import FileLock
 from beadwave import coupling, dem
 from beadwave.dem.kernels import kept_code as kept
 from beadwave.dem.kernels import laws
-from beadwave.dem.kernels.compiled import Compiled, njit
+from beadwave.dem.kernels.compiled import CompiledFunction, njit
 
 PACKAGE = Path(dem.__file__).parents[1]
 ROOMS = (
@@ -197,7 +197,7 @@ def test_garbage_is_collected_again_after_compiling(chosen):
 
 def compiled_functions():
     named = [value for room in ROOMS for value in vars(import_module(room.name)).values()]
-    return {value for value in named if isinstance(value, Compiled)}
+    return {value for value in named if isinstance(value, CompiledFunction)}
 
 
 def test_the_code_of_every_function_that_python_enters_is_kept(chosen):
@@ -229,7 +229,7 @@ def reached(function):
     functions = [names[name] for name in code.co_names if name in names]
     modules = [value for value in functions if isinstance(value, ModuleType)]
     functions += [vars(module).get(name) for module in modules for name in code.co_names]
-    called = [f for f in functions if isinstance(f, Compiled)]
+    called = [f for f in functions if isinstance(f, CompiledFunction)]
     return {Path(f.py_func.__code__.co_filename).parent for f in (function, *called)}
 
 

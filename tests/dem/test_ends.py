@@ -9,7 +9,7 @@ from beadwave.dem import Chain, Wall, dashpot_wall, rigid_wall
 from beadwave.dem.between import chain_and_wall, run_between
 from beadwave.dem.kernels import between as kernels
 from beadwave.dem.kernels.arguments import Steps
-from beadwave.dem.kernels.between import Between
+from beadwave.dem.kernels.between import InterpolatedStates
 from beadwave.dem.kernels.ends import (
     CONTACTS,
     DASHPOT,
@@ -250,7 +250,7 @@ def test_the_bodies_of_a_contact_take_its_impulse():
         prepared, start(prepared, speeds(3)), Steps(0.1, 1, 1), named_scheme("rkn6", ROW, MODES)
     ).arrays)  # fmt: skip
     for c in range(3):
-        moved = Between(*np.zeros((2, 2, 3)), *np.zeros((2, 2, 2)), *np.zeros((2, 2, 4)))
+        moved = InterpolatedStates(*np.zeros((2, 2, 3)), *np.zeros((2, 2, 2)), *np.zeros((2, 2, 4)))
         kernels.move(1, c, 0.3, -0.7, bodies, moved)
         for way, sphere, mode in ((0.3, moved.x, moved.q), (-0.7, moved.v, moved.p)):
             exact = np.zeros(3)
@@ -280,7 +280,7 @@ def test_a_sample_is_moved_by_what_its_contact_does_in_its_step(back, curvature,
     bodies = chain_and_wall(prepared, marched(
         prepared, start(prepared, speeds(3)), Steps(0.1, 1, 1), named_scheme("rkn6", ROW, MODES)
     ).arrays)._replace(A=A, gamma=np.array([5.0, gamma, 7.0]))  # fmt: skip
-    moved = Between(*np.zeros((2, n, 3)), *np.zeros((2, n, 2)), *np.zeros((2, n, 4)))
+    moved = InterpolatedStates(*np.zeros((2, n, 3)), *np.zeros((2, n, 2)), *np.zeros((2, n, 4)))
     kernels.mend_events(gaps, h, bodies, moved)
     sign = -1.0 if back else 1.0
     at, slope, bent = crossing(-0.2, 0.4, 0.5, 0.4 + curvature)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from beadwave import dem
-from beadwave.dem.kernels.compiled import Compiled
+from beadwave.dem.kernels.compiled import CompiledFunction
 from beadwave.dem.sensitivities import march_with_sensitivities
 
 MODES = 30  # enough for the wide loop
@@ -104,10 +104,10 @@ MARCHES = {
 def test_a_march_leaves_the_same_bits_wherever_its_arrays_lie(name, monkeypatch):
     """With modes right behind their propagators one march of ten was summed otherwise."""
     usual = MARCHES[name]()
-    call, rng = Compiled.__call__, np.random.default_rng(1)
+    call, rng = CompiledFunction.__call__, np.random.default_rng(1)
     for _ in range(30):
         with monkeypatch.context() as patch:
-            patch.setattr(Compiled, "__call__", elsewhere(call, rng))
+            patch.setattr(CompiledFunction, "__call__", elsewhere(call, rng))
             other = MARCHES[name]()
         for one, two in zip(usual, other, strict=True):
             np.testing.assert_array_equal(one, two)

@@ -6,7 +6,7 @@ from skfem import MeshHex
 
 from beadwave.fem import (
     Connections,
-    Held,
+    HeldFace,
     Material,
     Orthotropic,
     assemble,
@@ -69,7 +69,7 @@ def block(material, n):
     faces = {"top": lambda x: x[2] > -1e-9, "base": lambda x: x[2] < -0.03 + 1e-9}
     mesh = MeshHex.init_tensor(x, x, z).with_boundaries(faces)
     structure = assemble({"block": mesh}, {"block": material})
-    return joined(structure, Connections(held=[Held("block:base")]))
+    return joined(structure, Connections(held=[HeldFace("block:base")]))
 
 
 @pytest.mark.slow

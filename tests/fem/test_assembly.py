@@ -6,7 +6,7 @@ from skfem import MeshHex
 
 from beadwave.fem import (
     Connections,
-    Held,
+    HeldFace,
     Material,
     assemble,
     contact_patch,
@@ -166,7 +166,7 @@ def held_bar():
     mesh = MeshHex.init_tensor(np.linspace(0.0, 0.2, 21), *lines)
     ends = {"-x": lambda x: x[0] < 1e-9, "+x": lambda x: x[0] > 0.2 - 1e-9}
     bar = assemble({"bar": mesh.with_boundaries(ends)}, {"bar": STEEL})
-    return joined(bar, Connections(held=[Held("bar:-x")]))
+    return joined(bar, Connections(held=[HeldFace("bar:-x")]))
 
 
 def test_receptance_at_rest_is_the_static_compliance_and_peaks_at_a_mode(held_bar):

@@ -10,7 +10,7 @@ from skfem import ElementTetP2, MeshHex, MeshTet
 from beadwave.fem import (
     Bushing,
     Connections,
-    Held,
+    HeldFace,
     Joint,
     Material,
     Model,
@@ -100,7 +100,7 @@ def with_rigid_body_and_springs(structure, k):
 def test_a_screw_is_calculix_rigid_body_and_its_springs():
     structure, k = two_blocks(), Bushing(1e8, 3e8, 2e8, 2e4, 3e4, 1e4)
     screw = SCREW._replace(springs=k)
-    model = joined(structure, Connections(joints=[screw], held=[Held("lower:base")]))
+    model = joined(structure, Connections(joints=[screw], held=[HeldFace("lower:base")]))
     theirs = answer(with_rigid_body_and_springs(structure, k)).frequency_hz
     np.testing.assert_allclose(modes(model.K, model.M, 10).frequency_hz, theirs[:10], rtol=PRINTED)
 

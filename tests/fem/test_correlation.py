@@ -7,7 +7,7 @@ from skfem import MeshHex, MeshTet
 from beadwave.fem import (
     BodyMotion,
     Connections,
-    Held,
+    HeldFace,
     Material,
     Number,
     Shape,
@@ -45,7 +45,7 @@ def model():
     }
     structure = assemble(meshes, {"bar": STEEL, "cube": STEEL._replace(young=210e11)})
     tie = Tie("bar:end", "cube:back")
-    return joined(structure, Connections([tie], held=[Held("bar:start")]))
+    return joined(structure, Connections([tie], held=[HeldFace("bar:start")]))
 
 
 @pytest.fixture(scope="module")

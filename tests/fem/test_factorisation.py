@@ -6,7 +6,15 @@ from scipy.sparse import csc_matrix, csr_matrix, diags_array, eye_array, kron
 from scipy.sparse.linalg import splu
 from skfem import MeshTet
 
-from beadwave.fem import Connections, Held, Material, assemble, factorisation, factorised, joined
+from beadwave.fem import (
+    Connections,
+    HeldFace,
+    Material,
+    assemble,
+    factorisation,
+    factorised,
+    joined,
+)
 from beadwave.fem.factorisation import Pardiso, _superlu, has_pardiso
 from beadwave.fem.grouping import grouped, minimum_degree_work
 from beadwave.fem.multifrontal import Cholesky, NotPositiveDefinite, Singular, plan
@@ -109,7 +117,7 @@ def brick(n, held):
     lines = [np.linspace(0, 0.1, n)] * 3
     cube = MeshTet.init_tensor(*lines).with_boundaries({"base": lambda x: x[2] < 1e-9})
     structure = assemble({"one": cube, "other": cube}, dict.fromkeys(("one", "other"), STEEL))
-    faces = [Held("one:base"), Held("other:base")] if held else []
+    faces = [HeldFace("one:base"), HeldFace("other:base")] if held else []
     return joined(structure, Connections(held=faces))
 
 

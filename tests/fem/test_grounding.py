@@ -6,7 +6,7 @@ from skfem import MeshHex
 
 from beadwave.fem import (
     Connections,
-    Held,
+    HeldFace,
     Joint,
     Side,
     Tie,
@@ -45,7 +45,7 @@ def test_a_rigid_body_has_the_mass_and_centre_of_its_volume():
 
 @pytest.mark.parametrize("how", [Connections([TIE]), Connections(joints=[JOINT])])
 def test_joints_follow_rigid_motions_and_are_refused_across_a_gap(how):
-    held = how._replace(held=[Held("lower:base")])
+    held = how._replace(held=[HeldFace("lower:base")])
     assert joined(two_blocks(), held).M.shape[0]
     with pytest.raises(ValueError, match="'upper:foot' does not lie on 'lower:top'"):
         joined(two_blocks(gap=1e-3), held)

@@ -8,7 +8,7 @@ from skfem import MeshHex
 
 from beadwave.fem import (
     Connections,
-    Held,
+    HeldFace,
     Material,
     Model,
     assemble,
@@ -37,7 +37,7 @@ def held_block(contact_seed):
         "-x": lambda x: np.abs(x[0]) < 1e-9,
     }
     block = assemble({"block": mesh.with_boundaries(faces)}, {"block": STEEL})
-    return joined(block, Connections(held=[Held("block:-x")]))
+    return joined(block, Connections(held=[HeldFace("block:-x")]))
 
 
 class Solved(NamedTuple):

@@ -15,7 +15,7 @@ from beadwave.fem.poly_reference import (
     phase_collinearity,
     poles_of_orders,
 )
-from beadwave.fem.synthetic_hits import HammerDefects, Striking, struck, synthetic_hits
+from beadwave.fem.synthetic_hits import HammerDefects, HammerHits, struck, synthetic_hits
 
 CLEAN = HammerDefects(noise=0.0, double=0.0, overload=0.0, cross=0.0)
 POLES = 2 * np.pi * np.array([-0.5 + 90j, -0.6 + 200j, -0.7 + 202j])
@@ -35,7 +35,7 @@ def test_records_of_a_hit_have_the_responses_of_the_modes():
     between samples, responses are up to 6 % lower."""
     hz, zeta = np.array([90.0, 300.0, 800.0]), np.array([0.02, 0.01, 0.004])
     one, dt, k = np.ones((1, 3)), 1 / (2.56 * 1.2 * 800.0), 2**14
-    plan = Striking(1, 1, dt, k, 1 / 800.0)
+    plan = HammerHits(1, 1, dt, k, 1 / 800.0)
     rng = np.random.default_rng(0)
     force, response, *_ = struck(rng, (hz, zeta), (one, one, one), HammerDefects(*[0.0] * 5), plan)
     f = np.fft.rfftfreq(k, dt)

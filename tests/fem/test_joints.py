@@ -11,7 +11,7 @@ from skfem import MeshHex
 from beadwave.fem import (
     Bushing,
     Connections,
-    Held,
+    HeldFace,
     Joint,
     Side,
     SwayingTable,
@@ -41,7 +41,7 @@ NOWHERE = np.empty(0, np.int64)
 
 
 TIE = Tie("upper:foot", "lower:top")
-BASE = Held("lower:base")
+BASE = HeldFace("lower:base")
 
 
 def blocks(fine=3, coarse=2):
@@ -144,7 +144,7 @@ def test_a_tie_between_meshes_that_match_is_the_merged_mesh():
     line = np.linspace(-0.01, 0.01, 4)
     whole = MeshHex.init_tensor(line, line, z)
     whole = assemble({"whole": whole.with_boundaries({"base": at(0.0)})}, {"whole": STEEL})
-    single = joined(whole, Connections(held=[Held("whole:base")]))
+    single = joined(whole, Connections(held=[HeldFace("whole:base")]))
     cut = stacked(*(MeshHex.init_tensor(line, line, part) for part in (z[:4], z[3:])), z[3])
     np.testing.assert_allclose(frequencies(tied(cut)), frequencies(single), rtol=1e-9)
 

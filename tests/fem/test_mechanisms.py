@@ -10,7 +10,7 @@ from skfem import MeshHex, MeshTet
 from beadwave.fem import (
     Bushing,
     Connections,
-    Held,
+    HeldFace,
     Joint,
     Material,
     Side,
@@ -23,7 +23,7 @@ from beadwave.fem import (
 
 STEEL = Material(210e9, 0.3, 7850.0)
 ALL = ("x", "y", "z", "rx", "ry", "rz")
-TIE, BASE = Tie("upper:-z", "lower:+z"), Held("lower:-z")
+TIE, BASE = Tie("upper:-z", "lower:+z"), HeldFace("lower:-z")
 MIDDLE = np.array([0.05, 0.05, 0.1])
 
 
@@ -69,7 +69,7 @@ def test_bodies_of_held_and_of_floating_assemblies_are_not_loose(stack):
 def test_a_hinge_leaves_its_turn_and_a_roller_its_plane(stack):
     assert told(stack, (), [joint(krz=0.0)], [BASE]) == {"upper": ("rz",)}
     assert told(stack, (), [joint(krz=0.0)]) == {"lower": ("rz",), "upper": ("rz",)}
-    rolling = told(stack, [TIE], (), [Held("lower:-z", "z")])
+    rolling = told(stack, [TIE], (), [HeldFace("lower:-z", "z")])
     assert rolling == {"lower": ("x", "y", "rz"), "upper": ("x", "y", "rz")}
 
 
@@ -83,7 +83,7 @@ def test_every_mechanism_is_a_mode_of_no_frequency(stack):
 
 
 def test_a_node_on_a_support_leaves_its_tie_and_is_reported(stack):
-    model = joined(stack, Connections([TIE], held=[Held("upper:-x", "x"), BASE]))
+    model = joined(stack, Connections([TIE], held=[HeldFace("upper:-x", "x"), BASE]))
     (twice,) = model.overconstrained
     assert (twice.kept, twice.dropped) == ("the supports", "the tie upper:-z to lower:+z")
     spots = stack.points[twice.slaves // 3]

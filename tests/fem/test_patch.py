@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from skfem import MeshHex
 
-from beadwave.fem import Connections, Held, assemble, contact_patch, joined
+from beadwave.fem import Connections, HeldFace, assemble, contact_patch, joined
 from beadwave.fem.contact_patch import disc_quadrature, node_patch
 from beadwave.fem.joints import rigid_motion
 
@@ -20,7 +20,7 @@ def model():
     mesh = MeshHex.init_tensor(line, line, np.linspace(0, 0.03, 4))
     faces = {"base": at(0.0), "top": at(0.03)}
     structure = assemble({"block": mesh.with_boundaries(faces)}, {"block": STEEL})
-    return joined(structure, Connections(held=[Held("block:base")]))
+    return joined(structure, Connections(held=[HeldFace("block:base")]))
 
 
 @pytest.mark.parametrize("weights", MOMENTS)

@@ -33,7 +33,7 @@ def bar(kind=MeshHex, n=24, ends=("yz", "yz")):
     stop = fem.Joint(
         "stop", fem.Side("bar:-x", "mean"), None, np.zeros(3), fem.Bushing(np.inf, 0, 0, 0, 0, 0)
     )
-    held = [fem.Held("bar:-x", ends[0]), fem.Held("bar:+x", ends[1])]
+    held = [fem.HeldFace("bar:-x", ends[0]), fem.HeldFace("bar:+x", ends[1])]
     joints = [] if "x" in ends[0] else [stop]
     return fem.joined(structure, fem.Connections(joints=joints, held=held))
 
@@ -114,7 +114,7 @@ def test_a_stretched_plate_is_a_membrane_with_stiffness():
         fem.Bushing(np.inf, np.inf, 0, 0, 0, np.inf),
     )  # fmt: skip
     edges = ("-x", "+x", "-y", "+y")
-    held = [fem.Held(f"sheet:{face}", "z") for face in edges]
+    held = [fem.HeldFace(f"sheet:{face}", "z") for face in edges]
     model = fem.joined(structure, fem.Connections(joints=[stop], held=held))
     forces = [fem.FaceForce(f"sheet:{face}", -S * side) for face in edges]  # pulls, away from it
     loaded = fem.prestressed(model, {"sheet": STEEL}, fem.Load(forces))

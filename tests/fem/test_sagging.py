@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from skfem import MeshHex
 
-from beadwave.fem import Connections, Held, Tie, assemble, joined
+from beadwave.fem import Connections, HeldFace, Tie, assemble, joined
 from beadwave.fem.sagging import sagging
 from beadwave.fem.trace import OffFace, trace
 
@@ -53,7 +53,9 @@ def pressed(ring, pin):
         "pin": sector(pin, INNER, OUTER, turn=0.1),
     }
     structure = assemble(meshes, dict.fromkeys(meshes, STEEL))
-    return joined(structure, Connections([Tie("pin:outer", "ring:inner")], held=[Held("ring:top")]))
+    return joined(
+        structure, Connections([Tie("pin:outer", "ring:inner")], held=[HeldFace("ring:top")])
+    )
 
 
 @pytest.mark.parametrize(("ring", "pin"), [(10, 40), (40, 10), (12, 12)])

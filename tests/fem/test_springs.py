@@ -94,7 +94,7 @@ def test_a_spring_in_series_adds_its_compliance_and_nothing_else():
     two stiffnesses the difference is 1 / k_1 - 1 / k_2, exactly."""
     sides = np.array([0.2, 0.02, 0.02])
     bar = fem.assemble({"bar": box(n=(8, 2, 2), sides=sides)}, {"bar": STEEL})
-    held = [fem.Held("bar:-y", "y"), fem.Held("bar:-z", "z")]
+    held = [fem.HeldFace("bar:-y", "y"), fem.HeldFace("bar:-z", "z")]
     end = fem.SpringEnd("bar:+x", (0.0, 0.0), 0.005)
     compliance = []
     for k in (1e5, 3e5):

@@ -13,11 +13,11 @@ def bar(kind, n, sides=(0.1, 0.02, 0.02)):
     axes = (np.linspace(0, side, m + 1) for side, m in zip(sides, n, strict=True))
     mesh = kind.init_tensor(*axes).with_boundaries({"foot": lambda x: x[0] == 0})
     structure = fem.assemble({"bar": mesh}, {"bar": STEEL})
-    return fem.joined(structure, fem.Connections(held=[fem.Held("bar:foot")]))
+    return fem.joined(structure, fem.Connections(held=[fem.HeldFace("bar:foot")]))
 
 
 def stated(model, modes):
-    D, foot = np.diag(modes.omega**2), [fem.Held("bar:foot")]
+    D, foot = np.diag(modes.omega**2), [fem.HeldFace("bar:foot")]
     return np.diag(fem.missed_energy(model, {"bar": STEEL}, modes.phi, D, fem.Faces(foot)).G) / (
         2 * modes.omega**2
     )
@@ -65,7 +65,7 @@ def test_a_sharp_inner_corner_does_not_hide_its_error():
         mesh = box.remove_elements(np.flatnonzero((centre[0] > 0.02) & (centre[1] > 0.02)))
         mesh = mesh.with_boundaries({"foot": lambda x: x[1] == 0})
         structure = fem.assemble({"bar": mesh}, {"bar": STEEL})
-        return fem.joined(structure, fem.Connections(held=[fem.Held("bar:foot")]))
+        return fem.joined(structure, fem.Connections(held=[fem.HeldFace("bar:foot")]))
 
     coarse, fine = model(1), model(3)
     modes = fem.modes(coarse.K, coarse.M, 3)
@@ -84,7 +84,7 @@ def test_of_a_push_only_what_is_not_the_half_space_is_missed():
             {"foot": lambda x: x[0] == 0, "top": lambda x: x[2] > 0.0399999}
         )
         structure = fem.assemble({"bar": mesh}, {"bar": STEEL})
-        model = fem.joined(structure, fem.Connections(held=[fem.Held("bar:foot")]))
+        model = fem.joined(structure, fem.Connections(held=[fem.HeldFace("bar:foot")]))
         patch = fem.contact_patch(model, "bar:top", (0.02, 0.0), 2e-3)
         u = fem.factorised(model.K).solve(patch.w)
         local = fem.half_space_on_mesh(model, "bar:top", patch, STEEL)
@@ -92,7 +92,13 @@ def test_of_a_push_only_what_is_not_the_half_space_is_missed():
 
     model, patch, u, compliance = pushed((5, 2, 2))
     field = next(fem.half_space_fields(model, "bar:top", [patch], STEEL))
-    common = model, {"bar": STEEL}, u[:, None], np.zeros((1, 1)), fem.Faces([fem.Held("bar:foot")])
+    common = (
+        model,
+        {"bar": STEEL},
+        u[:, None],
+        np.zeros((1, 1)),
+        fem.Faces([fem.HeldFace("bar:foot")]),
+    )
     G = fem.missed_energy(*common, pushed=fem.Pushed(np.ones((1, 1)), field)).G[0, 0]
     true = (pushed((15, 6, 6))[3] - compliance) / 0.8
     assert 0.5 < G / true < 1.7, G / true
@@ -110,11 +116,11 @@ def test_two_bodies_tied_face_to_face_miss_what_one_body_misses():
 
     whole = half("bar", np.linspace(0, 0.1, 7))
     halves = {"a": half("a", np.linspace(0, 0.05, 4)), "b": half("b", np.linspace(0.05, 0.1, 4))}
-    held, tie = [fem.Held("bar:foot")], fem.Tie("b:joined", "a:joined")
+    held, tie = [fem.HeldFace("bar:foot")], fem.Tie("b:joined", "a:joined")
     one = fem.joined(fem.assemble({"bar": whole}, {"bar": STEEL}), fem.Connections(held=held))
     materials = dict.fromkeys(halves, STEEL)
     two = fem.joined(
-        fem.assemble(halves, materials), fem.Connections([tie], held=[fem.Held("a:foot")])
+        fem.assemble(halves, materials), fem.Connections([tie], held=[fem.HeldFace("a:foot")])
     )
     G = []
     for model, of, foot, ties in (
@@ -123,7 +129,9 @@ def test_two_bodies_tied_face_to_face_miss_what_one_body_misses():
     ):
         modes = fem.modes(model.K, model.M, 3)
         D = np.diag(modes.omega**2)
-        missed = fem.missed_energy(model, of, modes.phi, D, fem.Faces([fem.Held(foot)], (), ties))
+        missed = fem.missed_energy(
+            model, of, modes.phi, D, fem.Faces([fem.HeldFace(foot)], (), ties)
+        )
         G.append(np.diag(missed.G) / modes.omega**2)
         np.testing.assert_allclose(sum(e.sum(axis=0) for e in missed.of_cells.values()),
                                    np.diag(missed.G))  # fmt: skip
@@ -138,7 +146,7 @@ def test_slivers_beside_large_elements_do_not_raise_the_error():
         axes = np.linspace(0, 0.1, 7), np.linspace(0, 0.02, 3), np.asarray(layers)
         mesh = MeshHex.init_tensor(*axes).with_boundaries({"foot": lambda x: x[0] == 0})
         structure = fem.assemble({"bar": mesh}, {"bar": STEEL})
-        model = fem.joined(structure, fem.Connections(held=[fem.Held("bar:foot")]))
+        model = fem.joined(structure, fem.Connections(held=[fem.HeldFace("bar:foot")]))
         return stated(model, fem.modes(model.K, model.M, 3))
 
     ratio = stated_of([0, 0.01, 0.0101, 0.02]) / stated_of([0, 0.01, 0.02])

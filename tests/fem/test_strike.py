@@ -7,7 +7,7 @@ from skfem import MeshHex
 
 from beadwave.fem import (
     Connections,
-    Held,
+    HeldFace,
     Material,
     Orthotropic,
     assemble,
@@ -34,7 +34,7 @@ def block(turn):
 
 def answers(mesh, at, material=STEEL):
     structure = assemble({"block": mesh}, {"block": material})
-    model = joined(structure, Connections(held=[Held("block:base")]))
+    model = joined(structure, Connections(held=[HeldFace("block:base")]))
     patch = contact_patch(model, "block:top", at, 2e-3)
     local = half_space_on_mesh(model, "block:top", patch, STEEL)
     return patch.w @ factorised(model.K).solve(patch.w), local, patch.spot
@@ -83,7 +83,7 @@ def bar():
     }
     bent = MeshHex(np.array([r * np.cos(phi), r * np.sin(phi), height]), mesh.t)
     whole = assemble({"bar": bent.with_boundaries(faces)}, {"bar": STEEL})
-    return joined(whole, Connections(held=[Held("bar:ends")]))
+    return joined(whole, Connections(held=[HeldFace("bar:ends")]))
 
 
 @pytest.mark.slow

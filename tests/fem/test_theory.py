@@ -11,7 +11,7 @@ from skfem import MeshHex
 from beadwave.fem import (
     Bushing,
     Connections,
-    Held,
+    HeldFace,
     Joint,
     Material,
     Side,
@@ -104,7 +104,7 @@ def bending_hz(model, axis, n):
 def test_beams_have_the_frequencies_of_timoshenko(beam, kind):
     """Five modes in either plane; a clamped end that cannot contract stiffens by 0.1 %."""
     ends = zip(("beam:-x", "beam:+x"), ENDS[kind], strict=True)
-    held = [Held(face, HELD[how]) for face, how in ends if HELD[how]]
+    held = [HeldFace(face, HELD[how]) for face, how in ends if HELD[how]]
     model = joined(beam, Connections(held=held))
     for axis, sides in ((1, (HEIGHT, WIDTH)), (2, (WIDTH, HEIGHT))):
         theory = timoshenko_hz(rectangle(LENGTH, *sides), ENDS[kind], 5)
@@ -125,7 +125,7 @@ def test_square_plates_have_the_frequencies_of_the_literature(theory, held):
     mesh = boxed(line, line, np.array([0, THICKNESS]))
     plate = assemble({"plate": mesh}, {"plate": STEEL})
     edges = {"-x": "yz", "+x": "yz", "-y": "xz", "+y": "xz"} if held else {}
-    model = joined(plate, Connections(held=[Held(f"plate:{f}", d) for f, d in edges.items()]))
+    model = joined(plate, Connections(held=[HeldFace(f"plate:{f}", d) for f, d in edges.items()]))
     hz = modes(model.K, model.M, len(theory) + 6, shift_hz=20.0).frequency_hz
     D = STEEL.young * THICKNESS**3 / (12 * (1 - STEEL.poisson**2))
     unit = np.sqrt(D / (STEEL.density * THICKNESS)) / SIDE**2 / (2 * np.pi)
@@ -199,7 +199,7 @@ def test_a_struck_beam_gives_way_like_a_beam_and_a_half_space(poisson):
     bar = assemble({"bar": boxed(along, depth, across)}, {"bar": solid})
     start, open_but_x = np.array([-length / 2, 0, 0]), Bushing(np.inf, 0, 0, 0, 0, 0)
     axial = Joint("stop", Side("bar:-x", "mean"), None, start, open_but_x)
-    ends = [Held("bar:-x", "yz"), Held("bar:+x", "yz")]
+    ends = [HeldFace("bar:-x", "yz"), HeldFace("bar:+x", "yz")]
     model = joined(bar, Connections(joints=[axial], held=ends))
     factor, left = factorised(model.K), []
     for radius in (1e-3, 2.5e-3, 6e-3):
@@ -242,7 +242,7 @@ def test_a_struck_plate_gives_way_like_a_plate_and_a_half_space():
     quarter = boxed(along, along, np.array([0.0, 0.01, 0.015, 0.018, 0.02]))
     plate = assemble({"plate": quarter}, {"plate": STEEL})
     edges = {"-x": "x", "-y": "y", "+x": "yz", "+y": "xz"}
-    held = [Held(f"plate:{face}", axes) for face, axes in edges.items()]
+    held = [HeldFace(f"plate:{face}", axes) for face, axes in edges.items()]
     model = joined(plate._replace(K=4 * plate.K), Connections(held=held))
     factor, left, radii = factorised(model.K), [], (1e-3, 2.5e-3, 6e-3)
     for radius in radii:

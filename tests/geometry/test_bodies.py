@@ -12,7 +12,7 @@ from beadwave.geometry.body_mesh import body_meshes, foreseen_nodes
 from beadwave.geometry.cad import model
 from beadwave.geometry.hexahedra import JOINED
 from beadwave.geometry.patches import Disc
-from beadwave.geometry.selectors import Selected, bodies_named, faces, touches
+from beadwave.geometry.selectors import FaceSelection, bodies_named, faces, touches
 from beadwave.geometry.shapes import Box, Cylinder, Hole, Slab
 from beadwave.geometry.sizes import Fine, Sizes, default_seed, default_seeds, size_of
 from beadwave.geometry.touching import neighbours
@@ -127,7 +127,7 @@ def test_a_body_that_touches_none_is_meshed_like_any():
 
 def test_a_disc_beside_its_faces_is_refused(shapes):
     with model(shapes) as cad:
-        on = Selected("block", tuple(f.tag for f in cad.bodies["block"].faces))
+        on = FaceSelection("block", tuple(f.tag for f in cad.bodies["block"].faces))
         beside = Disc(on, R @ [0.2, 0.0, 0.5], R[:, 2], 0.004)
         with pytest.raises(
             ValueError, match=r'"pad": a disc .* does not lie on the faces of block'

@@ -7,7 +7,7 @@ from skfem import Basis, MeshHex, MeshTet
 from beadwave.geometry import InvalidGeometry, smallest_quality
 from beadwave.geometry.gmsh_session import session
 from beadwave.geometry.grid_lines import Stop, refined
-from beadwave.geometry.lined import Lines, Ring, lined_mesh
+from beadwave.geometry.lined import HoleRing, Lines, lined_mesh
 from beadwave.geometry.own_mesh import own_mesh
 from beadwave.geometry.shapes import Box, Hole, Slab, volume
 from beadwave.geometry.size import n_nodes
@@ -18,7 +18,7 @@ PLATE = Slab(
     ((-0.03, 0.0), (0.03, 0.0), (0.03, 0.02), (-0.03, 0.02)), 1e-3, (Hole(6e-3, (0.01, 0.011)),),
     at=(0.1, 0.2, 0.3), turn=(90.0, 30.0, 0.0),
 )  # fmt: skip
-RING = Ring(8e-3, (0.0, 0.002), (0.03, 0.02))
+RING = HoleRing(8e-3, (0.0, 0.002), (0.03, 0.02))
 PLATE_LINES = Lines(x=[Stop(0.0)], y=[Stop(0.002)], rings=[RING])
 
 

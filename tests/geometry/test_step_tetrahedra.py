@@ -76,7 +76,9 @@ def ours(n):
     """Ten frequencies and the compliance of the pressed disc by our hexahedra and tie."""
     meshes = dict(zip(("lower", "upper"), blocks(n), strict=True))
     structure = fem.assemble(meshes, dict.fromkeys(meshes, STEEL))
-    how = fem.Connections(ties=[fem.Tie("upper:foot", "lower:top")], held=[fem.Held("lower:base")])
+    how = fem.Connections(
+        ties=[fem.Tie("upper:foot", "lower:top")], held=[fem.HeldFace("lower:base")]
+    )
     model = fem.joined(structure, how)
     w = fem.contact_patch(model, "upper:top", (0.0, 0.0), RADIUS, weights="area").w
     return fem.modes(model.K, model.M, 10).frequency_hz, w @ fem.factorised(model.K).solve(w)
@@ -117,7 +119,9 @@ def test_a_screw_is_a_rigid_body_of_calculix_on_springs_to_the_mean_motion_under
     structure = fem.assemble({"lower": lower, "upper": upper}, dict.fromkeys(SIZES.inside, STEEL))
     under = fem.Side("lower:top", "mean", over="upper:foot")
     joint = fem.Joint("screw", fem.Side("upper:foot"), under, centre, fem.Bushing(*k))
-    model = fem.joined(structure, fem.Connections(joints=[joint], held=[fem.Held("lower:base")]))
+    model = fem.joined(
+        structure, fem.Connections(joints=[joint], held=[fem.HeldFace("lower:base")])
+    )
     hz = fem.modes(model.K, model.M, 10).frequency_hz
     mesh = meshed(tmp_path, SLENDER_BLOCK)
 

@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse.linalg as sla
 from skfem import MeshHex
 
-from beadwave.fem import Connections, Held, assemble, contact_patch, factorised, joined
+from beadwave.fem import Connections, HeldFace, assemble, contact_patch, factorised, joined
 from beadwave.rom import (
     LOSS,
     ColumnOptions,
@@ -46,7 +46,7 @@ def block(held):
         "side": lambda x: np.abs(x[1] - SIZE[1] / 2) < 1e-9,
     }
     structure = assemble({"block": mesh.with_boundaries(faces)}, {"block": STEEL})
-    model = joined(structure, Connections(held=[Held("block:back")] if held else []))
+    model = joined(structure, Connections(held=[HeldFace("block:back")] if held else []))
     patch = contact_patch(model, "block:front", (0.012, -0.004), 4e-3)
     shaker = contact_patch(model, "block:side", (0.0, 0.003), 5e-3, weights="area")
     sensor = contact_patch(model, "block:front", (-0.02, 0.0), 3e-3, weights="area")

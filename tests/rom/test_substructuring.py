@@ -98,7 +98,7 @@ def solid_receptance(length, clamped):
         np.linspace(-THICKNESS / 2, THICKNESS / 2, 3),
     ).with_boundaries({"near": lambda x: x[0] == 0.0, "far": lambda x: np.isclose(x[0], length)})
     structure = fem.assemble({"beam": mesh}, {"beam": fem.Material(YOUNG, 0.3, DENSITY)})
-    held = [fem.Held("beam:near")] if clamped else []
+    held = [fem.HeldFace("beam:near")] if clamped else []
     model = fem.joined(structure, fem.Connections(held=held))
 
     # w = 1/A int u_z, theta = -1/I int z u_x

@@ -65,7 +65,7 @@ def block():
     back = block.facets_satisfying(lambda x: x[0] < 1e-9 - 0.1315 / 2, boundaries_only=True)
     meshes = {"block": block.with_boundaries({"-x": back, "+x": block.boundaries["strike"]})}
     structure = fem.assemble(meshes, {"block": fem.Material(210e9, 0.3, 7850.0)})
-    return fem.joined(structure, fem.Connections(held=[fem.Held("block:-x")]))
+    return fem.joined(structure, fem.Connections(held=[fem.HeldFace("block:-x")]))
 
 
 def test_full_order_and_reduced_block_give_the_same_velocities():

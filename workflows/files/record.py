@@ -47,7 +47,7 @@ class Channel(NamedTuple):
         return VOLTAGE.unit if self.in_volts else KINDS[self.quantity].unit
 
 
-class Recorded(NamedTuple):
+class MeanRecord(NamedTuple):
     """Mean signals y (k, m) of m channels at equal times t (k,) [s], in SI units."""
 
     t: NDArray[np.float64]

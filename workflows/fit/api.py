@@ -18,8 +18,8 @@ from beadwave.workflows.stages.progress import Progress, quiet
 if TYPE_CHECKING:
     import xarray
 
-    from beadwave.workflows.fit.calibrate import Calibrated
-    from beadwave.workflows.fit.inspect import Inspected
+    from beadwave.workflows.fit.calibrate import CalibrationOutcome
+    from beadwave.workflows.fit.inspect import InspectionResult
     from beadwave.workflows.fit.joints_posterior import JointsPosterior
     from beadwave.workflows.fit.report import CalibrationReport, InspectionReport
     from beadwave.workflows.fit.twin import Coverage
@@ -37,7 +37,7 @@ class Calibration:
 
     scene: Scene
     report: CalibrationReport
-    found: Calibrated
+    found: CalibrationOutcome
     coverage: Coverage | None = None
 
     @property
@@ -263,7 +263,9 @@ def _scan(scan: str | tuple[float, float, int] | None) -> tuple[float, float, in
         raise InvalidScene(f"--scan {scan} is not low:high:points; write 100:1000:60.") from None
 
 
-def _sampled(result: Calibrated, posterior: bool, seed: int, progress: Progress) -> Calibrated:
+def _sampled(
+    result: CalibrationOutcome, posterior: bool, seed: int, progress: Progress
+) -> CalibrationOutcome:
     """With samples of the posterior, where they are wanted."""
     if not posterior:
         return result
@@ -300,7 +302,7 @@ class Inspection:
 
     scene: Scene
     report: InspectionReport
-    found: Inspected
+    found: InspectionResult
 
     def plot(self, name: str | None = None) -> Picture:
         """signals, numbers or length; the first without a name."""

@@ -33,7 +33,7 @@ from beadwave.workflows.fit.posterior import Posterior, posterior
 from beadwave.workflows.fit.record import marched, sensor_of, usable
 from beadwave.workflows.fit.report import CalibrationReport, PosteriorSummary, calibration_report
 from beadwave.workflows.fit.rig import Rig
-from beadwave.workflows.fit.scaling import Scaled, scaled
+from beadwave.workflows.fit.scaling import ScaledRecord, scaled
 from beadwave.workflows.fit.sensed import Channels
 from beadwave.workflows.fit.signals import Filter, Signals, aligned, lag_of, noise_of_mean
 from beadwave.workflows.fit.windows import Options
@@ -60,7 +60,7 @@ class CalibrationRequest(NamedTuple):
     scan: tuple[float, float, int] | None = None  # of the wall's frequency [Hz]
 
 
-class Calibrated(NamedTuple):
+class CalibrationOutcome(NamedTuple):
     """The scene that came out, its report, the fit behind both and the model that was fitted."""
 
     scene: Scene
@@ -83,7 +83,7 @@ def calibrated(
     source: str,
     request: CalibrationRequest,
     better: Mapping[str, Sequence[BetterModel]] = MappingProxyType({}),
-) -> Calibrated:
+) -> CalibrationOutcome:
     """The scene fitted to the record, with bars that hold noise, the step of time, and what walls
     that are `better` change; raises InvalidScene for data or requests that cannot be."""
     began = perf_counter()
@@ -166,10 +166,10 @@ def calibrated(
     bars = fit.uncertainty.two_sigma
     written = np.array([supported(x, bar) for x, bar in zip(fit.value, bars, strict=True)])
     result = scene_parameters.calibrated_scene(scene, fit.parameters, written, name)
-    return Calibrated(result, report, fit, forward)
+    return CalibrationOutcome(result, report, fit, forward)
 
 
-def with_posterior(result: Calibrated, seed: int) -> Calibrated:
+def with_posterior(result: CalibrationOutcome, seed: int) -> CalibrationOutcome:
     """A calibration with samples of its posterior, and their quantiles in its report's rows."""
     began = perf_counter()
     samples = posterior(result.forward, result.fit, seed=seed)
@@ -195,11 +195,11 @@ def with_posterior(result: Calibrated, seed: int) -> Calibrated:
     return result._replace(posterior=samples)
 
 
-def _in_velocities(scene: Scene, rig: Rig, record: Record) -> Scaled:
+def _in_velocities(scene: Scene, rig: Rig, record: Record) -> ScaledRecord:
     """The record of any sensors in velocities; raises UnusableRecord where a signal cannot be
     one, InvalidScene where the scene does not have its sphere."""
     if record.channels is None:
-        return Scaled(record, None, (), ())
+        return ScaledRecord(record, None, (), ())
     sensors, gains = zip(*(sensor_of(scene, c) for c in record.channels), strict=True)
     channels = Channels(
         sensors,

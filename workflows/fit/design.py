@@ -14,7 +14,7 @@ from beadwave.coupling.sensors import Sensor
 from beadwave.workflows.files.run_folder import Picture
 from beadwave.workflows.fit import scene_parameters
 from beadwave.workflows.fit.better_walls import better_walls
-from beadwave.workflows.fit.forward import Shot, StructureForward, Unknowns, unknowns
+from beadwave.workflows.fit.forward import MeasuredRecord, StructureForward, Unknowns, unknowns
 from beadwave.workflows.fit.inspect import STEPS
 from beadwave.workflows.fit.inversion import GAIN_SCALE
 from beadwave.workflows.fit.judgement import BARELY_DETERMINED_BAR, DETERMINED_BAR
@@ -263,7 +263,7 @@ def foreseen(
     """
     # one record of zeros from the touch at t = 0 on: only the model's signals and slopes count
     m, theta = len(forward.sensors), np.append(theta, 0.0)
-    shot = Shot(t, np.zeros((len(t), m)), np.ones(m))
+    shot = MeasuredRecord(t, np.zeros((len(t), m)), np.ones(m))
     signals, slopes = forward.jacobian(unknowns, theta, [shot])
     rms = noise * np.maximum(np.abs(signals[0]).max(axis=0), 1e-300)
     signals, slopes = signals[0] / rms, slopes[0] / rms[:, None]

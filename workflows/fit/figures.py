@@ -23,15 +23,15 @@ from beadwave.workflows.report.plots import (
 )
 
 if TYPE_CHECKING:
-    from beadwave.workflows.fit.calibrate import Calibrated
-    from beadwave.workflows.fit.inspect import Inspected
+    from beadwave.workflows.fit.calibrate import CalibrationOutcome
+    from beadwave.workflows.fit.inspect import InspectionResult
     from beadwave.workflows.fit.report import InspectionReport
 
 
 VERDICTS = {"yes": 2, "weakly": 3, "no": 1, "at its bound": 4, "unconfirmed": 5}  # into COLOURS
 
 
-def calibration_pictures(result: Calibrated) -> tuple[Picture, ...]:
+def calibration_pictures(result: CalibrationOutcome) -> tuple[Picture, ...]:
     """Signals, parameters, correlation, and the scan and posterior where there are any."""
     fit, report, posterior = result.fit, result.report, result.posterior
     face = SYNTHETIC if report.synthetic else ""
@@ -241,7 +241,7 @@ def _few_ticks(axis) -> None:
     axis.set_tick_params(labelsize=8)
 
 
-def inspection_pictures(result: Inspected, report: InspectionReport) -> tuple[Picture, ...]:
+def inspection_pictures(result: InspectionResult, report: InspectionReport) -> tuple[Picture, ...]:
     """Signals, numbers, and bars over the records' length."""
     face = SYNTHETIC if report.synthetic else ""
     return (
@@ -251,7 +251,7 @@ def inspection_pictures(result: Inspected, report: InspectionReport) -> tuple[Pi
     )
 
 
-def recorded_signals(result: Inspected, report: InspectionReport, face: str) -> bytes:
+def recorded_signals(result: InspectionResult, report: InspectionReport, face: str) -> bytes:
     """Records and model, and the residual over the noise; two panels per record."""
     # at most 6 records in a picture of signals
     shots, models = result.judged.fit.shots[:6], result.judged.inversion.model

@@ -12,8 +12,8 @@ from beadwave.workflows.files.run_folder import Picture, RunFolder, write_pictur
 from beadwave.workflows.scene.toml import toml
 
 if TYPE_CHECKING:
-    from beadwave.workflows.fit.calibrate import Calibrated
-    from beadwave.workflows.fit.inspect import Inspected
+    from beadwave.workflows.fit.calibrate import CalibrationOutcome
+    from beadwave.workflows.fit.inspect import InspectionResult
     from beadwave.workflows.fit.report import CalibrationReport, InspectionReport
 
 CALIBRATION_FILES = ("scene.toml", "report.json", "parameters.csv", "signals.csv", "posterior.npz")
@@ -21,7 +21,7 @@ TWIN_FILES = (*CALIBRATION_FILES, "data.csv", "coverage.json")
 INSPECTION_FILES = ("scene.toml", "report.json", "numbers.csv", "signals.csv")
 
 
-def write_calibration(result: Calibrated, folder: RunFolder) -> None:
+def write_calibration(result: CalibrationOutcome, folder: RunFolder) -> None:
     """scene.toml, report.json, parameters.csv, signals.csv and figures/ of a calibration into a
     folder, and posterior.npz where there are enough samples."""
     from beadwave.workflows.fit.figures import calibration_pictures
@@ -74,7 +74,7 @@ def write_calibration(result: Calibrated, folder: RunFolder) -> None:
     _write(folder, report, scene, tables, calibration_pictures(result))
 
 
-def write_inspection(result: Inspected, report: InspectionReport, folder: RunFolder) -> None:
+def write_inspection(result: InspectionResult, report: InspectionReport, folder: RunFolder) -> None:
     """scene.toml with what was found, report.json, numbers.csv, signals.csv and figures/."""
     from beadwave.workflows.fit.figures import inspection_pictures
 

@@ -171,7 +171,7 @@ def refined(t: np.ndarray, factor: int) -> np.ndarray:
 SHARED, OWN = "shared", "own"  # kinds of numbers: of all records, of each
 
 
-class Shot(NamedTuple):
+class MeasuredRecord(NamedTuple):
     """One record: signals y (k, m) of m sensors over equal times t (k,) [s], their noise (m,)."""
 
     t: NDArray[np.float64]
@@ -261,7 +261,7 @@ class StructureForward(NamedTuple):
         return self._sensed([self._run(self.system(values), t[-1])], t)[..., 0]
 
     def signals(
-        self, unknowns: Unknowns, theta: NDArray[np.float64], shots: Sequence[Shot]
+        self, unknowns: Unknowns, theta: NDArray[np.float64], shots: Sequence[MeasuredRecord]
     ) -> NDArray[np.float64]:
         """(S, k, m) at theta (p,), at the samples of the records."""
         runs = self._runs([theta[row] for row in unknowns.of_system], durations(unknowns, shots))
@@ -274,7 +274,7 @@ class StructureForward(NamedTuple):
         )
 
     def jacobian(
-        self, unknowns: Unknowns, theta: NDArray[np.float64], shots: Sequence[Shot]
+        self, unknowns: Unknowns, theta: NDArray[np.float64], shots: Sequence[MeasuredRecord]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Signals (S, k, m) and their derivatives (S, k, m, p) by theta in scales.
 
@@ -350,7 +350,7 @@ class StructureForward(NamedTuple):
         return y
 
 
-def durations(unknowns: Unknowns, shots: Sequence[Shot]) -> NDArray[np.float64]:
+def durations(unknowns: Unknowns, shots: Sequence[MeasuredRecord]) -> NDArray[np.float64]:
     """(S,) [s] that a run must last, whatever its trigger is found to be: from the earliest one
     that its bounds allow. Raises CouplingError where a record ends before that."""
     earliest = np.array([unknowns.parameters[i].low for i in unknowns.trigger])

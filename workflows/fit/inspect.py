@@ -5,13 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beadwave.workflows.files.record import Recorded
+from beadwave.workflows.files.record import MeanRecord
 from beadwave.workflows.fit import scene_parameters
 from beadwave.workflows.fit.candidates import searched
 from beadwave.workflows.fit.columns import beyond, require_columns
-from beadwave.workflows.fit.forward import Shot, StructureForward, unknowns
+from beadwave.workflows.fit.forward import MeasuredRecord, StructureForward, unknowns
 from beadwave.workflows.fit.inversion import Inversion, inverted, profiled, widened
-from beadwave.workflows.fit.judgement import SETTLED_SHIFT, Judged
+from beadwave.workflows.fit.judgement import SETTLED_SHIFT, InspectionAnswer
 from beadwave.workflows.fit.least_squares import IMPOSSIBLE, RecordFit
 from beadwave.workflows.fit.parameter import Parameter, ends
 from beadwave.workflows.fit.parametric_wall import Bounds
@@ -43,18 +43,18 @@ class InspectionRequest(NamedTuple):
     seed: int = 0
 
 
-class Inspected(NamedTuple):
+class InspectionResult(NamedTuple):
     """The scene that came out and the answer behind it."""
 
     scene: Scene
-    judged: Judged
+    judged: InspectionAnswer
     seconds: float
 
 
 @usable()
 def inspected(
-    base: Base, records: tuple[Recorded, ...], request: InspectionRequest, progress: Progress
-) -> Inspected:
+    base: Base, records: tuple[MeanRecord, ...], request: InspectionRequest, progress: Progress
+) -> InspectionResult:
     """The numbers to find; raises InvalidScene for records or requests that cannot be."""
     began = perf_counter()
     records = alike(records)
@@ -97,7 +97,7 @@ def inspected(
         bars = inversion.uncertainty.two_sigma[:n]
         written = np.array([supported(x, bar) for x, bar in zip(values, bars, strict=True)])
         result = scene_parameters.scene_at(base, keys[:n], written)
-    judged = Judged(
+    judged = InspectionAnswer(
         inversion,
         rivals,
         answer.fit,
@@ -108,13 +108,13 @@ def inspected(
         tuple(record.name for record in records),
         answer.no_wall,
     )
-    return Inspected(result, judged, perf_counter() - began)
+    return InspectionResult(result, judged, perf_counter() - began)
 
 
 @usable()
 def problem(
     model: VariedScene,
-    records: tuple[Recorded, ...],
+    records: tuple[MeanRecord, ...],
     shared: tuple[Parameter, ...],
     per_record: list[list[Parameter]],
 ) -> tuple[RecordFit, tuple[str, ...], bool]:
@@ -143,7 +143,7 @@ def problem(
         require_samples(record.t, time_scale)
         noise, is_known = noise_of(record, time_scale)
         noise_known = noise_known and is_known
-        shots.append(Shot(record.t, record.y, noise, rounding(record.y)))
+        shots.append(MeasuredRecord(record.t, record.y, noise, rounding(record.y)))
         longer = forward.signals_of_run(start, beyond(record.t) - record.t[0])
         signals = longer[: len(record.t)]
         names = [f"{channel.name} of {record.name}" for channel in record.channels]

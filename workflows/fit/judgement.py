@@ -222,7 +222,7 @@ def told_of(inversion: Inversion) -> list[str]:
     return verdicts
 
 
-class Judged(NamedTuple):
+class InspectionAnswer(NamedTuple):
     """An answer, others that the records do not tell from it, and how it came about."""
 
     inversion: Inversion

@@ -37,7 +37,7 @@ from scipy.optimize import least_squares
 
 from beadwave.coupling.errors import CouplingError
 from beadwave.dem import InvalidChain, NoEquilibrium, UnstableStep
-from beadwave.workflows.fit.forward import ChainForward, Shot, StructureForward, Unknowns
+from beadwave.workflows.fit.forward import ChainForward, MeasuredRecord, StructureForward, Unknowns
 from beadwave.workflows.fit.parameter import coordinates, ends, slopes, values
 
 # what a model raises for values that cannot be marched: a run that is impossible, not an error
@@ -210,7 +210,7 @@ class RecordFit(NamedTuple):
 
     forward: StructureForward
     unknowns: Unknowns
-    shots: tuple[Shot, ...]
+    shots: tuple[MeasuredRecord, ...]
     gain: NDArray[np.int64]
 
     @property

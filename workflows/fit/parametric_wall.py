@@ -36,7 +36,7 @@ ORDER_MAC = 0.05  # MAC that the same place in the order counts for
 N_SURFACE_POINTS = 600  # points of a surface at which shapes are compared, about
 
 
-class Computed(NamedTuple):
+class ComputedWall(NamedTuple):
     """A wall that was computed: modes of the structure first, in order, then the oscillator for the
     rest of its compliance."""
 
@@ -44,7 +44,7 @@ class Computed(NamedTuple):
     shapes: NDArray[np.float64] | None = None  # (n, k) of the modes on points that all walls share
 
 
-def with_rest(wall: Wall, reduced: ReducedModel | None) -> Computed:
+def with_rest(wall: Wall, reduced: ReducedModel | None) -> ComputedWall:
     """The wall with one more oscillator for the modes that it leaves out, and the shapes of its
     modes; where it leaves none out the oscillator has phi = 0."""
     modes = None if reduced is None else modal(reduced)
@@ -58,9 +58,9 @@ def with_rest(wall: Wall, reduced: ReducedModel | None) -> Computed:
             phi=np.append(wall.phi, 0.0),
         )
     if modes is None or reduced.surface is None:
-        return Computed(wall)
+        return ComputedWall(wall)
     T = reduced.surface.T.reshape(-1, reduced.surface.T.shape[-1])
-    return Computed(wall, T[:: max(1, len(T) // N_SURFACE_POINTS)] @ modes.vectors[:, :n_modes])
+    return ComputedWall(wall, T[:: max(1, len(T) // N_SURFACE_POINTS)] @ modes.vectors[:, :n_modes])
 
 
 class Bounds(NamedTuple):
@@ -120,7 +120,7 @@ class ParametricWall(NamedTuple):
             np.sqrt(np.maximum(squares, 0.0)), np.maximum(zeta, 0.0), phi, float(values[-1])
         )
 
-    def through(self, theta: NDArray[np.float64], computed: Computed) -> "ParametricWall":
+    def through(self, theta: NDArray[np.float64], computed: ComputedWall) -> "ParametricWall":
         """The wall moved so that it gives the computed wall at theta (d,); modes that the computed
         wall lacks keep their frequencies and take no part there (phi = 0). Raises CouplingError
         where a mode has no stiffness left."""
@@ -154,7 +154,7 @@ def design(box: Bounds, degree: int, seed: int = 0) -> NDArray[np.float64]:
 
 
 def parametric_wall(
-    box: Bounds, numbers: NDArray[np.float64], walls: Sequence[Computed], degree: int
+    box: Bounds, numbers: NDArray[np.float64], walls: Sequence[ComputedWall], degree: int
 ) -> ParametricWall:
     """The wall between computed ones (n,) at the numbers (n, d), the middle first; raises
     CouplingError where they are too few."""
@@ -202,7 +202,7 @@ def quantities(wall: Wall) -> NDArray[np.float64]:
     return np.concatenate([wall.omega**2, wall.phi**2, wall.zeta, [wall.residual_compliance]])
 
 
-def matched_modes(first: Computed, second: Computed) -> NDArray[np.int64]:
+def matched_modes(first: ComputedWall, second: ComputedWall) -> NDArray[np.int64]:
     """(k,) place in the second wall of each mode of the first, -1 of those that it lacks."""
     n, m = len(first.wall.omega) - 1, len(second.wall.omega) - 1
     if first.shapes is None or second.shapes is None or len(first.shapes) != len(second.shapes):

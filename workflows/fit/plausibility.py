@@ -5,9 +5,15 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from beadwave.workflows.files.record import Record, Recorded, UnusableRecord
+from beadwave.workflows.files.record import MeanRecord, Record, UnusableRecord
 from beadwave.workflows.fit.parameter import Parameter, trigger
-from beadwave.workflows.fit.signals import Aligned, Filter, Signals, noise_between_waves, rise
+from beadwave.workflows.fit.signals import (
+    AlignedRepeats,
+    Filter,
+    Signals,
+    noise_between_waves,
+    rise,
+)
 
 # Limits beyond which a record is refused or flagged; not varied systematically. Velocities are over
 # the largest of the record, times over the contact time scale.
@@ -159,7 +165,7 @@ def unlike_the_model(
             )
 
 
-def on_repeats(raw: Aligned) -> Iterator[str]:
+def on_repeats(raw: AlignedRepeats) -> Iterator[str]:
     """Sentences on repeats that were left out or shifted."""
     for i in raw.outliers:
         yield f"Repeat {i + 1} is unlike the others and was left out."
@@ -206,14 +212,14 @@ def first_touch(text: str, estimate: float, t: np.ndarray) -> float:
 USUAL_NOISE = 0.01  # of the largest signal, taken where a record does not show its noise
 
 
-def called_apart(records: tuple[Recorded, ...]) -> tuple[Recorded, ...]:
+def called_apart(records: tuple[MeanRecord, ...]) -> tuple[MeanRecord, ...]:
     """Records whose files have the same name, named by their numbers."""
     if len({record.name for record in records}) == len(records):
         return records
     return tuple(record._replace(name=f"record {i}") for i, record in enumerate(records, 1))
 
 
-def alike(records: tuple[Recorded, ...]) -> tuple[Recorded, ...]:
+def alike(records: tuple[MeanRecord, ...]) -> tuple[MeanRecord, ...]:
     """Records of the same channels, cut to the shortest; raises UnusableRecord for others."""
     for record in records[1:]:
         if record.channels != records[0].channels:
@@ -225,7 +231,7 @@ def alike(records: tuple[Recorded, ...]) -> tuple[Recorded, ...]:
     return tuple(record._replace(t=record.t[:k], y=record.y[:k]) for record in records)
 
 
-def _sensors_of(record: Recorded) -> str:
+def _sensors_of(record: MeanRecord) -> str:
     return ", ".join(channel.name for channel in record.channels)
 
 
@@ -250,14 +256,14 @@ def size_comparison(
     return doubts
 
 
-def trigger_of(record: Recorded, model: np.ndarray, name: str) -> Parameter:
+def trigger_of(record: MeanRecord, model: np.ndarray, name: str) -> Parameter:
     """Time at which the chain is first touched on the record's clock, by the rise of its first wave
     compared with that of the model (k, m)."""
     estimate = rise(record.t, record.y) - rise(record.t - record.t[0], model)
     return trigger(name, estimate)
 
 
-def noise_of(record: Recorded, time_scale: float) -> tuple[np.ndarray, bool]:
+def noise_of(record: MeanRecord, time_scale: float) -> tuple[np.ndarray, bool]:
     """rms (m,) of the mean signals' noise, in their units, and whether the record shows it: by the
     spread of its repeats, else by what is left between its waves. Raises UnusableRecord for a
     signal of zeros."""

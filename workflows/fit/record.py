@@ -29,8 +29,8 @@ from beadwave.workflows.files.foreign import arrays
 from beadwave.workflows.files.record import (
     SYNTHETIC,
     Channel,
+    MeanRecord,
     Record,
-    Recorded,
     UnusableRecord,
     equidistant,
     stacked,
@@ -64,7 +64,7 @@ def marched(name: str) -> Iterator[None]:
         raise InvalidScene(f"{name}: {str(reason).rstrip('.')}.") from None
 
 
-def recorded(path: Path) -> Recorded:
+def recorded(path: Path) -> MeanRecord:
     """The signals of a file; raises InvalidScene where it holds none that can be used."""
     t, channels, y, title = _channels(path)
     repeats = aligned(t, y, tuple(range(len(channels))))
@@ -74,7 +74,7 @@ def recorded(path: Path) -> Recorded:
         )
     mean = repeats.signals
     synthetic = SYNTHETIC in title
-    return Recorded(t, mean.v, channels, mean.spread, mean.repeats, path.name, synthetic)
+    return MeanRecord(t, mean.v, channels, mean.spread, mean.repeats, path.name, synthetic)
 
 
 def measured(path: Path) -> Record:

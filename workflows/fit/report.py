@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import BaseModel
 
-from beadwave.workflows.files.record import SYNTHETIC, Record, Recorded
+from beadwave.workflows.files.record import SYNTHETIC, MeanRecord, Record
 from beadwave.workflows.fit.chain_fit import CalibrationResult
 from beadwave.workflows.fit.judgement import SHARES, combinations, identifiable, remarks
 from beadwave.workflows.fit.model_errors import LEAST_SHARE, NOISE, bar_by_words, shares
@@ -17,7 +17,7 @@ from beadwave.workflows.report.tables import LINE, aligned_text
 from beadwave.workflows.scene import OneDofWall, Scene
 
 if TYPE_CHECKING:
-    from beadwave.workflows.fit.inspect import Inspected
+    from beadwave.workflows.fit.inspect import InspectionResult
 
 
 class ParameterRow(BaseModel):
@@ -265,7 +265,9 @@ def _table(rows: list[NumberRow], n_columns: int) -> str:
     return aligned_text(columns, cells)
 
 
-def inspection_report(result: Inspected, records: tuple[Recorded, ...]) -> InspectionReport:
+def inspection_report(
+    result: InspectionResult, records: tuple[MeanRecord, ...]
+) -> InspectionReport:
     """Rows, bars over the records' length, and what there is to be said."""
     judged = result.judged
     inversion, n, between = judged.inversion, judged.n_shared, judged.between

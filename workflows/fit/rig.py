@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from beadwave.dem.lateral import LastSphere
 
 
-class Rubbing(NamedTuple):
+class RubbingSurface(NamedTuple):
     """The surface that the last sphere rubs on, and its shakers."""
 
     wall: SpatialWall
@@ -35,7 +35,7 @@ class Rig(NamedTuple):
     v0: np.ndarray  # (n,) [m/s] before the impact
     damping: np.ndarray | None = None  # (d, k) derivative of the wall's zeta by each damping ratio
     trigger: float = 0.0  # [s] first touch on the record's clock
-    across: Rubbing | None = None  # a last sphere with friction on a structure
+    across: RubbingSurface | None = None  # a last sphere with friction on a structure
 
     @property
     def step(self) -> float:

@@ -19,9 +19,9 @@ from beadwave.coupling.continuation import (
     struck,
 )
 from beadwave.coupling.spatial_march import USUAL_SPATIAL_SEARCH, PreparedImpact, body_of
-from beadwave.coupling.structure_sensors import Sensed, sensed_in_march
+from beadwave.coupling.structure_sensors import SensorSignals, sensed_in_march
 from beadwave.dem.kernels.arguments import Steps
-from beadwave.workflows.fit.rig import Rig, Rubbing
+from beadwave.workflows.fit.rig import Rig, RubbingSurface
 
 
 class RubbingMarch(NamedTuple):
@@ -46,7 +46,7 @@ class RubbingRun(NamedTuple):
     x: NDArray[np.float64]  # (k, n) [m] towards the wall
     v: NDArray[np.float64]  # (k, n) [m/s]
     contact_force: NDArray[np.float64]  # (k, n) [N], the last one at the wall
-    structure: Sensed | None  # where sensors are on it
+    structure: SensorSignals | None  # where sensors are on it
 
 
 def body(rig: Rig, options: RubbingMarch = USUAL_RUBBING_MARCH) -> PreparedImpact:
@@ -55,7 +55,7 @@ def body(rig: Rig, options: RubbingMarch = USUAL_RUBBING_MARCH) -> PreparedImpac
     return body_of(rig.chain, across.wall, rig.v0, across.last, across.shakers, search)
 
 
-def prepared(rig: Rig, dt: float, options: RubbingMarch = USUAL_RUBBING_MARCH) -> Rubbing:
+def prepared(rig: Rig, dt: float, options: RubbingMarch = USUAL_RUBBING_MARCH) -> RubbingSurface:
     """`rig.across` with its steps of dt [s] divided, and its periodic state. Raises UnstableStep
     where the shakers lead to none."""
     whole, across = body(rig), rig.across

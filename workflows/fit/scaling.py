@@ -29,7 +29,7 @@ CUT_IMPULSE = 0.02  # of an impulse: what lies beyond the end of its wave
 N_CORRELATED = 4.0  # samples over which noise is correlated
 
 
-class Scaled(NamedTuple):
+class ScaledRecord(NamedTuple):
     """A record in velocities, what they stand for, the gains to be found, what is doubtful."""
 
     record: Record
@@ -40,7 +40,7 @@ class Scaled(NamedTuple):
 
 def scaled(
     rig: Rig, record: Record, bare: Channels, gain_units: dict[str, str], momentum: float
-) -> Scaled:
+) -> ScaledRecord:
     """The record of channels with a scale of 1 in velocities; raises UnusableRecord where a signal
     cannot be one. `gain_units` are by quantity, the striker's momentum is in N s."""
     t, data = record.t, record.v.mean(axis=0)
@@ -83,7 +83,7 @@ def scaled(
             gains[group] = Parameter(name, "gain", size, low, high, step, unit, sign)
     channels = bare._replace(sensors=sensors, scale=scale)
     in_velocities = record._replace(v=record.v / scale)
-    return Scaled(in_velocities, channels, tuple(gains.values()), tuple(remarks))
+    return ScaledRecord(in_velocities, channels, tuple(gains.values()), tuple(remarks))
 
 
 def _first_sign(y: np.ndarray) -> float:

@@ -55,7 +55,7 @@ class Signals(NamedTuple):
         )
 
 
-class Aligned(NamedTuple):
+class AlignedRepeats(NamedTuple):
     """Repeats laid over each other, and by how much each was late."""
 
     signals: Signals
@@ -105,13 +105,15 @@ def low_pass(cut: float, rate: float) -> tuple[np.ndarray, np.ndarray]:
     return sos, sosfilt_zi(sos)
 
 
-def aligned(t: np.ndarray, v: np.ndarray, spheres: tuple[int, ...], move: bool = True) -> Aligned:
+def aligned(
+    t: np.ndarray, v: np.ndarray, spheres: tuple[int, ...], move: bool = True
+) -> AlignedRepeats:
     """The mean of repeats v (r, k, m) [m/s], each first moved onto the others unless `move` is
     False; t (k,) [s] has equal steps, the spheres (m,) are counted from 0."""
     n = len(v)
     if n == 1:
         none = np.full(v.shape[2], np.nan)
-        return Aligned(Signals(t, v[0], spheres, none), np.zeros(1), ())
+        return AlignedRepeats(Signals(t, v[0], spheres, none), np.zeros(1), ())
 
     # to a sample of the first repeat, then by least squares to the mean, which moves with them:
     # a repeat that is ds late is mean - slope ds, so ds = -<slope, repeat - mean> / <slope, slope>
@@ -139,7 +141,7 @@ def aligned(t: np.ndarray, v: np.ndarray, spheres: tuple[int, ...], move: bool =
     spread = moved.std(axis=0, ddof=1)
     spread = np.sqrt((spread**2).mean(axis=0))
     signals = Signals(t, moved.mean(axis=0), spheres, spread, len(moved))
-    return Aligned(signals, shift, tuple(int(i) for i in np.flatnonzero(~alike)))
+    return AlignedRepeats(signals, shift, tuple(int(i) for i in np.flatnonzero(~alike)))
 
 
 def shift_to_a_sample(t: np.ndarray, reference: np.ndarray, v: np.ndarray) -> float:

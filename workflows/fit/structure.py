@@ -15,13 +15,13 @@ from beadwave.workflows.fit.better_walls import FAILURES, better_walls
 from beadwave.workflows.fit.model_errors import BetterModel, with_systems
 from beadwave.workflows.fit.parametric_wall import (
     Bounds,
-    Computed,
+    ComputedWall,
     ParametricWall,
     design,
     parametric_wall,
     with_rest,
 )
-from beadwave.workflows.fit.rig import Rig, Rubbing
+from beadwave.workflows.fit.rig import Rig, RubbingSurface
 from beadwave.workflows.fit.scene_parameters import number, put, scene_at
 from beadwave.workflows.scene import InvalidScene, RomWall, Scene
 from beadwave.workflows.scene.places import has_friction
@@ -58,7 +58,7 @@ class VariedScene(NamedTuple):
     of_wall: tuple[int, ...] = ()  # places of the keys that change the reduced wall
     between: ParametricWall | None = None  # the reduced wall, where keys change it
     fixed: dem.Wall | None = None  # the reduced wall, where none does
-    rubbing: Rubbing | None = None  # friction on a structure, of the scene's own values
+    rubbing: RubbingSurface | None = None  # friction on a structure, of the scene's own values
 
     def __call__(self, values: NDArray[np.float64]) -> Rig:
         """The marched system at the values (q,); raises CouplingError for those that no scene may
@@ -191,12 +191,12 @@ def structure(
     return plain._replace(of_wall=tuple(of_wall), between=between)
 
 
-def _rubbing(scene: Scene, wall: SpatialWall) -> Rubbing:
+def _rubbing(scene: Scene, wall: SpatialWall) -> RubbingSurface:
     """Friction on a structure as the scene has it; the last sphere is that of a rig's chain."""
     from beadwave.workflows.stages.structure_friction import shaker_forces
 
     shakers = shaker_forces(scene) if scene.shakers else None
-    return Rubbing(wall, None, shakers, scene.friction.upstream == "held")
+    return RubbingSurface(wall, None, shakers, scene.friction.upstream == "held")
 
 
 def _keyed_chains(
@@ -269,7 +269,7 @@ def better_models(model: VariedScene, values: NDArray[np.float64]) -> dict[str, 
     return with_systems(walls, model.behind)
 
 
-def computed(scene: Scene) -> Computed:
+def computed(scene: Scene) -> ComputedWall:
     """The scene's wall and the shapes of its modes; a structure of bodies is cached, beams are
     quicker computed anew."""
     if not needs_structure(scene):

@@ -17,7 +17,7 @@ from beadwave import dem
 from beadwave.dem.kernels.laws import SHAPE_PARAMETERS
 from beadwave.workflows.files.record import SYNTHETIC, Record
 from beadwave.workflows.fit import scene_parameters
-from beadwave.workflows.fit.calibrate import Calibrated, CalibrationRequest, calibrated
+from beadwave.workflows.fit.calibrate import CalibrationOutcome, CalibrationRequest, calibrated
 from beadwave.workflows.fit.instrument import (
     OVERSAMPLED,
     Clean,
@@ -140,7 +140,7 @@ def twin_run(
     twin: Twin,
     request: CalibrationRequest,
     better: Mapping[str, Sequence[BetterModel]] = MappingProxyType({}),
-) -> tuple[Calibrated, Record]:
+) -> tuple[CalibrationOutcome, Record]:
     """The experiment made and calibrated; the report has the true and the fitted values."""
     true_rig = truth(scene, twin)
     data = measured(clean(scene, wall, twin, true_rig), twin)
@@ -172,7 +172,7 @@ def coverage(
     wall: dem.Wall | None,
     twin: Twin,
     request: CalibrationRequest,
-    result: Calibrated,
+    result: CalibrationOutcome,
     runs: int,
 ) -> Coverage:
     """Shares of repeats of the experiment, each with its own noise, whose bars hold the truth.

@@ -169,12 +169,12 @@ def _moving_surface(
 
     The page adds up u(X, t) = sum_k q_k(t) phi_k(X) from rest; shapes take most of its size.
     """
-    from beadwave.coupling.surface_motion import Moved, shown_shapes
+    from beadwave.coupling.surface_motion import SurfaceMotion, shown_shapes
 
     moved = None
     if "wall_q" in run:
         cutoff = getattr(scene.wall, "cutoff", None)
-        moved = Moved(run["wall_omega"], run["wall_phi"], run["wall_q"], cutoff)
+        moved = SurfaceMotion(run["wall_omega"], run["wall_phi"], run["wall_q"], cutoff)
     shapes = shown_shapes(reduced, [mode.frequency_hz for mode in summary.modes], moved)
     k, n = shapes.shape.shape[:2]
 

@@ -2,7 +2,7 @@
 
     python -m beadwave.workflows.report.render_shapes modes.vtu shapes.json shapes.png
 
-`shapes.json` is a list of `Compared` as dictionaries, one for each mode of the file in its order.
+`shapes.json` is a list of `ModePair` as dictionaries, one for each mode of the file in its order.
 """
 
 import json
@@ -19,7 +19,7 @@ from beadwave.workflows.report.render import white_plotter as plotter_of
 VIEW = (520, 340)  # pixels of a view
 
 
-class Compared(NamedTuple):
+class ModePair(NamedTuple):
     """A measured mode and the computed one that it is paired with."""
 
     measured: str  # what stands above the measured shape
@@ -29,7 +29,7 @@ class Compared(NamedTuple):
 
 
 def shapes(
-    grid: pv.DataSet, modes: list[Compared], path: Path,
+    grid: pv.DataSet, modes: list[ModePair], path: Path,
     ) -> None:  # fmt: skip
     """A pair of views for each mode: arrows at the points of the test on the outline at rest, and
     the computed mode; two pairs in a row where there are more than three."""
@@ -74,7 +74,7 @@ def shapes(
 def main(arguments: list[str]) -> None:
     """Render the picture that the command line names."""
     field, compared, image = map(Path, arguments)
-    modes = [Compared(**mode) for mode in json.loads(compared.read_text(encoding="utf-8"))]
+    modes = [ModePair(**mode) for mode in json.loads(compared.read_text(encoding="utf-8"))]
     shapes(pv.read(field), modes, image)
 
 

@@ -2,7 +2,7 @@
 
 from beadwave.geometry.errors import InvalidGeometry
 from beadwave.geometry.grid_lines import Stop, refined
-from beadwave.geometry.lined import Lines, Ring
+from beadwave.geometry.lined import HoleRing, Lines
 from beadwave.geometry.shapes import Box, Cylinder, Hole, RadialHole, Shape, Slab
 from beadwave.workflows.scene.bodies import BodyTable
 from beadwave.workflows.scene.scene import Scene
@@ -23,7 +23,7 @@ def grid_lines(scene: Scene, scale: float = 1.0) -> dict[str, Lines]:
             for along in (body.lines.x, body.lines.y, body.lines.z)
         ]  # fmt: skip
         rings = [ring for holes in body.all_holes for ring in holes.rings or ()]
-        lines[name] = Lines(*stops, [Ring(r.washer, r.lower, r.upper) for r in rings])
+        lines[name] = Lines(*stops, [HoleRing(r.washer, r.lower, r.upper) for r in rings])
     return lines
 
 

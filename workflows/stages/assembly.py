@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from beadwave import fem, rom
 from beadwave.fem import tuning
 from beadwave.fem.assembly_modes import AssemblyModes, assembly_modes
-from beadwave.fem.model import Constrained, constrained
+from beadwave.fem.model import ConstrainedModel, constrained
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.places import mass_face, spring_face
 from beadwave.workflows.stages import bodies, strike
@@ -110,7 +110,7 @@ def _require_kept(
     scene: Scene,
     structure: fem.Structure,
     connections: fem.Connections,
-    constraints: Constrained,
+    constraints: ConstrainedModel,
 ) -> None:
     """Raise InvalidScene for a body that can move. An assembly that floats may also move in the
     directions in which its joints are free, k = 0, and a body on joints that are free in all six

@@ -17,7 +17,7 @@ from beadwave import fem
 from beadwave.geometry import InvalidGeometry
 from beadwave.geometry.contacts import TouchingPair
 from beadwave.geometry.drawing import Drawing, Sizing, drawn, meshed
-from beadwave.geometry.joints import JointWords, Picked, TieWords, Under, Words, picked
+from beadwave.geometry.joints import JointWords, NamedParts, TieWords, Under, Words, picked
 from beadwave.geometry.lined import lined_meshes
 from beadwave.workflows.files.mesh import volumes_of
 from beadwave.workflows.files.step import require_step
@@ -150,7 +150,7 @@ def parts(scene: Scene, coarser: float = 1.0) -> Parts:
     return whole
 
 
-def tied_pairs(scene: Scene, layout: Drawing, selection: Picked) -> list[TouchingPair]:
+def tied_pairs(scene: Scene, layout: Drawing, selection: NamedParts) -> list[TouchingPair]:
     """The touching pairs that are tied.
 
     Raises InvalidScene for a touching pair of which the scene says nothing, for one that is tied
@@ -194,7 +194,7 @@ def tied_pairs(scene: Scene, layout: Drawing, selection: Picked) -> list[Touchin
 
 
 def _connections(
-    scene: Scene, selection: Picked, ties: list[TouchingPair], fineness: dict[str, float]
+    scene: Scene, selection: NamedParts, ties: list[TouchingPair], fineness: dict[str, float]
 ) -> tuple[fem.Connections, fem.Connections]:
     """Ties, joints and held faces as `fem` takes them, and the same with rigid joints and with ties
     over all that touches; `fineness` orders masters and slaves."""
@@ -223,14 +223,14 @@ def _connections(
         joints.append(fem.Joint(table.name, first, second, place.centre, springs, frame))
 
     held = [
-        fem.Held(_in_mesh(selection, f"held-{i}"), hold.directions)
+        fem.HeldFace(_in_mesh(selection, f"held-{i}"), hold.directions)
         for i, hold in enumerate(scene.assembly.holds, start=1)
     ]
     rigid = [joint._replace(springs=fem.Bushing()) for joint in joints]
     return fem.Connections(tied, joints, held), fem.Connections(wholly, rigid, held)
 
 
-def _load(scene: Scene, selection: Picked) -> fem.Load | None:
+def _load(scene: Scene, selection: NamedParts) -> fem.Load | None:
     """Forces, rods and heat that act before the impact; raises InvalidScene for heat on a body
     whose material has no coefficient of expansion."""
     if not scene.loads:
@@ -254,7 +254,7 @@ def _load(scene: Scene, selection: Picked) -> fem.Load | None:
     return fem.Load(forces, heat, rods)
 
 
-def _in_mesh(selection: Picked, name: str) -> str:
+def _in_mesh(selection: NamedParts, name: str) -> str:
     """A named face as the meshes have it, "body:name"."""
     return f"{selection.faces[name].body}:{name}"
 

@@ -23,7 +23,7 @@ from beadwave.workflows.stages import warnings
 
 if TYPE_CHECKING:  # the health of a wall from a file loads no finite elements
     from beadwave.fem.assembly_modes import AssemblyModes
-    from beadwave.workflows.stages.mesh_error import MissedByMesh
+    from beadwave.workflows.stages.mesh_error import MeshErrorEstimate
 
 
 def reduction_health(
@@ -100,7 +100,7 @@ def structure_numbers(
 def structure_errors(
     scene: Scene,
     modes: AssemblyModes,
-    missed: MissedByMesh,
+    missed: MeshErrorEstimate,
     structure: StructureNumbers,
     of_parts: NDArray[np.float64] | None = None,
 ) -> tuple[NumberError, ...]:

@@ -147,7 +147,7 @@ def points_on_face(
 
 
 def places_on_face(
-    scene: Scene, table: MeasuredTable, middle: fem.Spot, measured: PartReceptances
+    scene: Scene, table: MeasuredTable, middle: fem.SurfacePoint, measured: PartReceptances
 ) -> dict[int, NDArray[np.float64]]:
     """Place of each node on its face (2,) [m] from the middle along the axes that span it; raises
     ValueError for nodes without a place, and for places off the plane of the face."""

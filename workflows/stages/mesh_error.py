@@ -52,7 +52,7 @@ class SplitMesh(NamedTuple):
     share: float  # of the difference that is the own mesh's error
 
 
-class MissedByMesh(NamedTuple):
+class MeshErrorEstimate(NamedTuple):
     """Shapes of an assembly on its mesh, and the energy that the mesh misses in them."""
 
     omega: NDArray[np.float64]  # (k,) [rad/s] ascending, rigid motions as zeros
@@ -196,14 +196,14 @@ def missed_by_mesh(
     modes: AssemblyModes,
     static: StaticShape | None = None,
     field: fem.HalfSpaceField | None = None,
-) -> MissedByMesh:
+) -> MeshErrorEstimate:
     """The assembly's modes, and what its contact moves; the static shape is that of a held assembly
     beyond its modes, the field that of the half-space at its contact. A run stands without what
     cannot be estimated: the result says why."""
     try:
         return energy_of_shapes(scene, mesh, model, modes, static, field)
     except ValueError as reason:
-        return MissedByMesh(np.empty(0), np.empty((0, 0)), None, unknown=str(reason))
+        return MeshErrorEstimate(np.empty(0), np.empty((0, 0)), None, unknown=str(reason))
 
 
 def energy_of_shapes(
@@ -213,7 +213,7 @@ def energy_of_shapes(
     modes: AssemblyModes,
     static: StaticShape | None = None,
     field: fem.HalfSpaceField | None = None,
-) -> MissedByMesh:
+) -> MeshErrorEstimate:
     """Missed energy of shapes; raises ValueError if a second mesh, or its modes, cannot be
     computed."""
     try:
@@ -246,7 +246,7 @@ def energy_of_shapes(
         )
         pair = SplitMesh(lowest.omega, walls, share)
         w = contact.w @ phi
-        return MissedByMesh(omega, np.zeros((len(omega),) * 2), w, split=pair)
+        return MeshErrorEstimate(omega, np.zeros((len(omega),) * 2), w, split=pair)
 
     # K u = M u D + w holds of the modes and of the static shape, of Ritz vectors that have not
     # converged it does not
@@ -262,7 +262,7 @@ def energy_of_shapes(
 
     G, of_shapes = energy_in(scene, mesh, model, phi, D, pushed)
     static_from = KrylovOptions().reach * 2 * np.pi * max(TO_HZ, scene.reduction.to_hz or 0.0)
-    return MissedByMesh(
+    return MeshErrorEstimate(
         omega, G, None if contact is None else contact.w @ phi,
         int(np.sum(omega > static_from)), causes=of_shapes,
     )  # fmt: skip
@@ -286,7 +286,7 @@ def energy_in(
     springs = [(spring.name, end) for spring in scene.springs or () for end in spring.ends]
     faces |= {mesh.face(spring_face(*end)) for end in springs}
     faces |= {mesh.face(part_face(part.name)) for part in scene.measured or ()}
-    still = [*connections.held, *(fem.Held(face) for face in sorted(rigid))]
+    still = [*connections.held, *(fem.HeldFace(face) for face in sorted(rigid))]
     if load is not None:
         faces |= {force.face for force in load.forces}
         faces |= {face for rod in load.rods for face in rod[:2]}

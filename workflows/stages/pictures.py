@@ -17,7 +17,7 @@ from skfem import Mesh
 from beadwave import fem
 from beadwave.fem import mode_field as field_file
 from beadwave.fem.assembly_modes import AssemblyModes
-from beadwave.fem.spot import Spot, plane_spot
+from beadwave.fem.spot import SurfacePoint, plane_spot
 from beadwave.workflows.files.child import child
 from beadwave.workflows.files.run_folder import NoPicture, Picture
 from beadwave.workflows.scene import Scene
@@ -147,7 +147,7 @@ def _masses(scene: Scene, mesh: Parts) -> Iterator[tuple[str, list[float], list[
             yield table.name, spot.point.tolist(), (-spot.inward).tolist(), table.radius
 
 
-def _spot(mesh: Parts, name: str, at: tuple[float, float]) -> Spot | None:
+def _spot(mesh: Parts, name: str, at: tuple[float, float]) -> SurfacePoint | None:
     """The spot on a named plane face; None on one that is not plane."""
     face = mesh.face(name)
     try:

@@ -12,7 +12,7 @@ from beadwave.workflows.report.summary import QuantityErrors
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.stages.chain import Start
 from beadwave.workflows.stages.errors import MARGIN, SHORTER, observed, velocities
-from beadwave.workflows.stages.mesh_error import MissedByMesh
+from beadwave.workflows.stages.mesh_error import MeshErrorEstimate
 from beadwave.workflows.stages.number_errors import MarchedPair, instants, numbers_with_errors
 from beadwave.workflows.stages.walls import wall_of
 
@@ -20,7 +20,7 @@ from beadwave.workflows.stages.walls import wall_of
 def quantity_errors(
     scene: Scene,
     start: Start,
-    missed: MissedByMesh,
+    missed: MeshErrorEstimate,
     reduction: rom.ReducedModel,
     impact: coupling.Impact,
     waves: ChainWaves,
@@ -73,7 +73,7 @@ def of_reduction(
 def velocity_error_of_mesh(
     scene: Scene,
     start: Start,
-    missed: MissedByMesh,
+    missed: MeshErrorEstimate,
     contact: rom.Contact,
     impact: coupling.Impact,
 ) -> float:

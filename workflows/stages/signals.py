@@ -16,7 +16,7 @@ from beadwave.workflows.scene.sensors import low_pass_of
 from beadwave.workflows.stages.damping import damping
 
 if TYPE_CHECKING:
-    from beadwave.coupling.structure_sensors import Sensed
+    from beadwave.coupling.structure_sensors import SensorSignals
     from beadwave.rom import ReducedModel
 
 
@@ -43,7 +43,7 @@ def record(
     impact: Impact,
     waves: ChainWaves,
     reduced: "ReducedModel | None" = None,
-    structure: "Sensed | None" = None,
+    structure: "SensorSignals | None" = None,
 ) -> SensorRecord:
     """Signals of the sensors (k, m) with noise, filters and rounding, and the waves in them; of
     those on the structure as it moves, or by its reduced model, which the contact force drives."""

@@ -17,7 +17,7 @@ from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.stages.parts import STRIKE, Parts
 
 if TYPE_CHECKING:  # these load gmsh
-    from beadwave.geometry.selectors import Selected
+    from beadwave.geometry.selectors import FaceSelection
     from beadwave.geometry.solids import Body, Face
 
 MIDDLE = (0.0, 0.0)  # of a plane face
@@ -29,7 +29,7 @@ N_RIM = 16  # points of the rim whose distance from the face is measured
 OFF_FACE = 0.02
 
 
-def struck(scene: Scene, bodies: Mapping[str, Body], selected: Selected) -> Struck:
+def struck(scene: Scene, bodies: Mapping[str, Body], selected: FaceSelection) -> Struck:
     """Face and point of the CAD model that the scene strikes, among the faces `selected` by
     strike.on.
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from beadwave.workflows.stages.pipeline import Pipeline
     from beadwave.workflows.structure.hammer import HammerReport
     from beadwave.workflows.structure.hammer_design import HammerDesign
-    from beadwave.workflows.structure.look import Look, Seen
+    from beadwave.workflows.structure.look import Look, LookContents
     from beadwave.workflows.structure.losses import LossReport
     from beadwave.workflows.structure.mode_table import ModeTable
     from beadwave.workflows.structure.ranking import RankReport
@@ -44,11 +44,11 @@ HAMMER_PICTURES = ("hammer", "synthesis", "coherence", "decay", "automac", "mac"
 
 
 @dataclass(frozen=True, repr=False)
-class Looked:
+class LookReport:
     """An assembly at a glance: `found.bodies`, `found.touching`, `found.holes`, ..."""
 
     found: Look
-    seen: Seen
+    seen: LookContents
 
     def plot(self) -> Picture:
         """The bodies, a colour and a name each; of a scene with chain, joints and held faces."""
@@ -70,7 +70,7 @@ def look(
     out: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
-) -> Looked:
+) -> LookReport:
     """Bodies, masses, touching pairs, holes and the size of the mesh (`beadwave look`).
 
     source   a STEP file, or a scene with an assembly
@@ -98,7 +98,7 @@ def look(
         title = str(source) if path else scene.name
         whole, page = not is_step, folder is not None
         glance = looking.look(with_assembly(scene), title, whole=whole, with_page=page)
-        result = Looked(glance.look, glance)
+        result = LookReport(glance.look, glance)
         if folder:
             write_pictures(folder, (result.plot(),))
             folder.write("faces.html", glance.page.encode())
@@ -224,7 +224,7 @@ USUAL = Path("NAME-tuned.toml")
 
 
 @dataclass(frozen=True, repr=False)
-class Tuned:
+class TuningResult:
     """The scene with fitted joints, its report, and the file it was written to, if any."""
 
     scene: Scene
@@ -245,7 +245,7 @@ def tune(
     out: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
-) -> Tuned:
+) -> TuningResult:
     """Joint stiffnesses, and materials, fitted to measured modes (`beadwave tune`).
 
     hammer  a hammer test (.csv, .uff, .mat, .wav) to take frequencies and damping from; in a scene
@@ -278,7 +278,7 @@ def tune(
     errors = frequency_errors(chosen, wanted).text()
     first = f"Joints inferred from modes {met}; deviations rest on {errors}."
     result, path = write_scene(result, None if report.failures else file, first, scene)
-    return Tuned(result, report, path)
+    return TuningResult(result, report, path)
 
 
 @dataclass(frozen=True, repr=False)
@@ -349,7 +349,7 @@ def tune_to_responses(
 
 
 @dataclass(frozen=True, repr=False)
-class Damped:
+class LossFactorFit:
     """The scene with fitted loss factors, the report, and the file it was written to, if any."""
 
     scene: Scene
@@ -368,7 +368,7 @@ def fit_losses(
     out: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
-) -> Damped:
+) -> LossFactorFit:
     """Loss factors of materials and joints from the damping ratios of measured modes, by whose
     strain energy each mode is (`beadwave tune --damping`).
 
@@ -385,7 +385,7 @@ def fit_losses(
     report = report.model_copy(update={"remarks": [*remarks, *report.remarks]})
     first = "Loss factors inferred from the damping ratios of the targets."
     result, path = write_scene(result, file, first, scene)
-    return Damped(result, report, path)
+    return LossFactorFit(result, report, path)
 
 
 def rank_parameters(
@@ -696,7 +696,7 @@ def design_hammer_test(
 
 
 @dataclass(frozen=True, repr=False)
-class Reduced:
+class ReductionResult:
     """A reduced model: `model` with K, M, C, w and the outer nodes' T; to a file by `save`."""
 
     scene: Scene
@@ -732,7 +732,7 @@ def reduce(
     matrices: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
-) -> Reduced:
+) -> ReductionResult:
     """The assembly reduced to few coordinates at the contact (`beadwave reduce`).
 
     out       file of the reduced model: .npz, .mat or .h5
@@ -753,7 +753,7 @@ def reduce(
     if files:
         require_formats(*files)
     pipeline = pipeline_of(chosen, progress)
-    result = Reduced(chosen, pipeline("reduction"), pipeline)
+    result = ReductionResult(chosen, pipeline("reduction"), pipeline)
     if files:
         write_reduced(pipeline, *files)
     return result

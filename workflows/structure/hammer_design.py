@@ -12,7 +12,7 @@ from beadwave.fem.hit_records import degree_of_freedom
 from beadwave.fem.hits import Hits
 from beadwave.fem.measured_shapes import MeasuredShape
 from beadwave.fem.sensor_placement import effective_independence, outside
-from beadwave.fem.synthetic_hits import HammerDefects, Striking, struck
+from beadwave.fem.synthetic_hits import HammerDefects, HammerHits, struck
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.stages.loss_factors import ratios_of_modes
@@ -188,7 +188,7 @@ def hits_of_modes(
     seconds = 0.05 + np.log(1e3) / float(np.min(2 * np.pi * hz * zeta))
     k = int(min(seconds / dt, longest))
     rng = np.random.default_rng(seed)
-    plan = Striking(len(names), 3, dt, k, 1.0 / hz[-1])
+    plan = HammerHits(len(names), 3, dt, k, 1.0 / hz[-1])
     if beyond is not None:
         hz, zeta, phi = (
             np.concatenate(pair, axis=-1) for pair in zip((hz, zeta, phi), beyond, strict=True)

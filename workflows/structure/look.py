@@ -158,7 +158,7 @@ class Look(BaseModel):
         return "\n".join([*lines, "", cost, *self.remarks])
 
 
-class Seen(NamedTuple):
+class LookContents(NamedTuple):
     """The report, the meshes for a picture, and a scene to start from."""
 
     look: Look
@@ -176,7 +176,7 @@ def of_file(path: Path) -> Scene:
     return resolved(tables, str(path))
 
 
-def look(scene: Scene, source: str, *, whole: bool = True, with_page: bool = False) -> Seen:
+def look(scene: Scene, source: str, *, whole: bool = True, with_page: bool = False) -> LookContents:
     """Bodies, pairs and holes of a scene, from its geometry alone and a mesh as a run has it, and
     the page of its faces; not `whole` is what has bodies alone, as a STEP file."""
     scene = scene.written_out
@@ -246,7 +246,7 @@ def look(scene: Scene, source: str, *, whole: bool = True, with_page: bool = Fal
         seconds=foreseen_seconds(nodes),
         remarks=remarks + heavy,
     )
-    return Seen(report, scene, meshes, parts, start, page)
+    return LookContents(report, scene, meshes, parts, start, page)
 
 
 def constrained_dofs(parts: Parts) -> int:

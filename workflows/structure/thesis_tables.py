@@ -93,7 +93,7 @@ def table_53(scene: Scene, progress: Progress) -> ThesisTable:
     return ThesisTable(rows=rows)
 
 
-class Added(NamedTuple):
+class ComponentChanges(NamedTuple):
     """Change of the four modes by each component, [%] of the model without it."""
 
     components: tuple[str, ...]
@@ -101,7 +101,7 @@ class Added(NamedTuple):
     thesis: NDArray[np.float64]  # (components, 4)
 
 
-def added(table: ThesisTable) -> dict[str, Added]:
+def added(table: ThesisTable) -> dict[str, ComponentChanges]:
     """By constraint, from rows named as in table 5.2: "screw-tie", "screw-tie + support", ..."""
     by_constraint = {}
     for constraint in (row.model for row in table.rows if " + " not in row.model):
@@ -111,7 +111,7 @@ def added(table: ThesisTable) -> dict[str, Added]:
         ours = np.array([row.modes_hz for row in models], dtype=float)
         thesis = np.array([row.thesis_hz for row in models], dtype=float)
         percent = (100 * (f[1:] / f[:-1] - 1) for f in (ours, thesis))
-        by_constraint[constraint] = Added(components, *percent)
+        by_constraint[constraint] = ComponentChanges(components, *percent)
     return by_constraint
 
 

@@ -68,7 +68,7 @@ def energy(scene: Scene, progress: Progress, options: EnergyOptions = EnergyOpti
     cube = lined_mesh(Box((side, side, side)), lines, side / 6)
     ends = {"strike": lambda x: x[0] > side / 2 - SAME, "-x": lambda x: x[0] < SAME - side / 2}
     structure = fem.assemble({"block": cube.with_boundaries(ends)}, {"block": steel})
-    block_model = fem.joined(structure, fem.Connections(held=[fem.Held("block:-x")]))
+    block_model = fem.joined(structure, fem.Connections(held=[fem.HeldFace("block:-x")]))
     rig_model = stages.model(scene, stages.mesh(scene))
     bodies = {
         "ROM half-space": StruckBody(block_model, (0.0, 0.0), scene.patch.radius),

@@ -21,5 +21,5 @@ def block(*lines: np.ndarray, material: fem.Material) -> fem.Structure:
 
 def held_block(*lines: np.ndarray, material: fem.Material) -> fem.Model:
     """The block between grid lines as of `block`, clamped at -x."""
-    held = [fem.Held("block:-x")]
+    held = [fem.HeldFace("block:-x")]
     return fem.joined(block(*lines, material=material), fem.Connections(held=held))

@@ -11,7 +11,7 @@ from beadwave import dem
 from beadwave.coupling.periodic_state import periodic_state
 from beadwave.coupling.spatial_march import (
     Before,
-    Moving,
+    MarchState,
     ShakerForces,
     SpatialSearch,
     body_of,
@@ -110,7 +110,7 @@ class Bristles(NamedTuple):
 class ShakenStart(NamedTuple):
     """A state to start from, and the shaker: its force [N], circular frequency [rad/s], phase."""
 
-    moving: Moving
+    moving: MarchState
     force: float
     omega: float
     phase: float

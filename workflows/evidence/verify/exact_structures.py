@@ -89,7 +89,7 @@ def structures() -> Iterator[Comparison]:
 def _natural_hz(lines, material: fem.Material, rollers: dict[str, str]) -> np.ndarray:
     """All natural frequencies [Hz] of a bar of hexahedra on these grid lines, whose faces are held
     in the directions of `rollers`."""
-    supports = [fem.Held(f"block:{side}", directions) for side, directions in rollers.items()]
+    supports = [fem.HeldFace(f"block:{side}", directions) for side, directions in rollers.items()]
     model = fem.joined(block(*lines, material=material), fem.Connections(held=supports))
     squared = eigh(model.K.toarray(), model.M.toarray(), eigvals_only=True)
     return np.sqrt(np.abs(squared)) / (2 * np.pi)

@@ -21,7 +21,7 @@ from scipy.linalg import eigh
 
 from beadwave import fem
 from beadwave.workflows.evidence.harness import Comparison, compared
-from beadwave.workflows.files.record import Channel, Recorded
+from beadwave.workflows.files.record import Channel, MeanRecord
 from beadwave.workflows.fit.inspect import InspectionRequest
 from beadwave.workflows.fit.inspect import inspected as inspection
 from beadwave.workflows.scene import Scene
@@ -82,7 +82,7 @@ def inspected() -> Iterator[Comparison]:
             yield Comparison(f"{name}, its bar", bar, 0.0, bar / true, 0.01, MASS)
 
 
-def _record(scene: Scene) -> Recorded:
+def _record(scene: Scene) -> MeanRecord:
     """The force that the fourth sphere shows, its first touch 20 us after the record begins."""
     # spheres: A = 4/3 E* sqrt(R*), the last contact with what is struck
     n, radius = scene.chain.count, scene.chain.radius
@@ -124,7 +124,7 @@ def _record(scene: Scene) -> Recorded:
     noisy = signal + rms * np.random.default_rng(1).standard_normal(signal.size)
     t = np.arange(signal.size) / SAMPLING
     channel = Channel(FOURTH + 1, "force", False)
-    return Recorded(t, noisy[:, None], (channel,), np.full(1, np.nan), 1, scene.name, True)
+    return MeanRecord(t, noisy[:, None], (channel,), np.full(1, np.nan), 1, scene.name, True)
 
 
 def hinged_timoshenko_modes(scene: Scene) -> tuple[Array, Array]:
