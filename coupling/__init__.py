@@ -2,7 +2,6 @@
 
     reduced_wall.wall_of    rom.ReducedModel -> dem.Wall: its modes, its residual compliance
     impact     (chain, wall, v0, duration=..., error=...): the march, after its verdict
-    prune      the same wall without the modes that do not matter
     rayleigh, ModalDamping, RayleighDamping    damping for wall_of
     verdict    whether chain and wall can work together, in sentences
     infinite_plate    a thin plate as a dashpot
@@ -56,7 +55,6 @@ from beadwave.coupling.plate import (
     infinite_plate,
     slenderness,
 )
-from beadwave.coupling.pruning import Pruning, TruncatedMode, mode_costs, prune
 from beadwave.coupling.radiation import radiated_energy
 from beadwave.coupling.verdict import Verdict, largest_monotone_force, predicted_peak_force, verdict
 
@@ -70,9 +68,7 @@ __all__ = [
     "Impact",
     "ModalDamping",
     "Plate",
-    "Pruning",
     "RayleighDamping",
-    "TruncatedMode",
     "Verdict",
     "damping_ratios",
     "elliptical_contact",
@@ -83,9 +79,7 @@ __all__ = [
     "largest_monotone_force",
     "longest_step",
     "march_coupled",
-    "mode_costs",
     "predicted_peak_force",
-    "prune",
     "radiated_energy",
     "rayleigh",
     "slenderness",

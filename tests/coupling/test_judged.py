@@ -1,7 +1,5 @@
 """Verdicts, marches of coupled walls and costs of modes: each number beside its formula."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -9,7 +7,6 @@ from scipy.integrate import solve_ivp
 from beadwave import dem
 from beadwave.coupling import CoupledWall, CouplingError, energy_gain, march_coupled, verdict
 from beadwave.coupling.coupled_march import longest_step, with_coupled_error
-from beadwave.coupling.pruning import TruncatedMode, mode_costs, oscillation, prune, without
 from beadwave.coupling.verdict import (
     _contact_frequency,
     large_step_error,
@@ -331,140 +328,6 @@ def test_a_given_step_is_too_long_above_a_hundredth():
 
 
 # --- modes left out ------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("omega", "zeta"), [(0.0, 0.0), (0.8, 0.1), (0.8, 1.0), (2.0, 1.7)])
-def test_an_oscillation_under_held_forces_is_exact(omega, zeta):
-    """Step by step with the exponential of its matrix and a force that stays over the step."""
-    from scipy.linalg import expm
-
-    h, F = 0.3, np.random.default_rng(0).standard_normal(40)
-    G = np.zeros((3, 3))
-    G[0, 1], G[1] = 1.0, [-(omega**2), -2 * zeta * omega, 1.0]
-    E, state, exact = expm(G * h), np.zeros(2), []
-    for force in F:
-        exact.append(state[0])
-        state = (E @ np.append(state, force))[:2]
-    result = oscillation(F, omega, zeta, h)
-    np.testing.assert_allclose(result, exact, atol=1e-5 * np.abs(exact).max())
-
-
-def test_a_wall_without_modes_keeps_what_is_static_of_them():
-    wall = Wall(np.array([1.0, 2.0, 3.0]), np.array([0.1, 0.2, 0.3]), np.array([4.0, 5, 6]), 0.5)
-    left = without(
-        wall, [TruncatedMode(2, 0.5, "static", 0.0), TruncatedMode(0, 0.2, "frozen", 0.0)]
-    )
-    np.testing.assert_array_equal(left[:3], [[2.0], [0.2], [5.0]])
-    assert left.residual_compliance == pytest.approx(0.5 + 4.0)
-
-
-def test_costs_of_modes_are_the_velocity_that_their_motion_would_make():
-    """max |sum h k(t) u(t)| / (m V) of the cheaper of no motion and static motion."""
-    wall = Wall(np.array([0.0, 0.02, 1.0, 40.0]), np.array([0, 0.1, 0.2, 0.3]),
-                np.array([0.1, 0.2, 0.3, 0.4]), 0.3)  # fmt: skip
-    chain = row()
-    run = dem.march(chain, wall, speeds(3), duration=6.0, dt=0.01, n_save=600)
-    F, h = run.contact_force[:, -1], 0.01
-    k = 1.5 * 1.5 ** (2 / 3) * np.maximum(F, 0) ** (1 / 3)
-    slope = h * k / (1 + 0.3 * k) / (1.3 * 1.0)
-    for j, result in enumerate(mode_costs(chain, wall, run)):
-        u = wall.phi[j] ** 2 * oscillation(F - F[0], wall.omega[j], wall.zeta[j], h)
-        costs = {"frozen": np.abs(np.cumsum(slope * u)).max()}
-        if j:
-            static = (wall.phi[j] / wall.omega[j]) ** 2 * (F - F[0])
-            costs["static"] = np.abs(np.cumsum(slope * (u - static))).max()
-        how = min(costs, key=costs.get)
-        assert (result.mode, result.how) == (j, how)
-        assert result.cost == pytest.approx(costs[how], rel=1e-9)
-        assert result.frequency_hz == pytest.approx(wall.omega[j] / (2 * np.pi))
-        assert str(result) == f"{result.frequency_hz:.4g} Hz: leave out ({how}), {result.cost:.1e}"
-
-
-def test_pruning_measures_what_it_states():
-    wall = Wall(np.array([1e-3, 1.0, 60.0]), np.zeros(3), np.array([0.02, 0.3, 0.3]))
-    chain = row()
-    result = prune(chain, wall, speeds(3), duration=4.0, error=1e-2)
-    assert {one.mode for one in result.left_out} == {0, 2}
-    runs = [
-        dem.march(chain, w, speeds(3), duration=4.0, dt=1e-2, n_save=400).v
-        for w in (wall, result.wall)
-    ]
-    assert result.cost == pytest.approx(np.abs(runs[1] - runs[0]).max(), rel=0.02)
-    assert result.cost < 1e-2
-    assert "2 of 3 wall modes left out" in result.sentences[-1]
-    hard = chain._replace(A=np.array([1.0, 9.0, 1.5]))  # the last contact alone gives way
-    giving = prune(
-        hard, wall._replace(residual_compliance=-0.2), speeds(3), duration=4.0, error=0.1
-    )
-    assert giving.left_out
-    none = prune(chain, wall, speeds(3), duration=4.0, error=1e-9)
-    assert none.wall == wall and none.left_out == () and none.cost == 0.0
-
-
-def test_forces_count_from_that_at_the_start():
-    """A chain under a preload, on the way of the wave."""
-    wall = Wall(np.array([0.3, 1.0, 40.0]), ZETA[[0, 1, 1]], np.array([0.2, 0.3, 0.4]), 0.3)
-    chain = row(**HELD)
-    full = dem.march(chain, wall, speeds(3), duration=6.0, dt=0.01, n_save=600)
-    hit = int(full.contact_force[:, -1].argmax()) // 2  # the force differs from sample to sample
-    run = full._replace(t=full.t[hit:], v=full.v[hit:], contact_force=full.contact_force[hit:])
-    F, h = run.contact_force[:, -1], 0.01
-    assert 0.04 < F[0] != F[1]
-    k = 1.5 * 1.5 ** (2 / 3) * np.maximum(F, 0) ** (1 / 3)
-    slope = h * k / (1 + 0.3 * k) / (1.3 * np.abs(run.v[0]).max())
-    for result in mode_costs(chain, wall, run):
-        j = result.mode
-        u = wall.phi[j] ** 2 * oscillation(F - F[0], wall.omega[j], wall.zeta[j], h)
-        static = (wall.phi[j] / wall.omega[j]) ** 2 * (F - F[0])
-        costs = {"frozen": np.abs(np.cumsum(slope * u)).max(),
-                 "static": np.abs(np.cumsum(slope * (u - static))).max()}  # fmt: skip
-        assert result.cost == pytest.approx(costs[result.how], rel=1e-9)
-        assert result.cost == pytest.approx(min(costs.values()), rel=1e-9)
-
-
-def test_a_mode_is_static_under_a_slow_force_even_below_one_radian_a_second():
-    t = np.linspace(0.0, 400.0, 4001)
-    F = np.sin(np.pi * t / 400.0) ** 2
-    wall = Wall(np.array([0.6]), np.array([0.2]), np.array([0.5]))
-    run = SimpleNamespace(t=t, v=np.full((4001, 3), 160.0), contact_force=F[:, None])
-    (result,) = mode_costs(row(), wall, run)
-    assert result.how == "static" and result.cost < 0.03
-    (still,) = mode_costs(row(), wall._replace(omega=np.zeros(1)), run)
-    assert still.how == "frozen" and still.frequency_hz == 0.0
-
-
-@pytest.mark.parametrize("speed", [1.0, -4.0])
-@pytest.mark.parametrize(
-    ("force", "allowed", "left"),
-    [(0.9, 100.0, 9), (0.9, 5.0, 5), (0.9, 4.9, 4), (0.9, 0.9, 0), (1.0, 5.0, 0)],
-)
-def test_modes_come_back_by_fifths_until_the_measured_change_is_allowed(
-    monkeypatch, speed, force, allowed, left
-):
-    """Each of ten changes the velocities by 1 / 64; foreseen are nine. None goes where the contact
-    would give way under the force."""
-    wall = Wall(np.linspace(1.0, 10.0, 10), np.zeros(10), np.ones(10), -0.3)
-    error, marches = allowed / 64, []
-
-    def run(_, given, v0, **how):
-        marches.append(how)
-        v = np.full((3, 3), 5.0)
-        v[1, 2] -= np.abs(speed) * (10 - len(given.omega)) / 64
-        peak = force * largest_monotone_force(-0.3, 1.5)
-        return SimpleNamespace(
-            trajectory=SimpleNamespace(v=v), verdict=SimpleNamespace(predicted_peak_force=peak)
-        )
-
-    each = [TruncatedMode(j, 1.0, "frozen", (1 + 0.001 * j) * error / 9.5) for j in range(10)]
-    monkeypatch.setattr("beadwave.coupling.pruning.impact", run)
-    monkeypatch.setattr("beadwave.coupling.pruning.mode_costs", lambda *_: each[::-1])
-    chain = row()._replace(A=np.array([1.0, 50.0, 1.5]))
-    v0 = speed * np.array([0.5, 1.0, 0.25])
-    result = prune(chain, wall, v0, duration=4.0, error=error)
-    assert result.left_out == tuple(each[:left]) and result.cost == left / 64
-    np.testing.assert_array_equal(result.wall.omega, wall.omega[left:])
-    assert all(how == marches[0] for how in marches)
-    assert marches[0] == {"duration": 4.0, "error": pytest.approx(0.1 * error), "n_save": 20000}
 
 
 @pytest.mark.parametrize("size", [1.0, 1e-3])

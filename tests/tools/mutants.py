@@ -65,11 +65,11 @@ ROOMS = {
     ),
     "coupling": Room(
         ("coupling/reduced_wall.py", "coupling/damping.py", "coupling/coupled_march.py",
-         "coupling/verdict.py", "coupling/pruning.py", "workflows/fit/parametric_wall.py",
+         "coupling/verdict.py", "workflows/fit/parametric_wall.py",
          "coupling/band.py", "coupling/sensors.py",
          "coupling/elliptical_contact.py", "coupling/radiation.py"),
         ("coupling/damping", "coupling/judged", "coupling/parametric_wall", "coupling/sensors",
-         "coupling/elliptical", "coupling/radiation", "coupling/pruning"),
+         "coupling/elliptical", "coupling/radiation"),
     ),
     "calibration": Room(
         (FIT + "least_squares.py", FIT + "uncertainty.py", FIT + "parameter.py",

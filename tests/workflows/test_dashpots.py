@@ -93,7 +93,6 @@ def test_a_dashpot_as_good_as_rigid_is_refused(damped):
         (("joints.head.cx=10.0",), "kx = inf, which never moves"),
         (("joints.foot.cry=1.0",), "kry = inf"),
         ((*DAMPED, "time.dt=1e-6"), "give time.error"),
-        ((*DAMPED, "wall.prune=true"), "drop wall.prune"),
         ((*DAMPED, "assembly.constraint=full-tie"), 'assembly.constraint = "wires"'),
         ((*DAMPED, "reduction.kind=free-modes"), "whose boundary holds them"),
         (("joints.head.cz=-1.0",), "joints.head.cz = -1.0"),

@@ -1,4 +1,4 @@
-"""What a scene says about patch, reduction and pruning, run on a coarse mesh."""
+"""What a scene says about patch and reduction, run on a coarse mesh."""
 
 from contextlib import nullcontext
 from importlib import import_module
@@ -148,7 +148,6 @@ def test_the_thesis_reads_beside_the_node_that_it_pushes():
     [
         ("reduction.kind=free-modes", "craig-bampton"),
         ("time.dt=1e-6", "time.error"),
-        ("wall.prune=true", "wall.prune"),
         ("patch.nodes=[[0.06, 0.0]]", "patch.nodes"),
     ],
 )
@@ -157,13 +156,9 @@ def test_what_the_thesis_scheme_cannot_do_is_refused(change, words):
         scene("rig-rom", (*COARSE, "patch.weights=thesis", change))
 
 
-@pytest.mark.slow
-def test_pruning_leaves_out_modes_within_the_error(tmp_path):
-    whole, pruned = pipeline(), pipeline("wall.prune=true")
-    assert len(pruned("wall").omega) < len(whole("wall").omega)
-    difference = np.abs(pruned("impact").trajectory.v - whole("impact").trajectory.v).max()
-    assert 0 < difference < 1.1e-4 * 0.31
-    assert "wall modes left out" in pruned("pruning").sentences[-1]
+def test_a_key_of_earlier_scenes_is_refused_with_its_replacement():
+    with pytest.raises(InvalidScene, match=r"prune is no key any more; drop it: reduction\.error"):
+        scene("rig-rom", ("wall.prune=true",))
 
 
 @pytest.mark.slow

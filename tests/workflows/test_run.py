@@ -47,7 +47,7 @@ CONTRACT = {
     "contact_radius_m", "energy_error", "error_estimate", "waves", "stages", "warnings", "versions",
 }  # fmt: skip
 BESIDE = {
-    "verdict", "reduction", "wall_modes_left_out", "wall_contact", "command", "date", "modes",
+    "verdict", "reduction", "wall_contact", "command", "date", "modes",
     "seconds", "sensors", "sources", "load_factor", "errors", "friction", "synthetic",
     "error_spheres", "sphere_errors_m_s",
 }  # fmt: skip

@@ -133,7 +133,6 @@ def test_spheres_that_nothing_holds_beside_a_shaken_structure_are_held_by_a_word
 
 REFUSED = {
     'friction.upstream = "held" holds the other spheres': ["friction.upstream=held"],
-    "wall.prune counts what modes do along the chain alone": ["wall.prune=true"],
     "friction.between_spheres is known before walls of a few": ["friction.between_spheres=0.1"],
     "[friction] needs a contact that is read where it is loaded": ["strike.weights=thesis"],
 }

@@ -181,7 +181,7 @@ class SummaryPrinter:
             rows = list(headline(summary))
             if self._verbose:
                 rows += details(summary)
-                sentences = (*summary.verdict, *summary.wall_modes_left_out[-1:])
+                sentences = summary.verdict
                 rows += [("verdict", sentence) for sentence in sentences]
                 for stage in summary.stages:
                     cached = "  (kept)" if stage.cached else ""

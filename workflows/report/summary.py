@@ -283,7 +283,6 @@ class Summary(BaseModel):
     friction: FrictionNumbers | None = None
     reduction: ReductionHealth | None = None
     verdict: tuple[str, ...] = ()
-    wall_modes_left_out: tuple[str, ...] = ()
     seconds: float | None = None  # of the whole run; stages of two processes overlap
     stages: tuple[StageTime, ...] = ()
     warnings: tuple[str, ...] = ()

@@ -199,8 +199,6 @@ def summary_of(
         numbers |= chain.numbers | {"error_estimate": ErrorEstimate(**errors)}
         if scene.output.sensors:
             numbers["sensors"] = pipeline("sensor-numbers")
-        if getattr(scene.wall, "prune", False):
-            numbers["wall_modes_left_out"] = pipeline("pruning").sentences
         sentences += chain.warnings
 
     # the assembly, or a wall from a file

@@ -167,8 +167,6 @@ def _of_reading(scene: Scene, table: str) -> Iterator[str]:
         )
     if scene.time and scene.time.dt is not None:
         yield f"{key} is marched to an error; give time.error, not time.dt."
-    if getattr(scene.wall, "prune", False):
-        yield f"{key} makes no modes to leave out; drop wall.prune."
 
 
 def _dashpots(scene: Scene) -> Iterator[str]:
@@ -186,8 +184,6 @@ def _dashpots(scene: Scene) -> Iterator[str]:
             "dashpots in joints and parallel to springs couple the modes and are marched to an "
             "error; give time.error, not time.dt."
         )
-    if getattr(scene.wall, "prune", False):
-        yield "dashpots couple the modes, none can be left out alone; drop wall.prune."
 
 
 def _of_modes(scene: Scene) -> Iterator[str]:

@@ -54,8 +54,6 @@ def _of_structure(scene: Scene, wall: RomWall) -> Iterator[str]:
             "friction.between_spheres is known before walls of a few numbers alone; drop it before "
             "a structure."
         )
-    if wall.prune:
-        yield "wall.prune counts what modes do along the chain alone; drop it with [friction]."
     strike = scene.written_out.strike
     if wall.file is None and strike is not None and strike.weights == "thesis":
         yield (

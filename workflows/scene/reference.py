@@ -54,7 +54,7 @@ EXAMPLES: dict[str, Any] = {
     "wall.coefficient": 300.0, "wall.plate_thickness": "5 mm", "wall.file": "rom.npz",
     "wall.receptance": "frf.uff", "wall.response": 1, "wall.sensor_distance": "12 mm",
     "wall.nodes": [101, 102, 103], "wall.weights": [0.25, 0.5, 0.25], "wall.half_space": 1e-9,
-    "cutoff": "20 kHz", "wall.prune": True, "wall.curvatures": [20.0, 0.0],
+    "cutoff": "20 kHz", "wall.curvatures": [20.0, 0.0],
     "length": "200 mm", "width": "30 mm", "thickness": "10 mm", "diameter": "12 mm",
     "bore": "4 mm", "beam.area": 3e-4, "beam.second_moment": 2.5e-9, "shear_factor": 0.83,
     "shift": "1 MN/m", "turn": 1e4, "position": "80 mm", "axial_force": "-2 kN",

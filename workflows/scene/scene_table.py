@@ -69,6 +69,10 @@ def nearest(word: str, words: Iterable[str]) -> str:
     return f"the nearest known is {close[0]!r}" if close else f"known are {', '.join(names)}"
 
 
+# keys of earlier scenes: table, key, and what to use instead
+REMOVED = {("RomWall", "prune"): "reduction.error keeps the modes that the contact needs"}
+
+
 class SceneTable(BaseModel):
     """A table that takes its own keys and nothing else."""
 
@@ -80,6 +84,8 @@ class SceneTable(BaseModel):
     @classmethod
     def _known_keys(cls, table: Any) -> Any:
         for key in table if isinstance(table, dict) else ():
+            if (cls.__name__, key) in REMOVED:
+                raise ValueError(f"{key} is no key any more; drop it: {REMOVED[cls.__name__, key]}")
             if key not in cls.model_fields:
                 raise ValueError(f"unknown key {key!r}, {nearest(key, cls.model_fields)}")
         return table

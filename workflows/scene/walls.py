@@ -105,11 +105,10 @@ class RomWall(SceneTable):
     """A reduced model: of [assembly], or from a file.
 
     Modes above `cutoff` answer statically; without it, those above the highest mode that the
-    reduction represents. `prune` leaves out modes while the velocities stay within time.error; it
-    costs three runs. `file` is .npz, .mat, .h5 or the .mtx of an Abaqus substructure. An .mtx does
-    not say where the chain touches: `nodes` are the numbers of these nodes, `direction` (1, 2, 3)
-    is the chain's, and `weights` are those of the mean over them, equal without it. `half_space` is
-    the part of the file's static compliance that Hertz' law holds already, for files that do not
+    reduction represents. `file` is .npz, .mat, .h5 or the .mtx of an Abaqus substructure. An .mtx
+    does not say where the chain touches: `nodes` are the numbers of these nodes, `direction` (1, 2,
+    3) is the chain's, and `weights` are those of the mean over them, equal without it. `half_space`
+    is the part of the file's static compliance that Hertz' law holds already, for files that do not
     state it.
     """
 
@@ -123,7 +122,6 @@ class RomWall(SceneTable):
     # [m/N] compliance of the file that Hertz' law holds already
     half_space: of(NonNegative, COMPLIANCE, 1e-15, 1e-4) | None = None
     cutoff: Limit | None = None  # [Hz] modes above it answer statically
-    prune: bool = False  # leave out modes while velocities stay within time.error; three runs
     young: Young | None = None  # [Pa] Young's modulus of the surface struck; of [assembly] its own
     poisson: Poisson | None = None  # Poisson's ratio
     # principal ones of the face struck [1/m], < 0 hollow; of [assembly] they are its own

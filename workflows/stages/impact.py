@@ -1,6 +1,4 @@
-"""The impact as a stage: the check that it can be run, the coupled march, and the wall pruned."""
-
-from typing import NamedTuple
+"""The impact as a stage: the check that it can be run, and the coupled march."""
 
 import numpy as np
 
@@ -65,31 +63,3 @@ def impact(
         start.chain, wall, start.velocity, result.trajectory, error=time.error
     )
     return result._replace(trajectory=estimated)
-
-
-class PrunedWall(NamedTuple):
-    """A wall of fewer modes, and sentences on the modes left out."""
-
-    wall: dem.Wall
-    sentences: tuple[str, ...]
-
-
-def pruning(scene: Scene, start: Start, whole_wall: dem.Wall) -> PrunedWall:
-    """The wall without the modes that change velocities by less than the scene's error.
-
-    Raises ValueError for a wall that is not read where it is pushed.
-    """
-    if isinstance(whole_wall, coupling.CoupledWall):
-        raise ValueError("wall.prune needs a wall that is read where it is pushed; drop the key.")
-    time = scene.time
-    # where the scene gives a step, modes are pruned by the default error of the velocities
-    error = 1e-4 if time.error is None else time.error
-    pruned = coupling.prune(
-        start.chain, whole_wall, start.velocity, duration=time.duration, error=error
-    )
-    return PrunedWall(pruned.wall, pruned.sentences)
-
-
-def pruned_wall(scene: Scene, pruning: PrunedWall) -> dem.Wall:
-    """The wall without those modes."""
-    return pruning.wall

@@ -381,15 +381,7 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
     if needs and scene.bending is None:
         impact = impact | {"start": IMPACT["start"]._replace(needs=("surface",))}
 
-    # a wall without the modes that the chain does not feel
-    if not getattr(scene.wall, "prune", False):
-        return {**structure, "wall": wall, **impact}
-    walls = {
-        "whole-wall": wall,
-        "pruning": Stage(".impact:pruning", tables_of("time"), ("start", "whole-wall")),
-        "wall": Stage(".impact:pruned_wall", tables_of(), ("pruning",)),
-    }
-    return {**structure, **walls, **impact}
+    return {**structure, "wall": wall, **impact}
 
 
 def across_the_chain(impact: dict[str, Stage]) -> dict[str, Stage]:

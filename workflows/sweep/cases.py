@@ -144,7 +144,6 @@ class CheckedGroup:
             or scene.time.dt is not None
             or scene.friction is not None
             or scene.time.duration > scene.time.horizon
-            or getattr(scene.wall, "prune", False)
             or ("wall" in differs and not isinstance(scene.wall, HalfSpaceWall | OneDofWall))
         )
 
