@@ -53,7 +53,16 @@ def main(shares=SHARES, changes=()):
         beyond = after > NOTICED * speed
         later_ms.append(1e3 * float(t[beyond.argmax()]) if beyond.any() else np.nan)
 
-    columns = ("share", "force_N", "first_mode_hz", "tof_us", "arr", "first_wave", "later", "later_ms")
+    columns = (
+        "share",
+        "force_N",
+        "first_mode_hz",
+        "tof_us",
+        "arr",
+        "first_wave",
+        "later",
+        "later_ms",
+    )
     forces = [share * float(buckling_load) for share in shares]
     numbers = (hz, tof.tolist(), arr.tolist(), first, later, later_ms)
     print(aligned_text(columns, zip(shares, forces, *numbers, strict=True)))
@@ -64,8 +73,8 @@ def main(shares=SHARES, changes=()):
         {d_tof.min():.2f} to {d_tof.max():.2f} µs and the amplitude ratio by {d_arr.min():+.2f} to
         {d_arr.max():+.2f} %.
 
-        Until the first reflected wave has passed, velocities differ from those without a force by at
-        most {max(first):.2%} of the striker's, later by up to {max(later):.1%}, and by more than
+        Until the first reflected wave has passed, velocities differ from those without a force by
+        at most {max(first):.2%} of the striker's, later by up to {max(later):.1%}, and by more than
         {NOTICED:.0%} from {np.nanmin([*later_ms, np.inf]):.3g} ms on.
         """)
     if max(later) > 5 * max(first):

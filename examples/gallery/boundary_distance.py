@@ -2,8 +2,8 @@
 
 You will see the amplitude ratio (ARR) fall from that of a half-space at the edge to that of the
 infinite plate, for plates of four thicknesses. Near the edge the plate is stiff and little energy
-leaves. Away from it the bending waves that left come back from the edge only after the contact. D is
-the diameter of a sphere, t the thickness.
+leaves. Away from it the bending waves that left come back from the edge only after the contact. D
+is the diameter of a sphere, t the thickness.
 
 Thesis, section 2.2.2.
 
@@ -11,19 +11,17 @@ Run it: python examples/gallery/boundary_distance.py       60 contacts on solid 
 """
 
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from beadwave import coupling, dem, scene
-from beadwave.coupling.plate import Plate, group_speed
+from beadwave.coupling.plate import group_speed
 from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import aligned_text
 
 from observed import say
 from plates import (
     FAINT,
-    Collision,
     collision,
     diameter,
     edge_walls,
@@ -44,136 +42,101 @@ FACTORS = {
 CLOSE = 0.05  # of the ARR far from the edge: within it the edge no longer matters
 
 
-class Series(NamedTuple):
-    """Collisions with one plate at growing distances from its clamped edge."""
-
-    plate: Plate
-    distance: np.ndarray  # (k,) [m]
-    collisions: list[Collision]
-    arr: np.ndarray  # (k,)
-    over_far: np.ndarray  # (k,) ARR over that at the largest distance, or the faintest that counts
-
-
 def main(ratios=RATIOS, diameters=DIAMETERS, drawn=DRAWN, factors=FACTORS):
     """ARR (ratios, distances), and its largest change by each of the factors."""
     rig = scene("rig-half-space")
     D, deep = diameter(rig), collision(rig, dem.rigid_wall())
+    distance, seconds = D * np.array(diameters), deep.contact.seconds
 
     def size_of(plate):
         # no wave is back before the end of the contact with the infinite plate; fine elements run
         # all along the line of contacts, and the patch does not reach the edge
         until = collision(rig, coupling.infinite_plate(plate)).contact.seconds
-        size, nearest = sizes(plate, deep.contact.seconds, until), diameters[0] * D
-        return size._replace(contact_seed=nearest, patch=min(size.patch, nearest / 2))
-
-    def struck(plate, size, diameters):
-        distance = D * np.array(diameters)
-        collisions = [collision(rig, wall) for wall in edge_walls(plate, size, distance)]
-        arr = np.array([hit.arr for hit in collisions])
-        return Series(plate, distance, collisions, arr, arr / max(arr[-1], FAINT**1.2))
+        size = sizes(plate, seconds, until)
+        return size._replace(contact_seed=distance[0], patch=min(size.patch, distance[0] / 2))
 
     plates = {ratio: steel_plate(rig, D / ratio) for ratio in ratios}
-    series = {ratio: struck(plate, size_of(plate), diameters) for ratio, plate in plates.items()}
+    hits = {
+        ratio: [collision(rig, wall) for wall in edge_walls(plate, size_of(plate), distance)]
+        for ratio, plate in plates.items()
+    }
+    arr = np.array([[hit.arr for hit in row] for row in hits.values()])
+    over_far = arr / np.maximum(arr[:, -1:], FAINT**1.2)  # or over the faintest ARR that counts
 
     # one of them again with mesh and modes varied, at a few distances
-    base, changes = series[CHECKED], {}
-    at, size = [diameters.index(value) for value in drawn], size_of(base.plate)
+    at, size, changes = [diameters.index(d) for d in drawn], size_of(plates[CHECKED]), {}
     for name, varied in factors.items():
-        arr = struck(base.plate, size.scaled(**varied), drawn).arr
-        changes[name] = float(np.abs(arr - base.arr[at]).max())
+        walls = edge_walls(plates[CHECKED], size.scaled(**varied), distance[at])
+        off = [
+            abs(collision(rig, w).arr - hits[CHECKED][i].arr)
+            for w, i in zip(walls, at, strict=True)
+        ]
+        changes[name] = max(off)
 
-    columns = (
-        "d_over_t", "distance_mm", "arr", "arr_over_far", "energy_lost_percent", "contact_time_us",
-        "peak_force_N",
-    )  # fmt: skip
+    columns = ("arr", "arr_over_far", "energy_lost_percent", "contact_time_us", "peak_force_N")
     rows = [
-        (ratio, 1e3 * float(distance), hit.arr, float(over_far), 100 * hit.lost,
-         1e6 * hit.contact.seconds, hit.peak_force)
-        for ratio, s in series.items()
-        for distance, hit, over_far in zip(s.distance, s.collisions, s.over_far, strict=True)
+        (ratio, 1e3 * float(d), hit.arr, float(share), 100 * hit.lost, 1e6 * hit.contact.seconds,
+         hit.peak_force)
+        for ratio, shares in zip(ratios, over_far, strict=True)
+        for d, hit, share in zip(distance, hits[ratio], shares, strict=True)
     ]  # fmt: skip
-    print(aligned_text(columns, rows))
+    print(aligned_text(("d_over_t", "distance_mm", *columns), rows))
 
-    critical, half_way, echo = [], [], []
-    for s in series.values():
-        # distance beyond which ARR stays within CLOSE of that far away
-        off = np.abs(s.over_far - s.over_far[-1])
-        last = int(np.flatnonzero(off > CLOSE).max(initial=-1))
-        critical.append(0.0)
-        if last >= 0:
-            x, y = s.distance[last : last + 2], off[last : last + 2]
-            critical[-1] = float(x[0] + (y[0] - CLOSE) / (y[0] - y[1]) * (x[1] - x[0]))
-
-        # distance at which ARR has fallen half of its way from the edge to far away
-        middle = (s.arr[0] + s.arr[-1]) / 2
-        beyond = int((s.arr < middle).argmax())
-        x, y = s.distance[beyond - 1 : beyond + 1], s.arr[beyond - 1 : beyond + 1]
-        half_way.append(float(x[0] + (y[0] - middle) / (y[0] - y[1]) * (x[1] - x[0])))
-
-        # half the way that bending waves make while a contact with a half-space lasts
-        seconds = deep.contact.seconds
-        echo.append(group_speed(s.plate, np.pi / seconds) * seconds / 2)
-
-    def millimetres(values):
-        return ", ".join(f"{1e3 * value:.0f}" for value in values)
-
-    def shares(values):
-        return ", ".join(f"{value:.2f}" for value in values)
-
-    of_ratios, near, far = ", ".join(f"{r:g}" for r in ratios), base.distance[0], base.distance[-1]
+    # distance beyond which ARR stays within CLOSE of that far away; half the way that bending waves
+    # make while a contact with a half-space lasts
+    critical, echo = [], []
+    for plate, shares in zip(plates.values(), over_far, strict=True):
+        off = np.abs(shares - shares[-1])
+        k = int(np.flatnonzero(off > CLOSE).max(initial=-1))
+        critical.append(np.interp(-CLOSE, -off[k : k + 2], distance[k : k + 2]) if k >= 0 else 0.0)
+        echo.append(group_speed(plate, np.pi / seconds) * seconds / 2)
+    shown = [
+        ", ".join(f"{x:.2f}" for x in column) for column in (arr[:, 0], arr[:, -1], over_far[:, 0])
+    ]
+    mm = [", ".join(f"{1e3 * x:.0f}" for x in values) for values in (critical, echo)]
     say(f"""
         ARR is the amplitude ratio of the reflected wave (equation 2.9) at sphere
         {observed_sphere(rig)}. The plates are of the spheres' steel, clamped at one edge, with the
         other edges beyond the reach of the first collision; the contacts are elastic, without
         preload.
 
-        Thesis: the ARR is high close to the boundary and falls away from it. At {1e3 * near:.0f} mm
-        it is {shares(s.arr[0] for s in series.values())}, {1e3 * far:.0f} mm away
-        {shares(s.arr[-1] for s in series.values())} (half-space {deep.arr:.2f}), at D/t =
-        {of_ratios}.
+        Thesis: the ARR is high close to the boundary and falls away from it. At
+        {1e3 * distance[0]:.0f} mm it is {shown[0]}, {1e3 * distance[-1]:.0f} mm away {shown[1]}
+        (half-space {deep.arr:.2f}), at D/t = {", ".join(f"{r:g}" for r in ratios)}.
 
         Thesis: beyond a critical distance the ARR is constant. It stays within {CLOSE:.0%} from
-        {millimetres(critical)} mm on.
+        {mm[0]} mm on.
 
         Thesis: the thicker the wall, the smaller that distance, until boundaries can be neglected.
         What decreases is the size of the effect, because a thick plate reflects well anywhere: the
-        ARR at the edge is {shares(s.over_far[0] for s in series.values())} times that far away. The
-        distance over which half of the change happens grows with the thickness,
-        {millimetres(half_way)} mm, because bending waves become faster: during a contact with a
-        half-space they return from an edge {millimetres(echo)} mm away (group velocity 2 omega / k,
-        half a period in the contact).
+        ARR at the edge is {shown[2]} times that far away. Bending waves become faster with the
+        thickness: during a contact with a half-space they return from an edge {mm[1]} mm away
+        (group velocity 2 omega / k, half a period in the contact).
         """)
     for name, change in changes.items():
-        say(f"""
-            D/t = {CHECKED:g}, {name}: the ARR changes by at most {change:.1e} (at
-            {millimetres(base.distance[at])} mm).
-            """)
+        print(f"D/t = {CHECKED:g}, {name}: the ARR changes by at most {change:.1e}.")
 
-    # over the distance: ARR beside that of a half-space, the energy that leaves, what is left of
-    # the edge's effect; forces at the checked plate
-    arr, lost, remaining = [], [], []
-    for (ratio, s), reach in zip(series.items(), echo, strict=True):
-        name, mm = f"D/t = {ratio:g}", 1e3 * s.distance
-        arr.append(Line(name, mm, s.arr, "o-"))
-        lost.append(Line(name, mm, np.array([100 * hit.lost for hit in s.collisions]), "o-"))
-        left = (s.arr - s.arr[-1]) / (s.arr[0] - s.arr[-1])
-        remaining.append(Line(name, s.distance / reach, left, "o-"))
-    arr.append(Line("half-space", np.array([0.0, 1e3 * far]), np.full(2, deep.arr), "--", 5))
-    forces = []
+    mm, edge = 1e3 * distance, "distance from the clamped edge [mm]"
+    figure, lines = [], ([], [], [], [])
+    for ratio, row, reach in zip(ratios, arr, echo, strict=True):
+        name, lost = f"D/t = {ratio:g}", np.array([100 * hit.lost for hit in hits[ratio]])
+        lines[0].append(Line(name, mm, row, "o-"))
+        lines[1].append(Line(name, mm, lost, "o-"))
+        lines[2].append(Line(name, distance / reach, (row - row[-1]) / (row[0] - row[-1]), "o-"))
+    lines[0].append(Line("half-space", np.array([0.0, mm[-1]]), np.full(2, deep.arr), "--", 5))
     for i in at:
-        run = base.collisions[i].trajectory
-        name = f"{1e3 * base.distance[i]:.0f} mm"
-        forces.append(Line(name, 1e3 * run.t, run.contact_force[:, -1]))
-    x = "distance from the clamped edge [mm]"
-    figure = [
-        Panel("amplitude ratio (v_back / v_in)^(6/5)", x, "ARR", arr),
-        Panel("energy absorbed by the plate", x, "% of the striker's", lost),
-        Panel("remaining effect of the edge", "distance / reach of the bending waves",
-              "(ARR - far) / (edge - far)", remaining),
-        Panel(f"force at the plate, D/t = {CHECKED:g}", "time [ms]", "force [N]", forces),
-    ]  # fmt: skip
+        run = hits[CHECKED][i].trajectory
+        lines[3].append(Line(f"{mm[i]:.0f} mm", 1e3 * run.t, run.contact_force[:, -1]))
+    for title, x, y, curves in zip(
+        ("amplitude ratio (v_back / v_in)^(6/5)", "energy absorbed by the plate",
+         "remaining effect of the edge", f"force at the plate, D/t = {CHECKED:g}"),
+        (edge, edge, "distance / reach of the bending waves", "time [ms]"),
+        ("ARR", "% of the striker's", "(ARR - far) / (edge - far)", "force [N]"),
+        lines, strict=True,
+    ):  # fmt: skip
+        figure.append(Panel(title, x, y, curves))
     Path("boundary_distance.png").write_bytes(panels(figure, columns=2, size=(5.6, 3.4)))
-    return np.array([s.arr for s in series.values()]), changes
+    return arr, changes
 
 
 if __name__ == "__main__":

@@ -69,8 +69,8 @@ def main(duration=DURATION, n_modes=N_MODES, error=ERROR, changes=()):
     rows += [(f"Rayleigh ratio at {hz:g} Hz", float(x)) for hz, x in zip(tested, zeta, strict=True)]
     print(aligned_text(("quantity", "value"), rows))
     theirs = "; ".join(
-        f"{g:.2f} times ({r.name}), where it generates {r.gain.largest:.0%} of the striker's energy "
-        f"at {1e3 * r.gain.time:.2g} ms and {100 * r.gain.final:.2g} % at the end"
+        f"{g:.2f} times ({r.name}), where it generates {r.gain.largest:.0%} of the striker's "
+        f"energy at {1e3 * r.gain.time:.2g} ms and {100 * r.gain.final:.2g} % at the end"
         for r, g in zip(runs[1:], growth[1:], strict=True)
     )
     say(f"""

@@ -106,8 +106,8 @@ def main(duration=DURATION, finer=FINER, n_modes=N_MODES, error=ERROR, changes=(
         {max(ROUNDING, 1.5 * bump[1], 1.5 * bump[3]):.0e}.
 
         Figures 7.5 and 7.6: without the wall's energy {100 * missing[1]:.2g} % is missing with the
-        large block (a small contribution, according to the thesis) and {100 * missing[3]:.2g} % with
-        the assembly. With it the total is constant (figure 7.9).
+        large block (a small contribution, according to the thesis) and {100 * missing[3]:.2g} %
+        with the assembly. With it the total is constant (figure 7.9).
 
         The thesis calls preload and leaf springs almost negligible. With those of the scene, which
         are assumed, the work of the preload changes by up to {100 * np.abs(preload).max():.2g} % of

@@ -1,10 +1,10 @@
 """Waves of the shaken rig on a contact that slips, beside those on one that sticks.
 
-You will see, for one thing of the scene changed at a time, how far the waves at the observed spheres
-differ between the run as it is and the same run with a coefficient of friction so large that the
-contact sticks; both start from their periodic state. A second table switches on what a contact that
-sticks acts through, one mechanism after the other, without a shaker: it is compared with a contact
-without any tangential force.
+You will see, for one thing of the scene changed at a time, how far the waves at the observed
+spheres differ between the run as it is and the same run with a coefficient of friction so large
+that the contact sticks; both start from their periodic state. A second table switches on what a
+contact that sticks acts through, one mechanism after the other, without a shaker: it is compared
+with a contact without any tangential force.
 
 Run it: python examples/gallery/friction.py       42 periodic states: a quarter of an hour
 """
@@ -240,8 +240,9 @@ def main(
             to {1e3 * amplitude.max():.2f} mm/s, the waves after it by {1e3 * after.min():.1f} to
             {1e3 * after.max():.1f} mm/s; the error is {1e3 * error.min():.2f} to
             {1e3 * error.max():.2f} mm/s. A vibrometer with {1e6 * TIMING:g} µs and {1e3 * NOISE:g}
-            mm/s sees the arrival in {(arrival > TIMING).sum()} of {len(arrival)} rows, and the later
-            waves (three times its noise, in one record) in {(after > 3 * NOISE + error).sum()}.
+            mm/s sees the arrival in {(arrival > TIMING).sum()} of {len(arrival)} rows, and the
+            later waves (three times its noise, in one record) in
+            {(after > 3 * NOISE + error).sum()}.
             """)
     of_mechanism = [
         (name, 1e3 * change.first, 1e3 * change.later, 1e3 * change.error)
@@ -250,10 +251,10 @@ def main(
     columns = ("switched_on", "first_mm_s", "later_mm_s", "error_mm_s")
     print("\n" + aligned_text(columns, of_mechanism))
     say("""
-        Mechanisms, without shaker: a contact that sticks is compared with one without any tangential
-        force. Without the structure's coupling of directions hardly more than the numerical error is
-        left: the coupling carries the effect. `beadwave design` says how well a single record
-        determines the coefficient.
+        Mechanisms, without shaker: a contact that sticks is compared with one without any
+        tangential force. Without the structure's coupling of directions hardly more than the
+        numerical error is left: the coupling carries the effect. `beadwave design` says how well a
+        single record determines the coefficient.
         """)
 
     # what slip changes at each sphere over time, for the largest difference of each state

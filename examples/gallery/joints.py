@@ -77,8 +77,8 @@ def main(freedoms=FREEDOMS, tangential=TANGENTIAL, changes=()):
     for (_, turn), hz in curves.items():
         say(f"""
             With a {"rigid" if turn == STIFF else "compliant"} rotation in the plane of the sheets,
-            meeting mode 2 at {TARGETS[2]:g} Hz puts mode 3 at {np.interp(TARGETS[2], *hz.T):.0f} Hz,
-            and meeting mode 3 at {TARGETS[3]:g} Hz puts mode 2 at
+            meeting mode 2 at {TARGETS[2]:g} Hz puts mode 3 at {np.interp(TARGETS[2], *hz.T):.0f}
+            Hz, and meeting mode 3 at {TARGETS[3]:g} Hz puts mode 2 at
             {np.interp(TARGETS[3], *hz.T[::-1]):.0f} Hz.
             """)
     say("""
@@ -91,9 +91,9 @@ def main(freedoms=FREEDOMS, tangential=TANGENTIAL, changes=()):
         _, second, third, _ = best.modes_hz
         further = [f"{hz:.0f}" for hz in best.all_hz if second < hz < third]
         say(f"""
-            A stiffness of its own for the vertical direction, with a compliant rotation, meets modes
-            1 to 3 within {miss:.1g} %: mode 2 becomes a pitch of the block about the sheets, and
-            mode 3 keeps its stiffness along x. In return the shape of mode 2 has a MAC of only
+            A stiffness of its own for the vertical direction, with a compliant rotation, meets
+            modes 1 to 3 within {miss:.1g} %: mode 2 becomes a pitch of the block about the sheets,
+            and mode 3 keeps its stiffness along x. In return the shape of mode 2 has a MAC of only
             {mac:.2f} with that of stiff joints, and {len(further)} further modes appear between
             modes 2 and 3 ({", ".join(further)} Hz).
             """)

@@ -195,7 +195,7 @@ def first_and_later(a: Observed, b: Observed) -> tuple[float, Array]:
     reflected wave of run a has passed each, and that over time (k,) [m/s] after it."""
     t, first, later = a.trajectory.t, [], []
     for sphere in a.labels:
-        # the wave ends its width behind its crest; without one, where the contact with the wall does
+        # the wave ends its width behind its crest; without one, with the contact at the wall
         wave, end = a.wave(sphere, "reflected", 1), a.contact.contact_time.end
         if wave is not None:
             passing = abs(speed(wave.arrival.peak_velocity, a.chain.mass[0], a.chain.A[0]))

@@ -1,10 +1,10 @@
 """A chain against plates: the infinite one of Zener, and solid plates of finite elements.
 
 Shared by `wall_thickness.py` and `boundary_distance.py`. The finite plate is loaded and read over
-one patch, its half-space taken out, reduced to its modes and a residual. It is so large that bending
-waves come back from its edges after the contact, and its elements and modes resolve the shortest
-waves that the contact sends. The amplitude ratio of the reflected wave (ARR) is (2.9) of the
-thesis, velocities to the power 6/5.
+one patch, its half-space taken out, reduced to its modes and a residual. It is so large that
+bending waves come back from its edges after the contact, and its elements and modes resolve the
+shortest waves that the contact sends. The amplitude ratio of the reflected wave (ARR) is (2.9) of
+the thesis, velocities to the power 6/5.
 """
 
 from typing import NamedTuple
@@ -85,9 +85,7 @@ def collision(rig, wall):
     row, v0, sphere = bare_chain(rig), initial_velocity(rig), observed_sphere(rig)
     passing = time_scale(row.mass.max(), row.A.min(), np.abs(v0).max())
     duration = (PER_SPHERE * len(row.mass) + AT_WALL) * passing
-    run = coupling.impact(
-        row, wall, v0, duration=duration, error=ERROR, n_save=N_SAVE
-    ).trajectory
+    run = coupling.impact(row, wall, v0, duration=duration, error=ERROR, n_save=N_SAVE).trajectory
 
     # what the spheres have not when the first contact ends is the wall's
     contact, second_start = first_contact(run.t, run.contact_force[:, -1])

@@ -1,9 +1,9 @@
 """Resonance curves of a shaken structure whose contact slips the more the harder it is shaken.
 
 You will see the motion at the contact over the shaker's frequency, followed up and down, and over
-its force. With little force the contact sticks and ties the structure to the arm; with much it slips
-and the structure moves as it would alone. Each point is a cycle in which the contact's forces f and
-the motions y of the bodies, cut at their contacts, agree at all harmonics,
+its force. With little force the contact sticks and ties the structure to the arm; with much it
+slips and the structure moves as it would alone. Each point is a cycle in which the contact's forces
+f and the motions y of the bodies, cut at their contacts, agree at all harmonics,
 
     y = s - C f(y)
 
@@ -44,8 +44,8 @@ CHECKED = (1.0, 2.0)  # of the forces, at the scene's frequency, marched in time
 MARCH_ERROR, MARCH_CELLS = 3e-3, 64
 N_INSTANTS = 128  # of a cycle
 N_CELLS = 128  # of the contact: 64 and 256 leave one that sticks 0.35 and 0.09 % soft
-# heat of a cycle under 2 N, where all of the contact slips: 13 % off with 7 harmonics, 1.6 % with 15,
-# 0.02 % with 31, beside the march in time; under 1 N, where a part slips, 0.3 % with 7
+# heat of a cycle under 2 N, where all of the contact slips: 13 % off with 7 harmonics, 1.6 % with
+# 15, 0.02 % with 31, beside the march in time; under 1 N, where a part slips, 0.3 % with 7
 N_HARMONICS = 15
 TOLERANCE = 1e-5  # motion that is left over, of the cycle's own
 FINER = 32  # parts of a step to the next frequency or force, where a whole one does not converge
@@ -215,15 +215,15 @@ def main(forces=FORCES, n_frequencies=N_FREQUENCIES, levels=LEVELS, checked=CHEC
     print(aligned_text(columns, rows))
     weak, strong, most = rows[0], rows[-1], max(row[-1] for row in rows)
     say(f"""
-        `motion` is that of the structure at the contact, half of peak to peak; `damping` the heat of
-        friction in a period over 4 pi times the mean energy of the modes; `mode` the frequency of
-        the shaken mode with the contact as a spring of its first harmonics; `up_down` the largest
-        difference of a curve followed up and down in frequency, over its peak.
+        `motion` is that of the structure at the contact, half of peak to peak; `damping` the heat
+        of friction in a period over 4 pi times the mean energy of the modes; `mode` the frequency
+        of the shaken mode with the contact as a spring of its first harmonics; `up_down` the
+        largest difference of a curve followed up and down in frequency, over its peak.
 
         Without friction the shaken mode lies at {free:.1f} Hz, on a contact that sticks at
         {stuck:.1f} Hz. Under {weak[0]:.3g} N the peak is at {weak[1]:.1f} Hz with {weak[3]:.3g}
-        µm/N, under {strong[0]:.3g} N at {strong[1]:.1f} Hz with {strong[3]:.3g} µm/N; friction damps
-        it by a ratio of at most {max(row[8] for row in rows):.1%} at the peaks.
+        µm/N, under {strong[0]:.3g} N at {strong[1]:.1f} Hz with {strong[3]:.3g} µm/N; friction
+        damps it by a ratio of at most {max(row[8] for row in rows):.1%} at the peaks.
 
         Up and down in frequency the curves differ by at most {most:.2%} of their peak:
         {"one motion belongs" if most < 0.01 else "more than one motion may belong"} to each

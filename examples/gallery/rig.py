@@ -10,6 +10,7 @@ Thesis, sections 6.1, 7.1 and 7.2.
 Run it: python examples/gallery/rig.py       some 250 runs: minutes
 """
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -47,9 +48,7 @@ def main(changes=(), roms=ROMS, n_changes=None, light_arms=LIGHT_ARMS):
     cases = [("default", None, rig, None), *variations(rig)][:n_changes]
     runs, verdicts = [], []
     for _, _, varied, wall_mass in cases:
-        by_wall = {
-            name: run_of(varied, name, wall, wall_mass) for name, wall in walls.items()
-        }
+        by_wall = {name: run_of(varied, name, wall, wall_mass) for name, wall in walls.items()}
         runs.append(by_wall)
         verdicts.append(judged(varied, by_wall))
     default, hold = runs[0], np.array([[holds for _, holds, _ in each] for each in verdicts])
@@ -77,8 +76,8 @@ def main(changes=(), roms=ROMS, n_changes=None, light_arms=LIGHT_ARMS):
     say(f"""
         The table counts reflected waves of at least {VISIBLE:.0%} of the striker's speed at spheres
         1, 4, 14 and the statements that hold, and says by how much the waves 1 to 4 are later [µs]
-        and higher [%] at sphere 14 than by default, on the wall {MAIN} ({ONE_MASS} where the mass of
-        that wall changes). A delay of more than 100 µs, about the width of a wave, means that
+        and higher [%] at sphere 14 than by default, on the wall {MAIN} ({ONE_MASS} where the mass
+        of that wall changes). A delay of more than 100 µs, about the width of a wave, means that
         another wave has taken the number. The defaults are inferred from the statements below, none
         is measured (`beadwave scene rig-rom` gives the reasons).
         """)
@@ -171,7 +170,7 @@ def judged(rig, runs):
 
     for sphere, stated in WAVES_SEEN.items():
         numbers = tuple(label.number for label in run.reflected(sphere))
-        statement = f"sphere {sphere} sees the reflected wave{'s' * (len(stated) > 1)} {', '.join(map(str, stated))}"
+        statement = f"sphere {sphere} sees reflected waves {', '.join(map(str, stated))} only"
         sees = f"sees {', '.join(map(str, numbers)) or 'none'}"
         verdicts.append((statement, numbers == stated, sees))
 
@@ -183,7 +182,7 @@ def judged(rig, runs):
             Guess(w.time, w.peak_velocity, (w.width if w.width == w.width else 0.0) or 1e-4)
             for w in waves
         ]
-        gaps += [apart(*pair) for pair in zip(guesses, guesses[1:], strict=False)]
+        gaps += [apart(*pair) for pair in pairwise(guesses)]
     widths = min(gaps, default=0.0)
     verdicts.append(("waves are apart at spheres 4 and 14", widths >= 1, f"{widths:.2f} widths"))
 

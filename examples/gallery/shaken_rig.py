@@ -1,9 +1,9 @@
 """The shaken rig with a frictional contact: what its marches take, and its contact as springs.
 
-Shared by `friction.py` and `resonance.py`. A contact that never slips and whose area stays is a part
-of the structure that it holds. The springs of its tangential stiffness k_t tie the wall's modes q to
-the last sphere's displacements u and turns psi across the chain, in mass-normalised coordinates
-x = (q, m^1/2 u, I^1/2 psi), those that the arm clamps left out:
+Shared by `friction.py` and `resonance.py`. A contact that never slips and whose area stays is a
+part of the structure that it holds. The springs of its tangential stiffness k_t tie the wall's
+modes q to the last sphere's displacements u and turns psi across the chain, in mass-normalised
+coordinates x = (q, m^1/2 u, I^1/2 psi), those that the arm clamps left out:
 
     F_t = -C (s - S_tn F_n),    s = B^T x,    C = (1/k_t + S_tt)^-1
     x'' + (Omega^2 + B C B^T) x = (phi_n + B C S_tn) F_n

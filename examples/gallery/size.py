@@ -49,8 +49,8 @@ def main(factors=FACTORS, sizes=("beam thickness", "beam length", "plate thickne
             ))  # fmt: skip
         mm, hz, contact_us, tof_us, arr, _ = np.transpose(rows)
         results.append(np.column_stack([hz, tof_us, arr]))
-        print(aligned_text((f"{size}, mm", "first_mode_hz", "contact_us", "tof_us", "arr", "peak_N"),
-                           rows))  # fmt: skip
+        columns = ("first_mode_hz", "contact_us", "tof_us", "arr", "peak_N")
+        print(aligned_text((f"{size}, mm", *columns), rows))
 
         # slopes at the scene's own size, between its neighbours
         own = int(np.argmin(np.abs(np.log(values / getattr(body, key)))))

@@ -81,12 +81,23 @@ def main(factors=FACTORS, changes=()):
         sphere = max(spheres)
         lines = [
             Line(theory, run.milliseconds, run.velocity(sphere), style, i, 1.2)
-            for i, ((theory, run), style) in enumerate(zip(runs.items(), ("-", ":", "--"), strict=True))
+            for i, ((theory, run), style) in enumerate(
+                zip(runs.items(), ("-", ":", "--"), strict=True)
+            )
         ]
         title = f"{1e3 * thickness:.3g} mm thick, sphere {sphere}"
         figure.append(Panel(title, "time [ms]", "velocity [m/s]", lines))
 
-    columns = ("first_hz", "fifth_hz", "contact_us", "tof_us", "arr", "d_tof_us", "d_arr_%", "d_hz_%")
+    columns = (
+        "first_hz",
+        "fifth_hz",
+        "contact_us",
+        "tof_us",
+        "arr",
+        "d_tof_us",
+        "d_arr_%",
+        "d_hz_%",
+    )
     print(aligned_text(("mm", "theory", *columns, "off_solid"), rows))
     numbers = np.array(numbers)
     timoshenko, euler = np.abs(numbers[:, :2, 5:8]).max(axis=0)

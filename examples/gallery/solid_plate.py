@@ -52,7 +52,9 @@ def main(scale=SCALE, changes=()):
         lines.append(Line(theory, 1e3 * run.t, run.v[:, sphere - 1], style, len(lines), 1.2))
 
     theory, solid = np.array(rows)
-    print(aligned_text(("theory", *COLUMNS), [(t, *row) for t, row in zip(models, rows, strict=True)]))
+    print(
+        aligned_text(("theory", *COLUMNS), [(t, *row) for t, row in zip(models, rows, strict=True)])
+    )
     off = dict(zip(COLUMNS, 100 * (theory / solid - 1), strict=True))
     say(f"""
         By Mindlin's theory the first reflected wave is {theory[4] - solid[4]:+.2f} µs and

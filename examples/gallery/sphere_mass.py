@@ -53,7 +53,9 @@ def main(masses=MASSES):
                 float(march.contact_force[:, -1].max()), contact.arr,
             ))  # fmt: skip
             runs.append(run)
-    values = {by: np.array([row[2:] for row in rows if row[0] == by]) for by in ("radius", "density")}
+    values = {
+        by: np.array([row[2:] for row in rows if row[0] == by]) for by in ("radius", "density")
+    }
     size, density = (
         np.array([exponent(masses, column) for column in values[by].T]) for by in values
     )

@@ -103,7 +103,9 @@ def main(speeds=SPEEDS, mass_ratios=tuple(REFERENCE)):
     figure = [
         record(f"sphere {SPHERES[-1]}", runs[2:], SPHERES[-1]),
         Panel("scaling with the striker's speed", "striker's speed [m/s]", "value", laws, "xy"),
-        Panel(f"{N_FREE} free spheres, at the end", "sphere", "velocity over the striker's", trains),
+        Panel(
+            f"{N_FREE} free spheres, at the end", "sphere", "velocity over the striker's", trains
+        ),
         Panel("leading wave", mass, "share of the energy", leaders, "x"),
     ]
     Path("striker.png").write_bytes(panels(figure, columns=2, size=(5.4, 3.2)))

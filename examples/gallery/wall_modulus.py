@@ -43,7 +43,7 @@ def main(ratios=RATIOS):
     gpa, speed = 1e-9 * young, np.abs(v0).max()
 
     runs, second, apart_us = [], [], []
-    for ratio, E in zip(ratios, young, strict=True):
+    for E in young:
         # until the wave is back at the striker: 2.6 natural times of a sphere in the chain, 12 of
         # the last one at the wall
         row = bare_chain(rig, dem.Flat(E, last(rig.chain.poisson)))

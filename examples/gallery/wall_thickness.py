@@ -21,7 +21,6 @@ from beadwave.workflows.report.tables import aligned_text
 
 from observed import say
 from plates import (
-    CARRIED,
     collision,
     diameter,
     middle_wall,
@@ -40,7 +39,6 @@ FACTORS = {
     "1.5 times as wide": {"reach": 1.5},
     "patch halved": {"patch": 0.5},
 }
-DRAWN = (0.25, 2.0, 4.0, 6.0)  # D/t whose velocities are drawn
 CLOSE = 0.1  # difference of the energies lost up to which Zener's plate holds
 NEGLIGIBLE = 5.0  # D/t from which the thesis, after its reference [8], sees no reflected wave
 FAINT = 0.05  # ARR that nobody would look for
@@ -52,7 +50,7 @@ def main(ratios=RATIOS, n_curve=N_CURVE, factors=FACTORS):
     """Restitution of one sphere, ARR and energy lost (k, 3) at each of the ratios, of Zener's and
     of solid plates, and with each of the factors at CHECKED."""
     rig = scene("rig-half-space")
-    sphere, D = observed_sphere(rig), diameter(rig)
+    D = diameter(rig)
     plates = {ratio: steel_plate(rig, D / ratio) for ratio in ratios}
 
     def impact(wall):
@@ -101,98 +99,58 @@ def main(ratios=RATIOS, n_curve=N_CURVE, factors=FACTORS):
     # where Zener's plate and the solid one agree, in restitution and in energy lost
     worst = max(abs(solid[r][0] / thin[r][0] - 1) for r in ratios if r <= REBOUNDS)
     close = [r for r in ratios if abs(solid[r][1].lost / thin[r][1].lost - 1) < CLOSE]
-    thick, thinnest, four = ratios[0], ratios[-1], solid[CHECKED][1]
-    omega = CARRIED * np.pi / T_c
-    speed, reach = coupling.group_speed(plates[CHECKED], omega), size[CHECKED].reach
-    half_way = np.sqrt(steel.young / steel.density) * T_c / 2
+    thick, checked, five = ratios[0], solid[CHECKED][1], solid[NEGLIGIBLE][1]
     striker = np.abs(run.v[0]).max()
     faint_from = np.interp(-FAINT, [-hit.arr for _, hit in curve], curve_ratio)  # falls with D/t
     say(f"""
-        ARR is the amplitude ratio of the reflected wave (equation 2.9) at sphere {sphere}. The
-        plates are of the spheres' steel, the contacts elastic, without preload. Energies are shares
-        of the striker's, lost at the end of the contact with the wall; restitution is that of one
-        sphere.
+        ARR is the amplitude ratio of the reflected wave (equation 2.9) at sphere
+        {observed_sphere(rig)}. The plates are of the spheres' steel, the contacts elastic, without
+        preload. Energies are shares of the striker's, lost at the end of the contact with the wall;
+        restitution is that of one sphere.
 
         Restitution on the solid plate and on Zener's agree within {worst:.1%} up to D/t =
-        {REBOUNDS:g}; at D/t = {thinnest:g} the sphere hardly rebounds, with
-        {solid[thinnest][0]:.3f} and {thin[thinnest][0]:.3f} of its speed. Zener's plate takes the
-        energy of the solid one within {CLOSE:.0%} from D/t = {min(close, default=np.inf):g} on.
-        Thicker plates are no longer thin relative to their bending waves (k h in the table): at D/t
-        = {thick:g} Zener's plate takes {thin[thick][1].lost:.2%} and the solid one
-        {solid[thick][1].lost:.2%}; a half-space takes {radiated:.2%}, by the waves that this force
-        radiates.
+        {REBOUNDS:g}. Zener's plate takes the energy of the solid one within {CLOSE:.0%} from D/t =
+        {min(close, default=np.inf):g} on; thicker plates are no longer thin relative to their
+        bending waves (k h in the table): at D/t = {thick:g} Zener's plate takes
+        {thin[thick][1].lost:.2%} and the solid one {solid[thick][1].lost:.2%}.
 
-        At D/t = {CHECKED:g} bending waves of {omega / (2e3 * np.pi):.1f} kHz travel at {speed:.0f}
-        m/s (group velocity 2 omega / k). Their echoes from the edges, {1e3 * reach:.0f} mm away,
-        return after {2e6 * reach / speed:.0f} µs; the contact lasts {1e6 * four.contact.seconds:.0f}
-        µs.
-
-        Thesis: "L <= c T_c / 2 ... the energy loss is minimal". Here that is {half_way:.2f} m, which
-        {sum(D / r <= half_way for r in ratios)} of {len(ratios)} plates meet; the one of D/t = 2
-        takes {solid[2.0][1].lost:.0%}. The rule is that of a bar, in which waves travel to and fro;
-        the bending waves of a plate travel away.
+        Thesis: "L <= c T_c / 2 ... the energy loss is minimal". All plates up to
+        {np.sqrt(steel.young / steel.density) * T_c / 2:.2f} m meet that, the one of D/t = 2 takes
+        {solid[2.0][1].lost:.0%}. The rule is that of a bar, in which waves travel to and fro; the
+        bending waves of a plate travel away.
 
         Thesis: beyond c T_c the wall takes about {DEEP_LOSS:.0%}. At {striker:.2g} m/s a half-space
-        takes {radiated:.2%}; the share grows with the speed to the power 3/5 and would reach
-        {DEEP_LOSS:.0%} at {striker * (DEEP_LOSS / radiated) ** (5 / 3):.0f} m/s if the contact
-        stayed elastic.
+        takes {radiated:.2%}, by the waves that this force radiates; the share grows with the speed
+        to the power 3/5 and would reach {DEEP_LOSS:.0%} at
+        {striker * (DEEP_LOSS / radiated) ** (5 / 3):.0f} m/s if the contact stayed elastic.
 
         Thesis, after its reference [8]: at D/t = {NEGLIGIBLE:g} the reflected wave is negligible.
-        The plate takes {solid[NEGLIGIBLE][1].lost:.0%} of the energy there, but the ARR goes with
-        the root of what is left and is {solid[NEGLIGIBLE][1].arr:.2f}; it falls below {FAINT:g} at
-        D/t = {faint_from:.1f}.
+        The plate takes {five.lost:.0%} of the energy there, but the ARR goes with the root of what
+        is left and is {five.arr:.2f}; it falls below {FAINT:g} at D/t = {faint_from:.1f}.
 
         Thesis: a thinner plate lengthens the contact time T_c and lowers the ARR. Up to D/t =
-        {CHECKED:g} T_c grows only from {1e6 * T_c:.0f} to {1e6 * four.contact.seconds:.0f} µs, while
-        the ARR falls from {deep.arr:.2f} to {four.arr:.2f}.
+        {CHECKED:g} T_c grows only from {1e6 * T_c:.0f} to {1e6 * checked.contact.seconds:.0f} µs,
+        while the ARR falls from {deep.arr:.2f} to {checked.arr:.2f}.
         """)
-    for name, (restitution, hit) in checks.items():
-        say(f"""
-            Solid plate at D/t = {CHECKED:g}, {name}: the ARR ({four.arr:.4f}) changes by
-            {hit.arr - four.arr:+.1e}, the restitution ({solid[CHECKED][0]:.4f}) by
-            {restitution - solid[CHECKED][0]:+.1e}.
-            """)
 
-    # Zener's plates as a curve, the solid ones as points, beside levels of a half-space and of the
-    # thesis
-    def level(name, value, style="--", colour=2):
-        return Line(name, curve_ratio[[0, -1]], np.full(2, value), style, colour)
-
-    def over_thickness(title, label, value, *others, axes="x"):
+    # Zener's plates as a curve, the solid ones as points, beside a half-space
+    figure = []
+    for title, label, value, level in (
+        ("amplitude ratio (v_back / v_in)^(6/5)", "ARR", lambda e, hit: hit.arr, deep.arr),
+        ("energy absorbed by the wall", "% of the striker's", lambda e, hit: 100 * hit.lost,
+         100 * radiated),
+        ("one sphere alone", "restitution", lambda e, hit: e, 1.0),
+        ("contact time of the last sphere", "T_c [µs]", lambda e, hit: 1e6 * hit.contact.seconds,
+         1e6 * T_c),
+    ):  # fmt: skip
         of_curve, of_solid = (np.array([value(*x) for x in m]) for m in (curve, solid.values()))
         lines = [
             Line("infinite plate (Zener)", curve_ratio, of_curve, colour=0),
             Line("solid plate, finite elements", np.array(ratios), of_solid, "o", 1),
-            *others,
+            Line("half-space", curve_ratio[[0, -1]], np.full(2, level), "--", 2),
         ]
-        return Panel(title, "sphere diameter over thickness, D/t", label, lines, axes)
-
-    from_here = Line("thesis: negligible from here", np.full(2, NEGLIGIBLE), np.array([0, 1.0]), ":", 4)
-    figure = [
-        over_thickness(
-            "amplitude ratio (v_back / v_in)^(6/5)", "ARR", lambda e, hit: hit.arr,
-            level("half-space", deep.arr), from_here,
-        ),
-        over_thickness(
-            "energy absorbed by the wall", "% of the striker's", lambda e, hit: 100 * hit.lost,
-            level("half-space, radiated waves", 100 * radiated),
-            level("thesis: walls thicker than c T_c", 100 * DEEP_LOSS, ":", 4), axes="xy",
-        ),
-        over_thickness(
-            "one sphere alone", "restitution", lambda e, hit: e, level("half-space", 1.0)
-        ),
-        over_thickness(
-            "contact time of the last sphere", "T_c [µs]", lambda e, hit: 1e6 * hit.contact.seconds,
-            level("half-space", 1e6 * T_c),
-        ),
-    ]  # fmt: skip
-    drawn = {f"D/t = {r:g}": solid[r][1].trajectory for r in ratios if r in DRAWN}
-    forces = [Line(name, 1e3 * run.t, run.contact_force[:, -1]) for name, run in drawn.items()]
-    velocities = [Line(name, 1e3 * run.t, run.v[:, sphere - 1]) for name, run in drawn.items()]
-    title = "force at solid plates; later collisions are echoes from the edges"
-    figure.append(Panel(title, "time [ms]", "force [N]", forces))
-    title = f"sphere {sphere}, solid plates"
-    figure.append(Panel(title, "time [ms]", "velocity [m/s]", velocities))
+        axes = "xy" if title.startswith("energy") else "x"
+        figure.append(Panel(title, "sphere diameter over thickness, D/t", label, lines, axes))
     Path("wall_thickness.png").write_bytes(panels(figure, columns=2, size=(5.6, 3.4)))
     of_thin, of_solid, of_checks = (
         np.array([(restitution, hit.arr, hit.lost) for restitution, hit in model.values()])

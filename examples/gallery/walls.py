@@ -105,7 +105,9 @@ def main(changes=(), roms=ROMS):
     ms = {name: 1e3 * wave.arrival.time for name, wave in fourth.items() if wave}
     nearest = {}
     for wall, mass in (*ALIKE, UNLIKE):
-        statement = f'"{wall} {"differs from" if (wall, mass) == UNLIKE else "behaves like"} {mass}"'
+        statement = (
+            f'"{wall} {"differs from" if (wall, mass) == UNLIKE else "behaves like"} {mass}"'
+        )
         if wall not in ms or mass not in ms:
             nearest[wall, mass] = None
             say(f"{statement}: cannot be judged without fourth waves of both.")
