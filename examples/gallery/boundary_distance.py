@@ -18,7 +18,6 @@ from beadwave import coupling, dem, scene
 from beadwave.coupling.plate import group_speed
 from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import aligned_text
-
 from observed import say
 from plates import (
     FAINT,

@@ -21,7 +21,6 @@ from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.stages import assembly
 from beadwave.workflows.thesis import HAMMER_TEST_HZ, THESIS
-
 from observed import say
 from schemes import (
     ERROR,

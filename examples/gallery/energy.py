@@ -25,7 +25,6 @@ from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.stages import assembly
 from beadwave.workflows.stages.chain import initial_velocity
-
 from observed import bare_chain, impact, round_trip, say
 from schemes import (
     ERROR,

@@ -24,7 +24,6 @@ from beadwave.workflows.stages.pipeline import pipeline_of
 from beadwave.workflows.stages.progress import quiet
 from beadwave.workflows.structure.tuning import at_values, freed, loosened, shape_mac
 from beadwave.workflows.thesis import HAMMER_TEST_HZ
-
 from observed import say
 
 TARGETS = {i: HAMMER_TEST_HZ[i - 1] for i in (1, 2, 3)}  # [Hz] by mode

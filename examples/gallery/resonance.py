@@ -32,7 +32,6 @@ from beadwave.coupling.harmonic_balance import (
 from beadwave.coupling.spatial_march import Before, ShakerForces
 from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import aligned_text
-
 from observed import say
 from shaken_rig import shaken_rig, state_of, stuck_wall
 
@@ -66,7 +65,7 @@ class Point(NamedTuple):
     y: np.ndarray  # (1 + N_HARMONICS, c) [m] amplitudes of the last contact's motion from rest
 
 
-def point(body, frequency, force, start=None, n_harmonics=N_HARMONICS):
+def point(body, frequency, force, start=None):
     """The cycle at a frequency [Hz] under a force [N], from the motion y of a neighbour; None if
     none is found."""
     chain, static, wall, law = body.prepared.chain, body.prepared.static, body.wall, body.last.law
@@ -75,7 +74,7 @@ def point(body, frequency, force, start=None, n_harmonics=N_HARMONICS):
     # contacts that nothing presses are left out
     before = Before(np.zeros(chain.mass.size, bool), int(np.argmax(static.force > 0.0)))
     cut, N = cut_at_contacts(body, before, N_INSTANTS, USUAL_BALANCE_SEARCH), N_INSTANTS
-    last, harmonics = chain.mass.size - 1, slice(n_harmonics + 1)
+    last, harmonics = chain.mass.size - 1, slice(N_HARMONICS + 1)
 
     # answer H of the last contact, the others as springs under their static forces
     C, K = cut.C[harmonics], cut.K[:last]
@@ -99,8 +98,8 @@ def point(body, frequency, force, start=None, n_harmonics=N_HARMONICS):
         return np.concatenate([a.real.ravel(), a[1:].imag.ravel()])
 
     def unpacked(x):
-        a = x[: (n_harmonics + 1) * c].reshape(-1, c).astype(complex)
-        a[1:] += 1j * x[(n_harmonics + 1) * c :].reshape(-1, c)
+        a = x[: (N_HARMONICS + 1) * c].reshape(-1, c).astype(complex)
+        a[1:] += 1j * x[(N_HARMONICS + 1) * c :].reshape(-1, c)
         return a
 
     def contact(y):
@@ -138,7 +137,7 @@ def point(body, frequency, force, start=None, n_harmonics=N_HARMONICS):
     F = amplitudes(now.force[:, last:] - cut.force[last:])
     q = cut.modes[harmonics] * (F @ cut.phi[:, last:].T + 2.0 / N * cut.push[harmonics])
     u, slip = over_time(q @ wall.phi[:, 1:]), over_time(y)[:, 1:]
-    squares = wall.omega**2 + cut.omega[1 : n_harmonics + 1, None] ** 2
+    squares = wall.omega**2 + cut.omega[1 : N_HARMONICS + 1, None] ** 2
     mean = 0.25 * float(np.sum(squares * np.abs(q[1:]) ** 2))
     axis = 1 + int(np.ptp(slip, axis=0).argmax())
     return Point(

@@ -21,7 +21,6 @@ from beadwave.workflows.report.plots import panels
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import HalfSpaceWall, LeafSpringsTable, Preload
 from beadwave.workflows.stages.chain import chain, contact_radius, initial_velocity, start
-
 from observed import SPHERES, impact, observed, record, say, spread
 from walls import NUMBERS, ROMS, SLIGHT, UNMOVED, rig_walls
 

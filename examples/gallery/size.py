@@ -15,7 +15,6 @@ import numpy as np
 from beadwave import scene
 from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import aligned_text
-
 from observed import bending_run, bending_wall, first_mode, say
 
 FACTORS = tuple(2.0 ** np.arange(-2, 2.5, 0.5))  # of the scene's own size, ascending, 1 among them

@@ -20,7 +20,6 @@ from beadwave.fem.hinged import euler_bernoulli
 from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.stages import bending
-
 from observed import bending_run, bending_wall, distance, say
 
 FACTORS = (1.0, 2.0, 3.0)  # of the scene's thickness

@@ -18,7 +18,6 @@ from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.stages.pipeline import pipeline_of
 from beadwave.workflows.stages.progress import quiet
-
 from observed import say
 
 ERROR = 1e-3  # of the receptance, of both reductions

@@ -18,7 +18,6 @@ import numpy as np
 from beadwave import coupling, dem, scene
 from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import aligned_text
-
 from observed import say
 from plates import (
     collision,

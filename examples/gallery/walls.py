@@ -23,7 +23,6 @@ from beadwave.workflows.scene import HalfSpaceWall, RigidWall
 from beadwave.workflows.stages.chain import chain, initial_velocity
 from beadwave.workflows.stages.pipeline import pipeline_of
 from beadwave.workflows.stages.progress import quiet
-
 from observed import (
     SPHERES,
     distance,
