@@ -38,7 +38,7 @@ CURES = {
     "reduction": "keep more modes (reduction.modes, reduction.to_hz, wall.cutoff)",
     "mesh": "take smaller elements (mesh.scale below 1, or bodies.NAME.seed; of the rig mesh.seed)",
     "receptance": "measure with less noise, more averages or in a wider band",
-    "theory": "draw the beam or plate as a body, see solid-beam and solid-plate of `study`",
+    "theory": "draw the beam or plate as a body, see solid-beam and solid-plate of the gallery",
 }
 
 
@@ -47,7 +47,7 @@ class Thresholds(NamedTuple):
 
     model_error: float = 0.1  # error of the velocities over the striker's speed
     # wavenumber times thickness k h, up to which Zener's thin plate absorbs the energy of a solid
-    # one within a tenth (`beadwave study wall-thickness`)
+    # one within a tenth (`examples/gallery/wall_thickness.py`)
     slender: float = 0.65
     quality: float = 0.7  # of a wave: below it, time and peak are those of overlapping waves
     pressed: float = 0.05  # elastic energy when the record ends, over the striker's
@@ -298,8 +298,8 @@ def thick_plate(scene: Scene, run: dem.Trajectory) -> Iterator[str]:
     if slender >= AT.slender:
         yield (
             f"The plate is thick relative to its bending waves (k h = {slender:.2f}, thin is below "
-            f"{AT.slender:g}); a solid one absorbs over 10 % more energy, see beadwave study "
-            "wall-thickness."
+            f"{AT.slender:g}); a solid one absorbs over 10 % more energy, see "
+            "wall-thickness of the gallery."
         )
 
 
