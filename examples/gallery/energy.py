@@ -30,6 +30,7 @@ from schemes import (
     ERROR,
     N_MODES,
     ROUNDING,
+    EnergyRun,
     StruckBody,
     energy_run,
     of_the_thesis,
@@ -41,7 +42,6 @@ MOVING = 5 / 9  # of the wave's energy, by the virial theorem of the Hertz chain
 DURATION = 3e-3  # [s]
 SIDE = 0.3  # [m] of the large block
 FINER = 0.5  # of the contact seed on the large block: the thesis' two meshes differed as well
-SHARE = "energy [% of the striker's]"
 
 
 def main(duration=DURATION, finer=FINER, n_modes=N_MODES, error=ERROR, changes=()):
@@ -114,56 +114,52 @@ def main(duration=DURATION, finer=FINER, n_modes=N_MODES, error=ERROR, changes=(
         {100 * np.abs(leaf_springs).max():.2g} %.
         """)
 
-    # figure 2.7; each wall's displacement and energy, in the thesis with two figures for the latter
-    share, t = 100 / free.energy_kinetic[0], 1e3 * free.t
-    lines = [
-        Line("spheres, kinetic", t, share * free.energy_kinetic),
-        Line("contacts, elastic", t, share * free.energy_contact),
-        Line("total", t, share * free.energy_total),
-    ]
-    title = "the chain alone (figure 2.7)"
-    figure = [Panel(title, "time [ms]", SHARE, lines, y_limits=(-5.0, 150.0))]
-    figure.append(displacements("half-space (figure 7.1)", still))
-    lines = [Line("total", still.milliseconds, 100 * still.total)]
-    title = "half-space, total (figure 7.2)"
-    figure.append(Panel(title, "time [ms]", SHARE, lines, y_limits=(90.0, 110.0)))
-    for name, one, thesis, numbers in zip(bodies, ours, theirs, ("345", "786"), strict=True):
-        figure.append(displacements(f"{name}, one functional (figure 7.{numbers[0]})", one))
-        pair = ((1, thesis), (0, one))
-        lines = [Line(run.name, run.milliseconds, 100 * run.total, colour=i) for i, run in pair]
-        title = f"{name}, total (figure 7.{numbers[1]})"
-        figure.append(Panel(title, "time [ms]", SHARE, lines))
-        lines = [
-            Line(run.name, run.milliseconds, 100 * run.without_wall, colour=i) for i, run in pair
-        ]
-        title = f"{name}, wall not counted (figure 7.{numbers[2]})"
-        figure.append(Panel(title, "time [ms]", SHARE, lines))
+    def shares(title, *curves, limits=None, label="energy"):
+        """Shares of energy over time: name, values over the striker's energy and run of each."""
+        lines = [Line(name, run.milliseconds, 100 * y, colour=i) for i, name, y, run in curves]
+        return Panel(title, "time [ms]", f"{label} [% of the striker's]", lines, y_limits=limits)
 
-    # all walls in one, with room for the legend below the curves; the wall's share; what preload
-    # and leaf springs do
-    t, without = on_assembly.milliseconds, on_assembly.without_wall
-    lines = [
-        Line("half-space", still.milliseconds, 100 * still.total),
-        Line("ROM half-space", on_block.milliseconds, 100 * on_block.total),
-        Line("assembly", t, 100 * on_assembly.total),
-        Line("assembly, wall not counted", t, 100 * without),
-    ]
-    lowest = min(line.y.min() for line in lines) / 100
-    limits = (100 * (1.8 * lowest - 0.8) - 1, 103.0)
-    title = "one functional, all walls (figure 7.9)"
-    figure.append(Panel(title, "time [ms]", SHARE, lines, y_limits=limits))
-    lines = [
-        Line("missing without the wall", t, 100 * (1 - without)),
-        Line("energy of the wall", t, 100 * (on_assembly.total - without)),
-    ]
-    title = "ROM assembly: the missing energy is the wall's (figure 7.9)"
-    figure.append(Panel(title, "time [ms]", SHARE, lines))
-    lines = [
-        Line("work of the preload", t, 100 * preload),
-        Line("leaf springs", t, 100 * leaf_springs),
-    ]
-    label = "change [% of the striker's]"
-    figure.append(Panel("preload and leaf springs", "time [ms]", label, lines))
+    def displacements(title, run):
+        """The last sphere and the wall, from rest."""
+        motion, t = run.trajectory, run.milliseconds
+        sphere, wall = motion.x[:, -1] - motion.x[0, -1], motion.wall_x - motion.wall_x[0]
+        lines = [Line("last sphere", t, 1e6 * sphere), Line("wall", t, 1e6 * wall)]
+        return Panel(title, "time [ms]", "displacement [µm]", lines)
+
+    # figure 2.7; each wall's displacement and energy, in the thesis with two figures for the latter
+    of_free, E = EnergyRun("", free, None), free.energy_kinetic[0]
+    figure = [
+        shares("the chain alone (figure 2.7)",
+               (0, "spheres, kinetic", free.energy_kinetic / E, of_free),
+               (1, "contacts, elastic", free.energy_contact / E, of_free),
+               (2, "total", free.energy_total / E, of_free), limits=(-5.0, 150.0)),
+        displacements("half-space (figure 7.1)", still),
+        shares("half-space, total (figure 7.2)", (0, "total", still.total, still),
+               limits=(90.0, 110.0)),
+    ]  # fmt: skip
+    for name, one, thesis, numbers in zip(bodies, ours, theirs, ("345", "786"), strict=True):
+        figure += [
+            displacements(f"{name}, one functional (figure 7.{numbers[0]})", one),
+            shares(f"{name}, total (figure 7.{numbers[1]})",
+                   (1, thesis.name, thesis.total, thesis), (0, one.name, one.total, one)),
+            shares(f"{name}, wall not counted (figure 7.{numbers[2]})",
+                   (1, thesis.name, thesis.without_wall, thesis),
+                   (0, one.name, one.without_wall, one)),
+        ]  # fmt: skip
+
+    # all walls in one, with room for the legend below the curves; what preload and leaf springs do
+    without, run = on_assembly.without_wall, on_assembly
+    limits = (100 * (1.8 * without.min() - 0.8) - 1, 103.0)
+    figure += [
+        shares("one functional, all walls (figure 7.9)", (0, "half-space", still.total, still),
+               (1, "ROM half-space", on_block.total, on_block), (2, "assembly", run.total, run),
+               (3, "assembly, wall not counted", without, run), limits=limits),
+        shares("ROM assembly: the missing energy is the wall's (figure 7.9)",
+               (0, "missing without the wall", 1 - without, run),
+               (1, "energy of the wall", run.total - without, run)),
+        shares("preload and leaf springs", (0, "work of the preload", preload, run),
+               (1, "leaf springs", leaf_springs, run), label="change"),
+    ]  # fmt: skip
     Path("energy.png").write_bytes(panels(figure, columns=3, size=(4.6, 3)))
     return bump, missing, alone
 
@@ -174,16 +170,6 @@ def chain_alone(rig):
     row, v0 = bare_chain(rig), initial_velocity(rig)
     run = impact(row, dem.rigid_wall(), v0, round_trip(row, np.abs(v0).max()))
     return run, wave_energy(run, row)
-
-
-def displacements(title, run):
-    """Panel of the last sphere and the wall, from rest."""
-    motion = run.trajectory
-    lines = [
-        Line("last sphere", run.milliseconds, 1e6 * (motion.x[:, -1] - motion.x[0, -1])),
-        Line("wall", run.milliseconds, 1e6 * (motion.wall_x - motion.wall_x[0])),
-    ]
-    return Panel(title, "time [ms]", "displacement [µm]", lines)
 
 
 if __name__ == "__main__":

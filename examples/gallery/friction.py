@@ -28,7 +28,7 @@ from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.stages.friction import ARRIVED
-from observed import SPHERES, Observed, first_and_later, observed, say
+from observed import SPHERES, first_and_later, observed, say
 from shaken_rig import shaken_rig, state_of, stuck_wall, uncoupled_wall
 
 # what is varied, one thing at a time; the smallest coefficient is a greased contact, which slips as
@@ -53,13 +53,6 @@ class Case(NamedTuple):
     value: float
     scene: Scene
     turn: float = 0.0  # of a period
-
-
-class ContactRun(NamedTuple):
-    """A run with its waves, and the error of its velocities [m/s]."""
-
-    observed: Observed
-    error: float
 
 
 class Difference(NamedTuple):
@@ -98,9 +91,9 @@ def cases(shaken, coefficients, phases, forces, arms, patches):
 
 
 def shaken_run(case, rig, coefficient, states):
-    """The run of a case with this coefficient, and its contact: the least share that sticks in the
-    cycle before the striker, the share that sticks and the shaker's phase [degrees] as the wave
-    arrives, heat of a period [J].
+    """The waves of a case with this coefficient and their error [m/s]; of its contact the state in
+    the cycle before the striker, the share that sticks and the shaker's phase [degrees] as the wave
+    arrives, and the loop of a period [uJ].
 
     Its periodic state is looked for from rest, that of a contact that sticks from the last one
     found, and kept in `states`.
@@ -142,21 +135,20 @@ def shaken_run(case, rig, coefficient, states):
     name = f"{case.varied} {case.value:g}"
     waves = observed(name, rig.start.chain, run.trajectory, SPHERES)
     error = fastest * run.trajectory.error_estimate + state.speed * state.error
-    contact = (state.stick, float(run.lateral.stick_share[at]), phase, state.energy)
-    return ContactRun(waves, error), contact
+    sticks = float(run.lateral.stick_share[at])
+    return (waves, error), (state_of(state.stick), sticks, phase, 1e6 * state.energy)
 
 
 def between(one, other):
-    """How far the waves of two runs at the same instants differ."""
-    arrival = amplitude = 0.0
+    """How far the waves of two runs at the same instants differ, each given with its error."""
+    (a, error_a), (b, error_b), arrival, amplitude = one, other, 0.0, 0.0
     for sphere in SPHERES:
-        waves = [run.observed.wave(sphere, "reflected", 1) for run in (one, other)]
+        waves = [run.wave(sphere, "reflected", 1) for run in (a, b)]
         if all(waves):
-            a, b = (wave.arrival for wave in waves)
-            arrival = max(arrival, abs(b.time - a.time))
-            amplitude = max(amplitude, abs(b.peak_velocity - a.peak_velocity))
-    first, after = first_and_later(one.observed, other.observed)
-    return Difference(arrival, amplitude, first, float(after.max()), one.error + other.error)
+            (t1, v1, *_), (t2, v2, *_) = (wave.arrival for wave in waves)
+            arrival, amplitude = max(arrival, abs(t2 - t1)), max(amplitude, abs(v2 - v1))
+    first, after = first_and_later(a, b)
+    return Difference(arrival, amplitude, first, float(after.max()), error_a + error_b)
 
 
 def mechanisms(rig, duration, coefficient):
@@ -176,7 +168,7 @@ def mechanisms(rig, duration, coefficient):
             n_save=N_SAVE, search=search,
         )  # fmt: skip
         error = float(np.abs(v0).max()) * march.trajectory.error_estimate
-        return ContactRun(observed("", chain, march.trajectory, SPHERES), error)
+        return observed("", chain, march.trajectory, SPHERES), error
 
     # a contact that sticks and does not grow is a spring k_t, here a part of the structure
     k_t = rig.contact_stiffness()
@@ -204,15 +196,14 @@ def main(
         rig = shaken_rig(case.scene)
         mu = case.scene.friction.coefficient
         try:
-            slips, (stick, sticks, phase, heat) = shaken_run(case, rig, mu, states)
+            slips, contact = shaken_run(case, rig, mu, states)
             stuck, _ = shaken_run(case, rig, STICKING, states)
         except dem.UnstableStep:
             print(f"No periodic state was found for {case.varied} {case.value:g}, left out.")
             continue
-        change, state = between(stuck, slips), state_of(stick)
-        compared.append((state, change, slips, stuck))
+        change = between(stuck, slips)
+        compared.append((contact[0], change, slips[0], stuck[0]))
         mm_s = [1e3 * value for value in change[1:]]
-        contact = (state, sticks, phase, 1e6 * heat)
         rows.append((case.varied, case.value, *contact, 1e6 * change.arrival, *mm_s))
     rig = shaken_rig(shaken)
     by_mechanism = mechanisms(rig, shaken.time.duration, shaken.friction.coefficient)
@@ -261,7 +252,7 @@ def main(
     for state, change, slips, stuck in compared:
         size = max(change.first, change.later)
         if state not in largest or size > largest[state][0]:
-            largest[state] = (size, slips.observed, stuck.observed)
+            largest[state] = (size, slips, stuck)
     figure = []
     for sphere in SPHERES:
         lines = [

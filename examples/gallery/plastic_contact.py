@@ -92,36 +92,26 @@ def main(source="rig-rom"):
     )  # fmt: skip
     print(aligned_text(columns, rows))
     in_chain, at_wall = steel.trajectory.contact_force[:, :-1].max(), force[0]
-    among = int(pressure[:-1].argmax()) + 1
+    delays = [1e6 * (w.arrival.time - second[0].arrival.time) for w in second if all(second)]
     say(f"""
         Figure 7.12: the largest force acts at the wall, {at_wall:.0f} N against {in_chain:.0f} N
         between spheres, and the thesis expects that contact to yield first. Yielding depends on the
         pressure, which is {1e-9 * pressure[-1]:.2f} GPa at a steel wall and
-        {1e-9 * pressure[:-1].max():.2f} GPa between the spheres {among} and {among + 1}. Against
-        the rigid surface of the thesis' program it is {1e-9 * rigid_pressure[-1]:.2f} GPa at the
-        wall and {1e-9 * rigid_pressure[:-1].max():.2f} GPa between spheres.
+        {1e-9 * pressure[:-1].max():.2f} GPa between spheres; against the rigid surface of the
+        thesis' program it is {1e-9 * rigid_pressure[-1]:.2f} and
+        {1e-9 * rigid_pressure[:-1].max():.2f} GPa.
 
         The factor {FACTOR:g} on the stiffness raises the peak force by
         {force[1] / force[0] - 1:.0%} and dissipates nothing (restitution {restitution[1]:.4f}). A
-        contact that yields lowers the peak force by {1 - force[2] / force[0]:.0%} to
+        contact that yields lowers it by {1 - force[2] / force[0]:.0%} to
         {1 - force[-1] / force[0]:.0%} and has a restitution of {restitution[2]:.3f} to
-        {restitution[-1]:.3f}. The factor therefore does not model plasticity; its effect is the
-        opposite.
-        """)
-    if all(second):
-        delays = [1e6 * (wave.arrival.time - second[0].arrival.time) for wave in second[1:]]
-        say(f"""
-            The second reflected wave reaches sphere {sphere} later than by Hertz' law by
-            {delays[0]:+.0f} µs with the factor and by {", ".join(f"{d:+.0f}" for d in delays[1:])}
-            µs with a contact that yields.
-            """)
-    say(f"""
-        The wall is a half-space of steel; preload and arm are those of the scene. The yield
-        stresses are assumed, with yielding of the contact at {CONSTRAINT:g} times the yield stress.
-        Only the first impact yields this much: a dented contact is conforming, elastic and stiffer
-        than Hertz' law, which is what a factor above 1 can represent after many tests. Only the
-        last contact yields here, as in the thesis; `contact.yield_pressure` makes all contacts of a
-        run yield.
+        {restitution[-1]:.3f}. The factor does not model plasticity; its effect is the opposite. The
+        second reflected wave comes to sphere {sphere} later than by Hertz' law by
+        {", ".join(f"{delay:+.0f}" for delay in delays[1:])} µs in the order of the table.
+
+        Yielding of the contact at {CONSTRAINT:g} times the yield stress is assumed. Only the first
+        impact yields this much: a dented contact is conforming, elastic and stiffer than Hertz'
+        law, which is what a factor above 1 can represent after many tests.
         """)
 
     # force over approach while the last contact is not far open; forces and pressures

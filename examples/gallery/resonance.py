@@ -1,9 +1,9 @@
 """Resonance curves of a shaken structure whose contact slips the more the harder it is shaken.
 
-You will see the motion at the contact over the shaker's frequency, followed up and down, and over
-its force. With little force the contact sticks and ties the structure to the arm; with much it
-slips and the structure moves as it would alone. Each point is a cycle in which the contact's forces
-f and the motions y of the bodies, cut at their contacts, agree at all harmonics,
+You will see the motion at the contact over the shaker's frequency, followed up and down. With
+little force the contact sticks and ties the structure to the arm; with much it slips and the
+structure moves as it would alone. Each point is a cycle in which the contact's forces f and the
+motions y of the bodies, cut at their contacts, agree at all harmonics,
 
     y = s - C f(y)
 
@@ -38,7 +38,6 @@ from shaken_rig import shaken_rig, state_of, stuck_wall
 FORCES = (0.1, 0.5, 1.0, 2.0)  # factors on the shaker's
 N_FREQUENCIES = 13
 BEYOND = 0.15  # of the lower and the higher of the linear resonances, to either side
-LEVELS = 9  # forces at the scene's frequency
 CHECKED = (1.0, 2.0)  # of the forces, at the scene's frequency, marched in time
 MARCH_ERROR, MARCH_CELLS = 3e-3, 64
 N_INSTANTS = 128  # of a cycle
@@ -111,8 +110,9 @@ def point(body, frequency, force, start=None):
     # y in units of gross slip, what is left over in those and in what mu P moves
     F0 = float(static.force[-1])
     overlap = (F0 / float(chain.A[-1])) ** (2.0 / 3.0)
-    unit = law.bound * overlap
-    most = 4.0 / 3.0 * law.bound * law.modulus * np.sqrt(law.radius) * overlap**1.5
+    unit = max(law.bound, 1e-3) * overlap
+    bound = 4.0 / 3.0 * law.bound * law.modulus * np.sqrt(law.radius) * overlap**1.5
+    most = max(bound, 1e-3 * F0)
     scale = packed((unit + most * np.abs(np.einsum("hii->hi", H))) * (1.0 + 1.0j))
     driven = 2.0 / N * cut.shaken[harmonics, last:]
 
@@ -178,7 +178,7 @@ def curve(body, frequencies, forces):
     return points
 
 
-def main(forces=FORCES, n_frequencies=N_FREQUENCIES, levels=LEVELS, checked=CHECKED, changes=()):
+def main(forces=FORCES, n_frequencies=N_FREQUENCIES, checked=CHECKED, changes=()):
     """At the peak under each force: frequency [Hz], motion over force [m/N], damping, and how far
     the curves up and down in frequency differ over the peak."""
     shaken = scene("rig-shaker", changes)
@@ -229,10 +229,8 @@ def main(forces=FORCES, n_frequencies=N_FREQUENCIES, levels=LEVELS, checked=CHEC
         frequency.
         """)
 
-    # the scene's frequency, over the force up and down, and marched in time
-    hz, several = shaker.frequency, np.geomspace(min(forces), max(forces), levels)
-    rising = curve(body, [hz] * levels, shaker.force * several)
-    falling = curve(body, [hz] * levels, shaker.force * several[::-1])[::-1]
+    # at the scene's frequency, marched in time as well
+    hz = shaker.frequency
     marched = []
     for force in [factor * shaker.force for factor in checked]:
         reached = curve(body, [hz], [force])[0]
@@ -255,24 +253,17 @@ def main(forces=FORCES, n_frequencies=N_FREQUENCIES, levels=LEVELS, checked=CHEC
             {N_HARMONICS} harmonics, and takes the contacts before the last sphere as linear.
             """)
 
-    over, loops, level, damping = [], [], [], []
-    for i, (force, up, down) in enumerate(curves):
-        for points, style, name in ((up, "-", f"{force:g} N"), (down, "o", None)):
+    over, loops = [], []
+    for i, (force, *ways) in enumerate(curves):
+        for points, style, name in zip(ways, ("-", "o"), (f"{force:g} N", None), strict=True):
             per_force = np.array([1e6 * p.motion / force for p in points])
             over.append(Line(name, frequencies, per_force, style, i, 1.2))
             heat = np.array([max(1e6 * p.heat, 1e-6) for p in points])
             loops.append(Line(name, frequencies, heat, style, i, 1.2))
-    for name, points, style in (("up", rising, "-"), ("down", falling, "o")):
-        newtons, motion = np.array([(p.force, 1e6 * p.motion) for p in points]).T
-        level.append(Line(name, newtons, motion, style, 0, 1.2))
-        ratio = np.array([max(p.damping, 1e-6) for p in points])
-        damping.append(Line(name, newtons, ratio, style, 1, 1.2))
-    title, hz_label, up_down = f"at {hz:g} Hz", "frequency [Hz]", "lines up, marks down"
+    up_down = "lines up, marks down"
     figure = [
-        Panel(up_down, hz_label, "motion over force [µm/N]", over),
-        Panel(up_down, hz_label, "loop of a period [µJ]", loops, "y"),
-        Panel(title, "force [N]", "motion [µm]", level, "xy"),
-        Panel(title, "force [N]", "damping ratio by friction", damping, "xy"),
+        Panel(up_down, "frequency [Hz]", "motion over force [µm/N]", over),
+        Panel(up_down, "frequency [Hz]", "loop of a period [µJ]", loops, "y"),
     ]
     Path("resonance.png").write_bytes(panels(figure, columns=2, size=(5.5, 3.2)))
     return tuple(np.array([row[i] for row in rows]) for i in (1, 3, 8, 10))

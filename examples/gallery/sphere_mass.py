@@ -60,32 +60,25 @@ def main(masses=MASSES):
     )
 
     print(aligned_text(("by", "mass_kg", *MEASURES), rows))
-    T_c, v_s, per_ms, v, F, _ = range(6)
+    T_c, v_s, _, v, F, _ = range(6)
     peaks = [row[2 + v] / v0.max() for row in rows]
     arr = [row[-1] for row in rows]
     epsilon = contact.velocity_sum_ratio
     say(f"""
-        The contact time grows with the mass to the power {density[T_c]:.3f} where only the density
+        The contact time goes with the mass to the power {density[T_c]:.3f} where only the density
         changes (2/5 in equation 2.10), but {size[T_c]:.3f} (1/3) where the sphere grows, because a
-        larger sphere also has a stiffer contact.
+        larger sphere also has a stiffer contact. The speed in m/s goes with the power
+        {size[v_s]:z.3f} by size, because the diameters that the wave passes shrink alike, and
+        {density[v_s]:.3f} (-2/5) by density.
 
-        The thesis reads faster waves for lighter spheres from figure 2.9. In spheres per second
-        they are faster (power {size[per_ms]:.3f}). In m/s the speed goes with the power
-        {size[v_s]:z.3f} where the size changes, because the diameters that the wave passes
-        shrink alike, and {density[v_s]:.3f} (-2/5) where the density changes.
-
-        The thesis reads lower peaks for lighter spheres. The peak force falls (power {size[F]:.3f}
-        by size, {density[F]:.3f} by density); the peak velocity does not ({size[v]:z.3f} and
-        {density[v]:z.3f}): it is {np.mean(peaks):.3f} of the striker's at sphere {sphere}.
-
-        The amplitude ratio of the reflected wave (ARR, the mean of equation 2.9 along the chain)
-        does not depend on the mass, as in the thesis: it is {np.mean(arr):.3f}.
+        The thesis reads lower peaks for lighter spheres from figure 2.9. The peak force falls
+        (power {size[F]:.3f} by size, {density[F]:.3f} by density); the peak velocity does not: it
+        is {np.mean(peaks):.3f} of the striker's at sphere {sphere}, and the amplitude ratio (ARR,
+        mean of equation 2.9 along the chain) {np.mean(arr):.3f}, whatever the mass.
 
         Equation 2.9 equates the ARR with epsilon^(6/5), epsilon being the velocity ratio of
-        equation 2.8. For these spheres, which lose no energy (restitution by energy
-        {contact.energy_restitution:.3f}), epsilon is {epsilon:.3f} and epsilon^(6/5) is
-        {epsilon**1.2:.3f}: the wall reverses the momentum, so equation 2.8 measures neither the
-        loss nor the ARR.
+        equation 2.8. For these spheres, which lose no energy, that is {epsilon**1.2:.3f}: the wall
+        reverses the momentum, so equation 2.8 measures neither the loss nor the ARR.
         """)
 
     # velocities of the observed spheres for the masses of figure 2.9; power laws over the mass

@@ -73,17 +73,13 @@ def main(speeds=SPEEDS, mass_ratios=tuple(REFERENCE)):
     print(aligned_text(columns, rows))
     say(f"""
         Powers of the striker's speed: force {powers[2]:.5f} (6/5), speed of the wave
-        {powers[1]:.5f} (1/5), contact time {powers[0]:.5f} (-1/5).
-
-        The thesis reads from equation 2.5 that a faster striker shortens the contact: between
-        {speeds[0]:g} and {speeds[-1]:g} m/s the contact time falls from {contact_us[0]:.0f} to
-        {contact_us[-1]:.0f} µs, by {1 - contact_us[-1] / contact_us[0]:.0%}.
+        {powers[1]:.5f} (1/5), contact time {powers[0]:.5f} (-1/5): between {speeds[0]:g} and
+        {speeds[-1]:g} m/s the contact time falls by {1 - contact_us[-1] / contact_us[0]:.0%}.
 
         The share of the energy in the leading wave agrees with the published values within
-        {np.abs(shares - published).max():.1e}. Equation 2.5 gives all of the striker's energy to
-        the wave: a striker {mass_ratios[-1]:g} times as heavy as a sphere gives it
-        {shares[-1]:.0%}, one of {mass_ratios[0]:g} of the mass rebounds with {-final[0][0]:.2f}
-        of its speed.
+        {np.abs(shares - published).max():.1e}. Equation 2.5 gives all of the energy to the wave; a
+        striker {mass_ratios[-1]:g} times as heavy as a sphere gives it {shares[-1]:.0%}, one of
+        {mass_ratios[0]:g} of the mass rebounds with {-final[0][0]:.2f} of its speed.
         """)
 
     # records at the outermost sphere, power laws; trains at the end, and the leader's share

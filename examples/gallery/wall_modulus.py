@@ -86,24 +86,18 @@ def main(ratios=RATIOS):
             below a ratio of contact moduli, wall over sphere, of {ratios[gone[0]]:.3g} and is gone
             at {ratios[gone[1]]:.3g}: the critical Young's modulus of the wall is
             {gpa[gone[0]]:.0f} to {gpa[gone[1]]:.0f} GPa (published for 17 spheres: it fades out at
-            ratios of {PUBLISHED[0]} to {PUBLISHED[1]}).
+            ratios of {PUBLISHED[0]} to {PUBLISHED[1]}). Walls with a ratio above {SOFT} leave
+            another, faint wave of at most {second[ratios > SOFT].max():.1%}, which arises in the
+            chain.
             """)
     say(f"""
-        According to the thesis secondary waves appear above a critical modulus; here the softest
-        wall sends one of {second[0]:.0%} of the striker's speed. Walls with a ratio above {SOFT}
-        leave another, faint wave of at most {second[ratios > SOFT].max():.1%}, which arises in the
-        chain.
-
-        The last sphere separates from the chain while it is still in contact with the wall below a
-        ratio of {ratios[apart_us > 0].max(initial=0.0):.3g}, which the thesis takes for the cause.
-        Its condition, equal approach at the last two contacts, means that both are equally stiff, a
-        ratio of {1 / (2**1.5 - 1):.3f}.
+        The last sphere separates from the chain while it still touches the wall below a ratio of
+        {ratios[apart_us > 0].max(initial=0.0):.3g}, which the thesis takes for the cause. Its
+        condition, equal approach at the last two contacts, is a ratio of {1 / (2**1.5 - 1):.3f}.
 
         At soft walls the contact time goes with the stiffness of the wall's contact to the power
-        {slope:.3f}, where equation 2.5 with one constant tau_c gives -0.4. The dimensionless
-        contact time tau_c is {tau[0]:.2f} at the softest and {tau[-1]:.2f} at the stiffest wall,
-        {tau.min():.3f} to {tau.max():.3f} in all, so it is no constant. A contact counts from 1 %
-        of the peak force on; ARR is the mean of equation 2.9 along the chain.
+        {slope:.3f}, where equation 2.5 with one constant tau_c gives -0.4; tau_c is
+        {tau.min():.3f} to {tau.max():.3f}, so it is no constant.
         """)
 
     modulus = "Young's modulus of the wall [GPa]"

@@ -179,7 +179,7 @@ def test_slip_lowers_the_resonance_of_the_rig_and_damps_it():
     """Between the mode on a contact that sticks and the one without friction: the harder the shaker
     pushes, the lower the peak and the less it moves for a newton."""
     peak_hz, per_force, damping, up_down = resonance.main(
-        (0.05, 2.0), n_frequencies=7, levels=2, checked=(), changes=COARSE
+        (0.05, 2.0), n_frequencies=7, checked=(), changes=COARSE
     )
     assert peak_hz[1] < peak_hz[0] and per_force[1] < per_force[0]
     assert damping[1] > 5 * damping[0]
