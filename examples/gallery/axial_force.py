@@ -53,15 +53,8 @@ def main(shares=SHARES, changes=()):
         later_ms.append(1e3 * float(t[beyond.argmax()]) if beyond.any() else np.nan)
 
     columns = (
-        "share",
-        "force_N",
-        "first_mode_hz",
-        "tof_us",
-        "arr",
-        "first_wave",
-        "later",
-        "later_ms",
-    )
+        "share", "force_N", "first_mode_hz", "tof_us", "arr", "first_wave", "later", "later_ms",
+    )  # fmt: skip
     forces = [share * float(buckling_load) for share in shares]
     numbers = (hz, tof.tolist(), arr.tolist(), first, later, later_ms)
     print(aligned_text(columns, zip(shares, forces, *numbers, strict=True)))

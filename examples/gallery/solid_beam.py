@@ -88,15 +88,8 @@ def main(factors=FACTORS, changes=()):
         figure.append(Panel(title, "time [ms]", "velocity [m/s]", lines))
 
     columns = (
-        "first_hz",
-        "fifth_hz",
-        "contact_us",
-        "tof_us",
-        "arr",
-        "d_tof_us",
-        "d_arr_%",
-        "d_hz_%",
-    )
+        "first_hz", "fifth_hz", "contact_us", "tof_us", "arr", "d_tof_us", "d_arr_%", "d_hz_%",
+    )  # fmt: skip
     print(aligned_text(("mm", "theory", *columns, "off_solid"), rows))
     numbers = np.array(numbers)
     timoshenko, euler = np.abs(numbers[:, :2, 5:8]).max(axis=0)
