@@ -113,7 +113,7 @@ def main(ratios=RATIOS, diameters=DIAMETERS, drawn=DRAWN, factors=FACTORS):
         (group velocity 2 omega / k, half a period in the contact).
         """)
     for name, change in changes.items():
-        print(f"D/t = {CHECKED:g}, {name}: the ARR changes by at most {change:.1e}.")
+        say(f"D/t = {CHECKED:g}, {name}: the ARR changes by at most {change:.1e}.")
 
     mm, edge = 1e3 * distance, "distance from the clamped edge [mm]"
     figure, lines = [], ([], [], [], [])
