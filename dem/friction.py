@@ -1,4 +1,4 @@
-"""Friction between a sphere and what it touches: the contact's law, empty contacts.
+"""Friction between a sphere and the body that it touches: the contact's law, empty contacts.
 
     1/E* = (1-nu1^2)/E1 + (1-nu2^2)/E2,     1/G* = (2-nu1)/(4 G1) + (2-nu2)/(4 G2)
 

@@ -5,7 +5,7 @@ the thickness of a plate, what the first reflected wave tells of each. It leaves
 ends: what lies so far away that bending waves come back later does not change it. The slopes
 d ln y / d ln x say how well an instrument's amplitude ratio and time of flight tell the size.
 
-Run it: python examples/gallery/size.py       27 impacts, a minute
+Run it: python examples/gallery/beam_and_plate_sizes.py       27 impacts, a minute
 """
 
 from pathlib import Path
@@ -87,7 +87,7 @@ def main(factors=FACTORS, sizes=("beam thickness", "beam length", "plate thickne
             limits = (0.9 * mean, 1.1 * mean) if np.ptp(y) < 0.1 * mean / 4 else None
             line = Line(None, mm, y, "o-")
             figure.append(Panel(f"{title}, {table}", f"{key} [mm]", unit, [line], "x", limits))
-    Path("size.png").write_bytes(panels(figure, columns=3, size=(4.2, 3.0)))
+    Path("beam_and_plate_sizes.png").write_bytes(panels(figure, columns=3, size=(4.2, 3.0)))
     return results
 
 
