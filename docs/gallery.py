@@ -1,30 +1,31 @@
-"""The gallery: a page for each study, with its picture, its tables and what it found.
+"""The gallery: a page for each script of examples/gallery, with its picture and what it prints.
 
-`python docs/gallery.py` computes all again, `python docs/gallery.py striker walls` two of them; it
+`python docs/gallery.py` runs all again, `python docs/gallery.py striker walls` two of them; it
 writes docs/gallery/NAME.md and NAME.png, which are kept with the sources, and their list index.md
-with a tile of each, the first panel of its picture.
+with a tile of each, the first panel of its picture. Text and source of a page are the script's.
 """
 
+import ast
 import re
+import subprocess
 import sys
 from io import BytesIO
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-import beadwave
-from beadwave.workflows.report import tables
-
 HERE = Path(__file__).parent / "gallery"
+SCRIPTS = Path(__file__).parents[1] / "examples" / "gallery"
 
 PAGE = """# {title}
 
-{shows}
+{text}
 
-```sh
-beadwave study {name}
+```console
+{calls}
 ```
 
 ```{{image}} {name}.png
@@ -32,17 +33,20 @@ beadwave study {name}
 :target: ../_images/{name}.png
 ```
 
-{found}
+```text
+{printed}
+```
 
-{tables}
+## The script
+
+```{{literalinclude}} ../../examples/gallery/{script}
+:language: python
+```
 """
-TABLE = """```text
-{}
-```"""
 INDEX = """# Gallery
 
-Each study computes figures and statements of the [thesis](../thesis.md), or of structures like
-its own, and says what holds. A page is what its command prints and draws:
+Each script computes figures and statements of the [thesis](../thesis.md), or of structures like
+its own, and says what holds. A page is what its script prints and draws:
 `python docs/gallery.py NAME` makes it again.
 
 ```{{toctree}}
@@ -65,19 +69,51 @@ ENTRY = """:::{{container}} tile
 :::"""
 
 
-def page(name: str, shows: str) -> None:
-    """Write the page of a study; its tables and paragraphs are those that the command prints."""
-    finding = beadwave.study(name)
-    (HERE / f"{name}.png").write_bytes(small(Image.open(BytesIO(finding.plot().png))))
-    text = "\n\n".join(map(plain, finding.sentences))
-    printed = [tables.text(table) for table in finding.tables if table.printed != ()]
-    listed = "\n\n".join(map(TABLE.format, printed))
-    page = PAGE.format(title=title(name), shows=shows, name=name, found=text, tables=listed)
-    (HERE / f"{name}.md").write_text(page.rstrip() + "\n", encoding="utf-8")
+def scripts() -> dict[str, Path]:
+    """The scripts by the names of their pages, without the modules that they share."""
+    files = sorted(SCRIPTS.glob("*.py"))
+    return {
+        file.stem.replace("_", "-"): file
+        for file in files
+        if 'if __name__ == "__main__"' in file.read_text(encoding="utf-8")
+    }
+
+
+def docstring(script: Path) -> tuple[str, list[str], list[str]]:
+    """What a script shows in a sentence, the paragraphs about it, and the lines that run it."""
+    paragraphs = (ast.get_docstring(ast.parse(script.read_text(encoding="utf-8"))) or "").split(
+        "\n\n"
+    )
+    (run,) = (text for text in paragraphs if text.startswith("Run it: "))
+    calls = [line.strip() for line in run.removeprefix("Run it: ").splitlines()]
+    return paragraphs[0], [text for text in paragraphs[1:] if text != run], calls
+
+
+def ran(script: Path) -> tuple[str, Image.Image]:
+    """What a script prints and draws, run whole in a folder of its own."""
+    with TemporaryDirectory() as folder:
+        done = subprocess.run(
+            [sys.executable, script], cwd=folder, check=True, stdout=subprocess.PIPE, text=True
+        )
+        picture = Image.open(Path(folder, f"{script.stem}.png")).convert("RGB")
+    return done.stdout, picture
+
+
+def page(name: str, script: Path, printed: str, picture: Image.Image) -> None:
+    """Write the page of a script with what it printed and drew."""
+    (HERE / f"{name}.png").write_bytes(small(picture))
+    shows, about, calls = docstring(script)
+    # what is indented is a formula
+    text = "\n\n".join(t if t.startswith("    ") else plain(t) for t in (shows, *about))
+    page = PAGE.format(
+        title=title(name), shows=" ".join(shows.split()), text=text, name=name,
+        calls="\n".join(calls), printed=printed.strip("\n"), script=script.name,
+    )  # fmt: skip
+    (HERE / f"{name}.md").write_text(page, encoding="utf-8")
 
 
 def plain(sentence: str) -> str:
-    """A sentence whose signs mean nothing to Markdown, code apart."""
+    """A text whose signs mean nothing to Markdown, code apart."""
     return re.sub(r"(`[^`]+`)|([\\`*_\[\]<>$#|{}])", lambda m: m[1] or f"\\{m[2]}", sentence)
 
 
@@ -125,27 +161,28 @@ def stretches(inked: NDArray[np.bool_], gap: int = 6) -> list[tuple[int, int]]:
     return joined
 
 
-def index(studies: dict[str, str]) -> None:
+def index(names: dict[str, Path]) -> None:
     """Write the list of the pages that are there."""
-    there = {name: shows for name, shows in studies.items() if (HERE / f"{name}.md").is_file()}
+    there = [name for name in names if (HERE / f"{name}.md").is_file()]
     entries = []
     (HERE / "tiles").mkdir(exist_ok=True)
-    for name, shows in there.items():
+    for name in there:
         tile = first_panel(Image.open(HERE / f"{name}.png").convert("RGB"))
         (HERE / "tiles" / f"{name}.png").write_bytes(small(tile))
+        shows = plain(" ".join(docstring(names[name])[0].split()))
         entries.append(ENTRY.format(title=title(name), name=name, shows=shows))
     text = INDEX.format(names="\n".join(there), entries="\n\n".join(entries))
     (HERE / "index.md").write_text(text, encoding="utf-8")
 
 
 def main() -> None:
-    """All studies, or those named on the command line."""
+    """All scripts, or those named on the command line."""
     HERE.mkdir(exist_ok=True)
-    studies = beadwave.studies()
-    for name, shows in studies.items():
+    names = scripts()
+    for name, script in names.items():
         if name in sys.argv[1:] or not sys.argv[1:]:
-            page(name, shows)
-    index(studies)
+            page(name, script, *ran(script))
+    index(names)
 
 
 if __name__ == "__main__":

@@ -254,25 +254,27 @@ def test_a_notebook_runs(name, tmp_path):
     assert any("N" in o.get("text", "") for o in outputs if o.output_type == "stream")
 
 
-def test_the_gallery_has_a_page_for_each_study_that_says_what_it_shows():
+def test_the_gallery_has_a_page_for_each_script_that_says_what_it_shows():
+    gallery = loaded("gallery")
     listed = (DOCS / "gallery" / "index.md").read_text(encoding="utf-8")
     pages = {path.stem for path in (DOCS / "gallery").glob("*.md")} - {"index"}
-    assert pages == set(beadwave.studies()), "python docs/gallery.py NAME writes a page"
-    for name, shows in beadwave.studies().items():
+    assert pages == set(gallery.scripts()), "python docs/gallery.py NAME writes a page"
+    for name, script in gallery.scripts().items():
         page = (DOCS / "gallery" / f"{name}.md").read_text(encoding="utf-8")
-        assert f"\n\n{shows}\n\n" in page and shows in listed
-        assert f"beadwave study {name}\n" in page
-        assert (DOCS / "gallery" / f"{name}.png").is_file()
+        shows, _, calls = gallery.docstring(script)
+        assert len(shows) < 110 and shows.endswith("."), name
+        assert f"\n\n{gallery.plain(shows)}\n\n" in page and gallery.plain(shows) in listed
+        assert calls[0].startswith(f"python examples/gallery/{script.name}")
+        assert all(call in page for call in calls)
+        assert f"(tiles/{name}.png)" in listed
 
 
 def test_tiles_of_the_gallery_are_the_first_panels_of_its_pictures():
     gallery = loaded("gallery")
-    listed = (DOCS / "gallery" / "index.md").read_text(encoding="utf-8")
-    for name in beadwave.studies():
+    for name in gallery.scripts():
         picture = Image.open(DOCS / "gallery" / f"{name}.png").convert("RGB")
         tile = Image.open(DOCS / "gallery" / "tiles" / f"{name}.png")
         assert tile.size == gallery.first_panel(picture).size, "python docs/gallery.py writes it"
-        assert f"(tiles/{name}.png)" in listed
 
 
 @pytest.mark.parametrize(("rows", "columns"), [(1, 1), (1, 3), (3, 1), (2, 2), (4, 3)])
@@ -320,6 +322,7 @@ def test_the_pages_build_without_a_warning(tmp_path, monkeypatch):
         DOCS, tmp_path / "docs", ignore=lambda _, names: [n for n in names if n[:1] == "_"]
     )
     gallery = loaded("gallery")
+    shutil.copytree(gallery.SCRIPTS, tmp_path / "examples" / "gallery")
     monkeypatch.setattr(gallery, "HERE", copied / "gallery")
     monkeypatch.setattr(sys, "argv", ["gallery", "striker"])
     gallery.main()

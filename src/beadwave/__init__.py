@@ -25,8 +25,8 @@ sets values by their dotted keys. Everything is in SI units: m, kg, s, N, Pa, Hz
                                  which sphere to watch
     sweep, sweep_price           many cases into one table, what outputs depend on; the cost
     scan, load_sweep             the chain over a face, a map; a finished sweep or scan
-    study, accuracy, stability   the thesis again; errors against run times; extreme cases
-    verify                       our results against closed forms and published numbers
+    accuracy, stability          errors against run times; extreme cases
+    verify                       our results beside independent codes and published numbers
     doctor                       what is installed, what is missing and what that costs
 
 Results hold numbers as attributes; `data` is an xarray.Dataset with named dimensions and units,
@@ -43,7 +43,7 @@ from types import FunctionType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from beadwave.workflows.evidence.api import accuracy, stability, studies, study, verify
+    from beadwave.workflows.evidence.api import accuracy, stability, studies, verify
     from beadwave.workflows.fit.api import calibrate, design, inspect, joints_posterior, twin
     from beadwave.workflows.installation.doctor import doctor
     from beadwave.workflows.run.api import Run, film, impact, load, run, scene, scenes
@@ -66,7 +66,7 @@ if TYPE_CHECKING:
     from beadwave.workflows.sweep.api import Cases, load_sweep, scan, sweep, sweep_price
 
 _HOMES = {
-    "beadwave.workflows.evidence.api": ("accuracy", "stability", "studies", "study", "verify"),
+    "beadwave.workflows.evidence.api": ("accuracy", "stability", "studies", "verify"),
     "beadwave.workflows.fit.api": ("calibrate", "design", "inspect", "joints_posterior", "twin"),
     "beadwave.workflows.installation.doctor": ("doctor",),
     "beadwave.workflows.run.api": ("Run", "film", "impact", "load", "run", "scene", "scenes"),
@@ -120,7 +120,6 @@ __all__ = [
     "scenes",
     "stability",
     "studies",
-    "study",
     "sweep",
     "sweep_price",
     "thesis_table",

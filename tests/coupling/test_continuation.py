@@ -1,9 +1,8 @@
-"""Periodic states from their neighbours' and at every phase; contacts that stick for ever."""
+"""Periodic states from their neighbours' and at every phase."""
 
 import numpy as np
 import pytest
 
-from beadwave import dem
 from beadwave.coupling.continuation import (
     before_striker,
     cold_state,
@@ -12,9 +11,7 @@ from beadwave.coupling.continuation import (
     struck,
 )
 from beadwave.coupling.periodic_state import USUAL_PERIODIC_SEARCH, period_of
-from beadwave.coupling.spatial_march import ShakerForces, body_of, march_space
-from beadwave.coupling.stuck_wall import stuck_wall, uncoupled_wall
-from beadwave.dem.friction import stick_stiffness
+from beadwave.coupling.spatial_march import ShakerForces, body_of
 
 from spatial_contact import last, random_wall, row
 
@@ -85,60 +82,3 @@ def test_a_striker_is_not_there_before_it_touches():
         True,
         False,
     ]
-
-
-def beside(wall, sphere, chain, v0, reference):
-    """Largest difference of the last sphere's velocity from the reference, over its largest."""
-    run = march_space(chain, wall, v0, sphere, duration=2e-3, error=1e-6, n_save=400)
-    return np.abs(run.trajectory.v[:, -1] - reference).max() / np.abs(reference).max()
-
-
-@pytest.mark.parametrize(
-    "arm",
-    [{"arm_stiffness": np.full(2, np.inf), "arm_rotation": np.inf},
-     {"arm_stiffness": np.array([2e6, 3e6]), "arm_rotation": np.inf},
-     {"arm_stiffness": np.array([2e6, 3e6]), "arm_rotation": 0.0}],
-)  # fmt: skip
-def test_a_contact_that_sticks_on_a_constant_area_is_a_part_of_the_structure(arm):
-    """A blow that changes the force by a thousandth of the preload: the area changes by 3e-4."""
-    chain, v0 = row(2, preload=1000.0), np.array([2e-5, 0.0])
-    S = 1e-9 * np.array([[1.0, 0.3, -0.2], [0.3, 1.2, 0.4], [-0.2, 0.4, 0.8]])
-    wall = random_wall(2)._replace(residual_compliance=S, zeta=np.zeros(4))
-    sphere = last(chain, **arm)
-    law = sphere.law._replace(bound=100.0 * sphere.law.bound)
-    overlap = float(dem.spheres.hertz_overlap(1000.0, chain.A[-1]))
-    k_t = float(stick_stiffness(law, np.sqrt(law.radius * overlap)))
-    full = march_space(
-        chain, wall, v0, sphere._replace(law=law), duration=2e-3, error=1e-6, n_save=400
-    ).trajectory.v[:, -1]
-    clamped = sphere._replace(law=law, arm_stiffness=np.full(2, np.inf), arm_rotation=np.inf)
-    held = stuck_wall(wall, k_t, sphere, chain)
-    none = stuck_wall(wall, 0.0, sphere, chain)
-    left = beside(held, clamped, chain, v0, full)
-    assert left < 1e-3  # measured 4e-5 to 3e-4
-    assert beside(none, clamped, chain, v0, full) > 30 * left
-
-
-def test_a_sphere_that_sticks_turns_about_its_middle_on_a_curved_surface_too():
-    """Of a wall at rest: k_t R^2 / I, whatever the relative radius of the contact."""
-    chain = row(preload=20.0)
-    sphere = last(chain, arm_stiffness=np.full(2, np.inf), arm_rotation=0.0)
-    curved = sphere._replace(law=sphere.law._replace(radius=0.25 * sphere.law.radius))
-    rest = random_wall(2)._replace(phi=np.zeros((4, 3)))
-    omega = stuck_wall(rest, 1e6, curved, chain).omega
-    expected = float(chain.radius[-1]) * np.sqrt(1e6 / sphere.inertia)
-    assert np.sum(np.abs(omega / expected - 1.0) < 1e-12) == 2
-
-
-@pytest.mark.slow
-def test_directions_that_do_not_act_on_each_other_leave_the_chain_alone():
-    chain, v0 = row(3, preload=20.0), np.array([0.1, 0.0, 0.0])
-    wall = random_wall(2)
-    run = march_space(
-        chain, uncoupled_wall(wall), v0, last(chain), duration=1e-3, error=1e-6, n_save=200
-    ).trajectory
-    along = dem.Wall(wall.omega, wall.zeta, np.ascontiguousarray(wall.phi[:, 0]), 0.0)
-    alone = dem.march_to_error(chain, along, v0, duration=1e-3, error=1e-6, n_save=200)
-    assert np.abs(run.v - alone.trajectory.v).max() < 1e-5 * 0.1
-    coupled = march_space(chain, wall, v0, last(chain), duration=1e-3, error=1e-6, n_save=200)
-    assert np.abs(coupled.trajectory.v - alone.trajectory.v).max() > 5e-4 * 0.1

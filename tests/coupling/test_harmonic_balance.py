@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from beadwave.coupling.harmonic_balance import balance, cycle_of
+from beadwave.coupling.harmonic_balance import (
+    USUAL_BALANCE_SEARCH,
+    answer,
+    balance,
+    cut_at_contacts,
+    cycle_of,
+)
 from beadwave.coupling.periodic_state import (
     USUAL_PERIODIC_SEARCH,
     period_of,
@@ -16,9 +22,11 @@ from beadwave.coupling.periodic_state import (
 from beadwave.coupling.spatial_march import Before, ShakerForces, SpatialSearch, body_of
 from beadwave.coupling.spatial_wall import spatial_wall_of_modes
 from beadwave.dem import UnstableStep
-from beadwave.dem.friction import tangential_law
+from beadwave.dem.friction import gross_slip, tangential_law
 from beadwave.dem.kernels.lateral import Springs, press_round
+from beadwave.dem.spheres import hertz_overlap
 
+from closed_loops import loop_amplitude, loop_energy
 from spatial_contact import last, random_wall, row
 
 ARM = {"arm_stiffness": np.array([2e6, 3e6]), "arm_rotation": 300.0}
@@ -222,3 +230,25 @@ def test_a_contact_that_slips_as_a_whole_has_one_mean_force():
     cycle = periodic_state(body, at_rest_before(body), error=1e-2).cycle
     assert cycle.stick_share.min() == 0.0
     assert np.ptp(cycle.mean_force_range) == 0.0
+
+
+@pytest.mark.parametrize("load", [0.25, 0.5])
+def test_a_cycle_across_has_johnsons_loop(load):
+    """Johnson 7.57, of the amplitude at which the force is `load` of its bound."""
+    wall = spatial_wall_of_modes(
+        [2 * np.pi * 100.0], [0.0], [[0.0, 10**-0.5, 0.0]], load=[[10**-0.5]]
+    )
+    press, chain = 20.0, row(preload=20.0)
+    clamped = last(chain, arm_stiffness=np.full(2, np.inf), arm_rotation=np.inf)
+    shakers = ShakerForces(np.ones(1), np.array([100.0]), np.zeros(1))
+    body, law = body_of(chain, wall, [0.0], clamped, shakers), clamped.law
+    overlap, most = hertz_overlap(press, chain.A[-1]), 0.2 * press
+    amplitude = float(loop_amplitude(law, most, load * most, float(np.sqrt(law.radius * overlap))))
+    cut = cut_at_contacts(body, at_rest_before(body), 512, USUAL_BALANCE_SEARCH)
+    y = np.zeros((512, 2))
+    y[:, 1] = amplitude * np.cos(2 * np.pi * np.arange(512) / 512)
+    cycle = answer(body, at_rest_before(body), cut, y, None, 2)
+    assert np.ptp(cycle.force[:, 1]) / 2 == pytest.approx(load * most, rel=1e-3)
+    expected = float(loop_energy(law, most, load * most, float(np.sqrt(law.radius * overlap))))
+    assert cycle.heat == pytest.approx(expected, rel=1e-2)
+    assert amplitude < gross_slip(law, overlap)

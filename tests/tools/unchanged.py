@@ -30,7 +30,6 @@ OTHER_PROGRAMS = "calculix calculix-bolts calculix-rig exudyn lammps pyyeti".spl
 LONG = "thesis-tables honest-meshes honest-bars inspected".split()
 
 SCENES = list(beadwave.scenes())
-STUDIES = list(beadwave.studies("thesis"))
 VERIFIED = [name for name in beadwave.studies("verify") if name not in OTHER_PROGRAMS + LONG]
 
 # group -> name -> arguments of the command; {} is the folder of all results of this freeze
@@ -64,7 +63,6 @@ COMMANDS: dict[str, dict[str, str]] = {
         "--sample sobol:16 --out swept",
         "scan": "scan cantilever --grid 3x3 --out scanned",
     },
-    "studies": {study: f"study {study} --out study" for study in STUDIES},
     "evidence": {
         "stability": "stability --json",
         "verify": "verify --json " + " ".join(f"--group {group}" for group in VERIFIED),

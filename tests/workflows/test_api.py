@@ -242,7 +242,6 @@ def test_a_mesh_of_ones_own_gives_way(monkeypatch):
 
 def test_studies_are_listed_and_leave_tables():
     assert set(beadwave.studies("accuracy")) >= {"time", "mesh", "reduction"}
-    assert "walls" in beadwave.studies()
     verdicts = beadwave.stability(["time-reversal"])
     data = verdicts.data()
     assert list(data.verdict.values) == ["accurate"] * data.sizes["row"]

@@ -73,7 +73,6 @@ def test_version(beadwave):
         (("impact", "rig-rgid"), "rig-rigid"),
         (("impact", "rig-1dof", "--set=wall.frequecy=3"), "frequency"),
         (("impact", "--otu=d"), "--out"),
-        (("study", "wals"), "walls"),
         (("accuracy", "--stage=tme"), "time"),
         (("stability", "--case=prelod"), "preload"),
         (("tune", "--free=haed.ky"), "head.ky"),

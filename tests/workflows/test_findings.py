@@ -31,8 +31,8 @@ def {name}(scene, progress) -> {returns}:
 '''
 
 
-@pytest.mark.parametrize("folder", ["thesis", "accuracy"])
-def test_a_study_has_a_template_beside_its_module_and_a_name_that_is_listed(folder):
+def test_a_study_has_a_template_beside_its_module_and_a_name_that_is_listed():
+    folder = "accuracy"
     studies = catalogue.catalogue(folder)
     templates = {path.stem for path in (FOLDER / folder).glob("[!_]*.md")}
     modules = [entry.module.rpartition(".")[2] for entry in studies.values()]
@@ -44,11 +44,11 @@ def test_a_study_has_a_template_beside_its_module_and_a_name_that_is_listed(fold
 
 def test_a_module_put_into_the_folder_is_a_study_and_its_helpers_are_none(tmp_path, monkeypatch):
     studies = tmp_path / "workflows" / "studies"
-    (studies / "thesis").mkdir(parents=True)
+    (studies / "accuracy").mkdir(parents=True)
     for name, returns in (("two_walls", "Finding"), ("helper", "float"), ("_hidden", "Finding")):
-        (studies / "thesis" / f"{name}.py").write_text(STUDY.format(name=name, returns=returns))
+        (studies / "accuracy" / f"{name}.py").write_text(STUDY.format(name=name, returns=returns))
     monkeypatch.setattr(catalogue, "__file__", str(studies / "catalogue.py"))
-    assert catalogue.listing("thesis").split() == ["two-walls", "Waves", "of", "two_walls."]
+    assert catalogue.listing("accuracy").split() == ["two-walls", "Waves", "of", "two_walls."]
 
 
 def test_listing_imports_no_study():

@@ -88,7 +88,6 @@ INTO_A_FOLDER = {
     "twin": ("twin",),
     "inspect": ("inspect", "cantilever", "mine.csv", "--find=beam.axial_force=-35kN:5kN"),
     "design": ("design", "cantilever", "--find=beam.axial_force=-35kN:5kN"),
-    "study": ("study", "damping"),
     "accuracy": ("accuracy", "--stage=time"),
     "stability": ("stability", "--case=one-dof-wall"),
     "verify": ("verify", "--group=solitary-wave"),
@@ -543,7 +542,6 @@ OUTPUTS = {
     "tune --hammer": ("tune", "rig-rom", "--hammer=mine.csv", "--out=mine.csv"),
     "calibrate": ("calibrate", "rig-1dof", "d/signals.csv", "--out=d"),
     "twin": ("twin", "d/scene.toml", "--out=d"),
-    "study": ("study", "walls", "d/walls.csv", "--out=d"),
     "accuracy": ("accuracy", "d/accuracy.csv", "--out=d"),
     "hammer": ("hammer", "mine.uff", "--synthetic"),
     "hammer, points": ("hammer", "mine.csv", "--points=d/modes.json", "--out=d"),
@@ -698,12 +696,12 @@ def test_studies_of_accuracy_stay_beside_each_other():
     assert Path("acc", "accuracy.csv").read_text().count("\n") == 3
 
 
-def test_a_study_is_refused_before_it_runs_where_it_would_replace_a_file(monkeypatch, capsys):
-    monkeypatch.setattr("beadwave.workflows.evidence.catalogue.study", None)
+def test_cases_are_refused_before_they_run_where_they_would_replace_a_file(monkeypatch, capsys):
+    monkeypatch.setattr("beadwave.workflows.evidence.catalogue.verdicts", None)
     Path("d").mkdir()
-    Path("d", "walls.csv").write_text("mine")
-    assert beadwave("study", "walls", "--out=d") == 2
-    assert "walls.csv" in capsys.readouterr().err
+    Path("d", "stability.csv").write_text("mine")
+    assert beadwave("stability", "--out=d") == 2
+    assert "stability.csv" in capsys.readouterr().err
 
 
 def test_a_device_is_no_file_to_replace():

@@ -94,8 +94,6 @@ def test_a_pipe_is_called_what_it_is_and_not_waited_for(file, arguments, capfd):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["study", "joints", "rig-1dof"], "has no [assembly]"),
-        (["study", "singularity", "rig-1dof"], "has no [assembly]"),
         (["accuracy", "rig-rigid", "--stage=mesh"], "has no [assembly]"),
         (["accuracy", "free-chain", "--stage=wall-modes"], "has no [wall]"),
         (["impact", "rig-1dof", "--rom=" + "n" * 300 + ".npz"], "too long"),

@@ -16,7 +16,6 @@ SHORT = ["--set=chain.count=4", "--set=output.spheres=[1]", "--set=time.duration
 PRINTED = {
     "scenes": ["scenes"],
     "scene": ["scene", "rig-rom"],
-    "study, listed": ["study"],
     "impact": ["impact", "rig-rigid", *SHORT],
     "run": ["run", "rig-rigid", "--out=out", *SHORT],
     "report": ["report", "out"],

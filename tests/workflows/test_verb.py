@@ -36,7 +36,7 @@ def test_what_is_not_typed_is_the_default_of_the_function(name):
     for option in built(name).params:
         if option.name in defaults and not option.required:
             empty = (None, ()) if option.default is None else (option.default,)
-            assert defaults[option.name] in empty or name == "study"
+            assert defaults[option.name] in empty
 
 
 @pytest.mark.parametrize("name", VERBS)

@@ -33,7 +33,7 @@ from beadwave.workflows.commands.options import (
     scene_names,
 )
 from beadwave.workflows.commands.signals import Stopped, stopped_by
-from beadwave.workflows.commands.studies import accuracy, run_study, stability, verify
+from beadwave.workflows.commands.studies import accuracy, stability, verify
 from beadwave.workflows.commands.sweeps import scan, sweep
 from beadwave.workflows.commands.terminal import (
     SummaryPrinter,
@@ -193,9 +193,9 @@ def doctor(call: Call) -> None:
 COMMANDS = {
     "run": run, "scenes": scenes, "scene": scene, "look": look, "modes": modes, "tune": tune_joints,
     "hammer": hammer, "reduce": reduce, "impact": impact, "accuracy": accuracy,
-    "stability": stability, "verify": verify, "study": run_study, "calibrate": calibrate,
-    "twin": twin, "inspect": inspect, "design": design, "sweep": sweep, "scan": scan,
-    "report": report, "film": film, "doctor": doctor,
+    "stability": stability, "verify": verify, "calibrate": calibrate, "twin": twin,
+    "inspect": inspect, "design": design, "sweep": sweep, "scan": scan, "report": report,
+    "film": film, "doctor": doctor,
 }  # fmt: skip
 
 

@@ -56,7 +56,6 @@ EXAMPLES = {
     ),
     "stability": ("stability --case one-dof-wall --out stability",),
     "verify": ("verify", "verify --group solitary-wave --out verify", "verify --list"),
-    "study": ("study", "study damping --out studies"),
     "calibrate": ("calibrate rig-1dof data.csv --instrument 100e3 --out calibrated",),
     "twin": ("twin --out twin", "twin --runs 200"),
     "inspect": (

@@ -25,11 +25,6 @@ def dotted_keys(ctx: typer.Context, incomplete: str) -> list[str]:
         return []
 
 
-def study_names(incomplete: str) -> list[str]:
-    """Studies of the thesis that begin so."""
-    return _names("thesis", incomplete)
-
-
 def stage_names(incomplete: str) -> list[str]:
     """Studies of accuracy that begin so."""
     return _names("accuracy", incomplete)

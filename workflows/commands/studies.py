@@ -1,15 +1,14 @@
-"""`beadwave accuracy`, `stability`, `verify` and `study`, the commands on evidence.
+"""`beadwave accuracy`, `stability` and `verify`, the commands on evidence.
 
 Their studies are modules of `workflows.evidence`.
 """
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from beadwave.workflows.commands.options import case_names, group_names, stage_names, study_names
-from beadwave.workflows.commands.terminal import print_lines, print_result
+from beadwave.workflows.commands.options import case_names, group_names, stage_names
+from beadwave.workflows.commands.terminal import print_result
 from beadwave.workflows.commands.verb import Call, Word, verb
 
 
@@ -87,27 +86,6 @@ def verify(
     print_result(finding.record(result), finding.text(result), call.json, call.quiet)
     if sentence := wrong(result):
         raise ValueError(sentence)
-
-
-@verb(
-    "beadwave.workflows.evidence.api.study",
-    json="{study, rows, findings, ...}; without NAME {studies: [{name, shows}]}",
-    name=Word("a study; without it they are listed", None, "NAME", study_names, required=False),
-)
-def run_study(call: Call) -> None:
-    """Figures of the thesis computed again, and what explains them."""
-    if "name" not in call.given:
-        _list("thesis", "studies", call.json)
-        return
-    from beadwave.workflows.report import finding
-
-    path = call.given.setdefault("out", Path("studies"))
-    result = call()
-    record = finding.record(result, study=call.given["name"])
-    print_result(record, finding.text(result), call.json, call.quiet)
-    for picture in result.pictures[:1]:
-        line = f"written: {path}/figures/{picture.name}.png"
-        print_lines(line, json=call.json, quiet=call.quiet)
 
 
 def _list(folder: str, called: str, json: bool) -> None:

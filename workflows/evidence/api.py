@@ -1,4 +1,4 @@
-"""Studies of the thesis, error against run time, extreme cases, independent codes."""
+"""Error against run time, extreme cases, independent codes."""
 
 from __future__ import annotations
 
@@ -16,39 +16,11 @@ if TYPE_CHECKING:
     from beadwave.workflows.report.finding import Finding
 
 
-def studies(folder: str = "thesis") -> dict[str, str]:
-    """Names of studies and what each shows; folder is "thesis", "accuracy", "stability" or
-    "verify"."""
+def studies(folder: str) -> dict[str, str]:
+    """Names of studies and what each shows; folder is "accuracy", "stability" or "verify"."""
     from beadwave.workflows.evidence.catalogue import catalogue
 
     return {name: entry.shows for name, entry in catalogue(folder).items()}
-
-
-def study(
-    name: str,
-    scene: Source = None,
-    changes: Changes = (),
-    *,
-    out: str | Path | None = None,
-    overwrite: bool = False,
-    progress: Progress = quiet,
-) -> Finding:
-    """Figures and statements of the thesis computed again (`beadwave study NAME`).
-
-    name    a study; `studies()` lists them
-    scene   a scene; default: the one the study is made for
-    out     folder for tables (CSV, JSON) and pictures
-
-    Tables, sentences and pictures; `plot()` shows one, `data()` is the table as an xarray.Dataset.
-    Raises InvalidScene for bad input.
-    """
-    from beadwave.workflows.evidence import catalogue
-
-    chosen = load_scene(catalogue.usual_scene(name) if scene is None else scene, changes)
-    return _written(
-        lambda: catalogue.study(name, chosen, progress),
-        name, out, overwrite, inputs=files_read(chosen, scene), study=name,
-    )  # fmt: skip
 
 
 def accuracy(
@@ -132,22 +104,16 @@ def verify(
 
 
 def _written(
-    compute: Callable[[], Finding],
-    name: str,
-    out: str | Path | None,
-    overwrite: bool,
-    *,
-    inputs: tuple[Path, ...] = (),
-    **about: str,
+    compute: Callable[[], Finding], name: str, out: str | Path | None, overwrite: bool
 ) -> Finding:
     """What `compute` returns, written into the folder `out` if there is one; a folder that may not
     be written to is refused before anything is computed."""
     from beadwave.workflows.report import finding
 
-    folder = _folder(out, inputs, overwrite, finding.files(name))
+    folder = _folder(out, (), overwrite, finding.files(name))
     result = compute()
     if folder:
-        finding.write(result, folder, **about)
+        finding.write(result, folder)
     return result
 
 

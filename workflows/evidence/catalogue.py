@@ -1,8 +1,8 @@
 """The studies, found in their folders by what their functions return.
 
-A module of `thesis` or `accuracy` has one public function of the scene that returns a `Finding`,
-a module of `stability` one public generator of trials for each case, one of `verify` a generator of
-comparisons for each group. The function's name with hyphens is that of the study, the first line of
+A module of `accuracy` has one public function of the scene that returns a `Finding`, a module of
+`stability` one public generator of trials for each case, one of `verify` a generator of comparisons
+for each group. The function's name with hyphens is that of the study, the first line of
 its docstring its line in the listing. Another study is another file; nothing is listed by hand, and
 listing imports none of them.
 """
@@ -21,7 +21,6 @@ from beadwave.workflows.stages.progress import Progress
 
 # what the functions of a folder return, and the option by which their names are given
 FOLDERS = {
-    "thesis": ("Finding", "study"),
     "accuracy": ("Finding", "--stage"),
     "stability": ("Iterator[Trial]", "--case"),
     "verify": ("Iterator[Comparison]", "--group"),
@@ -74,16 +73,6 @@ def chosen(folder: str, names: tuple[str, ...]) -> dict[str, CatalogueEntry]:
             option = FOLDERS[folder][1]
             raise InvalidScene(f"{option} {name!r} is not known; {nearest(name, entries)}.")
     return {name: entries[name] for name in names} or entries
-
-
-def study(name: str, scene: Scene, progress: Progress) -> Finding:
-    """What a study of the thesis finds on the scene."""
-    return chosen("thesis", (name,))[name](scene, progress)
-
-
-def usual_scene(name: str) -> str | None:
-    """The built-in scene that a study is made for, its SCENE; None for the rig."""
-    return chosen("thesis", (name,))[name].stated("SCENE")
 
 
 def accuracy(

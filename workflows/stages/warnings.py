@@ -38,14 +38,14 @@ CURES = {
     "reduction": "keep more modes (reduction.modes, reduction.to_hz, wall.cutoff)",
     "mesh": "take smaller elements (mesh.scale below 1, or bodies.NAME.seed; of the rig mesh.seed)",
     "receptance": "measure with less noise, more averages or in a wider band",
-    "theory": "draw the beam or plate as a body, see solid-beam and solid-plate of `study`",
+    "theory": "draw the beam or plate as a body, see solid-beam and solid-plate of the gallery",
 }
 
 
 # Limits beyond which a run has a warning; chosen
 LARGE_MODEL_ERROR = 0.1  # error of the velocities over the striker's speed
 # wavenumber times thickness k h, up to which Zener's thin plate absorbs the energy of a solid
-# one within a tenth (`beadwave study wall-thickness`)
+# one within a tenth (`examples/gallery/wall_thickness.py`)
 SLENDER_KH = 0.65
 LOW_QUALITY = 0.7  # of a wave: below it, time and peak are those of overlapping waves
 PRESSED_ENERGY = 0.05  # elastic energy when the record ends, over the striker's
