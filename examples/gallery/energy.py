@@ -58,7 +58,7 @@ def main(duration=DURATION, finer=FINER, n_modes=N_MODES, error=ERROR, changes=(
     cube = lined_mesh(Box((SIDE, SIDE, SIDE)), lines, SIDE / 6)
     ends = {"strike": lambda x: x[0] > SIDE / 2 - SAME, "-x": lambda x: x[0] < SAME - SIDE / 2}
     structure = fem.assemble({"block": cube.with_boundaries(ends)}, {"block": steel})
-    block_model = fem.joined(structure, fem.Connections(held=[fem.Held("block:-x")]))
+    block_model = fem.joined(structure, fem.Connections(held=[fem.HeldFace("block:-x")]))
     rig_model, radius = assembly.model(rig, assembly.mesh(rig)), rig.patch.radius
     bodies = {
         "ROM half-space": StruckBody(block_model, steel, (0.0, 0.0), radius),

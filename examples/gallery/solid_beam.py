@@ -116,8 +116,8 @@ def solid_wall(beam, steel):
     )  # fmt: skip
     half = fem.assemble(geometry.by_body(mesh), {"plate": steel})
     structure = half._replace(K=2 * half.K, M=2 * half.M)
-    mirror = fem.Held("plate:-z", "z")
-    hinges = [fem.Held("plate:-y", "x"), fem.Held("plate:+y", "x")]
+    mirror = fem.HeldFace("plate:-z", "z")
+    hinges = [fem.HeldFace("plate:-y", "x"), fem.HeldFace("plate:+y", "x")]
     model = fem.joined(structure, fem.Connections(held=[mirror, *hinges]))
 
     middle = (beam.position - beam.length / 2, -beam.width / 4)

@@ -293,8 +293,8 @@ def thick_plate(scene: Scene, run: dem.Trajectory) -> Iterator[str]:
     if slender >= SLENDER_KH:
         yield (
             f"The plate is thick relative to its bending waves (k h = {slender:.2f}, thin is below "
-            f"{SLENDER_KH:g}); a solid one absorbs over 10 % more energy, see beadwave study "
-            "wall-thickness."
+            f"{SLENDER_KH:g}); a solid one absorbs over 10 % more energy, see "
+            "wall-thickness of the gallery."
         )
 
 
