@@ -64,8 +64,8 @@ def main(factors=FACTORS, sizes=("beam thickness", "beam length", "plate thickne
             flight from {tof_us[ends[0]]:.0f} to {tof_us[ends[1]]:.0f} µs. At {mm[own]:.3g} mm the
             amplitude ratio goes with the {key} to the power {slope_arr:.3f}, the time of flight to
             the power {slope_tof:.3f}. There an amplitude ratio known to {ARR_KNOWN:.0%} tells the
-            {key} {told(ARR_KNOWN, slope_arr)}, a time of flight known to {TOF_KNOWN:g} µs
-            {told(TOF_KNOWN / tof_us[own], slope_tof)}, if all else is known.
+            {key} {resolution(ARR_KNOWN, slope_arr)}, a time of flight known to {TOF_KNOWN:g} µs
+            {resolution(TOF_KNOWN / tof_us[own], slope_tof)}, if all else is known.
             """)
         # the size from which on ARR no longer changes
         changed = np.flatnonzero(~(np.abs(arr / arr[-1] - 1) < UNCHANGED))
@@ -91,7 +91,7 @@ def main(factors=FACTORS, sizes=("beam thickness", "beam length", "plate thickne
     return results
 
 
-def told(known, slope):
+def resolution(known, slope):
     """Words for the relative error of a size that a quantity known to a relative error leaves."""
     error = known / abs(slope) if slope else np.inf
     return f"to {error:.1%}" if error < 1 else "not at all"

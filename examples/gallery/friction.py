@@ -140,7 +140,7 @@ def shaken_run(case, rig, coefficient, states):
 
 
 def between(one, other):
-    """How far the waves of two runs at the same instants differ, each given with its error."""
+    """Differences of the waves of two runs at the same instants, each given with its error."""
     (a, error_a), (b, error_b), arrival, amplitude = one, other, 0.0, 0.0
     for sphere in SPHERES:
         waves = [run.wave(sphere, "reflected", 1) for run in (a, b)]

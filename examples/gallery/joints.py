@@ -1,4 +1,4 @@
-"""Why one tangential stiffness of the joints cannot meet modes 2 and 3, and what further ones do.
+"""Joint stiffnesses that meet the measured modes 2 and 3, which one tangential stiffness cannot.
 
 You will see that every setting of one stiffness for both tangential directions that meets mode 1
 lies on one curve of mode 3 over mode 2, and that the hammer test's point (269, 907) Hz lies off it.

@@ -224,7 +224,7 @@ def main(forces=FORCES, n_frequencies=N_FREQUENCIES, checked=CHECKED, changes=()
         µm/N, under {strong[0]:.3g} N at {strong[1]:.1f} Hz with {strong[3]:.3g} µm/N; friction
         damps it by a ratio of at most {max(row[8] for row in rows):.1%} at the peaks.
 
-        Up and down in frequency the curves differ by at most {most:.2%} of their peak:
+        Up and down in frequency the curves differ by at most {most:.0e} of their peak:
         {"one motion belongs" if most < 0.01 else "more than one motion may belong"} to each
         frequency.
         """)

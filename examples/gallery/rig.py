@@ -68,8 +68,8 @@ def main(changes=(), roms=ROMS, n_changes=None, light_arms=LIGHT_ARMS):
             a, b = before.arrival, after.arrival
             times.append(round(1e6 * (b.time - a.time), 1) + 0.0)
             peaks.append(round(100 * (b.peak_velocity / a.peak_velocity - 1), 1) + 0.0)
-        seen = "/".join(str(len(by_wall[MAIN].reflected(sphere))) for sphere in SPHERES)
-        rows.append((unknown, value, seen, f"{holding.sum()}/{len(holding)}", *times, *peaks))
+        waves = "/".join(str(len(by_wall[MAIN].reflected(sphere))) for sphere in SPHERES)
+        rows.append((unknown, value, waves, f"{holding.sum()}/{len(holding)}", *times, *peaks))
     late, high = [f"t{k}_us" for k in NUMBERS], [f"v{k}_%" for k in NUMBERS]
     print(aligned_text(("unknown", "value", "seen", "hold", *late, *high), rows))
     say(f"""
@@ -101,7 +101,7 @@ def main(changes=(), roms=ROMS, n_changes=None, light_arms=LIGHT_ARMS):
         second.append(spread(light_runs, 2, SPHERES[1:]))
     wanted, second = [len(numbers) for numbers in WAVES_SEEN.values()], np.array(second)
     n_slight = int(((second >= UNMOVED) & (second < SLIGHT)).sum())
-    most = max(counts, key=lambda seen: (seen == wanted, seen[1], seen[2]))
+    most = max(counts, key=lambda n: (n == wanted, n[1], n[2]))
     say(f"""
         An arm without mass: of {len(counts)} combinations of chain and wall {counts.count(wanted)}
         show {"/".join(map(str, wanted))} reflected waves at spheres 1, 4, 14; the most at sphere 4

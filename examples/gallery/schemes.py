@@ -1,4 +1,4 @@
-"""The same wall coupled in two ways: one functional for force and reading, or the thesis' two.
+"""One wall coupled in two ways: one functional for force and reading, or the thesis' two.
 
 Ours loads and reads a patch. The thesis pushes at the contact node and reads two others' mean: the
 wall receives other work than the sphere delivers, and the energy of the run tells. Shared by

@@ -1,4 +1,4 @@
-"""The shaken rig with a frictional contact: what its marches take, and its contact as springs.
+"""The shaken rig with a frictional contact: the parts of its marches, its contact as springs.
 
 Shared by `friction.py` and `resonance.py`. A contact that never slips and whose area stays is a
 part of the structure that it holds. The springs of its tangential stiffness k_t tie the wall's
@@ -36,7 +36,7 @@ from beadwave.workflows.stages.structure_friction import shaker_forces
 
 
 class ShakenRig(NamedTuple):
-    """What marches of a scene take."""
+    """Chain, wall, last sphere and shakers of a scene, as marches take them."""
 
     start: Start
     wall: SpatialWall

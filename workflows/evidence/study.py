@@ -1,4 +1,4 @@
-"""What studies are made with: the finding, sentences of a template, pieces with the time left.
+"""Sentences of a study from its template, formats of numbers, pieces with the time left.
 
 The sentences of a study are the Markdown template beside its module, filled with computed numbers.
 """
@@ -10,26 +10,11 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, TypeVar
 
-from beadwave.workflows.files.run_folder import Picture
-from beadwave.workflows.report.finding import Finding
-from beadwave.workflows.report.tables import Table
 from beadwave.workflows.stages.progress import Progress
 
 PREFIXES = {"nano": 1e9, "micro": 1e6, "milli": 1e3, "kilo": 1e-3, "giga": 1e-9}
 
 Piece = TypeVar("Piece")
-
-
-def concluded(
-    module: str, columns: tuple[str, ...], rows: tuple[tuple, ...], picture: bytes, /,
-    *others: Table, **numbers: Any,
-) -> Finding:  # fmt: skip
-    """The finding of a study: its table and others, its picture (PNG), and the sentences of its
-    template with these numbers; module is its __file__, by whose name all three go."""
-    name = Path(module).stem
-    table = Table(name.replace("_", "-"), columns, rows)
-    picture_of_study = Picture(f"study_{name}", picture)
-    return Finding((table, *others), rendered(module, **numbers), (picture_of_study,))
 
 
 def rendered(module: str, **numbers: Any) -> tuple[str, ...]:
