@@ -1,18 +1,16 @@
-"""Friction between a sphere and what it touches: the contact's law, empty contacts, sliders.
+"""Friction between a sphere and the body that it touches: the contact's law, empty contacts.
 
     1/E* = (1-nu1^2)/E1 + (1-nu2^2)/E2,     1/G* = (2-nu1)/(4 G1) + (2-nu2)/(4 G2)
 
-The contact under any history is in `dem.kernels.tangential`; elements of joints, Jenkins' and
-Iwan's, are in `dem.kernels.sliders`. K. L. Johnson, Contact Mechanics, Cambridge 1985, sec. 7.2
-and 7.4.
+The contact under any history is in `dem.kernels.tangential`. K. L. Johnson, Contact Mechanics,
+Cambridge 1985, sec. 7.2 and 7.4.
 """
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from beadwave.dem.checks import above_0, require, scalar
+from beadwave.dem.checks import above_0, scalar
 from beadwave.dem.kernels.arguments import Array
-from beadwave.dem.kernels.sliders import Segalman, Sliders
 from beadwave.dem.kernels.tangential import WIDTH, SpringCells, SpringRow, TangentialLaw
 from beadwave.dem.spheres import contact_modulus, contact_radius, relative_radius
 
@@ -102,26 +100,3 @@ def contact_of_load(law: TangentialLaw, coefficient: float, load: float) -> tupl
     E_star = law.bound * law.modulus / coefficient
     a = float(contact_radius(load, law.radius, E_star))
     return a, a * a / law.radius
-
-
-def iwan_law(force: float, stiffness: float, exponent: float, beta: float) -> Segalman:
-    """Sliders of an Iwan element from Segalman's four parameters (J. Appl. Mech. 72 (2005) 752):
-    force [N] of gross slip, stiffness [N/m] without slip, exponent chi > -1, beta >= 0; the
-    formulas are those of `kernels.sliders`. Raises InvalidChain for numbers out of these ranges.
-    """
-    above_0("iwan force", force)
-    above_0("iwan stiffness", stiffness)
-    scalar("iwan beta", beta, at_least=0.0)
-    scalar("iwan exponent", exponent)
-    require(exponent > -1.0, f"iwan exponent is {exponent:g}; it must be above -1")
-    b = beta + (exponent + 1.0) / (exponent + 2.0)
-    last = force * (1.0 + beta) / (stiffness * b)
-    density = force * (exponent + 1.0) / (last ** (exponent + 2.0) * b)
-    return Segalman(exponent, density, force * beta / (last * b), last)
-
-
-def sliders_at_rest(law: Segalman, capacity: int = 64) -> Sliders:
-    """An Iwan element that has not moved yet, with room for capacity - 2 reversals."""
-    sliders = Sliders(np.zeros(capacity), np.zeros(capacity), np.array([2]))
-    sliders.s[1] = law.last
-    return sliders

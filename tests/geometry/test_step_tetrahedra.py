@@ -7,11 +7,12 @@ import pytest
 from skfem import MeshHex
 
 from beadwave import fem
-from beadwave.fem.calculix import answer
-from beadwave.fem.calculix_tied import Screw, tied_deck
 from beadwave.geometry.cad import write_step
 from beadwave.geometry.shapes import Box, Cylinder
-from beadwave.geometry.step_tetrahedra import ElementSizes, StepPatch, step_tetrahedra
+
+from programs.calculix import answer
+from programs.calculix_tied import Screw, tied_deck
+from programs.step_tetrahedra import ElementSizes, StepPatch, step_tetrahedra
 
 STEEL = fem.Material(210e9, 0.3, 7850.0)
 HALF, SLENDER, LOWER, UPPER = 0.03, 0.01, 0.05, 0.12  # m

@@ -15,7 +15,7 @@ import pytest
 
 from beadwave import rom
 from beadwave.workflows.evidence.accuracy import folder as accuracy
-from beadwave.workflows.evidence.accuracy.row import AccuracyRow, table_of
+from beadwave.workflows.evidence.accuracy.runs import AccuracyRow, table_of
 from beadwave.workflows.files.output_file import OutputFile
 from beadwave.workflows.files.own_folder import own_folder
 from beadwave.workflows.files.run_folder import MARKER, RunFolder

@@ -32,17 +32,23 @@ def study_names(incomplete: str) -> list[str]:
 
 def stage_names(incomplete: str) -> list[str]:
     """Studies of accuracy that begin so."""
-    return _names("accuracy", incomplete)
+    return _groups("accuracy", incomplete)
 
 
 def case_names(incomplete: str) -> list[str]:
     """Cases of stability that begin so."""
-    return _names("stability", incomplete)
+    return _groups("stability", incomplete)
 
 
 def group_names(incomplete: str) -> list[str]:
     """Groups of comparisons that begin so."""
-    return _names("verify", incomplete)
+    return _groups("verify", incomplete)
+
+
+def _groups(folder: str, incomplete: str) -> list[str]:
+    from beadwave.workflows.evidence.groups import GROUPS
+
+    return [name for name in GROUPS[folder] if name.startswith(incomplete)]
 
 
 def _names(folder: str, incomplete: str) -> list[str]:

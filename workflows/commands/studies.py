@@ -24,7 +24,7 @@ def accuracy(
 ) -> None:
     """Error against run time, beside other integrators."""
     if listed:
-        _list("accuracy", "studies", call.json)
+        _list_groups("accuracy", "studies", call.json)
         return
     from beadwave.workflows.evidence.accuracy.folder import machine
     from beadwave.workflows.report import finding
@@ -51,7 +51,7 @@ def stability(
 ) -> None:
     """Stiff and extreme cases with a verdict each."""
     if listed:
-        _list("stability", "cases", call.json)
+        _list_groups("stability", "cases", call.json)
         return
     from beadwave.workflows.evidence.harness import brief
     from beadwave.workflows.report import finding
@@ -76,9 +76,9 @@ def verify(
     call: Call,
     listed: Annotated[bool, typer.Option("--list", help="The groups, a line each.")] = False,
 ) -> None:
-    """Our results beside independent codes, published and exact ones."""
+    """Our results beside published and exact ones."""
     if listed:
-        _list("verify", "groups", call.json)
+        _list_groups("verify", "groups", call.json)
         return
     from beadwave.workflows.evidence.harness import wrong
     from beadwave.workflows.report import finding
@@ -108,6 +108,13 @@ def run_study(call: Call) -> None:
     for picture in result.pictures[:1]:
         line = f"written: {path}/figures/{picture.name}.png"
         print_lines(line, json=call.json, quiet=call.quiet)
+
+
+def _list_groups(folder: str, called: str, json: bool) -> None:
+    from beadwave.workflows.evidence import groups
+
+    rows = [{"name": name, "shows": group.shows} for name, group in groups.GROUPS[folder].items()]
+    print_result({called: rows}, groups.listing(folder), json)
 
 
 def _list(folder: str, called: str, json: bool) -> None:

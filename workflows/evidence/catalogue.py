@@ -1,31 +1,21 @@
-"""The studies, found in their folders by what their functions return.
+"""The studies of the thesis, found in their folder by what their functions return.
 
-A module of `thesis` or `accuracy` has one public function of the scene that returns a `Finding`,
-a module of `stability` one public generator of trials for each case, one of `verify` a generator of
-comparisons for each group. The function's name with hyphens is that of the study, the first line of
-its docstring its line in the listing. Another study is another file; nothing is listed by hand, and
-listing imports none of them.
+A module of `thesis` has one public function of the scene that returns a `Finding`. The function's
+name with hyphens is that of the study, the first line of its docstring its line in the listing.
+Another study is another file; nothing is listed by hand, and listing imports none of them.
 """
 
 import ast
-from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from beadwave.workflows.evidence.harness import finding, rows_of
-from beadwave.workflows.evidence.study import counted
 from beadwave.workflows.report.finding import Finding
 from beadwave.workflows.scene import InvalidScene, Scene, nearest
 from beadwave.workflows.stages.progress import Progress
 
 # what the functions of a folder return, and the option by which their names are given
-FOLDERS = {
-    "thesis": ("Finding", "study"),
-    "accuracy": ("Finding", "--stage"),
-    "stability": ("Iterator[Trial]", "--case"),
-    "verify": ("Iterator[Comparison]", "--group"),
-}
+FOLDERS = {"thesis": ("Finding", "study")}
 
 
 class CatalogueEntry(NamedTuple):
@@ -84,40 +74,3 @@ def study(name: str, scene: Scene, progress: Progress) -> Finding:
 def usual_scene(name: str) -> str | None:
     """The built-in scene that a study is made for, its SCENE; None for the rig."""
     return chosen("thesis", (name,))[name].stated("SCENE")
-
-
-def accuracy(
-    stage: str, scene: Callable[[str], Scene], progress: Progress, *, thorough: bool = False
-) -> dict[str, Finding]:
-    """The accuracy studies of a stage by name; `scene` gives the scene for a study's usual one.
-
-    A module of a study may have THOROUGH, its keyword arguments where all is wanted, and LEFT_OUT,
-    what it does not show without them, which becomes a sentence. One with ALONE = True is left out
-    where all stages run, unless `thorough`.
-    """
-    entries = chosen("accuracy", () if stage == "all" else (stage,))
-    if stage == "all" and not thorough:
-        entries = {name: entry for name, entry in entries.items() if not entry.stated("ALONE")}
-    findings = {}
-    for name, entry in counted(entries.items(), progress, lambda pair: pair[0]):
-        options = entry.stated("THOROUGH", {}) if thorough else {}
-        findings[name] = entry(scene(entry.stated("SCENE")), progress, **options)
-        if not thorough and (left_out := entry.stated("LEFT_OUT")):
-            sentence = f"Left out of {name}: {left_out}; --thorough brings it."
-            sentences = (*findings[name].sentences, sentence)
-            findings[name] = findings[name]._replace(sentences=sentences)
-    return findings
-
-
-def accuracy_alone() -> tuple[str, ...]:
-    """Names of the accuracy studies that run only where they are named, or with `thorough`."""
-    return tuple(name for name, entry in catalogue("accuracy").items() if entry.stated("ALONE"))
-
-
-def verdicts(folder: str, names: tuple[str, ...], progress: Progress) -> Finding:
-    """Verdicts on the cases of `stability`, or the groups of `verify`, of these names, of all
-    without any."""
-    rows = []
-    for name, entry in counted(chosen(folder, names).items(), progress, lambda pair: pair[0]):
-        rows += rows_of(name, entry)
-    return finding(folder, tuple(rows))
