@@ -13,7 +13,7 @@ from beadwave.workflows.evidence.harness import Comparison, Row, compared, row_o
 def check(request):
     """Assert that the difference of a comparison is at most what is allowed."""
     started = perf_counter()
-    group = Path(request.fspath).stem.removeprefix("test_").replace("_", "-")
+    group = Path(request.fspath).stem
 
     def check(comparison: Comparison) -> None:
         nonlocal started

@@ -1,7 +1,5 @@
 """The same mesh, constraints and springs in CalculiX (Debian: calculix-ccx), to its digits."""
 
-from shutil import which
-
 import numpy as np
 import pytest
 from scipy.sparse import block_diag, csr_matrix
@@ -32,15 +30,19 @@ from beadwave.fem.joints import mean_sides
 from beadwave.fem.trace import face_nodes
 
 from known_models import rig, steel
-from programs.calculix import answer
+from peer_programs import require_program
+from programs.calculix import PACKAGE, PROGRAM, answer
 
-pytestmark = pytest.mark.skipif(
-    which("ccx") is None, reason="the independent code is not installed (Debian: calculix-ccx)"
-)
+pytestmark = pytest.mark.peer
 PRINTED = 1e-6  # CalculiX prints seven digits; 4.6e-7 was the largest difference seen
 LOWER = 0.05  # m, height of the wide block
 NOTHING = np.empty(0, int)
 BLOCKS = dict.fromkeys(("lower", "upper"), Material(210e9, 0.3, 7850.0))
+
+
+@pytest.fixture(autouse=True, scope="module")
+def needed():
+    require_program(PROGRAM, PACKAGE)
 
 
 def two_blocks():
@@ -104,7 +106,6 @@ def test_a_screw_is_calculix_rigid_body_and_its_springs():
 SPRINGS = tuple(f"joints.head.{k}" for k in ("kx=1e9", "ky=6.6e5", "kz=2.5e7", "kry=100.0"))
 
 
-@pytest.mark.slow
 def test_a_table_dashpots_and_the_contact_are_in_the_deck():
     """The table's two slow modes, and the static compliance at the contact by CalculiX's solver."""
     sizes = ("mesh.seed=20e-3", "mesh.block_seed=50e-3", "mesh.contact_seed=50e-3")
@@ -122,7 +123,6 @@ def test_a_table_dashpots_and_the_contact_are_in_the_deck():
     assert theirs.compliance == pytest.approx(compliance, rel=PRINTED, abs=0.0)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("of", "springs"), [("rig-full-tie", ()), ("rig-rom", SPRINGS)])
 def test_calculix_finds_the_same_ten_frequencies(of, springs):
     sizes = ("mesh.seed=10e-3", "mesh.block_seed=35e-3", "mesh.contact_seed=35e-3")

@@ -1,7 +1,5 @@
 """Bodies of a STEP file as tetrahedra that share no node, and CalculiX' own tie between them."""
 
-from shutil import which
-
 import numpy as np
 import pytest
 from skfem import MeshHex
@@ -10,7 +8,8 @@ from beadwave import fem
 from beadwave.geometry.cad import write_step
 from beadwave.geometry.shapes import Box, Cylinder
 
-from programs.calculix import answer
+from peer_programs import require_program
+from programs.calculix import PACKAGE, PROGRAM, answer
 from programs.calculix_tied import Screw, tied_deck
 from programs.step_tetrahedra import ElementSizes, StepPatch, step_tetrahedra
 
@@ -89,13 +88,13 @@ def at(z):
 
 def by_calculix(mesh, ties=(), screws=()):
     held = mesh.touching["lower", "ground"]
+    require_program(PROGRAM, PACKAGE)
     deck = tied_deck(mesh.points, mesh.cells, dict.fromkeys(mesh.cells, STEEL),
                      ties=ties, held=held, disc=(mesh.disc, IN), screws=screws)  # fmt: skip
     return answer(deck)
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(which("ccx") is None, reason="the independent code is not installed")
+@pytest.mark.peer
 def test_calculix_ties_the_tetrahedra_to_what_our_tied_hexahedra_are(tmp_path):
     """Frequencies and the compliance of a pressed disc, by meshes that have nothing in common: the
     corner where one block stands on the other leaves 1.5 % in ours, which is even."""
@@ -109,8 +108,7 @@ def test_calculix_ties_the_tetrahedra_to_what_our_tied_hexahedra_are(tmp_path):
     assert loose.frequency_hz[0] < 0.95 * hz[0]
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(which("ccx") is None, reason="the independent code is not installed")
+@pytest.mark.peer
 def test_a_screw_is_a_rigid_body_of_calculix_on_springs_to_the_mean_motion_under_it(tmp_path):
     """Any of the six halved moves one of the ten frequencies by more than 1 %."""
     k, centre = np.array([1e8, 3e8, 2e8, 2e4, 3e4, 1e4]), np.array([0.0, 0.0, LOWER])
