@@ -304,13 +304,13 @@ def test_the_study_of_reductions_is_left_out_unless_it_is_named_or_all_is_asked_
         return found
 
     def chosen(folder, names):
-        return {name: study(name) for name in names or groups.GROUPS[folder]}
+        return {name: study(name) for name in names or groups.names(folder)}
 
     monkeypatch.setattr(groups, "chosen", chosen)
     *names, words = beadwave.accuracy().sentences
     assert names == ["time", "mesh", "chain-length", "wall-modes"]
     assert words == "Left out: the stage reduction; --stage reduction runs it, --thorough all."
     assert thorough == {name: {"thorough": False} if name == "mesh" else {} for name in names}
-    assert beadwave.accuracy(thorough=True).sentences == tuple(groups.GROUPS["accuracy"])
+    assert beadwave.accuracy(thorough=True).sentences == tuple(groups.names("accuracy"))
     assert thorough["mesh"] == {"thorough": True}
     assert beadwave.accuracy(stage="reduction").sentences == ("reduction",)

@@ -13,7 +13,7 @@ import pytest
 from beadwave.workflows.commands import durations, options, terminal
 from beadwave.workflows.commands.app import COMMANDS, built, main
 from beadwave.workflows.commands.examples import EXAMPLES
-from beadwave.workflows.evidence.groups import GROUPS
+from beadwave.workflows.evidence import groups
 from beadwave.workflows.files.scene import built_in
 from beadwave.workflows.stages.progress import Plan
 
@@ -58,7 +58,7 @@ def test_help_names_what_options_take(beadwave):
     for command in ("accuracy", "stability", "verify"):
         assert "--list names them" in " ".join(beadwave(command, "-h")[1].split())
         names = [line.split()[0] for line in beadwave(command, "--list")[1].splitlines()]
-        assert names == list(GROUPS[command])
+        assert names == groups.names(command)
     assert "re_1, im_1" in beadwave("hammer", "-h")[1]
 
 

@@ -46,9 +46,9 @@ def group_names(incomplete: str) -> list[str]:
 
 
 def _groups(folder: str, incomplete: str) -> list[str]:
-    from beadwave.workflows.evidence.groups import GROUPS
+    from beadwave.workflows.evidence.groups import names
 
-    return [name for name in GROUPS[folder] if name.startswith(incomplete)]
+    return [name for name in names(folder) if name.startswith(incomplete)]
 
 
 def _names(folder: str, incomplete: str) -> list[str]:

@@ -111,10 +111,11 @@ def run_study(call: Call) -> None:
 
 
 def _list_groups(folder: str, called: str, json: bool) -> None:
-    from beadwave.workflows.evidence import groups
+    from beadwave.workflows.evidence.groups import shown
 
-    rows = [{"name": name, "shows": group.shows} for name, group in groups.GROUPS[folder].items()]
-    print_result({called: rows}, groups.listing(folder), json)
+    rows = [{"name": name, "shows": shows} for name, shows in shown(folder).items()]
+    text = "\n".join(f"{row['name']:20}{row['shows']}" for row in rows)
+    print_result({called: rows}, text, json)
 
 
 def _list(folder: str, called: str, json: bool) -> None:

@@ -19,10 +19,11 @@ def studies(folder: str = "thesis") -> dict[str, str]:
     """Names of studies and what each shows; folder is "thesis", "accuracy", "stability" or
     "verify"."""
     from beadwave.workflows.evidence.catalogue import catalogue
-    from beadwave.workflows.evidence.groups import GROUPS
+    from beadwave.workflows.evidence.groups import shown
 
-    entries = catalogue(folder) if folder == "thesis" else GROUPS[folder]
-    return {name: entry.shows for name, entry in entries.items()}
+    if folder != "thesis":
+        return shown(folder)
+    return {name: entry.shows for name, entry in catalogue(folder).items()}
 
 
 def study(
@@ -78,12 +79,12 @@ def accuracy(
 
     inputs = files_read(load_scene(scene, changes), scene) if scene is not None else ()
     folder = _folder(out, inputs, overwrite, files.FILES)
-    findings, usual = {}, groups.GROUPS["accuracy"]
+    findings = {}
     for name, study in groups.chosen("accuracy", () if stage == "all" else (stage,)).items():
         if name == "reduction" and stage == "all" and not thorough:
             continue
         options = {"thorough": thorough} if name == "mesh" else {}
-        case = load_scene(usual[name].scene if scene is None else scene, changes)
+        case = load_scene(groups.SCENES[name] if scene is None else scene, changes)
         with progress(name):
             findings[name] = study(case, progress, **options)
     if folder:
