@@ -24,7 +24,7 @@ down to nothing: one pair may be alike by chance (steps of 2 h and h share their
 missed 1.35e-6 where they differed by 1.6e-7). There C is the largest of three coarser marches of
 different phases, which cost less than a finer one: with two of them 9 of 434 such scenes state less
 than their true error, with three 3. What marches cannot show is treated apart, see
-`march_to_error`. Of 2000 other scenes (`python examples/step_errors.py 2000 57`) 0.4 % state less
+`march_to_error`. Of 2000 other scenes (`python benchmarks/step_errors.py 2000 57`) 0.4 % state less
 than their true error: 0.1 % of those with smooth forces, 1.1 % of those whose contacts yield.
 """
 
@@ -75,8 +75,8 @@ class ControlledMarch(NamedTuple):
 class StepSearch(NamedTuple):
     """Search for the step of a march to an error: three choices, then tuned numbers.
 
-    Scenes are those of `examples/step_errors.py`; "below" are those that state less than their true
-    error. Costs are what `examples/cost_of_error.py` prints.
+    Scenes are those of `benchmarks/step_errors.py`; "below" are those that state less than their
+    true error. Costs are what `benchmarks/cost_of_error.py` prints.
     """
 
     scheme: str | None = None  # None: what suits the chain

@@ -1,6 +1,7 @@
-"""Puts the rows of `beadwave verify --out DIR` into docs/verify.md, a table for each group.
+"""Puts the rows of `beadwave verify --out DIR` and of `pytest tests/verify --rows FILE` into
+docs/verify.md, a table for each group or file of tests.
 
-python docs/verify_tables.py DIR/verify.csv
+python docs/verify_tables.py DIR/verify.csv FILE
 """
 
 import csv
@@ -39,8 +40,10 @@ def _number(text: str, digits: int) -> str:
 
 
 if __name__ == "__main__":
-    with Path(sys.argv[1]).open(encoding="utf-8", newline="") as file:
-        rows = [*csv.DictReader(file)]
+    rows = []
+    for path in sys.argv[1:]:
+        with Path(path).open(encoding="utf-8", newline="") as file:
+            rows += csv.DictReader(file)
     before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
     after = rest.partition(END)[2]
     PAGE.write_text(f"{before}{BEGIN}{tables(rows)}\n{END}{after}", encoding="utf-8")

@@ -1,7 +1,8 @@
 """Options of the whole run, fixtures that files share.
 
-`pytest` without a file takes every core and leaves out the tests marked slow, `pytest --all` leaves
-out none; where files are named, all of their tests run in one process.
+`pytest` without a file takes every core and leaves out the tests marked slow, peer or minutes,
+`pytest --all` only those marked minutes; where files are named, all of their tests run in one
+process.
 """
 
 from os import environ, sched_getaffinity
@@ -16,9 +17,12 @@ MOST_WORKERS = 8  # each holds up to 1 GB
 
 
 def pytest_addoption(parser):
-    """`--all` runs the slow tests too, `--part` some of the files."""
-    parser.addoption("--all", action="store_true", help="run the tests that are marked slow too")
+    """`--all` runs the slow tests too, `--part` some of the files, `--rows` keeps comparisons."""
+    parser.addoption(
+        "--all", action="store_true", help="run the tests that are marked slow or peer too"
+    )
     parser.addoption("--part", metavar="K/N", help="run the Kth of N parts of the files of tests")
+    parser.addoption("--rows", metavar="FILE", help="add the comparisons of tests/verify to a CSV")
 
 
 @pytest.hookimpl(tryfirst=True)  # before xdist reads the number of workers
@@ -27,8 +31,8 @@ def pytest_cmdline_main(config):
     option = config.option
     if config.args_source is not config.ArgsSource.TESTPATHS:
         return
-    if not (option.all or option.markexpr):
-        option.markexpr = "not slow"
+    if not option.markexpr:
+        option.markexpr = "not minutes" if option.all else "not (slow or peer or minutes)"
     if hasattr(config, "workerinput") or option.usepdb or option.collectonly:
         return
     if config.pluginmanager.hasplugin("xdist"):

@@ -153,7 +153,9 @@ def test_a_file_read_off_its_room_is_loaded_with_the_room():
     """`coupling.reduced_wall.wall_of` works only after somebody has imported that file: on its own
     a group of `verify` failed so. The rooms are asked in a process that has loaded nothing else."""
     read = {}
-    for path in [*SOURCES, *(ROOT / "examples").rglob("*.py"), *(ROOT / "tests").rglob("*.py")]:
+    others = (path for folder in ("examples", "benchmarks", "tests")
+              for path in (ROOT / folder).rglob("*.py"))  # fmt: skip
+    for path in [*SOURCES, *others]:
         for name in files_read_off_a_room(ast.parse(path.read_text("utf-8"))):
             read.setdefault(name, []).append(str(path.relative_to(ROOT)))
     code = (
@@ -310,7 +312,7 @@ def test_readme_opens_with_the_two_lines():
 
 def test_files_and_names_of_the_recipes_are_there():
     """Those that CONTRIBUTING.md has in code; a bare name of a file may be in any folder."""
-    folders = (*ROOMS, "src", "docs", "tests", "examples")
+    folders = (*ROOMS, "src", "docs", "tests", "examples", "benchmarks")
     paths = [path for folder in folders for path in (ROOT / folder).rglob("*")]
     files = "\n".join(f"/{path.relative_to(ROOT)}{'/' * path.is_dir()}" for path in paths)
     code = [path for path in paths if path.suffix in (".py", ".js")]

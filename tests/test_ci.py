@@ -22,7 +22,7 @@ never
 """
 SAYS = """#!/bin/sh
 if [ "$*" = "verify --list --json" ]; then
-    echo '{"groups": [{"name": "contacts"}, {"name": "honest-bars"}, {"name": "beams"}]}'; exit
+    echo '{"groups": [{"name": "contacts"}, {"name": "thesis-tables"}, {"name": "beams"}]}'; exit
 fi
 case "$1" in -c) exec python3 "$@" ;; esac
 echo "called $(basename "$0") $*" | tee -a calls
@@ -30,7 +30,7 @@ case "$*" in *"$FAILS"*) exit 3 ;; *"$HANGS"*) exec sleep 3600 ;; esac
 """
 STEPS = ("install", "install-more", "tests", "slow-tests", "gallery", "docs")
 IN_TURN = ("fuzz-text", "fuzz-binary", "kills", "newest", "processors")
-JOBS = ("commands", "verify", "one in turn")
+JOBS = ("commands", "verify", "peers", "one in turn")
 
 
 @pytest.fixture
@@ -75,7 +75,7 @@ def test_every_step_and_job_runs_and_says_how_long_it_took(checkout):
     with started(checkout) as process:
         said = process.communicate(timeout=600)[0]
     assert process.returncode == 0, said
-    for name in (*STEPS, "commands", "verify"):
+    for name in (*STEPS, "commands", "verify", "peers"):
         assert f"=== {name}: status 0, " in said
     assert "called python -m pytest\n" in said
     assert "called python -m pytest -m slow --part 1/3\n" in said
@@ -83,8 +83,8 @@ def test_every_step_and_job_runs_and_says_how_long_it_took(checkout):
 
 
 def test_all_that_runs_in_turn_has_its_turn(checkout):
-    """Pages, groups of `verify` and thirds of the slow tests in three turns, jobs in five; of the
-    groups `honest-bars` takes many minutes and is left out."""
+    """Pages, groups of `verify` and thirds of the slow tests and of those beside other programs in
+    three turns, jobs in five; of the groups `thesis-tables` takes many minutes and is left out."""
     (checkout / "tests" / "tools" / "processors.sh").write_text(SAYS)
     (checkout / "tests" / "tools" / "processors.sh").chmod(0o755)
     calls, jobs = "", []
@@ -99,14 +99,9 @@ def test_all_that_runs_in_turn_has_its_turn(checkout):
     assert sorted(" ".join(run).split()) == ["first", "second", "third"]
     groups = re.findall(r"--group (\S+)", calls)
     assert sorted(groups) == ["beams", "contacts"]
-    assert sorted(re.findall(r"--part (./3)\n", calls)) == [
-        "1/3",
-        "1/3",
-        "2/3",
-        "2/3",
-        "3/3",
-        "3/3",
-    ]
+    for tests in ("-m slow", "tests/verify -m peer and not minutes"):
+        parts = re.findall(rf"called python -m pytest {tests} --part (./3)\n", calls)
+        assert sorted({*parts}) == ["1/3", "2/3", "3/3"]
 
 
 def test_all_is_installed_before_anything_runs(checkout):

@@ -1,4 +1,4 @@
-"""What a run of the whole suite takes and leaves out, on two tests of which one is slow."""
+"""Tests that a run of the whole suite takes and leaves out, by their marks."""
 
 import os
 import shutil
@@ -14,15 +14,24 @@ TESTS = Path(__file__).parent
 PROJECT = """[tool.pytest.ini_options]
 testpaths = ["tests"]
 pythonpath = ["tests"]
-markers = ["slow"]
+markers = ["slow", "peer", "minutes"]
 """
-TWO = """import os, pytest
+FOUR = """import os, pytest
 
 def test_quick():
     print("worker", os.environ.get("PYTEST_XDIST_WORKER", "none"))
 
 @pytest.mark.slow
 def test_slow():
+    pass
+
+@pytest.mark.peer
+def test_beside_a_program():
+    pass
+
+@pytest.mark.peer
+@pytest.mark.minutes
+def test_of_minutes():
     pass
 """
 
@@ -32,7 +41,7 @@ def pytest_says(tmp_path):
     """What pytest prints with these options in a project with our conftest."""
     (tmp_path / "tests").mkdir()
     (tmp_path / "pyproject.toml").write_text(PROJECT)
-    (tmp_path / "tests" / "test_two.py").write_text(TWO)
+    (tmp_path / "tests" / "test_four.py").write_text(FOUR)
     for name in ("conftest.py", "support/signal_guard.py"):
         shutil.copy(TESTS / name, tmp_path / "tests")
     inherited = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST_")}
@@ -48,31 +57,31 @@ def pytest_says(tmp_path):
     return says
 
 
-def test_the_whole_suite_takes_every_core_and_leaves_out_what_is_slow(pytest_says):
+def test_the_whole_suite_takes_every_core_and_leaves_out_marked_tests(pytest_says):
     said = pytest_says()
     assert "1 passed" in said and "worker gw" in said
 
 
 @pytest.mark.slow
-def test_all_leaves_out_nothing(pytest_says):
+def test_all_leaves_out_tests_of_minutes_alone(pytest_says):
     said = pytest_says("--all")
-    assert "2 passed" in said and "worker gw" in said
+    assert "3 passed" in said and "worker gw" in said
 
 
 def test_a_file_that_is_named_runs_whole_in_one_process(pytest_says):
-    said = pytest_says("tests/test_two.py")
-    assert "2 passed" in said and "worker none" in said
+    said = pytest_says("tests/test_four.py")
+    assert "4 passed" in said and "worker none" in said
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("option", ["--pdb", "-pno:xdist", "-n0"])
 def test_one_process_is_enough_where_the_options_want_one(pytest_says, option):
     said = pytest_says(option)
-    assert "1 passed, 1 deselected" in said and "worker none" in said
+    assert "1 passed, 3 deselected" in said and "worker none" in said
 
 
 def test_a_choice_of_marks_is_kept(pytest_says):
-    assert "1 passed, 1 deselected" in pytest_says("-n0", "-m", "slow")
+    assert "1 passed, 3 deselected" in pytest_says("-n0", "-m", "slow")
 
 
 def test_the_short_run_has_every_test_that_the_mutants_are_noticed_by():

@@ -16,7 +16,6 @@ import numpy as np
 
 from beadwave import dem, fem, geometry, rom, scene
 from beadwave.coupling.reduced_wall import wall_from_reduced
-from beadwave.fem.hinged import euler_bernoulli
 from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.stages import bending
@@ -101,6 +100,19 @@ def main(factors=FACTORS, changes=()):
         """)
     Path("solid_beam.png").write_bytes(panels(figure, columns=3, size=(4.4, 3.2)))
     return numbers
+
+
+def euler_bernoulli(
+    length: float, section: fem.Section, material: fem.Material, position: float, n_modes: int
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Modes of a hinged beam by Euler and Bernoulli, w = sin(k x), k = n pi / L:
+    omega (n,) [rad/s], phi (n,) [kg^-1/2], and the compliance [m/N] of all further modes."""
+    k, rho_A = np.arange(1, n_modes + 1) * np.pi / length, material.density * section.area
+    EI = material.young * section.second_moment
+    omega = k**2 * np.sqrt(EI / rho_A)
+    phi = np.sqrt(2 / (rho_A * length)) * np.sin(k * position)
+    static = (position * (length - position)) ** 2 / (3 * EI * length)
+    return omega, phi, float(static - np.sum((phi / omega) ** 2))
 
 
 def solid_wall(beam, steel):

@@ -14,9 +14,9 @@ from beadwave.coupling.verdict import (
     predicted_peak_force,
 )
 from beadwave.dem import Wall
-from beadwave.workflows.evidence.verify.formulas import motion as by_formulas
 from beadwave.workflows.fit.parametric_wall import left_out_errors, selected_modes
 
+from formulas import motion as by_formulas
 from known_models import speeds, unit_chain
 
 OMEGA, ZETA, PHI = np.array([0.7, 3.0]), np.array([0.1, 0.3]), np.array([-0.5, 0.4])

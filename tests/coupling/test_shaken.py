@@ -7,8 +7,8 @@ from beadwave.coupling.shaken_march import march_shaken
 from beadwave.coupling.spatial_march import ShakerForces, body_of
 from beadwave.coupling.spatial_wall import spatial_wall_of_modes
 from beadwave.dem.checks import InvalidChain
-from beadwave.workflows.evidence.verify.coupled_directions import Bristles, ShakenStart, plain_march
 
+from bristles import Bristles, ShakenStart, plain_march
 from closed_loops import loop_amplitude, loop_energy
 from spatial_contact import last, random_wall, row
 

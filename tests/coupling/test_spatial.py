@@ -14,8 +14,8 @@ from beadwave.coupling.spatial_wall import (
 )
 from beadwave.dem.checks import InvalidChain
 from beadwave.dem.lateral import march_lateral
-from beadwave.workflows.evidence.verify.coupled_directions import Bristles, plain_march
 
+from bristles import Bristles, plain_march
 from spatial_contact import MU, NU, E, R, last, random_wall, row
 
 OBLIQUE = {

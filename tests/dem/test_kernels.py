@@ -1,5 +1,5 @@
 """The compiled laws and marches, each beside the formula that it stands for: roots, quadratures,
-differential equations by scipy, and whole chains by `workflows.evidence.verify.formulas`. They run
+differential equations by scipy, and whole chains by `tests/support/formulas.py`. They run
 as plain Python here, which compiles nothing: other tests see that numba makes the same of them."""
 
 import math
@@ -38,9 +38,9 @@ from beadwave.dem.kernels.laws import mean_hertz
 from beadwave.dem.kernels.modes import push_modes, shift_modes
 from beadwave.dem.schemes import SCHEMES, hurwitz_zeta
 from beadwave.dem.stability import fastest_rate
-from beadwave.workflows.evidence.verify.formulas import at_rest
-from beadwave.workflows.evidence.verify.formulas import motion as by_formulas
 
+from formulas import at_rest
+from formulas import motion as by_formulas
 from known_models import speeds, unit_chain
 
 pytestmark = pytest.mark.usefixtures("plain")

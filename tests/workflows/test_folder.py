@@ -15,7 +15,7 @@ import pytest
 
 from beadwave import rom
 from beadwave.workflows.evidence.accuracy import folder as accuracy
-from beadwave.workflows.evidence.accuracy.row import AccuracyRow, table_of
+from beadwave.workflows.evidence.accuracy.runs import AccuracyRow, table_of
 from beadwave.workflows.files.output_file import OutputFile
 from beadwave.workflows.files.own_folder import own_folder
 from beadwave.workflows.files.run_folder import MARKER, RunFolder
@@ -697,7 +697,7 @@ def test_studies_of_accuracy_stay_beside_each_other():
 
 
 def test_cases_are_refused_before_they_run_where_they_would_replace_a_file(monkeypatch, capsys):
-    monkeypatch.setattr("beadwave.workflows.evidence.catalogue.verdicts", None)
+    monkeypatch.setattr("beadwave.workflows.evidence.api._verdicts", None)
     Path("d").mkdir()
     Path("d", "stability.csv").write_text("mine")
     assert beadwave("stability", "--out=d") == 2

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_matrix
 
-from beadwave.fem.shared_solutions import SharedSolutions
 from beadwave.workflows.commands.app import main
 from beadwave.workflows.evidence.accuracy import reduction as study
-from beadwave.workflows.evidence.accuracy.row import AccuracyRow, table_of
+from beadwave.workflows.evidence.accuracy.runs import AccuracyRow, table_of
+from beadwave.workflows.evidence.accuracy.shared_solutions import SharedSolutions
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.report import finding
 from beadwave.workflows.report.tables import Table

@@ -10,22 +10,21 @@ import pytest
 from beadwave import coupling, dem
 from beadwave.coupling.verdict import large_step_error
 from beadwave.workflows.commands.app import main
-from beadwave.workflows.evidence import catalogue
+from beadwave.workflows.evidence import groups
 from beadwave.workflows.evidence.harness import Outcome, Trial, judged
 from beadwave.workflows.evidence.stability import steps as stability_steps
 from beadwave.workflows.evidence.stability.chains import spheres_of, striker_velocity
 from beadwave.workflows.evidence.stability.trials import settled
 
 QUICK = sorted(
-    {*catalogue.catalogue("stability")}
-    - {"joint-stiffness", "rayleigh-damping", "drift", "unlike-radii"}
+    {*groups.names("stability")} - {"joint-stiffness", "rayleigh-damping", "drift", "unlike-radii"}
 )
 SLOW = {"shaken-phase", "shaken-preload", "shaken-separation"}
 HEAVY = ("100000", "x 100", "mass x 1e-06", "1e+06")
 
 
 def trials_of(case):
-    return catalogue.catalogue("stability")[case]()
+    return groups.chosen("stability", (case,))[case]()
 
 
 def run_of(outcome):

@@ -106,7 +106,7 @@ def test_what_knows_no_history_refuses_it(command, tmp_path, capsys):
     v = 0.2 * np.exp(-(((t - 4e-4) / 3e-5) ** 2))
     rows = "\n".join(f"{a:.6e},{b:.6e}" for a, b in zip(t, v, strict=True))
     data.write_text(f"t [s],v4 [m/s]\n{rows}\n", encoding="utf-8")
-    given = {"accuracy": ["--stage=parts"], "calibrate": [str(data)]}[command]
+    given = {"accuracy": ["--stage=time"], "calibrate": [str(data)]}[command]
     assert beadwave(command, "rig-rigid", *given, *(f"--set={change}" for change in LAW)) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1 and ("history" in said or "plastic contacts" in said)

@@ -41,9 +41,9 @@ def group_names(incomplete: str) -> list[str]:
 
 
 def _names(folder: str, incomplete: str) -> list[str]:
-    from beadwave.workflows.evidence.catalogue import catalogue
+    from beadwave.workflows.evidence.groups import names
 
-    return [name for name in catalogue(folder) if name.startswith(incomplete)]
+    return [name for name in names(folder) if name.startswith(incomplete)]
 
 
 def json_of(shape: str) -> Any:

@@ -75,7 +75,7 @@ def verify(
     call: Call,
     listed: Annotated[bool, typer.Option("--list", help="The groups, a line each.")] = False,
 ) -> None:
-    """Our results beside independent codes, published and exact ones."""
+    """Our results beside published and exact ones."""
     if listed:
         _list("verify", "groups", call.json)
         return
@@ -89,8 +89,8 @@ def verify(
 
 
 def _list(folder: str, called: str, json: bool) -> None:
-    from beadwave.workflows.evidence import catalogue
+    from beadwave.workflows.evidence.groups import shown
 
-    entries = catalogue.catalogue(folder).items()
-    rows = [{"name": name, "shows": entry.shows} for name, entry in entries]
-    print_result({called: rows}, catalogue.listing(folder), json)
+    rows = [{"name": name, "shows": shows} for name, shows in shown(folder).items()]
+    text = "\n".join(f"{row['name']:20}{row['shows']}" for row in rows)
+    print_result({called: rows}, text, json)

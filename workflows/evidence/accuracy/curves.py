@@ -1,19 +1,18 @@
-"""The curves of the accuracy studies: error over run time, run time over size."""
+"""Conclusions and pictures of the accuracy studies: error over run time, run time over size."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import nnls
 
 from beadwave import dem
 from beadwave.workflows.evidence.accuracy import peers
-from beadwave.workflows.evidence.accuracy.growth import at_one_setting
-from beadwave.workflows.evidence.accuracy.row import AccuracyRow
-from beadwave.workflows.evidence.accuracy.runs import CONTROLLED
+from beadwave.workflows.evidence.accuracy.runs import CONTROLLED, AccuracyRow
 from beadwave.workflows.files.run_folder import Picture
 from beadwave.workflows.report.plots import Line, Panel, panels
 
-TARGETS = (1e-4, 1e-6)
+TARGETS = (1e-4, 1e-6)  # errors at which run times are compared
 SOLVE_IVP = ("RK45", "DOP853", "LSODA", "Radau")
 DRAWN = ("verlet", "rkn4", "rkn6", "rkn6a", "suzuki4", "energy4", CONTROLLED)
 
@@ -36,48 +35,72 @@ def seconds_at(rows: Iterable[AccuracyRow], error: float) -> float:
     return np.inf
 
 
-class Fastest(NamedTuple):
-    """The method that reaches an error in the least time."""
-
-    method: str
-    seconds: float
-
-
-def fastest(rows: Iterable[AccuracyRow], methods: Iterable[str], error: float) -> Fastest:
-    """The method among these that reaches the error in the least time."""
-    runs = {method: [] for method in methods}
-    for row in rows:
-        if row.method in runs:
-            runs[row.method].append(row)
-    times = [Fastest(method, seconds_at(same, error)) for method, same in runs.items()]
-    return min(times, key=lambda fastest: fastest.seconds)
+def fastest(rows: Iterable[AccuracyRow], methods: Iterable[str], error: float) -> tuple[str, float]:
+    """The method among these that reaches the error in the least time, and this time [s]."""
+    rows = list(rows)
+    times = {
+        method: seconds_at((row for row in rows if row.method == method), error)
+        for method in methods
+    }
+    return min(times.items(), key=lambda pair: pair[1])
 
 
-class Ratio(NamedTuple):
-    """The fastest of our schemes at an error, and the fastest of each kind of other methods."""
-
-    error: float
-    ours: Fastest
-    others: tuple[Fastest, ...]
-
-
-def ratios(rows: tuple[AccuracyRow, ...]) -> tuple[Ratio, ...]:
-    """Who reaches each of the errors in the least time: solve_ivp, older codes and SUNDIALS are
-    kinds of their own, and a kind of which none reaches the error is left out."""
+def ratios(rows: tuple[AccuracyRow, ...], scene: str) -> list[str]:
+    """Sentences on the fastest of our schemes at each error, and on the fastest of each kind of
+    other methods: solve_ivp, older codes and SUNDIALS; a kind of which none reaches the error is
+    left out."""
     older = [name for name in peers.SCIPY if name not in SOLVE_IVP]
-    by_error = []
+    sentences = []
     for error in TARGETS:
-        others = [fastest(rows, kind, error) for kind in (SOLVE_IVP, older, peers.SUNDIALS)]
-        reached = tuple(peer for peer in others if np.isfinite(peer.seconds))
-        by_error.append(Ratio(error, fastest(rows, dem.SCHEMES, error), reached))
-    return tuple(by_error)
+        ours, seconds = fastest(rows, dem.SCHEMES, error)
+        words = f"{scene}, velocity error {error:g}: {ours} takes {1e3 * seconds:.3g} ms"
+        for kind in (SOLVE_IVP, older, peers.SUNDIALS):
+            method, theirs = fastest(rows, kind, error)
+            if np.isfinite(theirs):
+                times = f"{theirs / seconds:.0f} times as long"
+                words += f", {method} {1e3 * theirs:.3g} ms ({times})"
+        sentences.append(words + ".")
+    return sentences
+
+
+class TimeGrowth(NamedTuple):
+    """seconds = fixed + each * size, and the exponent with which seconds - fixed grows."""
+
+    fixed: float  # [s]
+    each: float  # [s] for one sphere or mode more
+    exponent: float
+
+
+def growth(size: Iterable[float], seconds: Iterable[float]) -> TimeGrowth:
+    """The straight line nearest in relative error, through 0 or above; the exponent is of the sizes
+    whose time is well above the fixed one, nan where fewer than two are."""
+    size, seconds = np.array(list(size), float), np.array(list(seconds))
+    terms = np.column_stack([1.0 / seconds, size / seconds])
+    fixed, each = nnls(terms, np.ones(size.size))[0]
+    above = seconds > 1.3 * fixed
+    exponent = slope(size[above], seconds[above] - fixed) if above.sum() > 1 else np.nan
+    return TimeGrowth(float(fixed), float(each), exponent)
+
+
+def slope(x: Iterable[float], y: Iterable[float]) -> float:
+    """Slope of log y over log x by least squares."""
+    return float(np.polyfit(np.log(list(x)), np.log(list(y)), 1)[0])
+
+
+def at_one_setting(rows: Iterable[AccuracyRow], method: str) -> list[AccuracyRow]:
+    """One row for each size, the first: the same setting for all."""
+    first = {}
+    for row in rows:
+        if row.method == method:
+            first.setdefault(row.parameter, row)
+    return [first[size] for size in sorted(first)]
 
 
 def picture(name: str, rows: Iterable[AccuracyRow], title: str) -> Picture:
     """Error over run time: a curve for each method of DRAWN, for those that are the fastest at
     an error, and for others' integrators."""
     rows = list(rows)
-    ours = tuple(dict.fromkeys((*DRAWN, *(ratio.ours.method for ratio in ratios(rows)))))
+    ours = tuple(dict.fromkeys((*DRAWN, *(fastest(rows, dem.SCHEMES, e)[0] for e in TARGETS))))
     lines = []
     for method in (*ours, *peers.peers()):
         runs = sorted((row for row in rows if row.method == method), key=lambda row: -row.setting)

@@ -7,7 +7,7 @@ from os import cpu_count
 from typing import Any
 
 from beadwave.system import processor_name
-from beadwave.workflows.evidence.accuracy.row import AccuracyRow, table_of
+from beadwave.workflows.evidence.accuracy.runs import AccuracyRow, table_of
 from beadwave.workflows.files.run_folder import RunFolder
 from beadwave.workflows.report import finding
 from beadwave.workflows.report.finding import Finding

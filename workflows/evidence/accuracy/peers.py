@@ -18,21 +18,11 @@ from beadwave import dem
 from beadwave.dem.kernels.compiled import njit
 from beadwave.dem.kernels.laws import DAMPING_LAWS
 from beadwave.dem.spheres import time_scale
+from beadwave.workflows.evidence.accuracy.problems import Problem
 
 NONE, LINEAR, CLIPPED, HUNT_CROSSLEY = (
     DAMPING_LAWS[name].number for name in ("none", "linear", "linear-clipped", "hunt-crossley")
 )
-
-
-class Problem(NamedTuple):
-    """A chain, its wall, the velocities it starts with, what is observed."""
-
-    chain: dem.Chain
-    wall: dem.Wall | None
-    v0: np.ndarray  # (n,) [m/s]
-    duration: float  # [s]
-    observed: np.ndarray  # (n_observed,) indices
-    n_save: int
 
 
 class PeerSolution(NamedTuple):

@@ -1,10 +1,11 @@
-"""The scene's chain as a problem that our schemes and general-purpose integrators both take."""
+"""A scene's chain as a problem that our schemes and general-purpose integrators both take."""
+
+from typing import NamedTuple
 
 import numpy as np
 
 from beadwave import dem
 from beadwave.dem.spheres import force_scale
-from beadwave.workflows.evidence.accuracy.peers import Problem
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.stages.chain import initial_velocity
 from beadwave.workflows.stages.impact import require_start
@@ -12,6 +13,17 @@ from beadwave.workflows.stages.pipeline import pipeline_of
 from beadwave.workflows.stages.progress import Progress
 
 SPACING, MASS = 400.0, 4.2  # [Hz], [kg] of the block in the synthetic wall
+
+
+class Problem(NamedTuple):
+    """A chain, its wall, the velocities it starts with, what is observed."""
+
+    chain: dem.Chain
+    wall: dem.Wall | None
+    v0: np.ndarray  # (n,) [m/s]
+    duration: float  # [s]
+    observed: np.ndarray  # (n_observed,) indices
+    n_save: int
 
 
 def problem(scene: Scene, progress: Progress) -> Problem:
@@ -79,31 +91,3 @@ def modal_wall(wall: dem.Wall | None, count: int) -> dem.Wall:
         zeta=np.append(wall.zeta[:n_own], np.zeros(count - n_own)),
         phi=np.append(wall.phi[:n_own], np.full(count - n_own, np.sqrt(2.0 / MASS))),
     )
-
-
-def bare(chain: dem.Chain) -> dem.Chain:
-    """The spheres and their Hertz contacts alone."""
-    return dem.Chain(chain.mass, chain.radius, chain.A)
-
-
-def with_parts(case: Problem) -> dict[str, Problem]:
-    """The bare case and the case with each part."""
-    chain, n = case.chain, case.chain.mass.size
-    contacts = np.ones(chain.A.size)
-    yields = 1e-3 * chain.radius[0] * contacts
-    chains = {
-        "bare": chain,
-        "leaf springs": chain._replace(leaf_stiffness=np.full(n, 1e3)),
-        "preload": chain._replace(preload=10.0),
-        "linear-clipped": chain._replace(dissipation="linear-clipped", gamma=10.0 * contacts),
-        "hunt-crossley": chain._replace(dissipation="hunt-crossley", gamma=0.1 * contacts),
-        "plastic contacts": chain._replace(yield_overlap=yields),
-    }
-    walls = {
-        "residual spring": case.wall._replace(residual_compliance=1e-9),
-        "1 wall mode": modal_wall(None, 1),
-        "40 wall modes": modal_wall(None, 40),
-        "dashpot wall": dem.dashpot_wall(1e4),
-    }
-    cases = {name: case._replace(chain=chain) for name, chain in chains.items()}
-    return cases | {name: case._replace(wall=wall) for name, wall in walls.items()}

@@ -5,21 +5,69 @@ and relative to the largest initial speed. The reference is a symmetric splittin
 DOP853 at the limit of its tolerances, its steps held small, must agree with it.
 """
 
-from collections.abc import Iterable, Iterator
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Iterator
+from time import perf_counter
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from beadwave import dem
 from beadwave.workflows.evidence.accuracy import peers
-from beadwave.workflows.evidence.accuracy.cost import timed
-from beadwave.workflows.evidence.accuracy.peers import Problem, Solver
-from beadwave.workflows.evidence.accuracy.row import AccuracyRow
+from beadwave.workflows.evidence.accuracy.peers import Solver
+from beadwave.workflows.evidence.accuracy.problems import Problem
+from beadwave.workflows.report.tables import Table
 
 TOLERANCES = tuple(10.0**-k for k in range(3, 12))
 ASKED = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # errors that march_to_error is given
 CONTROLLED = "march_to_error"
 FIXED = "rkn6"  # the scheme that is run at one step for all sizes of a chain or a wall
+HEADING = ("study", "method", "parameter", "setting", "error", "energy", "steps", "evaluations",
+           "warm [ms]", "cold [ms]")  # fmt: skip
+
+
+class AccuracyRow(NamedTuple):
+    """One run: its cost and its error; None where it does not apply."""
+
+    study: str
+    method: str
+    parameter: float | str  # step [s], tolerance, spheres, wall modes
+    error: float | None  # largest velocity error over the largest initial speed
+    seconds: float  # warm, the smallest of some repeats
+    energy_error: float | None = None  # largest change over the kinetic energy at the start
+    steps: int | None = None
+    evaluations: int | None = None  # of all contact forces
+    seconds_cold: float | None = None  # the first call in this process
+    setting: float | None = None  # step [s] or tolerance where `parameter` is a size
+
+
+def table_of(rows: tuple[AccuracyRow, ...], *, printed: bool = True) -> Table:
+    """The table `accuracy`; not `printed` where another one shows the same to a person."""
+    lines = [HEADING] if printed else []
+    for row in rows if printed else ():
+        cold = None if row.seconds_cold is None else 1e3 * row.seconds_cold
+        lines.append((
+            row.study, row.method, row.parameter, row.setting, row.error, row.energy_error,
+            row.steps, row.evaluations, 1e3 * row.seconds, cold,
+        ))  # fmt: skip
+    return Table("accuracy", AccuracyRow._fields, rows, tuple(lines))
+
+
+class Timed(NamedTuple):
+    """A result, the seconds of its first call, and of the quickest of some later ones."""
+
+    result: Any
+    warm: float  # [s]
+    cold: float  # [s]
+
+
+def timed(call: Callable[[], Any], *, budget: float = 0.1, repeats: int = 30) -> Timed:
+    """Call once, which may compile, then again while the budget [s] lasts."""
+    seconds: list[float] = []
+    while len(seconds) <= 1 or (len(seconds) <= repeats and sum(seconds[1:]) < budget):
+        started = perf_counter()
+        result = call()
+        seconds.append(perf_counter() - started)
+    return Timed(result, min(seconds[1:]), seconds[0])
 
 
 class ReferenceRun(NamedTuple):
@@ -129,8 +177,8 @@ def scheme_row(
     trajectory, warm, cold = timed(lambda: marched(problem, scheme, dt))
     return AccuracyRow(
         study, scheme, trajectory.dt if parameter is None else parameter,
-        relative_error(problem, trajectory.v, truth.v), warm.clock, trajectory.energy_error,
-        trajectory.n_steps, trajectory.n_steps * dem.SCHEMES[scheme].evaluations, cold.clock,
+        relative_error(problem, trajectory.v, truth.v), warm, trajectory.energy_error,
+        trajectory.n_steps, trajectory.n_steps * dem.SCHEMES[scheme].evaluations, cold,
         trajectory.dt,
     )  # fmt: skip
 
@@ -150,8 +198,8 @@ def controlled_rows(study: str, problem: Problem, truth: ReferenceRun) -> Iterat
             )
         )
         yield AccuracyRow(
-            study, CONTROLLED, error, relative_error(problem, trajectory.v, truth.v), warm.clock,
-            trajectory.energy_error, trajectory.n_steps, report.evaluations, cold.clock,
+            study, CONTROLLED, error, relative_error(problem, trajectory.v, truth.v), warm,
+            trajectory.energy_error, trajectory.n_steps, report.evaluations, cold,
             trajectory.dt,
         )  # fmt: skip
 
@@ -177,9 +225,9 @@ def peer_rows(
                 break
             yield AccuracyRow(
                 study, name, tolerance if parameter is None else parameter,
-                relative_error(problem, velocities(problem, solution.y), truth.v), warm.clock,
+                relative_error(problem, velocities(problem, solution.y), truth.v), warm,
                 peers.energy_error(problem, solution.y), solution.steps, solution.evaluations,
-                cold.clock, tolerance,
+                cold, tolerance,
             )  # fmt: skip
-            if warm.clock > slow:
+            if warm > slow:
                 break

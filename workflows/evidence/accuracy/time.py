@@ -2,25 +2,23 @@
 
 from collections.abc import Iterable
 
+import numpy as np
+
 from beadwave import dem
 from beadwave.workflows.evidence.accuracy import peers
-from beadwave.workflows.evidence.accuracy.curves import picture, ratios
-from beadwave.workflows.evidence.accuracy.growth import growth_exponent
-from beadwave.workflows.evidence.accuracy.peers import Problem
-from beadwave.workflows.evidence.accuracy.problems import pressed, problem
-from beadwave.workflows.evidence.accuracy.row import AccuracyRow, table_of
+from beadwave.workflows.evidence.accuracy.curves import picture, ratios, slope
+from beadwave.workflows.evidence.accuracy.problems import Problem, pressed, problem
 from beadwave.workflows.evidence.accuracy.runs import (
+    AccuracyRow,
     controlled_rows,
     peer_rows,
     reference,
     scheme_rows,
+    table_of,
 )
-from beadwave.workflows.evidence.study import rendered
 from beadwave.workflows.report.finding import Finding
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.stages.progress import Progress
-
-SCENE = "rig-rigid"
 
 
 def time(scene: Scene, progress: Progress) -> Finding:
@@ -32,11 +30,18 @@ def time(scene: Scene, progress: Progress) -> Finding:
         *controlled_rows("time", case, truth),
         *peer_rows("time", case, truth, peers.peers()),
     )
-    sentences = rendered(
-        __file__, scene=scene.name, reference=truth, closed=orders_closed(case),
-        opening=orders(rows, 1e-8, last=4), ratios=ratios(rows), sundials=peers.has_sundials(),
-    )  # fmt: skip
-    return Finding((table_of(rows),), sentences, (picture("accuracy_time", rows, scene.name),))
+    closed, opening = orders_closed(case), orders(rows, 1e-8, last=4)
+    sentences = [
+        f"{scene.name}: the reference solution, {truth.scheme} with a small step, differs from "
+        f"{truth.checked_by} by {truth.difference:.2g}.",
+        f"Observed order of convergence while all contacts stay closed: {_listed(closed)}.",
+        f"Observed order where contacts open and close: {_listed(opening)}.",
+        *ratios(rows, scene.name),
+    ]
+    if not peers.has_sundials():
+        sentences.append("CVODE is not installed; `./install.sh peers` adds it to the comparison.")
+    pictures = (picture("accuracy_time", rows, scene.name),)
+    return Finding((table_of(rows),), tuple(sentences), pictures)
 
 
 def orders_closed(case: Problem) -> dict[str, float]:
@@ -48,10 +53,16 @@ def orders_closed(case: Problem) -> dict[str, float]:
 
 def orders(rows: Iterable[AccuracyRow], floor: float, last: int) -> dict[str, float]:
     """Observed order of each scheme: the slope of log error over log step of its `last` smallest
-    steps whose error stands above the floor of rounding; nan where fewer than two do."""
+    steps whose error is above the floor of rounding; nan where fewer than two are."""
     rows, slopes = tuple(rows), {}
     for scheme in dem.SCHEMES:
-        clear = [row for row in rows if row.method == scheme and floor < row.error < 0.1][-last:]
-        steps, errors = [row.setting for row in clear], [row.error for row in clear]
-        slopes[scheme] = growth_exponent(steps, errors) if len(clear) > 1 else float("nan")
+        above = [row for row in rows if row.method == scheme and floor < row.error < 0.1][-last:]
+        steps, errors = [row.setting for row in above], [row.error for row in above]
+        slopes[scheme] = slope(steps, errors) if len(above) > 1 else np.nan
     return slopes
+
+
+def _listed(orders: dict[str, float]) -> str:
+    return ", ".join(
+        f"{scheme} {'-' if np.isnan(order) else f'{order:.2f}'}" for scheme, order in orders.items()
+    )

@@ -39,7 +39,7 @@ def _at_share_of_limit(scheme: str, share: float) -> Outcome:
 
 
 def drift() -> Iterator[Trial]:
-    """Ten million steps of three spheres between spring and wall: does the energy wander?"""
+    """Ten million steps of three spheres between spring and wall: the drift of their energy."""
     n_steps = 10_000_000
     for scheme in ("verlet", "rkn6"):
         for name, press in (("closed contacts", 1e-3), ("opening contacts", 0.0)):
