@@ -14,7 +14,7 @@
 u are the free displacements of a Model, u_mesh = model.T @ u, node after node x, y, z.
 
     structure = fem.assemble({"beam": mesh}, {"beam": fem.Material(210e9, 0.3, 7850.0)})
-    model = fem.joined(structure, fem.Connections(held=[fem.Held("beam:back")]))
+    model = fem.joined(structure, fem.Connections(held=[fem.HeldFace("beam:back")]))
     hz = fem.modes(model.K, model.M, 10).frequency_hz
 
     beam, mindlin_plate   bending by the theories of Timoshenko and of Mindlin, as K, M and w

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from beadwave import dem
+from beadwave.coupling.spatial_march import MarchState
 from beadwave.coupling.spatial_wall import SpatialWall
 from beadwave.dem.friction import tangential_modulus
 from beadwave.dem.kernels.tangential import WIDTH

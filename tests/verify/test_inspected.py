@@ -20,7 +20,7 @@ from scipy.linalg import eigh
 
 from beadwave import fem
 from beadwave.workflows.evidence.harness import Comparison
-from beadwave.workflows.files.record import Channel
+from beadwave.workflows.files.record import Channel, MeanRecord
 from beadwave.workflows.fit.inspect import InspectionRequest
 from beadwave.workflows.fit.inspect import inspected as inspection
 from beadwave.workflows.scene import Scene

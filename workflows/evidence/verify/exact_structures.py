@@ -186,14 +186,14 @@ def block(*lines: np.ndarray, material: fem.Material) -> fem.Structure:
 
 def held_block(*lines: np.ndarray, material: fem.Material) -> fem.Model:
     """The block between grid lines as of `block`, clamped at -x."""
-    held = [fem.Held("block:-x")]
+    held = [fem.HeldFace("block:-x")]
     return fem.joined(block(*lines, material=material), fem.Connections(held=held))
 
 
 def _natural_hz(lines, material: fem.Material, rollers: dict[str, str]) -> np.ndarray:
     """All natural frequencies [Hz] of a bar of hexahedra on these grid lines, whose faces are held
     in the directions of `rollers`."""
-    supports = [fem.Held(f"block:{side}", directions) for side, directions in rollers.items()]
+    supports = [fem.HeldFace(f"block:{side}", directions) for side, directions in rollers.items()]
     model = fem.joined(block(*lines, material=material), fem.Connections(held=supports))
     squared = eigh(model.K.toarray(), model.M.toarray(), eigvals_only=True)
     return np.sqrt(np.abs(squared)) / (2 * np.pi)
