@@ -18,7 +18,7 @@ from beadwave.workflows.evidence.accuracy.problems import Problem, problem
 from beadwave.workflows.evidence.accuracy.runs import limit, timed
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.report.tables import Table, text
-from beadwave.workflows.stages.progress import quiet
+from beadwave.workflows.stages.engine.progress import quiet
 
 SCHEME = "rkn6"
 ERROR = 1e-4  # median velocity error over the striker's speed

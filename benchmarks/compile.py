@@ -56,7 +56,7 @@ def compiled_for(name: str) -> None:
     from numba.core.event import Listener, register
 
     from beadwave.workflows.files.scene import scene
-    from beadwave.workflows.stages.pipeline import Pipeline
+    from beadwave.workflows.stages.engine.pipeline import Pipeline
 
     variants, callers = [], []  # callers being compiled: start, seconds of their callees
 

@@ -14,7 +14,7 @@ from beadwave.workflows.evidence.accuracy.problems import Problem, modal_wall, p
 from beadwave.workflows.evidence.accuracy.runs import marched, observed, relative_error, timed
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.report.tables import Table, text
-from beadwave.workflows.stages.progress import quiet
+from beadwave.workflows.stages.engine.progress import quiet
 
 COLUMNS = ("scheme", "part", "warm [ms]", "over bare", "error")
 

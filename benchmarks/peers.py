@@ -33,7 +33,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 
 from beadwave import dem, fem, rom
 from beadwave.coupling.reduced_wall import wall_from_reduced
-from beadwave.fem.abaqus import input_deck
+from beadwave.fem.exchange.abaqus import input_deck
 from beadwave.system import adding, children_seconds, largest_child, peak_memory, providing
 from beadwave.workflows.evidence.accuracy.peers import SCIPY, SUNDIALS
 from beadwave.workflows.evidence.accuracy.problems import Problem
@@ -41,8 +41,8 @@ from beadwave.workflows.evidence.accuracy.runs import reference
 from beadwave.workflows.files.scene import scene as load_scene
 from beadwave.workflows.report.tables import Table, text
 from beadwave.workflows.scene.parts import with_assembly, with_chain
-from beadwave.workflows.stages import assembly as stages
-from beadwave.workflows.stages.reduction import boundary_of
+from beadwave.workflows.stages.structure import assembly as stages
+from beadwave.workflows.stages.structure.reduction import boundary_of
 
 BEADWAVE, SUPERLU, PARDISO, CALCULIX = "beadwave", "scipy, SuperLU", "scipy, PARDISO", "CalculiX"
 LAMMPS, EXUDYN = "LAMMPS", "Exudyn"
@@ -237,7 +237,7 @@ def shift_inverted(K, M, n_modes: int, factor, sigma: float = 0.0):
 
 def factorise(method: str, A):
     if method == PARDISO:
-        from beadwave.fem.factorisation import Pardiso
+        from beadwave.fem.modes.solver.factorisation import Pardiso
 
         return Pardiso(A)
     return rom.superlu(A)

@@ -24,17 +24,17 @@ from time import perf_counter, sleep
 
 import numpy as np
 
-from beadwave.fem.abaqus import input_deck
-from beadwave.fem.correlation import RIGID
-from beadwave.fem.factorisation import has_pardiso
+from beadwave.fem.exchange.abaqus import input_deck
+from beadwave.fem.modes.mac import RIGID
+from beadwave.fem.modes.solver.factorisation import has_pardiso
 from beadwave.system import peak_memory, reset_peak_memory
 from beadwave.workflows.files.scene import scene as load_scene
 from beadwave.workflows.report.tables import Table, text
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.scene.parts import with_assembly
-from beadwave.workflows.stages import assembly as stages
-from beadwave.workflows.stages.krylov_space import krylov_space
-from beadwave.workflows.stages.reduction import reduction
+from beadwave.workflows.stages.structure import assembly as stages
+from beadwave.workflows.stages.structure.krylov_space import krylov_space
+from beadwave.workflows.stages.structure.reduction import reduction
 
 CALCULIX, N_CALCULIX = "CalculiX", 10  # modes of its deck
 Cost = tuple[float, float | None]  # [s], and [bytes] at most; None where the system does not say

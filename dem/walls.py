@@ -5,8 +5,8 @@
 A wall of a reduced model is made by `coupling.reduced_wall`. How far a half-space of the wall's
 material is indented is part of the contact's stiffness, see `dem.Flat`. A kind of wall of a
 scene has its constructor here, its table in `workflows.scene.walls`, its case in
-`workflows.stages.walls` and its words in `workflows.report.first_screen`; CONTRIBUTING.md has every
-step.
+`workflows.stages.chain.walls` and its words in `workflows.report.first_screen`; CONTRIBUTING.md has
+every step.
 """
 
 from typing import NamedTuple

@@ -19,14 +19,14 @@ import numpy as np
 import beadwave
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import Scene
-from beadwave.workflows.stages import bending
-from beadwave.workflows.stages.chain import Start
-from beadwave.workflows.stages.impact import impact
-from beadwave.workflows.stages.pipeline import pipeline_of
-from beadwave.workflows.stages.progress import quiet
-from beadwave.workflows.stages.signals import csv_text, record
-from beadwave.workflows.stages.walls import wall_of
-from beadwave.workflows.stages.waves import waves
+from beadwave.workflows.stages.chain.chain import Start
+from beadwave.workflows.stages.chain.impact import impact
+from beadwave.workflows.stages.chain.signals import csv_text, record
+from beadwave.workflows.stages.chain.walls import wall_of
+from beadwave.workflows.stages.chain.waves import waves
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.progress import quiet
+from beadwave.workflows.stages.structure import bending
 
 NOISE = 0.003  # of the largest velocity
 WALLS = ("solid", "usual", "finer")

@@ -17,7 +17,7 @@ from pathlib import Path
 import gmsh
 import numpy as np
 
-from beadwave.geometry.gmsh_session import session
+from beadwave.geometry.meshing.gmsh_session import session
 
 
 def filled(surface: Path, target: Path, metres: float = 1e-3) -> tuple[float, float]:

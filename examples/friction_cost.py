@@ -24,7 +24,7 @@ from joblib import Memory
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.scene.toml import toml
-from beadwave.workflows.stages.pipeline import Pipeline
+from beadwave.workflows.stages.engine.pipeline import Pipeline
 
 PRESSED = {"preload.force": 60.0, "time.duration": 1e-3}
 HELD = {"stiffness": 2e6, "rotation": float("inf")}

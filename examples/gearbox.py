@@ -7,8 +7,8 @@ python examples/gearbox.py && beadwave run examples/gearbox.toml
 import sys
 from pathlib import Path
 
-from beadwave.geometry.cad import write_step
-from beadwave.geometry.shapes import Box, Cylinder, Hole, Slab
+from beadwave.geometry.cad.occ import write_step
+from beadwave.geometry.cad.shapes import Box, Cylinder, Hole, Slab
 
 WIDE, DEEP = 0.2, 0.1  # m
 BASE = ((0, 0), (WIDE, 0), (WIDE, DEEP), (0, DEEP))

@@ -16,10 +16,10 @@ import sys
 
 import numpy as np
 
-from beadwave.fem.correlation import mac
-from beadwave.fem.hits import frequency_responses
-from beadwave.fem.poly_reference import identified_modes
-from beadwave.fem.synthetic_hits import HammerDefects, synthetic_hits
+from beadwave.fem.identification.hits import frequency_responses
+from beadwave.fem.identification.poly_reference import identified_modes
+from beadwave.fem.identification.synthetic_hits import HammerDefects, synthetic_hits
+from beadwave.fem.modes.mac import mac
 
 PULSE_OVER = 0.030  # s, of every record, the ringing of its filter included
 

@@ -29,8 +29,8 @@ from beadwave.workflows.fit.inversion import Inversion, inverted, profiled
 from beadwave.workflows.fit.parametric_wall import Bounds
 from beadwave.workflows.fit.scene_parameters import per_record, shared
 from beadwave.workflows.fit.structure import computed, structure
-from beadwave.workflows.stages.chain import chain
-from beadwave.workflows.stages.progress import quiet
+from beadwave.workflows.stages.chain.chain import chain
+from beadwave.workflows.stages.engine.progress import quiet
 from beadwave.workflows.sweep.cases import Base, base_of
 
 TRUTH = {"beam.thickness": 12.4e-3, "beam.young": 72e9, "beam.axial_force": -20e3}

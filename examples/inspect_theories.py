@@ -19,9 +19,9 @@ import numpy as np
 import beadwave
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import Scene
-from beadwave.workflows.stages import bending
-from beadwave.workflows.stages.pipeline import pipeline_of
-from beadwave.workflows.stages.progress import quiet
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.progress import quiet
+from beadwave.workflows.stages.structure import bending
 
 NOISE = 0.003  # of the largest force
 FIND = ("beam.thickness", "beam.young")

@@ -21,13 +21,13 @@ import numpy as np
 from scipy.sparse import csr_matrix, vstack
 
 from beadwave import fem
-from beadwave.fem.full_responses import full_responses
-from beadwave.fem.hits import FrequencyResponses
-from beadwave.fem.springs import SpringEnd, along_disc
+from beadwave.fem.assembly.springs import SpringEnd, along_disc
+from beadwave.fem.identification.hits import FrequencyResponses
+from beadwave.fem.modes.solver.full_responses import full_responses
 from beadwave.workflows.files.hammer import write_responses
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
 
 WIDE, TALL = 0.02, 0.04  # [m] of the bar
 RADIUS, OFF = 6e-3, 0.013  # [m] of a disc, and of its middle off the axis

@@ -31,18 +31,18 @@ from scipy.spatial import KDTree
 
 from beadwave import dem, fem, geometry
 from beadwave.dem.waves.chain_waves import chain_waves
-from beadwave.geometry.gmsh_session import session
+from beadwave.geometry.meshing.gmsh_session import session
 from beadwave.rom.contact_modes import KrylovOptions
 from beadwave.workflows.files.scene import scene as load_scene
 from beadwave.workflows.scene import Scene
-from beadwave.workflows.stages import assembly
-from beadwave.workflows.stages.krylov_space import krylov_space
-from beadwave.workflows.stages.mesh_error import MeshErrorEstimate
-from beadwave.workflows.stages.number_errors import numbers_of
-from beadwave.workflows.stages.parts import Parts
-from beadwave.workflows.stages.pipeline import Pipeline, pipeline_of
-from beadwave.workflows.stages.reduction import TO_HZ, contact_of
-from beadwave.workflows.stages.walls import wall_of
+from beadwave.workflows.stages.chain.walls import wall_of
+from beadwave.workflows.stages.engine.pipeline import Pipeline, pipeline_of
+from beadwave.workflows.stages.errors.mesh import MeshErrorEstimate
+from beadwave.workflows.stages.errors.numbers import numbers_of
+from beadwave.workflows.stages.structure import assembly
+from beadwave.workflows.stages.structure.krylov_space import krylov_space
+from beadwave.workflows.stages.structure.parts import Parts
+from beadwave.workflows.stages.structure.reduction import TO_HZ, contact_of
 
 SCALES = (1.5, 1.0, 0.67)  # of mesh.scale, times that of the structure
 UNKNOWNS = (1.5e3, 3.5e3)  # of a structure at the middle scale, smallest and largest

@@ -15,10 +15,10 @@ from contextlib import nullcontext
 
 import numpy as np
 
-from beadwave.fem.correlation import MeasuredPairs, mac, measured_pairs
-from beadwave.fem.sensor_placement import outside
+from beadwave.fem.identification.sensor_placement import outside
+from beadwave.fem.modes.mac import MeasuredPairs, mac, measured_pairs
 from beadwave.workflows.files.scene import scene
-from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
 
 ASSEMBLIES = ("rig-rom", "rig-full-tie", "cantilever", "plate-on-bolts", "rig-rom-269")
 HIGHEST = 16  # modes of a test are among so many

@@ -7,8 +7,8 @@ python examples/press.py && beadwave modes examples/press.toml
 import sys
 from pathlib import Path
 
-from beadwave.geometry.cad import write_step
-from beadwave.geometry.shapes import Box, Cylinder, Slab
+from beadwave.geometry.cad.occ import write_step
+from beadwave.geometry.cad.shapes import Box, Cylinder, Slab
 
 LONG, WIDE = 0.3, 0.2  # m
 OUTLINE = ((0, 0), (LONG, 0), (LONG, WIDE), (0, WIDE))

@@ -25,20 +25,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beadwave.coupling import damping_ratios
-from beadwave.fem.correlation import Shape, mac, measured_pairs, strained
-from beadwave.fem.hits import frequency_responses
-from beadwave.fem.measured_shapes import MeasuredShape
-from beadwave.fem.poly_reference import identified_modes
-from beadwave.fem.sensor_placement import effective_independence, outside
-from beadwave.fem.spot import plane_spot
-from beadwave.fem.synthetic_hits import HammerDefects
-from beadwave.fem.tuning import determined, deviation_of_others, tune, tuning_basis
+from beadwave.fem.contact.impact_point import plane_spot
+from beadwave.fem.identification.hits import frequency_responses
+from beadwave.fem.identification.measured_shapes import MeasuredShape
+from beadwave.fem.identification.poly_reference import identified_modes
+from beadwave.fem.identification.sensor_placement import effective_independence, outside
+from beadwave.fem.identification.synthetic_hits import HammerDefects
+from beadwave.fem.modes.mac import Shape, mac, measured_pairs, strained
+from beadwave.fem.updating.tuning import determined, deviation_of_others, tune, tuning_basis
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.scene.places import mass_face
-from beadwave.workflows.stages.loss_factors import structure_damping
-from beadwave.workflows.stages.pipeline import Pipeline, pipeline_of
-from beadwave.workflows.stages.targets import placed
+from beadwave.workflows.stages.engine.pipeline import Pipeline, pipeline_of
+from beadwave.workflows.stages.structure.loss_factors import structure_damping
+from beadwave.workflows.stages.structure.targets import placed
 from beadwave.workflows.structure.hammer_design import hits_of_modes
 from beadwave.workflows.structure.tuning import at_values, candidates_of, loosened
 

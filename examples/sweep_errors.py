@@ -25,9 +25,9 @@ from typing import NamedTuple
 import numpy as np
 
 from beadwave import dem
-from beadwave.workflows.stages.chain import start, together
-from beadwave.workflows.stages.impact import impact
-from beadwave.workflows.stages.walls import simple_wall
+from beadwave.workflows.stages.chain.chain import start, together
+from beadwave.workflows.stages.chain.impact import impact
+from beadwave.workflows.stages.chain.walls import simple_wall
 from beadwave.workflows.sweep.cases import Base, base_of, checked, groups
 from beadwave.workflows.sweep.core.design import Design
 from beadwave.workflows.sweep.march import observed, rows

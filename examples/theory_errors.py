@@ -27,10 +27,10 @@ from beadwave import dem, fem, geometry, rom
 from beadwave.coupling.reduced_wall import wall_from_reduced
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import Scene
-from beadwave.workflows.stages import bending
-from beadwave.workflows.stages.errors import observed, velocities
-from beadwave.workflows.stages.pipeline import pipeline_of
-from beadwave.workflows.stages.walls import wall_of
+from beadwave.workflows.stages.chain.walls import wall_of
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.errors.waves import observed, velocities
+from beadwave.workflows.stages.structure import bending
 
 MATERIALS = ((210e9, 0.3, 7850.0), (70e9, 0.33, 2700.0), (3.2e9, 0.38, 1190.0), (110e9, 0.22, 7e3))
 STRUCK = "plate:+x"

@@ -22,17 +22,55 @@ u are the free displacements of a Model, u_mesh = model.T @ u, node after node x
 See examples/own_mesh.py, from a mesh of one's own to an impact.
 """
 
-from beadwave.fem.anisotropic_half_space import indentation_modulus
-from beadwave.fem.beam import ENDS, BeamCorrection, BeamEnd, Section, beam, rectangle, section, tube
-from beadwave.fem.bending import Bending, Buckled
-from beadwave.fem.carried import CarriedMass, with_carried
-from beadwave.fem.contact_patch import (
+from beadwave.fem.assembly.attached_mass import CarriedMass, with_carried
+from beadwave.fem.assembly.dashpots import dashpots
+from beadwave.fem.assembly.elasticity import Structure, assemble
+from beadwave.fem.assembly.grounding import RigidBody, rigid_body
+from beadwave.fem.assembly.joints import DIRECTIONS, Bushing, Joint, Side, Tie, normal_frame
+from beadwave.fem.assembly.materials import Material, Orthotropic
+from beadwave.fem.assembly.measured_part import (
+    MeasuredPart,
+    PartPoint,
+    joint_stiffness,
+    with_measured,
+)
+from beadwave.fem.assembly.mechanisms import Loose, loose_bodies
+from beadwave.fem.assembly.mirror import mirrored
+from beadwave.fem.assembly.model import Connections, HeldFace, Model, SwayingTable, joined
+from beadwave.fem.assembly.prestress import FaceForce, Heat, Load, prestressed
+from beadwave.fem.assembly.rods import Rod
+from beadwave.fem.assembly.springs import PointSpring, SpringEnd, missed_in_dents, with_springs
+from beadwave.fem.assembly.surface import OnSurface, on_surface
+from beadwave.fem.assembly.trace import face_edges, outer_nodes
+from beadwave.fem.bending.beam import (
+    ENDS,
+    BeamCorrection,
+    BeamEnd,
+    Section,
+    beam,
+    rectangle,
+    section,
+    tube,
+)
+from beadwave.fem.bending.plate import PlateCorrection, Sheet, TooLarge, mindlin_plate
+from beadwave.fem.bending.structure import Bending, Buckled
+from beadwave.fem.contact.anisotropic_half_space import indentation_modulus
+from beadwave.fem.contact.contact_patch import (
     ContactPatch,
     contact_patch,
     disc_quadrature,
     node_patch,
 )
-from beadwave.fem.correlation import (
+from beadwave.fem.contact.half_space import (
+    HalfSpaceField,
+    half_space_fields,
+    half_space_matrix,
+    half_space_on_mesh,
+    half_spaces_on_mesh,
+)
+from beadwave.fem.contact.impact_point import SurfacePoint, planar_spot, round_spot
+from beadwave.fem.errors.stress_error import Faces, MissedEnergy, Pushed, missed_energy
+from beadwave.fem.modes.mac import (
     BodyMotion,
     Number,
     Pairing,
@@ -43,34 +81,10 @@ from beadwave.fem.correlation import (
     pair,
     target_mac,
 )
-from beadwave.fem.dashpots import dashpots
-from beadwave.fem.elasticity import Structure, assemble
-from beadwave.fem.factorisation import Factor, factorised
-from beadwave.fem.grounding import RigidBody, rigid_body
-from beadwave.fem.half_space import (
-    HalfSpaceField,
-    half_space_fields,
-    half_space_matrix,
-    half_space_on_mesh,
-    half_spaces_on_mesh,
-)
-from beadwave.fem.joints import DIRECTIONS, Bushing, Joint, Side, Tie, normal_frame
-from beadwave.fem.materials import Material, Orthotropic
-from beadwave.fem.measured_part import MeasuredPart, PartPoint, joint_stiffness, with_measured
-from beadwave.fem.mechanisms import Loose, loose_bodies
-from beadwave.fem.mirror import mirrored
-from beadwave.fem.model import Connections, HeldFace, Model, SwayingTable, joined
-from beadwave.fem.modes import Modes, held, modes
-from beadwave.fem.plate import PlateCorrection, Sheet, TooLarge, mindlin_plate
-from beadwave.fem.prestress import FaceForce, Heat, Load, prestressed
-from beadwave.fem.response import receptance
-from beadwave.fem.rods import Rod
-from beadwave.fem.spot import SurfacePoint, planar_spot, round_spot
-from beadwave.fem.springs import PointSpring, SpringEnd, missed_in_dents, with_springs
-from beadwave.fem.stress_error import Faces, MissedEnergy, Pushed, missed_energy
-from beadwave.fem.surface import OnSurface, on_surface
-from beadwave.fem.threads import one_thread
-from beadwave.fem.trace import face_edges, outer_nodes
+from beadwave.fem.modes.modes import Modes, held, modes
+from beadwave.fem.modes.solver.factorisation import Factor, factorised
+from beadwave.fem.modes.solver.receptance import receptance
+from beadwave.fem.modes.solver.threads import one_thread
 
 __all__ = [
     "DIRECTIONS",

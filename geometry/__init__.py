@@ -13,13 +13,13 @@ A mesh is a `skfem.Mesh` with named boundaries, a face is called "body:face". Di
 nobody can build raise InvalidGeometry, with one sentence.
 """
 
-from beadwave.geometry.cell_groups import CellGroup
+from beadwave.geometry.cad.naming import by_body
 from beadwave.geometry.errors import InvalidGeometry
-from beadwave.geometry.naming import by_body
+from beadwave.geometry.meshing.refined import refined
+from beadwave.geometry.own_mesh.cell_groups import CellGroup
+from beadwave.geometry.own_mesh.thinning import thinned
 from beadwave.geometry.plate_mesh import Extent, plate_mesh
 from beadwave.geometry.quality import smallest_quality
-from beadwave.geometry.refined import refined
-from beadwave.geometry.thinning import thinned
 
 __all__ = [
     "CellGroup",

@@ -1,7 +1,7 @@
 """The bodies of an assembly, from shapes, a STEP file or a mesh, and their meshes.
 
 with drawn(shapes, step, volumes, gap) as drawing:    bodies, and which of them touch
-    chosen = picked(words, drawing.bodies, ...)       `geometry.joints`
+    chosen = picked(words, drawing.bodies, ...)       `geometry.cad.joints`
     meshes, fineness = meshed(drawing, chosen, ties, named, sizing)
 """
 
@@ -12,13 +12,13 @@ from typing import NamedTuple
 
 from skfem import Mesh
 
-from beadwave.geometry.contacts import Neighbours, TouchingPair, require_apart
+from beadwave.geometry.cad.contacts import Neighbours, TouchingPair, require_apart
+from beadwave.geometry.cad.joints import NamedParts
+from beadwave.geometry.cad.selectors import FaceSelection
+from beadwave.geometry.cad.shapes import Shape
+from beadwave.geometry.cad.solids import Body, Vector, require_size
 from beadwave.geometry.errors import InvalidGeometry
-from beadwave.geometry.joints import NamedParts
-from beadwave.geometry.own_mesh import OwnMesh, own_mesh
-from beadwave.geometry.selectors import FaceSelection
-from beadwave.geometry.shapes import Shape
-from beadwave.geometry.solids import Body, Vector, require_size
+from beadwave.geometry.own_mesh.bodies import OwnMesh, own_mesh
 
 GMSH_NEEDS = (
     "apt-get install libgl1 libglu1-mesa libgomp1 libxcursor1 libxft2 libxinerama1 libxrender1"
@@ -63,8 +63,8 @@ def drawn(
         yield Drawing(mesh_of_file.bodies, None, mesh_of_file.meeting.near, mesh_of_file)
         return
     try:
-        from beadwave.geometry.cad import model
-        from beadwave.geometry.touching import neighbours
+        from beadwave.geometry.cad.occ import model
+        from beadwave.geometry.cad.touching import neighbours
     except ModuleNotFoundError as missing:
         if missing.name != "gmsh":
             raise
@@ -110,8 +110,8 @@ def meshed(
             raise InvalidGeometry(str(error)) from None
 
     # bodies in the CAD kernel are meshed, each with the size asked for or that of its shape
-    from beadwave.geometry.body_mesh import body_meshes
-    from beadwave.geometry.sizes import Fine, Sizes, default_seeds
+    from beadwave.geometry.meshing.body_mesh import body_meshes
+    from beadwave.geometry.meshing.sizes import Fine, Sizes, default_seeds
 
     scale, usual = sizing.scale, default_seeds(bodies)
     seeds = {name: scale * (sizing.seeds[name] or usual[name]) for name in bodies}

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from beadwave.geometry.grid_lines import Stop, graded, lines_through, refined
+from beadwave.geometry.meshing.grid_lines import Stop, graded, lines_through, refined
 
 if TYPE_CHECKING:  # see `lined`
     from skfem import MeshHex

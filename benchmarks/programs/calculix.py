@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 
-from beadwave.fem.deck import PRINT_CONTACT, Deck
+from beadwave.fem.exchange.deck import PRINT_CONTACT, Deck
 
 PROGRAM, PACKAGE = "ccx", "calculix-ccx"
 
 
 class DeckResults(NamedTuple):
-    """Results of CalculiX for a deck that `fem.abaqus` wrote."""
+    """Results of CalculiX for a deck that `fem.exchange.abaqus` wrote."""
 
     frequency_hz: NDArray[np.float64]  # (n_modes,)
     compliance: float | None  # [m/N] at the contact, where the deck has one

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beadwave.fem.deck import PRINT_CONTACT, Deck
-from beadwave.fem.materials import Material
+from beadwave.fem.assembly.materials import Material
+from beadwave.fem.exchange.deck import PRINT_CONTACT, Deck
 
 FACES = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))  # corners of S1 to S4 of a C3D10
 GAUSS = ((1 / 6, 1 / 6), (2 / 3, 1 / 6), (1 / 6, 2 / 3))  # of a triangle, of equal weights

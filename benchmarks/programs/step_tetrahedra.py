@@ -13,7 +13,7 @@ import gmsh
 import numpy as np
 from numpy.typing import NDArray
 
-from beadwave.geometry.gmsh_session import session, silent
+from beadwave.geometry.meshing.gmsh_session import session, silent
 
 TETRAHEDRON, TRIANGLE = 11, 9  # gmsh's types of second order
 ORDER = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]  # of Abaqus' C3D10 among gmsh's nodes

@@ -17,7 +17,7 @@ import numpy as np
 from beadwave import scene
 from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import aligned_text
-from beadwave.workflows.stages import bending
+from beadwave.workflows.stages.structure import bending
 from observed import bending_run, bending_wall, first_and_later, first_mode, say
 
 SHARES = (0.9, 0.5, 0.0, -0.3, -0.6, -0.8, -0.9)  # of the buckling load, 0 among them; < 0 presses

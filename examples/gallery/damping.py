@@ -19,7 +19,7 @@ import numpy as np
 from beadwave import coupling, scene
 from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import aligned_text
-from beadwave.workflows.stages import assembly
+from beadwave.workflows.stages.structure import assembly
 from beadwave.workflows.thesis import HAMMER_TEST_HZ, THESIS
 from observed import say
 from schemes import (

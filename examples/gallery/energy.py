@@ -18,13 +18,13 @@ import numpy as np
 
 from beadwave import dem, fem, scene
 from beadwave.dem.waves.measures import wave_energy
-from beadwave.geometry.grid_lines import refined
-from beadwave.geometry.lined import SAME, Lines, lined_mesh
-from beadwave.geometry.shapes import Box
+from beadwave.geometry.cad.shapes import Box
+from beadwave.geometry.meshing.grid_lines import refined
+from beadwave.geometry.meshing.lined_blocks import SAME, Lines, lined_mesh
 from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import aligned_text
-from beadwave.workflows.stages import assembly
-from beadwave.workflows.stages.chain import initial_velocity
+from beadwave.workflows.stages.chain.chain import initial_velocity
+from beadwave.workflows.stages.structure import assembly
 from observed import bare_chain, impact, round_trip, say
 from schemes import (
     ERROR,

@@ -27,7 +27,7 @@ from beadwave.coupling.spatial_march import USUAL_SPATIAL_SEARCH, march_space, m
 from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import Scene
-from beadwave.workflows.stages.friction import ARRIVED
+from beadwave.workflows.stages.chain.friction import ARRIVED
 from observed import SPHERES, first_and_later, observed, say
 from shaken_rig import shaken_rig, state_of, stuck_wall, uncoupled_wall
 

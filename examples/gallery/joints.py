@@ -16,12 +16,12 @@ from pathlib import Path
 import numpy as np
 
 from beadwave import fem, scene
-from beadwave.fem.tuning import spectrum, tune
+from beadwave.fem.updating.tuning import spectrum, tune
 from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import Joints, JointStiffnesses
-from beadwave.workflows.stages.pipeline import pipeline_of
-from beadwave.workflows.stages.progress import quiet
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.progress import quiet
 from beadwave.workflows.structure.tuning import at_values, freed, loosened, shape_mac
 from beadwave.workflows.thesis import HAMMER_TEST_HZ
 from observed import say

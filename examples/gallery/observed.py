@@ -24,9 +24,9 @@ from beadwave.dem.waves.solitary import WIDTH, speed
 from beadwave.dem.waves.tracks import WaveTrack, wave_tracks
 from beadwave.workflows.report.plots import Line, Panel
 from beadwave.workflows.scene import Scene
-from beadwave.workflows.stages import bending
-from beadwave.workflows.stages.chain import chain, initial_velocity
-from beadwave.workflows.stages.walls import wall_of
+from beadwave.workflows.stages.chain.chain import chain, initial_velocity
+from beadwave.workflows.stages.chain.walls import wall_of
+from beadwave.workflows.stages.structure import bending
 
 Array = NDArray[np.float64]
 

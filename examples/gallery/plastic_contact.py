@@ -27,7 +27,7 @@ from beadwave.dem.spheres import (
 from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import HalfSpaceWall, RigidWall
-from beadwave.workflows.stages.chain import chain, initial_velocity
+from beadwave.workflows.stages.chain.chain import chain, initial_velocity
 from observed import SPHERES, impact, last, observed, record, say, wave_cells
 
 FACTOR = 3.0  # thesis, section 7.2

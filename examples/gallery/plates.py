@@ -18,7 +18,7 @@ from beadwave.dem.spheres import time_scale
 from beadwave.dem.waves import solitary
 from beadwave.dem.waves.arrivals import crest, peaks
 from beadwave.dem.waves.measures import CONTACT, ContactTime, contact_time, force_ratio
-from beadwave.workflows.stages.chain import initial_velocity
+from beadwave.workflows.stages.chain.chain import initial_velocity
 from observed import bare_chain, last
 
 ERROR, N_SAVE = 1e-5, 6000  # of the velocities, relative to the striker's; instants of a record

@@ -20,7 +20,7 @@ from beadwave.dem.waves.fit import Guess, apart
 from beadwave.workflows.report.plots import panels
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import HalfSpaceWall, LeafSpringsTable, Preload
-from beadwave.workflows.stages.chain import chain, contact_radius, initial_velocity, start
+from beadwave.workflows.stages.chain.chain import chain, contact_radius, initial_velocity, start
 from observed import SPHERES, impact, observed, record, say, spread
 from walls import NUMBERS, ROMS, SLIGHT, UNMOVED, rig_walls
 

@@ -12,7 +12,7 @@ import numpy as np
 from beadwave import coupling, dem, fem, rom
 from beadwave.coupling.coupled_march import EnergyGain
 from beadwave.coupling.reduced_wall import coupled_wall, wall_from_reduced
-from beadwave.workflows.stages.chain import chain, initial_velocity
+from beadwave.workflows.stages.chain.chain import chain, initial_velocity
 
 ROUNDING = 1e-9  # of the striker's energy: what is smaller is the march's own error
 FACE = "block:strike"  # struck, as the mesh names it

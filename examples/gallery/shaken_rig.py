@@ -28,11 +28,11 @@ from beadwave.dem.friction import stick_stiffness
 from beadwave.dem.lateral import LastSphere
 from beadwave.dem.spheres import hertz_overlap
 from beadwave.workflows.scene import Scene
-from beadwave.workflows.stages.chain import Start
-from beadwave.workflows.stages.friction import ALL_STICKS, last_sphere
-from beadwave.workflows.stages.pipeline import pipeline_of
-from beadwave.workflows.stages.progress import quiet
-from beadwave.workflows.stages.structure_friction import shaker_forces
+from beadwave.workflows.stages.chain.chain import Start
+from beadwave.workflows.stages.chain.friction import ALL_STICKS, last_sphere
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.progress import quiet
+from beadwave.workflows.stages.structure.friction import shaker_forces
 
 
 class ShakenRig(NamedTuple):

@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from beadwave import fem, scene
-from beadwave.fem.trace import trace
+from beadwave.fem.assembly.trace import trace
 from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import aligned_text
-from beadwave.workflows.stages import assembly
+from beadwave.workflows.stages.structure import assembly
 from observed import say
 
 SEEDS = (4e-3, 2e-3, 1e-3, 0.5e-3)  # [m] element size at the contact

@@ -18,7 +18,7 @@ from beadwave import dem, fem, geometry, rom, scene
 from beadwave.coupling.reduced_wall import wall_from_reduced
 from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import aligned_text
-from beadwave.workflows.stages import bending
+from beadwave.workflows.stages.structure import bending
 from observed import bending_run, bending_wall, distance, say
 
 FACTORS = (1.0, 2.0, 3.0)  # of the scene's thickness

@@ -16,8 +16,8 @@ import numpy as np
 from beadwave import scene
 from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import aligned_text
-from beadwave.workflows.stages.pipeline import pipeline_of
-from beadwave.workflows.stages.progress import quiet
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.progress import quiet
 from observed import say
 
 ERROR = 1e-3  # of the receptance, of both reductions

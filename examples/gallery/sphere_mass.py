@@ -18,7 +18,7 @@ from beadwave import dem, scene
 from beadwave.dem.waves.measures import exponent
 from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import aligned_text
-from beadwave.workflows.stages.chain import initial_velocity
+from beadwave.workflows.stages.chain.chain import initial_velocity
 from observed import SPHERES, bare_chain, impact, last, observed, round_trip, say
 
 MASSES = (0.013, 0.03, 0.07, 0.2, 0.5)  # [kg] figure 2.9's, two between

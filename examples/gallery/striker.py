@@ -22,7 +22,7 @@ from beadwave.dem.spheres import time_scale
 from beadwave.dem.waves.measures import exponent, leading_share
 from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import aligned_text
-from beadwave.workflows.stages.chain import initial_velocity
+from beadwave.workflows.stages.chain.chain import initial_velocity
 from observed import SPHERES, bare_chain, impact, observed, record, round_trip, say
 
 SPEEDS = (0.05, 0.1, 0.31, 1.0, 2.0)  # [m/s] the thesis' in the middle

@@ -19,7 +19,7 @@ from beadwave.dem.spheres import time_scale
 from beadwave.dem.waves.measures import exponent
 from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import aligned_text, short
-from beadwave.workflows.stages.chain import initial_velocity
+from beadwave.workflows.stages.chain.chain import initial_velocity
 from observed import SPHERES, bare_chain, impact, last, observed, record, say
 
 # E/(1 - nu^2) of the wall over that of a sphere, ascending

@@ -20,9 +20,9 @@ from beadwave import dem, scene
 from beadwave.workflows.report.plots import panels
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import HalfSpaceWall, RigidWall
-from beadwave.workflows.stages.chain import chain, initial_velocity
-from beadwave.workflows.stages.pipeline import pipeline_of
-from beadwave.workflows.stages.progress import quiet
+from beadwave.workflows.stages.chain.chain import chain, initial_velocity
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.progress import quiet
 from observed import (
     SPHERES,
     distance,

@@ -5,7 +5,7 @@ import pytest
 
 from beadwave.workflows.evidence.accuracy.problems import problem
 from beadwave.workflows.files.scene import scene
-from beadwave.workflows.stages.progress import quiet
+from beadwave.workflows.stages.engine.progress import quiet
 
 import batch
 import cost_of_error

@@ -8,7 +8,7 @@ from scipy.linalg import eigh
 from scipy.sparse import csc_array, diags_array, eye_array
 
 from beadwave import dem
-from beadwave.fem.factorisation import has_pardiso
+from beadwave.fem.modes.solver.factorisation import has_pardiso
 from beadwave.workflows.evidence.accuracy.problems import Problem
 
 import peers as benchmark

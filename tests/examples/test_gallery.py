@@ -24,7 +24,7 @@ import wall_modulus
 import wall_thickness
 import walls
 from beadwave import coupling, dem, scene
-from beadwave.workflows.stages.chain import chain, initial_velocity
+from beadwave.workflows.stages.chain.chain import chain, initial_velocity
 from observed import SPHERES, distance, impact, observed, overall
 
 from command_line import COARSE_RIG

@@ -10,14 +10,14 @@ from beadwave.fem import (
     Material,
     Orthotropic,
     assemble,
-    contact_patch,
     factorised,
     half_space_on_mesh,
     indentation_modulus,
     joined,
 )
-from beadwave.fem.anisotropic_half_space import half_space, surface_force
-from beadwave.fem.half_space import boussinesq
+from beadwave.fem.contact import contact_patch
+from beadwave.fem.contact.anisotropic_half_space import half_space, surface_force
+from beadwave.fem.contact.half_space import boussinesq
 
 STEEL = Material(210e9, 0.3, 7850.0)
 PLY = Orthotropic((135e9, 9e9, 9e9), (0.3, 0.3, 0.45), (5e9, 5e9, 3.1e9), 1600.0)

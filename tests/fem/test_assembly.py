@@ -9,17 +9,17 @@ from beadwave.fem import (
     HeldFace,
     Material,
     assemble,
-    contact_patch,
     disc_quadrature,
     factorised,
     joined,
     mac,
-    modes,
     node_patch,
     pair,
     receptance,
-    response,
 )
+from beadwave.fem.contact import contact_patch
+from beadwave.fem.modes import modes
+from beadwave.fem.modes.solver import receptance as response
 from beadwave.workflows.files.scene import scene
 
 from known_models import RIG_TARGETS, rig, steel

@@ -5,8 +5,8 @@ import pytest
 from scipy.linalg import expm
 
 from beadwave import fem
-from beadwave.fem.beam import ORDER
-from beadwave.fem.correlation import RIGID as STILL
+from beadwave.fem.bending.beam import ORDER
+from beadwave.fem.modes.mac import RIGID as STILL
 
 STEEL = fem.Material(210e9, 0.3, 7850.0)
 HINGED, CLAMPED, FREE = (fem.ENDS[name] for name in ("hinged", "clamped", "free"))

@@ -7,8 +7,8 @@ from scipy.optimize import brentq
 from skfem import MeshHex
 
 from beadwave import fem
-from beadwave.fem.room import room_on_face
-from beadwave.fem.tuning import CARRIED, TuningParameter, spectrum, tuning_basis
+from beadwave.fem.contact.disc_room import room_on_face
+from beadwave.fem.updating.tuning import CARRIED, TuningParameter, spectrum, tuning_basis
 
 STEEL = fem.Material(210e9, 0.0, 7850.0)  # without Poisson's ratio a thin beam is one of theory
 LENGTH, SIDE = 0.5, 0.01

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from beadwave.fem.decay import over_amplitude, varies
+from beadwave.fem.identification.decay import over_amplitude, varies
 
 DT = 1 / 4096
 T = DT * np.arange(3 * 4096)

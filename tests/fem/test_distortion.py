@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from beadwave.fem.distortion import combination_tone
-from beadwave.fem.hits import Hits, frequency_responses
-from beadwave.fem.poly_reference import identified_modes
+from beadwave.fem.identification.distortion import combination_tone
+from beadwave.fem.identification.hits import Hits, frequency_responses
+from beadwave.fem.identification.poly_reference import identified_modes
 
 DT = 1 / 2048
 T = DT * np.arange(3 * 2048)

@@ -7,7 +7,7 @@ from skfem.helpers import dot
 from skfem.models.elasticity import linear_elasticity
 
 from beadwave.fem import Material, assemble
-from beadwave.fem.joints import rigid_motion
+from beadwave.fem.assembly.joints import rigid_motion
 
 STEEL = Material(210e9, 0.3, 7850.0)
 

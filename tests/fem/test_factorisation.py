@@ -6,19 +6,12 @@ from scipy.sparse import csc_matrix, csr_matrix, diags_array, eye_array, kron
 from scipy.sparse.linalg import splu
 from skfem import MeshTet
 
-from beadwave.fem import (
-    Connections,
-    HeldFace,
-    Material,
-    assemble,
-    factorisation,
-    factorised,
-    joined,
-)
-from beadwave.fem.factorisation import Pardiso, _superlu, has_pardiso
-from beadwave.fem.grouping import grouped, minimum_degree_work
-from beadwave.fem.multifrontal import Cholesky, NotPositiveDefinite, Singular, plan
-from beadwave.fem.nested_dissection import edges, nested_dissection
+from beadwave.fem import Connections, HeldFace, Material, assemble, factorised, joined
+from beadwave.fem.modes.solver import factorisation
+from beadwave.fem.modes.solver.factorisation import Pardiso, _superlu, has_pardiso
+from beadwave.fem.modes.solver.grouping import grouped, minimum_degree_work
+from beadwave.fem.modes.solver.multifrontal import Cholesky, NotPositiveDefinite, Singular, plan
+from beadwave.fem.modes.solver.nested_dissection import edges, nested_dissection
 from beadwave.workflows.installation import doctor
 
 STEEL = Material(210e9, 0.3, 7850.0)

@@ -15,8 +15,8 @@ from beadwave.fem import (
     loose_bodies,
     rigid_body,
 )
-from beadwave.fem.grounding import require_free_joints
-from beadwave.fem.joints import rigid_motion, tie
+from beadwave.fem.assembly.grounding import require_free_joints
+from beadwave.fem.assembly.joints import rigid_motion, tie
 
 from known_models import STEEL, stacked
 

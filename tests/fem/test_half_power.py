@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from beadwave.fem.half_power import half_power_bandwidth
-from beadwave.fem.hits import FrequencyResponses
-from beadwave.fem.poly_reference import identified_modes
+from beadwave.fem.identification.half_power import half_power_bandwidth
+from beadwave.fem.identification.hits import FrequencyResponses
+from beadwave.fem.identification.poly_reference import identified_modes
 
 F = np.arange(1.0, 2000.0, 0.25)
 

@@ -12,17 +12,16 @@ from beadwave.fem import (
     Material,
     Model,
     assemble,
-    contact_patch,
     factorised,
-    half_space,
     half_space_matrix,
     half_space_on_mesh,
     joined,
     node_patch,
 )
-from beadwave.fem.factorisation import Factor
-from beadwave.fem.half_space import boussinesq, cerruti
-from beadwave.geometry.grid_lines import graded
+from beadwave.fem.contact import contact_patch, half_space
+from beadwave.fem.contact.half_space import boussinesq, cerruti
+from beadwave.fem.modes.solver.factorisation import Factor
+from beadwave.geometry.meshing.grid_lines import graded
 
 STEEL = Material(210e9, 0.3, 7850.0)
 A, B, H = 0.131, 0.099, 0.041  # m

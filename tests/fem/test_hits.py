@@ -4,10 +4,15 @@ truth of synthetic tests."""
 import numpy as np
 import pytest
 
-from beadwave.fem.correlation import mac
-from beadwave.fem.hit_records import TimeRecord, cut_at_hits, require_even
-from beadwave.fem.hits import FrequencyResponses, HitChecks, Hits, frequency_responses, until_noise
-from beadwave.fem.poly_reference import (
+from beadwave.fem.identification.hit_records import TimeRecord, cut_at_hits, require_even
+from beadwave.fem.identification.hits import (
+    FrequencyResponses,
+    HitChecks,
+    Hits,
+    frequency_responses,
+    until_noise,
+)
+from beadwave.fem.identification.poly_reference import (
     Stability,
     background,
     identified_modes,
@@ -15,7 +20,13 @@ from beadwave.fem.poly_reference import (
     phase_collinearity,
     poles_of_orders,
 )
-from beadwave.fem.synthetic_hits import HammerDefects, HammerHits, struck, synthetic_hits
+from beadwave.fem.identification.synthetic_hits import (
+    HammerDefects,
+    HammerHits,
+    struck,
+    synthetic_hits,
+)
+from beadwave.fem.modes.mac import mac
 
 CLEAN = HammerDefects(noise=0.0, double=0.0, overload=0.0, cross=0.0)
 POLES = 2 * np.pi * np.array([-0.5 + 90j, -0.6 + 200j, -0.7 + 202j])

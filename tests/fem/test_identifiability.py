@@ -3,15 +3,22 @@
 import numpy as np
 import pytest
 
-from beadwave.fem.correlation import BodyForms, Number, Shape, mac
-from beadwave.fem.identifiability import (
+from beadwave.fem.modes.mac import BodyForms, Number, Shape, mac
+from beadwave.fem.updating.identifiability import (
     at_scene,
     frequency_sensitivity,
     mac_sensitivity,
     onset_stiffness,
     ranking,
 )
-from beadwave.fem.tuning import TuningBasis, TuningParameter, at_before, determined, spectrum, tune
+from beadwave.fem.updating.tuning import (
+    TuningBasis,
+    TuningParameter,
+    at_before,
+    determined,
+    spectrum,
+    tune,
+)
 
 SPRINGS = ("joint.kx", "joint.ky", "joint.kx", "joint.kz")  # two bolts share kx
 

@@ -18,11 +18,10 @@ from beadwave.fem import (
     Tie,
     assemble,
     joined,
-    modes,
     normal_frame,
 )
-from beadwave.fem.constraints import Constraint, claimed, eliminated
-from beadwave.fem.joints import (
+from beadwave.fem.assembly.constraints import Constraint, claimed, eliminated
+from beadwave.fem.assembly.joints import (
     _Coupling,
     _require_spread,
     distributing,
@@ -31,8 +30,9 @@ from beadwave.fem.joints import (
     rigid_sides,
     tie,
 )
-from beadwave.fem.modes import Modes, require_accurate
-from beadwave.fem.trace import face_nodes
+from beadwave.fem.assembly.trace import face_nodes
+from beadwave.fem.modes import modes
+from beadwave.fem.modes.modes import Modes, require_accurate
 
 from known_models import STEEL, at, stacked
 

@@ -15,8 +15,8 @@ import pytest
 from skfem import MeshHex
 
 from beadwave import fem
-from beadwave.fem import joints
-from beadwave.geometry.grid_lines import graded
+from beadwave.fem.assembly import joints
+from beadwave.geometry.meshing.grid_lines import graded
 
 STEEL = fem.Material(210e9, 0.3, 7850.0)
 HEIGHT, CENTRE = 0.04, np.array([0.013, -0.006, 0.04])  # m

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from beadwave import fem
-from beadwave.fem.correlation import RIGID
+from beadwave.fem.modes.mac import RIGID
 
 STEEL = fem.Material(210e9, 0.3, 7850.0)
 HINGED = ("hinged",) * 4

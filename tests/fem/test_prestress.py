@@ -5,7 +5,7 @@ import pytest
 from skfem import MeshHex, MeshTet
 
 from beadwave import fem
-from beadwave.fem.rods import tightened as tightening
+from beadwave.fem.assembly.rods import tightened as tightening
 
 # held faces would keep what shrinks across from doing so, one element deep
 STEEL = fem.Material(210e9, 0.0, 7850.0)

@@ -4,8 +4,13 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from beadwave.fem.poly_reference import IdentifiedModes
-from beadwave.fem.response_scale import POWERS, UNITS, remark_on_scale, response_scale
+from beadwave.fem.identification.poly_reference import IdentifiedModes
+from beadwave.fem.identification.response_scale import (
+    POWERS,
+    UNITS,
+    remark_on_scale,
+    response_scale,
+)
 
 K = np.array([[5e6, -2e6, 0.0], [-2e6, 4e6, -1e6], [0.0, -1e6, 1e6]])
 M = np.diag([1.0, 2.0, 0.5])

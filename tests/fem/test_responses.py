@@ -7,11 +7,11 @@ import pytest
 from scipy.sparse import csc_matrix, csr_matrix
 
 from beadwave import fem
-from beadwave.fem.correlation import SPRINGS, Shape
-from beadwave.fem.dashpots import dashpot_rows
-from beadwave.fem.factorisation import factorised
-from beadwave.fem.full_responses import full_responses, residual_flexibility
-from beadwave.fem.response_fit import (
+from beadwave.fem.assembly.dashpots import dashpot_rows
+from beadwave.fem.modes.mac import SPRINGS, Shape
+from beadwave.fem.modes.solver.factorisation import factorised
+from beadwave.fem.modes.solver.full_responses import full_responses, residual_flexibility
+from beadwave.fem.updating.response_fit import (
     MeasuredResponses,
     Resonances,
     fit_responses,
@@ -19,15 +19,15 @@ from beadwave.fem.response_fit import (
     noise_of_coherence,
     noise_of_neighbours,
 )
-from beadwave.fem.response_model import (
+from beadwave.fem.updating.response_model import (
     DampingParameter,
     StructureDamping,
     computed_responses,
     response_model,
 )
-from beadwave.fem.tuning import CARRIED, TuningParameter, tuning_basis
+from beadwave.fem.updating.tuning import CARRIED, TuningParameter, tuning_basis
 from beadwave.workflows.files.scene import scene
-from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
 
 from known_models import PADS
 

@@ -5,8 +5,8 @@ import pytest
 from skfem import MeshHex
 
 from beadwave.fem import Connections, HeldFace, Tie, assemble, joined
-from beadwave.fem.sagging import sagging
-from beadwave.fem.trace import OffFace, trace
+from beadwave.fem.assembly.chord_height import sagging
+from beadwave.fem.assembly.trace import OffFace, trace
 
 from known_models import STEEL, at
 

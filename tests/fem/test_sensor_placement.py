@@ -5,8 +5,12 @@ import pytest
 from skfem import MeshHex
 
 from beadwave.fem import Connections, Material, Tie, assemble, joined
-from beadwave.fem.correlation import mac
-from beadwave.fem.sensor_placement import effective_independence, one_more_point, outside
+from beadwave.fem.identification.sensor_placement import (
+    effective_independence,
+    one_more_point,
+    outside,
+)
+from beadwave.fem.modes.mac import mac
 
 STEEL = Material(210e9, 0.3, 7850.0)
 

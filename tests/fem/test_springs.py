@@ -7,9 +7,9 @@ from scipy.linalg import eigh
 from skfem import MeshHex
 
 from beadwave import fem
-from beadwave.fem.correlation import SPRINGS
-from beadwave.fem.joints import rigid_motion
-from beadwave.fem.tuning import TuningParameter, spectrum, tuning_basis
+from beadwave.fem.assembly.joints import rigid_motion
+from beadwave.fem.modes.mac import SPRINGS
+from beadwave.fem.updating.tuning import TuningParameter, spectrum, tuning_basis
 
 STEEL = fem.Material(210e9, 0.3, 7850.0)
 SIDES = np.array([0.3, 0.2, 0.05])

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from beadwave.fem.correlation import mac
-from beadwave.fem.subspace import (
+from beadwave.fem.identification.subspace import (
     correlations,
     half_spectra,
     is_decay,
     subspace_modes,
     subspace_poles,
 )
+from beadwave.fem.modes.mac import mac
 
 from ambient_records import DT, ZETA, F, ambient
 

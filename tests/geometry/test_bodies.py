@@ -7,15 +7,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 from skfem import FacetBasis, MeshHex, MeshTet
 
-from beadwave.geometry import InvalidGeometry, hexahedra, smallest_quality
-from beadwave.geometry.body_mesh import body_meshes, foreseen_nodes
-from beadwave.geometry.cad import model
-from beadwave.geometry.hexahedra import JOINED
-from beadwave.geometry.patches import Disc
-from beadwave.geometry.selectors import FaceSelection, bodies_named, faces, touches
-from beadwave.geometry.shapes import Box, Cylinder, Hole, Slab
-from beadwave.geometry.sizes import Fine, Sizes, default_seed, default_seeds, size_of
-from beadwave.geometry.touching import neighbours
+from beadwave.geometry import InvalidGeometry, smallest_quality
+from beadwave.geometry.cad.occ import model
+from beadwave.geometry.cad.patches import Disc
+from beadwave.geometry.cad.selectors import FaceSelection, bodies_named, faces, touches
+from beadwave.geometry.cad.shapes import Box, Cylinder, Hole, Slab
+from beadwave.geometry.cad.touching import neighbours
+from beadwave.geometry.meshing import hexahedra
+from beadwave.geometry.meshing.body_mesh import body_meshes, foreseen_nodes
+from beadwave.geometry.meshing.hexahedra import JOINED
+from beadwave.geometry.meshing.sizes import Fine, Sizes, default_seed, default_seeds, size_of
 
 from known_models import facet_error
 

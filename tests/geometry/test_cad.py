@@ -11,12 +11,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from beadwave.geometry import InvalidGeometry
-from beadwave.geometry.cad import body_of, model, write_step
-from beadwave.geometry.gmsh_session import session, silent
-from beadwave.geometry.holes import bores
-from beadwave.geometry.selectors import faces
-from beadwave.geometry.shapes import Box, Cylinder, Hole, RadialHole, Slab, volume
-from beadwave.geometry.touching import neighbours
+from beadwave.geometry.cad.holes import bores
+from beadwave.geometry.cad.occ import body_of, model, write_step
+from beadwave.geometry.cad.selectors import faces
+from beadwave.geometry.cad.shapes import Box, Cylinder, Hole, RadialHole, Slab, volume
+from beadwave.geometry.cad.touching import neighbours
+from beadwave.geometry.meshing.gmsh_session import session, silent
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene.shapes import shapes
 

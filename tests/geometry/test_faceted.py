@@ -7,14 +7,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 from skfem import MeshHex, MeshTet
 
-from beadwave.geometry.body_mesh import body_meshes
-from beadwave.geometry.cad import model
-from beadwave.geometry.faceted import bodies, skins
-from beadwave.geometry.faceted_touching import meeting
-from beadwave.geometry.holes import bores
-from beadwave.geometry.selectors import faces
-from beadwave.geometry.shapes import Cylinder, Hole, Slab
-from beadwave.geometry.sizes import Sizes
+from beadwave.geometry.cad.holes import bores
+from beadwave.geometry.cad.occ import model
+from beadwave.geometry.cad.selectors import faces
+from beadwave.geometry.cad.shapes import Cylinder, Hole, Slab
+from beadwave.geometry.meshing.body_mesh import body_meshes
+from beadwave.geometry.meshing.sizes import Sizes
+from beadwave.geometry.own_mesh.faceted import bodies, skins
+from beadwave.geometry.own_mesh.faceted_touching import meeting
 
 GAP = 1e-5
 STRAIGHT = np.eye(3)

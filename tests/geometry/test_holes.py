@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from beadwave.geometry.cad import body_of, model
-from beadwave.geometry.gmsh_session import session
-from beadwave.geometry.holes import bores, concentric
-from beadwave.geometry.shapes import Cylinder, Hole, Slab
-from beadwave.geometry.touching import neighbours
+from beadwave.geometry.cad.holes import bores, concentric
+from beadwave.geometry.cad.occ import body_of, model
+from beadwave.geometry.cad.shapes import Cylinder, Hole, Slab
+from beadwave.geometry.cad.touching import neighbours
+from beadwave.geometry.meshing.gmsh_session import session
 
 GAP = 1e-5
 TURN = (10, 20, 30)

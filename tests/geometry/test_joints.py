@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from beadwave.geometry import InvalidGeometry
-from beadwave.geometry.cad import model
-from beadwave.geometry.joints import JointWords, TieWords, Words, picked
-from beadwave.geometry.patches import Disc, Share, ThreadBand
-from beadwave.geometry.shapes import Cylinder, Hole, Slab
-from beadwave.geometry.touching import neighbours
+from beadwave.geometry.cad.joints import JointWords, TieWords, Words, picked
+from beadwave.geometry.cad.occ import model
+from beadwave.geometry.cad.patches import Disc, Share, ThreadBand
+from beadwave.geometry.cad.shapes import Cylinder, Hole, Slab
+from beadwave.geometry.cad.touching import neighbours
 
 GAP = 1e-5
 RECTANGLE = ((0, 0), (0.2, 0), (0.2, 0.1), (0, 0.1))

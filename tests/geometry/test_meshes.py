@@ -5,12 +5,12 @@ import pytest
 from skfem import Basis, MeshHex, MeshTet
 
 from beadwave.geometry import InvalidGeometry, smallest_quality
-from beadwave.geometry.gmsh_session import session
-from beadwave.geometry.grid_lines import Stop, refined
-from beadwave.geometry.lined import HoleRing, Lines, lined_mesh
-from beadwave.geometry.own_mesh import own_mesh
-from beadwave.geometry.shapes import Box, Hole, Slab, volume
-from beadwave.geometry.size import n_nodes
+from beadwave.geometry.cad.shapes import Box, Hole, Slab, volume
+from beadwave.geometry.meshing.gmsh_session import session
+from beadwave.geometry.meshing.grid_lines import Stop, refined
+from beadwave.geometry.meshing.lined_blocks import HoleRing, Lines, lined_mesh
+from beadwave.geometry.meshing.node_estimate import n_nodes
+from beadwave.geometry.own_mesh.bodies import own_mesh
 
 from signal_guard import dispositions, signals_restored
 

@@ -5,9 +5,9 @@ import re
 import pytest
 
 from beadwave.geometry import InvalidGeometry
-from beadwave.geometry.cad import model, write_step
-from beadwave.geometry.selectors import faces
-from beadwave.geometry.shapes import Box
+from beadwave.geometry.cad.occ import model, write_step
+from beadwave.geometry.cad.selectors import faces
+from beadwave.geometry.cad.shapes import Box
 
 from command_line import beadwave
 

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from beadwave.geometry.cad import model
-from beadwave.geometry.gmsh_session import session, silent
-from beadwave.geometry.holes import bores
-from beadwave.geometry.step_file import text_of
-from beadwave.geometry.step_splines import ALIKE, Spline, surface_of
+from beadwave.geometry.cad.holes import bores
+from beadwave.geometry.cad.occ import model
+from beadwave.geometry.cad.step_file import text_of
+from beadwave.geometry.cad.step_splines import ALIKE, Spline, surface_of
+from beadwave.geometry.meshing.gmsh_session import session, silent
 
 from command_line import beadwave
 

@@ -9,12 +9,12 @@ from scipy.spatial.transform import Rotation
 from skfem import FacetBasis, MeshHex
 
 from beadwave.geometry import InvalidGeometry
-from beadwave.geometry.body_mesh import body_meshes
-from beadwave.geometry.cad import body_of, model
-from beadwave.geometry.contacts import require_apart
-from beadwave.geometry.gmsh_session import session
-from beadwave.geometry.shapes import Box, Cylinder, Hole, Slab
-from beadwave.geometry.touching import neighbours
+from beadwave.geometry.cad.contacts import require_apart
+from beadwave.geometry.cad.occ import body_of, model
+from beadwave.geometry.cad.shapes import Box, Cylinder, Hole, Slab
+from beadwave.geometry.cad.touching import neighbours
+from beadwave.geometry.meshing.body_mesh import body_meshes
+from beadwave.geometry.meshing.gmsh_session import session
 
 from known_models import facet_error
 

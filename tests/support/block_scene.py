@@ -2,7 +2,7 @@
 
 from contextlib import nullcontext
 
-from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
 
 BLOCK = """
 chain = { count = 2, radius = 0.005, density = 7800.0, young = 210e9, poisson = 0.3 }

@@ -7,7 +7,7 @@ from skfem import Basis
 from beadwave.dem import Chain
 from beadwave.fem import BodyMotion, Material, assemble
 from beadwave.workflows.files.scene import scene
-from beadwave.workflows.stages.assembly import mesh
+from beadwave.workflows.stages.structure.assembly import mesh
 
 YOUNG, DENSITY = 210e9, 7850.0
 STEEL = Material(YOUNG, 0.3, DENSITY)

@@ -60,7 +60,7 @@ ROOMS = {
         ("rom/reduced_model", "rom/parts", "rom/reduction", "rom/health"),
     ),
     "joints": Room(
-        ("fem/joints.py", "fem/constraints.py", "fem/contact_patch.py"),
+        ("fem/assembly/joints.py", "fem/assembly/constraints.py", "fem/contact/contact_patch.py"),
         ("fem/joints", "fem/patch", "fem/mechanisms", "fem/half_space"),
     ),
     "coupling": Room(

@@ -6,14 +6,15 @@ import pytest
 
 from beadwave import rom
 from beadwave.coupling.reduced_spatial_wall import spatial_wall_of
-from beadwave.fem import factorised, modes
-from beadwave.fem.abaqus import input_deck
-from beadwave.fem.model import Model
+from beadwave.fem import factorised
+from beadwave.fem.assembly.model import Model
+from beadwave.fem.exchange.abaqus import input_deck
+from beadwave.fem.modes import modes
 from beadwave.workflows.evidence.harness import Comparison
 from beadwave.workflows.files.scene import scene
-from beadwave.workflows.stages.assembly import dashpots
-from beadwave.workflows.stages.pipeline import Pipeline, pipeline_of
-from beadwave.workflows.stages.progress import quiet
+from beadwave.workflows.stages.engine.pipeline import Pipeline, pipeline_of
+from beadwave.workflows.stages.engine.progress import quiet
+from beadwave.workflows.stages.structure.assembly import dashpots
 
 from peer_programs import require_program
 from programs import calculix as program

@@ -12,18 +12,19 @@ import numpy as np
 import pytest
 
 from beadwave import fem
-from beadwave.fem import factorised, modes
-from beadwave.geometry.cad import write_step
+from beadwave.fem import factorised
+from beadwave.fem.modes import modes
+from beadwave.geometry.cad.occ import write_step
 from beadwave.workflows.evidence.harness import Comparison
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.scene.rig import screw_cells
 from beadwave.workflows.scene.shapes import shapes
-from beadwave.workflows.stages import assembly
-from beadwave.workflows.stages.errors import COARSER, ORDER
-from beadwave.workflows.stages.pipeline import Pipeline, pipeline_of
-from beadwave.workflows.stages.progress import quiet
-from beadwave.workflows.stages.reduction import contact_of
+from beadwave.workflows.stages.engine.pipeline import Pipeline, pipeline_of
+from beadwave.workflows.stages.engine.progress import quiet
+from beadwave.workflows.stages.errors.waves import COARSER, ORDER
+from beadwave.workflows.stages.structure import assembly
+from beadwave.workflows.stages.structure.reduction import contact_of
 
 from peer_programs import require_program
 from programs import calculix as program

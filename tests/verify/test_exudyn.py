@@ -6,8 +6,8 @@ import pytest
 from beadwave import dem, rom
 from beadwave.coupling.reduced_wall import wall_from_reduced
 from beadwave.workflows.files.scene import scene
-from beadwave.workflows.stages.pipeline import pipeline_of
-from beadwave.workflows.stages.progress import quiet
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.progress import quiet
 
 from peer_programs import require_module
 from programs import exudyn

@@ -7,10 +7,10 @@ from beadwave import coupling, dem, fem, rom
 from beadwave.coupling.reduced_wall import wall_of
 from beadwave.workflows.evidence.harness import Comparison
 from beadwave.workflows.files.scene import scene
-from beadwave.workflows.stages.damping import damping
-from beadwave.workflows.stages.impact import impact
-from beadwave.workflows.stages.pipeline import Pipeline, pipeline_of
-from beadwave.workflows.stages.progress import quiet
+from beadwave.workflows.stages.chain.damping import damping
+from beadwave.workflows.stages.chain.impact import impact
+from beadwave.workflows.stages.engine.pipeline import Pipeline, pipeline_of
+from beadwave.workflows.stages.engine.progress import quiet
 
 RIG = ("mesh.seed=0.01", "mesh.block_seed=0.035", "mesh.support_seed=0.1", "mesh.contact_seed=0.01",
        "time.error=1e-6")  # fmt: skip

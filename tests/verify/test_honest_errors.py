@@ -22,8 +22,8 @@ from beadwave.workflows.fit.parameter import Parameter
 from beadwave.workflows.fit.rig import Rig
 from beadwave.workflows.fit.signals import Signals
 from beadwave.workflows.fit.windows import Options
-from beadwave.workflows.stages.pipeline import pipeline_of
-from beadwave.workflows.stages.progress import quiet
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.progress import quiet
 
 from random_scenes import LAWS, WALLS
 from random_scenes import scene as random_scene

@@ -24,7 +24,7 @@ from beadwave.workflows.files.record import Channel, MeanRecord
 from beadwave.workflows.fit.inspect import InspectionRequest
 from beadwave.workflows.fit.inspect import inspected as inspection
 from beadwave.workflows.scene import Scene
-from beadwave.workflows.stages.progress import quiet
+from beadwave.workflows.stages.engine.progress import quiet
 from beadwave.workflows.sweep.cases import base_of
 
 Array = NDArray[np.float64]

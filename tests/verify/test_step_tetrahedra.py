@@ -5,8 +5,8 @@ import pytest
 from skfem import MeshHex
 
 from beadwave import fem
-from beadwave.geometry.cad import write_step
-from beadwave.geometry.shapes import Box, Cylinder
+from beadwave.geometry.cad.occ import write_step
+from beadwave.geometry.cad.shapes import Box, Cylinder
 
 from peer_programs import require_program
 from programs.calculix import PACKAGE, PROGRAM, answer

@@ -7,7 +7,7 @@ import pytest
 from beadwave import fem, rom
 from beadwave.coupling.reduced_spatial_wall import spatial_wall_of
 from beadwave.coupling.spatial_wall import SpatialWall
-from beadwave.fem.factorisation import factorised
+from beadwave.fem.modes.solver.factorisation import factorised
 from beadwave.workflows.evidence.verify.exact_structures import (
     SIDES,
     STEEL,

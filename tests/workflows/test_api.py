@@ -16,7 +16,7 @@ import beadwave
 from beadwave import coupling, dem, rom
 from beadwave.coupling.reduced_wall import wall_of
 from beadwave.workflows.commands.app import COMMANDS, main
-from beadwave.workflows.stages.chain import chain, initial_velocity
+from beadwave.workflows.stages.chain.chain import chain, initial_velocity
 
 ROOT = Path(__file__).parents[2]
 SHORT = {"chain.count": 5, "output.spheres": [1, 3], "time.duration": 5e-4}

@@ -10,7 +10,7 @@ from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.scene.rig import DIMENSIONS, RigTable
 from beadwave.workflows.scene.toml import resolved
-from beadwave.workflows.stages import assembly as assembly_stages
+from beadwave.workflows.stages.structure import assembly as assembly_stages
 from beadwave.workflows.structure import thesis_tables
 
 from command_line import COARSE_RIG, beadwave
@@ -72,8 +72,8 @@ def test_the_wall_moves_and_takes_energy(run):
 
 def test_another_striker_builds_nothing_of_the_assembly(run, monkeypatch, capsys):
     for name in ("mesh", "model", "modes", "contact"):
-        monkeypatch.setattr(f"beadwave.workflows.stages.assembly.{name}", None)
-    monkeypatch.setattr("beadwave.workflows.stages.reduction.reduction", None)
+        monkeypatch.setattr(f"beadwave.workflows.stages.structure.assembly.{name}", None)
+    monkeypatch.setattr("beadwave.workflows.stages.structure.reduction.reduction", None)
     assert coarse("run", "--set=striker.velocity=0.4", "--out=out", "--json") == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["modes_hz"] == run[1]["modes_hz"]
@@ -107,7 +107,7 @@ def test_the_reduced_model_is_written_alone(run, tmp_path):
 def test_a_file_that_cannot_be_written_is_refused_before_anything_is_computed(
     arguments, words, tmp_path, monkeypatch, capsys
 ):
-    monkeypatch.setattr("beadwave.workflows.stages.pipeline.Pipeline.__call__", None)
+    monkeypatch.setattr("beadwave.workflows.stages.engine.pipeline.Pipeline.__call__", None)
     (tmp_path / "folder.npz").mkdir()
     (tmp_path / "file").touch()
     assert coarse(*arguments) == 2

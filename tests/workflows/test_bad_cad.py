@@ -7,12 +7,12 @@ import gmsh
 import numpy as np
 import pytest
 
-from beadwave.geometry.cad import model, write_step
+from beadwave.geometry.cad.occ import model, write_step
+from beadwave.geometry.cad.shapes import Box, Cylinder
+from beadwave.geometry.cad.solids import require_size
+from beadwave.geometry.cad.step_file import check_step, n_solids
 from beadwave.geometry.errors import InvalidGeometry
-from beadwave.geometry.gmsh_session import session, silent
-from beadwave.geometry.shapes import Box, Cylinder
-from beadwave.geometry.solids import require_size
-from beadwave.geometry.step_file import check_step, n_solids
+from beadwave.geometry.meshing.gmsh_session import session, silent
 from beadwave.workflows.files.step import require_step
 
 from command_line import beadwave
@@ -114,7 +114,7 @@ def test_a_step_file_that_lost_a_line_is_damaged(capsys):
 
 def test_a_step_file_with_a_solid_that_cannot_be_read_is_damaged(monkeypatch):
     step_of(a=CUBE)
-    monkeypatch.setattr("beadwave.geometry.cad.n_solids", lambda path: 2)
+    monkeypatch.setattr("beadwave.geometry.cad.occ.n_solids", lambda path: 2)
     with pytest.raises(InvalidGeometry, match="describes 2 solids, of which 1 can be read"):
         with model({}, Path("bad.step")):
             pass

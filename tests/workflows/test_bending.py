@@ -16,12 +16,12 @@ from beadwave.workflows.evidence.accuracy.mesh import mesh
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.run.second_process import RUN
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.stages import bending
-from beadwave.workflows.stages.impact import impact
-from beadwave.workflows.stages.number_errors import numbers_of
-from beadwave.workflows.stages.pipeline import pipeline_of
-from beadwave.workflows.stages.walls import wall_of as wall_of_scene
-from beadwave.workflows.stages.waves import waves
+from beadwave.workflows.stages.chain.impact import impact
+from beadwave.workflows.stages.chain.walls import wall_of as wall_of_scene
+from beadwave.workflows.stages.chain.waves import waves
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.errors.numbers import numbers_of
+from beadwave.workflows.stages.structure import bending
 
 from command_line import beadwave
 
@@ -309,7 +309,7 @@ def test_a_beam_asks_for_no_mesher():
     code = (
         "import sys; from contextlib import nullcontext\n"
         "from beadwave.workflows.files.scene import scene\n"
-        "from beadwave.workflows.stages.pipeline import pipeline_of\n"
+        "from beadwave.workflows.stages.engine.pipeline import pipeline_of\n"
         "pipeline_of(scene('beam', ('time.duration=2e-4',)), lambda s: nullcontext())('wall')\n"
         "print(*({'gmsh', 'pyvista', 'matplotlib'} & set(sys.modules)))"
     )

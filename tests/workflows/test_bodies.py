@@ -16,16 +16,16 @@ from scipy.integrate import quad
 from skfem import Basis, FacetBasis
 
 from beadwave.fem import Material
-from beadwave.geometry import hexahedra
-from beadwave.geometry.cad import write_step
-from beadwave.geometry.gmsh_session import session, silent
-from beadwave.geometry.shapes import Box, Hole, Slab
+from beadwave.geometry.cad.occ import write_step
+from beadwave.geometry.cad.shapes import Box, Hole, Slab
+from beadwave.geometry.meshing import hexahedra
+from beadwave.geometry.meshing.gmsh_session import session, silent
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.scene.toml import resolved, toml
-from beadwave.workflows.stages import assembly
-from beadwave.workflows.stages.pictures import fixtures
-from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.pages.pictures import fixtures
+from beadwave.workflows.stages.structure import assembly
 from beadwave.workflows.structure.api import look
 
 from command_line import beadwave

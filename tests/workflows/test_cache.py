@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from beadwave.workflows.commands.app import main
-from beadwave.workflows.stages import cache
+from beadwave.workflows.stages.engine import cache
 
 SMALL = ("chain.count=3", "output.spheres=[1]", "output.samples=51", "time.duration=0.2e-3")
 

@@ -24,7 +24,7 @@ from beadwave.workflows.fit.parameter import scales
 from beadwave.workflows.fit.windows import decisive
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.scene.toml import resolved, toml
-from beadwave.workflows.stages.walls import wall_of
+from beadwave.workflows.stages.chain.walls import wall_of
 
 from command_line import beadwave
 

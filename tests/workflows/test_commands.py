@@ -153,7 +153,7 @@ def test_doctor_says_that_gmsh_has_no_wheel_for_linux_on_arm(linux, kind, n, bea
 
     monkeypatch.setattr(doctor, "machine", lambda: kind)
     monkeypatch.setattr(doctor, "LINUX", linux)
-    monkeypatch.setattr("beadwave.workflows.stages.cache._version", lambda name: None)
+    monkeypatch.setattr("beadwave.workflows.stages.engine.cache._version", lambda name: None)
     missing = json.loads(beadwave("doctor", "--json")[1])["missing"]
     found = [costs for name, costs, _ in missing if name == "gmsh"]
     assert len(found) == n and all("no wheel for Linux on ARM" in costs for costs in found)

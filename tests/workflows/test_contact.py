@@ -11,10 +11,10 @@ from beadwave import coupling, dem, fem, rom
 from beadwave.coupling.reduced_wall import wall_from_reduced
 from beadwave.dem.waves.arrivals import arrivals
 from beadwave.workflows.files.scene import scene
-from beadwave.workflows.stages.cache import memory
-from beadwave.workflows.stages.chain import chain, initial_velocity
-from beadwave.workflows.stages.pipeline import Pipeline
-from beadwave.workflows.stages.walls import simple_wall
+from beadwave.workflows.stages.chain.chain import chain, initial_velocity
+from beadwave.workflows.stages.chain.walls import simple_wall
+from beadwave.workflows.stages.engine.cache import memory
+from beadwave.workflows.stages.engine.pipeline import Pipeline
 
 from known_models import rig
 

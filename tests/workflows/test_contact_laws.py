@@ -10,7 +10,7 @@ from beadwave.workflows.files.force_file import force_table
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.scene.contact import EXPONENTS
-from beadwave.workflows.stages.chain import chain, together
+from beadwave.workflows.stages.chain.chain import chain, together
 from beadwave.workflows.sweep.cases import SIDE_BY_SIDE
 
 POWER = ("contact.law=power", "contact.stiffness=3e12", "contact.exponent=2", "chain.count=6")

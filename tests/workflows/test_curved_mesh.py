@@ -12,8 +12,8 @@ from skfem import Basis, MeshHex, MeshHex2, MeshTet2
 from skfem.io.meshio import HEX_MAPPING
 
 from beadwave import fem, geometry
-from beadwave.geometry.curved import is_curved
-from beadwave.geometry.gmsh_session import session
+from beadwave.geometry.meshing.gmsh_session import session
+from beadwave.geometry.own_mesh.curved import is_curved
 from beadwave.workflows.files.mesh import volumes_of
 
 from command_line import beadwave
@@ -101,7 +101,7 @@ def test_nodes_in_the_middles_of_straight_edges_change_nothing(capsys):
 @pytest.mark.parametrize("around", [4, 6, 12])
 def test_curved_faces_are_found_however_few_elements_are_around(tmp_path, around):
     """Chords of a square would make four planes; at the edges the elements are smooth."""
-    from beadwave.geometry.own_mesh import own_mesh
+    from beadwave.geometry.own_mesh.bodies import own_mesh
 
     ring(tmp_path / "ring.inp", around=around)
     (body,) = own_mesh(volumes_of(tmp_path / "ring.inp").meshes, 1e-5).bodies.values()
@@ -175,7 +175,7 @@ def test_rigid_motions_of_curved_elements_store_no_energy(tmp_path):
 @pytest.mark.parametrize("kind", ["hex", "tet"])
 def test_pictures_show_the_nodes_of_curved_facets(tmp_path, kind):
     """The area of the drawn surface comes closer to the body's than its corners alone."""
-    from beadwave.fem.trace import outer_nodes
+    from beadwave.fem.assembly.trace import outer_nodes
 
     if kind == "hex":
         ring(tmp_path / "body.inp", around=6, levels=1)

@@ -10,10 +10,10 @@ import beadwave
 from beadwave import coupling, fem, rom
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.stages.assembly import dashpots
-from beadwave.workflows.stages.cache import memory
-from beadwave.workflows.stages.chain import chain, initial_velocity
-from beadwave.workflows.stages.pipeline import Pipeline
+from beadwave.workflows.stages.chain.chain import chain, initial_velocity
+from beadwave.workflows.stages.engine.cache import memory
+from beadwave.workflows.stages.engine.pipeline import Pipeline
+from beadwave.workflows.stages.structure.assembly import dashpots
 
 from command_line import COARSE_RIG
 

@@ -11,9 +11,9 @@ import gmsh
 import numpy as np
 import pytest
 
-from beadwave.geometry.cad import write_step
-from beadwave.geometry.gmsh_session import session
-from beadwave.geometry.shapes import Box, Cylinder
+from beadwave.geometry.cad.occ import write_step
+from beadwave.geometry.cad.shapes import Box, Cylinder
+from beadwave.geometry.meshing.gmsh_session import session
 from beadwave.workflows.files.scene import scene, scene_text
 
 from command_line import beadwave

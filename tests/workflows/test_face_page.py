@@ -8,9 +8,9 @@ from os import environ
 import numpy as np
 import pytest
 
-from beadwave.geometry.selectors import faces
+from beadwave.geometry.cad.selectors import faces
 from beadwave.workflows.files.scene import scene
-from beadwave.workflows.stages.bodies import drawing
+from beadwave.workflows.stages.structure.bodies import drawing
 from beadwave.workflows.structure.face_page import face_page
 
 from command_line import beadwave

@@ -97,7 +97,7 @@ INTO_A_FOLDER = {
 @pytest.mark.parametrize("kind", ["pipe", "link", "dangling link", "folder", "socket"])
 @pytest.mark.parametrize("command", INTO_A_FOLDER.values(), ids=INTO_A_FOLDER)
 def test_a_marker_that_is_no_ordinary_file_is_refused(command, kind, monkeypatch, capsys):
-    monkeypatch.setattr("beadwave.workflows.stages.pipeline.Pipeline.__call__", None)
+    monkeypatch.setattr("beadwave.workflows.stages.engine.pipeline.Pipeline.__call__", None)
     Path("mine.csv").write_text(SIGNAL)
     Path("d").mkdir()
     marker, theirs = Path("d", MARKER), Path("theirs.txt")
@@ -134,7 +134,7 @@ def test_a_folder_of_the_system_is_no_run_folder(place, tmp_path):
 
 @pytest.mark.parametrize("command", INTO_A_FOLDER.values(), ids=INTO_A_FOLDER)
 def test_no_command_fills_the_home_of_a_user(command, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("beadwave.workflows.stages.pipeline.Pipeline.__call__", None)
+    monkeypatch.setattr("beadwave.workflows.stages.engine.pipeline.Pipeline.__call__", None)
     Path("mine.csv").write_text(SIGNAL)
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
     Path("home").mkdir()
@@ -358,7 +358,7 @@ def test_what_a_killed_run_prepared_beside_a_finished_one_goes():
 
 @pytest.mark.parametrize("more", [(), ("--overwrite",)])
 def test_a_folder_in_the_place_of_a_file_is_refused_at_once(more, monkeypatch, capsys):
-    monkeypatch.setattr("beadwave.workflows.stages.pipeline.Pipeline.__call__", None)
+    monkeypatch.setattr("beadwave.workflows.stages.engine.pipeline.Pipeline.__call__", None)
     Path("a", "summary.json").mkdir(parents=True)
     Path("b").mkdir()
     Path("b", "figures").write_text("mine")
@@ -552,7 +552,7 @@ SIGNAL = "time [s],sphere 1 [m/s]\n" + "\n".join(f"{i}e-6,{i % 7}e-3" for i in r
 
 @pytest.mark.parametrize("arguments", OUTPUTS.values(), ids=OUTPUTS)
 def test_no_command_replaces_what_it_reads(arguments, monkeypatch, capsys):
-    monkeypatch.setattr("beadwave.workflows.stages.pipeline.Pipeline.__call__", None)
+    monkeypatch.setattr("beadwave.workflows.stages.engine.pipeline.Pipeline.__call__", None)
     monkeypatch.setattr("beadwave.workflows.structure.hammer.hammer_test", None)
     monkeypatch.setattr(
         "beadwave.workflows.structure.pairing.applied", lambda chosen, *_: (chosen, {1: 50.0})

@@ -9,7 +9,7 @@ import pytest
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.scene.toml import toml
-from beadwave.workflows.stages.chain import chain
+from beadwave.workflows.stages.chain.chain import chain
 
 from command_line import beadwave
 

@@ -9,12 +9,12 @@ import pytest
 from scipy.io import savemat, wavfile
 
 import beadwave
-from beadwave.fem.correlation import mac
-from beadwave.fem.hammer_files import SYNTHETIC, Responses
-from beadwave.fem.hit_records import records_of_data_sets
-from beadwave.fem.hits import FrequencyResponses, Hits, frequency_responses
-from beadwave.fem.poly_reference import IdentifiedModes, identified_modes
-from beadwave.fem.synthetic_hits import HammerDefects, synthetic_hits
+from beadwave.fem.identification.hammer_files import SYNTHETIC, Responses
+from beadwave.fem.identification.hit_records import records_of_data_sets
+from beadwave.fem.identification.hits import FrequencyResponses, Hits, frequency_responses
+from beadwave.fem.identification.poly_reference import IdentifiedModes, identified_modes
+from beadwave.fem.identification.synthetic_hits import HammerDefects, synthetic_hits
+from beadwave.fem.modes.mac import mac
 from beadwave.workflows.files.hammer import (
     MeasuredTest,
     measured_test,

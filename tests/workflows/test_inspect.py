@@ -16,8 +16,8 @@ from beadwave.workflows.fit.record import recorded, sensor_of
 from beadwave.workflows.fit.scene_parameters import number, per_record, put, shared, usual_each
 from beadwave.workflows.fit.structure import VariedScene, structure
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.stages.pipeline import pipeline_of
-from beadwave.workflows.stages.signals import csv_text
+from beadwave.workflows.stages.chain.signals import csv_text
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.sweep.cases import base_of
 
 from command_line import beadwave as command

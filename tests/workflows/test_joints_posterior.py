@@ -5,8 +5,8 @@ import pytest
 
 pytest.importorskip("dynesty")
 
-from beadwave.fem.correlation import Number
-from beadwave.fem.tuning import TuningBasis, TuningParameter
+from beadwave.fem.modes.mac import Number
+from beadwave.fem.updating.tuning import TuningBasis, TuningParameter
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.fit.joints_posterior import (
     PosteriorOptions,
@@ -17,8 +17,8 @@ from beadwave.workflows.fit.joints_posterior import (
 )
 from beadwave.workflows.fit.nested import NestedOptions, log_normal
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.stages.pipeline import pipeline_of
-from beadwave.workflows.stages.progress import quiet
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.progress import quiet
 from beadwave.workflows.structure.api import with_modes
 from beadwave.workflows.structure.parameters import with_values
 

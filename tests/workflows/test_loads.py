@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from beadwave.workflows.files.scene import scene, scene_text
-from beadwave.workflows.stages.pipeline import Pipeline, pipeline_of
+from beadwave.workflows.stages.engine.pipeline import Pipeline, pipeline_of
 
 from command_line import beadwave
 

@@ -8,15 +8,15 @@ from scipy.linalg import eigvals
 
 from beadwave import rom
 from beadwave.coupling import damping_ratios
-from beadwave.fem.loss_factors import damping_ratios_of, loss_factors
+from beadwave.fem.updating.loss_factors import damping_ratios_of, loss_factors
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import InvalidScene, LossFactorsTable
-from beadwave.workflows.stages.assembly import mesh
-from beadwave.workflows.stages.damping import damping
-from beadwave.workflows.stages.face import StruckFace
-from beadwave.workflows.stages.loss_factors import strain_of, structure_damping
-from beadwave.workflows.stages.pipeline import pipeline_of
-from beadwave.workflows.stages.progress import quiet
+from beadwave.workflows.stages.chain.damping import damping
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.progress import quiet
+from beadwave.workflows.stages.structure.assembly import mesh
+from beadwave.workflows.stages.structure.face import StruckFace
+from beadwave.workflows.stages.structure.loss_factors import strain_of, structure_damping
 from beadwave.workflows.structure.api import fit_losses
 from beadwave.workflows.structure.parameters import freed
 from beadwave.workflows.structure.tuning import loosened

@@ -10,7 +10,7 @@ import beadwave
 from beadwave.workflows.files.output_file import OutputFile
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.structure.export import write_model
 
 BAR = """

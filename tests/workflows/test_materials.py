@@ -118,7 +118,7 @@ def test_yield_is_judged_by_the_softer_side_of_each_contact():
 
 def dem_chain():
     """Three steel spheres of 6 mm before an aluminium wall."""
-    from beadwave.workflows.stages.chain import chain
+    from beadwave.workflows.stages.chain.chain import chain
 
     return chain(
         scene_of(

@@ -10,15 +10,15 @@ import pytest
 from scipy.sparse.linalg import eigsh, splu
 
 from beadwave import rom
-from beadwave.fem.spot import plane_spot
+from beadwave.fem.contact.impact_point import plane_spot
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.scene.places import spring_face
-from beadwave.workflows.stages.assembly import dashpots
-from beadwave.workflows.stages.loss_factors import ratios_of_modes
-from beadwave.workflows.stages.measured_parts import fitted_part, rigid_motions
-from beadwave.workflows.stages.pictures import fixtures
-from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.pages.pictures import fixtures
+from beadwave.workflows.stages.structure.assembly import dashpots
+from beadwave.workflows.stages.structure.loss_factors import ratios_of_modes
+from beadwave.workflows.stages.structure.measured_parts import fitted_part, rigid_motions
 from beadwave.workflows.structure.hammer import accelerances, corner_readings
 
 from command_line import beadwave

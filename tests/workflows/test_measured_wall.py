@@ -6,10 +6,10 @@ import pytest
 import beadwave
 from beadwave import dem, rom
 from beadwave.coupling.measured_wall import measured_wall
-from beadwave.fem.hammer_files import Responses, data_set, write_csv
+from beadwave.fem.identification.hammer_files import Responses, data_set, write_csv
 from beadwave.workflows.files.receptance_file import driving_point, fitted
 from beadwave.workflows.scene import InvalidScene, MeasuredWall
-from beadwave.workflows.stages.chain import start
+from beadwave.workflows.stages.chain.chain import start
 
 HZ = np.arange(25.0, 12800.0, 12.5)
 TRUE = rom.ModalFit(
@@ -153,8 +153,8 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
 def test_the_receptance_of_the_rig_gives_its_waves_back(tmp_path):
     """Its own file carries the patch's half-space, which wall.half_space takes out."""
     own = beadwave.impact("rig-rom", {"time.duration": 2e-3})
-    from beadwave.workflows.stages.cache import memory
-    from beadwave.workflows.stages.pipeline import Pipeline
+    from beadwave.workflows.stages.engine.cache import memory
+    from beadwave.workflows.stages.engine.pipeline import Pipeline
 
     stages = Pipeline(own.scene, memory())
     reduced, wall = stages("reduction"), stages("wall")

@@ -12,7 +12,7 @@ from beadwave.workflows.scene.size import (
     peak_memory,
     too_large_mesh,
 )
-from beadwave.workflows.stages.assembly import mesh
+from beadwave.workflows.stages.structure.assembly import mesh
 
 from known_models import rig
 

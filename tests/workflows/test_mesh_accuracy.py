@@ -8,7 +8,7 @@ import pytest
 from beadwave.workflows.evidence.accuracy import mesh as study
 from beadwave.workflows.evidence.accuracy.mesh import extrapolated
 from beadwave.workflows.files.scene import scene
-from beadwave.workflows.stages.progress import quiet
+from beadwave.workflows.stages.engine.progress import quiet
 
 H = 8e-3 / np.sqrt(2) ** np.arange(5)
 

@@ -8,8 +8,8 @@ import pytest
 from skfem import MeshHex, MeshTet
 
 from beadwave.workflows.files.scene import scene
-from beadwave.workflows.stages.mesh_causes import Cause, inner_edges, one_thick
-from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.errors.mesh_causes import Cause, inner_edges, one_thick
 from beadwave.workflows.structure.tuning import worth_of_the_mesh
 
 pytestmark = pytest.mark.usefixtures("shared_cache")

@@ -12,10 +12,11 @@ from skfem import Basis, FacetBasis, MeshHex, MeshTet
 
 from beadwave import fem, geometry, rom
 from beadwave.workflows.files.scene import scene
-from beadwave.workflows.stages import assembly, errors
-from beadwave.workflows.stages.pipeline import pipeline_of
-from beadwave.workflows.stages.reduction import TO_HZ, contact_of
-from beadwave.workflows.stages.walls import wall_of
+from beadwave.workflows.stages.chain.walls import wall_of
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.errors import waves as errors
+from beadwave.workflows.stages.structure import assembly
+from beadwave.workflows.stages.structure.reduction import TO_HZ, contact_of
 
 from meshed_boxes import SCENE, boxes
 

@@ -10,7 +10,7 @@ import meshio
 import numpy as np
 import pytest
 
-from beadwave.geometry.gmsh_session import session
+from beadwave.geometry.meshing.gmsh_session import session
 from beadwave.workflows.files.mesh import volumes_of
 from beadwave.workflows.scene import InvalidScene
 

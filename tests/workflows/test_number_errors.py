@@ -7,12 +7,12 @@ import pytest
 
 from beadwave.dem.waves.chain_waves import chain_waves
 from beadwave.workflows.files.scene import scene
-from beadwave.workflows.stages.number_errors import (
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.errors.numbers import (
     MarchedPair,
     during_largest_collision,
     numbers_with_errors,
 )
-from beadwave.workflows.stages.pipeline import pipeline_of
 
 
 @pytest.fixture(scope="module")

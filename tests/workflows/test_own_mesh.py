@@ -9,9 +9,9 @@ import meshio
 import numpy as np
 import pytest
 
-from beadwave.geometry.gmsh_session import session
+from beadwave.geometry.meshing.gmsh_session import session
 from beadwave.workflows.files.scene import scene
-from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
 
 from command_line import beadwave
 from meshed_boxes import SCENE, boxes

@@ -12,7 +12,7 @@ from beadwave.workflows.fit.calibrate import CalibrationRequest, calibrated, wit
 from beadwave.workflows.fit.folder import write_calibration
 from beadwave.workflows.fit.posterior import Sampling, posterior
 from beadwave.workflows.scene.toml import resolved
-from beadwave.workflows.stages.walls import wall_of
+from beadwave.workflows.stages.chain.walls import wall_of
 
 SETTING = experiment.Twin(noise=1e-3, repeats=4, jitter=1e-6, before=2e-5, seed=3)
 

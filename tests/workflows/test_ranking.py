@@ -7,8 +7,8 @@ import pytest
 
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.stages.pipeline import pipeline_of
-from beadwave.workflows.stages.progress import quiet
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.progress import quiet
 from beadwave.workflows.structure.api import rank_parameters, tune
 from beadwave.workflows.structure.parameters import scene_value, with_values
 

@@ -11,24 +11,29 @@ from scipy.sparse.linalg import spsolve
 from scipy.spatial import KDTree
 
 from beadwave import coupling, dem, fem, rom
-from beadwave.fem.assembly_modes import AssemblyModes
-from beadwave.fem.factorisation import factorised
+from beadwave.fem.modes.assembly_modes import AssemblyModes
+from beadwave.fem.modes.solver.factorisation import factorised
 from beadwave.rom.truncation import LOSS, frequencies, rms, size
 from beadwave.workflows.files.output_file import OutputFile
 from beadwave.workflows.files.run_folder import RunFolder
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.run.run import run, summary_of
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.stages import assembly as assembly_stages
-from beadwave.workflows.stages import errors as error_stages
-from beadwave.workflows.stages import reduction as reductions
-from beadwave.workflows.stages.chain import chain, initial_velocity, start
-from beadwave.workflows.stages.health import reduction_health
-from beadwave.workflows.stages.impact import impact as chain_impact
-from beadwave.workflows.stages.pipeline import Pipeline, pipeline_of
-from beadwave.workflows.stages.quantity_errors import velocity_error_of_mesh
-from beadwave.workflows.stages.reduction import SecondModel, contact_of, reduction, targets_kept
-from beadwave.workflows.stages.walls import wall_of
+from beadwave.workflows.stages.chain.chain import chain, initial_velocity, start
+from beadwave.workflows.stages.chain.impact import impact as chain_impact
+from beadwave.workflows.stages.chain.walls import wall_of
+from beadwave.workflows.stages.engine.pipeline import Pipeline, pipeline_of
+from beadwave.workflows.stages.errors import waves as error_stages
+from beadwave.workflows.stages.errors.quantities import velocity_error_of_mesh
+from beadwave.workflows.stages.structure import assembly as assembly_stages
+from beadwave.workflows.stages.structure import reduction as reductions
+from beadwave.workflows.stages.structure.health import reduction_health
+from beadwave.workflows.stages.structure.reduction import (
+    SecondModel,
+    contact_of,
+    reduction,
+    targets_kept,
+)
 from beadwave.workflows.structure.export import write_reduced
 
 from command_line import COARSE_RIG
@@ -68,7 +73,11 @@ def test_modes_reduction_mac_and_response_of_a_held_assembly_share_one_factor(ki
         sizes.append(A.shape[0])
         return factorised(A)
 
-    for module in ("beadwave.fem", "beadwave.fem.modes", "beadwave.fem.response"):
+    for module in (
+        "beadwave.fem",
+        "beadwave.fem.modes.modes",
+        "beadwave.fem.modes.solver.receptance",
+    ):
         monkeypatch.setattr(import_module(module), "factorised", counting)
     changes = ("mesh.scale=2", f"reduction.kind={kind}")
     run = Pipeline(scene("cantilever", changes), Memory(None, verbose=0))
@@ -226,7 +235,7 @@ def test_an_error_that_cannot_be_estimated_is_a_warning(monkeypatch):
     def stuck(*_):
         raise ValueError("the coarse mesh is singular.")
 
-    monkeypatch.setattr("beadwave.workflows.stages.quantity_errors.error_of_mesh", stuck)
+    monkeypatch.setattr("beadwave.workflows.stages.errors.quantities.error_of_mesh", stuck)
     summary = summary_of(pipeline("output.samples=602"))  # whose mesh error nobody has kept
     assert summary.error_estimate.mesh is None and summary.error_estimate.reduction is not None
     assert any("mesh could not be estimated: the coarse" in words for words in summary.warnings)

@@ -13,7 +13,7 @@ from beadwave.workflows.files.hammer import Reading, measured_test, points_of_fi
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.fit.scene_parameters import limits_of, number, plain_number
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.stages.bodies import drawing
+from beadwave.workflows.stages.structure.bodies import drawing
 from beadwave.workflows.stages.warnings import high_friction
 from beadwave.workflows.structure.parameters import freed
 from beadwave.workflows.structure.tuning import targets

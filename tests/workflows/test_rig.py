@@ -10,7 +10,7 @@ from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.scene.rig import DIMENSIONS, PARTS, RigTable, check
 from beadwave.workflows.scene.toml import parsed, resolved, toml
-from beadwave.workflows.stages import assembly as stages
+from beadwave.workflows.stages.structure import assembly as stages
 
 from known_models import rig
 

@@ -3,9 +3,9 @@
 import pytest
 
 from beadwave.workflows.files.scene import scene
-from beadwave.workflows.stages.chain import chain, start
-from beadwave.workflows.stages.impact import impact
-from beadwave.workflows.stages.walls import wall_of
+from beadwave.workflows.stages.chain.chain import chain, start
+from beadwave.workflows.stages.chain.impact import impact
+from beadwave.workflows.stages.chain.walls import wall_of
 from beadwave.workflows.stages.warnings import thick_plate
 
 

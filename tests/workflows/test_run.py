@@ -13,8 +13,8 @@ import pytest
 
 from beadwave import impact, run
 from beadwave.workflows.files.scene import scene
-from beadwave.workflows.stages import cache
-from beadwave.workflows.stages import pipeline as stages
+from beadwave.workflows.stages.engine import cache
+from beadwave.workflows.stages.engine import pipeline as stages
 
 from command_line import beadwave
 
@@ -305,9 +305,9 @@ def test_without_a_writable_cache_a_run_works_all_the_same(monkeypatch, tmp_path
 
 
 FUNCTION = {
-    "wall": "beadwave.workflows.stages.walls.wall_of",
-    "impact": "beadwave.workflows.stages.impact.impact",
-    "figures": "beadwave.workflows.stages.figures.of_chain",
+    "wall": "beadwave.workflows.stages.chain.walls.wall_of",
+    "impact": "beadwave.workflows.stages.chain.impact.impact",
+    "figures": "beadwave.workflows.stages.pages.figures.of_chain",
 }
 
 

@@ -18,8 +18,8 @@ from beadwave.coupling import ModalDamping
 from beadwave.coupling.reduced_wall import wall_from_reduced
 from beadwave.rom.contact_modes import finer_space
 from beadwave.rom.reduced_model import of_modes
-from beadwave.workflows.stages import face
-from beadwave.workflows.stages.face import Outline
+from beadwave.workflows.stages.structure import face
+from beadwave.workflows.stages.structure.face import Outline
 from beadwave.workflows.sweep import result, scan
 from beadwave.workflows.sweep.cases import base_of
 from beadwave.workflows.sweep.scan import Grid, grid

@@ -10,11 +10,11 @@ from beadwave import coupling
 from beadwave.workflows.files.scene import built_in, scene, scene_text
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.scene.toml import resolved, toml
-from beadwave.workflows.stages.assembly import solid
-from beadwave.workflows.stages.chain import flat
-from beadwave.workflows.stages.damping import damping_law
-from beadwave.workflows.stages.impact import require_start
-from beadwave.workflows.stages.walls import wall_of
+from beadwave.workflows.stages.chain.chain import flat
+from beadwave.workflows.stages.chain.damping import damping_law
+from beadwave.workflows.stages.chain.impact import require_start
+from beadwave.workflows.stages.chain.walls import wall_of
+from beadwave.workflows.stages.structure.assembly import solid
 
 MINIMAL = {
     "name": "minimal",

@@ -11,7 +11,7 @@ from beadwave.workflows.files.scene import scene
 from beadwave.workflows.run import second_process
 from beadwave.workflows.run.run import impact
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
 
 COARSE = (
     "mesh.seed=0.02", "mesh.block_seed=0.05", "mesh.support_seed=0.1",

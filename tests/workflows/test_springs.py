@@ -16,9 +16,9 @@ from beadwave.workflows.files.output_file import OutputFile
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.report.render import coil
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.stages.assembly import dashpots
-from beadwave.workflows.stages.pictures import fixtures
-from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.pages.pictures import fixtures
+from beadwave.workflows.stages.structure.assembly import dashpots
 from beadwave.workflows.structure.export import write_model
 from beadwave.workflows.structure.mode_table import mode_table
 

@@ -10,7 +10,7 @@ import pytest
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene.named_files import file_keys, files_of, in_folder
 from beadwave.workflows.scene.scene_table import SceneTable
-from beadwave.workflows.stages.pipeline import pipeline_of, tables_of
+from beadwave.workflows.stages.engine.pipeline import pipeline_of, tables_of
 
 SHORT = {"chain.count": 3, "time.duration": 3e-4, "output.spheres": [1, 3], "output.samples": 301}
 BEAM = {

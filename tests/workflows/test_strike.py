@@ -10,13 +10,13 @@ import pytest
 import beadwave
 from beadwave import fem
 from beadwave.coupling import elliptical_contact
-from beadwave.geometry.gmsh_session import session, silent
+from beadwave.geometry.meshing.gmsh_session import session, silent
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.scene.toml import parsed, resolved
-from beadwave.workflows.stages.chain import chain
-from beadwave.workflows.stages.pipeline import pipeline_of
-from beadwave.workflows.stages.reduction import contact_of
+from beadwave.workflows.stages.chain.chain import chain
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.structure.reduction import contact_of
 
 R, SPHERE = 0.03, 0.005  # [m] of the struck face, of the chain
 STEEL = "{ young = 210e9, poisson = 0.3, density = 7850.0 }"
@@ -206,7 +206,7 @@ BLOCK = BAR.replace("cylinder = { radius = 0.03, length = 0.08 }", "box = [0.06,
     ],
 )
 def test_a_strike_beside_its_face_is_refused_before_anything_is_meshed(text, changes, monkeypatch):
-    monkeypatch.setattr("beadwave.geometry.body_mesh.body_meshes", None)
+    monkeypatch.setattr("beadwave.geometry.meshing.body_mesh.body_meshes", None)
     write_cut("cut.step", hollow=False)
     with pytest.raises(InvalidScene, match="leaves that face; move it") as refused:
         pipeline(text, *changes)("mesh")

@@ -8,8 +8,8 @@ import pytest
 
 import beadwave
 from beadwave import Cases, dem
-from beadwave.workflows.stages.chain import start
-from beadwave.workflows.stages.walls import simple_wall
+from beadwave.workflows.stages.chain.chain import start
+from beadwave.workflows.stages.chain.walls import simple_wall
 from beadwave.workflows.sweep.cases import base_of
 
 WHERE = spec_from_file_location(

@@ -18,7 +18,7 @@ import beadwave
 from beadwave import Cases, InvalidScene, dem, rom
 from beadwave.workflows.files.run_folder import RunFolder
 from beadwave.workflows.report.tables import apart
-from beadwave.workflows.stages import cache
+from beadwave.workflows.stages.engine import cache
 from beadwave.workflows.sweep import inputs, tasks
 from beadwave.workflows.sweep import sweep as sweeping
 from beadwave.workflows.sweep.cases import base_of

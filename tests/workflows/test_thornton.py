@@ -8,9 +8,9 @@ import pytest
 from beadwave.dem import rigid_wall
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.stages.chain import contact_radius, start
-from beadwave.workflows.stages.impact import impact
-from beadwave.workflows.stages.walls import wall_of
+from beadwave.workflows.stages.chain.chain import contact_radius, start
+from beadwave.workflows.stages.chain.impact import impact
+from beadwave.workflows.stages.chain.walls import wall_of
 
 from command_line import beadwave
 

@@ -10,12 +10,12 @@ import pytest
 from skfem import FacetBasis
 
 from beadwave import rom
-from beadwave.geometry.cad import write_step
-from beadwave.geometry.gmsh_session import session, silent
-from beadwave.geometry.shapes import Cylinder
+from beadwave.geometry.cad.occ import write_step
+from beadwave.geometry.cad.shapes import Cylinder
+from beadwave.geometry.meshing.gmsh_session import session, silent
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
 
 from command_line import beadwave
 

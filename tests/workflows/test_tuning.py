@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from beadwave.fem import factorisation
+from beadwave.fem.modes.solver import factorisation
 from beadwave.workflows.commands.app import main
 from beadwave.workflows.files.output_file import OutputFile
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.stages.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.structure.api import tune
 from beadwave.workflows.structure.mode_table import mode_table
 from beadwave.workflows.structure.tuning import (

@@ -22,9 +22,9 @@ from beadwave.workflows.files.wall_file import loaded
 from beadwave.workflows.run.run import impact
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.scene.toml import resolved, toml
-from beadwave.workflows.stages.chain import flat
-from beadwave.workflows.stages.pipeline import Pipeline, pipeline_of
-from beadwave.workflows.stages.walls import wall_of
+from beadwave.workflows.stages.chain.chain import flat
+from beadwave.workflows.stages.chain.walls import wall_of
+from beadwave.workflows.stages.engine.pipeline import Pipeline, pipeline_of
 from beadwave.workflows.stages.warnings import unusual_wall_file
 
 RUN = ("wall.kind=rom", "time.duration=3e-4", "output.samples=301")

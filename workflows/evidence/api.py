@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from beadwave.workflows.files.run_folder import RunFolder
 from beadwave.workflows.files.scene import Changes, Source, files_read
 from beadwave.workflows.files.scene import scene as load_scene
-from beadwave.workflows.stages.progress import Progress, quiet
+from beadwave.workflows.stages.engine.progress import Progress, quiet
 
 if TYPE_CHECKING:
     from beadwave.workflows.report.finding import Finding

@@ -20,7 +20,7 @@ Arrays = dict[str, np.ndarray]
 def _mesh(path: Path) -> Arrays:
     """points (n, 3), names "dimension origin name" (g,) of groups, and the nodes of each as cells0,
     cells1, ... (m, nodes)."""
-    from beadwave.geometry.mesh_file import mesh_file
+    from beadwave.geometry.own_mesh.mesh_file import mesh_file
 
     points, groups = mesh_file(path)
     names = np.array([f"{g.dimension} {g.origin:d} {g.name}" for g in groups], dtype=str)
@@ -91,7 +91,7 @@ def _reduced(path: Path, target: Path) -> None:
 
 def _step(path: Path) -> Arrays:
     """names (n,) of the bodies of a STEP file: that it can be read at all is what is asked."""
-    from beadwave.geometry.cad import model
+    from beadwave.geometry.cad.occ import model
 
     with model({}, path) as cad:
         return {"names": np.array(list(cad.bodies), dtype=str)}

@@ -1,5 +1,5 @@
 """Hammer tests from files: responses (.csv, .uff, .mat) and time records of hits (also .wav); their
-content is in `fem.hammer_files` and `fem.hit_records`."""
+content is in `fem.identification.hammer_files` and `fem.identification.hit_records`."""
 
 from pathlib import Path
 from re import findall, sub
@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beadwave.fem.hammer_files import (
+from beadwave.fem.identification.hammer_files import (
     Responses,
     data_set,
     of_data_sets,
@@ -17,7 +17,7 @@ from beadwave.fem.hammer_files import (
     require_finite,
     write_csv,
 )
-from beadwave.fem.hit_records import (
+from beadwave.fem.identification.hit_records import (
     TIME_RESPONSE,
     TimeRecord,
     copies,
@@ -31,7 +31,7 @@ from beadwave.fem.hit_records import (
     require_consistent,
     sets_of_hits,
 )
-from beadwave.fem.hits import (
+from beadwave.fem.identification.hits import (
     ESTIMATORS,
     FrequencyResponses,
     HitChecks,
@@ -39,8 +39,8 @@ from beadwave.fem.hits import (
     beside,
     frequency_responses,
 )
-from beadwave.fem.measured_shapes import POINTS, UNITS, points_of_nodes
-from beadwave.fem.subspace import half_spectra, is_decay
+from beadwave.fem.identification.measured_shapes import POINTS, UNITS, points_of_nodes
+from beadwave.fem.identification.subspace import half_spectra, is_decay
 from beadwave.workflows.files.foreign import Unreadable, arrays
 from beadwave.workflows.files.output_file import OutputFile
 from beadwave.workflows.files.uff import ENDINGS, data_sets, pyuff

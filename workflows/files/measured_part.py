@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beadwave.fem.hit_records import node_and_axis
+from beadwave.fem.identification.hit_records import node_and_axis
 from beadwave.workflows.files.hammer import measured_test
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.scene.measured import MeasuredTable

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from beadwave.geometry import CellGroup, InvalidGeometry
-from beadwave.geometry.cell_groups import MeshFile, Origin
-from beadwave.geometry.named_cells import OwnVolumes, volumes
+from beadwave.geometry.own_mesh.cell_groups import MeshFile, Origin
+from beadwave.geometry.own_mesh.named_cells import OwnVolumes, volumes
 from beadwave.workflows.files.foreign import Unreadable, arrays
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.scene.named_files import require_file
@@ -13,7 +13,8 @@ from beadwave.workflows.scene.named_files import require_file
 
 def volumes_of(path: Path, chosen: Sequence[str] = (), merge: float | None = None) -> OwnVolumes:
     """The bodies of a mesh file, those `chosen` or all, with nodes nearer than `merge` [m] merged;
-    raises InvalidScene for what is no mesh and for the faults of `geometry.named_cells`."""
+    raises InvalidScene for what is no mesh and for the faults of
+    `geometry.own_mesh.named_cells`."""
     require_file(path, "give a mesh that gmsh or meshio read", key="mesh: ")
     try:
         content = arrays("mesh", path)

@@ -70,7 +70,7 @@ def driving_point(wall: MeasuredWall) -> tuple[np.ndarray, np.ndarray]:
     Where the file names its points, the response is that of the first point that was hit itself, or
     of number wall.response; hit against its direction the sign is changed. Raises InvalidScene.
     """
-    from beadwave.fem.hit_records import node_and_axis
+    from beadwave.fem.identification.hit_records import node_and_axis
     from beadwave.workflows.files.hammer import measured_test
 
     path = Path(wall.receptance)

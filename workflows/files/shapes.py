@@ -1,9 +1,9 @@
-"""Measured mode shapes from universal files, found in `fem.measured_shapes`."""
+"""Measured mode shapes from universal files, found in `fem.identification.measured_shapes`."""
 
 from functools import lru_cache
 from pathlib import Path
 
-from beadwave.fem import measured_shapes as shapes
+from beadwave.fem.identification import measured_shapes as shapes
 from beadwave.workflows.files.foreign import Unreadable
 from beadwave.workflows.files.uff import ENDINGS, data_sets
 from beadwave.workflows.scene import InvalidScene

@@ -3,8 +3,8 @@
 from functools import lru_cache
 from pathlib import Path
 
+from beadwave.geometry.cad.step_file import check_step
 from beadwave.geometry.errors import InvalidGeometry
-from beadwave.geometry.step_file import check_step
 from beadwave.workflows.files.foreign import Refused, Unreadable, arrays, require_memory
 
 

@@ -13,7 +13,7 @@ from beadwave.workflows.files.scene import Changes, Source, each, files_read
 from beadwave.workflows.files.scene import scene as load_scene
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.parts import with_chain
-from beadwave.workflows.stages.progress import Progress, quiet
+from beadwave.workflows.stages.engine.progress import Progress, quiet
 
 if TYPE_CHECKING:
     import xarray
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from beadwave.workflows.fit.report import CalibrationReport, InspectionReport
     from beadwave.workflows.fit.twin import Coverage
     from beadwave.workflows.report.finding import Finding
-    from beadwave.workflows.stages.pipeline import Pipeline
+    from beadwave.workflows.stages.engine.pipeline import Pipeline
 
 STARTS = 1, 1000  # of a search
 SEEDS = 0, 10**18
@@ -114,7 +114,7 @@ def calibrate(
     from beadwave.workflows.fit.calibrate import CalibrationRequest, calibrated
     from beadwave.workflows.fit.folder import CALIBRATION_FILES, write_calibration
     from beadwave.workflows.fit.record import measured as record
-    from beadwave.workflows.stages.pipeline import pipeline_of
+    from beadwave.workflows.stages.engine.pipeline import pipeline_of
 
     start = with_chain(load_scene(scene, changes))
     measured, request = record(file), CalibrationRequest(
@@ -188,7 +188,7 @@ def twin(
     from beadwave.workflows.fit.better_walls import better_walls
     from beadwave.workflows.fit.calibrate import CalibrationRequest
     from beadwave.workflows.fit.folder import TWIN_FILES, write_calibration, write_data
-    from beadwave.workflows.stages.pipeline import pipeline_of
+    from beadwave.workflows.stages.engine.pipeline import pipeline_of
 
     if watched := _spheres("--spheres", spheres):
         changes = (("output.spheres", list(watched)), *each(changes))
@@ -281,8 +281,8 @@ def _folder(out: str | Path | None, inputs: tuple[Path, ...], overwrite: bool) -
 
 def _with_wall(scene: Scene, pipeline: Pipeline) -> tuple[Scene, Any]:
     """The scene with the curvatures of the face that it strikes, and its wall."""
-    from beadwave.workflows.stages.chain import flat, on_surface
-    from beadwave.workflows.stages.pipeline import needs_structure
+    from beadwave.workflows.stages.chain.chain import flat, on_surface
+    from beadwave.workflows.stages.engine.pipeline import needs_structure
 
     flat(scene)  # refuses materials before anything is computed
     meshed = needs_structure(scene) and scene.bending is None

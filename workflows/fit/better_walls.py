@@ -9,10 +9,10 @@ import numpy as np
 
 from beadwave.workflows.fit.model_errors import BetterModel
 from beadwave.workflows.scene import InvalidScene, Scene
-from beadwave.workflows.stages.errors import MARGIN as REDUCTION_SHARE
-from beadwave.workflows.stages.pipeline import needs_structure, pipeline_of
-from beadwave.workflows.stages.progress import Progress, quiet
-from beadwave.workflows.stages.walls import wall_of
+from beadwave.workflows.stages.chain.walls import wall_of
+from beadwave.workflows.stages.engine.pipeline import needs_structure, pipeline_of
+from beadwave.workflows.stages.engine.progress import Progress, quiet
+from beadwave.workflows.stages.errors.waves import MARGIN as REDUCTION_SHARE
 
 FAILURES = (InvalidScene, ValueError, ArithmeticError, np.linalg.LinAlgError)  # of one wall
 

@@ -40,7 +40,7 @@ from beadwave.workflows.fit.windows import Options
 from beadwave.workflows.report.numbers import supported
 from beadwave.workflows.scene import InvalidScene, OneDofWall, Scene
 from beadwave.workflows.scene.units import GAINS
-from beadwave.workflows.stages.chain import initial_velocity
+from beadwave.workflows.stages.chain.chain import initial_velocity
 
 SCANNED = (50.0, 2000.0, 60)  # frequencies of a wall of one mass [Hz]: lowest, highest, points
 

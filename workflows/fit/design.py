@@ -31,9 +31,9 @@ from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import Table
 from beadwave.workflows.scene import Instrument, InvalidScene
 from beadwave.workflows.scene.places import has_friction
-from beadwave.workflows.stages.pipeline import Pipeline
-from beadwave.workflows.stages.progress import Progress
-from beadwave.workflows.stages.signals import sensors as sensors_of
+from beadwave.workflows.stages.chain.signals import sensors as sensors_of
+from beadwave.workflows.stages.engine.pipeline import Pipeline
+from beadwave.workflows.stages.engine.progress import Progress
 from beadwave.workflows.sweep.cases import Base
 from beadwave.workflows.sweep.design import grid, require_free
 

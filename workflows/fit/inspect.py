@@ -27,7 +27,7 @@ from beadwave.workflows.fit.record import marched, sensor_of, usable
 from beadwave.workflows.fit.structure import VariedScene, better_models, structure
 from beadwave.workflows.report.numbers import supported
 from beadwave.workflows.scene import InvalidScene, Scene
-from beadwave.workflows.stages.progress import Progress
+from beadwave.workflows.stages.engine.progress import Progress
 from beadwave.workflows.sweep.cases import Base
 
 STEPS = 4.0  # of the model, in usual ones: leaves 1e-5 of the largest signal

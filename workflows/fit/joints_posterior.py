@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel
 
-from beadwave.fem.correlation import paired
-from beadwave.fem.tuning import UNFITTED, TuningBasis, TuningParameter, spectrum
+from beadwave.fem.modes.mac import paired
+from beadwave.fem.updating.tuning import UNFITTED, TuningBasis, TuningParameter, spectrum
 from beadwave.workflows.fit.nested import (
     NestedOptions,
     NestedPosterior,
@@ -26,8 +26,8 @@ from beadwave.workflows.fit.nested import (
 )
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import InvalidScene, Scene, nearest
-from beadwave.workflows.stages.pipeline import pipeline_of
-from beadwave.workflows.stages.progress import Progress
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.progress import Progress
 from beadwave.workflows.structure.tuning import (
     DISAGREEMENT,
     at_values,

@@ -25,11 +25,11 @@ from beadwave.workflows.fit.rig import Rig, RubbingSurface
 from beadwave.workflows.fit.scene_parameters import number, put, scene_at
 from beadwave.workflows.scene import InvalidScene, RomWall, Scene
 from beadwave.workflows.scene.places import has_friction
-from beadwave.workflows.stages.chain import Start, flat, initial_velocity, on_surface
-from beadwave.workflows.stages.chain import chain as chain_of
-from beadwave.workflows.stages.pipeline import Pipeline, needs_structure, pipeline_of
-from beadwave.workflows.stages.progress import Progress, quiet
-from beadwave.workflows.stages.walls import simple_wall, wall_of
+from beadwave.workflows.stages.chain.chain import Start, flat, initial_velocity, on_surface
+from beadwave.workflows.stages.chain.chain import chain as chain_of
+from beadwave.workflows.stages.chain.walls import simple_wall, wall_of
+from beadwave.workflows.stages.engine.pipeline import Pipeline, needs_structure, pipeline_of
+from beadwave.workflows.stages.engine.progress import Progress, quiet
 from beadwave.workflows.sweep.cases import Base
 
 if TYPE_CHECKING:
@@ -81,8 +81,8 @@ class VariedScene(NamedTuple):
 
     def rubbed(self, rig: Rig, scene: Scene) -> Rig:
         """The rig with the friction, the arm and the shakers of a scene."""
-        from beadwave.workflows.stages.friction import last_sphere
-        from beadwave.workflows.stages.structure_friction import shaker_forces
+        from beadwave.workflows.stages.chain.friction import last_sphere
+        from beadwave.workflows.stages.structure.friction import shaker_forces
 
         begin = Start(rig.chain, rig.v0, flat=flat(on_surface(scene, self.surface)))
         across = self.rubbing._replace(last=last_sphere(scene, begin))
@@ -193,7 +193,7 @@ def structure(
 
 def _rubbing(scene: Scene, wall: SpatialWall) -> RubbingSurface:
     """Friction on a structure as the scene has it; the last sphere is that of a rig's chain."""
-    from beadwave.workflows.stages.structure_friction import shaker_forces
+    from beadwave.workflows.stages.structure.friction import shaker_forces
 
     shakers = shaker_forces(scene) if scene.shakers else None
     return RubbingSurface(wall, None, shakers, scene.friction.upstream == "held")
@@ -275,7 +275,7 @@ def computed(scene: Scene) -> ComputedWall:
     if not needs_structure(scene):
         reduced = None
     elif scene.bending:
-        from beadwave.workflows.stages import bending
+        from beadwave.workflows.stages.structure import bending
 
         reduced = bending.reduction(scene, bending.model(scene))
     else:

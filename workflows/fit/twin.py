@@ -31,7 +31,7 @@ from beadwave.workflows.fit.model_errors import BetterModel
 from beadwave.workflows.fit.parameter import Parameter
 from beadwave.workflows.report.tables import LINE, aligned_text
 from beadwave.workflows.scene import InvalidScene, OneDofWall, Scene
-from beadwave.workflows.stages.chain import chain, initial_velocity
+from beadwave.workflows.stages.chain.chain import chain, initial_velocity
 
 MET = 0.9  # share of repeats inside their two-sigma bars that is asked for
 

@@ -75,10 +75,10 @@ class Installation(BaseModel):
 
 def doctor() -> Installation:
     """Installed and missing packages, and what the missing ones cost (`beadwave doctor`)."""
-    from beadwave.fem.factorisation import has_pardiso
+    from beadwave.fem.modes.solver.factorisation import has_pardiso
     from beadwave.workflows.files.cache_folder import cache_folder
-    from beadwave.workflows.stages.cache import LIBRARIES as NEEDED
-    from beadwave.workflows.stages.cache import fault, library_versions
+    from beadwave.workflows.stages.engine.cache import LIBRARIES as NEEDED
+    from beadwave.workflows.stages.engine.cache import fault, library_versions
 
     # extras that are not installed, libraries that the loader does not find
     missing = []

@@ -25,7 +25,7 @@ from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.named_files import require_file
 from beadwave.workflows.scene.parts import with_chain
 from beadwave.workflows.scene.toml import toml
-from beadwave.workflows.stages.progress import Progress, quiet
+from beadwave.workflows.stages.engine.progress import Progress, quiet
 
 if TYPE_CHECKING:
     import xarray
@@ -128,7 +128,7 @@ def run(
     """
     chosen = load_scene(scene, changes)
     from beadwave.workflows.run.run import run as run_stages
-    from beadwave.workflows.stages.pipeline import (
+    from beadwave.workflows.stages.engine.pipeline import (
         pipeline_of,  # a scene that is refused loads no solver
     )
 
@@ -162,7 +162,7 @@ def impact(
     changes = (*wall, *each(changes))
     chosen = with_chain(load_scene(scene, changes))
     from beadwave.workflows.run.run import impact as run_impact
-    from beadwave.workflows.stages.pipeline import pipeline_of
+    from beadwave.workflows.stages.engine.pipeline import pipeline_of
 
     inputs = files_read(chosen, scene)
     path, notes = given(Path(out), toml(chosen)) if out else OutputFolder(None)
@@ -219,7 +219,7 @@ def _file_of(rom: str | Path | ReducedModel) -> Path:
     from beadwave.rom import save_npz
     from beadwave.workflows.files.cache_folder import cache_folder
     from beadwave.workflows.files.whole_file import writing_file
-    from beadwave.workflows.stages.cache import fault
+    from beadwave.workflows.stages.engine.cache import fault
 
     matrices = (A for A in (rom.K, rom.M, rom.C, rom.w) if A is not None)
     content = sha256(b"".join(np.ascontiguousarray(A).tobytes() for A in matrices))

@@ -16,8 +16,8 @@ from beadwave.workflows.scene import MeasuredWall
 from beadwave.workflows.scene.places import has_friction
 from beadwave.workflows.scene.toml import toml
 from beadwave.workflows.stages import warnings
-from beadwave.workflows.stages.cache import LIBRARIES, library_versions
-from beadwave.workflows.stages.pipeline import Pipeline, needs_structure
+from beadwave.workflows.stages.engine.cache import LIBRARIES, library_versions
+from beadwave.workflows.stages.engine.pipeline import Pipeline, needs_structure
 
 IMPACT_FILES = ("given.toml", "summary.json", "trajectory.npz", "signals.csv")
 FILES = (
@@ -123,7 +123,9 @@ def _begin_mesh_error(pipeline: Pipeline) -> None:
 def _require_start(pipeline: Pipeline) -> None:
     """Raise InvalidScene for a chain that cannot be marched, unless it has been."""
     if pipeline.scene.chain and not pipeline.kept("impact"):
-        from beadwave.workflows.stages.impact import require_start  # kept results load no march
+        from beadwave.workflows.stages.chain.impact import (
+            require_start,  # kept results load no march
+        )
 
         require_start(pipeline.scene)
 
@@ -226,7 +228,7 @@ def summary_of(
             )
     elif getattr(scene.wall, "file", None):
         from beadwave.workflows.files.wall_file import measured
-        from beadwave.workflows.stages.health import reduction_health
+        from beadwave.workflows.stages.structure.health import reduction_health
 
         numbers["reduction"] = reduction_health(*measured(scene.wall))
 

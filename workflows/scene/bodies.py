@@ -1,7 +1,7 @@
 """Tables of any assembly: bodies, materials, joints, supports, the strike, measured modes.
 
-Faces are picked by the selectors of `geometry.selectors`, pairs of bodies by "a|b"; a * in a name
-stands for any letters.
+Faces are picked by the selectors of `geometry.cad.selectors`, pairs of bodies by "a|b"; a * in a
+name stands for any letters.
 """
 
 from collections.abc import Iterator, Mapping

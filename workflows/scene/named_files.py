@@ -2,7 +2,7 @@
 
 A key of the type FileName is looked for in the folder of the scene (`in_folder`), never written
 over (`files_of`), and its content is in the key of every stage that reads its table
-(`workflows.stages.pipeline.tables_of`).
+(`workflows.stages.engine.pipeline.tables_of`).
 """
 
 import os

@@ -1,9 +1,9 @@
 """Shapes of the tables of [bodies], as `geometry` has them: shapes and grid lines."""
 
+from beadwave.geometry.cad.shapes import Box, Cylinder, Hole, RadialHole, Shape, Slab
 from beadwave.geometry.errors import InvalidGeometry
-from beadwave.geometry.grid_lines import Stop, refined
-from beadwave.geometry.lined import HoleRing, Lines
-from beadwave.geometry.shapes import Box, Cylinder, Hole, RadialHole, Shape, Slab
+from beadwave.geometry.meshing.grid_lines import Stop, refined
+from beadwave.geometry.meshing.lined_blocks import HoleRing, Lines
 from beadwave.workflows.scene.bodies import BodyTable
 from beadwave.workflows.scene.scene import Scene
 

@@ -45,7 +45,9 @@ FACTOR_BYTES = {False: 170.0, True: 240.0}
 INSTANT_BYTES = 70  # of a saved instant of a sphere: 31 in a march, then errors and pictures
 START_SECONDS = 2.0  # s
 SOLUTION_SECONDS = 1.4e-5  # s, over N^(4/3)
-ELEMENT_GROWTH = 1.7  # of neighbouring elements away from the contact (`geometry.grid_lines`)
+ELEMENT_GROWTH = (
+    1.7  # of neighbouring elements away from the contact (`geometry.meshing.grid_lines`)
+)
 
 
 LIMITS = RunLimits()
@@ -151,7 +153,7 @@ def _too_fine(scene: Scene) -> Iterator[str]:
 def foreseen_nodes(scene: Scene) -> dict[str, float]:
     """Nodes that the program's own mesh will have, by body: counted along prescribed grid lines,
     within a third for tetrahedra of boxes and plates; empty where only meshing tells."""
-    from beadwave.geometry.size import n_nodes, n_nodes_of_tetrahedra
+    from beadwave.geometry.meshing.node_estimate import n_nodes, n_nodes_of_tetrahedra
     from beadwave.workflows.scene.shapes import grid_lines, shapes
 
     whole = scene.written_out

@@ -1,6 +1,6 @@
 """[wall]: one table for each kind of wall.
 
-What the march makes of them is in `workflows.stages.walls`.
+What the march makes of them is in `workflows.stages.chain.walls`.
 """
 
 from typing import Annotated, Any, Literal

@@ -21,7 +21,7 @@ import numpy as np
 from beadwave.workflows.files.cache_folder import cache_folder
 from beadwave.workflows.report.numbers import si
 from beadwave.workflows.scene import DashpotWall, RomWall, Scene
-from beadwave.workflows.stages.cache import fault
+from beadwave.workflows.stages.engine.cache import fault
 
 if (
     TYPE_CHECKING
@@ -29,10 +29,10 @@ if (
     from beadwave import coupling, dem
     from beadwave.dem.lateral import LateralTrajectory
     from beadwave.dem.waves.chain_waves import ChainWaves
-    from beadwave.fem.assembly_modes import AssemblyModes
-    from beadwave.fem.constraints import Overconstrained
+    from beadwave.fem.assembly.constraints import Overconstrained
+    from beadwave.fem.modes.assembly_modes import AssemblyModes
     from beadwave.workflows.report.summary import ReductionHealth
-    from beadwave.workflows.stages.chain import Start
+    from beadwave.workflows.stages.chain.chain import Start
 
 CURES = {
     "reduction": "keep more modes (reduction.modes, reduction.to_hz, wall.cutoff)",
@@ -118,7 +118,7 @@ def long_contact(scene: Scene, start: Start, run: dem.Trajectory) -> Iterator[st
     relative to the sphere's radius, as Hertz' law assumes."""
     from beadwave.coupling import PLANE
     from beadwave.dem.validity import SMALL_CONTACT
-    from beadwave.workflows.stages.chain import contact_radius
+    from beadwave.workflows.stages.chain.chain import contact_radius
 
     if start.ellipse == PLANE:
         return

@@ -20,16 +20,16 @@ from beadwave.workflows.files.scene import scene as load_scene
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.named_files import require_file
 from beadwave.workflows.scene.parts import with_assembly, with_structure, with_targets
-from beadwave.workflows.stages.progress import Progress, quiet
+from beadwave.workflows.stages.engine.progress import Progress, quiet
 
 if TYPE_CHECKING:
     import xarray
     from numpy.typing import ArrayLike
     from scipy.sparse import sparray
 
-    from beadwave.fem.poly_reference import IdentifiedModes
+    from beadwave.fem.identification.poly_reference import IdentifiedModes
     from beadwave.rom import ReducedModel
-    from beadwave.workflows.stages.pipeline import Pipeline
+    from beadwave.workflows.stages.engine.pipeline import Pipeline
     from beadwave.workflows.structure.hammer import HammerReport
     from beadwave.workflows.structure.hammer_design import HammerDesign
     from beadwave.workflows.structure.look import Look, LookContents
@@ -52,7 +52,7 @@ class LookReport:
 
     def plot(self) -> Picture:
         """The bodies, a colour and a name each; of a scene with chain, joints and held faces."""
-        from beadwave.workflows.stages.pictures import picture_of, picture_of_parts
+        from beadwave.workflows.stages.pages.pictures import picture_of, picture_of_parts
 
         if self.seen.parts is not None:
             return picture_of_parts(self.seen.scene, self.seen.parts)
@@ -160,7 +160,7 @@ def modes(
     """
     chosen = with_structure(load_scene(scene, changes))
     folder = picture_folder(out, files_read(chosen, scene), overwrite, "mac")
-    from beadwave.workflows.stages.pipeline import pipeline_of
+    from beadwave.workflows.stages.engine.pipeline import pipeline_of
     from beadwave.workflows.structure.mode_table import mode_table
 
     pipeline = pipeline_of(chosen, progress)
@@ -213,7 +213,7 @@ def export(
     chosen = with_assembly(load_scene(scene, changes))
     options = {"--inp": inp, "--step": step}
     files = output_files(options, inputs=files_read(chosen, scene), overwrite=overwrite)
-    from beadwave.workflows.stages.pipeline import pipeline_of
+    from beadwave.workflows.stages.engine.pipeline import pipeline_of
     from beadwave.workflows.structure.export import write_model
 
     write_model(pipeline_of(chosen, progress), files.get("--inp"), files.get("--step"))
@@ -423,7 +423,7 @@ def with_modes(
     if hammer:
         require_file(hammer, HAMMER)
     chosen = with_assembly(load_scene(scene, changes))
-    from beadwave.workflows.stages.pipeline import pipeline_of
+    from beadwave.workflows.stages.engine.pipeline import pipeline_of
     from beadwave.workflows.structure.tuning import numbered, targets
 
     # which modes: as `--match` takes them, "1,3,4" or "1=51.2,3=905"
@@ -541,7 +541,7 @@ def hammer(
     folder = picture_folder(out, inputs, overwrite, *HAMMER_PICTURES)
     if folder:
         folder.require("modes.json", "poles.html", "modes.uff", "targets.toml")
-    from beadwave.workflows.stages.pipeline import pipeline_of
+    from beadwave.workflows.stages.engine.pipeline import pipeline_of
     from beadwave.workflows.structure.hammer import hammer_test, pictures
     from beadwave.workflows.structure.pairing import (
         mac_with_model,
@@ -650,7 +650,7 @@ def write_hammer_test(
         write_hits,
         write_synthetic,
     )
-    from beadwave.workflows.stages.pipeline import pipeline_of
+    from beadwave.workflows.stages.engine.pipeline import pipeline_of
 
     if points is None:
         synthetic = synthetic_file(Path(file), overwrite)
@@ -686,7 +686,7 @@ def design_hammer_test(
     output = OutputFile(
         file, "FILE", inputs=files_read(chosen, scene), ending=".csv", overwrite=overwrite
     )
-    from beadwave.workflows.stages.pipeline import pipeline_of
+    from beadwave.workflows.stages.engine.pipeline import pipeline_of
     from beadwave.workflows.structure.hammer_design import designed
 
     design = designed(pipeline_of(chosen, progress), points, _band(band))
@@ -747,7 +747,7 @@ def reduce(
         targets = {"--out": out, "--matrices": matrices}
         inputs = files_read(chosen, scene)
         files = output_files(targets, inputs=inputs, overwrite=overwrite).values()
-    from beadwave.workflows.stages.pipeline import pipeline_of
+    from beadwave.workflows.stages.engine.pipeline import pipeline_of
     from beadwave.workflows.structure.export import require_formats, write_reduced
 
     if files:

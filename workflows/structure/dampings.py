@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from beadwave.fem.response_model import DampingParameter, StructureDamping
+from beadwave.fem.updating.response_model import DampingParameter, StructureDamping
 from beadwave.workflows.scene import InvalidScene, LossFactorsTable, Scene
 from beadwave.workflows.scene import ModalDampingTable as Modal
 from beadwave.workflows.scene import RayleighDampingTable as Rayleigh
-from beadwave.workflows.stages.damping import damping_law
+from beadwave.workflows.stages.chain.damping import damping_law
 
 RATIO = (1e-6, 0.5)  # bounds of damping ratios and, twice as large, of loss factors
 ALPHA, BETA = (1e-4, 1e5), (1e-12, 1e-1)  # [1/s], [s]

@@ -1,14 +1,14 @@
 """Models for other programs: input deck, geometry, reduced matrices."""
 
 from beadwave import rom
-from beadwave.fem.abaqus import input_deck
+from beadwave.fem.exchange.abaqus import input_deck
 from beadwave.workflows.files.output_file import OutputFile
 from beadwave.workflows.files.wall_file import require_reader
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.scene.shapes import shapes
-from beadwave.workflows.stages.assembly import dashpots
-from beadwave.workflows.stages.pipeline import Pipeline
-from beadwave.workflows.stages.walls import save
+from beadwave.workflows.stages.chain.walls import save
+from beadwave.workflows.stages.engine.pipeline import Pipeline
+from beadwave.workflows.stages.structure.assembly import dashpots
 
 FORMATS = (".npz", ".mat", ".h5")
 FULL_FORMATS = (".mat", ".npz")
@@ -34,7 +34,7 @@ def write_model(pipeline: Pipeline, inp: OutputFile | None, step: OutputFile | N
         with inp.writing() as path:
             path.write_text(text, encoding="utf-8", newline="\n")
     if step:
-        from beadwave.geometry.cad import write_step
+        from beadwave.geometry.cad.occ import write_step
 
         whole = scene.written_out
         if whole.assembly is not None and whole.assembly.file:

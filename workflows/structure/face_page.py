@@ -5,17 +5,17 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
+from beadwave.geometry.cad.selectors import faces
+from beadwave.geometry.cad.solids import ALIGNED, Body, Face
 from beadwave.geometry.errors import InvalidGeometry
-from beadwave.geometry.selectors import faces
-from beadwave.geometry.solids import ALIGNED, Body, Face
 from beadwave.workflows.report.report import harmless_json, in_one_file
-from beadwave.workflows.stages.bodies import Drawing
+from beadwave.workflows.stages.structure.bodies import Drawing
 
 
 def face_page(name: str, geometry: Drawing) -> str:
     """HTML of all faces as triangles with the selectors that pick each; to be called while the
     drawing is open, since selectors are tried on its bodies."""
-    from beadwave.geometry.face_triangles import face_triangles, own_face_triangles
+    from beadwave.geometry.cad.face_triangles import face_triangles, own_face_triangles
 
     if geometry.own:
         triangles = own_face_triangles(geometry.own)
@@ -59,7 +59,7 @@ def face_page(name: str, geometry: Drawing) -> str:
 
 def words(body: Body, face: Face, point: np.ndarray) -> list[str]:
     """Selectors that may pick a face with this point (3,) [m] on it, those by the point last; see
-    `geometry.selectors`."""
+    `geometry.cad.selectors`."""
     texts = []
     if face.normal is not None and np.abs(face.normal).max() > 1 - ALIGNED:
         axis = int(np.abs(face.normal).argmax())

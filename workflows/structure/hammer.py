@@ -9,15 +9,20 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from beadwave import fem
-from beadwave.fem.decay import AmplitudeStep, over_amplitude, varies
-from beadwave.fem.distortion import combination_tone
-from beadwave.fem.half_power import half_power_bandwidth
-from beadwave.fem.hammer_files import SYNTHETIC, Responses
-from beadwave.fem.hammer_test import accelerances, corner_readings, nearest_modes, with_noise
-from beadwave.fem.hit_records import node_and_axis
-from beadwave.fem.hits import FrequencyResponses, lines_left_out
-from beadwave.fem.poly_reference import IdentifiedModes, identified_modes
-from beadwave.fem.subspace import subspace_modes
+from beadwave.fem.identification.decay import AmplitudeStep, over_amplitude, varies
+from beadwave.fem.identification.distortion import combination_tone
+from beadwave.fem.identification.half_power import half_power_bandwidth
+from beadwave.fem.identification.hammer_files import SYNTHETIC, Responses
+from beadwave.fem.identification.hammer_test import (
+    accelerances,
+    corner_readings,
+    nearest_modes,
+    with_noise,
+)
+from beadwave.fem.identification.hit_records import node_and_axis
+from beadwave.fem.identification.hits import FrequencyResponses, lines_left_out
+from beadwave.fem.identification.poly_reference import IdentifiedModes, identified_modes
+from beadwave.fem.identification.subspace import subspace_modes
 from beadwave.workflows.files.hammer import MeasuredTest, Reading, measured_test
 from beadwave.workflows.files.run_folder import Picture
 from beadwave.workflows.report import plots
@@ -25,8 +30,8 @@ from beadwave.workflows.report.numbers import digits
 from beadwave.workflows.report.plots import Line, Panel
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.stages.loss_factors import ratios_of_modes
-from beadwave.workflows.stages.pipeline import Pipeline
+from beadwave.workflows.stages.engine.pipeline import Pipeline
+from beadwave.workflows.stages.structure.loss_factors import ratios_of_modes
 from beadwave.workflows.structure.mode_table import NO_TARGETS
 
 VIRTUAL_LINES = np.arange(10.0, 10_000.0, 0.2)  # [Hz]

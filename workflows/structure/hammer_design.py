@@ -6,18 +6,18 @@ from pydantic import BaseModel
 from scipy.sparse import csr_matrix
 
 from beadwave import fem
-from beadwave.fem.full_responses import residual_flexibility
-from beadwave.fem.hammer_files import SYNTHETIC
-from beadwave.fem.hit_records import degree_of_freedom
-from beadwave.fem.hits import Hits
-from beadwave.fem.measured_shapes import MeasuredShape
-from beadwave.fem.sensor_placement import effective_independence, outside
-from beadwave.fem.synthetic_hits import HammerDefects, HammerHits, struck
+from beadwave.fem.identification.hammer_files import SYNTHETIC
+from beadwave.fem.identification.hit_records import degree_of_freedom
+from beadwave.fem.identification.hits import Hits
+from beadwave.fem.identification.measured_shapes import MeasuredShape
+from beadwave.fem.identification.sensor_placement import effective_independence, outside
+from beadwave.fem.identification.synthetic_hits import HammerDefects, HammerHits, struck
+from beadwave.fem.modes.solver.full_responses import residual_flexibility
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.stages.loss_factors import ratios_of_modes
-from beadwave.workflows.stages.pipeline import Pipeline
-from beadwave.workflows.stages.targets import placed
+from beadwave.workflows.stages.engine.pipeline import Pipeline
+from beadwave.workflows.stages.structure.loss_factors import ratios_of_modes
+from beadwave.workflows.stages.structure.targets import placed
 
 DEFECTS = HammerDefects(noise=0.01, double=0.05, overload=0.05, cross=0.01)
 

@@ -13,9 +13,9 @@ from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.shapes import grid_lines, shapes
 from beadwave.workflows.scene.size import foreseen_seconds, peak_memory
 from beadwave.workflows.scene.toml import resolved
-from beadwave.workflows.stages.assembly import mesh
-from beadwave.workflows.stages.bodies import Drawing, drawing
-from beadwave.workflows.stages.parts import Parts
+from beadwave.workflows.stages.structure.assembly import mesh
+from beadwave.workflows.stages.structure.bodies import Drawing, drawing
+from beadwave.workflows.stages.structure.parts import Parts
 from beadwave.workflows.structure.face_page import face_page
 from beadwave.workflows.structure.starter import starter
 
@@ -292,12 +292,12 @@ def _meshes(scene: Scene, geometry: Drawing) -> dict[str, Mesh]:
     if geometry.own:
         return {name: skin.mesh for name, skin in geometry.own.skins.items()}
     if lines := grid_lines(scene, scene.mesh.scale):
-        from beadwave.geometry.lined import lined_meshes
+        from beadwave.geometry.meshing.lined_blocks import lined_meshes
 
         seeds = {name: scene.mesh.scale * scene.seed_of(name) for name in lines}
         return lined_meshes(shapes(scene), lines, seeds)
-    from beadwave.geometry.body_mesh import body_meshes
-    from beadwave.geometry.sizes import Sizes, default_seeds
+    from beadwave.geometry.meshing.body_mesh import body_meshes
+    from beadwave.geometry.meshing.sizes import Sizes, default_seeds
 
     usual = default_seeds(geometry.bodies)
     seeds = {name: scene.mesh.scale * (scene.seed_of(name) or usual[name]) for name in usual}
@@ -310,7 +310,7 @@ def _meshes(scene: Scene, geometry: Drawing) -> dict[str, Mesh]:
 
 def _holes(geometry: Drawing) -> list[SeenHole]:
     """Holes of the bodies, equal ones of a body in one row with their number."""
-    from beadwave.geometry.holes import bores
+    from beadwave.geometry.cad.holes import bores
 
     counts: Counter[tuple] = Counter()
     for name, body in geometry.bodies.items():
@@ -326,7 +326,7 @@ def _holes(geometry: Drawing) -> list[SeenHole]:
 def _remarks(geometry: Drawing) -> list[str]:
     """Bodies that touch none, holes that no name picks, faces that miss each other, in
     sentences."""
-    from beadwave.geometry.holes import cut_holes
+    from beadwave.geometry.cad.holes import cut_holes
 
     free = geometry.near.free(geometry.bodies) if len(geometry.bodies) > 1 else ()
     remarks = [*geometry.remarks, *(f'"{name}" touches no other body.' for name in free)]

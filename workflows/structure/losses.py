@@ -5,7 +5,7 @@ from typing import Literal
 import numpy as np
 from pydantic import BaseModel
 
-from beadwave.fem.loss_factors import (
+from beadwave.fem.updating.loss_factors import (
     ASSUMED_RATIO_DEVIATION,
     MIN_ENERGY_SHARE,
     PRIOR_DEVIATION,
@@ -14,9 +14,9 @@ from beadwave.fem.loss_factors import (
 from beadwave.workflows.report.numbers import supported
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import InvalidScene, LossFactorsTable, Scene
-from beadwave.workflows.stages.loss_factors import strain_of
-from beadwave.workflows.stages.pipeline import pipeline_of
-from beadwave.workflows.stages.progress import Progress
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.progress import Progress
+from beadwave.workflows.stages.structure.loss_factors import strain_of
 
 
 class LossRow(BaseModel):
@@ -80,8 +80,8 @@ def losses(scene: Scene, progress: Progress) -> tuple[Scene, LossReport]:
     """The scene with the loss factors that its targets' damping ratios determine, and the report.
 
     The ratio of a mode is half the sum of loss factors by their shares of its strain energy
-    (`fem.loss_factors`). Raises InvalidScene without ratios, or where no part can be told from
-    zero.
+    (`fem.updating.loss_factors`). Raises InvalidScene without ratios, or where no part can be told
+    from zero.
     """
     damped = {
         n: target

@@ -7,17 +7,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beadwave import fem
-from beadwave.fem.correlation import Shape
-from beadwave.fem.hit_records import node_and_axis
-from beadwave.fem.hits import FrequencyResponses
-from beadwave.fem.measured_shapes import MeasuredShape
-from beadwave.fem.response_fit import (
+from beadwave.fem.identification.hit_records import node_and_axis
+from beadwave.fem.identification.hits import FrequencyResponses
+from beadwave.fem.identification.measured_shapes import MeasuredShape
+from beadwave.fem.modes.mac import Shape
+from beadwave.fem.updating.response_fit import (
     MeasuredResponses,
     noise_of_coherence,
     noise_of_neighbours,
 )
 from beadwave.workflows.scene import InvalidScene, Scene
-from beadwave.workflows.stages.targets import placed
+from beadwave.workflows.stages.structure.targets import placed
 from beadwave.workflows.structure.hammer import (
     IdentifiedTest,
     points_without_place,

@@ -3,14 +3,14 @@
 import numpy as np
 from pydantic import BaseModel
 
-from beadwave.fem.correlation import RIGID, strained
+from beadwave.fem.modes.mac import RIGID, strained
 from beadwave.workflows.files.run_folder import Picture
 from beadwave.workflows.report import plots
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.stages import warnings
-from beadwave.workflows.stages.health import shape_names
-from beadwave.workflows.stages.pipeline import Pipeline
+from beadwave.workflows.stages.engine.pipeline import Pipeline
+from beadwave.workflows.stages.structure.health import shape_names
 
 READING = """\
 mesh error: by which the elements make the frequency too high;
@@ -150,7 +150,7 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
         }
     )
     if scene.measured:
-        from beadwave.workflows.stages import measured_parts
+        from beadwave.workflows.stages.structure import measured_parts
 
         sentences += measured_parts.sentences(scene)
         sentences += warnings.doubtful_parts(

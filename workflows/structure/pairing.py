@@ -8,21 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beadwave import fem
-from beadwave.fem.assembly_modes import AssemblyModes, field_of
-from beadwave.fem.correlation import ShapeMatch, mac_near_double, measured_pairs
-from beadwave.fem.hit_records import node_and_axis
-from beadwave.fem.measured_shapes import MeasuredShape, along_directions
-from beadwave.fem.response_scale import POWERS, remark_on_scale, response_scale
-from beadwave.fem.sensor_placement import one_more_point, outside
+from beadwave.fem.identification.hit_records import node_and_axis
+from beadwave.fem.identification.measured_shapes import MeasuredShape, along_directions
+from beadwave.fem.identification.response_scale import POWERS, remark_on_scale, response_scale
+from beadwave.fem.identification.sensor_placement import one_more_point, outside
+from beadwave.fem.modes.assembly_modes import AssemblyModes, field_of
+from beadwave.fem.modes.mac import ShapeMatch, mac_near_double, measured_pairs
 from beadwave.workflows.files.run_folder import Picture
 from beadwave.workflows.files.shapes import measured_shape
 from beadwave.workflows.report import plots
 from beadwave.workflows.report.numbers import digits, supported
 from beadwave.workflows.scene import InvalidScene, ModalDampingTable, Scene
 from beadwave.workflows.scene.bodies import MeasuredMode
-from beadwave.workflows.stages.pictures import rendered
-from beadwave.workflows.stages.pipeline import Pipeline
-from beadwave.workflows.stages.targets import placed, remarks_on_axes
+from beadwave.workflows.stages.engine.pipeline import Pipeline
+from beadwave.workflows.stages.pages.pictures import rendered
+from beadwave.workflows.stages.structure.targets import placed, remarks_on_axes
 from beadwave.workflows.structure.hammer import (
     HammerReport,
     HammerRow,

@@ -4,8 +4,8 @@ masses that faces carry and on springs between points."""
 from collections.abc import Mapping, Sequence
 
 from beadwave import fem
-from beadwave.fem.correlation import SPRINGS
-from beadwave.fem.tuning import CARRIED, TuningParameter
+from beadwave.fem.modes.mac import SPRINGS
+from beadwave.fem.updating.tuning import CARRIED, TuningParameter
 from beadwave.workflows.scene import InvalidScene, Scene, nearest
 
 SHIFT = (1e7, 1e4, 1e12)  # start, lower, upper [N/m]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from beadwave.fem.poly_reference import IdentifiedModes
+from beadwave.fem.identification.poly_reference import IdentifiedModes
 from beadwave.workflows.files.hammer import Reading
 from beadwave.workflows.report.report import harmless_json, in_one_file
 from beadwave.workflows.structure.hammer import Choice, IdentifiedTest, shown_lines, summed_response

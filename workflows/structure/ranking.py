@@ -11,18 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel
 
-from beadwave.fem.correlation import Shape, mac_near_double, paired
-from beadwave.fem.identifiability import (
+from beadwave.fem.modes.mac import Shape, mac_near_double, paired
+from beadwave.fem.updating.identifiability import (
     at_scene,
     frequency_sensitivity,
     mac_sensitivity,
     onset_stiffness,
     ranking,
 )
-from beadwave.fem.tuning import TuningParameter
+from beadwave.fem.updating.tuning import TuningParameter
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import InvalidScene, Scene
-from beadwave.workflows.stages.progress import Progress
+from beadwave.workflows.stages.engine.progress import Progress
 from beadwave.workflows.structure import parameters as of_bodies
 from beadwave.workflows.structure.tuning import (
     PARTS,

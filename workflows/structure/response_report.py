@@ -8,11 +8,11 @@ from pydantic import BaseModel
 from scipy.sparse import csr_matrix
 
 from beadwave import fem
-from beadwave.fem.correlation import FROM_AFAR, mac_near_double, measured_pairs
-from beadwave.fem.dashpots import dashpot_rows
-from beadwave.fem.full_responses import full_responses
-from beadwave.fem.measured_shapes import FEWEST
-from beadwave.fem.response_fit import (
+from beadwave.fem.assembly.dashpots import dashpot_rows
+from beadwave.fem.identification.measured_shapes import FEWEST
+from beadwave.fem.modes.mac import FROM_AFAR, mac_near_double, measured_pairs
+from beadwave.fem.modes.solver.full_responses import full_responses
+from beadwave.fem.updating.response_fit import (
     DB,
     MeasuredResponses,
     Misfit,
@@ -21,21 +21,21 @@ from beadwave.fem.response_fit import (
     fit_responses,
     misfit,
 )
-from beadwave.fem.response_model import (
+from beadwave.fem.updating.response_model import (
     DampingParameter,
     Parameter,
     ResponseModel,
     computed_responses,
     with_dampings,
 )
-from beadwave.fem.tuning import TuningParameter, spectrum
+from beadwave.fem.updating.tuning import TuningParameter, spectrum
 from beadwave.workflows.files.run_folder import Picture
 from beadwave.workflows.report import plots
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import Scene
-from beadwave.workflows.stages.pipeline import pipeline_of
-from beadwave.workflows.stages.progress import Progress
-from beadwave.workflows.stages.targets import remarks_on_axes
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.progress import Progress
+from beadwave.workflows.stages.structure.targets import remarks_on_axes
 from beadwave.workflows.structure.hammer import UNITS, IdentifiedTest
 from beadwave.workflows.structure.measured_responses import (
     CLEAR_OF_NOISE,

@@ -15,16 +15,17 @@ from scipy.optimize import nnls
 from scipy.sparse import csr_matrix, vstack
 
 from beadwave import fem
-from beadwave.fem.correlation import FROM_AFAR, mac_near_double, measured_pairs, paired
-from beadwave.fem.measured_shapes import FEWEST
-from beadwave.fem.response_fit import (
+from beadwave.fem.identification.measured_shapes import FEWEST
+from beadwave.fem.identification.response_scale import POWERS, remark_on_scale, response_scale
+from beadwave.fem.modes.mac import FROM_AFAR, mac_near_double, measured_pairs, paired
+from beadwave.fem.updating.response_fit import (
     MeasuredResponses,
     Resonances,
     ResponseFit,
     fit_responses,
     undetermined,
 )
-from beadwave.fem.response_model import (
+from beadwave.fem.updating.response_model import (
     DampingParameter,
     Parameter,
     ResponseModel,
@@ -33,8 +34,7 @@ from beadwave.fem.response_model import (
     solid_ones,
     with_dampings,
 )
-from beadwave.fem.response_scale import POWERS, remark_on_scale, response_scale
-from beadwave.fem.tuning import (
+from beadwave.fem.updating.tuning import (
     TuningBasis,
     TuningParameter,
     at_before,
@@ -46,8 +46,8 @@ from beadwave.workflows.files.hammer import Reading
 from beadwave.workflows.files.run_folder import Picture
 from beadwave.workflows.report.numbers import supported
 from beadwave.workflows.scene import InvalidScene, Scene, nearest
-from beadwave.workflows.stages.pipeline import pipeline_of
-from beadwave.workflows.stages.progress import Progress
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.progress import Progress
 from beadwave.workflows.structure import dampings as of_damping
 from beadwave.workflows.structure import parameters as of_bodies
 from beadwave.workflows.structure.hammer import (

@@ -13,15 +13,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beadwave.fem.spot import MAX_PATCH_SHARE, spanning
+from beadwave.fem.contact.impact_point import MAX_PATCH_SHARE, spanning
+from beadwave.geometry.cad.holes import concentric
+from beadwave.geometry.cad.selectors import faces as selected
+from beadwave.geometry.cad.solids import ALIGNED, Body, Face
 from beadwave.geometry.errors import InvalidGeometry
-from beadwave.geometry.holes import concentric
-from beadwave.geometry.selectors import faces as selected
-from beadwave.geometry.solids import ALIGNED, Body, Face
 from beadwave.workflows.files.output_file import OutputFile
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.stages.bodies import Drawing
-from beadwave.workflows.stages.strike import around
+from beadwave.workflows.stages.structure.bodies import Drawing
+from beadwave.workflows.stages.structure.strike import around
 from beadwave.workflows.structure.face_page import words
 
 PATCH = 2e-3  # [m] radius of the patch that is struck

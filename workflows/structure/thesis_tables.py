@@ -11,8 +11,8 @@ from beadwave.workflows.files.run_folder import Picture
 from beadwave.workflows.report import plots
 from beadwave.workflows.scene import Joints, JointStiffnesses, Scene
 from beadwave.workflows.scene.rig import PARTS
-from beadwave.workflows.stages.pipeline import pipeline_of
-from beadwave.workflows.stages.progress import Progress
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.progress import Progress
 from beadwave.workflows.structure.tuning import tuned
 from beadwave.workflows.thesis import HAMMER_TEST_HZ, THESIS
 

@@ -15,8 +15,8 @@ import numpy as np
 from pydantic import BaseModel
 
 from beadwave import fem
-from beadwave.fem.correlation import paired
-from beadwave.fem.tuning import (
+from beadwave.fem.modes.mac import paired
+from beadwave.fem.updating.tuning import (
     Tuning,
     TuningBasis,
     TuningParameter,
@@ -35,10 +35,10 @@ from beadwave.workflows.scene.bodies import MeasuredMode
 from beadwave.workflows.scene.named_files import every_file_key
 from beadwave.workflows.scene.scene import LONGEST_NAME
 from beadwave.workflows.scene.toml import parsed, toml
-from beadwave.workflows.stages.mesh_causes import FINEST_SCALE, Cause, refinement, size_for
-from beadwave.workflows.stages.pipeline import Pipeline, pipeline_of
-from beadwave.workflows.stages.progress import Progress
-from beadwave.workflows.stages.targets import remarks_on_axes
+from beadwave.workflows.stages.engine.pipeline import Pipeline, pipeline_of
+from beadwave.workflows.stages.engine.progress import Progress
+from beadwave.workflows.stages.errors.mesh_causes import FINEST_SCALE, Cause, refinement, size_for
+from beadwave.workflows.stages.structure.targets import remarks_on_axes
 from beadwave.workflows.structure import parameters as of_bodies
 
 PARTS = {"head": "sheets", "foot": "sheets_support"}  # of the rig, that its joints hold

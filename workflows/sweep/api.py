@@ -146,7 +146,7 @@ def scan(
     points that are missing. Raises InvalidScene for bad input; a point
     whose patch leaves the face is a row with its sentence.
     """
-    from beadwave.workflows.stages.face import StruckFace
+    from beadwave.workflows.stages.structure.face import StruckFace
     from beadwave.workflows.sweep.cases import base_of
     from beadwave.workflows.sweep.result import opened
     from beadwave.workflows.sweep.scan import grid as grid_of

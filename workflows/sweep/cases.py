@@ -11,7 +11,7 @@ from beadwave.workflows.files.scene import Changes, Source, Written, completed, 
 from beadwave.workflows.scene import HalfSpaceWall, InvalidScene, OneDofWall, Scene
 from beadwave.workflows.scene.parts import with_chain
 from beadwave.workflows.scene.toml import changed, keys_set
-from beadwave.workflows.stages.chain import TOGETHER
+from beadwave.workflows.stages.chain.chain import TOGETHER
 from beadwave.workflows.sweep.core.design import Design
 
 SIDE_BY_SIDE = {f"{table}.{name}" for table, names in TOGETHER.items() for name in names}

@@ -6,9 +6,9 @@ import numpy as np
 
 from beadwave import coupling, dem
 from beadwave.workflows.scene import RomWall, Scene
-from beadwave.workflows.stages.chain import on_surface, start, together
-from beadwave.workflows.stages.impact import impact, require_start
-from beadwave.workflows.stages.walls import simple_wall
+from beadwave.workflows.stages.chain.chain import on_surface, start, together
+from beadwave.workflows.stages.chain.impact import impact, require_start
+from beadwave.workflows.stages.chain.walls import simple_wall
 from beadwave.workflows.sweep.cases import CheckedGroup, Group
 from beadwave.workflows.sweep.core.rows import (
     ACROSS,
@@ -123,7 +123,7 @@ def _one_by_one(
             error_time = np.nan if run.error_estimate is None else run.error_estimate
             if scene.friction:
                 # the motion across is loaded by scenes that have one
-                from beadwave.workflows.stages.friction import friction, friction_numbers
+                from beadwave.workflows.stages.chain.friction import friction, friction_numbers
 
                 lateral = friction(scene, first, wall, result)
                 numbers = friction_numbers(scene, first, result, lateral)

@@ -7,16 +7,16 @@ import numpy as np
 
 from beadwave import coupling, dem
 from beadwave.workflows.scene import InvalidScene, RomWall, Scene
-from beadwave.workflows.stages.chain import start
-from beadwave.workflows.stages.impact import impact
-from beadwave.workflows.stages.pipeline import (
+from beadwave.workflows.stages.chain.chain import start
+from beadwave.workflows.stages.chain.impact import impact
+from beadwave.workflows.stages.chain.walls import wall_of
+from beadwave.workflows.stages.engine.pipeline import (
     Pipeline,
     Stage,
     needs_structure,
     pipeline_of,
     tables_of,
 )
-from beadwave.workflows.stages.walls import wall_of
 
 FAILURES = (
     dem.InvalidChain, dem.NoEquilibrium, dem.UnstableStep, coupling.CouplingError, InvalidScene,
@@ -24,7 +24,7 @@ FAILURES = (
 )  # fmt: skip
 FURTHER = {
     "jointed": Stage(
-        ".reduction:jointed",
+        ".structure.reduction:jointed",
         tables_of("reduction", "patch", "assembly"),
         ("model", "contact", "modes"),
         means=("factor", "krylov-space"),
@@ -131,8 +131,11 @@ def _errors(
     nan = float("nan")
     if isinstance(reduced_wall, coupling.CoupledWall):
         return nan, nan
-    from beadwave.workflows.stages.errors import mesh_error, reduction_error  # finite elements
-    from beadwave.workflows.stages.quantity_errors import velocity_error_of_mesh
+    from beadwave.workflows.stages.errors.quantities import velocity_error_of_mesh
+    from beadwave.workflows.stages.errors.waves import (  # finite elements
+        mesh_error,
+        reduction_error,
+    )
 
     at_rest = start(scene, models.reduction.contact)
     run = impact(scene, at_rest, reduced_wall)

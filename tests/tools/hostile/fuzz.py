@@ -30,8 +30,8 @@ from beadwave.workflows.files.shapes import measured_shape
 from beadwave.workflows.files.wall_file import loaded
 from beadwave.workflows.fit.record import record, recorded
 from beadwave.workflows.scene import InvalidScene, RomWall
-from beadwave.workflows.stages.bodies import drawing
-from beadwave.workflows.stages.impact import require_start
+from beadwave.workflows.stages.chain.impact import require_start
+from beadwave.workflows.stages.structure.bodies import drawing
 
 from hostile import samples
 

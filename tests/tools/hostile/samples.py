@@ -134,8 +134,8 @@ def mesh() -> bytes:
 
 
 def step() -> bytes:
-    from beadwave.geometry.cad import write_step  # loads gmsh
-    from beadwave.geometry.shapes import Box, Cylinder
+    from beadwave.geometry.cad.occ import write_step  # loads gmsh
+    from beadwave.geometry.cad.shapes import Box, Cylinder
 
     bodies = {
         "plate": Box((0.1, 0.1, 0.01)),

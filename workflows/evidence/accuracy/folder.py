@@ -11,7 +11,7 @@ from beadwave.workflows.evidence.accuracy.runs import AccuracyRow, table_of
 from beadwave.workflows.files.run_folder import RunFolder
 from beadwave.workflows.report import finding
 from beadwave.workflows.report.finding import Finding
-from beadwave.workflows.stages.cache import LIBRARIES, library_versions
+from beadwave.workflows.stages.engine.cache import LIBRARIES, library_versions
 
 FILES = (*finding.files("accuracy"), "machine.json")
 

@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beadwave import fem
-from beadwave.fem import assembly_modes
-from beadwave.fem.factorisation import has_pardiso
+from beadwave.fem.modes import assembly_modes
+from beadwave.fem.modes.solver.factorisation import has_pardiso
 from beadwave.geometry import smallest_quality
 from beadwave.workflows.evidence.accuracy.mesh_of_bending import of_bending
 from beadwave.workflows.evidence.accuracy.runs import AccuracyRow, table_of
@@ -36,11 +36,11 @@ from beadwave.workflows.report.tables import Table
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.scene.parts import with_assembly
 from beadwave.workflows.scene.rig import PARTS
-from beadwave.workflows.stages import assembly as stages
-from beadwave.workflows.stages.errors import COARSER
-from beadwave.workflows.stages.pipeline import pipeline_of
-from beadwave.workflows.stages.progress import Progress, quiet
-from beadwave.workflows.stages.targets import targets
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.progress import Progress, quiet
+from beadwave.workflows.stages.errors.waves import COARSER
+from beadwave.workflows.stages.structure import assembly as stages
+from beadwave.workflows.stages.structure.targets import targets
 
 SEEDS = (11.3e-3, 5.66e-3, 2.83e-3)  # [m] ratio 2: the fewest that have a limit and an order
 MORE = (8e-3, 5.66e-3, 4e-3, 2.83e-3, 2e-3)  # [m] ratio sqrt 2

@@ -20,11 +20,11 @@ from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import Table
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.scene.parts import with_chain
-from beadwave.workflows.stages import bending
-from beadwave.workflows.stages.errors import velocities
-from beadwave.workflows.stages.pipeline import pipeline_of
-from beadwave.workflows.stages.progress import Progress
-from beadwave.workflows.stages.walls import wall_of
+from beadwave.workflows.stages.chain.walls import wall_of
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.progress import Progress
+from beadwave.workflows.stages.errors.waves import velocities
+from beadwave.workflows.stages.structure import bending
 
 FACTORS = (2.83, 2.0, 1.41, 1.0, bending.FINER, 0.5)  # of the elements' length
 N_MODES = 4  # elastic ones, above 1 Hz

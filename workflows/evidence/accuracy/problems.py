@@ -7,10 +7,10 @@ import numpy as np
 from beadwave import dem
 from beadwave.dem.spheres import force_scale
 from beadwave.workflows.scene import InvalidScene, Scene
-from beadwave.workflows.stages.chain import initial_velocity
-from beadwave.workflows.stages.impact import require_start
-from beadwave.workflows.stages.pipeline import pipeline_of
-from beadwave.workflows.stages.progress import Progress
+from beadwave.workflows.stages.chain.chain import initial_velocity
+from beadwave.workflows.stages.chain.impact import require_start
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.progress import Progress
 
 SPACING, MASS = 400.0, 4.2  # [Hz], [kg] of the block in the synthetic wall
 

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from beadwave import coupling, dem, fem, rom
 from beadwave.coupling.reduced_wall import wall_from_reduced
-from beadwave.fem.assembly_modes import AssemblyModes
+from beadwave.fem.modes.assembly_modes import AssemblyModes
 from beadwave.workflows.evidence.accuracy.runs import AccuracyRow, table_of
 from beadwave.workflows.evidence.accuracy.shared_solutions import SharedSolutions
 from beadwave.workflows.files.run_folder import Picture
@@ -36,11 +36,11 @@ from beadwave.workflows.report.finding import Finding
 from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import Table
 from beadwave.workflows.scene import InvalidScene, RomWall, Scene
-from beadwave.workflows.stages.chain import chain, initial_velocity, on_surface
-from beadwave.workflows.stages.damping import damping
-from beadwave.workflows.stages.pipeline import Stage, pipeline_of, tables_of
-from beadwave.workflows.stages.progress import Progress
-from beadwave.workflows.stages.reduction import contact_of, selection, targets_kept
+from beadwave.workflows.stages.chain.chain import chain, initial_velocity, on_surface
+from beadwave.workflows.stages.chain.damping import damping
+from beadwave.workflows.stages.engine.pipeline import Stage, pipeline_of, tables_of
+from beadwave.workflows.stages.engine.progress import Progress
+from beadwave.workflows.stages.structure.reduction import contact_of, selection, targets_kept
 
 ERROR = 1e-4  # of the reduction, and of the marches that are compared
 KINDS = ("free-modes", "craig-bampton")

@@ -11,7 +11,7 @@ from time import process_time
 
 import numpy as np
 
-from beadwave.fem.factorisation import factorised
+from beadwave.fem.modes.solver.factorisation import factorised
 
 
 class SharedSolutions:

@@ -33,7 +33,7 @@ from beadwave.workflows.evidence.accuracy.runs import (
 from beadwave.workflows.report.finding import Finding
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.scene.parts import with_wall
-from beadwave.workflows.stages.progress import Progress
+from beadwave.workflows.stages.engine.progress import Progress
 
 LENGTHS = (17, 100, 1000, 10000)  # spheres
 MODES = (0, 1, 10, 50, 150, 500)

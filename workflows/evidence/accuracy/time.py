@@ -18,7 +18,7 @@ from beadwave.workflows.evidence.accuracy.runs import (
 )
 from beadwave.workflows.report.finding import Finding
 from beadwave.workflows.scene import Scene
-from beadwave.workflows.stages.progress import Progress
+from beadwave.workflows.stages.engine.progress import Progress
 
 
 def time(scene: Scene, progress: Progress) -> Finding:

@@ -10,8 +10,8 @@ from beadwave import coupling, dem
 from beadwave.workflows.evidence.harness import Outcome, Trial
 from beadwave.workflows.evidence.stability.trials import settled
 from beadwave.workflows.files.scene import scene as load
-from beadwave.workflows.stages.chain import chain, initial_velocity
-from beadwave.workflows.stages.pipeline import Pipeline
+from beadwave.workflows.stages.chain.chain import chain, initial_velocity
+from beadwave.workflows.stages.engine.pipeline import Pipeline
 from beadwave.workflows.thesis import THESIS
 
 COARSE = (

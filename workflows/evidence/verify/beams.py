@@ -16,7 +16,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from beadwave import fem
-from beadwave.fem.beam import ENDS, BeamEnd, Section
+from beadwave.fem.bending.beam import ENDS, BeamEnd, Section
 from beadwave.workflows.evidence.harness import Comparison, compared
 
 LENGTH, STRUCK = 0.5, 0.19  # m

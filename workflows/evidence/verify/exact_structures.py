@@ -10,8 +10,8 @@ from skfem import MeshHex
 
 from beadwave import fem
 from beadwave.coupling import RayleighDamping, damping_ratios
-from beadwave.fem.factorisation import Factor, factorised
-from beadwave.geometry.grid_lines import graded
+from beadwave.fem.modes.solver.factorisation import Factor, factorised
+from beadwave.geometry.meshing.grid_lines import graded
 from beadwave.workflows.evidence.harness import Comparison, compared
 from beadwave.workflows.evidence.verify.exact_reductions import JOHNSON, sphere_on_modes
 

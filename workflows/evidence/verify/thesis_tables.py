@@ -11,8 +11,8 @@ from beadwave.dem.waves.tracks import wave_tracks
 from beadwave.workflows.evidence.harness import Comparison, compared
 from beadwave.workflows.evidence.verify.published import EXACT
 from beadwave.workflows.files.scene import scene
-from beadwave.workflows.stages.chain import initial_velocity
-from beadwave.workflows.stages.progress import quiet
+from beadwave.workflows.stages.chain.chain import initial_velocity
+from beadwave.workflows.stages.engine.progress import quiet
 from beadwave.workflows.structure.thesis_tables import TABLE_53, TableRow, table_52, table_53
 
 FITTED, UNFITTED = 0.04, 0.2  # of a frequency that a tuning matches, and of one that it does not

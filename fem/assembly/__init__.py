@@ -1,0 +1,1 @@
+"""Bodies, joints, springs and supports: K and M of an assembly."""

@@ -1,0 +1,68 @@
+"""Masses that a face carries: sensors, stingers, magnets.
+
+A body of mass m and moments of inertia J moves with the rigid motion q = C u nearest to the
+displacements of a disc of the face (RBE3, `fem.assembly.joints.distributing`), taken at its own
+centre, so that it adds mass and no stiffness:
+
+    M := M + C^T diag(m, m, m, J_x, J_y, J_z) C.
+"""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from beadwave.fem.assembly.elasticity import AttachedMass, Structure
+from beadwave.fem.assembly.joints import distributing
+from beadwave.fem.assembly.trace import OffFace, trace
+from beadwave.fem.contact.contact_patch import disc_quadrature
+from beadwave.fem.contact.disc_room import room_on_face
+from beadwave.fem.contact.impact_point import planar_spot
+
+
+class CarriedMass(NamedTuple):
+    """A rigid body on a disc of a plane face."""
+
+    name: str
+    face: str  # "body:face"
+    at: tuple[float, float]  # [m] from the middle of the face, along the axes that span it
+    radius: float  # [m] of the disc
+    mass: float  # [kg]
+    height: float = 0.0  # [m] of its centre of mass over the face
+    inertia: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [kg m^2] about x, y, z through it
+
+
+# Points that average over the disc; rigid motions are exact with any number of them.
+N_RADIAL = 16
+N_AROUND = 48
+
+
+def with_carried(structure: Structure, masses: Iterable[CarriedMass]) -> Structure:
+    """The structure with these masses in M, and each of them alone in `carried`.
+
+    Raises OffFace where a disc leaves its face, ValueError for a face that is not plane.
+    """
+    carried = []
+    disc, share = disc_quadrature("area", N_RADIAL, N_AROUND)
+    for body in masses:
+        # displacements of the disc's points by those of the mesh, u_disc = P u
+        spot = planar_spot(structure, body.face, body.at)
+        on_face = spot.point + body.radius * disc @ spot.axes
+        try:
+            P = trace(structure, body.face, on_face)
+        except OffFace:
+            room = room_on_face(structure, body.face, body.at, body.radius)
+            raise OffFace(
+                f"a disc of radius {body.radius:g} m at {list(body.at)} m from the middle of "
+                f"{body.face!r} leaves that face; {room}; move it or make it smaller."
+            ) from None
+
+        # C (6, ndof): the rigid motion of the disc at the body's own centre, where its inertia is
+        # diagonal
+        centre = spot.point - body.height * spot.inward
+        C = csr_matrix(csr_matrix(distributing(on_face, share, centre)) @ P)
+        inertia = np.array([body.mass] * 3 + list(body.inertia))
+        carried.append(AttachedMass(body.name, csr_matrix(C.T @ C.multiply(inertia[:, None]))))
+    M = sum((mass.M for mass in carried), start=structure.M).tocsr()
+    return structure._replace(M=M, carried=structure.carried + tuple(carried))

@@ -1,0 +1,1 @@
+"""Beams and plates without a mesh of solids."""

@@ -1,0 +1,1 @@
+"""The contact in the finite-element model: patches, half-spaces, points of a face."""

@@ -1,0 +1,1 @@
+"""Models as Abaqus and CalculiX read them."""

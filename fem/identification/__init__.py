@@ -1,0 +1,1 @@
+"""Modes, damping and shapes from measured hits and records."""

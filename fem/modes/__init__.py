@@ -1,0 +1,1 @@
+"""Modes of a model, their correlation, and the solvers behind both."""

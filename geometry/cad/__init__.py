@@ -1,0 +1,1 @@
+"""Shapes drawn or read from STEP, their faces, holes and contacts."""

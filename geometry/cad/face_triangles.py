@@ -1,0 +1,56 @@
+"""Triangles of the faces of bodies, to look at."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beadwave.geometry.cad.solids import Body
+from beadwave.geometry.own_mesh.facets import triangles
+
+if TYPE_CHECKING:
+    from beadwave.geometry.own_mesh.bodies import OwnMesh
+
+ACROSS = 12.0  # triangles along the diagonal of a body, curved faces have more; chosen by eye
+
+
+def face_triangles(bodies: Iterable[Body]) -> dict[int, NDArray[np.float64]]:
+    """Corners (n, 3, 3) [m] of the triangles of each face, by its tag.
+
+    To be called in the bodies' ``with model(...)``, before touching bodies split each other's
+    faces; a mesh that the model holds is cleared.
+    """
+    import gmsh
+
+    bodies = list(bodies)
+    gmsh.model.mesh.clear()
+    largest = max(float(np.linalg.norm(body.upper - body.lower)) for body in bodies)
+    usual = gmsh.option.getNumber("Mesh.MeshSizeMax")
+    gmsh.option.setNumber("Mesh.MeshSizeMax", largest / ACROSS)
+    gmsh.model.mesh.generate(2)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", usual)
+    # of all faces: a node on the seam of a round face may be listed with another face alone
+    nodes, points, _ = gmsh.model.mesh.getNodes()
+    place = dict(zip(nodes.tolist(), points.reshape(-1, 3), strict=True))
+    corners_of = {}
+    for face in (face for body in bodies for face in body.faces):
+        _, nodes_of = gmsh.model.mesh.getElementsByType(2, face.tag)  # type 2: triangles
+        corners_of[face.tag] = np.array([place[n] for n in nodes_of.tolist()]).reshape(-1, 3, 3)
+    gmsh.model.mesh.clear()
+    return corners_of
+
+
+def own_face_triangles(own: OwnMesh) -> dict[str, dict[int, NDArray[np.float64]]]:
+    """Corners (n, 3, 3) [m] of the faces of a user's mesh, by body and by the tag of the face;
+    quadrilaterals are halved, which needs no kernel."""
+    corners_of: dict[str, dict[int, NDArray[np.float64]]] = {}
+    for name, skin in own.skins.items():
+        n, width = skin.corners.shape[:2]
+        at = np.arange(n * width).reshape(n, width)
+        corners = skin.corners.reshape(-1, 3)[at if width == 3 else triangles(at)]
+        tag = skin.tag if width == 3 else np.tile(skin.tag, 2)
+        corners_of[name] = {int(label): corners[tag == label] for label in np.unique(tag)}
+    return corners_of

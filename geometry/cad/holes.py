@@ -1,0 +1,214 @@
+"""Places of bolts: round holes of bodies, holes through two bodies about one axis, shanks in bores.
+
+A bore consists of cylinder faces of one axis and radius that join without a gap and go more than
+three quarters around, so that a fillet is none.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
+from math import pi
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beadwave.geometry.cad.contacts import TouchingPair
+from beadwave.geometry.cad.solids import (
+    SAME,
+    Body,
+    Face,
+    Vector,
+    of_one_cylinder,
+    off_axis,
+    parallel,
+)
+
+HOLE_ANGLE = 0.75 * 2 * pi  # rad around, less is a fillet or a slot's end
+CUT_HOLE_ANGLE = 0.45 * 2 * pi  # rad around, of a hole that an edge cuts; less is a fillet
+# difference of the radii of shank and bore, or of their axes, over the bore's radius, at most:
+# the depth of a coarse metric thread is 0.14 (M20) to 0.18 (M6) of it, and CAD files draw
+# either of its diameters
+THREAD_DEPTH = 0.2
+
+
+class Bore(NamedTuple):
+    """A cylindrical face that goes all around: the wall of a hole, or the outside of a pin."""
+
+    tags: tuple[int, ...]  # of its faces in the CAD model
+    radius: float  # m
+    axis: Vector  # (3,) unit vector
+    ends: NDArray[np.float64]  # (2, 3) points of its axis [m]
+
+    @property
+    def diameter(self) -> float:
+        """[m], by which selectors and joints know a hole."""
+        return 2 * self.radius
+
+
+class Concentric(NamedTuple):
+    """A hole through both bodies of a touching pair."""
+
+    bodies: tuple[str, str]
+    centre: Vector  # (3,) on the plane in which they touch [m]
+    axis: Vector  # of the hole, from the first body to the second
+    diameters: tuple[float, float]  # m, in either body
+    faces: tuple[int, int]  # tags of the planes that touch there
+
+
+class ThreadedPair(NamedTuple):
+    """A shank in a bore: where a thread joins two bodies."""
+
+    bodies: tuple[str, str]
+    tags: tuple[tuple[int, ...], tuple[int, ...]]  # of the cylinders' faces, on either body
+    centre: Vector  # (3,) in the middle of the length that both have, on the bore's axis [m]
+    axis: Vector
+    length: float  # m
+
+
+def bores(body: Body, *, hollow: bool = True) -> tuple[Bore, ...]:
+    """The holes of a body; with hollow False its outer cylinders."""
+    return tuple(bore for bore, angle in _cylinders(body, hollow) if angle > HOLE_ANGLE)
+
+
+def cut_holes(body: Body) -> tuple[Bore, ...]:
+    """Holes that an edge of the body cuts, with about half of them or more left."""
+    cylinders = _cylinders(body, hollow=True)
+    return tuple(bore for bore, angle in cylinders if CUT_HOLE_ANGLE < angle <= HOLE_ANGLE)
+
+
+def _cylinders(body: Body, hollow: bool) -> list[tuple[Bore, float]]:
+    """Cylinders with the angle that their faces go around [rad]."""
+    # of one cylinder the runs of faces that follow each other along the axis without a gap
+    runs: list[list[Face]] = []
+    for group in of_one_cylinder((face for face in body.faces if face.hollow == hollow), SAME):
+        reached = -np.inf
+        for face in sorted(group, key=lambda f: _span(f, group[0])):
+            lower, upper = _span(face, group[0])
+            runs[-1].append(face) if lower < reached + SAME else runs.append([face])
+            reached = max(reached, upper)
+
+    cylinders = []
+    for run in runs:
+        first = run[0]
+        spans = np.array([_span(face, first) for face in run])
+        lower, upper = spans.min(), spans.max()
+        # area = radius * angle * length
+        angle = sum(face.area for face in run) / (first.radius * (upper - lower))
+        ends = first.on_axis + np.outer([lower, upper], first.axis)
+        bore = Bore(tuple(f.tag for f in run), first.radius, first.axis, ends)
+        cylinders.append((bore, angle))
+    return cylinders
+
+
+def _span(face: Face, axis_of: Face) -> tuple[float, float]:
+    """Lower and upper end [m] of a cylinder face along the axis of another one."""
+    ends = face.on_axis + np.outer(face.along, face.axis) - axis_of.on_axis
+    lower, upper = sorted(ends @ axis_of.axis)
+    return lower, upper
+
+
+class FacingHoles(NamedTuple):
+    """A hole of each body of a touching pair, where they open into a plane in which these touch."""
+
+    diameters: tuple[float, float]  # m
+    centres: tuple[Vector, Vector]  # (3,) [m]
+    plane: Face  # of the first body
+    faces: tuple[int, int]  # tags of the planes
+
+    @property
+    def distance(self) -> float:
+        """Between the axes, in the plane [m]."""
+        return float(np.linalg.norm(self.centres[0] - self.centres[1]))
+
+
+def facing(touch: TouchingPair, bodies: Mapping[str, Body]) -> Iterator[FacingHoles]:
+    """Every hole of the first body with every one of the second, across the planes of contact."""
+    first, second = (bodies[name] for name in touch.bodies)
+    for contact in touch.contacts:
+        plane = first.face(contact.faces[0])
+        if plane.normal is None:
+            continue
+        for one, other in product(_at_plane(first, plane), _at_plane(second, plane)):
+            diameters, centres = zip(one, other, strict=True)
+            yield FacingHoles(diameters, centres, plane, contact.faces)
+
+
+def concentric(
+    touch: TouchingPair, bodies: Mapping[str, Body], gap: float
+) -> tuple[Concentric, ...]:
+    """Holes of both bodies about one axis, across a plane in which they touch."""
+    return tuple(
+        Concentric(touch.bodies, pair.centres[0], pair.plane.normal, pair.diameters, pair.faces)
+        for pair in facing(touch, bodies)
+        if pair.distance <= SAME + gap
+    )
+
+
+def misaligned(
+    touch: TouchingPair, bodies: Mapping[str, Body], gap: float
+) -> tuple[FacingHoles, ...]:
+    """Holes of both bodies that open into each other and are about two axes."""
+    return tuple(
+        pair
+        for pair in facing(touch, bodies)
+        if SAME + gap < pair.distance < sum(pair.diameters) / 2
+    )
+
+
+def _at_plane(body: Body, plane: Face) -> list[tuple[float, Vector]]:
+    """Diameters [m] and centres (3,) on a plane of the bores that reach it or end at a chamfer
+    below it."""
+    candidates: list[tuple[float, float, Vector]] = []
+    for bore in bores(body):
+        heights = (bore.ends - plane.centre) @ plane.normal
+        end = int(np.argmin(abs(heights)))
+        if parallel(bore.axis, plane.normal) and abs(heights[end]) <= bore.radius:
+            centre = bore.ends[end] - heights[end] * plane.normal
+            candidates.append((abs(heights[end]), bore.diameter, centre))
+    # of a stepped hole the step nearest to the plane
+    nearest: list[tuple[float, Vector]] = []
+    for _, diameter, centre in sorted(candidates, key=lambda candidate: candidate[0]):
+        if all(np.linalg.norm(centre - nearer) > SAME for _, nearer in nearest):
+            nearest.append((diameter, centre))
+    return nearest
+
+
+def crossed(
+    touch: TouchingPair, bodies: Mapping[str, Body], points: Sequence[Sequence[float]]
+) -> list[Concentric]:
+    """Points (3,) [m] moved along the normal onto the nearest plane in which two bodies touch, as
+    bolts without holes, of diameters 0; none where they touch on no plane. Whether a point lies
+    within the common face is found when its washer is imprinted."""
+    body = bodies[touch.bodies[0]]
+    planes = [(body.face(c.faces[0]), c) for c in touch.contacts]
+    planes = [(face, c) for face, c in planes if face.normal is not None]
+    bolts = []
+    for point in np.array(points) if planes else ():
+        heights = [(face.centre - point) @ face.normal for face, _ in planes]
+        nearest = int(np.argmin(np.abs(heights)))
+        face, contact = planes[nearest]
+        centre = point + heights[nearest] * face.normal
+        bolts.append(Concentric(touch.bodies, centre, face.normal, (0.0, 0.0), contact.faces))
+    return bolts
+
+
+def engaged(first: Body, second: Body) -> tuple[ThreadedPair, ...]:
+    """Shanks of either body in bores of the partner, the first body first: axes parallel,
+    with a length in common; the distance of the axes and the difference of the radii make together
+    at most THREAD_DEPTH of the bore's radius."""
+    threads = []
+    for hollow in (False, True):
+        cylinders = bores(first, hollow=hollow), bores(second, hollow=not hollow)
+        for a, b in product(*cylinders):
+            bore = a if hollow else b
+            mismatch = off_axis(a.ends, b.ends[0], b.axis).max() + abs(a.radius - b.radius)
+            if not parallel(a.axis, b.axis) or mismatch > THREAD_DEPTH * bore.radius:
+                continue
+            # the length that both have, along the bore
+            heights = [np.sort((c.ends - bore.ends[0]) @ bore.axis) for c in (a, b)]
+            lower, upper = max(h[0] for h in heights), min(h[1] for h in heights)
+            if upper - lower > SAME:
+                names, tags = (first.name, second.name), (a.tags, b.tags)
+                centre = bore.ends[0] + (lower + upper) / 2 * bore.axis
+                threads.append(ThreadedPair(names, tags, centre, bore.axis, float(upper - lower)))
+    return tuple(threads)

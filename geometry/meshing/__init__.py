@@ -1,0 +1,1 @@
+"""Elements on the shapes: sizes, grid lines, hexahedra, tetrahedra."""

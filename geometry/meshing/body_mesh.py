@@ -1,0 +1,196 @@
+"""Every body meshed on its own, straight elements for quadratic shape functions.
+
+Hexahedra for boxes, extruded outlines and tubes, tetrahedra for all else. Elements have the body's
+seed, less where it is bent or thin, and grow away from fine points. Nodes on full cylinders are
+moved out so that the facets enclose the cylinder's volume: chords alone make pins too thin and
+holes too small, by 2 pi^2 / (3 n^2) of the volume for n edges around.
+
+The number of nodes is estimated before meshing, so that a mesh that no machine could solve is
+refused at once. For quadratic elements of the size s in a body of the volume V and the thickness
+t = 2 V / area,
+
+    n = V / s^3 (inner + outer s / t) + the finer elements around its cylinders
+"""
+
+from collections.abc import Mapping, Sequence
+from math import log, pi
+
+import gmsh
+import numpy as np
+from numpy.typing import NDArray
+from skfem import Mesh, MeshTet
+
+from beadwave.geometry.cad.contacts import TouchingPair
+from beadwave.geometry.cad.imprint import MERGED, Region, fitted, imprinted, regions
+from beadwave.geometry.cad.patches import Disc, Patch
+from beadwave.geometry.cad.selectors import FaceSelection
+from beadwave.geometry.cad.solids import Body
+from beadwave.geometry.errors import InvalidGeometry
+from beadwave.geometry.meshing.gmsh_session import EDGES_AROUND, failing
+from beadwave.geometry.meshing.hexahedra import hexahedra
+from beadwave.geometry.meshing.roundness import enclosing, full_cylinders, rimmed
+from beadwave.geometry.meshing.sizes import GRADING, Size, Sizes, mesh_visible
+from beadwave.geometry.own_mesh.facets import facets_of
+
+TRIANGLE, TETRAHEDRON = 2, 4  # gmsh's element types
+
+
+# Factors of the estimated number of nodes, measured on bodies of six kinds, with elements from a
+# third of the default seed to the default seed.
+INNER_NODES = {"hex": 3.9, "tet": 5.5}
+OUTER_NODES = {"hex": 4.0, "tet": 8.5}
+PIN_NODES = 11.0  # nodes of tetrahedra over area / s^2, at an outer cylinder
+BORE_NODES = 20.0  # the same at a bore
+MAX_NODES = 5e6  # nodes of a body beyond which it is refused: no machine at hand solves it
+
+DEFAULT = Sizes()
+
+
+def body_meshes(
+    bodies: Mapping[str, Body],
+    touching: Sequence[TouchingPair] = (),
+    *,
+    gap: float,
+    sizes: Sizes = DEFAULT,
+    named: Mapping[str, FaceSelection] | None = None,
+    patches: Mapping[str, Patch] | None = None,
+    element: str | None = None,
+) -> dict[str, Mesh]:
+    """A mesh for every body, in metres; to be called once inside the bodies' ``with model(...)``.
+
+    Boundaries of a mesh are the body's `named` faces and its `patches`, and "a|b" where it touches
+    another body, under the same name in both. `element` = "tet" meshes all in tetrahedra; else what
+    is an extrusion is meshed in hexahedra. Raises InvalidGeometry for a seed that would give too
+    many nodes, and ValueError, naming the body, for what gmsh cannot mesh.
+    """
+    for body in bodies.values():
+        size = sizes.of(body)
+        n = foreseen_nodes(body, size, "hex")
+        if n > MAX_NODES:
+            coarse = size.seed * (n / MAX_NODES) ** (1 / 3)
+            raise InvalidGeometry(
+                f'"{body.name}" with seed = {size.seed:.3g} m would have some {n:.1e} nodes, more '
+                f"than {MAX_NODES:.0e}; take a seed above {coarse:.2g} m."
+            )
+    meshes = {}
+    for name, body in bodies.items():
+        size = sizes.of(body)
+        try:
+            with failing(f'"{name}" could not be meshed with elements of {size.seed:.3g} m'):
+                fitting = fitted(body, patches or {}, gap, size.around)
+                imprints = regions(body, touching, fitting, gap)
+                order = (body, imprints, named or {}, size, gap)
+                mesh = (None if element == "tet" else hexahedra(*order)) or tetrahedra(*order)
+        except ValueError as error:
+            if isinstance(error, InvalidGeometry) or error.__cause__ is None:
+                raise
+            raise InvalidGeometry(
+                f"{error}; take another seed for it, or repair its faces in the CAD."
+            ) from error
+
+        # discs get back their area, which the polygon of the rim and the fitted radius changed
+        discs = {key: disc for key, disc in fitting.items() if isinstance(disc, Disc)}
+        for key, disc in discs.items():
+            _require_edges(mesh, key, disc, body, gap)
+        for key, disc in discs.items():
+            neighbours = [rim for rim in discs if rim != key]
+            mesh = rimmed(mesh, key, patches[key], disc.radius, size.around, neighbours)
+        meshes[name] = mesh
+    return meshes
+
+
+def _require_edges(mesh: Mesh, name: str, disc: Disc, body: Body, gap: float) -> None:
+    """Raise InvalidGeometry where the rim of a disc has bent an edge of its face.
+
+    The intersection merges a rim and an edge that are closer than the gap; a plane side that ends
+    on the edge is then no longer plane.
+    """
+    # outer facets that have a node of the disc, and their unit normals
+    nodes = np.unique(mesh.facets[:, mesh.boundaries[name]])
+    outer = mesh.facets[:, mesh.boundary_facets()]
+    corners = mesh.p[:, outer[:, np.any(np.isin(outer, nodes), axis=0)]]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], axis=0)
+    across /= np.linalg.norm(across, axis=0)
+
+    # distance of the facets at the disc from the body's plane that they are parallel to within 26
+    # degrees
+    planes = [face for face in body.faces if face.normal is not None]
+    off = np.array(
+        [
+            np.where(
+                np.abs(face.normal @ across) > 0.9,
+                np.abs(np.tensordot(face.normal, corners, 1) - face.normal @ face.centre).max(0),
+                np.inf,
+            )
+            for face in planes
+        ]
+    ).min(axis=0)
+    # beyond rounding, and up to the distance within which an intersection merges edges
+    if np.any((off > 1e-8) & (off < MERGED * gap)):
+        raise InvalidGeometry(
+            f'"{name}": a washer of radius {disc.radius:.6g} m at '
+            f"{np.round(disc.centre, 6).tolist()} m ends within {gap:g} m, the gap that faces may "
+            f"touch across, of several edges of its face of {body.name}; make the washer 5 % "
+            "larger or smaller."
+        )
+
+
+def tetrahedra(
+    body: Body,
+    wanted: Mapping[str, Sequence[Region]],
+    named: Mapping[str, FaceSelection],
+    size: Size,
+    gap: float,
+) -> MeshTet:
+    """The body in straight tetrahedra; boundaries are its imprints `wanted` and its `named`
+    faces."""
+    split = imprinted(body, wanted, named, gap)
+    mesh_visible([(3, split.tag)], size)
+
+    # gmsh's tags of nodes have gaps and no order: p (n, 3) are those that cells use, by rising tag
+    tags, points, _ = gmsh.model.mesh.getNodes()
+    _, cells = gmsh.model.mesh.getElementsByType(TETRAHEDRON, split.tag)
+    used, cells = np.unique(cells, return_inverse=True)
+    row = np.argsort(tags)
+    p = points.reshape(-1, 3)[row[np.searchsorted(tags, used, sorter=row)]]
+
+    def corners(faces: Sequence[int]) -> NDArray[np.int64]:
+        """(n, 3) node numbers of the triangles on faces."""
+        nodes = [gmsh.model.mesh.getElementsByType(TRIANGLE, tag)[1] for tag in faces]
+        return np.searchsorted(used, np.concatenate([*nodes, []])).reshape(-1, 3)
+
+    # nodes on cylinders move out, so that chords keep the volume (`geometry.meshing.roundness`)
+    cylinders = full_cylinders(split.tag, gap)
+    round_faces = [face.tag for cylinder in cylinders for face in cylinder]
+    p = enclosing(p, {tag: corners([tag]) for tag in round_faces}, cylinders)
+    t = cells.reshape(-1, 4).T
+    mesh = MeshTet(np.ascontiguousarray(p.T), np.ascontiguousarray(t))
+    return mesh.with_boundaries(
+        {name: facets_of(mesh, corners(faces)) for name, faces in split.faces.items()}
+    )
+
+
+def foreseen_nodes(body: Body, size: Size, element: str) -> float:
+    """Estimated number of nodes with elements "hex" or "tet", within a factor of 2; imprints and
+    fine points are left out.
+
+    The module's formula: nodes of the inside go with V / s^3, those near the surface with A / s^2,
+    and each cylinder adds what its finer elements have more.
+    """
+    seed, thickness = size.seed, 2 * body.volume / body.area
+    n = body.volume / seed**3 * (INNER_NODES[element] + OUTER_NODES[element] * seed / thickness)
+    around = 0.0
+    for face in (face for face in body.faces if face.axis is not None):
+        on_circle = 2 * pi * face.radius / EDGES_AROUND  # size of elements there
+        if element == "tet":
+            factor = BORE_NODES if face.hollow else PIN_NODES
+            around += max(0.0, factor * face.area * (1 / on_circle**2 - 1 / seed**2))
+        elif on_circle < seed:
+            # rings of quadrilaterals that grow from the cylinder's size to the seed, in layers
+            length = face.along[1] - face.along[0]
+            edges = EDGES_AROUND * face.area / (2 * pi * face.radius * length)
+            rings = 1 - on_circle / seed + log(seed / on_circle) / GRADING
+            if not face.hollow:  # inside a pin there is no room for more
+                rings = min(rings, EDGES_AROUND / (4 * pi))
+            around += edges * rings * (4 * max(1, round(length / seed)) + 3)
+    return n + around

@@ -1,0 +1,1 @@
+"""Stages of the chain: its wall, the impact, waves, friction and sensors."""

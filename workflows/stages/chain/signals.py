@@ -1,0 +1,86 @@
+"""Signals of the scene's sensors in a run, as its instrument records them."""
+
+from itertools import count
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from beadwave.coupling import Impact
+from beadwave.coupling.band import Band
+from beadwave.coupling.sensors import Sensor, SensorRecord, echo, sensor_record
+from beadwave.dem.waves.chain_waves import ChainWaves
+from beadwave.workflows.files.record import SYNTHETIC, csv_of_signals
+from beadwave.workflows.report.summary import SensedArrival, SensorWaves
+from beadwave.workflows.scene import Instrument, Scene
+from beadwave.workflows.scene.sensors import low_pass_of
+from beadwave.workflows.stages.chain.damping import damping
+
+if TYPE_CHECKING:
+    from beadwave.coupling.structure_sensors import SensorSignals
+    from beadwave.rom import ReducedModel
+
+
+def sensors(scene: Scene) -> tuple[Sensor, ...]:
+    """The scene's sensors; a sensor of unknown gain has 1 V per unit of its quantity, one on the
+    structure without a low pass that of the reduced model's band."""
+    column = count()
+    return tuple(
+        Sensor(
+            None if sensor.sphere is None else sensor.sphere - 1,
+            sensor.quantity,
+            sensor.gain if isinstance(sensor.gain, float) else 1.0,
+            Band(low_pass_of(sensor, scene.reduction), sensor.high_pass, sensor.order),
+            sensor.noise,
+            sensor.range,
+            next(column) if sensor.sphere is None else None,
+        )
+        for sensor in scene.output.sensors or ()
+    )
+
+
+def record(
+    scene: Scene,
+    impact: Impact,
+    waves: ChainWaves,
+    reduced: "ReducedModel | None" = None,
+    structure: "SensorSignals | None" = None,
+) -> SensorRecord:
+    """Signals of the sensors (k, m) with noise, filters and rounding, and the waves in them; of
+    those on the structure as it moves, or by its reduced model, which the contact force drives."""
+    if reduced is not None:
+        from beadwave.coupling.structure_sensors import sensed_in_run
+
+        run, law = impact.trajectory, damping(scene.damping, reduced)
+        structure = sensed_in_run(reduced, run.t, run.contact_force[:, -1], damping=law)
+    instrument = scene.output.instrument or Instrument()
+    settings = instrument.model_dump(include={"sampling", "bits", "seed"})
+    return sensor_record(
+        sensors(scene), impact.trajectory, waves.tracks, structure=structure, **settings
+    )
+
+
+def csv_text(scene: Scene, record: SensorRecord) -> str:
+    """The record as CSV, time [s] and a column for each sensor, as `calibrate` reads it."""
+    names = [
+        f"sphere {s.sphere} {s.quantity} [{s.unit}]" if s.on is None else f"{s.label} [{s.unit}]"
+        for s in scene.output.sensors
+    ]
+    return csv_of_signals(SYNTHETIC, names, record.t, record.y)
+
+
+def sensor_waves(scene: Scene, record: SensorRecord) -> dict[str, SensorWaves]:
+    """Largest value, echo delay and echo ratio of every sensor, by its label."""
+    measured = {}
+    for i, sensor in enumerate(scene.output.sensors):
+        delay, ratio = echo(record.waves[i])
+        measured[sensor.label] = SensorWaves(
+            unit=sensor.unit,
+            largest=float(np.abs(record.y[:, i]).max()),
+            arrivals=tuple(
+                SensedArrival(name=wave.name, time_s=wave.time, height=wave.height)
+                for wave in record.waves[i]
+            ),
+            echo_delay_s=delay,
+            echo_ratio=ratio,
+        )
+    return measured

@@ -1,0 +1,1 @@
+"""The pipeline: stages kept by content, computed on demand."""

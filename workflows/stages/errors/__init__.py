@@ -1,0 +1,1 @@
+"""Errors of a run: the run again with a better model, the difference is the error."""

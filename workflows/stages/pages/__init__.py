@@ -1,0 +1,1 @@
+"""Stages that draw and lay out what a run shows."""

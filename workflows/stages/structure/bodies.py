@@ -1,0 +1,267 @@
+"""From a scene's tables to meshed bodies: drawn or read, where they touch, joined, held, loaded.
+
+drawing     the bodies in the CAD kernel or in the user's mesh, and which of them touch
+words       the faces and bodies that the scene names, as text for `geometry.cad.joints.picked`
+parts       the bodies meshed, and what joins, holds and loads them
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from beadwave import fem
+from beadwave.geometry import InvalidGeometry
+from beadwave.geometry.cad.contacts import TouchingPair
+from beadwave.geometry.cad.joints import JointWords, NamedParts, TieWords, Under, Words, picked
+from beadwave.geometry.drawing import Drawing, Sizing, drawn, meshed
+from beadwave.geometry.meshing.lined_blocks import lined_meshes
+from beadwave.workflows.files.mesh import volumes_of
+from beadwave.workflows.files.step import require_step
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.scene.bodies import GROUND, SHARE, Solid, UnderTable
+from beadwave.workflows.scene.places import named_faces, part_face, spring_face
+from beadwave.workflows.scene.shapes import grid_lines, shapes
+from beadwave.workflows.scene.size import too_large_mesh
+from beadwave.workflows.stages.structure.parts import STRIKE, Parts
+from beadwave.workflows.stages.structure.strike import around, struck
+
+
+@contextmanager
+def drawing(scene: Scene, coarser: float = 1.0, *, lines: bool = True) -> Iterator[Drawing]:
+    """The scene's bodies, without `lines` in the CAD kernel even where grid lines are prescribed;
+    raises InvalidScene for what cannot be drawn, read, picked or joined."""
+    table = scene.assembly
+    try:
+        # a mesh: the user's, or between the grid lines that the scene prescribes
+        solids, volumes, scale = {}, {}, coarser * scene.mesh.scale
+        remarks: tuple[str, ...] = ()
+        if table.mesh:
+            volumes, remarks = volumes_of(Path(table.mesh), table.volumes or (), table.merge)
+        else:
+            solids = shapes(scene)
+            prescribed = grid_lines(scene, scale) if lines else {}
+            seeds = {name: scale * scene.seed_of(name) for name in prescribed}
+            volumes = lined_meshes(solids, prescribed, seeds)
+        step = Path(table.step) if table.step and not volumes else None
+        if step:
+            require_step(step)
+        with drawn({} if volumes else solids, step, volumes, table.gap) as bodies:
+            yield bodies._replace(remarks=bodies.remarks + remarks)
+    except InvalidGeometry as error:
+        raise InvalidScene(f"{scene.name}: {error}") from None
+
+
+def words(scene: Scene) -> Words:
+    """All faces and bodies that the scene names, as it names them; names of faces say what they are
+    of: "held-1", "load-NAME", "rod-NAME" and those of `places.named_faces`."""
+    faces = {f"held-{i}": hold.on for i, hold in enumerate(scene.assembly.holds, start=1)}
+    for load in scene.loads or ():
+        ends = {"load": load.on, "rod": load.to}
+        faces |= {f"{end}-{load.name}": selector for end, selector in ends.items() if selector}
+    faces |= named_faces(scene)
+
+    # joints: their partners, the bolts' places, and on which sides a washer is imprinted
+    joints = []
+    for joint in scene.joints or ():
+        first, second = joint.partners
+        rigid = tuple(i for i, coupling in enumerate(joint.sides) if coupling == "rigid")
+        joints.append(
+            JointWords(
+                joint.name,
+                f"joints.{joint.name}",
+                first,
+                # the ground stands on the second side
+                None if GROUND in joint.partners else second,
+                joint.at,
+                joint.washer if isinstance(joint.washer, float) else None,
+                # a bolt's share is imprinted on the sides that are rigid, else on the first
+                (rigid or (0,)) if joint.washer == SHARE else (),
+            )
+        )
+    unders = {f"held-{i}": h.under for i, h in enumerate(scene.assembly.holds, start=1) if h.under}
+    return Words(
+        bodies=tuple(scene.bodies or ()),
+        under={name: _under(table) for name, table in unders.items()},
+        groups={f"loads.{load.name}": load.body for load in scene.loads or () if load.body},
+        faces=faces,
+        struck=scene.strike.on if scene.strike else None,
+        ties=[TieWords(tie.between, tie.under and _under(tie.under)) for tie in scene.ties or ()],
+        joints=joints,
+    )
+
+
+def _under(table: UnderTable) -> Under:
+    return Under(table.at, table.radius, table.sides)
+
+
+def parts(scene: Scene, coarser: float = 1.0) -> Parts:
+    """Bodies meshed each on its own, and what joins, holds and loads them.
+
+    Elements are `coarser` times as large as in the scene; a mesh of the user's stays as it is.
+    Raises InvalidScene for a body without material, for a patch that lies between two bodies, and
+    for all that `drawing` and `tied_pairs` refuse.
+    """
+    with drawing(scene, coarser) as layout:
+        # what the scene's words pick, and what every body is made of
+        bodies, near, gap = layout.bodies, layout.near, scene.assembly.gap
+        selection = picked(words(scene), bodies, near.touching, gap)
+        for name in bodies:
+            if scene.material_name(name) is None:
+                raise InvalidScene(
+                    f'{scene.name}: nothing says what "{name}" is made of; give '
+                    f"bodies.{name}.material, or assembly.material for all."
+                )
+        ties = tied_pairs(scene, layout, selection)
+        face = struck(scene, bodies, selection.struck) if scene.strike else None
+        named = {n: face for n, face in selection.faces.items() if n not in selection.patches}
+        if face:
+            # another body on the face at the point struck would be struck in its place
+            body, radius = face.face.body, scene.strike.radius
+            points = around(face.point, face.outward, radius)
+            if over := near.over(body, points, bodies, gap):
+                raise InvalidScene(
+                    f'{scene.name}: strike.on = {scene.strike.on!r}: "{over}" lies on {body} at '
+                    f"the point struck, {np.round(face.point, 6).tolist()} m, or less than "
+                    f"{radius:g} m next to it; move it by strike.at."
+                )
+            named[STRIKE] = face.face
+
+        sizing = Sizing(
+            gap,
+            scene.mesh.scale,
+            {name: scene.seed_of(name) for name in bodies},
+            [(face.face.body, face.point, scene.strike.size)] if face else [],
+            coarser,
+            "tet" if scene.mesh.element == "tet" else None,
+        )
+        meshes, fineness = meshed(layout, selection, ties, named, sizing)
+
+    made_of = {name: material(scene.made_of(name)) for name in meshes}
+    connections, rigid = _connections(scene, selection, ties, fineness)
+    whole = Parts(meshes, made_of, connections, rigid, face, _load(scene, selection))
+
+    # a mesh that does not fit into memory is refused before assembly
+    for sentence in too_large_mesh(scene, "the mesh of [assembly]", whole.nodes):
+        raise InvalidScene(f"{scene.name}: {sentence}")
+    return whole
+
+
+def tied_pairs(scene: Scene, layout: Drawing, selection: NamedParts) -> list[TouchingPair]:
+    """The touching pairs that are tied.
+
+    Raises InvalidScene for a touching pair of which the scene says nothing, for one that is tied
+    and has a joint, and for a body that nothing joins or holds.
+    """
+    touching, tied, jointed = layout.near.touching, selection.tied, selection.jointed
+    for name in tied.keys() & jointed.keys():
+        raise InvalidScene(
+            f'{scene.name}: "{name}" is tied and has the joint {jointed[name]!r}, which a tie '
+            "would bridge; drop one of them."
+        )
+    unsaid = [t for t in touching if t.name not in tied.keys() | jointed.keys()]
+    if scene.assembly.touching == "ask" and unsaid:
+        pairs = ", ".join(f'"{t.name}" ({1e6 * t.area:.4g} mm^2)' for t in unsaid)
+        lines = "\n".join(f'[[ties]]\nbetween = "{t.name}"' for t in unsaid)
+        raise InvalidScene(
+            f"{scene.name}: {pairs} touch, and nothing says whether they are tied, bolted or free; "
+            'write assembly.touching = "tied" or "free", [[joints]], or of these what is meant:\n'
+            f"{lines}"
+        )
+
+    # a body among others that touches none, is not held and on no springs would keep its rigid
+    # motions; whether springs hold it in all directions is judged with the model
+    n_holds = len(scene.assembly.holds)
+    supported = {selection.faces[f"held-{i + 1}"].body for i in range(n_holds)}
+    supported |= {body for place in selection.joints for body in place.bodies}
+    supported |= {
+        selection.faces[spring_face(spring.name, end)].body
+        for spring in scene.springs or () for end in spring.ends
+    }  # fmt: skip
+    supported |= {selection.faces[part_face(part.name)].body for part in scene.measured or ()}
+    free = [name for name in layout.near.free(layout.bodies) if name not in supported]
+    if len(layout.bodies) > 1 and free:
+        misses = [m.sentence for m in layout.near.misses if set(m.bodies) & set(free)]
+        raise InvalidScene(
+            f'{scene.name}: "{free[0]}" touches no other body and is not held: it keeps its six '
+            "rigid motions; move it, hold it, or raise assembly.gap = "
+            f"{scene.assembly.gap:g} m." + "".join(f" {miss}" for miss in misses)
+        )
+    return [*tied.values(), *(unsaid if scene.assembly.touching == "tied" else ())]
+
+
+def _connections(
+    scene: Scene, selection: NamedParts, ties: list[TouchingPair], fineness: dict[str, float]
+) -> tuple[fem.Connections, fem.Connections]:
+    """Ties, joints and held faces as `fem` takes them, and the same with rigid joints and with ties
+    over all that touches; `fineness` orders masters and slaves."""
+    # ties: nodes of the finer face follow the coarser one, the other way round nodes of the finer
+    # one between them would be free
+    tied, wholly = [], []
+    for touch in ties:
+        master, slave = sorted(touch.bodies, key=lambda body: fineness[body])
+        wholly.append(fem.Tie(f"{slave}:{touch.name}", f"{master}:{touch.name}", touch.gap))
+        partly = selection.partly.get(touch.name)
+        tied.append(fem.Tie(*partly, touch.gap) if partly else wholly[-1])
+
+    # joints: springs along the axes of a frame, of which z is along the bolt unless it is global
+    joints, tables = [], {joint.name: joint for joint in scene.joints or ()}
+    for place in selection.joints:
+        table = tables[place.joint]
+        # the two faces of a bolt's share may lie apart by the gap on either side
+        gap = 2 * scene.assembly.gap if table.washer == SHARE else 0.0
+        sides = [
+            fem.Side(face, coupling, over, gap=gap)
+            for face, coupling, over in zip(place.faces, table.sides, place.over, strict=False)
+        ]
+        springs = fem.Bushing(**{key: getattr(table, key) for key in fem.DIRECTIONS})
+        frame = fem.normal_frame(place.axis) if table.frame == "normal" else np.eye(3)
+        first, second = sides if len(sides) == 2 else (*sides, None)
+        joints.append(fem.Joint(table.name, first, second, place.centre, springs, frame))
+
+    held = [
+        fem.HeldFace(_in_mesh(selection, f"held-{i}"), hold.directions)
+        for i, hold in enumerate(scene.assembly.holds, start=1)
+    ]
+    rigid = [joint._replace(springs=fem.Bushing()) for joint in joints]
+    return fem.Connections(tied, joints, held), fem.Connections(wholly, rigid, held)
+
+
+def _load(scene: Scene, selection: NamedParts) -> fem.Load | None:
+    """Forces, rods and heat that act before the impact; raises InvalidScene for heat on a body
+    whose material has no coefficient of expansion."""
+    if not scene.loads:
+        return None
+    forces, rods, heat = [], [], {}
+    for load in scene.loads:
+        if load.force is not None:
+            face = _in_mesh(selection, f"load-{load.name}")
+            forces.append(fem.FaceForce(face, load.force, load.direction))
+        if load.tension is not None:
+            ends = [_in_mesh(selection, f"{end}-{load.name}") for end in ("load", "rod")]
+            rods.append(fem.Rod(*ends, load.tension, load.stiffness or 0.0))
+        for body in selection.groups.get(f"loads.{load.name}", ()):
+            expansion = scene.made_of(body).expansion
+            if expansion is None:
+                raise InvalidScene(
+                    f"{scene.name}: loads.{load.name} warms {body!r}, whose material "
+                    f"{scene.material_name(body)!r} has no expansion; add it, in 1/K."
+                )
+            heat[body] = fem.Heat(load.temperature, expansion)
+    return fem.Load(forces, heat, rods)
+
+
+def _in_mesh(selection: NamedParts, name: str) -> str:
+    """A named face as the meshes have it, "body:name"."""
+    return f"{selection.faces[name].body}:{name}"
+
+
+def material(solid: Solid) -> fem.Material | fem.Orthotropic:
+    """The material of a table of [materials]: isotropic, or orthotropic in its own axes."""
+    if solid.is_isotropic:
+        return fem.Material(solid.young, solid.poisson, solid.density)
+    axes = {} if solid.axes is None else {"axes": solid.axes}
+    return fem.Orthotropic(solid.young, solid.poisson, solid.shear, solid.density, **axes)

@@ -1,0 +1,37 @@
+"""The result of the mesh stage."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import Mesh
+
+from beadwave import fem
+from beadwave.geometry.cad.struck_face import Struck
+
+STRIKE = "strike"  # name of the face that the chain leans on
+
+
+class Parts(NamedTuple):
+    """Meshed bodies, and how they are joined, held, struck and loaded."""
+
+    meshes: dict[str, Mesh]  # by body, with named faces
+    materials: dict[str, fem.Material | fem.Orthotropic]  # by body
+    connections: fem.Connections
+    rigid: fem.Connections  # with rigid joints, and with ties over all that touches
+    struck: Struck | None = None  # None: a scene without a strike
+    load: fem.Load | None = None  # static, before the impact
+
+    def face(self, name: str) -> str:
+        """A named face as "body:name"."""
+        return next(f"{b}:{name}" for b, m in self.meshes.items() if name in (m.boundaries or {}))
+
+    def facets(self, name: str) -> NDArray[np.int64]:
+        """Numbers (m,) in their body's mesh of the facets of a face "body:name"."""
+        body, _, face = name.partition(":")
+        return np.asarray(self.meshes[body].boundaries[face])
+
+    @property
+    def nodes(self) -> dict[str, float]:
+        """Number of nodes of quadratic elements by body: corners and middles of edges."""
+        return {name: float(m.nvertices + m.nedges) for name, m in self.meshes.items()}
