@@ -15,7 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from beadwave import fem, scene
+from beadwave import scene
+from beadwave.fem.modes.mac import paired
 from beadwave.fem.updating.tuning import spectrum, tune
 from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import aligned_text
@@ -67,7 +68,7 @@ def main(freedoms=FREEDOMS, tangential=TANGENTIAL, changes=()):
             fixed = along._replace(start=k, lower=0.999 * k, upper=1.001 * k)
             met = tune(basis, [normal, fixed], {1: TARGETS[1]}, n_starts=2)
             modes = spectrum(basis, parameters, met.value)
-            index = fem.correlation.paired(basis.forms, modes, basis.targets).index
+            index = paired(basis.forms, modes, basis.targets).index
             points.append(modes.frequency_hz[index[1:3]])
         curves[name, turn] = np.array(points)
 

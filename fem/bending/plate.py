@@ -60,7 +60,7 @@ HELD = {"hinged": (True, True, False), "clamped": (True, True, True), "free": (F
 # Division of a plate into elements
 ORDER = 6  # of the elements
 RESOLVED_HZ = 10e3  # a wave of this frequency is as long as an element, right to 1e-3
-STRUCK_SIZE = 2.0  # radii of the disc: size of the elements that are struck
+SIZE_AT_STRIKE = 2.0  # radii of the disc: size of the elements that are struck
 MAX_UNKNOWNS = 60_000  # unknowns: a minute and 2 GB
 N_DRAWN_CELLS = 60  # along the longer side of the plate as it is drawn
 
@@ -224,7 +224,7 @@ def element_ends(
     D, S = sheet.bending_stiffness, sheet.shear_stiffness
     m, j = sheet.inertia
     shortest = coarser * wave_length(2 * np.pi * RESOLVED_HZ, S, D, m, j)
-    around = coarser * STRUCK_SIZE * sheet.patch_radius
+    around = coarser * SIZE_AT_STRIKE * sheet.patch_radius
     ends = []
     for side, c in zip(sheet[:2], at, strict=True):
         struck = [p for p in (c - around, c, c + around) if 0.2 * around < p < side - 0.2 * around]

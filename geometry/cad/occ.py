@@ -1,6 +1,6 @@
 """Bodies drawn from shapes or read from a STEP file, held by gmsh's kernel (OpenCASCADE).
 
-Everything that takes a :class:`~geometry.solids.Body` and asks the kernel works inside one
+Everything that takes a :class:`~geometry.cad.solids.Body` and asks the kernel works inside one
 ``with model(...)``. Lengths in metres; a file in other units is converted, and says so.
 """
 

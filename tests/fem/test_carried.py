@@ -7,7 +7,9 @@ from scipy.optimize import brentq
 from skfem import MeshHex
 
 from beadwave import fem
+from beadwave.fem.assembly.joints import rigid_motion
 from beadwave.fem.contact.disc_room import room_on_face
+from beadwave.fem.modes.mac import body_forms
 from beadwave.fem.updating.tuning import CARRIED, TuningParameter, spectrum, tuning_basis
 
 STEEL = fem.Material(210e9, 0.0, 7850.0)  # without Poisson's ratio a thin beam is one of theory
@@ -31,7 +33,7 @@ def test_rigid_motions_have_the_inertia_of_beam_and_masses_about_their_common_pl
     inertia, height = np.array([3e-5, 2e-5, 2.5e-5]), 0.02
     bare = beam(6)
     loaded = fem.with_carried(bare, [tip("a", "right", height=height, inertia=tuple(inertia))])
-    R = fem.joints.rigid_motion(bare.points, np.zeros(3))
+    R = rigid_motion(bare.points, np.zeros(3))
     added = R.T @ ((loaded.M - bare.M) @ R)
     x, y, z = LENGTH + height, SIDE / 2, SIDE / 2
     lever = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
@@ -99,7 +101,7 @@ def test_a_density_leaves_masses_on_faces_as_they_are():
     model = fem.joined(fem.with_carried(beam(6), [tip("a", "left")]), fem.Connections())
     bare = fem.joined(beam(6), fem.Connections())
     V = np.eye(model.K.shape[0])[:, :3]
-    forms = [fem.correlation.body_forms(one, "beam", V).M for one in (model, bare)]
+    forms = [body_forms(one, "beam", V).M for one in (model, bare)]
     np.testing.assert_allclose(*forms, atol=1e-15)
 
 

@@ -8,7 +8,7 @@ from skfem import MeshHex
 
 from beadwave import fem
 from beadwave.fem.assembly.joints import rigid_motion
-from beadwave.fem.modes.mac import SPRINGS
+from beadwave.fem.modes.mac import SPRINGS, strained
 from beadwave.fem.updating.tuning import TuningParameter, spectrum, tuning_basis
 
 STEEL = fem.Material(210e9, 0.3, 7850.0)
@@ -157,7 +157,7 @@ def test_numbers_count_modes_that_strain_the_box_and_not_those_of_its_cords():
     computed = fem.modes(model.K, model.M, 10)
     targets = [fem.Number(1), fem.Number(2)]
     assert fem.pair(model, computed, targets).index.tolist() == [6, 7]
-    assert fem.correlation.strained(model, computed).tolist() == [False] * 6 + [True] * 4
+    assert strained(model, computed).tolist() == [False] * 6 + [True] * 4
 
 
 def test_a_body_on_springs_in_all_directions_is_kept_and_one_on_a_single_spring_is_not():

@@ -594,7 +594,7 @@ THEIRS = ("mine.inp", "mine.step", "mine.npz", "mine.mat", "mine.toml", "mine.uf
 @pytest.mark.parametrize("arguments", SINGLE.values(), ids=SINGLE)
 def test_no_option_replaces_a_file_that_beadwave_did_not_write(arguments, monkeypatch, capsys):
     reached = []
-    for place in ("stages.pipeline.Pipeline.__call__", "structure.look.look",
+    for place in ("stages.engine.pipeline.Pipeline.__call__", "structure.look.look",
                   "structure.tuning.tuned", "structure.export.write_model",
                   "structure.export.require_formats", "structure.hammer.virtual_test"):  # fmt: skip
         monkeypatch.setattr(

@@ -12,6 +12,7 @@ from beadwave.fem.identification.hits import Hits
 from beadwave.fem.identification.measured_shapes import MeasuredShape
 from beadwave.fem.identification.sensor_placement import effective_independence, outside
 from beadwave.fem.identification.synthetic_hits import HammerDefects, HammerHits, struck
+from beadwave.fem.modes.mac import strained
 from beadwave.fem.modes.solver.full_responses import residual_flexibility
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import InvalidScene
@@ -61,15 +62,15 @@ def elastic(pipeline: Pipeline, band_hz: tuple[float, float] | None) -> NDArray[
     none."""
     modes = pipeline("modes")
     hz = modes.omega / (2 * np.pi)
-    strained = np.flatnonzero(fem.correlation.strained(pipeline("model"), modes))
+    elastic_modes = np.flatnonzero(strained(pipeline("model"), modes))
     if band_hz is None:
         # 10 elastic modes that are looked at without a band
-        return strained[:10]
-    chosen = strained[(hz[strained] >= band_hz[0]) & (hz[strained] <= band_hz[1])]
+        return elastic_modes[:10]
+    chosen = elastic_modes[(hz[elastic_modes] >= band_hz[0]) & (hz[elastic_modes] <= band_hz[1])]
     if not len(chosen):
         raise InvalidScene(
             f"{pipeline.scene.name}: no mode between {band_hz[0]:g} and {band_hz[1]:g} Hz; those "
-            f"known lie from {hz[strained[0]]:.5g} to {hz[-1]:.5g} Hz."
+            f"known lie from {hz[elastic_modes[0]]:.5g} to {hz[-1]:.5g} Hz."
         )
     return chosen
 

@@ -278,8 +278,8 @@ def as_targets(
         place = [int(np.abs(computed_hz - row.computed_hz).argmin()) for row in rows]
         rows = [rows[i] for i in np.argsort(place)]
         # numbers of targets count modes that strain something; others are known by shape alone
-        strained = fem.correlation.strained(pipeline("model"), pipeline("modes"))
-        number = np.where(strained, np.cumsum(strained), 0)[np.sort(place)].tolist()
+        elastic_modes = strained(pipeline("model"), pipeline("modes"))
+        number = np.where(elastic_modes, np.cumsum(elastic_modes), 0)[np.sort(place)].tolist()
     else:
         rows = sorted(test.report.rows, key=lambda row: row.frequency_hz)
         number = list(range(1, len(rows) + 1))

@@ -11,6 +11,7 @@ from scipy.linalg import block_diag, eigh
 
 from beadwave import coupling, fem, rom
 from beadwave.fem.modes.assembly_modes import AssemblyModes
+from beadwave.fem.modes.mac import RIGID
 from beadwave.fem.modes.modes import SHIFT_HZ
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.stages.chain.chain import Start
@@ -110,7 +111,7 @@ def part_errors(scene: Scene, model: fem.Model, modes: AssemblyModes) -> NDArray
         like = fem.mac(shape, shapes)
         nearest = others[like.argmax(axis=1)]
         error += other_fit.share * np.abs(nearest / np.maximum(omega, 1e-9) - 1)
-    return np.where(omega > fem.correlation.RIGID * omega.max(), error, np.nan)
+    return np.where(omega > RIGID * omega.max(), error, np.nan)
 
 
 def receptance_error(scene: Scene, mesh: Parts, start: Start, impact: coupling.Impact) -> float:

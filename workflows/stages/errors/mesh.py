@@ -22,6 +22,7 @@ from skfem import MeshHex
 
 from beadwave import fem, rom
 from beadwave.fem.modes.assembly_modes import N_MODES, AssemblyModes
+from beadwave.fem.modes.mac import RIGID
 from beadwave.rom.contact_space import KrylovOptions
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.places import mass_face, part_face, spring_face
@@ -74,7 +75,7 @@ class MeshErrorEstimate(NamedTuple):
         if self.split is not None:
             n = min(len(omega), len(self.split.omega))
             error = np.full(len(omega), np.nan)
-            elastic = np.flatnonzero(omega[:n] > fem.correlation.RIGID * np.max(omega))
+            elastic = np.flatnonzero(omega[:n] > RIGID * np.max(omega))
             lower = self.split.omega[elastic] / omega[elastic]
             error[elastic] = np.maximum(self.split.share * (1 - lower), 0.0)
             return error
@@ -93,7 +94,7 @@ class MeshErrorEstimate(NamedTuple):
             return np.full(len(omega), -1)
         nearest = np.abs(self.omega - omega[:, None]).argmin(axis=1)
         pairs = np.abs(self.omega[nearest] - omega) <= PAIR_DISTANCE * omega
-        pairs &= omega > fem.correlation.RIGID * np.max(omega, initial=0.0)
+        pairs &= omega > RIGID * np.max(omega, initial=0.0)
         return np.where(pairs, nearest, -1)
 
     def explained(self, scene: Scene, omega: NDArray[np.float64]) -> list[str]:

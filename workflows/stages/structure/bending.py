@@ -17,6 +17,7 @@ import numpy as np
 
 from beadwave import coupling, fem, rom
 from beadwave.fem.modes.assembly_modes import SHOWN, AssemblyModes
+from beadwave.fem.modes.mac import RIGID
 from beadwave.fem.modes.mode_field import ModeField
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.stages.chain.chain import Start
@@ -92,7 +93,7 @@ def modes(scene: Scene, model: fem.Bending) -> AssemblyModes:
     omega, phi = lowest.omega, lowest.phi
 
     # the shapes drawn: those that bend, on the nodes of the surface
-    index = np.flatnonzero(omega > fem.correlation.RIGID * omega.max())[:SHOWN]
+    index = np.flatnonzero(omega > RIGID * omega.max())[:SHOWN]
     u = (model.T @ phi[:, index]).T.reshape(len(index), -1, 3).astype(np.float32)
     meshes = {scene.struck_body: model.drawn}
     target = np.zeros(len(index), dtype=int)

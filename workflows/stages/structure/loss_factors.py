@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beadwave import coupling, fem
+from beadwave.fem.modes.mac import RIGID
 from beadwave.fem.updating.loss_factors import strain_shares
 from beadwave.workflows.scene import LossFactorsTable, Scene
 from beadwave.workflows.stages.chain.damping import damping_law, law_of_loss
@@ -34,7 +35,7 @@ def ratios_of_modes(scene: Scene, model: fem.Model, modes: "AssemblyModes") -> N
     if C is None:
         return zeta
     rates = np.einsum("ij,ij->j", modes.phi, C @ modes.phi)
-    elastic = modes.omega > fem.correlation.RIGID * modes.omega.max()
+    elastic = modes.omega > RIGID * modes.omega.max()
     return zeta + np.where(elastic, rates / np.where(elastic, 2 * modes.omega, 1.0), 0.0)
 
 

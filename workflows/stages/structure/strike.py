@@ -25,7 +25,7 @@ MIDDLE = (0.0, 0.0)  # of a plane face
 
 N_RIM = 16  # points of the rim whose distance from the face is measured
 # distance from the face, over the patch's radius, beyond which a point is off it; the patch on
-# the mesh decides where it is nearer (fem.trace.OffFace)
+# the mesh decides where it is nearer (fem.assembly.trace.OffFace)
 OFF_FACE = 0.02
 
 
