@@ -9,7 +9,7 @@ an amplifier set to zero. All but `recorded` is linear in the run, so that deriv
 may take the run's place, along further axes.
 
 A further quantity of a sphere is a row of QUANTITIES; its unit is a row of OF_SPHERES in
-`workflows/scene/sensors.py`, that of its gain a row of GAINS in `units.py`.
+`workflows/scene/tables/sensors.py`, that of its gain a row of GAINS in `units.py`.
 """
 
 from collections.abc import Callable, Sequence

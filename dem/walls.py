@@ -4,7 +4,7 @@
 
 A wall of a reduced model is made by `coupling.reduced_wall`. How far a half-space of the wall's
 material is indented is part of the contact's stiffness, see `dem.Flat`. A kind of wall of a
-scene has its constructor here, its table in `workflows.scene.walls`, its case in
+scene has its constructor here, its table in `workflows.scene.tables.walls`, its case in
 `workflows.stages.chain.walls` and its words in `workflows.report.first_screen`; CONTRIBUTING.md has
 every step.
 """

@@ -9,7 +9,7 @@ from beadwave.dem.kernels.laws import SHAPE_PARAMETERS
 from beadwave.workflows.files.force_file import force_table
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.scene.contact import EXPONENTS
+from beadwave.workflows.scene.tables.contact import EXPONENTS
 from beadwave.workflows.stages.chain.chain import chain, together
 from beadwave.workflows.sweep.cases import SIDE_BY_SIDE
 

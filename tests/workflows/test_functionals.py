@@ -10,9 +10,9 @@ from beadwave import fem
 from beadwave.coupling.reduced_spatial_wall import spatial_wall_of
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.scene.friction import Friction
-from beadwave.workflows.scene.shaker_contradictions import of_shakers
-from beadwave.workflows.scene.shakers import Shaker
+from beadwave.workflows.scene.rules.shakers import of_shakers
+from beadwave.workflows.scene.tables.friction import Friction
+from beadwave.workflows.scene.tables.shakers import Shaker
 
 from block_scene import BLOCK, SENSED, pipeline
 

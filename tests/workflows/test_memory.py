@@ -5,7 +5,7 @@ import pytest
 from beadwave import system
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.scene.size import (
+from beadwave.workflows.scene.rules.size import (
     RunLimits,
     foreseen_nodes,
     foreseen_seconds,
@@ -50,19 +50,21 @@ def test_a_mesh_that_no_memory_holds_is_refused_before_it_is_made(
     element, change, words, monkeypatch
 ):
     """131.5 mm given as metres once ended in a kill at 21 GB."""
-    monkeypatch.setattr("beadwave.workflows.scene.size.free_memory", lambda: 8 * GB)
-    monkeypatch.setattr("beadwave.workflows.scene.size.LIMITS", RunLimits(elements=float("inf")))
+    monkeypatch.setattr("beadwave.workflows.scene.rules.size.free_memory", lambda: 8 * GB)
+    monkeypatch.setattr(
+        "beadwave.workflows.scene.rules.size.LIMITS", RunLimits(elements=float("inf"))
+    )
     with pytest.raises(InvalidScene, match=rf"{words}.* GB of memory, 8 GB are free"):
         scene("rig-rom", (change, f"mesh.element={element}", "unusual=['assembly.block_x']"))
 
 
 def test_the_built_in_assembly_fits_into_three_gigabytes(monkeypatch):
-    monkeypatch.setattr("beadwave.workflows.scene.size.free_memory", lambda: 3 * GB)
+    monkeypatch.setattr("beadwave.workflows.scene.rules.size.free_memory", lambda: 3 * GB)
     assert scene("rig-rom").assembly
 
 
 def test_a_mesh_of_ones_own_is_measured_as_well(monkeypatch):
-    monkeypatch.setattr("beadwave.workflows.scene.size.free_memory", lambda: 3 * GB)
+    monkeypatch.setattr("beadwave.workflows.scene.rules.size.free_memory", lambda: 3 * GB)
     (sentence,) = too_large_mesh(scene("rig-rom"), "mesh.file", {"block": 1e5})
     assert "mesh.file" in sentence and "3 GB are free" in sentence
     assert not list(too_large_mesh(scene("rig-rom"), "mesh.file", {"block": 1e4}))
@@ -94,7 +96,7 @@ PRESS = (
 )
 def test_memory_is_foreseen_safely_and_within_a_third(element, unknowns, fast, held, monkeypatch):
     """The most that stages up to modes or reduction held, GB, with PARDISO or without."""
-    monkeypatch.setattr("beadwave.workflows.scene.size.find_spec", lambda name: fast or None)
+    monkeypatch.setattr("beadwave.workflows.scene.rules.size.find_spec", lambda name: fast or None)
     rig = scene("rig-rom", (f"mesh.element={element}",))
     foreseen = peak_memory(rig, {str(i): n / 3 for i, n in enumerate(unknowns)})
     assert 1.0 < foreseen / (held * GB) < 1.3
@@ -109,7 +111,7 @@ def test_the_seconds_of_the_rig_are_foreseen_within_a_factor_of_two():
 
 
 def test_trajectories_that_no_memory_holds_are_refused(monkeypatch):
-    monkeypatch.setattr("beadwave.workflows.scene.size.free_memory", lambda: GB)
+    monkeypatch.setattr("beadwave.workflows.scene.rules.size.free_memory", lambda: GB)
     with pytest.raises(InvalidScene, match=r"would take 1\.19 GB of memory, 1 GB are free"):
         scene("rig-rigid", ("output.samples=1000000",))
 

@@ -30,7 +30,7 @@ from beadwave.workflows.report.provenance import sources
 from beadwave.workflows.report.report import harmless_json
 from beadwave.workflows.report.rows import error_words
 from beadwave.workflows.report.summary import Summary
-from beadwave.workflows.scene.walls import Wall
+from beadwave.workflows.scene.tables.walls import Wall
 
 from command_line import COARSE_RIG, beadwave
 

@@ -231,7 +231,7 @@ def test_a_mesh_that_fits_no_memory_is_refused(monkeypatch):
     for seed in ("seed", "block_seed", "support_seed", "contact_seed"):
         with pytest.raises(InvalidScene, match=rf"mesh\.{seed} = 1e-09 m makes .* elements"):
             scene("rig-rom", (f"mesh.{seed}=1 nm", f"unusual=['mesh.{seed}']"))
-    monkeypatch.setattr("beadwave.workflows.scene.size.free_memory", lambda: 1e12)
+    monkeypatch.setattr("beadwave.workflows.scene.rules.size.free_memory", lambda: 1e12)
     assert scene("rig-rom", ("mesh.contact_seed=1e-5", "mesh.seed=1e-3"))
 
 

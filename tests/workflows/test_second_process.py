@@ -38,7 +38,7 @@ def rig():
 @pytest.fixture
 def two(monkeypatch, tmp_path):
     """A machine of two cores and much memory, no result kept."""
-    monkeypatch.setattr("beadwave.workflows.scene.size.free_memory", lambda: 1e12)
+    monkeypatch.setattr("beadwave.workflows.scene.rules.size.free_memory", lambda: 1e12)
     monkeypatch.setenv("BEADWAVE_PROCESSES", "2")
     monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setenv("MKL_NUM_THREADS", "1")
@@ -142,7 +142,7 @@ def test_a_run_is_one_process_where_two_lack_something(lack, rig, two, monkeypat
         case "a core":
             monkeypatch.setattr(second_process, "free_cores", lambda: 1)
         case "memory":
-            monkeypatch.setattr("beadwave.workflows.scene.size.free_memory", lambda: 0.0)
+            monkeypatch.setattr("beadwave.workflows.scene.rules.size.free_memory", lambda: 0.0)
         case "a cache":
             monkeypatch.setenv("BEADWAVE_CACHE_DIR", "/dev/null/cache")
         case "the user's leave":

@@ -8,7 +8,8 @@ import pytest
 from beadwave.coupling.sensors import QUANTITIES
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.report.summary import SensorWaves, SphereWaves
-from beadwave.workflows.scene import InvalidScene, sensors
+from beadwave.workflows.scene import InvalidScene
+from beadwave.workflows.scene.tables import sensors
 from beadwave.workflows.scene.units import GAINS, unit_of
 
 from command_line import beadwave

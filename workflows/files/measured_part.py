@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from beadwave.fem.identification.hit_records import node_and_axis
 from beadwave.workflows.files.hammer import measured_test
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.scene.measured import MeasuredTable
-from beadwave.workflows.scene.walls import RESPONSE_UNITS
+from beadwave.workflows.scene.tables.measured import MeasuredTable
+from beadwave.workflows.scene.tables.walls import RESPONSE_UNITS
 
 UNITS = {"accelerations": "m/s^2/N", "velocities": "m/s/N", "displacements": "m/N"}
 AXES = "xyz"

@@ -13,7 +13,7 @@ from beadwave import rom
 from beadwave.coupling.measured_wall import surface_compliance
 from beadwave.rom.passive_fit import refitted
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.scene.walls import RESPONSE_UNITS, MeasuredWall
+from beadwave.workflows.scene.tables.walls import RESPONSE_UNITS, MeasuredWall
 
 # Error of a fit
 N_DRAWS = 3  # fits of the response with its residuals at random phases

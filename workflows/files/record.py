@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beadwave.workflows.scene.sensors import KINDS
+from beadwave.workflows.scene.tables.sensors import KINDS
 from beadwave.workflows.scene.units import VOLTAGE
 
 SYNTHETIC = "SYNTHETIC: computed, not measured"

@@ -40,7 +40,7 @@ from beadwave.workflows.files.uff import ENDINGS, data_sets
 from beadwave.workflows.fit.signals import aligned
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.named_files import require_file
-from beadwave.workflows.scene.sensors import OF_SPHERES
+from beadwave.workflows.scene.tables.sensors import OF_SPHERES
 from beadwave.workflows.scene.units import VOLTAGE, NoSuchQuantity, in_si
 
 HEADING = r"sphere\s+(\d+)(?:\s+([a-z-]+))?\s*\[(.+)\]"

@@ -24,8 +24,8 @@ from beadwave.workflows.scene import (
     Scene,
     nearest,
 )
-from beadwave.workflows.scene.contact import KEYS as CONTACT_KEYS
 from beadwave.workflows.scene.quantities import entries
+from beadwave.workflows.scene.tables.contact import KEYS as CONTACT_KEYS
 from beadwave.workflows.scene.toml import changed
 from beadwave.workflows.stages.chain.chain import chain, initial_velocity
 from beadwave.workflows.sweep.cases import Base

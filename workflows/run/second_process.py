@@ -30,7 +30,7 @@ from time import perf_counter, sleep
 from beadwave.system import free_cores
 from beadwave.workflows.files.child import while_open
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.scene.size import foreseen_nodes, room_beside
+from beadwave.workflows.scene.rules.size import foreseen_nodes, room_beside
 from beadwave.workflows.stages.engine.pipeline import Pipeline, couples, pipeline_of
 
 # in the order in which the second process takes them

@@ -1,22 +1,22 @@
 """The scene of a run: tables of keys, read from TOML, checked before anything is computed."""
 
-from beadwave.workflows.scene.chain import LeafSpringsTable, Preload
-from beadwave.workflows.scene.contact import ContactTable
-from beadwave.workflows.scene.damping import (
+from beadwave.workflows.scene.scene import Scene
+from beadwave.workflows.scene.scene_table import InvalidScene, Positive, SceneTable, nearest
+from beadwave.workflows.scene.tables.chain import LeafSpringsTable, Preload
+from beadwave.workflows.scene.tables.contact import ContactTable
+from beadwave.workflows.scene.tables.damping import (
     Damping,
     LossFactorsTable,
     ModalDampingTable,
     NoDamping,
     RayleighDampingTable,
 )
-from beadwave.workflows.scene.joints import Joints, JointStiffnesses
-from beadwave.workflows.scene.mesh import Mesh
-from beadwave.workflows.scene.reduction import Patch, Reduction
-from beadwave.workflows.scene.scene import Scene
-from beadwave.workflows.scene.scene_table import InvalidScene, Positive, SceneTable, nearest
-from beadwave.workflows.scene.sensors import Instrument, Output, SensorTable
-from beadwave.workflows.scene.time import Time
-from beadwave.workflows.scene.walls import (
+from beadwave.workflows.scene.tables.joints import Joints, JointStiffnesses
+from beadwave.workflows.scene.tables.mesh import Mesh
+from beadwave.workflows.scene.tables.reduction import Patch, Reduction
+from beadwave.workflows.scene.tables.sensors import Instrument, Output, SensorTable
+from beadwave.workflows.scene.tables.time import Time
+from beadwave.workflows.scene.tables.walls import (
     DashpotWall,
     HalfSpaceWall,
     MeasuredWall,

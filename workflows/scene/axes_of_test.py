@@ -5,8 +5,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from beadwave.workflows.scene.bodies import Place3
 from beadwave.workflows.scene.scene_table import SceneTable
+from beadwave.workflows.scene.tables.bodies import Place3
 
 Places = Annotated[tuple[Place3, ...], Field(strict=False, min_length=3)]
 

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from beadwave.workflows.scene.walls import RomWall
+from beadwave.workflows.scene.tables.walls import RomWall
 
 if TYPE_CHECKING:
     from beadwave.workflows.scene.scene import Scene

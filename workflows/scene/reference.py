@@ -18,12 +18,12 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from beadwave.workflows.scene.bodies import General, Meshing
-from beadwave.workflows.scene.mesh import Mesh
 from beadwave.workflows.scene.quantities import Quantity, quantity_of
 from beadwave.workflows.scene.rig import RigTable
 from beadwave.workflows.scene.scene import Scene
 from beadwave.workflows.scene.scene_table import InvalidScene, nearest
+from beadwave.workflows.scene.tables.bodies import General, Meshing
+from beadwave.workflows.scene.tables.mesh import Mesh
 from beadwave.workflows.scene.toml import INSTEAD
 
 # what the tables are whose kind the scene decides

@@ -31,7 +31,10 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from pydantic import Field, create_model
 
-from beadwave.workflows.scene.bodies import (
+from beadwave.workflows.scene.quantities import of
+from beadwave.workflows.scene.scene import Scene
+from beadwave.workflows.scene.scene_table import Density, InvalidScene, SceneTable
+from beadwave.workflows.scene.tables.bodies import (
     SHARE,
     BodyTable,
     Bolts,
@@ -45,10 +48,7 @@ from beadwave.workflows.scene.bodies import (
     Strike,
     Tied,
 )
-from beadwave.workflows.scene.joints import JointStiffnesses
-from beadwave.workflows.scene.quantities import of
-from beadwave.workflows.scene.scene import Scene
-from beadwave.workflows.scene.scene_table import Density, InvalidScene, SceneTable
+from beadwave.workflows.scene.tables.joints import JointStiffnesses
 from beadwave.workflows.scene.units import LENGTH
 from beadwave.workflows.thesis import HAMMER_TEST
 

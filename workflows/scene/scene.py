@@ -5,8 +5,10 @@ from typing import Annotated, Any
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from beadwave.workflows.scene.axes_of_test import AxesOfTest
-from beadwave.workflows.scene.bending import Beam, BendingPlateTable
-from beadwave.workflows.scene.bodies import (
+from beadwave.workflows.scene.named_materials import NUMBERS, named_material
+from beadwave.workflows.scene.scene_table import SceneTable
+from beadwave.workflows.scene.tables.bending import Beam, BendingPlateTable
+from beadwave.workflows.scene.tables.bodies import (
     GROUND,
     BodyName,
     BodyTable,
@@ -19,23 +21,21 @@ from beadwave.workflows.scene.bodies import (
     Tied,
     fitting,
 )
-from beadwave.workflows.scene.chain import ChainTable, LeafSpringsTable, Preload, Striker
-from beadwave.workflows.scene.contact import ContactTable
-from beadwave.workflows.scene.damping import Damping
-from beadwave.workflows.scene.friction import Arm, Friction
-from beadwave.workflows.scene.gravity import Gravity, Guides
-from beadwave.workflows.scene.joints import Joints, JointStiffnesses
-from beadwave.workflows.scene.masses import MassTable
-from beadwave.workflows.scene.measured import MeasuredTable
-from beadwave.workflows.scene.mesh import Standing
-from beadwave.workflows.scene.named_materials import NUMBERS, named_material
-from beadwave.workflows.scene.reduction import Patch, Reduction
-from beadwave.workflows.scene.scene_table import SceneTable
-from beadwave.workflows.scene.sensors import Output
-from beadwave.workflows.scene.shakers import Shaker
-from beadwave.workflows.scene.springs import SpringTable
-from beadwave.workflows.scene.time import Time
-from beadwave.workflows.scene.walls import Wall
+from beadwave.workflows.scene.tables.chain import ChainTable, LeafSpringsTable, Preload, Striker
+from beadwave.workflows.scene.tables.contact import ContactTable
+from beadwave.workflows.scene.tables.damping import Damping
+from beadwave.workflows.scene.tables.friction import Arm, Friction
+from beadwave.workflows.scene.tables.gravity import Gravity, Guides
+from beadwave.workflows.scene.tables.joints import Joints, JointStiffnesses
+from beadwave.workflows.scene.tables.masses import MassTable
+from beadwave.workflows.scene.tables.measured import MeasuredTable
+from beadwave.workflows.scene.tables.mesh import Standing
+from beadwave.workflows.scene.tables.reduction import Patch, Reduction
+from beadwave.workflows.scene.tables.sensors import Output
+from beadwave.workflows.scene.tables.shakers import Shaker
+from beadwave.workflows.scene.tables.springs import SpringTable
+from beadwave.workflows.scene.tables.time import Time
+from beadwave.workflows.scene.tables.walls import Wall
 
 LONGEST_NAME = 50  # four bytes a letter and an ending fit in the 255 of a file's name
 Several = Field(strict=False)

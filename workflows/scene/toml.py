@@ -23,15 +23,15 @@ from beadwave.workflows.scene import (
     Time,
 )
 from beadwave.workflows.scene.allowed_words import allowed_words, wanted_values
-from beadwave.workflows.scene.bodies import SHAPES, General, Meshing
-from beadwave.workflows.scene.contradictions import contradictions
-from beadwave.workflows.scene.fall import fallen
 from beadwave.workflows.scene.named_files import in_folder
 from beadwave.workflows.scene.named_materials import NUMBERS, named_material
 from beadwave.workflows.scene.quantities import entries, implausible, unusual_keys
 from beadwave.workflows.scene.rig import RigTable, check
+from beadwave.workflows.scene.rules.all_tables import contradictions
 from beadwave.workflows.scene.scene_table import nearest
 from beadwave.workflows.scene.shown import shown
+from beadwave.workflows.scene.tables.bodies import SHAPES, General, Meshing
+from beadwave.workflows.scene.tables.free_fall import fallen
 
 Change = str | tuple[str, Any]  # "key=value" as --set takes it, or a dotted key and its value
 GENERAL = General.model_fields.keys()  # keys of an assembly of bodies

@@ -10,8 +10,8 @@ from skfem import Mesh
 
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import InvalidScene, Scene
-from beadwave.workflows.scene.shapes import grid_lines, shapes
-from beadwave.workflows.scene.size import foreseen_seconds, peak_memory
+from beadwave.workflows.scene.rules.size import foreseen_seconds, peak_memory
+from beadwave.workflows.scene.tables.shapes import grid_lines, shapes
 from beadwave.workflows.scene.toml import resolved
 from beadwave.workflows.stages.structure.assembly import mesh
 from beadwave.workflows.stages.structure.bodies import Drawing, drawing

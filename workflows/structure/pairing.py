@@ -19,7 +19,7 @@ from beadwave.workflows.files.shapes import measured_shape
 from beadwave.workflows.report import plots
 from beadwave.workflows.report.numbers import digits, supported
 from beadwave.workflows.scene import InvalidScene, ModalDampingTable, Scene
-from beadwave.workflows.scene.bodies import MeasuredMode
+from beadwave.workflows.scene.tables.bodies import MeasuredMode
 from beadwave.workflows.stages.engine.pipeline import Pipeline
 from beadwave.workflows.stages.pages.pictures import rendered
 from beadwave.workflows.stages.structure.targets import placed, remarks_on_axes

@@ -31,9 +31,9 @@ from beadwave.workflows.files.scene import scene as load_scene
 from beadwave.workflows.report.numbers import supported
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import InvalidScene, Scene, nearest
-from beadwave.workflows.scene.bodies import MeasuredMode
 from beadwave.workflows.scene.named_files import every_file_key
 from beadwave.workflows.scene.scene import LONGEST_NAME
+from beadwave.workflows.scene.tables.bodies import MeasuredMode
 from beadwave.workflows.scene.toml import parsed, toml
 from beadwave.workflows.stages.engine.pipeline import Pipeline, pipeline_of
 from beadwave.workflows.stages.engine.progress import Progress

@@ -5,7 +5,7 @@ from time import perf_counter
 from typing import NamedTuple, TypeVar
 
 from beadwave.workflows.report.tables import Table
-from beadwave.workflows.scene.walls import gives_way
+from beadwave.workflows.scene.tables.walls import gives_way
 from beadwave.workflows.sweep.cases import Base, groups
 from beadwave.workflows.sweep.core.design import Design
 from beadwave.workflows.sweep.march import rows

@@ -9,7 +9,7 @@ from beadwave.dem import spheres
 from beadwave.dem.kernels.laws import ELASTIC_LAWS, SHAPE_PARAMETERS
 from beadwave.workflows.files.force_file import force_table
 from beadwave.workflows.scene import ContactTable, InvalidScene, RigidWall, RomWall, Scene
-from beadwave.workflows.scene.gravity import friction
+from beadwave.workflows.scene.tables.gravity import friction
 from beadwave.workflows.stages.chain.walls import simple_wall
 
 STEEL = dem.Flat(210e9, 0.3)  # Pa; material of a wall whose file and scene state none

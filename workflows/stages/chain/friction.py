@@ -26,7 +26,7 @@ from beadwave.dem.lateral import (
 from beadwave.dem.spheres import hertz_overlap, mass
 from beadwave.workflows.report.summary import ChainNumbers, FrictionNumbers
 from beadwave.workflows.scene import RomWall, Scene
-from beadwave.workflows.scene.friction import arm_stiffness
+from beadwave.workflows.scene.tables.friction import arm_stiffness
 from beadwave.workflows.stages import warnings
 from beadwave.workflows.stages.chain import numbers as of_chain
 from beadwave.workflows.stages.chain.chain import Start, start

@@ -12,7 +12,7 @@ from beadwave.dem.waves.chain_waves import ChainWaves
 from beadwave.workflows.files.record import SYNTHETIC, csv_of_signals
 from beadwave.workflows.report.summary import SensedArrival, SensorWaves
 from beadwave.workflows.scene import Instrument, Scene
-from beadwave.workflows.scene.sensors import low_pass_of
+from beadwave.workflows.scene.tables.sensors import low_pass_of
 from beadwave.workflows.stages.chain.damping import damping
 
 if TYPE_CHECKING:

@@ -2,7 +2,7 @@
 
 A wall of a few numbers is made by its constructor in `dem.walls`, a reduced model (of the scene's
 structure, or of `wall.file`) by `coupling.reduced_wall`. A kind of wall has its table in
-`workflows.scene.walls` and its case in `simple_wall`; CONTRIBUTING.md has every step.
+`workflows.scene.tables.walls` and its case in `simple_wall`; CONTRIBUTING.md has every step.
 """
 
 from pathlib import Path

@@ -26,7 +26,7 @@ from beadwave.fem.modes.mac import RIGID
 from beadwave.rom.contact_space import KrylovOptions
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.places import mass_face, part_face, spring_face
-from beadwave.workflows.scene.reduction import TO_HZ
+from beadwave.workflows.scene.tables.reduction import TO_HZ
 from beadwave.workflows.stages.errors import waves as errors
 from beadwave.workflows.stages.errors.mesh_causes import Cause, causes, explanation
 from beadwave.workflows.stages.structure import assembly as stages

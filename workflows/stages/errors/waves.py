@@ -26,7 +26,7 @@ import numpy as np
 from beadwave import coupling, dem, fem, geometry, rom
 from beadwave.fem.modes.assembly_modes import N_MODES
 from beadwave.workflows.scene import Scene
-from beadwave.workflows.scene.reduction import TO_HZ
+from beadwave.workflows.scene.tables.reduction import TO_HZ
 from beadwave.workflows.stages.chain.chain import Start
 from beadwave.workflows.stages.chain.walls import wall_of
 from beadwave.workflows.stages.structure import assembly as stages

@@ -21,8 +21,8 @@ from beadwave.fem.modes.assembly_modes import AssemblyModes
 from beadwave.workflows.files.child import child
 from beadwave.workflows.files.run_folder import NoPicture, Picture
 from beadwave.workflows.scene import Scene
-from beadwave.workflows.scene.bodies import GROUND
 from beadwave.workflows.scene.places import mass_face, part_face, spring_face
+from beadwave.workflows.scene.tables.bodies import GROUND
 from beadwave.workflows.stages.structure.parts import Parts
 
 TIME_LIMIT = 120  # s, of the child; not varied

@@ -22,10 +22,10 @@ from beadwave.geometry.meshing.lined_blocks import lined_meshes
 from beadwave.workflows.files.mesh import volumes_of
 from beadwave.workflows.files.step import require_step
 from beadwave.workflows.scene import InvalidScene, Scene
-from beadwave.workflows.scene.bodies import GROUND, SHARE, Solid, UnderTable
 from beadwave.workflows.scene.places import named_faces, part_face, spring_face
-from beadwave.workflows.scene.shapes import grid_lines, shapes
-from beadwave.workflows.scene.size import too_large_mesh
+from beadwave.workflows.scene.rules.size import too_large_mesh
+from beadwave.workflows.scene.tables.bodies import GROUND, SHARE, Solid, UnderTable
+from beadwave.workflows.scene.tables.shapes import grid_lines, shapes
 from beadwave.workflows.stages.structure.parts import STRIKE, Parts
 from beadwave.workflows.stages.structure.strike import around, struck
 

@@ -21,7 +21,7 @@ from beadwave.rom import floating
 from beadwave.rom.factorisation import Pencil, symmetric
 from beadwave.rom.lanczos import EigenPairs, modes_below
 from beadwave.workflows.scene import InvalidScene, LossFactorsTable, ModalDampingTable, Scene
-from beadwave.workflows.scene.reduction import TO_HZ
+from beadwave.workflows.scene.tables.reduction import TO_HZ
 from beadwave.workflows.stages.chain.chain import Start, start
 from beadwave.workflows.stages.chain.damping import damping_law
 from beadwave.workflows.stages.engine.pipeline import Pipeline, Stage, pipeline_of, tables_of

@@ -17,7 +17,7 @@ from beadwave.fem.assembly.trace import OffFace
 from beadwave.fem.contact.disc_room import room_on_face
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.places import Place, has_friction, sensor_places, shaker_places
-from beadwave.workflows.scene.shakers import AXES
+from beadwave.workflows.scene.tables.shakers import AXES
 from beadwave.workflows.stages.structure.assembly import solid, struck
 
 

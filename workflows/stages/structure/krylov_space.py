@@ -14,7 +14,7 @@ from beadwave import fem, rom
 from beadwave.fem.modes.assembly_modes import N_MODES
 from beadwave.rom.contact_space import KrylovOptions
 from beadwave.workflows.scene import Scene
-from beadwave.workflows.scene.reduction import TO_HZ
+from beadwave.workflows.scene.tables.reduction import TO_HZ
 from beadwave.workflows.stages.structure.assembly import contact
 from beadwave.workflows.stages.structure.parts import Parts
 from beadwave.workflows.stages.structure.reduction import selection

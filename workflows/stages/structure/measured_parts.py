@@ -12,8 +12,8 @@ from beadwave.fem.assembly.trace import OffFace
 from beadwave.rom.passive_fit import refitted
 from beadwave.workflows.files.measured_part import AXES, PartReceptances, receptances
 from beadwave.workflows.scene import InvalidScene, Scene
-from beadwave.workflows.scene.measured import MeasuredTable
 from beadwave.workflows.scene.places import part_face
+from beadwave.workflows.scene.tables.measured import MeasuredTable
 from beadwave.workflows.stages.engine.cache import key, memory
 from beadwave.workflows.stages.structure.parts import Parts
 from beadwave.workflows.stages.structure.targets import axes_of_test

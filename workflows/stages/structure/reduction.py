@@ -9,7 +9,7 @@ from beadwave import fem, rom
 from beadwave.fem.modes.assembly_modes import AssemblyModes
 from beadwave.rom.jointed import Jointed
 from beadwave.workflows.scene import InvalidScene, LossFactorsTable, Scene
-from beadwave.workflows.scene.reduction import TO_HZ
+from beadwave.workflows.scene.tables.reduction import TO_HZ
 from beadwave.workflows.stages.structure.assembly import contact as patch
 from beadwave.workflows.stages.structure.assembly import dashpots, solid, struck
 from beadwave.workflows.stages.structure.functionals import with_functionals

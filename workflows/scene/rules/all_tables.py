@@ -12,8 +12,8 @@ from beadwave.workflows.scene import (
     RomWall,
     Scene,
 )
-from beadwave.workflows.scene.bodies import General
-from beadwave.workflows.scene.body_contradictions import (
+from beadwave.workflows.scene.named_files import unfit
+from beadwave.workflows.scene.rules.bodies import (
     of_bending,
     of_bodies,
     of_masses,
@@ -22,12 +22,12 @@ from beadwave.workflows.scene.body_contradictions import (
     of_test_axes,
     of_the_rig,
 )
-from beadwave.workflows.scene.friction_contradictions import of_friction, of_gravity
-from beadwave.workflows.scene.named_files import unfit
-from beadwave.workflows.scene.sensor_contradictions import of_sensors
-from beadwave.workflows.scene.shaker_contradictions import of_shakers
-from beadwave.workflows.scene.size import too_large
-from beadwave.workflows.scene.walls import gives_way
+from beadwave.workflows.scene.rules.friction import of_friction, of_gravity
+from beadwave.workflows.scene.rules.sensors import of_sensors
+from beadwave.workflows.scene.rules.shakers import of_shakers
+from beadwave.workflows.scene.rules.size import too_large
+from beadwave.workflows.scene.tables.bodies import General
+from beadwave.workflows.scene.tables.walls import gives_way
 
 # Bounds on combinations of keys, by orders of magnitude beyond real cases
 MIN_YIELD_PRESSURE = 1e-6  # over Young's modulus, at least; that of lead is 1e-3

@@ -6,7 +6,6 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from beadwave.workflows.scene.quantities import of
-from beadwave.workflows.scene.reduction import TO_HZ, Reduction
 from beadwave.workflows.scene.scene_table import (
     Count,
     Frequency,
@@ -17,7 +16,8 @@ from beadwave.workflows.scene.scene_table import (
     SceneTable,
     si_of,
 )
-from beadwave.workflows.scene.shakers import Direction
+from beadwave.workflows.scene.tables.reduction import TO_HZ, Reduction
+from beadwave.workflows.scene.tables.shakers import Direction
 from beadwave.workflows.scene.units import (
     ACCELERATION,
     DISPLACEMENT,

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from math import isinf
 from re import split
 
-from beadwave.workflows.scene.bodies import GROUND, THREAD, Bolts, General
 from beadwave.workflows.scene.named_materials import NAMED, family
 from beadwave.workflows.scene.scene import Scene
 from beadwave.workflows.scene.scene_table import nearest
+from beadwave.workflows.scene.tables.bodies import GROUND, THREAD, Bolts, General
 
 OF_BODIES = ("bodies", "materials", "ties", "strike", "loads")
 

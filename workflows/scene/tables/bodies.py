@@ -12,7 +12,6 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
-from beadwave.workflows.scene.joints import JointStiffnesses
 from beadwave.workflows.scene.named_files import FileName
 from beadwave.workflows.scene.quantities import Quantity, of
 from beadwave.workflows.scene.scene_table import (
@@ -32,6 +31,7 @@ from beadwave.workflows.scene.scene_table import (
     one_or_each,
     text_or_table,
 )
+from beadwave.workflows.scene.tables.joints import JointStiffnesses
 from beadwave.workflows.scene.units import FORCE, FREQUENCY, LENGTH, PRESSURE
 
 GROUND = "ground"

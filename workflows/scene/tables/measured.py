@@ -9,8 +9,8 @@ from pydantic import Field, model_validator
 from beadwave.workflows.scene.named_files import FileName
 from beadwave.workflows.scene.quantities import of
 from beadwave.workflows.scene.scene_table import Count, Frequency, Point, Positive, SceneTable
-from beadwave.workflows.scene.shakers import Face
-from beadwave.workflows.scene.springs import Stiffness
+from beadwave.workflows.scene.tables.shakers import Face
+from beadwave.workflows.scene.tables.springs import Stiffness
 from beadwave.workflows.scene.units import LENGTH
 
 SEVERAL = Field(strict=False, min_length=1)

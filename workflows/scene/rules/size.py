@@ -154,7 +154,7 @@ def foreseen_nodes(scene: Scene) -> dict[str, float]:
     """Nodes that the program's own mesh will have, by body: counted along prescribed grid lines,
     within a third for tetrahedra of boxes and plates; empty where only meshing tells."""
     from beadwave.geometry.meshing.node_estimate import n_nodes, n_nodes_of_tetrahedra
-    from beadwave.workflows.scene.shapes import grid_lines, shapes
+    from beadwave.workflows.scene.tables.shapes import grid_lines, shapes
 
     whole = scene.written_out
     scale, drawn, lines = whole.mesh.scale, shapes(whole), grid_lines(whole, whole.mesh.scale)

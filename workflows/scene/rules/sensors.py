@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from re import fullmatch
 
 from beadwave.workflows.scene.scene import Scene
-from beadwave.workflows.scene.sensors import OF_FACES, OF_SPHERES, SensorTable, low_pass_of
-from beadwave.workflows.scene.shakers import AXES, FACE
-from beadwave.workflows.scene.walls import RomWall
+from beadwave.workflows.scene.tables.sensors import OF_FACES, OF_SPHERES, SensorTable, low_pass_of
+from beadwave.workflows.scene.tables.shakers import AXES, FACE
+from beadwave.workflows.scene.tables.walls import RomWall
 
 MOST_SAMPLES = 1e6  # of an instrument; not varied
 

@@ -4,8 +4,8 @@ from beadwave.geometry.cad.shapes import Box, Cylinder, Hole, RadialHole, Shape,
 from beadwave.geometry.errors import InvalidGeometry
 from beadwave.geometry.meshing.grid_lines import Stop, refined
 from beadwave.geometry.meshing.lined_blocks import HoleRing, Lines
-from beadwave.workflows.scene.bodies import BodyTable
 from beadwave.workflows.scene.scene import Scene
+from beadwave.workflows.scene.tables.bodies import BodyTable
 
 
 def grid_lines(scene: Scene, scale: float = 1.0) -> dict[str, Lines]:

@@ -5,10 +5,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
-from beadwave.workflows.scene.bodies import GROUND
 from beadwave.workflows.scene.quantities import of
 from beadwave.workflows.scene.scene_table import Dashpot, Point, Positive, SceneTable
-from beadwave.workflows.scene.shakers import AXES, FACE, Direction, Face
+from beadwave.workflows.scene.tables.bodies import GROUND
+from beadwave.workflows.scene.tables.shakers import AXES, FACE, Direction, Face
 from beadwave.workflows.scene.units import LENGTH, STIFFNESS
 
 ALONG = "k"  # the key of a stiffness along one direction

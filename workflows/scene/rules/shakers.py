@@ -7,8 +7,8 @@ from re import fullmatch
 import numpy as np
 
 from beadwave.workflows.scene.scene import Scene
-from beadwave.workflows.scene.shakers import AMPLITUDES, AXES, FACE, MOST_CYCLES, Shaker
-from beadwave.workflows.scene.walls import RomWall
+from beadwave.workflows.scene.tables.shakers import AMPLITUDES, AXES, FACE, MOST_CYCLES, Shaker
+from beadwave.workflows.scene.tables.walls import RomWall
 
 
 def _of_wall(shaker: Shaker, key: str) -> Iterator[str]:

@@ -5,9 +5,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from beadwave.workflows.scene.friction import arm_stiffness
 from beadwave.workflows.scene.scene import Scene
-from beadwave.workflows.scene.walls import HalfSpaceWall, OneDofWall, RigidWall, RomWall, gives_way
+from beadwave.workflows.scene.tables.friction import arm_stiffness
+from beadwave.workflows.scene.tables.walls import (
+    HalfSpaceWall,
+    OneDofWall,
+    RigidWall,
+    RomWall,
+    gives_way,
+)
 
 
 def of_gravity(scene: Scene) -> Iterator[str]:

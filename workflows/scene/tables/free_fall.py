@@ -4,10 +4,10 @@ from math import pi, sqrt
 
 import numpy as np
 
-from beadwave.workflows.scene.chain import Striker
-from beadwave.workflows.scene.gravity import friction
 from beadwave.workflows.scene.scene import Scene
 from beadwave.workflows.scene.scene_table import InvalidScene
+from beadwave.workflows.scene.tables.chain import Striker
+from beadwave.workflows.scene.tables.gravity import friction
 
 SAME = 1e-9  # relative difference of a stated velocity to that of the stated drop
 

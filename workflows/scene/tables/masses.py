@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 
 from beadwave.workflows.scene.quantities import of
 from beadwave.workflows.scene.scene_table import NonNegative, Point, Positive, SceneTable
-from beadwave.workflows.scene.shakers import Face
+from beadwave.workflows.scene.tables.shakers import Face
 from beadwave.workflows.scene.units import INERTIA, LENGTH, MASS
 
 LONGEST_GYRATION = 2.0  # [m] of what a face carries: a machine of 5 m has 1.5 m

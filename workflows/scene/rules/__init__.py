@@ -1,0 +1,1 @@
+"""Contradictions between tables, and limits of what a scene may ask for."""
