@@ -13,7 +13,7 @@ from beadwave.fem.identification.measured_shapes import MeasuredShape, along_dir
 from beadwave.fem.identification.response_scale import POWERS, remark_on_scale, response_scale
 from beadwave.fem.identification.sensor_placement import one_more_point, outside
 from beadwave.fem.modes.assembly_modes import AssemblyModes, field_of
-from beadwave.fem.modes.mac import ShapeMatch, mac_near_double, measured_pairs
+from beadwave.fem.modes.mac import ShapeMatch, mac_near_double, measured_pairs, strained
 from beadwave.workflows.files.run_folder import Picture
 from beadwave.workflows.files.shapes import measured_shape
 from beadwave.workflows.report import plots
