@@ -46,7 +46,7 @@ def test_velocities_that_still_converge_are_not_taken_for_amplified_rounding():
 
 
 @pytest.mark.minutes
-@pytest.mark.parametrize(("law", "dissipation", "springs"), product(LAWS, DAMPED, (False, True)))
+@pytest.mark.parametrize(("law", "dissipation", "springs"), [*product(LAWS, DAMPED, (False, True))])
 def test_the_wall_that_differs_most_follows_the_formulas(law, dissipation, springs, check):
     walls = WALLS if law == "hertz" else WALLS[:-1]  # a dashpot takes no plastic contacts
     rows = (comparison(law, dissipation, wall, springs=springs) for wall in walls)
