@@ -161,13 +161,14 @@ def test_the_rayleigh_damping_of_the_thesis_is_80_percent_at_51_hz():
 
 @pytest.mark.slow
 def test_one_tangential_stiffness_meets_mode_1_and_misses_2_and_3():
-    """Two more freedoms of the head joints meet modes 1 to 3."""
+    """Two more freedoms of the head joints meet modes 1 to 3: to 0.2 % on this coarse mesh, to
+    7e-6 on the script's own; one misses them by 83 %."""
     few = (joints.FREEDOMS[0], joints.FREEDOMS[3])
     hz, _, curves = joints.main(few, np.geomspace(1e6, 1e10, 5), COARSE_RIG)
     wanted = np.array(list(joints.TARGETS.values()))
     assert hz[0, 0] == pytest.approx(wanted[0], rel=1e-3)
     assert np.abs(hz[0, 1:3] / wanted[1:] - 1).max() > 0.2
-    np.testing.assert_allclose(hz[1, :3], wanted, rtol=1e-3)
+    np.testing.assert_allclose(hz[1, :3], wanted, rtol=5e-3)
     (curve,) = curves.values()
     assert np.all(curve[-1] > curve[0])  # both grow with the stiffness
 
