@@ -84,7 +84,7 @@ def test_what_another_process_does_not_finish_is_computed_by_the_run(rig, two, t
     (tmp_path / "work").mkdir()
     (tmp_path / "work" / "second-mesh").touch()  # begun by it, never ended
     pipeline = pipeline_of(rig, lambda name: nullcontext())
-    pipeline.beside = second_process.SecondProcess(tmp_path / "work", dead, second_process.IMPACT)
+    pipeline.worker = second_process.SecondProcess(tmp_path / "work", dead, second_process.IMPACT)
     assert pipeline("second-mesh").reduced.w.size
     report = pipeline.reports[-1]  # after that of the mesh
     assert report.name == "second-mesh" and not report.cached
@@ -151,4 +151,4 @@ def test_a_run_is_one_process_where_two_lack_something(lack, rig, two, monkeypat
             rig = rig.model_copy(update={"chain": None})
     pipeline = pipeline_of(rig, lambda name: nullcontext())
     with second_process.two_processes(pipeline, second_process.IMPACT):
-        assert pipeline.beside is None
+        assert pipeline.worker is None

@@ -105,11 +105,11 @@ def two_processes(pipeline: Pipeline, names: tuple[str, ...]) -> Iterator[None]:
     with TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         Path(folder, "work").write_bytes(dumps((pipeline.scene, missing)))
         with while_open("beadwave.workflows.run.second_process", folder) as process:
-            pipeline.beside = SecondProcess(Path(folder), process, missing)
+            pipeline.worker = SecondProcess(Path(folder), process, missing)
             try:
                 yield
             finally:
-                pipeline.beside = None
+                pipeline.worker = None
 
 
 def _wanted(pipeline: Pipeline, name: str) -> bool:

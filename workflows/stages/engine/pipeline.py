@@ -37,7 +37,7 @@ class Stage(NamedTuple):
     needs: tuple[str, ...]
     kept: bool = True  # a quick stage with a large result is computed anew
     listed: bool = True  # among the times of a run
-    passing: bool = False  # so large that it goes once every stage that needs it is there
+    transient: bool = False  # so large that it is freed once all its users are computed
     after: tuple[str, ...] = ()  # what it goes faster after, a second process may compute it
     # what it is computed with, handed in after what it needs: its result does not depend on it
     # but for rounding, so that a change of the contact keeps the modes
@@ -160,14 +160,14 @@ ASSEMBLY = {
     ),
     "tuning-basis": Stage(".structure.assembly:tuning_basis", _targets, ("model",)),
     "factor": Stage(
-        ".structure.assembly:factor", tables_of(), ("model",), kept=False, passing=True
+        ".structure.assembly:factor", tables_of(), ("model",), kept=False, transient=True
     ),
     "krylov-space": Stage(
         ".structure.krylov_space:krylov_space",
         lambda scene: [_targets(scene), tables_of("reduction", "strike")(scene)],
         ("mesh", "model", "factor"),
         kept=False,
-        passing=True,
+        transient=True,
     ),
     "modes": Stage(".structure.assembly:modes", _targets, ("model",), means=("krylov-space",)),
     "mac": Stage(
@@ -496,7 +496,7 @@ class Pipeline:
         self._progress = progress
         self._spent = 0.0  # s, on all stages so far
         self._started = perf_counter()
-        self.beside: Any = None  # a second process that computes stages, see `second_process`
+        self.worker: Any = None  # a second process that computes stages, see `second_process`
 
     def __call__(self, name: str) -> Any:
         """The result of a stage."""
@@ -513,14 +513,14 @@ class Pipeline:
                 for user, stage in self._stages.items()
                 if name in stage.needs or name in stage.means
             }
-            if self._stages[name].passing and users <= self._results.keys():
+            if self._stages[name].transient and users <= self._results.keys():
                 self._results.pop(name, None)
 
     def release(self) -> None:
         """Drop what is so large that it does not fit into memory with the next structure; a stage
         that needs it after all computes it again."""
         for name in list(self._results):
-            if self._stages[name].passing:
+            if self._stages[name].transient:
                 del self._results[name]
 
     def _timed(self, name: str) -> Any:
@@ -528,9 +528,9 @@ class Pipeline:
         needs, here or in the second process."""
         spent, started = self._spent, perf_counter()
         elsewhere = None
-        if self.beside is not None and self.beside.has(name):
+        if self.worker is not None and self.worker.has(name):
             with self._progress(name) if self._stages[name].listed else nullcontext():
-                elsewhere = self.beside.seconds(name, self._meanwhile)
+                elsewhere = self.worker.seconds(name, self._meanwhile)
         is_kept = self._stages[name].kept
         result = self._kept(name, self.key(name), self) if is_kept else self.compute(name)
         seconds = perf_counter() - started - (self._spent - spent)
@@ -558,7 +558,7 @@ class Pipeline:
     def _meanwhile(self) -> bool:
         """Compute a stage that neither process computes yet; False where there is none. What needs
         the stage that is waited for is not ready, and would compute it here as well."""
-        name = self.beside.claim_ready(self.ready)
+        name = self.worker.claim_ready(self.ready)
         if name is not None:
             with suppress(Exception):  # raised again where the stage is needed
                 self(name)
