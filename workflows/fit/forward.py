@@ -35,7 +35,7 @@ from beadwave.workflows.fit.sensed import require_summable, sensed, with_gains
 from beadwave.workflows.fit.signals import Filter, Signals
 
 if TYPE_CHECKING:
-    from beadwave.workflows.fit.rubbing import (
+    from beadwave.workflows.fit.friction_fit import (
         RubbingRun,  # of scenes with friction on a structure alone
     )
 
@@ -323,7 +323,7 @@ class StructureForward(NamedTuple):
     def _run(self, system: Rig, duration: float) -> Trajectory | RubbingRun:
         """A run of whole steps of dt, the last of which may end after the duration [s]."""
         if system.across is not None:
-            from beadwave.workflows.fit.rubbing import march_rubbing
+            from beadwave.workflows.fit.friction_fit import march_rubbing
 
             return march_rubbing(system, duration, self.dt)
         n = int(np.ceil(duration / self.dt))

@@ -95,7 +95,7 @@ class VariedScene(NamedTuple):
         Raises CouplingError where shakers lead to no periodic state."""
         if self.rubbing is None:
             return self
-        from beadwave.workflows.fit.rubbing import prepared
+        from beadwave.workflows.fit.friction_fit import prepared
 
         try:
             return self._replace(rubbing=prepared(self(values), dt))

@@ -81,7 +81,7 @@ def look(
     Raises InvalidScene for bad input.
     """
     from beadwave.workflows.structure import look as looking
-    from beadwave.workflows.structure.starter import write_starter
+    from beadwave.workflows.structure.template import write_starter
 
     path = Path(source) if isinstance(source, str | Path) else None
     is_step = path is not None and path.suffix.lower() in looking.ENDINGS

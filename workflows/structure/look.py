@@ -17,7 +17,7 @@ from beadwave.workflows.stages.structure.assembly import mesh
 from beadwave.workflows.stages.structure.bodies import Drawing, drawing
 from beadwave.workflows.stages.structure.parts import Parts
 from beadwave.workflows.structure.face_page import face_page
-from beadwave.workflows.structure.starter import starter
+from beadwave.workflows.structure.template import starter
 
 STEEL = {"young": 210e9, "poisson": 0.3, "density": 7850.0}
 ENDINGS = (".step", ".stp")

@@ -16,7 +16,7 @@ from beadwave.workflows.scene.toml import toml
 if TYPE_CHECKING:
     from beadwave.workflows.sweep.cases import Base
     from beadwave.workflows.sweep.core.design import Design
-    from beadwave.workflows.sweep.price import Price
+    from beadwave.workflows.sweep.cost_estimate import Price
     from beadwave.workflows.sweep.result import Sweep
 
 SWEEPS = Path("sweeps")  # of sweeps without a folder of their own
@@ -183,7 +183,7 @@ def sweep_price(
     in `sweep`."""
     from beadwave.workflows.sweep.cases import base_of
     from beadwave.workflows.sweep.cluster import require_processes
-    from beadwave.workflows.sweep.price import price
+    from beadwave.workflows.sweep.cost_estimate import price
 
     base = base_of(scene, changes)
     design, _ = _design(base, _cases(over, sample, cases, seed), signals=False)
