@@ -1,4 +1,4 @@
-"""What a run to an error costs beside the longest steps that would have done.
+"""Cost of a run to an error, over that of the longest steps that would have done.
 
 You will see, for chains of `beadwave accuracy` and errors asked for, at 101 and at 3001 samples:
 the true error, the energy error, the contact evaluations of the run with the search for its step,
@@ -110,7 +110,7 @@ def ideal_evaluations(problem: Problem, error: float) -> int:
 
 
 def keeps_error(problem: Problem, n_steps: int, reference: dem.Trajectory, error: float) -> bool:
-    """Whether so many equal steps keep the velocities to the error and, at the end of every one,
+    """True if so many equal steps keep the velocities to the error and, at the end of every one,
     the energy to a hundredth of it."""
     try:
         run = marched(problem, problem.duration / n_steps, n_steps)

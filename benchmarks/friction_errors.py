@@ -1,4 +1,4 @@
-"""Whether what runs with friction at the wall state of themselves holds, over random scenes.
+"""Check of the errors that runs with friction at the wall state, over random scenes.
 
 You will see, for spheres that strike obliquely, spheres pressed on a wall that moves, and chains
 that strike such a wall: how many runs are done, how many are refused, how many of those done state
@@ -50,7 +50,7 @@ CELLS = 0.5 / math.sqrt(10.0)
 
 
 class RandomRun(NamedTuple):
-    """What is marched, for how long, and to which error."""
+    """A random system, its duration and the requested error."""
 
     chain: dem.Chain
     wall: dem.Wall
@@ -63,7 +63,7 @@ class RandomRun(NamedTuple):
 
 
 class Trial(NamedTuple):
-    """What came of a run; NaN where it was refused or its true error is unknown."""
+    """Result of a run; NaN if it was refused or its true error is unknown."""
 
     ratio: float  # stated over true error
     ledger: float  # what the energy ledger leaves open, over the error asked for
@@ -120,7 +120,7 @@ def trial(run: RandomRun) -> Trial:
 def across_by(
     run: RandomRun, along: dem.Trajectory, across: LateralTrajectory, refinement: int
 ) -> LateralTrajectory:
-    """The same run by steps that are so much shorter, along and across."""
+    """The run by steps that are so much shorter, along and across."""
     usual = LateralSearch()
     finer = dem.march(
         run.chain, run.wall, run.v0, duration=run.duration, n_save=run.n_save,

@@ -349,7 +349,7 @@ def equal_error(
 
 
 def installed(method: str, work: str) -> bool:
-    """Whether a method's module or program is there; says what adds it if not."""
+    """True if a method's module or program is there; says what adds it if not."""
     name, remedy = NEEDED.get(method, ("numpy", ""))
     there = bool(which(name) if method == CALCULIX else find_spec(name))
     if not there:

@@ -1,4 +1,4 @@
-"""Whether the errors that single runs state for their time step hold, over random scenes.
+"""Check of the errors that single runs state for their time step, over random scenes.
 
 You will see, for chains whose forces are smooth, whose contacts yield and whose dampers jump: how
 many runs are done, how many are refused, how many of those done state less than their true error,
@@ -42,7 +42,7 @@ AGREEMENT = 0.1  # of the stated error: difference of two references that may st
 
 
 class RandomRun(NamedTuple):
-    """What is marched, for how long, and to which error."""
+    """A random system, its duration and the requested error."""
 
     chain: dem.Chain
     wall: dem.Wall | None
@@ -53,14 +53,14 @@ class RandomRun(NamedTuple):
 
     @property
     def forces(self) -> str:
-        """How the forces of its contacts set in, one of FORCES."""
+        """Onset of the forces of its contacts, one of FORCES."""
         jumps = self.chain.dissipation.startswith("linear")
         yields = self.chain.yield_overlap is not None
         return FORCES[2 * jumps + yields]
 
 
 class Trial(NamedTuple):
-    """What came of a run; NaN where it was refused or its true error is unknown."""
+    """Result of a run; NaN if it was refused or its true error is unknown."""
 
     ratio: float  # stated over true error
     cost: float  # evaluations of the search over those of its last march

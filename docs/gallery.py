@@ -80,7 +80,7 @@ def scripts() -> dict[str, Path]:
 
 
 def docstring(script: Path) -> tuple[str, list[str], list[str]]:
-    """What a script shows in a sentence, the paragraphs about it, and the lines that run it."""
+    """Summary of a script in a sentence, the paragraphs about it, and the lines that run it."""
     paragraphs = (ast.get_docstring(ast.parse(script.read_text(encoding="utf-8"))) or "").split(
         "\n\n"
     )
@@ -90,7 +90,7 @@ def docstring(script: Path) -> tuple[str, list[str], list[str]]:
 
 
 def ran(script: Path) -> tuple[str, Image.Image]:
-    """What a script prints and draws, run whole in a folder of its own."""
+    """Text and picture of a script, run whole in a folder of its own."""
     with TemporaryDirectory() as folder:
         done = subprocess.run(
             [sys.executable, script], cwd=folder, check=True, stdout=subprocess.PIPE, text=True

@@ -48,7 +48,7 @@ FEW = 4  # words by which a quoted stretch that is no longer printed is found, f
 
 
 class Tolerance(NamedTuple):
-    """How far a number may be from the one that a page quotes."""
+    """Allowed distance of a number from the one that a page quotes."""
 
     # of its value; other processors and libraries move errors of errors by that, results by less
     relative: float = 0.01
@@ -65,7 +65,7 @@ class Token(NamedTuple):
 
 
 class Difference(NamedTuple):
-    """Where a text is no longer what is printed: both lines, and the number of the quoted one from
+    """Difference of a page from what is printed: both lines, and the number of the quoted one from
     0; a line that is not there is empty."""
 
     line: int
@@ -80,7 +80,7 @@ def pages() -> dict[str, Path]:
 
 
 def is_slow(page: Path) -> bool:
-    """Whether it meshes an assembly, for minutes."""
+    """True if it meshes an assembly, for minutes."""
     return page.read_text().startswith("---\nslow: true")
 
 

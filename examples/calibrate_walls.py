@@ -73,7 +73,7 @@ def main(beams: int = 20, wall: str = "usual", seed: int = 1) -> None:
 
 
 def print_bars(by_noise, by_all, numbers: str) -> None:
-    """How many numbers lie within their bars, by the noise alone and by all that is known."""
+    """Print the share of numbers within their bars, by the noise alone and by all that is known."""
     for name, ratios in (("noise alone", by_noise), ("all that is known", by_all)):
         off = np.array(ratios)
         print(

@@ -1,4 +1,4 @@
-"""Whether the energy of shaken cycles closes: shakers' work = friction + damping, in random scenes.
+"""Closure of the energy of shaken cycles: shakers' work = friction + damping, in random scenes.
 
 You will see, of chains pressed on walls of random modes that one or two shakers move, how many have
 no periodic state that was found (with the first sentence), how many were found by harmonic balance
@@ -40,7 +40,7 @@ class RandomCycle(NamedTuple):
 
 
 class Closure(NamedTuple):
-    """What came of a scene; NaN where no state was found."""
+    """Result of a scene; NaN if no state was found."""
 
     balance: float  # what work and losses differ by, over the work and the error
     change: float  # from period to period, over the error

@@ -1,4 +1,4 @@
-"""What friction at the wall costs a run: processor seconds with it and without.
+"""Cost of friction at the wall: processor seconds with it and without.
 
 You will see, for a chain that strikes a half-space (`rig-half-space`, pressed by 60 N): seconds of
 `beadwave impact` with `[friction]` and an arm over those without, where the wall rests, and where a

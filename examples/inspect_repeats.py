@@ -1,4 +1,5 @@
-"""How often the bars of `beadwave inspect` hold the truth, over records with noise of their own.
+"""Rate at which the bars of `beadwave inspect` hold the truth, over records with noise of their
+own.
 
 You will see, after every twenty repeats, for thickness, modulus and axial force of the beam of
 docs/inspect.md: how often the two-sigma bar has held the truth, mean and standard deviation of

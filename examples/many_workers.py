@@ -1,4 +1,4 @@
-"""What bounds a sweep on many workers: the scheduler's time for a task, and a worker's memory.
+"""Limits of a sweep on many workers: the scheduler's time for a task, and a worker's memory.
 
 You will see, for 10 and 100 workers: milliseconds, of the clock and of the processor, that a task
 takes which computes nothing, the share of their time that workers are busy with tasks of one second

@@ -1,4 +1,4 @@
-"""Whether the errors that are stated of meshes hold, on structures made from a seed.
+"""Check of the errors that are stated of meshes, on structures made from a seed.
 
 You will see, for each kind of quantity, how many were compared, and of
 

@@ -1,4 +1,4 @@
-"""Whether the errors that a sweep states hold, row by row.
+"""Check of the errors that a sweep states, row by row.
 
 You will see, for random grids, samples and tables of cases with outliers: how many rows are done
 and how many are refused, how many of those done state less than their true error, and points of
@@ -68,7 +68,7 @@ ROUNDING = 1e-12  # true errors below it are rounding
 
 
 class Trial(NamedTuple):
-    """How the errors stated for rows of a population compare with the true ones."""
+    """Stated errors of the rows of a population, compared with the true ones."""
 
     n_rows: int
     refused: int

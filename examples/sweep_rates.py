@@ -1,4 +1,4 @@
-"""How many cases of a sweep a second, and what more processes bring.
+"""Cases of a sweep a second, and the gain of more processes.
 
 You will see cases a second on one core and on all: chains alone, before a mass on a spring, before
 a reduced model that all share; then walls that differ, each with a mesh and a reduced model of its

@@ -115,8 +115,8 @@ def _verdicts(folder: str, names: tuple[str, ...], progress: Progress) -> Findin
 def _written(
     compute: Callable[[], Finding], name: str, out: str | Path | None, overwrite: bool
 ) -> Finding:
-    """What `compute` returns, written into the folder `out` if there is one; a folder that may not
-    be written to is refused before anything is computed."""
+    """Result of `compute`, written into the folder `out` if there is one; a folder that may not be
+    written to is refused before anything is computed."""
     from beadwave.workflows.report import finding
 
     folder = _folder(out, (), overwrite, finding.files(name))

@@ -184,8 +184,8 @@ def finding(folder: str, rows: tuple[Row, ...]) -> Finding:
 
 
 def brief(verdicts: Finding) -> Finding:
-    """The same of trials, printed with a line for each case: its trials, the largest share of what
-    is allowed, and one sentence on what was refused or flagged."""
+    """The finding of trials, printed with a line for each case: its trials, the largest share of
+    what is allowed, and one sentence on what was refused or flagged."""
     table = verdicts.tables[0]
     by_case: dict[str, list[Row]] = {}
     for case, parameter, unit, verdict, value, allowed, sentence, seconds in table.rows:

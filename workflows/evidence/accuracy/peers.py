@@ -1,4 +1,4 @@
-"""What a user would pick instead: integrators of scipy and SUNDIALS on the chain's equations.
+"""Alternatives of a user: integrators of scipy and SUNDIALS on the chain's equations.
 
     m_i x_i'' = F_{i-1} - F_i - k_i (x_i - a_i) + P [i = N],   q'' + 2 zeta omega q' + omega^2 q =
     phi F_N,   u_d' = F_N / c,   F = A delta^(3/2) and its damping
@@ -266,7 +266,7 @@ def peers() -> dict[str, Solver]:
 
 
 def has_sundials() -> bool:
-    """Whether the optional wheel of SUNDIALS is installed."""
+    """True if the optional wheel of SUNDIALS is installed."""
     return find_spec("sksundae") is not None
 
 

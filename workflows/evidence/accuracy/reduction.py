@@ -1,4 +1,4 @@
-"""How many modes: what a reduced wall gets wrong, against what it costs.
+"""Error of a reduced wall against its cost, by its number of modes.
 
 (a) The receptance at the contact against the full model's, rms over rms up to 20 and to 50 kHz,
     with a loss factor of 1 %.
@@ -57,7 +57,7 @@ REFERENCE = {
 
 
 class FullReference(NamedTuple):
-    """What stands for the full model: reduced, its stated error the bound."""
+    """Stand-in for the full model: reduced, with its stated error as the bound."""
 
     reduced: rom.ReducedModel
     checked_hz: tuple[float, ...]  # (k,) where it is set beside solutions of the full model
@@ -217,7 +217,7 @@ def reduction(scene: Scene, progress: Progress) -> Finding:
 
 
 def method_name(kind: str, choice: str, residual: bool) -> str:
-    """What the table calls a way to reduce."""
+    """Name of a way to reduce, in the table."""
     lowest = "" if choice == CHOICES[0] else f" {choice}"
     return f"{kind}{lowest}{' + residual' if residual else ''}"
 
@@ -308,7 +308,7 @@ def marched(scene: Scene, wall: dem.Wall, finer: float) -> dem.Trajectory:
 def solve_costs(
     scene: Scene, full: FullMatrices, modes: AssemblyModes
 ) -> tuple[int, float, float, float]:
-    """How many modes, and seconds of a factorisation, of their eigen-solve and of the scene's
+    """Number of modes, and seconds of a factorisation, of their eigen-solve and of the scene's
     reduction, each with a factorisation of its own."""
     n_modes = scene.reduction.modes or 40
     of_scene = selection(scene)

@@ -42,7 +42,7 @@ def settled(
 def finer(
     chain: dem.Chain, wall: dem.Wall | None, v0: np.ndarray, run: dem.Trajectory
 ) -> dem.Trajectory:
-    """The same from v0 (n,) with a quarter of the step by another scheme, where one bears the
+    """The march from v0 (n,) with a quarter of the step by another scheme, where one bears the
     damping.
 
     The implicit schemes, which alone average a force that jumps, take an eighth of the step. Beside
