@@ -32,7 +32,11 @@ echo "install.sh: looking for shared libraries"
 # in which the tests open the report page, and of what drives it
 missing() {
     .venv/bin/python -P workflows/installation/shared_libraries.py | tr '\n' ' '
-    case ",${1:-}," in *,test,*) command -v chromium >/dev/null || printf 'chromium libatomic1 ' ;; esac
+    case ",${1:-}," in *,test,*)
+        command -v chromium >/dev/null || printf 'chromium '
+        /sbin/ldconfig -p | grep -q 'libatomic\.so\.1 ' || printf 'libatomic1 '
+        ;;
+    esac
 }
 packages=$(missing "$@")
 # shellcheck disable=SC2086  one word per package
