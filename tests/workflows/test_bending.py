@@ -146,7 +146,7 @@ REFUSED = {
     ("beam.diameter=0.02", "beam.bore=0.02"): "bore = 0.02 m must be below diameter",
     ("beam.thickness=1",): "a section 1 m high is no beam of length = 0.5 m",
     ("beam.width=10",): "10 mm",
-    ("patch.radius=0.002",): "[patch] is beside [beam]",
+    ("patch.radius=0.002",): "[patch] contradicts [beam]",
     ("preload.force=1", "beam.left=free", "beam.right=free"): "preload.force",
     ("reduction.kind=craig-bampton", "beam.left=free", "beam.right=free"): '"free-modes"',
 }
@@ -247,7 +247,7 @@ NO_PLATE = {
     ("plate.at=[0.004, 0.1]",): "allowed are 0.008 to 0.292 m",
     ("plate.left=glued",): "plate.left",
     ("beam.length=1",): "beam.young is missing",
-    ("mesh.scale=2",): "[mesh] is beside [plate]",
+    ("mesh.scale=2",): "[mesh] contradicts [plate]",
     ("plate.in_plane_y=-2e7",): "plate.in_plane_x, plate.in_plane_y: forces in the plane of 0 N/m",
     ("plate.in_plane_x=1e5", *(f"plate.{e}=free" for e in ("left", "right", "front", "back"))): (
         "plate.in_plane_x = 100000 acts on a plate that can move as a rigid body"

@@ -128,7 +128,7 @@ def test_a_mesh_of_hexahedra_and_tetrahedra_is_tied_where_they_touch(capsys):
 @pytest.mark.parametrize(
     ("change", "words", "message"),
     [
-        ({}, "seed", 'bodies.cover.seed is beside assembly.mesh'),
+        ({}, "seed", 'bodies.cover.seed contradicts assembly.mesh'),
         ({"at": 0.1}, "", '"cover" touches no other body and is not held'),
         ({"at": 0.025}, "", "let its mesh end where the other body does"),
         ({"lift": -0.004}, "", '"base" and "cover" overlap by'),

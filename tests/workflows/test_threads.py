@@ -140,7 +140,7 @@ def test_a_mesh_of_one_s_own_has_the_thread_of_the_drawn_bodies():
         (["bodies.nut.at=[0.02, 0, 0.006]"], "finds no shank .* on one axis, up to 20 %"),
         (["bodies.nut.turn=[90, 0, 0]", "bodies.nut.at=[0, 0.04, 0]"], "finds no shank"),
         (["bodies.stud.cylinder.radius=3.9e-3"], "has a bore of 10 mm; move them"),
-        (["joints.m10.washer=0.008"], r"joints\.m10\.washer = 0\.008 is beside at = \"thread\""),
+        (["joints.m10.washer=0.008"], r"joints\.m10\.washer = 0\.008 contradicts at = \"thread\""),
         (['joints.m10.sides=["rigid", "mean"]'], r"joints\.m10\.sides = .* drop sides"),
         (['joints.m10.between="stud|ground"'], "the ground has neither"),
         (["joints.m10.kz=-1e6"], r"kz = -1000000\.0 must be greater than or equal to 0"),
