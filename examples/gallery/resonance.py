@@ -25,7 +25,6 @@ from scipy.optimize import root
 from beadwave import scene
 from beadwave.coupling.continuation import before_striker, cold_state
 from beadwave.coupling.harmonic_balance import (
-    USUAL_BALANCE_SEARCH,
     answer,
     cut_at_contacts,
 )
@@ -72,7 +71,7 @@ def point(body, frequency, force, start=None):
     body = body._replace(shakers=shakers, search=body.search._replace(n_cells=N_CELLS))
     # contacts that nothing presses are left out
     before = Before(np.zeros(chain.mass.size, bool), int(np.argmax(static.force > 0.0)))
-    cut, N = cut_at_contacts(body, before, N_INSTANTS, USUAL_BALANCE_SEARCH), N_INSTANTS
+    cut, N = cut_at_contacts(body, before, N_INSTANTS), N_INSTANTS
     last, harmonics = chain.mass.size - 1, slice(N_HARMONICS + 1)
 
     # answer H of the last contact, the others as springs under their static forces

@@ -35,7 +35,7 @@ def mesh_file(path: Path) -> MeshFile:
     """
     module = READERS.get(path.suffix.lower())
     read: Callable[[Path], MeshFile] = (
-        import_module(f"beadwave.geometry.{module}").read if module else _by_meshio
+        import_module(f"beadwave.geometry.own_mesh.{module}").read if module else _by_meshio
     )
     return read(path)
 

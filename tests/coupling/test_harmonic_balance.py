@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from beadwave.coupling.harmonic_balance import (
-    USUAL_BALANCE_SEARCH,
     answer,
     balance,
     cut_at_contacts,
@@ -244,7 +243,7 @@ def test_a_cycle_across_has_johnsons_loop(load):
     body, law = body_of(chain, wall, [0.0], clamped, shakers), clamped.law
     overlap, most = hertz_overlap(press, chain.A[-1]), 0.2 * press
     amplitude = float(loop_amplitude(law, most, load * most, float(np.sqrt(law.radius * overlap))))
-    cut = cut_at_contacts(body, at_rest_before(body), 512, USUAL_BALANCE_SEARCH)
+    cut = cut_at_contacts(body, at_rest_before(body), 512)
     y = np.zeros((512, 2))
     y[:, 1] = amplitude * np.cos(2 * np.pi * np.arange(512) / 512)
     cycle = answer(body, at_rest_before(body), cut, y, None, 2)

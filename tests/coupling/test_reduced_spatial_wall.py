@@ -7,8 +7,15 @@ from skfem import MeshHex
 from beadwave.coupling import CouplingError, ModalDamping
 from beadwave.coupling.reduced_spatial_wall import half_space_of, spatial_wall_of, with_stingers
 from beadwave.coupling.reduced_wall import wall_from_reduced
-from beadwave.fem import Connections, HeldFace, assemble, factorised, half_space_matrix, joined
-from beadwave.fem.contact import contact_patch
+from beadwave.fem import (
+    Connections,
+    HeldFace,
+    assemble,
+    contact_patch,
+    factorised,
+    half_space_matrix,
+    joined,
+)
 from beadwave.rom import (
     LOSS,
     ColumnOptions,

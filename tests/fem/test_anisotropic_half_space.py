@@ -10,12 +10,12 @@ from beadwave.fem import (
     Material,
     Orthotropic,
     assemble,
+    contact_patch,
     factorised,
     half_space_on_mesh,
     indentation_modulus,
     joined,
 )
-from beadwave.fem.contact import contact_patch
 from beadwave.fem.contact.anisotropic_half_space import half_space, surface_force
 from beadwave.fem.contact.half_space import boussinesq
 

@@ -9,16 +9,16 @@ from beadwave.fem import (
     HeldFace,
     Material,
     assemble,
+    contact_patch,
     disc_quadrature,
     factorised,
     joined,
     mac,
+    modes,
     node_patch,
     pair,
     receptance,
 )
-from beadwave.fem.contact import contact_patch
-from beadwave.fem.modes import modes
 from beadwave.fem.modes.solver import receptance as response
 from beadwave.workflows.files.scene import scene
 

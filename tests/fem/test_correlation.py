@@ -15,12 +15,12 @@ from beadwave.fem import (
     assemble,
     effective_mass,
     joined,
+    modes,
     outer_nodes,
     pair,
     target_mac,
 )
 from beadwave.fem.assembly.trace import at_node
-from beadwave.fem.modes import modes
 from beadwave.fem.modes.mac import mac, mac_near_double, measured_pairs
 
 STEEL = Material(210e9, 0.3, 7850.0)

@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from skfem import MeshHex
 
-from beadwave.fem import Connections, SwayingTable, assemble, joined
-from beadwave.fem.assembly import dashpots
-from beadwave.fem.contact import contact_patch
+from beadwave.fem import Connections, SwayingTable, assemble, contact_patch, dashpots, joined
 from beadwave.fem.exchange.abaqus import input_deck
 
 from known_models import rig, steel

@@ -12,13 +12,14 @@ from beadwave.fem import (
     Material,
     Model,
     assemble,
+    contact_patch,
     factorised,
     half_space_matrix,
     half_space_on_mesh,
     joined,
     node_patch,
 )
-from beadwave.fem.contact import contact_patch, half_space
+from beadwave.fem.contact import half_space
 from beadwave.fem.contact.half_space import boussinesq, cerruti
 from beadwave.fem.modes.solver.factorisation import Factor
 from beadwave.geometry.meshing.grid_lines import graded

@@ -18,6 +18,7 @@ from beadwave.fem import (
     Tie,
     assemble,
     joined,
+    modes,
     normal_frame,
 )
 from beadwave.fem.assembly.constraints import Constraint, claimed, eliminated
@@ -31,7 +32,6 @@ from beadwave.fem.assembly.joints import (
     tie,
 )
 from beadwave.fem.assembly.trace import face_nodes
-from beadwave.fem.modes import modes
 from beadwave.fem.modes.modes import Modes, require_accurate
 
 from known_models import STEEL, at, stacked

@@ -18,8 +18,8 @@ from beadwave.fem import (
     assemble,
     joined,
     loose_bodies,
+    modes,
 )
-from beadwave.fem.modes import modes
 
 STEEL = Material(210e9, 0.3, 7850.0)
 ALL = ("x", "y", "z", "rx", "ry", "rz")

@@ -5,9 +5,15 @@ from functools import cache
 import numpy as np
 import pytest
 
-from beadwave.fem import Material, assemble, factorised, half_space_on_mesh, mirrored
-from beadwave.fem.contact import contact_patch
-from beadwave.fem.modes import modes
+from beadwave.fem import (
+    Material,
+    assemble,
+    contact_patch,
+    factorised,
+    half_space_on_mesh,
+    mirrored,
+    modes,
+)
 from beadwave.geometry import Extent, by_body, plate_mesh
 
 STEEL = Material(210e9, 0.3, 7850.0)

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from skfem import MeshHex
 
-from beadwave.fem import Connections, HeldFace, assemble, joined
+from beadwave.fem import Connections, HeldFace, assemble, contact_patch, joined
 from beadwave.fem.assembly.joints import rigid_motion
-from beadwave.fem.contact import contact_patch
 from beadwave.fem.contact.contact_patch import disc_quadrature, node_patch
 
 from known_models import STEEL, at

@@ -11,13 +11,13 @@ from beadwave.fem import (
     Material,
     Orthotropic,
     assemble,
+    contact_patch,
     factorised,
     half_space_on_mesh,
     joined,
     planar_spot,
     round_spot,
 )
-from beadwave.fem.contact import contact_patch
 
 STEEL = Material(210e9, 0.3, 7850.0)
 PLY = Orthotropic((135e9, 9e9, 9e9), (0.3, 0.3, 0.45), (5e9, 5e9, 3.1e9), 1600.0)

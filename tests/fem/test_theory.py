@@ -16,12 +16,12 @@ from beadwave.fem import (
     Material,
     Side,
     assemble,
+    contact_patch,
     factorised,
     half_space_on_mesh,
     joined,
+    modes,
 )
-from beadwave.fem.contact import contact_patch
-from beadwave.fem.modes import modes
 
 ALUMINIUM = Material(70e9, 0.33, 2700.0)
 ENDS = {"cantilever": ("clamped", "free"), "hinged": ("hinged", "hinged"), "free": ("free", "free")}

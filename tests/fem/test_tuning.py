@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from beadwave.fem import Bushing, Material, assemble, joined, pair
-from beadwave.fem.modes import modes
+from beadwave.fem import Bushing, Material, assemble, joined, modes, pair
 from beadwave.fem.modes.mac import BodyForms, Number
 from beadwave.fem.updating.tuning import (
     TuningBasis,

@@ -7,8 +7,7 @@ import pytest
 import scipy.sparse.linalg as sla
 from skfem import MeshHex
 
-from beadwave.fem import Connections, HeldFace, assemble, factorised, joined
-from beadwave.fem.contact import contact_patch
+from beadwave.fem import Connections, HeldFace, assemble, contact_patch, factorised, joined
 from beadwave.rom import (
     LOSS,
     ColumnOptions,

@@ -6,10 +6,9 @@ import pytest
 
 from beadwave import rom
 from beadwave.coupling.reduced_spatial_wall import spatial_wall_of
-from beadwave.fem import factorised
+from beadwave.fem import factorised, modes
 from beadwave.fem.assembly.model import Model
 from beadwave.fem.exchange.abaqus import input_deck
-from beadwave.fem.modes import modes
 from beadwave.workflows.evidence.harness import Comparison
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.stages.engine.pipeline import Pipeline, pipeline_of

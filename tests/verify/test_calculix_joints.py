@@ -16,18 +16,18 @@ from beadwave.fem import (
     Side,
     SwayingTable,
     assemble,
+    contact_patch,
+    dashpots,
     factorised,
     joined,
+    modes,
     normal_frame,
 )
-from beadwave.fem.assembly import dashpots
 from beadwave.fem.assembly.constraints import congruent, eliminated, fixed
 from beadwave.fem.assembly.elasticity import ELEMENTS
 from beadwave.fem.assembly.joints import mean_sides
 from beadwave.fem.assembly.trace import face_nodes
-from beadwave.fem.contact import contact_patch
 from beadwave.fem.exchange.abaqus import input_deck
-from beadwave.fem.modes import modes
 
 from known_models import rig, steel
 from peer_programs import require_program

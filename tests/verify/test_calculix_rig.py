@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from beadwave import fem
-from beadwave.fem import factorised
-from beadwave.fem.modes import modes
+from beadwave.fem import factorised, modes
 from beadwave.geometry.cad.occ import write_step
 from beadwave.workflows.evidence.harness import Comparison
 from beadwave.workflows.files.scene import scene

@@ -100,9 +100,8 @@ def test_an_impact_says_where_it_wrote_and_leaves_no_empty_folder(beadwave):
     }  # fmt: skip
 
 
-def test_completion_knows_scenes_keys_studies_and_stages():
+def test_completion_knows_scenes_keys_and_stages():
     assert options.scene_names("rig-rom") == ["rig-rom", "rig-rom-269", "rig-rom-907"]
-    assert set(options.study_names("wa")) == {"wall-modulus", "wall-thickness", "walls"}
     assert options.stage_names("me") == ["mesh"] and "preload" in options.case_names("p")
 
     for params, words in (({"scene": "rig-1dof"}, []), ({"scene": None}, ["rig-1dof"])):

@@ -104,7 +104,7 @@ def test_a_mesh_that_is_hardly_coarser_tells_no_error(monkeypatch):
     """Where none is made finer either, a sentence stands in place of a number too small."""
     held, whole = pipeline("cantilever"), assembly.mesh
     monkeypatch.setattr(assembly, "mesh", lambda scene, coarser=1.0: whole(scene, coarser**0.1))
-    monkeypatch.setattr(errors, "CHOICE", errors.CHOICE._replace(afforded=3e4))
+    monkeypatch.setattr(errors, "MAX_UNKNOWNS", 3e4)
     with pytest.raises(ValueError, match=r"cannot be made larger, .* 3\.1e\+04 unknowns"):
         errors.other_mesh(held.scene, whole(held.scene))
 
