@@ -222,7 +222,7 @@ def test_a_reduction_that_fails_names_the_keys_of_the_scene(changes, words):
 @pytest.mark.slow
 def test_a_boundary_too_large_for_memory_is_refused_before_it_is_solved_for(monkeypatch):
     """A contact seed of 10 um under a patch of 2 mm once filled the memory for minutes."""
-    monkeypatch.setattr(reductions, "LIMITS", reductions.LIMITS._replace(most_values=1e4))
+    monkeypatch.setattr(reductions, "MAX_VALUES", 1e4)
     monkeypatch.setattr("beadwave.rom.craig_bampton", None)
     with pytest.raises(ValueError, match=r"radius = 0.006 m holds 21 nodes .* GB, allowed"):
         pipeline("reduction.modes=41")("reduction")
