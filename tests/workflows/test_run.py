@@ -416,7 +416,9 @@ def test_an_edit_of_any_source_or_data_file_changes_every_key(monkeypatch, tmp_p
             file.write_text(text)
             keys.add((key("modes"), key("reduction")))
     assert len(keys) == 7
-    (tmp_path / "room" / "module.pyc").write_text("compiled")
+    compiled = tmp_path / "room" / "__pycache__" / "code"
+    compiled.mkdir(parents=True)
+    (compiled / "march.json").write_text("{}")
     assert (key("modes"), key("reduction")) in keys
 
 

@@ -115,7 +115,9 @@ def fingerprint() -> str:
     content = sha256()
     for room in sorted(path for path in PACKAGE.iterdir() if path.is_dir()):
         for path in sorted(room.rglob("*")):
-            if path.suffix in (".py", ".toml", ".json", ".csv"):
+            # compiled code, whose records are .json, lies in __pycache__
+            is_source = path.suffix in (".py", ".toml", ".json", ".csv")
+            if is_source and "__pycache__" not in path.parts:
                 name = path.relative_to(PACKAGE).as_posix()
                 content.update(f"{name}\n".encode() + path.read_bytes())
     return content.hexdigest()
