@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from beadwave.fem.identification.hammer_files import of_mat
 from beadwave.fem.identification.hammer_test import accelerances, nearest_modes, with_noise
+from beadwave.workflows.files.response_files import of_mat
 
 RIG = {1: 51.0, 2: 269.0, 3: 907.0, 4: 8425.0}
 

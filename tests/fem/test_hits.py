@@ -4,7 +4,7 @@ truth of synthetic tests."""
 import numpy as np
 import pytest
 
-from beadwave.fem.identification.hit_records import TimeRecord, cut_at_hits, require_even
+from beadwave.fem.identification.hit_records import TimeRecord, cut_at_hits
 from beadwave.fem.identification.hits import (
     FrequencyResponses,
     HitChecks,
@@ -251,24 +251,6 @@ def test_a_hit_that_is_left_out_shortens_no_other(starts, duration, left_out, le
     pieces, remarks = cut_at_hits([record])
     assert len(remarks) == left_out and len(pieces) == len(starts) - left_out
     assert all(lengths[0] <= len(piece.force) <= lengths[1] for piece in pieces)
-
-
-@pytest.mark.parametrize("digits", [6, 3, 2])
-def test_times_written_with_few_digits_are_even(digits):
-    """By whole decimals, and by six significant digits, whose last one grows tenfold at 10 s."""
-    t = np.arange(400_000) / 51_200 * (1 if digits < 6 else 3)
-    written = np.round(t, digits) if digits < 6 else np.array([float(f"{x:.6g}") for x in t])
-    assert require_even(written) == pytest.approx(t[1], rel=1e-6)
-
-
-def test_times_that_jump_or_shake_are_not_even():
-    t = np.arange(40_000) / 51_200
-    missing = np.round(np.delete(t, slice(10_000, 10_400)), 3)  # 8 ms, of digits of 1 ms
-    shaken = np.sort(t + 2e-5 * np.random.default_rng(0).standard_normal(len(t)))
-    paired = np.repeat(t[::2], 2)  # each second sample late
-    for times in (missing, shaken, paired**1.1, np.zeros(40_000)):
-        with pytest.raises(ValueError, match="not evenly spaced"):
-            require_even(times)
 
 
 def test_a_few_lines_of_one_response_have_their_mode():

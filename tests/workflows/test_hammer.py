@@ -9,8 +9,6 @@ import pytest
 from scipy.io import savemat, wavfile
 
 import beadwave
-from beadwave.fem.identification.hammer_files import SYNTHETIC, Responses
-from beadwave.fem.identification.hit_records import records_of_data_sets
 from beadwave.fem.identification.hits import FrequencyResponses, Hits, frequency_responses
 from beadwave.fem.identification.poly_reference import IdentifiedModes, identified_modes
 from beadwave.fem.identification.synthetic_hits import HammerDefects, synthetic_hits
@@ -22,7 +20,10 @@ from beadwave.workflows.files.hammer import (
     write_modes,
     write_synthetic,
 )
+from beadwave.workflows.files.hit_files import records_of_data_sets
 from beadwave.workflows.files.output_file import OutputFile
+from beadwave.workflows.files.record import SYNTHETIC
+from beadwave.workflows.files.response_files import Responses
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.files.shapes import measured_shape
 from beadwave.workflows.scene import InvalidScene
@@ -101,12 +102,16 @@ def test_measured_damping_reaches_the_scene_only_when_all_four_are_known(csv):
     [
         ("a.txt", "", "must end in"),
         ("none.csv", None, "does not exist"),
-        ("empty.csv", "", "no lines below the header"),
+        ("empty.csv", "", "no samples below a header line"),
         ("words.csv", "f,re,im\na,b,c\n", "no frequency responses"),
-        ("excel.csv", "f;re;im\n1,5;2,5;3\n", "semicolons between its values, commas and decimal"),
+        ("excel.csv", "f;re;im\n1,5;2,5;3\n", "line 2 is not numbers with decimal points"),
         ("two.csv", "f,re\n1,2\n2,3\n", "2 columns"),
         ("short.csv", "f,re,im\n" + "".join(f"{i},1,0\n" for i in range(9)), "at least 40"),
-        ("nan.csv", "f,re,im\n" + "".join(f"{i},nan,0\n" for i in range(60)), "line 2 has nan"),
+        (
+            "nan.csv",
+            "f,re,im\n" + "".join(f"{i},nan,0\n" for i in range(60)),
+            "line 2 has no number",
+        ),
         ("flat.csv", "f,re,im\n" + "".join(f"{i},1,0\n" for i in range(60)), "no peaks"),
         ("bad.uff", "    -1\n    58\n", "no frequency responses"),
         ("bare.uff", "    -1\n    15\n    -1\n", "shapes alone .* are targets of modes and tune"),
@@ -344,20 +349,23 @@ def hammer_modes(phi, L):
 
 
 RECORDS = {
-    "two-forces.csv": ("time [s], force 1 [N], force 2 [N]\n", "two columns of a force"),
-    "no-response.csv": ("time [s], force 1 [N]\n", "no column with a response"),
-    "unit.csv": ("time [s], force 1 [bar], response 2\n", "unit of its force is 'bar'"),
-    "unit-2.csv": ("time [s], force 1 [N], response 2 [km]\n", "unit of 'response 2 .km.' is 'km'"),
+    "two-forces.csv": ("time [s], force 1 [N], force 2 [N]\n0,1,2\n", "two columns of a force"),
+    "no-response.csv": ("time [s], force 1 [N]\n0,1\n", "no column with a response"),
+    "unit.csv": ("time [s], force 1 [bar], response 2\n0,1,2\n", "unit of its force is 'bar'"),
+    "unit-2.csv": (
+        "time [s], force 1 [N], response 2 [km]\n0,1,2\n",
+        "unit of 'response 2 .km.' is 'km'",
+    ),
     "two-kinds.csv": (
-        "time [s], force 1 [N], response 2 [g], response 3 [mm]\n",
+        "time [s], force 1 [N], response 2 [g], response 3 [mm]\n0,1,2,3\n",
         "responses are accelerations and displacements; shapes need one quantity",
     ),
-    "cut.csv": ("time [s], force 1 [N], response 2\n0,1,2\n1,2", "the file may be cut off"),
-    "minutes.csv": ("time [min], force 1 [N], response 2\n", r"'time \[s\]' is needed"),
+    "cut.csv": ("time [s], force 1 [N], response 2\n0,1,2\n1,2", "line 3 has 2 cells"),
+    "minutes.csv": ("time [min], force 1 [N], response 2\n0,1,2\n", r"'time \[s\]' is needed"),
     "short.csv": ("time [s], force 1 [N], response 2\n0,1,2\n1,2,3\n", "at least 64"),
     "nan.csv": (
         "time [s], force [N], a\n" + "".join(f"{i / 100},{i == 5:d},nan\n" for i in range(99)),
-        "NaN or inf",
+        "line 2 has no number in the column 'a'",
     ),
     "quiet.csv": (
         "time [s], force [N], a\n" + "".join(f"{i / 100},0,{i % 3}\n" for i in range(99)),
@@ -365,7 +373,7 @@ RECORDS = {
     ),
     "back.csv": (
         "time [s], force [N], a\n" + "".join(f"{i % 7},0,1\n" for i in range(99)),
-        "not evenly spaced",
+        "time does not grow at sample 8",
     ),
 }
 

@@ -365,7 +365,7 @@ def test_what_cannot_be_asked_is_refused_in_a_sentence(drops, asked, sentence):
 @pytest.mark.parametrize(
     ("header", "sentence"),
     [
-        ("time [s], sphere 5 force [mV/N]", "the unit of force"),
+        ("time [s], sphere 5 force [mV/N]", "the unit of sphere 5's force"),
         ("time [s], sphere 5 temperature [K]", "the quantity is one of"),
         ("time [s], sphere 12 force [N]", "allowed are 1 to chain.count = 9"),
         ("time [s], sphere 5 velocity [m/s]", "records of the same sensors"),

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from beadwave.fem.identification.hammer_files import SYNTHETIC
 from beadwave.fem.modes.mode_field import ModeField
+from beadwave.workflows.files.record import SYNTHETIC
 from beadwave.workflows.fit import figures as fit_figures
 from beadwave.workflows.report import render
 from beadwave.workflows.report.page_rows import velocity_errors

@@ -32,9 +32,9 @@ def responses(change):
 @pytest.mark.parametrize(
     ("row", "sentence"),
     [
-        ("8,nan,0.1", "line 9 has nan in column 2"),
+        ("8,nan,0.1", "line 9 has no number in the column"),
         ("8,0.1", "line 9 has 2 cells, those before it have 3"),
-        ("8,abc,0.1", "line 9 has 'abc', which is no number"),
+        ("8,abc,0.1", "line 9 is not numbers with decimal points"),
     ],
 )
 def test_a_line_of_responses_that_is_no_numbers_is_named(tmp_path, row, sentence):

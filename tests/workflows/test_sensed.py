@@ -91,7 +91,7 @@ def test_a_mat_file_holds_forces(tmp_path):
 
 
 REFUSED = {
-    "the unit of force is 'kg'": ("sphere 5 force [kg]", 1.0),
+    "force is 'kg'": ("sphere 5 force [kg]", 1.0),
     "the quantity is one of": ("sphere 5 pressure [N]", 1.0),
     "correct the unit in the data's header": ("sphere 5 force [mN]", 200.0),
     "has the wrong sign": ("sphere 5 force [N]", -200.0),

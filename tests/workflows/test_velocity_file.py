@@ -5,7 +5,7 @@ import pytest
 from scipy.io import savemat
 
 from beadwave.workflows.files.record import SYNTHETIC, Channel, Record, csv_text
-from beadwave.workflows.fit.record import measured, record, recorded
+from beadwave.workflows.fit.record import measured, recorded
 from beadwave.workflows.scene import InvalidScene
 
 T = np.arange(80) * 1e-6
@@ -21,7 +21,7 @@ def same(result, *, atol=1e-9):
 
 def test_csv_gives_back_repeats_and_title(tmp_path):
     (tmp_path / "a.csv").write_text(csv_text(KNOWN))
-    result = record(tmp_path / "a.csv")
+    result = measured(tmp_path / "a.csv")
     same(result, atol=1e-8)
     assert result.title == SYNTHETIC
 
@@ -31,14 +31,14 @@ def test_csv_units_and_the_order_of_columns_do_not_matter(tmp_path):
     pairs = zip(T, V[0], strict=True)
     rows = [f"{1e3 * t},{1e3 * v[2]},{v[0]},{1e6 * v[1]}" for t, v in pairs]
     (tmp_path / "a.csv").write_text("\n".join([head, *rows]))
-    result = record(tmp_path / "a.csv")
+    result = measured(tmp_path / "a.csv")
     np.testing.assert_allclose(result.v[0], V[0], rtol=1e-12)
 
 
 def test_mat_gives_back_repeats(tmp_path):
     fixed = {"t": 1e6 * T, "v": 1e3 * V.transpose(1, 2, 0), "spheres": [1, 4, 14]}
     savemat(tmp_path / "a.mat", fixed | {"time_unit": "us", "velocity_unit": "mm/s"})
-    same(record(tmp_path / "a.mat"))
+    same(measured(tmp_path / "a.mat"))
 
 
 def uff(path, signals, label="NONE", unit="m/s"):
@@ -58,7 +58,7 @@ def uff(path, signals, label="NONE", unit="m/s"):
 def test_uff_gives_back_repeats(tmp_path):
     spheres = tuple(enumerate((1, 4, 14)))
     uff(tmp_path / "a.uff", [(n, V[r, :, i]) for r in range(2) for i, n in spheres])
-    same(record(tmp_path / "a.uff"), atol=1e-5 * np.abs(V).max())
+    same(measured(tmp_path / "a.uff"), atol=1e-5 * np.abs(V).max())
 
 
 @pytest.mark.parametrize(
@@ -110,7 +110,11 @@ def drop(lines):
         ("a.txt", "", "must end in"),
         ("none.csv", None, "does not exist"),
         ("empty.csv", "", "no samples"),
-        ("unit.csv", csv(head="time [s],sphere 1 [km/h],sphere 4 [m/s]"), "unit of sphere 1"),
+        (
+            "unit.csv",
+            csv(head="time [s],sphere 1 [km/h],sphere 4 [m/s]"),
+            "the unit of sphere 1's velocity is 'km/h', allowed are m/s, mm/s, V, mV",
+        ),
         ("nounit.csv", csv(head="time,sphere 1 [m/s],sphere 4 [m/s]"), "the first column"),
         ("column.csv", csv(head="time [s],laser [m/s],sphere 4 [m/s]"), "a column is 'laser"),
         ("twice.csv", csv(head="time [s],sphere 1 [m/s],sphere 1 [m/s]"), None),
@@ -133,7 +137,7 @@ def drop(lines):
         ("cells.csv", csv(change=put(7, "7e-6,1")), "line 9 has 2 cells"),
         ("gap.csv", csv(change=drop), "a gap of 11 steps follows sample 30"),
         ("back.csv", csv(change=put(7, "3e-6,1,1")), "time does not grow at sample 8"),
-        ("uneven.csv", csv(change=put(7, "7.4e-6,1,1")), "not equidistant"),
+        ("uneven.csv", csv(change=put(7, "7.4e-6,1,1")), "times are not evenly spaced"),
         ("bad.uff", "    -1\n    58\n    -1\n", "no UFF file"),
         ("bad.mat", "no matlab", "no .mat file"),
     ],
@@ -143,10 +147,10 @@ def test_files_that_cannot_be_used_are_refused_in_a_sentence(tmp_path, name, tex
     if text is not None:
         path.write_text(text)
     if sentence is None:
-        assert record(path).v.shape == (2, 80, 1)
+        assert measured(path).v.shape == (2, 80, 1)
         return
     with pytest.raises(InvalidScene, match=sentence) as refused:
-        record(path)
+        measured(path)
     assert "\n" not in str(refused.value)
 
 
@@ -154,25 +158,25 @@ def test_text_in_another_encoding_is_refused_in_a_sentence(tmp_path):
     path = tmp_path / "latin.csv"
     path.write_bytes(("# Stoß\n" + csv()).encode("latin-1"))
     with pytest.raises(InvalidScene, match="no text in UTF-8"):
-        record(path)
+        measured(path)
 
 
 def test_a_mat_file_that_does_not_state_its_units_is_refused(tmp_path):
     savemat(tmp_path / "a.mat", {"t": T, "v": V[0], "spheres": [1, 4, 14]})
     with pytest.raises(InvalidScene, match="no variable time_unit"):
-        record(tmp_path / "a.mat")
+        measured(tmp_path / "a.mat")
 
 
 @pytest.mark.parametrize("mark", [";", "\t"])
 def test_columns_may_be_separated_otherwise(tmp_path, mark):
     (tmp_path / "a.csv").write_text(csv_text(KNOWN).replace(",", mark))
-    same(record(tmp_path / "a.csv"), atol=1e-8)
+    same(measured(tmp_path / "a.csv"), atol=1e-8)
 
 
 def test_decimal_commas_are_refused(tmp_path):
     (tmp_path / "a.csv").write_text(csv_text(KNOWN).replace(",", ";").replace(".", ","))
     with pytest.raises(InvalidScene, match="line 3 is not numbers with decimal points"):
-        record(tmp_path / "a.csv")
+        measured(tmp_path / "a.csv")
 
 
 HELD = {"t": T, "v": V[0], "spheres": [1, 4, 14], "time_unit": "s", "velocity_unit": "m/s"}
@@ -194,7 +198,7 @@ HELD = {"t": T, "v": V[0], "spheres": [1, 4, 14], "time_unit": "s", "velocity_un
 def test_a_mat_file_of_other_things_is_refused(tmp_path, changed, sentence):
     savemat(tmp_path / "a.mat", HELD | changed)
     with pytest.raises(InvalidScene, match=sentence) as refused:
-        record(tmp_path / "a.mat")
+        measured(tmp_path / "a.mat")
     assert "\n" not in str(refused.value)
 
 
@@ -203,23 +207,23 @@ def test_a_mat_file_of_version_7_3_is_refused_with_what_to_do(tmp_path):
     head = b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM"
     (tmp_path / "a.mat").write_bytes(head + b"\x89HDF\r\n\x1a\n" + bytes(400))
     with pytest.raises(InvalidScene, match="save it with -v7"):
-        record(tmp_path / "a.mat")
+        measured(tmp_path / "a.mat")
 
 
 def test_a_mat_file_of_one_sphere_may_hold_a_row(tmp_path):
     units = {"time_unit": np.array(["s"], object)}
     savemat(tmp_path / "a.mat", HELD | units | {"v": V[0, :, 1], "spheres": [4]})
-    np.testing.assert_array_equal(record(tmp_path / "a.mat").v[0, :, 0], V[0, :, 1])
+    np.testing.assert_array_equal(measured(tmp_path / "a.mat").v[0, :, 0], V[0, :, 1])
 
 
 def test_a_uff_file_cut_off_or_complex_is_refused(tmp_path):
     path = tmp_path / "a.uff"
     uff(path, [(1, V[0, :, 0] * 1j)])
     with pytest.raises(InvalidScene, match="node 1 is complex"):
-        record(path)
+        measured(path)
     path.write_text(path.read_text()[:-200])
     with pytest.raises(InvalidScene, match="the file is cut off"):
-        record(path)
+        measured(path)
 
 
 def test_spheres_with_different_numbers_of_repeats_are_refused(tmp_path):
@@ -227,4 +231,4 @@ def test_spheres_with_different_numbers_of_repeats_are_refused(tmp_path):
     text = [text[0] + ",sphere 1 [m/s]", *(line + ",0" for line in text[1:])]
     (tmp_path / "a.csv").write_text("\n".join(text))
     with pytest.raises(InvalidScene, match="differ in repeats"):
-        record(tmp_path / "a.csv")
+        measured(tmp_path / "a.csv")

@@ -1,5 +1,4 @@
-"""Hammer tests from files: responses (.csv, .uff, .mat) and time records of hits (also .wav); their
-content is in `fem.identification.hammer_files` and `fem.identification.hit_records`."""
+"""Hammer tests from files: responses (.csv, .uff, .mat) and time records of hits (also .wav)."""
 
 from pathlib import Path
 from re import findall, sub
@@ -8,26 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beadwave.fem.identification.hammer_files import (
-    Responses,
-    data_set,
-    of_data_sets,
-    of_mat,
-    read_csv,
-    require_finite,
-    write_csv,
-)
 from beadwave.fem.identification.hit_records import (
-    TIME_RESPONSE,
     TimeRecord,
     copies,
     cut_at_hits,
     direction_named,
     node_and_axis,
-    record_of_csv,
-    record_of_wav,
-    records_of_data_sets,
-    records_of_mat,
     require_consistent,
     sets_of_hits,
 )
@@ -42,7 +27,23 @@ from beadwave.fem.identification.hits import (
 from beadwave.fem.identification.measured_shapes import POINTS, UNITS, points_of_nodes
 from beadwave.fem.identification.subspace import half_spectra, is_decay
 from beadwave.workflows.files.foreign import Unreadable, arrays
+from beadwave.workflows.files.hit_files import (
+    record_of_table,
+    record_of_wav,
+    records_of_data_sets,
+    records_of_mat,
+)
 from beadwave.workflows.files.output_file import OutputFile
+from beadwave.workflows.files.response_files import (
+    Responses,
+    data_set,
+    of_data_sets,
+    of_mat,
+    of_table,
+    require_finite,
+    write_csv,
+)
+from beadwave.workflows.files.signal_table import TIME_RESPONSE, signal_table
 from beadwave.workflows.files.uff import ENDINGS, data_sets, pyuff
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.scene.named_files import require_file
@@ -241,10 +242,9 @@ def content_of(
     nodes: dict[int, NDArray[np.float64]] = {}
     try:
         if ending == ".csv":
-            with path.open(encoding="utf-8-sig") as file:
-                first = next((line for line in file if line.strip() and line[0] != "#"), "")
-            is_record = first.lstrip().startswith("time")
-            content = [record_of_csv(path, name)] if is_record else read_csv(path)
+            table = signal_table(path)
+            is_record = table.header[0].startswith("time")
+            content = [record_of_table(table, name)] if is_record else of_table(table, path.stem)
         elif ending == ".wav":
             content = [record_of_wav(path, name, reading.force_channel)]
         elif ending == ".mat":

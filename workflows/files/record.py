@@ -11,8 +11,6 @@ from beadwave.workflows.scene.units import VOLTAGE
 
 SYNTHETIC = "SYNTHETIC: computed, not measured"
 LEAST_SAMPLES = 50
-# deviation of a time from the even grid, over the step: files print times with few digits
-ROUNDING = 0.3
 
 
 class UnusableRecord(ValueError):
@@ -57,31 +55,6 @@ class MeanRecord(NamedTuple):
     repeats: int
     name: str
     synthetic: bool
-
-
-def equidistant(t: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Times (k,) [s] on an even grid between the first and the last; raises ValueError where they
-    leave it, for too few, for gaps and where time does not grow."""
-    if not np.isfinite(t).all():
-        raise ValueError(f"the time of sample {int(np.argmin(np.isfinite(t))) + 1} is no number")
-    if len(t) < LEAST_SAMPLES:
-        raise ValueError(f"{len(t)} samples are too few, at least {LEAST_SAMPLES} are needed")
-    steps = np.diff(t)
-    if not (steps > 0).all():
-        raise ValueError(f"time does not grow at sample {int(np.argmin(steps > 0)) + 2}")
-    usual = np.median(steps)
-    even = np.linspace(t[0], t[-1], len(t))
-    if steps.max() > 1.5 * usual:
-        i = int(steps.argmax())
-        raise ValueError(
-            f"a gap of {steps[i] / usual:.3g} steps follows sample {i + 1}, at {t[i]:.6g} s"
-        )
-    if np.abs(t - even).max() > ROUNDING * usual:
-        raise ValueError(
-            f"time is not equidistant, steps are {steps.min():.3g} to {steps.max():.3g} s; "
-            "resample it"
-        )
-    return even
 
 
 def stacked(t: NDArray[np.float64], columns) -> tuple[tuple, NDArray[np.float64]]:

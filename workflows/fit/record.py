@@ -1,7 +1,5 @@
-"""Records that users measured: velocities, or signals of any sensors as `beadwave impact` writes
-them: CSV with a quantity in each column, or .mat with y (k, m) or (k, m, repeats) and the texts
-quantity and unit, the rest as velocities, or UFF58, where the label of the ordinate may name the
-quantity and its unit is needed. The content of the files is read by `workflows.files`.
+"""Records of chains that users measured: velocities, or signals of any sensors as `beadwave impact`
+writes them, in .csv, .mat and universal files (`workflows.files.record_formats`).
 
     time [us], sphere 9 force [mN], sphere 9 force [mN], sphere 4 velocity [mm/s]
 
@@ -10,12 +8,10 @@ scene's sensor says, or that nobody knows. Columns that come twice are repeats: 
 each other and averaged. A column without a quantity is what its unit measures, in volts a velocity.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
-from re import fullmatch, split
-from typing import Any
+from re import fullmatch
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,18 +20,25 @@ from beadwave.coupling.band import Band
 from beadwave.coupling.errors import CouplingError
 from beadwave.coupling.sensors import Sensor
 from beadwave.dem import InvalidChain, NoEquilibrium
-from beadwave.workflows.files import record_formats
 from beadwave.workflows.files.foreign import arrays
 from beadwave.workflows.files.record import (
+    LEAST_SAMPLES,
     SYNTHETIC,
     Channel,
     MeanRecord,
     Record,
     UnusableRecord,
-    equidistant,
     stacked,
 )
-from beadwave.workflows.files.record_formats import Column, Found, of_mat, text_of
+from beadwave.workflows.files.record_formats import (
+    Found,
+    of_data_sets,
+    of_mat,
+    of_table,
+    require_whole,
+    text_of,
+)
+from beadwave.workflows.files.signal_table import even_step, signal_table
 from beadwave.workflows.files.uff import ENDINGS, data_sets
 from beadwave.workflows.fit.signals import aligned
 from beadwave.workflows.scene import InvalidScene, Scene
@@ -79,14 +82,10 @@ def recorded(path: Path) -> MeanRecord:
 
 def measured(path: Path) -> Record:
     """Velocities or signals of any sensors, all repeats; raises InvalidScene."""
-    is_uff = path.suffix.lower() in ENDINGS
-    if not is_uff and not _holds_sensors(path):
-        return record(path)
     t, channels, y, title = _channels(path)
     spheres = tuple(channel.sphere for channel in channels)
-    if is_uff and not any(map(_is_no_velocity, channels)):
-        return Record(t, y, spheres, title)
-    return Record(t, y, spheres, title, channels)
+    are_velocities = all(c.quantity == "velocity" and not c.in_volts for c in channels)
+    return Record(t, y, spheres, title, None if are_velocities else channels)
 
 
 def _channels(
@@ -94,9 +93,17 @@ def _channels(
 ) -> tuple[NDArray[np.float64], tuple[Channel, ...], NDArray[np.float64], str]:
     """t (k,) [s], channels, values (r, k, m) and title of a file; raises InvalidScene for a column
     that never changes."""
-    csv, uff = (partial(columns, column=_channel) for columns in (csv_columns, uff_columns))
-    readers = {".csv": csv, ".mat": _mat_columns, **dict.fromkeys(ENDINGS, uff)}
-    t, channels, y, title = laid_out(path, readers)
+    ending = path.suffix.lower()
+    *first, last = READERS
+    endings = f"{', '.join(first)} or {last}"
+    if ending not in READERS:
+        raise InvalidScene(f"{path} must end in {endings}.")
+    require_file(path, f"give a record as {endings}")
+    with refused(path):
+        t, columns, title = READERS[ending](path)
+        dt = even_step(t, LEAST_SAMPLES)
+        t = np.linspace(t[0], t[0] + dt * (len(t) - 1), len(t))
+        channels, y = stacked(t, columns)
     for i, channel in enumerate(channels):
         is_still = np.ptp(y[:, :, i], axis=1) == 0.0
         if is_still.any():
@@ -104,49 +111,39 @@ def _channels(
                 f"{path}: {channel.name} is {y[is_still.argmax(), 0, i]:.3g} at every sample, no "
                 "wave is in it; leave the column out or record it again."
             )
-    return t, channels, y, title
+    return t, channels, y, title or path.stem
 
 
-def _holds_sensors(path: Path) -> bool:
-    """True if a CSV or .mat file that exists holds anything but velocities."""
-    if not path.is_file() or path.suffix.lower() not in (".csv", ".mat"):
-        return False
-    if path.suffix.lower() == ".mat":
-        with refused(path):
-            return "quantity" in arrays("matlab", path, "quantity")
-
-    # a heading that names its quantity, or whose unit is none of a velocity
-    lines = path.read_bytes()[:100_000].decode("utf-8", "replace").splitlines()
-    header = next((line for line in lines if line.strip() and not line.startswith("#")), "")
-    for name in split(r"[,;\t]", header):
-        heading = fullmatch(HEADING, name.strip())
-        if not heading:
-            continue
-        if heading[2]:
-            return True
-        try:
-            channel, _ = _channel(name.strip())
-        except ValueError:
-            continue
-        if _is_no_velocity(channel):
-            return True
-    return False
-
-
-def _is_no_velocity(channel: Channel) -> bool:
-    return channel.in_volts or channel.quantity != "velocity"
+def _csv_columns(path: Path) -> Found:
+    return of_table(signal_table(path), _channel)
 
 
 def _mat_columns(path: Path) -> Found:
-    """Times and columns of a .mat file, all of one quantity and unit."""
-    fields = variables(path, ("t", "y", "spheres", "time_unit", "quantity", "unit"))
-    quantity, unit = text_of(fields, "quantity"), text_of(fields, "unit")
-    t, columns, title = of_mat(fields, "y")
+    """Times and columns of a .mat file, all of one quantity and unit: y with `quantity` and `unit`,
+    or the velocities v with `velocity_unit`."""
+    needed = ("t", "y", "spheres", "time_unit", "quantity", "unit")
+    fields = arrays("matlab", path, *needed, "v", "velocity_unit", "title")
+    name, quantity, unit = "y", text_of(fields, "quantity"), text_of(fields, "unit")
+    if "quantity" not in fields:
+        needed = ("t", "v", "spheres", "time_unit", "velocity_unit")
+        name, quantity, unit = "v", "velocity", text_of(fields, "velocity_unit")
+    for key in needed:
+        if key not in fields:
+            raise ValueError(f"there is no variable {key}, which states what is in the file")
+    t, columns, title = of_mat(fields, name)
     in_si_units = []
     for n, y in columns:
         channel, factor = _channel(f"sphere {n} {quantity} [{unit}]")
         in_si_units.append((channel, factor * y))
     return Found(t, in_si_units, title)
+
+
+def _uff_columns(path: Path) -> Found:
+    require_whole(path.read_bytes())
+    return of_data_sets(data_sets(path, 58), _channel)
+
+
+READERS = {".csv": _csv_columns, ".mat": _mat_columns, **dict.fromkeys(ENDINGS, _uff_columns)}
 
 
 def _channel(name: str) -> tuple[Channel, float]:
@@ -167,7 +164,7 @@ def _channel(name: str) -> tuple[Channel, float]:
                 continue
     quantity = heading[2] or "velocity"
     units = ", ".join((OF_SPHERES[quantity].unit, *OF_SPHERES[quantity].others, "V", "mV"))
-    raise ValueError(f"the unit of {quantity} is {unit!r}, allowed are {units}")
+    raise ValueError(f"the unit of sphere {sphere}'s {quantity} is {unit!r}, allowed are {units}")
 
 
 def sensor_of(scene: Scene, channel: Channel) -> tuple[Sensor, str | None]:
@@ -193,36 +190,6 @@ def sensor_of(scene: Scene, channel: Channel) -> tuple[Sensor, str | None]:
     return sensor, gain or channel.name
 
 
-def record(path: Path) -> Record:
-    """The velocities of a file; raises InvalidScene where it holds none that can be used."""
-    uff = partial(uff_columns, column=record_formats.sphere_column, named=False)
-    csv = partial(csv_columns, column=record_formats.sphere_column)
-
-    def mat(path: Path) -> Found:
-        needed = ("t", "v", "spheres", "time_unit", "velocity_unit")
-        return record_formats.velocities_of_mat(variables(path, needed))
-
-    readers = {".csv": csv, ".mat": mat, **dict.fromkeys(ENDINGS, uff)}
-    t, spheres, v, title = laid_out(path, readers)
-    return Record(t, v, spheres, title)
-
-
-def laid_out(
-    path: Path, readers: dict[str, Callable[[Path], Found]]
-) -> tuple[NDArray, tuple[Any, ...], NDArray, str]:
-    """t (k,) [s], what m columns of a file hold, their values (r, k, m), and its title or name, by
-    the reader of its ending; raises InvalidScene."""
-    *first, last = readers
-    endings = f"{', '.join(first)} or {last}"
-    if path.suffix.lower() not in readers:
-        raise InvalidScene(f"{path} must end in {endings}.")
-    require_file(path, f"give a record as {endings}")
-    with refused(path):
-        t, columns, title = readers[path.suffix.lower()](path)
-        t = equidistant(t)
-        return t, *stacked(t, columns), title or path.stem
-
-
 @contextmanager
 def refused(path: Path) -> Iterator[None]:
     """Errors of reading a file raised as InvalidScene, in one sentence with its path."""
@@ -234,19 +201,3 @@ def refused(path: Path) -> Iterator[None]:
         raise InvalidScene(f"{path} is no text in UTF-8; save it as such.") from None
     except (ValueError, KeyError, IndexError, TypeError, OSError) as error:
         raise InvalidScene(f"{path}: {str(error).rstrip('.')}; correct the file.") from None
-
-
-def csv_columns(path: Path, column: Column) -> Found:
-    """Times and columns of a CSV file; `column` reads a heading."""
-    return record_formats.of_csv(path.read_text(encoding="utf-8-sig"), column)
-
-
-def uff_columns(path: Path, column: Column, *, named: bool = True) -> Found:
-    """Times and columns of a universal file's data sets 58; `column` reads a name."""
-    record_formats.require_whole(path.read_bytes())
-    return record_formats.of_data_sets(data_sets(path, 58), column, named=named)
-
-
-def variables(path: Path, needed: tuple[str, ...]) -> dict:
-    """The variables of a .mat file that are needed, and its title where it has one."""
-    return record_formats.require_variables(arrays("matlab", path, *needed, "title"), needed)

@@ -12,7 +12,6 @@ from beadwave import fem
 from beadwave.fem.identification.decay import AmplitudeStep, over_amplitude, varies
 from beadwave.fem.identification.distortion import combination_tone
 from beadwave.fem.identification.half_power import half_power_bandwidth
-from beadwave.fem.identification.hammer_files import SYNTHETIC, Responses
 from beadwave.fem.identification.hammer_test import (
     accelerances,
     corner_readings,
@@ -24,6 +23,8 @@ from beadwave.fem.identification.hits import FrequencyResponses, lines_left_out
 from beadwave.fem.identification.poly_reference import IdentifiedModes, identified_modes
 from beadwave.fem.identification.subspace import subspace_modes
 from beadwave.workflows.files.hammer import MeasuredTest, Reading, measured_test
+from beadwave.workflows.files.record import SYNTHETIC
+from beadwave.workflows.files.response_files import Responses
 from beadwave.workflows.files.run_folder import Picture
 from beadwave.workflows.report import plots
 from beadwave.workflows.report.numbers import digits

@@ -6,7 +6,6 @@ from pydantic import BaseModel
 from scipy.sparse import csr_matrix
 
 from beadwave import fem
-from beadwave.fem.identification.hammer_files import SYNTHETIC
 from beadwave.fem.identification.hit_records import degree_of_freedom
 from beadwave.fem.identification.hits import Hits
 from beadwave.fem.identification.measured_shapes import MeasuredShape
@@ -14,6 +13,7 @@ from beadwave.fem.identification.sensor_placement import effective_independence,
 from beadwave.fem.identification.synthetic_hits import HammerDefects, HammerHits, struck
 from beadwave.fem.modes.mac import strained
 from beadwave.fem.modes.solver.full_responses import residual_flexibility
+from beadwave.workflows.files.record import SYNTHETIC
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.stages.engine.pipeline import Pipeline

@@ -28,7 +28,7 @@ from beadwave.workflows.files.mesh import volumes_of
 from beadwave.workflows.files.scene import built_in, scene, scene_text
 from beadwave.workflows.files.shapes import measured_shape
 from beadwave.workflows.files.wall_file import loaded
-from beadwave.workflows.fit.record import record, recorded
+from beadwave.workflows.fit.record import measured, recorded
 from beadwave.workflows.scene import InvalidScene, RomWall
 from beadwave.workflows.stages.chain.impact import require_start
 from beadwave.workflows.stages.structure.bodies import drawing
@@ -61,8 +61,8 @@ def kinds() -> dict[str, Kind]:
     scenes = tuple(scene_text(name).text.encode() for name in built_in())
     known = {
         "scene": Kind(".toml", scenes, read_scene),
-        "velocities": Kind(".csv", (samples.velocities(),), record),
-        "velocities-mat": Kind(".mat", (samples.velocities_mat(),), record),
+        "velocities": Kind(".csv", (samples.velocities(),), measured),
+        "velocities-mat": Kind(".mat", (samples.velocities_mat(),), measured),
         "signals": Kind(".csv", (samples.signals(),), recorded),
         "hammer": Kind(".csv", (samples.hammer_csv(),), read_hammer),
         "wall": Kind(".npz", (samples.wall(rom.save_npz, ".npz"),), read_wall),

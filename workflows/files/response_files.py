@@ -1,4 +1,4 @@
-"""Measured frequency responses as CSV, .mat and data sets 58 of universal files (UFF).
+"""Measured frequency responses in CSV, .mat and data sets 58 of universal files (UFF).
 
 CSV: a header line, then one line per frequency: frequency_hz, re_1, im_1, re_2, im_2, ...
 """
@@ -10,16 +10,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beadwave.fem.identification.hit_records import (
-    MOST,
-    QUANTITIES,
-    degree_of_freedom,
-    quantity_named,
-)
+from beadwave.fem.identification.hit_records import MOST, degree_of_freedom
 from beadwave.fem.identification.hits import FrequencyResponses
+from beadwave.workflows.files.hit_files import QUANTITIES, quantity_named
+from beadwave.workflows.files.record import SYNTHETIC
+from beadwave.workflows.files.signal_table import SignalTable
 
 RESPONSE = 4  # UFF58's function type of a frequency response
-SYNTHETIC = "SYNTHETIC: computed, not measured"
 
 
 class Responses(NamedTuple):
@@ -71,48 +68,15 @@ def require_finite(test: Responses) -> Responses:
     return test
 
 
-def read_csv(path: Path) -> Responses:
-    """The responses of a CSV file; raises ValueError where it holds none."""
-    header, *lines = path.read_text(encoding="utf-8-sig").splitlines() or [""]
-    # lines by their number in the file, as an editor shows it
-    numbered = [(n, line) for n, line in enumerate(lines, 2) if line.partition("#")[0].strip()]
-    if not numbered:
-        raise ValueError("no lines below the header")
-    if any(";" in line for line in lines):
-        raise ValueError("semicolons between its values, commas and decimal points are needed")
-
-    # a frequency, then real and imaginary part of each response: an odd number of columns, the same
-    # in all lines. The fast reader names no line, so that a file it refuses is read once more
-    n_columns = numbered[0][1].count(",") + 1
-    for n, line in numbered:
-        if line.count(",") + 1 != n_columns:
-            raise ValueError(
-                f"line {n} has {line.count(',') + 1} cells, those before it have {n_columns}"
-            )
+def of_table(table: SignalTable, name: str) -> Responses:
+    """The responses of a CSV file's table; raises ValueError where it holds none."""
+    n_columns = table.values.shape[1]
     if n_columns < 3 or n_columns % 2 == 0:
         raise ValueError(f"{n_columns} columns, an odd number from 3 on is needed")
-    try:
-        table = np.loadtxt(lines, delimiter=",", ndmin=2)
-    except ValueError:
-        table = np.array([[_number(cell, n) for cell in line.split(",")] for n, line in numbered])
-    if not np.isfinite(table).all():
-        row, column = np.argwhere(~np.isfinite(table))[0]
-        raise ValueError(
-            f"line {numbered[row][0]} has {table[row, column]:g} in column {column + 1}; remove "
-            "that line or measure again"
-        )
-    title = SYNTHETIC if SYNTHETIC in header else path.stem
-    H = table[:, 1::2].T.astype(complex)
-    H.imag = table[:, 2::2].T
-    return Responses(table[:, 0], H, title)
-
-
-def _number(cell: str, line: int) -> float:
-    """The number in a cell of a line; raises ValueError for a cell that is none."""
-    try:
-        return float(cell)
-    except ValueError:
-        raise ValueError(f"line {line} has {cell.strip()[:40]!r}, which is no number") from None
+    is_synthetic = any(SYNTHETIC in text for text in (table.title, ", ".join(table.header)))
+    H = table.values[:, 1::2].T.astype(complex)
+    H.imag = table.values[:, 2::2].T
+    return Responses(table.values[:, 0], H, SYNTHETIC if is_synthetic else name)
 
 
 def of_data_sets(sets: Sequence[dict]) -> Responses:
