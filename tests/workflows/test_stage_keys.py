@@ -10,7 +10,8 @@ import pytest
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene.named_files import file_keys, files_of, in_folder
 from beadwave.workflows.scene.scene_table import SceneTable
-from beadwave.workflows.stages.engine.pipeline import pipeline_of, tables_of
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.stage_table import tables_of
 
 SHORT = {"chain.count": 3, "time.duration": 3e-4, "output.spheres": [1, 3], "output.samples": 301}
 BEAM = {
@@ -104,7 +105,7 @@ def test_a_stage_reads_nothing_of_a_scene_that_its_key_lacks(source, changes, re
         reads.clear()
         function(whole, *needed)
         lacks = set(reads) - allowed if name not in UNKEYED else set()
-        assert not lacks, f"{name} reads {sorted(lacks)}: add it to its row of pipeline.py"
+        assert not lacks, f"{name} reads {sorted(lacks)}: add it to its row of stage_table.py"
         n_checked += 1
     assert n_checked >= 5
 

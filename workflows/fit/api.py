@@ -282,7 +282,7 @@ def _folder(out: str | Path | None, inputs: tuple[Path, ...], overwrite: bool) -
 def _with_wall(scene: Scene, pipeline: Pipeline) -> tuple[Scene, Any]:
     """The scene with the curvatures of the face that it strikes, and its wall."""
     from beadwave.workflows.stages.chain.chain import flat, on_surface
-    from beadwave.workflows.stages.engine.pipeline import needs_structure
+    from beadwave.workflows.stages.engine.stage_table import needs_structure
 
     flat(scene)  # refuses materials before anything is computed
     meshed = needs_structure(scene) and scene.bending is None

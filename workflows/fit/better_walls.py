@@ -10,8 +10,9 @@ import numpy as np
 from beadwave.workflows.fit.model_errors import BetterModel
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.stages.chain.walls import wall_of
-from beadwave.workflows.stages.engine.pipeline import needs_structure, pipeline_of
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.engine.progress import Progress, quiet
+from beadwave.workflows.stages.engine.stage_table import needs_structure
 from beadwave.workflows.stages.errors.waves import MARGIN as REDUCTION_SHARE
 
 FAILURES = (InvalidScene, ValueError, ArithmeticError, np.linalg.LinAlgError)  # of one wall

@@ -28,8 +28,9 @@ from beadwave.workflows.scene.places import has_friction
 from beadwave.workflows.stages.chain.chain import Start, flat, initial_velocity, on_surface
 from beadwave.workflows.stages.chain.chain import chain as chain_of
 from beadwave.workflows.stages.chain.walls import simple_wall, wall_of
-from beadwave.workflows.stages.engine.pipeline import Pipeline, needs_structure, pipeline_of
+from beadwave.workflows.stages.engine.pipeline import Pipeline, pipeline_of
 from beadwave.workflows.stages.engine.progress import Progress, quiet
+from beadwave.workflows.stages.engine.stage_table import needs_structure
 from beadwave.workflows.sweep.cases import Base
 
 if TYPE_CHECKING:

@@ -17,7 +17,8 @@ from beadwave.workflows.scene.places import has_friction
 from beadwave.workflows.scene.toml import toml
 from beadwave.workflows.stages import warnings
 from beadwave.workflows.stages.engine.cache import LIBRARIES, library_versions
-from beadwave.workflows.stages.engine.pipeline import Pipeline, needs_structure
+from beadwave.workflows.stages.engine.pipeline import Pipeline
+from beadwave.workflows.stages.engine.stage_table import needs_structure
 
 IMPACT_FILES = ("given.toml", "summary.json", "trajectory.npz", "signals.csv")
 FILES = (

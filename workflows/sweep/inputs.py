@@ -8,7 +8,7 @@ from beadwave.workflows.files.scene import files_read
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.scene.named_files import every_file_key
 from beadwave.workflows.stages.engine.cache import digest, program
-from beadwave.workflows.stages.engine.pipeline import content
+from beadwave.workflows.stages.engine.stage_table import content
 from beadwave.workflows.sweep.cases import Base
 from beadwave.workflows.sweep.core.design import Design
 

@@ -10,26 +10,22 @@ from beadwave.workflows.scene import InvalidScene, RomWall, Scene
 from beadwave.workflows.stages.chain.chain import start
 from beadwave.workflows.stages.chain.impact import impact
 from beadwave.workflows.stages.chain.walls import wall_of
-from beadwave.workflows.stages.engine.pipeline import (
-    Pipeline,
-    Stage,
-    needs_structure,
-    pipeline_of,
-    tables_of,
-)
+from beadwave.workflows.stages.engine.pipeline import Pipeline, pipeline_of
+from beadwave.workflows.stages.engine.stage_table import Stage, needs_structure, tables_of
 
 FAILURES = (
     dem.InvalidChain, dem.NoEquilibrium, dem.UnstableStep, coupling.CouplingError, InvalidScene,
     ValueError, ArithmeticError, np.linalg.LinAlgError, MemoryError,
 )  # fmt: skip
-FURTHER = {
-    "jointed": Stage(
+FURTHER = (
+    Stage(
+        "jointed",
         ".structure.reduction:jointed",
         tables_of("reduction", "patch", "assembly"),
         ("model", "contact", "modes"),
         means=("factor", "krylov-space"),
-    )
-}
+    ),
+)
 
 
 class Source(NamedTuple):

@@ -38,8 +38,9 @@ from beadwave.workflows.report.tables import Table
 from beadwave.workflows.scene import InvalidScene, RomWall, Scene
 from beadwave.workflows.stages.chain.chain import chain, initial_velocity, on_surface
 from beadwave.workflows.stages.chain.damping import damping
-from beadwave.workflows.stages.engine.pipeline import Stage, pipeline_of, tables_of
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.engine.progress import Progress
+from beadwave.workflows.stages.engine.stage_table import Stage, tables_of
 from beadwave.workflows.stages.structure.reduction import contact_of, selection, targets_kept
 
 ERROR = 1e-4  # of the reduction, and of the marches that are compared
@@ -49,11 +50,14 @@ COUNTS = (10, 20, 40, 80, 150)
 BANDS_HZ = (20e3, 50e3)
 BOUND = 1e-6  # of the reference's error
 FINER = 1e-2  # times the scene's error: the march must not show among the differences
-REFERENCE = {
-    "reference-response": Stage(
-        f"{__name__}:reference", tables_of("patch", "assembly"), ("model", "contact")
-    )
-}
+REFERENCE = (
+    Stage(
+        "reference-response",
+        f"{__name__}:reference",
+        tables_of("patch", "assembly"),
+        ("model", "contact"),
+    ),
+)
 
 
 class FullReference(NamedTuple):

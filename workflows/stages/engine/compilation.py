@@ -14,7 +14,8 @@ from beadwave.workflows.scene import LossFactorsTable, ModalDampingTable, Scene
 from beadwave.workflows.stages.chain.chain import start
 from beadwave.workflows.stages.chain.impact import impact
 from beadwave.workflows.stages.chain.walls import wall_of
-from beadwave.workflows.stages.engine.pipeline import couples, needs_structure
+from beadwave.workflows.stages.engine.pipeline import couples
+from beadwave.workflows.stages.engine.stage_table import needs_structure
 
 BRIEF = {"duration": 20e-6, "horizon": 20e-6}  # [s] a few steps
 

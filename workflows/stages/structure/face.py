@@ -24,7 +24,8 @@ from beadwave.workflows.scene import InvalidScene, LossFactorsTable, ModalDampin
 from beadwave.workflows.scene.tables.reduction import TO_HZ
 from beadwave.workflows.stages.chain.chain import Start, start
 from beadwave.workflows.stages.chain.damping import damping_law
-from beadwave.workflows.stages.engine.pipeline import Pipeline, Stage, pipeline_of, tables_of
+from beadwave.workflows.stages.engine.pipeline import Pipeline, pipeline_of
+from beadwave.workflows.stages.engine.stage_table import Stage, tables_of
 from beadwave.workflows.stages.errors.mesh import energy_in, without_missed
 from beadwave.workflows.stages.errors.waves import of_few_elements, other_mesh
 from beadwave.workflows.stages.structure import assembly as stages
@@ -232,8 +233,8 @@ def to_hz(scene: Scene) -> float:
     return scene.wall.cutoff or scene.reduction.cutoff or scene.reduction.to_hz or TO_HZ
 
 
-FURTHER = {
-    "outline": Stage(".structure.face:outline", tables_of("strike"), ("mesh", "model")),
-    "pencil": Stage(".structure.face:pencil", tables_of(), ("model",), kept=False, listed=False),
-    "face-modes": Stage(".structure.face:modes", to_hz, ("pencil",)),
-}
+FURTHER = (
+    Stage("outline", ".structure.face:outline", tables_of("strike"), ("mesh", "model")),
+    Stage("pencil", ".structure.face:pencil", tables_of(), ("model",), kept=False, listed=False),
+    Stage("face-modes", ".structure.face:modes", to_hz, ("pencil",)),
+)

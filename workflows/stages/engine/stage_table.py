@@ -1,0 +1,488 @@
+"""The stages of a run, of every kind of scene: which functions, what they read, what they need.
+
+A stage's first row whose `when` holds of a scene is the scene's. A need that a scene has no stage
+for is not handed in: of a chain before a rigid wall the page needs no files of a model.
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+from os import environ
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from beadwave.workflows.files import whole_file
+from beadwave.workflows.files.foreign import Unreadable, require_memory
+from beadwave.workflows.scene import InvalidScene, LossFactorsTable, MeasuredWall, RomWall, Scene
+from beadwave.workflows.scene.named_files import files_of
+from beadwave.workflows.scene.places import has_friction, named_faces, sensor_places, words_of
+
+
+def always(scene: Scene) -> bool:
+    """True of every scene."""
+    return True
+
+
+class Stage(NamedTuple):
+    """One step: its function, what it reads of the scene, what it needs."""
+
+    name: str
+    function: str  # "room.module:name" of the stages, called with the scene and what it needs
+    reads: Callable[[Scene], Any]
+    needs: tuple[str, ...] = ()
+    when: Callable[[Scene], bool] = always  # of which scenes
+    kept: bool = True  # a quick stage with a large result is computed anew
+    listed: bool = True  # among the times of a run
+    transient: bool = False  # so large that it is freed once all its users are computed
+    after: tuple[str, ...] = ()  # what it goes faster after, a second process may compute it
+    # what it is computed with, handed in after what it needs: its result does not depend on it
+    # but for rounding, so that a change of the contact keeps the modes
+    means: tuple[str, ...] = ()
+
+
+def needs_structure(scene: Scene) -> bool:
+    """True if a run of this scene builds its finite elements."""
+    if not scene.has_structure:
+        return False
+    return scene.chain is None or (isinstance(scene.wall, RomWall) and scene.wall.file is None)
+
+
+def bent(scene: Scene) -> bool:
+    """True of a beam or a plate."""
+    return scene.bending is not None
+
+
+def strikes_bodies(scene: Scene) -> bool:
+    """True of a chain before a structure of bodies."""
+    return bool(scene.chain) and needs_structure(scene) and not bent(scene)
+
+
+def strikes_structure(scene: Scene) -> bool:
+    """True of a chain before a structure that is reduced for it."""
+    return bool(scene.chain) and needs_structure(scene)
+
+
+def has_chain(scene: Scene) -> bool:
+    """True of a chain."""
+    return bool(scene.chain)
+
+
+def has_measured_parts(scene: Scene) -> bool:
+    """True of a structure with parts that are known by their receptances."""
+    return bool(scene.measured)
+
+
+def strikes_measured_part(scene: Scene) -> bool:
+    """True of a chain before a structure with measured parts."""
+    return bool(scene.measured and scene.chain)
+
+
+def strikes_measured_wall(scene: Scene) -> bool:
+    """True of a chain before a wall that is known by its receptance."""
+    return bool(scene.chain) and isinstance(scene.wall, MeasuredWall)
+
+
+def has_sensors(scene: Scene) -> bool:
+    """True of a chain with sensors on it, or on what it strikes."""
+    return bool(scene.chain and scene.output.sensors)
+
+
+def has_sensors_on_structure(scene: Scene) -> bool:
+    """True of a chain with sensors on the structure that it strikes."""
+    return has_sensors(scene) and bool(sensor_places(scene))
+
+
+def rubs(scene: Scene) -> bool:
+    """True of a chain whose last sphere rubs at a wall."""
+    return bool(scene.chain and scene.friction)
+
+
+def rubs_on_structure(scene: Scene) -> bool:
+    """True of a chain whose last sphere rubs at a structure: one march along and across it."""
+    return bool(scene.chain) and has_friction(scene)
+
+
+def has_other_theories(scene: Scene) -> bool:
+    """True of beams and plates for which `bending.other_theories` knows some: none of hollow and
+    of open sections."""
+    return bent(scene) and (scene.plate is not None or not (scene.beam.bore or scene.beam.area))
+
+
+def tables_of(*tables: str) -> Callable[[Scene], Any]:
+    """Input of a stage from a scene: these tables whole, and the files that they name."""
+    return lambda scene: {name: _plain(getattr(scene, name)) for name in tables}
+
+
+def _plain(table: Any) -> Any:
+    """A table as JSON has it, with the contents of the files that it names."""
+    if isinstance(table, tuple):
+        return [_plain(entry) for entry in table]
+    if isinstance(table, dict):
+        return {name: _plain(entry) for name, entry in table.items()}
+    if not hasattr(table, "model_dump"):
+        return table
+    contents = []
+    for file in map(Path, files_of(table)):
+        status = file.stat() if file.is_file() else None
+        stamp = status and (status.st_mtime_ns, status.st_ctime_ns, status.st_size, status.st_ino)
+        contents.append(_content_of(file.absolute(), stamp))
+    return [table.model_dump(), contents] if contents else table.model_dump()
+
+
+_wall_reads = tables_of("wall", "damping", "strike", "assembly")
+_targets = tables_of("targets", "test_axes")
+
+
+def _observed(scene: Scene) -> Any:
+    """Spheres at which a run is observed, and the number of instants."""
+    return [scene.output.spheres, scene.output.samples]
+
+
+def _marched(scene: Scene) -> Any:
+    """Input of a march besides chain and wall."""
+    return [tables_of("time")(scene), _observed(scene)]
+
+
+def _measured(scene: Scene) -> Any:
+    """Input of marches at walls fitted to a measured response."""
+    return [_marched(scene), _wall_reads(scene)]
+
+
+def _reduced(scene: Scene) -> Any:
+    """Input of a reduction: its options, and the places where the structure is struck, shaken and
+    observed."""
+    tables = tables_of("reduction", "strike", "assembly")(scene)
+    # loss factors ask for the shares of parts in the strain, whatever their values
+    shared = ["strain"] if isinstance(scene.damping, LossFactorsTable) else []
+    return [tables, words_of(scene), *shared]
+
+
+def _dimensions(scene: Scene) -> Any:
+    """Input of a mesh: bodies, their contacts, sizes of elements, the faces that are named."""
+    tables = tables_of(*BODIES, "mesh")(scene)
+    if scene.strike and any(body.lines for body in (scene.bodies or {}).values()):
+        # grid lines are prescribed: the mesh does not depend on the patch
+        tables |= {"strike": [scene.strike.on, scene.strike.at]}
+    if faces := sorted(named_faces(scene).items()):
+        tables |= {"faces": faces}
+    return tables
+
+
+def content(path: str | Path) -> str | None:
+    """A digest of a file's content; None where there is none. Raises InvalidScene for one that
+    memory has no room for."""
+    if not Path(path).is_file():
+        return None
+    try:
+        require_memory(Path(path))
+    except Unreadable as error:
+        raise InvalidScene(f"{path}: {error}; give a smaller file.") from None
+    return whole_file.digest(Path(path))
+
+
+@lru_cache(maxsize=256)  # several stages read the tables that name a file
+def _content_of(path: Path, stamp: tuple[int, ...] | None) -> str | None:
+    return content(path)
+
+
+BENT = ("beam", "plate")
+BODIES = ("assembly", "bodies", "materials", "ties", "joints", "strike", "loads")
+
+
+def _joined(scene: Scene) -> Any:
+    """Joints of the bodies, and their partners."""
+    tables = tables_of("assembly", "joints", "table", "masses", "springs", "measured")(scene)
+    if scene.measured:
+        tables["test_axes"] = _plain(scene.test_axes)
+    return tables
+
+
+def _coarse(scene: Scene) -> Any:
+    """Joints and strike of a second mesh; its bodies are in the key of the mesh."""
+    return [_joined(scene), tables_of("strike")(scene)]
+
+
+START = (
+    "chain", "striker", "contact", "leaf_springs", "preload", "gravity", "guides", "wall", *BENT,
+    *BODIES,
+)  # fmt: skip
+
+
+def _shown(scene: Scene) -> Any:
+    """Input of the page besides what it needs."""
+    return [scene.name, tables_of("output")(scene)]
+
+
+_rubbing = tables_of("friction", "arm", "shakers", "striker")
+
+
+def _across(scene: Scene) -> Any:
+    """Input of a march across the chain."""
+    return [_marched(scene), _rubbing(scene)]
+
+
+def _compiled(scene: Scene) -> Any:
+    """What kernels are compiled for, and where their code is kept."""
+    return [environ.get("NUMBA_CACHE_DIR"), tables_of("damping")(scene), tables_of(*START)(scene)]
+
+
+def _marched_damped(scene: Scene) -> Any:
+    """Input of marches before other models of a structure."""
+    return [_marched(scene), tables_of("damping")(scene)]
+
+
+STAGES = (
+    # the structure: bodies
+    Stage("mesh", ".structure.assembly:mesh", _dimensions, kept=False),
+    Stage("model", ".structure.bending:model", tables_of(*BENT), when=bent, kept=False),
+    Stage("model", ".structure.assembly:model", _joined, ("mesh",), kept=False),
+    Stage("tuning-basis", ".structure.assembly:tuning_basis", _targets, ("model",)),
+    Stage(
+        "factor", ".structure.assembly:factor", tables_of(), ("model",), kept=False, transient=True
+    ),
+    Stage(
+        "krylov-space", ".structure.krylov_space:krylov_space",
+        lambda scene: [_targets(scene), tables_of("reduction", "strike")(scene)],
+        ("mesh", "model", "factor"), kept=False, transient=True,
+    ),
+    Stage("modes", ".structure.bending:modes", tables_of(), ("model",), when=bent),
+    Stage("modes", ".structure.assembly:modes", _targets, ("model",), means=("krylov-space",)),
+    Stage("mac", ".structure.bending:mac", tables_of(), ("modes",), when=bent, listed=False),
+    Stage(
+        "mac", ".structure.rigid_joint_mac:mac", tables_of(), ("mesh", "model", "modes"),
+        means=("factor", "krylov-space"),
+    ),
+    Stage(
+        "contact", ".structure.bending:contact", tables_of(), ("model",),
+        when=bent, kept=False, listed=False,
+    ),
+    Stage("contact", ".structure.assembly:contact", tables_of("strike"), ("mesh", "model")),
+    Stage(
+        "surface", ".structure.strike:surface", tables_of(), ("mesh",),
+        when=strikes_bodies, listed=False,
+    ),
+    Stage(
+        "participation", ".structure.assembly:participation", tables_of(), ("contact", "modes"),
+        listed=False,
+    ),
+    Stage("reduction", ".structure.bending:reduction", tables_of("reduction"), ("model",), bent),
+    Stage(
+        "reduction", ".structure.reduction:reduction", _reduced, ("model", "contact", "modes"),
+        means=("factor", "krylov-space", "half-space"),
+    ),
+    Stage(
+        "half-space", ".structure.reduction:half_space", tables_of("strike"), ("mesh", "model"),
+        listed=False,
+    ),
+    Stage("full-response", ".structure.response:full_response", tables_of(), ("model", "contact"),
+        when=bent),
+    Stage(
+        "full-response", ".structure.response:full_response", tables_of(), ("model", "contact"),
+        means=("factor", "krylov-space"),
+    ),
+    Stage(
+        "response", ".structure.response:response", tables_of("damping"),
+        ("full-response", "reduction"),
+    ),
+    Stage(
+        "structure-numbers", ".structure.health:structure_numbers", tables_of("targets"),
+        ("modes", "reduction", "participation"), listed=False,
+    ),
+    Stage(
+        "spatial-wall", ".structure.friction:spatial_wall",
+        lambda scene: [_wall_reads(scene), tables_of("shakers")(scene)], ("reduction",),
+        when=lambda scene: rubs_on_structure(scene) and strikes_structure(scene),
+    ),
+    Stage(
+        "spatial-wall", ".structure.friction:spatial_wall",
+        lambda scene: [_wall_reads(scene), tables_of("shakers")(scene)], when=rubs_on_structure,
+    ),
+    # errors of the structure
+    Stage(
+        "static-shape", ".errors.mesh:static_shape", tables_of("reduction", "strike"),
+        ("mesh", "model", "modes"), means=("krylov-space",), listed=False,
+    ),
+    Stage(
+        "second-mesh", ".structure.bending:second_mesh", tables_of(*BENT, "reduction"), when=bent
+    ),
+    Stage("second-mesh", ".errors.waves:second_mesh", _coarse, ("mesh",)),
+    Stage(
+        "other-theories", ".structure.bending:other_theories", tables_of(*BENT, "reduction"),
+        when=bent,
+    ),
+    Stage(
+        "missed-energy", ".errors.mesh:missed_by_mesh", tables_of("reduction", "strike"),
+        ("mesh", "model", "modes"), means=("static-shape", "half-space"),
+    ),
+    Stage(
+        "part-errors", ".errors.measured_parts:part_errors", tables_of(), ("model", "modes"),
+        when=has_measured_parts,
+    ),
+    Stage(
+        "structure-errors", ".errors.bending:structure_errors", tables_of(),
+        ("modes", "reduction", "second-mesh", "other-theories"), when=has_other_theories,
+    ),
+    Stage(
+        "structure-errors", ".errors.bending:structure_errors", tables_of(),
+        ("modes", "reduction", "second-mesh"), when=bent,
+    ),
+    Stage(
+        "structure-errors", ".structure.health:structure_errors", tables_of(),
+        ("modes", "missed-energy", "structure-numbers", "part-errors"), listed=False,
+    ),
+    # the impact
+    Stage(
+        "compilation", ".chain.friction:compilation",
+        lambda scene: [_compiled(scene), _rubbing(scene)], when=rubs,
+    ),
+    Stage("compilation", ".engine.compilation:compilation", _compiled),
+    Stage(
+        "wall", ".structure.friction:wall_along", tables_of(), ("spatial-wall",),
+        when=rubs_on_structure, kept=False,
+    ),
+    Stage("wall", ".chain.walls:wall_of", _wall_reads, ("reduction",), when=strikes_structure),
+    Stage("wall", ".chain.walls:wall_of", _wall_reads),
+    Stage("start", ".chain.chain:start", tables_of(*START), ("surface",), listed=False),
+    Stage("march", ".structure.friction:march", _across, ("start", "spatial-wall"),
+        when=rubs_on_structure),
+    Stage(
+        "impact", ".structure.friction:impact", tables_of(), ("start", "wall", "march"),
+        when=rubs_on_structure, kept=False,
+    ),
+    Stage("impact", ".chain.impact:impact", _marched, ("start", "wall"), after=("compilation",)),
+    Stage(
+        "friction", ".structure.friction:across", tables_of(), ("march",),
+        when=rubs_on_structure, kept=False,
+    ),
+    Stage(
+        "friction", ".chain.friction:friction", _across, ("start", "wall", "impact"),
+        when=rubs, after=("compilation",),
+    ),
+    Stage("waves", ".chain.waves:waves", _observed, ("start", "impact")),
+    Stage(
+        "record", ".structure.friction:record", tables_of("output", "shakers"),
+        ("start", "spatial-wall", "march", "impact", "waves"),
+        when=lambda scene: rubs_on_structure(scene) and has_sensors_on_structure(scene),
+        kept=False, listed=False,
+    ),
+    Stage(
+        "record", ".chain.signals:record", tables_of("output", "damping"),
+        ("impact", "waves", "reduction"), when=has_sensors_on_structure, kept=False, listed=False,
+    ),
+    Stage(
+        "record", ".chain.signals:record", tables_of("output"), ("impact", "waves"),
+        when=has_sensors, kept=False, listed=False,
+    ),
+    Stage(
+        "sensor-numbers", ".chain.signals:sensor_waves", tables_of("output"), ("record",),
+        when=has_sensors, listed=False,
+    ),
+    Stage(
+        "chain-numbers", ".chain.friction:chain_numbers", _marched,
+        ("start", "wall", "impact", "waves", "friction"), when=rubs, listed=False,
+    ),
+    Stage(
+        "chain-numbers", ".chain.numbers:chain_numbers", _marched,
+        ("start", "wall", "impact", "waves"), listed=False,
+    ),
+    # errors of the impact: by the energy that a mesh misses, of beams and plates by a second mesh
+    # and other theories
+    Stage("time-errors", ".errors.receptance:number_errors", _measured,
+        ("start", "impact", "waves"), when=strikes_measured_wall, listed=False),
+    Stage(
+        "time-errors", ".errors.numbers:time_errors", _marched, ("start", "impact", "waves"),
+        listed=False,
+    ),
+    Stage(
+        "reduction-error", ".errors.waves:reduction_error", _marched,
+        ("start", "reduction", "impact"),
+    ),
+    Stage(
+        "theory-error", ".structure.bending:theory_error", _marched_damped,
+        ("start", "other-theories", "impact"), when=bent,
+    ),
+    Stage(
+        "quantity-errors", ".errors.bending:quantity_errors", _marched_damped,
+        ("start", "reduction", "second-mesh", "impact", "waves", "other-theories"),
+        when=has_other_theories,
+    ),
+    Stage(
+        "quantity-errors", ".errors.bending:quantity_errors", _marched_damped,
+        ("start", "reduction", "second-mesh", "impact", "waves"), when=bent,
+    ),
+    Stage(
+        "quantity-errors", ".errors.quantities:quantity_errors", _marched_damped,
+        ("start", "missed-energy", "reduction", "impact", "waves"),
+    ),
+    Stage(
+        "mesh-error", ".errors.waves:mesh_error", _marched_damped,
+        ("start", "second-mesh", "impact"), when=bent,
+    ),
+    Stage(
+        "mesh-error", ".errors.quantities:error_of_mesh", _marched_damped, ("quantity-errors",)
+    ),
+    Stage(
+        "receptance-error", ".errors.receptance:receptance_error", _measured, ("start", "impact"),
+        when=strikes_measured_wall,
+    ),
+    Stage(
+        "receptance-error", ".errors.measured_parts:receptance_error",
+        lambda scene: [_marched(scene), _coarse(scene), tables_of("damping")(scene)],
+        ("mesh", "start", "impact"), when=strikes_measured_part,
+    ),
+    # files, pictures and the page
+    Stage("mode-files", ".structure.files:mode_files", tables_of(), ("modes",), listed=False),
+    Stage(
+        "model-files", ".structure.files:model_files", tables_of("damping"), ("reduction",),
+        listed=False,
+    ),
+    Stage(
+        "response-files", ".structure.files:response_files", tables_of(), ("response",),
+        listed=False,
+    ),
+    Stage(
+        "chain-files", ".chain.friction:chain_files", tables_of("output"),
+        ("impact", "wall", "friction", "record"), when=rubs, listed=False,
+    ),
+    Stage(
+        "chain-files", ".chain.numbers:chain_files", tables_of("output"),
+        ("impact", "wall", "record"), listed=False,
+    ),
+    Stage("pictures", ".pages.pictures:pictures_of_plate", tables_of(), ("modes", "contact"),
+        when=bent),
+    Stage("pictures", ".pages.pictures:pictures", tables_of(), ("mesh", "modes", "contact")),
+    Stage(
+        "figures", ".pages.figures:of_friction", _observed, ("impact", "waves", "friction"),
+        when=rubs,
+    ),
+    Stage("figures", ".pages.figures:of_chain", _observed, ("impact", "waves")),
+    Stage(
+        "signals", ".pages.figures:signals", tables_of("output"), ("record",),
+        when=has_sensors, kept=False, listed=False,
+    ),
+    Stage(
+        "page", ".pages.page:data", _shown,
+        ("chain-files", "chain-numbers", "model-files", "response-files", "structure-numbers"),
+        when=strikes_structure, listed=False,
+    ),
+    Stage(
+        "page", ".pages.page:data", _shown, ("chain-files", "chain-numbers"),
+        when=has_chain, listed=False,
+    ),
+    Stage(
+        "page", ".pages.page:data", _shown,
+        ("model-files", "response-files", "structure-numbers"), listed=False,
+    ),
+)  # fmt: skip
+
+
+def stages_of(scene: Scene) -> dict[str, Stage]:
+    """The stages that a run of this scene may ask for, by their names; what it never asks for costs
+    nothing."""
+    chosen: dict[str, Stage] = {}
+    for stage in STAGES:
+        if stage.name not in chosen and stage.when(scene):
+            chosen[stage.name] = stage
+    return {
+        name: stage._replace(needs=tuple(need for need in stage.needs if need in chosen))
+        for name, stage in chosen.items()
+    }
