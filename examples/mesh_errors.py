@@ -272,7 +272,7 @@ def extrapolated(f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def stated(pipeline: Pipeline) -> dict[str, tuple[float, float, float]]:
     """Value, error of the mesh, and error of time step and reduction, of each number that the run
     states with an error of its mesh."""
-    numbers = [*pipeline("quantity-errors").quantities, *pipeline("structure-errors")]
+    numbers = [*pipeline("quantity-errors"), *pipeline("structure-errors")]
     return {
         q.name: (q.value, q.mesh, (q.time or 0.0) + (q.reduction or 0.0))
         for q in numbers

@@ -29,7 +29,7 @@ from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.stages.chain.walls import wall_of
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
-from beadwave.workflows.stages.errors.waves import observed, velocities
+from beadwave.workflows.stages.errors.better_walls import march_before, observed_velocities
 from beadwave.workflows.stages.structure import bending
 
 MATERIALS = ((210e9, 0.3, 7850.0), (70e9, 0.33, 2700.0), (3.2e9, 0.38, 1190.0), (110e9, 0.22, 7e3))
@@ -120,11 +120,12 @@ def errors(drawn: Scene) -> tuple[float, float, float, float]:
     of = pipeline_of(drawn, lambda name: nullcontext())
     start, impact = of("start"), of("impact")
     speed = np.abs(start.velocity).max()
-    reference = velocities(drawn, start, solid_wall(drawn), impact)
-    true = [np.abs(impact.trajectory.v[: len(reference), observed(drawn)] - reference).max()]
-    for other in bending.other_theories(drawn):
-        v = velocities(drawn, start, wall_of(drawn, other.reduced), impact)
-        true.append(np.abs(v - reference).max())
+    run, others = impact.trajectory, bending.other_theories(drawn)
+    walls = [solid_wall(drawn), *(wall_of(drawn, other.reduced) for other in others)]
+    reference, *computed = (
+        observed_velocities(drawn, march_before(wall, start, run)) for wall in walls
+    )
+    true = [np.abs(v - reference).max() for v in (observed_velocities(drawn, run), *computed)]
     return *(float(difference / speed) for difference in true), of("theory-error")
 
 

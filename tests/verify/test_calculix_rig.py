@@ -21,7 +21,7 @@ from beadwave.workflows.scene.rig import screw_cells
 from beadwave.workflows.scene.tables.shapes import shapes
 from beadwave.workflows.stages.engine.pipeline import Pipeline, pipeline_of
 from beadwave.workflows.stages.engine.progress import quiet
-from beadwave.workflows.stages.errors.waves import COARSER, ORDER
+from beadwave.workflows.stages.errors.second_mesh import COARSER, ORDER
 from beadwave.workflows.stages.structure import assembly
 from beadwave.workflows.stages.structure.reduction import contact_of
 

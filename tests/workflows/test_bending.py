@@ -55,7 +55,7 @@ def test_errors_of_a_beams_numbers_hold_what_other_theories_change():
     usual one, by their shares of 1.2 and 0.1; reduced models agree with full ones to 1 % of such a
     difference. The waves of a run before the corrected wall lie within the errors."""
     of = computed("beam", *SHORT, "beam.thickness=0.02", "beam.width=0.016")
-    rows = {e.name: e for e in (*of("structure-errors"), *of("quantity-errors").quantities)}
+    rows = {e.name: e for e in (*of("structure-errors"), *of("quantity-errors"))}
     numbers = []
     for theory in ("own", "solid", "usual"):
         full = bending.model(of.scene, theory=theory)
@@ -85,7 +85,7 @@ def test_a_hollow_beam_has_errors_of_its_numbers_without_one_of_the_theory():
     }  # fmt: skip
     tables.pop("unusual", None)
     of = pipeline_of(scene(tables), lambda stage: nullcontext())
-    rows = (*of("structure-errors"), *of("quantity-errors").quantities)
+    rows = (*of("structure-errors"), *of("quantity-errors"))
     assert {"mode 1", "tof_s", "static_compliance_m_per_N"} <= {row.name for row in rows}
     assert all(row.theory is None and row.mesh is not None for row in rows)
 

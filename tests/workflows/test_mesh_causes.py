@@ -86,7 +86,7 @@ def test_late_waves_of_a_bracket_err_by_its_corner_and_the_scale_offered_helps()
                 "strike": {"on": "profile:-x", "at": [0.02, 0.0]},
             }),
             lambda name: nullcontext(),
-        )("quantity-errors").quantities  # fmt: skip
+        )("quantity-errors")  # fmt: skip
         peaks = [q for q in quantities if q.name.endswith("peak_velocity_m_s")]
         return max(peaks, key=lambda q: q.mesh / abs(q.value))
 

@@ -14,7 +14,7 @@ from beadwave import fem, geometry, rom
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.stages.chain.walls import wall_of
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
-from beadwave.workflows.stages.errors import waves as errors
+from beadwave.workflows.stages.errors import second_mesh as errors
 from beadwave.workflows.stages.structure import assembly
 from beadwave.workflows.stages.structure.reduction import TO_HZ, contact_of
 

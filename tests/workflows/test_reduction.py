@@ -23,8 +23,7 @@ from beadwave.workflows.stages.chain.chain import chain, initial_velocity, start
 from beadwave.workflows.stages.chain.impact import impact as chain_impact
 from beadwave.workflows.stages.chain.walls import wall_of
 from beadwave.workflows.stages.engine.pipeline import Pipeline, pipeline_of
-from beadwave.workflows.stages.errors import waves as error_stages
-from beadwave.workflows.stages.errors.quantities import velocity_error_of_mesh
+from beadwave.workflows.stages.errors import better_walls, second_mesh
 from beadwave.workflows.stages.structure import assembly as assembly_stages
 from beadwave.workflows.stages.structure import reduction as reductions
 from beadwave.workflows.stages.structure.health import reduction_health
@@ -235,7 +234,7 @@ def test_an_error_that_cannot_be_estimated_is_a_warning(monkeypatch):
     def stuck(*_):
         raise ValueError("the coarse mesh is singular.")
 
-    monkeypatch.setattr("beadwave.workflows.stages.errors.quantities.error_of_mesh", stuck)
+    monkeypatch.setattr("beadwave.workflows.stages.errors.better_walls.of_missed_energy", stuck)
     summary = summary_of(pipeline("output.samples=602"))  # whose mesh error nobody has kept
     assert summary.error_estimate.mesh is None and summary.error_estimate.reduction is not None
     assert any("mesh could not be estimated: the coarse" in words for words in summary.warnings)
@@ -253,9 +252,11 @@ def test_errors_of_reduction_and_mesh_are_those_up_to_the_horizon(source):
 
     def error(of):
         if source == "missed-energy":
-            contact = held("reduction").contact
-            return velocity_error_of_mesh(held.scene, held("start"), model, contact, of)
-        return error_stages.reduction_error(held.scene, held("start"), model, of)
+            better = better_walls.of_missed_energy(held.scene, model, held("reduction"))
+        else:
+            better = better_walls.of_reduction(held.scene, model)
+        marches = better_walls.marched(held.scene, held("start"), of, better)
+        return better_walls.velocity_error(held.scene, held("start"), marches)
 
     assert 0.0 < error(away) == error(impact) < 0.5
 
@@ -365,7 +366,9 @@ def test_the_stated_error_of_the_mesh_is_one_to_three_times_the_true_one(order):
     )  # fmt: skip
     observed = [sphere - 1 for sphere in rig.output.spheres]
     true = np.abs(exact.v - run.trajectory.v)[:, observed].max() / rig.striker.velocity
-    second = SecondModel(wall(2.0), 1 / (error_stages.COARSER**error_stages.ORDER - 1))
-    stated = error_stages.mesh_error(rig, start(rig), second, run)
+    second = SecondModel(wall(2.0), 1 / (second_mesh.COARSER**second_mesh.ORDER - 1))
+    better = better_walls.of_second_mesh(rig, second)
+    marches = better_walls.marched(rig, start(rig), run, better)
+    stated = better_walls.velocity_error(rig, start(rig), marches)
     assert stated / true == pytest.approx((2**order - 1) / (2**1.5 - 1), rel=0.02)
     assert 0.98 < stated / true < 3

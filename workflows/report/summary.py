@@ -126,14 +126,6 @@ class NumberError(BaseModel):
         return self.total / abs(self.value)
 
 
-class QuantityErrors(NamedTuple):
-    """Errors of the single numbers of a run, and the mesh's in all velocities: relative to the
-    striker's speed."""
-
-    quantities: tuple[NumberError, ...]
-    mesh: float
-
-
 class ChainNumbers(NamedTuple):
     """The chain and its wall in the summary."""
 

@@ -182,13 +182,13 @@ def summary_of(
         # second model, a simple wall has the error of its time step alone
         if estimated:
             with suppress(ValueError):  # said above
-                number_errors += pipeline("quantity-errors").quantities
+                number_errors += pipeline("quantity-errors")
         if structure and scene.friction:
             sentences += warnings.model_errors_left_out()
         elif structure and with_errors and chain.coupled:
             sentences += warnings.model_errors_of_coupled_modes()
         if not structure and not has_friction(scene):
-            number_errors += pipeline("time-errors")
+            number_errors += pipeline("quantity-errors")
 
         # measured responses, of the wall or of a part: the error of their fits, and their band
         of_wall = isinstance(scene.wall, MeasuredWall)

@@ -127,24 +127,26 @@ def _errors(
     nan = float("nan")
     if isinstance(reduced_wall, coupling.CoupledWall):
         return nan, nan
-    from beadwave.workflows.stages.errors.quantities import velocity_error_of_mesh
-    from beadwave.workflows.stages.errors.waves import (  # finite elements
-        mesh_error,
-        reduction_error,
-    )
+    from beadwave.workflows.stages.errors import better_walls  # finite elements
 
     at_rest = start(scene, models.reduction.contact)
     run = impact(scene, at_rest, reduced_wall)
-    of_reduction = reduction_error(scene, at_rest, models.reduction, run)
+
+    def error(better: better_walls.BetterWalls) -> float:
+        """Error of the observed velocities that these walls show."""
+        comparison = better_walls.marched(scene, at_rest, run, better)
+        return better_walls.velocity_error(scene, at_rest, comparison)
+
+    of_reduction = error(better_walls.of_reduction(scene, models.reduction))
     if models.second is None:
         return of_reduction, nan
     if scene.bending is not None:
-        return of_reduction, mesh_error(scene, at_rest, models.second, run)
-    contact = models.reduction.contact
+        return of_reduction, error(better_walls.of_second_mesh(scene, models.second))
     try:
-        return of_reduction, velocity_error_of_mesh(scene, at_rest, models.second, contact, run)
+        missed = better_walls.of_missed_energy(scene, models.second, models.reduction)
     except ValueError:
         return of_reduction, nan
+    return of_reduction, error(missed)
 
 
 def sentence(reason: Exception) -> str:

@@ -1,10 +1,10 @@
 """A scan: the chain at many points of a plane face, on one basis of its structure.
 
 Every point has its own errors, measured as a run of it measures them
-(`workflows.stages.errors.waves`): that of the reduction against a wall with more oscillators of the
-point beyond the common modes, by shorter steps; that of the mesh against the same point without the
-strain energy that the mesh misses, of a mesh of few elements against the same point on one whose
-every element is split.
+(`workflows.stages.errors.better_walls`): that of the reduction against a wall with more oscillators
+of the point beyond the common modes, by shorter steps; that of the mesh against the same point
+without the strain energy that the mesh misses, of a mesh of few elements against the same point on
+one whose every element is split.
 
 Rows are stored PART by PART as they are marched. Once all are stored, later reflected waves are
 blanked, so that one wave is left over the face, see `workflows.sweep.core.continuity`.
@@ -26,7 +26,7 @@ from beadwave.workflows.scene.rig import STRUCK
 from beadwave.workflows.scene.toml import undoes
 from beadwave.workflows.stages.chain.chain import Start
 from beadwave.workflows.stages.chain.walls import require_support
-from beadwave.workflows.stages.errors.waves import MARGIN, SHORTER
+from beadwave.workflows.stages.errors.better_walls import MARGIN, SHORTER
 from beadwave.workflows.stages.structure.face import StruckFace, to_hz
 from beadwave.workflows.sweep.cases import Base
 from beadwave.workflows.sweep.core.continuity import same_wave

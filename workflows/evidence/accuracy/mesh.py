@@ -38,7 +38,7 @@ from beadwave.workflows.scene.parts import with_assembly
 from beadwave.workflows.scene.rig import PARTS
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.engine.progress import Progress, quiet
-from beadwave.workflows.stages.errors.waves import COARSER
+from beadwave.workflows.stages.errors.second_mesh import COARSER
 from beadwave.workflows.stages.structure import assembly as stages
 from beadwave.workflows.stages.structure.targets import targets
 

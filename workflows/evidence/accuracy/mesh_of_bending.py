@@ -23,7 +23,7 @@ from beadwave.workflows.scene.parts import with_chain
 from beadwave.workflows.stages.chain.walls import wall_of
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.engine.progress import Progress
-from beadwave.workflows.stages.errors.waves import velocities
+from beadwave.workflows.stages.errors.better_walls import march_before, observed_velocities
 from beadwave.workflows.stages.structure import bending
 
 FACTORS = (2.83, 2.0, 1.41, 1.0, bending.FINER, 0.5)  # of the elements' length
@@ -45,7 +45,8 @@ def of_bending(scene: Scene, progress: Progress) -> Finding:
             model = bending.model(scene, factor)
             reduced = bending.reduction(scene, model)
             seconds.append(perf_counter() - started)
-            v.append(velocities(scene, run("start"), wall_of(scene, reduced), run("impact")))
+            before = march_before(wall_of(scene, reduced), run("start"), run("impact").trajectory)
+            v.append(observed_velocities(scene, before))
             f = fem.modes(model.K, model.M, N_MODES + 3).frequency_hz  # 3: rigid-body motions
         hz.append(f[f > 1.0][:N_MODES])
         dofs.append(len(model.inertia))

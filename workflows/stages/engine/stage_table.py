@@ -142,11 +142,6 @@ def _marched(scene: Scene) -> Any:
     return [tables_of("time")(scene), _observed(scene)]
 
 
-def _measured(scene: Scene) -> Any:
-    """Input of marches at walls fitted to a measured response."""
-    return [_marched(scene), _wall_reads(scene)]
-
-
 def _reduced(scene: Scene) -> Any:
     """Input of a reduction: its options, and the places where the structure is struck, shaken and
     observed."""
@@ -225,9 +220,7 @@ def _compiled(scene: Scene) -> Any:
     return [environ.get("NUMBA_CACHE_DIR"), tables_of("damping")(scene), tables_of(*START)(scene)]
 
 
-def _marched_damped(scene: Scene) -> Any:
-    """Input of marches before other models of a structure."""
-    return [_marched(scene), tables_of("damping")(scene)]
+CAUSES = "reduction", "mesh", "theory", "receptance"  # of the errors of an impact
 
 
 STAGES = (
@@ -304,7 +297,7 @@ STAGES = (
     Stage(
         "second-mesh", ".structure.bending:second_mesh", tables_of(*BENT, "reduction"), when=bent
     ),
-    Stage("second-mesh", ".errors.waves:second_mesh", _coarse, ("mesh",)),
+    Stage("second-mesh", ".errors.second_mesh:second_mesh", _coarse, ("mesh",)),
     Stage(
         "other-theories", ".structure.bending:other_theories", tables_of(*BENT, "reduction"),
         when=bent,
@@ -384,50 +377,69 @@ STAGES = (
         "chain-numbers", ".chain.numbers:chain_numbers", _marched,
         ("start", "wall", "impact", "waves"), listed=False,
     ),
-    # errors of the impact: by the energy that a mesh misses, of beams and plates by a second mesh
-    # and other theories
-    Stage("time-errors", ".errors.receptance:number_errors", _measured,
-        ("start", "impact", "waves"), when=strikes_measured_wall, listed=False),
+    # errors of the impact: better walls by cause, marches before them, what these differ by
     Stage(
-        "time-errors", ".errors.numbers:time_errors", _marched, ("start", "impact", "waves"),
-        listed=False,
+        "better-reduction", ".errors.better_walls:of_reduction", _wall_reads, ("reduction",),
+        kept=False, listed=False,
     ),
     Stage(
-        "reduction-error", ".errors.waves:reduction_error", _marched,
-        ("start", "reduction", "impact"),
+        "better-mesh", ".errors.better_walls:of_second_mesh", _wall_reads, ("second-mesh",),
+        when=bent, kept=False, listed=False,
     ),
     Stage(
-        "theory-error", ".structure.bending:theory_error", _marched_damped,
-        ("start", "other-theories", "impact"), when=bent,
+        "better-mesh", ".errors.better_walls:of_missed_energy", _wall_reads,
+        ("missed-energy", "reduction"), kept=False, listed=False,
     ),
     Stage(
-        "quantity-errors", ".errors.bending:quantity_errors", _marched_damped,
-        ("start", "reduction", "second-mesh", "impact", "waves", "other-theories"),
-        when=has_other_theories,
+        "better-theory", ".errors.better_walls:of_other_theories", _wall_reads,
+        ("other-theories",), when=bent, kept=False, listed=False,
     ),
     Stage(
-        "quantity-errors", ".errors.bending:quantity_errors", _marched_damped,
-        ("start", "reduction", "second-mesh", "impact", "waves"), when=bent,
+        "better-receptance", ".errors.better_walls:of_receptance", _wall_reads,
+        when=strikes_measured_wall, kept=False, listed=False,
     ),
     Stage(
-        "quantity-errors", ".errors.quantities:quantity_errors", _marched_damped,
-        ("start", "missed-energy", "reduction", "impact", "waves"),
+        "better-receptance", ".errors.better_walls:of_measured_parts",
+        lambda scene: [_wall_reads(scene), _coarse(scene)], ("mesh",),
+        when=strikes_measured_part, kept=False, listed=False,
+    ),
+    *(
+        Stage(
+            f"{cause}-marches", ".errors.better_walls:marched", tables_of(),
+            ("start", "impact", f"better-{cause}"), kept=False, listed=False,
+        )
+        for cause in CAUSES
+    ),
+    *(
+        Stage(
+            f"{cause}-error", ".errors.better_walls:velocity_error", _marched,
+            ("start", f"{cause}-marches"),
+        )
+        for cause in CAUSES
     ),
     Stage(
-        "mesh-error", ".errors.waves:mesh_error", _marched_damped,
-        ("start", "second-mesh", "impact"), when=bent,
+        "quantity-errors", ".errors.better_walls:number_errors", _marched,
+        ("start", "impact", "waves", "receptance-marches"),
+        when=strikes_measured_wall, listed=False,
     ),
     Stage(
-        "mesh-error", ".errors.quantities:error_of_mesh", _marched_damped, ("quantity-errors",)
+        "quantity-errors", ".errors.better_walls:number_errors", _marched,
+        ("start", "impact", "waves", "reduction-marches", "mesh-marches", "theory-marches"),
+        when=lambda scene: strikes_structure(scene) and has_other_theories(scene),
     ),
     Stage(
-        "receptance-error", ".errors.receptance:receptance_error", _measured, ("start", "impact"),
-        when=strikes_measured_wall,
+        "quantity-errors", ".errors.better_walls:number_errors", _marched,
+        ("start", "impact", "waves", "reduction-marches", "mesh-marches"),
+        when=lambda scene: strikes_structure(scene) and bent(scene),
     ),
     Stage(
-        "receptance-error", ".errors.measured_parts:receptance_error",
-        lambda scene: [_marched(scene), _coarse(scene), tables_of("damping")(scene)],
-        ("mesh", "start", "impact"), when=strikes_measured_part,
+        "quantity-errors", ".errors.better_walls:explained_number_errors", _marched,
+        ("start", "impact", "waves", "missed-energy", "reduction-marches", "mesh-marches"),
+        when=strikes_structure,
+    ),
+    Stage(
+        "quantity-errors", ".errors.better_walls:number_errors", _marched,
+        ("start", "impact", "waves"), listed=False,
     ),
     # files, pictures and the page
     Stage("mode-files", ".structure.files:mode_files", tables_of(), ("modes",), listed=False),

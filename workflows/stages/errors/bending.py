@@ -1,44 +1,18 @@
-"""The errors of the single numbers of a beam or a plate, by cause: reduction, mesh, theory.
+"""The errors of frequencies and compliance of a beam or a plate, by cause: mesh and theory.
 
-Each cause is a second model in addition to the run's own: the finer reduced one, the one on shorter
-elements, and those of other theories of bending, whose shares add up.
+Each cause is a second model in addition to the run's own: the one on shorter elements, and those of
+other theories of bending, whose shares add up.
 """
 
 import numpy as np
 
-from beadwave import coupling, rom
-from beadwave.dem.waves.chain_waves import ChainWaves
+from beadwave import rom
 from beadwave.fem.modes.assembly_modes import AssemblyModes
 from beadwave.fem.modes.mac import RIGID
-from beadwave.workflows.report.summary import NumberError, QuantityErrors
+from beadwave.workflows.report.summary import NumberError
 from beadwave.workflows.scene import Scene
-from beadwave.workflows.stages.chain.chain import Start
-from beadwave.workflows.stages.errors.numbers import MarchedPair, numbers_with_errors, with_errors
-from beadwave.workflows.stages.errors.quantities import marched, of_reduction
-from beadwave.workflows.stages.errors.waves import mesh_error
+from beadwave.workflows.stages.errors.numbers import with_errors
 from beadwave.workflows.stages.structure.reduction import SecondModel
-
-
-def quantity_errors(
-    scene: Scene,
-    start: Start,
-    reduction: rom.ReducedModel,
-    second: SecondModel,
-    impact: coupling.Impact,
-    waves: ChainWaves,
-    others: tuple[SecondModel, ...] = (),
-) -> QuantityErrors:
-    """TOF, ARR, peak force, arrivals and peaks with their errors; `others` are those of other
-    theories."""
-    pairs = {"reduction": (of_reduction(scene, start, reduction, impact),)}
-    for cause, models in (("mesh", (second,)), ("theory", others)):
-        if models:
-            pairs[cause] = tuple(
-                MarchedPair(impact.trajectory, marched(scene, start, m.reduced, impact), m.left)
-                for m in models
-            )
-    numbers = numbers_with_errors(scene, start, impact, waves, pairs)
-    return QuantityErrors(numbers, mesh_error(scene, start, second, impact))
 
 
 def structure_errors(

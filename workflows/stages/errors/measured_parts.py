@@ -1,4 +1,4 @@
-"""Errors of the fits of measured parts in the modes of an assembly and in a run.
+"""Errors of the fits of measured parts in the modes of an assembly.
 
 Apart from `measured_parts`, which the model needs, so that a changed reduction keeps the modes.
 """
@@ -9,17 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, eigh
 
-from beadwave import coupling, fem, rom
+from beadwave import fem, rom
 from beadwave.fem.modes.assembly_modes import AssemblyModes
 from beadwave.fem.modes.mac import RIGID
 from beadwave.fem.modes.modes import SHIFT_HZ
 from beadwave.workflows.scene import Scene
-from beadwave.workflows.stages.chain.chain import Start
-from beadwave.workflows.stages.chain.walls import wall_of
-from beadwave.workflows.stages.errors.waves import velocities, wall_model
-from beadwave.workflows.stages.structure import assembly
 from beadwave.workflows.stages.structure.measured_parts import N_DRAWS, fitted_part, measured_part
-from beadwave.workflows.stages.structure.parts import Parts
 from beadwave.workflows.stages.structure.targets import axes_of_test
 
 
@@ -112,22 +107,3 @@ def part_errors(scene: Scene, model: fem.Model, modes: AssemblyModes) -> NDArray
         nearest = others[like.argmax(axis=1)]
         error += other_fit.share * np.abs(nearest / np.maximum(omega, 1e-9) - 1)
     return np.where(omega > RIGID * omega.max(), error, np.nan)
-
-
-def receptance_error(scene: Scene, mesh: Parts, start: Start, impact: coupling.Impact) -> float:
-    """Relative error of the velocities by the fits of measured parts: the largest change of the
-    observed spheres up to the horizon, before walls with other fits, over the largest initial
-    speed. Walls without the damping of the parts, in both."""
-
-    def marched(fits: dict[str, rom.ModalFit] | None) -> NDArray[np.float64]:
-        """Velocities (k, m) [m/s] of the observed spheres before the assembly with these fits."""
-        joined = assembly.model(scene, mesh, fits)
-        reduced = wall_model(scene, joined, assembly.contact(scene, mesh, joined))
-        return velocities(scene, start, wall_of(scene, reduced), impact)
-
-    as_fitted = marched(None)
-    largest = np.abs(start.velocity).max()
-    return float(
-        sum(one.share * np.abs(marched(one.fits) - as_fitted).max() for one in other_fits(scene))
-        / largest
-    )

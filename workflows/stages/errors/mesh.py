@@ -27,7 +27,7 @@ from beadwave.rom.contact_space import KrylovOptions
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.places import mass_face, part_face, spring_face
 from beadwave.workflows.scene.tables.reduction import TO_HZ
-from beadwave.workflows.stages.errors import waves as errors
+from beadwave.workflows.stages.errors import second_mesh
 from beadwave.workflows.stages.errors.mesh_causes import Cause, causes, explanation
 from beadwave.workflows.stages.structure import assembly as stages
 from beadwave.workflows.stages.structure.parts import Parts
@@ -237,12 +237,12 @@ def energy_of_shapes(
         omega, phi = of_space[:n_modes], shapes[:, :n_modes]
 
     # of few elements every one is split; modes are paired by their number
-    if contact is not None and errors.of_few_elements(mesh):
-        split_mesh, share = errors.other_mesh(scene, mesh)
+    if contact is not None and second_mesh.of_few_elements(mesh):
+        split_mesh, share = second_mesh.other_mesh(scene, mesh)
         split = stages.model(scene, split_mesh)
         lowest = fem.modes(split.K, split.M, min(len(modes.omega), split.K.shape[0] - 2))
         walls = tuple(
-            errors.wall_model(scene, on_mesh, stages.contact(scene, parts, on_mesh))
+            second_mesh.wall_model(scene, on_mesh, stages.contact(scene, parts, on_mesh))
             for on_mesh, parts in ((model, mesh), (split, split_mesh))
         )
         pair = SplitMesh(lowest.omega, walls, share)

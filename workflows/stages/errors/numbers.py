@@ -50,14 +50,6 @@ class MarchedPair(NamedTuple):
     share: float
 
 
-def time_errors(
-    scene: Scene, start: Start, impact: coupling.Impact, waves: ChainWaves
-) -> tuple[NumberError, ...]:
-    """Errors of every number of the waves where the wall is no model of a structure: those of the
-    time step alone."""
-    return numbers_with_errors(scene, start, impact, waves, {})
-
-
 def instants(scene: Scene, run: dem.Trajectory) -> int:
     """Instants of a run up to the scene's horizon."""
     return max(1, int(np.searchsorted(run.t, scene.time.horizon, "right")))

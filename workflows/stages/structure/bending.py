@@ -15,14 +15,11 @@ that does not bulge or Mindlin's shear factor. `examples/theory_errors.py` compa
 
 import numpy as np
 
-from beadwave import coupling, fem, rom
+from beadwave import fem, rom
 from beadwave.fem.modes.assembly_modes import SHOWN, AssemblyModes
 from beadwave.fem.modes.mac import RIGID
 from beadwave.fem.modes.mode_field import ModeField
 from beadwave.workflows.scene import InvalidScene, Scene
-from beadwave.workflows.stages.chain.chain import Start
-from beadwave.workflows.stages.chain.walls import wall_of
-from beadwave.workflows.stages.errors.waves import observed, velocities
 from beadwave.workflows.stages.structure.reduction import SecondModel, selection
 
 FINER = 2**-0.5  # length of the second mesh's elements over those of the run's, see above
@@ -169,19 +166,6 @@ def other_theories(scene: Scene) -> tuple[SecondModel, ...]:
         reduced = _reduced(scene, second)._replace(T=None, contact=contact_of(scene, second))
         models.append(SecondModel(reduced, share))
     return tuple(models)
-
-
-def theory_error(
-    scene: Scene, start: Start, others: tuple[SecondModel, ...], impact: coupling.Impact
-) -> float:
-    """Against the other theories: largest velocity differences of the observed spheres up to the
-    horizon over the largest initial speed, by their shares."""
-    error = 0.0
-    for other in others:
-        v = velocities(scene, start, wall_of(scene, other.reduced), impact)
-        difference = np.abs(v - impact.trajectory.v[: len(v), observed(scene)])
-        error += other.left * float(difference.max() / np.abs(start.velocity).max())
-    return error
 
 
 def _reduced(scene: Scene, model: fem.Bending) -> rom.ReducedModel:

@@ -27,7 +27,7 @@ from beadwave.workflows.stages.chain.damping import damping_law
 from beadwave.workflows.stages.engine.pipeline import Pipeline, pipeline_of
 from beadwave.workflows.stages.engine.stage_table import Stage, tables_of
 from beadwave.workflows.stages.errors.mesh import energy_in, without_missed
-from beadwave.workflows.stages.errors.waves import of_few_elements, other_mesh
+from beadwave.workflows.stages.errors.second_mesh import of_few_elements, other_mesh
 from beadwave.workflows.stages.structure import assembly as stages
 from beadwave.workflows.stages.structure.assembly import solid, struck
 from beadwave.workflows.stages.structure.loss_factors import structure_damping
