@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
+import twin
 from beadwave.workflows.commands import app as cli
 from beadwave.workflows.files.record import csv_text
 from beadwave.workflows.files.run_folder import RunFolder
 from beadwave.workflows.fit import posterior as calibration_posterior
-from beadwave.workflows.fit import twin as experiment
 from beadwave.workflows.fit.calibrate import CalibrationRequest, calibrated, with_posterior
 from beadwave.workflows.fit.folder import write_calibration
 from beadwave.workflows.fit.posterior import Sampling, posterior
 from beadwave.workflows.scene.toml import resolved
 from beadwave.workflows.stages.chain.walls import wall_of
 
-SETTING = experiment.Twin(noise=1e-3, repeats=4, jitter=1e-6, before=2e-5, seed=3)
+SETTING = twin.Twin(frequency=800.0, noise=1e-3, repeats=4, jitter=1e-6, before=2e-5, seed=3)
 
 
 @pytest.fixture(scope="module")
@@ -37,8 +37,7 @@ def rig():
 
 @pytest.fixture(scope="module")
 def data(rig):
-    made_by = experiment.Truth(np.ones(6), 800.0)
-    return experiment.measured(experiment.clean(rig, wall_of(rig), SETTING, made_by), SETTING)
+    return twin.measured(twin.clean(rig, wall_of(rig), SETTING, np.ones(6)), SETTING)
 
 
 @pytest.fixture(scope="module")

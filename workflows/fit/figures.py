@@ -109,9 +109,6 @@ def parameters(report, face: str) -> bytes:
             place, [row.found for row in contacts], bars, fmt="o", color=COLOURS[0], capsize=3,
             markersize=4, linewidth=1.2, label="found, two sigma",
         )  # fmt: skip
-        if any(row.truth is not None for row in contacts):
-            truth = [row.truth for row in contacts]
-            panel.plot(place, truth, "x", color=COLOURS[1], markersize=7, label="truth")
         panel.axhline(1.0, color="0.5", linewidth=0.8, linestyle="--", label="start")
         panel.set_xticks(place)
         panel.set_xlabel("contact (the last one at the wall)")
@@ -212,8 +209,6 @@ def _marginal(panel, row, samples) -> None:
         for end in (-row.two_sigma, row.two_sigma):
             panel.axvline(unit * (row.found + end), color=COLOURS[1], linestyle="--", linewidth=1,
                           label="found, two sigma" if end < 0 else None)  # fmt: skip
-    if row.truth is not None:
-        panel.axvline(unit * row.truth, color="black", linewidth=1, linestyle=":", label="truth")
     panel.set_yticks([])
     _few_ticks(panel.xaxis)
     panel.spines[["top", "right", "left"]].set_visible(False)
@@ -229,8 +224,6 @@ def _pair(panel, across, up, samples, covariance) -> None:
     ellipse = 2.0 * (vectors * np.sqrt(np.maximum(values, 0.0))) @ circle
     panel.plot(x * (across.found + ellipse[0]), y * (up.found + ellipse[1]), "--", color=COLOURS[1],
                linewidth=1)  # fmt: skip
-    if across.truth is not None:
-        panel.plot(x * across.truth, y * up.truth, "x", color="black", markersize=6)
     _few_ticks(panel.xaxis)
     _few_ticks(panel.yaxis)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beadwave.workflows.files.record import SYNTHETIC, Record, csv_text
+from beadwave.workflows.files.record import SYNTHETIC
 from beadwave.workflows.files.run_folder import Picture, RunFolder, write_pictures
 from beadwave.workflows.scene.toml import toml
 
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from beadwave.workflows.fit.report import CalibrationReport, InspectionReport
 
 CALIBRATION_FILES = ("scene.toml", "report.json", "parameters.csv", "signals.csv", "posterior.npz")
-TWIN_FILES = (*CALIBRATION_FILES, "data.csv", "coverage.json")
 INSPECTION_FILES = ("scene.toml", "report.json", "numbers.csv", "signals.csv")
 
 
@@ -41,10 +40,10 @@ def write_calibration(result: CalibrationOutcome, folder: RunFolder) -> None:
         """A number in so many digits; nothing where there is none."""
         return "" if x is None else f"{x:.{digits}g}"
 
-    table = ["parameter,unit,start,found,two_sigma,identifiable,truth,low,median,high"]
+    table = ["parameter,unit,start,found,two_sigma,identifiable,low,median,high"]
     table += [
         ",".join([r.name, r.unit, cell(r.start), cell(r.found), cell(r.two_sigma, 4),
-                  r.identifiable, *map(cell, (r.truth, r.low, r.median, r.high))])
+                  r.identifiable, *map(cell, (r.low, r.median, r.high))])
         for r in report.parameters
     ]  # fmt: skip
 
@@ -114,10 +113,3 @@ def _write(
     for name, lines in tables.items():
         folder.write(name, face + "\n".join([*lines, ""]))
     write_pictures(folder, tuple(pictures))
-
-
-def write_data(folder: RunFolder, data: Record, covered) -> None:
-    """data.csv of a twin experiment, and coverage.json where there is one."""
-    folder.write("data.csv", csv_text(data))
-    if covered is not None:
-        folder.write("coverage.json", covered.model_dump_json(indent=1) + "\n")

@@ -30,7 +30,6 @@ class ParameterRow(BaseModel):
     found: float
     two_sigma: float | None
     identifiable: str  # "yes", "weakly", "no", "at its bound"; "unconfirmed" for yes and weakly
-    truth: float | None = None
     low: float | None = None
     median: float | None = None
     high: float | None = None
@@ -87,16 +86,14 @@ class CalibrationReport(BaseModel):
     seconds: float
     remarks: list[str]
     posterior: PosteriorSummary | None = None
-    coverage: dict[str, Any] | None = None
 
     def text(self) -> str:
         """A table, and sentences on lines that a terminal holds."""
         # a line per parameter; quantiles as what they are off the value found
         sampled = any(row.low is not None for row in self.parameters)
-        has_truth = any(row.truth is not None for row in self.parameters)
         head = ["parameter", "start", "found", "two sigma"]
         head += ["2.3 %", "97.7 %"] if sampled else []
-        head += ["identifiable", "truth"] if has_truth else ["identifiable"]
+        head.append("identifiable")
         widened = any(1.0 - row.bar_by.get(NOISE, 1.0) >= LEAST_SHARE for row in self.parameters)
         head += ["bar by"] if widened else []
         cells = []
@@ -108,8 +105,6 @@ class CalibrationReport(BaseModel):
                     None if x is None else f"{x - row.found:+.2g}" for x in (row.low, row.high)
                 ]
             line.append(row.identifiable)
-            if has_truth:
-                line.append(None if row.truth is None else f"{row.truth:.6g}")
             if widened:
                 line.append(bar_by_words(row.bar_by))
             cells.append(tuple(line))
