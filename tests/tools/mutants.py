@@ -316,8 +316,6 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
      "what does not take part has any frequency",
     ("if abs(root) < 1e-6:", "abs(root) < 1e-06"): SAME,
     ("if abs(root) < 1e-6:", "1e-06"): FAR,
-    ("np.where(np.isfinite(tau), np.maximum(tau, 1.0), np.inf),", "1.0"):
-     "walkers forget in more steps",
     ("swap = self.fit.solved(z, free, window, max_runs=8, prior=prior, tolerance=1e-4)", "8"):
      "a trial may take a run more",
     ("step = self.fit.solved(z, free, window, max_runs=8, prior=prior, tolerance=1e-4)", "8"):

@@ -134,9 +134,9 @@ def _require_possible(posterior: bool, two_stage: bool) -> None:
     """Raise InvalidScene for a posterior that cannot be sampled."""
     if not posterior:
         return
-    from beadwave.workflows.fit.posterior import require_sampler
+    from beadwave.workflows.fit.nested import require_nested_sampler
 
-    require_sampler()
+    require_nested_sampler()
     if two_stage:
         raise InvalidScene(
             "--posterior is of all parameters and all waves together; leave out --two-stage."

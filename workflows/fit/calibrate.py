@@ -172,21 +172,16 @@ def calibrated(
 def with_posterior(result: CalibrationOutcome, seed: int) -> CalibrationOutcome:
     """A calibration with samples of its posterior, and their quantiles in its report's rows."""
     began = perf_counter()
-    samples = posterior(result.forward, result.fit, seed=seed)
-    report, slowest = result.report, float(samples.autocorrelation.max())
+    samples, report = posterior(result.forward, result.fit, seed=seed), result.report
     report.posterior = PosteriorSummary(
-        walkers=samples.walkers,
-        steps=samples.kept,
-        discarded=samples.discarded,
-        autocorrelation_steps=slowest if np.isfinite(slowest) else None,
         effective_samples=samples.effective,
-        acceptance=samples.acceptance,
+        peaks=list(samples.masses),
         model_runs=samples.model_runs,
         seed=seed,
-        long_enough=samples.long_enough,
+        believable=samples.believable,
         seconds=perf_counter() - began,
     )
-    if samples.long_enough:
+    if samples.believable:
         low, median, high = samples.quantiles(SHARES)
         for i, row in enumerate(report.parameters):
             row.low, row.median, row.high = float(low[i]), float(median[i]), float(high[i])

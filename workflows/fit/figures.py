@@ -8,6 +8,7 @@ import numpy as np
 
 from beadwave.workflows.files.record import SYNTHETIC
 from beadwave.workflows.files.run_folder import Picture
+from beadwave.workflows.fit.nested import quantiles
 from beadwave.workflows.report.plots import (
     COLOURS,
     Line,
@@ -42,7 +43,7 @@ def calibration_pictures(result: CalibrationOutcome) -> tuple[Picture, ...]:
     }
     if report.scan_hz:
         images["scan"] = scan(report, face)
-    if posterior is not None and posterior.long_enough:
+    if posterior is not None and posterior.believable:
         images["posterior"] = corner(fit, posterior, report.parameters, face)
     return tuple(Picture(name, png) for name, png in images.items())
 
@@ -172,10 +173,11 @@ def corner(fit, posterior, rows, face: str) -> bytes:
             if c > r:
                 panels[r, c].set_axis_off()
             elif c == r:
-                _marginal(panels[r, c], rows[i], posterior.samples[:, i])
+                _marginal(panels[r, c], rows[i], posterior.samples[:, i], posterior.weights)
             else:
-                _pair(panels[r, c], rows[j], rows[i], posterior.samples[:, [j, i]],
-                      fit.uncertainty.covariance[np.ix_([j, i], [j, i])])  # fmt: skip
+                covariance = fit.uncertainty.covariance[np.ix_([j, i], [j, i])]
+                samples = posterior.samples[:, [j, i]]
+                _pair(panels[r, c], rows[j], rows[i], samples, posterior.weights, covariance)
         panels[-1, r].set_xlabel(_labelled(rows[i]))
         if r:
             panels[r, 0].set_ylabel(_labelled(rows[i]))
@@ -197,10 +199,13 @@ def _unit_factor(row) -> float:
     return 1e6 if row.unit == "s" else 1.0
 
 
-def _marginal(panel, row, samples) -> None:
-    """Histogram of samples (s,), their quantiles, and the two-sigma bar of the fit."""
+def _marginal(panel, row, samples, weights) -> None:
+    """Histogram of samples (s,) of these weights (s,), their quantiles and the two-sigma bar."""
     unit = _unit_factor(row)
-    panel.hist(unit * samples, bins=40, density=True, color=COLOURS[0], alpha=0.35,
+    # lines of the 2.3 and 97.7 % lie inside; samples of next to no weight would widen the axis
+    low, high = quantiles(samples, weights, (1e-4, 1 - 1e-4))
+    panel.hist(unit * samples, bins=40, range=(unit * low, unit * high), weights=weights,
+               density=True, color=COLOURS[0], alpha=0.35,
                label="posterior")  # fmt: skip
     for end in (row.low, row.high):
         panel.axvline(unit * end, color=COLOURS[0], linewidth=1,
@@ -214,10 +219,15 @@ def _marginal(panel, row, samples) -> None:
     panel.spines[["top", "right", "left"]].set_visible(False)
 
 
-def _pair(panel, across, up, samples, covariance) -> None:
-    """Histogram of samples (s, 2), and the two-sigma ellipse of the covariance (2, 2)."""
+def _pair(panel, across, up, samples, weights, covariance) -> None:
+    """Histogram of samples (s, 2) of these weights (s,), and the two-sigma ellipse of the
+    covariance (2, 2)."""
     x, y = _unit_factor(across), _unit_factor(up)
-    panel.hist2d(x * samples[:, 0], y * samples[:, 1], bins=30, cmap="Blues")
+    ends = [quantiles(column, weights, (1e-4, 1 - 1e-4)) for column in samples.T]
+    ends = [np.array(end) * unit for end, unit in zip(ends, (x, y), strict=True)]
+    panel.hist2d(
+        x * samples[:, 0], y * samples[:, 1], bins=30, range=ends, weights=weights, cmap="Blues"
+    )
     values, vectors = np.linalg.eigh(covariance)
     angle = np.linspace(0.0, 2.0 * np.pi, 100)
     circle = np.array([np.cos(angle), np.sin(angle)])

@@ -56,14 +56,15 @@ def write_calibration(result: CalibrationOutcome, folder: RunFolder) -> None:
     lines = [",".join(["time [s]", *heads]), *(",".join(f"{x:.9g}" for x in row) for row in rows)]
 
     posterior = result.posterior
-    if posterior is not None and posterior.long_enough:
-        # samples (s, p) in SI units, their log probability relative to the answer
+    if posterior is not None and posterior.believable:
+        # samples (s, p) in SI units, their weights and log probability relative to the answer
         with folder.writing("posterior.npz") as path:
             np.savez_compressed(
                 path,
                 names=np.array([row.name for row in report.parameters]),
                 units=np.array([row.unit for row in report.parameters]),
                 samples=posterior.samples,
+                weights=posterior.weights,
                 log_probability=posterior.log_probability,
                 title=np.array(report.title),
                 synthetic=np.array(report.synthetic),

@@ -11,6 +11,7 @@ import numpy as np
 from beadwave.workflows.fit.chain_fit import CalibrationResult
 from beadwave.workflows.fit.model_errors import NOISE
 from beadwave.workflows.fit.parameter import Parameter, scales
+from beadwave.workflows.fit.posterior import ENOUGH, Posterior
 from beadwave.workflows.fit.signals import Signals
 from beadwave.workflows.fit.uncertainty import bars_over_time, bounds_information, felt_from
 from beadwave.workflows.fit.windows import decisive
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from beadwave.workflows.fit.inversion import Inversion
     from beadwave.workflows.fit.least_squares import RecordFit
     from beadwave.workflows.fit.parametric_wall import ParametricWall
-    from beadwave.workflows.fit.posterior import Posterior
 
 
 SHARES = (0.02275, 0.5, 0.97725)  # of the quantiles: two sigma of a Gaussian to either side
@@ -156,13 +156,11 @@ def on_held_out(left_out: dict[str, float], fit: CalibrationResult) -> Iterator[
 def on_posterior(posterior: Posterior, fit: CalibrationResult, *, seed: int, seconds: float) -> str:
     """Sentence on the sampling of a posterior, and on what it says beyond the bars."""
     cost = f"{posterior.model_runs} model runs in {seconds:.1f} s, seed {seed}"
-    tau = float(posterior.autocorrelation.max())
-    if not (np.isfinite(tau) and posterior.long_enough):
-        times = f"of {tau:.3g} steps" if np.isfinite(tau) else "that cannot be told"
+    if not posterior.believable:
         return (
-            f"The posterior is not shown: {posterior.kept} steps of {posterior.walkers} walkers "
-            f"are too few for autocorrelation times {times} (50 of them are needed); {cost}. Free "
-            "fewer parameters, or those that the data determines."
+            f"The posterior is not shown: its samples are worth {posterior.effective:.0f} "
+            f"independent ones, {ENOUGH:.0f} are needed of a sampler that came to its end; {cost}. "
+            "Free fewer parameters, or those that the data determines."
         )
 
     # parameters without a bar, or whose bar by noise ends elsewhere than the samples do
@@ -181,11 +179,13 @@ def on_posterior(posterior: Posterior, fit: CalibrationResult, *, seed: int, sec
         if unlike
         else "agree with the bars to a tenth of two sigma"
     )
+    peaks = ""
+    if len(posterior.masses) > 1:
+        masses = ", ".join(f"{100 * mass:.0f} %" for mass in posterior.masses)
+        peaks = f", in {len(posterior.masses)} separate peaks of {masses}"
     return (
-        f"Posterior, flat between the bounds: {posterior.effective:.0f} effective samples "
-        f"({posterior.walkers} walkers, {posterior.kept} steps, autocorrelation "
-        f"{tau:.3g} steps, {100 * posterior.acceptance:.0f} % accepted; {cost}); "
-        f"its quantiles {verdict}."
+        f"Posterior, flat between the bounds: {posterior.effective:.0f} effective samples{peaks} "
+        f"({cost}); its quantiles {verdict}."
     )
 
 

@@ -37,17 +37,13 @@ class ParameterRow(BaseModel):
 
 
 class PosteriorSummary(BaseModel):
-    """Sampling of a posterior; steps and autocorrelation are the walkers'."""
+    """Sampling of a posterior."""
 
-    walkers: int
-    steps: int
-    discarded: int
-    autocorrelation_steps: float | None  # of the worst parameter; None where it cannot be told
     effective_samples: float
-    acceptance: float
+    peaks: list[float]  # shares of the separate peaks
     model_runs: int
     seed: int
-    long_enough: bool
+    believable: bool
     seconds: float
     shares: tuple[float, float, float] = SHARES  # of low, median and high
 
