@@ -18,8 +18,8 @@ from beadwave.workflows.fit import scene_parameters as parameters
 from beadwave.workflows.fit.calibrate import CalibrationRequest, calibrated
 from beadwave.workflows.fit.chain_fit import widened
 from beadwave.workflows.fit.folder import write_calibration
-from beadwave.workflows.fit.judgement import identifiable, on_held_out
 from beadwave.workflows.fit.parameter import scales
+from beadwave.workflows.fit.reliability import identifiable, on_held_out
 from beadwave.workflows.fit.windows import decisive
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.scene.toml import resolved, toml
@@ -94,7 +94,7 @@ def test_the_known_rig_is_found_through_the_instrument(rig, result):
 def test_the_scene_that_comes_out_is_marked_and_runs(tmp_path, result):
     write_calibration(result, RunFolder(tmp_path))
     text = (tmp_path / "scene.toml").read_text()
-    assert text.startswith(f"# {SYNTHETIC}\n# contact 1 = ") and "calibrated to data.csv" in text
+    assert text.startswith(f"# {SYNTHETIC}\n# contact 1 = ") and "fitted to data.csv" in text
     again = scene(str(tmp_path / "scene.toml"))
     # to the digits that the bars support
     off = np.abs(again.contact.stiffness_factor - result.fit.value[:6])

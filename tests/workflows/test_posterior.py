@@ -55,7 +55,7 @@ def test_samples_of_a_chain_have_the_quantiles_of_its_bars(tmp_path, result):
     pytest.importorskip("dynesty", reason="the posterior is optional (the extra `posterior`)")
     sampled = with_posterior(result._replace(report=result.report.model_copy(deep=True)), 0)
     for row in sampled.report.parameters:
-        ends = np.array([row.found - row.low, row.high - row.found])
+        ends = np.array([row.found - row.quantiles[0], row.quantiles[2] - row.found])
         np.testing.assert_allclose(ends, row.two_sigma, rtol=0.16)
     assert "2.3 %" in sampled.report.text() and "effective samples" in sampled.report.remarks[-1]
     write_calibration(sampled, RunFolder(tmp_path))

@@ -250,7 +250,7 @@ def inspect(
     """
     from beadwave.workflows.fit.folder import INSPECTION_FILES, write_inspection
     from beadwave.workflows.fit.inspect import InspectionRequest, inspected
-    from beadwave.workflows.fit.plausibility import called_apart
+    from beadwave.workflows.fit.plausibility import with_distinct_names
     from beadwave.workflows.fit.record import recorded
     from beadwave.workflows.fit.report import inspection_report
     from beadwave.workflows.sweep.cases import base_of
@@ -263,7 +263,7 @@ def inspect(
     start = with_chain(base.with_values({}))
     folder = _folder(out, (*files_read(start, scene), *files), overwrite)
     with _renewed(folder, INSPECTION_FILES):
-        records = called_apart(tuple(recorded(file) for file in files))
+        records = with_distinct_names(tuple(recorded(file) for file in files))
         result = inspected(base, records, request, progress)
         report = inspection_report(result, records)
         if folder:

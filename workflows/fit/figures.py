@@ -207,9 +207,9 @@ def _marginal(panel, row, samples, weights) -> None:
     panel.hist(unit * samples, bins=40, range=(unit * low, unit * high), weights=weights,
                density=True, color=COLOURS[0], alpha=0.35,
                label="posterior")  # fmt: skip
-    for end in (row.low, row.high):
+    for end in (row.quantiles[0], row.quantiles[2]):
         panel.axvline(unit * end, color=COLOURS[0], linewidth=1,
-                      label="its 2.3 and 97.7 %" if end is row.low else None)  # fmt: skip
+                      label="its 2.3 and 97.7 %" if end is row.quantiles[0] else None)  # fmt: skip
     if row.two_sigma is not None:
         for end in (-row.two_sigma, row.two_sigma):
             panel.axvline(unit * (row.found + end), color=COLOURS[1], linestyle="--", linewidth=1,
@@ -257,7 +257,7 @@ def inspection_pictures(result: InspectionResult, report: InspectionReport) -> t
 def recorded_signals(result: InspectionResult, report: InspectionReport, face: str) -> bytes:
     """Records and model, and the residual over the noise; two panels per record."""
     # at most 6 records in a picture of signals
-    shots, models = result.judged.fit.shots[:6], result.judged.inversion.model
+    shots, models = result.answer.fit.shots[:6], result.answer.inversion.model
     figure, panels = residual_pairs(len(shots), 2.1)
     for s, (shot, (upper, lower)) in enumerate(zip(shots, panels, strict=True)):
         for i, name in enumerate(report.sensors):
@@ -282,8 +282,8 @@ def numbers(report: InspectionReport, face: str) -> bytes:
     rows = report.numbers
     figure, (axis, matrix) = subplots(1, 2, (10, 1.8 + 0.55 * len(rows)), width_ratios=(1.6, 1))
     for i, row in enumerate(rows):
-        place = (row.found - row.low) / (row.high - row.low)
-        bar = row.two_sigma / (row.high - row.low)
+        low, high = row.bounds
+        place, bar = (row.found - low) / (high - low), row.two_sigma / (high - low)
         axis.errorbar(place, i, xerr=bar, fmt="o", color=COLOURS[0], capsize=4, linewidth=1.5)
         axis.text(0.5, i - 0.28, f"{row.found:.5g} +- {row.two_sigma:.2g} {row.unit}", fontsize=8,
                   ha="center")  # fmt: skip
@@ -301,7 +301,7 @@ def by_length(report: InspectionReport, face: str) -> bytes:
     """Bars of the noise alone if the records had ended earlier, over the bounds of the numbers."""
     t = 1e3 * np.array(report.record_length_s)
     lines = [
-        Line(row.name, t, np.array(report.two_sigma_by_length[row.name]) / (row.high - row.low))
+        Line(row.name, t, np.array(report.two_sigma_by_length[row.name]) / np.ptp(row.bounds))
         for row in report.numbers
     ]
     panel = Panel(
