@@ -31,9 +31,9 @@ from beadwave.workflows.fit.parameter import ends, scales
 from beadwave.workflows.fit.uncertainty import noise_along
 
 STEPS = 2.5  # of the model, in usual ones: only its change from the answer on is needed
-# deviations of the normal prior in y. Of Gaussians of 2 and 20 parameters this sampler took 9 and 24
-# thousand runs, and the worst quantile at two sigma was off by 0.02 and 0.08 sigma; a prior of 2.0
-# and live points down to 1 % of the evidence took 62 thousand of 20 parameters, off by 0.14 sigma
+# deviations of the normal prior in y. Of Gaussians of 2 and 20 parameters this sampler took 9 and
+# 24 thousand runs, and the worst quantile at two sigma was off by 0.02 and 0.08 sigma; of a prior
+# of 2.0, and live points down to 1 % of the evidence, 20 parameters took 62 thousand, off by 0.14
 PRIOR_WIDTH = 1.5
 ENOUGH = 1000.0  # effective samples from which on they can be shown
 SAMPLER = NestedOptions(live=100, remaining=0.5, drawn=8192, runs=150_000)
