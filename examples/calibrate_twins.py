@@ -1,6 +1,6 @@
 """Do the bars of `calibrate` hold the truth, and does it call only contacts identifiable that are?
 
-You will see, for chains whose contacts are known (drawn by a seed, as `beadwave twin` draws them)
+You will see, for chains whose contacts are known (drawn by a seed, see twin.py)
 and two levels of noise, how many of all contacts lie within their bar of two deviations,
 
     share = number of |found - true| <= bar over all contacts,   wanted: 0.95,
@@ -17,11 +17,14 @@ Run it: python examples/calibrate_twins.py             20 seeds of each, 2 hours
 
 import sys
 import time
+from contextlib import redirect_stdout
 from math import sqrt
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
-import beadwave
+import twin
 
 BARE = {"leaf_springs.stiffness": 0.0, "preload.force": 0.0}
 CHAINS = {
@@ -52,10 +55,12 @@ def row(name: str, changes: dict, noise: float, seeds: range) -> None:
     """A line of the table."""
     began, within, called = time.perf_counter(), [], []
     for seed in seeds:
-        twin = beadwave.twin("rig-1dof", changes, noise=noise, seed=seed)
-        contacts = [p for p in twin.report.parameters if p.name.startswith("contact")]
+        with redirect_stdout(None), TemporaryDirectory() as folder:
+            file = Path(folder, "twin.csv")
+            found, true = twin.main(0, changes, twin.Twin(noise=noise, seed=seed), file)
+        contacts = [p for p in found.report.parameters if p.name.startswith("contact")]
         # without a bar the data say nothing of a contact
-        within += [abs(p.found - p.truth) <= (p.two_sigma or np.inf) for p in contacts]
+        within += [abs(p.found - true[p.name]) <= (p.two_sigma or np.inf) for p in contacts]
         called += [p.identifiable == "yes" for p in contacts]
     within, called = np.array(within), np.array(called)
     chance = 2.0 * sqrt(0.95 * 0.05 / len(seeds))

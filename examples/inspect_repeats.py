@@ -121,7 +121,7 @@ def beams(count: int) -> None:
         records, start = random_records(true_base, i), process_time()
         answer = inspected(
             base, records, InspectionRequest(",".join(TRUTH), WIDE_BOUNDS, EACH), quiet
-        ).judged.inversion
+        ).answer.inversion
         seconds = process_time() - start
         deviations = (answer.value[:3] - truth) / (answer.uncertainty.two_sigma[:3] / 2)
         verdict = "explained" if answer.explained else "NOT EXPLAINED"

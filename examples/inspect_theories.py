@@ -13,10 +13,10 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import calibrate_walls  # the same experiment, with velocities that `calibrate` takes
 import numpy as np
 
 import beadwave
+import calibrate_walls  # the same experiment, with velocities that `calibrate` takes
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.stages.engine.pipeline import pipeline_of

@@ -20,7 +20,7 @@ sets values by their dotted keys. Everything is in SI units: m, kg, s, N, Pa, Hz
     joints_posterior             all joints and materials that measured modes allow
     reduce, reduce_matrices      a reduced model: of a scene, of one's own K, M, w
     look, export                 bodies and where they touch; CalculiX, Abaqus, STEP
-    calibrate, twin              a chain and its wall fitted to measured velocities
+    calibrate                    a chain and its wall fitted to measured velocities
     inspect, design              numbers of the structure from forces or velocities in the chain;
                                  which sphere to watch
     sweep, sweep_price           many cases into one table, what outputs depend on; the cost
@@ -44,7 +44,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from beadwave.workflows.evidence.api import accuracy, stability, studies, verify
-    from beadwave.workflows.fit.api import calibrate, design, inspect, joints_posterior, twin
+    from beadwave.workflows.fit.api import calibrate, design, inspect, joints_posterior
     from beadwave.workflows.installation.doctor import doctor
     from beadwave.workflows.run.api import Run, film, impact, load, run, scene, scenes
     from beadwave.workflows.scene import InvalidScene, Scene
@@ -67,7 +67,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "beadwave.workflows.evidence.api": ("accuracy", "stability", "studies", "verify"),
-    "beadwave.workflows.fit.api": ("calibrate", "design", "inspect", "joints_posterior", "twin"),
+    "beadwave.workflows.fit.api": ("calibrate", "design", "inspect", "joints_posterior"),
     "beadwave.workflows.installation.doctor": ("doctor",),
     "beadwave.workflows.run.api": ("Run", "film", "impact", "load", "run", "scene", "scenes"),
     "beadwave.workflows.scene": ("InvalidScene", "Scene"),
@@ -125,7 +125,6 @@ __all__ = [
     "thesis_table",
     "tune",
     "tune_to_responses",
-    "twin",
     "verify",
     "write_hammer_test",
 ]

@@ -77,20 +77,6 @@ def woken_by_signals() -> int:
     return reading
 
 
-@contextmanager
-def interrupts_blocked() -> Iterator[None]:
-    """Ctrl-C waits, and does not reach processes started meanwhile; on Windows it reaches them,
-    and they have to ignore it."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    unblocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, unblocked)
-
-
 # ---- children ----------------------------------------------------------------------------------
 
 # seconds that a parent waits longer than its child's own timer

@@ -9,7 +9,7 @@ from beadwave import dem
 from beadwave.coupling.sensors import Sensor, measured, signals
 from beadwave.dem.sensitivities import STEPS_PER_TIME_SCALE, usual_step
 from beadwave.workflows.files.record import UnusableRecord
-from beadwave.workflows.fit.columns import beyond, require_columns
+from beadwave.workflows.fit.columns import model_times, require_columns
 
 
 class Case(NamedTuple):
@@ -79,7 +79,7 @@ def case(seed):
         n, off[0] * young, off[1] * speed, off[4] * preload, (off[2] * hz, off[3] * mass),
         last=1.7 * run.t[-1], **spheres,
     )  # fmt: skip
-    model = shown(sensors, model_run, beyond(t) - t[0])
+    model = shown(sensors, model_run, model_times(t) - t[0])
     signed, forces = (np.full(y.shape[1], value) for value in (is_signed, quantity == "force"))
     return Case(t, y, model, time_scale, signed, forces, begin < 0)
 

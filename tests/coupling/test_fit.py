@@ -12,14 +12,6 @@ from beadwave.coupling.errors import CouplingError
 from beadwave.dem import sensitivities
 from beadwave.workflows.fit import signals as laid
 from beadwave.workflows.fit.forward import NO_FILTER, ChainForward, refined
-from beadwave.workflows.fit.instrument import (
-    OVERSAMPLED,
-    Clean,
-    Twin,
-    clean_signals,
-    repeated,
-    shown,
-)
 from beadwave.workflows.fit.least_squares import (
     CLOSE,
     IMPOSSIBLE_RESIDUAL,
@@ -613,73 +605,6 @@ def test_signals_of_a_subset_of_spheres():
     assert subset.spheres == (9, 4) and list(subset.spread) == [0.3, 0.1]
     assert subset.names == ("10", "5")
     assert list(subset.v[0]) == [3, 1] and full.names == ("5", "7", "10")
-
-
-# --- instruments ---------------------------------------------------------------------------------
-
-
-def test_an_instrument_shows_a_slow_motion_in_its_time_and_a_fast_one_less():
-    """Of 100 kHz: 2 kHz pass, at the clock that its lag sets right; 400 kHz do not."""
-    twin = Twin(before=1e-4)
-    t = np.arange(8000) / (OVERSAMPLED * twin.sampling)
-    v = np.column_stack([1 - np.cos(2 * np.pi * 2e3 * t), np.sin(2 * np.pi * 4e5 * t)])
-    observed = shown(v, v[0], twin, (0, 3))
-    late = observed.t - twin.before
-    inside = (late > 2e-4) & (late < t[-1])
-    assert observed.t[0] < 1e-5 and len(observed.t) == 8000 + 400 and observed.spheres == (0, 3)
-    at = late[inside] - (1 / (2 * np.pi * 1e5)) * laid.DELAY  # the instrument's own delay
-    np.testing.assert_allclose(observed.v[inside, 0], 1 - np.cos(2 * np.pi * 2e3 * at), atol=2e-3)
-    assert np.abs(observed.v[inside, 1]).max() < 1e-2 and not observed.v[:300].any()
-
-
-def test_a_steady_rise_is_shown_later_by_the_delay_of_the_low_pass_alone():
-    """-B'(0) / B(0) of its poles: the sampled filter has less, the clock makes up for the rest."""
-    twin = Twin(before=1e-4)
-    rise = np.arange(8000.0)[:, None] / (OVERSAMPLED * twin.sampling)
-    observed = shown(rise, np.zeros(1), twin, (0,))
-    later = (observed.t - twin.before - observed.v[:, 0])[-2000:]
-    np.testing.assert_allclose(later * 2 * np.pi * twin.instrument / laid.DELAY, 1.0, rtol=1e-6)
-
-
-def test_repeats_differ_by_jitter_and_noise_of_the_size_asked_for():
-    twin = Twin(repeats=6, jitter=3e-6, noise=2e-3)
-    fine = np.arange(0, 4e-3, 1 / (OVERSAMPLED * twin.sampling))
-    data = Clean(fine, bumps(fine), (0, 1))
-    t, v = repeated(data, twin)
-    assert v.shape == (6, len(t), 2) and t[1] == pytest.approx(1e-6)
-    assert -1e-12 < data.t[-1] - t[-1] - 4 * twin.jitter < 2e-6  # no repeat ends before the record
-    quiet = v[:, 2000:]
-    assert quiet.std() == pytest.approx(2e-3, rel=0.05)
-    late = [lag_of(t[:1000], item[:1000], bumps(t)[:1000]) for item in v]
-    assert np.mean(late) == pytest.approx(0, abs=2e-7) and 1e-6 < np.std(late, ddof=1) < 6e-6
-    power = np.mean(np.abs(np.fft.rfft(quiet[:, :1024, 0])) ** 2, axis=0)
-    assert power[300:].mean() < 1e-2 * power[5:60].mean()  # nothing above 100 kHz
-    again = repeated(data, twin)[1]
-    np.testing.assert_array_equal(v, again)
-    assert not np.array_equal(repeated(data, twin, run=1)[1], v)
-    few = repeated(data, twin._replace(repeats=2, noise=0.0))
-    np.testing.assert_array_equal(few[0], t)
-    assert few[1].shape == (2, len(t), 2) and not np.allclose(*few[1], atol=1e-3)
-    late = repeated(Clean(fine + 3e-6, data.v, (0, 1)), twin)
-    np.testing.assert_array_equal(late[0], t)
-    np.testing.assert_allclose(late[1][:, 3:], v[:, :-3], atol=1e-2)  # noise is where it was
-    still = repeated(data, twin._replace(repeats=1, noise=0.0))
-    np.testing.assert_allclose(still[1][0], bumps(still[0]), atol=1e-6)
-    assert len(still[0]) == len(fine[::OVERSAMPLED])
-
-
-def test_the_clean_signals_of_a_rig_are_its_march_as_the_instrument_shows_it():
-    """By sixteen steps to a sample of the oversampled record; four samples after the filter."""
-    rig, twin = a_rig(), Twin(sampling=2e5, instrument=2e4)
-    result = clean_signals(rig.chain, rig.wall, rig.v0, twin, (1, 3), 2.9e-4)
-    n = round(2.9e-4 * 8e5)
-    fine = dem.march(
-        rig.chain, rig.wall, rig.v0, duration=n / 8e5, dt=1 / 8e5 / 16, n_save=n
-    )  # fmt: skip
-    exact = shown(fine.v[:, [0, 2]], rig.v0[[0, 2]], twin, (1, 3))
-    np.testing.assert_array_equal(result.t, exact.t)
-    np.testing.assert_allclose(result.v, exact.v, rtol=0, atol=1e-6 * 0.3)
-    assert result.spheres == (1, 3) and np.ptp(result.v, axis=0).min() > 0.05
 
 
 # --- the model -----------------------------------------------------------------------------------

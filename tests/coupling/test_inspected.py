@@ -26,17 +26,17 @@ from beadwave.workflows.fit.inversion import (
     sensors_side_by_side,
     widened,
 )
-from beadwave.workflows.fit.judgement import InspectionAnswer
 from beadwave.workflows.fit.least_squares import HUGE, RecordFit, Solution
 from beadwave.workflows.fit.model_errors import BetterModel
 from beadwave.workflows.fit.parameter import Parameter, at_bound
+from beadwave.workflows.fit.reliability import InspectionAnswer
 from beadwave.workflows.fit.uncertainty import (
     Valley,
     bars_over_time,
     bounds_information,
-    felt_from,
-    stretch_factor,
-    stretched,
+    determining_sample,
+    profile_factor,
+    profile_likelihood_bars,
     uncertainty,
 )
 
@@ -114,7 +114,8 @@ def test_a_model_error_that_looks_like_a_change_of_numbers_joins_their_bars_by_t
     np.testing.assert_allclose(wide.uncertainty.two_sigma**2, squares)
     added = wide.uncertainty.covariance - inversion.uncertainty.covariance
     assert added[0, 1] == pytest.approx(-0.02 * 0.01 / 4, rel=2e-3)
-    assert max(part.misfit for part in wide.beyond) < 1e-2  # all of it is a change of numbers
+    # all of it is a change of numbers
+    assert max(part.misfit for part in wide.model_error_parts) < 1e-2
     np.testing.assert_allclose(wide.value, inversion.value)
 
 
@@ -124,7 +125,7 @@ def test_without_a_better_model_bars_are_those_of_the_noise():
     same = widened(fit, inversion, {})
     np.testing.assert_allclose(same.uncertainty.two_sigma, inversion.uncertainty.two_sigma)
     assert same.explained == inversion.explained
-    assert all(part.misfit == 0.0 for part in same.beyond)
+    assert all(part.misfit == 0.0 for part in same.model_error_parts)
 
 
 # --- numbers -------------------------------------------------------------------------------------
@@ -273,7 +274,7 @@ def test_a_number_is_felt_once_its_lone_bar_is_a_share_of_its_bounds():
     slopes[0, :, 0] = [-2.0, 1.0, 0.0]
     slopes[1, :, 0] = [0.0, -1.0, 0.0]
     width = np.full(3, 20.0 / np.sqrt(12.0))  # a sum of 12 is needed
-    assert felt_from(slopes, width, 0.1 * 1.0001).tolist() == [2, 5, 40]
+    assert determining_sample(slopes, width, 0.1 * 1.0001).tolist() == [2, 5, 40]
 
 
 # --- bars along a valley -------------------------------------------------------------------------
@@ -292,13 +293,12 @@ def test_a_parabola_rises_as_its_matrix_says_and_its_bars_stay():
         lone = 0.3 * np.eye(6)[i]
         assert valley.rise(lone, i) / (0.09 * along @ H @ along) == pytest.approx(1, 1e-5)
         low, high = SOUGHT.ends()
-        rooms = (high[i] - theta[i]) / SOUGHT.scale[i], (theta[i] - low[i]) / SOUGHT.scale[i]
-        assert [valley.room(2 * lone, i), valley.room(-2 * lone, i)] == pytest.approx(
-            [room / 0.6 for room in rooms]
-        )
+        available = (high[i] - theta[i]) / SOUGHT.scale[i], (theta[i] - low[i]) / SOUGHT.scale[i]
+        steps = [valley.steps_to_bound(way * 2 * lone, i) for way in (1, -1)]
+        assert steps == pytest.approx([distance / 0.6 for distance in available])
     exact = np.linalg.inv(H) * np.outer(SOUGHT.scale, SOUGHT.scale)
     bars = result.uncertainty._replace(covariance=exact)
-    assert stretched(fit, theta, J, bars, 2)[1] == pytest.approx(1.0, abs=1e-6)
+    assert profile_likelihood_bars(fit, theta, J, bars, 2)[1] == pytest.approx(1.0, abs=1e-6)
 
 
 class Ground(NamedTuple):
@@ -309,7 +309,7 @@ class Ground(NamedTuple):
     end: float
     parabola = np.eye(1)
 
-    def room(self, _step, _i):
+    def steps_to_bound(self, _step, _i):
         return self.end
 
     def rise(self, step, _i):
@@ -326,10 +326,10 @@ class Ground(NamedTuple):
         (2.0, 9.0, 1.0),
     ],
 )
-def test_a_bar_is_stretched_until_the_misfit_rises_as_the_parabola_or_to_the_bounds(
+def test_a_bar_is_lengthened_until_the_misfit_rises_as_the_parabola_or_to_the_bounds(
     slope, end, steps
 ):
-    assert stretch_factor(Ground(slope, end), np.full(1, 0.5), 0) == pytest.approx(steps)
+    assert profile_factor(Ground(slope, end), np.full(1, 0.5), 0) == pytest.approx(steps)
 
 
 class Saturating(Linear):
@@ -364,11 +364,11 @@ def test_a_bar_of_a_saturating_number_ends_where_the_misfit_is_that_of_the_parab
     cov = np.linalg.inv(H) * np.outer(SOUGHT.scale, SOUGHT.scale)
     two_sigma = 2 * np.sqrt(np.diag(cov))
     plain = result.uncertainty._replace(covariance=cov, two_sigma=two_sigma)
-    longer, stretch = stretched(fit, result.value, J, plain, 2)
+    longer, lengthening = profile_likelihood_bars(fit, result.value, J, plain, 2)
     factors, q = longer.two_sigma / two_sigma, 4 * two_sigma[0]
     assert 0.4 < q < 0.7
-    assert stretch / (-np.log(1 - q) / q) == pytest.approx(1.0, rel=0.02)
-    np.testing.assert_allclose(factors, [stretch, *np.ones(5)], rtol=1e-3)
+    assert lengthening / (-np.log(1 - q) / q) == pytest.approx(1.0, rel=0.02)
+    np.testing.assert_allclose(factors, [lengthening, *np.ones(5)], rtol=1e-3)
     np.testing.assert_allclose(2 * np.sqrt(np.diag(longer.covariance)), longer.two_sigma)
     deepest = max(item.two_sigma for item in longer.combinations)
     sizes = np.linalg.eigvalsh(longer.covariance / np.outer(SOUGHT.scale, SOUGHT.scale))
@@ -469,8 +469,8 @@ def test_records_are_explained_where_the_whole_residual_and_its_parts_may_be_noi
 def test_no_number_is_determined_by_a_model_that_does_not_explain_the_records():
     for misfit, expected in ((1.0, "yes"), (2.0, "not explained")):
         judged = InspectionAnswer(an_answer(misfit=misfit), (), None, 1, True, None, None, ("one",))
-        assert judged.told == [expected]
-        assert judged._replace(noise_known=False).told == ["yes"]
+        assert judged.identifiable == [expected]
+        assert judged._replace(noise_known=False).identifiable == ["yes"]
 
 
 @pytest.mark.parametrize("misfit", [0.8, 1.3])

@@ -13,7 +13,11 @@ from beadwave.workflows.fit.least_squares import RecordFit
 from beadwave.workflows.fit.parameter import Parameter
 from beadwave.workflows.fit.rig import Rig
 from beadwave.workflows.fit.signals import rise
-from beadwave.workflows.fit.uncertainty import bars_over_time, bounds_information, felt_from
+from beadwave.workflows.fit.uncertainty import (
+    bars_over_time,
+    bounds_information,
+    determining_sample,
+)
 
 LENGTH, WIDTH, DENSITY, AT = 0.3, 0.04, 2700.0, 0.12
 BUCKLING = 70e9 * WIDTH * 0.012**3 / 12 * np.pi**2 / LENGTH**2  # N, of the middle of the bounds
@@ -115,10 +119,10 @@ def test_the_first_reflected_wave_does_not_tell_the_axial_force():
 
 def test_waves_feel_a_number_from_the_time_on_that_the_model_says(result):
     width = np.array([(p.high - p.low) / p.scale for p in result.parameters])
-    thickness, _, force = felt_from(result.slopes, width, 0.1)[:3]
+    thickness, _, force = determining_sample(result.slopes, width, 0.1)[:3]
     assert 400 < thickness < 900 < force < 3500  # the wave is back after 0.5 ms
     end = result.slopes.shape[1]
-    assert (felt_from(result.slopes, np.full(len(width), 1e-9), 0.1) == end).all()
+    assert (determining_sample(result.slopes, np.full(len(width), 1e-9), 0.1) == end).all()
 
 
 def test_a_number_that_no_wave_tells_stays_in_the_middle_of_its_bounds():
@@ -242,14 +246,14 @@ def test_bars_are_as_long_as_the_misfit_says_where_a_number_saturates():
     q = result.uncertainty.two_sigma[0]
     assert 0.4 < q < 0.9
     longer = profiled(fit, result, 1)
-    assert longer.stretch == pytest.approx(-np.log(1.0 - q) / q, rel=0.06)
-    assert longer.uncertainty.two_sigma[0] / q == pytest.approx(longer.stretch, rel=1e-6)
+    assert longer.lengthening == pytest.approx(-np.log(1.0 - q) / q, rel=0.06)
+    assert longer.uncertainty.two_sigma[0] / q == pytest.approx(longer.lengthening, rel=1e-6)
     deepest = longer.uncertainty.combinations[0]
     assert deepest.two_sigma / result.uncertainty.combinations[0].two_sigma > 1.1
 
 
 def test_bars_of_a_parabola_stay(result):
-    assert profiled(problem(3.5e-3), result, 3).stretch < 1.05
+    assert profiled(problem(3.5e-3), result, 3).lengthening < 1.05
 
 
 def test_derivatives_are_those_of_the_signals():

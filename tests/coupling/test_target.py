@@ -5,19 +5,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.stats import multivariate_t
 
 from beadwave.dem import InvalidChain
 from beadwave.workflows.fit.least_squares import Solution
 from beadwave.workflows.fit.parameter import Parameter
-from beadwave.workflows.fit.posterior import (
-    FREEDOM,
-    LogPosterior,
-    Posterior,
-    covariance_root,
-    reflected,
-    student_proposals,
-)
+from beadwave.workflows.fit.posterior import LogPosterior, covariance_root
 from beadwave.workflows.fit.scaling import incident_impulse
 from beadwave.workflows.fit.uncertainty import noise_along
 from beadwave.workflows.fit.windows import (
@@ -115,33 +107,6 @@ def test_the_covariance_is_that_of_the_jacobian_and_of_the_bounds():
     np.testing.assert_allclose(target.shape @ target.shape.T, exact, rtol=1e-8)
     blind = covariance_root(np.zeros((2, 2)), np.eye(2), np.array([1.0, 6.0]))
     np.testing.assert_allclose(blind @ blind.T, np.diag([1, 36]) / 12, rtol=1e-12)
-
-
-def test_independent_proposals_have_the_density_of_a_student_distribution():
-    y = np.random.default_rng(0).standard_normal((40000, 3))
-    second, ratio = student_proposals(y, np.random.RandomState(1))
-    law = multivariate_t(np.zeros(3), np.eye(3), df=FREEDOM)
-    np.testing.assert_allclose(ratio, law.logpdf(y) - law.logpdf(second), rtol=1e-9, atol=1e-12)
-    spread = FREEDOM / (FREEDOM - 2)
-    np.testing.assert_allclose(np.cov(second.T), spread * np.eye(3), atol=0.03)
-    size = np.mean(np.sum(second**2, axis=1) ** 2)  # of a Gaussian 15; t: 15 nu^2/(nu-2)(nu-4)
-    assert size == pytest.approx(15 * FREEDOM**2 / (FREEDOM - 2) / (FREEDOM - 4), rel=0.05)
-
-
-def test_walkers_outside_the_bounds_are_reflected_at_them():
-    low, high = np.array([-1.0, 2.0]), np.array([1.0, 5.0])
-    inside = np.array([[-0.5, 2.2], [0.9, 4.9]])
-    np.testing.assert_allclose(reflected(inside, (low, high)), inside)
-    for moved in (2 * low - inside, 2 * high - inside, inside + 2 * (high - low)):
-        np.testing.assert_allclose(reflected(moved, (low, high)), inside)
-
-
-def test_effective_samples_are_those_of_the_parameter_that_mixes_worst():
-    samples = np.arange(20.0)[:, None] * [1.0, -2.0]
-    picture = Posterior(samples, np.zeros(20), np.array([2.0, 4.0]), 200, 0, 6, 0.5, 0)
-    assert picture.effective == 6 * 200 / 4 and picture.long_enough
-    assert not picture._replace(kept=199).long_enough
-    np.testing.assert_allclose(picture.quantiles((0.0, 0.5)), [[0, -38], [9.5, -19]])
 
 
 # --- the impulse of the first wave ---------------------------------------------------------------

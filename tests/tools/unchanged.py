@@ -45,9 +45,12 @@ COMMANDS: dict[str, dict[str, str]] = {
         "abaqus": "modes cantilever --inp cantilever.inp",
     },
     "fits": {
-        "twin": "twin rig-1dof --out twin --json",
-        "calibrate": "calibrate rig-1dof {}/fits/twin/twin/data.csv --instrument 100e3 "
-        "--out fit --json",
+        "chain": "run rig-1dof --out record --set wall.frequency=240 "
+        "--set contact.stiffness_factor=[1.03,.95,.91,.9,1.06,1.08,1.02,1.05,1.01,1.09,1.06,.9,"
+        "1.07,.91,1.05,.93,1.0] --set output.sensors=["
+        + ",".join(f'{{sphere={n},quantity="velocity",noise=3e-4}}' for n in (1, 4, 14))
+        + "]",
+        "calibrate": "calibrate rig-1dof {}/fits/chain/record/signals.csv --out fit --json",
         "record": "run sensed-beam --set beam.thickness=10.3e-3 --out record",
         "inspect": "inspect sensed-beam {}/fits/record/record/signals.csv "
         "--find beam.thickness --out found --json",

@@ -66,7 +66,7 @@ def test_inspect_finds_the_numbers_that_made_a_record(tables, truth, check, comp
     scene = base_of(SCENE | tables, ())
     record = _record(scene.with_values(truth))
     request = InspectionRequest(",".join(truth), starts=4)
-    fit = inspection(scene, (record,), request, quiet).judged.inversion
+    fit = inspection(scene, (record,), request, quiet).answer.inversion
     # the fit's trigger and velocity come behind the keys that it was asked for
     for i, (key, true) in enumerate(truth.items()):
         name = f"{key} [{fit.parameters[i].unit}]"

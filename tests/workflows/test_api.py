@@ -247,13 +247,3 @@ def test_studies_are_listed_and_leave_tables():
     assert list(data.verdict.values) == ["accurate"] * data.sizes["row"]
     with pytest.raises(beadwave.InvalidScene, match="'tim-reversal' is not known"):
         beadwave.stability(["tim-reversal"])
-
-
-def test_a_calibration_finds_a_known_rig_and_draws_it():
-    few = {"chain.count": 4, "output.spheres": [2, 3], "time.duration": 6e-4}
-    found = beadwave.twin("rig-1dof", few, free="contact.1,trigger", starts=1)
-    assert found.report.synthetic
-    assert found.data.measured.dims == ("time", "sphere") and list(found.data.sphere) == [2, 3]
-    assert found.plot("parameters").png[:4] == b"\x89PNG"
-    with pytest.raises(beadwave.InvalidScene, match="--starts 0 must be between 1 and 1000"):
-        beadwave.twin(starts=0)

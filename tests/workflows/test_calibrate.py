@@ -9,18 +9,17 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import twin
 from beadwave.workflows.commands import app as cli
 from beadwave.workflows.files.record import SYNTHETIC, csv_text
 from beadwave.workflows.files.run_folder import RunFolder
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.fit import scene_parameters as parameters
-from beadwave.workflows.fit import twin as experiment
 from beadwave.workflows.fit.calibrate import CalibrationRequest, calibrated
 from beadwave.workflows.fit.chain_fit import widened
 from beadwave.workflows.fit.folder import write_calibration
-from beadwave.workflows.fit.instrument import Repeats
-from beadwave.workflows.fit.judgement import identifiable, on_held_out
 from beadwave.workflows.fit.parameter import scales
+from beadwave.workflows.fit.reliability import identifiable, on_held_out
 from beadwave.workflows.fit.windows import decisive
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.scene.toml import resolved, toml
@@ -29,7 +28,7 @@ from beadwave.workflows.stages.chain.walls import wall_of
 from command_line import beadwave
 
 SPHERES = (1, 4)
-SETTING = experiment.Twin(frequency=700.0, noise=0.0, repeats=1, before=2e-5, seed=3)
+SETTING = twin.Twin(frequency=700.0, noise=0.0, repeats=1, before=2e-5, seed=3)
 
 
 def small(**tables):
@@ -52,13 +51,12 @@ def rig():
 
 @pytest.fixture(scope="module")
 def clean(rig):
-    made_by = experiment.truth(rig, SETTING)
-    return experiment.clean(rig, wall_of(rig), SETTING, made_by)
+    return twin.clean(rig, wall_of(rig), SETTING, twin.contacts(rig, SETTING))
 
 
 @pytest.fixture(scope="module")
 def data(clean):
-    return experiment.measured(clean, SETTING)
+    return twin.measured(clean, SETTING)
 
 
 @pytest.fixture(scope="module")
@@ -70,8 +68,7 @@ def result(rig, data):
 @pytest.fixture(scope="module")
 def plain(rig):
     """The instrument's view of the rig with contacts as in the scene, and another wall."""
-    made_by = experiment.Truth(np.ones(6), 800.0)
-    return experiment.clean(rig, wall_of(rig), SETTING, made_by)
+    return twin.clean(rig, wall_of(rig), SETTING._replace(frequency=800.0), np.ones(6))
 
 
 FEW = "contact.3,striker,trigger,wall.frequency"
@@ -85,8 +82,8 @@ def refused(rig, data, sentence, **request):
 
 def test_the_known_rig_is_found_through_the_instrument(rig, result):
     """0.1 % is asked for. The instrument's filter is known to a few per mille of its delay."""
-    truth = experiment.truth(rig, SETTING)
-    np.testing.assert_allclose(result.fit.value[:6], truth.contact, rtol=1e-3)
+    true_contacts = twin.contacts(rig, SETTING)
+    np.testing.assert_allclose(result.fit.value[:6], true_contacts, rtol=1e-3)
     rows = {row.name: row for row in result.report.parameters}
     assert rows["wall.frequency"].found == pytest.approx(700.0, rel=1e-3)
     assert rows["striker"].found == pytest.approx(0.31, rel=1e-3)
@@ -97,7 +94,7 @@ def test_the_known_rig_is_found_through_the_instrument(rig, result):
 def test_the_scene_that_comes_out_is_marked_and_runs(tmp_path, result):
     write_calibration(result, RunFolder(tmp_path))
     text = (tmp_path / "scene.toml").read_text()
-    assert text.startswith(f"# {SYNTHETIC}\n# contact 1 = ") and "calibrated to data.csv" in text
+    assert text.startswith(f"# {SYNTHETIC}\n# contact 1 = ") and "fitted to data.csv" in text
     again = scene(str(tmp_path / "scene.toml"))
     # to the digits that the bars support
     off = np.abs(again.contact.stiffness_factor - result.fit.value[:6])
@@ -126,7 +123,7 @@ def test_the_scan_has_its_least_misfit_at_the_wall_that_made_the_data(result):
 def test_a_sphere_held_out_is_predicted(rig, plain):
     """What the model leaves at the sphere it has not seen is what it leaves at the other, times a
     factor of the geometry; without a fit it is 100 times more."""
-    data = experiment.measured(plain, SETTING)
+    data = twin.measured(plain, SETTING)
     request = CalibrationRequest(instrument=SETTING.instrument, hold_out=(1,), free=FEW)
     report = calibrated(rig, wall_of(rig), data, "data.csv", request).report
     assert set(report.misfit_m_s) == {"4"}
@@ -149,7 +146,7 @@ def test_a_misfit_like_the_noise_decides_only_where_enough_is_measured(result):
 
 
 def test_two_stages_leave_the_chain_as_the_first_waves_gave_it(rig, plain):
-    data = experiment.measured(plain, SETTING)
+    data = twin.measured(plain, SETTING)
     request = CalibrationRequest(instrument=SETTING.instrument, two_stage=True, starts=1, free=FEW)
     stages = calibrated(rig, wall_of(rig), data, "data.csv", request).report.stages
     assert [stage["name"] for stage in stages] == ["chain, first waves", "wall, all waves"]
@@ -161,7 +158,7 @@ def test_noise_that_may_hide_swapped_contacts_is_reported(rig, plain):
     is enough."""
     request = CalibrationRequest(instrument=SETTING.instrument, free=FEW)
     loud, low = (
-        calibrated(rig, wall_of(rig), experiment.measured(plain, s), "", request)
+        calibrated(rig, wall_of(rig), twin.measured(plain, s), "", request)
         for s in (SETTING._replace(noise=5e-3), SETTING._replace(noise=1e-3, repeats=10))
     )
     assert loud.report.noise_m_s == pytest.approx(5e-3, rel=0.1)
@@ -176,18 +173,16 @@ def test_noise_that_may_hide_swapped_contacts_is_reported(rig, plain):
 def test_chains_that_two_spheres_do_not_tell_apart_have_bars_that_hold_the_truth(tmp_path):
     """The default virtual test without its sphere 4: contact 3 comes out as 0.973 where 0.908 is
     true, beside 0.0048 of the noise."""
-    assert beadwave("twin", f"--out={tmp_path}/twin") == 0
-    data = f"{tmp_path}/twin/data.csv"
+    thesis, setting = scene("rig-1dof"), twin.Twin()
+    true_contacts = twin.contacts(thesis, setting)
+    signals = twin.clean(thesis, wall_of(thesis), setting, true_contacts)
+    data = tmp_path / "data.csv"
+    data.write_text(csv_text(twin.measured(signals, setting)))
     asked = ("--instrument=100e3", "--hold-out=4", f"--out={tmp_path}/two")
     assert beadwave("calibrate", "rig-1dof", data, *asked) == 0
-    true, found = (
-        {
-            row["name"]: row
-            for row in json.loads((tmp_path / of / "report.json").read_text())["parameters"]
-        }
-        for of in ("twin", "two")
-    )
-    off = {name: abs(row["found"] - true[name]["truth"]) for name, row in found.items()}
+    rows = json.loads((tmp_path / "two" / "report.json").read_text())["parameters"]
+    true, found = twin.truth(thesis, setting, true_contacts), {row["name"]: row for row in rows}
+    off = {name: abs(row["found"] - true[name]) for name, row in found.items()}
     outside = [name for name, row in found.items() if off[name] > row["two_sigma"]]
     assert len(outside) <= 1
     assert off["contact 3"] > 0.03 and found["contact 3"]["bar_by"]["other starts"] > 0.9
@@ -195,7 +190,7 @@ def test_chains_that_two_spheres_do_not_tell_apart_have_bars_that_hold_the_truth
 
 
 def test_noise_is_told_from_a_model_that_cannot_explain_the_data(rig, plain):
-    noisy = experiment.measured(plain, SETTING._replace(noise=1e-3, repeats=4, jitter=1e-6))
+    noisy = twin.measured(plain, SETTING._replace(noise=1e-3, repeats=4, jitter=1e-6))
     bent = noisy._replace(v=noisy.v * (1 + 0.05 * np.sin(2e4 * noisy.t)[:, None]))
     request = CalibrationRequest(instrument=SETTING.instrument, starts=1, free=FEW)
     valid, bad = (
@@ -208,16 +203,17 @@ def test_noise_is_told_from_a_model_that_cannot_explain_the_data(rig, plain):
 def test_bars_of_repeats_hold_the_truth(rig, plain):
     """95 % of 96 values lie inside; below 80 % has a chance of 1e-3 even where the four parameters
     of a repeat fall together."""
-    setting, made_by = SETTING._replace(noise=1e-3, repeats=4), experiment.Truth(np.ones(6), 800.0)
+    setting = SETTING._replace(frequency=800.0, noise=1e-3, repeats=4)
     request = CalibrationRequest(instrument=setting.instrument, starts=1, free=FEW)
-    data = experiment.measured(plain, setting)
+    data = twin.measured(plain, setting)
     first = calibrated(rig, wall_of(rig), data, "data.csv", request)
     pairs = zip(first.fit.parameters, first.fit.value, strict=True)
     start = tuple(p._replace(start=float(x)) for p, x in pairs)
     known_rig = parameters.rig(rig, wall_of(rig), setting.before)
-    inside = Repeats(known_rig, setting, None, plain, start).fitted(range(1, 25))
-    true_values = np.array([made_by.of(p, setting, rig) for p in start])
-    assert np.mean(np.abs(inside[:, 0] - true_values) <= inside[:, 1]) >= 0.8
+    fits = np.array([twin.refitted(known_rig, start, plain, setting, i) for i in range(1, 25)])
+    true = twin.truth(rig, setting, np.ones(6))
+    off = np.abs(fits[:, 0] - [true[p.name] for p in start])
+    assert np.mean(off <= fits[:, 1]) >= 0.8
 
 
 def test_units_a_thousand_times_too_big_are_refused(rig, data):
@@ -236,9 +232,9 @@ def test_swapped_columns_are_refused(rig, data):
 
 
 def test_columns_beside_the_striker_are_told_by_the_order_of_their_waves(rig):
-    second = experiment.clean(small(output={"spheres": [2, 5]}), wall_of(rig), SETTING,
-                             experiment.truth(rig, SETTING))  # fmt: skip
-    pair = experiment.measured(second, SETTING)
+    watched = small(output={"spheres": [2, 5]})
+    second = twin.clean(watched, wall_of(rig), SETTING, twin.contacts(rig, SETTING))
+    pair = twin.measured(second, SETTING)
     refused(rig, pair._replace(v=pair.v[:, :, ::-1]), "sphere 2 and sphere 5 are swapped")
     refused(rig, pair._replace(v=-pair.v), "sphere 2 and sphere 5 have the wrong sign")
     late = pair._replace(t=pair.t[170:] - pair.t[170], v=pair.v[:, 170:])
@@ -269,7 +265,7 @@ def test_a_sphere_that_no_wave_reaches_is_refused(rig, data):
 @pytest.mark.slow
 def test_waves_beyond_the_range_and_offsets_are_reported(rig, plain, data):
     """A wave that is met as it is, with the noise of a laser or without, has no such plateau."""
-    noisy = experiment.measured(plain, SETTING._replace(noise=1e-3, repeats=4))
+    noisy = twin.measured(plain, SETTING._replace(noise=1e-3, repeats=4))
     request = CalibrationRequest(free="trigger", instrument=SETTING.instrument)
     for valid in (noisy, data):
         remarks = calibrated(rig, wall_of(rig), valid, "", request).report.remarks
@@ -283,7 +279,7 @@ def test_waves_beyond_the_range_and_offsets_are_reported(rig, plain, data):
 
 
 def test_a_record_may_begin_long_before_the_blow(rig, plain):
-    data = experiment.measured(plain, SETTING)
+    data = twin.measured(plain, SETTING)
     still = np.repeat(data.v[:, :1], 800, axis=1)
     v = np.concatenate([still, data.v], axis=1)
     early = data._replace(t=np.arange(v.shape[1]) * 1e-6, v=v)
@@ -307,7 +303,7 @@ def test_a_record_that_begins_after_the_blow_is_refused(rig, data):
 
 
 def test_repeats_with_shifted_triggers_are_reported_and_undone(rig, clean):
-    shifted = experiment.measured(clean, SETTING._replace(repeats=5, jitter=1e-5))
+    shifted = twin.measured(clean, SETTING._replace(repeats=5, jitter=1e-5))
     request = CalibrationRequest(free="trigger", instrument=SETTING.instrument)
     report = calibrated(rig, wall_of(rig), shifted, "data.csv", request).report
     assert any("shifted against each other" in remark for remark in report.remarks)
@@ -363,9 +359,8 @@ def test_the_commands_refuse_with_status_2_and_one_sentence(tmp_path, data, monk
     for line in (
         ["calibrate", "rig-1dof", str(path)],
         ["calibrate", "rig-1dof", str(tmp_path / "none.csv")],
-        ["twin", "--noise", "-1"],
-        ["twin", "--scan", "1:2"],
-        ["twin", "--seed", "-1"],
+        ["calibrate", "rig-1dof", str(path), "--scan", "1:2"],
+        ["calibrate", "rig-1dof", str(path), "--seed", "-1"],
     ):
         monkeypatch.setattr("sys.argv", ["beadwave", *line])
         with pytest.raises(SystemExit) as ended:
@@ -388,25 +383,20 @@ def test_a_folder_that_holds_the_scene_or_the_data_is_not_overwritten(tmp_path, 
 def test_noise_does_not_lead_beside_the_answer():
     """Of ten repeats with the noise of a laser. Which start explains the data depends on rounding;
     twenty parameters stay within five sigma all but once in 10^5."""
-    thesis = scene("rig-1dof")
-    result, _ = experiment.twin_run(
-        thesis, wall_of(thesis), experiment.Twin(seed=6), CalibrationRequest()
-    )
-    for row in result.report.parameters:
-        assert abs(row.found - row.truth) <= 2.5 * row.two_sigma, row.name
-    assert any("noise alone leaves as much" in remark for remark in result.report.remarks)
+    found, true = twin.main(twin=twin.Twin(seed=6))
+    for row in found.report.parameters:
+        assert abs(row.found - true[row.name]) <= 2.5 * row.two_sigma, row.name
+    assert any("noise alone leaves as much" in remark for remark in found.report.remarks)
 
 
 @pytest.mark.slow
 def test_three_lasers_give_seventeen_contacts_and_the_wall_without_noise():
     """0.1 % is asked for; the steps of model and data leave 1e-5."""
-    thesis = scene("rig-1dof")
-    setting = experiment.Twin(noise=0.0, repeats=1, seed=1)
-    result, _ = experiment.twin_run(thesis, wall_of(thesis), setting, CalibrationRequest())
-    rows = [row for row in result.report.parameters if row.name != "trigger"]
-    assert thesis.output.spheres == (1, 4, 14) and len(rows) == 19
+    found, true = twin.main(twin=twin.Twin(noise=0.0, repeats=1, seed=1))
+    rows = [row for row in found.report.parameters if row.name != "trigger"]
+    assert found.scene.output.spheres == (1, 4, 14) and len(rows) == 19
     for row in rows:
-        assert row.found == pytest.approx(row.truth, rel=1e-3), row.name
+        assert row.found == pytest.approx(true[row.name], rel=1e-3), row.name
 
 
 def test_bars_hold_the_further_answers_of_a_search_that_is_not_sure(result):

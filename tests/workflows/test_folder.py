@@ -85,7 +85,6 @@ INTO_A_FOLDER = {
     "modes": ("modes", "rig-rom"),
     "hammer": ("hammer", "mine.csv"),
     "calibrate": ("calibrate", "rig-1dof", "mine.csv"),
-    "twin": ("twin",),
     "inspect": ("inspect", "cantilever", "mine.csv", "--find=beam.axial_force=-35kN:5kN"),
     "design": ("design", "cantilever", "--find=beam.axial_force=-35kN:5kN"),
     "accuracy": ("accuracy", "--stage=time"),
@@ -541,7 +540,6 @@ OUTPUTS = {
     "tune": ("tune", "mine.toml", "--out=mine.toml"),
     "tune --hammer": ("tune", "rig-rom", "--hammer=mine.csv", "--out=mine.csv"),
     "calibrate": ("calibrate", "rig-1dof", "d/signals.csv", "--out=d"),
-    "twin": ("twin", "d/scene.toml", "--out=d"),
     "accuracy": ("accuracy", "d/accuracy.csv", "--out=d"),
     "hammer": ("hammer", "mine.uff", "--synthetic"),
     "hammer, points": ("hammer", "mine.csv", "--points=d/modes.json", "--out=d"),
@@ -561,10 +559,9 @@ def test_no_command_replaces_what_it_reads(arguments, monkeypatch, capsys):
     monkeypatch.setattr("beadwave.workflows.structure.hammer.hammer_test", lambda *_: identified)
     monkeypatch.setattr("beadwave.workflows.structure.pairing.measured_shapes", lambda _: None)
     Path("d").mkdir()
-    own = "rig-1dof" if arguments[0] == "twin" else "rig-rom"
     for name in ("mine.toml", "mine.npz", "mine.step", "mine.csv", "mine.uff", "d/scene.toml",
                  "d/signals.csv", "d/walls.csv", "d/accuracy.csv", "d/modes.json"):  # fmt: skip
-        read = SIGNAL if name == "d/signals.csv" else scene_text(own).text
+        read = SIGNAL if name == "d/signals.csv" else scene_text("rig-rom").text
         Path(name).write_text(read)
     Path("d/signals.nc").write_text("striker.velocity\n0.3\n")
     before = contents(".")

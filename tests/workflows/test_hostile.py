@@ -119,9 +119,10 @@ def test_a_pipe_is_called_what_it_is_and_not_waited_for(file, arguments, capfd):
         (["run", "rig-1dof", "--out", ""], "after --out is empty"),
         (["impact", "rig-1dof", "--out=", "--quiet"], "after --out= is empty"),
         (["impact", ""], "after impact is empty"),
-        (["twin", "--runs=-1"], "--runs -1 must be between 0 and 100000"),
-        (["twin", "--repeats=" + "9" * 400], "--repeats a number of more than 20 digits"),
-        (["twin", "--seed=" + "9" * 400], "--seed a number of more than 20 digits"),
+        (["calibrate", "rig-1dof", "no.csv", "--starts=-1"], "--starts -1 must be between 1 and"),
+        (["calibrate", "rig-1dof", "no.csv", "--seed=" + "9" * 400], "--seed a number of more"),
+        (["twin", "--runs=2"], "twin is no command any more: python examples/twin.py"),
+        (["study"], "study is no command any more: the scripts in examples/gallery"),
     ],
 )
 def test_a_command_says_what_it_lacks(arguments, words, capfd):

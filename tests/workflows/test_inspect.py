@@ -86,7 +86,7 @@ def test_thickness_modulus_and_axial_force_come_out_within_their_bars(result):
         assert off <= 1.5 * rows[key].two_sigma and off < share * TRUTH[key]
     force = rows["beam.axial_force"]
     assert abs(force.found + 20e3) <= 1.5 * force.two_sigma < 0.05 * 44e3  # of buckling
-    assert [row.told for row in rows.values()] == ["yes"] * 3
+    assert [row.identifiable for row in rows.values()] == ["yes"] * 3
     assert [row.unit for row in rows.values()] == ["m", "Pa", "N"]
     assert result[0].report.explained
 
@@ -101,7 +101,7 @@ def test_bars_say_what_share_noise_and_each_error_of_the_model_have(result):
 
 
 def test_the_wall_between_others_is_checked_at_the_answer(result):
-    report, judged = result[0].report, result[0].found.judged
+    report, judged = result[0].report, result[0].found.answer
     assert report.walls > 10 and 0 < report.wall_missed < 0.5  # coefficients of degree 2
     assert judged.moved <= 0.05
     assert any("computed at the answer" in remark for remark in report.remarks)
@@ -125,7 +125,7 @@ def test_the_folder_holds_the_scene_found_and_says_synthetic(result, drops):
 def test_bars_shrink_with_the_records_length_and_the_force_is_told_last(result):
     report = result[0].report
     t = np.array(report.record_length_s)
-    width = {row.name: row.high - row.low for row in report.numbers}
+    width = {row.name: np.ptp(row.bounds) for row in report.numbers}
     expected = {
         name: t[np.argmax(np.array(bars) < 0.1 * width[name])]
         for name, bars in report.two_sigma_by_length.items()
@@ -139,8 +139,8 @@ def test_records_of_the_first_wave_alone_do_not_tell_the_axial_force(tmp_path):
     result = beadwave.inspect(BEAM, files, find=FIND, bounds=BOUNDS, each="striker.velocity=0.4",
                               starts=2)  # fmt: skip
     force = result.report.numbers[2]
-    assert force.told == "no"
-    assert force.two_sigma > 0.5 * (force.high - force.low)
+    assert force.identifiable == "no"
+    assert force.two_sigma > 0.5 * np.ptp(force.bounds)
     assert any("no wave within" in r and "beam.axial_force" in r for r in result.report.remarks)
     assert "beam.axial_force" in repr(result)
 
@@ -163,7 +163,7 @@ def test_an_answer_without_a_wall_is_shown_and_not_explained(drops, monkeypatch)
     monkeypatch.setattr(VariedScene, "through", lambda one, values: _through(one, values, none))
     result = beadwave.inspect(BEAM, drops[:1], TRUTH, find="beam.thickness", starts=2)
     assert not result.report.explained
-    assert [row.told for row in result.report.numbers] == ["not explained"]
+    assert [row.identifiable for row in result.report.numbers] == ["not explained"]
     assert any("no wall can be computed at the answer (beam.axial_force: it buckles)" in remark
                for remark in result.report.remarks)  # fmt: skip
     assert 0 < result.report.misfit[0][0] < 2 and "DOES NOT EXPLAIN" in repr(result)
@@ -327,7 +327,7 @@ def test_a_design_compares_chains_and_says_what_a_record_is_too_short_for():
     assert table.column("chain.count") == (7,) * 6 + (9,) * 8
     assert any("beam.axial_force is told by no sphere" in said for said in result.sentences)
     assert any(
-        said.startswith("beam.thickness is told best by sphere") for said in result.sentences
+        said.startswith("beam.thickness is determined best by sphere") for said in result.sentences
     )
     observed = np.array(table.column("beam.thickness record [s]"))
     assert (observed <= 1.1e-3).all() and observed.min() < 1.0e-3

@@ -13,9 +13,8 @@ from beadwave.workflows.fit.joints_posterior import (
     joints_posterior,
     matched_hz,
     posterior_of,
-    quantiles,
 )
-from beadwave.workflows.fit.nested import NestedOptions, log_normal
+from beadwave.workflows.fit.nested import NestedOptions, log_normal, quantiles
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.engine.progress import quiet

@@ -119,7 +119,7 @@ def test_curves_of_a_grid_have_a_marker_at_each_case(monkeypatch):
 
 def test_bars_over_the_length_say_that_they_are_of_the_noise_alone(monkeypatch):
     panels = captured(monkeypatch, fit_figures, "drawn")
-    row = SimpleNamespace(name="beam.thickness", low=0.0, high=2.0)
+    row = SimpleNamespace(name="beam.thickness", bounds=(0.0, 2.0))
     report = SimpleNamespace(
         numbers=[row], record_length_s=[1e-3, 2e-3],
         two_sigma_by_length={"beam.thickness": [1.0, 0.1]},

@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
+import twin
 from beadwave.workflows.commands import app as cli
 from beadwave.workflows.files.record import csv_text
 from beadwave.workflows.files.run_folder import RunFolder
-from beadwave.workflows.fit import posterior as calibration_posterior
-from beadwave.workflows.fit import twin as experiment
+from beadwave.workflows.fit import nested
 from beadwave.workflows.fit.calibrate import CalibrationRequest, calibrated, with_posterior
 from beadwave.workflows.fit.folder import write_calibration
-from beadwave.workflows.fit.posterior import Sampling, posterior
+from beadwave.workflows.fit.posterior import SAMPLER, posterior
 from beadwave.workflows.scene.toml import resolved
 from beadwave.workflows.stages.chain.walls import wall_of
 
-SETTING = experiment.Twin(noise=1e-3, repeats=4, jitter=1e-6, before=2e-5, seed=3)
+SETTING = twin.Twin(frequency=800.0, noise=1e-3, repeats=4, jitter=1e-6, before=2e-5, seed=3)
 
 
 @pytest.fixture(scope="module")
@@ -37,8 +37,7 @@ def rig():
 
 @pytest.fixture(scope="module")
 def data(rig):
-    made_by = experiment.Truth(np.ones(6), 800.0)
-    return experiment.measured(experiment.clean(rig, wall_of(rig), SETTING, made_by), SETTING)
+    return twin.measured(twin.clean(rig, wall_of(rig), SETTING, np.ones(6)), SETTING)
 
 
 @pytest.fixture(scope="module")
@@ -51,28 +50,29 @@ def result(rig, data):
 
 @pytest.mark.slow
 def test_samples_of_a_chain_have_the_quantiles_of_its_bars(tmp_path, result):
-    """Two parameters that the data determines to 1e-3 are nearly Gaussian; 1200 samples leave
+    """Two parameters that the data determines to 1e-3 are nearly Gaussian; 1000 samples leave
     0.04 of two sigma."""
-    pytest.importorskip("emcee", reason="the posterior is optional (the extra `posterior`)")
+    pytest.importorskip("dynesty", reason="the posterior is optional (the extra `posterior`)")
     sampled = with_posterior(result._replace(report=result.report.model_copy(deep=True)), 0)
     for row in sampled.report.parameters:
-        ends = np.array([row.found - row.low, row.high - row.found])
+        ends = np.array([row.found - row.quantiles[0], row.quantiles[2] - row.found])
         np.testing.assert_allclose(ends, row.two_sigma, rtol=0.16)
     assert "2.3 %" in sampled.report.text() and "effective samples" in sampled.report.remarks[-1]
     write_calibration(sampled, RunFolder(tmp_path))
     fixed = np.load(tmp_path / "posterior.npz")
     assert fixed["samples"].shape[1] == 2 and fixed["synthetic"]
+    assert fixed["weights"].sum() == pytest.approx(1.0) and fixed["weights"].min() > 0.0
     assert (tmp_path / "figures" / "posterior.png").stat().st_size > 10_000
 
 
 def test_a_posterior_of_too_few_samples_is_told_and_not_shown(tmp_path, result, monkeypatch):
-    pytest.importorskip("emcee", reason="the posterior is optional (the extra `posterior`)")
-    few = Sampling(enough=1e6, block=10, runs=300)
+    pytest.importorskip("dynesty", reason="the posterior is optional (the extra `posterior`)")
+    few = SAMPLER._replace(runs=300, drawn=50)
     monkeypatch.setitem(posterior.__kwdefaults__, "options", few)
     RunFolder(tmp_path).write("posterior.npz", b"of an earlier run")
     short = with_posterior(result._replace(report=result.report.model_copy(deep=True)), 0)
     report = short.report
-    assert report.remarks[-1].startswith("The posterior is not shown: 8 steps of 24 walkers")
+    assert report.remarks[-1].startswith("The posterior is not shown: its samples are worth")
     assert "2.3 %" not in report.text()
     with RunFolder(tmp_path).renewed() as folder:
         write_calibration(short, folder)
@@ -83,7 +83,7 @@ def test_without_the_sampler_the_command_says_how_to_install_it(
     tmp_path, data, monkeypatch, capsys
 ):
     (tmp_path / "data.csv").write_text(csv_text(data))
-    monkeypatch.setattr(calibration_posterior, "find_spec", lambda _: None)
+    monkeypatch.setattr(nested, "find_spec", lambda _: None)
     line = ["calibrate", "rig-1dof", str(tmp_path / "data.csv"), "--posterior"]
     monkeypatch.setattr("sys.argv", ["beadwave", *line])
     with pytest.raises(SystemExit) as ended:

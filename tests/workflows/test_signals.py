@@ -240,7 +240,7 @@ if __name__ == "__main__":
 
 
 def test_no_process_that_a_command_starts_imports_from_the_working_directory(tmp_path_factory):
-    """As the repeats of a twin are started; the pictures' child has a test of its own."""
+    """By multiprocessing; the pictures' child has a test of its own."""
     program = tmp_path_factory.mktemp("bin") / "beadwave"  # a script, as the command is one
     program.write_text(SPAWNING)
     for name in NAMES:

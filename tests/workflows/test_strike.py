@@ -129,8 +129,10 @@ def test_curved_and_orthotropic_at_once_is_refused_and_so_is_its_calibration():
     with pytest.raises(InvalidScene, match="is a curved face of an orthotropic material"):
         pipeline(ROUND_PLY)("start")
     Path("ply.toml").write_text(PLY.replace("bar:cylinder", "bar:+x"))
+    lines = [f"{i}e-6,{i % 7}e-3" for i in range(400)]
+    Path("velocities.csv").write_text("\n".join(["time [s],sphere 1 [m/s]", *lines]))
     with pytest.raises(InvalidScene, match="of an orthotropic material, which this command does"):
-        beadwave.twin("ply.toml")
+        beadwave.calibrate("ply.toml", "velocities.csv")
 
 
 @pytest.mark.slow

@@ -23,7 +23,7 @@ from typer.core import TyperGroup
 from beadwave.system import too_long
 from beadwave.workflows.commands.assembly import hammer, look, modes, reduce, tune_joints
 from beadwave.workflows.commands.examples import EXAMPLES
-from beadwave.workflows.commands.fits import calibrate, design, inspect, twin
+from beadwave.workflows.commands.fits import calibrate, design, inspect
 from beadwave.workflows.commands.options import (
     JsonFiles,
     Overwrite,
@@ -193,10 +193,15 @@ def doctor(call: Call) -> None:
 COMMANDS = {
     "run": run, "scenes": scenes, "scene": scene, "look": look, "modes": modes, "tune": tune_joints,
     "hammer": hammer, "reduce": reduce, "impact": impact, "accuracy": accuracy,
-    "stability": stability, "verify": verify, "calibrate": calibrate, "twin": twin,
-    "inspect": inspect, "design": design, "sweep": sweep, "scan": scan, "report": report,
-    "film": film, "doctor": doctor,
+    "stability": stability, "verify": verify, "calibrate": calibrate, "inspect": inspect,
+    "design": design, "sweep": sweep, "scan": scan, "report": report, "film": film,
+    "doctor": doctor,
 }  # fmt: skip
+# commands of earlier versions, and what to use instead
+REMOVED = {
+    "twin": "python examples/twin.py of the sources makes synthetic records and fits them",
+    "study": "the scripts in examples/gallery of the sources compute the figures of the thesis",
+}
 
 
 def _without_end_of_file(command: Callable) -> Callable:
@@ -303,6 +308,8 @@ def _failure(error: Exception) -> tuple[int, str]:
     if hasattr(error, "format_message"):
         message = (error.format_message() or "say which command").rstrip(".?!)")
         word = message.split("'")[1] if message.startswith("No such command") else None
+        if word in REMOVED:
+            return 2, f"{word} is no command any more: {REMOVED[word]}."
         if word and "Did you mean" not in message:
             from beadwave.workflows.scene import nearest
 

@@ -57,7 +57,6 @@ EXAMPLES = {
     "stability": ("stability --case one-dof-wall --out stability",),
     "verify": ("verify", "verify --group solitary-wave --out verify", "verify --list"),
     "calibrate": ("calibrate rig-1dof data.csv --instrument 100e3 --out calibrated",),
-    "twin": ("twin --out twin", "twin --runs 200"),
     "inspect": (
         "inspect sensed-beam drop1.csv drop2.csv --find beam.thickness,beam.young",
         "inspect sensed-beam drop1.csv --find beam.axial_force --bounds beam.axial_force=-35kN:5kN",

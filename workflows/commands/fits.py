@@ -1,40 +1,24 @@
-"""`beadwave calibrate`, `twin`, `inspect` and `design`: models fitted to records.
+"""`beadwave calibrate`, `inspect` and `design`: models fitted to records.
 
 Arguments, defaults and help of each are those of the function that it names (`verb.py`).
 """
 
-from beadwave.workflows.commands.terminal import folded, print_lines, print_report, print_result
+from beadwave.workflows.commands.terminal import print_lines, print_report, print_result
 from beadwave.workflows.commands.verb import Call, Word, verb
 
-CALIBRATION = "the report, {parameters: [...], ...}, see report.json"
 BOUNDS, SPHERES = Word(metavar="KEY=LOW:HIGH,.."), Word(metavar="SPHERES")
 SCENE = Word("a built-in scene (beadwave scenes lists them) or a TOML file")
 SCAN, FIND = Word(metavar="LOW:HIGH:POINTS"), Word(metavar="KEY,...")
 
 
 @verb(
-    "beadwave.workflows.fit.api.calibrate", json=CALIBRATION,
+    "beadwave.workflows.fit.api.calibrate",
+    json="the report, {parameters: [...], ...}, see report.json",
     scene=SCENE, data=Word(metavar="DATA"), bounds=BOUNDS, hold_out=SPHERES, scan=SCAN,
 )  # fmt: skip
 def calibrate(call: Call) -> None:
     """Fit contacts and wall to measured velocities."""
-    _print(call)
-
-
-@verb(
-    "beadwave.workflows.fit.api.twin", json=CALIBRATION,
-    scene=Word("the scene that is fitted"),
-    spheres=SPHERES, bounds=BOUNDS, hold_out=SPHERES, scan=SCAN,
-)  # fmt: skip
-def twin(call: Call) -> None:
-    """Calibrate to SYNTHETIC data of a known rig."""
-    _print(call)
-
-
-def _print(call: Call) -> None:
-    result = call()
-    if call.json or not call.quiet:
-        print(result.report.model_dump_json(indent=1) if call.json else folded(str(result)))
+    print_report(call().report, call.json, call.quiet)
     _print_scene(call)
 
 

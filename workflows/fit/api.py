@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from beadwave.workflows.files.run_folder import Picture, RunFolder, picture_named
-from beadwave.workflows.files.scene import Changes, Source, each, files_read
+from beadwave.workflows.files.scene import Changes, Source, files_read
 from beadwave.workflows.files.scene import scene as load_scene
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.parts import with_chain
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from beadwave.workflows.fit.inspect import InspectionResult
     from beadwave.workflows.fit.joints_posterior import JointsPosterior
     from beadwave.workflows.fit.report import CalibrationReport, InspectionReport
-    from beadwave.workflows.fit.twin import Coverage
     from beadwave.workflows.report.finding import Finding
     from beadwave.workflows.stages.engine.pipeline import Pipeline
 
@@ -33,12 +32,11 @@ SEEDS = 0, 10**18
 @dataclass(frozen=True, repr=False)
 class Calibration:
     """A scene fitted to velocities: `report.parameters` one by one with their bars, `data` as
-    signals, `plot()` data against model; `coverage` of a twin that was repeated."""
+    signals, `plot()` data against model."""
 
     scene: Scene
     report: CalibrationReport
     found: CalibrationOutcome
-    coverage: Coverage | None = None
 
     @property
     def data(self) -> xarray.Dataset:
@@ -63,8 +61,7 @@ class Calibration:
         return picture_named(calibration_pictures(self.found), name)
 
     def __repr__(self) -> str:
-        texts = (self.report.text(), self.coverage.text() if self.coverage else "")
-        return "\n".join(filter(None, texts))
+        return self.report.text()
 
 
 def calibrate(
@@ -116,11 +113,11 @@ def calibrate(
     from beadwave.workflows.fit.record import measured as record
     from beadwave.workflows.stages.engine.pipeline import pipeline_of
 
-    start = with_chain(load_scene(scene, changes))
-    measured, request = record(file), CalibrationRequest(
+    request = CalibrationRequest(
         free, bounds, trigger, band, instrument, _spheres("--hold-out", hold_out), two_stage,
         _within("--starts", starts, *STARTS), _within("--seed", seed, *SEEDS), _scan(scan),
     )  # fmt: skip
+    start, measured = with_chain(load_scene(scene, changes)), record(file)
     folder = _folder(out, (*files_read(start, scene), file), overwrite)
     with _renewed(folder, CALIBRATION_FILES):
         start, wall = _with_wall(start, pipeline_of(start, progress))
@@ -133,103 +130,13 @@ def calibrate(
     return Calibration(result.scene, result.report, result)
 
 
-def twin(
-    scene: Source = "rig-1dof",
-    changes: Changes = (),
-    *,
-    scatter: float = 0.1,
-    frequency: float = 240.0,
-    noise: float = 1e-3,
-    sampling: float = 1e6,
-    instrument: float = 100e3,
-    repeats: int = 10,
-    jitter: float = 2e-6,
-    seed: int = 0,
-    spheres: str | Iterable[int] = (),
-    runs: int = 0,
-    free: str | None = None,
-    bounds: str | None = None,
-    band: float | None = None,
-    hold_out: str | Iterable[int] = (),
-    two_stage: bool = False,
-    scan: str | tuple[float, float, int] | None = None,
-    starts: int = 12,
-    posterior: bool = False,
-    out: str | Path | None = None,
-    overwrite: bool = False,
-    progress: Progress = quiet,
-) -> Calibration:
-    """A known rig makes SYNTHETIC data, and a calibration has to find it again (`beadwave twin`).
-
-    scatter     scatter of the contact stiffnesses, relative, plus or minus
-    frequency   true frequency of a 1dof wall [Hz]
-    noise       noise of one repeat, rms [m/s]
-    sampling    sampling rate [Hz]
-    instrument  low-pass of the vibrometer [Hz]
-    repeats     signals per sphere
-    jitter      standard deviation of the trigger [s]
-    seed        random seed of the known rig and of the noise
-    spheres     spheres measured, as 1,4,14; default those of the scene
-    runs        repeats of the whole experiment that give the coverage of the bars
-    free        what to vary, as in calibrate: contacts,striker,trigger,wall.frequency, ...
-    bounds      bounds of what varies, as contacts=0.5:2
-    band        low-pass [Hz] without phase on data and model alike
-    hold_out    spheres left out of the fit and predicted, as 4,14
-    two_stage   as in the thesis: keep the chain as the first waves determine it
-    scan        misfit over the wall's frequency [Hz], as 100:1000:60: low, high, points
-    starts      largest number of starts of the search; it ends once the data is explained
-    posterior   sample the posterior (extra posterior): quantiles and the two-sigma bars; minutes
-    out         folder for the calibrated scene, tables and figures
-
-    Raises InvalidScene for bad input.
-    """
-    _require_possible(posterior, two_stage)
-    from beadwave.workflows.fit import twin as experiment
-    from beadwave.workflows.fit.better_walls import better_walls
-    from beadwave.workflows.fit.calibrate import CalibrationRequest
-    from beadwave.workflows.fit.folder import TWIN_FILES, write_calibration, write_data
-    from beadwave.workflows.stages.engine.pipeline import pipeline_of
-
-    if watched := _spheres("--spheres", spheres):
-        changes = (("output.spheres", list(watched)), *each(changes))
-    start = with_chain(load_scene(scene, changes))
-    setting = experiment.checked(
-        experiment.Twin(
-            scatter=scatter, frequency=frequency, noise=noise, sampling=sampling,
-            instrument=instrument, repeats=_within("--repeats", repeats, 1, 1000), jitter=jitter,
-            seed=_within("--seed", seed, *SEEDS),
-        )
-    )  # fmt: skip
-    request = CalibrationRequest(
-        free, bounds, band=band, hold_out=_spheres("--hold-out", hold_out), two_stage=two_stage,
-        starts=_within("--starts", starts, *STARTS), scan=_scan(scan),
-    )  # fmt: skip
-    runs = _within("--runs", runs, 0, 100_000)
-    folder = _folder(out, files_read(start, scene), overwrite)
-    coverage = None
-    with _renewed(folder, TWIN_FILES):
-        start, wall = _with_wall(start, pipeline_of(start, progress))
-        better = better_walls(start, progress)
-        with progress("calibration"):
-            result, data = experiment.twin_run(start, wall, setting, request, better)
-        result = _sampled(result, posterior, setting.seed, progress)
-        if runs:
-            with progress(f"{runs} repeats"):
-                coverage = experiment.coverage(start, wall, setting, request, result, runs)
-            result.report.coverage = coverage.model_dump()
-        if folder:
-            write_data(folder, data, coverage)
-            write_calibration(result, folder)
-    return Calibration(result.scene, result.report, result, coverage)
-
-
 def _require_possible(posterior: bool, two_stage: bool) -> None:
     """Raise InvalidScene for a posterior that cannot be sampled."""
     if not posterior:
         return
-    from beadwave.workflows.fit.posterior import require_sampler
+    from beadwave.workflows.fit.nested import require_nested_sampler
 
-    require_sampler()
+    require_nested_sampler()
     if two_stage:
         raise InvalidScene(
             "--posterior is of all parameters and all waves together; leave out --two-stage."
@@ -343,7 +250,7 @@ def inspect(
     """
     from beadwave.workflows.fit.folder import INSPECTION_FILES, write_inspection
     from beadwave.workflows.fit.inspect import InspectionRequest, inspected
-    from beadwave.workflows.fit.plausibility import called_apart
+    from beadwave.workflows.fit.plausibility import with_distinct_names
     from beadwave.workflows.fit.record import recorded
     from beadwave.workflows.fit.report import inspection_report
     from beadwave.workflows.sweep.cases import base_of
@@ -356,7 +263,7 @@ def inspect(
     start = with_chain(base.with_values({}))
     folder = _folder(out, (*files_read(start, scene), *files), overwrite)
     with _renewed(folder, INSPECTION_FILES):
-        records = called_apart(tuple(recorded(file) for file in files))
+        records = with_distinct_names(tuple(recorded(file) for file in files))
         result = inspected(base, records, request, progress)
         report = inspection_report(result, records)
         if folder:

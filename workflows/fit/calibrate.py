@@ -16,9 +16,8 @@ from beadwave.dem import spheres
 from beadwave.workflows.files.record import Record
 from beadwave.workflows.fit import scene_parameters
 from beadwave.workflows.fit.chain_fit import CalibrationResult, calibrate, widened
-from beadwave.workflows.fit.columns import beyond, require_columns
+from beadwave.workflows.fit.columns import model_times, require_columns
 from beadwave.workflows.fit.forward import ChainForward
-from beadwave.workflows.fit.judgement import SHARES, on_held_out, on_posterior
 from beadwave.workflows.fit.model_errors import BetterModel, with_systems
 from beadwave.workflows.fit.plausibility import (
     cut_off,
@@ -31,6 +30,7 @@ from beadwave.workflows.fit.plausibility import (
 )
 from beadwave.workflows.fit.posterior import Posterior, posterior
 from beadwave.workflows.fit.record import marched, sensor_of, usable
+from beadwave.workflows.fit.reliability import SHARES, on_held_out, on_posterior
 from beadwave.workflows.fit.report import CalibrationReport, PosteriorSummary, calibration_report
 from beadwave.workflows.fit.rig import Rig
 from beadwave.workflows.fit.scaling import ScaledRecord, scaled
@@ -172,24 +172,18 @@ def calibrated(
 def with_posterior(result: CalibrationOutcome, seed: int) -> CalibrationOutcome:
     """A calibration with samples of its posterior, and their quantiles in its report's rows."""
     began = perf_counter()
-    samples = posterior(result.forward, result.fit, seed=seed)
-    report, slowest = result.report, float(samples.autocorrelation.max())
+    samples, report = posterior(result.forward, result.fit, seed=seed), result.report
     report.posterior = PosteriorSummary(
-        walkers=samples.walkers,
-        steps=samples.kept,
-        discarded=samples.discarded,
-        autocorrelation_steps=slowest if np.isfinite(slowest) else None,
         effective_samples=samples.effective,
-        acceptance=samples.acceptance,
+        peaks=list(samples.masses),
         model_runs=samples.model_runs,
         seed=seed,
-        long_enough=samples.long_enough,
+        believable=samples.believable,
         seconds=perf_counter() - began,
     )
-    if samples.long_enough:
-        low, median, high = samples.quantiles(SHARES)
-        for i, row in enumerate(report.parameters):
-            row.low, row.median, row.high = float(low[i]), float(median[i]), float(high[i])
+    if samples.believable:
+        for row, of_row in zip(report.parameters, samples.quantiles(SHARES).T, strict=True):
+            row.quantiles = tuple(map(float, of_row))
     seconds = report.posterior.seconds
     report.remarks.append(on_posterior(samples, result.fit, seed=seed, seconds=seconds))
     return result._replace(posterior=samples)
@@ -228,7 +222,7 @@ def _first_touch(
     forward = ChainForward(scene_parameters.rig(scene, wall, t0), (), signals, filters)
 
     # the columns against a longer model: a record may begin late
-    longer = ChainForward(forward.rig, (), signals._replace(t=beyond(signals.t)), filters)
+    longer = ChainForward(forward.rig, (), signals._replace(t=model_times(signals.t)), filters)
     m, channels = len(signals.names), signals.channels
     if channels:
         names = list(signals.names)

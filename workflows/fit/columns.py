@@ -73,9 +73,9 @@ def require_columns(
 ) -> None:
     """Raise UnusableRecord where columns y (k, m) are exchanged or turned.
 
-    model (n, m) is what the scene shows at `beyond(t)` - t[0] since its first touch; `signed` (m,)
-    are columns whose sign is known, unlike that of voltages with an unknown gain, `forces` (m,)
-    those that are positive in incident and reflected waves alike. time_scale [s] is that of a
+    model (n, m) is what the scene shows at `model_times(t)` - t[0] since its first touch; `signed`
+    (m,) are columns whose sign is known, unlike that of voltages with an unknown gain; `forces`
+    (m,) those that are positive in incident and reflected waves alike. time_scale [s] is that of a
     contact.
     """
     dt = t[1] - t[0]
@@ -218,6 +218,6 @@ def _by_delay(y: NDArray[np.float64], model: NDArray[np.float64]) -> NDArray[np.
     return C[..., np.abs(delay) <= LATEST_TOUCH * k]
 
 
-def beyond(t: NDArray[np.float64]) -> NDArray[np.float64]:
+def model_times(t: NDArray[np.float64]) -> NDArray[np.float64]:
     """(n,) [s] times of a model that a record t (k,) may show from, however late it begins."""
     return t[0] + (t[1] - t[0]) * np.arange(round((1.0 + LATEST_TOUCH) * len(t)))

@@ -17,12 +17,12 @@ from beadwave.workflows.fit.better_walls import better_walls
 from beadwave.workflows.fit.forward import MeasuredRecord, StructureForward, Unknowns, unknowns
 from beadwave.workflows.fit.inspect import STEPS
 from beadwave.workflows.fit.inversion import GAIN_SCALE
-from beadwave.workflows.fit.judgement import BARELY_DETERMINED_BAR, DETERMINED_BAR
 from beadwave.workflows.fit.model_errors import NOISE, BetterModel, biases, changes, with_systems
 from beadwave.workflows.fit.parameter import Parameter, ends, scales, trigger
 from beadwave.workflows.fit.parametric_wall import Bounds
 from beadwave.workflows.fit.plausibility import USUAL_NOISE
 from beadwave.workflows.fit.record import marched
+from beadwave.workflows.fit.reliability import BARELY_DETERMINED_BAR, DETERMINED_BAR
 from beadwave.workflows.fit.structure import VariedScene, structure
 from beadwave.workflows.fit.uncertainty import bars_over_time, bounds_information
 from beadwave.workflows.report.finding import Finding
@@ -227,7 +227,7 @@ def _on_best(p: Parameter, i: int, chains: list[CandidateChain]) -> str:
             f"{p.name} is told by no sphere: its bar is as long as its bounds; record longer, "
             "or find fewer numbers."
         )
-    how = "told" if share <= DETERMINED_BAR else "weakly told"
+    how = "determined" if share <= DETERMINED_BAR else "weakly determined"
     where, place = _with_values(best.values), best.places[sphere]
     by = f"sphere {place}" if isinstance(place, int) else place
     return (

@@ -8,6 +8,7 @@ import numpy as np
 
 from beadwave.workflows.files.record import SYNTHETIC
 from beadwave.workflows.files.run_folder import Picture
+from beadwave.workflows.fit.nested import quantiles
 from beadwave.workflows.report.plots import (
     COLOURS,
     Line,
@@ -42,7 +43,7 @@ def calibration_pictures(result: CalibrationOutcome) -> tuple[Picture, ...]:
     }
     if report.scan_hz:
         images["scan"] = scan(report, face)
-    if posterior is not None and posterior.long_enough:
+    if posterior is not None and posterior.believable:
         images["posterior"] = corner(fit, posterior, report.parameters, face)
     return tuple(Picture(name, png) for name, png in images.items())
 
@@ -109,9 +110,6 @@ def parameters(report, face: str) -> bytes:
             place, [row.found for row in contacts], bars, fmt="o", color=COLOURS[0], capsize=3,
             markersize=4, linewidth=1.2, label="found, two sigma",
         )  # fmt: skip
-        if any(row.truth is not None for row in contacts):
-            truth = [row.truth for row in contacts]
-            panel.plot(place, truth, "x", color=COLOURS[1], markersize=7, label="truth")
         panel.axhline(1.0, color="0.5", linewidth=0.8, linestyle="--", label="start")
         panel.set_xticks(place)
         panel.set_xlabel("contact (the last one at the wall)")
@@ -175,10 +173,11 @@ def corner(fit, posterior, rows, face: str) -> bytes:
             if c > r:
                 panels[r, c].set_axis_off()
             elif c == r:
-                _marginal(panels[r, c], rows[i], posterior.samples[:, i])
+                _marginal(panels[r, c], rows[i], posterior.samples[:, i], posterior.weights)
             else:
-                _pair(panels[r, c], rows[j], rows[i], posterior.samples[:, [j, i]],
-                      fit.uncertainty.covariance[np.ix_([j, i], [j, i])])  # fmt: skip
+                covariance = fit.uncertainty.covariance[np.ix_([j, i], [j, i])]
+                samples = posterior.samples[:, [j, i]]
+                _pair(panels[r, c], rows[j], rows[i], samples, posterior.weights, covariance)
         panels[-1, r].set_xlabel(_labelled(rows[i]))
         if r:
             panels[r, 0].set_ylabel(_labelled(rows[i]))
@@ -200,37 +199,41 @@ def _unit_factor(row) -> float:
     return 1e6 if row.unit == "s" else 1.0
 
 
-def _marginal(panel, row, samples) -> None:
-    """Histogram of samples (s,), their quantiles, and the two-sigma bar of the fit."""
+def _marginal(panel, row, samples, weights) -> None:
+    """Histogram of samples (s,) of these weights (s,), their quantiles and the two-sigma bar."""
     unit = _unit_factor(row)
-    panel.hist(unit * samples, bins=40, density=True, color=COLOURS[0], alpha=0.35,
+    # lines of the 2.3 and 97.7 % lie inside; samples of next to no weight would widen the axis
+    low, high = quantiles(samples, weights, (1e-4, 1 - 1e-4))
+    panel.hist(unit * samples, bins=40, range=(unit * low, unit * high), weights=weights,
+               density=True, color=COLOURS[0], alpha=0.35,
                label="posterior")  # fmt: skip
-    for end in (row.low, row.high):
+    for end in (row.quantiles[0], row.quantiles[2]):
         panel.axvline(unit * end, color=COLOURS[0], linewidth=1,
-                      label="its 2.3 and 97.7 %" if end is row.low else None)  # fmt: skip
+                      label="its 2.3 and 97.7 %" if end is row.quantiles[0] else None)  # fmt: skip
     if row.two_sigma is not None:
         for end in (-row.two_sigma, row.two_sigma):
             panel.axvline(unit * (row.found + end), color=COLOURS[1], linestyle="--", linewidth=1,
                           label="found, two sigma" if end < 0 else None)  # fmt: skip
-    if row.truth is not None:
-        panel.axvline(unit * row.truth, color="black", linewidth=1, linestyle=":", label="truth")
     panel.set_yticks([])
     _few_ticks(panel.xaxis)
     panel.spines[["top", "right", "left"]].set_visible(False)
 
 
-def _pair(panel, across, up, samples, covariance) -> None:
-    """Histogram of samples (s, 2), and the two-sigma ellipse of the covariance (2, 2)."""
+def _pair(panel, across, up, samples, weights, covariance) -> None:
+    """Histogram of samples (s, 2) of these weights (s,), and the two-sigma ellipse of the
+    covariance (2, 2)."""
     x, y = _unit_factor(across), _unit_factor(up)
-    panel.hist2d(x * samples[:, 0], y * samples[:, 1], bins=30, cmap="Blues")
+    ends = [quantiles(column, weights, (1e-4, 1 - 1e-4)) for column in samples.T]
+    ends = [np.array(end) * unit for end, unit in zip(ends, (x, y), strict=True)]
+    panel.hist2d(
+        x * samples[:, 0], y * samples[:, 1], bins=30, range=ends, weights=weights, cmap="Blues"
+    )
     values, vectors = np.linalg.eigh(covariance)
     angle = np.linspace(0.0, 2.0 * np.pi, 100)
     circle = np.array([np.cos(angle), np.sin(angle)])
     ellipse = 2.0 * (vectors * np.sqrt(np.maximum(values, 0.0))) @ circle
     panel.plot(x * (across.found + ellipse[0]), y * (up.found + ellipse[1]), "--", color=COLOURS[1],
                linewidth=1)  # fmt: skip
-    if across.truth is not None:
-        panel.plot(x * across.truth, y * up.truth, "x", color="black", markersize=6)
     _few_ticks(panel.xaxis)
     _few_ticks(panel.yaxis)
 
@@ -254,7 +257,7 @@ def inspection_pictures(result: InspectionResult, report: InspectionReport) -> t
 def recorded_signals(result: InspectionResult, report: InspectionReport, face: str) -> bytes:
     """Records and model, and the residual over the noise; two panels per record."""
     # at most 6 records in a picture of signals
-    shots, models = result.judged.fit.shots[:6], result.judged.inversion.model
+    shots, models = result.answer.fit.shots[:6], result.answer.inversion.model
     figure, panels = residual_pairs(len(shots), 2.1)
     for s, (shot, (upper, lower)) in enumerate(zip(shots, panels, strict=True)):
         for i, name in enumerate(report.sensors):
@@ -279,8 +282,8 @@ def numbers(report: InspectionReport, face: str) -> bytes:
     rows = report.numbers
     figure, (axis, matrix) = subplots(1, 2, (10, 1.8 + 0.55 * len(rows)), width_ratios=(1.6, 1))
     for i, row in enumerate(rows):
-        place = (row.found - row.low) / (row.high - row.low)
-        bar = row.two_sigma / (row.high - row.low)
+        low, high = row.bounds
+        place, bar = (row.found - low) / (high - low), row.two_sigma / (high - low)
         axis.errorbar(place, i, xerr=bar, fmt="o", color=COLOURS[0], capsize=4, linewidth=1.5)
         axis.text(0.5, i - 0.28, f"{row.found:.5g} +- {row.two_sigma:.2g} {row.unit}", fontsize=8,
                   ha="center")  # fmt: skip
@@ -298,7 +301,7 @@ def by_length(report: InspectionReport, face: str) -> bytes:
     """Bars of the noise alone if the records had ended earlier, over the bounds of the numbers."""
     t = 1e3 * np.array(report.record_length_s)
     lines = [
-        Line(row.name, t, np.array(report.two_sigma_by_length[row.name]) / (row.high - row.low))
+        Line(row.name, t, np.array(report.two_sigma_by_length[row.name]) / np.ptp(row.bounds))
         for row in report.numbers
     ]
     panel = Panel(

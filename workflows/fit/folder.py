@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beadwave.workflows.files.record import SYNTHETIC, Record, csv_text
+from beadwave.workflows.files.record import SYNTHETIC
 from beadwave.workflows.files.run_folder import Picture, RunFolder, write_pictures
+from beadwave.workflows.fit.report import Row, csv_lines
 from beadwave.workflows.scene.toml import toml
 
 if TYPE_CHECKING:
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from beadwave.workflows.fit.report import CalibrationReport, InspectionReport
 
 CALIBRATION_FILES = ("scene.toml", "report.json", "parameters.csv", "signals.csv", "posterior.npz")
-TWIN_FILES = (*CALIBRATION_FILES, "data.csv", "coverage.json")
 INSPECTION_FILES = ("scene.toml", "report.json", "numbers.csv", "signals.csv")
 
 
@@ -27,26 +27,6 @@ def write_calibration(result: CalibrationOutcome, folder: RunFolder) -> None:
     from beadwave.workflows.fit.figures import calibration_pictures
 
     report, fit, signals = result.report, result.fit, result.signals
-    comments = [
-        f"# {row.name} = {f'{row.found:.6g} {row.unit}'.rstrip()} calibrated to {report.data}, "
-        f"two sigma {'-' if row.two_sigma is None else format(row.two_sigma, '.2g')}, "
-        f"identifiable: {row.identifiable}"
-        for row in report.parameters
-    ]
-    comments.append(
-        "# Contact factors are on contact.stiffness_factor of the scene that was fitted."
-    )
-
-    def cell(x, digits=9):
-        """A number in so many digits; nothing where there is none."""
-        return "" if x is None else f"{x:.{digits}g}"
-
-    table = ["parameter,unit,start,found,two_sigma,identifiable,truth,low,median,high"]
-    table += [
-        ",".join([r.name, r.unit, cell(r.start), cell(r.found), cell(r.two_sigma, 4),
-                  r.identifiable, *map(cell, (r.truth, r.low, r.median, r.high))])
-        for r in report.parameters
-    ]  # fmt: skip
 
     # sensors in their own units, velocities in m/s
     units = report.units
@@ -57,20 +37,22 @@ def write_calibration(result: CalibrationOutcome, folder: RunFolder) -> None:
     lines = [",".join(["time [s]", *heads]), *(",".join(f"{x:.9g}" for x in row) for row in rows)]
 
     posterior = result.posterior
-    if posterior is not None and posterior.long_enough:
-        # samples (s, p) in SI units, their log probability relative to the answer
+    if posterior is not None and posterior.believable:
+        # samples (s, p) in SI units, their weights and log probability relative to the answer
         with folder.writing("posterior.npz") as path:
             np.savez_compressed(
                 path,
                 names=np.array([row.name for row in report.parameters]),
                 units=np.array([row.unit for row in report.parameters]),
                 samples=posterior.samples,
+                weights=posterior.weights,
                 log_probability=posterior.log_probability,
                 title=np.array(report.title),
                 synthetic=np.array(report.synthetic),
             )
-    tables = {"parameters.csv": table, "signals.csv": lines}
-    scene = [*comments, toml(result.scene)]
+    factors = "# Contact factors are on contact.stiffness_factor of the scene that was fitted."
+    scene = [*_comments(report.parameters, report.data), factors, toml(result.scene)]
+    tables = {"parameters.csv": csv_lines(report.parameters), "signals.csv": lines}
     _write(folder, report, scene, tables, calibration_pictures(result))
 
 
@@ -78,26 +60,26 @@ def write_inspection(result: InspectionResult, report: InspectionReport, folder:
     """scene.toml with what was found, report.json, numbers.csv, signals.csv and figures/."""
     from beadwave.workflows.fit.figures import inspection_pictures
 
-    comments = [
-        f"# {row.name} = {row.found:.6g} {row.unit} found, two sigma {row.two_sigma:.2g}"
-        for row in report.numbers
-    ]
-    table = ["number,unit,found,two_sigma,told"]
-    table += [
-        f"{row.name},{row.unit},{row.found:.9g},{row.two_sigma:.4g},{row.told}"
-        for row in (*report.numbers, *report.others)
-    ]
-
     # record and model of every sensor, record after record on its own clock
     heads = [f"{what} {name}" for what in ("record of", "model of") for name in report.sensors]
     lines = [", ".join(["record", "time [s]", *heads])]
-    shots, models = result.judged.fit.shots, result.judged.inversion.model
+    shots, models = result.answer.fit.shots, result.answer.inversion.model
     for i, (shot, model) in enumerate(zip(shots, models, strict=True), 1):
         rows = np.column_stack([shot.t, shot.y, model])
         lines += [",".join([str(i), *(f"{x:.7g}" for x in row)]) for row in rows]
-    tables = {"numbers.csv": table, "signals.csv": lines}
-    scene = [*comments, toml(result.scene)]
+    tables = {"numbers.csv": csv_lines([*report.numbers, *report.others]), "signals.csv": lines}
+    scene = [*_comments(report.numbers, ", ".join(report.records)), toml(result.scene)]
     _write(folder, report, scene, tables, inspection_pictures(result, report))
+
+
+def _comments(rows: Iterable[Row], data: str) -> list[str]:
+    """A line of a scene for each number that was fitted to `data`."""
+    return [
+        f"# {row.name} = {f'{row.found:.6g} {row.unit}'.rstrip()} fitted to {data}, two sigma "
+        f"{'-' if row.two_sigma is None else format(row.two_sigma, '.2g')}, identifiable: "
+        f"{row.identifiable}"
+        for row in rows
+    ]
 
 
 def _write(
@@ -114,10 +96,3 @@ def _write(
     for name, lines in tables.items():
         folder.write(name, face + "\n".join([*lines, ""]))
     write_pictures(folder, tuple(pictures))
-
-
-def write_data(folder: RunFolder, data: Record, covered) -> None:
-    """data.csv of a twin experiment, and coverage.json where there is one."""
-    folder.write("data.csv", csv_text(data))
-    if covered is not None:
-        folder.write("coverage.json", covered.model_dump_json(indent=1) + "\n")

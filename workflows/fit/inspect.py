@@ -8,22 +8,22 @@ import numpy as np
 from beadwave.workflows.files.record import MeanRecord
 from beadwave.workflows.fit import scene_parameters
 from beadwave.workflows.fit.candidates import searched
-from beadwave.workflows.fit.columns import beyond, require_columns
+from beadwave.workflows.fit.columns import model_times, require_columns
 from beadwave.workflows.fit.forward import MeasuredRecord, StructureForward, unknowns
 from beadwave.workflows.fit.inversion import Inversion, inverted, profiled, widened
-from beadwave.workflows.fit.judgement import SETTLED_SHIFT, InspectionAnswer
 from beadwave.workflows.fit.least_squares import IMPOSSIBLE, RecordFit
 from beadwave.workflows.fit.parameter import Parameter, ends
 from beadwave.workflows.fit.parametric_wall import Bounds
 from beadwave.workflows.fit.plausibility import (
-    alike,
     noise_of,
+    of_same_channels,
     require_samples,
     rounding,
     size_comparison,
     trigger_of,
 )
 from beadwave.workflows.fit.record import marched, sensor_of, usable
+from beadwave.workflows.fit.reliability import SETTLED_SHIFT, InspectionAnswer
 from beadwave.workflows.fit.structure import VariedScene, better_models, structure
 from beadwave.workflows.report.numbers import supported
 from beadwave.workflows.scene import InvalidScene, Scene
@@ -47,7 +47,7 @@ class InspectionResult(NamedTuple):
     """The scene that came out and the answer behind it."""
 
     scene: Scene
-    judged: InspectionAnswer
+    answer: InspectionAnswer
     seconds: float
 
 
@@ -57,7 +57,7 @@ def inspected(
 ) -> InspectionResult:
     """The numbers to find; raises InvalidScene for records or requests that cannot be."""
     began = perf_counter()
-    records = alike(records)
+    records = of_same_channels(records)
     scene = base.with_values({})
     if scene.shakers:
         raise InvalidScene(
@@ -97,7 +97,7 @@ def inspected(
         bars = inversion.uncertainty.two_sigma[:n]
         written = np.array([supported(x, bar) for x, bar in zip(values, bars, strict=True)])
         result = scene_parameters.scene_at(base, keys[:n], written)
-    judged = InspectionAnswer(
+    of_records = InspectionAnswer(
         inversion,
         rivals,
         answer.fit,
@@ -108,7 +108,7 @@ def inspected(
         tuple(record.name for record in records),
         answer.no_wall,
     )
-    return InspectionResult(result, judged, perf_counter() - began)
+    return InspectionResult(result, of_records, perf_counter() - began)
 
 
 @usable()
@@ -144,7 +144,7 @@ def problem(
         noise, is_known = noise_of(record, time_scale)
         noise_known = noise_known and is_known
         shots.append(MeasuredRecord(record.t, record.y, noise, rounding(record.y)))
-        longer = forward.signals_of_run(start, beyond(record.t) - record.t[0])
+        longer = forward.signals_of_run(start, model_times(record.t) - record.t[0])
         signals = longer[: len(record.t)]
         names = [f"{channel.name} of {record.name}" for channel in record.channels]
         known = np.flatnonzero(gain_known)

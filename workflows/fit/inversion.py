@@ -22,7 +22,7 @@ from beadwave.workflows.fit.parameter import Parameter, at_bound, scales
 from beadwave.workflows.fit.uncertainty import (
     Uncertainty,
     bounds_information,
-    stretched,
+    profile_likelihood_bars,
     uncertainty,
 )
 
@@ -62,10 +62,11 @@ class Inversion(NamedTuple):
     step_error: float  # largest change of the model with half the step, over the noise
     search: SearchResult
     rounded: float = 0.0  # what rounding may add to the mean square, over the noise's
-    stretch: float = 1.0  # largest factor on a bar by the profile of the misfit
+    lengthening: float = 1.0  # largest factor on a bar by the profile of the misfit
     # part (p,) of the bars by noise and by each error of the model, in quadrature
     causes: Mapping[str, NDArray[np.float64]] = MappingProxyType({})
-    beyond: tuple[RecordPart, ...] = ()  # what the model errors leave at the best numbers, in parts
+    # what the model errors leave of the records at the best numbers
+    model_error_parts: tuple[RecordPart, ...] = ()
 
     @property
     def whole_misfit(self) -> float:
@@ -80,7 +81,7 @@ class Inversion(NamedTuple):
         adds, by standard deviations sqrt(2 c / n) of the mean, c the memory of the residual, and by
         what the model errors leave at two bars.
         """
-        return bool(np.all(self.excess <= 4.0 * self._beyond_squares))
+        return bool(np.all(self.excess <= 4.0 * self._model_error_squares))
 
     @property
     def noisy(self) -> bool:
@@ -103,11 +104,11 @@ class Inversion(NamedTuple):
         return np.nan_to_num(squares - limit, nan=np.inf, posinf=np.inf)
 
     @property
-    def _beyond_squares(self) -> NDArray[np.float64]:
+    def _model_error_squares(self) -> NDArray[np.float64]:
         """(1 + parts,) mean squares of what the model errors leave, over the noise's."""
-        if not self.beyond:
+        if not self.model_error_parts:
             return np.zeros(1 + len(self.parts))
-        squares = np.array([part.misfit for part in self.beyond]) ** 2
+        squares = np.array([part.misfit for part in self.model_error_parts]) ** 2
         return np.append(squares.mean(), squares)
 
     def rivals(self, others: Sequence["Inversion"], n_shared: int) -> tuple["Inversion", ...]:
@@ -199,8 +200,10 @@ def profiled(fit: RecordFit, inversion: Inversion, n_shared: int) -> Inversion:
     """The inversion with bars of the structure's numbers as long as the profile of the misfit
     says."""
     theta = inversion.value[: len(fit.unknowns.parameters)]
-    bars, stretch = stretched(fit, theta, fit.jacobian(theta), inversion.uncertainty, n_shared)
-    return inversion._replace(uncertainty=bars, stretch=stretch)
+    bars, lengthening = profile_likelihood_bars(
+        fit, theta, fit.jacobian(theta), inversion.uncertainty, n_shared
+    )
+    return inversion._replace(uncertainty=bars, lengthening=lengthening)
 
 
 def sensors_side_by_side(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -268,5 +271,5 @@ def widened(
             squares += (share * moved_fit.off(of_model)) ** 2
 
     bars, causes = model_errors.widened(inversion.uncertainty, scale, biases)
-    beyond = residual_parts(fit, np.sqrt(squares))
-    return inversion._replace(uncertainty=bars, causes=causes, beyond=beyond)
+    parts = residual_parts(fit, np.sqrt(squares))
+    return inversion._replace(uncertainty=bars, causes=causes, model_error_parts=parts)

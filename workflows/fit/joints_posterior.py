@@ -22,6 +22,7 @@ from beadwave.workflows.fit.nested import (
     frequencies_log_likelihood,
     log_uniform,
     nested_posterior,
+    quantiles,
     require_nested_sampler,
 )
 from beadwave.workflows.report.tables import aligned_text
@@ -200,18 +201,6 @@ def bounded(candidates: list[TuningParameter], bounds: str | None) -> list[Tunin
         start = float(np.clip(by_name[name].start, low, high))
         by_name[name] = by_name[name]._replace(lower=low, upper=high, start=start)
     return [*by_name.values()]
-
-
-def quantiles(
-    x: NDArray[np.float64], weights: NDArray[np.float64], shares: Sequence[float]
-) -> list[float]:
-    """Values below which these shares of the samples x (n,) of the weights (n,) lie, linear between
-    two samples; the ends of the samples beyond half a weight of them."""
-    order = np.argsort(x)
-    cumulative = np.cumsum(weights[order])
-    # a sample stands in the middle of its weight
-    at = (cumulative - 0.5 * weights[order]) / cumulative[-1]
-    return [float(q) for q in np.interp(shares, at, x[order])]
 
 
 def parameter_rows(

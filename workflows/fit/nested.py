@@ -13,6 +13,7 @@ count: their weights L(z) N(z) / q(z) have the evidence as mean, off by 1 / sqrt
 from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
 from typing import NamedTuple
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +21,7 @@ from scipy import stats
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
-from scipy.special import logsumexp, ndtr
+from scipy.special import logsumexp, ndtr, ndtri
 
 from beadwave.system import adding
 from beadwave.workflows.scene import InvalidScene
@@ -38,6 +39,7 @@ class NestedOptions(NamedTuple):
     drawn: int = 16384  # samples of the mixture
     freedom: float = 6.0  # degrees of freedom of its Student's distributions
     enough: float = 1000.0  # effective ones, for which they take the place of nested samples
+    runs: int | None = None  # of the likelihood, at most, before the samples of the mixture
     undetermined: float = 0.8  # spread over that of the prior, above which a parameter is unknown
 
 
@@ -50,17 +52,17 @@ class Prior(NamedTuple):
 
 def uniform(name: str, low: float, high: float) -> Prior:
     """Flat between two ends."""
-    return Prior(name, stats.uniform(low, high - low).ppf)
+    return Prior(name, lambda p: low + (high - low) * np.asarray(p))
 
 
 def log_uniform(name: str, low: float, high: float) -> Prior:
     """Flat in the logarithm, between two ends above 0."""
-    return Prior(name, stats.loguniform(low, high).ppf)
+    return Prior(name, lambda p: low * (high / low) ** np.asarray(p))
 
 
 def normal(name: str, mean: float, deviation: float) -> Prior:
     """Gauss' distribution."""
-    return Prior(name, stats.norm(mean, deviation).ppf)
+    return Prior(name, lambda p: mean + deviation * ndtri(p))
 
 
 def log_normal(
@@ -95,6 +97,7 @@ class NestedPosterior(NamedTuple):
     spread: NDArray[np.float64]  # (p,) over that of the prior, in its probability
     effective: float  # independent samples
     evaluations: int  # of the likelihood
+    complete: bool  # False: stopped by the largest number of runs
     options: NestedOptions = NestedOptions()
 
     @property
@@ -148,14 +151,17 @@ def nested_posterior(
     # nested sampling on z, which is standard normal under the prior
     sampler = dynesty.NestedSampler(
         likelihood,
-        lambda u: stats.norm.ppf(np.clip(u, 1e-12, 1 - 1e-12)),
+        lambda u: ndtri(np.clip(u, 1e-12, 1 - 1e-12)),
         p,
         nlive=options.live,
         sample=options.walk,
         rstate=np.random.default_rng(seed),
     )
-    sampler.run_nested(dlogz=options.remaining, print_progress=False)
+    with catch_warnings():
+        simplefilter("ignore", UserWarning)  # of a sampler that is stopped: `complete` says it
+        sampler.run_nested(dlogz=options.remaining, maxcall=options.runs, print_progress=False)
     run = sampler.results
+    complete = options.runs is None or n_evaluations < options.runs
     if np.max(run.logl) <= -1e299:
         raise InvalidScene(
             "the likelihood is 0 wherever the priors allow; widen them, or check the model."
@@ -216,8 +222,20 @@ def nested_posterior(
         lobes.append(Lobe(mass, mean, deviation, best))
     return NestedPosterior(
         tuple(prior.name for prior in priors), theta, weights, log_l, log_z, error, tuple(lobes),
-        np.argsort(order)[lobe], spread, float(effective), n_evaluations, options,
+        np.argsort(order)[lobe], spread, float(effective), n_evaluations, complete, options,
     )  # fmt: skip
+
+
+def quantiles(
+    x: NDArray[np.float64], weights: NDArray[np.float64], shares: Sequence[float]
+) -> list[float]:
+    """Values below which these shares of the samples x (n,) of the weights (n,) lie, linear between
+    two samples; the ends of the samples beyond half a weight of them."""
+    order = np.argsort(x)
+    cumulative = np.cumsum(weights[order])
+    # a sample stands in the middle of its weight
+    at = (cumulative - 0.5 * weights[order]) / cumulative[-1]
+    return [float(q) for q in np.interp(shares, at, x[order])]
 
 
 def lobes_of(

@@ -212,14 +212,14 @@ def first_touch(text: str, estimate: float, t: np.ndarray) -> float:
 USUAL_NOISE = 0.01  # of the largest signal, taken where a record does not show its noise
 
 
-def called_apart(records: tuple[MeanRecord, ...]) -> tuple[MeanRecord, ...]:
+def with_distinct_names(records: tuple[MeanRecord, ...]) -> tuple[MeanRecord, ...]:
     """Records whose files have the same name, named by their numbers."""
     if len({record.name for record in records}) == len(records):
         return records
     return tuple(record._replace(name=f"record {i}") for i, record in enumerate(records, 1))
 
 
-def alike(records: tuple[MeanRecord, ...]) -> tuple[MeanRecord, ...]:
+def of_same_channels(records: tuple[MeanRecord, ...]) -> tuple[MeanRecord, ...]:
     """Records of the same channels, cut to the shortest; raises UnusableRecord for others."""
     for record in records[1:]:
         if record.channels != records[0].channels:

@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from beadwave.workflows.files.record import SYNTHETIC, MeanRecord, Record
 from beadwave.workflows.fit.chain_fit import CalibrationResult
-from beadwave.workflows.fit.judgement import SHARES, combinations, identifiable, remarks
 from beadwave.workflows.fit.model_errors import LEAST_SHARE, NOISE, bar_by_words, shares
+from beadwave.workflows.fit.parameter import Parameter
+from beadwave.workflows.fit.reliability import (
+    AT_BOUND,
+    SHARES,
+    combinations,
+    identifiable,
+    remarks,
+)
 from beadwave.workflows.fit.signals import Signals
 from beadwave.workflows.report.tables import LINE, aligned_text
 from beadwave.workflows.scene import OneDofWall, Scene
@@ -20,35 +29,104 @@ if TYPE_CHECKING:
     from beadwave.workflows.fit.inspect import InspectionResult
 
 
-class ParameterRow(BaseModel):
-    """One parameter; `two_sigma` is None where the data does not determine it, the quantiles low,
-    median and high where no posterior was asked for or its samples are too few."""
+class Row(BaseModel):
+    """A fitted number: a parameter of the chain and its wall, a number of the structure, or one
+    that a record has for itself."""
 
     name: str
     unit: str
     start: float
+    bounds: tuple[float, float] | None  # None if one of them is infinite
     found: float
-    two_sigma: float | None
-    identifiable: str  # "yes", "weakly", "no", "at its bound"; "unconfirmed" for yes and weakly
-    truth: float | None = None
-    low: float | None = None
-    median: float | None = None
-    high: float | None = None
+    two_sigma: float | None  # None if the data does not determine it
+    # "yes", "weakly", "no", "at its bound"; "unconfirmed" for yes and weakly, "not explained"
+    identifiable: str
     bar_by: dict[str, float] = {}  # share of noise and of each model error in the bar's square
+    # low, median, high of the posterior, if one was sampled and its samples are enough
+    quantiles: tuple[float, float, float] | None = None
+
+
+def rows_of(
+    parameters: Sequence[Parameter],
+    value: NDArray[np.float64],
+    bars: NDArray[np.float64],
+    verdicts: Sequence[str],
+    causes: Mapping[str, NDArray[np.float64]],
+) -> list[Row]:
+    """A row per parameter; value and two-sigma bars (p,), parts of the bars (p,) by their causes.
+    An infinite bar is none."""
+    rows = []
+    for i, (p, x, bar, verdict) in enumerate(zip(parameters, value, bars, verdicts, strict=True)):
+        has_bar = bool(np.isfinite(bar))
+        rows.append(
+            Row(
+                name=p.name,
+                unit=p.unit,
+                start=p.start,
+                bounds=(p.low, p.high) if np.isfinite([p.low, p.high]).all() else None,
+                found=float(x),
+                two_sigma=float(bar) if has_bar else None,
+                identifiable=verdict,
+                bar_by=shares(causes, i) if has_bar else {},
+            )
+        )
+    return rows
+
+
+# columns of a table of rows
+COLUMNS: dict[str, Callable[[Row], str | None]] = {
+    "start": lambda row: f"{row.start:.5g}",
+    "found": lambda row: f"{row.found:.6g}",
+    "two sigma": lambda row: None if row.two_sigma is None else f"{row.two_sigma:.2g}",
+    # quantiles as their distance from the value found
+    "2.3 %": lambda row: row.quantiles and f"{row.quantiles[0] - row.found:+.2g}",
+    "97.7 %": lambda row: row.quantiles and f"{row.quantiles[2] - row.found:+.2g}",
+    "bounds": lambda row: row.bounds and f"{row.bounds[0]:.4g} to {row.bounds[1]:.4g}",
+    "identifiable": lambda row: row.identifiable,
+    "bar by": lambda row: bar_by_words(row.bar_by),
+}
+
+
+def _table(of: str, rows: Sequence[Row], *columns: str) -> str:
+    """Aligned text of the rows; the causes of bars only if others than noise count."""
+    with_unit = [f"{row.name} [{row.unit}]" if row.unit else row.name for row in rows]
+    if not any(1.0 - row.bar_by.get(NOISE, 1.0) >= LEAST_SHARE for row in rows):
+        columns = tuple(column for column in columns if column != "bar by")
+    cells = [
+        (name, *(COLUMNS[column](row) for column in columns))
+        for name, row in zip(with_unit, rows, strict=True)
+    ]
+    return aligned_text((of, *columns), cells)
+
+
+def csv_lines(rows: Sequence[Row]) -> list[str]:
+    """A head and a line per row, an empty cell for what a row does not have."""
+
+    def cell(x: float | None, digits: int = 9) -> str:
+        return "" if x is None else f"{x:.{digits}g}"
+
+    nothing = (None, None, None)
+    return [
+        "name,unit,start,lower_bound,upper_bound,found,two_sigma,identifiable,low,median,high",
+        *(
+            ",".join(
+                [row.name, row.unit, cell(row.start), *map(cell, row.bounds or nothing[:2]),
+                 cell(row.found), cell(row.two_sigma, 4), row.identifiable,
+                 *map(cell, row.quantiles or nothing)]
+            )
+            for row in rows
+        ),
+    ]  # fmt: skip
 
 
 class PosteriorSummary(BaseModel):
-    """Sampling of a posterior; steps and autocorrelation are the walkers'."""
+    """Sampling of a posterior."""
 
-    walkers: int
-    steps: int
-    discarded: int
-    autocorrelation_steps: float | None  # of the worst parameter; None where it cannot be told
     effective_samples: float
-    acceptance: float
+    peaks: list[float]  # shares of the separate peaks
     model_runs: int
     seed: int
-    long_enough: bool
+    believable: bool
     seconds: float
     shares: tuple[float, float, float] = SHARES  # of low, median and high
 
@@ -60,11 +138,6 @@ def _page(report: CalibrationReport | InspectionReport, *lines: str) -> str:
     return "\n".join([*face, *lines, *remarks])
 
 
-def _with_unit(row: ParameterRow | NumberRow) -> str:
-    """Name and unit of a row."""
-    return f"{row.name} [{row.unit}]" if row.unit else row.name
-
-
 class CalibrationReport(BaseModel):
     """Input, results and reliability of a calibration."""
 
@@ -72,7 +145,7 @@ class CalibrationReport(BaseModel):
     data: str
     title: str
     synthetic: bool
-    parameters: list[ParameterRow]
+    parameters: list[Row]
     misfit_m_s: dict[str, float]
     start_misfit_m_s: dict[str, float]
     held_out_m_s: dict[str, float]
@@ -87,32 +160,12 @@ class CalibrationReport(BaseModel):
     seconds: float
     remarks: list[str]
     posterior: PosteriorSummary | None = None
-    coverage: dict[str, Any] | None = None
 
     def text(self) -> str:
         """A table, and sentences on lines that a terminal holds."""
-        # a line per parameter; quantiles as what they are off the value found
-        sampled = any(row.low is not None for row in self.parameters)
-        has_truth = any(row.truth is not None for row in self.parameters)
-        head = ["parameter", "start", "found", "two sigma"]
-        head += ["2.3 %", "97.7 %"] if sampled else []
-        head += ["identifiable", "truth"] if has_truth else ["identifiable"]
-        widened = any(1.0 - row.bar_by.get(NOISE, 1.0) >= LEAST_SHARE for row in self.parameters)
-        head += ["bar by"] if widened else []
-        cells = []
-        for row in self.parameters:
-            bar = None if row.two_sigma is None else f"{row.two_sigma:.2g}"
-            line = [_with_unit(row), f"{row.start:.5g}", f"{row.found:.6g}", bar]
-            if sampled:
-                line += [
-                    None if x is None else f"{x - row.found:+.2g}" for x in (row.low, row.high)
-                ]
-            line.append(row.identifiable)
-            if has_truth:
-                line.append(None if row.truth is None else f"{row.truth:.6g}")
-            if widened:
-                line.append(bar_by_words(row.bar_by))
-            cells.append(tuple(line))
+        sampled = any(row.quantiles for row in self.parameters)
+        quantiles = ("2.3 %", "97.7 %") if sampled else ()
+        columns = ("start", "found", "two sigma", *quantiles, "identifiable", "bar by")
 
         def signal(name: str) -> str:
             return name if name in self.units else f"sphere {name}"
@@ -132,7 +185,7 @@ class CalibrationReport(BaseModel):
         ]
         runs = sum(stage["evaluations"] for stage in self.stages)
         return _page(
-            self, aligned_text(tuple(head), cells), "", *misfits, "",
+            self, _table("parameter", self.parameters, *columns), "", *misfits, "",
             f"{runs} model runs in {self.seconds:.2f} s",
         )  # fmt: skip
 
@@ -158,21 +211,12 @@ def calibration_report(
         }
 
     # a parameter at its bound has no bar, nor has one that the data does not determine
-    rows = []
     bars = np.where(fit.at_bound, np.inf, fit.uncertainty.two_sigma)
-    for i, (p, x, bar, at_bound) in enumerate(
-        zip(fit.parameters, fit.value, bars, fit.at_bound, strict=True)
-    ):
-        row = ParameterRow(
-            name=p.name,
-            unit=p.unit,
-            start=p.start,
-            found=float(x),
-            two_sigma=float(bar) if np.isfinite(bar) else None,
-            identifiable="at its bound" if at_bound else identifiable(p, x, bar, fit.confirmed),
-            bar_by={} if at_bound else shares(fit.causes, i),
-        )
-        rows.append(row)
+    verdicts = [
+        AT_BOUND if at_bound else identifiable(p, x, bar, fit.confirmed)
+        for p, x, bar, at_bound in zip(fit.parameters, fit.value, bars, fit.at_bound, strict=True)
+    ]
+    rows = rows_of(fit.parameters, fit.value, bars, verdicts, fit.causes)
 
     sentences = list(remarks(fit, noise, signals))
     if isinstance(scene.wall, OneDofWall):
@@ -203,19 +247,6 @@ def calibration_report(
     )
 
 
-class NumberRow(BaseModel):
-    """One number; `told` compares its bar with its bounds."""
-
-    name: str
-    unit: str
-    low: float | None
-    high: float | None
-    found: float
-    two_sigma: float
-    told: str  # "yes", "weakly", "no", "at its bound"
-    bar_by: dict[str, float] = {}  # share of noise and of each model error in the bar's square
-
-
 class InspectionReport(BaseModel):
     """Results of an inspection, their reliability, and the numbers that the records do not
     determine."""
@@ -224,8 +255,8 @@ class InspectionReport(BaseModel):
     records: list[str]
     sensors: list[str]
     synthetic: bool
-    numbers: list[NumberRow]
-    others: list[NumberRow]  # of the records: velocities, triggers, gains
+    numbers: list[Row]
+    others: list[Row]  # of the records: velocities, triggers, gains
     correlation: list[list[float]]  # of the numbers
     misfit: list[list[float]]  # rms over the noise, by record and sensor
     noise: list[list[float]]  # rms, in the sensors' units
@@ -242,68 +273,47 @@ class InspectionReport(BaseModel):
     def text(self) -> str:
         """Two tables, and sentences on lines that a terminal holds."""
         n = len(self.records)
-        n_columns = 6 if any(row.bar_by for row in self.numbers) else 5
         misfit = float(np.sqrt(np.mean(np.square(self.misfit))))
         return _page(
-            self, _table(self.numbers, n_columns), "", _table(self.others, 3), "",
+            self,
+            _table(
+                "number", self.numbers, "found", "two sigma", "bounds", "identifiable", "bar by"
+            ),
+            "", _table("number", self.others, "found", "two sigma"), "",
             f"The model leaves {misfit:.3g} times the noise of {n} record{'s' * (n != 1)}; "
             f"{self.seconds:.1f} s.",
         )  # fmt: skip
-
-
-def _table(rows: list[NumberRow], n_columns: int) -> str:
-    """The first columns of a table of numbers."""
-    columns = ("number", "found", "two sigma", "bounds", "told", "bar by")[:n_columns]
-    cells = []
-    for row in rows:
-        bounds = "" if row.low is None else f"{row.low:.4g} to {row.high:.4g}"
-        line = (
-            _with_unit(row), f"{row.found:.6g}", f"{row.two_sigma:.2g}", bounds, row.told,
-            bar_by_words(row.bar_by),
-        )  # fmt: skip
-        cells.append(line[:n_columns])
-    return aligned_text(columns, cells)
 
 
 def inspection_report(
     result: InspectionResult, records: tuple[MeanRecord, ...]
 ) -> InspectionReport:
     """Rows, bars over the records' length, and what there is to be said."""
-    judged = result.judged
-    inversion, n, between = judged.inversion, judged.n_shared, judged.between
-    t, bars = judged.bars_by_length()
+    answer = result.answer
+    inversion, n, between = answer.inversion, answer.n_shared, answer.between
+    t, bars = answer.bars_by_length()
 
-    # gains have no upper bound: their rows show none
-    rows = [
-        NumberRow(
-            name=p.name, unit=p.unit, found=float(x), two_sigma=float(bar),
-            low=p.low if np.isfinite(p.high) else None,
-            high=p.high if np.isfinite(p.high) else None,
-            told=verdict,
-            bar_by=shares(inversion.causes, i),
-        )
-        for i, (p, x, bar, verdict) in enumerate(zip(
-            inversion.parameters, inversion.value, inversion.uncertainty.two_sigma, judged.told,
-            strict=True,
-        ))
-    ]  # fmt: skip
+    bars_found = inversion.uncertainty.two_sigma
+    rows = rows_of(
+        inversion.parameters, inversion.value, bars_found, answer.identifiable, inversion.causes
+    )
     return InspectionReport(
         scene=result.scene.name,
-        records=list(judged.records),
+        records=list(answer.records),
         sensors=[channel.name for channel in records[0].channels],
         synthetic=any(record.synthetic for record in records),
         numbers=rows[:n],
         others=rows[n:],
         correlation=inversion.uncertainty.correlation[:n, :n].tolist(),
         misfit=inversion.misfit.tolist(),
-        noise=[shot.noise.tolist() for shot in judged.fit.shots],
-        explained=judged.explained,
+        noise=[shot.noise.tolist() for shot in answer.fit.shots],
+        explained=answer.explained,
         record_length_s=t.tolist(),
         two_sigma_by_length={row.name: bars[:, i].tolist() for i, row in enumerate(rows[:n])},
         walls=between.n_walls if between else 0,
         wall_missed=between.missed.frequency if between else None,
-        rivals=judged.rival_numbers,
+        rivals=answer.rival_numbers,
         starts=inversion.search.starts,
         seconds=result.seconds,
-        remarks=list(judged.remarks()),
+        remarks=list(answer.remarks()),
     )

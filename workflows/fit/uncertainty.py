@@ -184,7 +184,7 @@ def bars_over_time(
     return np.array(bars)
 
 
-def felt_from(
+def determining_sample(
     slopes: NDArray[np.float64], width: NDArray[np.float64], share: float
 ) -> NDArray[np.int64]:
     """(p,) samples after which a number alone, all others known, has a two-sigma bar of a share of
@@ -240,14 +240,14 @@ class Valley(NamedTuple):
             squares.append(min(np.sum(r**2), np.sum(self.residual(begin - gauss_newton @ r) ** 2)))
         return float(min(squares) - bottom)
 
-    def room(self, step: NDArray[np.float64], i: int) -> float:
+    def steps_to_bound(self, step: NDArray[np.float64], i: int) -> float:
         """Number of such steps (p,) within the bounds of number i, from theta on."""
         low, high = self.fit.unknowns.ends()
         end = high[i] if step[i] > 0 else low[i]
         return float((end - self.theta[i]) / (step[i] * self.fit.unknowns.scale[i]))
 
 
-def stretched(
+def profile_likelihood_bars(
     fit: RecordFit,
     theta: NDArray[np.float64],
     J: NDArray[np.float64],
@@ -266,7 +266,7 @@ def stretched(
     factors = []
     for i in range(n_shared):
         u = 2.0 * covariance[:p, i] / sigma[i]
-        factors.append(max(stretch_factor(valley, way * u, i) for way in (1, -1)))
+        factors.append(max(profile_factor(valley, way * u, i) for way in (1, -1)))
     if max(factors) == 1.0:
         return bars, 1.0
     # variances grow and covariances stay, which leaves the matrix positive definite
@@ -280,18 +280,18 @@ def stretched(
     return longer, max(factors)
 
 
-def stretch_factor(valley: Valley, step: NDArray[np.float64], i: int) -> float:
+def profile_factor(valley: Valley, step: NDArray[np.float64], i: int) -> float:
     """t: how many steps (p,) raise the misfit as much as one raises the parabola, at least one; as
     many as the bounds leave where those are fewer."""
-    room = valley.room(step, i)
-    if room <= 1.0:
+    available = valley.steps_to_bound(step, i)
+    if available <= 1.0:
         return 1.0
     enough = step @ valley.parabola @ step
     t, t_before, rise_before, rise = 1.0, 0.0, 0.0, valley.rise(step, i)
-    while rise < enough and t < room:
+    while rise < enough and t < available:
         t_before, rise_before = t, rise
         # 1.5: factor from one trial of t to the next, until the misfit has risen enough
-        t = min(1.5 * t, room)
+        t = min(1.5 * t, available)
         rise = valley.rise(t * step, i)
     if rise < enough:
         return t

@@ -11,15 +11,19 @@ import numpy as np
 from beadwave.workflows.fit.chain_fit import CalibrationResult
 from beadwave.workflows.fit.model_errors import NOISE
 from beadwave.workflows.fit.parameter import Parameter, scales
+from beadwave.workflows.fit.posterior import ENOUGH, Posterior
 from beadwave.workflows.fit.signals import Signals
-from beadwave.workflows.fit.uncertainty import bars_over_time, bounds_information, felt_from
+from beadwave.workflows.fit.uncertainty import (
+    bars_over_time,
+    bounds_information,
+    determining_sample,
+)
 from beadwave.workflows.fit.windows import decisive
 
 if TYPE_CHECKING:
     from beadwave.workflows.fit.inversion import Inversion
     from beadwave.workflows.fit.least_squares import RecordFit
     from beadwave.workflows.fit.parametric_wall import ParametricWall
-    from beadwave.workflows.fit.posterior import Posterior
 
 
 SHARES = (0.02275, 0.5, 0.97725)  # of the quantiles: two sigma of a Gaussian to either side
@@ -156,13 +160,11 @@ def on_held_out(left_out: dict[str, float], fit: CalibrationResult) -> Iterator[
 def on_posterior(posterior: Posterior, fit: CalibrationResult, *, seed: int, seconds: float) -> str:
     """Sentence on the sampling of a posterior, and on what it says beyond the bars."""
     cost = f"{posterior.model_runs} model runs in {seconds:.1f} s, seed {seed}"
-    tau = float(posterior.autocorrelation.max())
-    if not (np.isfinite(tau) and posterior.long_enough):
-        times = f"of {tau:.3g} steps" if np.isfinite(tau) else "that cannot be told"
+    if not posterior.believable:
         return (
-            f"The posterior is not shown: {posterior.kept} steps of {posterior.walkers} walkers "
-            f"are too few for autocorrelation times {times} (50 of them are needed); {cost}. Free "
-            "fewer parameters, or those that the data determines."
+            f"The posterior is not shown: its samples are worth {posterior.effective:.0f} "
+            f"independent ones, {ENOUGH:.0f} are needed of a sampler that came to its end; {cost}. "
+            "Free fewer parameters, or those that the data determines."
         )
 
     # parameters without a bar, or whose bar by noise ends elsewhere than the samples do
@@ -181,11 +183,13 @@ def on_posterior(posterior: Posterior, fit: CalibrationResult, *, seed: int, sec
         if unlike
         else "agree with the bars to a tenth of two sigma"
     )
+    peaks = ""
+    if len(posterior.masses) > 1:
+        masses = ", ".join(f"{100 * mass:.0f} %" for mass in posterior.masses)
+        peaks = f", in {len(posterior.masses)} separate peaks of {masses}"
     return (
-        f"Posterior, flat between the bounds: {posterior.effective:.0f} effective samples "
-        f"({posterior.walkers} walkers, {posterior.kept} steps, autocorrelation "
-        f"{tau:.3g} steps, {100 * posterior.acceptance:.0f} % accepted; {cost}); "
-        f"its quantiles {verdict}."
+        f"Posterior, flat between the bounds: {posterior.effective:.0f} effective samples{peaks} "
+        f"({cost}); its quantiles {verdict}."
     )
 
 
@@ -197,12 +201,12 @@ UNEXPLAINED = "not explained"
 DETERMINED_BAR = 0.1  # two-sigma bar over the bounds' distance of a number that is determined
 BARELY_DETERMINED_BAR = 0.5  # the same, of one that is determined weakly
 COLOURED_MEMORY = 1.3  # memory of a residual that is not white
-STRETCHED_BAR = 1.05  # factor on a bar by the profile of the misfit
+LENGTHENED_BAR = 1.05  # factor on a bar by the profile of the misfit
 ALIKE_CORRELATION = 0.9  # correlation of two numbers
 SETTLED_SHIFT = 0.05  # of a bar, that a further wall computed at the answer may move
 
 
-def told_of(inversion: Inversion) -> list[str]:
+def verdicts_of(inversion: Inversion) -> list[str]:
     """Of each number "yes", "weakly", "no" or "at its bound", by its bar over its bounds."""
     width = np.array([p.high - p.low for p in inversion.parameters])
     verdicts = []
@@ -242,11 +246,11 @@ class InspectionAnswer(NamedTuple):
         return not self.no_wall and (not self.noise_known or self.inversion.explained)
 
     @property
-    def told(self) -> list[str]:
+    def identifiable(self) -> list[str]:
         """Verdict on each number: "not explained" for all where the model does not explain the
         records, for then a short bar means nothing."""
         if self.explained:
-            return told_of(self.inversion)
+            return verdicts_of(self.inversion)
         return [UNEXPLAINED] * len(self.inversion.parameters)
 
     @property
@@ -318,7 +322,7 @@ class InspectionAnswer(NamedTuple):
         """Numbers that the records do not determine, or only together with another one."""
         inversion, n = self.inversion, self.n_shared
         names = [p.name for p in inversion.parameters]
-        verdicts = told_of(inversion)
+        verdicts = verdicts_of(inversion)
         undetermined = [i for i in range(n) if verdicts[i] == "no"]
 
         for i in undetermined:
@@ -326,8 +330,10 @@ class InspectionAnswer(NamedTuple):
             t = self.fit.shots[0].t
             length = 1e3 * (t[-1] - self._touch)
             width = np.array([p.high - p.low for p in inversion.parameters])
-            felt = felt_from(inversion.slopes, width / scales(inversion.parameters), DETERMINED_BAR)
-            opening = f"The records do not tell {names[i]}: its bar is as long as its bounds"
+            felt = determining_sample(
+                inversion.slopes, width / scales(inversion.parameters), DETERMINED_BAR
+            )
+            opening = f"The records do not determine {names[i]}: its bar is as long as its bounds"
             if felt[i] < len(t):
                 yield (
                     f"{opening}. Waves feel it from {1e3 * (t[felt[i]] - self._touch):.3g} ms on, "
@@ -354,14 +360,14 @@ class InspectionAnswer(NamedTuple):
                         f"{names[j]} and {names[i]} move {way} at almost no cost (correlation "
                         f"{r:.2f}): each alone is known far worse than the two of them."
                     )
-        if inversion.stretch > STRETCHED_BAR:
+        if inversion.lengthening > LENGTHENED_BAR:
             yield (
                 "The misfit rises more slowly than a parabola: bars are up to "
-                f"{inversion.stretch:.2g} times as long as its curvature says."
+                f"{inversion.lengthening:.2g} times as long as its curvature says."
             )
         if undetermined or "weakly" in verdicts[:n]:
             worst = inversion.uncertainty.combinations[0]
-            yield f"Least told by the records: {worst.text(inversion.parameters)}."
+            yield f"Least determined by the records: {worst.text(inversion.parameters)}."
 
     def _on_wall(self) -> Iterator[str]:
         """Errors of the interpolation and of the step of the model."""
