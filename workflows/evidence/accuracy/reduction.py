@@ -51,7 +51,7 @@ BOUND = 1e-6  # of the reference's error
 FINER = 1e-2  # times the scene's error: the march must not show among the differences
 REFERENCE = {
     "reference-response": Stage(
-        f"{__name__}:reference", tables_of("patch", "assembly"), ("model", "contact")
+        f"{__name__}:reference", tables_of("strike", "assembly"), ("model", "contact")
     )
 }
 
@@ -104,7 +104,7 @@ def reduction(scene: Scene, progress: Progress) -> Finding:
             "joints or springs have dashpots, which this study would leave out of the responses it "
             "compares; set them to 0 (joints.head.cx .. joints.foot.crz of the rig)."
         )
-    strike = scene.written_out.strike
+    strike = scene.strike
     if strike and strike.weights == "thesis":
         raise InvalidScene(
             'the patch with weights = "thesis" is read elsewhere than it is pushed, which no '
