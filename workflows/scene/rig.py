@@ -27,7 +27,7 @@ and 5.3), every field says so in its description.
 from collections.abc import Mapping
 from itertools import pairwise
 from math import isfinite
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, SerializationInfo, create_model, model_serializer
@@ -147,15 +147,6 @@ RigTable = create_model(
 )
 
 
-class EdgeRefinement(NamedTuple):
-    """Elements at the edge of an imprint on a part below, where stresses are singular. With them,
-    and elements that match across interfaces, the mesh error of rig-rom fell from 4.4 to 0.7 % of
-    the striker's speed; other values are not on record."""
-
-    size: float = 1 / 16  # size of the first element over that of the part's elements
-    growth: float = 3.0  # size of an element over that of its neighbour nearer to the edge
-
-
 # Elements of a sheet on either side of a line where it is clamped: it bends there within some
 # thicknesses. One row of a tenth of the seed in place of these left twice the error in the waves of
 # rig-rom, at the same number of unknowns.
@@ -163,12 +154,15 @@ CLAMP_ROW = 1 / 30  # of the elements' size, of the first row
 CLAMP_GROWTH = 2.0  # of neighbouring rows away from the line; 2.5 and 3 left more error
 CLAMP_REACH = 0.4  # of the elements' size: the rows between the line and the rings of screws
 
-
-EDGE = EdgeRefinement()
+# Elements at the edge of an imprint on a part, where stresses are singular: size of the first one
+# over that of the part's elements, and of an element over its neighbour nearer to the edge. With
+# them, and elements that match across interfaces, the mesh error of rig-rom fell from 4.4 to 0.7 %
+# of the striker's speed; other values are not on record.
+EDGE = 1 / 16, 3.0  # of the block
 # of the parts below, whose elements are large. Of rig-rom with 60 mm there 1.5 mm and a growth of 5
 # left an error of 1.1 % in the waves (38 000 unknowns), 2 mm and 6 left 1.6 % (37 000), 0.6 mm and
 # 9 left 1.4 % (43 000)
-EDGE_BELOW = EdgeRefinement(1 / 40, 5.0)
+EDGE_BELOW = 1 / 40, 5.0
 
 
 class Cuboid(NamedTuple):
@@ -193,6 +187,8 @@ class RigScene(Scene):
 
     It is written as the rig; `but` takes tables of the rig and expands them again.
     """
+
+    strike_table: ClassVar[str] = "patch"
 
     rig: Rig
 
@@ -239,11 +235,6 @@ class RigScene(Scene):
     @model_serializer
     def _as_written(self, info: SerializationInfo) -> dict[str, Any]:
         return self.written.model_dump(mode=info.mode, exclude_none=info.exclude_none)
-
-    @property
-    def strike_table(self) -> str:
-        """Name of the table that a user writes for the place that is struck."""
-        return "patch"
 
 
 def as_bodies(rig: Rig) -> dict[str, Any]:
@@ -378,7 +369,7 @@ def _lines(rig: Rig, name: str, size: float) -> list[list[dict[str, float]]]:
     elsewhere; of several at one place the first counts."""
     a, cuboids = rig.assembly, boxes(rig.assembly)
     box = cuboids[name]
-    edge = EDGE if name == "block" else EDGE_BELOW
+    finest, growth = EDGE if name == "block" else EDGE_BELOW
     singular: list[list[float]] = [[], [], []]  # where stresses are
     lines: list[list[dict[str, float]]] = [[], [], []]
     plain: list[list[dict[str, float]]] = [[], [], []]
@@ -413,7 +404,7 @@ def _lines(rig: Rig, name: str, size: float) -> list[list[dict[str, float]]]:
         centre = (box.upper[0], rig.patch.point[0], a.block_z / 2 + rig.patch.point[1])
         lines = [[{"at": float(at), "size": rig.mesh.contact_seed}] for at in centre]
     for i in range(3):
-        fine = {"size": edge.size * size, "growth": edge.growth}
+        fine = {"size": finest * size, "growth": growth}
         lines[i] += [{"at": float(at), **fine} for at in singular[i]] + plain[i]
         lower, upper = box.lower[i] - 1e-9, box.upper[i] + 1e-9
         lines[i] = [line for line in lines[i] if lower < line["at"] < upper]

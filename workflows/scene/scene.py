@@ -1,7 +1,7 @@
 """A whole run: the tables of a scene together."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -53,6 +53,8 @@ class Scene(SceneTable):
 
     `unusual` names the keys whose values are intended though they lie outside of their usual range.
     """
+
+    strike_table: ClassVar[str] = "strike"  # that a user writes for the place that is struck
 
     # of the scene; by default that of its file
     name: Annotated[str, Field(pattern=r"^\w[\w.-]*$", max_length=LONGEST_NAME)]
@@ -123,11 +125,6 @@ class Scene(SceneTable):
     def written(self) -> "Scene":
         """The scene as a user writes it: of a rig its dimensions."""
         return self
-
-    @property
-    def strike_table(self) -> str:
-        """Name of the table that a user writes for the place that is struck."""
-        return "strike"
 
     @property
     def bending(self) -> Beam | BendingPlateTable | None:

@@ -45,8 +45,8 @@ def tunable(scene: Scene) -> list[str]:
     if isinstance(scene, RigScene):
         there = {*scene.bushings, "block"}
         return [n for n in known(scene) if n.split(".")[0] in there and not n.endswith(".kt")]
-    isotropic = {name for name, solid in scene.materials.items() if solid.is_isotropic}
-    return [n for n in known(scene) if n[:10] != "materials." or n.split(".")[1] in isotropic]
+    orthotropic = {("materials", name) for name, m in scene.materials.items() if not m.is_isotropic}
+    return [name for name in known(scene) if place_of(name)[:2] not in orthotropic]
 
 
 def usual(scene: Scene, match: Iterable[int]) -> tuple[str, ...]:

@@ -2,10 +2,10 @@
 each."""
 
 from collections.abc import Iterator
-from math import isinf, log, pi, prod
+from math import log, pi, prod
 
 from beadwave.system import free_memory
-from beadwave.workflows.scene.rig import RigScene
+from beadwave.workflows.scene.rig import RigScene, boxes
 from beadwave.workflows.scene.rules.bodies import without_assembly
 from beadwave.workflows.scene.rules.size import (
     ELEMENT_GROWTH,
@@ -38,8 +38,7 @@ def of_the_rig(scene: Scene) -> Iterator[str]:
     for name, young in {"assembly": scene.assembly.young, **bodies}.items():
         if young is not None and young < MIN_YOUNG:
             yield (
-                f"{name}.young = {young:g} Pa must be at least {MIN_YOUNG:g} Pa, that of "
-                "rubber: "
+                f"{name}.young = {young:g} Pa must be at least {MIN_YOUNG:g} Pa, that of rubber: "
                 "softer bodies have too many modes; raise it."
             )
 
@@ -66,18 +65,13 @@ def of_the_rig(scene: Scene) -> Iterator[str]:
                 f"{half[1]:.6g} m from the middle of the block's face; move it."
             )
 
-    # a dashpot acts on the elongation of a spring: there must be a spring, and it must give way
+    # a dashpot acts on the elongation of a spring
     for joint, table in scene.joints or Joints():
         for key, coefficient in table.dashpots.items():
-            name = f"joints.{joint}.c{key[1:]} = {coefficient}"
             if scene.assembly.constraint != "wires":
                 yield (
-                    f'{name} needs the joints of assembly.constraint = "wires"; change one of them.'
-                )
-            if isinf(getattr(table, key)):
-                yield (
-                    f"{name} is parallel to {key} = inf, which never moves; give "
-                    f"joints.{joint}.{key}."
+                    f"joints.{joint}.c{key[1:]} = {coefficient} needs the joints of "
+                    'assembly.constraint = "wires"; change one of them.'
                 )
     yield from _too_fine(scene)
 
@@ -85,13 +79,7 @@ def of_the_rig(scene: Scene) -> Iterator[str]:
 def _too_fine(scene: Scene) -> Iterator[str]:
     """Elements, modes and memory of the thesis' rig, from its dimensions."""
     a, mesh, reduction = scene.assembly, scene.mesh, scene.reduction
-    solids = (
-        (a.block_x, a.block_y, a.block_z),
-        (a.sheets_support_x, a.sheets_support_y, a.sheets_support_z),
-        (a.support_x, a.support_y, a.support_z),
-        (a.plate_x, a.plate_y, a.plate_z),
-    )
-    block, *below = (prod(sides) for sides in solids)  # [m^3]
+    block, *below = (prod(box.upper - box.lower) for box in boxes(a).values())  # [m^3]
 
     # hexahedra of each seed alone; at the contact they grow by this factor from one to the next
     length = a.head_overlap + a.sheet_free_length + a.foot_overlap
