@@ -4,16 +4,9 @@ each."""
 from collections.abc import Iterator
 from math import log, pi, prod
 
-from beadwave.system import free_memory
 from beadwave.workflows.scene.rig import RigScene, boxes
+from beadwave.workflows.scene.rules import size
 from beadwave.workflows.scene.rules.bodies import without_assembly
-from beadwave.workflows.scene.rules.size import (
-    ELEMENT_GROWTH,
-    LIMITS,
-    foreseen_nodes,
-    gigabytes,
-    peak_memory,
-)
 from beadwave.workflows.scene.scene import Scene
 from beadwave.workflows.scene.tables.joints import Joints
 from beadwave.workflows.thesis import HAMMER_TEST
@@ -87,40 +80,40 @@ def _too_fine(scene: Scene) -> Iterator[str]:
         "block_seed": block / mesh.block_seed**3,
         "seed": 2 * length * a.sheet_width / mesh.seed**2,
         "contact_seed": 4
-        * (1 + log(max(1, mesh.block_seed / mesh.contact_seed), ELEMENT_GROWTH)) ** 3,
+        * (1 + log(max(1, mesh.block_seed / mesh.contact_seed), size.ELEMENT_GROWTH)) ** 3,
         "support_seed": sum(below) / mesh.support_seed**3,
     }
     for key, number in elements.items():
-        if number > LIMITS.elements:
+        if number > size.LIMITS.elements:
             yield (
                 f"mesh.{key} = {getattr(mesh, key)} m makes {number:.1e} elements, allowed are "
-                f"{LIMITS.elements:.0e}; take a larger one."
+                f"{size.LIMITS.elements:.0e}; take a larger one."
             )
 
     # modes of a solid below f: 4/3 pi V f^3 (1/c_L^3 + 2/c_T^3), the first term a tenth (Weyl)
     c_T = (a.young / (2 * (1 + a.poisson)) / a.density) ** 0.5
-    highest = (LIMITS.modes * c_T**3 / (4 / 3 * pi * 2.2 * sum((block, *below)))) ** (1 / 3)
+    highest = (size.LIMITS.modes * c_T**3 / (4 / 3 * pi * 2.2 * sum((block, *below)))) ** (1 / 3)
     for key in ("cutoff", "to_hz"):
         hz = getattr(reduction, key)
         if hz is not None and hz > highest:
             yield (
                 f"reduction.{key} = {hz:g} Hz must be up to {highest:.3g} Hz, below which the "
-                f"assembly has some {LIMITS.modes} modes; lower it."
+                f"assembly has some {size.LIMITS.modes} modes; lower it."
             )
 
     whole = RigScene.of(scene)
-    nodes = foreseen_nodes(whole)
+    nodes = size.foreseen_nodes(whole)
     if not nodes:
         return
-    needed, free = peak_memory(whole, nodes), free_memory()
+    needed, free = size.peak_memory(whole, nodes), size.free_memory()
     if needed > free:
         body = max(nodes, key=nodes.get).removesuffix("-y").removesuffix("+y")
         seed = SEED_OF.get(body, "support_seed")
         sides = [getattr(a, f"{body}_{axis}", None) for axis in "xyz"]
-        size = "" if None in sides else f" ({' x '.join(map(str, sides))} m)"
+        lengths = "" if None in sides else f" ({' x '.join(map(str, sides))} m)"
         yield (
             f"the mesh of [assembly] would have {3 * sum(nodes.values()):.2g} unknowns, most of "
-            f"them in the {body}{size} at mesh.{seed} = {getattr(mesh, seed)} m, and a run would "
-            f"take {gigabytes(needed)} of memory, {gigabytes(free)} are free; take larger "
-            "elements, or dimensions that fit."
+            f"them in the {body}{lengths} at mesh.{seed} = {getattr(mesh, seed)} m, and a run "
+            f"would take {size.gigabytes(needed)} of memory, {size.gigabytes(free)} are free; take "
+            "larger elements, or dimensions that fit."
         )
