@@ -92,7 +92,7 @@ def costed_mesh(scene: Scene) -> tuple[int, np.ndarray, dict[str, Cost]]:
     factor = stage("factorise", lambda: stages.factor(scene, model))
     space = stage("Krylov space", lambda: krylov_space(scene, mesh, model, factor))
     modes = stage("modes", lambda: stages.modes(scene, model, space))
-    if scene.written_out.strike is not None:
+    if scene.strike is not None:
         contact = stages.contact(scene, mesh, model)
         stage("reduce", lambda: reduction(scene, model, contact, modes, factor, space))
     if which("ccx") and model.K.shape[0] < 1e5:  # beyond it minutes with its default solver

@@ -40,7 +40,8 @@ from beadwave.workflows.stages.engine.pipeline import Pipeline, pipeline_of
 from beadwave.workflows.stages.structure.loss_factors import structure_damping
 from beadwave.workflows.stages.structure.targets import placed
 from beadwave.workflows.structure.hammer_design import hits_of_modes
-from beadwave.workflows.structure.tuning import at_values, candidates_of, loosened
+from beadwave.workflows.structure.parameters import at_values, freed
+from beadwave.workflows.structure.tuning import loosened
 
 POINTS, SCATTER, COARSER = 12, 0.3, 2.0
 DEFECTS = HammerDefects(noise=0.02, double=0.05, overload=0.05, cross=0.01)
@@ -115,7 +116,7 @@ def planned(name: str) -> Test:
     ]
     watching = scene(name, {"mesh.scale": COARSER, "masses": masses})
     free = tuple(
-        f"{joint}.{key}" if watching.of_dimensions else f"joints.{joint}.{key}"
+        f"{joint}.{key}"
         for joint, table in watching.bushings.items()
         for key in ("kx", "ky", "kz", "krx", "kry", "krz")
         if 0 < getattr(table, key) < np.inf
@@ -140,7 +141,7 @@ def planned(name: str) -> Test:
 
 def round_trips(test: Test, joints: int, tests: int, first: int) -> Counts:
     """Tests of structures whose joints are drawn by seeds from `first` on."""
-    candidates = candidates_of(test.scene, test.free) if test.free else []
+    candidates = freed(test.scene, test.free) if test.free else []
     nominal, nominal_model = test.run("modes"), test.run("model")
     at_points = placed(test.scene, nominal_model, "points", test.points, 0.0)
     if candidates:

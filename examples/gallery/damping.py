@@ -41,7 +41,7 @@ def main(duration=DURATION, n_modes=N_MODES, error=ERROR, changes=()):
     damping ratios at the modes of the hammer test."""
     rig = scene("rig-rom", changes)
     model, steel = assembly.model(rig, assembly.mesh(rig)), assembly.solid(rig, "block")
-    body = StruckBody(model, steel, rig.patch.point, rig.patch.radius)
+    body = StruckBody(model, steel, rig.strike.at, rig.strike.radius)
     (y, z), radius = body.point, body.radius
 
     # one undamped wall in three couplings: force and reading are one, or a radius apart, or at

@@ -53,16 +53,16 @@ def main(duration=DURATION, finer=FINER, n_modes=N_MODES, error=ERROR, changes=(
     still = energy_run(rig, "half-space", dem.rigid_wall(), duration, error)
 
     # a cube of the block's steel, held at its back, struck in the middle; and the assembly
-    steel, fine = assembly.solid(rig, "block"), finer * rig.mesh.contact_seed
+    steel, fine = assembly.solid(rig, "block"), finer * rig.strike.seed
     lines = Lines(*([refined(at, fine)] for at in (SIDE / 2, 0.0, 0.0)))
     cube = lined_mesh(Box((SIDE, SIDE, SIDE)), lines, SIDE / 6)
     ends = {"strike": lambda x: x[0] > SIDE / 2 - SAME, "-x": lambda x: x[0] < SAME - SIDE / 2}
     structure = fem.assemble({"block": cube.with_boundaries(ends)}, {"block": steel})
     block_model = fem.joined(structure, fem.Connections(held=[fem.HeldFace("block:-x")]))
-    rig_model, radius = assembly.model(rig, assembly.mesh(rig)), rig.patch.radius
+    rig_model, radius = assembly.model(rig, assembly.mesh(rig)), rig.strike.radius
     bodies = {
         "ROM half-space": StruckBody(block_model, steel, (0.0, 0.0), radius),
-        "ROM assembly": StruckBody(rig_model, steel, rig.patch.point, radius),
+        "ROM assembly": StruckBody(rig_model, steel, rig.strike.at, radius),
     }
     ours, theirs, runs = [], [], {"half-space": still}
     for name, body in bodies.items():
@@ -85,7 +85,7 @@ def main(duration=DURATION, finer=FINER, n_modes=N_MODES, error=ERROR, changes=(
     on_block, on_assembly = ours
     preload = on_assembly.change(on_assembly.trajectory.work_preload)
     leaf_springs = on_assembly.change(on_assembly.trajectory.energy_leaf)
-    seeds = [1e3 * finer * rig.mesh.contact_seed, 1e3 * rig.mesh.contact_seed]
+    seeds = [1e3 * finer * rig.strike.seed, 1e3 * rig.strike.seed]
     say(f"""
         Figure 2.7, the chain alone: on its way {alone.moving_on_the_way:.1%} of the energy is
         kinetic (5/9 of the wave and the recoil: {1 - WAVE * (1 - MOVING):.1%}). When the wall is

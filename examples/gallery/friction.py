@@ -67,7 +67,7 @@ class Difference(NamedTuple):
 
 def cases(shaken, coefficients, phases, forces, arms, patches):
     """The scene, and one thing of it changed at a time."""
-    (shaker,), (y, z) = shaken.shakers, shaken.patch.point
+    (shaker,), (y, z) = shaken.shakers, shaken.strike.at
     yield Case("scene", shaken.friction.coefficient, shaken)
     for value in coefficients:
         yield Case("coefficient", value, shaken.but(friction={"coefficient": value}))
@@ -102,7 +102,7 @@ def shaken_run(case, rig, coefficient, states):
     before = before_striker(body, v0, upstream_held=case.scene.friction.upstream == "held")
     fastest = float(np.abs(v0).max())
     shakers = [(s.frequency, s.force, s.phase) for s in case.scene.shakers]
-    key = repr((coefficient, shakers, case.scene.arm, case.scene.patch))
+    key = repr((coefficient, shakers, case.scene.arm, case.scene.strike))
     modes = f"{rig.wall.omega.size} modes"
     if key not in states:
         near = states.get(f"{coefficient:g} with {modes}", states.get(modes))

@@ -23,7 +23,8 @@ from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import Joints, JointStiffnesses
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.engine.progress import quiet
-from beadwave.workflows.structure.tuning import at_values, freed, loosened, shape_mac
+from beadwave.workflows.structure.parameters import at_values, freed
+from beadwave.workflows.structure.tuning import loosened, shape_mac
 from beadwave.workflows.thesis import HAMMER_TEST_HZ
 from observed import say
 
@@ -52,7 +53,7 @@ def main(freedoms=FREEDOMS, tangential=TANGENTIAL, changes=()):
         # modes 1 to 3 fitted on a basis of shapes; the full model at these stiffnesses judges
         joints = Joints(head=JointStiffnesses(kry=turn))
         varied = rig.but(assembly={"constraint": "wires"}, joints=joints)
-        parameters = freed(free)
+        parameters = freed(varied, free)
         loose = loosened(varied, parameters)
         basis = pipeline_of(loose, quiet)("tuning-basis")
         fits[name] = fit = tune(basis, parameters, TARGETS)

@@ -31,7 +31,7 @@ def main(seeds=SEEDS, changes=()):
     """Compliances [m/N] on each mesh: of the node without the structure's, of the recovery points,
     of the structure by the patch and by the node."""
     rig = scene("rig-rom", changes)
-    steel, radius, (y, z) = assembly.solid(rig, "block"), rig.patch.radius, rig.patch.point
+    steel, radius, (y, z) = assembly.solid(rig, "block"), rig.strike.radius, rig.strike.at
     face = assembly.struck(rig)
 
     # compliances on each mesh, and displacements (k,) [m/N] at y [m] from the contact under a unit

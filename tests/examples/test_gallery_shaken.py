@@ -200,7 +200,7 @@ def test_each_row_of_friction_changes_one_thing():
     assert rows["phase [deg] 180"].turn == 0.25 and rows["phase [deg] 180"].scene == rig
     assert rows["force [N] 2"].scene.shakers[0].force == 2.0
     assert rows["arm [MN/m] 1"].scene.arm.stiffness == 1e6
-    assert rows["patch [mm] 0"].scene.patch.point == (0.0, 0.0)
+    assert rows["patch [mm] 0"].scene.strike.at == (0.0, 0.0)
 
 
 @pytest.mark.slow

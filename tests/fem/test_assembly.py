@@ -74,7 +74,7 @@ def test_modes_are_identified_by_shape_not_by_order(bolted):
 def test_the_structure_has_the_mass_of_its_bodies(full):
     x = np.zeros(full.structure.n_dofs)
     x[0::3] = 1.0
-    a = scene("rig-full-tie").assembly
+    a = scene("rig-full-tie").rig.assembly
     solid = a.block_x * a.block_y * a.block_z * STEEL.density
     mass = x @ full.structure.M @ x
     sheets = 2 * a.sheet_thickness * a.sheet_width * STEEL.density
@@ -108,7 +108,7 @@ def test_disc_weights_integrate_pressure_exactly(weights, second_moment):
 
 
 def test_the_contact_reads_a_rigid_shift_as_that_shift():
-    a = scene("rig-full-tie").assembly
+    a = scene("rig-full-tie").rig.assembly
     free = model("assembly.parts=['block']", *FINE)
     patch = contact_patch(free, "block:strike", (0.03, 0.0), 2e-3)
     u = np.zeros(len(patch.w))

@@ -84,7 +84,7 @@ def test_step_files_keep_names_and_volumes(tmp_path):
 
 def test_the_rig_is_read_back_from_its_own_step_file(tmp_path):
     case = scene("rig-rom")
-    drawn, rig = shapes(case.written_out), case.assembly
+    drawn, rig = shapes(case), case.rig.assembly
     write_step(drawn, tmp_path / "rig.step")
     with model({}, tmp_path / "rig.step") as read:
         bodies = read.bodies

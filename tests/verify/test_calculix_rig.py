@@ -89,15 +89,15 @@ def by_calculix(rig: Scene, pipeline: Pipeline, scale: float) -> np.ndarray:
     """Ten frequencies [Hz] and the compliance at the contact less the half-space's [m/N], of
     tetrahedra `scale` times the sizes above and a disc under even pressure."""
     materials, spot = pipeline("mesh").materials, pipeline("contact").spot
-    radius = rig.patch.radius
+    radius = rig.strike.radius
 
     # tetrahedra of the STEP file, which holds the ground as well: its imprint is what is held
     disc = StepPatch(STRUCK, spot.point, -spot.inward, radius)
     inside = {body: scale * size for body, size in INSIDE.items()}
     with TemporaryDirectory() as folder:
         step = Path(folder) / "rig.step"
-        bodies_and_ground = (*rig.assembly.parts, GROUND)
-        write_step(shapes(rig.but(assembly={"parts": bodies_and_ground}).written_out), step)
+        bodies_and_ground = (*rig.rig.assembly.parts, GROUND)
+        write_step(shapes(rig.but(assembly={"parts": bodies_and_ground})), step)
         mesh = step_tetrahedra(step, ElementSizes(inside, scale * RIM, scale * ROUND_DISC), disc)
 
     # sheets held at the ground's imprint, tied to the block or on their screws' springs: of each
@@ -106,8 +106,8 @@ def by_calculix(rig: Scene, pipeline: Pipeline, scale: float) -> np.ndarray:
     supported = [faces.ravel() for (_, at), faces in touching.items() if at == GROUND]
     ties = [(touching[pair], touching[pair[::-1]]) for pair in touching if pair[1] == STRUCK]
     screws = []
-    if rig.assembly.constraint == "wires":
-        a, head = rig.assembly, rig.bushings["head"]
+    if rig.rig.assembly.constraint == "wires":
+        a, head = rig.rig.assembly, rig.bushings["head"]
         springs = fem.Bushing(*(getattr(head, key) for key in fem.DIRECTIONS))
         for sheet, under in ties:
             nodes = np.unique(sheet)

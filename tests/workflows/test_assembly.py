@@ -174,7 +174,7 @@ def test_a_wall_without_the_assembly_builds_none_of_it(run, capsys):
 
 
 def test_the_built_in_scene_has_the_dimensions_that_are_the_defaults():
-    table, fitted = scene("rig-rom").assembly, RigTable()
+    table, fitted = scene("rig-rom").rig.assembly, RigTable()
     assert all(getattr(table, name) == getattr(fitted, name) for name in DIMENSIONS)
 
 

@@ -193,7 +193,7 @@ def test_a_look_at_the_rig_tells_what_it_is_made_of(capsys):
     """Its block is 131.5 x 98.2 x 41.5 mm; the dofs are those of its own mesh."""
     assert beadwave("look", "rig-rom", "--json") == 0
     seen = json.loads(capsys.readouterr().out)
-    table = scene("rig-rom").assembly
+    table = scene("rig-rom").rig.assembly
     (block,) = (body for body in seen["bodies"] if body["name"] == "block")
     volume = np.prod(block["sides_m"])
     assert block["mass_kg"] == pytest.approx(table.made_of("block").density * volume, rel=1e-6)

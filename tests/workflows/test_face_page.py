@@ -22,7 +22,7 @@ BROWSER = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshad
 
 @pytest.fixture(scope="module")
 def html():
-    with drawing(scene("rig-rom").written_out, lines=False) as geometry:
+    with drawing(scene("rig-rom"), lines=False) as geometry:
         return face_page("rig", geometry)
 
 
@@ -32,7 +32,7 @@ def rows_of(html):
 
 def test_each_face_has_a_selector_of_its_own_and_all_pick_it(html):
     rows = rows_of(html)
-    with drawing(scene("rig-rom").written_out, lines=False) as geometry:
+    with drawing(scene("rig-rom"), lines=False) as geometry:
         every = [(body.name, face.tag) for body in geometry.bodies.values() for face in body.faces]
         assert [row["body"] for row in rows] == [body for body, _ in every]
         for row, (body, tag) in zip(rows, every, strict=True):

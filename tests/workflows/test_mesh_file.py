@@ -81,7 +81,7 @@ def test_a_mesh_without_a_name_is_refused_with_that_name(file):
 def by_gmsh(tmp_path_factory):
     """Block and sheets in tetrahedra, written by gmsh itself in its versions, orders and modes."""
     folder = tmp_path_factory.mktemp("gmsh")
-    with model(shapes(scene("rig-full-tie").written_out)) as cad:
+    with model(shapes(scene("rig-full-tie"))) as cad:
         for name, body in cad.bodies.items():
             solid = [(3, body.tag)]
             points = gmsh.model.getBoundary(solid, combined=False, oriented=False, recursive=True)
@@ -110,7 +110,7 @@ def test_a_mesh_keeps_its_names_in_every_version_and_order(by_gmsh, name):
     }
     block = ours["block"]
     middle = block.p[0, block.facets[:, block.boundaries["block:+x"]]]
-    np.testing.assert_allclose(middle, scene("rig-rom").assembly.block_x / 2)
+    np.testing.assert_allclose(middle, scene("rig-rom").rig.assembly.block_x / 2)
     assert len(middle.T) == len(plain["block"].boundaries["block:+x"]) > 0
     filled = [
         [np.sum(np.abs(np.linalg.det(corners(m)))) for m in case.values()] for case in (ours, plain)
@@ -222,7 +222,7 @@ def test_names_of_scikit_fem_and_of_sets_are_kept(file, tmp_path, ending):
     if ending == "vtu":
         mesh = MeshHex(given.points.T, np.concatenate(solid).T[INV_HEX_MAPPING[:8]])
         mesh = mesh.with_subdomains(sets)
-        at = scene("rig-rom").assembly.block_x / 2
+        at = scene("rig-rom").rig.assembly.block_x / 2
         end = mesh.facets_satisfying(lambda x: np.abs(x[0] - at) < 1e-9, boundaries_only=True)
         mesh.with_boundaries({"end": end}).save(path)
     else:

@@ -133,7 +133,7 @@ def test_the_rig_ranks_its_joints_and_block_with_the_slopes_of_full_solutions(sh
     assert report.determined[:2] == ["head.kz", "head.ky"]
     h = 0.01
     for name, number in (("ky", 1), ("kz", 2)):
-        k = getattr(start.joints.head, name)
+        k = getattr(start.bushings["head"], name)
         up, down = (
             pipeline_of(scene(start, {f"joints.head.{name}": k * np.exp(x)}), quiet)(
                 "modes"

@@ -185,7 +185,7 @@ def test_the_summary_holds_the_health_of_the_reduction(tmp_path):
 def test_the_parts_are_weighed_and_no_joint_grounds_them():
     """The mass by the volumes of blocks and plates, the sheets are a twentieth of one of them."""
     health = reduction_health(pipeline()("reduction"))
-    a = scene("rig-rom", COARSE).assembly
+    a = scene("rig-rom", COARSE).rig.assembly
     block = a.block.density * a.block_x * a.block_y * a.block_z
     below = [("support", "xyz"), ("sheets_support", "xyz"), ("plate", "xyz")]
     rest = sum(np.prod([getattr(a, f"{n}_{axis}") for axis in axes]) for n, axes in below)

@@ -7,11 +7,13 @@ from skfem import Basis, FacetBasis
 from beadwave import fem
 from beadwave.geometry import smallest_quality
 from beadwave.workflows.files.scene import scene
-from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.scene.rig import DIMENSIONS, PARTS, RigTable, check
+from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.scene.rig import DIMENSIONS, PARTS, RigScene, RigTable, check
 from beadwave.workflows.scene.toml import parsed, resolved, toml
 from beadwave.workflows.stages.structure import assembly as stages
+from beadwave.workflows.structure.dampings import known_dampings, with_dampings
 
+from command_line import beadwave
 from known_models import rig
 
 SIZES = ("mesh.block_seed=15e-3", "mesh.support_seed=25e-3", "mesh.contact_seed=3e-3")
@@ -142,12 +144,12 @@ def test_screws_may_be_many_or_one(screw_x):
         ("patch.weights=thesis", "targets=[{number=2, hz=270.0}]"),
     ],
 )
-def test_the_scene_written_out_is_an_ordinary_scene_of_the_same_model(changes):
+def test_the_bodies_of_a_rig_are_an_ordinary_scene_of_the_same_model(changes):
     """As TOML without a key of the rig, read again: the same modes and contact to rounding."""
     given = scene("rig-rom", (*COARSE, *changes))
-    text = toml(given.written_out)
+    text = toml(Scene.model_construct(**{name: x for name, x in given if name != "rig"}))
     again = resolved(parsed(text, "again"), "again")
-    assert not again.of_dimensions and again.measured_hz == given.measured_hz
+    assert not isinstance(again, RigScene) and again.measured_hz == given.measured_hz
     solved = []
     for case in (given, again):
         parts = stages.mesh(case)
@@ -176,3 +178,44 @@ def test_tetrahedra_approach_the_modes_of_grid_lines_as_they_are_refined():
     limit = hz("hex", 3e-3, 8e-3)
     coarse, fine = (hz("tet", scale * 4e-3, scale * 12e-3) / limit - 1 for scale in (2, 1))
     assert np.all(abs(fine) < 0.8 * abs(coarse)) and np.all(abs(fine) < 0.03)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda given: given.but(assembly={"block_x": 0.12}, mesh={"seed": 5e-3}),
+        lambda given: given.but(patch={"radius": 1.5e-3}, time={"error": 1e-3}),
+        lambda given: given.with_joints({"foot.kx": 1e8, "head.cy": 2.0}),
+        lambda given: given.with_materials({"block": {"young": 200e9}, "plate": {"density": 7e3}}),
+        lambda given: given.remeasured({1: {"hz": 51.0}, 2: {"hz": 270.0, "hz_deviation": 0.1}}),
+    ],
+    ids=["dimensions", "patch", "joints", "materials", "targets"],
+)
+def test_a_changed_rig_reads_back_as_the_same_bodies(change):
+    given = scene("rig-rom")
+    changed = change(given)
+    assert changed != given and "[bodies" not in toml(changed)
+    for again in (parsed(toml(changed), "again"), changed.model_dump(exclude_none=True)):
+        assert resolved(again, "again") == changed
+
+
+def test_measured_damping_is_that_of_the_mode_with_its_number():
+    """Of a list that names the second mode alone."""
+    targets = [{"number": 2, "hz": 269.0, "zeta": 0.004}]
+    ratios = [target.zeta for target in scene("rig-rom", {"targets": targets}).targets]
+    assert ratios == [None, 0.004, None, None]
+
+
+def test_dashpots_of_the_rig_s_joints_are_set_as_those_of_any_joint():
+    given = scene("rig-rom")
+    name = "joints.head.cy"
+    assert known_dampings(given, [])[name] == 0.0
+    result = with_dampings(given, {name: 3.0})
+    assert result.bushings["head"].cy == 3.0 and result.rig.joints.head.cy == 3.0
+
+
+def test_a_table_of_the_thesis_needs_its_rig(capsys):
+    assert beadwave("modes", "cantilever", "--table=5.2") == 2
+    assert (
+        "cantilever has no [assembly] of the thesis' rig; take rig-rom" in capsys.readouterr().err
+    )

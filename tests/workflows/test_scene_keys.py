@@ -38,7 +38,7 @@ def test_every_key_of_a_built_in_scene_is_in_the_reference(name):
 
 @pytest.mark.parametrize("name", ["rig-rom", "plate-on-bolts", "beam", "plate", "sensed-beam"])
 def test_every_number_of_a_resolved_scene_has_an_entry(name):
-    for number in entries(scene(name)):
+    for number in entries(scene(name).written):
         assert reference.entries_of(number.key), number.key
 
 

@@ -77,7 +77,7 @@ def reads(monkeypatch):
 )
 def test_a_stage_reads_nothing_of_a_scene_that_its_key_lacks(source, changes, reads, own_folder):
     pipeline = pipeline_of(scene(source, changes), lambda name: nullcontext())
-    whole, keyed, n_checked = pipeline.scene.written_out, {}, 0
+    whole, keyed, n_checked = pipeline.scene, {}, 0
 
     def keys_of(name):
         """What the key of a stage has, its own and that of the stages it needs."""

@@ -15,17 +15,8 @@ from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.structure.api import tune
 from beadwave.workflows.structure.mode_table import mode_table
-from beadwave.workflows.structure.tuning import (
-    freed,
-    loosened,
-    retargeted,
-    started_from,
-    targets,
-    tuned,
-    unit,
-    usual,
-    write_scene,
-)
+from beadwave.workflows.structure.parameters import SHIFT, freed, usual
+from beadwave.workflows.structure.tuning import loosened, targets, tuned, unit, write_scene
 from beadwave.workflows.thesis import HAMMER_TEST_HZ
 
 from command_line import beadwave
@@ -72,8 +63,9 @@ def test_targets_are_hammer_test_modes_or_frequencies_of_ones_own():
 
 
 def test_modes_two_and_three_together_free_the_turn():
-    assert usual({1: 51.0, 2: 269.0}) == ("head.ky", "head.kt")
-    assert usual({2: 269.0, 3: 907.0, 4: 8425.0})[2:] == (
+    rig = scene("rig-rom")
+    assert usual(rig, {1: 51.0, 2: 269.0}) == ("head.ky", "head.kt")
+    assert usual(rig, {2: 269.0, 3: 907.0, 4: 8425.0})[2:] == (
         "head.kry", "block.young", "block.density",
     )  # fmt: skip
 
@@ -84,8 +76,8 @@ def test_a_tuned_scene_meets_its_modes_in_the_full_model():
     found = [report.full_order_hz[str(i)] for i in (1, 2, 3)]
     np.testing.assert_allclose(found, [report.modes_hz[str(i)] for i in (1, 2, 3)], rtol=1e-3)
     np.testing.assert_allclose(found, [51, 269, 907], rtol=5e-3)  # three springs, weak pulls
-    assert result.joints.head.ky == report.stiffness["head.ky"]
-    assert result.joints.head.kx == np.inf
+    head = result.bushings["head"]
+    assert head.ky == report.stiffness["head.ky"] and head.kx == np.inf
 
 
 @pytest.mark.slow
@@ -99,7 +91,7 @@ def test_mac_is_the_same_in_tune_and_modes():
 def test_a_remark_explains_why_one_tangential_stiffness_misses_modes_2_and_3():
     free = ("head.ky", "head.kt")
     result, report = tuned(scene("rig-rom", COARSE), rig_targets("1,2,3"), free, silent)
-    assert result.joints.head.kx == result.joints.head.kz
+    assert result.bushings["head"].kx == result.bushings["head"].kz
     assert any("shear the joints along x" in remark for remark in report.remarks)
 
 
@@ -110,7 +102,7 @@ def test_a_remark_explains_why_one_tangential_stiffness_misses_modes_2_and_3():
         ("rig-rom", ("head.kq",), "head.kq is not known"),
         ("rig-rom", ("tail.ky",), "tail.ky is not known"),
         ("rig-rom", ("head.kx", "head.kt"), "head.kx and head.kt set the same"),
-        ("rig-rom", ("block.young", "block.young"), "block.young and block.young set the same"),
+        ("rig-rom", ("block.young", "block.young"), "block.young is named twice"),
     ],
 )
 def test_what_cannot_be_tuned_is_refused(name, free, sentence):
@@ -138,22 +130,24 @@ def test_the_command_writes_a_scene_that_reads_back(tmp_path, monkeypatch, capsy
     assert not end.value.code
     report = json.loads(capsys.readouterr().out)
     written = scene("new/my rig.toml")
-    assert written.joints.head.kz == report["stiffness"]["head.kt"]
+    assert written.bushings["head"].kz == report["stiffness"]["head.kt"]
     assert written.name == "rig-rom"  # of its file
 
 
 def test_a_block_with_its_own_steel_keeps_the_values_that_are_not_tuned():
     rig = scene("rig-rom", ("assembly.block.poisson=0.28",))
-    loose = loosened(rig, freed(("head.kz", "block.young")))
-    assert loose.assembly.block.poisson == 0.28
-    assert loose.assembly.block.density == rig.assembly.block.density
+    loose = loosened(rig, freed(rig, ("head.kz", "block.young")))
+    block = loose.materials["block"]
+    assert block.poisson == 0.28 and block.density == rig.materials["block"].density
+    assert block.young == rig.materials["sheets"].young  # a factor of 1
 
 
 @pytest.mark.slow
 def test_a_stiffness_that_the_modes_do_not_determine_keeps_its_value():
     rig = scene("rig-rom", COARSE)
     result, report = tuned(rig, rig_targets("2"), ("head.ky", "head.kt"), silent)
-    assert report.stiffness.keys() == {"head.kt"} and result.joints.head.ky == rig.joints.head.ky
+    assert report.stiffness.keys() == {"head.kt"}
+    assert result.stiffness("head.ky") == rig.stiffness("head.ky")
     assert report.remarks[0] == "head.ky is not determined by mode 2: it stays 503650."
 
 
@@ -190,10 +184,11 @@ def test_a_remark_names_the_undetermined_stiffness_that_would_meet_a_mode():
 
 def test_a_stiffness_starts_from_the_value_of_its_scene():
     rig = scene("rig-rom", COARSE)
-    ky, kx, young = (started_from(rig, p) for p in freed(("head.ky", "head.kx", "block.young")))
-    assert ky.start == rig.joints.head.ky
-    assert kx.start == freed(("head.kx",))[0].start  # rigid: no value to start from
-    assert young.start * rig.assembly.young == pytest.approx(rig.assembly.block.young, rel=1e-15)
+    ky, kx, young = freed(rig, ("head.ky", "head.kx", "block.young"))
+    assert ky.start == rig.bushings["head"].ky
+    assert kx.start == SHIFT[0]  # rigid: no value to start from
+    block, sheets = (rig.materials[part].young for part in ("block", "sheets"))
+    assert young.start * sheets == pytest.approx(block, rel=1e-15)
 
 
 @pytest.mark.slow
@@ -228,7 +223,7 @@ def test_a_tuned_scene_is_judged_by_what_it_was_tuned_to():
         with pytest.raises(InvalidScene, match="modes 1 to 4, each once"):
             scene(result, {"targets": wrong})
     plate = scene("plate-on-bolts", {"targets": [{"hz": 900.0, "number": 1}]})
-    assert retargeted(plate, {1: 950.0}).measured_hz == (950.0,)
+    assert plate.remeasured({1: {"hz": 950.0}}).measured_hz == (950.0,)
 
 
 @pytest.mark.slow

@@ -211,5 +211,6 @@ def tables(name: str) -> dict[str, Any]:
 
 def keys(source: Source = None) -> list[str]:
     """The dotted keys of the tables that a scene has."""
-    tables = {name: table for name, table in scene(source) if hasattr(type(table), "model_fields")}
+    written = scene(source).written
+    tables = {name: table for name, table in written if hasattr(type(table), "model_fields")}
     return [f"{name}.{key}" for name, table in tables.items() for key in type(table).model_fields]

@@ -29,14 +29,12 @@ from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import InvalidScene, Scene, nearest
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.engine.progress import Progress
+from beadwave.workflows.structure.parameters import at_values, freed, usual
 from beadwave.workflows.structure.tuning import (
     DISAGREEMENT,
-    at_values,
-    candidates_of,
     frequency_errors,
     projected,
     unit,
-    usual,
 )
 
 MODEL_ERROR = "model error"
@@ -270,8 +268,8 @@ def posterior_of(
     """Posterior of what is free given the modes {number: Hz}, with `usual` names for the rig where
     none are given. Raises InvalidScene for bad input and without the sampler."""
     require_nested_sampler()
-    names = free or (usual(match) if scene.of_dimensions else ())
-    parameters = bounded(candidates_of(scene, names), bounds)
+    names = free or usual(scene, match)
+    parameters = bounded(freed(scene, names), bounds)
     loose, basis, parameters = projected(scene, parameters, progress)
 
     # a user counts measured modes by their numbers, the basis by their places, from 1

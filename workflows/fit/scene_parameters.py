@@ -321,13 +321,13 @@ def listed(option: str, text: str) -> list[str]:
 
 def number(scene: Scene, key: str) -> float:
     """The value of a key; raises InvalidScene for a key that has none or no number."""
-    value: Any = scene
+    value: Any = scene.written
     for name in key.split("."):
         value = _entry(value, name)
     if isinstance(value, bool) or not isinstance(value, int | float):
         reason = "has no value" if value is None else f"is {value!r}"
         # of a key that there is not, the one of a number that was probably meant
-        known = [entry.key for entry in entries(scene) if isinstance(entry.value, float)]
+        known = [entry.key for entry in entries(scene.written) if isinstance(entry.value, float)]
         close = get_close_matches(key, known, n=1) if value is None else []
         remedy = "name a key whose value is one number, as chain.young"
         if close:
@@ -360,7 +360,8 @@ def _bounded(
             f"--bounds {key}={low:g}:{high:g} must hold the scene's value {start:g}; widen them or "
             "change the scene."
         )
-    unit = next((entry.quantity.kind.unit for entry in entries(scene) if entry.key == key), "")
+    of_key = (entry for entry in entries(scene.written) if entry.key == key)
+    unit = next((entry.quantity.kind.unit for entry in of_key), "")
     # 0.02 of the bounds' distance: a change that counts as large
     return Parameter(key, kind, start, low, high, 0.02 * (high - low), unit)
 
@@ -409,8 +410,9 @@ def put(scene: Scene, keys: tuple[str, ...], values: np.ndarray) -> Scene:
     tables: dict[str, Any] = {}
     for key, value in zip(keys, map(float, values), strict=True):
         first, *path = key.split(".")
-        tables[first] = _with_entry(tables.get(first, getattr(scene, first)), path, value)
-    return scene.model_copy(update=tables)
+        table = tables[first] if first in tables else getattr(scene.written, first)
+        tables[first] = _with_entry(table, path, value)
+    return scene.but(**tables)
 
 
 def _with_entry(table: Any, path: list[str], value: float) -> Any:

@@ -173,7 +173,7 @@ def energies(plots: dict[str, Any]) -> list[tuple[str, float, float, float]]:
 def scene_rows(scene: Scene, summary: Summary) -> list[dict[str, str]]:
     """Every value of the scene with its unit, where it comes from and its note."""
     # units by dotted key; the gain of a sensor goes with what it reads
-    units = {entry.key: entry.quantity.kind.unit for entry in entries(scene)}
+    units = {entry.key: entry.quantity.kind.unit for entry in entries(scene.written)}
     units |= {
         f"output.sensors.{i}.gain": GAINS[sensor.quantity].unit
         for i, sensor in enumerate((scene.output and scene.output.sensors) or (), start=1)

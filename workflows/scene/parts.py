@@ -1,6 +1,7 @@
 """Checks that a scene has the parts that a command needs: each returns it or raises
 InvalidScene."""
 
+from beadwave.workflows.scene.rig import RigScene
 from beadwave.workflows.scene.scene import Scene
 from beadwave.workflows.scene.scene_table import InvalidScene
 
@@ -19,6 +20,12 @@ def with_structure(scene: Scene) -> Scene:
 def with_assembly(scene: Scene) -> Scene:
     """A scene with an assembly."""
     return _with(scene, scene.assembly, "[assembly]; add one, or take rig-rom")
+
+
+def with_rig(scene: Scene) -> RigScene:
+    """A scene of the thesis' rig."""
+    lacking = "[assembly] of the thesis' rig; take rig-rom"
+    return _with(scene, isinstance(scene, RigScene), lacking)
 
 
 def with_targets(scene: Scene) -> Scene:

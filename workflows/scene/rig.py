@@ -1,8 +1,8 @@
-"""The thesis' rig as a generator of an ordinary scene: dimensions in, an assembly of bodies out.
+"""The thesis' rig as a template: dimensions in, the tables of an assembly of bodies out.
 
-A scene with the keys below in [assembly] keeps them: `--set`, sweeps and fits vary dimensions,
-which depend on each other. `as_bodies` writes out what they mean: bodies with their grid lines,
-ties, joints, held faces, the strike and the measured modes, in the words of `bodies`.
+`--set`, sweeps and fits vary dimensions, which depend on each other; `RigScene` keeps them and has
+what `as_bodies` makes of them: bodies with their grid lines, ties, joints, held faces, the strike
+and the measured modes, in the words of `bodies`. What computes knows these alone.
 
 A block on two bolted sheets above a sheets' support, support and plate. Axes: x = chain axis, y =
 normal of the sheets, z = vertical. The origin lies in the middle of the block's lower face, so that
@@ -24,12 +24,13 @@ The thesis gives no drawings; the dimensions here were inferred from its frequen
 and 5.3), every field says so in its description.
 """
 
+from collections.abc import Mapping
 from itertools import pairwise
 from math import isfinite
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
-from pydantic import Field, create_model
+from pydantic import Field, SerializationInfo, create_model, model_serializer
 
 from beadwave.workflows.scene.quantities import of
 from beadwave.workflows.scene.scene import Scene
@@ -48,7 +49,9 @@ from beadwave.workflows.scene.tables.bodies import (
     Strike,
     Tied,
 )
-from beadwave.workflows.scene.tables.joints import JointStiffnesses
+from beadwave.workflows.scene.tables.joints import Joints
+from beadwave.workflows.scene.tables.mesh import Mesh
+from beadwave.workflows.scene.tables.reduction import Patch
 from beadwave.workflows.scene.units import LENGTH
 from beadwave.workflows.thesis import HAMMER_TEST
 
@@ -59,6 +62,8 @@ FITTED = "inferred: fitted to the frequencies of the thesis' table 5.2"
 ASSUMED = "assumed: not in the thesis"
 # largest usual ratio of a dimension to the rig's, either way; a mistaken unit makes it 1000
 USUAL = 100.0
+EXPANDED = ("materials", "bodies", "ties", "strike")  # tables that no rig is written in
+MEASURED = {"hz", "hz_deviation", "zeta", "zeta_deviation"}  # of a mode, in place of the thesis'
 
 
 DIMENSIONS = {  # m: the default, where it comes from, what it is
@@ -115,10 +120,6 @@ class _Rig(SceneTable):
     constraint: Literal["full-tie", "screw-tie", "wires"] = "full-tie"
     fixing: Literal["flat", "corners", "bolted"] = "flat"  # how the plate is held
 
-    def written_out(self, scene: Scene) -> Scene:
-        """The scene of this rig, written in bodies."""
-        return as_bodies(scene)
-
     def made_of(self, part: str) -> Steel:
         """The material of a part: the assembly's where its own table has no value."""
         steel = getattr(self, part) or Steel()
@@ -146,15 +147,6 @@ RigTable = create_model(
 )
 
 
-class EdgeRefinement(NamedTuple):
-    """Elements at the edge of an imprint on a part below, where stresses are singular. With them,
-    and elements that match across interfaces, the mesh error of rig-rom fell from 4.4 to 0.7 % of
-    the striker's speed; other values are not on record."""
-
-    size: float = 1 / 16  # size of the first element over that of the part's elements
-    growth: float = 3.0  # size of an element over that of its neighbour nearer to the edge
-
-
 # Elements of a sheet on either side of a line where it is clamped: it bends there within some
 # thicknesses. One row of a tenth of the seed in place of these left twice the error in the waves of
 # rig-rom, at the same number of unknowns.
@@ -162,12 +154,15 @@ CLAMP_ROW = 1 / 30  # of the elements' size, of the first row
 CLAMP_GROWTH = 2.0  # of neighbouring rows away from the line; 2.5 and 3 left more error
 CLAMP_REACH = 0.4  # of the elements' size: the rows between the line and the rings of screws
 
-
-EDGE = EdgeRefinement()
+# Elements at the edge of an imprint on a part, where stresses are singular: size of the first one
+# over that of the part's elements, and of an element over its neighbour nearer to the edge. With
+# them, and elements that match across interfaces, the mesh error of rig-rom fell from 4.4 to 0.7 %
+# of the striker's speed; other values are not on record.
+EDGE = 1 / 16, 3.0  # of the block
 # of the parts below, whose elements are large. Of rig-rom with 60 mm there 1.5 mm and a growth of 5
 # left an error of 1.1 % in the waves (38 000 unknowns), 2 mm and 6 left 1.6 % (37 000), 0.6 mm and
 # 9 left 1.4 % (43 000)
-EDGE_BELOW = EdgeRefinement(1 / 40, 5.0)
+EDGE_BELOW = 1 / 40, 5.0
 
 
 class Cuboid(NamedTuple):
@@ -177,9 +172,75 @@ class Cuboid(NamedTuple):
     upper: np.ndarray  # (3,) [m]
 
 
-def as_bodies(scene: Scene) -> Scene:
-    """The scene of a rig, written in bodies and what joins, holds and strikes them."""
-    a, mesh, patch, cuboids = scene.assembly, scene.mesh, scene.patch, boxes(scene.assembly)
+class Rig(SceneTable):
+    """The tables of a rig, as a user writes them."""
+
+    assembly: RigTable  # type: ignore[valid-type]
+    joints: Joints | None
+    targets: tuple[MeasuredMode, ...] | None
+    mesh: Mesh
+    patch: Patch
+
+
+class RigScene(Scene):
+    """A scene whose bodies, and what joins, holds and strikes them, follow from a rig.
+
+    It is written as the rig; `but` takes tables of the rig and expands them again.
+    """
+
+    strike_table: ClassVar[str] = "patch"
+
+    rig: Rig
+
+    @classmethod
+    def of(cls, written: Scene) -> Self:
+        """The scene of a rig from its tables as they are written."""
+        rig = Rig.model_construct(**{name: getattr(written, name) for name in Rig.model_fields})
+        return cls.model_construct(**{**dict(written), **as_bodies(rig)}, rig=rig)
+
+    def but(self, **values: Any) -> Self:
+        """A copy with other values, which are not checked, those of the rig expanded again."""
+        of_rig = {name: values.pop(name) for name in Rig.model_fields if name in values}
+        rig = self.rig.but(**of_rig)
+        return super().but(**values, **(as_bodies(rig) | {"rig": rig} if of_rig else {}))
+
+    def with_joints(self, value: Mapping[str, float]) -> Self:
+        """A copy with these stiffnesses and dashpots, "head.kz", which are not checked."""
+        joints = self.rig.joints
+        for name, x in value.items():
+            joint, _, key = name.rpartition(".")
+            joints = joints.but(**{joint: {key: x}})
+        return self.but(joints=joints)
+
+    def with_materials(self, value: Mapping[str, Mapping[str, float]]) -> Self:
+        """A copy with these numbers of parts' materials, which are not checked."""
+        part_of = {name: getattr(self.rig.assembly, name) or Steel() for name in value}
+        return self.but(assembly={name: part_of[name].but(**x) for name, x in value.items()})
+
+    def remeasured(self, value: Mapping[int, Mapping[str, Any]]) -> Self:
+        """A copy with other frequencies of the modes with these numbers, and their standard
+        deviations; of the thesis' modes nothing else is written."""
+        modes = {mode.number: mode for mode in self.rig.targets or ()}
+        for n, values in value.items():
+            of_hz = {key: x for key, x in values.items() if key in ("hz", "hz_deviation")}
+            modes[n] = modes.get(n, MeasuredMode(number=n, hz=of_hz["hz"])).remeasured(**of_hz)
+        return self.but(targets=tuple(modes[n] for n in sorted(modes)))
+
+    @property
+    def written(self) -> Scene:
+        """The scene as a user writes it: the tables of the rig in place of its bodies."""
+        tables = {**dict(self), **dict.fromkeys(EXPANDED), **dict(self.rig)}
+        return Scene.model_construct(**{name: tables[name] for name in Scene.model_fields})
+
+    @model_serializer
+    def _as_written(self, info: SerializationInfo) -> dict[str, Any]:
+        return self.written.model_dump(mode=info.mode, exclude_none=info.exclude_none)
+
+
+def as_bodies(rig: Rig) -> dict[str, Any]:
+    """The tables of a scene that the rig stands for: bodies and what joins, holds and strikes
+    them."""
+    a, mesh, patch, cuboids = rig.assembly, rig.mesh, rig.patch, boxes(rig.assembly)
     sheets = list(SIDES) if "sheets" in a.parts else []
     below = [name for name in cuboids if name != "block"]
 
@@ -197,7 +258,7 @@ def as_bodies(scene: Scene) -> Scene:
         if a.constraint == "wires":
             # a screw joins its share of the sheet, which moves rigidly, to the mean motion of the
             # face below
-            springs = scene.bushings.get(name, JointStiffnesses()).model_dump()
+            springs = getattr(rig.joints or Joints(), name).model_dump()
             joints.append(
                 Bolts(name=name, between=between, at=at, washer=SHARE, frame="global", **springs)
             )
@@ -243,12 +304,11 @@ def as_bodies(scene: Scene) -> Scene:
         held.append(Hold(**hold))
 
     # measured modes: those of the thesis, with the frequencies that the scene gives in their place
-    target_of = {target.number: target for target in scene.targets or ()}
+    target_of = {target.number: target for target in rig.targets or ()}
     rows = zip(HAMMER_TEST["hz"], HAMMER_TEST["motion"], HAMMER_TEST["shape"], strict=True)
     targets = tuple(
         MeasuredMode(
-            hz=target_of[i].hz if i in target_of else measured,
-            hz_deviation=target_of[i].hz_deviation if i in target_of else None,
+            **(target_of[i].model_dump(include=MEASURED) if i in target_of else {"hz": measured}),
             body=HAMMER_TEST["body"], motion=motion, title=shape,
         )
         for i, (measured, motion, shape) in enumerate(rows, start=1)
@@ -256,25 +316,21 @@ def as_bodies(scene: Scene) -> Scene:
 
     mesh_file = mesh.file
     bodies = {
-        name: BodyTable(material=part, **({} if mesh_file else _drawn(scene, name)))
+        name: BodyTable(material=part, **({} if mesh_file else _drawn(rig, name)))
         for name, part in part_of.items()
     }
     strike = {key: getattr(patch, key) for key in ("radius", "weights", "nodes")}
-    return scene.model_copy(
-        update={
-            "assembly": General(mesh=mesh_file, held=tuple(held)),
-            "materials": materials,
-            "bodies": bodies,
-            "ties": tuple(ties) or None,
-            "joints": tuple(joints) or None,
-            "strike": Strike(on=STRUCK, at=patch.point, seed=mesh.contact_seed, **strike),
-            "targets": targets,
-            "mesh": Meshing()
-            if mesh_file
-            else Meshing(element=scene.mesh.element, scale=scene.mesh.scale),
-            "patch": None,
-        }
-    )
+    return {
+        "assembly": General(mesh=mesh_file, held=tuple(held)),
+        "materials": materials,
+        "bodies": bodies,
+        "ties": tuple(ties) or None,
+        "joints": tuple(joints) or None,
+        "strike": Strike(on=STRUCK, at=patch.point, seed=mesh.contact_seed, **strike),
+        "targets": targets,
+        "mesh": Meshing() if mesh_file else Meshing(element=mesh.element, scale=mesh.scale),
+        "patch": None,
+    }
 
 
 def _in_corners(half: np.ndarray, z: float, inset: float, side: float) -> dict[str, Any]:
@@ -283,9 +339,9 @@ def _in_corners(half: np.ndarray, z: float, inset: float, side: float) -> dict[s
     return {"at": ((-x, -y, z), (x, -y, z), (-x, y, z), (x, y, z)), "sides": (side, side)}
 
 
-def _drawn(scene: Scene, name: str) -> dict[str, Any]:
+def _drawn(rig: Rig, name: str) -> dict[str, Any]:
     """Shape, element size and grid lines of a body; tetrahedra have no lines."""
-    a, mesh = scene.assembly, scene.mesh
+    a, mesh = rig.assembly, rig.mesh
     if name in SIDES:
         drawn = _sheet(a, name, mesh.seed)
     else:
@@ -296,7 +352,7 @@ def _drawn(scene: Scene, name: str) -> dict[str, Any]:
             "at": tuple(middle.tolist()),
             "seed": mesh.block_seed if name == "block" else mesh.support_seed,
         }
-        lines = _lines(scene, name, drawn["seed"])
+        lines = _lines(rig, name, drawn["seed"])
         drawn["lines"] = {
             axis: tuple({**line, "at": line["at"] - middle[i]} for line in lines[i])
             for i, axis in enumerate("xyz")
@@ -308,12 +364,12 @@ def _drawn(scene: Scene, name: str) -> dict[str, Any]:
     return drawn
 
 
-def _lines(scene: Scene, name: str, size: float) -> list[list[dict[str, float]]]:
+def _lines(rig: Rig, name: str, size: float) -> list[list[dict[str, float]]]:
     """Grid lines along x, y and z that the box `name` must have, for elements of `size` [m]
     elsewhere; of several at one place the first counts."""
-    a, cuboids = scene.assembly, boxes(scene.assembly)
+    a, cuboids = rig.assembly, boxes(rig.assembly)
     box = cuboids[name]
-    edge = EDGE if name == "block" else EDGE_BELOW
+    finest, growth = EDGE if name == "block" else EDGE_BELOW
     singular: list[list[float]] = [[], [], []]  # where stresses are
     lines: list[list[dict[str, float]]] = [[], [], []]
     plain: list[list[dict[str, float]]] = [[], [], []]
@@ -344,11 +400,11 @@ def _lines(scene: Scene, name: str, size: float) -> list[list[dict[str, float]]]
             for i in range(2):
                 places = [at for d in ends for at in (below.lower[i] + d, below.upper[i] - d)]
                 plain[i] += [{"at": float(at)} for at in places]
-    elif scene.mesh.contact_seed is not None:
-        centre = (box.upper[0], scene.patch.point[0], a.block_z / 2 + scene.patch.point[1])
-        lines = [[{"at": float(at), "size": scene.mesh.contact_seed}] for at in centre]
+    elif rig.mesh.contact_seed is not None:
+        centre = (box.upper[0], rig.patch.point[0], a.block_z / 2 + rig.patch.point[1])
+        lines = [[{"at": float(at), "size": rig.mesh.contact_seed}] for at in centre]
     for i in range(3):
-        fine = {"size": edge.size * size, "growth": edge.growth}
+        fine = {"size": finest * size, "growth": growth}
         lines[i] += [{"at": float(at), **fine} for at in singular[i]] + plain[i]
         lower, upper = box.lower[i] - 1e-9, box.upper[i] + 1e-9
         lines[i] = [line for line in lines[i] if lower < line["at"] < upper]

@@ -1,6 +1,7 @@
 """A whole run: the tables of a scene together."""
 
-from typing import Annotated, Any
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -26,7 +27,7 @@ from beadwave.workflows.scene.tables.contact import ContactTable
 from beadwave.workflows.scene.tables.damping import Damping
 from beadwave.workflows.scene.tables.friction import Arm, Friction
 from beadwave.workflows.scene.tables.gravity import Gravity, Guides
-from beadwave.workflows.scene.tables.joints import Joints, JointStiffnesses
+from beadwave.workflows.scene.tables.joints import Joints
 from beadwave.workflows.scene.tables.masses import MassTable
 from beadwave.workflows.scene.tables.measured import MeasuredTable
 from beadwave.workflows.scene.tables.mesh import Standing
@@ -46,11 +47,14 @@ EitherJoints = Annotated[
 
 
 class Scene(SceneTable):
-    """A whole run. [assembly] and [mesh] are of two kinds, the thesis' rig or bodies, and checked
-    accordingly in `toml`.
+    """A whole run. [assembly], [mesh] and [joints] are written in two kinds, the thesis' rig or
+    bodies. `toml` checks them accordingly and expands a rig into bodies (`rig.RigScene`): a scene
+    that was read has bodies, [[joints]] and [strike] alone.
 
     `unusual` names the keys whose values are intended though they lie outside of their usual range.
     """
+
+    strike_table: ClassVar[str] = "strike"  # that a user writes for the place that is struck
 
     # of the scene; by default that of its file
     name: Annotated[str, Field(pattern=r"^\w[\w.-]*$", max_length=LONGEST_NAME)]
@@ -118,15 +122,9 @@ class Scene(SceneTable):
         return self.chain.count - (self.wall is None)
 
     @property
-    def written_out(self) -> "Scene":
-        """The scene with the dimensions of the rig written out as bodies (`rig.as_bodies`); one of
-        bodies, or without an assembly, as it is."""
-        return self if self.assembly is None else self.assembly.written_out(self)
-
-    @property
-    def of_dimensions(self) -> bool:
-        """True if a user changes the assembly by the dimensions of the rig, not by bodies."""
-        return self.written_out is not self
+    def written(self) -> "Scene":
+        """The scene as a user writes it: of a rig its dimensions."""
+        return self
 
     @property
     def bending(self) -> Beam | BendingPlateTable | None:
@@ -141,14 +139,31 @@ class Scene(SceneTable):
     @property
     def own_mesh(self) -> str | None:
         """The file of the user's own mesh."""
-        return None if self.assembly is None else self.written_out.assembly.mesh
+        return None if self.assembly is None else self.assembly.mesh
 
     @property
-    def bushings(self) -> dict[str, JointStiffnesses]:
-        """Stiffnesses and dashpots of the joints by name."""
-        if isinstance(self.joints, Joints):
-            return dict(self.joints)
+    def bushings(self) -> dict[str, Bolts]:
+        """The joints by name."""
         return {joint.name: joint for joint in self.joints or ()}
+
+    def with_joints(self, value: Mapping[str, float]) -> Self:
+        """A copy with these stiffnesses and dashpots, "NAME.kz", which are not checked."""
+        joints = self.bushings
+        for name, x in value.items():
+            joint, _, key = name.rpartition(".")
+            joints[joint] = joints[joint].but(**{key: x})
+        return self.but(joints=tuple(joints.values()) or None)
+
+    def with_materials(self, value: Mapping[str, Mapping[str, float]]) -> Self:
+        """A copy with these numbers of materials, which are not checked."""
+        changed = {name: self.materials[name].but(**numbers) for name, numbers in value.items()}
+        return self.but(materials={**(self.materials or {}), **changed} or None)
+
+    def remeasured(self, value: Mapping[int, Mapping[str, Any]]) -> Self:
+        """A copy with these keys of measured modes, by their numbers; a standard deviation does not
+        go with another frequency."""
+        numbered = zip(self.measured_numbers, self.targets or (), strict=True)
+        return self.but(targets=tuple(mode.remeasured(**value.get(n, {})) for n, mode in numbered))
 
     def stiffness(self, spring: str) -> float:
         """Stiffness [N/m] or [N m/rad] of a spring "joint.direction"."""
@@ -158,13 +173,13 @@ class Scene(SceneTable):
     @property
     def measured_hz(self) -> tuple[float, ...]:
         """Frequencies of the measured modes of the assembly."""
-        return tuple(target.hz for target in self.written_out.targets or ())
+        return tuple(target.hz for target in self.targets or ())
 
     @property
     def measured_numbers(self) -> tuple[int, ...]:
         """Number of each measured mode in tables and keys: that of the computed mode where all are
         known by it, else their places in the list, from 1."""
-        numbers = tuple(target.number for target in self.written_out.targets or ())
+        numbers = tuple(target.number for target in self.targets or ())
         return tuple(range(1, len(numbers) + 1)) if None in numbers else numbers
 
     @property
@@ -187,8 +202,8 @@ class Scene(SceneTable):
     def unsupported(self) -> bool:
         """True if no face of the assembly is held and no joint holds it to the ground: on springs
         it may be free in some directions."""
-        whole = self.written_out
-        return not whole.assembly.held and not any(GROUND in j.partners for j in whole.joints or ())
+        on_ground = any(GROUND in joint.partners for joint in self.joints or ())
+        return not self.assembly.held and not on_ground
 
     @property
     def has_dashpots(self) -> bool:
@@ -203,7 +218,7 @@ class Scene(SceneTable):
         """The body that the chain leans on."""
         if self.bending is not None:
             return "plate" if self.beam is None else "beam"
-        return self.written_out.strike.body
+        return self.strike.body
 
     @property
     def struck_material(self) -> Any:
@@ -214,8 +229,7 @@ class Scene(SceneTable):
 
     def made_of(self, body: str) -> Any:
         """The material of a body: the assembly's where its own table names none."""
-        whole = self.written_out
-        return whole.materials[whole.material_name(body)]
+        return self.materials[self.material_name(body)]
 
     def seed_of(self, body: str) -> float | None:
         """Element size of a body of the scene [m]; None where no table gives it."""

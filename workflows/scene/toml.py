@@ -26,7 +26,7 @@ from beadwave.workflows.scene.allowed_words import allowed_words, wanted_values
 from beadwave.workflows.scene.named_files import in_folder
 from beadwave.workflows.scene.named_materials import NUMBERS, named_material
 from beadwave.workflows.scene.quantities import entries, implausible, unusual_keys
-from beadwave.workflows.scene.rig import RigTable, check
+from beadwave.workflows.scene.rig import RigScene, RigTable, check
 from beadwave.workflows.scene.rules.all_tables import contradictions
 from beadwave.workflows.scene.scene_table import nearest
 from beadwave.workflows.scene.shown import shown
@@ -61,8 +61,9 @@ INSTEAD = {
 
 
 def resolved(tables: dict[str, Any], source: str, folder: Path = Path()) -> Scene:
-    """The tables as a checked scene with every default of the parts it has; files that it names are
-    looked for in `folder`. Raises InvalidScene, in one sentence that begins with the source."""
+    """The tables as a checked scene with every default of the parts it has, a rig expanded into its
+    bodies; files that it names are looked for in `folder`. Raises InvalidScene, in one sentence
+    that begins with the source."""
     if not tables:
         raise InvalidScene(f"{source} is empty; a scene needs at least [chain] or [assembly].")
     tables = {"name": Path(source).stem, **tables}
@@ -91,7 +92,7 @@ def resolved(tables: dict[str, Any], source: str, folder: Path = Path()) -> Scen
     complete = complete.model_copy(update={"unusual": unusual_keys(entries(complete)) or None})
     for sentence in contradictions(complete):
         raise InvalidScene(f"{source}: {sentence}")
-    return complete
+    return RigScene.of(complete) if isinstance(complete.assembly, RigTable) else complete
 
 
 def _structure(scene: Scene, tables: dict[str, Any], source: str) -> dict[str, Any]:
@@ -121,7 +122,8 @@ def _structure(scene: Scene, tables: dict[str, Any], source: str) -> dict[str, A
 
 def toml(scene: Scene) -> str:
     """The scene as TOML; reading it back gives the same scene."""
-    complete = scene.model_copy(update={"unusual": unusual_keys(entries(scene)) or None})
+    unusual = unusual_keys(entries(scene.written)) or None
+    complete = scene.model_copy(update={"unusual": unusual})
     return tomli_w.dumps(complete.model_dump(mode="python", exclude_none=True))
 
 

@@ -19,7 +19,8 @@ from beadwave.workflows.files.scene import Changes, Source, files_read
 from beadwave.workflows.files.scene import scene as load_scene
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.named_files import require_file
-from beadwave.workflows.scene.parts import with_assembly, with_structure, with_targets
+from beadwave.workflows.scene.parts import with_assembly, with_rig, with_structure, with_targets
+from beadwave.workflows.scene.rig import RigScene
 from beadwave.workflows.stages.engine.progress import Progress, quiet
 
 if TYPE_CHECKING:
@@ -186,7 +187,7 @@ def thesis_table(
     numbers (`beadwave modes --table`); `out` gets the picture of 5.2, what each part changes."""
     if table not in TABLES:
         raise InvalidScene(f"--table {table} is not known; known are {' and '.join(TABLES)}.")
-    chosen = with_assembly(load_scene(scene, changes))
+    chosen = with_rig(load_scene(scene, changes))
     from beadwave.workflows.structure.thesis_tables import effects, table_52, table_53
 
     if table == "5.3":
@@ -432,7 +433,7 @@ def with_modes(
     elif match is not None and not isinstance(match, str):
         match = ",".join(map(str, match))
     remarks: list[str] = []
-    if chosen.measured_hz or chosen.of_dimensions or not (match or hammer):
+    if chosen.measured_hz or not (match or hammer):
         measured = with_targets(chosen).measured_modes
         wanted = dict(measured) if match is None else targets(match, measured)
         if hammer:
@@ -440,7 +441,7 @@ def with_modes(
             from beadwave.workflows.structure.pairing import applied, measured_shapes, recognised
 
             test = hammer_test(Path(hammer), wanted)
-            if not chosen.of_dimensions and measured_shapes(test):
+            if not isinstance(chosen, RigScene) and measured_shapes(test):
                 test = recognised(test, pipeline_of(chosen, progress), wanted)
             chosen, wanted = applied(chosen, test.report, match)
             remarks = [step.text() for step in test.report.steps]
@@ -560,7 +561,7 @@ def hammer(
             f"modes are paired with those of {chosen.name}, as no --scene is given"
         )
     pipeline = None
-    if not chosen.of_dimensions and measured_shapes(test):
+    if not isinstance(chosen, RigScene) and measured_shapes(test):
         pipeline = pipeline_of(chosen, progress)
         test = recognised(test, pipeline, wanted)
     with progress("picture"):

@@ -19,7 +19,7 @@ OF_STIFFNESS = 0.01 / (2 * np.pi * 100)  # [s] dashpot over stiffness, where the
 
 
 def dashpot_keys(scene: Scene) -> dict[str, tuple[float, float]]:
-    """Dashpots of a scene of bodies by name, "joints.bolts.cz": their coefficient [N s/m] and the
+    """Dashpots of a scene by name, "joints.bolts.cz": their coefficient [N s/m] and the
     stiffness [N/m] parallel to them; rigid and open directions have none."""
     keys = {}
     for name, table in scene.bushings.items():
@@ -47,9 +47,7 @@ def known_dampings(scene: Scene, parts: Sequence[str]) -> dict[str, float]:
         values |= {"damping.alpha": table.alpha, "damping.beta": table.beta}
     elif isinstance(table, LossFactorsTable):
         values |= {f"damping.{part}": table.factors.get(part, 0.0) for part in parts}
-    if not scene.of_dimensions:
-        values |= {name: c for name, (c, _) in dashpot_keys(scene).items()}
-    return values
+    return values | {name: c for name, (c, _) in dashpot_keys(scene).items()}
 
 
 def freed_dampings(
@@ -108,16 +106,17 @@ def with_dampings(scene: Scene, value: Mapping[str, float]) -> Scene:
     """The scene with damping values by name: "joints.NAME.cz" or "springs.NAME.cz" [N s/m, about an
     axis N m s/rad], "damping.alpha" [1/s], "damping.beta" [s], "damping.ratio", "damping.ratio.N"
     of measured mode N, or "damping.materials.NAME", a loss factor."""
-    joints = {joint.name: joint for joint in scene.joints or ()} if not scene.of_dimensions else {}
+    joints: dict[str, float] = {}
     springs = {spring.name: spring for spring in scene.springs or ()}
     table = scene.damping.model_dump(exclude_unset=True) if scene.damping else {}
     numbers = list(scene.measured_numbers)
     for name, x in value.items():
         kind, _, inner = name.partition(".")
-        if kind in ("joints", "springs"):
-            tables = joints if kind == "joints" else springs
+        if kind == "joints":
+            joints[inner] = float(x)
+        elif kind == "springs":
             entry, _, key = inner.rpartition(".")
-            tables[entry] = tables[entry].model_copy(update={key: float(x)})
+            springs[entry] = springs[entry].model_copy(update={key: float(x)})
         elif inner in ("alpha", "beta", "ratio"):
             table[inner] = float(x)
         elif inner.startswith("ratio."):
@@ -129,12 +128,9 @@ def with_dampings(scene: Scene, value: Mapping[str, float]) -> Scene:
             table[of] = {**table.get(of, {}), part: float(x)}
     if any(name.startswith("damping.") for name in value):
         scene = scene.model_copy(update={"damping": type(scene.damping).model_validate(table)})
-    update = {}
     if joints:
-        update["joints"] = tuple(joints.values())
-    if springs:
-        update["springs"] = tuple(springs.values())
-    return scene.model_copy(update=update) if update else scene
+        scene = scene.with_joints(joints)
+    return scene.model_copy(update={"springs": tuple(springs.values())}) if springs else scene
 
 
 def require_damped(scene: Scene, parameters: Sequence[DampingParameter]) -> None:

@@ -28,7 +28,7 @@ def write_model(pipeline: Pipeline, inp: OutputFile | None, step: OutputFile | N
             )
     if inp:
         model = pipeline("model")
-        struck = scene.bending is not None or scene.written_out.strike is not None
+        struck = scene.bending is not None or scene.strike is not None
         w, materials = pipeline("contact").w if struck else None, pipeline("mesh").materials
         text = input_deck(model, materials, w=w, C=dashpots(scene, model))
         with inp.writing() as path:
@@ -36,13 +36,12 @@ def write_model(pipeline: Pipeline, inp: OutputFile | None, step: OutputFile | N
     if step:
         from beadwave.geometry.cad.occ import write_step
 
-        whole = scene.written_out
-        if whole.assembly is not None and whole.assembly.file:
+        if scene.assembly is not None and scene.assembly.file:
             raise InvalidScene(
-                f"{scene.name} has its geometry from {whole.assembly.file}; copy that."
+                f"{scene.name} has its geometry from {scene.assembly.file}; copy that."
             )
         with step.writing() as path:
-            write_step(shapes(whole), path)
+            write_step(shapes(scene), path)
 
 
 def write_reduced(pipeline: Pipeline, out: OutputFile, matrices: OutputFile | None = None) -> None:

@@ -179,7 +179,6 @@ def of_file(path: Path) -> Scene:
 def look(scene: Scene, source: str, *, whole: bool = True, with_page: bool = False) -> LookContents:
     """Bodies, pairs and holes of a scene, from its geometry alone and a mesh as a run has it, and
     the page of its faces; not `whole` is what has bodies alone, as a STEP file."""
-    scene = scene.written_out
     parts, refusal = None, []
     if whole:
         try:

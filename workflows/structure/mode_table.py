@@ -103,7 +103,7 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
     """
     scene, modes, mac = pipeline.scene, pipeline("modes"), pipeline("mac")
     shape = shape_names(scene)
-    struck = scene.bending is not None or scene.written_out.strike is not None
+    struck = scene.bending is not None or scene.strike is not None
     participation = np.abs(pipeline("contact").w @ modes.phi) if struck else [None] * len(mac)
     measured = {int(j): i for i, j in enumerate(modes.index) if j >= 0}
 
@@ -140,7 +140,7 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
     elif scene.bending is None and (modes.omega < RIGID * modes.omega.max()).any():
         unheld = np.flatnonzero(~strained(pipeline("model"), modes)) + 1
         sentences += warnings.unheld_motions(unheld.tolist())
-    of_shape = zip(scene.measured_numbers, scene.written_out.targets or (), strict=True)
+    of_shape = zip(scene.measured_numbers, scene.targets or (), strict=True)
     by_shape = [number for number, target in of_shape if target.shape]
     sentences += warnings.distant_pairs(
         {

@@ -348,15 +348,7 @@ def applied(
     if None not in ratios:
         scene = scene.but(damping=ModalDampingTable(kind="modal", ratio=tuple(ratios)))
     of_test = {row.mode: _of_test(row) for row in report.rows if row.mode}
-    if scene.of_dimensions:  # targets of the rig are frequencies by number
-        tables = {table.number: table for table in scene.targets or ()}
-        for n, row in of_test.items():
-            values = {key: row[key] for key in ("hz", "hz_deviation")}
-            tables[n] = MeasuredMode(number=n, **values)
-        return scene.but(targets=tuple(tables[n] for n in sorted(tables))), report.targets
-    numbered = zip(scene.measured_numbers, scene.targets or (), strict=True)
-    scene = scene.but(targets=tuple(table.but(**of_test.get(n, {})) for n, table in numbered))
-    return scene, report.targets
+    return scene.remeasured(of_test), report.targets
 
 
 def _of_test(row: HammerRow) -> dict[str, float | None]:

@@ -23,12 +23,9 @@ from beadwave.fem.updating.tuning import TuningParameter
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.stages.engine.progress import Progress
-from beadwave.workflows.structure import parameters as of_bodies
+from beadwave.workflows.structure.parameters import freed, tunable
 from beadwave.workflows.structure.tuning import (
-    PARTS,
-    RIG_NAMES,
     FrequencyErrors,
-    candidates_of,
     frequency_errors,
     projected,
     unit,
@@ -141,13 +138,13 @@ def ranked(
 
     Raises InvalidScene for names that are not known, and where a mode is not among those computed.
     """
-    names = free or _all(scene)
+    names = free or tuple(tunable(scene))
     if not names:
         raise InvalidScene(
             f"{scene.name} has nothing to free: no joint, no isotropic material and no mass; add "
             "[[joints]]."
         )
-    _, basis, candidates = projected(scene, candidates_of(scene, names), progress)
+    _, basis, candidates = projected(scene, freed(scene, names), progress)
 
     # the modes at the scene's values, and which of them the targets are
     now = at_scene(basis, candidates)
@@ -261,17 +258,3 @@ def _on_modes(
                 f"mode {n} has a neighbour at {nearest:.2f} Hz: their shapes exchange as "
                 "parameters change, and sensitivities with them."
             )
-
-
-def _all(scene: Scene) -> tuple[str, ...]:
-    """Names of all that the scene can free: orthotropic materials are not tuned."""
-    if scene.of_dimensions:
-        parts = scene.assembly.parts
-        return tuple(
-            name for name in RIG_NAMES if PARTS.get(name.partition(".")[0], "block") in parts
-        )
-    orthotropic = [name for name, solid in scene.materials.items() if not solid.is_isotropic]
-    return tuple(
-        name for name in of_bodies.known(scene)
-        if not name.startswith("materials.") or name.split(".")[1] not in orthotropic
-    )  # fmt: skip

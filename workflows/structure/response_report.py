@@ -46,10 +46,8 @@ from beadwave.workflows.structure.measured_responses import (
     measured_lines,
     test_places,
 )
-from beadwave.workflows.structure.tuning import (
-    scene_values,
-    unit,
-)
+from beadwave.workflows.structure.parameters import scene_values
+from beadwave.workflows.structure.tuning import unit
 
 
 class FittedValue(BaseModel):

@@ -49,7 +49,6 @@ from beadwave.workflows.scene import InvalidScene, Scene, nearest
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.engine.progress import Progress
 from beadwave.workflows.structure import dampings as of_damping
-from beadwave.workflows.structure import parameters as of_bodies
 from beadwave.workflows.structure.hammer import (
     PHASES,
     IdentifiedTest,
@@ -67,6 +66,7 @@ from beadwave.workflows.structure.measured_responses import (
     resonances_chosen,
     test_places,
 )
+from beadwave.workflows.structure.parameters import at_values, freed, known, on_bodies
 from beadwave.workflows.structure.response_report import (
     Fitted,
     ResponseReport,
@@ -74,12 +74,7 @@ from beadwave.workflows.structure.response_report import (
     pictures,
     response_report,
 )
-from beadwave.workflows.structure.tuning import (
-    RIG_NAMES,
-    at_values,
-    candidates_of,
-    loosened,
-)
+from beadwave.workflows.structure.tuning import loosened
 
 # relative, of identified frequencies together with the responses, as `tune` takes it, and of their
 # damping ratios; 3 deviations at least, so that what the responses say already hardly counts twice
@@ -154,12 +149,11 @@ def tuned_to_responses(
             f"{PROJECTION_REACH:g} times the highest line at {data.frequency_hz[-1]:.5g} Hz; give "
             f"a band up to {top / PROJECTION_REACH:.0f} Hz."
         )
-    if not scene.of_dimensions:
-        solids = of_bodies.on_bodies(scene, solids, list(basis.forms))
+    solids = on_bodies(scene, solids, list(basis.forms))
 
     # what besides K and M makes responses: damping of parts, the power of i omega of the quantity,
     # the decay that an exponential window adds, springs between points
-    material = {body: scene.written_out.material_name(body) or "" for body in model.structure.basis}
+    material = {body: scene.material_name(body) or "" for body in model.structure.basis}
     damping = of_damping.structure_damping_of(scene, material, of_dampings)
     beside = {
         f"{one.name}.{key}": k for one in scene.springs or () for key, k in one.stiffnesses.items()
@@ -238,13 +232,12 @@ def parameters_named(
 ) -> tuple[list[TuningParameter], list[DampingParameter]]:
     """Parameters of stiffness and mass, and those of damping; raises InvalidScene for names that
     are neither, that come twice, and for none."""
-    whole = scene.written_out
-    materials = [f"materials.{name}" for name in whole.materials]
-    joints = [f"joints.{name}" for name in whole.bushings]
-    springs = [f"springs.{one.name}" for one in whole.springs or ()]
+    materials = [f"materials.{name}" for name in scene.materials]
+    joints = [f"joints.{name}" for name in scene.bushings]
+    springs = [f"springs.{one.name}" for one in scene.springs or ()]
     parts = [*materials, *joints, *springs]
     damped = of_damping.known_dampings(scene, parts)
-    solid = RIG_NAMES if scene.of_dimensions else of_bodies.known(scene)
+    solid = known(scene)
     if not names or names == ("",):
         raise InvalidScene(
             f"--free is missing; name what to vary of {', '.join([*solid, *damped])}."
@@ -252,8 +245,7 @@ def parameters_named(
     for name in names:
         if names.count(name) > 1:
             raise InvalidScene(f"--free {name} is named twice; drop one.")
-        kt = scene.of_dimensions and name.endswith(".kt")
-        if name not in damped and name not in solid and not kt:
+        if name not in damped and name not in solid:
             why = ""
             if name.startswith("damping.") and scene.damping is not None:
                 why = f' while damping.kind = "{scene.damping.kind}"'
@@ -264,7 +256,7 @@ def parameters_named(
             )
     solids = tuple(name for name in names if name not in damped)
     return (
-        candidates_of(scene, solids) if solids else [],
+        freed(scene, solids) if solids else [],
         of_damping.freed_dampings(scene, [name for name in names if name in damped], parts),
     )
 

@@ -14,7 +14,6 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from pydantic import BaseModel
 
-from beadwave import fem
 from beadwave.fem.modes.mac import paired
 from beadwave.fem.updating.tuning import (
     Tuning,
@@ -30,8 +29,9 @@ from beadwave.workflows.files.scene import Source, Written, completed, scene_tex
 from beadwave.workflows.files.scene import scene as load_scene
 from beadwave.workflows.report.numbers import supported
 from beadwave.workflows.report.tables import aligned_text
-from beadwave.workflows.scene import InvalidScene, Scene, nearest
+from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.named_files import every_file_key
+from beadwave.workflows.scene.rig import RigScene
 from beadwave.workflows.scene.scene import LONGEST_NAME
 from beadwave.workflows.scene.tables.bodies import MeasuredMode
 from beadwave.workflows.scene.toml import parsed, toml
@@ -39,19 +39,14 @@ from beadwave.workflows.stages.engine.pipeline import Pipeline, pipeline_of
 from beadwave.workflows.stages.engine.progress import Progress
 from beadwave.workflows.stages.errors.mesh_causes import FINEST_SCALE, Cause, refinement, size_for
 from beadwave.workflows.stages.structure.targets import remarks_on_axes
-from beadwave.workflows.structure import parameters as of_bodies
-
-PARTS = {"head": "sheets", "foot": "sheets_support"}  # of the rig, that its joints hold
-JOINTS = tuple(PARTS)
-SHIFT = of_bodies.SHIFT
-STARTS = {"ky": (1e6, *SHIFT[1:]), "kz": (3e7, *SHIFT[1:]), "kt": (1e8, *SHIFT[1:])}
-FACTOR = (1.0, 0.85, 1.15)  # of the block's modulus and density
-TANGENTIAL = ("kx", "kz")  # what "kt" stands for
-RIG_NAMES = (
-    *(f"{joint}.{key}" for joint in JOINTS for key in fem.DIRECTIONS),
-    *("block.young", "block.density"),
+from beadwave.workflows.structure.parameters import (
+    FACTORS,
+    at_values,
+    freed,
+    on_bodies,
+    scene_values,
+    usual,
 )
-
 
 # Relative errors of frequencies by which a fit is judged
 DISAGREEMENT = 1e-3  # of the full model and the projection
@@ -94,7 +89,7 @@ def frequency_errors(
     """Errors of the modes {number: Hz}: hz_deviation of their targets, where the frequency is the
     target's and this is known, else `assumed`. None is below `least`, since no model is closer than
     that to what it stands for, however long a test was averaged."""
-    tables = dict(zip(scene.measured_numbers, scene.written_out.targets or (), strict=True))
+    tables = dict(zip(scene.measured_numbers, scene.targets or (), strict=True))
     of_test = {
         n: table.hz_deviation / table.hz
         for n, hz in match.items()
@@ -107,7 +102,7 @@ def frequency_errors(
 def unit(name: str) -> str:
     """Unit of a fitted value: of a stiffness by its direction, the last word of its name; of a
     material's value or a spring's between points, which is a factor, what it multiplies."""
-    if name.endswith(of_bodies.FACTORS) or name.startswith("springs."):
+    if name.endswith(FACTORS) or name.startswith("springs."):
         return "of the rest's" if name.startswith("block.") else "of the scene's"
     return "N m/rad" if name.rpartition(".")[2].startswith("kr") else "N/m"
 
@@ -223,12 +218,12 @@ def tuned(
     """The scene with fitted joints, and the report.
 
     match  {mode: Hz} wanted, modes by `Scene.measured_numbers`
-    free   names of what may vary, `usual` ones for the rig without any
+    free   names of what may vary, `usual` ones of the rig without any
 
     Raises InvalidScene for what has no joints, and where the modes determine no parameter though
     they are met.
     """
-    candidates = candidates_of(scene, free or (usual(match) if scene.of_dimensions else ()))
+    candidates = freed(scene, free or usual(scene, match))
 
     # a fit of all candidates, then again of those alone that the modes determine; the others stay
     # as they were in the scene
@@ -276,15 +271,14 @@ def tuned(
     # judge of the projection
     fitted = [supported(x, x * s) for x, s in zip(fit.value, fit.deviation, strict=True)]
     fit = fit._replace(value=np.array(fitted))
-    result = retargeted(at_values(loose, fit.parameters, fit.value), match)
+    result = at_values(loose, fit.parameters, fit.value)
+    result = result.remeasured({n: {"hz": hz} for n, hz in match.items()})
     full = pipeline_of(result, progress)
     computed, mac = full("modes"), shape_mac(full)
     confirmed = {str(number[int(i) - 1]): hz for i, hz in computed.paired_hz.items()}
-    # targets of the rig, which are frequencies, may be fewer than its measured modes
-    of_targets = () if scene.of_dimensions else zip(number, result.targets or (), strict=True)
     measured_mac = {
         str(n): float(computed.score[k])
-        for k, (n, target) in enumerate(of_targets)
+        for k, (n, target) in enumerate(zip(number, result.targets or (), strict=True))
         if target.shape and computed.index[k] >= 0
     }
 
@@ -314,7 +308,7 @@ def tuned(
     report_hz = {str(n): hz for n, hz in modes_hz.items()}
     computed_mode = {n: int(j) + 1 for n, j in zip(number, computed.index, strict=True) if j >= 0}
     of_numbers = []
-    if not scene.of_dimensions and (scene.floats or scene.springs) and result.targets:
+    if (scene.floats or scene.springs) and result.targets:
         of_numbers = on_numbers(result, computed_mode)
     report = TuningReport(
         scene=scene.name,
@@ -358,27 +352,6 @@ def on_numbers(scene: Scene, computed_mode: dict[int, int]) -> list[str]:
             f"free or on springs: {', '.join(counted)}."
         ]
     return []
-
-
-def candidates_of(scene: Scene, names: tuple[str, ...]) -> list[TuningParameter]:
-    """Parameters by name, started from the values that the scene has; raises InvalidScene for what
-    has no joints."""
-    if not scene.of_dimensions:
-        return of_bodies.freed(scene, names)
-    if scene.assembly.constraint != "wires":
-        raise InvalidScene(
-            f"assembly.constraint = {scene.assembly.constraint!r} has no springs to tune; "
-            "set assembly.constraint=wires."
-        )
-    candidates = [started_from(scene, p) for p in freed(names)]
-    for p in candidates:
-        for joint in {spring.split(".")[0] for spring in p.springs}:
-            if PARTS[joint] not in scene.assembly.parts:
-                raise InvalidScene(
-                    f"{p.name} cannot be tuned: assembly.parts = {list(scene.assembly.parts)} "
-                    f"has no {PARTS[joint]}; add it, or free something else."
-                )
-    return candidates
 
 
 def _remarks(
@@ -443,7 +416,7 @@ def _remarks(
         if abs(error) > DISAGREEMENT:
             remarks.append(f"mode {n} is missed by {100 * error:+.1f} %.")
     has_free_turn = {"head.kz", "head.kry"} <= {p.name for p in candidates}
-    conflict = scene.of_dimensions and {2, 3} <= match.keys() and not has_free_turn
+    conflict = isinstance(scene, RigScene) and {2, 3} <= match.keys() and not has_free_turn
     if conflict and max(map(abs, missed.values())) > DISAGREEMENT:
         remarks.append(
             "Modes 2 and 3 both shear the joints along x: one stiffness for x and z that is soft "
@@ -520,13 +493,6 @@ def worth_of_the_mesh(
     ]
 
 
-def usual(match: dict[int, float]) -> tuple[str, ...]:
-    """Parameters to free for the chosen modes: one tangential stiffness cannot meet both 2 and
-    3."""
-    joint = ("head.ky", "head.kz", "head.kry") if {2, 3} <= match.keys() else ("head.ky", "head.kt")
-    return (*joint, "block.young", "block.density") if 4 in match else joint
-
-
 def targets(match: str, measured: Mapping[int, float]) -> dict[int, float]:
     """The modes named in "1,3,4", or "1=51.2,3=905" with frequencies of one's own; `measured` has
     those of the scene [Hz] by number. Raises InvalidScene for modes that the scene does not have,
@@ -579,109 +545,19 @@ def numbered(scene: Scene, match: str) -> tuple[Scene, dict[int, float]]:
     return scene.but(targets=tables), dict(sorted(hz.items()))
 
 
-def freed(names: tuple[str, ...]) -> list[TuningParameter]:
-    """Parameters of the rig by name: "head.ky", "foot.kt" (both tangential directions) or
-    "block.young". Raises InvalidScene for other names and for a stiffness that two of them set."""
-    parameters = []
-    for name in names:
-        part, _, key = name.partition(".")
-        if part == "block" and key in ("young", "density"):
-            parameters.append(TuningParameter(name, (), *FACTOR, ("block",), key))
-            continue
-        directions = TANGENTIAL if key == "kt" else (key,)
-        if part not in JOINTS or not set(directions) <= set(fem.DIRECTIONS):
-            with_both = [*RIG_NAMES, *(f"{joint}.kt" for joint in JOINTS)]
-            raise InvalidScene(f"--free {name} is not known, {nearest(name, with_both)}.")
-        springs = tuple(f"{part}.{direction}" for direction in directions)
-        bounds = STARTS.get(key, of_bodies.TURN if key.startswith("kr") else SHIFT)
-        parameters.append(TuningParameter(name, springs, *bounds))
-
-    set_by: dict[str, str] = {}
-    for name, p in zip(names, parameters, strict=True):
-        for value in p.springs or (p.name,):
-            if value in set_by:
-                raise InvalidScene(f"--free {set_by[value]} and {name} set the same; drop one.")
-            set_by[value] = name
-    return parameters
-
-
-def started_from(scene: Scene, p: TuningParameter) -> TuningParameter:
-    """The parameter with the scene's value as its start where that lies between the bounds."""
-    scale = 1.0 if p.springs else getattr(scene.assembly, p.of)
-    before = tuple(value / scale for _, value in scene_values(scene, p))
-    start = before[0] if p.lower <= before[0] <= p.upper else p.start
-    return p._replace(start=start, before=before)
-
-
-def scene_values(scene: Scene, p: TuningParameter) -> list[tuple[str, float]]:
-    """Keys of the scene that the parameter sets, each with its value."""
-    if not scene.of_dimensions:
-        return [(p.name, of_bodies.scene_value(scene, p.name))]
-    if p.springs:
-        keys = [spring.split(".") for spring in p.springs]
-        return [(f"{joint}.{key}", getattr(scene.bushings[joint], key)) for joint, key in keys]
-    of_block = getattr(scene.assembly.block, p.of, None)
-    return [(p.name, getattr(scene.assembly, p.of) if of_block is None else of_block)]
-
-
 def projected(
     scene: Scene, candidates: list[TuningParameter], progress: Progress
 ) -> tuple[Scene, TuningBasis, list[TuningParameter]]:
     """The scene loosened where candidates vary, its projection, and the candidates on that."""
     loose = loosened(scene, candidates)
     basis = pipeline_of(loose, progress)("tuning-basis")
-    if not scene.of_dimensions:
-        candidates = of_bodies.on_bodies(scene, candidates, list(basis.forms))
-    return loose, basis, candidates
+    return loose, basis, on_bodies(scene, candidates, list(basis.forms))
 
 
-def loosened(scene: Scene, parameters: list[TuningParameter]) -> Scene:
-    """The scene with finite springs where they vary, and with a block that keeps only the values
-    that do not vary."""
-    if not scene.of_dimensions:
-        return at_values(scene, parameters, np.array([p.start for p in parameters]))
-    varied = {p.of: None for p in parameters if not p.springs}
-    bare = scene.but(assembly={"block": varied}) if scene.assembly.block else scene
-    springs = [p for p in parameters if p.springs]
-    return at_values(bare, springs, np.array([p.start for p in springs]))
-
-
-def at_values(scene: Scene, parameters: list[TuningParameter], value) -> Scene:
-    """The scene with the parameters at these values."""
-    if not scene.of_dimensions:
-        names = [p.name for p in parameters]
-        return of_bodies.with_values(scene, dict(zip(names, value, strict=True)))
-    joints, steel = {}, {}
-    for p, x in zip(parameters, value, strict=True):
-        for spring in p.springs:
-            joint, key = spring.split(".")
-            joints.setdefault(joint, {})[key] = float(x)
-        if not p.springs:
-            steel[p.of] = of_bodies.times(x, getattr(scene.assembly, p.of))
-    result = scene.but(joints=joints)
-    if steel:
-        from beadwave.workflows.scene.rig import Steel
-
-        result = result.but(assembly={"block": (scene.assembly.block or Steel()).but(**steel)})
-    return result
-
-
-def retargeted(scene: Scene, match: dict[int, float]) -> Scene:
-    """The scene with the frequencies that it was tuned to among its targets."""
-    if not scene.of_dimensions:
-        numbered = zip(scene.measured_numbers, scene.targets or (), strict=True)
-        tables = [_moved(target, match.get(n, target.hz)) for n, target in numbered]
-    else:
-        by_number = {target.number: target for target in scene.targets or ()}
-        new = {n: MeasuredMode(number=n, hz=hz) for n, hz in match.items() if n not in by_number}
-        by_number = {n: _moved(target, match.get(n, target.hz)) for n, target in by_number.items()}
-        tables = [table for _, table in sorted((by_number | new).items())]
-    return scene.but(targets=tuple(tables))
-
-
-def _moved(target: MeasuredMode, hz: float) -> MeasuredMode:
-    """The target at a frequency [Hz]; the deviation of another one does not go with it."""
-    return target if hz == target.hz else target.but(hz=hz, hz_deviation=None)
+def loosened(scene: Scene, parameters: Sequence[TuningParameter]) -> Scene:
+    """The scene with finite springs where they vary, all else that varies at a factor of 1."""
+    start = [p.start if p.springs else 1.0 for p in parameters]
+    return at_values(scene, parameters, np.array(start))
 
 
 def shape_mac(full: Pipeline) -> dict[str, float]:

@@ -21,7 +21,7 @@ FURTHER = (
     Stage(
         "jointed",
         ".structure.reduction:jointed",
-        tables_of("reduction", "patch", "assembly"),
+        tables_of("reduction", "strike", "assembly"),
         ("model", "contact", "modes"),
         means=("factor", "krylov-space"),
     ),

@@ -22,7 +22,7 @@ from beadwave import coupling, dem
 from beadwave.dem.waves.arrivals import arrivals
 from beadwave.workflows.files.run_folder import RunFolder
 from beadwave.workflows.scene import InvalidScene, RomWall, Scene
-from beadwave.workflows.scene.rig import STRUCK
+from beadwave.workflows.scene.rig import STRUCK, RigScene
 from beadwave.workflows.scene.toml import undoes
 from beadwave.workflows.stages.chain.chain import Start
 from beadwave.workflows.stages.chain.walls import require_support
@@ -122,7 +122,7 @@ def struck_scene(base: Base, face: str | None) -> Scene:
             f"{scene.name}: time.duration = {scene.time.duration:g} s goes beyond time.horizon = "
             f"{scene.time.horizon:g} s, up to which waves have an error; scan up to there."
         )
-    rig = scene.of_dimensions
+    rig = isinstance(scene, RigScene)
     moved = ("patch.point",) if rig else ("strike.at", "strike.on")[: 1 + bool(face)]
     for key, changed_key in product(moved, base.given):
         if undoes(key, changed_key):

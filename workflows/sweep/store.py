@@ -61,7 +61,7 @@ class Store:
         self._signals = signals
         columns = design.columns.items()
         self._kinds = {key: {type(value) for value in values} for key, values in columns}
-        units = {entry.key: entry.quantity.kind.unit for entry in entries(scene)}
+        units = {entry.key: entry.quantity.kind.unit for entry in entries(scene.written)}
         self._units = about.units | {key: units[key] for key in design.keys if key in units}
         self._face = about.face
         self._scene_toml = (folder.path / "scene.toml").read_text(encoding="utf-8")

@@ -35,7 +35,7 @@ from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import Table
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.scene.parts import with_assembly
-from beadwave.workflows.scene.rig import PARTS
+from beadwave.workflows.scene.rig import PARTS, RigScene
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.engine.progress import Progress, quiet
 from beadwave.workflows.stages.errors.second_mesh import COARSER
@@ -73,7 +73,7 @@ def mesh(scene: Scene, progress: Progress, *, thorough: bool = False) -> Finding
     if scene.bending is not None:
         return of_bending(scene, progress)
     with_assembly(scene)
-    if not scene.of_dimensions:
+    if not isinstance(scene, RigScene):
         return _of_bodies(scene, progress)
     if not thorough:
         finding = of_rig(scene, progress, SEEDS, ("full-tie",))

@@ -54,7 +54,7 @@ REFERENCE = (
     Stage(
         "reference-response",
         f"{__name__}:reference",
-        tables_of("patch", "assembly"),
+        tables_of("strike", "assembly"),
         ("model", "contact"),
     ),
 )
@@ -108,7 +108,7 @@ def reduction(scene: Scene, progress: Progress) -> Finding:
             "joints or springs have dashpots, which this study would leave out of the responses it "
             "compares; set them to 0 (joints.head.cx .. joints.foot.crz of the rig)."
         )
-    strike = scene.written_out.strike
+    strike = scene.strike
     if strike and strike.weights == "thesis":
         raise InvalidScene(
             'the patch with weights = "thesis" is read elsewhere than it is pushed, which no '

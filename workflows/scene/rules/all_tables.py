@@ -1,7 +1,6 @@
 """Keys of a scene that are each allowed but not together, a sentence each."""
 
 from collections.abc import Iterator
-from math import isinf
 from pathlib import Path
 
 from beadwave.workflows.scene import (
@@ -13,6 +12,7 @@ from beadwave.workflows.scene import (
     Scene,
 )
 from beadwave.workflows.scene.named_files import unfit
+from beadwave.workflows.scene.rig import RigScene, RigTable
 from beadwave.workflows.scene.rules.bodies import (
     of_bending,
     of_bodies,
@@ -20,40 +20,38 @@ from beadwave.workflows.scene.rules.bodies import (
     of_measured,
     of_springs,
     of_test_axes,
-    of_the_rig,
+    without_assembly,
 )
 from beadwave.workflows.scene.rules.friction import of_friction, of_gravity
+from beadwave.workflows.scene.rules.rig import of_the_rig
 from beadwave.workflows.scene.rules.sensors import of_sensors
 from beadwave.workflows.scene.rules.shakers import of_shakers
 from beadwave.workflows.scene.rules.size import too_large
-from beadwave.workflows.scene.tables.bodies import General
 from beadwave.workflows.scene.tables.walls import gives_way
 
 # Bounds on combinations of keys, by orders of magnitude beyond real cases
 MIN_YIELD_PRESSURE = 1e-6  # over Young's modulus, at least; that of lead is 1e-3
-MIN_YOUNG = 1e6  # [Pa] of a body of finite elements, at least: rubber
 MAX_HUNT_CROSSLEY = 1e6  # [s/m] of Hunt and Crossley's law, at most; from 1e3 nothing rebounds
 
 
 def contradictions(scene: Scene) -> Iterator[str]:
-    """Sentences on what contradicts itself in a scene with all defaults; none for a sound one.
+    """Sentences on what contradicts itself in a scene as it is written, with all defaults; none for
+    a sound one.
 
     Only the first one is shown, so that a missing part comes before what follows from it.
     """
     yield from _missing_parts(scene)
     yield from of_bending(scene)
-    if isinstance(scene.assembly, General):
+    if isinstance(scene.assembly, RigTable):
+        yield from of_the_rig(scene)
+        scene = RigScene.of(scene)
+    if scene.assembly is None:
+        yield from without_assembly(scene)
+    else:
         yield from of_bodies(scene)
         yield from _other_surface(scene)
-        yield from _of_reading(scene, "strike")
+        yield from _of_reading(scene)
         yield from _dashpots(scene)
-    else:
-        yield from of_the_rig(scene)
-        if scene.assembly is not None:
-            yield from _other_surface(scene)
-            yield from _of_rig_assembly(scene)
-            yield from _of_reading(scene, "patch")
-            yield from _dashpots(scene)
     yield from of_masses(scene)
     yield from of_springs(scene)
     yield from of_measured(scene)
@@ -102,64 +100,14 @@ def _other_surface(scene: Scene) -> Iterator[str]:
             )
 
 
-def _of_rig_assembly(scene: Scene) -> Iterator[str]:
-    """Moduli, the patch and the joints of the thesis' rig."""
-    # moduli: of the assembly, and of bodies with a material of their own
-    bodies = {f"assembly.{name}": getattr(table, "young", None) for name, table in scene.assembly}
-    for name, young in {"assembly": scene.assembly.young, **bodies}.items():
-        if young is not None and young < MIN_YOUNG:
-            yield (
-                f"{name}.young = {young:g} Pa must be at least {MIN_YOUNG:g} Pa, that of "
-                "rubber: "
-                "softer bodies have too many modes; raise it."
-            )
-
-    # the patch lies on the block's +x face
-    patch, sides = scene.patch, (scene.assembly.block_y, scene.assembly.block_z)
-    if 2 * patch.radius >= min(sides):
-        yield (
-            f"patch.radius = {patch.radius} m must be below {min(sides) / 2:.6g} m to lie "
-            "on the block's face; lower it."
-        )
-    else:
-        for axis, at, side in zip("yz", patch.point, sides, strict=True):
-            reach = side / 2 - patch.radius
-            if abs(at) > reach:
-                yield (
-                    f"patch.point has {axis} = {at} m, allowed is up to {reach:.6g} m from the "
-                    f"middle of the block's face for patch.radius = {patch.radius} m; move it."
-                )
-    half = (sides[0] / 2, sides[1] / 2)
-    for point in patch.nodes or ():
-        if any(abs(at) > reach for at, reach in zip(point, half, strict=True)):
-            yield (
-                f"patch.nodes has {list(point)}, allowed are y, z up to {half[0]:.6g} and "
-                f"{half[1]:.6g} m from the middle of the block's face; move it."
-            )
-
-    # a dashpot acts on the elongation of a spring: there must be a spring, and it must give way
-    for joint, table in scene.bushings.items():
-        for key, coefficient in table.dashpots.items():
-            name = f"joints.{joint}.c{key[1:]} = {coefficient}"
-            if scene.assembly.constraint != "wires":
-                yield (
-                    f'{name} needs the joints of assembly.constraint = "wires"; change one of them.'
-                )
-            if isinf(getattr(table, key)):
-                yield (
-                    f"{name} is parallel to {key} = inf, which never moves; give "
-                    f"joints.{joint}.{key}."
-                )
-
-
-def _of_reading(scene: Scene, table: str) -> Iterator[str]:
+def _of_reading(scene: Scene) -> Iterator[str]:
     """The thesis' scheme pushes and reads at different nodes."""
-    strike = scene.written_out.strike
+    strike = scene.strike
     if strike is None or strike.weights != "thesis":
         return
-    key = f'{table}.weights = "thesis"'
+    key = f'{scene.strike_table}.weights = "thesis"'
     if len(strike.at) != 2:
-        yield f"{key} needs a plane face and {table}.at = [y, z] from its middle."
+        yield f"{key} needs a plane face and strike.at = [y, z] from its middle."
     if scene.reduction.kind != "craig-bampton":
         yield (
             f'{key} reads nodes that only reduction.kind = "craig-bampton" keeps; change one of '
@@ -265,7 +213,8 @@ def _of_chain(scene: Scene) -> Iterator[str]:
             )
         excluded = {
             f'wall.kind = "{scene.wall and scene.wall.kind}"': gives_way(scene.wall),
-            'patch.weights = "thesis"': scene.patch is not None and scene.patch.weights == "thesis",
+            f'{scene.strike_table}.weights = "thesis"': scene.strike is not None
+            and scene.strike.weights == "thesis",
             "dashpots": scene.has_dashpots,
         }
         for excluder in (name for name, is_given in excluded.items() if is_given):

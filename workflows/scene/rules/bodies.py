@@ -137,19 +137,12 @@ def of_bending(scene: Scene) -> Iterator[str]:
         )
 
 
-def of_the_rig(scene: Scene) -> Iterator[str]:
+def without_assembly(scene: Scene) -> Iterator[str]:
     """Sentences on tables that need an assembly of bodies, in a scene without one."""
     for name in (name for name in OF_BODIES if getattr(scene, name) is not None):
         yield (
             f"[{name}] belongs to an assembly of bodies; give [assembly] held = [...] and bodies, "
             f"or drop it."
-        )
-    modes = range(1, len(scene.measured_hz) + 1)
-    numbers = [target.number for target in scene.targets or ()]
-    if any(number not in modes or numbers.count(number) > 1 for number in numbers):
-        yield (
-            f"[[targets]] of the rig are its modes {modes[0]} to {modes[-1]}, each once, as "
-            "number = 1 with hz; number the others so, or drop them."
         )
     if isinstance(scene.joints, tuple):
         yield "[[joints]] belong to an assembly of bodies; the rig has [joints.head] and foot."

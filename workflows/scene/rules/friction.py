@@ -60,7 +60,7 @@ def _of_structure(scene: Scene, wall: RomWall) -> Iterator[str]:
             "friction.between_spheres is known before walls of a few numbers alone; drop it before "
             "a structure."
         )
-    strike = scene.written_out.strike
+    strike = scene.strike
     if wall.file is None and strike is not None and strike.weights == "thesis":
         yield (
             '[friction] needs a contact that is read where it is loaded; take weights "hertz", or '

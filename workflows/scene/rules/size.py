@@ -17,7 +17,7 @@ times as long.
 
 from collections.abc import Iterator
 from importlib.util import find_spec
-from math import log, pi, prod
+from math import log, pi
 from typing import NamedTuple
 
 from beadwave.system import free_memory
@@ -52,9 +52,6 @@ ELEMENT_GROWTH = (
 
 LIMITS = RunLimits()
 
-SEEDS = ("seed", "block_seed", "support_seed", "contact_seed")
-SEED_OF = {"block": "block_seed", "sheet": "seed"}  # of all other bodies "support_seed"
-
 
 def too_large(scene: Scene) -> Iterator[str]:
     """Sentences on keys that ask for more than a machine holds."""
@@ -69,8 +66,6 @@ def too_large(scene: Scene) -> Iterator[str]:
                 f"reduction.error = {reduction.error:g} must be at least {LIMITS.error:g}; "
                 "raise it."
             )
-    if scene.of_dimensions:
-        yield from _too_fine(scene)
 
 
 def _too_long(scene: Scene) -> Iterator[str]:
@@ -89,64 +84,9 @@ def _too_long(scene: Scene) -> Iterator[str]:
     elif INSTANT_BYTES * values > free_memory():
         yield (
             f"output.samples = {scene.output.samples} of chain.count = {scene.chain.count} spheres "
-            f"would take {_gigabytes(INSTANT_BYTES * values)} of memory, "
-            f"{_gigabytes(free_memory())} "
+            f"would take {gigabytes(INSTANT_BYTES * values)} of memory, "
+            f"{gigabytes(free_memory())} "
             "are free; lower one of them."
-        )
-
-
-def _too_fine(scene: Scene) -> Iterator[str]:
-    """Elements, modes and memory of the thesis' rig, from its dimensions."""
-    a, mesh, reduction = scene.assembly, scene.mesh, scene.reduction
-    solids = (
-        (a.block_x, a.block_y, a.block_z),
-        (a.sheets_support_x, a.sheets_support_y, a.sheets_support_z),
-        (a.support_x, a.support_y, a.support_z),
-        (a.plate_x, a.plate_y, a.plate_z),
-    )
-    block, *below = (prod(sides) for sides in solids)  # [m^3]
-
-    # hexahedra of each seed alone; at the contact they grow by this factor from one to the next
-    length = a.head_overlap + a.sheet_free_length + a.foot_overlap
-    elements = {
-        "block_seed": block / mesh.block_seed**3,
-        "seed": 2 * length * a.sheet_width / mesh.seed**2,
-        "contact_seed": 4
-        * (1 + log(max(1, mesh.block_seed / mesh.contact_seed), ELEMENT_GROWTH)) ** 3,
-        "support_seed": sum(below) / mesh.support_seed**3,
-    }
-    for key, number in elements.items():
-        if number > LIMITS.elements:
-            yield (
-                f"mesh.{key} = {getattr(mesh, key)} m makes {number:.1e} elements, allowed are "
-                f"{LIMITS.elements:.0e}; take a larger one."
-            )
-
-    # modes of a solid below f: 4/3 pi V f^3 (1/c_L^3 + 2/c_T^3), the first term a tenth (Weyl)
-    c_T = (a.young / (2 * (1 + a.poisson)) / a.density) ** 0.5
-    highest = (LIMITS.modes * c_T**3 / (4 / 3 * pi * 2.2 * sum((block, *below)))) ** (1 / 3)
-    for key in ("cutoff", "to_hz"):
-        hz = getattr(reduction, key)
-        if hz is not None and hz > highest:
-            yield (
-                f"reduction.{key} = {hz:g} Hz must be up to {highest:.3g} Hz, below which the "
-                f"assembly has some {LIMITS.modes} modes; lower it."
-            )
-
-    nodes = foreseen_nodes(scene)
-    if not nodes:
-        return
-    needed, free = peak_memory(scene, nodes), free_memory()
-    if needed > free:
-        body = max(nodes, key=nodes.get).removesuffix("-y").removesuffix("+y")
-        seed = SEED_OF.get(body, "support_seed")
-        sides = [getattr(a, f"{body}_{axis}", None) for axis in "xyz"]
-        size = "" if None in sides else f" ({' x '.join(map(str, sides))} m)"
-        yield (
-            f"the mesh of [assembly] would have {3 * sum(nodes.values()):.2g} unknowns, most of "
-            f"them in the {body}{size} at mesh.{seed} = {getattr(mesh, seed)} m, and a run would "
-            f"take {_gigabytes(needed)} of memory, {_gigabytes(free)} are free; take larger "
-            "elements, or dimensions that fit."
         )
 
 
@@ -156,16 +96,15 @@ def foreseen_nodes(scene: Scene) -> dict[str, float]:
     from beadwave.geometry.meshing.node_estimate import n_nodes, n_nodes_of_tetrahedra
     from beadwave.workflows.scene.tables.shapes import grid_lines, shapes
 
-    whole = scene.written_out
-    scale, drawn, lines = whole.mesh.scale, shapes(whole), grid_lines(whole, whole.mesh.scale)
-    seeds = {name: whole.seed_of(name) for name in drawn}
-    if whole.assembly.file or None in seeds.values():
+    scale, drawn, lines = scene.mesh.scale, shapes(scene), grid_lines(scene, scene.mesh.scale)
+    seeds = {name: scene.seed_of(name) for name in drawn}
+    if scene.assembly.file or None in seeds.values():
         return {}
     if lines:
         return {name: n_nodes(drawn[name], lines[name], scale * seeds[name]) for name in drawn}
-    if whole.mesh.element != "tet":
+    if scene.mesh.element != "tet":
         return {}
-    strike = whole.strike
+    strike = scene.strike
     return {
         name: n_nodes_of_tetrahedra(
             shape,
@@ -192,8 +131,8 @@ def too_large_mesh(scene: Scene, name: str, nodes: dict[str, float]) -> Iterator
     if needed > free:
         yield (
             f"{name} has {3 * sum(nodes.values()):.2g} unknowns, most of them in "
-            f"{max(nodes, key=nodes.get)}, and a run would take {_gigabytes(needed)} of memory, "
-            f"{_gigabytes(free)} are free; give a coarser mesh, and look at the lengths: a number "
+            f"{max(nodes, key=nodes.get)}, and a run would take {gigabytes(needed)} of memory, "
+            f"{gigabytes(free)} are free; give a coarser mesh, and look at the lengths: a number "
             'without a unit is in metres, 8 mm are 0.008 or "8 mm".'
         )
 
@@ -203,7 +142,7 @@ def peak_memory(scene: Scene, nodes: dict[str, float]) -> float:
     bodies = [3.0 * n for n in nodes.values()]
     n = sum(bodies)
     fill = FACTOR_BYTES[find_spec("pypardiso") is not None] * sum(m ** (4 / 3) for m in bodies)
-    strike = scene.written_out.strike
+    strike = scene.strike
     radius, seed = (0.0, 1.0) if strike is None else (strike.radius, strike.size)
     across = log(1 + (ELEMENT_GROWTH - 1) * radius / seed, ELEMENT_GROWTH)  # elements of the patch
     boundary = 8 + 3 * pi * across**2
@@ -216,5 +155,5 @@ def foreseen_seconds(nodes: dict[str, float]) -> float:
     return START_SECONDS + SOLUTION_SECONDS * (3.0 * sum(nodes.values())) ** (4 / 3)
 
 
-def _gigabytes(n_bytes: float) -> str:
+def gigabytes(n_bytes: float) -> str:
     return f"{n_bytes / 1e9:.3g} GB"

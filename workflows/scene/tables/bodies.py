@@ -369,10 +369,6 @@ class General(SceneTable):
         """File of bodies that are not drawn."""
         return self.step or self.mesh
 
-    def written_out(self, scene: Any) -> Any:
-        """The scene, which is written in bodies already."""
-        return scene
-
     @property
     def holds(self) -> tuple[Hold, ...]:
         """Held faces, as tables."""
@@ -494,6 +490,11 @@ class MeasuredMode(SceneTable):
     hz_deviation: of(Positive, FREQUENCY) | None = None
     zeta: Ratio | None = None  # measured damping ratio, for loss factors
     zeta_deviation: Ratio | None = None  # its standard deviation; without one a tenth of it
+
+    def remeasured(self, **values: Any) -> "MeasuredMode":
+        """The mode with other values; a standard deviation does not go with another frequency."""
+        moved = values.get("hz", self.hz) != self.hz
+        return self.but(**({"hz_deviation": None} if moved else {}) | values)
 
     @model_validator(mode="after")
     def _one_identity(self) -> "MeasuredMode":

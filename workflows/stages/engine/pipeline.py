@@ -33,7 +33,6 @@ class StageReport(NamedTuple):
 
 def couples(scene: Scene) -> bool:
     """True if dashpots or the thesis' scheme make a wall that is marched by its own integrator."""
-    scene = scene.written_out
     return scene.has_dashpots or (scene.strike is not None and scene.strike.weights == "thesis")
 
 
@@ -48,9 +47,8 @@ class Pipeline:
         further: Sequence[Stage] = (),
     ) -> None:
         self.scene = scene
-        self._whole = whole = scene.written_out  # what stages read
         self.reports: list[StageReport] = []
-        self._stages = stages_of(whole) | {stage.name: stage for stage in further}
+        self._stages = stages_of(scene) | {stage.name: stage for stage in further}
         self._results: dict[str, Any] = {}
         self._keys: dict[str, str] = {}
         self._computed: set[str] = set()
@@ -169,14 +167,14 @@ class Pipeline:
         module, function = stage.function.split(":")
         self._computed.add(name)
         with self._progress(name) if stage.listed else nullcontext():
-            return getattr(import_module(module, STAGES), function)(self._whole, *needed)
+            return getattr(import_module(module, STAGES), function)(self.scene, *needed)
 
     def key(self, name: str) -> str:
         """Changes with everything that the stage's result depends on."""
         if name not in self._keys:
             stage = self._stages[name]
             needs = [self.key(need) for need in stage.needs]
-            self._keys[name] = key(name, stage.reads(self._whole), needs)
+            self._keys[name] = key(name, stage.reads(self.scene), needs)
         return self._keys[name]
 
 

@@ -17,7 +17,7 @@ from beadwave.workflows.stages.structure.targets import targets
 def mesh(scene: Scene, coarser: float = 1.0) -> Parts:
     """The bodies meshed, and what joins and holds them; elements `coarser` times as large as the
     scene has them, but for those of a user's mesh."""
-    return bodies.parts(scene.written_out, coarser)
+    return bodies.parts(scene, coarser)
 
 
 def model(scene: Scene, mesh: Parts, fits: dict[str, rom.ModalFit] | None = None) -> fem.Model:
@@ -150,7 +150,7 @@ def _require_kept(
 
 def solid(scene: Scene, body: str) -> fem.Material | fem.Orthotropic:
     """Material of a body of the scene."""
-    return bodies.material(scene.written_out.made_of(body))
+    return bodies.material(scene.made_of(body))
 
 
 def dashpots(scene: Scene, model: fem.Model):
@@ -175,7 +175,6 @@ def modes(scene: Scene, model: fem.Model, space: rom.Space | None = None) -> Ass
 def contact(scene: Scene, mesh: Parts, model: fem.Model) -> fem.ContactPatch:
     """The patch that loads and reads the body struck; of the thesis' scheme the node it loads.
     Raises InvalidScene without a strike, and where the patch leaves its face."""
-    scene = scene.written_out
     if scene.strike is None:
         raise InvalidScene(
             f"{scene.name}: [strike] is missing, which says where the chain touches; add "

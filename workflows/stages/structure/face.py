@@ -64,9 +64,7 @@ class StruckFace:
     """
 
     def __init__(self, scene: Scene, mesh: Parts | None = None) -> None:
-        table = "patch" if scene.of_dimensions else "strike"
-        scene = scene.written_out
-        strike = scene.strike
+        strike, table = scene.strike, scene.strike_table
         if strike is not None and (strike.weights == "thesis" or strike.nodes):
             key = f"{table}.nodes" if strike.nodes else f'{table}.weights = "thesis"'
             raise InvalidScene(

@@ -139,5 +139,5 @@ def shape_names(scene: Scene) -> tuple[str | None, ...]:
     """Descriptions of the targets' shapes; None for a target by number or by measured shape."""
     return tuple(
         target.title or (f"{target.body}: {target.motion}" if target.motion else None)
-        for target in scene.written_out.targets or ()
+        for target in scene.targets or ()
     )

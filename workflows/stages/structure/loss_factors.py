@@ -43,8 +43,7 @@ def strain_of(scene: Scene, model: fem.Model, modes: "AssemblyModes") -> "rom.St
     """Of which materials, joints and springs the strain energy is, of the modes that have some."""
     from beadwave import rom
 
-    whole = scene.written_out
-    material = {body: whole.material_name(body) or "" for body in model.structure.basis}
+    material = {body: scene.material_name(body) or "" for body in model.structure.basis}
     parts, shares = strain_shares(model, fem.Modes(modes.omega, modes.phi), material)
     hz, first = np.unique(modes.omega / (2 * np.pi), return_index=True)
     strains = shares[first].sum(axis=1) > 0

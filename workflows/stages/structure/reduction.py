@@ -71,7 +71,6 @@ def reduction(
     scheme whose nodes coincide, rom.ReductionError for a model that would not be right.
     """
     # the thesis' scheme reads the wall elsewhere than it pushes
-    scene = scene.written_out
     w_reading, C = reading(scene, model), dashpots(scene, model)
     if w_reading is not None and not scene.strike.nodes and np.array_equal(w_reading, contact.w):
         raise ValueError(
@@ -243,7 +242,7 @@ def targets_kept(
 def reading(scene: Scene, model: fem.Model) -> NDArray[np.float64] | None:
     """w (n,) by which the thesis' scheme reads the wall, at other nodes than it pushes; None for
     one functional of both."""
-    strike = scene.written_out.strike
+    strike = scene.strike
     if strike is None or strike.weights != "thesis":
         return None
     first, second = strike.at

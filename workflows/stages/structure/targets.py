@@ -20,7 +20,7 @@ def targets(scene: Scene, model: fem.Model) -> tuple[fem.Target, ...]:
     """Targets that each measured mode of the scene is recognised by; raises InvalidScene for
     measured shapes with points off the assembly."""
     recognised: list[fem.Target] = []
-    for target in scene.written_out.targets or ():
+    for target in scene.targets or ():
         if target.number:
             recognised.append(fem.Number(target.number))
         elif target.shape:
