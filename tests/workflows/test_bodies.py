@@ -179,7 +179,8 @@ def test_a_drawn_flange_has_its_mass_and_holes_of_two_diameters(capsys):
          "plate = { outline = [[0, 0], [0.1, 0], [0, 0.1]], thickness = 0.01 }",
          r"holes\.around are in the round face of a cylinder"),
         ("around = ", 'rings = [{washer = 0.006, lower = [0, 0], upper = [0.02, 0.02]}]\naround = ',
-         r"holes\.rings lie between the grid lines of a plate"),
+         r"rings is no key any more; drop it: seed, mesh\.scale and strike\.seed say how large"),
+        ("cylinder = {", "lines = { x = [0.01] }\ncylinder = {", "lines is no key any more"),
     ],
 )  # fmt: skip
 def test_holes_that_cannot_be_drilled_are_refused_by_their_key(old, new, message):

@@ -32,6 +32,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 import numpy as np
 from pydantic import Field, SerializationInfo, create_model, model_serializer
 
+from beadwave.workflows.scene.body_grid import BodyGrid, GridLine, Ring
 from beadwave.workflows.scene.quantities import of
 from beadwave.workflows.scene.scene import Scene
 from beadwave.workflows.scene.scene_table import Density, InvalidScene, SceneTable
@@ -227,6 +228,13 @@ class RigScene(Scene):
         return self.but(targets=tuple(modes[n] for n in sorted(modes)))
 
     @property
+    def grids(self) -> dict[str, BodyGrid]:
+        """The grids of all bodies; none of tetrahedra and of a mesh that is read."""
+        if self.rig.mesh.element == "tet" or self.rig.mesh.file:
+            return {}
+        return {name: _grid(self.rig, name) for name in self.bodies}
+
+    @property
     def written(self) -> Scene:
         """The scene as a user writes it: the tables of the rig in place of its bodies."""
         tables = {**dict(self), **dict.fromkeys(EXPANDED), **dict(self.rig)}
@@ -316,7 +324,7 @@ def as_bodies(rig: Rig) -> dict[str, Any]:
 
     mesh_file = mesh.file
     bodies = {
-        name: BodyTable(material=part, **({} if mesh_file else _drawn(rig, name)))
+        name: BodyTable(material=part, **({} if mesh_file else _shape(rig, name)))
         for name, part in part_of.items()
     }
     strike = {key: getattr(patch, key) for key in ("radius", "weights", "nodes")}
@@ -339,40 +347,55 @@ def _in_corners(half: np.ndarray, z: float, inset: float, side: float) -> dict[s
     return {"at": ((-x, -y, z), (x, -y, z), (-x, y, z), (x, y, z)), "sides": (side, side)}
 
 
-def _drawn(rig: Rig, name: str) -> dict[str, Any]:
-    """Shape, element size and grid lines of a body; tetrahedra have no lines."""
+def _shape(rig: Rig, name: str) -> dict[str, Any]:
+    """Shape and element size of a body. A sheet is an outline with z as its second axis, which a
+    turn by 90 degrees about x puts upright; its thickness then goes along -y."""
     a, mesh = rig.assembly, rig.mesh
-    if name in SIDES:
-        drawn = _sheet(a, name, mesh.seed)
-    else:
+    if name not in SIDES:
         box = boxes(a)[name]
-        middle = (box.lower + box.upper) / 2
-        drawn = {
+        return {
             "box": tuple((box.upper - box.lower).tolist()),
-            "at": tuple(middle.tolist()),
+            "at": tuple(((box.lower + box.upper) / 2).tolist()),
             "seed": mesh.block_seed if name == "block" else mesh.support_seed,
         }
-        lines = _lines(rig, name, drawn["seed"])
-        drawn["lines"] = {
-            axis: tuple({**line, "at": line["at"] - middle[i]} for line in lines[i])
-            for i, axis in enumerate("xyz")
-        }
-    if mesh.element == "tet":
-        del drawn["lines"]
-        if holes := drawn.get("holes"):
-            del holes["rings"]
-    return drawn
+    half, lower, y = a.sheet_width / 2, -a.sheet_free_length - a.foot_overlap, a.block_y / 2
+    top = a.head_overlap
+    corners = ((-half, lower), (half, lower), (half, top), (-half, top))
+    at = tuple((x, z) for z in screw_z(a).values() for x in a.screw_x)
+    return {
+        "plate": {"outline": corners, "thickness": a.sheet_thickness},
+        "at": (0.0, y + a.sheet_thickness if SIDES[name] > 0 else -y, 0.0),
+        "turn": (90.0, 0.0, 0.0),
+        "holes": {"diameter": 2 * a.hole_radius, "at": at},
+        "seed": mesh.seed,
+    }
 
 
-def _lines(rig: Rig, name: str, size: float) -> list[list[dict[str, float]]]:
+def _grid(rig: Rig, name: str) -> BodyGrid:
+    """The grid of a body along its own axes."""
+    if name in SIDES:
+        return _grid_of_sheet(rig.assembly, rig.mesh.seed)
+    box = boxes(rig.assembly)[name]
+    middle = (box.lower + box.upper) / 2
+    size = rig.mesh.block_seed if name == "block" else rig.mesh.support_seed
+    lines = _lines(rig, name, size)
+    return BodyGrid(
+        *(
+            tuple(line._replace(at=float(line.at - middle[i])) for line in lines[i])
+            for i in range(3)
+        )
+    )
+
+
+def _lines(rig: Rig, name: str, size: float) -> list[list[GridLine]]:
     """Grid lines along x, y and z that the box `name` must have, for elements of `size` [m]
     elsewhere; of several at one place the first counts."""
     a, cuboids = rig.assembly, boxes(rig.assembly)
     box = cuboids[name]
     finest, growth = EDGE if name == "block" else EDGE_BELOW
     singular: list[list[float]] = [[], [], []]  # where stresses are
-    lines: list[list[dict[str, float]]] = [[], [], []]
-    plain: list[list[dict[str, float]]] = [[], [], []]
+    lines: list[list[GridLine]] = [[], [], []]
+    plain: list[list[GridLine]] = [[], [], []]
 
     # the edges of the sheets' faces on the part that they are glued to
     joint = {"block": "head", "sheets_support": "foot"}.get(name)
@@ -399,55 +422,42 @@ def _lines(rig: Rig, name: str, size: float) -> list[list[dict[str, float]]]:
                 ends = [0.0, a.pad, a.bolt_inset - half, a.bolt_inset + half]
             for i in range(2):
                 places = [at for d in ends for at in (below.lower[i] + d, below.upper[i] - d)]
-                plain[i] += [{"at": float(at)} for at in places]
+                plain[i] += [GridLine(float(at)) for at in places]
     elif rig.mesh.contact_seed is not None:
         centre = (box.upper[0], rig.patch.point[0], a.block_z / 2 + rig.patch.point[1])
-        lines = [[{"at": float(at), "size": rig.mesh.contact_seed}] for at in centre]
+        lines = [[GridLine(float(at), rig.mesh.contact_seed)] for at in centre]
     for i in range(3):
-        fine = {"size": finest * size, "growth": growth}
-        lines[i] += [{"at": float(at), **fine} for at in singular[i]] + plain[i]
+        lines[i] += [GridLine(float(at), finest * size, growth) for at in singular[i]] + plain[i]
         lower, upper = box.lower[i] - 1e-9, box.upper[i] + 1e-9
-        lines[i] = [line for line in lines[i] if lower < line["at"] < upper]
+        lines[i] = [line for line in lines[i] if lower < line.at < upper]
     return lines
 
 
-def _sheet(a: Any, name: str, seed: float) -> dict[str, Any]:
-    """A sheet: an outline with z as its second axis, which a turn by 90 degrees about x puts
-    upright, its thickness then goes along -y; thin rows along both clamp lines, where stresses are
-    singular, and rings around the screws in the rest of either overlap."""
-    half, lower, y = a.sheet_width / 2, -a.sheet_free_length - a.foot_overlap, a.block_y / 2
-    top, foot = a.head_overlap, -a.sheet_free_length
-    corners = ((-half, lower), (half, lower), (half, top), (-half, top))
-    clamp = {"size": CLAMP_ROW * seed, "growth": CLAMP_GROWTH}
+def _grid_of_sheet(a: Any, seed: float) -> BodyGrid:
+    """Thin rows along both clamp lines of a sheet, where stresses are singular, and rings around
+    the screws in the rest of either overlap."""
+    lower, top, foot = -a.sheet_free_length - a.foot_overlap, a.head_overlap, -a.sheet_free_length
 
     # where the thin rows end and the rings begin
     r, screws = a.washer_radius, screw_z(a)
     head_rows = min(CLAMP_REACH * seed, (screws["head"] - r) / 2)
     foot_rows = foot - min(CLAMP_REACH * seed, (foot - screws["foot"] - r) / 2)
-    rings, at = [], []
-    for joint, (z, end) in {"head": (head_rows, top), "foot": (lower, foot_rows)}.items():
-        for x, (left, right) in zip(a.screw_x, screw_cells(a), strict=True):
-            at.append((x, screws[joint]))
-            rings.append({"washer": r, "lower": (left, z), "upper": (right, end)})
+    rings = [
+        Ring(r, (left, z), (right, end))
+        for z, end in ((head_rows, top), (lower, foot_rows))
+        for left, right in screw_cells(a)
+    ]
 
     # lines of the outline's own axes: between the screws, and rows that shrink towards both clamps
-    return {
-        "plate": {"outline": corners, "thickness": a.sheet_thickness},
-        "at": (0.0, y + a.sheet_thickness if SIDES[name] > 0 else -y, 0.0),
-        "turn": (90.0, 0.0, 0.0),
-        "holes": {"diameter": 2 * a.hole_radius, "at": tuple(at), "rings": tuple(rings)},
-        "seed": seed,
-        "lines": {
-            "x": tuple({"at": left} for left, _ in screw_cells(a)),
-            "y": (
-                {"at": foot_rows},
-                {"at": foot, **clamp},
-                {"at": foot / 2},
-                {"at": 0.0, **clamp},
-                {"at": head_rows},
-            ),
-        },
-    }
+    clamp = CLAMP_ROW * seed, CLAMP_GROWTH
+    return BodyGrid(
+        x=tuple(GridLine(left) for left, _ in screw_cells(a)),
+        y=(
+            GridLine(foot_rows), GridLine(foot, *clamp), GridLine(foot / 2), GridLine(0.0, *clamp),
+            GridLine(head_rows),
+        ),
+        rings=tuple(rings),
+    )  # fmt: skip
 
 
 def boxes(a: Any) -> dict[str, Cuboid]:

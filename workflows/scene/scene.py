@@ -6,6 +6,7 @@ from typing import Annotated, Any, ClassVar, Self
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from beadwave.workflows.scene.axes_of_test import AxesOfTest
+from beadwave.workflows.scene.body_grid import BodyGrid
 from beadwave.workflows.scene.named_materials import NUMBERS, named_material
 from beadwave.workflows.scene.scene_table import SceneTable
 from beadwave.workflows.scene.tables.bending import Beam, BendingPlateTable
@@ -230,6 +231,11 @@ class Scene(SceneTable):
     def made_of(self, body: str) -> Any:
         """The material of a body: the assembly's where its own table names none."""
         return self.materials[self.material_name(body)]
+
+    @property
+    def grids(self) -> Mapping[str, BodyGrid]:
+        """Grids of hexahedra that are prescribed, by body: those of a rig alone."""
+        return {}
 
     def seed_of(self, body: str) -> float | None:
         """Element size of a body of the scene [m]; None where no table gives it."""

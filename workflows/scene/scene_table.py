@@ -70,7 +70,11 @@ def nearest(word: str, words: Iterable[str]) -> str:
 
 
 # keys of earlier scenes: table, key, and what to use instead
-REMOVED = {("RomWall", "prune"): "reduction.error keeps the modes that the contact needs"}
+REMOVED = {
+    ("RomWall", "prune"): "reduction.error keeps the modes that the contact needs",
+    ("BodyTable", "lines"): "seed, mesh.scale and strike.seed say how large elements are",
+    ("Holes", "rings"): "seed, mesh.scale and strike.seed say how large elements are",
+}
 
 
 class SceneTable(BaseModel):

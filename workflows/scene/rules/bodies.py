@@ -47,24 +47,6 @@ def of_bodies(scene: Scene) -> Iterator[str]:
         if assembly.mesh is None and getattr(assembly, key) is not None:
             yield f"assembly.{key} says how assembly.mesh is read, and there is none; drop it."
 
-    # grid lines: of all bodies or of none, since nothing is imprinted on a body that has them
-    lined = [name for name, body in bodies.items() if body.lines]
-    bare = [name for name in bodies if name not in lined]
-    if lined and (bare or assembly.file):
-        without = bare[0] if bare else "the file"
-        yield (
-            f"bodies.{lined[0]}.lines prescribes grid lines, of which {without} has none; give "
-            "them to all bodies, or to none."
-        )
-    if lined and scene.mesh.element == "tet":
-        yield f'mesh.element = "tet" contradicts bodies.{lined[0]}.lines of hexahedra; drop one.'
-    for name in lined:
-        if scene.seed_of(name) is None:
-            yield f"bodies.{name}.lines needs bodies.{name}.seed, the size between them; add it."
-    for name, body in bodies.items():
-        if any(holes.rings for holes in body.all_holes) and not body.lines:
-            yield f"bodies.{name}.holes.rings end on bodies.{name}.lines, which is missing; add it."
-
     # targets
     by_number = Counter(target.number for target in scene.targets or () if target.number)
     for number, times in by_number.items():

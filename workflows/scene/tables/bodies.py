@@ -142,15 +142,6 @@ class PlateTable(SceneTable):
         return quantity._replace(high=float(f"{LONGEST_BAR * side:.3g}"), of_high=of_high)
 
 
-class Ringed(SceneTable):
-    """A rectangle around a hole, between grid lines, that two rings of elements fill: from the hole
-    to the circle of a washer, and on to the rectangle."""
-
-    washer: Size  # [m] radius
-    lower: Corner  # [m] its lower left corner, x, y in its plane
-    upper: Corner  # [m] its upper right corner
-
-
 class Holes(SceneTable):
     """Round holes of one diameter through a plate or a cylinder; several of these tables,
     [[bodies.NAME.holes]], for several diameters."""
@@ -164,7 +155,6 @@ class Holes(SceneTable):
     # [m] below the upper face, z of the plate or cylinder, or below the round one; without it
     # through the whole body
     depth: Size | None = None
-    rings: Annotated[tuple[Ringed, ...], Field(strict=False)] | None = None  # one a hole
 
     @model_validator(mode="after")
     def _placed(self) -> "Holes":
@@ -181,30 +171,6 @@ OneOrMoreHoles = Annotated[
     | Annotated[tuple[Holes, ...], Field(strict=False, min_length=1), Tag("several")],
     Discriminator(lambda value: "several" if isinstance(value, list | tuple) else "one"),
 ]
-
-
-class LineTable(SceneTable):
-    """A grid line, the size of the elements next to it and that of each next one over it."""
-
-    at: Place  # [m] where the line is
-    size: Size | None = None  # [m] of the elements next to it; the body's seed
-    growth: Annotated[float, Field(gt=1, le=100)] = 1.7  # size of each next element over its own
-
-
-EitherLine = Annotated[
-    Annotated[Place, Tag("number")] | Annotated[LineTable, Tag("table")],
-    Discriminator(lambda value: "number" if isinstance(value, int | float | str) else "table"),
-]
-LinesAlong = Annotated[tuple[EitherLine, ...], Field(strict=False)]
-
-
-class LinesTable(SceneTable):
-    """Grid lines that the hexahedra of a box or a rectangular plate must have, along its own axes;
-    between them elements are as large as its seed."""
-
-    x: LinesAlong = ()  # lines of elements across x
-    y: LinesAlong = ()  # lines of elements across y
-    z: LinesAlong = ()  # lines of elements across z
 
 
 class UnderTable(SceneTable):
@@ -240,7 +206,6 @@ class BodyTable(SceneTable):
     plate: PlateTable | None = None
     cylinder: CylinderTable | None = None
     holes: OneOrMoreHoles | None = None
-    lines: LinesTable | None = None
     # [m] where its origin is: the middle of a box or a cylinder, that of a plate's outline
     at: Place3 | None = None
     turn: Vector | None = None  # [degrees] about the global x, then y, then z
@@ -257,7 +222,7 @@ class BodyTable(SceneTable):
 
     @model_validator(mode="after")
     def _one_shape(self) -> "BodyTable":
-        """One shape, with the holes, grid lines and places that this shape can have."""
+        """One shape, with the holes and places that this shape can have."""
         shapes = [shape for shape in SHAPES if getattr(self, shape) is not None]
         if len(shapes) > 1:
             raise ValueError(f"{' and '.join(shapes)} exclude each other: keep one of them")
@@ -270,13 +235,6 @@ class BodyTable(SceneTable):
             raise ValueError(
                 "holes.around are in the round face of a cylinder: place those of a plate by at"
             )
-        if self.cylinder and any(holes.rings for holes in self.all_holes):
-            raise ValueError(
-                "holes.rings lie between the grid lines of a plate, which a cylinder has not: drop "
-                "them, the tetrahedra of a cylinder are smaller around its holes without"
-            )
-        if self.lines and not (self.box or self.plate):
-            raise ValueError("lines belong to a box or a plate: drop them, or draw one")
         if not shapes and (self.at or self.turn):
             raise ValueError("at and turn place a body drawn here: add box, plate or cylinder")
         return self

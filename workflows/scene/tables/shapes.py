@@ -9,21 +9,18 @@ from beadwave.workflows.scene.tables.bodies import BodyTable
 
 
 def grid_lines(scene: Scene, scale: float = 1.0) -> dict[str, Lines]:
-    """The grid lines that the scene prescribes, by body, with sizes multiplied by `scale`."""
+    """The grid lines of a rig's bodies, with sizes multiplied by `scale`; none of other scenes."""
     lines = {}
-    for name, body in (scene.bodies or {}).items():
-        if body.lines is None:
-            continue
+    for name, grid in scene.grids.items():
         stops = [
             [
                 Stop(line.at) if line.size is None
                 else refined(line.at, scale * line.size, line.growth)
                 for line in along
             ]
-            for along in (body.lines.x, body.lines.y, body.lines.z)
+            for along in (grid.x, grid.y, grid.z)
         ]  # fmt: skip
-        rings = [ring for holes in body.all_holes for ring in holes.rings or ()]
-        lines[name] = Lines(*stops, [HoleRing(r.washer, r.lower, r.upper) for r in rings])
+        lines[name] = Lines(*stops, [HoleRing(*ring) for ring in grid.rings])
     return lines
 
 

@@ -154,9 +154,9 @@ def _reduced(scene: Scene) -> Any:
 def _dimensions(scene: Scene) -> Any:
     """Input of a mesh: bodies, their contacts, sizes of elements, the faces that are named."""
     tables = tables_of(*BODIES, "mesh")(scene)
-    if scene.strike and any(body.lines for body in (scene.bodies or {}).values()):
+    if grids := scene.grids:
         # grid lines are prescribed: the mesh does not depend on the patch
-        tables |= {"strike": [scene.strike.on, scene.strike.at]}
+        tables |= {"strike": [scene.strike.on, scene.strike.at], "grids": grids}
     if faces := sorted(named_faces(scene).items()):
         tables |= {"faces": faces}
     return tables
