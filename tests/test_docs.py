@@ -277,6 +277,7 @@ def test_tiles_of_the_gallery_are_the_first_panels_of_its_pictures():
         assert tile.size == gallery.first_panel(picture).size, "python docs/gallery.py writes it"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rows", "columns"), [(1, 1), (1, 3), (3, 1), (2, 2), (4, 3)])
 @pytest.mark.parametrize("legend", ["inside", "above"])
 def test_the_first_panel_of_a_picture_is_whole_and_alone(rows, columns, legend):

@@ -40,6 +40,7 @@ def test_the_wheel_holds_every_file_of_the_rooms_and_the_licences_of_what_it_shi
     assert licences == {"LICENSE", "ogl.LICENSE", "uplot.LICENSE"}
 
 
+@pytest.mark.slow
 def test_the_wheel_runs_where_the_checkout_is_not_on_the_path(installed, tmp_path):
     command = [sys.executable, "-P", "-m", "beadwave", "impact", "rig-1dof", "--json"]
     environment = os.environ | {

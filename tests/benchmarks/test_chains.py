@@ -14,6 +14,7 @@ import parts
 SHORT = ("chain.count=6", "output.spheres=[1,4]", "time.duration=0.8e-3")
 
 
+@pytest.mark.slow
 def test_the_step_of_a_population_leaves_the_median_error_asked_for():
     case = problem(scene("rig-rigid", SHORT), quiet)._replace(n_save=20)
     A = case.chain.A * np.random.default_rng(5).lognormal(0.0, 0.05, (64, case.chain.A.size))
@@ -29,6 +30,7 @@ def test_the_table_of_populations_says_runs_a_second(capsys):
     assert "runs a second" in printed and "ns on one thread" in printed
 
 
+@pytest.mark.slow
 def test_every_part_costs_and_leaves_a_small_error(capsys):
     rows = parts.main(schemes=("suzuki4",), changes=SHORT)
     assert len(rows) == 10 and rows[0][1] == "bare" and rows[0][3] == 1.0

@@ -6,6 +6,7 @@ import pytest
 import friction_errors
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", [55, 58, 70, 73])
 def test_a_periodic_state_brings_back_velocities_too(scene):
     """Of spheres that nothing keeps from turning on a contact that sticks: forces of two periods
@@ -37,6 +38,7 @@ def test_random_runs_state_their_error_close_the_ledger_and_heat_never_falls(kin
     assert trial.fall <= 0.0
 
 
+@pytest.mark.slow
 def test_errors_of_cells_in_two_directions_hold():
     """They are of order 1 in the cells' width: with order 2 0.9 of the true error was stated."""
     run = friction_errors.oblique(np.random.default_rng([1, 24]))

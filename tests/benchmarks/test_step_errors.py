@@ -8,6 +8,7 @@ from beadwave import dem
 import step_errors
 
 
+@pytest.mark.slow
 def test_random_runs_state_at_least_their_true_error():
     trials = [step_errors.trial(step_errors.row(np.random.default_rng([3, i]))) for i in range(4)]
     assert all(trial.ratio >= 1.0 and 1.0 < trial.cost < 4.0 for trial in trials)
@@ -25,6 +26,7 @@ def test_an_error_stated_a_hundred_times_too_small_is_noticed(monkeypatch):
     assert step_errors.trial(run).ratio < 0.02 * honest.ratio
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", [57, 138])
 def test_marches_of_yielding_contacts_that_are_alike_by_chance_state_no_small_error(scene):
     """Steps of 2 h and h share their ends; of two alone 0.07 and 0.6 of the true error came."""

@@ -94,6 +94,7 @@ def test_correct_records_are_never_refused(cases):
     assert not [item.refusal() for item in cases if item.refusal()]
 
 
+@pytest.mark.slow
 def test_turned_columns_are_found_in_nine_of_ten_records_that_begin_before_the_wave(cases):
     """One column or all; 306 of 315 with other seeds."""
     signed = [item for item in cases if item.signed.all() and not item.late]

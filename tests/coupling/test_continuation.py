@@ -53,6 +53,7 @@ def test_the_state_from_a_neighbours_is_the_one_from_rest(force, coefficient, ne
     assert abs(near.energy - cold.energy) > 100 * ERROR * cold.energy
 
 
+@pytest.mark.slow
 def test_a_periodic_state_holds_every_phase():
     body = shaken_body()
     before = before_striker(body, [0.0])

@@ -182,6 +182,7 @@ def test_modes_far_above_the_contacts_neither_feed_nor_change_a_march_of_periods
     assert off < 3e-3 * np.abs(saved.force[:, 1:]).max()
 
 
+@pytest.mark.slow
 def test_a_stiff_wall_leaves_the_mean_forces_of_pushes_up_to_the_bound():
     """A clamped sphere on a mode of 1.6e12 N/m that is moved by 0.1 um: as on a wall of prescribed
     motion one turning point of the force reaches mu P, from either side."""

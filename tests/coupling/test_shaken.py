@@ -104,6 +104,7 @@ def test_a_slow_cycle_is_mindlins_loop():
     assert len(before.moving.contacts.row.u)  # one direction, exact
 
 
+@pytest.mark.slow
 def test_a_struck_chain_starts_from_the_periodic_state():
     """Without a striker the march goes on in the cycle; with one the ledger closes as well."""
     result, _, _ = shaken(2, force=10.0, frequency=500.0, preload=30.0, duration=2e-3, n_save=256)

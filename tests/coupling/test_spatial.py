@@ -27,6 +27,7 @@ OBLIQUE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", OBLIQUE)
 def test_an_oblique_impact_on_coupled_modes_is_that_of_a_plain_integrator(name):
     """Velocities to 3e-5 of the speed, twice what the step and the bristles of the plain one leave;

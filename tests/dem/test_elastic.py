@@ -215,6 +215,7 @@ def test_a_chain_of_a_batch_is_the_chain_alone(name, wall):
     assert np.nanmax(batch.energy_error) < 1e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LAWED)
 @pytest.mark.parametrize("gamma", [0.0, 0.3])
 def test_sensitivities_are_differences_of_runs(name, gamma):

@@ -316,6 +316,7 @@ def test_a_loop_off_the_grid_of_steps_keeps_its_energy_to_the_error():
         assert run.cycle.energy == pytest.approx(exact, rel=error)
 
 
+@pytest.mark.slow
 def test_a_contact_that_slips_in_part_keeps_the_force_of_its_start():
     """A sphere on an arm: the stuck middle keeps what pushes have left in it, as much on either
     side; one that slips as a whole forgets it."""

@@ -100,6 +100,7 @@ MARCHES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MARCHES)
 def test_a_march_leaves_the_same_bits_wherever_its_arrays_lie(name, monkeypatch):
     """With modes right behind their propagators one march of ten was summed otherwise."""

@@ -168,6 +168,7 @@ def test_a_wave_that_the_record_cuts_off_lies_between_its_end_and_the_crest(sphe
     assert n_cut_off >= 12
 
 
+@pytest.mark.slow
 def test_no_wave_is_taken_for_one_that_is_faster_than_any_sphere():
     """Waves that meet cancel: a fit of them may be perfect with two of 100 times the velocity.
 

@@ -70,6 +70,7 @@ def test_a_soft_walls_wave_fades_though_a_stiff_walls_wave_follows():
     assert wall_modulus.fading(second[[0, 3]]) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", ["rig-rigid", "rig-half-space"])
 def test_a_yielding_contact_is_softer_and_the_factor_three_stiffer(source):
     """The wall's peak force is 1.9439 of the chain's at the same material, 2.2384 at a rigid wall;

@@ -123,6 +123,7 @@ def beside(wall, sphere, chain, v0, reference):
     return np.abs(run.trajectory.v[:, -1] - reference).max() / np.abs(reference).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "arm",
     [{"arm_stiffness": np.full(2, np.inf), "arm_rotation": np.inf},

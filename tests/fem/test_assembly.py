@@ -182,6 +182,7 @@ def test_receptance_at_rest_is_the_static_compliance_and_peaks_at_a_mode(held_ba
     assert abs(H.imag) == pytest.approx(peak, rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loss", [0.0, 0.02])
 @pytest.mark.parametrize(("vectors", "factors"), [(response.KrylovSettings().vectors, 1), (10, 2)])
 def test_projected_receptance_is_the_direct_one_also_where_its_space_ends_too_early(

@@ -149,6 +149,7 @@ def test_a_mode_beyond_the_band_is_background():
     assert np.abs(misfit).max() < 3.5**-5 * np.abs(outside).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("held", [True, False])
 def test_modes_beside_a_band_s_end_are_within_their_deviations(held):
     """The end lies 0.7 % below a mode, of which the test has lines or has none; of 375 modes of 20

@@ -53,6 +53,7 @@ def buckling_load(length):
     return euler / (1 + euler / (SECTION.shear_factor * STEEL.lame[1] * SECTION.area))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "n"), [(MeshHex, 24), (MeshTet, 40)])
 @pytest.mark.parametrize("share", [-0.9, -0.5, 2.0])
 def test_a_solid_bar_under_a_force_has_timoshenkos_frequency(share, kind, n):

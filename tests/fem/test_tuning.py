@@ -171,6 +171,7 @@ def test_a_value_not_known_within_a_factor_of_two_is_not_determined():
     assert np.isinf(fit.deviation).all() and determined(small_basis(), [ky], target, fit) == ()
 
 
+@pytest.mark.slow
 def test_bars_from_the_errors_of_each_frequency_hold_two_sigma_in_95_of_100():
     """Frequencies known to 0.01 to 0.5 %: weighted by these, the deviations are the scatter of the
     fitted values over 150 draws; weighted alike, the value scatters more."""

@@ -79,6 +79,7 @@ def test_meshes_enclose_the_volumes_of_their_bodies(meshed):
         assert np.ptp(signs) == 0
 
 
+@pytest.mark.slow
 def test_pairs_have_one_area_from_either_side(meshed):
     _, meshes = meshed
     flush = 0.02 - 4 * pi * BORE**2

@@ -58,6 +58,7 @@ def test_of_noise_of_2_per_cent_the_truth_is_nearer_than_the_error_stated(units)
     assert 0.01 < fit.asymmetry < 0.02  # of independent noise: 2 % over sqrt(2)
 
 
+@pytest.mark.slow
 def test_of_twelve_motions_of_a_free_part_poles_are_found_from_combinations():
     """Six rigid motions outweigh all else in the first lines, of which the combinations are made;
     measured: true error 4e-4, stated 7e-3."""
@@ -273,6 +274,7 @@ def test_joints_that_cannot_be_are_refused():
         rom.coupled(K, M, None, B[:2], known())
 
 
+@pytest.mark.slow
 def test_noise_near_0_hz_is_told_from_rows_and_columns_in_another_order():
     """Noise of accelerations divided by omega^2: the lines from the frequency named on are fitted
     to the noise that they have, and name it again no more."""
@@ -316,6 +318,7 @@ def free_beam():
     return hz, free, clamped, whole[:, 0, 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 1e-4, 1e-2])
 def test_a_free_beam_of_constant_loss_has_its_modes_and_no_others(free_beam, noise):
     """Joined to a clamped beam, 17.051, 106.859 and 299.208 Hz (Euler and Bernoulli) to 0.1 %, and

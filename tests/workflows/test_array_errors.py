@@ -58,11 +58,15 @@ def stated_over_true(run, fine):
     [
         ("unlike.toml", {}),
         ("unlike.toml", {"output.spheres": [3, 8]}),
-        ("unlike.toml", {"contact.dissipation": "hunt-crossley", "contact.coefficient": 2.0}),
+        pytest.param(
+            "unlike.toml",
+            {"contact.dissipation": "hunt-crossley", "contact.coefficient": 2.0},
+            marks=pytest.mark.slow,
+        ),
         ("rig-1dof", {"output.spheres": [17]}),
         ("upright", {}),
-        ("oblique-sphere", {}),
-        ("beam", {}),
+        pytest.param("oblique-sphere", {}, marks=pytest.mark.slow),
+        pytest.param("beam", {}, marks=pytest.mark.slow),
     ],
 )
 def test_errors_of_all_spheres_and_contacts_cover_the_difference_to_a_finer_run(

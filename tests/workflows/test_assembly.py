@@ -37,6 +37,7 @@ def run(cache, tmp_path_factory):
     return folder, json.loads((folder / "summary.json").read_text())
 
 
+@pytest.mark.slow
 def test_the_folder_holds_every_file_of_the_contract(run):
     folder, summary = run
     wanted = {

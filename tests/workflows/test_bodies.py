@@ -152,6 +152,7 @@ depth = "12 mm"
 """
 
 
+@pytest.mark.slow
 def test_a_drawn_flange_has_its_mass_and_holes_of_two_diameters(capsys):
     """The blind hole: chords of its flat bottom at 28 mm from the axis up to the round face."""
     Path("flange.toml").write_text(FLANGE)
@@ -270,6 +271,7 @@ def test_the_starter_scene_of_a_step_file_has_modes_and_a_reduced_model(step, ca
     assert len(Path("start.toml").read_text().splitlines()) <= 25
 
 
+@pytest.mark.slow
 def test_a_look_at_blind_holes_that_open_into_a_touching_face():
     """The outline of a foot that stands on two tapped holes parts the face around them."""
     holes = tuple(Hole(0.008, (0.02, y), depth=0.006) for y in (0.012, 0.028))
@@ -284,6 +286,7 @@ def test_a_look_at_blind_holes_that_open_into_a_touching_face():
     assert "base:hole" in page and "foot:+z" in page
 
 
+@pytest.mark.slow
 def test_a_starter_offers_bolts_where_holes_go_through_both_bodies(capsys):
     """Bolts leave the faces free between them: without comment signs modes are lower than tied."""
     holes = tuple(Hole(0.008, (x, 0.02)) for x in (0.01, 0.05))
@@ -370,6 +373,7 @@ def turned(direction, bore):
         gmsh.write("turned.step")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("direction", "bore", "on", "held"),
     [
@@ -566,6 +570,7 @@ def test_what_modes_do_not_determine_keeps_its_value_and_the_rest_is_fitted_agai
     assert [row["frequency_hz"] for row in rows[:6]] == pytest.approx(hz, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_tuned_scene_keeps_comments_and_order_of_its_file(capsys):
     arm = ARM.replace("WASHER", '"9 mm"  # of the drawing') + "# a guess\nkz = 1e7  # per bolt\n"
     text = "# An arm on three bolts.\n" + arm

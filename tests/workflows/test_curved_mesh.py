@@ -193,6 +193,7 @@ def test_pictures_show_the_nodes_of_curved_facets(tmp_path, kind):
     np.testing.assert_allclose(structure.points[outer.dofs[:, 0] // 3], outer.points)
 
 
+@pytest.mark.slow
 def test_a_curved_body_is_struck_on_its_round_face(capsys):
     """The chain leans on a patch of the outer cylinder, held at the lower plane."""
     ring("ring.inp", around=12, levels=4)

@@ -80,6 +80,7 @@ def test_the_error_stated_of_a_run_with_dashpots_is_that_of_a_finer_one(damped):
     assert off < run.error_estimate < 1e3 * off
 
 
+@pytest.mark.slow
 def test_a_dashpot_as_good_as_rigid_is_refused(damped):
     stiff = damped("wall")._replace(D=1e6 * damped("wall").D)
     row, v0 = chain(damped.scene), initial_velocity(damped.scene)

@@ -491,6 +491,7 @@ def hit_files(folder, hits, dt=1 / 2048):
     return paths
 
 
+@pytest.mark.slow
 def test_a_hit_given_twice_is_named_and_counts_once(tmp_path):
     rng = np.random.default_rng(0)
     hit, other = (struck_three_modes(rng) for _ in range(2))
@@ -525,6 +526,7 @@ def test_hits_that_are_multiples_of_one_another_have_deviations_of_what_the_fit_
     assert np.isfinite(modes.phi_deviation).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_hits", [1, 4])
 @pytest.mark.parametrize("noise", [0.0, 1e-3, 5e-3])
 def test_lines_that_the_force_does_not_excite_are_named_and_left_out(tmp_path, n_hits, noise):

@@ -100,6 +100,7 @@ def test_bars_say_what_share_noise_and_each_error_of_the_model_have(result):
     assert "bar by" in result[0].report.text()
 
 
+@pytest.mark.slow
 def test_the_wall_between_others_is_checked_at_the_answer(result):
     report, judged = result[0].report, result[0].found.answer
     assert report.walls > 10 and 0 < report.wall_missed < 0.5  # coefficients of degree 2

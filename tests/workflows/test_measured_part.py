@@ -71,6 +71,7 @@ def bending(pipeline, n=4):
     return modes.omega[along] / (2 * np.pi), along
 
 
+@pytest.mark.slow
 def test_an_arm_on_springs_has_the_modes_of_both_solids_on_the_same_springs(arm):
     """Each within the error stated of the fit and 0.1 %; measured: 3.2, 0.08, 0.02, 0.04 %,
     where 3.5, 0.11, 0.003 and 0.001 % are stated."""
@@ -191,6 +192,7 @@ def test_a_ring_down_without_a_force_is_refused(arm):
         pipeline("measured_arm.toml", 'measured.arm.receptance="tap.csv"')("model")
 
 
+@pytest.mark.slow
 def test_lines_below_the_lowest_are_not_fitted_and_it_is_below_the_highest(arm):
     every = fitted_part(scene("measured_arm.toml").measured[0]).receptances
     from_300 = scene("measured_arm.toml", ["measured.arm.lowest=300"]).measured[0]

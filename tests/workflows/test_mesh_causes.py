@@ -67,6 +67,7 @@ def test_the_scale_that_is_offered_brings_the_error_below_5_percent():
     assert modes(scale)[0][worst] < 0.05
 
 
+@pytest.mark.slow
 def test_late_waves_of_a_bracket_err_by_its_corner_and_the_scale_offered_helps():
     """A wall of one to two layers on a foot: it bends as a whole, so that the sharp corner counts,
     not the elements around the contact."""

@@ -59,6 +59,7 @@ def test_the_error_stated_of_a_few_elements_is_that_against_many(scale):
     assert 1 < held("mesh-error") / against(held, finer) < 2.5
 
 
+@pytest.mark.slow
 def test_the_static_compliance_of_a_few_elements_misses_what_is_stated(tmp_path):
     """A box of 24 elements, without the half-space under its patch, against K^-1 w of meshes whose
     elements are split in 8 and in 64, with the order that these show: 1.3 times the true error."""

@@ -99,6 +99,7 @@ def opened(browser):
         context.close()
 
 
+@pytest.mark.slow
 @needs_browser
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", [1280, 400])
@@ -368,6 +369,7 @@ def test_without_webgl_the_still_pictures_stand_in(rig, browser, opened):
     assert page.locator(".without img").count() == len(list(rig.glob("figures/[am]*.png")))
 
 
+@pytest.mark.slow
 @needs_browser
 @pytest.mark.parametrize("name", ["rig-rigid", "rig-half-space", "rig-1dof", "free-chain"])
 def test_a_slab_stands_for_a_wall_without_a_shape(name, opened, tmp_path, monkeypatch):
@@ -583,6 +585,7 @@ def test_the_comments_of_a_scene_file_stay_with_its_run(tmp_path, monkeypatch):
     assert rows["output.sensors.1.gain"].replace("\u00a0", " ") == "5 mV/N"
 
 
+@pytest.mark.slow
 def test_values_of_a_list_bear_one_unit_and_points_stand_in_brackets(tmp_path):
     assert beadwave("impact", "rig-1dof", "--set=time.duration=1e-4", f"--out={tmp_path}/out") == 0
     summary = Summary.model_validate_json((tmp_path / "out" / "summary.json").read_text())

@@ -42,6 +42,7 @@ def data_of(page):
     return json.loads(re.search(r'id="data">(.*?)</script>', Path(page).read_text())[1])
 
 
+@pytest.mark.slow
 def test_the_page_holds_poles_of_the_report_and_a_command_that_repeats_it(measured):
     assert beadwave("hammer", str(measured), "--band=20:1100", "--reject=2", "--out=out") == 0
     report, data = json.loads(Path("out/modes.json").read_text()), data_of("out/poles.html")

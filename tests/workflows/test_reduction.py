@@ -182,6 +182,7 @@ def test_the_summary_holds_the_health_of_the_reduction(tmp_path):
     assert "effective mass" in (tmp_path / "report.html").read_text()
 
 
+@pytest.mark.slow
 def test_the_parts_are_weighed_and_no_joint_grounds_them():
     """The mass by the volumes of blocks and plates, the sheets are a twentieth of one of them."""
     health = reduction_health(pipeline()("reduction"))

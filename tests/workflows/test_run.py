@@ -126,6 +126,7 @@ def loads_nothing_of(absent, *command):
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rig-rigid", "free-chain"])
 def test_a_scene_without_an_assembly_loads_nothing_of_one(name, tmp_path):
     loads_nothing_of(ASSEMBLY, "run", name, f"--out={tmp_path}/out")
@@ -322,6 +323,7 @@ def loaded():
         import_module(f"beadwave.workflows.stages.{module.stem}")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("loaded")
 @pytest.mark.parametrize("stage", FUNCTION)
 def test_an_interrupted_run_goes_on_where_it_stopped(stage, monkeypatch, tmp_path, capsys):
@@ -539,6 +541,7 @@ def test_a_file_holds_each_wave_once_with_its_error(tmp_path, capsys):
     assert told.count("time of flight TOF") == 1 and "±" not in told
 
 
+@pytest.mark.slow
 def test_a_structure_without_a_chain_has_its_page(tmp_path):
     """Tables of the chain, `[output]` among them, are not there at all."""
     bar = tmp_path / "bar.toml"

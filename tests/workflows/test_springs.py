@@ -109,6 +109,7 @@ def test_the_mesh_s_error_of_a_suspension_is_that_against_a_finer_mesh(stiffer):
     assert np.all(error > true - 3e-7) and np.all(error < 20 * np.maximum(true, 1e-7))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["free-modes", "craig-bampton"])
 def test_a_reduced_box_on_cords_answers_as_the_full_one(kind):
     """At rest, where it moves 1e5 times as far as it gives, at its suspension and between its
@@ -125,6 +126,7 @@ def test_a_reduced_box_on_cords_answers_as_the_full_one(kind):
         assert small == pytest.approx(full, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_cords_along_one_axis_leave_the_others_free():
     """Vertical cords alone: three rigid motions at 0 Hz, and those that they resist as by hand; the
     contact's receptance between the modes as the full one's, far below that of a free mass."""
@@ -153,6 +155,7 @@ def test_cords_that_leave_a_motion_free_are_refused_where_a_model_needs_what_is_
     assert not Path("r.npz").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -173,6 +176,7 @@ def test_a_force_along_which_cords_hold_nothing_is_refused_by_naming_them(change
     assert np.isfinite(run.trajectory.v).all()
 
 
+@pytest.mark.slow
 def test_dashpots_beside_cords_damp_the_reduced_model_as_the_full_one():
     """Complex receptances at the suspension's modes, where damping decides, and far above."""
     run = pipeline(DASHPOTS)
@@ -199,6 +203,7 @@ def table(**changes):
     return [usual | {"kx": 800.0, "ky": 900.0, "kz": 4000.0} | changes]
 
 
+@pytest.mark.slow
 def test_a_run_on_cords_is_that_of_the_box_that_floats_until_the_cords_notice():
     """0.1 ms are 1e-3 of the suspension's period: velocities agree to that squared and the errors
     of both reductions."""
@@ -341,6 +346,7 @@ def test_modes_whose_errors_arise_at_one_place_share_a_sentence():
     assert f"Mode {elsewhere.number}: why 7.0" in text and "why 6.0" not in text
 
 
+@pytest.mark.slow
 def test_tune_says_which_modes_numbers_of_targets_are_on_springs():
     """Six modes hang on the cords: number 1 is mode 7."""
     hz = pipeline()("modes").omega[6] / (2 * np.pi)

@@ -303,6 +303,7 @@ def test_targets_by_number_are_called_by_the_numbers_of_their_modes(tmp_path):
         scene(path, twice)
 
 
+@pytest.mark.slow
 def test_shapes_of_a_low_mac_share_a_sentence(tmp_path, monkeypatch):
     """Stiffnesses of pads that are far below those of stiff joints: several shapes are others."""
     monkeypatch.chdir(tmp_path)
