@@ -40,7 +40,7 @@ from beadwave.workflows.evidence.accuracy.problems import Problem
 from beadwave.workflows.evidence.accuracy.runs import reference
 from beadwave.workflows.files.scene import scene as load_scene
 from beadwave.workflows.report.tables import Table, text
-from beadwave.workflows.scene.parts import with_assembly, with_chain
+from beadwave.workflows.scene.required_parts import with_assembly, with_chain
 from beadwave.workflows.stages.structure import assembly as stages
 from beadwave.workflows.stages.structure.reduction import boundary_of
 

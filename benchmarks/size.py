@@ -31,7 +31,7 @@ from beadwave.system import peak_memory, reset_peak_memory
 from beadwave.workflows.files.scene import scene as load_scene
 from beadwave.workflows.report.tables import Table, text
 from beadwave.workflows.scene import Scene
-from beadwave.workflows.scene.parts import with_assembly
+from beadwave.workflows.scene.required_parts import with_assembly
 from beadwave.workflows.stages.structure import assembly as stages
 from beadwave.workflows.stages.structure.krylov_space import krylov_space
 from beadwave.workflows.stages.structure.reduction import reduction

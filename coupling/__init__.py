@@ -48,13 +48,13 @@ from beadwave.coupling.damping import (
 )
 from beadwave.coupling.elliptical_contact import PLANE, EllipticalContact, elliptical_contact
 from beadwave.coupling.errors import CouplingError
-from beadwave.coupling.march import Impact, impact
-from beadwave.coupling.plate import (
+from beadwave.coupling.infinite_plate import (
     Plate,
     group_speed,
     infinite_plate,
     slenderness,
 )
+from beadwave.coupling.march import Impact, impact
 from beadwave.coupling.radiation import radiated_energy
 from beadwave.coupling.verdict import Verdict, largest_monotone_force, predicted_peak_force, verdict
 

@@ -22,7 +22,7 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from beadwave.workflows.commands.terminal import LABEL, fold
-from beadwave.workflows.report.rows import ERRORS
+from beadwave.workflows.report.summary_rows import ERRORS
 
 DOCS = Path(__file__).parent
 BLOCK = re.compile(r"^```(sh|python)\n(.*?)^```\n(?:\n```text\n(.*?)^```\n)?", re.M | re.S)

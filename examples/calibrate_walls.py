@@ -21,7 +21,7 @@ from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.stages.chain.chain import Start
 from beadwave.workflows.stages.chain.impact import impact
-from beadwave.workflows.stages.chain.signals import csv_text, record
+from beadwave.workflows.stages.chain.sensor_signals import csv_text, record
 from beadwave.workflows.stages.chain.walls import wall_of
 from beadwave.workflows.stages.chain.waves import waves
 from beadwave.workflows.stages.engine.pipeline import pipeline_of

@@ -29,7 +29,7 @@ from beadwave.workflows.fit.inspect import InspectionRequest, inspected, problem
 from beadwave.workflows.fit.inversion import Inversion, inverted, profiled
 from beadwave.workflows.fit.parametric_wall import Bounds
 from beadwave.workflows.fit.scene_parameters import per_record, shared
-from beadwave.workflows.fit.structure import computed, structure
+from beadwave.workflows.fit.varied_scene import computed, structure
 from beadwave.workflows.stages.chain.chain import chain
 from beadwave.workflows.stages.engine.progress import quiet
 from beadwave.workflows.sweep.cases import Base, base_of

@@ -159,8 +159,8 @@ def memory_of_a_worker() -> int:
 def marched() -> int:
     """Marches the chains of a task; the memory of the process after it."""
     from beadwave.workflows.sweep.cases import base_of
-    from beadwave.workflows.sweep.design import grid
-    from beadwave.workflows.sweep.march import rows
+    from beadwave.workflows.sweep.design_words import grid
+    from beadwave.workflows.sweep.marched_group import rows
     from beadwave.workflows.sweep.models import SharedWall
     from beadwave.workflows.sweep.tasks import CHUNK, sharings
 

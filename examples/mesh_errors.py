@@ -37,11 +37,11 @@ from beadwave.workflows.files.scene import scene as load_scene
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.stages.chain.walls import wall_of
 from beadwave.workflows.stages.engine.pipeline import Pipeline, pipeline_of
-from beadwave.workflows.stages.errors.mesh import MeshErrorEstimate
-from beadwave.workflows.stages.errors.numbers import numbers_of
+from beadwave.workflows.stages.errors.mesh_error import MeshErrorEstimate
+from beadwave.workflows.stages.errors.number_errors import numbers_of
 from beadwave.workflows.stages.structure import assembly
 from beadwave.workflows.stages.structure.krylov_space import krylov_space
-from beadwave.workflows.stages.structure.parts import Parts
+from beadwave.workflows.stages.structure.meshed_parts import Parts
 from beadwave.workflows.stages.structure.reduction import TO_HZ, contact_of
 
 SCALES = (1.5, 1.0, 0.67)  # of mesh.scale, times that of the structure

@@ -30,7 +30,7 @@ from beadwave.workflows.stages.chain.impact import impact
 from beadwave.workflows.stages.chain.walls import simple_wall
 from beadwave.workflows.sweep.cases import Base, base_of, checked, groups
 from beadwave.workflows.sweep.core.design import Design
-from beadwave.workflows.sweep.march import observed, rows
+from beadwave.workflows.sweep.marched_group import observed, rows
 from beadwave.workflows.sweep.models import SharedWall
 
 # Smallest and largest value of each key [SI]; of a population a part of that range.

@@ -27,11 +27,11 @@ import beadwave
 from beadwave import dem
 from beadwave.workflows.files.record import SYNTHETIC, Record, csv_text
 from beadwave.workflows.fit import scene_parameters
+from beadwave.workflows.fit.aligned_signals import Filter, aligned
 from beadwave.workflows.fit.api import Calibration
 from beadwave.workflows.fit.chain_fit import calibrate
+from beadwave.workflows.fit.marched_system import Rig
 from beadwave.workflows.fit.parameter import Parameter
-from beadwave.workflows.fit.rig import Rig
-from beadwave.workflows.fit.signals import Filter, aligned
 from beadwave.workflows.fit.windows import Options
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import OneDofWall, Scene

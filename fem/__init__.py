@@ -52,8 +52,8 @@ from beadwave.fem.bending.beam import (
     section,
     tube,
 )
+from beadwave.fem.bending.bending_model import Bending, Buckled
 from beadwave.fem.bending.plate import PlateCorrection, Sheet, TooLarge, mindlin_plate
-from beadwave.fem.bending.structure import Bending, Buckled
 from beadwave.fem.contact.anisotropic_half_space import indentation_modulus
 from beadwave.fem.contact.contact_patch import (
     ContactPatch,

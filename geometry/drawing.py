@@ -18,7 +18,7 @@ from beadwave.geometry.cad.selectors import FaceSelection
 from beadwave.geometry.cad.shapes import Shape
 from beadwave.geometry.cad.solids import Body, Vector, require_size
 from beadwave.geometry.errors import InvalidGeometry
-from beadwave.geometry.own_mesh.bodies import OwnMesh, own_mesh
+from beadwave.geometry.own_mesh.mesh_bodies import OwnMesh, own_mesh
 
 GMSH_NEEDS = (
     "apt-get install libgl1 libglu1-mesa libgomp1 libxcursor1 libxft2 libxinerama1 libxrender1"

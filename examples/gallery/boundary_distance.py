@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from beadwave import coupling, dem, scene
-from beadwave.coupling.plate import group_speed
+from beadwave.coupling.infinite_plate import group_speed
 from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import aligned_text
 from observed import say

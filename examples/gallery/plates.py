@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from beadwave import coupling, dem, fem, geometry, rom
-from beadwave.coupling.plate import Plate, group_speed, shear_speed, wavenumber
+from beadwave.coupling.infinite_plate import Plate, group_speed, shear_speed, wavenumber
 from beadwave.coupling.reduced_wall import wall_from_reduced
 from beadwave.dem.spheres import time_scale
 from beadwave.dem.waves import solitary

@@ -26,7 +26,7 @@ from beadwave.fem.assembly.materials import Material, Orthotropic
 from beadwave.fem.assembly.model import Model
 from beadwave.fem.assembly.rods import Rod, tightened
 from beadwave.fem.assembly.trace import face_mean
-from beadwave.fem.bending.structure import Buckled
+from beadwave.fem.bending.bending_model import Buckled
 from beadwave.fem.modes.solver.factorisation import factorised
 from beadwave.fem.modes.solver.threads import one_thread
 

@@ -29,8 +29,7 @@ from scipy.sparse import block_array, csc_array, csr_matrix, diags_array
 from skfem import MeshHex
 
 from beadwave.fem.assembly.materials import Material
-from beadwave.fem.bending.line_elements import divided, line, wave_length
-from beadwave.fem.bending.structure import (
+from beadwave.fem.bending.bending_model import (
     ACROSS,
     DOWN,
     Bending,
@@ -38,6 +37,7 @@ from beadwave.fem.bending.structure import (
     load_factor,
     vertex_by_vertex,
 )
+from beadwave.fem.bending.line_elements import divided, line, wave_length
 from beadwave.fem.contact.contact_patch import ContactPatch
 from beadwave.fem.contact.impact_point import SurfacePoint
 

@@ -41,8 +41,7 @@ from scipy.sparse import block_array, block_diag, csc_array, csr_matrix, diags_a
 from skfem import MeshHex
 
 from beadwave.fem.assembly.materials import Material
-from beadwave.fem.bending.line_elements import LineElements, divided, line, wave_length
-from beadwave.fem.bending.structure import (
+from beadwave.fem.bending.bending_model import (
     ACROSS,
     DOWN,
     Bending,
@@ -50,6 +49,7 @@ from beadwave.fem.bending.structure import (
     load_factor,
     vertex_by_vertex,
 )
+from beadwave.fem.bending.line_elements import LineElements, divided, line, wave_length
 from beadwave.fem.contact.contact_patch import ContactPatch, disc_quadrature
 from beadwave.fem.contact.impact_point import SurfacePoint
 

@@ -12,7 +12,7 @@ from beadwave.geometry.cad.solids import Body
 from beadwave.geometry.own_mesh.facets import triangles
 
 if TYPE_CHECKING:
-    from beadwave.geometry.own_mesh.bodies import OwnMesh
+    from beadwave.geometry.own_mesh.mesh_bodies import OwnMesh
 
 ACROSS = 12.0  # triangles along the diagonal of a body, curved faces have more; chosen by eye
 

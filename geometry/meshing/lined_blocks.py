@@ -13,7 +13,7 @@ hole fills a rectangle between lines with two rings of quadrilaterals, hole -> w
     +-----------------+
 
 Nothing is imprinted on such a mesh: what touches it, holds it or strikes it takes the facets whose
-middles it covers (`geometry.own_mesh.bodies`), so that lines belong where these end.
+middles it covers (`geometry.own_mesh.mesh_bodies`), so that lines belong where these end.
 """
 
 from __future__ import annotations

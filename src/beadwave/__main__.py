@@ -12,7 +12,7 @@ def main() -> None:
     if sys.stderr is None:  # closed by the shell: print would write to stdout instead
         sys.stderr = open(os.devnull, "w", encoding="utf-8", newline="\n")
     try:
-        from beadwave.workflows.commands import signals
+        from beadwave.workflows.commands import interrupts as signals
 
         signals.end_at_once()
         command = _loaded()

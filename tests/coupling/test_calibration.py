@@ -5,18 +5,18 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 from beadwave import dem
-from beadwave.workflows.fit.chain_fit import calibrate, widened
-from beadwave.workflows.fit.forward import ChainForward
-from beadwave.workflows.fit.model_errors import BetterModel
-from beadwave.workflows.fit.parameter import Parameter
-from beadwave.workflows.fit.rig import Rig
-from beadwave.workflows.fit.signals import (
+from beadwave.workflows.fit.aligned_signals import (
     Filter,
     Signals,
     aligned,
     first_waves_end,
     noise_between_waves,
 )
+from beadwave.workflows.fit.chain_fit import calibrate, widened
+from beadwave.workflows.fit.forward import ChainForward
+from beadwave.workflows.fit.marched_system import Rig
+from beadwave.workflows.fit.model_errors import BetterModel
+from beadwave.workflows.fit.parameter import Parameter
 from beadwave.workflows.fit.uncertainty import uncertainty
 from beadwave.workflows.fit.windows import CoarseToFine, Options
 

@@ -10,7 +10,8 @@ from scipy.signal import freqz_sos, sosfilt
 from beadwave import dem
 from beadwave.coupling.errors import CouplingError
 from beadwave.dem import sensitivities
-from beadwave.workflows.fit import signals as laid
+from beadwave.workflows.fit import aligned_signals as laid
+from beadwave.workflows.fit.aligned_signals import Filter, Signals, aligned, lag_of, noise_of_mean
 from beadwave.workflows.fit.forward import NO_FILTER, ChainForward, refined
 from beadwave.workflows.fit.least_squares import (
     CLOSE,
@@ -21,6 +22,7 @@ from beadwave.workflows.fit.least_squares import (
     three_cycles,
     weights,
 )
+from beadwave.workflows.fit.marched_system import Rig
 from beadwave.workflows.fit.parameter import (
     Parameter,
     coordinates,
@@ -29,8 +31,6 @@ from beadwave.workflows.fit.parameter import (
     slopes,
     values,
 )
-from beadwave.workflows.fit.rig import Rig
-from beadwave.workflows.fit.signals import Filter, Signals, aligned, lag_of, noise_of_mean
 from beadwave.workflows.fit.uncertainty import lags_that_count, noise_along, uncertainty
 
 KINDS = (

@@ -6,13 +6,13 @@ import pytest
 from beadwave import dem
 from beadwave.coupling import CouplingError
 from beadwave.coupling.sensors import Sensor, recorded
+from beadwave.workflows.fit.aligned_signals import rise
 from beadwave.workflows.fit.candidates import searched
 from beadwave.workflows.fit.forward import MeasuredRecord, StructureForward, unknowns
 from beadwave.workflows.fit.inversion import inverted, profiled
 from beadwave.workflows.fit.least_squares import RecordFit
+from beadwave.workflows.fit.marched_system import Rig
 from beadwave.workflows.fit.parameter import Parameter
-from beadwave.workflows.fit.rig import Rig
-from beadwave.workflows.fit.signals import rise
 from beadwave.workflows.fit.uncertainty import (
     bars_over_time,
     bounds_information,

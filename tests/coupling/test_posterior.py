@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from beadwave.workflows.fit.aligned_signals import Signals
 from beadwave.workflows.fit.chain_fit import calibrate
 from beadwave.workflows.fit.forward import NO_FILTER, ChainForward
+from beadwave.workflows.fit.marched_system import Rig
 from beadwave.workflows.fit.parameter import Parameter
 from beadwave.workflows.fit.posterior import SAMPLER, LogPosterior, posterior, sampled
-from beadwave.workflows.fit.rig import Rig
-from beadwave.workflows.fit.signals import Signals
 from beadwave.workflows.fit.windows import Options
 
 pytest.importorskip("dynesty", reason="the posterior is optional (the extra `posterior`)")

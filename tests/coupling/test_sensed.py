@@ -7,13 +7,13 @@ from beadwave import dem
 from beadwave.coupling.band import Band
 from beadwave.coupling.errors import CouplingError
 from beadwave.coupling.sensors import Sensor, measured, signals
+from beadwave.workflows.fit.aligned_signals import Signals
 from beadwave.workflows.fit.chain_fit import calibrate
 from beadwave.workflows.fit.forward import ChainForward
+from beadwave.workflows.fit.marched_system import Rig
 from beadwave.workflows.fit.parameter import Parameter
-from beadwave.workflows.fit.rig import Rig
 from beadwave.workflows.fit.scaling import incident_impulse
 from beadwave.workflows.fit.sensed import Channels
-from beadwave.workflows.fit.signals import Signals
 from beadwave.workflows.fit.windows import Options
 
 N, SPEED, TRIGGER = 8, 0.3, 30e-6

@@ -6,8 +6,8 @@ import pytest
 import beadwave
 import twin
 from beadwave import dem
-from beadwave.workflows.fit import signals as laid
-from beadwave.workflows.fit.signals import lag_of
+from beadwave.workflows.fit import aligned_signals as laid
+from beadwave.workflows.fit.aligned_signals import lag_of
 from twin import OVERSAMPLED, Clean, Twin, clean_signals, measured, shown
 
 

@@ -18,7 +18,7 @@ from beadwave.geometry.cad.shapes import Box, Cylinder, Hole, RadialHole, Slab, 
 from beadwave.geometry.cad.touching import neighbours
 from beadwave.geometry.meshing.gmsh_session import session, silent
 from beadwave.workflows.files.scene import scene
-from beadwave.workflows.scene.tables.shapes import shapes
+from beadwave.workflows.scene.body_shapes import shapes
 
 HOLES = tuple(Hole(8.5e-3, at) for at in ((0.02, 0.02), (0.18, 0.02), (0.18, 0.08), (0.02, 0.08)))
 RECTANGLE = ((0, 0), (0.2, 0), (0.2, 0.1), (0, 0.1))

@@ -10,7 +10,7 @@ from beadwave.geometry.meshing.gmsh_session import session
 from beadwave.geometry.meshing.grid_lines import Stop, refined
 from beadwave.geometry.meshing.lined_blocks import HoleRing, Lines, lined_mesh
 from beadwave.geometry.meshing.node_estimate import n_nodes
-from beadwave.geometry.own_mesh.bodies import own_mesh
+from beadwave.geometry.own_mesh.mesh_bodies import own_mesh
 
 from signal_guard import dispositions, signals_restored
 

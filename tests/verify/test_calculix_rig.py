@@ -17,8 +17,8 @@ from beadwave.geometry.cad.occ import write_step
 from beadwave.workflows.evidence.harness import Comparison
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import Scene
+from beadwave.workflows.scene.body_shapes import shapes
 from beadwave.workflows.scene.rig import screw_cells
-from beadwave.workflows.scene.tables.shapes import shapes
 from beadwave.workflows.stages.engine.pipeline import Pipeline, pipeline_of
 from beadwave.workflows.stages.engine.progress import quiet
 from beadwave.workflows.stages.errors.second_mesh import COARSER, ORDER

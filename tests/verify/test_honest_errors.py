@@ -16,11 +16,11 @@ from beadwave.dem.spheres import time_scale
 from beadwave.rom.truncation import frequencies
 from beadwave.workflows.evidence.harness import Comparison
 from beadwave.workflows.files.scene import scene
+from beadwave.workflows.fit.aligned_signals import Signals
 from beadwave.workflows.fit.chain_fit import calibrate
 from beadwave.workflows.fit.forward import ChainForward
+from beadwave.workflows.fit.marched_system import Rig
 from beadwave.workflows.fit.parameter import Parameter
-from beadwave.workflows.fit.rig import Rig
-from beadwave.workflows.fit.signals import Signals
 from beadwave.workflows.fit.windows import Options
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.engine.progress import quiet

@@ -13,7 +13,8 @@ import beadwave
 from beadwave import dem
 from beadwave.workflows.commands.app import main
 from beadwave.workflows.evidence import groups
-from beadwave.workflows.evidence.accuracy import curves, folder, peers, runs, sizes, time
+from beadwave.workflows.evidence.accuracy import chain_length as sizes
+from beadwave.workflows.evidence.accuracy import curves, folder, peers, runs, time
 from beadwave.workflows.evidence.accuracy.curves import growth, ratios, seconds_at, slope
 from beadwave.workflows.evidence.accuracy.problems import lengthened, modal_wall, problem
 from beadwave.workflows.evidence.accuracy.reduction import least_seconds

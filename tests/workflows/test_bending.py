@@ -20,7 +20,7 @@ from beadwave.workflows.stages.chain.impact import impact
 from beadwave.workflows.stages.chain.walls import wall_of as wall_of_scene
 from beadwave.workflows.stages.chain.waves import waves
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
-from beadwave.workflows.stages.errors.numbers import numbers_of
+from beadwave.workflows.stages.errors.number_errors import numbers_of
 from beadwave.workflows.stages.structure import bending
 
 from command_line import beadwave

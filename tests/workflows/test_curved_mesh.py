@@ -14,7 +14,7 @@ from skfem.io.meshio import HEX_MAPPING
 from beadwave import fem, geometry
 from beadwave.geometry.meshing.gmsh_session import session
 from beadwave.geometry.own_mesh.curved import is_curved
-from beadwave.workflows.files.mesh import volumes_of
+from beadwave.workflows.files.mesh_reader import volumes_of
 
 from command_line import beadwave
 
@@ -101,7 +101,7 @@ def test_nodes_in_the_middles_of_straight_edges_change_nothing(capsys):
 @pytest.mark.parametrize("around", [4, 6, 12])
 def test_curved_faces_are_found_however_few_elements_are_around(tmp_path, around):
     """Chords of a square would make four planes; at the edges the elements are smooth."""
-    from beadwave.geometry.own_mesh.bodies import own_mesh
+    from beadwave.geometry.own_mesh.mesh_bodies import own_mesh
 
     ring(tmp_path / "ring.inp", around=around)
     (body,) = own_mesh(volumes_of(tmp_path / "ring.inp").meshes, 1e-5).bodies.values()

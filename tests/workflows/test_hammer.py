@@ -21,11 +21,11 @@ from beadwave.workflows.files.hammer import (
     write_synthetic,
 )
 from beadwave.workflows.files.hit_files import records_of_data_sets
+from beadwave.workflows.files.measured_shape import measured_shape
 from beadwave.workflows.files.output_file import OutputFile
 from beadwave.workflows.files.record import SYNTHETIC
 from beadwave.workflows.files.response_files import Responses
 from beadwave.workflows.files.scene import scene
-from beadwave.workflows.files.shapes import measured_shape
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.structure.hammer import (
     Choice,

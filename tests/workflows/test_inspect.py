@@ -10,13 +10,13 @@ import tomli_w
 import beadwave
 from beadwave.workflows.files.record import Channel
 from beadwave.workflows.files.scene import scene
+from beadwave.workflows.fit.measured_record import recorded, sensor_of
 from beadwave.workflows.fit.parametric_wall import Bounds
 from beadwave.workflows.fit.plausibility import noise_of, rounding
-from beadwave.workflows.fit.record import recorded, sensor_of
 from beadwave.workflows.fit.scene_parameters import number, per_record, put, shared, usual_each
-from beadwave.workflows.fit.structure import VariedScene, structure
+from beadwave.workflows.fit.varied_scene import VariedScene, structure
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.stages.chain.signals import csv_text
+from beadwave.workflows.stages.chain.sensor_signals import csv_text
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.sweep.cases import base_of
 
@@ -172,7 +172,7 @@ def test_an_answer_without_a_wall_is_shown_and_not_explained(drops, monkeypatch)
 
 def _through(one, values, computed):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("beadwave.workflows.fit.structure.computed", computed)
+        patch.setattr("beadwave.workflows.fit.varied_scene.computed", computed)
         return THROUGH(one, values)
 
 

@@ -10,10 +10,10 @@ from skfem import MeshHex
 from skfem.io.meshio import HEX_MAPPING, INV_HEX_MAPPING
 
 from beadwave.geometry.cad.occ import model
-from beadwave.workflows.files.mesh import volumes_of
+from beadwave.workflows.files.mesh_reader import volumes_of
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.scene.tables.shapes import shapes
+from beadwave.workflows.scene.body_shapes import shapes
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 
 from known_models import rig

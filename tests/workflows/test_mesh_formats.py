@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from beadwave.geometry.meshing.gmsh_session import session
-from beadwave.workflows.files.mesh import volumes_of
+from beadwave.workflows.files.mesh_reader import volumes_of
 from beadwave.workflows.scene import InvalidScene
 
 from command_line import beadwave

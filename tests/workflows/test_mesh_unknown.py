@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from beadwave.workflows.stages.errors.mesh import MeshErrorEstimate
+from beadwave.workflows.stages.errors.mesh_error import MeshErrorEstimate
 
 
 def test_no_mode_is_a_shape_where_the_errors_of_the_mesh_are_unknown():

@@ -8,7 +8,7 @@ import pytest
 from beadwave.dem.waves.chain_waves import chain_waves
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
-from beadwave.workflows.stages.errors.numbers import (
+from beadwave.workflows.stages.errors.number_errors import (
     MarchedPair,
     during_largest_collision,
     numbers_with_errors,

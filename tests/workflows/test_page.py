@@ -23,13 +23,13 @@ from beadwave.coupling.surface_motion import wall_modes
 from beadwave.workflows.files.scene import scene as load
 from beadwave.workflows.report import report
 from beadwave.workflows.report.first_screen import chain_words, wall_words
-from beadwave.workflows.report.numbers import figures, si
+from beadwave.workflows.report.number_format import figures, si
 from beadwave.workflows.report.page_data import PageLimits, page_data, upwards
 from beadwave.workflows.report.page_rows import STANDS_FOR, scene_rows
 from beadwave.workflows.report.provenance import sources
 from beadwave.workflows.report.report import harmless_json
-from beadwave.workflows.report.rows import error_words
 from beadwave.workflows.report.summary import Summary
+from beadwave.workflows.report.summary_rows import error_words
 from beadwave.workflows.scene.tables.walls import Wall
 
 from command_line import COARSE_RIG, beadwave

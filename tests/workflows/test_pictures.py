@@ -8,14 +8,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from beadwave.fem.modes.mode_field import ModeField
 from beadwave.workflows.files.record import SYNTHETIC
-from beadwave.workflows.fit import figures as fit_figures
+from beadwave.workflows.fit import fit_pictures
 from beadwave.workflows.report import render
 from beadwave.workflows.report.page_rows import velocity_errors
 from beadwave.workflows.report.plots import Line, Panel, drawn
 from beadwave.workflows.report.summary import ErrorEstimate, Summary
 from beadwave.workflows.structure import hammer
 from beadwave.workflows.structure.hammer import IdentifiedTest, auto_mac, shown_lines
-from beadwave.workflows.sweep import figures as sweep_figures
+from beadwave.workflows.sweep import sweep_pictures
 
 X = np.linspace(0.0, 1.0, 11)
 
@@ -107,9 +107,9 @@ def captured(monkeypatch, module, name):
 
 
 def test_curves_of_a_grid_have_a_marker_at_each_case(monkeypatch):
-    panels = captured(monkeypatch, sweep_figures, "panels")
+    panels = captured(monkeypatch, sweep_pictures, "panels")
     mass, hz = (x.ravel() for x in np.meshgrid([1.0, 3.0], [200.0, 300.0, 400.0]))
-    sweep_figures.picture(
+    sweep_pictures.picture(
         "force_N", mass * hz, {"wall.frequency [Hz]": hz, "wall.mass [kg]": mass}, {}
     )
     (panel,) = panels
@@ -118,13 +118,13 @@ def test_curves_of_a_grid_have_a_marker_at_each_case(monkeypatch):
 
 
 def test_bars_over_the_length_say_that_they_are_of_the_noise_alone(monkeypatch):
-    panels = captured(monkeypatch, fit_figures, "drawn")
+    panels = captured(monkeypatch, fit_pictures, "drawn")
     row = SimpleNamespace(name="beam.thickness", bounds=(0.0, 2.0))
     report = SimpleNamespace(
         numbers=[row], record_length_s=[1e-3, 2e-3],
         two_sigma_by_length={"beam.thickness": [1.0, 0.1]},
     )  # fmt: skip
-    assert fit_figures.by_length(report, SYNTHETIC)[1:4] == b"PNG"
+    assert fit_pictures.by_length(report, SYNTHETIC)[1:4] == b"PNG"
     assert panels[0].title.startswith("of the noise alone") and "theory" in panels[0].title
     np.testing.assert_allclose(panels[0].lines[0].y, [0.5, 0.05])
 
@@ -172,9 +172,9 @@ def test_the_first_sentence_on_errors_leaves_no_known_one_out():
 
 
 def test_a_bar_has_the_colour_of_its_verdict_and_a_legend_names_those_that_are_not_yes(monkeypatch):
-    figures, usual = [], fit_figures.png
+    figures, usual = [], fit_pictures.png
     monkeypatch.setattr(
-        fit_figures, "png", lambda figure, face: figures.append(figure) or usual(figure)
+        fit_pictures, "png", lambda figure, face: figures.append(figure) or usual(figure)
     )
 
     def drawn_with(*verdicts):
@@ -182,7 +182,7 @@ def test_a_bar_has_the_colour_of_its_verdict_and_a_legend_names_those_that_are_n
             SimpleNamespace(name=f"wall.{i}", two_sigma=0.1 + i, found=2.0, identifiable=verdict)
             for i, verdict in enumerate(verdicts)
         ]
-        fit_figures.parameters(SimpleNamespace(parameters=rows), "")
+        fit_pictures.parameters(SimpleNamespace(parameters=rows), "")
         (panel,) = figures.pop().axes
         bars = sorted(panel.patches, key=lambda bar: bar.get_x())
         np.testing.assert_allclose(

@@ -8,7 +8,7 @@ import pytest
 import beadwave
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.stages.chain.signals import csv_text
+from beadwave.workflows.stages.chain.sensor_signals import csv_text
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 
 from command_line import beadwave as command

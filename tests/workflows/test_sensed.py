@@ -8,7 +8,7 @@ from scipy.io import savemat
 
 import beadwave
 from beadwave.workflows.files.record import Record
-from beadwave.workflows.fit.record import measured
+from beadwave.workflows.fit.measured_record import measured
 from beadwave.workflows.scene import InvalidScene
 
 WALL = {"kind": "1dof", "frequency": 900.0, "mass": 0.8, "young": 30e9, "poisson": 0.2}

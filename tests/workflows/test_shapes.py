@@ -13,8 +13,8 @@ import beadwave
 from beadwave.fem import mac, on_surface
 from beadwave.fem.identification.hammer_test import accelerances
 from beadwave.fem.identification.measured_shapes import rigid_fit
+from beadwave.workflows.files.measured_shape import measured_shape
 from beadwave.workflows.files.scene import scene
-from beadwave.workflows.files.shapes import measured_shape
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.structure.targets import remarks_on_axes

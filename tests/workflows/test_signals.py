@@ -10,7 +10,7 @@ from time import sleep
 import pytest
 
 from beadwave.workflows.commands import app
-from beadwave.workflows.commands.signals import Stopped, stopped_by
+from beadwave.workflows.commands.interrupts import Stopped, stopped_by
 
 from signal_guard import signals_restored
 

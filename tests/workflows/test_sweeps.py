@@ -25,9 +25,9 @@ from beadwave.workflows.sweep.cases import base_of
 from beadwave.workflows.sweep.cluster import engine
 from beadwave.workflows.sweep.core.design import Design
 from beadwave.workflows.sweep.core.effects import sobol_effects
-from beadwave.workflows.sweep.design import grid, sampled, table
-from beadwave.workflows.sweep.figures import _spacing, curves
+from beadwave.workflows.sweep.design_words import grid, sampled, table
 from beadwave.workflows.sweep.result import opened
+from beadwave.workflows.sweep.sweep_pictures import _spacing, curves
 
 from command_line import beadwave as command
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.io import savemat
 
 from beadwave.workflows.files.record import SYNTHETIC, Channel, Record, csv_text
-from beadwave.workflows.fit.record import measured, recorded
+from beadwave.workflows.fit.measured_record import measured, recorded
 from beadwave.workflows.scene import InvalidScene
 
 T = np.arange(80) * 1e-6

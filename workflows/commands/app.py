@@ -24,6 +24,7 @@ from beadwave.system import too_long
 from beadwave.workflows.commands.assembly import hammer, look, modes, reduce, tune_joints
 from beadwave.workflows.commands.examples import EXAMPLES
 from beadwave.workflows.commands.fits import calibrate, design, inspect
+from beadwave.workflows.commands.interrupts import Stopped, stopped_by
 from beadwave.workflows.commands.options import (
     JsonFiles,
     Overwrite,
@@ -32,7 +33,6 @@ from beadwave.workflows.commands.options import (
     json_of,
     scene_names,
 )
-from beadwave.workflows.commands.signals import Stopped, stopped_by
 from beadwave.workflows.commands.studies import accuracy, stability, verify
 from beadwave.workflows.commands.sweeps import scan, sweep
 from beadwave.workflows.commands.terminal import (

@@ -163,7 +163,7 @@ class SummaryPrinter:
     def waves(self, summary: Summary) -> None:
         """Print what is known before errors are estimated and pictures drawn."""
         if not self._json and not self._quiet:
-            from beadwave.workflows.report.rows import results
+            from beadwave.workflows.report.summary_rows import results
 
             if sys.stdout.isatty():
                 self._print(results(summary))
@@ -176,7 +176,7 @@ class SummaryPrinter:
             print(summary.text(), end="")
             return
         if not self._quiet:
-            from beadwave.workflows.report.rows import details, headline, left_out
+            from beadwave.workflows.report.summary_rows import details, headline, left_out
 
             rows = list(headline(summary))
             if self._verbose:

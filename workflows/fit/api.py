@@ -12,7 +12,7 @@ from beadwave.workflows.files.run_folder import Picture, RunFolder, picture_name
 from beadwave.workflows.files.scene import Changes, Source, files_read
 from beadwave.workflows.files.scene import scene as load_scene
 from beadwave.workflows.scene import InvalidScene, Scene
-from beadwave.workflows.scene.parts import with_chain
+from beadwave.workflows.scene.required_parts import with_chain
 from beadwave.workflows.stages.engine.progress import Progress, quiet
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ class Calibration:
     def plot(self, name: str | None = None) -> Picture:
         """signals, parameters, correlation, scan or posterior; the first without a name."""
 
-        from beadwave.workflows.fit.figures import calibration_pictures
+        from beadwave.workflows.fit.fit_pictures import calibration_pictures
 
         return picture_named(calibration_pictures(self.found), name)
 
@@ -110,7 +110,7 @@ def calibrate(
     from beadwave.workflows.fit.better_walls import better_walls
     from beadwave.workflows.fit.calibrate import CalibrationRequest, calibrated
     from beadwave.workflows.fit.folder import CALIBRATION_FILES, write_calibration
-    from beadwave.workflows.fit.record import measured as record
+    from beadwave.workflows.fit.measured_record import measured as record
     from beadwave.workflows.stages.engine.pipeline import pipeline_of
 
     request = CalibrationRequest(
@@ -213,7 +213,7 @@ class Inspection:
 
     def plot(self, name: str | None = None) -> Picture:
         """signals, numbers or length; the first without a name."""
-        from beadwave.workflows.fit.figures import inspection_pictures
+        from beadwave.workflows.fit.fit_pictures import inspection_pictures
 
         return picture_named(inspection_pictures(self.found, self.report), name)
 
@@ -250,8 +250,8 @@ def inspect(
     """
     from beadwave.workflows.fit.folder import INSPECTION_FILES, write_inspection
     from beadwave.workflows.fit.inspect import InspectionRequest, inspected
+    from beadwave.workflows.fit.measured_record import recorded
     from beadwave.workflows.fit.plausibility import with_distinct_names
-    from beadwave.workflows.fit.record import recorded
     from beadwave.workflows.fit.report import inspection_report
     from beadwave.workflows.sweep.cases import base_of
 

@@ -15,9 +15,12 @@ from beadwave import dem
 from beadwave.dem import spheres
 from beadwave.workflows.files.record import Record
 from beadwave.workflows.fit import scene_parameters
+from beadwave.workflows.fit.aligned_signals import Filter, Signals, aligned, lag_of, noise_of_mean
 from beadwave.workflows.fit.chain_fit import CalibrationResult, calibrate, widened
 from beadwave.workflows.fit.columns import model_times, require_columns
 from beadwave.workflows.fit.forward import ChainForward
+from beadwave.workflows.fit.marched_system import Rig
+from beadwave.workflows.fit.measured_record import marched, sensor_of, usable
 from beadwave.workflows.fit.model_errors import BetterModel, with_systems
 from beadwave.workflows.fit.plausibility import (
     cut_off,
@@ -29,15 +32,12 @@ from beadwave.workflows.fit.plausibility import (
     unlike_the_model,
 )
 from beadwave.workflows.fit.posterior import Posterior, posterior
-from beadwave.workflows.fit.record import marched, sensor_of, usable
 from beadwave.workflows.fit.reliability import SHARES, on_held_out, on_posterior
 from beadwave.workflows.fit.report import CalibrationReport, PosteriorSummary, calibration_report
-from beadwave.workflows.fit.rig import Rig
 from beadwave.workflows.fit.scaling import ScaledRecord, scaled
 from beadwave.workflows.fit.sensed import Channels
-from beadwave.workflows.fit.signals import Filter, Signals, aligned, lag_of, noise_of_mean
 from beadwave.workflows.fit.windows import Options
-from beadwave.workflows.report.numbers import supported
+from beadwave.workflows.report.number_format import supported
 from beadwave.workflows.scene import InvalidScene, OneDofWall, Scene
 from beadwave.workflows.scene.units import GAINS
 from beadwave.workflows.stages.chain.chain import initial_velocity

@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from beadwave.workflows.fit.aligned_signals import rise
 from beadwave.workflows.fit.forward import StructureForward
 from beadwave.workflows.fit.least_squares import HUGE, IMPOSSIBLE, RecordFit, Solution, rms
-from beadwave.workflows.fit.signals import rise
 
 MISFIT = attrgetter("misfit")
 

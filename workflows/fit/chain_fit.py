@@ -14,12 +14,12 @@ import numpy as np
 
 from beadwave.coupling.errors import CouplingError
 from beadwave.workflows.fit import model_errors
+from beadwave.workflows.fit.aligned_signals import Filter, Signals
 from beadwave.workflows.fit.forward import ChainForward
 from beadwave.workflows.fit.least_squares import WindowFit, weights
+from beadwave.workflows.fit.marched_system import Rig
 from beadwave.workflows.fit.model_errors import BetterModel
 from beadwave.workflows.fit.parameter import Parameter, at_bound, coordinates, scales, values
-from beadwave.workflows.fit.rig import Rig
-from beadwave.workflows.fit.signals import Filter, Signals
 from beadwave.workflows.fit.uncertainty import Uncertainty, uncertainty
 from beadwave.workflows.fit.windows import CoarseToFine, FitStage, Options, Scan
 

@@ -17,25 +17,25 @@ from beadwave.workflows.fit.better_walls import better_walls
 from beadwave.workflows.fit.forward import MeasuredRecord, StructureForward, Unknowns, unknowns
 from beadwave.workflows.fit.inspect import STEPS
 from beadwave.workflows.fit.inversion import GAIN_SCALE
+from beadwave.workflows.fit.measured_record import marched
 from beadwave.workflows.fit.model_errors import NOISE, BetterModel, biases, changes, with_systems
 from beadwave.workflows.fit.parameter import Parameter, ends, scales, trigger
 from beadwave.workflows.fit.parametric_wall import Bounds
 from beadwave.workflows.fit.plausibility import USUAL_NOISE
-from beadwave.workflows.fit.record import marched
 from beadwave.workflows.fit.reliability import BARELY_DETERMINED_BAR, DETERMINED_BAR
-from beadwave.workflows.fit.structure import VariedScene, structure
 from beadwave.workflows.fit.uncertainty import bars_over_time, bounds_information
+from beadwave.workflows.fit.varied_scene import VariedScene, structure
 from beadwave.workflows.report.finding import Finding
-from beadwave.workflows.report.numbers import si
+from beadwave.workflows.report.number_format import si
 from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import Table
 from beadwave.workflows.scene import Instrument, InvalidScene
 from beadwave.workflows.scene.places import has_friction
-from beadwave.workflows.stages.chain.signals import sensors as sensors_of
+from beadwave.workflows.stages.chain.sensor_signals import sensors as sensors_of
 from beadwave.workflows.stages.engine.pipeline import Pipeline
 from beadwave.workflows.stages.engine.progress import Progress
 from beadwave.workflows.sweep.cases import Base
-from beadwave.workflows.sweep.design import grid, require_free
+from beadwave.workflows.sweep.design_words import grid, require_free
 
 MOST_CASES = 200
 

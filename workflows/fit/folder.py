@@ -24,7 +24,7 @@ INSPECTION_FILES = ("scene.toml", "report.json", "numbers.csv", "signals.csv")
 def write_calibration(result: CalibrationOutcome, folder: RunFolder) -> None:
     """scene.toml, report.json, parameters.csv, signals.csv and figures/ of a calibration into a
     folder, and posterior.npz where there are enough samples."""
-    from beadwave.workflows.fit.figures import calibration_pictures
+    from beadwave.workflows.fit.fit_pictures import calibration_pictures
 
     report, fit, signals = result.report, result.fit, result.signals
 
@@ -58,7 +58,7 @@ def write_calibration(result: CalibrationOutcome, folder: RunFolder) -> None:
 
 def write_inspection(result: InspectionResult, report: InspectionReport, folder: RunFolder) -> None:
     """scene.toml with what was found, report.json, numbers.csv, signals.csv and figures/."""
-    from beadwave.workflows.fit.figures import inspection_pictures
+    from beadwave.workflows.fit.fit_pictures import inspection_pictures
 
     # record and model of every sensor, record after record on its own clock
     heads = [f"{what} {name}" for what in ("record of", "model of") for name in report.sensors]

@@ -29,10 +29,10 @@ from beadwave.coupling.errors import CouplingError
 from beadwave.coupling.sensors import Sensor, measured, signals
 from beadwave.dem import Trajectory, march
 from beadwave.dem.sensitivities import march_with_sensitivities
+from beadwave.workflows.fit.aligned_signals import Filter, Signals
+from beadwave.workflows.fit.marched_system import Rig
 from beadwave.workflows.fit.parameter import UNIFORM, Parameter, directions, ends, rig_at, scales
-from beadwave.workflows.fit.rig import Rig
 from beadwave.workflows.fit.sensed import require_summable, sensed, with_gains
-from beadwave.workflows.fit.signals import Filter, Signals
 
 if TYPE_CHECKING:
     from beadwave.workflows.fit.friction_fit import (

@@ -21,7 +21,7 @@ from beadwave.coupling.continuation import (
 from beadwave.coupling.spatial_march import USUAL_SPATIAL_SEARCH, PreparedImpact, body_of
 from beadwave.coupling.structure_sensors import SensorSignals, sensed_in_march
 from beadwave.dem.kernels.arguments import Steps
-from beadwave.workflows.fit.rig import Rig, RubbingSurface
+from beadwave.workflows.fit.marched_system import Rig, RubbingSurface
 
 
 class RubbingMarch(NamedTuple):

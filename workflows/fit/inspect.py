@@ -12,6 +12,7 @@ from beadwave.workflows.fit.columns import model_times, require_columns
 from beadwave.workflows.fit.forward import MeasuredRecord, StructureForward, unknowns
 from beadwave.workflows.fit.inversion import Inversion, inverted, profiled, widened
 from beadwave.workflows.fit.least_squares import IMPOSSIBLE, RecordFit
+from beadwave.workflows.fit.measured_record import marched, sensor_of, usable
 from beadwave.workflows.fit.parameter import Parameter, ends
 from beadwave.workflows.fit.parametric_wall import Bounds
 from beadwave.workflows.fit.plausibility import (
@@ -22,10 +23,9 @@ from beadwave.workflows.fit.plausibility import (
     size_comparison,
     trigger_of,
 )
-from beadwave.workflows.fit.record import marched, sensor_of, usable
 from beadwave.workflows.fit.reliability import SETTLED_SHIFT, InspectionAnswer
-from beadwave.workflows.fit.structure import VariedScene, better_models, structure
-from beadwave.workflows.report.numbers import supported
+from beadwave.workflows.fit.varied_scene import VariedScene, better_models, structure
+from beadwave.workflows.report.number_format import supported
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.stages.engine.progress import Progress
 from beadwave.workflows.sweep.cases import Base

@@ -11,7 +11,7 @@ import numpy as np
 
 from beadwave.dem.kernels.laws import ELASTIC_LAWS, SHAPE_PARAMETERS
 from beadwave.dem.sensitivities import Directions
-from beadwave.workflows.fit.rig import Rig
+from beadwave.workflows.fit.marched_system import Rig
 
 OF_WALL = ("frequency", "mass", "damping")
 UNIFORM = 12.0  # the variance of a uniform distribution is its width squared over this

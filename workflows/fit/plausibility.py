@@ -6,14 +6,14 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from beadwave.workflows.files.record import MeanRecord, Record, UnusableRecord
-from beadwave.workflows.fit.parameter import Parameter, trigger
-from beadwave.workflows.fit.signals import (
+from beadwave.workflows.fit.aligned_signals import (
     AlignedRepeats,
     Filter,
     Signals,
     noise_between_waves,
     rise,
 )
+from beadwave.workflows.fit.parameter import Parameter, trigger
 
 # Limits beyond which a record is refused or flagged; not varied systematically. Velocities are over
 # the largest of the record, times over the contact time scale.

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from beadwave.workflows.fit.aligned_signals import Signals
 from beadwave.workflows.fit.chain_fit import CalibrationResult
 from beadwave.workflows.fit.model_errors import NOISE
 from beadwave.workflows.fit.parameter import Parameter, scales
 from beadwave.workflows.fit.posterior import ENOUGH, Posterior
-from beadwave.workflows.fit.signals import Signals
 from beadwave.workflows.fit.uncertainty import (
     bars_over_time,
     bounds_information,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from beadwave.workflows.files.record import SYNTHETIC, MeanRecord, Record
+from beadwave.workflows.fit.aligned_signals import Signals
 from beadwave.workflows.fit.chain_fit import CalibrationResult
 from beadwave.workflows.fit.model_errors import LEAST_SHARE, NOISE, bar_by_words, shares
 from beadwave.workflows.fit.parameter import Parameter
@@ -21,7 +22,6 @@ from beadwave.workflows.fit.reliability import (
     identifiable,
     remarks,
 )
-from beadwave.workflows.fit.signals import Signals
 from beadwave.workflows.report.tables import LINE, aligned_text
 from beadwave.workflows.scene import OneDofWall, Scene
 

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from beadwave.dem.sensitivities import march_with_sensitivities
 from beadwave.dem.waves.arrivals import peaks
 from beadwave.workflows.files.record import Record
+from beadwave.workflows.fit.aligned_signals import noise_between_waves
+from beadwave.workflows.fit.marched_system import Rig
 from beadwave.workflows.fit.parameter import Parameter
 from beadwave.workflows.fit.plausibility import size_comparison
-from beadwave.workflows.fit.rig import Rig
 from beadwave.workflows.fit.sensed import Channels, sensed
-from beadwave.workflows.fit.signals import noise_between_waves
 
 # Numbers of the checks and of the unknown gains; not varied systematically
 RISEN = 0.3  # of the largest value: the first excursion, which tells the sign

@@ -12,9 +12,9 @@ from beadwave import coupling, dem
 from beadwave.dem.kernels.laws import SHAPE_PARAMETERS
 from beadwave.dem.sensitivities import require_smooth
 from beadwave.workflows.fit.forward import OWN, SHARED
+from beadwave.workflows.fit.marched_system import Rig
 from beadwave.workflows.fit.parameter import RATIOS, Parameter
 from beadwave.workflows.fit.parameter import trigger as first_touch
-from beadwave.workflows.fit.rig import Rig
 from beadwave.workflows.scene import (
     InvalidScene,
     ModalDampingTable,

@@ -16,8 +16,8 @@ import numpy as np
 from beadwave.coupling.errors import CouplingError
 from beadwave.coupling.sensors import QUANTITIES, Sensor, measured, signals
 from beadwave.dem.sensitivities import Sensitivities
+from beadwave.workflows.fit.marched_system import Rig
 from beadwave.workflows.fit.parameter import Parameter
-from beadwave.workflows.fit.rig import Rig
 
 
 class Channels(NamedTuple):

@@ -18,9 +18,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from beadwave.workflows.fit.aligned_signals import first_waves_end
 from beadwave.workflows.fit.least_squares import Solution, WindowFit, rms
 from beadwave.workflows.fit.parameter import Parameter
-from beadwave.workflows.fit.signals import first_waves_end
 
 # Trial swaps of contacts; not varied systematically
 N_SWAPS_TRIED = 6  # swaps that are fitted in a round, those of the least guessed misfit

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from beadwave.workflows.report.numbers import NONE, digits, grouped, percent, si
-from beadwave.workflows.report.rows import ERROR_OF, measured_modes, run_seconds
+from beadwave.workflows.report.number_format import NONE, digits, grouped, percent, si
 from beadwave.workflows.report.summary import Summary
+from beadwave.workflows.report.summary_rows import ERROR_OF, measured_modes, run_seconds
 from beadwave.workflows.scene import (
     DashpotWall,
     HalfSpaceWall,

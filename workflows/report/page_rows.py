@@ -5,10 +5,11 @@ from typing import Any
 import numpy as np
 
 from beadwave.workflows.report.first_screen import chain_words, facts, wall_words, waves_words
-from beadwave.workflows.report.numbers import GLUE, NONE, digits, grouped, percent, si
+from beadwave.workflows.report.number_format import GLUE, NONE, digits, grouped, percent, si
 from beadwave.workflows.report.packing import unpacked
 from beadwave.workflows.report.provenance import flat
-from beadwave.workflows.report.rows import (
+from beadwave.workflows.report.summary import Summary
+from beadwave.workflows.report.summary_rows import (
     ERROR_OF,
     LARGE,
     at_wall,
@@ -19,7 +20,6 @@ from beadwave.workflows.report.rows import (
     spelled,
     spheres_words,
 )
-from beadwave.workflows.report.summary import Summary
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.scene.quantities import entries
 from beadwave.workflows.scene.units import GAINS

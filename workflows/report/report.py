@@ -18,7 +18,7 @@ from pydantic import ValidationError
 from beadwave.workflows.files.run_folder import RunFolder
 from beadwave.workflows.files.scene import scene as load
 from beadwave.workflows.report import bundle, page_rows
-from beadwave.workflows.report.numbers import (
+from beadwave.workflows.report.number_format import (
     difference,
     figures,
     grouped,

@@ -23,7 +23,7 @@ from beadwave.workflows.report.provenance import origin
 from beadwave.workflows.report.summary import Summary
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.named_files import require_file
-from beadwave.workflows.scene.parts import with_chain
+from beadwave.workflows.scene.required_parts import with_chain
 from beadwave.workflows.scene.toml import toml
 from beadwave.workflows.stages.engine.progress import Progress, quiet
 
@@ -95,7 +95,7 @@ class Run:
 
     def text(self) -> str:
         """The summary for a person."""
-        from beadwave.workflows.report.rows import details, headline
+        from beadwave.workflows.report.summary_rows import details, headline
 
         lines = (*headline(self.summary), *details(self.summary))
         text = "\n".join(f"{label:>36}  {value}" for label, value in lines)

@@ -9,8 +9,8 @@ from platform import python_version
 from beadwave.workflows.files.run_folder import NoPicture, RunFolder, write_pictures
 from beadwave.workflows.report.provenance import UNKNOWN, Origin
 from beadwave.workflows.report.report import CAPTIONS, write_report
-from beadwave.workflows.report.rows import spelled
 from beadwave.workflows.report.summary import ErrorEstimate, NumberError, StageTime, Summary
+from beadwave.workflows.report.summary_rows import spelled
 from beadwave.workflows.run.second_process import IMPACT, RUN, two_processes
 from beadwave.workflows.scene import MeasuredWall
 from beadwave.workflows.scene.places import has_friction
@@ -212,7 +212,7 @@ def summary_of(
         numbers |= of_structure.numbers
         sentences += of_structure.warnings
         if scene.measured:
-            from beadwave.workflows.files.measured_part import receptances
+            from beadwave.workflows.files.part_receptances import receptances
 
             parts = {table.name: receptances(table) for table in scene.measured}
             numbers["synthetic"] = tuple(name for name, part in parts.items() if part.synthetic)

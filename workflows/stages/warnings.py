@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beadwave.workflows.files.cache_folder import cache_folder
-from beadwave.workflows.report.numbers import si
+from beadwave.workflows.report.number_format import si
 from beadwave.workflows.scene import DashpotWall, RomWall, Scene
 from beadwave.workflows.stages.engine.cache import fault
 

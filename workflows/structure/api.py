@@ -19,7 +19,12 @@ from beadwave.workflows.files.scene import Changes, Source, files_read
 from beadwave.workflows.files.scene import scene as load_scene
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.named_files import require_file
-from beadwave.workflows.scene.parts import with_assembly, with_rig, with_structure, with_targets
+from beadwave.workflows.scene.required_parts import (
+    with_assembly,
+    with_rig,
+    with_structure,
+    with_targets,
+)
 from beadwave.workflows.scene.rig import RigScene
 from beadwave.workflows.stages.engine.progress import Progress, quiet
 

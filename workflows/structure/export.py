@@ -5,7 +5,7 @@ from beadwave.fem.exchange.abaqus import input_deck
 from beadwave.workflows.files.output_file import OutputFile
 from beadwave.workflows.files.wall_file import require_reader
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.scene.tables.shapes import shapes
+from beadwave.workflows.scene.body_shapes import shapes
 from beadwave.workflows.stages.chain.walls import save
 from beadwave.workflows.stages.engine.pipeline import Pipeline
 from beadwave.workflows.stages.structure.assembly import dashpots

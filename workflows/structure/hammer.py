@@ -27,7 +27,7 @@ from beadwave.workflows.files.record import SYNTHETIC
 from beadwave.workflows.files.response_files import Responses
 from beadwave.workflows.files.run_folder import Picture
 from beadwave.workflows.report import plots
-from beadwave.workflows.report.numbers import digits
+from beadwave.workflows.report.number_format import digits
 from beadwave.workflows.report.plots import Line, Panel
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import InvalidScene

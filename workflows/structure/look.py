@@ -10,12 +10,12 @@ from skfem import Mesh
 
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.scene.body_shapes import grid_lines, shapes
 from beadwave.workflows.scene.rules.size import foreseen_seconds, peak_memory
-from beadwave.workflows.scene.tables.shapes import grid_lines, shapes
 from beadwave.workflows.scene.toml import resolved
 from beadwave.workflows.stages.structure.assembly import mesh
 from beadwave.workflows.stages.structure.bodies import Drawing, drawing
-from beadwave.workflows.stages.structure.parts import Parts
+from beadwave.workflows.stages.structure.meshed_parts import Parts
 from beadwave.workflows.structure.face_page import face_page
 from beadwave.workflows.structure.template import starter
 
@@ -271,7 +271,7 @@ def _seen_parts(scene: Scene) -> list[SeenPart]:
     if not scene.measured:
         return []
     # only these scenes pay for the reader of tests
-    from beadwave.workflows.files.measured_part import AXES, receptances
+    from beadwave.workflows.files.part_receptances import AXES, receptances
 
     seen = []
     for table in scene.measured:

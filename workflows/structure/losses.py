@@ -11,7 +11,7 @@ from beadwave.fem.updating.loss_factors import (
     PRIOR_DEVIATION,
     loss_factors,
 )
-from beadwave.workflows.report.numbers import supported
+from beadwave.workflows.report.number_format import supported
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import InvalidScene, LossFactorsTable, Scene
 from beadwave.workflows.stages.engine.pipeline import pipeline_of

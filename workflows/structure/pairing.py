@@ -14,10 +14,10 @@ from beadwave.fem.identification.response_scale import POWERS, remark_on_scale, 
 from beadwave.fem.identification.sensor_placement import one_more_point, outside
 from beadwave.fem.modes.assembly_modes import AssemblyModes, field_of
 from beadwave.fem.modes.mac import ShapeMatch, mac_near_double, measured_pairs, strained
+from beadwave.workflows.files.measured_shape import measured_shape
 from beadwave.workflows.files.run_folder import Picture
-from beadwave.workflows.files.shapes import measured_shape
 from beadwave.workflows.report import plots
-from beadwave.workflows.report.numbers import digits, supported
+from beadwave.workflows.report.number_format import digits, supported
 from beadwave.workflows.scene import InvalidScene, ModalDampingTable, Scene
 from beadwave.workflows.scene.tables.bodies import MeasuredMode
 from beadwave.workflows.stages.engine.pipeline import Pipeline

@@ -44,7 +44,7 @@ from beadwave.fem.updating.tuning import (
 )
 from beadwave.workflows.files.hammer import Reading
 from beadwave.workflows.files.run_folder import Picture
-from beadwave.workflows.report.numbers import supported
+from beadwave.workflows.report.number_format import supported
 from beadwave.workflows.scene import InvalidScene, Scene, nearest
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.engine.progress import Progress

@@ -27,7 +27,7 @@ from beadwave.fem.updating.tuning import (
 from beadwave.workflows.files.output_file import OutputFile
 from beadwave.workflows.files.scene import Source, Written, completed, scene_text
 from beadwave.workflows.files.scene import scene as load_scene
-from beadwave.workflows.report.numbers import supported
+from beadwave.workflows.report.number_format import supported
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.named_files import every_file_key

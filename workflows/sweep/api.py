@@ -218,7 +218,7 @@ def _cases(
 def _design(base: Base, cases: Cases, signals: bool) -> tuple[Design, tuple[str, ...]]:
     """The design that the cases describe, and notes on changes to keys that it varies; raises
     InvalidScene where the base cannot take its keys."""
-    from beadwave.workflows.sweep import design as designs
+    from beadwave.workflows.sweep import design_words as designs
     from beadwave.workflows.sweep.sweep import require_keys
 
     # values of a mapping as `--over` takes them; a text, start:stop:n for instance, as it is

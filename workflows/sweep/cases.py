@@ -9,7 +9,7 @@ import numpy as np
 
 from beadwave.workflows.files.scene import Changes, Source, Written, completed, each, written
 from beadwave.workflows.scene import HalfSpaceWall, InvalidScene, OneDofWall, Scene
-from beadwave.workflows.scene.parts import with_chain
+from beadwave.workflows.scene.required_parts import with_chain
 from beadwave.workflows.scene.toml import changed, keys_set
 from beadwave.workflows.stages.chain.chain import TOGETHER
 from beadwave.workflows.sweep.core.design import Design

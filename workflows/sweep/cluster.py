@@ -18,8 +18,8 @@ from typing import Any
 
 from beadwave.system import adding
 from beadwave.workflows.scene import InvalidScene
-from beadwave.workflows.sweep.core.rows import FAILED, Rows, without_result
-from beadwave.workflows.sweep.march import rows
+from beadwave.workflows.sweep.core.case_row import FAILED, Rows, without_result
+from beadwave.workflows.sweep.marched_group import rows
 from beadwave.workflows.sweep.models import SharedWall, models, shared_wall
 from beadwave.workflows.sweep.tasks import Sharing, Task
 

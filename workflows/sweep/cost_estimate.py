@@ -8,7 +8,7 @@ from beadwave.workflows.report.tables import Table
 from beadwave.workflows.scene.tables.walls import gives_way
 from beadwave.workflows.sweep.cases import Base, groups
 from beadwave.workflows.sweep.core.design import Design
-from beadwave.workflows.sweep.march import rows
+from beadwave.workflows.sweep.marched_group import rows
 from beadwave.workflows.sweep.models import is_kept, models, shared_wall
 from beadwave.workflows.sweep.sweep import AT_ONCE
 from beadwave.workflows.sweep.tasks import CHUNK, sharing

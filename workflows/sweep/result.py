@@ -16,9 +16,9 @@ from beadwave.workflows.report.tables import Table
 from beadwave.workflows.scene import InvalidScene, nearest
 from beadwave.workflows.scene.named_files import unfit
 from beadwave.workflows.stages.warnings import CURES
+from beadwave.workflows.sweep.core.case_row import DONE, LARGE_ERROR, TEXT, other_wave
 from beadwave.workflows.sweep.core.design import Design
 from beadwave.workflows.sweep.core.effects import Effects, rank_correlations, sobol_effects
-from beadwave.workflows.sweep.core.rows import DONE, LARGE_ERROR, TEXT, other_wave
 from beadwave.workflows.sweep.store import ABOUT, SIGNALS, TABLE
 
 SHOWN = 40  # cases of a table on a terminal
@@ -98,7 +98,7 @@ class Sweep:
 
     def plot(self, output: str | None = None, keys: tuple[str, ...] | None = None) -> Picture:
         """An output over keys, all that vary without any; raises InvalidScene for other names."""
-        from beadwave.workflows.sweep.figures import face_map, picture
+        from beadwave.workflows.sweep.sweep_pictures import face_map, picture
 
         name = output or next(iter(self.main), "")
         if self.face and keys is None:

@@ -29,8 +29,7 @@ from beadwave.workflows.stages.chain.walls import require_support
 from beadwave.workflows.stages.errors.better_walls import MARGIN, SHORTER
 from beadwave.workflows.stages.structure.face import StruckFace, to_hz
 from beadwave.workflows.sweep.cases import Base
-from beadwave.workflows.sweep.core.continuity import same_wave
-from beadwave.workflows.sweep.core.rows import (
+from beadwave.workflows.sweep.core.case_row import (
     FAILED,
     LARGE_ERROR,
     REFUSED,
@@ -39,9 +38,10 @@ from beadwave.workflows.sweep.core.rows import (
     other_wave,
     without_result,
 )
-from beadwave.workflows.sweep.design import Design, counted
+from beadwave.workflows.sweep.core.continuity import same_wave
+from beadwave.workflows.sweep.design_words import Design, counted
 from beadwave.workflows.sweep.inputs import Inputs, files_of_scene
-from beadwave.workflows.sweep.march import observed, saved, taken
+from beadwave.workflows.sweep.marched_group import observed, saved, taken
 from beadwave.workflows.sweep.store import About, Store
 
 OF_REFLECTED = ("reflected_s", "reflected_m_s", "echo_delay_s", "echo_ratio")

@@ -13,8 +13,8 @@ from beadwave.workflows.files.run_folder import RunFolder
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.quantities import entries
 from beadwave.workflows.stages.engine.cache import digest
+from beadwave.workflows.sweep.core.case_row import DONE, FAILED, TEXT, Rows
 from beadwave.workflows.sweep.core.design import Design
-from beadwave.workflows.sweep.core.rows import DONE, FAILED, TEXT, Rows
 from beadwave.workflows.sweep.inputs import Inputs
 
 TABLE, SIGNALS = "cases.parquet", "signals.nc"

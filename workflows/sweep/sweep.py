@@ -1,10 +1,10 @@
 """A sweep from its design to its table: what is shared once, every missing case once.
 
-design    which cases there are                           (`sweep.design`, `sweep.core.design`)
+design    which cases there are                           (`sweep.design_words`, `sweep.core.design`)
 groups    cases that differ only in numbers of the chain  (`sweep.cases`)
 models    reduced models and walls that groups share      (`sweep.models`, `sweep.tasks`)
-march     of the cases of a group, side by side or alone  (`sweep.march`)
-rows      waves, forces and errors of each case           (`sweep.core.rows`)
+march     of the cases of a group, side by side or alone  (`sweep.marched_group`)
+rows      waves, forces and errors of each case           (`sweep.core.case_row`)
 store     rows on disk as they come, one table at the end (`sweep.store`)
 """
 
@@ -15,10 +15,10 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from beadwave.workflows.files.run_folder import RunFolder
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.sweep.cases import Base
+from beadwave.workflows.sweep.core.case_row import Rows
 from beadwave.workflows.sweep.core.design import Design
-from beadwave.workflows.sweep.core.rows import Rows
 from beadwave.workflows.sweep.inputs import Inputs, files_of_cases
-from beadwave.workflows.sweep.march import rows
+from beadwave.workflows.sweep.marched_group import rows
 from beadwave.workflows.sweep.models import Models, SharedWall, models, shared_wall
 from beadwave.workflows.sweep.store import Store
 from beadwave.workflows.sweep.tasks import Sharing, sharings

@@ -24,11 +24,11 @@ from typing import NamedTuple
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from beadwave import rom
 from beadwave.workflows.files import hammer
-from beadwave.workflows.files.mesh import volumes_of
+from beadwave.workflows.files.measured_shape import measured_shape
+from beadwave.workflows.files.mesh_reader import volumes_of
 from beadwave.workflows.files.scene import built_in, scene, scene_text
-from beadwave.workflows.files.shapes import measured_shape
 from beadwave.workflows.files.wall_file import loaded
-from beadwave.workflows.fit.record import measured, recorded
+from beadwave.workflows.fit.measured_record import measured, recorded
 from beadwave.workflows.scene import InvalidScene, RomWall
 from beadwave.workflows.stages.chain.impact import require_start
 from beadwave.workflows.stages.structure.bodies import drawing

@@ -34,7 +34,7 @@ from beadwave.workflows.report.finding import Finding
 from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import Table
 from beadwave.workflows.scene import Scene
-from beadwave.workflows.scene.parts import with_assembly
+from beadwave.workflows.scene.required_parts import with_assembly
 from beadwave.workflows.scene.rig import PARTS, RigScene
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.engine.progress import Progress, quiet

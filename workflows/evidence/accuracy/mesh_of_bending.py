@@ -19,7 +19,7 @@ from beadwave.workflows.report.finding import Finding
 from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import Table
 from beadwave.workflows.scene import Scene
-from beadwave.workflows.scene.parts import with_chain
+from beadwave.workflows.scene.required_parts import with_chain
 from beadwave.workflows.stages.chain.walls import wall_of
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.engine.progress import Progress

@@ -94,7 +94,7 @@ def foreseen_nodes(scene: Scene) -> dict[str, float]:
     """Nodes that the program's own mesh will have, by body: counted along prescribed grid lines,
     within a third for tetrahedra of boxes and plates; empty where only meshing tells."""
     from beadwave.geometry.meshing.node_estimate import n_nodes, n_nodes_of_tetrahedra
-    from beadwave.workflows.scene.tables.shapes import grid_lines, shapes
+    from beadwave.workflows.scene.body_shapes import grid_lines, shapes
 
     scale, drawn, lines = scene.mesh.scale, shapes(scene), grid_lines(scene, scene.mesh.scale)
     seeds = {name: scene.seed_of(name) for name in drawn}

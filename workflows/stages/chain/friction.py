@@ -28,7 +28,7 @@ from beadwave.workflows.report.summary import ChainNumbers, FrictionNumbers
 from beadwave.workflows.scene import RomWall, Scene
 from beadwave.workflows.scene.tables.friction import arm_stiffness
 from beadwave.workflows.stages import warnings
-from beadwave.workflows.stages.chain import numbers as of_chain
+from beadwave.workflows.stages.chain import chain_numbers as of_chain
 from beadwave.workflows.stages.chain.chain import Start, start
 from beadwave.workflows.stages.chain.walls import wall_of
 from beadwave.workflows.stages.engine import compilation as of_impact

@@ -291,7 +291,7 @@ STAGES = (
     ),
     # errors of the structure
     Stage(
-        "static-shape", ".errors.mesh:static_shape", tables_of("reduction", "strike"),
+        "static-shape", ".errors.mesh_error:static_shape", tables_of("reduction", "strike"),
         ("mesh", "model", "modes"), means=("krylov-space",), listed=False,
     ),
     Stage(
@@ -303,19 +303,19 @@ STAGES = (
         when=bent,
     ),
     Stage(
-        "missed-energy", ".errors.mesh:missed_by_mesh", tables_of("reduction", "strike"),
+        "missed-energy", ".errors.mesh_error:missed_by_mesh", tables_of("reduction", "strike"),
         ("mesh", "model", "modes"), means=("static-shape", "half-space"),
     ),
     Stage(
-        "part-errors", ".errors.measured_parts:part_errors", tables_of(), ("model", "modes"),
+        "part-errors", ".errors.part_fit_errors:part_errors", tables_of(), ("model", "modes"),
         when=has_measured_parts,
     ),
     Stage(
-        "structure-errors", ".errors.bending:structure_errors", tables_of(),
+        "structure-errors", ".errors.bending_errors:structure_errors", tables_of(),
         ("modes", "reduction", "second-mesh", "other-theories"), when=has_other_theories,
     ),
     Stage(
-        "structure-errors", ".errors.bending:structure_errors", tables_of(),
+        "structure-errors", ".errors.bending_errors:structure_errors", tables_of(),
         ("modes", "reduction", "second-mesh"), when=bent,
     ),
     Stage(
@@ -358,15 +358,15 @@ STAGES = (
         kept=False, listed=False,
     ),
     Stage(
-        "record", ".chain.signals:record", tables_of("output", "damping"),
+        "record", ".chain.sensor_signals:record", tables_of("output", "damping"),
         ("impact", "waves", "reduction"), when=has_sensors_on_structure, kept=False, listed=False,
     ),
     Stage(
-        "record", ".chain.signals:record", tables_of("output"), ("impact", "waves"),
+        "record", ".chain.sensor_signals:record", tables_of("output"), ("impact", "waves"),
         when=has_sensors, kept=False, listed=False,
     ),
     Stage(
-        "sensor-numbers", ".chain.signals:sensor_waves", tables_of("output"), ("record",),
+        "sensor-numbers", ".chain.sensor_signals:sensor_waves", tables_of("output"), ("record",),
         when=has_sensors, listed=False,
     ),
     Stage(
@@ -374,7 +374,7 @@ STAGES = (
         ("start", "wall", "impact", "waves", "friction"), when=rubs, listed=False,
     ),
     Stage(
-        "chain-numbers", ".chain.numbers:chain_numbers", _marched,
+        "chain-numbers", ".chain.chain_numbers:chain_numbers", _marched,
         ("start", "wall", "impact", "waves"), listed=False,
     ),
     # errors of the impact: better walls by cause, marches before them, what these differ by
@@ -456,7 +456,7 @@ STAGES = (
         ("impact", "wall", "friction", "record"), when=rubs, listed=False,
     ),
     Stage(
-        "chain-files", ".chain.numbers:chain_files", tables_of("output"),
+        "chain-files", ".chain.chain_numbers:chain_files", tables_of("output"),
         ("impact", "wall", "record"), listed=False,
     ),
     Stage("pictures", ".pages.pictures:pictures_of_plate", tables_of(), ("modes", "contact"),

@@ -27,12 +27,16 @@ from beadwave.workflows.report.summary import NumberError
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.stages.chain.chain import Start
 from beadwave.workflows.stages.chain.walls import wall_of
-from beadwave.workflows.stages.errors.measured_parts import other_fits
-from beadwave.workflows.stages.errors.mesh import MeshErrorEstimate
-from beadwave.workflows.stages.errors.numbers import MarchedPair, instants, numbers_with_errors
+from beadwave.workflows.stages.errors.mesh_error import MeshErrorEstimate
+from beadwave.workflows.stages.errors.number_errors import (
+    MarchedPair,
+    instants,
+    numbers_with_errors,
+)
+from beadwave.workflows.stages.errors.part_fit_errors import other_fits
 from beadwave.workflows.stages.errors.second_mesh import wall_model
 from beadwave.workflows.stages.structure import assembly
-from beadwave.workflows.stages.structure.parts import Parts
+from beadwave.workflows.stages.structure.meshed_parts import Parts
 from beadwave.workflows.stages.structure.reduction import SecondModel
 
 MARGIN = 1.25  # of a difference, for what the finer model itself misses

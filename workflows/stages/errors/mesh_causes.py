@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from skfem import Mesh, MeshHex
 
 from beadwave.workflows.scene import Scene
-from beadwave.workflows.stages.structure.parts import Parts
+from beadwave.workflows.stages.structure.meshed_parts import Parts
 
 # Errors that are explained, and trust in refinement
 LARGE_ERROR = 0.05  # relative error from which on a cause is given

@@ -23,7 +23,7 @@ from beadwave.fem.modes.assembly_modes import N_MODES
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.scene.tables.reduction import TO_HZ
 from beadwave.workflows.stages.structure import assembly as stages
-from beadwave.workflows.stages.structure.parts import Parts
+from beadwave.workflows.stages.structure.meshed_parts import Parts
 from beadwave.workflows.stages.structure.reduction import SecondModel, contact_of
 
 COARSER = 2.0  # times the element size

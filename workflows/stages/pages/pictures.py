@@ -23,7 +23,7 @@ from beadwave.workflows.files.run_folder import NoPicture, Picture
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.scene.places import mass_face, part_face, spring_face
 from beadwave.workflows.scene.tables.bodies import GROUND
-from beadwave.workflows.stages.structure.parts import Parts
+from beadwave.workflows.stages.structure.meshed_parts import Parts
 
 TIME_LIMIT = 120  # s, of the child; not varied
 
@@ -120,7 +120,7 @@ def _parts(scene: Scene, mesh: Parts) -> Iterator[tuple[str, list[float], list[f
     if not scene.measured:
         return
     # only these scenes pay for the reader of tests
-    from beadwave.workflows.files.measured_part import receptances
+    from beadwave.workflows.files.part_receptances import receptances
     from beadwave.workflows.stages.structure.measured_parts import places_on_face
 
     for table in scene.measured:

@@ -10,7 +10,7 @@ from beadwave.fem.updating import tuning
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.places import mass_face, spring_face
 from beadwave.workflows.stages.structure import bodies, strike
-from beadwave.workflows.stages.structure.parts import STRIKE, Parts
+from beadwave.workflows.stages.structure.meshed_parts import STRIKE, Parts
 from beadwave.workflows.stages.structure.targets import targets
 
 

@@ -19,14 +19,14 @@ from beadwave.geometry.cad.contacts import TouchingPair
 from beadwave.geometry.cad.joints import JointWords, NamedParts, TieWords, Under, Words, picked
 from beadwave.geometry.drawing import Drawing, Sizing, drawn, meshed
 from beadwave.geometry.meshing.lined_blocks import lined_meshes
-from beadwave.workflows.files.mesh import volumes_of
+from beadwave.workflows.files.mesh_reader import volumes_of
 from beadwave.workflows.files.step import require_step
 from beadwave.workflows.scene import InvalidScene, Scene
+from beadwave.workflows.scene.body_shapes import grid_lines, shapes
 from beadwave.workflows.scene.places import named_faces, part_face, spring_face
 from beadwave.workflows.scene.rules.size import too_large_mesh
 from beadwave.workflows.scene.tables.bodies import GROUND, SHARE, Solid, UnderTable
-from beadwave.workflows.scene.tables.shapes import grid_lines, shapes
-from beadwave.workflows.stages.structure.parts import STRIKE, Parts
+from beadwave.workflows.stages.structure.meshed_parts import STRIKE, Parts
 from beadwave.workflows.stages.structure.strike import around, struck
 
 

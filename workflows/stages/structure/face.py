@@ -26,12 +26,12 @@ from beadwave.workflows.stages.chain.chain import Start, start
 from beadwave.workflows.stages.chain.damping import damping_law
 from beadwave.workflows.stages.engine.pipeline import Pipeline, pipeline_of
 from beadwave.workflows.stages.engine.stage_table import Stage, tables_of
-from beadwave.workflows.stages.errors.mesh import energy_in, without_missed
+from beadwave.workflows.stages.errors.mesh_error import energy_in, without_missed
 from beadwave.workflows.stages.errors.second_mesh import of_few_elements, other_mesh
 from beadwave.workflows.stages.structure import assembly as stages
 from beadwave.workflows.stages.structure.assembly import solid, struck
 from beadwave.workflows.stages.structure.loss_factors import structure_damping
-from beadwave.workflows.stages.structure.parts import Parts
+from beadwave.workflows.stages.structure.meshed_parts import Parts
 from beadwave.workflows.thesis import HAMMER_TEST_HZ
 
 # Patches and modes of a face that is struck at many points

@@ -28,7 +28,7 @@ from beadwave.coupling.structure_sensors import sensed_in_march
 from beadwave.dem.lateral import LateralTrajectory
 from beadwave.dem.prepared import prepare
 from beadwave.workflows.scene import InvalidScene, Scene
-from beadwave.workflows.stages.chain import signals
+from beadwave.workflows.stages.chain import sensor_signals as signals
 from beadwave.workflows.stages.chain.chain import Start
 from beadwave.workflows.stages.chain.damping import damping
 from beadwave.workflows.stages.chain.friction import last_sphere

@@ -23,7 +23,7 @@ from beadwave.workflows.stages import warnings
 
 if TYPE_CHECKING:  # the health of a wall from a file loads no finite elements
     from beadwave.fem.modes.assembly_modes import AssemblyModes
-    from beadwave.workflows.stages.errors.mesh import MeshErrorEstimate
+    from beadwave.workflows.stages.errors.mesh_error import MeshErrorEstimate
 
 
 def reduction_health(

@@ -16,7 +16,7 @@ from beadwave.rom.contact_space import KrylovOptions
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.scene.tables.reduction import TO_HZ
 from beadwave.workflows.stages.structure.assembly import contact
-from beadwave.workflows.stages.structure.parts import Parts
+from beadwave.workflows.stages.structure.meshed_parts import Parts
 from beadwave.workflows.stages.structure.reduction import selection
 from beadwave.workflows.stages.structure.targets import targets
 

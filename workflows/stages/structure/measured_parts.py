@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from beadwave import fem, rom
 from beadwave.fem.assembly.trace import OffFace
 from beadwave.rom.passive_fit import refitted
-from beadwave.workflows.files.measured_part import AXES, PartReceptances, receptances
+from beadwave.workflows.files.part_receptances import AXES, PartReceptances, receptances
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.places import part_face
 from beadwave.workflows.scene.tables.measured import MeasuredTable
 from beadwave.workflows.stages.engine.cache import key, memory
-from beadwave.workflows.stages.structure.parts import Parts
+from beadwave.workflows.stages.structure.meshed_parts import Parts
 from beadwave.workflows.stages.structure.targets import axes_of_test
 
 # [m] of a measured point from the plane of its face, over the disc's radius, beyond which axes or

@@ -14,7 +14,7 @@ from beadwave.workflows.stages.structure.assembly import contact as patch
 from beadwave.workflows.stages.structure.assembly import dashpots, solid, struck
 from beadwave.workflows.stages.structure.functionals import with_functionals
 from beadwave.workflows.stages.structure.loss_factors import strain_of
-from beadwave.workflows.stages.structure.parts import Parts
+from beadwave.workflows.stages.structure.meshed_parts import Parts
 from beadwave.workflows.stages.structure.strike import surface_of
 
 NOTHING = np.empty(0, np.int64)

@@ -18,7 +18,7 @@ from beadwave import fem, rom
 from beadwave.fem.modes.assembly_modes import N_MODES, AssemblyModes, assembly_modes
 from beadwave.fem.updating import tuning
 from beadwave.workflows.scene import Scene
-from beadwave.workflows.stages.structure.parts import Parts
+from beadwave.workflows.stages.structure.meshed_parts import Parts
 from beadwave.workflows.stages.structure.targets import targets
 
 

@@ -14,7 +14,7 @@ from beadwave.fem.assembly.trace import OffFace
 from beadwave.fem.contact.impact_point import require_flat, spanning
 from beadwave.geometry.cad.struck_face import Struck, nearest, struck_at
 from beadwave.workflows.scene import InvalidScene, Scene
-from beadwave.workflows.stages.structure.parts import STRIKE, Parts
+from beadwave.workflows.stages.structure.meshed_parts import STRIKE, Parts
 
 if TYPE_CHECKING:  # these load gmsh
     from beadwave.geometry.cad.selectors import FaceSelection

@@ -8,7 +8,7 @@ from scipy.sparse import csr_matrix
 
 from beadwave import fem
 from beadwave.fem.identification.measured_shapes import MeasuredShape, RigidFit, rigid_fit
-from beadwave.workflows.files.shapes import measured_shape
+from beadwave.workflows.files.measured_shape import measured_shape
 from beadwave.workflows.scene import InvalidScene, Scene
 
 # distance of a measured point from the assembly's surface, over the assembly's size, beyond which

@@ -10,7 +10,7 @@ from beadwave.workflows.stages.chain.chain import on_surface, start, together
 from beadwave.workflows.stages.chain.impact import impact, require_start
 from beadwave.workflows.stages.chain.walls import simple_wall
 from beadwave.workflows.sweep.cases import CheckedGroup, Group
-from beadwave.workflows.sweep.core.rows import (
+from beadwave.workflows.sweep.core.case_row import (
     ACROSS,
     FAILED,
     REFUSED,

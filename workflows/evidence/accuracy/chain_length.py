@@ -32,7 +32,7 @@ from beadwave.workflows.evidence.accuracy.runs import (
 )
 from beadwave.workflows.report.finding import Finding
 from beadwave.workflows.scene import Scene
-from beadwave.workflows.scene.parts import with_wall
+from beadwave.workflows.scene.required_parts import with_wall
 from beadwave.workflows.stages.engine.progress import Progress
 
 LENGTHS = (17, 100, 1000, 10000)  # spheres

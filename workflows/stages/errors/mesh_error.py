@@ -30,7 +30,7 @@ from beadwave.workflows.scene.tables.reduction import TO_HZ
 from beadwave.workflows.stages.errors import second_mesh
 from beadwave.workflows.stages.errors.mesh_causes import Cause, causes, explanation
 from beadwave.workflows.stages.structure import assembly as stages
-from beadwave.workflows.stages.structure.parts import Parts
+from beadwave.workflows.stages.structure.meshed_parts import Parts
 from beadwave.workflows.stages.structure.reduction import half_space_at
 
 # times the energy found, of which functions of the next order hold 0.6 where stresses are

@@ -40,7 +40,7 @@ from beadwave.workflows.files.record_formats import (
 )
 from beadwave.workflows.files.signal_table import even_step, signal_table
 from beadwave.workflows.files.uff import ENDINGS, data_sets
-from beadwave.workflows.fit.signals import aligned
+from beadwave.workflows.fit.aligned_signals import aligned
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.named_files import require_file
 from beadwave.workflows.scene.tables.sensors import OF_SPHERES

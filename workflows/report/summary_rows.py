@@ -1,6 +1,6 @@
 """Rows of a summary for the terminal and the page: label, value with unit, meaning."""
 
-from beadwave.workflows.report.numbers import GLUE, NONE, digits, grouped, percent, si
+from beadwave.workflows.report.number_format import GLUE, NONE, digits, grouped, percent, si
 from beadwave.workflows.report.stage_words import stage_words
 from beadwave.workflows.report.summary import (
     FrictionNumbers,

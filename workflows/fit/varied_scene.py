@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from beadwave import coupling, dem
 from beadwave.workflows.fit.better_walls import FAILURES, better_walls
+from beadwave.workflows.fit.marched_system import Rig, RubbingSurface
 from beadwave.workflows.fit.model_errors import BetterModel, with_systems
 from beadwave.workflows.fit.parametric_wall import (
     Bounds,
@@ -21,7 +22,6 @@ from beadwave.workflows.fit.parametric_wall import (
     parametric_wall,
     with_rest,
 )
-from beadwave.workflows.fit.rig import Rig, RubbingSurface
 from beadwave.workflows.fit.scene_parameters import number, put, scene_at
 from beadwave.workflows.scene import InvalidScene, RomWall, Scene
 from beadwave.workflows.scene.places import has_friction

@@ -11,7 +11,7 @@ from beadwave.fem.modes.assembly_modes import AssemblyModes
 from beadwave.fem.modes.mac import RIGID
 from beadwave.workflows.report.summary import NumberError
 from beadwave.workflows.scene import Scene
-from beadwave.workflows.stages.errors.numbers import with_errors
+from beadwave.workflows.stages.errors.number_errors import with_errors
 from beadwave.workflows.stages.structure.reduction import SecondModel
 
 

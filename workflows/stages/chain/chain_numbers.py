@@ -67,7 +67,7 @@ def chain_files(
     signals.csv where sensors record, by name."""
     files = {"trajectory.npz": npz(arrays(impact.trajectory, wall, lateral))}
     if record is not None:
-        from beadwave.workflows.stages.chain.signals import csv_text
+        from beadwave.workflows.stages.chain.sensor_signals import csv_text
 
         files["signals.csv"] = csv_text(scene, record).encode()
     return files
