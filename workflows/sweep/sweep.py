@@ -1,6 +1,6 @@
 """A sweep from its design to its table: what is shared once, every missing case once.
 
-design    which cases there are                           (`sweep.design_words`, `sweep.core.design`)
+design    which cases there are                          (`sweep.design_words`, `sweep.core.design`)
 groups    cases that differ only in numbers of the chain  (`sweep.cases`)
 models    reduced models and walls that groups share      (`sweep.models`, `sweep.tasks`)
 march     of the cases of a group, side by side or alone  (`sweep.marched_group`)
