@@ -17,6 +17,13 @@ installed() {
 }
 able() { "$python" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; }
 
+for extra in $(echo "${1:-}" | tr ',' ' '); do
+    grep -q "^$extra = \[" pyproject.toml || {
+        echo "install.sh: there is no extra '$extra'; pyproject.toml lists them, as in ./install.sh test,fast" >&2
+        exit 2
+    }
+done
+
 able || { [ "$python" = python3 ] && installed python3-venv && able; } || {
     echo "install.sh: $python must be Python 3.11 or newer with venv; on Debian: apt-get install python3-venv" >&2
     exit 1

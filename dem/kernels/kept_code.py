@@ -46,10 +46,13 @@ def folder_of_code(sources: Path) -> Path | None:
     """Folder that keeps the code of a folder of sources; None if no place can be written.
 
     The place is the folder that the user chose for numba, else `__pycache__` of the sources, else
-    the user's cache. A new folder displaces the oldest beyond `KEPT`.
+    the cache that BEADWAVE_CACHE_DIR names, else that of the user. A new folder displaces the
+    oldest beyond `KEPT`.
     """
     of_sources = f"{sources.name}-{sha256(os.fsencode(sources)).hexdigest()[:8]}"
-    places = [sources / "__pycache__", user_cache_path("beadwave") / "code" / of_sources]
+    caches = (os.environ.get("BEADWAVE_CACHE_DIR"), user_cache_path("beadwave"))
+    places = [Path(place, "code", of_sources) for place in caches if place]
+    places.insert(0, sources / "__pycache__")
     if numba.config.CACHE_DIR:
         places = [Path(numba.config.CACHE_DIR, of_sources)]
     for place in places:

@@ -293,7 +293,9 @@ def processor_name() -> str:
 
 def adding(extra: str) -> str:
     """The command that adds an extra: of a checkout on Linux, else of pip."""
-    return f"./install.sh {extra}" if LINUX else f'pip install "beadwave[{extra}]"'
+    is_checkout = Path(__file__).parents[2].joinpath("install.sh").is_file()
+    by_script = LINUX and is_checkout
+    return f"./install.sh {extra}" if by_script else f'pip install "beadwave[{extra}]"'
 
 
 def providing(package: str) -> str:

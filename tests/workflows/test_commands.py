@@ -1,6 +1,7 @@
 """Comfort of the command line: help, completion, progress, hints, `doctor`."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -10,6 +11,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from beadwave import system
 from beadwave.workflows.commands import options, terminal
 from beadwave.workflows.commands.app import COMMANDS, built, main
 from beadwave.workflows.commands.examples import EXAMPLES
@@ -17,6 +19,7 @@ from beadwave.workflows.evidence import groups
 from beadwave.workflows.files.scene import built_in
 
 ROOT = Path(__file__).parents[2]
+PIP_H5 = 'pip install "beadwave[h5]"'
 SHORT = ("--set=chain.count=4", "--set=output.spheres=[1]", "--set=time.duration=0.2 ms")
 
 pytestmark = pytest.mark.usefixtures("own_folder")
@@ -258,3 +261,30 @@ def test_a_sentence_longer_than_a_terminal_is_folded_between_words_and_tables_ar
         "the mesh makes mode 2 7.4 % too high,", "  more than the fit misses.",
     ]  # fmt: skip
     assert terminal.folded(sentence, SimpleNamespace(isatty=lambda: False)) == sentence
+
+
+def test_without_a_command_a_sentence_says_so(beadwave):
+    assert beadwave() == (2, "", "beadwave: a command is missing; `beadwave -h` lists them.\n")
+
+
+def test_a_closed_output_is_no_error():
+    code = "import sys; sys.stdout = None; from beadwave.workflows.commands.app import main; "
+    code += "sys.argv = ['beadwave', 'scenes']; main()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.skipif(sys.platform in ("darwin", "win32"), reason="names of files are text there")
+def test_a_scene_whose_name_is_no_utf_8_is_run(beadwave):
+    name = os.fsdecode(b"z\xff.toml")
+    Path(name).write_text(built_in()["rig-rigid"], encoding="utf-8")
+    status, _, err = beadwave("impact", name, *SHORT, "--out", "run", "--quiet")
+    assert status == 0 and "Error" not in err
+    assert r"'z\udcff.toml'" in Path("run/given.toml").read_text().splitlines()[0]
+
+
+def test_an_extra_is_added_as_what_runs_was_installed(monkeypatch, tmp_path):
+    """A wheel has no install.sh beside it."""
+    assert system.adding("h5") == ("./install.sh h5" if system.LINUX else PIP_H5)
+    monkeypatch.setattr(system, "__file__", str(tmp_path / "a" / "beadwave" / "system.py"))
+    assert system.adding("h5") == PIP_H5

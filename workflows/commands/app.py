@@ -306,6 +306,8 @@ def _failure(error: Exception) -> tuple[int, str]:
     # a usage error, with what was probably meant; typer keeps its own copy of click, so it is
     # recognised by what it can do
     if hasattr(error, "format_message"):
+        if type(error).__name__ == "NoArgsIsHelpError":
+            return 2, "a command is missing; `beadwave -h` lists them."
         message = (error.format_message() or "say which command").rstrip(".?!)")
         word = message.split("'")[1] if message.startswith("No such command") else None
         if word in REMOVED:

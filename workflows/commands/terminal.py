@@ -102,7 +102,8 @@ def folded(text: str, stream: Any = None) -> str:
     columns of tables, and all of it where the stream (stdout) is no terminal, stay as they are."""
     from shutil import get_terminal_size
 
-    if not (sys.stdout if stream is None else stream).isatty():
+    stream = stream or sys.stdout
+    if stream is None or not stream.isatty():
         return text
     return fold(text, get_terminal_size().columns)
 

@@ -57,6 +57,8 @@ def origin(word: str, scene: Scene, source: Source, changes: Changes) -> Origin:
                 change = f"{key}={_inline(value)}"
             options.append(f"--set={change}")
         command = shlex.join(["beadwave", word, str(source or DEFAULT), *options])
+        # names of files may have bytes that are no UTF-8, which no file of the folder can hold
+        command = command.encode("utf-8", "backslashreplace").decode("utf-8")
         name = None if source is None else str(source)
         text = f"# the scene of: {command}\n{scene_text(name).text}"
     return Origin(command, sources(scene, source, changes), text)

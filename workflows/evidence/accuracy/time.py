@@ -5,6 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from beadwave import dem
+from beadwave.system import adding
 from beadwave.workflows.evidence.accuracy import peers
 from beadwave.workflows.evidence.accuracy.curves import picture, ratios, slope
 from beadwave.workflows.evidence.accuracy.problems import Problem, pressed, problem
@@ -39,7 +40,7 @@ def time(scene: Scene, progress: Progress) -> Finding:
         *ratios(rows, scene.name),
     ]
     if not peers.has_sundials():
-        sentences.append("CVODE is not installed; `./install.sh peers` adds it to the comparison.")
+        sentences.append(f"CVODE is not installed; `{adding('peers')}` adds it to the comparison.")
     pictures = (picture("accuracy_time", rows, scene.name),)
     return Finding((table_of(rows),), tuple(sentences), pictures)
 
