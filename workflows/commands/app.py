@@ -317,7 +317,7 @@ def _failure(error: Exception) -> tuple[int, str]:
 
             return 2, f"{message}; {nearest(word, COMMANDS)}."
         bracket = ")" if message.count("(") > message.count(")") else ""
-        return 2, f"{message}{bracket}."
+        return 2, f"{message}{bracket}{'?' if 'Did you mean' in message else '.'}"
 
     # bad input
     from beadwave.workflows.scene import InvalidScene
