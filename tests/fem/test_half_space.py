@@ -134,7 +134,6 @@ def in_face_left(solved, radius):
     return np.array(whole) - np.diag(local)[1:], local
 
 
-@pytest.mark.slow
 def test_compliance_in_the_face_does_not_depend_on_the_patch_nor_on_the_mesh(blocks):
     radii = (1e-3, 2e-3, 4e-3, 6e-3)
     left = np.array([[in_face_left(b, radius)[0] for radius in radii] for b in blocks.values()])

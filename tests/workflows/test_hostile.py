@@ -110,7 +110,7 @@ def test_a_pipe_is_called_what_it_is_and_not_waited_for(file, arguments, capfd):
         (["tune", "--match=,"], "must name modes 1 to 4"),
         (["tune", "--match="], "the word after --match= is empty"),
         (["tune", "--match=1", "--free=,"], "is not known"),
-        (["tune", "--match=1", "--free=head.ky,head.ky"], "head.ky and head.ky set the same"),
+        (["tune", "--match=1", "--free=head.ky,head.ky"], "--free head.ky is named twice"),
         (["tune", "--match=1", "--free=head.ky=0"], "head.ky=0 is not known"),
         (["tune", "--match=1", "--free=joints.bolts.kz"], "joints.bolts.kz is not known"),
         (["tune", "plate-on-bolts", "--free="], "the word after --free= is empty"),

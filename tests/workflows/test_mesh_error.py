@@ -14,6 +14,7 @@ from beadwave import fem, geometry, rom
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.stages.chain.walls import wall_of
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.errors import better_walls
 from beadwave.workflows.stages.errors import second_mesh as errors
 from beadwave.workflows.stages.structure import assembly
 from beadwave.workflows.stages.structure.reduction import TO_HZ, contact_of
@@ -45,7 +46,8 @@ def against(held, finer):
         asked = rom.Selection(n_modes=60, choice="contact", to_hz=TO_HZ)
         found = rom.free_modes(model.K, model.M, contact.w, asked, factorise=fem.factorised)
         found = found._replace(T=None, contact=contact_of(scene, model, contact))
-        return errors.velocities(scene, begun, wall_of(scene, found), run)
+        before = better_walls.march_before(wall_of(scene, found), begun, run.trajectory)
+        return better_walls.observed_velocities(scene, before)
 
     off = velocities(held("mesh")) - velocities(finer)
     return float(np.abs(off).max() / np.abs(begun.velocity).max())

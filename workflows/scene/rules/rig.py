@@ -101,6 +101,8 @@ def _too_fine(scene: Scene) -> Iterator[str]:
                 f"assembly has some {size.LIMITS.modes} modes; lower it."
             )
 
+    # before the memory, which grows with the modes
+    yield from size.too_many_modes(scene)
     whole = RigScene.of(scene)
     nodes = size.foreseen_nodes(whole)
     if not nodes:

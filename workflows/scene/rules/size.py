@@ -57,15 +57,17 @@ def too_large(scene: Scene) -> Iterator[str]:
     """Sentences on keys that ask for more than a machine holds."""
     if scene.chain:
         yield from _too_long(scene)
-    reduction = scene.reduction
     if scene.has_structure:
-        if reduction.modes is not None and reduction.modes > LIMITS.modes:
-            yield f"reduction.modes = {reduction.modes} must be up to {LIMITS.modes}; lower it."
-        if reduction.error is not None and reduction.error < LIMITS.error:
-            yield (
-                f"reduction.error = {reduction.error:g} must be at least {LIMITS.error:g}; "
-                "raise it."
-            )
+        yield from too_many_modes(scene)
+
+
+def too_many_modes(scene: Scene) -> Iterator[str]:
+    """Modes of a reduction, and the error that they are to reach."""
+    reduction = scene.reduction
+    if reduction.modes is not None and reduction.modes > LIMITS.modes:
+        yield f"reduction.modes = {reduction.modes} must be up to {LIMITS.modes}; lower it."
+    if reduction.error is not None and reduction.error < LIMITS.error:
+        yield f"reduction.error = {reduction.error:g} must be at least {LIMITS.error:g}; raise it."
 
 
 def _too_long(scene: Scene) -> Iterator[str]:

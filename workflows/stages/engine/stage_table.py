@@ -418,17 +418,17 @@ STAGES = (
         for cause in CAUSES
     ),
     Stage(
-        "quantity-errors", ".errors.better_walls:number_errors", _marched,
+        "quantity-errors", ".errors.number_errors:number_errors", _marched,
         ("start", "impact", "waves", "receptance-marches"),
         when=strikes_measured_wall, listed=False,
     ),
     Stage(
-        "quantity-errors", ".errors.better_walls:number_errors", _marched,
+        "quantity-errors", ".errors.number_errors:number_errors", _marched,
         ("start", "impact", "waves", "reduction-marches", "mesh-marches", "theory-marches"),
         when=lambda scene: strikes_structure(scene) and has_other_theories(scene),
     ),
     Stage(
-        "quantity-errors", ".errors.better_walls:number_errors", _marched,
+        "quantity-errors", ".errors.number_errors:number_errors", _marched,
         ("start", "impact", "waves", "reduction-marches", "mesh-marches"),
         when=lambda scene: strikes_structure(scene) and bent(scene),
     ),
@@ -438,7 +438,7 @@ STAGES = (
         when=strikes_structure,
     ),
     Stage(
-        "quantity-errors", ".errors.better_walls:number_errors", _marched,
+        "quantity-errors", ".errors.number_errors:number_errors", _marched,
         ("start", "impact", "waves"), listed=False,
     ),
     # files, pictures and the page

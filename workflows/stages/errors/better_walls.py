@@ -29,9 +29,10 @@ from beadwave.workflows.stages.chain.chain import Start
 from beadwave.workflows.stages.chain.walls import wall_of
 from beadwave.workflows.stages.errors.mesh_error import MeshErrorEstimate
 from beadwave.workflows.stages.errors.number_errors import (
+    Comparison,
     MarchedPair,
     instants,
-    numbers_with_errors,
+    number_errors,
 )
 from beadwave.workflows.stages.errors.part_fit_errors import other_fits
 from beadwave.workflows.stages.errors.second_mesh import wall_model
@@ -57,13 +58,6 @@ class BetterWalls(NamedTuple):
 
     cause: str
     walls: tuple[BetterWall, ...]
-
-
-class Comparison(NamedTuple):
-    """Runs before the better walls of one cause."""
-
-    cause: str
-    pairs: tuple[MarchedPair, ...]
 
 
 def of_reduction(scene: Scene, reduction: rom.ReducedModel) -> BetterWalls:
@@ -155,19 +149,6 @@ def velocity_error(scene: Scene, start: Start, comparison: Comparison) -> float:
         first, second = (observed_velocities(scene, run) for run in (pair.first, pair.second))
         error += pair.share * float(np.abs(second - first).max())
     return error / float(np.abs(start.velocity).max())
-
-
-def number_errors(
-    scene: Scene,
-    start: Start,
-    impact: coupling.Impact,
-    waves: ChainWaves,
-    *comparisons: Comparison,
-) -> tuple[NumberError, ...]:
-    """TOF, ARR, peak force, arrivals and peaks with their errors: of the time step, and by the
-    causes that are compared."""
-    pairs = {comparison.cause: comparison.pairs for comparison in comparisons}
-    return numbers_with_errors(scene, start, impact, waves, pairs)
 
 
 def explained_number_errors(

@@ -50,9 +50,29 @@ class MarchedPair(NamedTuple):
     share: float
 
 
+class Comparison(NamedTuple):
+    """Runs before the better walls of one cause."""
+
+    cause: str
+    pairs: tuple[MarchedPair, ...]
+
+
 def instants(scene: Scene, run: dem.Trajectory) -> int:
     """Instants of a run up to the scene's horizon."""
     return max(1, int(np.searchsorted(run.t, scene.time.horizon, "right")))
+
+
+def number_errors(
+    scene: Scene,
+    start: Start,
+    impact: coupling.Impact,
+    waves: ChainWaves,
+    *comparisons: Comparison,
+) -> tuple[NumberError, ...]:
+    """TOF, ARR, peak force, arrivals and peaks with their errors: of the time step, and by the
+    causes that are compared."""
+    pairs = {comparison.cause: comparison.pairs for comparison in comparisons}
+    return numbers_with_errors(scene, start, impact, waves, pairs)
 
 
 def numbers_with_errors(
