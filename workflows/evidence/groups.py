@@ -17,7 +17,7 @@ MODULES = {  # of a folder: names by module, in the order of the listing
         "time": ["time"],
         "mesh": ["mesh"],
         "reduction": ["reduction"],
-        "sizes": ["chain-length", "wall-modes"],
+        "chain_length": ["chain-length", "wall-modes"],
     },
     "stability": {
         "assembly": ["joint-stiffness", "rayleigh-damping"],
