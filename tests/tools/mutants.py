@@ -73,7 +73,7 @@ ROOMS = {
     ),
     "calibration": Room(
         (FIT + "least_squares.py", FIT + "uncertainty.py", FIT + "parameter.py",
-         FIT + "signals.py", FIT + "forward.py", FIT + "instrument.py", FIT + "sensed.py",
+         FIT + "aligned_signals.py", FIT + "forward.py", FIT + "sensed.py",
          FIT + "scaling.py", FIT + "posterior.py", FIT + "windows.py"),
         ("coupling/fit", "coupling/sensed", "coupling/target", "coupling/posterior"),
     ),
@@ -332,8 +332,8 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
      "np.sqrt((Vt[~determined] ** 2).sum(axis=0)) > 1e-06"): SAME,
     ('f"The wall has a damping ratio of {np.min(wall.zeta, initial=0.0):.3g} and a mobility of "',
      "0.0"): WORDS,
-    ("alike = correlation >= ALIGNMENT.alike", "correlation >= ALIGNMENT.alike"): SAME,
-    ("calm = slope < WAVES.calm * slope.max()", "slope < WAVES.calm * slope.max()"): SAME,
+    ("alike = correlation >= ALIKE_CORRELATION", "correlation >= ALIKE_CORRELATION"): SAME,
+    ("calm = slope < CALM_SLOPE * slope.max()", "slope < CALM_SLOPE * slope.max()"): SAME,
     ("blind = np.sqrt((Vt[~determined] ** 2).sum(axis=0)) > 1e-6", "1e-06"): FAR,
     ("w = contact_functional(w, K.shape[0])", "0"): SQUARE,
     ("determined = s > 1e-12 * s.max(initial=0.0)", "1e-12"): FAR,
@@ -347,9 +347,9 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
      "np.convolve(calm, np.ones(5 * q), mode='valid') > 5 * q - 0.5"): WHOLE,
     ('calm = np.convolve(calm, np.ones(5 * q), mode="valid") > 5 * q - 0.5', "0.5"): WHOLE,
     ('calm = np.convolve(quiet, np.ones(width), mode="valid") >= width - 0.5', "0.5"): WHOLE,
-    ("arrived = np.flatnonzero(column < -WAVES.peak * np.abs(column).max())",
-     "column < -WAVES.peak * np.abs(column).max()"): SAME,
-    ("q = max(1, len(t) // ALIGNMENT.changes)", "1"):
+    ("arrived = np.flatnonzero(column < -REFLECTED_PEAK * np.abs(column).max())",
+     "column < -REFLECTED_PEAK * np.abs(column).max()"): SAME,
+    ("q = max(1, len(t) // N_CHANGES)", "1"):
      "changes over two samples lie where those over one do",
     ("if np.abs(z_swapped - z).max() < DISTINCT:", "np.abs(z_swapped - z).max() < DISTINCT"): SAME,
     ("return np.isfinite(margin) & ((value - low <= margin) | (high - value <= margin))",
