@@ -23,6 +23,7 @@ def test_the_step_of_a_population_leaves_the_median_error_asked_for():
     assert 1e-6 < dt < 3e-5
 
 
+@pytest.mark.slow
 def test_the_table_of_populations_says_runs_a_second(capsys):
     rows = batch.main(count=16, changes=SHORT, budget=0.05)
     assert rows[0][0] == 1 and all(row[1] * row[2] == pytest.approx(1e6) for row in rows)
@@ -38,6 +39,7 @@ def test_every_part_costs_and_leaves_a_small_error(capsys):
     assert "dashpot wall" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chain, error", [("rig-rigid", 1e-5), ("light modes", 1e-4)])
 def test_a_run_to_an_error_costs_little_more_than_the_longest_steps_that_keep_it(chain, error):
     case = dict(cost_of_error.problems())[chain]

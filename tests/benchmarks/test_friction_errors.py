@@ -46,6 +46,7 @@ def test_errors_of_cells_in_two_directions_hold():
     assert friction_errors.trial(run).ratio >= 1.0
 
 
+@pytest.mark.slow
 def test_an_error_stated_five_times_too_small_is_noticed(monkeypatch):
     run, march_lateral = (
         friction_errors.pressed(np.random.default_rng([0, 4])),

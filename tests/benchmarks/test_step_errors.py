@@ -14,6 +14,7 @@ def test_random_runs_state_at_least_their_true_error():
     assert all(trial.ratio >= 1.0 and 1.0 < trial.cost < 4.0 for trial in trials)
 
 
+@pytest.mark.slow
 def test_an_error_stated_a_hundred_times_too_small_is_noticed(monkeypatch):
     run, march_to_error = step_errors.row(np.random.default_rng([3, 0])), dem.march_to_error
     honest = step_errors.trial(run)
