@@ -165,7 +165,7 @@ def test_a_file_that_another_program_has_open_keeps_the_earlier_run(place):
 
 SWALLOWED = """
 import sys, time
-from beadwave.workflows.commands import signals
+from beadwave.workflows.commands import interrupts
 from beadwave.__main__ import main
 from beadwave.workflows.commands import app
 

@@ -78,16 +78,16 @@ def test_a_signal_at_any_moment_ends_in_its_status_and_one_sentence(number, mome
 
 
 COMPILED = """
-from beadwave.workflows.commands import signals
-signals.PATIENCE = {patience}
-signals.unwind()
+from beadwave.workflows.commands import interrupts
+interrupts.PATIENCE = {patience}
+interrupts.unwind()
 try:
     {before}
     print("up", flush=True)
     {call}
-except signals.Stopped as stopped:
-    signals.ignore()
-    raise SystemExit(signals.print_end(stopped.number) - 128)
+except interrupts.Stopped as stopped:
+    interrupts.ignore()
+    raise SystemExit(interrupts.print_end(stopped.number) - 128)
 """
 BUSY = {
     "before": "from hashlib import pbkdf2_hmac",
