@@ -83,7 +83,7 @@ def _numbers(cells: list[str]) -> bool:
 
 
 def _fault(path: Path, n_lines: int, between: str, header: tuple[str, ...]) -> str:
-    """What is wrong in the first line below `n_lines` that cannot be read."""
+    """A sentence on the first line below `n_lines` that cannot be read."""
     n_cells = None
     for n, line in _lines(path, n_lines):
         cells = line.partition("#")[0].split(between)
