@@ -216,7 +216,7 @@ def _across(scene: Scene) -> Any:
 
 
 def _compiled(scene: Scene) -> Any:
-    """Input of compilation: the chain and wall that kernels are for, and the place of their code."""
+    """Input of compilation: chain and wall that kernels are for, and the place of their code."""
     return [environ.get("NUMBA_CACHE_DIR"), tables_of("damping")(scene), tables_of(*START)(scene)]
 
 
