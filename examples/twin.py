@@ -32,6 +32,7 @@ from beadwave.workflows.fit.api import Calibration
 from beadwave.workflows.fit.chain_fit import calibrate
 from beadwave.workflows.fit.marched_system import Rig
 from beadwave.workflows.fit.parameter import Parameter
+from beadwave.workflows.fit.report import COLUMNS
 from beadwave.workflows.fit.windows import Options
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import OneDofWall, Scene
@@ -79,13 +80,13 @@ def main(
 
     found = beadwave.calibrate(scene, file, instrument=twin.instrument, **request)
     true = truth(scene, twin, true_contacts)
+    columns = ("found", "two sigma", "identifiable")
     rows = [
-        (p.name, f"{p.found:.6g}", None if p.two_sigma is None else f"{p.two_sigma:.2g}",
-         p.identifiable, f"{true[p.name]:.6g}")
+        (p.name, *(COLUMNS[column](p) for column in columns), f"{true[p.name]:.6g}")
         for p in found.report.parameters
-    ]  # fmt: skip
+    ]
     print(SYNTHETIC)
-    print(aligned_text(("parameter", "found", "two sigma", "identifiable", "truth"), rows))
+    print(aligned_text(("parameter", *columns, "truth"), rows))
     print("\n".join(fill(remark, 96, subsequent_indent="  ") for remark in found.report.remarks))
 
     if runs:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from math import floor, log10
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
@@ -73,10 +74,15 @@ def rows_of(
     return rows
 
 
+def _to_digits_of(bar: float | None, value: float) -> float:
+    """The value without the digits beyond the second of its bar, which say nothing."""
+    return round(value, 1 - floor(log10(bar))) + 0.0 if bar else value  # + 0.0: never "-0"
+
+
 # columns of a table of rows
 COLUMNS: dict[str, Callable[[Row], str | None]] = {
     "start": lambda row: f"{row.start:.5g}",
-    "found": lambda row: f"{row.found:.6g}",
+    "found": lambda row: f"{_to_digits_of(row.two_sigma, row.found):.6g}",
     "two sigma": lambda row: None if row.two_sigma is None else f"{row.two_sigma:.2g}",
     # quantiles as their distance from the value found
     "2.3 %": lambda row: row.quantiles and f"{row.quantiles[0] - row.found:+.2g}",
