@@ -21,6 +21,12 @@ Of a smooth field G is the whole energy missed; of a singular one, h^(2 lambda),
 next order hold only a part 1 - (2/3)^(4 lambda) of it, 0.6 to 0.7 at held edges and inner corners.
 Measured of frequencies of boxes, profiles, tubes and tied bodies: 0.6 to 1.05, at any size of the
 elements.
+
+An element misses no more than it and its neighbours at its facets hold. A sliver has functions that
+move both its large facets alike, of a stiffness that falls with its thickness, and what is not
+balanced at one of them is balanced by them alone: four slivers of 0.09 mm by 4 mm, between the rims
+of washers and the edges of a wall, stated 40 % of a frequency that a finer mesh moves by 1.4 %, each
+a thousand times the strain energy that it held.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -201,6 +207,7 @@ def missed_energy(
                 np.add.at(residual[..., k:], side.cells, moments)
 
         G, of_cells[body] = np.zeros((k, k)), np.zeros((n_cells, k))
+        held = with_neighbours(mesh, strain_energy(mesh, element, C, local[..., :k]))
 
         # what inertia and stresses leave inside the elements, and the errors that balance it all
         for cells in shares(np.arange(n_cells), CHUNK):
@@ -231,10 +238,37 @@ def missed_energy(
             diagonal = np.einsum("eii->ei", stiffness)
             diagonal[still[cells].reshape(len(cells), -1)] *= HELD_STIFFNESS
             error = np.linalg.solve(stiffness, r)
-            G += r.reshape(-1, k).T @ error.reshape(-1, k)
-            of_cells[body][cells] = np.sum(r * error, axis=1)
+            missed = np.sum(r * error, axis=1)
+            of_cells[body][cells] = np.clip(missed, 0.0, held[cells])
+            part = np.sqrt(of_cells[body][cells] / np.maximum(missed, 1e-300))[:, None]
+            G += (part * r).reshape(-1, k).T @ (part * error).reshape(-1, k)
         of_bodies[body] = (G + G.T) / 2
     return MissedEnergy(of_bodies, of_cells)
+
+
+def strain_energy(
+    mesh: Mesh, element: Element, C: NDArray[np.float64], u: NDArray[np.float32]
+) -> NDArray[np.float64]:
+    """u^T k u (cells, k) [J] of displacements u (cell, function, x y z, k) in each element: twice
+    its strain energy."""
+    energy = np.empty((len(u), u.shape[3]))
+    for cells in shares(np.arange(len(u)), CHUNK):
+        at = Basis(mesh, element, intorder=2, elements=cells)
+        gradient = np.stack([f[0].grad for f in at.basis])
+        stiffness = element_stiffness(gradient, gradient, at.dx, C).astype(np.float32)
+        u_e = u[cells].reshape(len(cells), -1, u.shape[3])
+        energy[cells] = np.sum(u_e * (stiffness @ u_e), axis=1)
+    return energy
+
+
+def with_neighbours(mesh: Mesh, energy: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The energies (cells, k) of each element and of those that it shares a facet with."""
+    first, second = mesh.f2t[:, mesh.f2t[1] >= 0]
+    energy = np.maximum(energy, 0.0)  # rounding, of a part that hardly strains
+    whole = energy.copy()
+    np.add.at(whole, first, energy[second])
+    np.add.at(whole, second, energy[first])
+    return whole
 
 
 def element_of(mesh: Mesh) -> Element:

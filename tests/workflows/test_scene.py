@@ -79,6 +79,22 @@ def test_a_step_replaces_the_error_asked_for():
     assert (time.dt, time.error) == (1e-7, None)
 
 
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ("time.dt=1e-7", "time.error=1e-4"),
+        ("striker.drop=1cm", "striker.velocity=0.3"),
+        ("reduction.modes=8", "reduction.error=1e-3"),
+    ],
+)
+def test_two_settings_that_exclude_each_other_are_refused(first, second):
+    for both in ((first, second), (second, first)):
+        keys = [change.partition("=")[0] for change in both]
+        words = f"^--set {keys[0]} and --set {keys[1]} exclude each other; drop one"
+        with pytest.raises(InvalidScene, match=words):
+            scene("rig-rom", both)
+
+
 def test_settings_apply_in_order():
     assert scene("rig-rigid", ("chain.count=15", "chain.count=16")).chain.count == 16
 

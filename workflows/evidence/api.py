@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from beadwave.workflows.files.run_folder import RunFolder
+from beadwave.workflows.files.run_folder import RunFolder, checked_folder
 from beadwave.workflows.files.scene import Changes, Source, files_read
 from beadwave.workflows.files.scene import scene as load_scene
 from beadwave.workflows.stages.engine.progress import Progress, quiet
@@ -131,6 +131,6 @@ def _folder(
 ) -> RunFolder | None:
     if out is None:
         return None
-    folder = RunFolder(Path(out), inputs=inputs, overwrite=overwrite)
+    folder = RunFolder(checked_folder(Path(out)), inputs=inputs, overwrite=overwrite)
     folder.require(*files)
     return folder

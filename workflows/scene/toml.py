@@ -3,6 +3,7 @@
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -164,9 +165,13 @@ def require_shallow(tables: Any, source: str) -> None:
 
 
 def changed(tables: dict[str, Any], changes: Iterable[Change]) -> dict[str, Any]:
-    """The tables with values set by their dotted keys; raises InvalidScene for what is no key."""
+    """The tables with values set by their dotted keys; raises InvalidScene for what is no key, and
+    for two keys of which each takes the place of the other."""
     # `unusual` last: it refers to the final values
     pairs = sorted(map(_pair, changes), key=lambda pair: pair[0] == "unusual")
+    for (first, _), (second, _) in combinations(pairs, 2):
+        if replaces(first, second) and replaces(second, first):
+            raise InvalidScene(f"--set {first} and --set {second} exclude each other; drop one.")
     written = tables
     for key, value in pairs:
         path = key.split(".")
@@ -236,13 +241,18 @@ def instead_of(key: str) -> set[str]:
     return INSTEAD.get(f"shakers.NAME.{words[-1]}" if words[0] == "shakers" else key, set())
 
 
+def replaces(key: str, other: str) -> bool:
+    """True if a dotted key stands in the stead of another of its table."""
+    first, second = key.split("."), other.split(".")
+    return first[:-1] == second[:-1] and second[-1] in instead_of(key)
+
+
 def undoes(later: str, earlier: str) -> bool:
     """True if setting one dotted key undoes the setting of another: the same key, a table and a key
     in it, or a key in whose stead it stands."""
     first, second = later.split("."), earlier.split(".")
     shorter = min(len(first), len(second))
-    excludes = first[:-1] == second[:-1] and second[-1] in instead_of(later)
-    return excludes or first[:shorter] == second[:shorter]
+    return replaces(later, earlier) or first[:shorter] == second[:shorter]
 
 
 def keys_set(changes: Iterable[Change]) -> tuple[str, ...]:
