@@ -24,7 +24,7 @@ def model(scene: Scene, mesh: Parts, fits: dict[str, rom.ModalFit] | None = None
     """The parts assembled, joined and held, with measured parts of these fits where they are
     another's; raises InvalidScene for bodies that nothing keeps."""
     structure = _with_masses(scene, mesh, fem.assemble(mesh.meshes, mesh.materials))
-    structure = _with_springs(scene, mesh, structure)
+    structure = _with_springs(scene, mesh, _with_bolts(mesh, structure))
     if scene.measured:
         # only these scenes pay for the reader of tests
         from beadwave.workflows.stages.structure.measured_parts import with_parts
@@ -59,6 +59,17 @@ def _with_masses(scene: Scene, mesh: Parts, structure: fem.Structure) -> fem.Str
         except ValueError as error:
             why = str(error).replace(face, table.on).rstrip(".")
             raise InvalidScene(f"{scene.name}: masses.{table.name}: {why}.") from None
+    return structure
+
+
+def _with_bolts(mesh: Parts, structure: fem.Structure) -> fem.Structure:
+    """The structure with the masses of bolts, nuts and washers that are known from a drawing."""
+    axes = {joint.first.face: joint.frame for joint in mesh.connections.joints}
+    for place in mesh.bolted:
+        for face, end, centre in place.fasteners:
+            structure = fem.with_mass_on_face(
+                structure, face, end.mass, end.inertia, centre, axes[place.faces[0]]
+            )
     return structure
 
 

@@ -8,6 +8,7 @@ from skfem import Mesh
 
 from beadwave import fem
 from beadwave.geometry.cad.struck_face import Struck
+from beadwave.workflows.stages.structure.bolted_joints import BoltedPlace
 
 STRIKE = "strike"  # name of the face that the chain leans on
 
@@ -21,6 +22,8 @@ class Parts(NamedTuple):
     rigid: fem.Connections  # with rigid joints, and with ties over all that touches
     struck: Struck | None = None  # None: a scene without a strike
     load: fem.Load | None = None  # static, before the impact
+    bolted: tuple[BoltedPlace, ...] = ()  # places of bolts that are known from their drawing
+    closed: tuple[fem.Tie, ...] = ()  # the faces that these bolts press, as if they were tied
 
     def face(self, name: str) -> str:
         """A named face as "body:name"."""
