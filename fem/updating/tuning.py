@@ -350,7 +350,8 @@ def deviation_of_others(
     values they had before, are known to within a factor of two alone.
 
     From (J^T S^-2 J + P^-2)^-1 of both together, P the deviations that the bounds of those fitted
-    or what is known of them say, and ln 2 of others. inf where a value is not determined even without these.
+    or what is known of them say, and ln 2 of others. inf where a value is not determined even
+    without these.
     """
     elastic = [p for p in left_out if p.springs and 0 < min(p.before) and max(p.before) < np.inf]
     if not elastic:
