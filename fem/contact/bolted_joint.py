@@ -51,6 +51,7 @@ class Bolt(NamedTuple):
 
     diameter: float  # [m] of the shank
     pitch: float  # [m]
+    stress_area: float  # [m^2] of the thread
     bearing: float  # [m] diameter of the face under the head
     head_height: float  # [m]
     across_flats: float  # [m]
@@ -62,11 +63,6 @@ class Bolt(NamedTuple):
     length_step: float  # [m] of the lengths that are sold
     # [m] of the thread of bolts up to the length of the second number, and of longer ones
     thread: tuple[float, float, float]
-
-    @property
-    def stress_area(self) -> float:
-        """[m^2] of the thread: ISO 898-1, 9.1.6.1; ASME B1.1 has the same number."""
-        return np.pi / 4 * (self.diameter - 0.9382 * self.pitch) ** 2
 
     @property
     def proof_load(self) -> float:

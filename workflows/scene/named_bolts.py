@@ -6,6 +6,7 @@ without one in the name, "M8x1-8.8" is fine), heads of ISO 4014, nuts of ISO 403
 B18.2.1, nuts of B18.2.2, strengths of SAE J429, and no washer.
 """
 
+from math import pi
 from re import fullmatch
 from typing import NamedTuple
 
@@ -18,6 +19,7 @@ class NamedBolt(NamedTuple):
 
     diameter: float  # [m] of the shank
     pitch: float  # [m]
+    stress_area: float  # [m^2] of the thread
     bearing: float  # [m] diameter of the face under the head
     head_height: float  # [m]
     across_flats: float  # [m]
@@ -60,6 +62,12 @@ INCHES = {
 GRADES = {"2": (55, 33), "5": (85, 85), "8": (120, 120)}  # ksi: proof up to 3/4 inch and above
 
 
+def stress_area(d: float, pitch: float, factor: float = 0.9382) -> float:
+    """[m^2] of a thread: pi / 4 (d - 0.9382 p)^2 of ISO 898-1, 9.1.6.1; with 0.9743 of ASME
+    B1.1."""
+    return pi / 4 * (d - factor * pitch) ** 2
+
+
 def named_bolt(name: str) -> NamedBolt:
     """The bolt of a name; raises ValueError, with what there is, for one that is not known."""
     word = name.strip().replace(" ", "")
@@ -77,7 +85,8 @@ def named_bolt(name: str) -> NamedBolt:
             raise ValueError(f"{name!r}: its pitch is at most that of M{size}, {coarse:g} mm")
         small, large, young, density = CLASSES[grade]
         return NamedBolt(
-            size * MM, thread * MM, BEARING * size * MM, head * MM, flats * MM, nut * MM,
+            size * MM, thread * MM, stress_area(size * MM, thread * MM),
+            BEARING * size * MM, head * MM, flats * MM, nut * MM,
             (washer[0] * MM, washer[1] * MM), (small if size <= 16 else large) * 1e6,
             young * 1e9, density, 5 * MM, ((2 * size + 6) * MM, 125 * MM, (2 * size + 12) * MM),
         )  # fmt: skip
@@ -94,7 +103,8 @@ def named_bolt(name: str) -> NamedBolt:
         d = int(numerator) / int(denominator or 1)
         proof = GRADES[grade][0 if d <= 0.75 else 1] * KSI
         return NamedBolt(
-            d * INCH, INCH / per_inch, BEARING * d * INCH, head * INCH, flats * INCH, nut * INCH,
+            d * INCH, INCH / per_inch, stress_area(d * INCH, INCH / per_inch, 0.9743),
+            BEARING * d * INCH, head * INCH, flats * INCH, nut * INCH,
             (0.0, 0.0), proof, 207e9, 7850.0, INCH / 4,
             ((2 * d + 0.25) * INCH, 6 * INCH, (2 * d + 0.5) * INCH),
         )  # fmt: skip

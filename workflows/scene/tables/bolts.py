@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from beadwave.workflows.scene.named_bolts import BEARING, NamedBolt, named_bolt
+from beadwave.workflows.scene.named_bolts import BEARING, NamedBolt, named_bolt, stress_area
 from beadwave.workflows.scene.quantities import of
 from beadwave.workflows.scene.scene_table import (
     Density,
@@ -44,9 +44,9 @@ class BoltTable(SceneTable):
         """With the lengths that it does not give."""
         d = self.diameter
         return NamedBolt(
-            d, self.pitch, self.bearing or BEARING * d, self.head_height or 0.65 * d,
-            self.across_flats or 1.6 * d, self.nut_height or 0.85 * d, (0.0, 0.0),
-            self.proof_stress, self.young, self.density, 5e-3,
+            d, self.pitch, stress_area(d, self.pitch), self.bearing or BEARING * d,
+            self.head_height or 0.65 * d, self.across_flats or 1.6 * d,
+            self.nut_height or 0.85 * d, (0.0, 0.0), self.proof_stress, self.young, self.density, 5e-3,
             (2 * d + 6e-3, 0.125, 2 * d + 12e-3),
         )  # fmt: skip
 

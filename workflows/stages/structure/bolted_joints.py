@@ -18,6 +18,7 @@ from beadwave.workflows.scene.tables.bodies import Bolts
 
 TORQUE_FACTOR = 0.2  # K of T = K F d: dry, unplated threads; Shigley (2015), table 8-15
 TORQUE_DEVIATION = 0.15  # of K from bolt to bolt: +-30 % are two deviations
+CHAMFER = 0.25  # depth of a hole's chamfer over its diameter, at most
 FRICTION = 0.15  # of steel on steel, where the scene gives none: assumed
 
 
@@ -149,15 +150,18 @@ def _member(
             f"{body} at {at} is {1e3 * hole:g} mm wide; take a thicker bolt, or a narrower hole."
         )
 
-    # head and nut stand on a face that looks away from the pair: else the hole has no other end
+    # head and nut stand on a face at the hole's other end that looks away from the pair; the bottom
+    # of a blind hole looks back
     away = place.axis if side else -place.axis
     outer = place.centre + length * away
-    stands = any(
-        face.normal is not None
-        and face.normal @ away > 1 - ALIGNED
-        and abs((face.centre - outer) @ away) <= hole / 2
+    at_end = [
+        face.normal @ away
         for face in bodies[body].faces
-    )
+        if face.normal is not None
+        and abs((face.centre - outer) @ away) <= CHAMFER * hole
+        and (face.normal @ away > 0 or np.linalg.norm(face.centre - outer) < CHAMFER * hole)
+    ]
+    stands = max(at_end, default=0.0) > 1 - ALIGNED and min(at_end) > ALIGNED - 1
     if length <= SAME or (end and not stands):
         raise InvalidScene(
             f"{key}.bolt = {table.bolt_name!r}: its hole in {body} at {at} has no plane face at "
