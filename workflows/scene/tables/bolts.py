@@ -46,7 +46,8 @@ class BoltTable(SceneTable):
         return NamedBolt(
             d, self.pitch, stress_area(d, self.pitch), self.bearing or BEARING * d,
             self.head_height or 0.65 * d, self.across_flats or 1.6 * d,
-            self.nut_height or 0.85 * d, (0.0, 0.0), self.proof_stress, self.young, self.density, 5e-3,
+            self.nut_height or 0.85 * d, (0.0, 0.0), self.proof_stress, self.young,
+            self.density, 5e-3,
             (2 * d + 6e-3, 0.125, 2 * d + 12e-3),
         )  # fmt: skip
 
