@@ -61,6 +61,7 @@ from beadwave.fem.contact.bolted_joint import (
     Fastener,
     JointStiffness,
     Member,
+    PressedFaces,
     fastener_masses,
     joint_stiffness_by_formula,
 )
@@ -132,6 +133,7 @@ __all__ = [
     "PartPoint",
     "PlateCorrection",
     "PointSpring",
+    "PressedFaces",
     "Pushed",
     "RigidBody",
     "Rod",

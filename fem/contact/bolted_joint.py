@@ -42,7 +42,6 @@ HUTH = (2 / 3, 3.0)  # exponent and factor of bolted metal
 # of a joint's compliance, that its springs have at least: a foot whose mesh holds all of it is
 # nearly rigid, and its stiffness can still be tuned
 LEAST_SHARE = 0.05
-RAYLEIGH_RMS = 1.25  # rms over mean roughness Ra of heights with Gauss' distribution: sqrt(pi / 2)
 PERSSON = 0.4  # lambda over the rms height; Persson, Phys. Rev. Lett. 99 (2007) 125502
 
 
@@ -81,6 +80,17 @@ class Member(NamedTuple):
     thickness: float  # [m] along the bolt
     material: Material
     hole: float  # [m] diameter
+
+
+class PressedFaces(NamedTuple):
+    """Two faces that a bolt presses on each other, and the discs of them that a model holds."""
+
+    after: int  # the member before them, from the head
+    friction: float
+    rms: float = 0.0  # [m] of the heights of both together; 0 has no rough layer
+    held: float = 0.0  # [m] radius of the discs that is asked for; it is that of the foot at least
+    room: float = np.inf  # [m] to which the foot can spread
+    couplings: tuple[str, str] = ("rigid", "mean")
 
 
 class Fastener(NamedTuple):
@@ -193,29 +203,17 @@ def rough_layer(rms: float) -> tuple[float, float]:
 
 
 def joint_stiffness_by_formula(
-    bolt: Bolt,
-    members: Sequence[Member],
-    interface: int,
-    *,
-    preload: float,
-    friction: float,
-    rms: float = 0.0,
-    held: float | None = None,
-    most: float = np.inf,
-    couplings: tuple[str, str] = ("rigid", "mean"),
+    bolt: Bolt, members: Sequence[Member], faces: PressedFaces, preload: float
 ) -> JointStiffness:
-    """The joint between members `interface` and `interface` + 1, counted from the head.
-
-    rms [m] is that of the heights of both faces together; 0 has no rough layer. `held` [m] is the
-    radius of the discs that a model holds, `most` [m] what there is room for.
-    """
-    d, D, first, second = bolt.diameter, bolt.bearing, members[interface], members[interface + 1]
-    before = sum(m.thickness for m in members[: interface + 1])
+    """The joint at a pair of faces of members, which are counted from the head, under a preload
+    [N]."""
+    d, D, (first, second) = bolt.diameter, bolt.bearing, members[faces.after : faces.after + 2]
+    before = sum(m.thickness for m in members[: faces.after + 1])
     grip = sum(m.thickness for m in members)
 
     def foot(alpha: float) -> float:
         """Radius that the cone has reached at the interface."""
-        return float(min(D / 2 + min(before, grip - before) * np.tan(alpha), most))
+        return float(min(D / 2 + min(before, grip - before) * np.tan(alpha), faces.room))
 
     # of a stack each interface has an equal share of the compliance
     k_b, k_m = bolt_stiffness(bolt, grip), members_stiffness(members, d, D)
@@ -227,17 +225,17 @@ def joint_stiffness_by_formula(
         spread = np.hypot(spread, np.log(wileman / k_m))
 
     # at the foot: less what the mesh has between its discs, along the faces nearly nothing
-    a, held = foot(CONE), max(foot(CONE), held or 0.0)
+    a, held = foot(CONE), max(foot(CONE), faces.held)
     pressed = (first, second)
-    layer, layer_spread = rough_layer(rms)
-    rough = layer / preload if rms else 0.0
+    layer, layer_spread = rough_layer(faces.rms)
+    rough = layer / preload
     along = tangential_share(first.material, second.material)
 
     def of_mesh(radius: float) -> float:
         """Compliance [m/N] of the mesh between discs of a radius."""
         return sum(
             disc_compliance(radius, member.material, coupling)
-            for member, coupling in zip(pressed, couplings, strict=True)
+            for member, coupling in zip(pressed, faces.couplings, strict=True)
         )
 
     c_z = max(c - of_mesh(a), LEAST_SHARE * c) + rough
@@ -264,7 +262,7 @@ def joint_stiffness_by_formula(
     s_x = np.log(springs.kx / after) / 2
     return JointStiffness(
         k_b, k_m, wileman, held, 1 / (c + rough), of_mesh(held), springs,
-        np.array([s_x, s_x, s_z, s_r, s_r, s_x]), slipped, friction * preload,
+        np.array([s_x, s_x, s_z, s_r, s_r, s_x]), slipped, faces.friction * preload,
     )  # fmt: skip
 
 

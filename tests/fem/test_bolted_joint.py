@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from beadwave.fem import Bolt, Material, Member, fastener_masses, joint_stiffness_by_formula
+from beadwave.fem import (
+    Bolt,
+    Material,
+    Member,
+    PressedFaces,
+    fastener_masses,
+    joint_stiffness_by_formula,
+)
 from beadwave.fem.contact.bolted_joint import (
     bolt_stiffness,
     huth_stiffness,
@@ -19,7 +26,7 @@ STEEL = Material(210e9, 0.3, 7850.0)
 ALUMINIUM = Material(70e9, 0.33, 2700.0)
 M8 = Bolt(*named_bolt("M8-8.8"))
 PLATES = (Member(0.01, STEEL, 0.009), Member(0.01, STEEL, 0.009))
-CALM = {"preload": 12e3, "friction": 0.15}
+FACES = PressedFaces(0, 0.15)
 
 
 def test_members_of_an_m8_with_a_grip_of_20_mm():
@@ -102,7 +109,7 @@ def test_huth_s_flexibility_of_two_steel_plates():
 
 
 def test_springs_and_mesh_together_have_the_compliance_of_bolt_and_members():
-    j = joint_stiffness_by_formula(M8, PLATES, 0, **CALM)
+    j = joint_stiffness_by_formula(M8, PLATES, FACES, 12e3)
     assert j.held == pytest.approx(0.006 + 0.01 * np.tan(np.pi / 6), rel=1e-12)
     assert 1 / j.springs.kz + j.mesh == pytest.approx(1 / (j.bolt + j.members), rel=1e-12)
     # two discs of steel, one rigid, one a mean
@@ -115,10 +122,13 @@ def test_springs_and_mesh_together_have_the_compliance_of_bolt_and_members():
 def test_discs_wider_than_the_foot_have_softer_springs_by_what_they_take_from_the_mesh():
     """The whole compliance along and about each axis stays: rigid discs on half-spaces, and plates
     around them."""
-    foot = joint_stiffness_by_formula(M8, PLATES, 0, **CALM)
-    wide = joint_stiffness_by_formula(M8, PLATES, 0, **CALM, held=0.016)
+    foot = joint_stiffness_by_formula(M8, PLATES, FACES, 12e3)
+    wide = joint_stiffness_by_formula(M8, PLATES, FACES._replace(held=0.016), 12e3)
     assert wide.held == 0.016
-    assert joint_stiffness_by_formula(M8, PLATES, 0, **CALM, held=0.007).springs == foot.springs
+    assert (
+        joint_stiffness_by_formula(M8, PLATES, FACES._replace(held=0.007), 12e3).springs
+        == foot.springs
+    )
     assert 1 / wide.springs.kz + wide.mesh == pytest.approx(1 / foot.springs.kz + foot.mesh)
     taken = 2 * rocking_difference(PLATES[0], foot.held, 0.016)
     assert 1 / wide.springs.krx - 1 / foot.springs.krx == pytest.approx(taken)
@@ -126,15 +136,15 @@ def test_discs_wider_than_the_foot_have_softer_springs_by_what_they_take_from_th
 
 def test_a_rough_layer_is_in_series_and_stiffens_with_preload():
     """lambda / F with lambda = 0.4 of the rms height, along the faces 1.214 times as much."""
-    hard = joint_stiffness_by_formula(M8, PLATES, 0, **CALM)
-    rough = joint_stiffness_by_formula(M8, PLATES, 0, **CALM, rms=2e-6)
+    hard = joint_stiffness_by_formula(M8, PLATES, FACES, 12e3)
+    rough = joint_stiffness_by_formula(M8, PLATES, FACES._replace(rms=2e-6), 12e3)
     layer = 0.4 * 2e-6 / 12e3
     assert 1 / rough.springs.kz - 1 / hard.springs.kz == pytest.approx(layer, rel=1e-9)
     assert 1 / rough.springs.kx - 1 / hard.springs.kx == pytest.approx(layer * 1.7 / 1.4, rel=1e-9)
 
 
 def test_two_deviations_along_the_faces_reach_the_slipped_bolt():
-    j = joint_stiffness_by_formula(M8, PLATES, 0, **CALM)
+    j = joint_stiffness_by_formula(M8, PLATES, FACES, 12e3)
     assert j.springs.kx * np.exp(-2 * j.deviation[0]) == pytest.approx(j.slipped.kx)
     assert j.slipped.kx == pytest.approx(huth_stiffness(*PLATES, M8))
     assert j.slip_load == pytest.approx(0.15 * 12e3)

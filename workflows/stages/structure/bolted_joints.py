@@ -83,13 +83,15 @@ def bolted_places(
         others = [p for _, p in numbered if p.faces != place.faces and p.bodies == place.bodies]
         apart = [np.linalg.norm(p.centre - place.centre) for p in others]
         bolt = fem.Bolt(*table.fastener)
-        stiffness = fem.joint_stiffness_by_formula(
-            bolt, members, interface, preload=preload,
-            friction=FRICTION if table.friction is None else table.friction,
-            rms=table.roughness.of_both if table.roughness else 0.0,
-            held=table.washer, most=min(apart, default=np.inf) / 2,
-            couplings=table.sides,
-        )  # fmt: skip
+        faces = fem.PressedFaces(
+            interface,
+            FRICTION if table.friction is None else table.friction,
+            table.roughness.of_both if table.roughness else 0.0,
+            table.washer or 0.0,
+            min(apart, default=np.inf) / 2,
+            table.sides,
+        )
+        stiffness = fem.joint_stiffness_by_formula(bolt, members, faces, preload)
         for face in place.faces:
             name = face.partition(":")[2]
             disc = selection.patches[name]
