@@ -57,6 +57,8 @@ def places(tables):
         ({"bolt": {"diameter": 8e-3, "pitch": 5e-3, "proof_stress": 5e8}}, "below half"),
         ({"torque_deviation": 0.1}, "is that of a torque"),
         ({"model": "mesh"}, "springs"),
+        ({"model": "contact", "kz": 1e8}, "kz belong to springs"),
+        ({"model": "contact", "cz": 10.0}, "cz belong to springs"),
         ({"washer": "share"}, "contradicts its bolt"),
         ({"frame": "global"}, "contradicts its bolt"),
         ({"at": [[0.02, 0.02, 0.01]], "washer": 0.01}, "needs holes through both bodies"),
@@ -201,6 +203,41 @@ def test_look_shows_the_joint_and_warns_of_a_preload_near_the_proof_load(table, 
     answer = json.loads(capsys.readouterr().out)
     assert answer["joints"][0]["utilisation"] == pytest.approx(12e3 / 21.23e3, rel=1e-3)
     assert not any("proof load" in remark for remark in answer["remarks"])
+
+
+def test_modes_of_faces_in_contact_have_their_zone_and_arrays(table, capsys, tmp_path):
+    """One M8: the faces carry the preload, the zone is near the foot of the cone, and the
+    frequencies agree with those of the springs within their spreads."""
+    contact = ("--set", "joints.lap.model=contact", "--json")
+    assert beadwave("modes", str(table), *contact, "--out", str(tmp_path / "out")) == 0
+    answer = json.loads(capsys.readouterr().out)
+    (row,) = answer["contact"]
+    assert row["joint"] == "lap" and row["force_N"] == pytest.approx(12e3, rel=1e-6)
+    assert row["zone_radius_m"] == pytest.approx(0.006 + 0.01 * np.tan(np.pi / 6), rel=0.15)
+    assert 0 < row["stuck_share"] <= 1 and row["pressure_max_Pa"] > 12e3 / row["zone_area_m2"]
+    assert 0 < row["pressure_error"] < 0.5 and 0 < row["zone_error"] < 0.5
+    with np.load(tmp_path / "out" / "contact.npz") as arrays:
+        n = len(arrays["area"])
+        assert arrays["points"].shape == (n, 3)
+        assert {arrays[key].shape for key in ("area", "pressure", "gap", "state")} == {(n,)}
+        assert arrays["pressure"] @ arrays["area"] == pytest.approx(12e3, rel=1e-6)
+        assert np.array_equal(arrays["state"] > 0, arrays["pressure"] > 0)
+    assert (tmp_path / "out" / "figures" / "contact.png").is_file()
+    elastic = answer["rows"][6:]
+    for mode in elastic:
+        assert mode["frictionless_hz"] <= mode["frequency_hz"] * (1 + 1e-9)
+        assert mode["frequency_hz"] <= mode["tied_hz"]
+    assert beadwave("modes", str(table), "--json") == 0
+    springs = json.loads(capsys.readouterr().out)["rows"][6:]
+    for one, other in zip(elastic[:6], springs[:6], strict=True):
+        spread = np.hypot(one["deviation_hz"], other["deviation_hz"])
+        assert abs(one["frequency_hz"] - other["frequency_hz"]) < 2 * spread
+
+
+def test_faces_in_contact_have_no_springs_to_tune(table, capsys):
+    contact = ("--set", "joints.lap.model=contact")
+    assert beadwave("tune", str(table), *contact, "--match", "1=9000", "--free", "lap.kz") == 2
+    assert 'model = "contact"' in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -159,20 +159,30 @@ def modes(
 ) -> ModesOfScene:
     """Frequencies, measured ones, MAC, participation at the contact (`beadwave modes`).
 
-    out  folder for the picture of the MAC matrix
+    out  folder for the picture of the MAC matrix, and of faces in contact under preload their zone
+         and pressure, with contact.npz
 
     Raises InvalidScene for bad input or a scene without an assembly, ValueError where a computation
     fails.
     """
     chosen = with_structure(load_scene(scene, changes))
-    folder = picture_folder(out, files_read(chosen, scene), overwrite, "mac")
+    in_contact = any(joint.model == "contact" for joint in chosen.bushings.values())
+    names = [*(["mac"] if chosen.measured_hz or not in_contact else [])]
+    names += ["contact"] if in_contact else []
+    folder = picture_folder(out, files_read(chosen, scene), overwrite, *names)
     from beadwave.workflows.stages.engine.pipeline import pipeline_of
     from beadwave.workflows.structure.mode_table import mode_table
 
     pipeline = pipeline_of(chosen, progress)
     result = ModesOfScene(chosen, mode_table(pipeline), pipeline)
-    if folder:
+    if folder and "mac" in names:
         write_pictures(folder, (result.plot(),))
+    if folder and in_contact:
+        from beadwave.workflows.structure.contact_table import contact_arrays, contact_picture
+
+        contact = pipeline("model").contact
+        write_pictures(folder, (contact_picture(contact),))
+        folder.write("contact.npz", contact_arrays(contact))
     return result
 
 

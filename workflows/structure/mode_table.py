@@ -11,6 +11,7 @@ from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.stages import warnings
 from beadwave.workflows.stages.engine.pipeline import Pipeline
 from beadwave.workflows.stages.structure.health import shape_names
+from beadwave.workflows.structure.contact_table import ContactRow, contact_rows, contacts_text
 from beadwave.workflows.structure.joint_table import JointRow, joint_rows, joints_text
 
 READING = """\
@@ -59,6 +60,7 @@ class ModeTable(BaseModel):
     error_of: str = "mesh error"
     load_factor: float | None = None  # static load over that which buckles the structure
     joints: list[JointRow] = []  # those that are known from their drawing
+    contact: list[ContactRow] = []  # faces that bolts press, of model = "contact"
     warnings: list[str] = []
 
     def text(self) -> str:
@@ -102,7 +104,8 @@ class ModeTable(BaseModel):
             there_too = f" The smaller {ones} {others} {arise} there too." if others else ""
             whys.append(f"Mode {worst.number}: {worst.why}{there_too}")
         joints = f"{READING_BOUNDS}\n\n{joints_text(self.joints)}\n" if self.joints else ""
-        sentences = filter(None, (shapes, legend, joints, load, *self.warnings, *whys))
+        contact = f"{contacts_text(self.contact)}\n" if self.contact else ""
+        sentences = filter(None, (shapes, legend, joints, contact, load, *self.warnings, *whys))
         return "\n".join([table, "", *sentences])
 
 
@@ -144,7 +147,7 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
             row.mac = None if np.isnan(mac[j][i]) else float(mac[j][i])
             row.shape = shape[i]
         rows.append(row)
-    joints = []
+    joints, contact = [], []
     if scene.bending is None and any(joint.bolt for joint in scene.bushings.values()):
         joints, bounds = joint_rows(pipeline("mesh").bolted), pipeline("joint-bounds")
         for key, values in bounds._asdict().items():
@@ -152,6 +155,7 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
                 # rounding alone gives a rigid motion a frequency
                 if omega > RIGID * modes.omega.max():
                     setattr(row, key, hz)
+        contact = contact_rows(pipeline("model").contact, pipeline("mesh").bolted)
     sentences = list(warnings.overconstrained(modes.overconstrained))
     sentences += warnings.overloaded_bolts({row.name: row.utilisation for row in joints})
     if scene.bending is None and (scene.floats or scene.springs):
@@ -182,6 +186,7 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
         error_of="mesh error" if scene.bending is None else "error",
         load_factor=modes.load_factor,
         joints=joints,
+        contact=contact,
         warnings=sentences,
     )
 

@@ -85,6 +85,12 @@ def from_drawing(
     }
     if not of_bolts:
         return scene, {}
+    in_contact = [n for n in sorted(of_bolts) if scene.bushings[n.split(".")[0]].model == "contact"]
+    if in_contact and wanted is not None:
+        raise InvalidScene(
+            f'--free joints.{in_contact[0]}: its faces are in contact, model = "contact", and have '
+            'no springs; take model = "springs", or free materials.'
+        )
     values: dict[str, list[tuple[float, float]]] = {}
     for place in pipeline_of(scene, progress)("mesh").bolted:
         for key, k, s in zip(fem.DIRECTIONS, place.springs, place.deviation, strict=True):

@@ -110,7 +110,8 @@ class FromDrawing(JointStiffnesses):
     torque_deviation: Annotated[float, Field(ge=0, le=1)] | None = None
     friction: Annotated[float, Field(ge=0, le=2)] | None = None  # of the faces; 0.15
     roughness: Roughness | None = None  # of each face; without it they are hard and smooth
-    model: Literal["springs"] | None = None  # of the joint: springs by formula
+    # of the joint: "springs" by formula, or "contact" of the faces under the preload; springs
+    model: Literal["springs", "contact"] | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -136,6 +137,13 @@ class FromDrawing(JointStiffnesses):
             raise ValueError("preload and torque exclude each other: keep one of them")
         if self.preload is None and self.torque is None:
             raise ValueError("bolt needs its preload in N, or its torque in N m: add one of them")
+        own = [key for key in SPRINGS if getattr(self, key) is not None]
+        own += [f"c{key[1:]}" for key in self.dashpots]
+        if self.model == "contact" and own:
+            raise ValueError(
+                f'{" and ".join(own)} belong to springs, model = "contact" has none: drop one of '
+                "them"
+            )
         if self.torque_deviation is not None and self.torque is None:
             raise ValueError("torque_deviation is that of a torque: give torque, or drop it")
         return self

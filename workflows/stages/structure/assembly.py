@@ -5,6 +5,8 @@ from numpy.typing import NDArray
 
 from beadwave import fem, rom
 from beadwave.fem.assembly.model import ConstrainedModel, constrained
+from beadwave.fem.contact.bolted_joint import rough_layer
+from beadwave.fem.contact.pressed_model import PairInContact, pressed_model
 from beadwave.fem.modes.assembly_modes import AssemblyModes, assembly_modes
 from beadwave.fem.updating import tuning
 from beadwave.workflows.scene import InvalidScene, Scene
@@ -34,6 +36,8 @@ def model(scene: Scene, mesh: Parts, fits: dict[str, rom.ModalFit] | None = None
     connections = mesh.connections._replace(table=below)
     constraints = constrained(structure, connections)
     _require_kept(scene, structure, connections, constraints)
+    if mesh.contacts:
+        return _pressed(scene, mesh, fem.joined(structure, mesh.assembled._replace(table=below)))
     joined = fem.joined(structure, connections, constraints)
     if mesh.load is None:
         return joined
@@ -41,6 +45,23 @@ def model(scene: Scene, mesh: Parts, fits: dict[str, rom.ModalFit] | None = None
         return fem.prestressed(joined, mesh.materials, mesh.load)
     except ValueError as why:
         raise InvalidScene(f"{scene.name}: loads: {str(why).rstrip('.')}.") from None
+
+
+def _pressed(scene: Scene, mesh: Parts, open_model: fem.Model) -> fem.Model:
+    """The model about its state under preload; raises InvalidScene where there is none."""
+    load = mesh.load or fem.Load()
+    load = load._replace(rods=[*load.rods, *mesh.rods])
+    faces = []
+    for tie in mesh.contacts:
+        bodies = {face.partition(":")[0] for face in (tie.slave, tie.master)}
+        of_pair = [p for p in mesh.bolted if p.in_contact and {*p.pair.split("|")} == bodies]
+        friction, rough = of_pair[0].friction, rough_layer(of_pair[0].rms)[0]
+        bolts = [(place.centre, place.stiffness.slipped.kx) for place in of_pair]
+        faces.append(PairInContact(tie, friction, rough, bolts))
+    try:
+        return pressed_model(open_model, mesh.materials, load, faces).model
+    except ValueError as why:
+        raise InvalidScene(f"{scene.name}: contact: {str(why).rstrip('.')}.") from None
 
 
 def _with_masses(scene: Scene, mesh: Parts, structure: fem.Structure) -> fem.Structure:

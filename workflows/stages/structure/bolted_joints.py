@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from beadwave import fem
 from beadwave.geometry.cad.joints import JointPlace, NamedParts
 from beadwave.geometry.cad.patches import Disc
-from beadwave.geometry.cad.solids import ALIGNED, SAME, Body, off_axis
+from beadwave.geometry.cad.selectors import FaceSelection
+from beadwave.geometry.cad.solids import ALIGNED, SAME, Body, Face, off_axis
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.tables.bodies import Bolts
 
@@ -39,6 +40,13 @@ class BoltedPlace(NamedTuple):
     deviation: NDArray[np.float64]  # (6,) of ln; 0 of springs that the scene gives
     # masses of head and nut, each with the face that it moves with and its centre (3,) [m]
     fasteners: tuple[tuple[str, fem.Fastener, NDArray[np.float64]], ...]
+
+    axis: NDArray[np.float64]  # (3,) from head to nut
+    friction: float
+    rms: float  # [m] of the heights of both faces
+    hole: float  # [m] diameter, the wider of both
+    in_contact: bool  # its faces are in contact, and a rod from head to nut presses them
+    rod: fem.Rod | None  # of a contact, at the faces next to the head
 
     @property
     def utilisation(self) -> float:
@@ -83,10 +91,12 @@ def bolted_places(
         others = [p for _, p in numbered if p.faces != place.faces and p.bodies == place.bodies]
         apart = [np.linalg.norm(p.centre - place.centre) for p in others]
         bolt = fem.Bolt(*table.fastener)
+        friction = FRICTION if table.friction is None else table.friction
+        rms = table.roughness.of_both if table.roughness else 0.0
         faces = fem.PressedFaces(
             interface,
-            FRICTION if table.friction is None else table.friction,
-            table.roughness.of_both if table.roughness else 0.0,
+            friction,
+            rms,
             table.washer or 0.0,
             min(apart, default=np.inf) / 2,
             table.sides,
@@ -105,6 +115,21 @@ def bolted_places(
         )
         spread = np.where([own is None for own in given], stiffness.deviation, 0.0)
 
+        # in a contact head and nut press discs of the outer faces
+        in_contact, rod = table.model == "contact", None
+        first, last = place.faces
+        if in_contact:
+            ends_of_bolt = []
+            for p, side, what in ((along[0], 0, "head"), (along[-1], 1, "nut")):
+                face, outer, away = _bearing_face(table, p, side, bodies)
+                name, body = f"bearing-{place.joint}-{i - interface}-{what}", p.bodies[side]
+                disc = Disc(FaceSelection(body, (face.tag,)), outer, away, bolt.bearing / 2)
+                selection.patches[name] = disc
+                ends_of_bolt.append(f"{body}:{name}")
+            first, last = ends_of_bolt
+            if interface == 0:
+                rod = fem.Rod(first, last, preload, stiffness.bolt)
+
         # masses of head and nut move with the first and the last face
         grip = sum(member.thickness for member in members)
         ends = fem.fastener_masses(bolt, grip)
@@ -112,14 +137,20 @@ def bolted_places(
         fasteners = []
         if interface == 0:
             at = place.centre - (before + ends[0].height) * place.axis
-            fasteners.append((place.faces[0], ends[0], at))
+            fasteners.append((first, ends[0], at))
         if interface == len(along) - 1:
             at = place.centre + (grip - before + ends[1].height) * place.axis
-            fasteners.append((place.faces[1], ends[1], at))
+            fasteners.append((last, ends[1], at))
         placed[i] = BoltedPlace(
             i, place.joint, "|".join(place.bodies), (place.faces[0], place.faces[1]), place.centre,
             table.bolt_name, preload, deviation, bolt.proof_load, stiffness, springs, spread,
             tuple(fasteners),
+            place.axis,
+            friction,
+            rms,
+            max(diameter for diameter, _ in place.holes),
+            in_contact,
+            rod,
         )  # fmt: skip
     return placed
 
@@ -152,18 +183,7 @@ def _member(
             f"{body} at {at} is {1e3 * hole:g} mm wide; take a thicker bolt, or a narrower hole."
         )
 
-    # head and nut stand on a face at the hole's other end that looks away from the pair; the bottom
-    # of a blind hole looks back
-    away = place.axis if side else -place.axis
-    outer = place.centre + length * away
-    at_end = [
-        face.normal @ away
-        for face in bodies[body].faces
-        if face.normal is not None
-        and abs((face.centre - outer) @ away) <= CHAMFER * hole
-        and (face.normal @ away > 0 or np.linalg.norm(face.centre - outer) < CHAMFER * hole)
-    ]
-    stands = max(at_end, default=0.0) > 1 - ALIGNED and min(at_end) > ALIGNED - 1
+    stands = _bearing_face(table, place, side, bodies)[0] is not None
     if length <= SAME or (end and not stands):
         raise InvalidScene(
             f"{key}.bolt = {table.bolt_name!r}: its hole in {body} at {at} has no plane face at "
@@ -178,6 +198,34 @@ def _member(
             "of the bolt."
         )
     return fem.Member(length, fem.Material(solid.young, solid.poisson, solid.density), hole)
+
+
+def _bearing_face(
+    table: Bolts, place: JointPlace, side: int, bodies: Mapping[str, Body]
+) -> tuple[Face | None, NDArray[np.float64], NDArray[np.float64]]:
+    """The plane face at the other end of a hole that looks away from the pair, on which head or nut
+    stand, None where there is none or the hole is blind; the middle of that end (3,) [m], and the
+    direction (3,) away."""
+    hole, length = place.holes[side]
+    away = place.axis if side else -place.axis
+    outer, near = place.centre + length * away, CHAMFER * hole
+    at_end = [
+        face
+        for face in bodies[place.bodies[side]].faces
+        if face.normal is not None and abs((face.centre - outer) @ away) <= near
+    ]
+    # the bottom of a blind hole is a small face that looks back
+    blind = any(
+        f.normal @ away < ALIGNED - 1 and np.linalg.norm(f.centre - outer) < near for f in at_end
+    )
+    # of several faces in one plane that around the hole
+    standing = [face for face in at_end if face.normal @ away > 1 - ALIGNED]
+    around = [
+        face
+        for face in standing
+        if np.all(np.abs(outer - np.clip(outer, face.lower, face.upper)) <= hole)
+    ]
+    return (None if blind or not around else around[0]), outer, away
 
 
 def _require_no_rod(

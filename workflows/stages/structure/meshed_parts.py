@@ -25,6 +25,27 @@ class Parts(NamedTuple):
     bolted: tuple[BoltedPlace, ...] = ()  # places of bolts that are known from their drawing
     closed: tuple[fem.Tie, ...] = ()  # the faces that these bolts press, as if they were tied
 
+    @property
+    def assembled(self) -> fem.Connections:
+        """The connections without the joints whose faces are in contact."""
+        in_contact = {place.number for place in self.bolted if place.in_contact}
+        joints = [j for i, j in enumerate(self.connections.joints) if i not in in_contact]
+        return self.connections._replace(joints=joints)
+
+    @property
+    def contacts(self) -> tuple[fem.Tie, ...]:
+        """Pairs of faces in contact, the slave carries the pressure."""
+        pairs = {frozenset(p.pair.split("|")) for p in self.bolted if p.in_contact}
+        return tuple(
+            tie for tie in self.closed
+            if frozenset(face.partition(":")[0] for face in (tie.slave, tie.master)) in pairs
+        )  # fmt: skip
+
+    @property
+    def rods(self) -> tuple[fem.Rod, ...]:
+        """Bolts that press faces in contact."""
+        return tuple(place.rod for place in self.bolted if place.rod is not None)
+
     def face(self, name: str) -> str:
         """A named face as "body:name"."""
         return next(f"{b}:{name}" for b, m in self.meshes.items() if name in (m.boundaries or {}))
