@@ -136,7 +136,7 @@ def contact_picture(contact: PreloadedContact) -> Picture:
     for state, colour in ((0, "0.85"), (1, "tab:orange"), (2, "tab:blue")):
         discs(axes[1], contact.state == state, facecolors=colour)
         axes[1].plot([], [], "o", color=colour, label=STATES[state])
-    figure.legend(loc="upper right", ncols=3, fontsize=8, frameon=False)
+    figure.legend(loc="outside upper right", ncols=3, fontsize=8, frameon=False)
     for axis in axes:
         axis.autoscale_view()
         axis.set_aspect("equal")
