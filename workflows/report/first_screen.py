@@ -7,7 +7,12 @@ import numpy as np
 
 from beadwave.workflows.report.number_format import NONE, digits, grouped, percent, si
 from beadwave.workflows.report.summary import Summary
-from beadwave.workflows.report.summary_rows import ERROR_OF, measured_modes, run_seconds
+from beadwave.workflows.report.summary_rows import (
+    ERROR_OF,
+    crystal_rows,
+    measured_modes,
+    run_seconds,
+)
 from beadwave.workflows.scene import (
     DashpotWall,
     HalfSpaceWall,
@@ -37,6 +42,32 @@ def chain_words(scene: Scene) -> str:
     if chain.count == 1 and scene.wall is not None:
         return f"{row} {falls}moves at {speed} towards"
     return f"{row}: the first one {falls}strikes the row at {speed}{leans}"
+
+
+CRYSTALS = {
+    "square": "a square packing", "hexagonal": "a hexagonal packing",
+    "sc": "a simple cubic packing", "bcc": "a body-centred cubic packing",
+    "fcc": "a face-centred cubic packing", "hcp": "a hexagonal close packing",
+    "y": "a stem and two branches",
+}  # fmt: skip
+
+
+def crystal_words(scene: Scene, summary: Summary) -> str:
+    """The first sentence of a crystal: what strikes what, and what is behind it."""
+    crystal, numbers = scene.crystal, summary.crystal
+    shape = CRYSTALS.get(crystal.lattice, "a network")
+    size = "" if crystal.radius is None else f" of {si(2 * crystal.radius, 'm')} diameter"
+    striker = crystal.striker
+    moving = "One sphere strikes"
+    if striker.at is None:
+        moving = "A whole row strikes" if striker.row is not None else "A whole layer strikes"
+    words = (
+        f"{moving} {shape} of {grouped(numbers.n_spheres)} spheres{size} at "
+        f"{si(striker.velocity, 'm/s')}; they touch in {grouped(numbers.n_contacts)} contacts"
+    )
+    if scene.wall is None:
+        return f"{words}, {wall_words(scene, summary)}"
+    return f"{words}, and the last row leans on {wall_words(scene, summary)}"
 
 
 def wall_words(scene: Scene, summary: Summary) -> str:
@@ -96,6 +127,8 @@ def facts(summary: Summary) -> list[tuple[str, str, float | None]]:
             ("wave speed in, back", speeds),
             ("peak force at the wall", si(summary.peak_wall_force_N, "N")),
         ]
+    if crystal := summary.crystal:
+        rows += crystal_rows(crystal)[1:]
     if summary.modes_hz:
         rows.append((MODES, measured_modes(summary)))
     seconds = run_seconds(summary)

@@ -20,6 +20,7 @@ from beadwave.workflows.scene import RomWall, Scene
 LEDGER = {
     "energy_kinetic": "spheres, kinetic",
     "energy_contact": "contacts",
+    "energy_wall_contact": "contacts with walls",
     "energy_leaf": "leaf springs",
     "energy_wall": "wall, modes",
     "energy_residual": "wall, residual compliance",
@@ -59,7 +60,7 @@ def page_data(folder: Path, summary: Summary, limits: PageLimits = PageLimits())
         "scene": scene.name, "wall": None if scene.wall is None else scene.wall.kind
     }  # fmt: skip
 
-    if run:
+    if "x" in run:
         # positions and velocities of the spheres next to the wall, from the first drawn on
         t, (k, n) = run["t"], run["x"].shape
         first = max(0, n - limits.spheres)

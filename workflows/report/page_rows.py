@@ -4,7 +4,13 @@ from typing import Any
 
 import numpy as np
 
-from beadwave.workflows.report.first_screen import chain_words, facts, wall_words, waves_words
+from beadwave.workflows.report.first_screen import (
+    chain_words,
+    crystal_words,
+    facts,
+    wall_words,
+    waves_words,
+)
 from beadwave.workflows.report.number_format import GLUE, NONE, digits, grouped, percent, si
 from beadwave.workflows.report.packing import unpacked
 from beadwave.workflows.report.provenance import flat
@@ -87,6 +93,7 @@ def context(scene: Scene | None, summary: Summary, data: dict[str, Any]) -> dict
         # the first screen
         "chain_words": chain_words,
         "wall_words": wall_words,
+        "crystal_words": crystal_words,
         "waves_words": waves_words,
         "facts": facts(summary),
         "velocity_errors": velocity_errors(summary),

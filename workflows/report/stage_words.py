@@ -23,6 +23,8 @@ WORDS = {
     "receptance-error": "error of the receptance",
     "record": "record of sensors",
     "signals": "plots of sensors",
+    "crystal-march": "march of the crystal",
+    "crystal-figures": "plots",
     "spatial-wall": "wall in three directions",
 }
 

@@ -182,6 +182,21 @@ class FrictionNumbers(BaseModel):
     phase_at_wall_deg: float | None = None
 
 
+class CrystalNumbers(BaseModel):
+    """A packing of spheres in space and the front that runs through it.
+
+    front_speed_m_s: along x, y and z, None where too few spheres lie in line with the struck ones;
+    band_edges_hz: least and largest frequency of each band of the pressed crystal, None where it is
+    not pressed; peak_structure_force_N: of the whole last row on what is behind it.
+    """
+
+    n_spheres: int
+    n_contacts: int
+    front_speed_m_s: dict[str, float | None]
+    band_edges_hz: tuple[tuple[float, float], ...] | None = None
+    peak_structure_force_N: float | None = None
+
+
 class ErrorEstimate(BaseModel):
     """Relative errors of the observed velocities by cause; None where nothing estimates one."""
 
@@ -273,6 +288,7 @@ class Summary(BaseModel):
     sensors: dict[str, SensorWaves] = {}
     wall_contact: ChainContact | None = None
     friction: FrictionNumbers | None = None
+    crystal: CrystalNumbers | None = None
     reduction: ReductionHealth | None = None
     verdict: tuple[str, ...] = ()
     seconds: float | None = None  # of the whole run; stages of two processes overlap

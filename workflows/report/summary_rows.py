@@ -3,6 +3,7 @@
 from beadwave.workflows.report.number_format import GLUE, NONE, digits, grouped, percent, si
 from beadwave.workflows.report.stage_words import stage_words
 from beadwave.workflows.report.summary import (
+    CrystalNumbers,
     FrictionNumbers,
     ReductionHealth,
     SensorWaves,
@@ -69,6 +70,8 @@ def results(summary: Summary) -> list[tuple[str, str]]:
             "peak force at the wall": si(summary.peak_wall_force_N, "N"),
         }
         rows += [(label, with_error(summary, ERROR_OF[label], x)) for label, x in of_wall.items()]
+    if crystal := summary.crystal:
+        rows += crystal_rows(crystal)
     if across := summary.friction:
         back = across.surface_velocity_ratio
         rows += [
@@ -83,6 +86,21 @@ def results(summary: Summary) -> list[tuple[str, str]]:
             ("contact when the wave comes", contact_state(across)),
         ]
     return [(label, value) for label, value in rows if value not in ("", NONE)]
+
+
+def crystal_rows(crystal: CrystalNumbers) -> list[tuple[str, str]]:
+    """Spheres in space: how many, how fast the front runs, with what force it arrives."""
+    speeds = [
+        f"{axis} {si(speed, 'm/s')}"
+        for axis, speed in crystal.front_speed_m_s.items()
+        if speed is not None
+    ]
+    counts = (f"{grouped(crystal.n_spheres)} spheres", f"{grouped(crystal.n_contacts)} contacts")
+    return [
+        ("crystal", listed([*counts])),
+        ("speed of the front", listed(speeds)),
+        ("peak force on the wall", si(crystal.peak_structure_force_N, "N")),
+    ]
 
 
 def with_error(summary: Summary, name: str, text: str) -> str:

@@ -66,6 +66,11 @@ def has_chain(scene: Scene) -> bool:
     return bool(scene.chain)
 
 
+def has_crystal(scene: Scene) -> bool:
+    """True of a crystal."""
+    return scene.crystal is not None
+
+
 def has_measured_parts(scene: Scene) -> bool:
     """True of a structure with parts that are known by their receptances."""
     return bool(scene.measured)
@@ -377,6 +382,31 @@ STAGES = (
         "chain-numbers", ".chain.chain_numbers:chain_numbers", _marched,
         ("start", "wall", "impact", "waves"), listed=False,
     ),
+    # a crystal
+    Stage(
+        "crystal", ".crystal.packing:start", tables_of("crystal", "contact", "wall"),
+        when=has_crystal, kept=False, listed=False,
+    ),
+    Stage(
+        "crystal-march", ".crystal.march:march", tables_of("time", "output", "wall"), ("crystal",),
+        when=has_crystal,
+    ),
+    Stage(
+        "arrivals", ".crystal.numbers:waves", tables_of(), ("crystal", "crystal-march"),
+        when=has_crystal, listed=False,
+    ),
+    Stage(
+        "crystal-numbers", ".crystal.numbers:crystal_numbers", tables_of("wall"),
+        ("crystal", "crystal-march", "arrivals"), when=has_crystal, listed=False,
+    ),
+    Stage(
+        "crystal-files", ".crystal.numbers:crystal_files", tables_of(),
+        ("crystal", "crystal-march", "arrivals"), when=has_crystal, listed=False,
+    ),
+    Stage(
+        "crystal-figures", ".crystal.figures:crystal_figures", tables_of("crystal"),
+        ("crystal", "crystal-march", "arrivals"), when=has_crystal,
+    ),
     # errors of the impact: better walls by cause, marches before them, what these differ by
     Stage(
         "better-reduction", ".errors.better_walls:of_reduction", _wall_reads, ("reduction",),
@@ -479,6 +509,10 @@ STAGES = (
     Stage(
         "page", ".pages.page:data", _shown, ("chain-files", "chain-numbers"),
         when=has_chain, listed=False,
+    ),
+    Stage(
+        "page", ".pages.page:data", _shown, ("crystal-files", "crystal-numbers"),
+        when=has_crystal, listed=False,
     ),
     Stage(
         "page", ".pages.page:data", _shown,

@@ -1,0 +1,136 @@
+"""Keys of a crystal that are each allowed but not together, a sentence each."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from beadwave.system import free_memory
+from beadwave.workflows.scene.named_files import unfit
+from beadwave.workflows.scene.rules.size import LIMITS, gigabytes
+from beadwave.workflows.scene.scene import Scene
+from beadwave.workflows.scene.tables.walls import HalfSpaceWall, OneDofWall, RigidWall
+
+# tables of a chain, or of what it strikes, that a crystal does not take
+OTHERS = (
+    "chain", "striker", "leaf_springs", "guides", "preload", "friction", "arm", "shakers",
+    "gravity",
+)  # fmt: skip
+MOST_SPHERES = 200_000  # of a crystal: a million contacts, some hours
+SPHERE_BYTES = 48 + 24 + 24  # of a saved instant of a sphere: its state, its contacts' forces
+MARCHES = 2  # in memory at once: the coarser one and the finer one
+
+
+def of_crystal(scene: Scene) -> Iterator[str]:
+    """Sentences on contradictions between [crystal] and the rest of a scene."""
+    crystal, contact = scene.crystal, scene.contact
+    for name in OTHERS:
+        if getattr(scene, name) is not None:
+            yield f"[{name}] is of a chain, [crystal] has none; drop one of them."
+    if scene.has_structure:
+        yield (
+            "[crystal] leans on no structure; drop [assembly], [beam] or [plate], or take [chain]."
+        )
+    if not isinstance(scene.wall, None | RigidWall | HalfSpaceWall | OneDofWall):
+        yield (
+            f'wall.kind = "{scene.wall.kind}" is not behind a [crystal]; take "rigid", '
+            '"half-space" or "1dof", or leave it free without [wall].'
+        )
+    if contact.law != "hertz":
+        yield f'contact.law = "{contact.law}" is not of a [crystal]; take "hertz".'
+    for key in ("coefficient", "stiffness_factor"):
+        if isinstance(getattr(contact, key), tuple):
+            yield f"contact.{key} is a list, a [crystal] takes one value for all; give one."
+    if scene.output.sensors:
+        yield "output.sensors are of a [chain]; drop them, trajectory.npz has every sphere."
+
+    for key in ("nodes", "links"):
+        file = getattr(crystal, key)
+        if file and (why := unfit(Path(file))):
+            yield f"crystal.{key} = {file!r} {why}; give a CSV."
+    if crystal.nodes is None:
+        yield from _of_lattice(scene)
+    elif crystal.sides != "free" or crystal.scatter:
+        key = "scatter" if crystal.scatter else "sides"
+        yield f"crystal.{key} is of a lattice, crystal.nodes is a network; drop it."
+    if crystal.nodes and scene.wall is not None:
+        yield "[wall] is behind the last row of a lattice, which a network has not; drop it."
+    if crystal.striker is None:
+        yield "nothing moves; add crystal.striker with a velocity."
+
+
+def _of_lattice(scene: Scene) -> Iterator[str]:
+    """Sizes and places of a lattice, and the memory that its run takes."""
+    crystal = scene.crystal
+    size, n = crystal.size, crystal.n_sites
+    if len(size) != crystal.dimensions:
+        yield (
+            f"crystal.size = {list(size)} must be {crystal.dimensions} numbers with lattice = "
+            f'"{crystal.lattice}"; change it.'
+        )
+        return
+    if crystal.lattice == "y" and crystal.sides != "free":
+        yield f'crystal.sides = "{crystal.sides}" is of a lattice, not of a y; drop it.'
+    if crystal.lattice == "y" and crystal.scatter:
+        yield "crystal.scatter is of a lattice, not of a y; drop it."
+    if crystal.lattice == "y" and scene.wall is not None:
+        yield "[wall] is behind the last row of a lattice, which a y has not; drop it."
+    if n > MOST_SPHERES:
+        yield (
+            f"crystal.size = {list(size)} makes {n} spheres, allowed are {MOST_SPHERES}; lower it."
+        )
+    places = [("missing", place) for place in crystal.missing]
+    places += [("inclusions.at", inclusion.at) for inclusion in crystal.inclusions]
+    striker = crystal.striker
+    if striker and striker.at is not None:
+        places.append(("striker.at", striker.at))
+    for key, place in places:
+        if not inside(place, crystal):
+            yield (
+                f"crystal.{key} = {list(place)} is no place of {size_words(crystal)}; places count "
+                "from 0."
+            )
+    for key, dimensions in (("row", 2), ("plane", 3)):
+        value = getattr(striker, key) if striker else None
+        place = "plane" if crystal.dimensions == 3 else "at" if crystal.lattice == "y" else "row"
+        if value is not None and (crystal.dimensions != dimensions or crystal.lattice == "y"):
+            yield (f'crystal.striker.{key} is not of lattice = "{crystal.lattice}"; give {place}.')
+        elif value is not None and value >= size[-1]:
+            yield (
+                f"crystal.striker.{key} = {value} must be below {size[-1]}, the number of "
+                f"{'layers' if dimensions == 3 else 'rows'}; lower it."
+            )
+
+    # what is saved of every instant, in both marches that are compared
+    spheres = scene.output.spheres
+    if spheres and max(spheres) > n:
+        yield f"output.spheres has {max(spheres)}, allowed are 1 to {n}; lower it."
+    kept = len(spheres) or n
+    values = 6 * kept * scene.output.samples
+    if values > LIMITS.values * 5:
+        yield (
+            f"output.samples = {scene.output.samples} of {kept} spheres are {values:.1e} values, "
+            f"allowed are {5 * LIMITS.values:.0e}; lower it, or list spheres in output.spheres."
+        )
+    needed = MARCHES * SPHERE_BYTES * kept * scene.output.samples
+    if needed > free_memory():
+        yield (
+            f"output.samples = {scene.output.samples} of {kept} spheres would take "
+            f"{gigabytes(needed)} of memory, {gigabytes(free_memory())} are free; lower it, or "
+            "list spheres in output.spheres."
+        )
+
+
+def inside(place: tuple[int, ...], crystal) -> bool:
+    """True if a place is one of the lattice."""
+    size = crystal.size
+    if len(place) != crystal.dimensions:
+        return False
+    if crystal.lattice == "y":
+        return place[1] <= 2 and place[0] < size[min(place[1], 1)]
+    return all(index < count for index, count in zip(place, size, strict=True))
+
+
+def size_words(crystal) -> str:
+    """The lattice in words, for a sentence on a place in it."""
+    if crystal.lattice == "y":
+        return f"a y of stem {crystal.size[0]} and branches {crystal.size[1]}, [number, part]"
+    return f"a lattice of {' x '.join(map(str, crystal.size))}"

@@ -1,0 +1,242 @@
+"""The packing of a scene's crystal, and the velocities that it starts with."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from beadwave import dem
+from beadwave.dem import space
+from beadwave.workflows.files.network_file import network
+from beadwave.workflows.scene import InvalidScene, OneDofWall, Scene
+from beadwave.workflows.stages.chain.chain import dissipation, flat
+from beadwave.workflows.stages.chain.walls import simple_wall
+
+LINK_GAP = 1e-3  # of the smaller radius: centres of a link may be so far apart, or overlap so much
+
+
+class CrystalStart(NamedTuple):
+    """The crystal before it is struck."""
+
+    packing: space.Packing
+    velocity: np.ndarray  # (s, 3) [m/s]
+    number: np.ndarray  # (s,) of each sphere: from 1 in a lattice, its file's in a network
+    axis: int  # of the rows
+    last: np.ndarray  # spheres of the last row
+    young: np.ndarray  # (s,) [Pa]
+    density: np.ndarray  # (s,) [kg/m^3]
+    spacing: float  # [m] of touching centres
+
+
+def start(scene: Scene) -> CrystalStart:
+    """The crystal and its velocities. Raises InvalidScene for a lattice or a network that cannot
+    be, and for a place without a sphere that is struck."""
+    try:
+        return _of_network(scene) if scene.crystal.nodes else _of_lattice(scene)
+    except dem.InvalidChain as error:
+        raise InvalidScene(f"{scene.name}: crystal: {str(error).rstrip('.')}.") from None
+
+
+def wall(scene: Scene) -> dem.Wall | None:
+    """The wall behind the last row that moves; None where there is none."""
+    return simple_wall(scene) if isinstance(scene.wall, OneDofWall) else None
+
+
+def _of_lattice(scene: Scene) -> CrystalStart:
+    """Spheres on a lattice, in a Y included."""
+    crystal = scene.crystal
+    periodic = crystal.sides == "periodic"
+    if crystal.lattice == "y":
+        lattice = space.y_chain(*crystal.size, crystal.half_angle)
+    else:
+        lattice = space.lattice(crystal.lattice, crystal.size, periodic=periodic)
+
+    # spheres one by one: inclusions, scatter
+    sites = {tuple(place): row for row, place in enumerate(lattice.place.tolist())}
+    n = len(sites)
+    radius, density, young, poisson = (
+        np.full(n, getattr(crystal, key)) for key in ("radius", "density", "young", "poisson")
+    )
+    if crystal.scatter:
+        radius *= 1.0 + crystal.scatter * np.random.default_rng(crystal.seed).standard_normal(n)
+    for inclusion in crystal.inclusions:
+        row = sites[tuple(inclusion.at)]
+        for key, values in {
+            "radius": radius, "density": density, "young": young, "poisson": poisson
+        }.items():  # fmt: skip
+            if getattr(inclusion, key) is not None:
+                values[row] = getattr(inclusion, key)
+    there = np.ones(n, bool)
+    there[[sites[tuple(place)] for place in crystal.missing]] = False
+    if not there.any():
+        raise InvalidScene(f"{scene.name}: crystal.missing leaves no sphere; list fewer places.")
+
+    # neighbours of the lattice, so far apart that none of them press
+    pairs, arm = space.touching(lattice.centre, lattice.period, 1.0 + space.CLOSE)
+    keep = there[pairs].all(axis=1)
+    pairs, arm = pairs[keep], arm[keep]
+    regular = not crystal.scatter or not len(pairs)
+    spacing = 2.0 * crystal.radius if regular else float(radius[pairs].sum(axis=1).max())
+    wide = next(
+        (i for i in crystal.inclusions if (i.radius or 0.0) > crystal.radius and regular), None
+    )
+    if wide is not None:
+        raise InvalidScene(
+            f"{scene.name}: crystal.inclusions has a radius of {wide.radius:g} m at "
+            f"{list(wide.at)}, which presses its neighbours apart; give up to {crystal.radius:g} m."
+        )
+    row = np.cumsum(there) - 1
+    place, centre = lattice.place[there], spacing * lattice.centre[there]
+    R, rho, E, nu = radius[there], density[there], young[there], poisson[there]
+    guides = None if lattice.guide is None else space.line_guides(lattice.guide[there])
+    last = np.flatnonzero(place[:, -1] == place[:, -1].max())
+    packing = space.packing_of(
+        centre, R, rho, E, nu,
+        pairs=row[pairs], arm=spacing * arm, planes=_planes(scene, centre, R, lattice.axis, last),
+        guides=guides,
+    )  # fmt: skip
+    packing = _damped(scene, packing)
+    direction = crystal.striker.direction or np.eye(3)[lattice.axis]
+    velocity = _velocity(scene, len(R), _struck(scene, place), direction, guides)
+    number = np.flatnonzero(there) + 1
+    return CrystalStart(packing, velocity, number, lattice.axis, last, E, rho, spacing)
+
+
+def _planes(scene: Scene, centre, radius, axis: int, last) -> list[space.Plane]:
+    """What the last row and the sides lean on, just touching."""
+    planes = []
+    if scene.wall is not None:
+        material, along = flat(scene), np.eye(3)[axis]
+        gap = (centre[last, axis] + radius[last]).max() - centre[last, axis] - radius[last]
+        planes.append(
+            space.Plane(last, along, -gap, *material, moves=isinstance(scene.wall, OneDofWall))
+        )
+    if scene.crystal.sides == "rigid":
+        for across in range(axis):
+            for sign in (-1.0, 1.0):
+                reach = sign * centre[:, across] + radius
+                at = np.flatnonzero(reach > reach.max() - 0.1 * radius)
+                normal = sign * np.eye(3)[across]
+                planes.append(space.Plane(at, normal, reach[at] - reach.max()))
+    return planes
+
+
+def _damped(scene: Scene, packing: space.Packing) -> space.Packing:
+    """The packing with the scene's factor of stiffness and damping."""
+    contact = scene.contact
+    damping = dissipation(contact)
+    if damping:
+        damping["gamma"] = np.full(len(packing.A), contact.coefficient)
+    return packing._replace(A=packing.A * contact.stiffness_factor, **damping)
+
+
+def _struck(scene: Scene, place) -> np.ndarray:
+    """The spheres that move at the start, by their places (s, d)."""
+    striker = scene.crystal.striker
+    if striker.at is not None:
+        struck = np.flatnonzero((place == np.array(striker.at)).all(axis=1))
+        key, value = "at", list(striker.at)
+    else:
+        key = "row" if striker.row is not None else "plane"
+        value = getattr(striker, key)
+        struck = np.flatnonzero(place[:, -1] == value)
+    if not struck.size:
+        raise InvalidScene(
+            f"{scene.name}: crystal.striker.{key} = {value} has no sphere; change it, or leave it "
+            "out of crystal.missing."
+        )
+    return struck
+
+
+def _velocity(scene: Scene, n: int, struck, direction, guides) -> np.ndarray:
+    """(n, 3) [m/s] of the struck spheres along the direction, as far as their guides allow."""
+    unit = np.asarray(direction, float) / np.linalg.norm(direction)
+    velocity = np.zeros((n, 3))
+    velocity[struck] = scene.crystal.striker.velocity * unit
+    if guides is None:
+        return velocity
+    velocity = np.einsum("ijk,ik->ij", guides.motion, velocity)
+    if np.linalg.norm(velocity[struck], axis=1).min() < 1e-6 * scene.crystal.striker.velocity:
+        raise InvalidScene(
+            f"{scene.name}: crystal.striker.direction = {unit.tolist()} is across the guide of the "
+            "sphere, which cannot move so; turn it."
+        )
+    return velocity
+
+
+def _of_network(scene: Scene) -> CrystalStart:
+    """Spheres and pairs of two files."""
+    crystal = scene.crystal
+    net = network(crystal.nodes, crystal.links)
+    s = len(net.number)
+    values = {key: np.full(s, getattr(crystal, key)) for key in ("density", "young", "poisson")}
+    radius = net.radius.copy()
+    row_of = {int(n): row for row, n in enumerate(net.number)}
+    for inclusion in crystal.inclusions:
+        row = row_of.get(inclusion.at[0])
+        if row is None:
+            raise InvalidScene(
+                f"{scene.name}: crystal.inclusions.at = {list(inclusion.at)} is no sphere of "
+                "crystal.nodes; take one of its numbers."
+            )
+        for key in values:
+            if getattr(inclusion, key) is not None:
+                values[key][row] = getattr(inclusion, key)
+        radius[row] = inclusion.radius or radius[row]
+    away = np.zeros(s, bool)
+    for (n,) in crystal.missing:
+        if n not in row_of:
+            raise InvalidScene(
+                f"{scene.name}: crystal.missing has {n}, which is no sphere of crystal.nodes; take "
+                "one of its numbers."
+            )
+        away[row_of[n]] = True
+
+    # a link joins spheres that touch, or nearly so
+    i, j = net.pairs.T
+    gap = np.linalg.norm(net.centre[j] - net.centre[i], axis=1) - radius[i] - radius[j]
+    apart = np.abs(gap) > LINK_GAP * np.minimum(radius[i], radius[j])
+    if len(gap) and apart[~away[net.pairs].any(axis=1)].any():
+        worst = int(np.argmax(np.abs(gap) * ~away[net.pairs].any(axis=1)))
+        a, b = net.number[net.pairs[worst]]
+        raise InvalidScene(
+            f"{scene.name}: crystal.links joins the spheres {a} and {b}, whose surfaces are "
+            f"{gap[worst]:.3g} m apart (< 0: into each other); allowed are {LINK_GAP:g} of the "
+            "smaller radius, move them."
+        )
+    there = ~away
+    row = np.cumsum(there) - 1
+    keep = there[net.pairs].all(axis=1)
+    guides = space.line_guides(net.guide[there]) if np.any(net.guide) else None
+    struck = _struck(scene, net.number[there, None])
+    arm = (net.centre[net.pairs[:, 1]] - net.centre[net.pairs[:, 0]])[keep]
+    # what files round of touching spheres is no overlap
+    i, j = net.pairs[keep].T
+    touch = np.abs(gap[keep]) < 1e-9 * (radius[i] + radius[j])
+    arm *= np.where(touch, 1.0 - gap[keep] / np.linalg.norm(arm, axis=1), 1.0)[:, None]
+    packing = space.packing_of(
+        net.centre[there], radius[there], values["density"][there], values["young"][there],
+        values["poisson"][there], pairs=row[net.pairs[keep]], arm=arm, guides=guides,
+    )  # fmt: skip
+    direction = crystal.striker.direction
+    if direction is None:
+        along = net.guide[there][struck[0]]
+        if not along.any():
+            raise InvalidScene(
+                f"{scene.name}: crystal.striker needs a direction, as no guide says where the "
+                "sphere moves; give [x, y, z]."
+            )
+        direction = along
+    velocity = _velocity(scene, int(there.sum()), struck, direction, guides)
+    axis = int(np.abs(velocity[struck[0]]).argmax())
+    E, rho = values["young"][there], values["density"][there]
+    spacing = 2.0 * float(np.median(radius))
+    return CrystalStart(
+        _damped(scene, packing),
+        velocity,
+        net.number[there],
+        axis,
+        np.zeros(0, int),
+        E,
+        rho,
+        spacing,
+    )
