@@ -78,9 +78,8 @@ class CrystalTable(SceneTable):
     size: Annotated[tuple[Count, ...], Field(strict=False, min_length=2, max_length=3)] | None = (
         None
     )
-    half_angle: Annotated[float, Field(gt=0, le=90)] | None = (
-        None  # [degrees] from the stem's line to a branch of a y
-    )
+    # [degrees] from the line of a y's stem to a branch
+    half_angle: Annotated[float, Field(gt=0, le=90)] | None = None
     nodes: FileName | None = None  # a CSV of the spheres of a network, in place of a lattice
     links: FileName | None = None  # a CSV of the pairs of its spheres that touch
     radius: Radius | None = None  # [m] of the spheres of a lattice
