@@ -2,6 +2,7 @@
 
     packing_of       Packing of centres, pairs that touch and planes
     lattice, y_chain, touching    lattices and networks, and who touches whom
+    at_rest          a packing pressed by steady loads between its planes
     march_to_error   the run to a velocity error;  march: at a step dt [s]
 
 >>> import numpy as np
@@ -14,10 +15,18 @@
 >>> v0[rows.place[:, 1] == 0, 1] = 0.3  # m/s, the first row along y
 >>> run = march_to_error(packing, None, v0, duration=3e-4, error=1e-4)
 >>> f"{run.velocity[-1, -1, 1]:.3f} m/s"
-'0.295 m/s'
+'0.296 m/s'
 """
 
-from beadwave.dem.space.lattices import CLOSE, Lattice, lattice, touching, y_chain
+from beadwave.dem.space.lattices import (
+    CLOSE,
+    Lattice,
+    lattice,
+    neighbours,
+    touching,
+    unit_cell,
+    y_chain,
+)
 from beadwave.dem.space.march import (
     SpaceErrors,
     SpaceTrajectory,
@@ -35,6 +44,7 @@ from beadwave.dem.space.packing import (
     plane_guides,
     validate,
 )
+from beadwave.dem.space.statics import at_rest, resultants
 
 __all__ = [
     "AT_REST",
@@ -45,14 +55,18 @@ __all__ = [
     "Plane",
     "SpaceErrors",
     "SpaceTrajectory",
+    "at_rest",
     "lattice",
     "line_guides",
     "march",
     "march_to_error",
     "memory",
+    "neighbours",
     "packing_of",
     "plane_guides",
+    "resultants",
     "touching",
+    "unit_cell",
     "validate",
     "y_chain",
 ]

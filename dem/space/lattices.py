@@ -128,3 +128,26 @@ def touching(centre: Array, period: Array, reach: float) -> tuple[Numbers, Array
     found, arm = np.concatenate(pairs).astype(np.int64), np.concatenate(arms)
     order = np.lexsort((*arm.T, found[:, 1], found[:, 0]))
     return found[order], arm[order]
+
+
+def unit_cell(name: str) -> tuple[Array, int]:
+    """Vectors (d, 3) of the cell of a lattice, in diameters, and how many kinds of layers it has:
+    those of hcp are two."""
+    shifts, height, width = LAYERS[name]
+    if name in PLANAR:
+        across = shifts[-1][0] if len(shifts) > 1 else 0.0
+        return np.array([[width, 0.0, 0.0], [across, height, 0.0]]), 1
+    side = [0.5, ROOT3 / 2.0, 0.0] if name in CLOSE_PACKED else [0.0, width, 0.0]
+    if name == "hcp":
+        return np.array([[width, 0.0, 0.0], side, [0.0, 0.0, 2.0 * height]]), 2
+    shift = shifts[1] if len(shifts) > 1 else (0.0, 0.0)
+    return np.array([[width, 0.0, 0.0], side, [*shift, height]]), 1
+
+
+def neighbours(name: str) -> Array:
+    """Unit vectors (n, 3) to the neighbours of an inner sphere of a lattice."""
+    size = (5, 5) if name in PLANAR else (5, 5, 5)
+    inner = lattice(name, size)
+    pairs, arm = touching(inner.centre, inner.period, 1.0 + CLOSE)
+    middle = int(np.flatnonzero((inner.place == 2).all(axis=1))[0])
+    return np.concatenate([arm[pairs[:, 0] == middle], -arm[pairs[:, 1] == middle]])

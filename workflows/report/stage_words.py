@@ -24,6 +24,7 @@ WORDS = {
     "record": "record of sensors",
     "signals": "plots of sensors",
     "crystal-march": "march of the crystal",
+    "crystal-modes": "modes of the crystal",
     "crystal-figures": "plots",
     "spatial-wall": "wall in three directions",
 }

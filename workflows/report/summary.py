@@ -186,14 +186,14 @@ class CrystalNumbers(BaseModel):
     """A packing of spheres in space and the front that runs through it.
 
     front_speed_m_s: along x, y and z, None where too few spheres lie in line with the struck ones;
-    band_edges_hz: least and largest frequency of each band of the pressed crystal, None where it is
-    not pressed; peak_structure_force_N: of the whole last row on what is behind it.
+    band_edges_hz: least and largest frequency of each band of the pressed lattice in turn, None where
+    nothing presses; peak_structure_force_N: of the whole last row on what is behind it.
     """
 
     n_spheres: int
     n_contacts: int
     front_speed_m_s: dict[str, float | None]
-    band_edges_hz: tuple[tuple[float, float], ...] | None = None
+    band_edges_hz: tuple[float, ...] | None = None
     peak_structure_force_N: float | None = None
 
 

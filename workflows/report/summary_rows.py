@@ -100,7 +100,14 @@ def crystal_rows(crystal: CrystalNumbers) -> list[tuple[str, str]]:
         ("crystal", listed([*counts])),
         ("speed of the front", listed(speeds)),
         ("peak force on the wall", si(crystal.peak_structure_force_N, "N")),
+        ("bands of small waves", bands(crystal.band_edges_hz or ())),
     ]
+
+
+def bands(edges: tuple[float, ...]) -> str:
+    """Bands by their edges [Hz], lower and upper in turn."""
+    pairs = zip(edges[::2], edges[1::2], strict=True)
+    return listed([f"{si(low, 'Hz') if low else '0'} to {si(high, 'Hz')}" for low, high in pairs])
 
 
 def with_error(summary: Summary, name: str, text: str) -> str:

@@ -36,7 +36,7 @@ EXAMPLES: dict[str, Any] = {
     "crystal.lattice": "hexagonal", "crystal.size": [21, 26], "crystal.half_angle": 45.0,
     "crystal.nodes": "nodes.csv", "crystal.links": "links.csv", "crystal.radius": "6 mm",
     "crystal.sides": "periodic", "crystal.missing": [[10, 3]], "crystal.scatter": 1e-3,
-    "crystal.seed": 7, "crystal.inclusions.N.at": [10, 12], "crystal.inclusions.N.radius": "5 mm",
+    "crystal.seed": 7, "crystal.precompression": "1 um", "crystal.force": "10 N", "crystal.inclusions.N.at": [10, 12], "crystal.inclusions.N.radius": "5 mm",
     "crystal.striker.at": [10, 0], "crystal.striker.row": 0, "crystal.striker.plane": 0,
     "crystal.striker.velocity": 0.3, "crystal.striker.direction": [0.0, 1.0, 0.0],
     "name": "lid", "scene.name": "my-rig", "unusual": ["chain.radius"],

@@ -51,6 +51,8 @@ INSTEAD = {
     "beam.width": {"diameter", "bore", "area", "second_moment"},
     "beam.diameter": {"width", "thickness", "area", "second_moment"},
     "beam.area": {"width", "thickness", "diameter", "bore"},
+    "crystal.precompression": {"force"},
+    "crystal.force": {"precompression"},
     "reduction.modes": {"cutoff", "error"},
     "reduction.cutoff": {"modes", "error"},
     "reduction.error": {"modes", "cutoff"},

@@ -14,6 +14,7 @@ OTHERS = (
     "chain", "striker", "leaf_springs", "guides", "preload", "friction", "arm", "shakers",
     "gravity",
 )  # fmt: skip
+STANDING = ("square", "sc")  # lattices whose rows stand on each other without sides
 MOST_SPHERES = 200_000  # of a crystal: a million contacts, some hours
 SPHERE_BYTES = 48 + 24 + 24  # of a saved instant of a sphere: its state, its contacts' forces
 MARCHES = 2  # in memory at once: the coarser one and the finer one
@@ -53,6 +54,18 @@ def of_crystal(scene: Scene) -> Iterator[str]:
         yield f"crystal.{key} is of a lattice, crystal.nodes is a network; drop it."
     if crystal.nodes and scene.wall is not None:
         yield "[wall] is behind the last row of a lattice, which a network has not; drop it."
+    pressed = [key for key in ("precompression", "force") if getattr(crystal, key) is not None]
+    if len(pressed) > 1:
+        yield "crystal.precompression and crystal.force exclude each other: keep one of them."
+    if pressed and (crystal.nodes or crystal.lattice == "y"):
+        yield f"crystal.{pressed[0]} is of a lattice, which this crystal is not; drop it."
+    elif pressed and scene.wall is None:
+        yield f"crystal.{pressed[0]} needs a [wall] that it presses against; add one."
+    elif pressed and crystal.sides == "free" and crystal.lattice not in STANDING:
+        yield (
+            f'crystal.{pressed[0]} presses a {crystal.lattice} packing apart with sides = "free"; '
+            'take sides = "periodic" or "rigid".'
+        )
     if crystal.striker is None:
         yield "nothing moves; add crystal.striker with a velocity."
 

@@ -22,7 +22,7 @@ from beadwave.workflows.scene.scene_table import (
     SceneTable,
     Young,
 )
-from beadwave.workflows.scene.units import VELOCITY
+from beadwave.workflows.scene.units import FORCE, LENGTH, VELOCITY
 
 PLANAR = ("square", "hexagonal")
 LATTICES = (*PLANAR, "sc", "bcc", "fcc", "hcp", "y")
@@ -93,6 +93,10 @@ class CrystalTable(SceneTable):
     # standard deviation of the radii over the radius; rows are then so far apart that none press
     scatter: Annotated[float, Field(ge=0, le=0.1)] = 0.0
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0  # of the scatter
+    # [m] overlap of the contacts at rest, held by a plane before the first row that stands still
+    precompression: of(Positive, LENGTH, 0, 1e-3) | None = None
+    # [N] in place of it: a steady force, an equal share on each sphere of the first row
+    force: of(Positive, FORCE, 0, 1e6) | None = None
     striker: CrystalStriker | None = None  # what moves at the start
 
     _of_named_material = of_named_material("density", "young", "poisson")

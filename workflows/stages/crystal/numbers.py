@@ -11,6 +11,7 @@ from beadwave.dem.validity import HARD, SLOW, SMALL_CONTACT
 from beadwave.workflows.files.npz import npz
 from beadwave.workflows.report.summary import ChainNumbers, CrystalNumbers
 from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages.crystal.linear import crystal_band_edges
 from beadwave.workflows.stages.crystal.packing import CrystalStart
 
 
@@ -34,6 +35,7 @@ def crystal_numbers(
         n_spheres=len(packing.mass),
         n_contacts=len(packing.A),
         front_speed_m_s=dict(zip("xyz", speeds, strict=True)),
+        band_edges_hz=crystal_band_edges(scene),
         peak_structure_force_N=None if wall is None else float(wall.max()),
     )
     errors = march.errors
@@ -57,7 +59,7 @@ def on_last_wall(scene: Scene, start: CrystalStart, march: SpaceTrajectory) -> n
     if scene.wall is None or not np.isin(start.last, march.saved).all():
         return None
     packing = start.packing
-    behind = (packing.pairs[:, 1] < 0) & (np.abs(packing.arm[:, start.axis]) > 0.5)
+    behind = (packing.pairs[:, 1] < 0) & (packing.arm[:, start.axis] > 0.5)
     return march.pair_force[:, behind[march.contacts]].sum(axis=1)
 
 

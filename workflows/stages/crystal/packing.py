@@ -6,6 +6,7 @@ import numpy as np
 
 from beadwave import dem
 from beadwave.dem import space
+from beadwave.dem.spheres import hertz_coefficient, hertz_overlap
 from beadwave.workflows.files.network_file import network
 from beadwave.workflows.scene import InvalidScene, OneDofWall, Scene
 from beadwave.workflows.stages.chain.chain import dissipation, flat
@@ -32,7 +33,7 @@ def start(scene: Scene) -> CrystalStart:
     be, and for a place without a sphere that is struck."""
     try:
         return _of_network(scene) if scene.crystal.nodes else _of_lattice(scene)
-    except dem.InvalidChain as error:
+    except (dem.InvalidChain, dem.NoEquilibrium) as error:
         raise InvalidScene(f"{scene.name}: crystal: {str(error).rstrip('.')}.") from None
 
 
@@ -84,17 +85,36 @@ def _of_lattice(scene: Scene) -> CrystalStart:
             f"{scene.name}: crystal.inclusions has a radius of {wide.radius:g} m at "
             f"{list(wide.at)}, which presses its neighbours apart; give up to {crystal.radius:g} m."
         )
-    row = np.cumsum(there) - 1
     place, centre = lattice.place[there], spacing * lattice.centre[there]
     R, rho, E, nu = radius[there], density[there], young[there], poisson[there]
     guides = None if lattice.guide is None else space.line_guides(lattice.guide[there])
     last = np.flatnonzero(place[:, -1] == place[:, -1].max())
-    packing = space.packing_of(
-        centre, R, rho, E, nu,
-        pairs=row[pairs], arm=spacing * arm, planes=_planes(scene, centre, R, lattice.axis, last),
-        guides=guides,
-    )  # fmt: skip
-    packing = _damped(scene, packing)
+    first = np.flatnonzero(place[:, -1] == place[:, -1].min())
+    pairs, arm = (np.cumsum(there) - 1)[pairs], spacing * arm
+    planes = _planes(scene, centre, R, lattice.axis, last)
+    pressed = crystal.precompression or crystal.force
+    if pressed:
+        scale = _shortening(scene, spacing, lattice.axis)
+        centre, arm = centre * scale, arm * scale
+        if crystal.precompression:
+            before = -np.eye(3)[lattice.axis]
+            gap = R[first] - centre[first, lattice.axis]
+            planes.append(space.Plane(first, before, gap - gap.max()))
+
+    def packing_of(planes: list[space.Plane]) -> space.Packing:
+        """The packing with these planes, its factor of stiffness and its damping."""
+        packing = space.packing_of(
+            centre, R, rho, E, nu, pairs=pairs, arm=arm, planes=planes, guides=guides
+        )
+        return _damped(scene, packing)
+
+    packing = packing_of(planes)
+    if pressed:
+        packing = packing_of(_pressing(packing, planes))
+        load = np.zeros((len(R), 3))
+        if crystal.force:
+            load[first, lattice.axis] = crystal.force / len(first)
+        packing = space.at_rest(packing, load)
     direction = crystal.striker.direction or np.eye(3)[lattice.axis]
     velocity = _velocity(scene, len(R), _struck(scene, place), direction, guides)
     number = np.flatnonzero(there) + 1
@@ -118,6 +138,43 @@ def _planes(scene: Scene, centre, radius, axis: int, last) -> list[space.Plane]:
                 normal = sign * np.eye(3)[across]
                 planes.append(space.Plane(at, normal, reach[at] - reach.max()))
     return planes
+
+
+def pressed_overlap(scene: Scene) -> float:
+    """Overlap [m] at rest of the contacts of the scene's perfect lattice; 0 where nothing presses:
+    that asked for, or of contacts that bear their share of the force on the first row."""
+    crystal = scene.crystal
+    if not crystal.force:
+        return crystal.precompression or 0.0
+    # contacts of a sphere with the next row, and how far they point along the axis
+    axis = 1 if crystal.dimensions == 2 else 2
+    near = space.neighbours(crystal.lattice)
+    along = near[near[:, axis] > 1e-9, axis].sum()
+    A = hertz_coefficient(*2 * (crystal.radius, crystal.young, crystal.poisson))
+    share = crystal.force / np.prod(crystal.size[:-1])
+    return float(hertz_overlap(share / along, A * scene.contact.stiffness_factor))
+
+
+def _shortening(scene: Scene, spacing: float, axis: int) -> np.ndarray:
+    """(3,) factors of the lattice pressed evenly to that overlap."""
+    scale = np.full(3, 1.0 - pressed_overlap(scene) / spacing)
+    if scene.crystal.sides == "free":  # columns that stand on their own
+        scale[:axis] = 1.0
+    return scale
+
+
+def _pressing(packing: space.Packing, planes: list[space.Plane]) -> list[space.Plane]:
+    """The planes so near that they bear what the pressed spheres at them lack, in the mean."""
+    still = packing._replace(A=np.where(packing.pairs[:, 1] < 0, 0.0, packing.A))
+    lacking, _ = space.resultants(still, np.zeros_like(packing.rest))
+    moved, at = [], packing.n_pairs
+    for plane in planes:
+        A = packing.A[at : at + plane.spheres.size].mean()
+        force = (lacking[plane.spheres] @ plane.normal).mean()
+        nearer = hertz_overlap(max(force, 0.0), A)
+        moved.append(plane._replace(overlap=plane.overlap + nearer))
+        at += plane.spheres.size
+    return moved
 
 
 def _damped(scene: Scene, packing: space.Packing) -> space.Packing:

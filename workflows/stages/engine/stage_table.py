@@ -392,11 +392,15 @@ STAGES = (
         when=has_crystal,
     ),
     Stage(
+        "crystal-modes", ".crystal.linear:crystal_modes", tables_of("crystal"), ("crystal",),
+        when=has_crystal,
+    ),
+    Stage(
         "arrivals", ".crystal.numbers:waves", tables_of(), ("crystal", "crystal-march"),
         when=has_crystal, listed=False,
     ),
     Stage(
-        "crystal-numbers", ".crystal.numbers:crystal_numbers", tables_of("wall"),
+        "crystal-numbers", ".crystal.numbers:crystal_numbers", tables_of("crystal", "contact", "wall"),
         ("crystal", "crystal-march", "arrivals"), when=has_crystal, listed=False,
     ),
     Stage(
