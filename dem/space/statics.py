@@ -15,7 +15,8 @@ from beadwave.dem.kernels.arguments import Array
 from beadwave.dem.space.packing import Packing
 from beadwave.dem.statics import NoEquilibrium
 
-ENOUGH = 1e-9  # out of balance over the largest contact force: of overlaps of 1e-7 m rounding leaves 1e-11
+# out of balance over the largest contact force; of overlaps of 1e-7 m rounding leaves 1e-11
+ENOUGH = 1e-9
 
 
 def lines(packing: Packing, u: Array) -> tuple[Array, Array, Array]:
@@ -28,7 +29,9 @@ def lines(packing: Packing, u: Array) -> tuple[Array, Array, Array]:
     span[:n] += move[:n]
     r = np.linalg.norm(span, axis=1)
     # |X + D| - |X| without the cancellation of that difference, see `kernel`
-    rise = np.einsum("cx,cx->c", move, packing.arm + span) / (r + np.linalg.norm(packing.arm, axis=1))
+    rise = np.einsum("cx,cx->c", move, packing.arm + span) / (
+        r + np.linalg.norm(packing.arm, axis=1)
+    )
     rise[n:] = np.einsum("cx,cx->c", move[n:], packing.arm[n:])
     return span / r[:, None], packing.overlap - rise, np.where(np.arange(len(r)) < n, r, np.inf)
 
@@ -91,7 +94,9 @@ def at_rest(packing: Packing, load: Array) -> Packing:
         e, overlap, _ = lines(packing, u)
         k = 1.5 * packing.A * np.sqrt(np.maximum(overlap, 0.0))
         K = assembled(packing, k[:, None, None] * e[:, :, None] * e[:, None, :])
-        stiffest = k.max(initial=0.0) or 1.5 * packing.A.max() * (scale / packing.A.max()) ** (1 / 3)
+        stiffest = k.max(initial=0.0) or 1.5 * packing.A.max() * (scale / packing.A.max()) ** (
+            1 / 3
+        )
         for _ in range(40):
             du = splu(K + diags_array(np.full(K.shape[0], damping * stiffest), format="csc")).solve(
                 residual.ravel()
@@ -101,7 +106,9 @@ def at_rest(packing: Packing, load: Array) -> Packing:
                 du = np.einsum("sxy,sy->sx", guides.motion, du)
             after = energy(u + du)
             # near the end energies are alike to rounding, and forces tell
-            smaller = np.abs(resultants(packing, u + du)[0] + allowed).max() < np.abs(residual).max()
+            smaller = (
+                np.abs(resultants(packing, u + du)[0] + allowed).max() < np.abs(residual).max()
+            )
             if after < before or smaller:
                 break
             damping *= 4.0

@@ -5,6 +5,7 @@ import pytest
 
 from beadwave import dem
 from beadwave.dem import space
+from beadwave.dem.space import linear
 from beadwave.dem.space.waves import arrivals, front_speed
 
 from packing_reference import random_network, reference
@@ -233,3 +234,108 @@ def test_a_y_whose_branches_overlap_is_refused():
     with pytest.raises(dem.InvalidChain, match="above 30"):
         space.y_chain(3, 3, 30.0)
     assert space.y_chain(3, 3, 30.1).centre.shape == (9, 3)
+
+
+# --- pressed packings ----------------------------------------------------------------------------
+
+
+PRESSED = 1e-6  # m: d0 / D is 8e-5, which the closed forms of the linear limit leave out
+
+
+def pressed_lattice(name, size=6):
+    """A periodic packing pressed evenly, its cell, and k / m [1/s^2]."""
+    planar = name in ("square", "hexagonal")
+    lattice = space.lattice(name, (size,) * (2 if planar else 3), periodic=True)
+    pairs, arm = space.touching(lattice.centre, lattice.period, 1.0 + space.CLOSE)
+    spacing = D - PRESSED
+    packing = space.packing_of(
+        spacing * lattice.centre, R, RHO, E, NU, pairs=pairs, arm=spacing * arm
+    )  # fmt: skip
+    vectors, kinds = space.unit_cell(name)
+    free = np.arange(2 if planar else 3)
+    of_cell = linear.cell(packing, lattice.place[:, -1] % kinds, free)
+    reciprocal = 2 * np.pi * np.linalg.pinv(spacing * vectors).T
+    k = 1.5 * packing.A[0] * np.sqrt(PRESSED)
+    return packing, of_cell, reciprocal, k / packing.mass[0]
+
+
+def test_waves_of_a_pressed_hexagonal_packing_follow_the_closed_form():
+    _, of_cell, _, k = pressed_lattice("hexagonal")
+    q = np.linspace(0.02, np.pi, 60) / D
+    along = 1 - np.cos(q * D), 1 - np.cos(q * D / 2)
+    across = 1 - np.cos(np.sqrt(3) * q * D / 2)
+    theory = {0: (2 * along[0] + along[1], 3 * along[1]), 1: (3 * across, across)}
+    for axis, branches in theory.items():
+        found = (2 * np.pi * linear.dispersion(of_cell, q[:, None] * np.eye(3)[axis])) ** 2
+        np.testing.assert_allclose(found, np.sort(k * np.array(branches).T, axis=1), rtol=5e-4)
+
+
+@pytest.mark.parametrize(
+    ("name", "top"),
+    [("square", 4), ("hexagonal", 6), ("sc", 4), ("bcc", 16 / 3), ("fcc", 8), ("hcp", 8)],
+)
+def test_the_upper_band_edge_is_that_of_the_lattice(name, top):
+    _, of_cell, reciprocal, k = pressed_lattice(name)
+    low, high = linear.band_edges(of_cell, reciprocal)
+    assert low == 0.0
+    assert (2 * np.pi * high) ** 2 / k == pytest.approx(top, rel=2e-4)
+
+
+def test_modes_of_a_periodic_crystal_are_waves_of_its_lattice():
+    lattice = space.lattice("hexagonal", (6, 6), periodic=True)
+    up = np.array([[0.0, 6 * np.sqrt(0.75), 0.0]])
+    pairs, arm = space.touching(
+        lattice.centre, np.concatenate([lattice.period, up]), 1.0 + space.CLOSE
+    )
+    spacing = D - PRESSED
+    packing = space.packing_of(
+        spacing * lattice.centre, R, RHO, E, NU, pairs=pairs, arm=spacing * arm
+    )  # fmt: skip
+    found = linear.modes(packing, np.arange(2))
+    _, of_cell, _, _ = pressed_lattice("hexagonal")
+    waves = linear.dispersion(of_cell, grid_of_turns(spacing))
+    np.testing.assert_allclose(found.frequency, np.sort(waves.ravel()), atol=0.02)
+    m = packing.mass[:, None]
+    gram = np.einsum("asx,bsx->ab", found.shape * m, found.shape)
+    np.testing.assert_allclose(gram, np.eye(len(gram)), atol=1e-9)
+
+
+def grid_of_turns(spacing):
+    """Wave vectors (36, 3) that repeat over 6 columns and 6 rows."""
+    i, j = np.meshgrid(np.arange(6), np.arange(6), indexing="ij")
+    x = 2 * np.pi * i.ravel() / (6 * spacing)
+    y = 2 * np.pi * j.ravel() / (6 * spacing * np.sqrt(0.75))
+    return np.column_stack([x, y, np.zeros(36)])
+
+
+def test_a_pressed_packing_with_holes_rests_and_swings_by_its_modes():
+    """At rest nothing moves; pushed along a mode the packing swings at its frequency."""
+    lattice = space.lattice("hexagonal", (5, 6), periodic=True)
+    there = np.flatnonzero((lattice.place != (2, 3)).any(axis=1))
+    pairs, arm = space.touching(lattice.centre, lattice.period, 1.0 + space.CLOSE)
+    pairs, arm = (part[np.isin(pairs, there).all(axis=1)] for part in (pairs, arm))
+    spacing = D - PRESSED
+    centre = spacing * lattice.centre[there]
+    row = lattice.place[there, 1]
+    ends = [
+        space.Plane(np.flatnonzero(row == r), np.array([0.0, s, 0.0]), np.full(5, 1.5e-6))
+        for r, s in ((0, -1.0), (5, 1.0))
+    ]
+    packing = space.packing_of(
+        centre, R, RHO, E, NU, pairs=np.searchsorted(there, pairs), arm=spacing * arm, planes=ends
+    )  # fmt: skip
+    rest = space.at_rest(packing, np.zeros((len(there), 3)))
+    forces, largest = space.resultants(rest, np.zeros_like(centre))
+    assert np.abs(forces).max() < 1e-8 * largest.max()
+    still = space.march(rest, None, np.zeros_like(centre), duration=2e-4, dt=1e-6, n_save=20)
+    assert np.abs(still.displacement).max() < 1e-8 * PRESSED
+
+    found = linear.modes(rest, np.arange(2))
+    mode = len(found.frequency) // 2
+    f, shape = found.frequency[mode], found.shape[mode]
+    small = 1e-4 * PRESSED * 2 * np.pi * f  # m/s: amplitudes of 1e-4 of the overlap
+    v0 = small * shape / np.abs(shape).max()
+    swing = space.march_to_error(rest, None, v0, duration=3 / f, error=1e-5, n_save=300)
+    at = np.abs(v0[:, 1]).argmax()
+    cosine = v0[at, 1] * np.cos(2 * np.pi * f * swing.t)
+    np.testing.assert_allclose(swing.velocity[:, at, 1], cosine, atol=2e-3 * small)

@@ -27,6 +27,11 @@ NODES = """sphere, x [m], y [m], z [m], radius [m], guide_x, guide_y, guide_z
 LINKS = "first, second\n7, 8\n9, 8\n"
 
 
+PERIODIC = {
+    "crystal.sides": "periodic", "crystal.size": [4, 6], "crystal.striker.at": [1, 0]
+}  # fmt: skip
+
+
 @pytest.fixture
 def network(tmp_path):
     """The tables of a network of three spheres in a row, whose files can be written anew."""
@@ -174,6 +179,11 @@ def test_files_of_a_network_that_are_wrong_are_refused(file, text, sentence, net
         ({"crystal.inclusions": [{"at": [1, 1], "radius": 7e-3}]}, "presses its neighbours"),
         ({"crystal.half_angle": 45.0}, 'lattice = "y" belong together'),
         ({"crystal.nodes": "nodes.csv"}, "belong together"),
+        ({"crystal.precompression": "1 um"}, 'sides = "periodic" or "rigid"'),
+        (
+            {"crystal": {**SMALL["crystal"], "precompression": 1e-6, "force": 10.0}},
+            "exclude each other",
+        ),
         ({"chain": {"count": 3, "radius": 6e-3, "material": "steel"}}, "is of a chain"),
         ({"wall": {"kind": "dashpot", "coefficient": 300.0}}, "not behind a"),
         ({"contact.law": "power", "contact.stiffness": 1e9, "contact.exponent": 2.0}, "hertz"),
@@ -208,3 +218,39 @@ def test_verbs_of_chains_say_that_a_crystal_has_none(verb, capsys, tmp_path):
     }
     assert command(verb, "y-chain", *arguments[verb]) == 2
     assert "[chain]" in capsys.readouterr().err
+
+
+def test_a_pressed_crystal_rests_and_its_band_ends_at_the_closed_form():
+    pressed = {**PERIODIC, "crystal.precompression": "1 um", "crystal.striker.velocity": 1e-7}
+    run = beadwave.impact(SMALL, pressed)
+    a = run.arrays
+    inner = (a["pairs"] >= 0).all(axis=1)
+    A = 4 / 3 * 210e9 / 2 / (1 - 0.3**2) * np.sqrt(0.003)
+    np.testing.assert_allclose(a["pair_force"][0, inner], A * 1e-9, rtol=1e-6)
+    k, m = 1.5 * A * 1e-3, 7850 * 4 / 3 * np.pi * 0.006**3
+    low, high = run.summary.crystal.band_edges_hz
+    assert low == 0.0 and high == pytest.approx(np.sqrt(6 * k / m) / 2 / np.pi, rel=2e-4)
+    # next to the striker's 1e-7 m/s the forces at rest leave nothing
+    assert np.abs(a["velocity"]).max() < 1.5e-7
+
+
+def test_a_force_on_the_first_row_arrives_at_the_wall():
+    run = beadwave.impact(SMALL, {**PERIODIC, "crystal.force": "10 N"})
+    at_wall = run.arrays["pairs"][:, 1] < 0
+    assert run.arrays["pair_force"][0, at_wall].sum() == pytest.approx(10.0, rel=1e-9)
+
+
+def test_modes_of_a_crystal_are_printed_beside_its_bands(capsys, tmp_path):
+    options = [f"--set={key}={value}" for key, value in PERIODIC.items()]
+    options += ["--set=crystal.precompression=1um", "--json", "--out", str(tmp_path / "modes")]
+    assert command("modes", "hexagonal", *options) == 0
+    table = json.loads(capsys.readouterr().out)
+    assert table["n_still"] == 1 and len(table["rows"]) == 2 * 24 - 1  # it slides along the planes
+    top = table["band_edges_hz"][1]
+    assert 0.9 * top < table["rows"][-1]["frequency_hz"] < 1.001 * top
+    assert [branch["axis"] for branch in table["dispersion"]] == ["x", "y"]
+    assert (tmp_path / "modes" / "figures" / "dispersion.png").is_file()
+    assert beadwave.modes("hexagonal", {**PERIODIC, "crystal.precompression": 1e-6}).data.mode.size
+
+    assert command("modes", "hexagonal") == 2
+    assert "give crystal.precompression" in capsys.readouterr().err

@@ -186,8 +186,8 @@ class CrystalNumbers(BaseModel):
     """A packing of spheres in space and the front that runs through it.
 
     front_speed_m_s: along x, y and z, None where too few spheres lie in line with the struck ones;
-    band_edges_hz: least and largest frequency of each band of the pressed lattice in turn, None where
-    nothing presses; peak_structure_force_N: of the whole last row on what is behind it.
+    band_edges_hz: least and largest frequency of each band of the pressed lattice in turn, None
+    where nothing presses; peak_structure_force_N: of the whole last row on what is behind it.
     """
 
     n_spheres: int

@@ -400,8 +400,8 @@ STAGES = (
         when=has_crystal, listed=False,
     ),
     Stage(
-        "crystal-numbers", ".crystal.numbers:crystal_numbers", tables_of("crystal", "contact", "wall"),
-        ("crystal", "crystal-march", "arrivals"), when=has_crystal, listed=False,
+        "crystal-numbers", ".crystal.numbers:crystal_numbers",
+        tables_of("crystal", "contact", "wall"), ("crystal", "crystal-march", "arrivals"), when=has_crystal, listed=False,
     ),
     Stage(
         "crystal-files", ".crystal.numbers:crystal_files", tables_of(),
