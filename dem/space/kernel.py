@@ -69,7 +69,7 @@ class SpaceMotion(NamedTuple):
     force: Array  # (c, 3) [N] on the second sphere of each contact
     moment: Array  # (c, 3) [N m] r e x T, of which each sphere gets its share
     traction: Array  # (c, 3) [N] T on the first sphere
-    depth: Array  # (c,) [m] overlap at which T was computed
+    depth: Array  # (c,) [m] overlap at which T was computed, < 0 for a gap
     damper: Array  # (c, 3) [N] on the second sphere, with the dampers
     middle: Array  # (s, 3) [m/s] velocities inside of a kick with dampers
     change: Array  # (s, 3) [m/s] that such a kick makes
@@ -208,7 +208,7 @@ def contact_forces(
         if d <= 0.0:
             force[c, 0], force[c, 1], force[c, 2] = 0.0, 0.0, 0.0
             if friction is not None:
-                open_contact(c, motion)
+                open_contact(c, d, motion, friction)
             continue
         if plastic is None:
             pressed = elastic_force(c, d, A, shape)
@@ -232,12 +232,16 @@ def deepen(c: int, d: float, lost: Array, A: Array, plastic: Plastic) -> None:
 
 
 @ieee_inline
-def open_contact(c: int, motion: SpaceMotion) -> None:
-    """An open contact has no friction; what its springs still held is heat, nothing to rounding."""
-    for k in range(3):
-        motion.traction[c, k] = 0.0
-        motion.moment[c, k] = 0.0
-    motion.depth[c] = 0.0
+def open_contact(c: int, d: float, motion: SpaceMotion, friction: Friction) -> None:
+    """Friction of an open contact, the gap -d [m]: none; what its springs still held is heat."""
+    T = motion.traction
+    if motion.depth[c] > 0.0:
+        square = T[c, 0] * T[c, 0] + T[c, 1] * T[c, 1] + T[c, 2] * T[c, 2]
+        motion.heat[c] += 0.5 * square / (friction.stiffness[c] * math.sqrt(motion.depth[c]))
+    for axis in range(3):
+        T[c, axis] = 0.0
+        motion.moment[c, axis] = 0.0
+    motion.depth[c] = d
 
 
 @ieee
@@ -293,24 +297,32 @@ def rub(
     )
     g0, g1, g2 = turned(g0, g1, g2, (m0, m1, m2), (e0, e1, e2), 0.0)
 
-    k0 = friction.stiffness[c] * math.sqrt(motion.depth[c])
+    # a contact that closes within the step has the part of the way behind that
+    d0 = motion.depth[c]
+    if d0 < 0.0:
+        closed = d / (d - d0)
+        g0, g1, g2 = closed * g0, closed * g1, closed * g2
+        d0 = 0.0
+    k0 = friction.stiffness[c] * math.sqrt(d0)
     k1 = friction.stiffness[c] * math.sqrt(d)
+    before = math.sqrt(t0 * t0 + t1 * t1 + t2 * t2)
     x0, x1, x2 = 0.0, 0.0, 0.0  # xi before
     if k0 > 0.0:
         x0, x1, x2 = t0 / k0, t1 / k0, t2 / k0
     if k1 < k0:
-        t0, t1, t2 = k1 * (x0 + g0), k1 * (x1 + g1), k1 * (x2 + g2)
+        k = k1
+        t0, t1, t2 = k * (x0 + g0), k * (x1 + g1), k * (x2 + g2)
     else:
-        k = 0.5 * (k0 + k1)
+        k = (2.0 / 3.0) * (k0 * k0 + k0 * k1 + k1 * k1) / (k0 + k1)  # mean over the overlaps
         t0, t1, t2 = t0 + k * g0, t1 + k * g1, t2 + k * g2
-    x0, x1, x2 = x0 + t0 / k1, x1 + t1 / k1, x2 + t2 / k1
-    motion.heat[c] += 0.125 * (x0 * x0 + x1 * x1 + x2 * x2) * abs(k1 - k0)
 
-    # slip: back to the bound along the radius
+    # slip: back to the bound along the radius, against the mean of the force in the step
     size, bound = math.sqrt(t0 * t0 + t1 * t1 + t2 * t2), friction.coefficient[c] * pressed
     if size > bound:
-        motion.heat[c] += bound * (size - bound) / k1
+        motion.heat[c] += 0.5 * (before + bound) * (size - bound) / k
         t0, t1, t2 = t0 * bound / size, t1 * bound / size, t2 * bound / size
+    x0, x1, x2 = x0 + t0 / k1, x1 + t1 / k1, x2 + t2 / k1
+    motion.heat[c] += 0.125 * (x0 * x0 + x1 * x1 + x2 * x2) * abs(k1 - k0)
     T[c, 0], T[c, 1], T[c, 2] = t0, t1, t2
     motion.depth[c] = d
 

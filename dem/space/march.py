@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from beadwave.dem.checks import InvalidChain, positive, require, whole
+from beadwave.dem.checks import InvalidChain, positive, require, vector, whole
 from beadwave.dem.kernels import oscillators
 from beadwave.dem.kernels.arguments import Array, Damping, Plastic, Steps, WallModes
 from beadwave.dem.kernels.laws import DAMPING_LAWS
@@ -56,10 +56,10 @@ class SpaceTrajectory(NamedTuple):
     wall_v: Array  # (k,) [m/s]
     wall_force: Array  # (k,) [N] of all contacts on the wall that moves
     energy_kinetic: Array  # (k,) [J] of the spheres, without their spin
-    energy_rotation: Array  # (k,) [J]
+    energy_spin: Array  # (k,) [J]
     energy_contact: Array  # (k,) [J] of the contacts of two spheres
     energy_wall_contact: Array  # (k,) [J] of those with planes
-    energy_tangential: Array  # (k,) [J]
+    energy_shear: Array  # (k,) [J]
     energy_wall: Array  # (k,) [J] of the wall's modes
     dissipated_contact: Array  # (k,) [J] by dampers and yield
     dissipated_friction: Array  # (k,) [J]
@@ -75,10 +75,10 @@ class SpaceTrajectory(NamedTuple):
     errors: SpaceErrors | None = None
 
 
-def default_scheme(packing: Packing, friction: Friction | None) -> Scheme:
+def default_scheme(packing: Packing) -> Scheme:
     """The scheme that measures best: friction and yield have no way back in time, and the fewest
     kicks of order 6 need forces of positions alone."""
-    if friction is not None or packing.yield_overlap is not None or packing.jumps:
+    if packing.rubs or packing.yield_overlap is not None or packing.jumps:
         return SCHEMES["verlet"]
     return SCHEMES["rkn6" if dampers(packing) is None else "suzuki4"]
 
@@ -92,11 +92,12 @@ def march(
     dt: float,
     n_save: int = 1000,
     saved: ArrayLike | None = None,
-    friction: Friction | None = None,
+    spin: ArrayLike | None = None,
     scheme: str | None = None,
 ) -> SpaceTrajectory:
-    """Trajectory from rest with velocities v0 (s, 3) [m/s], at n_save + 1 equal times from 0 to
-    `duration` [s], by the longest steps that divide their spacing and are not above dt [s].
+    """Trajectory from the places at rest with velocities v0 (s, 3) [m/s] and a `spin` (s, 3)
+    [rad/s], without it none, at n_save + 1 equal times from 0 to `duration` [s], by the longest
+    steps that divide their spacing and are not above dt [s].
 
     `saved` are the spheres that are kept (all without it), from 0. The planes that move do so with
     the modes of `wall`. Raises InvalidChain, and UnstableStep where a state is not finite.
@@ -110,23 +111,27 @@ def march(
         spheres.size and 0 <= spheres[0] and spheres[-1] < len(packing.mass),
         f"saved spheres are {saved!r}; give numbers from 0 to {len(packing.mass) - 1}",
     )
-    needed = memory(packing, spheres, n_save, friction) / 8
+    needed = memory(packing, spheres, n_save) / 8
     if needed > MOST_SAVED:
         raise InvalidChain(
             f"{n_save} saves of {spheres.size} spheres are {needed:.2g} numbers, allowed are "
             f"{MOST_SAVED:.0e}; save fewer spheres or instants"
         )
-    method = default_scheme(packing, friction) if scheme is None else SCHEMES[scheme]
+    method = default_scheme(packing) if scheme is None else SCHEMES[scheme]
     stride = max(1, int(np.ceil(duration / (n_save * dt) * (1 - 1e-9))))
     steps = Steps(duration / (n_save * stride), n_save, stride)
 
     motion = start(packing, v0)
-    out = room(packing, spheres, n_save + 1, friction)
+    if spin is not None:
+        turning = np.asarray(spin, float)
+        vector("spin", turning.ravel(), v0.size)
+        motion.spin[:] = turning
+    out = room(packing, spheres, n_save + 1)
     law, shape = SCHEMES[method.name], None
     modes = wall_modes(packing, wall, steps.h * law.a)
     count = kernel.march(
         motion, arrays(packing), (law.a, law.b), steps, out, shape, plastic(packing),
-        dampers(packing), friction, packing.guides, packing.load, packing.weight, modes,
+        dampers(packing), friction(packing), packing.guides, packing.load, packing.weight, modes,
     )  # fmt: skip
     if count < n_save:
         raise UnstableStep(
@@ -145,7 +150,6 @@ def march_to_error(
     error: float,
     n_save: int = 1000,
     saved: ArrayLike | None = None,
-    friction: Friction | None = None,
     # stated error over what the difference says: of 300 random networks with 2 none is below
     safety: float = 2.0,
     # the same of each sphere and contact, which may be alike in two marches by chance: of 1514
@@ -164,15 +168,15 @@ def march_to_error(
     positive("error", error)
     positive("duration", duration, " s")
     speed = float(np.linalg.norm(v0, axis=1).max()) or 1.0
-    order = event_order(packing, friction)
-    run = {"duration": duration, "n_save": n_save, "saved": saved, "friction": friction}
-    step, coarse, spent = first_step(packing, v0, duration, friction), None, 0.0
+    order = event_order(packing)
+    run = {"duration": duration, "n_save": n_save, "saved": saved}
+    step, coarse, spent = first_step(packing, v0, duration), None, 0.0
     best: tuple[float, float] | None = (
         None  # step and excess of the march from which none is better
     )
 
     while True:
-        spent += work(packing, duration, step, friction)
+        spent += work(packing, duration, step)
         if spent > MOST_WORK:
             raise UnstableStep(
                 f"error {error:g} over {duration:g} s is not reached within {MOST_WORK:.0e} "
@@ -223,37 +227,33 @@ def rounding(march: SpaceTrajectory) -> float:
     return 30.0 * float(np.finfo(float).eps) * held / (march.energy_kinetic[0] or held or 1.0)
 
 
-def first_step(
-    packing: Packing, v0: Array, duration: float, friction: Friction | None = None
-) -> float:
+def first_step(packing: Packing, v0: Array, duration: float) -> float:
     """Step [s] of the first march of `march_to_error`: a quarter of the longest stable one."""
     rate = max(fastest_rate(packing, v0), 1.0 / duration)
-    return 0.25 * stability_interval(default_scheme(packing, friction)) / rate
+    return 0.25 * stability_interval(default_scheme(packing)) / rate
 
 
-def work(packing: Packing, duration: float, step: float, friction: Friction | None = None) -> float:
+def work(packing: Packing, duration: float, step: float) -> float:
     """Contacts that a march of steps [s] computes."""
-    evaluations = default_scheme(packing, friction).evaluations
+    evaluations = default_scheme(packing).evaluations
     return duration / step * evaluations * max(len(packing.A), 1)
 
 
-def memory(
-    packing: Packing, saved: Numbers, n_save: int, friction: Friction | None = None
-) -> float:
+def memory(packing: Packing, saved: Numbers, n_save: int) -> float:
     """Bytes of a trajectory of the saved spheres (numbers from 0), and of the march."""
     inside = np.zeros(len(packing.mass) + 2, bool)
     inside[saved] = True
     inside[-2:] = True
     contacts = int(np.sum(inside[packing.pairs[:, 0]] & inside[packing.pairs[:, 1]]))
-    of_save = saved.size * (9 if friction else 6) + contacts * (4 if friction else 1) + 15
+    of_save = saved.size * (9 if packing.rubs else 6) + contacts * (4 if packing.rubs else 1) + 15
     return 8.0 * ((n_save + 1) * of_save + 15 * len(packing.mass) + 25 * len(packing.A))
 
 
-def event_order(packing: Packing, friction: Friction | None) -> float:
+def event_order(packing: Packing) -> float:
     """Power of the step by which the velocities' error falls, see the head of the module."""
     if dampers(packing) is not None and packing.jumps:
         return 1.0
-    return 2.5 if default_scheme(packing, friction).name != "verlet" else 2.0
+    return 2.5 if default_scheme(packing).name != "verlet" else 2.0
 
 
 def fastest_rate(packing: Packing, v0: Array) -> float:
@@ -283,7 +283,7 @@ def start(packing: Packing, v0: Array) -> SpaceMotion:
     zeros = {name: np.zeros((s, 3)) for name in ("u", "spin", "middle", "change")}
     zeros |= {name: np.zeros((c, 3)) for name in ("force", "moment", "traction", "damper")}
     zeros |= {"wall": np.zeros(4), "lost": np.zeros(c), "heat": np.zeros(c)}
-    return SpaceMotion(v=np.ascontiguousarray(v), depth=np.maximum(packing.overlap, 0.0), **zeros)
+    return SpaceMotion(v=np.ascontiguousarray(v), depth=packing.overlap.copy(), **zeros)
 
 
 def arrays(packing: Packing) -> SpaceArrays:
@@ -324,6 +324,13 @@ def dampers(packing: Packing) -> Damping | None:
     return Damping(np.asarray(packing.gamma, float), law, pair)
 
 
+def friction(packing: Packing) -> Friction | None:
+    """Friction of the contacts; None without."""
+    if not packing.rubs:
+        return None
+    return Friction(np.asarray(packing.friction, float), packing.shear)
+
+
 def wall_modes(packing: Packing, wall: Wall | None, spans: Array) -> WallModes | None:
     """The modes of the wall that moves, about their displacement at rest; spans [s] of drifts."""
     if wall is None or not wall.omega.size:
@@ -342,14 +349,14 @@ def wall_modes(packing: Packing, wall: Wall | None, spans: Array) -> WallModes |
     )  # fmt: skip
 
 
-def room(packing: Packing, spheres: Numbers, k: int, friction: Friction | None) -> SpaceSaved:
+def room(packing: Packing, spheres: Numbers, k: int) -> SpaceSaved:
     """Room for k saves of these spheres and the contacts between them."""
     inside = np.zeros(len(packing.mass) + 2, bool)
     inside[spheres] = True
     inside[-2:] = True  # planes
     contacts = np.flatnonzero(inside[packing.pairs[:, 0]] & inside[packing.pairs[:, 1]])
     s, c = spheres.size, contacts.size
-    spinning, rubbing = (s, c) if friction is not None else (0, 0)
+    spinning, rubbing = (s, c) if packing.rubs else (0, 0)
     return SpaceSaved(
         spheres, contacts, np.zeros((k, s, 3)), np.zeros((k, s, 3)), np.zeros((k, spinning, 3)),
         np.zeros((k, c)), np.zeros((k, rubbing, 3)), np.zeros((k, 3)), np.zeros((k, 12)),

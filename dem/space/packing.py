@@ -14,7 +14,7 @@ from beadwave.dem.checks import InvalidChain, require, scalar, vector
 from beadwave.dem.kernels.arguments import Array
 from beadwave.dem.kernels.laws import DAMPING_LAWS
 from beadwave.dem.space.kernel import Guides, Numbers
-from beadwave.dem.spheres import hertz_coefficient, mass
+from beadwave.dem.spheres import hertz_coefficient, mass, mindlin_coefficient
 from beadwave.dem.walls import Wall
 
 AT_REST, MOVING = -1, -2  # in the place of a contact's second sphere: a plane
@@ -35,7 +35,7 @@ class Packing(NamedTuple):
     """s spheres and c contacts, those of two spheres first; parts that are absent are None.
 
     The forces of contacts, dampers and yield follow `dem.Chain`. `load` is steady: the weights, and
-    what holds a packing that is pressed at rest. With `friction` spheres spin.
+    what holds a packing that is pressed at rest.
     """
 
     rest: Array  # (s, 3) [m] centres
@@ -46,6 +46,8 @@ class Packing(NamedTuple):
     arm: Array  # (c, 3) [m] from centre to centre at rest; the normal of a plane
     overlap: Array  # (c,) [m] at rest
     A: Array  # (c,) [N/m^1.5]
+    shear: Array  # (c,) [N/m^1.5] K of Mindlin's tangential stiffness K sqrt(overlap)
+    friction: Array | None = None  # (c,) coefficients; with it spheres spin
     dissipation: str = "none"
     gamma: Array | None = None  # (c,)
     yield_overlap: Array | None = None  # (c,) [m]
@@ -64,6 +66,11 @@ class Packing(NamedTuple):
         length = np.linalg.norm(self.arm, axis=1)
         length[self.n_pairs :] = self.radius[self.pairs[self.n_pairs :, 0]]
         return length
+
+    @property
+    def rubs(self) -> bool:
+        """True if any contact has friction."""
+        return self.friction is not None and bool(np.any(self.friction))
 
     @property
     def jumps(self) -> bool:
@@ -88,7 +95,7 @@ def packing_of(
 
     `arm` (c, 3) [m] leads from the first to the second centre of each pair, by default as the
     centres lie: across a periodic side it does not. `planes` carry further contacts. `fields` are
-    those of `Packing`; gamma and yield_overlap (c,) are of all contacts, those with planes last.
+    those of `Packing`; friction, gamma, yield_overlap (c,) are of all contacts, planes' last.
     Raises InvalidChain for numbers out of range.
     """
     rest = np.ascontiguousarray(rest, float)
@@ -116,20 +123,22 @@ def packing_of(
     i, j = pairs.T
     overlap = R[i] + R[j] - np.linalg.norm(arm, axis=1)
     A = hertz_coefficient(R[i], E[i], nu[i], R[j], E[j], nu[j])
-    tables = [(pairs, arm, overlap, A)]
+    K = mindlin_coefficient(R[i], E[i], nu[i], R[j], E[j], nu[j])
+    tables = [(pairs, arm, overlap, A, K)]
     for plane in planes:
         k = np.asarray(plane.spheres, np.int64)
         second = np.full(k.size, MOVING if plane.moves else AT_REST)
         normal = np.broadcast_to(np.asarray(plane.normal, float), (k.size, 3))
         of_plane = hertz_coefficient(R[k], E[k], nu[k], np.inf, plane.young, plane.poisson)
         leaning = np.broadcast_to(np.asarray(plane.overlap, float), k.size)
-        tables.append((np.column_stack([k, second]), normal, leaning, of_plane))
-    all_pairs, arms, overlaps, coefficients = (
+        sideways = mindlin_coefficient(R[k], E[k], nu[k], np.inf, plane.young, plane.poisson)
+        tables.append((np.column_stack([k, second]), normal, leaning, of_plane, sideways))
+    all_pairs, arms, overlaps, coefficients, shear = (
         np.concatenate(parts) for parts in zip(*tables, strict=True)
     )
     return Packing(
         rest, R.copy(), mass(R, rho), np.ascontiguousarray(all_pairs), len(pairs),
-        np.ascontiguousarray(arms), overlaps, coefficients, **fields,
+        np.ascontiguousarray(arms), overlaps, coefficients, shear, **fields,
     )  # fmt: skip
 
 
@@ -155,6 +164,8 @@ def validate(packing: Packing, wall: Wall | None, v0: ArrayLike) -> Array:
     )
     if packing.dissipation != "none":
         vector("gamma", packing.gamma, c, at_least=0.0)
+    if packing.friction is not None:
+        vector("friction", packing.friction, c, at_least=0.0)
     if packing.yield_overlap is not None:
         vector("yield_overlap", packing.yield_overlap, c, positive=True)
     if wall is not None:

@@ -104,3 +104,84 @@ def random_network(seed):
         if not v0.any():
             v0[0] = packing.guides.motion[0] @ rng.normal(size=3) * 0.1
     return packing, v0
+
+
+def rubbing_reference(packing, v0, t, *, tolerance=1e-9, longest=2e-7):
+    """`reference` with friction: displacements, velocities and spins (k, s, 3) of a packing without
+    dampers, guides and a wall that moves, at rest planes allowed.
+
+    T follows Mindlin's increments as an equation of rates: k times the surfaces' relative velocity,
+    turned with the pair, and T k'/k where the overlap falls; at its bound mu N it keeps to it.
+    """
+    s, c = len(packing.mass), len(packing.A)
+    i, j = packing.pairs.T
+    plane = j < 0
+    second = np.where(plane, 0, j)
+    R = packing.radius
+    share = np.where(plane, 1.0, R[i] / (R[i] + R[second]))
+    length = np.where(plane, R[i], np.linalg.norm(packing.arm, axis=1))
+    load = 0.0 if packing.load is None else packing.load
+
+    def rates(_, state):
+        u, v, spin = state[: 9 * s].reshape(3, s, 3)
+        T = state[9 * s :].reshape(c, 3)
+        zero = np.zeros((c, 3))
+        move = np.where(plane[:, None], zero, u[second]) - u[i]
+        speed = np.where(plane[:, None], zero, v[second]) - v[i]
+        span = np.where(plane[:, None], packing.arm, packing.arm + move)
+        size = np.linalg.norm(span, axis=1)
+        e = span / size[:, None]
+        rise = np.where(
+            plane,
+            np.einsum("cx,cx->c", move, packing.arm),
+            np.einsum("cx,cx->c", 2 * packing.arm + move, move) / (size + length),
+        )
+        d = packing.overlap - rise
+        touch = d > 0.0
+        d = np.maximum(d, 1e-30)
+        N = np.where(touch, packing.A * d**1.5, 0.0)
+        along = np.einsum("cx,cx->c", speed, e)
+        reach = np.where(plane, length - d, size)
+        turns = share[:, None] * spin[i] + np.where(
+            plane[:, None], zero, (1 - share)[:, None] * spin[second]
+        )
+        slide = speed - along[:, None] * e - reach[:, None] * np.cross(turns, e)
+        turn = np.where(plane[:, None], zero, np.cross(e, speed / size[:, None]))
+        mean = 0.5 * (
+            np.einsum("cx,cx->c", spin[i], e)
+            + np.where(plane, 0.0, np.einsum("cx,cx->c", spin[second], e))
+        )
+        turn = turn + mean[:, None] * e
+        k = packing.shear * np.sqrt(d)
+        T = T - np.einsum("cx,cx->c", T, e)[:, None] * e
+        grows = -along  # rate of the overlap
+        rate = k[:, None] * slide + np.cross(turn, T)
+        rate += np.where(grows < 0.0, 0.5 * grows / d, 0.0)[:, None] * T
+        bound = packing.friction * N
+        strength = np.linalg.norm(T, axis=1)
+        unit = T / np.where(strength > 0.0, strength, 1.0)[:, None]
+        outward = np.einsum("cx,cx->c", rate, unit)
+        of_bound = packing.friction * 1.5 * packing.A * np.sqrt(d) * grows
+        slips = touch & (strength >= bound * (1.0 - 1e-9)) & (outward > of_bound)
+        rate += ((of_bound - outward) * slips)[:, None] * unit
+        # forgotten before the next touch, some 1e-5 s away
+        rate = np.where(touch[:, None], rate, -T / 2e-7)
+        T = T * np.where(touch, 1.0, 0.0)[:, None]
+
+        force = N[:, None] * e - T
+        moment = reach[:, None] * np.cross(e, T)
+        total, turning = np.zeros((s, 3)), np.zeros((s, 3))
+        np.add.at(total, i, -force)
+        np.add.at(total, j[~plane], force[~plane])
+        np.add.at(turning, i, share[:, None] * moment)
+        np.add.at(turning, j[~plane], ((1 - share)[:, None] * moment)[~plane])
+        a = (total + load) / packing.mass[:, None]
+        turning /= packing.inertia[:, None]
+        return np.concatenate([v.ravel(), a.ravel(), turning.ravel(), rate.ravel()])
+
+    start = np.concatenate([np.zeros(3 * s), np.ravel(v0), np.zeros(3 * s + 3 * c)])
+    result = solve_ivp(
+        rates, (t[0], t[-1]), start, "DOP853", t, rtol=tolerance, atol=1e-14, max_step=longest
+    )  # fmt: skip
+    assert result.success, result.message
+    return result.y[: 9 * s].T.reshape(len(t), 3, s, 3).transpose(1, 0, 2, 3)

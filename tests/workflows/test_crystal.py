@@ -184,6 +184,9 @@ def test_files_of_a_network_that_are_wrong_are_refused(file, text, sentence, net
             {"crystal": {**SMALL["crystal"], "precompression": 1e-6, "force": 10.0}},
             "exclude each other",
         ),
+        ({"gravity": {"inclination": 90.0}}, "presses a hexagonal packing apart"),
+        ({"gravity": {"inclination": -10.0}}, "take an angle above 0"),
+        ({"friction": {"coefficient": 0.2, "upstream": "held"}}, "friction.upstream is of a"),
         ({"chain": {"count": 3, "radius": 6e-3, "material": "steel"}}, "is of a chain"),
         ({"wall": {"kind": "dashpot", "coefficient": 300.0}}, "not behind a"),
         ({"contact.law": "power", "contact.stiffness": 1e9, "contact.exponent": 2.0}, "hertz"),
@@ -254,3 +257,30 @@ def test_modes_of_a_crystal_are_printed_beside_its_bands(capsys, tmp_path):
 
     assert command("modes", "hexagonal") == 2
     assert "give crystal.precompression" in capsys.readouterr().err
+
+
+def test_friction_spins_spheres_and_takes_energy():
+    run = beadwave.impact(SMALL, {"friction": {"coefficient": 0.2}})
+    a = run.arrays
+    assert a["angular_velocity"].shape == a["velocity"].shape
+    assert a["pair_friction"].shape == (*a["pair_force"].shape, 3)
+    assert np.abs(a["angular_velocity"][-1, :, 2]).max() > 0.5
+    strength = np.linalg.norm(a["pair_friction"], axis=2)
+    assert np.all(strength <= 0.2 * a["pair_force"] * (1 + 1e-12))
+    assert 0.0 < a["dissipated_friction"][-1] < 0.5 * a["energy_kinetic"][0]
+    assert run.summary.energy_error < 1e-6
+
+    # between spheres none: the wall alone holds them, across the impact
+    smooth = beadwave.impact(SMALL, {"friction": {"coefficient": 0.2, "between_spheres": 0.0}})
+    inner = smooth.arrays["pairs"][:, 1] >= 0
+    assert np.abs(smooth.arrays["pair_friction"][:, inner]).max() == 0.0
+
+
+def test_the_wall_carries_the_weight_of_a_crystal_at_rest():
+    tilted = {**PERIODIC, "gravity": {"inclination": 30.0}, "crystal.striker.velocity": 1e-9}
+    run = beadwave.impact(SMALL, tilted)
+    a = run.arrays
+    mass = 7850 * 4 / 3 * np.pi * 0.006**3 * 24
+    at_wall = a["pairs"][:, 1] < 0
+    assert a["pair_force"][0, at_wall].sum() == pytest.approx(mass * 9.80665 / 2, rel=1e-6)
+    assert np.abs(a["velocity"]).max() < 2e-9

@@ -27,6 +27,8 @@ LEDGER = {
     "dissipated_contact": "lost in contacts",
     "dissipated_wall": "lost in the wall",
     "dissipated_guides": "lost in the guides",
+    "energy_spin": "spheres, spin",
+    "energy_shear": "contacts, tangential",
     "energy_lateral": "last sphere, kinetic across",
     "energy_rotation": "last sphere, rotation",
     "energy_arm": "arm, across",
@@ -38,7 +40,7 @@ LEDGER = {
 }
 
 
-KINETIC = ("energy_kinetic", "energy_lateral", "energy_rotation")
+KINETIC = ("energy_kinetic", "energy_spin", "energy_lateral", "energy_rotation")
 
 
 class PageLimits(NamedTuple):

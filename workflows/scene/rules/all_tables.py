@@ -44,7 +44,7 @@ def contradictions(scene: Scene) -> Iterator[str]:
     if scene.crystal:
         yield from of_crystal(scene)
         yield from _of_time(scene)
-        return
+        return  # the other rules are of chains and structures
     yield from _missing_parts(scene)
     yield from of_bending(scene)
     if isinstance(scene.assembly, RigTable):

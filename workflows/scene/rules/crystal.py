@@ -11,8 +11,7 @@ from beadwave.workflows.scene.tables.walls import HalfSpaceWall, OneDofWall, Rig
 
 # tables of a chain, or of what it strikes, that a crystal does not take
 OTHERS = (
-    "chain", "striker", "leaf_springs", "guides", "preload", "friction", "arm", "shakers",
-    "gravity",
+    "chain", "striker", "leaf_springs", "guides", "preload", "arm", "shakers",
 )  # fmt: skip
 STANDING = ("square", "sc")  # lattices whose rows stand on each other without sides
 MOST_SPHERES = 200_000  # of a crystal: a million contacts, some hours
@@ -54,6 +53,23 @@ def of_crystal(scene: Scene) -> Iterator[str]:
         yield f"crystal.{key} is of a lattice, crystal.nodes is a network; drop it."
     if crystal.nodes and scene.wall is not None:
         yield "[wall] is behind the last row of a lattice, which a network has not; drop it."
+    weight = bool(scene.gravity and scene.gravity.along)
+    if weight and scene.gravity.along < 0.0:
+        yield (
+            f"gravity.inclination = {scene.gravity.inclination:g} lets a crystal fall off its "
+            "wall; take an angle above 0."
+        )
+    if weight and (crystal.nodes or crystal.lattice == "y"):
+        yield "[gravity] is of a lattice before a [wall], which this crystal is not; drop it."
+    elif weight and scene.wall is None:
+        yield "[gravity] needs a [wall] that carries the crystal; add one."
+    elif weight and crystal.sides == "free" and crystal.lattice not in STANDING:
+        yield (
+            f'[gravity] presses a {crystal.lattice} packing apart with sides = "free"; take sides '
+            '= "periodic" or "rigid".'
+        )
+    if scene.friction and scene.friction.upstream != "free":
+        yield "friction.upstream is of a [chain]; drop it."
     pressed = [key for key in ("precompression", "force") if getattr(crystal, key) is not None]
     if len(pressed) > 1:
         yield "crystal.precompression and crystal.force exclude each other: keep one of them."

@@ -111,10 +111,15 @@ def _of_lattice(scene: Scene) -> CrystalStart:
     packing = packing_of(planes)
     if pressed:
         packing = packing_of(_pressing(packing, planes))
-        load = np.zeros((len(R), 3))
+    weight = np.zeros((len(R), 3))
+    weight[:, lattice.axis] = packing.mass * (scene.gravity.along if scene.gravity else 0.0)
+    if pressed or weight.any():
+        load = weight.copy()
         if crystal.force:
-            load[first, lattice.axis] = crystal.force / len(first)
+            load[first, lattice.axis] += crystal.force / len(first)
         packing = space.at_rest(packing, load)
+    if weight.any():
+        packing = packing._replace(weight=weight)
     direction = crystal.striker.direction or np.eye(3)[lattice.axis]
     velocity = _velocity(scene, len(R), _struck(scene, place), direction, guides)
     number = np.flatnonzero(there) + 1
@@ -178,12 +183,16 @@ def _pressing(packing: space.Packing, planes: list[space.Plane]) -> list[space.P
 
 
 def _damped(scene: Scene, packing: space.Packing) -> space.Packing:
-    """The packing with the scene's factor of stiffness and damping."""
-    contact = scene.contact
-    damping = dissipation(contact)
-    if damping:
-        damping["gamma"] = np.full(len(packing.A), contact.coefficient)
-    return packing._replace(A=packing.A * contact.stiffness_factor, **damping)
+    """The packing with the scene's factor of stiffness, its damping and its friction."""
+    contact, friction = scene.contact, scene.friction
+    fields = dissipation(contact)
+    if fields:
+        fields["gamma"] = np.full(len(packing.A), contact.coefficient)
+    if friction is not None:
+        fields["friction"] = np.full(len(packing.A), friction.coefficient)
+        if friction.between_spheres is not None:
+            fields["friction"][: packing.n_pairs] = friction.between_spheres
+    return packing._replace(A=packing.A * contact.stiffness_factor, **fields)
 
 
 def _struck(scene: Scene, place) -> np.ndarray:

@@ -384,7 +384,8 @@ STAGES = (
     ),
     # a crystal
     Stage(
-        "crystal", ".crystal.packing:start", tables_of("crystal", "contact", "wall"),
+        "crystal", ".crystal.packing:start",
+        tables_of("crystal", "contact", "wall", "friction", "gravity"),
         when=has_crystal, kept=False, listed=False,
     ),
     Stage(
@@ -401,7 +402,8 @@ STAGES = (
     ),
     Stage(
         "crystal-numbers", ".crystal.numbers:crystal_numbers",
-        tables_of("crystal", "contact", "wall"), ("crystal", "crystal-march", "arrivals"), when=has_crystal, listed=False,
+        tables_of("crystal", "contact", "wall"), ("crystal", "crystal-march", "arrivals"),
+        when=has_crystal, listed=False,
     ),
     Stage(
         "crystal-files", ".crystal.numbers:crystal_files", tables_of(),
