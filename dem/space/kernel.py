@@ -57,7 +57,7 @@ Numbers = NDArray[np.int64]
 
 # columns of the saved energies, in the order of `SpaceTrajectory`
 (KINETIC, ROTATION, CONTACT, WALL_CONTACT, TANGENTIAL, WALL, IN_CONTACTS, IN_FRICTION, IN_WALL,
- OF_LOAD, OF_WEIGHT, TOTAL) = range(12)  # fmt: skip
+ OF_LOAD, OF_WEIGHT, OF_DRIVE, TOTAL) = range(13)  # fmt: skip
 
 
 class SpaceMotion(NamedTuple):
@@ -111,6 +111,17 @@ class Guides(NamedTuple):
     turn: Array
 
 
+class Drive(NamedTuple):
+    """Spheres whose motion along a direction is given: a polynomial of the time behind each of n
+    knots, highest power first."""
+
+    spheres: Numbers  # (d,) with an inverse mass of 0
+    direction: Array  # (3,)
+    knots: Array  # (n,) [s]
+    coefficients: Array  # (m, n - 1) of the displacement [m]
+    work: Array  # (1,) [J] done so far
+
+
 class SpaceSaved(NamedTuple):
     """States, forces and energies at k saves, of the saved spheres and contacts alone."""
 
@@ -122,7 +133,7 @@ class SpaceSaved(NamedTuple):
     force: Array  # (k, n_contacts) [N] along the line of centres, dampers included
     traction: Array  # (k, n_contacts, 3) [N] on the second sphere; (k, 0, 3) without friction
     wall: Array  # (k, 3) displacement [m], velocity [m/s], force [N] of the wall that moves
-    energy: Array  # (k, 12) [J]
+    energy: Array  # (k, 13) [J]
 
 
 @ieee_march
@@ -130,7 +141,7 @@ def march(
     motion: SpaceMotion, arrays: SpaceArrays, fractions: tuple[Array, Array], steps: Steps,
     saved: SpaceSaved, shape: ForceShape | None, plastic: Plastic | None, damping: Damping | None,
     friction: Friction | None, guides: Guides | None, load: Array | None, weight: Array | None,
-    modes: WallModes | None,
+    modes: WallModes | None, drive: Drive | None,
 ) -> int:  # fmt: skip
     """n_save times stride steps of kick b[0], drift a[0], ..., kick b[-1], with the `fractions` a
     and b of the step; the state is saved before and after each stride.
@@ -142,6 +153,7 @@ def march(
     n, m = arrays.mass.size, arrays.A.size
     stale = n_save >= 0  # a literal True would compile what takes it once more
     drifted = 0.0
+    now = 0.0  # [s] of the positions
     for k in range(n_save + 1):
         for _step in range(stride if k > 0 else 0):
             for i in range(b.size):
@@ -159,16 +171,23 @@ def march(
                         )
                     if friction is not None:
                         push_spins(0, n, kick, motion, arrays, guides)
+                    if drive is not None:
+                        work_of_drive(kick, motion, arrays, drive)
                     stale = False
                 if drift != 0.0:
                     drift_spheres(0, n, drift, motion)
                     drift_modes(i, 0.0, motion.wall, modes)
                     drifted += drift
                     stale = True
+                    if drive is not None:
+                        now += drift
+                        place_driven(now, motion, drive)
         if stale:  # forces, and friction's state, belong to these positions
             contact_forces(0, m, drifted, motion, arrays, shape, plastic, friction)
             drifted = 0.0
             stale = False
+        if drive is not None:
+            saved.energy[k, OF_DRIVE] = drive.work[0]
         if not save(
             k, motion, arrays, saved, shape, plastic, damping, friction, load, weight, modes
         ):
@@ -244,7 +263,7 @@ def open_contact(c: int, d: float, motion: SpaceMotion, friction: Friction) -> N
     motion.depth[c] = d
 
 
-@ieee
+@ieee_inline
 def rub(
     c: int, drifted: float, d: float, pressed: float, line: tuple[float, float, float, float],
     motion: SpaceMotion, arrays: SpaceArrays, friction: Friction,
@@ -257,45 +276,52 @@ def rub(
     i, j = arrays.first[c], arrays.second[c]
     v, spin, T = motion.v, motion.spin, motion.traction
     y0, y1, y2, r = line
-    e0, e1, e2 = y0 / r, y1 / r, y2 / r
+    unit = 1.0 / r
+    e0, e1, e2 = unit * y0, unit * y1, unit * y2
     reach = r if j >= 0 else arrays.length[c] - d  # of the two surfaces' arms together
 
-    # relative velocity of the surfaces: of the centres, and of both spins about the contact
+    # relative velocity of the centres, turn of both surfaces, and twice their mean spin about e
     w0, w1, w2 = -v[i, 0], -v[i, 1], -v[i, 2]
     a, b = reach * arrays.share[c, 0], reach * arrays.share[c, 1]
     s0, s1, s2 = a * spin[i, 0], a * spin[i, 1], a * spin[i, 2]
     twist = spin[i, 0] * e0 + spin[i, 1] * e1 + spin[i, 2] * e2
+    p0, p1, p2 = e0, e1, e2  # the line before the drift
     if j >= 0:
         w0, w1, w2 = w0 + v[j, 0], w1 + v[j, 1], w2 + v[j, 2]
         s0, s1, s2 = s0 + b * spin[j, 0], s1 + b * spin[j, 1], s2 + b * spin[j, 2]
         twist += spin[j, 0] * e0 + spin[j, 1] * e1 + spin[j, 2] * e2
+        p0, p1, p2 = y0 - drifted * w0, y1 - drifted * w1, y2 - drifted * w2
+        unit = 1.0 / math.sqrt(p0 * p0 + p1 * p1 + p2 * p2)
+        p0, p1, p2 = unit * p0, unit * p1, unit * p2
     elif j == -2:
         w0, w1, w2 = w0 + motion.wall[V] * e0, w1 + motion.wall[V] * e1, w2 + motion.wall[V] * e2
 
-    # the line before the drift, and in its middle
-    p0, p1, p2 = e0, e1, e2
-    if j >= 0:
-        p0, p1, p2 = y0 - drifted * w0, y1 - drifted * w1, y2 - drifted * w2
-        q = math.sqrt(p0 * p0 + p1 * p1 + p2 * p2)
-        p0, p1, p2 = p0 / q, p1 / q, p2 / q
-    m0, m1, m2 = p0 + e0, p1 + e1, p2 + e2
-    q = math.sqrt(m0 * m0 + m1 * m1 + m2 * m2)
-    m0, m1, m2 = m0 / q, m1 / q, m2 / q
-
-    # way of the surfaces over each other, across the line in its middle
+    # way of the surfaces over each other, across the line in its middle (p + e) / 2 and across e;
+    # the squares of a step's turns, some 1e-12, are left out
+    half = 1.0 / (1.0 + p0 * e0 + p1 * e1 + p2 * e2)
+    m0, m1, m2 = 0.5 * (p0 + e0), 0.5 * (p1 + e1), 0.5 * (p2 + e2)
     w0 -= s1 * m2 - s2 * m1
     w1 -= s2 * m0 - s0 * m2
     w2 -= s0 * m1 - s1 * m0
-    along = w0 * m0 + w1 * m1 + w2 * m2
+    along = 2.0 * half * (w0 * m0 + w1 * m1 + w2 * m2)
+    w0, w1, w2 = w0 - along * m0, w1 - along * m1, w2 - along * m2
+    along = w0 * e0 + w1 * e1 + w2 * e2
     g0, g1, g2 = (
-        drifted * (w0 - along * m0), drifted * (w1 - along * m1), drifted * (w2 - along * m2)
+        drifted * (w0 - along * e0), drifted * (w1 - along * e1), drifted * (w2 - along * e2)
     )  # fmt: skip
 
-    # T and the way turn with the pair: the least turn of the line, and its mean spin about it
-    t0, t1, t2 = turned(
-        T[c, 0], T[c, 1], T[c, 2], (p0, p1, p2), (e0, e1, e2), 0.5 * drifted * twist
-    )
-    g0, g1, g2 = turned(g0, g1, g2, (m0, m1, m2), (e0, e1, e2), 0.0)
+    # T turns with the pair: the least turn of the line, and its mean spin about it
+    t0, t1, t2 = T[c, 0], T[c, 1], T[c, 2]
+    along = half * (t0 * e0 + t1 * e1 + t2 * e2)
+    t0, t1, t2 = t0 - along * (p0 + e0), t1 - along * (p1 + e1), t2 - along * (p2 + e2)
+    twist *= 0.5 * drifted
+    if twist != 0.0:
+        scale = 1.0 / math.sqrt(1.0 + twist * twist)
+        t0, t1, t2 = (
+            scale * (t0 + twist * (e1 * t2 - e2 * t1)),
+            scale * (t1 + twist * (e2 * t0 - e0 * t2)),
+            scale * (t2 + twist * (e0 * t1 - e1 * t0)),
+        )
 
     # a contact that closes within the step has the part of the way behind that
     d0 = motion.depth[c]
@@ -305,10 +331,9 @@ def rub(
         d0 = 0.0
     k0 = friction.stiffness[c] * math.sqrt(d0)
     k1 = friction.stiffness[c] * math.sqrt(d)
-    before = math.sqrt(t0 * t0 + t1 * t1 + t2 * t2)
-    x0, x1, x2 = 0.0, 0.0, 0.0  # xi before
-    if k0 > 0.0:
-        x0, x1, x2 = t0 / k0, t1 / k0, t2 / k0
+    soft = 1.0 / k0 if k0 > 0.0 else 0.0
+    x0, x1, x2 = soft * t0, soft * t1, soft * t2  # xi before
+    square = t0 * t0 + t1 * t1 + t2 * t2
     if k1 < k0:
         k = k1
         t0, t1, t2 = k * (x0 + g0), k * (x1 + g1), k * (x2 + g2)
@@ -317,11 +342,14 @@ def rub(
         t0, t1, t2 = t0 + k * g0, t1 + k * g1, t2 + k * g2
 
     # slip: back to the bound along the radius, against the mean of the force in the step
-    size, bound = math.sqrt(t0 * t0 + t1 * t1 + t2 * t2), friction.coefficient[c] * pressed
-    if size > bound:
-        motion.heat[c] += 0.5 * (before + bound) * (size - bound) / k
-        t0, t1, t2 = t0 * bound / size, t1 * bound / size, t2 * bound / size
-    x0, x1, x2 = x0 + t0 / k1, x1 + t1 / k1, x2 + t2 / k1
+    size, bound = t0 * t0 + t1 * t1 + t2 * t2, friction.coefficient[c] * pressed
+    if size > bound * bound:
+        size = math.sqrt(size)
+        motion.heat[c] += 0.5 * (math.sqrt(square) + bound) * (size - bound) / k
+        scale = bound / size
+        t0, t1, t2 = scale * t0, scale * t1, scale * t2
+    soft = 1.0 / k1
+    x0, x1, x2 = x0 + soft * t0, x1 + soft * t1, x2 + soft * t2
     motion.heat[c] += 0.125 * (x0 * x0 + x1 * x1 + x2 * x2) * abs(k1 - k0)
     T[c, 0], T[c, 1], T[c, 2] = t0, t1, t2
     motion.depth[c] = d
@@ -332,24 +360,6 @@ def rub(
     motion.moment[c, 0] = reach * (e1 * t2 - e2 * t1)
     motion.moment[c, 1] = reach * (e2 * t0 - e0 * t2)
     motion.moment[c, 2] = reach * (e0 * t1 - e1 * t0)
-
-
-@ieee_inline
-def turned(
-    t0: float, t1: float, t2: float, before: tuple[float, float, float],
-    after: tuple[float, float, float], twist: float,
-) -> tuple[float, float, float]:  # fmt: skip
-    """A vector across the direction `before`, turned by the least turn that takes it to `after`,
-    then by the small angle `twist` about that; its length stays."""
-    p0, p1, p2 = before
-    e0, e1, e2 = after
-    along = (t0 * e0 + t1 * e1 + t2 * e2) / (1.0 + p0 * e0 + p1 * e1 + p2 * e2)
-    t0, t1, t2 = t0 - along * (p0 + e0), t1 - along * (p1 + e1), t2 - along * (p2 + e2)
-    if twist == 0.0:
-        return t0, t1, t2
-    scale = 1.0 / math.sqrt(1.0 + twist * twist)
-    c0, c1, c2 = e1 * t2 - e2 * t1, e2 * t0 - e0 * t2, e0 * t1 - e1 * t0
-    return scale * (t0 + twist * c0), scale * (t1 + twist * c1), scale * (t2 + twist * c2)
 
 
 @ieee
@@ -442,6 +452,44 @@ def drift_spheres(low: int, high: int, drift: float, motion: SpaceMotion) -> Non
         u[i, 0] += drift * v[i, 0]
         u[i, 1] += drift * v[i, 1]
         u[i, 2] += drift * v[i, 2]
+
+
+@ieee
+def place_driven(now: float, motion: SpaceMotion, drive: Drive) -> None:
+    """Displacement and velocity of the driven spheres at an instant [s]; they do not spin."""
+    low, high = 0, drive.knots.size - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if drive.knots[middle] <= now:
+            low = middle
+        else:
+            high = middle
+    t, value, rate = now - drive.knots[low], 0.0, 0.0
+    for power in range(drive.coefficients.shape[0]):
+        rate = rate * t + value
+        value = value * t + drive.coefficients[power, low]
+    for at in range(drive.spheres.size):
+        i = drive.spheres[at]
+        for axis in range(3):
+            motion.u[i, axis] = value * drive.direction[axis]
+            motion.v[i, axis] = rate * drive.direction[axis]
+            motion.spin[i, axis] = 0.0
+
+
+@ieee
+def work_of_drive(kick: float, motion: SpaceMotion, arrays: SpaceArrays, drive: Drive) -> None:
+    """Work over `kick` [s] against the contacts' forces on the driven spheres."""
+    for at in range(drive.spheres.size):
+        i = drive.spheres[at]
+        for place in range(arrays.start[i], arrays.start[i + 1]):
+            c = arrays.incident[place]
+            sign = 1.0
+            if c < 0:
+                c, sign = -1 - c, -1.0
+            power = 0.0
+            for axis in range(3):
+                power += motion.force[c, axis] * motion.v[i, axis]
+            drive.work[0] += kick * sign * power
 
 
 # --- dampers -------------------------------------------------------------------------------------
@@ -547,7 +595,7 @@ def save(
 ) -> bool:  # fmt: skip
     """Row k of the saved states, forces and energies; is it finite?"""
     u, v, energy = motion.u, motion.v, saved.energy[k]
-    for e in range(TOTAL):
+    for e in range(OF_DRIVE):
         energy[e] = 0.0
     for at in range(saved.spheres.size):
         i = saved.spheres[at]
@@ -611,5 +659,5 @@ def save(
     total = 0.0
     for e in range(OF_LOAD):
         total += energy[e]
-    energy[TOTAL] = total - energy[OF_LOAD] - energy[OF_WEIGHT]
+    energy[TOTAL] = total - energy[OF_LOAD] - energy[OF_WEIGHT] - energy[OF_DRIVE]
     return abs(energy[TOTAL]) <= 1e300  # not so of inf or NaN

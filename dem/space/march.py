@@ -66,6 +66,7 @@ class SpaceTrajectory(NamedTuple):
     dissipated_wall: Array  # (k,) [J]
     work_preload: Array  # (k,) [J] of the load without the weights
     work_gravity: Array  # (k,) [J]
+    work_drive: Array  # (k,) [J] of what drives spheres
     energy_total: Array  # (k,) [J] constant if exact
     dt: float  # [s]
     n_steps: int
@@ -121,7 +122,10 @@ def march(
     stride = max(1, int(np.ceil(duration / (n_save * dt) * (1 - 1e-9))))
     steps = Steps(duration / (n_save * stride), n_save, stride)
 
-    motion = start(packing, v0)
+    motion, driving = start(packing, v0), None
+    if packing.driven is not None:
+        driving = packing.driven._replace(work=np.zeros(1))
+        kernel.place_driven.py_func(0.0, motion, driving)
     if spin is not None:
         turning = np.asarray(spin, float)
         vector("spin", turning.ravel(), v0.size)
@@ -132,6 +136,7 @@ def march(
     count = kernel.march(
         motion, arrays(packing), (law.a, law.b), steps, out, shape, plastic(packing),
         dampers(packing), friction(packing), packing.guides, packing.load, packing.weight, modes,
+        driving,
     )  # fmt: skip
     if count < n_save:
         raise UnstableStep(
@@ -167,7 +172,7 @@ def march_to_error(
     v0 = validate(packing, wall, v0)
     positive("error", error)
     positive("duration", duration, " s")
-    speed = float(np.linalg.norm(v0, axis=1).max()) or 1.0
+    speed = max(float(np.linalg.norm(v0, axis=1).max()), packing.fastest_drive) or 1.0
     order = event_order(packing)
     run = {"duration": duration, "n_save": n_save, "saved": saved}
     step, coarse, spent = first_step(packing, v0, duration), None, 0.0
@@ -265,7 +270,7 @@ def fastest_rate(packing: Packing, v0: Array) -> float:
     inverse = np.append(1.0 / packing.mass, [0.0, 0.0])  # planes are the last two
     i, j = packing.pairs.T
     pair = inverse[i] + inverse[j]
-    speed = np.linalg.norm(v0, axis=1).max()
+    speed = max(np.linalg.norm(v0, axis=1).max(), packing.fastest_drive)
     # the heaviest sphere's energy at that speed, in one contact
     energy = 0.5 * packing.mass.max() * speed**2
     depth = (2.5 * energy / packing.A) ** 0.4 + np.maximum(packing.overlap, 0.0)
@@ -299,8 +304,11 @@ def arrays(packing: Packing) -> SpaceArrays:
     share = np.ones((c, 2))
     share[:n, 0] = R[i[:n]] / (R[i[:n]] + R[j[:n]])
     share[:n, 1] = 1.0 - share[:n, 0]
+    mass, inverse = packing.mass.copy(), 1.0 / packing.mass
+    if packing.driven is not None:  # no force moves these, and their energy is nobody's
+        mass[packing.driven.spheres] = inverse[packing.driven.spheres] = 0.0
     return SpaceArrays(
-        packing.mass, 1.0 / packing.mass, packing.inertia, np.ascontiguousarray(i),
+        mass, inverse, packing.inertia, np.ascontiguousarray(i),
         np.ascontiguousarray(j), n, packing.arm, packing.length, share, packing.overlap, packing.A,
         begin.astype(np.int64), signed[order].astype(np.int64),
     )  # fmt: skip
@@ -359,7 +367,7 @@ def room(packing: Packing, spheres: Numbers, k: int) -> SpaceSaved:
     spinning, rubbing = (s, c) if packing.rubs else (0, 0)
     return SpaceSaved(
         spheres, contacts, np.zeros((k, s, 3)), np.zeros((k, s, 3)), np.zeros((k, spinning, 3)),
-        np.zeros((k, c)), np.zeros((k, rubbing, 3)), np.zeros((k, 3)), np.zeros((k, 12)),
+        np.zeros((k, c)), np.zeros((k, rubbing, 3)), np.zeros((k, 3)), np.zeros((k, 13)),
     )  # fmt: skip
 
 
@@ -375,7 +383,9 @@ def trajectory(
     row[-2:] = MOVING, -1  # as the last two: -2 and -1
     pairs = row[packing.pairs[out.contacts]]
     energy = out.energy.T
-    scale = energy[0, 0] or np.abs(energy[-1]).max() or 1.0
+    # of a driven packing, at rest at the start, the largest it has
+    scale = energy[0, 0] if packing.driven is None else energy[0].max()
+    scale = scale or np.abs(energy[-1]).max() or 1.0
     return SpaceTrajectory(
         t, out.spheres, out.u, out.v, out.spin, out.contacts, pairs, out.force, out.traction,
         *out.wall.T, *energy,

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from beadwave.dem.checks import InvalidChain, require, scalar, vector
 from beadwave.dem.kernels.arguments import Array
 from beadwave.dem.kernels.laws import DAMPING_LAWS
-from beadwave.dem.space.kernel import Guides, Numbers
+from beadwave.dem.space.kernel import Drive, Guides, Numbers
 from beadwave.dem.spheres import hertz_coefficient, mass, mindlin_coefficient
 from beadwave.dem.walls import Wall
 
@@ -54,6 +54,7 @@ class Packing(NamedTuple):
     guides: Guides | None = None
     load: Array | None = None  # (s, 3) [N]
     weight: Array | None = None  # (s, 3) [N], part of the load
+    driven: Drive | None = None  # spheres whose motion is given
 
     @property
     def inertia(self) -> Array:
@@ -66,6 +67,14 @@ class Packing(NamedTuple):
         length = np.linalg.norm(self.arm, axis=1)
         length[self.n_pairs :] = self.radius[self.pairs[self.n_pairs :, 0]]
         return length
+
+    @property
+    def fastest_drive(self) -> float:
+        """Largest speed [m/s] of driven spheres at the knots of their motion."""
+        if self.driven is None:
+            return 0.0
+        # the power before the last is the rate at a knot
+        return float(np.abs(self.driven.coefficients[-2]).max())
 
     @property
     def rubs(self) -> bool:
@@ -175,6 +184,26 @@ def validate(packing: Packing, wall: Wall | None, v0: ArrayLike) -> Array:
         )
         scalar("largest phi of the wall", float(np.abs(wall.phi).max(initial=0.0)))
     return v0
+
+
+def drive(
+    spheres: ArrayLike, direction: ArrayLike, t: ArrayLike, values: ArrayLike, quantity: str
+) -> Drive:
+    """Motion of spheres (numbers from 0) along a direction (3,) from its values at times t (n,)
+    [s]: "displacement" [m], "velocity" [m/s] or "acceleration" [m/s^2], by a cubic spline; the two
+    last begin without displacement, the last without velocity. Raises InvalidChain."""
+    from scipy.interpolate import CubicSpline  # a tenth of a second
+
+    t, values = np.asarray(t, float), np.asarray(values, float)
+    require(t.size >= 4 and np.all(np.diff(t) > 0.0), "a drive needs four ascending times at least")
+    vector("values of the drive", values, t.size)
+    spline = CubicSpline(t, values)
+    for _ in range(("displacement", "velocity", "acceleration").index(quantity)):
+        spline = spline.antiderivative()
+    unit = np.asarray(direction, float) / np.linalg.norm(direction)
+    return Drive(
+        np.unique(spheres).astype(np.int64), unit, t, np.ascontiguousarray(spline.c), np.zeros(1)
+    )  # fmt: skip
 
 
 def line_guides(direction: ArrayLike) -> Guides:

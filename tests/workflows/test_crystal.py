@@ -284,3 +284,30 @@ def test_the_wall_carries_the_weight_of_a_crystal_at_rest():
     at_wall = a["pairs"][:, 1] < 0
     assert a["pair_force"][0, at_wall].sum() == pytest.approx(mass * 9.80665 / 2, rel=1e-6)
     assert np.abs(a["velocity"]).max() < 2e-9
+
+
+SHAKE = "time [us], displacement [um]\n" + "".join(
+    f"{t}, {3 * np.sin(2 * np.pi * t / 200) ** 2:.12g}\n" for t in range(0, 301, 2)
+)
+
+
+def test_a_driven_row_moves_as_its_file_says_and_its_work_is_in_the_ledger(tmp_path):
+    (tmp_path / "shake.csv").write_text(SHAKE)
+    drive = {"row": 0, "quantity": "displacement", "file": str(tmp_path / "shake.csv")}
+    crystal = {key: value for key, value in SMALL["crystal"].items() if key != "striker"}
+    run = beadwave.impact({**SMALL, "crystal": {**crystal, "drive": drive}})
+    a = run.arrays
+    moved = 3e-6 * np.sin(2 * np.pi * a["t"] / 200e-6) ** 2
+    np.testing.assert_allclose(a["displacement"][:, :4, 1], np.tile(moved, (4, 1)).T, atol=1e-10)
+    assert np.abs(a["displacement"][:, :4, 0]).max() == 0.0
+    assert a["work_drive"][-1] > 0.0 and run.summary.energy_error < 1e-6
+    assert a["velocity"][:, 12:, 1].max() > 1e-3
+
+    for text, sentence in (
+        (SHAKE.replace("[um]", "[N]"), "second column"),
+        (SHAKE.replace("\n0, 0\n", "\n"), "ascend from 0"),
+        ("time [us], displacement [um]\n0,0\n1,0\n2,0\n3,0\n", "before time.duration"),
+    ):
+        (tmp_path / "shake.csv").write_text(text)
+        with pytest.raises(InvalidScene, match=sentence):
+            beadwave.impact({**SMALL, "crystal": {**crystal, "drive": drive}})

@@ -57,14 +57,13 @@ def crystal_words(scene: Scene, summary: Summary) -> str:
     crystal, numbers = scene.crystal, summary.crystal
     shape = CRYSTALS.get(crystal.lattice, "a network")
     size = "" if crystal.radius is None else f" of {si(2 * crystal.radius, 'm')} diameter"
-    striker = crystal.striker
-    moving = "One sphere strikes"
-    if striker.at is None:
-        moving = "A whole row strikes" if striker.row is not None else "A whole layer strikes"
-    words = (
-        f"{moving} {shape} of {grouped(numbers.n_spheres)} spheres{size} at "
-        f"{si(striker.velocity, 'm/s')}; they touch in {grouped(numbers.n_contacts)} contacts"
-    )
+    moved = crystal.striker or crystal.drive
+    which = "One sphere"
+    if moved.at is None:
+        which = "A whole row" if moved.row is not None else "A whole layer"
+    does = "strikes" if crystal.striker else "shakes"
+    speed = f" at {si(crystal.striker.velocity, 'm/s')}" if crystal.striker else ""
+    words = f"{which} {does} {shape} of {grouped(numbers.n_spheres)} spheres{size}{speed}; they touch in {grouped(numbers.n_contacts)} contacts"
     if scene.wall is None:
         return f"{words}, {wall_words(scene, summary)}"
     return f"{words}, and the last row leans on {wall_words(scene, summary)}"

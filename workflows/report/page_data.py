@@ -34,6 +34,7 @@ LEDGER = {
     "energy_arm": "arm, across",
     "energy_tangential": "contact at the wall, tangential",
     "dissipated_friction": "heat of friction",
+    "work_drive": "less work of the drive",
     "work_shaker": "less work of the shakers",
     "work_preload": "less work of the preload",
     "work_gravity": "less work of the weight",

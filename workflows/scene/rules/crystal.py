@@ -82,8 +82,12 @@ def of_crystal(scene: Scene) -> Iterator[str]:
             f'crystal.{pressed[0]} presses a {crystal.lattice} packing apart with sides = "free"; '
             'take sides = "periodic" or "rigid".'
         )
-    if crystal.striker is None:
-        yield "nothing moves; add crystal.striker with a velocity."
+    if crystal.drive and (why := unfit(Path(crystal.drive.file))):
+        yield f"crystal.drive.file = {crystal.drive.file!r} {why}; give a CSV."
+    if crystal.drive and crystal.nodes is None and crystal.lattice == "y" and not crystal.drive.at:
+        yield "crystal.drive of a y is of one sphere; give at."
+    if crystal.striker is None and crystal.drive is None:
+        yield "nothing moves; add crystal.striker with a velocity, or crystal.drive."
 
 
 def _of_lattice(scene: Scene) -> Iterator[str]:
@@ -108,23 +112,23 @@ def _of_lattice(scene: Scene) -> Iterator[str]:
         )
     places = [("missing", place) for place in crystal.missing]
     places += [("inclusions.at", inclusion.at) for inclusion in crystal.inclusions]
-    striker = crystal.striker
-    if striker and striker.at is not None:
-        places.append(("striker.at", striker.at))
+    moved = {name: getattr(crystal, name) for name in ("striker", "drive")}
+    moved = {name: table for name, table in moved.items() if table is not None}
+    places += [(f"{name}.at", x.at) for name, x in moved.items() if x.at is not None]
     for key, place in places:
         if not inside(place, crystal):
             yield (
                 f"crystal.{key} = {list(place)} is no place of {size_words(crystal)}; places count "
                 "from 0."
             )
-    for key, dimensions in (("row", 2), ("plane", 3)):
-        value = getattr(striker, key) if striker else None
+    for name, key in ((name, key) for name in moved for key in ("row", "plane")):
+        value, dimensions = getattr(moved[name], key), 2 if key == "row" else 3
         place = "plane" if crystal.dimensions == 3 else "at" if crystal.lattice == "y" else "row"
         if value is not None and (crystal.dimensions != dimensions or crystal.lattice == "y"):
-            yield (f'crystal.striker.{key} is not of lattice = "{crystal.lattice}"; give {place}.')
+            yield (f'crystal.{name}.{key} is not of lattice = "{crystal.lattice}"; give {place}.')
         elif value is not None and value >= size[-1]:
             yield (
-                f"crystal.striker.{key} = {value} must be below {size[-1]}, the number of "
+                f"crystal.{name}.{key} = {value} must be below {size[-1]}, the number of "
                 f"{'layers' if dimensions == 3 else 'rows'}; lower it."
             )
 

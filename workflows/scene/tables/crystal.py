@@ -43,23 +43,35 @@ class Inclusion(SceneTable):
     _of_named_material = of_named_material("density", "young", "poisson")
 
 
-class CrystalStriker(SceneTable):
-    """The spheres that move at the start: one `at` a place, or all of a `row` or `plane`."""
+class Place(SceneTable):
+    """Spheres that move of themselves: one `at` a place, or all of a `row` or `plane`."""
 
     at: Site | None = None  # place of one sphere, counted from 0
     row: Index | None = None  # all spheres of a row in the plane, 0 is the first
     plane: Index | None = None  # all spheres of a layer in space, 0 is the first
-    velocity: of(Positive, VELOCITY, 0, 100)  # [m/s] towards the other spheres
-    # of the velocity, x, y, z; without it along the rows' axis, or along the sphere's guide
+    # of the motion, x, y, z; without it along the rows' axis, or along the sphere's guide
     direction: Annotated[tuple[Number, Number, Number], Field(strict=False)] | None = None
 
     @model_validator(mode="after")
-    def _one_place(self) -> "CrystalStriker":
+    def _one_place(self) -> "Place":
         if sum(value is not None for value in (self.at, self.row, self.plane)) != 1:
             raise ValueError("needs one of at, row and plane: say which spheres move")
         if self.direction is not None and not any(self.direction):
-            raise ValueError("direction = [0, 0, 0] is none: give x, y, z of the velocity")
+            raise ValueError("direction = [0, 0, 0] is none: give x, y, z of the motion")
         return self
+
+
+class CrystalStriker(Place):
+    """The spheres that move at the start: one `at` a place, or all of a `row` or `plane`."""
+
+    velocity: of(Positive, VELOCITY, 0, 100)  # [m/s] towards the other spheres
+
+
+class CrystalDrive(Place):
+    """Spheres whose motion is given by a CSV: time [us] and the quantity with its unit."""
+
+    quantity: Literal["displacement", "velocity", "acceleration"]  # that the file holds
+    file: FileName  # CSV of time [us], displacement [um]; units stand in its header
 
 
 class CrystalTable(SceneTable):
@@ -98,6 +110,7 @@ class CrystalTable(SceneTable):
     # [N] in place of it: a steady force, an equal share on each sphere of the first row
     force: of(Positive, FORCE, 0, 1e6) | None = None
     striker: CrystalStriker | None = None  # what moves at the start
+    drive: CrystalDrive | None = None  # spheres that are moved, a shaken row
 
     _of_named_material = of_named_material("density", "young", "poisson")
 

@@ -34,7 +34,7 @@ class View:
         down = start.axis if start.axis else 1 if np.ptp(centre[:, 1]) > 0.0 else 0
         self.axes = (0, down) if down else (1, 0)
         depth = next(k for k in range(3) if k not in self.axes)
-        struck = np.any(start.velocity, axis=1)
+        struck = start.moving
         middle = np.median(start.packing.rest[struck, depth])
         near = np.abs(centre[:, depth] - middle)
         self.shown = np.flatnonzero(near <= near.min() + 0.51 * start.spacing)

@@ -25,7 +25,7 @@ def crystal_numbers(
 ) -> ChainNumbers:
     """Numbers and warnings of the march."""
     packing = start.packing
-    struck = np.flatnonzero(np.any(start.velocity, axis=1)[march.saved])
+    struck = np.flatnonzero(start.moving[march.saved])
     speeds = [None] * 3
     if struck.size:
         centre = packing.rest[march.saved]

@@ -7,6 +7,7 @@ import numpy as np
 from beadwave import dem
 from beadwave.dem import space
 from beadwave.dem.spheres import hertz_coefficient, hertz_overlap
+from beadwave.workflows.files.drive_file import drive_motion
 from beadwave.workflows.files.network_file import network
 from beadwave.workflows.scene import InvalidScene, OneDofWall, Scene
 from beadwave.workflows.stages.chain.chain import dissipation, flat
@@ -26,6 +27,14 @@ class CrystalStart(NamedTuple):
     young: np.ndarray  # (s,) [Pa]
     density: np.ndarray  # (s,) [kg/m^3]
     spacing: float  # [m] of touching centres
+
+    @property
+    def moving(self) -> np.ndarray:
+        """(s,) whether a sphere is struck or driven."""
+        moving = np.any(self.velocity, axis=1)
+        if self.packing.driven is not None:
+            moving[self.packing.driven.spheres] = True
+        return moving
 
 
 def start(scene: Scene) -> CrystalStart:
@@ -120,8 +129,10 @@ def _of_lattice(scene: Scene) -> CrystalStart:
         packing = space.at_rest(packing, load)
     if weight.any():
         packing = packing._replace(weight=weight)
-    direction = crystal.striker.direction or np.eye(3)[lattice.axis]
-    velocity = _velocity(scene, len(R), _struck(scene, place), direction, guides)
+    along = np.tile(np.eye(3)[lattice.axis], (len(R), 1))
+    if lattice.guide is not None:
+        along = lattice.guide[there]
+    packing, velocity = _set_in_motion(scene, packing, place, along)
     number = np.flatnonzero(there) + 1
     return CrystalStart(packing, velocity, number, lattice.axis, last, E, rho, spacing)
 
@@ -195,38 +206,58 @@ def _damped(scene: Scene, packing: space.Packing) -> space.Packing:
     return packing._replace(A=packing.A * contact.stiffness_factor, **fields)
 
 
-def _struck(scene: Scene, place) -> np.ndarray:
-    """The spheres that move at the start, by their places (s, d)."""
-    striker = scene.crystal.striker
-    if striker.at is not None:
-        struck = np.flatnonzero((place == np.array(striker.at)).all(axis=1))
-        key, value = "at", list(striker.at)
+def _moved(scene: Scene, name: str, place) -> np.ndarray:
+    """The spheres of crystal.striker or crystal.drive, by the places (s, d) of all."""
+    table = getattr(scene.crystal, name)
+    if table.at is not None:
+        found = np.flatnonzero((place == np.array(table.at)).all(axis=1))
+        key, value = "at", list(table.at)
     else:
-        key = "row" if striker.row is not None else "plane"
-        value = getattr(striker, key)
-        struck = np.flatnonzero(place[:, -1] == value)
-    if not struck.size:
+        key = "row" if table.row is not None else "plane"
+        value = getattr(table, key)
+        found = np.flatnonzero(place[:, -1] == value)
+    if not found.size:
         raise InvalidScene(
-            f"{scene.name}: crystal.striker.{key} = {value} has no sphere; change it, or leave it "
+            f"{scene.name}: crystal.{name}.{key} = {value} has no sphere; change it, or leave it "
             "out of crystal.missing."
         )
-    return struck
+    return found
 
 
-def _velocity(scene: Scene, n: int, struck, direction, guides) -> np.ndarray:
-    """(n, 3) [m/s] of the struck spheres along the direction, as far as their guides allow."""
-    unit = np.asarray(direction, float) / np.linalg.norm(direction)
-    velocity = np.zeros((n, 3))
-    velocity[struck] = scene.crystal.striker.velocity * unit
-    if guides is None:
-        return velocity
-    velocity = np.einsum("ijk,ik->ij", guides.motion, velocity)
-    if np.linalg.norm(velocity[struck], axis=1).min() < 1e-6 * scene.crystal.striker.velocity:
-        raise InvalidScene(
-            f"{scene.name}: crystal.striker.direction = {unit.tolist()} is across the guide of the "
-            "sphere, which cannot move so; turn it."
-        )
-    return velocity
+def _set_in_motion(
+    scene: Scene, packing: space.Packing, place, along
+) -> tuple[space.Packing, np.ndarray]:
+    """The packing with its driven spheres, and the velocities (s, 3) [m/s] of the struck ones;
+    `along` (s, 3) is the direction of each where the scene gives none."""
+    crystal, guides = scene.crystal, packing.guides
+    velocity = np.zeros((len(place), 3))
+    for name in ("striker", "drive"):
+        table = getattr(crystal, name)
+        if table is None:
+            continue
+        spheres = _moved(scene, name, place)
+        direction = np.asarray(table.direction or along[spheres[0]], float)
+        if not direction.any():
+            raise InvalidScene(
+                f"{scene.name}: crystal.{name} needs a direction, as no guide says where the "
+                "sphere moves; give [x, y, z]."
+            )
+        unit = direction / np.linalg.norm(direction)
+        allowed = unit[None]
+        if guides is not None:
+            allowed = guides.motion[spheres] @ unit
+        if np.linalg.norm(allowed, axis=1).min() < 1e-6:
+            raise InvalidScene(
+                f"{scene.name}: crystal.{name}.direction = {unit.tolist()} is across the guide of "
+                "the sphere, which cannot move so; turn it."
+            )
+        if name == "striker":
+            velocity[spheres] = table.velocity * allowed
+        else:
+            motion = drive_motion(table.file, table.quantity, scene.time.duration)
+            driven = space.drive(spheres, allowed[0], *motion, table.quantity)
+            packing = packing._replace(driven=driven)
+    return packing, velocity
 
 
 def _of_network(scene: Scene) -> CrystalStart:
@@ -273,7 +304,6 @@ def _of_network(scene: Scene) -> CrystalStart:
     row = np.cumsum(there) - 1
     keep = there[net.pairs].all(axis=1)
     guides = space.line_guides(net.guide[there]) if np.any(net.guide) else None
-    struck = _struck(scene, net.number[there, None])
     arm = (net.centre[net.pairs[:, 1]] - net.centre[net.pairs[:, 0]])[keep]
     # what files round of touching spheres is no overlap
     i, j = net.pairs[keep].T
@@ -283,17 +313,11 @@ def _of_network(scene: Scene) -> CrystalStart:
         net.centre[there], radius[there], values["density"][there], values["young"][there],
         values["poisson"][there], pairs=row[net.pairs[keep]], arm=arm, guides=guides,
     )  # fmt: skip
-    direction = crystal.striker.direction
-    if direction is None:
-        along = net.guide[there][struck[0]]
-        if not along.any():
-            raise InvalidScene(
-                f"{scene.name}: crystal.striker needs a direction, as no guide says where the "
-                "sphere moves; give [x, y, z]."
-            )
-        direction = along
-    velocity = _velocity(scene, int(there.sum()), struck, direction, guides)
-    axis = int(np.abs(velocity[struck[0]]).argmax())
+    packing, velocity = _set_in_motion(
+        scene, _damped(scene, packing), net.number[there, None], net.guide[there]
+    )
+    moving = velocity.any(axis=1)
+    axis = int(np.abs(velocity[moving.argmax()]).argmax())
     E, rho = values["young"][there], values["density"][there]
     spacing = 2.0 * float(np.median(radius))
     return CrystalStart(

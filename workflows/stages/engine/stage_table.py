@@ -385,7 +385,7 @@ STAGES = (
     # a crystal
     Stage(
         "crystal", ".crystal.packing:start",
-        tables_of("crystal", "contact", "wall", "friction", "gravity"),
+        tables_of("crystal", "contact", "wall", "friction", "gravity", "time"),
         when=has_crystal, kept=False, listed=False,
     ),
     Stage(
