@@ -63,7 +63,10 @@ def crystal_words(scene: Scene, summary: Summary) -> str:
         which = "A whole row" if moved.row is not None else "A whole layer"
     does = "strikes" if crystal.striker else "shakes"
     speed = f" at {si(crystal.striker.velocity, 'm/s')}" if crystal.striker else ""
-    words = f"{which} {does} {shape} of {grouped(numbers.n_spheres)} spheres{size}{speed}; they touch in {grouped(numbers.n_contacts)} contacts"
+    words = (
+        f"{which} {does} {shape} of {grouped(numbers.n_spheres)} spheres{size}{speed}; they touch "
+        f"in {grouped(numbers.n_contacts)} contacts"
+    )
     if scene.wall is None:
         return f"{words}, {wall_words(scene, summary)}"
     return f"{words}, and the last row leans on {wall_words(scene, summary)}"
