@@ -7,6 +7,9 @@ import pytest
 
 import beadwave
 from beadwave import InvalidScene
+from beadwave.workflows.report.packing import unpacked
+from beadwave.workflows.report.page_data import PageLimits, page_data
+from beadwave.workflows.report.summary import Summary
 
 from command_line import beadwave as command
 
@@ -311,3 +314,19 @@ def test_a_driven_row_moves_as_its_file_says_and_its_work_is_in_the_ledger(tmp_p
         (tmp_path / "shake.csv").write_text(text)
         with pytest.raises(InvalidScene, match=sentence):
             beadwave.impact({**SMALL, "crystal": {**crystal, "drive": drive}})
+
+
+def test_the_page_holds_the_motion_of_a_crystal_in_few_bytes(own_folder, tmp_path):
+    beadwave.run(SMALL, out=tmp_path / "run")
+    summary = Summary.model_validate_json((tmp_path / "run" / "summary.json").read_text())
+    whole = page_data(tmp_path / "run", summary)["crystal"]
+    few = page_data(tmp_path / "run", summary, PageLimits(motion=4 * 20 * 26))["crystal"]
+    assert whole["v"]["shape"] == [101, 20] and few["v"]["shape"] == [26, 20]
+    assert few["dt"] == pytest.approx(4 * whole["dt"])
+
+    # 8 bits up to what all but the fastest sphere reaches
+    u = beadwave.load(tmp_path / "run").arrays["displacement"]
+    shown = whole["u_scale"] * unpacked(whole["u"]).reshape(101, 20, 3)
+    reached = np.linalg.norm(u, axis=2).max(axis=0)
+    slow = reached <= np.sort(reached)[-2]
+    np.testing.assert_allclose(shown[:, slow], u[:, slow], atol=0.51 * whole["u_scale"])
