@@ -52,6 +52,7 @@ from beadwave.dem.kernels.laws import (
     stored_energy,
 )
 from beadwave.dem.kernels.modes import drift_modes, modal_energy, push_modes
+from beadwave.dem.kernels.numbers import larger
 
 Numbers = NDArray[np.int64]
 
@@ -70,6 +71,7 @@ class SpaceMotion(NamedTuple):
     moment: Array  # (c, 3) [N m] r e x T, of which each sphere gets its share
     traction: Array  # (c, 3) [N] T on the first sphere
     depth: Array  # (c,) [m] overlap at which T was computed, < 0 for a gap
+    bound: Array  # (c,) [N] of T then
     damper: Array  # (c, 3) [N] on the second sphere, with the dampers
     middle: Array  # (s, 3) [m/s] velocities inside of a kick with dampers
     change: Array  # (s, 3) [m/s] that such a kick makes
@@ -260,7 +262,7 @@ def open_contact(c: int, d: float, motion: SpaceMotion, friction: Friction) -> N
     for axis in range(3):
         T[c, axis] = 0.0
         motion.moment[c, axis] = 0.0
-    motion.depth[c] = d
+    motion.depth[c], motion.bound[c] = d, 0.0
 
 
 @ieee_inline
@@ -333,7 +335,7 @@ def rub(
     k1 = friction.stiffness[c] * math.sqrt(d)
     soft = 1.0 / k0 if k0 > 0.0 else 0.0
     x0, x1, x2 = soft * t0, soft * t1, soft * t2  # xi before
-    square = t0 * t0 + t1 * t1 + t2 * t2
+    square, p = t0 * t0 + t1 * t1 + t2 * t2, (t0, t1, t2)
     if k1 < k0:
         k = k1
         t0, t1, t2 = k * (x0 + g0), k * (x1 + g1), k * (x2 + g2)
@@ -344,10 +346,16 @@ def rub(
     # slip: back to the bound along the radius, against the mean of the force in the step
     size, bound = t0 * t0 + t1 * t1 + t2 * t2, friction.coefficient[c] * pressed
     if size > bound * bound:
-        size = math.sqrt(size)
-        motion.heat[c] += 0.5 * (math.sqrt(square) + bound) * (size - bound) / k
-        scale = bound / size
-        t0, t1, t2 = scale * t0, scale * t1, scale * t2
+        size, before = math.sqrt(size), math.sqrt(square)
+        if before >= motion.bound[c] * (1.0 - 1e-9):
+            base = before * k1 / k0 if k1 < k0 else before
+            t0, t1, t2, along = swept(p, (g0, g1, g2), before, bound, k)
+            size = base + k * along
+        else:
+            scale = bound / size
+            t0, t1, t2 = scale * t0, scale * t1, scale * t2
+        motion.heat[c] += larger(0.5 * (before + bound) * (size - bound) / k, 0.0)
+    motion.bound[c] = bound
     soft = 1.0 / k1
     x0, x1, x2 = x0 + soft * t0, x1 + soft * t1, x2 + soft * t2
     motion.heat[c] += 0.125 * (x0 * x0 + x1 * x1 + x2 * x2) * abs(k1 - k0)
@@ -360,6 +368,39 @@ def rub(
     motion.moment[c, 0] = reach * (e1 * t2 - e2 * t1)
     motion.moment[c, 1] = reach * (e2 * t0 - e0 * t2)
     motion.moment[c, 2] = reach * (e0 * t1 - e1 * t0)
+
+
+@ieee
+def swept(
+    T: tuple[float, float, float], way: tuple[float, float, float], before: float, bound: float,
+    k: float,
+) -> tuple[float, float, float, float]:  # fmt: skip
+    """T [N] of a contact that slips all along a way [m], from the size `before` to the bound, and
+    the way along it. T turns into the way by d(theta) = -k/b sin(theta) ds, whose solution
+    tan(theta/2) exp(-k s / b) has order 2, where the radius alone would have order 1."""
+    s = math.sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2])
+    if s == 0.0:
+        scale = bound / before
+        return scale * T[0], scale * T[1], scale * T[2], 0.0
+    w0, w1, w2 = way[0] / s, way[1] / s, way[2] / s
+    if before == 0.0:  # a contact that has just closed
+        return bound * w0, bound * w1, bound * w2, s
+    along = T[0] * w0 + T[1] * w1 + T[2] * w2
+    a0, a1, a2 = T[0] - along * w0, T[1] - along * w1, T[2] - along * w2
+    across = math.sqrt(a0 * a0 + a1 * a1 + a2 * a2)
+    cosine = along / before
+    if across < 1e-12 * before:
+        cosine = math.copysign(1.0, along)
+        return bound * cosine * w0, bound * cosine * w1, bound * cosine * w2, s * cosine
+    # tan(theta/2) without the difference of its two terms
+    half = across / (before + along) if along > 0.0 else (before - along) / across
+    half *= math.exp(-2.0 * k * s / (before + bound))
+    scale = 1.0 / (1.0 + half * half)
+    c1, s1 = scale * (1.0 - half * half), 2.0 * scale * half / across
+    return (
+        bound * (c1 * w0 + s1 * a0), bound * (c1 * w1 + s1 * a1), bound * (c1 * w2 + s1 * a2),
+        0.5 * s * (cosine + c1),
+    )  # fmt: skip
 
 
 @ieee

@@ -3,8 +3,9 @@
 An error C h^p makes marches by steps H > h differ by C (H^p - h^p), so that of the march by h is
 safety times the difference over (H/h)^p - 1, for each sphere and contact from its own difference
 (`dem.step_control` has the method of the chain). p = 5/2: a step in which a Hertz contact closes
-misses an impulse of order h^(5/2); 2 where order 2 marches yield or friction; 1 where the damping
-force jumps.
+misses an impulse of order h^(5/2); 2 where order 2 marches yield; 1 where the damping force jumps,
+and with friction: slip has order 2, where it begins and ends less is left of it. Stated with p = 2,
+6 of 100 random networks with friction were below their true error.
 """
 
 from typing import NamedTuple
@@ -220,7 +221,7 @@ def march_to_error(
                 f"{estimate:.3g} in velocity and {fine.energy_error:.3g} in energy, as a step 64 "
                 "times as long does; ask for a larger error or less time"
             )
-        shorter = max(ratio, min((1.3 * excess) ** (1.0 / order), 8.0))
+        shorter = max(ratio, min((1.3 * excess) ** (1.0 / max(order, 1.5)), 8.0))
         step, coarse = fine.dt / shorter, fine
 
 
@@ -256,7 +257,7 @@ def memory(packing: Packing, saved: Numbers, n_save: int) -> float:
 
 def event_order(packing: Packing) -> float:
     """Power of the step by which the velocities' error falls, see the head of the module."""
-    if dampers(packing) is not None and packing.jumps:
+    if packing.rubs or (dampers(packing) is not None and packing.jumps):
         return 1.0
     return 2.5 if default_scheme(packing).name != "verlet" else 2.0
 
@@ -287,7 +288,7 @@ def start(packing: Packing, v0: Array) -> SpaceMotion:
         v = np.einsum("ijk,ik->ij", packing.guides.motion, v)
     zeros = {name: np.zeros((s, 3)) for name in ("u", "spin", "middle", "change")}
     zeros |= {name: np.zeros((c, 3)) for name in ("force", "moment", "traction", "damper")}
-    zeros |= {"wall": np.zeros(4), "lost": np.zeros(c), "heat": np.zeros(c)}
+    zeros |= {"wall": np.zeros(4)} | {name: np.zeros(c) for name in ("lost", "heat", "bound")}
     return SpaceMotion(v=np.ascontiguousarray(v), depth=packing.overlap.copy(), **zeros)
 
 
