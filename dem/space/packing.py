@@ -14,7 +14,12 @@ from beadwave.dem.checks import InvalidChain, require, scalar, vector
 from beadwave.dem.kernels.arguments import Array
 from beadwave.dem.kernels.laws import DAMPING_LAWS
 from beadwave.dem.space.kernel import Drive, Guides, Numbers
-from beadwave.dem.spheres import hertz_coefficient, mass, mindlin_coefficient
+from beadwave.dem.spheres import (
+    hertz_coefficient,
+    mass,
+    mindlin_coefficient,
+    relative_radius,
+)
 from beadwave.dem.walls import Wall
 
 AT_REST, MOVING = -1, -2  # in the place of a contact's second sphere: a plane
@@ -60,6 +65,13 @@ class Packing(NamedTuple):
     def inertia(self) -> Array:
         """(s,) [kg m^2] of solid spheres."""
         return 0.4 * self.mass * self.radius**2
+
+    @property
+    def relative_radius(self) -> Array:
+        """(c,) [m] R* of the contacts."""
+        i, j = self.pairs.T
+        other = np.where(j < 0, np.inf, self.radius[np.maximum(j, 0)])
+        return relative_radius(self.radius[i], other)
 
     @property
     def length(self) -> Array:

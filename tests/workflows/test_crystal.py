@@ -192,7 +192,10 @@ def test_files_of_a_network_that_are_wrong_are_refused(file, text, sentence, net
         ({"friction": {"coefficient": 0.2, "upstream": "held"}}, "friction.upstream is of a"),
         ({"chain": {"count": 3, "radius": 6e-3, "material": "steel"}}, "is of a chain"),
         ({"wall": {"kind": "dashpot", "coefficient": 300.0}}, "not behind a"),
-        ({"contact.law": "power", "contact.stiffness": 1e9, "contact.exponent": 2.0}, "hertz"),
+        (
+            {"contact.law": "power", "contact.stiffness": 1e9, "contact.exponent": 2.0},
+            "hertz or thornton",
+        ),
         ({"output.sensors": [{"sphere": 1, "quantity": "velocity"}]}, "drop them"),
         ({"output.spheres": [21]}, "allowed are 1 to 20"),
         ({"crystal.size": [1000, 1000]}, "allowed are 200000"),
@@ -330,3 +333,17 @@ def test_the_page_holds_the_motion_of_a_crystal_in_few_bytes(own_folder, tmp_pat
     reached = np.linalg.norm(u, axis=2).max(axis=0)
     slow = reached <= np.sort(reached)[-2]
     np.testing.assert_allclose(shown[:, slow], u[:, slow], atol=0.51 * whole["u_scale"])
+
+
+def test_contacts_that_yield_do_so_as_in_a_chain(network):
+    yields = {"law": "thornton", "yield_pressure": 1.6e9, "dissipation": "none"}
+    network["time"] = {"duration": 1.5e-4}
+    network["crystal"]["striker"]["velocity"] = 1.0
+    run = beadwave.impact({**network, "contact": yields})
+    chain = {"count": 3, "radius": 6e-3, "material": "steel"}
+    same = {key: network[key] for key in ("time", "output")}
+    row = beadwave.impact({"chain": chain, "striker": {"velocity": 1.0}, "contact": yields, **same})
+    np.testing.assert_allclose(run.arrays["velocity"][:, :, 0], row.arrays["v"], atol=2e-4)
+    lost = [r.arrays["dissipated_contact"][-1] for r in (run, row)]
+    assert lost[0] == pytest.approx(lost[1], rel=1e-3) and lost[0] > 0.0
+    assert run.summary.energy_error < 1e-5

@@ -7,6 +7,7 @@ from beadwave.system import free_memory
 from beadwave.workflows.scene.named_files import unfit
 from beadwave.workflows.scene.rules.size import LIMITS, gigabytes
 from beadwave.workflows.scene.scene import Scene
+from beadwave.workflows.scene.tables.contact import CIRCULAR
 from beadwave.workflows.scene.tables.walls import HalfSpaceWall, OneDofWall, RigidWall
 
 # tables of a chain, or of what it strikes, that a crystal does not take
@@ -34,9 +35,9 @@ def of_crystal(scene: Scene) -> Iterator[str]:
             f'wall.kind = "{scene.wall.kind}" is not behind a [crystal]; take "rigid", '
             '"half-space" or "1dof", or leave it free without [wall].'
         )
-    if contact.law != "hertz":
-        yield f'contact.law = "{contact.law}" is not of a [crystal]; take "hertz".'
-    for key in ("coefficient", "stiffness_factor"):
+    if contact.law not in CIRCULAR:
+        yield f'contact.law = "{contact.law}" is not of a [crystal]; take {" or ".join(CIRCULAR)}.'
+    for key in ("coefficient", "stiffness_factor", "yield_pressure"):
         if isinstance(getattr(contact, key), tuple):
             yield f"contact.{key} is a list, a [crystal] takes one value for all; give one."
     if scene.output.sensors:

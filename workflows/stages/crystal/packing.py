@@ -6,7 +6,12 @@ import numpy as np
 
 from beadwave import dem
 from beadwave.dem import space
-from beadwave.dem.spheres import hertz_coefficient, hertz_overlap
+from beadwave.dem.spheres import (
+    hertz_coefficient,
+    hertz_overlap,
+    modulus_of_contact,
+    yield_overlap,
+)
 from beadwave.workflows.files.drive_file import drive_motion
 from beadwave.workflows.files.network_file import network
 from beadwave.workflows.scene import InvalidScene, OneDofWall, Scene
@@ -203,7 +208,12 @@ def _damped(scene: Scene, packing: space.Packing) -> space.Packing:
         fields["friction"] = np.full(len(packing.A), friction.coefficient)
         if friction.between_spheres is not None:
             fields["friction"][: packing.n_pairs] = friction.between_spheres
-    return packing._replace(A=packing.A * contact.stiffness_factor, **fields)
+    packing = packing._replace(A=packing.A * contact.stiffness_factor, **fields)
+    if contact.yield_pressure is None:
+        return packing
+    R = packing.relative_radius
+    overlap = yield_overlap(R, modulus_of_contact(packing.A, R), contact.yield_pressure)
+    return packing._replace(yield_overlap=overlap)
 
 
 def _moved(scene: Scene, name: str, place) -> np.ndarray:
