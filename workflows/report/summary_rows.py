@@ -4,6 +4,7 @@ from beadwave.workflows.report.number_format import GLUE, NONE, digits, grouped,
 from beadwave.workflows.report.stage_words import stage_words
 from beadwave.workflows.report.summary import (
     FrictionNumbers,
+    MeshNumbers,
     ReductionHealth,
     SensorWaves,
     SphereWaves,
@@ -20,6 +21,7 @@ ERRORS = {
     "mesh": (
         "mesh",
         (
+            "sizes",
             "mesh",
             "model",
             "second-mesh",
@@ -58,6 +60,8 @@ def results(summary: Summary) -> list[tuple[str, str]]:
         rows.append(("measured modes, computed", measured_modes(summary)))
     if summary.load_factor is not None:
         rows.append(("load over buckling load", percent(summary.load_factor)))
+    if summary.mesh:
+        rows.append(("mesh", mesh_words(summary.mesh)))
     rows += [
         (f"waves at sphere {s}", arrivals(waves, summary, s)) for s, waves in summary.waves.items()
     ]
@@ -83,6 +87,12 @@ def results(summary: Summary) -> list[tuple[str, str]]:
             ("contact when the wave comes", contact_state(across)),
         ]
     return [(label, value) for label, value in rows if value not in ("", NONE)]
+
+
+def mesh_words(mesh: MeshNumbers) -> str:
+    """Unknowns and errors of the meshes that mesh.error led to."""
+    each = [f"{grouped(m.unknowns)} unknowns ±{GLUE}{percent(m.stated, 2)}" for m in mesh.meshes]
+    return f"{', '.join(each)}; asked ±{GLUE}{percent(mesh.asked, 2)}"
 
 
 def with_error(summary: Summary, name: str, text: str) -> str:
