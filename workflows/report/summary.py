@@ -255,6 +255,29 @@ class ModeFound(BaseModel):
     mac: float | None = None
 
 
+class SolvedMeshNumbers(BaseModel):
+    """A mesh of the search for sizes of elements."""
+
+    unknowns: int
+    elements: int
+    stated: float  # largest relative error
+    seconds: float
+
+
+class MeshNumbers(BaseModel):
+    """The mesh that follows from mesh.error, and those before it."""
+
+    asked: float  # relative error
+    stated: float
+    floor: float  # of the stated error, which no mesh lowers: dents under springs
+    # what kept it above the one asked: unknowns, floor, singular (errors fall too slowly), meshes
+    bounded_by: str | None = None
+    unknowns_for_asked: float | None = None  # foreseen
+    seconds_for_asked: float | None = None
+    where: str = ""  # the place of most of the error
+    meshes: tuple[SolvedMeshNumbers, ...] = ()
+
+
 class ValueSource(BaseModel):
     """Origin of a value of the scene: thesis, inferred, assumed, yours, chosen, default."""
 
@@ -274,6 +297,7 @@ class Summary(BaseModel):
     modes: tuple[ModeFound, ...] = ()
     dofs: int = 0
     load_factor: float | None = None  # static load over that which buckles the structure
+    mesh: MeshNumbers | None = None  # of mesh.error
     n_wall_modes: int = 0
     dt_s: float | None = None
     n_steps: int = 0

@@ -5,6 +5,7 @@ from beadwave.workflows.report.stage_words import stage_words
 from beadwave.workflows.report.summary import (
     CrystalNumbers,
     FrictionNumbers,
+    MeshNumbers,
     ReductionHealth,
     SensorWaves,
     SphereWaves,
@@ -21,6 +22,7 @@ ERRORS = {
     "mesh": (
         "mesh",
         (
+            "sizes",
             "mesh",
             "model",
             "second-mesh",
@@ -59,6 +61,8 @@ def results(summary: Summary) -> list[tuple[str, str]]:
         rows.append(("measured modes, computed", measured_modes(summary)))
     if summary.load_factor is not None:
         rows.append(("load over buckling load", percent(summary.load_factor)))
+    if summary.mesh:
+        rows.append(("mesh", mesh_words(summary.mesh)))
     rows += [
         (f"waves at sphere {s}", arrivals(waves, summary, s)) for s, waves in summary.waves.items()
     ]
@@ -108,6 +112,12 @@ def bands(edges: tuple[float, ...]) -> str:
     """Bands by their edges [Hz], lower and upper in turn."""
     pairs = zip(edges[::2], edges[1::2], strict=True)
     return listed([f"{si(low, 'Hz') if low else '0'} to {si(high, 'Hz')}" for low, high in pairs])
+
+
+def mesh_words(mesh: MeshNumbers) -> str:
+    """Unknowns and errors of the meshes that mesh.error led to."""
+    each = [f"{grouped(m.unknowns)} unknowns ±{GLUE}{percent(m.stated, 2)}" for m in mesh.meshes]
+    return f"{', '.join(each)}; asked ±{GLUE}{percent(mesh.asked, 2)}"
 
 
 def with_error(summary: Summary, name: str, text: str) -> str:

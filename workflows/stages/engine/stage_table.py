@@ -71,6 +71,11 @@ def has_crystal(scene: Scene) -> bool:
     return scene.crystal is not None
 
 
+def asks_mesh_error(scene: Scene) -> bool:
+    """True of bodies whose sizes of elements follow from an error asked of the mesh."""
+    return bool(needs_structure(scene) and not bent(scene) and scene.mesh.error)
+
+
 def has_measured_parts(scene: Scene) -> bool:
     """True of a structure with parts that are known by their receptances."""
     return bool(scene.measured)
@@ -230,7 +235,11 @@ CAUSES = "reduction", "mesh", "theory", "receptance"  # of the errors of an impa
 
 STAGES = (
     # the structure: bodies
-    Stage("mesh", ".structure.assembly:mesh", _dimensions, kept=False),
+    Stage(
+        "sizes", ".errors.adapted_sizes:adapted_sizes",
+        lambda scene: [_dimensions(scene), _joined(scene), _targets(scene)], when=asks_mesh_error,
+    ),
+    Stage("mesh", ".structure.assembly:mesh", _dimensions, ("sizes",), kept=False),
     Stage("model", ".structure.bending:model", tables_of(*BENT), when=bent, kept=False),
     Stage("model", ".structure.assembly:model", _joined, ("mesh",), kept=False),
     Stage("tuning-basis", ".structure.assembly:tuning_basis", _targets, ("model",)),
@@ -283,7 +292,7 @@ STAGES = (
     ),
     Stage(
         "structure-numbers", ".structure.health:structure_numbers", tables_of("targets"),
-        ("modes", "reduction", "participation"), listed=False,
+        ("modes", "reduction", "participation", "sizes"), listed=False,
     ),
     Stage(
         "spatial-wall", ".structure.friction:spatial_wall",
