@@ -105,8 +105,10 @@ def test_bores_and_thin_bodies_do_not_keep_the_second_mesh_fine(element):
 
 def test_a_mesh_that_is_hardly_coarser_tells_no_error(monkeypatch):
     """Where none is made finer either, a sentence stands in place of a number too small."""
-    held, whole = pipeline("cantilever"), assembly.mesh
-    monkeypatch.setattr(assembly, "mesh", lambda scene, coarser=1.0: whole(scene, coarser**0.1))
+    held, whole = pipeline("cantilever"), bodies.parts
+    monkeypatch.setattr(
+        bodies, "parts", lambda scene, sizes, coarser: whole(scene, sizes, coarser**0.1)
+    )
     monkeypatch.setattr(errors, "MAX_UNKNOWNS", 3e4)
     with pytest.raises(ValueError, match=r"cannot be made larger, .* 3\.1e\+04 unknowns"):
         errors.other_mesh(held.scene, whole(held.scene))

@@ -52,7 +52,8 @@ FINEST = 1 / 6  # times the size, from one mesh to the next: indicators do not r
 LEAST_GROWTH = 2.0  # of the unknowns from mesh to mesh: the last one costs as much as all others
 SMALL_GAIN = 0.25  # of the error; two meshes in a row that gain less end the search
 FLOOR_SHARE = 0.5  # of the error asked: a floor above it ends the search
-TIME_ORDER = 1.5  # power of the unknowns with which a solution's time grows
+MOST_TRIES, TRY = 3, 1.1  # of a mesh within the bound, and how far below it each aims
+TIME_ORDER = 1.2  # power of the unknowns with which the time of a solution grows
 SAME_PLACE = 0.1  # of the smallest size: cells closer than this along an axis are in one layer
 # sizes that the mesher is asked for over mean lengths of the elements' edges that it makes. With 1
 # it makes 1.5 times the tetrahedra of a lid and its walls, 1.7 to 2.1 times the quadrilaterals of
@@ -77,16 +78,18 @@ def adapted_sizes(scene: Scene) -> AdaptedSizes:
     asked, bound = scene.mesh.error, scene.mesh.unknowns
     sizes = ElementSizes(scale=START) if scene.grids else ElementSizes(usual=START)
     solved: list[SolvedMesh] = []
+    tried: list[tuple[ElementSizes, Indicators]] = []
     needed: float | None = None
     bounded_by: str | None = None
     while True:
         began = perf_counter()
-        mesh = bodies.parts(scene, sizes)
+        mesh, sizes = _meshed(scene, sizes)
         model = stages.model(scene, mesh)
         found = indicators(scene, mesh, model, stages.modes(scene, model))
         n = model.K.shape[0]
         elements = sum(body.nelements for body in mesh.meshes.values())
         solved.append(SolvedMesh(n, elements, found.stated, perf_counter() - began))
+        tried.append((sizes, found))
         if found.stated <= asked:
             bounded_by = needed = None
             break
@@ -105,11 +108,26 @@ def adapted_sizes(scene: Scene) -> AdaptedSizes:
         if is_bounded:
             bounded_by = "unknowns"
 
+    # the best of all: the last one, but where a bound or the mesher made it worse
+    sizes, found = min(tried, key=lambda one: one[1].stated)
     for_asked = needed and solved[-1].seconds * (needed / solved[-1].unknowns) ** TIME_ORDER
     return AdaptedSizes(
         sizes, asked, found.stated, found.floor, bounded_by, needed if bounded_by else None,
         for_asked if bounded_by else None, found.cause.place, tuple(solved),
     )  # fmt: skip
+
+
+def _meshed(scene: Scene, sizes: ElementSizes) -> tuple[Parts, ElementSizes]:
+    """The mesh of these sizes, and of larger ones where it has more unknowns than the bound: an
+    extrusion that no algorithm meshes in quadrilaterals has tetrahedra of its smallest sizes."""
+    bound = scene.mesh.unknowns
+    for _ in range(MOST_TRIES):
+        mesh = bodies.parts(scene, sizes)
+        n = 3 * sum(mesh.nodes.values())
+        if n <= bound:
+            break
+        sizes = sizes._replace(scale=sizes.scale * (TRY * n / bound) ** (1 / 3))
+    return mesh, sizes
 
 
 def _ended(solved: list[SolvedMesh], found: Indicators, asked: float) -> str | None:
