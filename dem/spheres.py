@@ -47,6 +47,20 @@ def hertz_coefficient(
     return 4.0 / 3.0 * contact_modulus(E1, nu1, E2, nu2) * np.sqrt(relative_radius(R1, R2))
 
 
+def mindlin_coefficient(
+    R1: ArrayLike, E1: ArrayLike, nu1: ArrayLike, R2: ArrayLike = np.inf,
+    E2: ArrayLike = np.inf, nu2: ArrayLike = 0.0,
+) -> Array:  # fmt: skip
+    """K [N/m^(3/2)] of the tangential stiffness K sqrt(delta) of a contact that does not slip,
+    8 a / ((2 - nu1) / G1 + (2 - nu2) / G2) with a = sqrt(R* delta) and G = E / 2 (1 + nu) (Johnson,
+    eq. 7.43)."""
+    soft = [
+        2.0 * (1.0 + np.asarray(nu)) * (2.0 - np.asarray(nu)) / np.asarray(E, float)
+        for E, nu in ((E1, nu1), (E2, nu2))
+    ]
+    return 8.0 * np.sqrt(relative_radius(R1, R2)) / (soft[0] + soft[1])
+
+
 def hertz_overlap(force: ArrayLike, A: ArrayLike) -> Array:
     """Overlap delta = (F / A)^(2/3) [m] of a contact under a force F [N] by Hertz' law."""
     return (np.asarray(force, float) / A) ** (2.0 / 3.0)

@@ -18,6 +18,7 @@ from beadwave.geometry.cad.selectors import FaceSelection
 from beadwave.geometry.cad.shapes import Shape
 from beadwave.geometry.cad.solids import Body, Vector, require_size
 from beadwave.geometry.errors import InvalidGeometry
+from beadwave.geometry.meshing.size_field import SizeField
 from beadwave.geometry.own_mesh.mesh_bodies import OwnMesh, own_mesh
 
 GMSH_NEEDS = (
@@ -44,6 +45,8 @@ class Sizing(NamedTuple):
     fine: Sequence[tuple[str, Vector, float]]  # bodies, points in them [m], sizes there [m]
     coarser: float  # on all sizes, those that the shape of a body bounds too
     element: str | None  # "tet": tetrahedra alone
+    fields: Mapping[str, SizeField]  # sizes that vary over bodies
+    usual: float  # on the sizes by the shape of a body
 
 
 @contextmanager
@@ -114,13 +117,13 @@ def meshed(
     from beadwave.geometry.meshing.sizes import Fine, Sizes, default_seeds
 
     scale, usual = sizing.scale, default_seeds(bodies)
-    seeds = {name: scale * (sizing.seeds[name] or usual[name]) for name in bodies}
+    seeds = {name: scale * (sizing.seeds[name] or sizing.usual * usual[name]) for name in bodies}
     fine = [Fine(body, point, scale * size) for body, point, size in sizing.fine]
     meshes = body_meshes(
         bodies,
         ties,
         gap=sizing.gap,
-        sizes=Sizes(seeds, fine, sizing.coarser),
+        sizes=Sizes(seeds, fine, sizing.coarser, sizing.fields),
         named=named,
         patches=chosen.patches,
         element=sizing.element,

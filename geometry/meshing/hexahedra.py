@@ -30,6 +30,7 @@ from beadwave.geometry.cad.selectors import FaceSelection
 from beadwave.geometry.cad.solids import SAME, Body, Face, Vector, off_axis, parallel
 from beadwave.geometry.meshing.gmsh_session import boolean_tolerance, failing, mesh_options
 from beadwave.geometry.meshing.roundness import enclosing, full_cylinders
+from beadwave.geometry.meshing.size_field import smallest_at
 from beadwave.geometry.meshing.sizes import Size, mesh_visible, size_at
 from beadwave.geometry.own_mesh.facets import EXTRUDED, facets_of, triangles
 
@@ -48,6 +49,18 @@ JOINED = (
     },  # by blossom, split
     {"Algorithm": 8, "RecombinationAlgorithm": 2, "MeshSizeFactor": 0.7},
     {"Algorithm": 8, "RecombinationAlgorithm": 2, "MeshSizeFactor": 0.5},
+)
+# of sizes that vary: rims are fine there, and a quadrilateral with two edges on one has a corner of
+# nearly 180 degrees; of a plate with four washers one of these has none, at 1.1 to 3 times the
+# elements
+OF_FIELDS = (
+    *JOINED[:3],
+    *(
+        {"Algorithm": algorithm, "RecombinationAlgorithm": 2, "MeshSizeFactor": factor}
+        for factor in (0.9, 0.85, 0.8, 0.75, 0.7, 0.6)
+        for algorithm in (6, 8)
+    ),
+    *JOINED[3:],
 )
 
 
@@ -440,8 +453,16 @@ def _ring(prism: Prism, marks: Imprints, size: Size) -> BaseMesh | None:
     angles = [np.arctan2(f @ v, f @ u) % (2 * pi) for f in feet]
     stops = np.concatenate([*angles, [0.0, 2 * pi]])
     step = min(size.seed / outer.radius, 2 * pi / size.around)
-    angle = spaced(stops, lambda x: np.full_like(x, step))[:-1]
-    radius = spaced([inner.radius, outer.radius], lambda x: np.full_like(x, size.seed))
+    along_angle = partial(np.full_like, fill_value=step)
+    along_radius = partial(np.full_like, fill_value=size.seed)
+    if size.field:
+        foot = prism.foot(size.field.points) - centre
+        r, across = np.linalg.norm(foot, axis=1), size.field.across(prism.axis)
+        turned = np.arctan2(foot @ v, foot @ u) % (2 * pi)
+        along_radius = partial(smallest_at, r, across)
+        along_angle = partial(smallest_at, turned, np.minimum(across / outer.radius, step))
+    angle = spaced(stops, along_angle)[:-1]
+    radius = spaced([inner.radius, outer.radius], along_radius)
     r, phi = np.meshgrid(radius, angle, indexing="ij")
     r, phi = r.reshape(-1, 1), phi.reshape(-1, 1)
     p = centre + r * (np.cos(phi) * u + np.sin(phi) * v)
@@ -481,9 +502,11 @@ def _joined(prism: Prism, marks: Imprints, size: Size, gap: float) -> BaseMesh |
     }
     visible = sorted({t for surfaces in pieces.values() for t in surfaces})
 
+    size = size._replace(field=size.field and size.field.on_base(prism.axis))
+
     # algorithms one after the other; triangles left over cannot be extruded to hexahedra
     best, sharpest = None, MIN_SINE
-    for options in JOINED:
+    for options in OF_FIELDS if size.field else JOINED:
         try:
             with failing("no quadrilaterals"), mesh_options({"RecombineAll": 1, **options}):
                 mesh_visible([(2, tag) for tag in visible], size)

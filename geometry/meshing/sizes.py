@@ -7,12 +7,13 @@ from typing import NamedTuple
 import gmsh
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import Delaunay
 
 from beadwave.geometry.cad.solids import Body, Vector, parallel
 from beadwave.geometry.meshing.gmsh_session import EDGES_AROUND, mesh_options
+from beadwave.geometry.meshing.size_field import GRADING, SizeField
 
-# Element size by a body's shape, and its growth away from fine places
-GRADING = 0.35  # growth of the element size per distance from a point or a circle
+# Element size by a body's shape; sizes grow away from a point or a circle by `GRADING`
 STEEP_GRADING = 0.7  # the same from a line on which a partner ends
 # singular edges of a thick body with a seed above COARSE times the default: the first element
 # has SHARP times the seed, but at least SHARPEST times the default seed, and each next one
@@ -49,12 +50,14 @@ class Size(NamedTuple):
     edge: float | None = None  # where a partner ends inside a face of a thin body
     sharp: float | None = None  # of the first element at a singular edge of a thick one
     around: float = EDGES_AROUND  # edges around a circle, at least
+    field: SizeField | None = None  # in place of edge and sharp; the seed is its upper bound
 
     def times(self, coarser: float) -> "Size":
         """Sizes with all elements `coarser` times as large, those that its shape bounds too."""
         fine = tuple(f._replace(size=coarser * f.size) for f in self.fine)
         edge, sharp = (s and coarser * s for s in (self.edge, self.sharp))
-        return Size(coarser * self.seed, fine, edge, sharp, self.around / coarser)
+        field = self.field and self.field._replace(sizes=coarser * self.field.sizes)
+        return Size(coarser * self.seed, fine, edge, sharp, self.around / coarser, field)
 
 
 class Sizes(NamedTuple):
@@ -63,10 +66,14 @@ class Sizes(NamedTuple):
     seeds: Mapping[str, float] | None = None  # [m] by body
     fine: Sequence[Fine] = ()
     coarser: float = 1.0  # times all of them, see `Size.times`
+    fields: Mapping[str, SizeField] = {}  # by body
 
     def of(self, body: Body) -> Size:
         """Element sizes of one body."""
-        return size_of(body, (self.seeds or {}).get(body.name), self.fine).times(self.coarser)
+        size = size_of(body, (self.seeds or {}).get(body.name), self.fine)
+        if field := self.fields.get(body.name):
+            size = size._replace(edge=None, sharp=None, field=field)
+        return size.times(self.coarser)
 
 
 def size_of(body: Body, seed: float | None = None, fine: Sequence[Fine] = ()) -> Size:
@@ -109,6 +116,8 @@ def size_at(
     seed and of all that grows from fine points and from `edges`, the coordinates [m] at which other
     bodies end."""
     grown = [f.size + GRADING * np.abs(x - f.point @ axis) for f in size.fine]
+    if size.field:
+        grown.append(size.field.at(x, axis))
     if size.edge:
         grown += [size.edge + STEEP_GRADING * np.abs(x - edge) for edge in edges]
     elif size.sharp:
@@ -150,7 +159,7 @@ def mesh_visible(entities: Sequence[tuple[int, int]], size: Size) -> None:
         on_circle[tag] = 2 * pi * radius / size.around
 
     # at every place the smallest of all sizes that grow from these places up to the seed
-    fields = []
+    fields = [_field_of_sizes(size.field)] if size.field else []
     for fine in (fine for fine in size.fine if fine.size < size.seed):
         ball = dict(zip(("XCenter", "YCenter", "ZCenter"), fine.point, strict=True))
         ball |= {"Radius": fine.size, "Thickness": (size.seed - fine.size) / GRADING}
@@ -184,3 +193,18 @@ def _field(kind: str, numbers: Mapping[str, float]) -> int:
     for name, value in numbers.items():
         gmsh.model.mesh.field.setNumber(tag, name, value)
     return tag
+
+
+def _field_of_sizes(sizes: SizeField) -> int:
+    """Tag of the field of gmsh that is the size of the nearest point, in a plane linear between."""
+    view, smallest = gmsh.view.add("sizes"), sizes.sizes.min(axis=1)
+    if sizes.plane is None:
+        values = np.column_stack([sizes.points, smallest])
+        gmsh.view.addListData(view, "SP", len(values), values.ravel())
+    else:
+        flat = sizes.points @ sizes.plane.T
+        corners = Delaunay(flat - flat.mean(axis=0)).simplices
+        places = sizes.points[corners].transpose(0, 2, 1).reshape(-1, 9)
+        values = np.concatenate([places, smallest[corners]], axis=1)
+        gmsh.view.addListData(view, "ST", len(values), values.ravel())
+    return _field("PostView", {"ViewTag": view, "UseClosest": 1})

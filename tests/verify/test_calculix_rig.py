@@ -22,7 +22,7 @@ from beadwave.workflows.scene.rig import screw_cells
 from beadwave.workflows.stages.engine.pipeline import Pipeline, pipeline_of
 from beadwave.workflows.stages.engine.progress import quiet
 from beadwave.workflows.stages.errors.second_mesh import COARSER, ORDER
-from beadwave.workflows.stages.structure import assembly
+from beadwave.workflows.stages.structure import assembly, bodies
 from beadwave.workflows.stages.structure.reduction import contact_of
 
 from peer_programs import require_program
@@ -61,7 +61,7 @@ def test_the_rig_meshed_anew_and_tied_by_calculix_is_ours_within_both_mesh_error
     # ours, ten frequencies and the compliance at the contact less the half-space's, on the
     # mesh of a run and on one of elements COARSER times as large
     ours = []
-    for mesh in (pipeline("mesh"), assembly.mesh(rig, COARSER)):
+    for mesh in (pipeline("mesh"), bodies.parts(rig, coarser=COARSER)):
         model = assembly.model(rig, mesh)
         contact = assembly.contact(rig, mesh, model)
         hz = modes(model.K, model.M, N_MODES).frequency_hz

@@ -79,7 +79,7 @@ def test_a_material_has_the_names_that_people_write(names, known):
         ("Aluminum", "aluminium-6082, aluminium-6061, aluminium-7075"),
         ("stainless", "stainless-304"),
         ("stainless steel", "stainless-304"),
-        ("polymer", "pmma"),
+        ("polymer", "pmma, ptfe"),
     ],
 )
 def test_a_family_is_refused_with_the_grades_that_are_known(name, members):

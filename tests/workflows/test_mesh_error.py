@@ -16,7 +16,7 @@ from beadwave.workflows.stages.chain.walls import wall_of
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.errors import better_walls
 from beadwave.workflows.stages.errors import second_mesh as errors
-from beadwave.workflows.stages.structure import assembly
+from beadwave.workflows.stages.structure import assembly, bodies
 from beadwave.workflows.stages.structure.reduction import TO_HZ, contact_of
 
 from meshed_boxes import SCENE, boxes
@@ -57,7 +57,7 @@ def against(held, finer):
 def test_the_error_stated_of_a_few_elements_is_that_against_many(scale):
     """One to eight of them along a cantilever; measured 1.1, 1.3, 1.3 and 1.9 of the true one."""
     held = pipeline("cantilever", (f"mesh.scale={scale}",))
-    finer = assembly.mesh(held.scene, 1.5 / scale)
+    finer = bodies.parts(held.scene, coarser=1.5 / scale)
     assert 1 < held("mesh-error") / against(held, finer) < 2.5
 
 
@@ -105,8 +105,10 @@ def test_bores_and_thin_bodies_do_not_keep_the_second_mesh_fine(element):
 
 def test_a_mesh_that_is_hardly_coarser_tells_no_error(monkeypatch):
     """Where none is made finer either, a sentence stands in place of a number too small."""
-    held, whole = pipeline("cantilever"), assembly.mesh
-    monkeypatch.setattr(assembly, "mesh", lambda scene, coarser=1.0: whole(scene, coarser**0.1))
+    held, whole = pipeline("cantilever"), bodies.parts
+    monkeypatch.setattr(
+        bodies, "parts", lambda scene, sizes, coarser: whole(scene, sizes, coarser**0.1)
+    )
     monkeypatch.setattr(errors, "MAX_UNKNOWNS", 3e4)
     with pytest.raises(ValueError, match=r"cannot be made larger, .* 3\.1e\+04 unknowns"):
         errors.other_mesh(held.scene, whole(held.scene))

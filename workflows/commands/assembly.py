@@ -19,8 +19,9 @@ from beadwave.workflows.commands.verb import Call, Word, verb
 
 @verb(
     "beadwave.workflows.structure.api.modes",
-    json="{rows: [a mode or model each]}; of --inp and --step {written}",
-    out=Word("folder for the MAC matrix, or with --table 5.2 for figure 5.7"),
+    json="{rows: [a mode or model each]}, of a crystal also {band_edges_hz, dispersion}; of --inp "
+    "and --step {written}",
+    out=Word("folder for the MAC matrix, a crystal's dispersion, or with --table 5.2 figure 5.7"),
 )
 def modes(
     call: Call,

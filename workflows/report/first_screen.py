@@ -7,7 +7,12 @@ import numpy as np
 
 from beadwave.workflows.report.number_format import NONE, digits, grouped, percent, si
 from beadwave.workflows.report.summary import Summary
-from beadwave.workflows.report.summary_rows import ERROR_OF, measured_modes, run_seconds
+from beadwave.workflows.report.summary_rows import (
+    ERROR_OF,
+    crystal_rows,
+    measured_modes,
+    run_seconds,
+)
 from beadwave.workflows.scene import (
     DashpotWall,
     HalfSpaceWall,
@@ -37,6 +42,34 @@ def chain_words(scene: Scene) -> str:
     if chain.count == 1 and scene.wall is not None:
         return f"{row} {falls}moves at {speed} towards"
     return f"{row}: the first one {falls}strikes the row at {speed}{leans}"
+
+
+CRYSTALS = {
+    "square": "a square packing", "hexagonal": "a hexagonal packing",
+    "sc": "a simple cubic packing", "bcc": "a body-centred cubic packing",
+    "fcc": "a face-centred cubic packing", "hcp": "a hexagonal close packing",
+    "y": "a stem and two branches",
+}  # fmt: skip
+
+
+def crystal_words(scene: Scene, summary: Summary) -> str:
+    """The first sentence of a crystal: what strikes what, and what is behind it."""
+    crystal, numbers = scene.crystal, summary.crystal
+    shape = CRYSTALS.get(crystal.lattice, "a network")
+    size = "" if crystal.radius is None else f" of {si(2 * crystal.radius, 'm')} diameter"
+    moved = crystal.striker or crystal.drive
+    which = "One sphere"
+    if moved.at is None:
+        which = "A whole row" if moved.row is not None else "A whole layer"
+    does = "strikes" if crystal.striker else "shakes"
+    speed = f" at {si(crystal.striker.velocity, 'm/s')}" if crystal.striker else ""
+    words = (
+        f"{which} {does} {shape} of {grouped(numbers.n_spheres)} spheres{size}{speed}; they touch "
+        f"in {grouped(numbers.n_contacts)} contacts"
+    )
+    if scene.wall is None:
+        return f"{words}, {wall_words(scene, summary)}"
+    return f"{words}, and the last row leans on {wall_words(scene, summary)}"
 
 
 def wall_words(scene: Scene, summary: Summary) -> str:
@@ -96,6 +129,8 @@ def facts(summary: Summary) -> list[tuple[str, str, float | None]]:
             ("wave speed in, back", speeds),
             ("peak force at the wall", si(summary.peak_wall_force_N, "N")),
         ]
+    if crystal := summary.crystal:
+        rows += crystal_rows(crystal)[1:]
     if summary.modes_hz:
         rows.append((MODES, measured_modes(summary)))
     seconds = run_seconds(summary)

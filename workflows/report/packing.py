@@ -24,6 +24,11 @@ def whole(values: NDArray[np.integer]) -> dict[str, Any]:
     return _packed(values.astype(f"<{kind}"), kind)
 
 
+def packed_integers(values: ArrayLike, bits: str) -> dict[str, Any]:
+    """Whole numbers (n, ...) of 8 or 16 bits, which may be negative."""
+    return _packed(np.asarray(values).astype(f"<{bits}"), bits)
+
+
 def floats(values: ArrayLike) -> dict[str, Any]:
     """Numbers (n, ...) in single precision."""
     return _packed(np.asarray(values, dtype="<f4"), "f4")

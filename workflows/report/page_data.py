@@ -13,31 +13,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beadwave.workflows.files.scene import scene as load
-from beadwave.workflows.report.packing import floats, quantised, whole
+from beadwave.workflows.report.packing import TOP, floats, packed_integers, quantised, whole
 from beadwave.workflows.report.summary import Summary
 from beadwave.workflows.scene import RomWall, Scene
 
 LEDGER = {
     "energy_kinetic": "spheres, kinetic",
     "energy_contact": "contacts",
+    "energy_wall_contact": "contacts with walls",
     "energy_leaf": "leaf springs",
     "energy_wall": "wall, modes",
     "energy_residual": "wall, residual compliance",
     "dissipated_contact": "lost in contacts",
     "dissipated_wall": "lost in the wall",
     "dissipated_guides": "lost in the guides",
+    "energy_spin": "spheres, spin",
+    "energy_shear": "contacts, tangential",
     "energy_lateral": "last sphere, kinetic across",
     "energy_rotation": "last sphere, rotation",
     "energy_arm": "arm, across",
     "energy_tangential": "contact at the wall, tangential",
     "dissipated_friction": "heat of friction",
+    "work_drive": "less work of the drive",
     "work_shaker": "less work of the shakers",
     "work_preload": "less work of the preload",
     "work_gravity": "less work of the weight",
 }
 
 
-KINETIC = ("energy_kinetic", "energy_lateral", "energy_rotation")
+KINETIC = ("energy_kinetic", "energy_spin", "energy_lateral", "energy_rotation")
 
 
 class PageLimits(NamedTuple):
@@ -48,6 +52,9 @@ class PageLimits(NamedTuple):
     spheres: int = 300  # those next to the wall
     # of all shapes: in 8 bits where 16 take more, of fewer nodes where 8 do
     bytes: int = 1_300_000
+    # of a crystal's motion, four bytes a sphere and instant: 150 instants of 20,000 spheres
+    motion: int = 12_000_000
+    instants: int = 601
 
 
 def page_data(folder: Path, summary: Summary, limits: PageLimits = PageLimits()) -> dict[str, Any]:
@@ -59,7 +66,7 @@ def page_data(folder: Path, summary: Summary, limits: PageLimits = PageLimits())
         "scene": scene.name, "wall": None if scene.wall is None else scene.wall.kind
     }  # fmt: skip
 
-    if run:
+    if "x" in run:
         # positions and velocities of the spheres next to the wall, from the first drawn on
         t, (k, n) = run["t"], run["x"].shape
         first = max(0, n - limits.spheres)
@@ -96,6 +103,9 @@ def page_data(folder: Path, summary: Summary, limits: PageLimits = PageLimits())
             },
         }
 
+    if "displacement" in run:
+        data["crystal"] = _crystal(run, limits)
+
     # signals of the sensors behind their instants, a plot for each unit
     if scene.output and scene.output.sensors and (file := folder / "signals.csv").is_file():
         columns = np.loadtxt(file, delimiter=",", skiprows=2, ndmin=2).T
@@ -117,6 +127,37 @@ def page_data(folder: Path, summary: Summary, limits: PageLimits = PageLimits())
         }
     direction = reduced.contact.direction if reduced else (1.0, 0.0, 0.0)
     return data | {"direction": direction, "up": upwards(scene, direction)}
+
+
+def _crystal(run: dict[str, NDArray], limits: PageLimits) -> dict[str, Any]:
+    """A crystal's spheres at rest and their motion in 8 bits, at thinned instants; of more spheres
+    than fit at two instants the first ones."""
+    k, n = run["displacement"].shape[:2]
+    shown = min(n, limits.motion // 8)
+    most = max(2, min(limits.instants, limits.motion // (4 * shown)))
+    step = max(1, -(-(k - 1) // (most - 1)))
+    u = run["displacement"][::step, :shown]
+    speed = np.sqrt(np.einsum("ksx,ksx->ks", *2 * (run["velocity"][::step, :shown],)))
+    # 8 bits up to what all but a few spheres reach: a struck one may fly a thousand times as far
+    parts, reached = {}, {}
+    for name, values, size in (
+        ("u", u.reshape(len(u), -1), np.sqrt(np.einsum("ksx,ksx->ks", u, u))),
+        ("v", speed, speed),
+    ):
+        largest = np.sort(size.max(axis=0))
+        reached[name] = float(largest[int(0.98 * (shown - 1))]) or float(largest[-1]) or 1.0
+        scale = reached[name] / TOP["i1"]
+        steps = np.clip(np.rint(values / scale), -TOP["i1"], TOP["i1"])
+        parts |= {name: packed_integers(steps, "i1"), f"{name}_scale": scale}
+    return parts | {
+        "rest": floats((run["rest"] - run["rest"].mean(axis=0))[:shown].ravel()),
+        "radius": floats(run["radius"][:shown]),
+        "dt": float(step * (run["t"][1] - run["t"][0])),
+        "most": reached["u"],
+        "shown_speed": reached["v"],
+        "n_spheres": n,
+        "n_instants": k,
+    }
 
 
 def friction_of(scene: Scene, run: dict[str, NDArray], limits: PageLimits) -> dict[str, Any]:

@@ -4,7 +4,13 @@ from typing import Any
 
 import numpy as np
 
-from beadwave.workflows.report.first_screen import chain_words, facts, wall_words, waves_words
+from beadwave.workflows.report.first_screen import (
+    chain_words,
+    crystal_words,
+    facts,
+    wall_words,
+    waves_words,
+)
 from beadwave.workflows.report.number_format import GLUE, NONE, digits, grouped, percent, si
 from beadwave.workflows.report.packing import unpacked
 from beadwave.workflows.report.provenance import flat
@@ -78,7 +84,9 @@ def context(scene: Scene | None, summary: Summary, data: dict[str, Any]) -> dict
         "has": {
             "chain": "chain" in data,
             "assembly": "assembly" in data,
-            "motion": "chain" in data and ("assembly" not in data or "q" in data["assembly"]),
+            "crystal": "crystal" in data,
+            "motion": "crystal" in data
+            or ("chain" in data and ("assembly" not in data or "q" in data["assembly"])),
             "wall": "force" in plots,
             "wall_motion": "wall" in plots,
             "friction": "friction" in data,
@@ -87,6 +95,7 @@ def context(scene: Scene | None, summary: Summary, data: dict[str, Any]) -> dict
         # the first screen
         "chain_words": chain_words,
         "wall_words": wall_words,
+        "crystal_words": crystal_words,
         "waves_words": waves_words,
         "facts": facts(summary),
         "velocity_errors": velocity_errors(summary),
@@ -151,6 +160,17 @@ def view_note(data: dict[str, Any]) -> str:
             "spheres have factors of their own, without which nothing would be seen to move. Modes "
             "are those that the reduced model holds; modes.vtu has all of them."
             f"{'' if n_points == n else thinned}"
+        )
+    if "crystal" in data:
+        crystal = data["crystal"]
+        shown, n = crystal["v"]["shape"], crystal["n_spheres"]
+        kept = f"{grouped(shown[0])} of {grouped(crystal['n_instants'])} instants"
+        if shown[1] < n:
+            kept += f" of {grouped(shown[1])} of {grouped(n)} spheres"
+        return (
+            "Spheres are coloured by speed; their displacements have a factor, without which "
+            "nothing would be seen to move. Both are cut where the fastest 2 % of the spheres go "
+            f"farther. The view holds {kept}; trajectory.npz holds all that was saved."
         )
     standing = STANDS_FOR[data.get("wall")]
     return f"Spheres are coloured by velocity, red towards the wall. {standing}"

@@ -8,9 +8,10 @@ from io import BytesIO
 from typing import NamedTuple
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.collections import LineCollection
+from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.colors import SymLogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import (
@@ -242,18 +243,63 @@ def outlined_map(
 def space_time(axis: Axes, t: Array, v: Array) -> None:
     """Velocity of every sphere v (k, n) [m/s] over time t (k,) [s], linear below a twentieth of the
     largest and logarithmic above: faint waves are visible as well."""
-    top, n = np.abs(v).max() or 1.0, v.shape[1]
+    names = "sphere, 1 = striker, the wall below", "velocity [m/s], towards the wall"
+    over_time(axis, t, v, names)
+    axis.set_xlabel("time [ms]")
+
+
+def over_time(
+    axis: Axes, t: Array, values: Array, names: tuple[str, str], *, signed: bool = True
+) -> None:
+    """Values (k, n) of n rows over time t (k,) [s]; names of the rows and the values. Signed ones
+    are linear below a twentieth of the largest and logarithmic above, others linear."""
+    top, n = np.abs(values).max(initial=0.0) or 1.0, values.shape[1]
     step = max(1, len(t) // 1500)  # no more columns than pixels across the picture
     image = axis.imshow(
-        v[::step].T, aspect="auto", cmap="RdBu_r", interpolation="nearest",
-        norm=SymLogNorm(0.05 * top, vmin=-top, vmax=top),
-        extent=(1e3 * t[0], 1e3 * t[-1], n + 0.5, 0.5),
+        values[::step].T, aspect="auto", cmap="RdBu_r" if signed else "magma_r",
+        norm=SymLogNorm(0.05 * top, vmin=-top, vmax=top) if signed else None,
+        interpolation="nearest", extent=(1e3 * t[0], 1e3 * t[-1], n + 0.5, 0.5),
     )  # fmt: skip
-    axis.set_xlabel("time [ms]")
-    axis.set_ylabel("sphere, 1 = striker, the wall below")
+    axis.set_ylabel(names[0])
     axis.yaxis.set_major_locator(MaxNLocator(integer=True))
-    bar = axis.figure.colorbar(image, label="velocity [m/s], towards the wall", shrink=0.9)
+    bar = axis.figure.colorbar(image, ax=axis, label=names[1], shrink=0.9)
     bar.ax.minorticks_off()
+
+
+def spheres(
+    axis: Axes, centre: Array, radius: Array, values: Array, label: str, *,
+    cmap: str = "viridis", limits: tuple[float, float] | None = None, bar: bool = True,
+) -> None:  # fmt: skip
+    """Spheres as discs to scale at centres (s, 2) [m] with radii (s,) [m], coloured by values (s,);
+    those that are nan are pale."""
+    discs = EllipseCollection(
+        2e3 * radius, 2e3 * radius, np.zeros(len(radius)), units="xy", offsets=1e3 * centre,
+        transOffset=axis.transData, cmap=colormaps[cmap].with_extremes(bad="#e4e4e4"),
+        linewidths=0.0,
+    )  # fmt: skip
+    discs.set_array(np.ma.masked_invalid(values))
+    if limits is not None:
+        discs.set_clim(*limits)
+    axis.add_collection(discs)
+    low, high = centre.min(axis=0) - radius.max(), centre.max(axis=0) + radius.max()
+    margin = 0.02 * (high - low).max()
+    axis.set_xlim(1e3 * (low[0] - margin), 1e3 * (high[0] + margin))
+    axis.set_ylim(1e3 * (high[1] + margin), 1e3 * (low[1] - margin))  # the wave runs down the page
+    axis.set_aspect("equal")
+    axis.spines[["top", "right"]].set_visible(False)
+    if bar:
+        axis.figure.colorbar(discs, ax=axis, label=label, shrink=0.8)
+
+
+def discs(axis: Axes, at: Array, diameter: Array, **colours) -> EllipseCollection:
+    """Discs of diameters (n,) at points (n, 2), both in the units of the axes, by keywords of
+    matplotlib's collections."""
+    drawn = EllipseCollection(
+        diameter, diameter, np.zeros(len(diameter)), units="xy", offsets=at,
+        offset_transform=axis.transData, linewidths=0, **colours,
+    )  # fmt: skip
+    axis.add_collection(drawn)
+    return drawn
 
 
 def png(figure: Figure, banner: str = "") -> bytes:

@@ -38,6 +38,11 @@ CAPTIONS = {
     "signals": "What the sensors record; i marks the incident wave, numbers the reflected ones.",
     "waves": "Velocity of every sphere over time, linear near zero and logarithmic beyond. Dashed: "
     "the waves that were followed; i incident, numbers reflected.",
+    "crystal": "When the wave reaches each sphere, and the largest speed there, over the places at "
+    "rest. Grey: nothing arrives. In space: the spheres in the plane of the struck ones' middle.",
+    "snapshots": "Speed of the spheres at four instants, over the places at rest.",
+    "rows": "Mean velocity of each row along the axis of the impact over time, linear near zero "
+    "and logarithmic beyond; of a network and a Y each sphere's speed. Below: kinetic energy.",
     "energies": "Energies of chain, contacts and wall since the start, and the error of their "
     "balance.",
     "friction": "Friction at the wall: over the displacement of the sphere's surface, over time "

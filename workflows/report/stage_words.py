@@ -1,6 +1,7 @@
 """Words for a person in place of the names of stages in summaries and caches."""
 
 WORDS = {
+    "sizes": "sizes of elements",
     "model": "stiffness and mass",
     "tuning-basis": "basis of the fit",
     "factor": "factors of the stiffness",
@@ -24,6 +25,9 @@ WORDS = {
     "receptance-error": "error of the receptance",
     "record": "record of sensors",
     "signals": "plots of sensors",
+    "crystal-march": "march of the crystal",
+    "crystal-modes": "modes of the crystal",
+    "crystal-figures": "plots",
     "spatial-wall": "wall in three directions",
 }
 

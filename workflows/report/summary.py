@@ -182,6 +182,21 @@ class FrictionNumbers(BaseModel):
     phase_at_wall_deg: float | None = None
 
 
+class CrystalNumbers(BaseModel):
+    """A packing of spheres in space and the front that runs through it.
+
+    front_speed_m_s: along x, y and z, None where too few spheres lie in line with the struck ones;
+    band_edges_hz: least and largest frequency of each band of the pressed lattice in turn, None
+    where nothing presses; peak_structure_force_N: of the whole last row on what is behind it.
+    """
+
+    n_spheres: int
+    n_contacts: int
+    front_speed_m_s: dict[str, float | None]
+    band_edges_hz: tuple[float, ...] | None = None
+    peak_structure_force_N: float | None = None
+
+
 class ErrorEstimate(BaseModel):
     """Relative errors of the observed velocities by cause; None where nothing estimates one."""
 
@@ -240,6 +255,29 @@ class ModeFound(BaseModel):
     mac: float | None = None
 
 
+class SolvedMeshNumbers(BaseModel):
+    """A mesh of the search for sizes of elements."""
+
+    unknowns: int
+    elements: int
+    stated: float  # largest relative error
+    seconds: float
+
+
+class MeshNumbers(BaseModel):
+    """The mesh that follows from mesh.error, and those before it."""
+
+    asked: float  # relative error
+    stated: float
+    floor: float  # of the stated error, which no mesh lowers: dents under springs
+    # what kept it above the one asked: unknowns, floor, singular (errors fall too slowly), meshes
+    bounded_by: str | None = None
+    unknowns_for_asked: float | None = None  # foreseen
+    seconds_for_asked: float | None = None
+    where: str = ""  # the place of most of the error
+    meshes: tuple[SolvedMeshNumbers, ...] = ()
+
+
 class ValueSource(BaseModel):
     """Origin of a value of the scene: thesis, inferred, assumed, yours, chosen, default."""
 
@@ -259,6 +297,7 @@ class Summary(BaseModel):
     modes: tuple[ModeFound, ...] = ()
     dofs: int = 0
     load_factor: float | None = None  # static load over that which buckles the structure
+    mesh: MeshNumbers | None = None  # of mesh.error
     n_wall_modes: int = 0
     dt_s: float | None = None
     n_steps: int = 0
@@ -273,6 +312,7 @@ class Summary(BaseModel):
     sensors: dict[str, SensorWaves] = {}
     wall_contact: ChainContact | None = None
     friction: FrictionNumbers | None = None
+    crystal: CrystalNumbers | None = None
     reduction: ReductionHealth | None = None
     verdict: tuple[str, ...] = ()
     seconds: float | None = None  # of the whole run; stages of two processes overlap

@@ -3,7 +3,9 @@
 from beadwave.workflows.report.number_format import GLUE, NONE, digits, grouped, percent, si
 from beadwave.workflows.report.stage_words import stage_words
 from beadwave.workflows.report.summary import (
+    CrystalNumbers,
     FrictionNumbers,
+    MeshNumbers,
     ReductionHealth,
     SensorWaves,
     SphereWaves,
@@ -20,6 +22,7 @@ ERRORS = {
     "mesh": (
         "mesh",
         (
+            "sizes",
             "mesh",
             "model",
             "second-mesh",
@@ -58,6 +61,8 @@ def results(summary: Summary) -> list[tuple[str, str]]:
         rows.append(("measured modes, computed", measured_modes(summary)))
     if summary.load_factor is not None:
         rows.append(("load over buckling load", percent(summary.load_factor)))
+    if summary.mesh:
+        rows.append(("mesh", mesh_words(summary.mesh)))
     rows += [
         (f"waves at sphere {s}", arrivals(waves, summary, s)) for s, waves in summary.waves.items()
     ]
@@ -69,6 +74,8 @@ def results(summary: Summary) -> list[tuple[str, str]]:
             "peak force at the wall": si(summary.peak_wall_force_N, "N"),
         }
         rows += [(label, with_error(summary, ERROR_OF[label], x)) for label, x in of_wall.items()]
+    if crystal := summary.crystal:
+        rows += crystal_rows(crystal)
     if across := summary.friction:
         back = across.surface_velocity_ratio
         rows += [
@@ -83,6 +90,34 @@ def results(summary: Summary) -> list[tuple[str, str]]:
             ("contact when the wave comes", contact_state(across)),
         ]
     return [(label, value) for label, value in rows if value not in ("", NONE)]
+
+
+def crystal_rows(crystal: CrystalNumbers) -> list[tuple[str, str]]:
+    """Spheres in space: how many, how fast the front runs, with what force it arrives."""
+    speeds = [
+        f"{axis} {si(speed, 'm/s')}"
+        for axis, speed in crystal.front_speed_m_s.items()
+        if speed is not None
+    ]
+    counts = (f"{grouped(crystal.n_spheres)} spheres", f"{grouped(crystal.n_contacts)} contacts")
+    return [
+        ("crystal", listed([*counts])),
+        ("speed of the front", listed(speeds)),
+        ("peak force on the wall", si(crystal.peak_structure_force_N, "N")),
+        ("bands of small waves", bands(crystal.band_edges_hz or ())),
+    ]
+
+
+def bands(edges: tuple[float, ...]) -> str:
+    """Bands by their edges [Hz], lower and upper in turn."""
+    pairs = zip(edges[::2], edges[1::2], strict=True)
+    return listed([f"{si(low, 'Hz') if low else '0'} to {si(high, 'Hz')}" for low, high in pairs])
+
+
+def mesh_words(mesh: MeshNumbers) -> str:
+    """Unknowns and errors of the meshes that mesh.error led to."""
+    each = [f"{grouped(m.unknowns)} unknowns ±{GLUE}{percent(m.stated, 2)}" for m in mesh.meshes]
+    return f"{', '.join(each)}; asked ±{GLUE}{percent(mesh.asked, 2)}"
 
 
 def with_error(summary: Summary, name: str, text: str) -> str:

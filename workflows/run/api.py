@@ -23,7 +23,7 @@ from beadwave.workflows.report.provenance import origin
 from beadwave.workflows.report.summary import Summary
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.named_files import require_file
-from beadwave.workflows.scene.required_parts import with_chain
+from beadwave.workflows.scene.required_parts import with_spheres
 from beadwave.workflows.scene.toml import toml
 from beadwave.workflows.stages.engine.progress import Progress, quiet
 
@@ -83,7 +83,7 @@ class Run:
     def data(self) -> xarray.Dataset:
         """The trajectory with named dimensions and units; raises InvalidScene without a chain."""
         if not self.arrays:
-            raise InvalidScene(f"{self.summary.scene} has no chain, and so no trajectory.")
+            raise InvalidScene(f"{self.summary.scene} has no spheres, and so no trajectory.")
         from beadwave.workflows.report.arrays import of_trajectory
 
         return of_trajectory(self.arrays)
@@ -160,7 +160,7 @@ def impact(
     """
     wall = () if rom is None else (("wall", {"kind": "rom", "file": str(_file_of(rom))}),)
     changes = (*wall, *each(changes))
-    chosen = with_chain(load_scene(scene, changes))
+    chosen = with_spheres(load_scene(scene, changes))
     from beadwave.workflows.run.run import impact as run_impact
     from beadwave.workflows.stages.engine.pipeline import pipeline_of
 
@@ -173,12 +173,17 @@ def impact(
 
     def read() -> dict[str, NDArray]:
         """Arrays of the run by name, shapes as in trajectory.npz."""
+        if chosen.crystal:
+            from beadwave.workflows.stages.crystal.numbers import crystal_arrays
+
+            return crystal_arrays(pipeline("crystal"), pipeline("crystal-march"))
         from beadwave.coupling.saved_run import arrays  # kept results load no march
 
         lateral = pipeline("friction") if chosen.friction else None
         return arrays(pipeline("impact").trajectory, pipeline("wall"), lateral)
 
-    return Run(chosen, summary, path, notes, read, lambda: pipeline("figures"))
+    figures = "crystal-figures" if chosen.crystal else "figures"
+    return Run(chosen, summary, path, notes, read, lambda: pipeline(figures))
 
 
 def load(folder: str | Path) -> Run:

@@ -20,7 +20,7 @@ from beadwave.workflows.stages.engine.cache import LIBRARIES, library_versions
 from beadwave.workflows.stages.engine.pipeline import Pipeline
 from beadwave.workflows.stages.engine.stage_table import needs_structure
 
-IMPACT_FILES = ("given.toml", "summary.json", "trajectory.npz", "signals.csv")
+IMPACT_FILES = ("given.toml", "summary.json", "trajectory.npz", "signals.csv", "arrivals.csv")
 FILES = (
     *IMPACT_FILES,
     "report.html",
@@ -63,6 +63,8 @@ def run(
                     pipeline("mac")
                 if scene.bending is None:
                     pipeline("structure-errors")
+            if scene.crystal:
+                _write_files(pipeline, folder, "crystal-files")
             pipeline.release()
             summary_of(pipeline, origin=origin)  # the errors, before the pictures are waited for
 
@@ -78,6 +80,8 @@ def run(
                 write_pictures(folder, pipeline("figures"))
                 if scene.output.sensors:
                     write_pictures(folder, (pipeline("signals"),))
+            if scene.crystal:
+                write_pictures(folder, pipeline("crystal-figures"))
 
             # once more, with pictures that are missing
             summary = summary_of(pipeline, unrendered, origin)
@@ -109,7 +113,7 @@ def impact(
             summary = summary_of(pipeline, origin=origin)
         if folder:
             _write_given(folder, origin)
-            _write_files(pipeline, folder, "chain-files")
+            _write_files(pipeline, folder, "crystal-files" if scene.crystal else "chain-files")
             folder.write("summary.json", summary.text())
     return summary
 
@@ -122,7 +126,11 @@ def _begin_mesh_error(pipeline: Pipeline) -> None:
 
 
 def _require_start(pipeline: Pipeline) -> None:
-    """Raise InvalidScene for a chain that cannot be marched, unless it has been."""
+    """Raise InvalidScene for a chain or a crystal that cannot be marched, unless it has been."""
+    if pipeline.scene.crystal and not pipeline.kept("crystal-march"):
+        from beadwave.workflows.stages.crystal.march import require_crystal
+
+        require_crystal(pipeline.scene)
     if pipeline.scene.chain and not pipeline.kept("impact"):
         from beadwave.workflows.stages.chain.impact import (
             require_start,  # kept results load no march
@@ -203,6 +211,12 @@ def summary_of(
         if scene.output.sensors:
             numbers["sensors"] = pipeline("sensor-numbers")
         sentences += chain.warnings
+
+    # spheres in space
+    if scene.crystal:
+        crystal = pipeline("crystal-numbers")
+        numbers |= crystal.numbers | {"error_estimate": ErrorEstimate(time=crystal.time_error)}
+        sentences += crystal.warnings
 
     # the assembly, or a wall from a file
     if structure:

@@ -65,6 +65,11 @@ NAMED = {
         3.3e9, 0.37, 1190.0, 110e6,
         "cast acrylic sheet: Roehm, PLEXIGLAS GS 233, technical information 211-1, ISO 527 and 604",
     ),
+    "ptfe": NamedMaterial(
+        1.46e9, 0.46, 2178.0, 15e6,
+        "balls of PTFE: C. Daraio et al., Phys. Rev. E 72 (2005) 016603; strength of sheets ISO "
+        "13000, it creeps",
+    ),
 }  # fmt: skip
 NUMBERS = ("young", "poisson", "density", "yield_stress")
 # other names of the same material
@@ -72,7 +77,7 @@ SYNONYMS = {
     "acrylic": "pmma", "acrylic-glass": "pmma", "perspex": "pmma", "plexiglas": "pmma",
     "plexiglass": "pmma", "s355": "steel", "structural-steel": "steel", "100cr6": "bearing-steel",
     "52100": "bearing-steel", "ti-6al-4v": "titanium", "titanium-grade-5": "titanium",
-    "float-glass": "glass", "soda-lime-glass": "glass",
+    "teflon": "ptfe", "float-glass": "glass", "soda-lime-glass": "glass",
 }  # fmt: skip
 # words of a name that are spelled otherwise
 SPELLINGS = (
@@ -80,7 +85,7 @@ SPELLINGS = (
     ("^stainless-steel", "stainless"), ("^(aisi|inox)-", "stainless-"), ("-t6$", ""),
 )  # fmt: skip
 # names of many materials besides those that begin a name of theirs, as `aluminium` does
-FAMILIES = {"polymer": ("pmma",), "plastic": ("pmma",), "inox": ("stainless-304",)}
+FAMILIES = {"polymer": ("pmma", "ptfe"), "plastic": ("pmma", "ptfe"), "inox": ("stainless-304",)}
 
 
 def named_material(name: str) -> NamedMaterial | None:

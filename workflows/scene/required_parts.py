@@ -11,6 +11,12 @@ def with_chain(scene: Scene) -> Scene:
     return _with(scene, scene.chain, "[chain]; add one, or take rig-1dof")
 
 
+def with_spheres(scene: Scene) -> Scene:
+    """A scene with a chain or a crystal."""
+    lacking = "[chain] and no [crystal]; add one, or take rig-1dof"
+    return _with(scene, scene.chain or scene.crystal, lacking)
+
+
 def with_structure(scene: Scene) -> Scene:
     """A scene with finite elements in it."""
     lacking = "[assembly], [beam] or [plate]; add one, or take rig-rom"

@@ -336,7 +336,9 @@ def as_bodies(rig: Rig) -> dict[str, Any]:
         "joints": tuple(joints) or None,
         "strike": Strike(on=STRUCK, at=patch.point, seed=mesh.contact_seed, **strike),
         "targets": targets,
-        "mesh": Meshing() if mesh_file else Meshing(element=mesh.element, scale=mesh.scale),
+        "mesh": Meshing(**mesh.asked)
+        if mesh_file
+        else Meshing(element=mesh.element, scale=mesh.scale, **mesh.asked),
         "patch": None,
     }
 

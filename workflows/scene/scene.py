@@ -25,6 +25,7 @@ from beadwave.workflows.scene.tables.bodies import (
 )
 from beadwave.workflows.scene.tables.chain import ChainTable, LeafSpringsTable, Preload, Striker
 from beadwave.workflows.scene.tables.contact import ContactTable
+from beadwave.workflows.scene.tables.crystal import CrystalTable
 from beadwave.workflows.scene.tables.damping import Damping
 from beadwave.workflows.scene.tables.friction import Arm, Friction
 from beadwave.workflows.scene.tables.gravity import Gravity, Guides
@@ -62,6 +63,7 @@ class Scene(SceneTable):
     # keys whose values are intended, outside of their usual range
     unusual: Annotated[tuple[str, ...], Field(strict=False)] | None = None
     chain: ChainTable | None = None
+    crystal: CrystalTable | None = None
     striker: Striker | None = None
     contact: ContactTable | None = None
     leaf_springs: LeafSpringsTable | None = None

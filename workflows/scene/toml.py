@@ -45,12 +45,14 @@ INSTEAD = {
     "wall.plate_thickness": {"coefficient"},
     **{
         f"{table}.material": {"young", "poisson", "density", "yield_stress"}
-        for table in ("chain", "wall", "beam", "plate")
+        for table in ("chain", "crystal", "wall", "beam", "plate")
     },
     "beam.thickness": {"diameter", "bore", "area", "second_moment"},
     "beam.width": {"diameter", "bore", "area", "second_moment"},
     "beam.diameter": {"width", "thickness", "area", "second_moment"},
     "beam.area": {"width", "thickness", "diameter", "bore"},
+    "crystal.precompression": {"force"},
+    "crystal.force": {"precompression"},
     "reduction.modes": {"cutoff", "error"},
     "reduction.cutoff": {"modes", "error"},
     "reduction.error": {"modes", "cutoff"},
@@ -68,7 +70,9 @@ def resolved(tables: dict[str, Any], source: str, folder: Path = Path()) -> Scen
     bodies; files that it names are looked for in `folder`. Raises InvalidScene, in one sentence
     that begins with the source."""
     if not tables:
-        raise InvalidScene(f"{source} is empty; a scene needs at least [chain] or [assembly].")
+        raise InvalidScene(
+            f"{source} is empty; a scene needs at least [chain], [crystal] or [assembly]."
+        )
     tables = {"name": Path(source).stem, **tables}
 
     # the tables one by one, then numbers that are allowed and unlikely; [assembly] and [mesh] come
@@ -78,7 +82,7 @@ def resolved(tables: dict[str, Any], source: str, folder: Path = Path()) -> Scen
 
     # tables that the parts of the scene need and that it left out, at their defaults
     added: dict[str, Any] = {}
-    if scene.chain:
+    if scene.chain or scene.crystal:
         added |= {"contact": ContactTable(), "time": Time(), "output": Output()}
     if scene.has_structure:
         kind = "craig-bampton" if scene.assembly is not None else "free-modes"
@@ -368,7 +372,7 @@ SENTENCES = {
     "rows": "{key} is a list of tables: write [[{key}]], two brackets, once for each.",
     "model_type": "{key} = {shown} must be a table; write [{key}] with keys below it.",
 }
-LISTS_OF_TABLES = {
+LISTS_OF_TABLES = {("crystal", "inclusions")} | {
     (name,) for name in ("shakers", "ties", "masses", "springs", "measured", "loads", "targets")
 }
 SENTENCES["model_attributes_type"] = SENTENCES["model_type"]

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beadwave.workflows.files.cache_folder import cache_folder
-from beadwave.workflows.report.number_format import si
+from beadwave.workflows.report.number_format import percent, si
 from beadwave.workflows.scene import DashpotWall, RomWall, Scene
 from beadwave.workflows.stages.engine.cache import fault
 
@@ -31,7 +31,7 @@ if (
     from beadwave.dem.waves.chain_waves import ChainWaves
     from beadwave.fem.assembly.constraints import Overconstrained
     from beadwave.fem.modes.assembly_modes import AssemblyModes
-    from beadwave.workflows.report.summary import ReductionHealth
+    from beadwave.workflows.report.summary import MeshNumbers, ReductionHealth
     from beadwave.workflows.stages.chain.chain import Start
 
 CURES = {
@@ -463,4 +463,27 @@ def neglected_coupling(scene: Scene, start: Start) -> Iterator[str]:
             f"Sphere and wall differ, Dundurs' constant is {beta:.2g}: friction and pressure then "
             "act on each other, which the tangential law leaves out; take it for an estimate, or "
             "strike a wall of the spheres' material."
+        )
+
+
+def mesh_above_asked(mesh: MeshNumbers) -> Iterator[str]:
+    """The mesh states more than mesh.error, since a bound ended the search for its sizes."""
+    if mesh.bounded_by is None:
+        return
+    what = f"The mesh states an error of {percent(mesh.stated, 2)}, mesh.error = {mesh.asked:g} "
+    what += f"asks for {percent(mesh.asked, 2)}: "
+    cost = ""
+    if mesh.unknowns_for_asked and mesh.seconds_for_asked:
+        cost = f"some {mesh.unknowns_for_asked:.1e} unknowns and {mesh.seconds_for_asked:.0f} s"
+    if mesh.bounded_by == "unknowns":
+        yield f"{what}that takes {cost}, more than mesh.unknowns allows. Most arises {mesh.where}."
+    elif mesh.bounded_by == "floor":
+        yield (
+            f"{what}{percent(mesh.floor, 2)} are dents under springs, which no mesh lowers; take "
+            "larger radii there."
+        )
+    else:
+        yield (
+            f"{what}errors fall slowly with the size of elements {mesh.where}, where a fillet, a "
+            f"larger washer or a larger mesh.error helps{f' ({cost} foreseen)' if cost else ''}."
         )

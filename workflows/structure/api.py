@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from beadwave.fem.identification.poly_reference import IdentifiedModes
     from beadwave.rom import ReducedModel
     from beadwave.workflows.stages.engine.pipeline import Pipeline
+    from beadwave.workflows.structure.crystal_modes import CrystalModeTable
     from beadwave.workflows.structure.hammer import HammerReport
     from beadwave.workflows.structure.hammer_design import HammerDesign
     from beadwave.workflows.structure.look import Look, LookContents
@@ -149,6 +150,39 @@ class ModesOfScene:
         return self.table.text()
 
 
+@dataclass(frozen=True, repr=False)
+class ModesOfCrystal:
+    """Modes of a crystal: `table.rows` one by one, `data` as arrays, `plot()` the dispersion of its
+    lattice beside them."""
+
+    scene: Scene
+    table: CrystalModeTable
+    pipeline: Pipeline
+
+    @property
+    def data(self) -> xarray.Dataset:
+        """frequency [Hz] over mode, shape [kg^-1/2] over mode, sphere and axis."""
+        from beadwave.workflows.report.arrays import dataset
+
+        modes, start = self.pipeline("crystal-modes"), self.pipeline("crystal")
+        still = self.table.n_still
+        variables = {
+            "frequency": (("mode",), modes.frequency[still:], "Hz"),
+            "shape": (("mode", "sphere", "axis"), modes.shape[still:], "kg^-1/2"),
+        }
+        numbers = [row.number for row in self.table.rows]
+        return dataset(variables, mode=numbers, sphere=start.number, axis=["x", "y", "z"])
+
+    def plot(self) -> Picture:
+        """Frequency over wave number along each axis, and the crystal's modes."""
+        from beadwave.workflows.structure.crystal_modes import dispersion_picture
+
+        return dispersion_picture(self.table)
+
+    def __repr__(self) -> str:
+        return self.table.text()
+
+
 def modes(
     scene: Source = None,
     changes: Changes = (),
@@ -156,16 +190,20 @@ def modes(
     out: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
-) -> ModesOfScene:
-    """Frequencies, measured ones, MAC, participation at the contact (`beadwave modes`).
+) -> ModesOfScene | ModesOfCrystal:
+    """Frequencies, measured ones, MAC, participation at the contact (`beadwave modes`); of a
+    pressed crystal its modes, and bands and dispersion of its lattice.
 
-    out  folder for the picture of the MAC matrix, and of faces in contact under preload their zone
-         and pressure, with contact.npz
+    out  folder for the picture of the MAC matrix, of a crystal for its dispersion, and of faces in
+         contact under preload their zone and pressure, with contact.npz
 
-    Raises InvalidScene for bad input or a scene without an assembly, ValueError where a computation
-    fails.
+    Raises InvalidScene for bad input, a scene without an assembly and a crystal that nothing
+    presses, ValueError where a computation fails.
     """
-    chosen = with_structure(load_scene(scene, changes))
+    chosen = load_scene(scene, changes)
+    if chosen.crystal:
+        return _modes_of_crystal(chosen, scene, out, overwrite, progress)
+    chosen = with_structure(chosen)
     in_contact = any(joint.model == "contact" for joint in chosen.bushings.values())
     names = [*(["mac"] if chosen.measured_hz or not in_contact else [])]
     names += ["contact"] if in_contact else []
@@ -183,6 +221,21 @@ def modes(
         contact = pipeline("model").contact
         write_pictures(folder, (contact_picture(contact),))
         folder.write("contact.npz", contact_arrays(contact))
+    return result
+
+
+def _modes_of_crystal(
+    chosen: Scene, scene: Source, out: str | Path | None, overwrite: bool, progress: Progress
+) -> ModesOfCrystal:
+    """`modes` of a crystal."""
+    folder = picture_folder(out, files_read(chosen, scene), overwrite, "dispersion")
+    from beadwave.workflows.stages.engine.pipeline import pipeline_of
+    from beadwave.workflows.structure.crystal_modes import crystal_mode_table
+
+    pipeline = pipeline_of(chosen, progress)
+    result = ModesOfCrystal(chosen, crystal_mode_table(pipeline), pipeline)
+    if folder:
+        write_pictures(folder, (result.plot(),))
     return result
 
 

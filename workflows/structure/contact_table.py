@@ -1,12 +1,8 @@
 """Faces in contact under the preload of bolts: rows, arrays and a picture of zone and pressure."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import EllipseCollection
-from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from beadwave.fem.contact.preloaded_contact import (
@@ -120,21 +116,14 @@ def contact_picture(contact: PreloadedContact) -> Picture:
     at = 1e3 * contact.facets.points[:, [first, second]]
     size, on = 2e3 * np.sqrt(contact.facets.area / np.pi), contact.state != OPEN
 
-    def discs(axis: Axes, which: NDArray[np.bool_], **colours: Any) -> EllipseCollection:
-        """Facets as discs in the units of the axes."""
-        d = size[which]
-        drawn = EllipseCollection(
-            d, d, np.zeros(len(d)), units="xy", offsets=at[which], offset_transform=axis.transData,
-            linewidths=0, **colours,
-        )  # fmt: skip
-        axis.add_collection(drawn)
-        return drawn
-
-    discs(axes[0], ~on, facecolors="0.85")
-    pressed = discs(axes[0], on, array=1e-6 * contact.pressure[on], cmap="viridis")
+    plots.discs(axes[0], at[~on], size[~on], facecolors="0.85")
+    pressed = plots.discs(
+        axes[0], at[on], size[on], array=1e-6 * contact.pressure[on], cmap="viridis"
+    )
     figure.colorbar(pressed, ax=axes[0], label="pressure [MPa]", shrink=0.8)
     for state, colour in ((0, "0.85"), (1, "tab:orange"), (2, "tab:blue")):
-        discs(axes[1], contact.state == state, facecolors=colour)
+        of = contact.state == state
+        plots.discs(axes[1], at[of], size[of], facecolors=colour)
         axes[1].plot([], [], "o", color=colour, label=STATES[state])
     figure.legend(loc="outside upper right", ncols=3, fontsize=8, frameon=False)
     for axis in axes:

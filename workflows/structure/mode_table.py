@@ -6,11 +6,14 @@ from pydantic import BaseModel
 from beadwave.fem.modes.mac import RIGID, strained
 from beadwave.workflows.files.run_folder import Picture
 from beadwave.workflows.report import plots
+from beadwave.workflows.report.summary import MeshNumbers
+from beadwave.workflows.report.summary_rows import mesh_words
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.stages import warnings
 from beadwave.workflows.stages.engine.pipeline import Pipeline
-from beadwave.workflows.stages.structure.health import shape_names
+from beadwave.workflows.stages.engine.stage_table import asks_mesh_error
+from beadwave.workflows.stages.structure.health import mesh_numbers, shape_names
 from beadwave.workflows.structure.contact_table import ContactRow, contact_rows, contacts_text
 from beadwave.workflows.structure.joint_table import JointRow, joint_rows, joints_text
 
@@ -61,6 +64,7 @@ class ModeTable(BaseModel):
     load_factor: float | None = None  # static load over that which buckles the structure
     joints: list[JointRow] = []  # those that are known from their drawing
     contact: list[ContactRow] = []  # faces that bolts press, of model = "contact"
+    mesh: MeshNumbers | None = None  # of mesh.error
     warnings: list[str] = []
 
     def text(self) -> str:
@@ -89,6 +93,8 @@ class ModeTable(BaseModel):
         table = aligned_text((*head, "MAC"), cells)
         legend = READING if any(row.hammer_mode for row in self.rows) else NO_TARGETS
         load = LOADED.format(100 * self.load_factor) if self.load_factor is not None else ""
+        if self.mesh:
+            load = "\n".join(filter(None, (load, f"Meshes: {mesh_words(self.mesh)}.")))
         shapes = ", ".join(f"{r.hammer_mode}: {r.shape}" for r in self.rows if r.shape)
         # of the modes whose errors arise at one place the worst has the sentence
         at_place: dict[str, list[ModeRow]] = {}
@@ -180,8 +186,12 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
         sentences += warnings.doubtful_parts(
             {row.number: 0.01 * (row.part_error_percent or 0.0) for row in rows}
         )
+    mesh = mesh_numbers(pipeline("sizes")) if asks_mesh_error(scene) else None
+    if mesh:
+        sentences += warnings.mesh_above_asked(mesh)
     return ModeTable(
         scene=scene.name,
+        mesh=mesh,
         rows=rows,
         error_of="mesh error" if scene.bending is None else "error",
         load_factor=modes.load_factor,

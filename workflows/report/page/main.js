@@ -3,6 +3,7 @@
 import { columns } from "./arrays.js";
 import { responseChart, timeChart } from "./charts.js";
 import { clockOf } from "./clock.js";
+import { crystalView } from "./crystal.js";
 import { frictionView } from "./friction.js";
 import { heatMap } from "./heat.js";
 import { impactView } from "./impact.js";
@@ -13,7 +14,8 @@ import { digits, saveTable } from "./words.js";
 const data = JSON.parse(document.getElementById("data").textContent);
 const root = document.documentElement;
 
-function durationOf({ chain }) {
+function durationOf({ chain, crystal }) {
+  if (crystal) return (crystal.u.shape[0] - 1) * crystal.dt;
   return chain ? (chain.x.shape[0] - 1) * chain.dt : 1;
 }
 
@@ -95,16 +97,16 @@ function start() {
   startTables();
   const clock = clockOf(durationOf(data));
   const section = document.getElementById("impact");
-  const drawn = section && (data.chain || data.assembly) && drawnBy() !== null;
+  const drawn = section && (data.chain || data.assembly || data.crystal) && drawnBy() !== null;
   root.classList.add(drawn ? "with-view" : "without-view");
   startCharts(clock);
   if (drawn) {
-    const view = impactView(section, data, clock);
-    if (data.chain) startControls(section, clock);
+    const view = (data.crystal ? crystalView : impactView)(section, data, clock);
+    if (data.chain || data.crystal) startControls(section, clock);
     window.beadwave = { clock, view };
   }
   clock.seek(0.25 * clock.duration);
-  if (drawn && data.chain) playOnceSeen(section, clock);
+  if (drawn && (data.chain || data.crystal)) playOnceSeen(section, clock);
 }
 
 start();

@@ -70,7 +70,7 @@ export function drawnBy() {
 
 /** The view on a canvas; assembly and chain may each be absent, points are from the contact on. Reach
     is how far either moves [m], as drawn. */
-export function stageOf(canvas, { assembly, chain, wall, direction, up, reach }) {
+export function stageOf(canvas, { assembly, chain, crystal, wall, direction, up, reach }) {
   const software = SOFTWARE.test(drawnBy());
   // pixels of the canvas for one of the page, at rest and in motion; a processor smooths edges no faster
   const full = software ? 1.5 : Math.min(devicePixelRatio, 2);
@@ -81,7 +81,9 @@ export function stageOf(canvas, { assembly, chain, wall, direction, up, reach })
   const gl = renderer.gl;
   const scene = new OGL.Transform();
   const solid = assembly && solidOf(gl, scene, assembly);
-  const balls = chain && ballsOf(gl, scene, chain, direction);
+  const balls = crystal
+    ? crystalOf(gl, scene, crystal)
+    : chain && ballsOf(gl, scene, chain, direction);
   const simple = !assembly && chain && wall ? wallOf(gl, scene, wall, chain, { LINES, SURFACE }) : null;
   const eye = cameraOf(gl, canvas, draw, up);
   let shown = "all";
@@ -200,20 +202,17 @@ function solidOf(gl, scene, assembly) {
   return { rest, set, recolour };
 }
 
-function ballsOf(gl, scene, chain, direction) {
-  const radius = chain.radius;
+const FINE = [24, 16]; // segments of a ball, of few balls
+const COARSE = [10, 7]; // of more than MANY: 20,000 are three million triangles
+const MANY = 1500;
+
+/** Balls of radii (n), each at `place` (x, y, z, radius), coloured by its signed speed. */
+function instancesOf(gl, scene, radius) {
   const n = radius.length;
-  const ball = new OGL.Sphere(gl, { radius: 1, widthSegments: 24, heightSegments: 16 });
+  const [widthSegments, heightSegments] = n > MANY ? COARSE : FINE;
+  const ball = new OGL.Sphere(gl, { radius: 1, widthSegments, heightSegments });
   const place = new Float32Array(4 * n);
   const speed = new Float32Array(n);
-  // the last sphere touches the contact point; each one lies before the next
-  const centre = new Float32Array(n);
-  let before = 0;
-  for (let i = n - 1; i >= 0; i--) {
-    before += radius[i];
-    centre[i] = -before;
-    before += radius[i];
-  }
   const { position, normal, index } = ball.attributes;
   const geometry = new OGL.Geometry(gl, {
     position: { size: 3, data: position.data },
@@ -228,15 +227,9 @@ function ballsOf(gl, scene, chain, direction) {
   const program = new OGL.Program(gl, { ...SPHERES, uniforms });
   const mesh = new OGL.Mesh(gl, { geometry, program, frustumCulled: false });
   mesh.setParent(scene);
+  for (let i = 0; i < n; i++) place[4 * i + 3] = radius[i];
 
-  /** Displacements x (n) towards the wall times a factor, coloured by velocities v over `most`. */
-  function set(x, factor, v, most) {
-    for (let i = 0; i < n; i++) {
-      const along = centre[i] + factor * x[i];
-      for (let j = 0; j < 3; j++) place[4 * i + j] = along * direction[j];
-      place[4 * i + 3] = radius[i];
-      speed[i] = v[i];
-    }
+  function changed(most) {
     uniforms.most.value = most || 1;
     geometry.attributes.sphere.needsUpdate = true;
     geometry.attributes.speed.needsUpdate = true;
@@ -246,13 +239,62 @@ function ballsOf(gl, scene, chain, direction) {
     for (const name of ["towards", "rest", "away"]) uniforms[name].value = rgb(`sphere-${name}`);
   }
 
+  return { mesh, place, speed, changed, recolour };
+}
+
+/** Corners about balls of radii at centres (3 per ball), for the camera. */
+function cornersOf(centre, radius) {
   const corners = [];
-  for (let i = 0; i < n; i++) {
+  for (let i = 0; i < radius.length; i++) {
     for (const [dx, dy, dz] of [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]) {
-      const at = direction.map((d) => d * centre[i]);
-      corners.push(at[0] + dx * radius[i], at[1] + dy * radius[i], at[2] + dz * radius[i]);
+      const R = radius[i];
+      corners.push(centre[3 * i] + dx * R, centre[3 * i + 1] + dy * R, centre[3 * i + 2] + dz * R);
     }
   }
+  return corners;
+}
+
+/** A crystal's spheres: `rest` (3 per sphere) and radii. */
+function crystalOf(gl, scene, { rest, radius }) {
+  const { mesh, place, speed, changed, recolour } = instancesOf(gl, scene, radius);
+
+  /** Displacements u (3 per sphere) times a factor, coloured by speeds v over `most`. */
+  function set(u, factor, v, most) {
+    for (let i = 0; i < radius.length; i++) {
+      for (let j = 0; j < 3; j++) place[4 * i + j] = rest[3 * i + j] + factor * u[3 * i + j];
+      speed[i] = v[i];
+    }
+    changed(most);
+  }
+
+  set(new Float32Array(rest.length), 0, speed, 1);
+  return { mesh, set, recolour, corners: cornersOf(rest, radius) };
+}
+
+function ballsOf(gl, scene, chain, direction) {
+  const radius = chain.radius;
+  const n = radius.length;
+  const { mesh, place, speed, changed, recolour } = instancesOf(gl, scene, radius);
+  // the last sphere touches the contact point; each one lies before the next
+  const centre = new Float32Array(n);
+  let before = 0;
+  for (let i = n - 1; i >= 0; i--) {
+    before += radius[i];
+    centre[i] = -before;
+    before += radius[i];
+  }
+
+  /** Displacements x (n) towards the wall times a factor, coloured by velocities v over `most`. */
+  function set(x, factor, v, most) {
+    for (let i = 0; i < n; i++) {
+      const along = centre[i] + factor * x[i];
+      for (let j = 0; j < 3; j++) place[4 * i + j] = along * direction[j];
+      speed[i] = v[i];
+    }
+    changed(most);
+  }
+
+  const corners = cornersOf(Array.from(centre).flatMap((c) => direction.map((d) => d * c)), radius);
   set(new Float32Array(n), 0, speed, 1);
   return { mesh, set, recolour, corners };
 }

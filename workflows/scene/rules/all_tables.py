@@ -22,6 +22,7 @@ from beadwave.workflows.scene.rules.bodies import (
     of_test_axes,
     without_assembly,
 )
+from beadwave.workflows.scene.rules.crystal import of_crystal
 from beadwave.workflows.scene.rules.friction import of_friction, of_gravity
 from beadwave.workflows.scene.rules.rig import of_the_rig
 from beadwave.workflows.scene.rules.sensors import of_sensors
@@ -40,6 +41,10 @@ def contradictions(scene: Scene) -> Iterator[str]:
 
     Only the first one is shown, so that a missing part comes before what follows from it.
     """
+    if scene.crystal:
+        yield from of_crystal(scene)
+        yield from _of_time(scene)
+        return  # the other rules are of chains and structures
     yield from _missing_parts(scene)
     yield from of_bending(scene)
     if isinstance(scene.assembly, RigTable):
@@ -70,7 +75,7 @@ def _missing_parts(scene: Scene) -> Iterator[str]:
         if chain is None and getattr(scene, name):
             yield f"[{name}] needs a [chain] that it acts on; add one or drop [{name}]."
     if chain is None and not scene.has_structure:
-        yield "[chain], [assembly], [beam] and [plate] are all missing; add one of them."
+        yield "[chain], [crystal], [assembly], [beam] and [plate] are all missing; add one of them."
     if chain is None and wall is not None:
         yield "[wall] needs a [chain] that hits it; add one or drop [wall]."
     if isinstance(wall, RomWall) and wall.file is None and not scene.has_structure:
@@ -159,9 +164,19 @@ def _of_modes(scene: Scene) -> Iterator[str]:
             yield f"damping: {error}"
 
 
+def _of_time(scene: Scene) -> Iterator[str]:
+    """A step that is longer than the run."""
+    time = scene.time
+    if time and time.dt is not None and time.dt > time.duration:
+        yield (
+            f"time.dt = {time.dt:g} is longer than time.duration = {time.duration:g}; "
+            "give a smaller step, or time.error."
+        )
+
+
 def _of_chain(scene: Scene) -> Iterator[str]:
     """Spheres, contacts and what drives them."""
-    chain, contact, time = scene.chain, scene.contact, scene.time
+    chain, contact = scene.chain, scene.contact
 
     # lists have a value for each sphere, each contact, each measured mode
     lists = [(f"chain.{key}", getattr(chain, key), chain.count) for key in type(chain).model_fields]
@@ -176,11 +191,7 @@ def _of_chain(scene: Scene) -> Iterator[str]:
         if isinstance(value, tuple) and len(value) != n:
             yield f"{key} has {len(value)} values, {n} are allowed; give one each."
 
-    if time and time.dt is not None and time.dt > time.duration:
-        yield (
-            f"time.dt = {time.dt:g} is longer than time.duration = {time.duration:g}; "
-            "give a smaller step, or time.error."
-        )
+    yield from _of_time(scene)
 
     # a dashpot gives way to a steady force, and a second dashpot in series has no law
     if gives_way(scene.wall):

@@ -43,6 +43,19 @@ def of_bodies(scene: Scene) -> Iterator[str]:
                 )
         if scene.mesh.scale != 1.0 or scene.mesh.element != "hex":
             yield "[mesh] contradicts assembly.mesh, which has all elements; drop it."
+    if scene.mesh.error:
+        if assembly.mesh is not None:
+            yield "mesh.error contradicts assembly.mesh, which has all elements; drop one."
+        if scene.mesh.scale != 1.0:
+            yield (
+                f"mesh.error and mesh.scale = {scene.mesh.scale:g} exclude each other: sizes of "
+                "elements follow from the error; drop one."
+            )
+        if scene.strike and (scene.strike.nodes or scene.strike.weights == "thesis"):
+            key = "nodes" if scene.strike.nodes else 'weights = "thesis"'
+            yield (
+                f"strike.{key} belongs to one mesh and mesh.error chooses others; drop one of them."
+            )
     for key in ("volumes", "merge"):
         if assembly.mesh is None and getattr(assembly, key) is not None:
             yield f"assembly.{key} says how assembly.mesh is read, and there is none; drop it."

@@ -33,6 +33,7 @@ from beadwave.workflows.scene.scene_table import (
     text_or_table,
 )
 from beadwave.workflows.scene.tables.bolts import FromDrawing
+from beadwave.workflows.scene.tables.mesh import AskedOfMesh
 from beadwave.workflows.scene.units import FORCE, FREQUENCY, LENGTH, PRESSURE
 
 GROUND = "ground"
@@ -334,7 +335,7 @@ class General(SceneTable):
         return tuple(Hold(on=h) if isinstance(h, str) else h for h in self.held or ())
 
 
-class Meshing(SceneTable):
+class Meshing(AskedOfMesh):
     """Quadratic elements: hexahedra where a body is a box, an extruded outline or a tube, else
     tetrahedra; or "tet" for all. `scale` is a factor on all sizes of elements."""
 

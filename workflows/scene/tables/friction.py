@@ -21,13 +21,15 @@ from beadwave.workflows.scene.units import INERTIA
 
 
 class Friction(SceneTable):
-    """Friction of the last sphere at the wall, exact under any history (Cattaneo and Mindlin)."""
+    """Friction of the last sphere at the wall, exact under any history (Cattaneo and Mindlin); of a
+    crystal of every contact, by Mindlin's increments."""
 
     coefficient: Annotated[NonNegative, Field(le=10)]  # tangential over normal force where it slips
     # the other spheres while shakers move a structure, before the striker comes: they move with it,
     # or are held at rest
     upstream: Literal["free", "held"] = "free"
-    # the same between spheres: of the last one on the one before, which stays on the chain's line
+    # the same between spheres: of the last one on the one before, which stays on the chain's line;
+    # of a crystal between all spheres, `coefficient` without it
     between_spheres: Annotated[NonNegative, Field(le=10)] | None = None
 
 

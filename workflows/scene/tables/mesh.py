@@ -1,6 +1,8 @@
-"""[mesh] and [table] of the thesis' rig."""
+"""[mesh] and [table] of the thesis' rig, and what is asked of any mesh."""
 
-from typing import Literal
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from beadwave.workflows.scene.named_files import FileName
 from beadwave.workflows.scene.quantities import of
@@ -15,7 +17,24 @@ from beadwave.workflows.scene.units import (
 )
 
 
-class Mesh(SceneTable):
+class AskedOfMesh(SceneTable):
+    """What is asked of a mesh in place of sizes of elements."""
+
+    # relative error from which sizes of elements follow: of the frequencies of the targets, without
+    # targets of the first elastic modes, and of the static compliance at the contact
+    error: Annotated[float, Field(gt=0, lt=1)] | None = None
+    # with `error`, without targets: the elastic modes whose frequencies are bounded
+    modes: Annotated[int, Field(ge=1, le=20)] = 12
+    # with `error`: the mesh has so many unknowns at most
+    unknowns: Annotated[int, Field(ge=1000, le=10_000_000)] = 300_000
+
+    @property
+    def asked(self) -> dict[str, float | int | None]:
+        """Values of these keys."""
+        return {key: getattr(self, key) for key in AskedOfMesh.model_fields}
+
+
+class Mesh(AskedOfMesh):
     """Quadratic elements; `seed` is their size in the sheets, `contact_seed` at the patch."""
 
     element: Literal["hex", "tet"] = "hex"  # hexahedra, or tetrahedra

@@ -66,6 +66,16 @@ def has_chain(scene: Scene) -> bool:
     return bool(scene.chain)
 
 
+def has_crystal(scene: Scene) -> bool:
+    """True of a crystal."""
+    return scene.crystal is not None
+
+
+def asks_mesh_error(scene: Scene) -> bool:
+    """True of bodies whose sizes of elements follow from an error asked of the mesh."""
+    return bool(needs_structure(scene) and not bent(scene) and scene.mesh.error)
+
+
 def has_measured_parts(scene: Scene) -> bool:
     """True of a structure with parts that are known by their receptances."""
     return bool(scene.measured)
@@ -230,7 +240,11 @@ CAUSES = "reduction", "mesh", "theory", "receptance"  # of the errors of an impa
 
 STAGES = (
     # the structure: bodies
-    Stage("mesh", ".structure.assembly:mesh", _dimensions, kept=False),
+    Stage(
+        "sizes", ".errors.adapted_sizes:adapted_sizes",
+        lambda scene: [_dimensions(scene), _joined(scene), _targets(scene)], when=asks_mesh_error,
+    ),
+    Stage("mesh", ".structure.assembly:mesh", _dimensions, ("sizes",), kept=False),
     Stage("model", ".structure.bending:model", tables_of(*BENT), when=bent, kept=False),
     Stage("model", ".structure.assembly:model", _joined, ("mesh",), kept=False),
     Stage("tuning-basis", ".structure.assembly:tuning_basis", _targets, ("model",)),
@@ -287,7 +301,7 @@ STAGES = (
     ),
     Stage(
         "structure-numbers", ".structure.health:structure_numbers", tables_of("targets"),
-        ("modes", "reduction", "participation"), listed=False,
+        ("modes", "reduction", "participation", "sizes"), listed=False,
     ),
     Stage(
         "spatial-wall", ".structure.friction:spatial_wall",
@@ -385,6 +399,37 @@ STAGES = (
     Stage(
         "chain-numbers", ".chain.chain_numbers:chain_numbers", _marched,
         ("start", "wall", "impact", "waves"), listed=False,
+    ),
+    # a crystal
+    Stage(
+        "crystal", ".crystal.packing:start",
+        tables_of("crystal", "contact", "wall", "friction", "gravity", "time"),
+        when=has_crystal, kept=False, listed=False,
+    ),
+    Stage(
+        "crystal-march", ".crystal.march:march", tables_of("time", "output", "wall"), ("crystal",),
+        when=has_crystal,
+    ),
+    Stage(
+        "crystal-modes", ".crystal.linear:crystal_modes", tables_of("crystal"), ("crystal",),
+        when=has_crystal,
+    ),
+    Stage(
+        "arrivals", ".crystal.numbers:waves", tables_of(), ("crystal", "crystal-march"),
+        when=has_crystal, listed=False,
+    ),
+    Stage(
+        "crystal-numbers", ".crystal.numbers:crystal_numbers",
+        tables_of("crystal", "contact", "wall"), ("crystal", "crystal-march", "arrivals"),
+        when=has_crystal, listed=False,
+    ),
+    Stage(
+        "crystal-files", ".crystal.numbers:crystal_files", tables_of(),
+        ("crystal", "crystal-march", "arrivals"), when=has_crystal, listed=False,
+    ),
+    Stage(
+        "crystal-figures", ".crystal.figures:crystal_figures", tables_of("crystal"),
+        ("crystal", "crystal-march", "arrivals"), when=has_crystal,
     ),
     # errors of the impact: better walls by cause, marches before them, what these differ by
     Stage(
@@ -488,6 +533,10 @@ STAGES = (
     Stage(
         "page", ".pages.page:data", _shown, ("chain-files", "chain-numbers"),
         when=has_chain, listed=False,
+    ),
+    Stage(
+        "page", ".pages.page:data", _shown, ("crystal-files", "crystal-numbers"),
+        when=has_crystal, listed=False,
     ),
     Stage(
         "page", ".pages.page:data", _shown,

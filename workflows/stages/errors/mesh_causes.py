@@ -45,8 +45,9 @@ class ErrorPlace(NamedTuple):
     remedy: str = ""
 
 
-def causes(mesh: Parts, missed: Mapping[str, NDArray[np.float64]]) -> tuple[Cause, ...]:
-    """The cause of each shape's error, by the energies (cells, k) that elements miss by body."""
+def error_places(mesh: Parts) -> list[ErrorPlace]:
+    """Places where elements miss energy, in the order in which they claim an element; the last of a
+    body has all of its elements."""
     connections, places = mesh.connections, []
 
     # where singular stresses are made by what is fastened to a body
@@ -72,7 +73,6 @@ def causes(mesh: Parts, missed: Mapping[str, NDArray[np.float64]]) -> tuple[Caus
         body, _, name = face.partition(":")
         return body, touching(body, mesh.meshes[body].facets[:, mesh.meshes[body].boundaries[name]])
 
-    # the places in the order in which they claim an element; the last of a body has all of them
     places += [ErrorPlace(*at(face), words, True, remedy) for face, words, remedy in faces]
     for body, mesh_of_body in mesh.meshes.items():
         inner = touching(body, inner_edges(mesh_of_body))
@@ -82,6 +82,12 @@ def causes(mesh: Parts, missed: Mapping[str, NDArray[np.float64]]) -> tuple[Caus
         words = f"in parts of {body} that are one element thick"
         places.append(ErrorPlace(body, one_thick(mesh_of_body), words))
         places.append(ErrorPlace(body, np.ones(mesh_of_body.nelements, bool), f"within {body}"))
+    return places
+
+
+def causes(mesh: Parts, missed: Mapping[str, NDArray[np.float64]]) -> tuple[Cause, ...]:
+    """The cause of each shape's error, by the energies (cells, k) that elements miss by body."""
+    places = error_places(mesh)
 
     # each element's energy to the first of its places: set from the last place on, so that an
     # earlier one takes an element back

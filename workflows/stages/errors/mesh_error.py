@@ -168,15 +168,12 @@ def static_shape(
 ) -> StaticShape | None:
     """That of a held assembly, from its Krylov space: a stage of its own, so that a second process
     has it while the space serves the reduction. None of what floats and of what is not struck."""
-    if space is None:
-        return None
-    try:
-        w = stages.contact(scene, mesh, model).w
-    except (InvalidScene, ValueError):  # nothing is struck
+    contact = None if space is None else contact_of_strike(scene, mesh, model)
+    if contact is None:
         return None
     order = np.argsort(space.pairs.omega)
     omega, phi = space.pairs.omega[order], space.pairs.phi[:, order]
-    return _beyond(len(modes.omega), omega, phi, w)
+    return _beyond(len(modes.omega), omega, phi, contact.w)
 
 
 def _beyond(
@@ -217,24 +214,7 @@ def energy_of_shapes(
 ) -> MeshErrorEstimate:
     """Missed energy of shapes; raises ValueError if a second mesh, or its modes, cannot be
     computed."""
-    try:
-        contact = stages.contact(scene, mesh, model)
-    except (InvalidScene, ValueError):  # nothing is struck
-        contact = None
-
-    # shapes: the modes and what the contact moves beyond them, of a floating assembly from modes
-    # with residual attachment
-    omega, phi = modes.omega, modes.phi
-    if contact is not None and static is None:
-        n = min(len(omega) + N_KRYLOV, model.K.shape[0] - 2)
-        n_modes = min(len(omega), N_MODES[0])
-        known = omega[:n_modes], phi[:, :n_modes]
-        selected = rom.Selection(n_modes=n, choice="contact", to_hz=TO_HZ, modes=known)
-        reduced = rom.free_modes(model.K, model.M, contact.w, selected, factorise=fem.factorised)
-        order = np.argsort(np.diag(reduced.K))
-        of_space, shapes = np.sqrt(np.diag(reduced.K))[order], reduced.T[:, order]
-        static = _beyond(n_modes, of_space, shapes, contact.w)
-        omega, phi = of_space[:n_modes], shapes[:, :n_modes]
+    contact = contact_of_strike(scene, mesh, model)
 
     # of few elements every one is split; modes are paired by their number
     if contact is not None and second_mesh.of_few_elements(mesh):
@@ -246,27 +226,85 @@ def energy_of_shapes(
             for on_mesh, parts in ((model, mesh), (split, split_mesh))
         )
         pair = SplitMesh(lowest.omega, walls, share)
-        w = contact.w @ phi
-        return MeshErrorEstimate(omega, np.zeros((len(omega),) * 2), w, split=pair)
+        G = np.zeros((len(modes.omega),) * 2)
+        return MeshErrorEstimate(modes.omega, G, contact.w @ modes.phi, split=pair)
+
+    shapes = loaded_shapes(scene, model, modes, contact, static, field)
+    energy = energy_in(scene, mesh, model, shapes.phi, shapes.D, shapes.pushed)
+    static_from = KrylovOptions().reach * 2 * np.pi * max(TO_HZ, scene.reduction.to_hz or 0.0)
+    return MeshErrorEstimate(
+        shapes.omega, energy.G, shapes.w, int(np.sum(shapes.omega > static_from)),
+        causes=causes(mesh, energy.missed.of_cells),
+    )  # fmt: skip
+
+
+def contact_of_strike(scene: Scene, mesh: Parts, model: fem.Model) -> fem.ContactPatch | None:
+    """The contact; None where nothing is struck."""
+    try:
+        return stages.contact(scene, mesh, model)
+    except (InvalidScene, ValueError):
+        return None
+
+
+class LoadedShapes(NamedTuple):
+    """Modes of an assembly and, where it is struck, what its contact moves beyond them as the last
+    shape: K phi = M phi D + what is pushed."""
+
+    omega: NDArray[np.float64]  # (k,) [rad/s]
+    phi: NDArray[np.float64]  # (n, k) [kg^-1/2] mass-normalised
+    D: NDArray[np.float64]  # (k, k) [rad^2/s^2]
+    w: NDArray[np.float64] | None = None  # (k,) [kg^-1/2] at the contact
+    pushed: fem.Pushed | None = None
+
+
+def loaded_shapes(
+    scene: Scene,
+    model: fem.Model,
+    modes: AssemblyModes,
+    contact: fem.ContactPatch | None,
+    static: StaticShape | None = None,
+    field: fem.HalfSpaceField | None = None,
+) -> LoadedShapes:
+    """Shapes whose missed energy tells the errors of frequencies and of the wall; what the contact
+    moves of a floating assembly is found from modes with residual attachment. Raises ValueError
+    where these cannot be computed."""
+    omega, phi = modes.omega, modes.phi
+    if contact is None:
+        return LoadedShapes(omega, phi, np.diag(omega**2))
+    if static is None:
+        n = min(len(omega) + N_KRYLOV, model.K.shape[0] - 2)
+        n_modes = min(len(omega), N_MODES[0])
+        known = omega[:n_modes], phi[:, :n_modes]
+        selected = rom.Selection(n_modes=n, choice="contact", to_hz=TO_HZ, modes=known)
+        reduced = rom.free_modes(model.K, model.M, contact.w, selected, factorise=fem.factorised)
+        order = np.argsort(np.diag(reduced.K))
+        of_space, shapes = np.sqrt(np.diag(reduced.K))[order], reduced.T[:, order]
+        static = _beyond(n_modes, of_space, shapes, contact.w)
+        omega, phi = of_space[:n_modes], shapes[:, :n_modes]
 
     # K u = M u D + w holds of the modes and of the static shape, of Ritz vectors that have not
     # converged it does not
-    D, pushed = np.diag(omega**2), None
-    if contact is not None:
-        D = np.pad(D, (0, 1))
-        D[:-1, -1] = -(contact.w @ phi) / static.length
-        phi, omega = np.column_stack([phi, static.phi]), np.append(omega, static.omega)
-        field = field or half_space_at(scene, model, contact)
-        if field is not None:
-            force = np.append(np.zeros(len(omega) - 1), 1 / static.length)
-            pushed = fem.Pushed(force[:, None], field)
+    D = np.pad(np.diag(omega**2), (0, 1))
+    D[:-1, -1] = -(contact.w @ phi) / static.length
+    phi, omega = np.column_stack([phi, static.phi]), np.append(omega, static.omega)
+    field, pushed = field or half_space_at(scene, model, contact), None
+    if field is not None:
+        force = np.append(np.zeros(len(omega) - 1), 1 / static.length)
+        pushed = fem.Pushed(force[:, None], field)
+    return LoadedShapes(omega, phi, D, contact.w @ phi, pushed)
 
-    G, of_shapes = energy_in(scene, mesh, model, phi, D, pushed)
-    static_from = KrylovOptions().reach * 2 * np.pi * max(TO_HZ, scene.reduction.to_hz or 0.0)
-    return MeshErrorEstimate(
-        omega, G, None if contact is None else contact.w @ phi,
-        int(np.sum(omega > static_from)), causes=of_shapes,
-    )  # fmt: skip
+
+class ShapeEnergy(NamedTuple):
+    """Energy that a mesh misses in shapes."""
+
+    G: NDArray[np.float64]  # (k, k) [rad^2/s^2] stated, with the dents
+    dents: NDArray[np.float64]  # (k, k) [rad^2/s^2] of it, under springs: no mesh lowers them
+    missed: fem.MissedEnergy  # as found, without `factor`
+
+
+def factor(mesh: Parts, body: str) -> float:
+    """Times the energy found in the elements of a body, the one that is stated."""
+    return SAFETY * (1.0 if isinstance(mesh.meshes[body], MeshHex) else TETRAHEDRA_SHARE)
 
 
 def energy_in(
@@ -276,9 +314,9 @@ def energy_in(
     phi: NDArray[np.float64],
     D: NDArray[np.float64],
     pushed: fem.Pushed | None = None,
-) -> tuple[NDArray[np.float64], tuple[Cause, ...]]:
-    """G (k, k) [rad^2/s^2] that the mesh misses in mass-normalised shapes phi (n, k) with
-    K phi = M phi D + what is pushed, and the causes of each shape's part."""
+) -> ShapeEnergy:
+    """What the mesh misses in mass-normalised shapes phi (n, k) with K phi = M phi D + what is
+    pushed."""
     connections, load = mesh.assembled, mesh.load
     sides = [side for j in connections.joints for side in (j.first, j.second) if side]
     rigid = {side.face for side in sides if side.coupling == "rigid" and np.isinf(side.within)}
@@ -297,12 +335,9 @@ def energy_in(
     # products of small blocks: on two busy cores threads take 2 to 4 times as long as one
     with fem.one_thread():
         missed = fem.missed_energy(model, mesh.materials, phi, D, boundary, pushed=pushed)
-    G = sum(
-        of_body * (1.0 if isinstance(mesh.meshes[body], MeshHex) else TETRAHEDRA_SHARE)
-        for body, of_body in missed.of_bodies.items()
-    )
     dents = fem.missed_in_dents(model, mesh.materials, phi)
-    return SAFETY * G + dents, causes(mesh, missed.of_cells)
+    G = sum(factor(mesh, body) * of_body for body, of_body in missed.of_bodies.items())
+    return ShapeEnergy(G + dents, dents, missed)
 
 
 def without_missed(omega: NDArray[np.float64], energy: NDArray[np.float64]) -> NDArray[np.float64]:

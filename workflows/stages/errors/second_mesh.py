@@ -23,6 +23,7 @@ from beadwave.fem.modes.assembly_modes import N_MODES
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.scene.tables.reduction import TO_HZ
 from beadwave.workflows.stages.structure import assembly as stages
+from beadwave.workflows.stages.structure import bodies
 from beadwave.workflows.stages.structure.meshed_parts import Parts
 from beadwave.workflows.stages.structure.reduction import SecondModel, contact_of
 
@@ -48,7 +49,7 @@ def other_mesh(scene: Scene, mesh: Parts) -> tuple[Parts, float]:
     """
     n = 3 * sum(mesh.nodes.values())
     if not of_few_elements(mesh) and scene.own_mesh is None:
-        coarse = stages.mesh(scene, COARSER)
+        coarse = bodies.parts(scene, mesh.sizes, COARSER)
         # markedly coarser: nearly all elements are in bodies that have fewer there
         n_cells = {name: body.nelements for name, body in mesh.meshes.items()}
         hardly_coarser = [

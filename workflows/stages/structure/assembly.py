@@ -12,14 +12,14 @@ from beadwave.fem.updating import tuning
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.places import mass_face, spring_face
 from beadwave.workflows.stages.structure import bodies, strike
-from beadwave.workflows.stages.structure.meshed_parts import STRIKE, Parts
+from beadwave.workflows.stages.structure.meshed_parts import STRIKE, AdaptedSizes, Parts
 from beadwave.workflows.stages.structure.targets import targets
 
 
-def mesh(scene: Scene, coarser: float = 1.0) -> Parts:
-    """The bodies meshed, and what joins and holds them; elements `coarser` times as large as the
-    scene has them, but for those of a user's mesh."""
-    return bodies.parts(scene, coarser)
+def mesh(scene: Scene, adapted: AdaptedSizes | None = None) -> Parts:
+    """The bodies meshed, and what joins and holds them, with the sizes for mesh.error where the
+    scene asks for one."""
+    return bodies.parts(scene) if adapted is None else bodies.parts(scene, adapted.sizes)
 
 
 def model(scene: Scene, mesh: Parts, fits: dict[str, rom.ModalFit] | None = None) -> fem.Model:

@@ -27,7 +27,7 @@ from beadwave.workflows.scene.places import named_faces, part_face, spring_face
 from beadwave.workflows.scene.rules.size import too_large_mesh
 from beadwave.workflows.scene.tables.bodies import GROUND, SHARE, Solid, UnderTable
 from beadwave.workflows.stages.structure.bolted_joints import BoltedPlace, bolted_places
-from beadwave.workflows.stages.structure.meshed_parts import STRIKE, Parts
+from beadwave.workflows.stages.structure.meshed_parts import STRIKE, ElementSizes, Parts
 from beadwave.workflows.stages.structure.strike import around, struck
 
 
@@ -100,13 +100,14 @@ def _under(table: UnderTable) -> Under:
     return Under(table.at, table.radius, table.sides)
 
 
-def parts(scene: Scene, coarser: float = 1.0) -> Parts:
+def parts(scene: Scene, sizes: ElementSizes = ElementSizes(), coarser: float = 1.0) -> Parts:
     """Bodies meshed each on its own, and what joins, holds and loads them.
 
-    Elements are `coarser` times as large as in the scene; a mesh of the user's stays as it is.
+    Elements have the `sizes`, `coarser` times as large; a mesh of the user's stays as it is.
     Raises InvalidScene for a body without material, for a patch that lies between two bodies, and
     for all that `drawing` and `tied_pairs` refuse.
     """
+    coarser *= sizes.scale
     with drawing(scene, coarser) as layout:
         # what the scene's words pick, and what every body is made of
         bodies, near, gap = layout.bodies, layout.near, scene.assembly.gap
@@ -142,6 +143,8 @@ def parts(scene: Scene, coarser: float = 1.0) -> Parts:
             [(face.face.body, face.point, scene.strike.size)] if face else [],
             coarser,
             "tet" if scene.mesh.element == "tet" else None,
+            sizes.fields,
+            sizes.usual,
         )
         meshes, fineness = meshed(layout, selection, [*ties, *pressed], named, sizing)
 
@@ -150,7 +153,7 @@ def parts(scene: Scene, coarser: float = 1.0) -> Parts:
     closed = tuple(_tie(touch, fineness) for touch in pressed)
     whole = Parts(
         meshes, made_of, connections, rigid, face, _load(scene, selection),
-        tuple(bolted.values()), closed,
+        sizes, tuple(bolted.values()), closed,
     )  # fmt: skip
 
     # a mesh that does not fit into memory is refused before assembly

@@ -159,7 +159,7 @@ class StruckFace:
             D[:k, k:] = -(W.T @ shared.phi).T
             force = np.concatenate([np.zeros((k, W.shape[1])), np.eye(W.shape[1])])
             u, pushed = np.column_stack([shared.phi, r]), fem.Pushed(force, field)
-            G = energy_in(self.scene, self.pipeline("mesh"), self.model, u, D, pushed)[0]
+            G = energy_in(self.scene, self.pipeline("mesh"), self.model, u, D, pushed).G
 
             # the oscillators beyond the modes follow a unit force by phi / omega^2, which makes up
             # r: each takes part in it by phi over what r has at the contact

@@ -1,5 +1,7 @@
 """The result of the mesh stage."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -8,9 +10,42 @@ from skfem import Mesh
 
 from beadwave import fem
 from beadwave.geometry.cad.struck_face import Struck
+from beadwave.geometry.meshing.size_field import SizeField
 from beadwave.workflows.stages.structure.bolted_joints import BoltedPlace
 
 STRIKE = "strike"  # name of the face that the chain leans on
+
+
+class ElementSizes(NamedTuple):
+    """Sizes of elements in place of those by a body's shape."""
+
+    fields: Mapping[str, SizeField] = MappingProxyType({})  # by body
+    # times the sizes by a body's shape, of bodies without a seed: with a field its upper bound
+    usual: float = 1.0
+    scale: float = 1.0  # times all sizes, of prescribed lines as well
+
+
+class SolvedMesh(NamedTuple):
+    """A mesh of the search, and what was stated of it."""
+
+    unknowns: int
+    elements: int
+    stated: float  # the largest relative error
+    seconds: float
+
+
+class AdaptedSizes(NamedTuple):
+    """The sizes chosen, and how they were found."""
+
+    sizes: ElementSizes
+    asked: float
+    stated: float
+    floor: float  # of the stated error, which no mesh lowers
+    bounded_by: str | None  # what ended the search above the error asked; None where it is met
+    unknowns_for_asked: float | None  # foreseen, where a bound ended it
+    seconds_for_asked: float | None
+    where: str  # the place of most of the error
+    meshes: tuple[SolvedMesh, ...]
 
 
 class Parts(NamedTuple):
@@ -22,6 +57,7 @@ class Parts(NamedTuple):
     rigid: fem.Connections  # with rigid joints, and with ties over all that touches
     struck: Struck | None = None  # None: a scene without a strike
     load: fem.Load | None = None  # static, before the impact
+    sizes: ElementSizes = ElementSizes()  # that it was meshed with
     bolted: tuple[BoltedPlace, ...] = ()  # places of bolts that are known from their drawing
     closed: tuple[fem.Tie, ...] = ()  # the faces that these bolts press, as if they were tied
 

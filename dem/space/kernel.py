@@ -1,0 +1,704 @@
+"""March of spheres in space: kicks by their contacts, drifts between them, an energy ledger.
+
+    x_i'' m_i = P_i (sum of contact forces + load_i)        spin_i' I_i = Q_i (sum of moments)
+
+A contact presses the second of its spheres along the line of centres e, and pulls it along the
+first sphere's surface:  N e - T. Its overlap is that at rest less the stretch of the arm X between
+the centres, with D the difference of the displacements,
+
+    |X + D| - |X| = (2 X.D + D.D) / (|X + D| + |X|)                                      `stretch`
+
+as the difference of the two lengths would lose seven digits. P_i and Q_i are the projectors of a
+guide: a line leaves one displacement, a plane two and one spin.
+
+T grows by Mindlin's stiffness k = K sqrt(d) over the relative way s of the surfaces, turns with the
+pair, and is bounded by mu N:
+
+    d grows   dT = k ds          new springs come unstressed
+    d falls   T = k xi, dxi = ds  springs that leave take their energy along
+
+so that the energy T^2 / 2k falls by xi^2 / 2 |dk| either way, which is booked as friction's heat: a
+law that kept T while k falls would make energy (R. D. Mindlin, H. Deresiewicz, J. Appl. Mech. 20
+(1953) 327; C. Thornton, S. J. Cummins, P. W. Cleary, Powder Technol. 233 (2013) 30).
+
+Forces are computed contact by contact, then summed sphere by sphere in a fixed order, both without
+rearranged arithmetic: how the work is shared out changes no bit of the result.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beadwave.dem.kernels.arguments import WORK as WALL_WORK
+from beadwave.dem.kernels.arguments import (
+    Array,
+    Damping,
+    ForceShape,
+    Plastic,
+    Steps,
+    U,
+    V,
+    WallModes,
+)
+from beadwave.dem.kernels.compiled import ieee, ieee_inline, ieee_march
+from beadwave.dem.kernels.laws import (
+    damper_coefficient,
+    elastic_force,
+    never_pulls,
+    plastic_force,
+    plastic_loss,
+    stored_energy,
+)
+from beadwave.dem.kernels.modes import drift_modes, modal_energy, push_modes
+from beadwave.dem.kernels.numbers import larger
+
+Numbers = NDArray[np.int64]
+
+# columns of the saved energies, in the order of `SpaceTrajectory`
+(KINETIC, ROTATION, CONTACT, WALL_CONTACT, TANGENTIAL, WALL, IN_CONTACTS, IN_FRICTION, IN_WALL,
+ OF_LOAD, OF_WEIGHT, OF_DRIVE, TOTAL) = range(13)  # fmt: skip
+
+
+class SpaceMotion(NamedTuple):
+    """The moving state of s spheres and c contacts, changed in place."""
+
+    u: Array  # (s, 3) [m] displacements from the places at rest
+    v: Array  # (s, 3) [m/s]
+    spin: Array  # (s, 3) [rad/s]
+    force: Array  # (c, 3) [N] on the second sphere of each contact
+    moment: Array  # (c, 3) [N m] r e x T, of which each sphere gets its share
+    traction: Array  # (c, 3) [N] T on the first sphere
+    depth: Array  # (c,) [m] overlap at which T was computed, < 0 for a gap
+    bound: Array  # (c,) [N] of T then
+    damper: Array  # (c, 3) [N] on the second sphere, with the dampers
+    middle: Array  # (s, 3) [m/s] velocities inside of a kick with dampers
+    change: Array  # (s, 3) [m/s] that such a kick makes
+    wall: Array  # (4,) as of a chain: u_w, v_w, dashpot's way, work on the modes
+    lost: Array  # (c,) [J] by dampers and yield
+    heat: Array  # (c,) [J] by friction
+
+
+class SpaceArrays(NamedTuple):
+    """Spheres and contacts as a march reads them: contacts of two spheres first, then those of a
+    sphere with a plane."""
+
+    mass: Array  # (s,) [kg]
+    inverse_mass: Array  # (s,) [1/kg]
+    inertia: Array  # (s,) [kg m^2]
+    first: Numbers  # (c,) a sphere
+    second: Numbers  # (c,) a sphere, or -1 for a plane at rest, -2 for the wall that moves
+    n_pairs: int  # contacts of two spheres
+    arm: Array  # (c, 3) [m] from the first centre to the second at rest; to a plane its normal
+    length: Array  # (c,) [m] of the arm; to a plane the radius
+    share: Array  # (c, 2) of the moment for the first and the second sphere
+    overlap: Array  # (c,) [m] at rest, < 0 for a gap
+    A: Array  # (c,) [N/m^1.5]
+    start: Numbers  # (s + 1,) where each sphere's contacts begin in `incident`
+    incident: Numbers  # contacts of each sphere, c as first and -1 - c as second sphere
+
+
+class Friction(NamedTuple):
+    """Friction of c contacts."""
+
+    coefficient: Array  # (c,) mu
+    stiffness: Array  # (c,) K [N/m^1.5] of k = K sqrt(d)
+
+
+class Guides(NamedTuple):
+    """Projectors on what the guide of each sphere leaves free, (s, 3, 3) each."""
+
+    motion: Array
+    turn: Array
+
+
+class Drive(NamedTuple):
+    """Spheres whose motion along a direction is given: a polynomial of the time behind each of n
+    knots, highest power first."""
+
+    spheres: Numbers  # (d,) with an inverse mass of 0
+    direction: Array  # (3,)
+    knots: Array  # (n,) [s]
+    coefficients: Array  # (m, n - 1) of the displacement [m]
+    work: Array  # (1,) [J] done so far
+
+
+class SpaceSaved(NamedTuple):
+    """States, forces and energies at k saves, of the saved spheres and contacts alone."""
+
+    spheres: Numbers  # which are saved
+    contacts: Numbers
+    u: Array  # (k, n_spheres, 3) [m]
+    v: Array  # (k, n_spheres, 3) [m/s]
+    spin: Array  # (k, n_spheres, 3) [rad/s]; (k, 0, 3) without friction
+    force: Array  # (k, n_contacts) [N] along the line of centres, dampers included
+    traction: Array  # (k, n_contacts, 3) [N] on the second sphere; (k, 0, 3) without friction
+    wall: Array  # (k, 3) displacement [m], velocity [m/s], force [N] of the wall that moves
+    energy: Array  # (k, 13) [J]
+
+
+@ieee_march
+def march(
+    motion: SpaceMotion, arrays: SpaceArrays, fractions: tuple[Array, Array], steps: Steps,
+    saved: SpaceSaved, shape: ForceShape | None, plastic: Plastic | None, damping: Damping | None,
+    friction: Friction | None, guides: Guides | None, load: Array | None, weight: Array | None,
+    modes: WallModes | None, drive: Drive | None,
+) -> int:  # fmt: skip
+    """n_save times stride steps of kick b[0], drift a[0], ..., kick b[-1], with the `fractions` a
+    and b of the step; the state is saved before and after each stride.
+
+    Changes motion, modes and plastic contacts in place. Ends early, and says after how many saves,
+    when a state is not finite. load, weight (s, 3) [N].
+    """
+    (a, b), (dt, n_save, stride) = fractions, steps
+    n, m = arrays.mass.size, arrays.A.size
+    stale = n_save >= 0  # a literal True would compile what takes it once more
+    drifted = 0.0
+    now = 0.0  # [s] of the positions
+    for k in range(n_save + 1):
+        for _step in range(stride if k > 0 else 0):
+            for i in range(b.size):
+                kick, drift = b[i] * dt, a[i] * dt if i < a.size else 0.0
+                if kick != 0.0:
+                    if stale:
+                        contact_forces(0, m, drifted, motion, arrays, shape, plastic, friction)
+                        drifted = 0.0
+                    if damping is None:
+                        push_spheres(0, n, kick, motion, arrays, guides, load)
+                        push_wall(kick, motion, arrays, modes)
+                    else:
+                        push_damped(
+                            kick, motion, arrays, shape, plastic, damping, guides, load, modes
+                        )
+                    if friction is not None:
+                        push_spins(0, n, kick, motion, arrays, guides)
+                    if drive is not None:
+                        work_of_drive(kick, motion, arrays, drive)
+                    stale = False
+                if drift != 0.0:
+                    drift_spheres(0, n, drift, motion)
+                    drift_modes(i, 0.0, motion.wall, modes)
+                    drifted += drift
+                    stale = True
+                    if drive is not None:
+                        now += drift
+                        place_driven(now, motion, drive)
+        if stale:  # forces, and friction's state, belong to these positions
+            contact_forces(0, m, drifted, motion, arrays, shape, plastic, friction)
+            drifted = 0.0
+            stale = False
+        if drive is not None:
+            saved.energy[k, OF_DRIVE] = drive.work[0]
+        if not save(
+            k, motion, arrays, saved, shape, plastic, damping, friction, load, weight, modes
+        ):
+            return k
+    return n_save
+
+
+@ieee_inline
+def stretch(
+    c: int, u: Array, wall: Array, arrays: SpaceArrays
+) -> tuple[float, float, float, float, float]:
+    """Rise of the distance of contact c [m], the vector y between its bodies now, and its length:
+    of a plane the normal, whose length is 1."""
+    i, j = arrays.first[c], arrays.second[c]
+    x0, x1, x2 = arrays.arm[c, 0], arrays.arm[c, 1], arrays.arm[c, 2]
+    if j < 0:
+        moved = wall[U] if j == -2 else 0.0
+        return moved - (x0 * u[i, 0] + x1 * u[i, 1] + x2 * u[i, 2]), x0, x1, x2, 1.0
+    d0, d1, d2 = u[j, 0] - u[i, 0], u[j, 1] - u[i, 1], u[j, 2] - u[i, 2]
+    y0, y1, y2 = x0 + d0, x1 + d1, x2 + d2
+    r = math.sqrt(y0 * y0 + y1 * y1 + y2 * y2)
+    twice = d0 * (x0 + y0) + d1 * (x1 + y1) + d2 * (x2 + y2)
+    return twice / (r + arrays.length[c]), y0, y1, y2, r
+
+
+@ieee
+def contact_forces(
+    low: int, high: int, drifted: float, motion: SpaceMotion, arrays: SpaceArrays,
+    shape: ForceShape | None, plastic: Plastic | None, friction: Friction | None,
+) -> None:  # fmt: skip
+    """Forces of the contacts from `low` to `high` after a drift [s] with the velocities there are;
+    those that are pressed deeper than ever yield."""
+    force, u, wall, A = motion.force, motion.u, motion.wall, arrays.A
+    for c in range(low, high):
+        rise, y0, y1, y2, r = stretch(c, u, wall, arrays)
+        d = arrays.overlap[c] - rise
+        if d <= 0.0:
+            force[c, 0], force[c, 1], force[c, 2] = 0.0, 0.0, 0.0
+            if friction is not None:
+                open_contact(c, d, motion, friction)
+            continue
+        if plastic is None:
+            pressed = elastic_force(c, d, A, shape)
+        else:
+            deepen(c, d, motion.lost, A, plastic)
+            pressed = plastic_force(c, d, A, plastic)
+        along = pressed / r
+        force[c, 0], force[c, 1], force[c, 2] = along * y0, along * y1, along * y2
+        if friction is not None:
+            rub(c, drifted, d, pressed, (y0, y1, y2, r), motion, arrays, friction)
+
+
+@ieee_inline
+def deepen(c: int, d: float, lost: Array, A: Array, plastic: Plastic) -> None:
+    """Yield of contact c at an overlap d [m] deeper than any before; what it takes is booked."""
+    if d > plastic.top[c]:
+        before = plastic_loss(plastic.limit[c], plastic.top[c], A[c])[0]
+        now, plastic.coefficient[c], plastic.crater[c] = plastic_loss(plastic.limit[c], d, A[c])
+        plastic.top[c] = d
+        lost[c] += now - before
+
+
+@ieee_inline
+def open_contact(c: int, d: float, motion: SpaceMotion, friction: Friction) -> None:
+    """Friction of an open contact, the gap -d [m]: none; what its springs still held is heat."""
+    T = motion.traction
+    if motion.depth[c] > 0.0:
+        square = T[c, 0] * T[c, 0] + T[c, 1] * T[c, 1] + T[c, 2] * T[c, 2]
+        motion.heat[c] += 0.5 * square / (friction.stiffness[c] * math.sqrt(motion.depth[c]))
+    for axis in range(3):
+        T[c, axis] = 0.0
+        motion.moment[c, axis] = 0.0
+    motion.depth[c], motion.bound[c] = d, 0.0
+
+
+@ieee_inline
+def rub(
+    c: int, drifted: float, d: float, pressed: float, line: tuple[float, float, float, float],
+    motion: SpaceMotion, arrays: SpaceArrays, friction: Friction,
+) -> None:  # fmt: skip
+    """Friction of contact c after a drift [s] to the overlap d [m] under `pressed` [N]; `line` is
+    the vector between the centres and its length.
+
+    The velocities are those of the drift, so that the way is that of its middle: order 2.
+    """
+    i, j = arrays.first[c], arrays.second[c]
+    v, spin, T = motion.v, motion.spin, motion.traction
+    y0, y1, y2, r = line
+    unit = 1.0 / r
+    e0, e1, e2 = unit * y0, unit * y1, unit * y2
+    reach = r if j >= 0 else arrays.length[c] - d  # of the two surfaces' arms together
+
+    # relative velocity of the centres, turn of both surfaces, and twice their mean spin about e
+    w0, w1, w2 = -v[i, 0], -v[i, 1], -v[i, 2]
+    a, b = reach * arrays.share[c, 0], reach * arrays.share[c, 1]
+    s0, s1, s2 = a * spin[i, 0], a * spin[i, 1], a * spin[i, 2]
+    twist = spin[i, 0] * e0 + spin[i, 1] * e1 + spin[i, 2] * e2
+    p0, p1, p2 = e0, e1, e2  # the line before the drift
+    if j >= 0:
+        w0, w1, w2 = w0 + v[j, 0], w1 + v[j, 1], w2 + v[j, 2]
+        s0, s1, s2 = s0 + b * spin[j, 0], s1 + b * spin[j, 1], s2 + b * spin[j, 2]
+        twist += spin[j, 0] * e0 + spin[j, 1] * e1 + spin[j, 2] * e2
+        p0, p1, p2 = y0 - drifted * w0, y1 - drifted * w1, y2 - drifted * w2
+        unit = 1.0 / math.sqrt(p0 * p0 + p1 * p1 + p2 * p2)
+        p0, p1, p2 = unit * p0, unit * p1, unit * p2
+    elif j == -2:
+        w0, w1, w2 = w0 + motion.wall[V] * e0, w1 + motion.wall[V] * e1, w2 + motion.wall[V] * e2
+
+    # way of the surfaces over each other, across the line in its middle (p + e) / 2 and across e;
+    # the squares of a step's turns, some 1e-12, are left out
+    half = 1.0 / (1.0 + p0 * e0 + p1 * e1 + p2 * e2)
+    m0, m1, m2 = 0.5 * (p0 + e0), 0.5 * (p1 + e1), 0.5 * (p2 + e2)
+    w0 -= s1 * m2 - s2 * m1
+    w1 -= s2 * m0 - s0 * m2
+    w2 -= s0 * m1 - s1 * m0
+    along = 2.0 * half * (w0 * m0 + w1 * m1 + w2 * m2)
+    w0, w1, w2 = w0 - along * m0, w1 - along * m1, w2 - along * m2
+    along = w0 * e0 + w1 * e1 + w2 * e2
+    g0, g1, g2 = (
+        drifted * (w0 - along * e0), drifted * (w1 - along * e1), drifted * (w2 - along * e2)
+    )  # fmt: skip
+
+    # T turns with the pair: the least turn of the line, and its mean spin about it
+    t0, t1, t2 = T[c, 0], T[c, 1], T[c, 2]
+    along = half * (t0 * e0 + t1 * e1 + t2 * e2)
+    t0, t1, t2 = t0 - along * (p0 + e0), t1 - along * (p1 + e1), t2 - along * (p2 + e2)
+    twist *= 0.5 * drifted
+    if twist != 0.0:
+        scale = 1.0 / math.sqrt(1.0 + twist * twist)
+        t0, t1, t2 = (
+            scale * (t0 + twist * (e1 * t2 - e2 * t1)),
+            scale * (t1 + twist * (e2 * t0 - e0 * t2)),
+            scale * (t2 + twist * (e0 * t1 - e1 * t0)),
+        )
+
+    # a contact that closes within the step has the part of the way behind that
+    d0 = motion.depth[c]
+    if d0 < 0.0:
+        closed = d / (d - d0)
+        g0, g1, g2 = closed * g0, closed * g1, closed * g2
+        d0 = 0.0
+    k0 = friction.stiffness[c] * math.sqrt(d0)
+    k1 = friction.stiffness[c] * math.sqrt(d)
+    soft = 1.0 / k0 if k0 > 0.0 else 0.0
+    x0, x1, x2 = soft * t0, soft * t1, soft * t2  # xi before
+    square, p = t0 * t0 + t1 * t1 + t2 * t2, (t0, t1, t2)
+    if k1 < k0:
+        k = k1
+        t0, t1, t2 = k * (x0 + g0), k * (x1 + g1), k * (x2 + g2)
+    else:
+        k = (2.0 / 3.0) * (k0 * k0 + k0 * k1 + k1 * k1) / (k0 + k1)  # mean over the overlaps
+        t0, t1, t2 = t0 + k * g0, t1 + k * g1, t2 + k * g2
+
+    # slip: back to the bound along the radius, against the mean of the force in the step
+    size, bound = t0 * t0 + t1 * t1 + t2 * t2, friction.coefficient[c] * pressed
+    if size > bound * bound:
+        size, before = math.sqrt(size), math.sqrt(square)
+        if before >= motion.bound[c] * (1.0 - 1e-9):
+            base = before * k1 / k0 if k1 < k0 else before
+            t0, t1, t2, along = swept(p, (g0, g1, g2), before, bound, k)
+            size = base + k * along
+        else:
+            scale = bound / size
+            t0, t1, t2 = scale * t0, scale * t1, scale * t2
+        motion.heat[c] += larger(0.5 * (before + bound) * (size - bound) / k, 0.0)
+    motion.bound[c] = bound
+    soft = 1.0 / k1
+    x0, x1, x2 = x0 + soft * t0, x1 + soft * t1, x2 + soft * t2
+    motion.heat[c] += 0.125 * (x0 * x0 + x1 * x1 + x2 * x2) * abs(k1 - k0)
+    T[c, 0], T[c, 1], T[c, 2] = t0, t1, t2
+    motion.depth[c] = d
+
+    motion.force[c, 0] -= t0
+    motion.force[c, 1] -= t1
+    motion.force[c, 2] -= t2
+    motion.moment[c, 0] = reach * (e1 * t2 - e2 * t1)
+    motion.moment[c, 1] = reach * (e2 * t0 - e0 * t2)
+    motion.moment[c, 2] = reach * (e0 * t1 - e1 * t0)
+
+
+@ieee
+def swept(
+    T: tuple[float, float, float], way: tuple[float, float, float], before: float, bound: float,
+    k: float,
+) -> tuple[float, float, float, float]:  # fmt: skip
+    """T [N] of a contact that slips all along a way [m], from the size `before` to the bound, and
+    the way along it. T turns into the way by d(theta) = -k/b sin(theta) ds, whose solution
+    tan(theta/2) exp(-k s / b) has order 2, where the radius alone would have order 1."""
+    s = math.sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2])
+    if s == 0.0:
+        scale = bound / before
+        return scale * T[0], scale * T[1], scale * T[2], 0.0
+    w0, w1, w2 = way[0] / s, way[1] / s, way[2] / s
+    if before == 0.0:  # a contact that has just closed
+        return bound * w0, bound * w1, bound * w2, s
+    along = T[0] * w0 + T[1] * w1 + T[2] * w2
+    a0, a1, a2 = T[0] - along * w0, T[1] - along * w1, T[2] - along * w2
+    across = math.sqrt(a0 * a0 + a1 * a1 + a2 * a2)
+    cosine = along / before
+    if across < 1e-12 * before:
+        cosine = math.copysign(1.0, along)
+        return bound * cosine * w0, bound * cosine * w1, bound * cosine * w2, s * cosine
+    # tan(theta/2) without the difference of its two terms
+    half = across / (before + along) if along > 0.0 else (before - along) / across
+    half *= math.exp(-2.0 * k * s / (before + bound))
+    scale = 1.0 / (1.0 + half * half)
+    c1, s1 = scale * (1.0 - half * half), 2.0 * scale * half / across
+    return (
+        bound * (c1 * w0 + s1 * a0), bound * (c1 * w1 + s1 * a1), bound * (c1 * w2 + s1 * a2),
+        0.5 * s * (cosine + c1),
+    )  # fmt: skip
+
+
+@ieee
+def push_spheres(
+    low: int, high: int, kick: float, motion: SpaceMotion, arrays: SpaceArrays,
+    guides: Guides | None, load: Array | None,
+) -> None:  # fmt: skip
+    """Impulse of the contacts' forces and the load over `kick` [s] on the spheres from `low` to
+    `high`, each summed in the order of its contacts."""
+    v, force = motion.v, motion.force
+    for i in range(low, high):
+        f0, f1, f2 = 0.0, 0.0, 0.0
+        if load is not None:
+            f0, f1, f2 = load[i, 0], load[i, 1], load[i, 2]
+        for at in range(arrays.start[i], arrays.start[i + 1]):
+            c = arrays.incident[at]
+            if c >= 0:
+                f0, f1, f2 = f0 - force[c, 0], f1 - force[c, 1], f2 - force[c, 2]
+            else:
+                c = -1 - c
+                f0, f1, f2 = f0 + force[c, 0], f1 + force[c, 1], f2 + force[c, 2]
+        if guides is not None:
+            f0, f1, f2 = projected(guides.motion, i, f0, f1, f2)
+        scale = kick * arrays.inverse_mass[i]
+        v[i, 0] += scale * f0
+        v[i, 1] += scale * f1
+        v[i, 2] += scale * f2
+
+
+@ieee
+def push_spins(
+    low: int, high: int, kick: float, motion: SpaceMotion, arrays: SpaceArrays,
+    guides: Guides | None,
+) -> None:  # fmt: skip
+    """Impulse of friction's moments over `kick` [s] on the spheres from `low` to `high`."""
+    spin, moment = motion.spin, motion.moment
+    for i in range(low, high):
+        m0, m1, m2 = 0.0, 0.0, 0.0
+        for at in range(arrays.start[i], arrays.start[i + 1]):
+            c, side = arrays.incident[at], 0
+            if c < 0:
+                c, side = -1 - c, 1
+            part = arrays.share[c, side]
+            m0 += part * moment[c, 0]
+            m1 += part * moment[c, 1]
+            m2 += part * moment[c, 2]
+        if guides is not None:
+            m0, m1, m2 = projected(guides.turn, i, m0, m1, m2)
+        scale = kick / arrays.inertia[i]
+        spin[i, 0] += scale * m0
+        spin[i, 1] += scale * m1
+        spin[i, 2] += scale * m2
+
+
+@ieee_inline
+def projected(P: Array, i: int, f0: float, f1: float, f2: float) -> tuple[float, float, float]:
+    """P_i f, of the projectors P (s, 3, 3)."""
+    return (
+        P[i, 0, 0] * f0 + P[i, 0, 1] * f1 + P[i, 0, 2] * f2,
+        P[i, 1, 0] * f0 + P[i, 1, 1] * f1 + P[i, 1, 2] * f2,
+        P[i, 2, 0] * f0 + P[i, 2, 1] * f1 + P[i, 2, 2] * f2,
+    )
+
+
+@ieee
+def wall_force(force: Array, arrays: SpaceArrays) -> float:
+    """Force [N] of all contacts on the wall that moves, along its normal."""
+    total = 0.0
+    for c in range(arrays.n_pairs, arrays.A.size):
+        if arrays.second[c] == -2:
+            for k in range(3):
+                total += force[c, k] * arrays.arm[c, k]
+    return total
+
+
+@ieee_inline
+def push_wall(
+    kick: float, motion: SpaceMotion, arrays: SpaceArrays, modes: WallModes | None
+) -> None:
+    """Impulse over `kick` [s] of the contacts' force beyond that at rest on the wall's modes."""
+    if modes is not None:
+        push_modes(kick * (wall_force(motion.force, arrays) - modes.rest_force), motion.wall, modes)
+
+
+@ieee
+def drift_spheres(low: int, high: int, drift: float, motion: SpaceMotion) -> None:
+    """Free flight of the spheres from `low` to `high` over `drift` [s]."""
+    u, v = motion.u, motion.v
+    for i in range(low, high):
+        u[i, 0] += drift * v[i, 0]
+        u[i, 1] += drift * v[i, 1]
+        u[i, 2] += drift * v[i, 2]
+
+
+@ieee
+def place_driven(now: float, motion: SpaceMotion, drive: Drive) -> None:
+    """Displacement and velocity of the driven spheres at an instant [s]; they do not spin."""
+    low, high = 0, drive.knots.size - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if drive.knots[middle] <= now:
+            low = middle
+        else:
+            high = middle
+    t, value, rate = now - drive.knots[low], 0.0, 0.0
+    for power in range(drive.coefficients.shape[0]):
+        rate = rate * t + value
+        value = value * t + drive.coefficients[power, low]
+    for at in range(drive.spheres.size):
+        i = drive.spheres[at]
+        for axis in range(3):
+            motion.u[i, axis] = value * drive.direction[axis]
+            motion.v[i, axis] = rate * drive.direction[axis]
+            motion.spin[i, axis] = 0.0
+
+
+@ieee
+def work_of_drive(kick: float, motion: SpaceMotion, arrays: SpaceArrays, drive: Drive) -> None:
+    """Work over `kick` [s] against the contacts' forces on the driven spheres."""
+    for at in range(drive.spheres.size):
+        i = drive.spheres[at]
+        for place in range(arrays.start[i], arrays.start[i + 1]):
+            c = arrays.incident[place]
+            sign = 1.0
+            if c < 0:
+                c, sign = -1 - c, -1.0
+            power = 0.0
+            for axis in range(3):
+                power += motion.force[c, axis] * motion.v[i, axis]
+            drive.work[0] += kick * sign * power
+
+
+# --- dampers -------------------------------------------------------------------------------------
+
+
+@ieee_inline
+def damper_force(
+    c: int, v: Array, w: float, motion: SpaceMotion, arrays: SpaceArrays, shape: ForceShape | None,
+    plastic: Plastic | None, damping: Damping,
+) -> tuple[float, float, float, float, float]:  # fmt: skip
+    """Damping force [N] of contact c with the velocities v (s, 3) and that of the wall w [m/s], its
+    rate of approach [m/s], and the line of centres; 0 of an open contact."""
+    rise, y0, y1, y2, r = stretch(c, motion.u, motion.wall, arrays)
+    d = arrays.overlap[c] - rise
+    e0, e1, e2 = y0 / r, y1 / r, y2 / r
+    if d <= 0.0:
+        return 0.0, 0.0, e0, e1, e2
+    if plastic is None:
+        pressed = elastic_force(c, d, arrays.A, shape)
+    else:
+        pressed = plastic_force(c, d, arrays.A, plastic)
+    i, j = arrays.first[c], arrays.second[c]
+    rate = v[i, 0] * e0 + v[i, 1] * e1 + v[i, 2] * e2
+    if j >= 0:
+        rate -= v[j, 0] * e0 + v[j, 1] * e1 + v[j, 2] * e2
+    elif j == -2:
+        rate -= w
+    extra = damper_coefficient(damping.gamma[c], pressed, damping.law) * rate
+    if never_pulls(damping.law) and extra < -pressed:
+        extra = -pressed
+    return extra, rate, e0, e1, e2
+
+
+@ieee
+def push_damped(
+    kick: float, motion: SpaceMotion, arrays: SpaceArrays, shape: ForceShape | None,
+    plastic: Plastic | None, damping: Damping, guides: Guides | None, load: Array | None,
+    modes: WallModes | None,
+) -> None:  # fmt: skip
+    """Kick [s] of contacts and dampers together at fixed positions, m v' = F + F_d(v), by the
+    classical method of Runge and Kutta: F_d is linear in v where it is not cut, so that what is
+    left is of order 5 in the kick times the dampers' rate. Each damper takes force times rate of
+    approach, by the weights of the method.
+    """
+    v, middle, total, wall = motion.v, motion.middle, motion.change, motion.wall
+    n, m = arrays.mass.size, arrays.A.size
+    w, push = wall[V], 0.0
+    for i in range(n):
+        for axis in range(3):
+            middle[i, axis] = v[i, axis]
+            total[i, axis] = 0.0
+    for stage in range(4):
+        weight = (1.0 if stage in (0, 3) else 2.0) / 6.0
+        ahead = 1.0 if stage == 2 else 0.5  # of the kick, to where the next stage looks
+        for c in range(m):
+            extra, rate, e0, e1, e2 = damper_force(
+                c, middle, w, motion, arrays, shape, plastic, damping
+            )
+            motion.lost[c] += kick * weight * extra * rate
+            motion.damper[c, 0] = motion.force[c, 0] + extra * e0
+            motion.damper[c, 1] = motion.force[c, 1] + extra * e1
+            motion.damper[c, 2] = motion.force[c, 2] + extra * e2
+        for i in range(n):
+            f0, f1, f2 = 0.0, 0.0, 0.0
+            if load is not None:
+                f0, f1, f2 = load[i, 0], load[i, 1], load[i, 2]
+            for at in range(arrays.start[i], arrays.start[i + 1]):
+                c = arrays.incident[at]
+                sign = -1.0
+                if c < 0:
+                    c, sign = -1 - c, 1.0
+                f0 += sign * motion.damper[c, 0]
+                f1 += sign * motion.damper[c, 1]
+                f2 += sign * motion.damper[c, 2]
+            if guides is not None:
+                f0, f1, f2 = projected(guides.motion, i, f0, f1, f2)
+            scale = kick * arrays.inverse_mass[i]
+            total[i, 0] += weight * scale * f0
+            total[i, 1] += weight * scale * f1
+            total[i, 2] += weight * scale * f2
+            middle[i, 0] = v[i, 0] + ahead * scale * f0
+            middle[i, 1] = v[i, 1] + ahead * scale * f1
+            middle[i, 2] = v[i, 2] + ahead * scale * f2
+        if modes is not None:
+            on_wall = wall_force(motion.damper, arrays) - modes.rest_force
+            push += weight * on_wall
+            w = wall[V] + ahead * kick * modes.square * on_wall
+    for i in range(n):
+        for axis in range(3):
+            v[i, axis] += total[i, axis]
+    if modes is not None:
+        push_modes(kick * push, wall, modes)
+
+
+# --- what is saved -------------------------------------------------------------------------------
+
+
+@ieee
+def save(
+    k: int, motion: SpaceMotion, arrays: SpaceArrays, saved: SpaceSaved, shape: ForceShape | None,
+    plastic: Plastic | None, damping: Damping | None, friction: Friction | None,
+    load: Array | None, weight: Array | None, modes: WallModes | None,
+) -> bool:  # fmt: skip
+    """Row k of the saved states, forces and energies; is it finite?"""
+    u, v, energy = motion.u, motion.v, saved.energy[k]
+    for e in range(OF_DRIVE):
+        energy[e] = 0.0
+    for at in range(saved.spheres.size):
+        i = saved.spheres[at]
+        for axis in range(3):
+            saved.u[k, at, axis] = u[i, axis]
+            saved.v[k, at, axis] = v[i, axis]
+            if friction is not None:
+                saved.spin[k, at, axis] = motion.spin[i, axis]
+    for i in range(arrays.mass.size):
+        square, turn, work, heavy = 0.0, 0.0, 0.0, 0.0
+        for axis in range(3):
+            square += v[i, axis] * v[i, axis]
+            turn += motion.spin[i, axis] * motion.spin[i, axis]
+            if weight is not None:
+                heavy += weight[i, axis] * u[i, axis]
+            if load is not None:
+                work += load[i, axis] * u[i, axis]
+        energy[KINETIC] += 0.5 * arrays.mass[i] * square
+        energy[ROTATION] += 0.5 * arrays.inertia[i] * turn
+        energy[OF_WEIGHT] += heavy
+        energy[OF_LOAD] += work - heavy  # the load holds the weights as well
+
+    on_wall = 0.0
+    at = 0
+    for c in range(arrays.A.size):
+        d = arrays.overlap[c] - stretch(c, u, motion.wall, arrays)[0]
+        pressed, held = 0.0, 0.0
+        if d > 0.0:
+            if plastic is None:
+                pressed = elastic_force(c, d, arrays.A, shape)
+                held = stored_energy(c, d, pressed, arrays.A, shape)
+            else:
+                pressed = plastic_force(c, d, arrays.A, plastic)
+                held = 0.4 * pressed * (d - plastic.crater[c])
+        energy[CONTACT if arrays.second[c] >= 0 else WALL_CONTACT] += held
+        if damping is not None:
+            pressed += damper_force(
+                c, v, motion.wall[V], motion, arrays, shape, plastic, damping
+            )[0]  # fmt: skip
+        if arrays.second[c] == -2:
+            on_wall += pressed
+        if friction is not None and d > 0.0:
+            T = motion.traction
+            square = T[c, 0] * T[c, 0] + T[c, 1] * T[c, 1] + T[c, 2] * T[c, 2]
+            energy[TANGENTIAL] += 0.5 * square / (friction.stiffness[c] * math.sqrt(d))
+        energy[IN_CONTACTS] += motion.lost[c]
+        energy[IN_FRICTION] += motion.heat[c]
+        if at < saved.contacts.size and saved.contacts[at] == c:
+            saved.force[k, at] = pressed
+            if friction is not None:
+                for axis in range(3):
+                    saved.traction[k, at, axis] = -motion.traction[c, axis]
+            at += 1
+
+    swing, absolute = modal_energy(modes)
+    energy[WALL] = absolute
+    energy[IN_WALL] = motion.wall[WALL_WORK] - swing
+    saved.wall[k, 0], saved.wall[k, 1], saved.wall[k, 2] = (
+        motion.wall[U], motion.wall[V], on_wall
+    )  # fmt: skip
+    total = 0.0
+    for e in range(OF_LOAD):
+        total += energy[e]
+    energy[TOTAL] = total - energy[OF_LOAD] - energy[OF_WEIGHT] - energy[OF_DRIVE]
+    return abs(energy[TOTAL]) <= 1e300  # not so of inf or NaN

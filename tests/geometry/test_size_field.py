@@ -1,0 +1,73 @@
+"""Meshes whose sizes of elements vary: what is asked of a place is what is there."""
+
+import numpy as np
+import pytest
+from skfem import MeshHex, MeshTet
+
+from beadwave.geometry.cad.joints import Words, picked
+from beadwave.geometry.cad.shapes import Box
+from beadwave.geometry.drawing import Sizing, drawn, meshed
+from beadwave.geometry.meshing.size_field import GRADING, SizeField, rounded, smallest_at
+
+SIDE = np.array([0.1, 0.06, 0.02])
+
+
+def mesh_with(field, element=None):
+    """A box with these sizes."""
+    with drawn({"box": Box(SIDE, np.zeros(3))}, None, {}, 1e-5) as drawing:
+        words = Words(
+            bodies=("box",), under={}, groups={}, faces={}, struck=None, ties=[], joints=[]
+        )
+        chosen = picked(words, drawing.bodies, drawing.near.touching, 1e-5)
+        sizing = Sizing(1e-5, 1.0, {"box": None}, [], 1.0, element, {"box": field}, 4.0)
+        return meshed(drawing, chosen, [], {}, sizing)[0]["box"]
+
+
+def lengths(mesh, at_low_x):
+    """Mean lengths of edges of the cells in the lower or the upper fifth along x."""
+    middle = mesh.p[0, mesh.t].mean(axis=0)
+    low = middle < -0.3 * SIDE[0]
+    cells = np.flatnonzero(low if at_low_x else middle > 0.3 * SIDE[0])
+    edges = mesh.edges[:, np.unique(mesh.t2e[:, cells])]
+    return np.linalg.norm(mesh.p[:, edges[0]] - mesh.p[:, edges[1]], axis=0).mean()
+
+
+def points():
+    """A grid of points over the box."""
+    axes = [np.linspace(-s / 2, s / 2, 11) for s in SIDE]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+def test_tetrahedra_are_small_where_it_is_asked():
+    p = points()
+    sizes = np.where(p[:, 0] < 0, 3e-3, 9e-3)[:, None]
+    mesh = mesh_with(SizeField(p, sizes, np.zeros((1, 3))), "tet")
+    assert isinstance(mesh, MeshTet)
+    # the mesher's edges are 1.15 times as long as asked in the mean
+    assert lengths(mesh, True) == pytest.approx(1.15 * 3e-3, rel=0.15)
+    assert lengths(mesh, False) == pytest.approx(1.15 * 9e-3, rel=0.2)
+
+
+def test_a_box_has_a_size_along_each_edge():
+    """Small along x at its low end alone: no element is smaller along y and z."""
+    p = points()
+    sizes = np.column_stack(
+        [np.where(p[:, 0] < -0.03, 1e-3, 1e-2), np.full(len(p), 0.02), np.full(len(p), 0.01)]
+    )
+    mesh = mesh_with(SizeField(p, sizes, np.eye(3)))
+    assert isinstance(mesh, MeshHex)
+    x, y, z = (np.unique(np.round(c, 9)) for c in mesh.p)
+    assert (len(y) - 1, len(z) - 1) == (3, 2)
+    assert np.diff(x)[0] == pytest.approx(1e-3, rel=0.25)
+    assert np.all(np.diff(x)[1:] / np.diff(x)[:-1] < 1 + 2 * GRADING)
+
+
+def test_sizes_grow_from_the_smallest_by_the_grading():
+    size = smallest_at(np.array([0.0, 0.5, 1.0]), np.array([0.01, 1.0, 1.0]), np.array([0.0, 0.2]))
+    assert size == pytest.approx([0.01, 0.01 + 0.2 * GRADING])
+
+
+def test_rounding_does_not_make_another_size():
+    sizes = np.array([1e-3, 2.3e-3, 0.7])
+    assert np.array_equal(rounded(sizes * (1 + 1e-9)), rounded(sizes))
+    assert rounded(sizes) == pytest.approx(sizes, rel=2**0.125 - 1)

@@ -1,0 +1,1 @@
+"""Crystals: their packing, its march, numbers, files and figures."""

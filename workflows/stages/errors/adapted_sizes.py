@@ -1,0 +1,373 @@
+"""Sizes of elements from the error asked of the mesh, mesh.error.
+
+    coarse mesh -> modes, static response -> missed energy of each element -> sizes -> finer mesh
+
+until the error stated is the one asked, or a bound ends it. What is bounded is linear in the missed
+energy: the relative errors of the frequencies of the targets, without targets of the first elastic
+modes (mesh.modes), and of the static compliance at the contact of what is held. An element's part
+is the largest of its parts of these errors, each over what is allowed of it.
+
+The thesis' rig has prescribed lines: of it one factor on all sizes is chosen.
+"""
+
+from itertools import pairwise
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+from skfem import Mesh, MeshHex
+
+from beadwave import fem
+from beadwave.fem.errors.optimal_sizes import (
+    SINGULAR_ORDER,
+    SMOOTH_ORDER,
+    Regions,
+    kappa_for,
+    largest_kappa,
+)
+from beadwave.fem.modes.assembly_modes import AssemblyModes
+from beadwave.fem.modes.mac import RIGID
+from beadwave.geometry.meshing.size_field import GRADING, SizeField, rounded
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages.errors import mesh_error
+from beadwave.workflows.stages.errors.mesh_causes import SMOOTH_ORDER as SCALE_ORDER
+from beadwave.workflows.stages.errors.mesh_causes import Cause, causes, error_places
+from beadwave.workflows.stages.structure import assembly as stages
+from beadwave.workflows.stages.structure import bodies
+from beadwave.workflows.stages.structure.meshed_parts import (
+    AdaptedSizes,
+    ElementSizes,
+    Parts,
+    SolvedMesh,
+)
+from beadwave.workflows.stages.structure.reduction import half_space_at
+
+START = 2.0  # times the sizes by a body's shape, of the first mesh
+LARGEST = 4.0  # times these sizes, of any element
+MOST_MESHES = 5
+AIM = 0.7  # of the energy allowed, that the next mesh is made for
+FINEST = 1 / 6  # times the size, from one mesh to the next: indicators do not reach further
+LEAST_GROWTH = 2.0  # of the unknowns from mesh to mesh: the last one costs as much as all others
+SMALL_GAIN = 0.25  # of the error; two meshes in a row that gain less end the search
+FLOOR_SHARE = 0.5  # of the error asked: a floor above it ends the search
+MOST_TRIES, TRY = 3, 1.1  # of a mesh within the bound, and how far below it each aims
+TIME_ORDER = 1.2  # power of the unknowns with which the time of a solution grows
+SAME_PLACE = 0.1  # of the smallest size: cells closer than this along an axis are in one layer
+# sizes that the mesher is asked for over mean lengths of the elements' edges that it makes. With 1
+# it makes 1.5 times the tetrahedra of a lid and its walls, 1.7 to 2.1 times the quadrilaterals of
+# plates with holes
+OF_TETRAHEDRA, OF_QUADRILATERALS = 1.15, 1.35
+STRAIGHT = 1e-3  # cosine short of 1, of cells that share an axis: rims move nodes by a degree
+N_NEIGHBOURS = 12  # of a point, over which sizes are graded
+
+
+class Indicators(NamedTuple):
+    """Errors stated of a mesh, and each element's part of them."""
+
+    stated: float  # the largest relative error
+    floor: float  # of it, what no mesh lowers
+    of_cells: dict[str, NDArray[np.float64]]  # (cells,) by body, over the energy allowed
+    of_axes: dict[str, NDArray[np.float64]]  # (cells, 3) of hexahedra
+    cause: Cause  # of the largest error
+
+
+def adapted_sizes(scene: Scene) -> AdaptedSizes:
+    """Sizes for the scene's mesh.error; raises InvalidScene for what cannot be meshed."""
+    asked, bound = scene.mesh.error, scene.mesh.unknowns
+    sizes = ElementSizes(scale=START) if scene.grids else ElementSizes(usual=START)
+    solved: list[SolvedMesh] = []
+    tried: list[tuple[ElementSizes, Indicators]] = []
+    needed: float | None = None
+    bounded_by: str | None = None
+    while True:
+        began = perf_counter()
+        mesh, sizes = _meshed(scene, sizes)
+        model = stages.model(scene, mesh)
+        found = indicators(scene, mesh, model, stages.modes(scene, model))
+        n = model.K.shape[0]
+        elements = sum(body.nelements for body in mesh.meshes.values())
+        solved.append(SolvedMesh(n, elements, found.stated, perf_counter() - began))
+        tried.append((sizes, found))
+        if found.stated <= asked:
+            bounded_by = needed = None
+            break
+        if bounded_by or (bounded_by := _ended(solved, found, asked)):
+            break
+
+        # the next sizes; where they would have more unknowns than the bound, as fine as it allows
+        if scene.grids:
+            factor = (asked / found.stated) ** (1 / SCALE_ORDER)
+            needed, is_bounded = n * factor**-3, n * factor**-3 > bound
+            factor = max(factor, (bound / n) ** (-1 / 3))
+            sizes = sizes._replace(scale=sizes.scale * factor)
+        else:
+            fields, growth, is_bounded = next_sizes(mesh, found, bound / n)
+            needed, sizes = growth * n, ElementSizes(fields, LARGEST)
+        if is_bounded:
+            bounded_by = "unknowns"
+
+    # the best of all: the last one, but where a bound or the mesher made it worse
+    sizes, found = min(tried, key=lambda one: one[1].stated)
+    for_asked = needed and solved[-1].seconds * (needed / solved[-1].unknowns) ** TIME_ORDER
+    return AdaptedSizes(
+        sizes, asked, found.stated, found.floor, bounded_by, needed if bounded_by else None,
+        for_asked if bounded_by else None, found.cause.place, tuple(solved),
+    )  # fmt: skip
+
+
+def _meshed(scene: Scene, sizes: ElementSizes) -> tuple[Parts, ElementSizes]:
+    """The mesh of these sizes, and of larger ones where it has more unknowns than the bound: an
+    extrusion that no algorithm meshes in quadrilaterals has tetrahedra of its smallest sizes."""
+    bound = scene.mesh.unknowns
+    for _ in range(MOST_TRIES):
+        mesh = bodies.parts(scene, sizes)
+        n = 3 * sum(mesh.nodes.values())
+        if n <= bound:
+            break
+        sizes = sizes._replace(scale=sizes.scale * (TRY * n / bound) ** (1 / 3))
+    return mesh, sizes
+
+
+def _ended(solved: list[SolvedMesh], found: Indicators, asked: float) -> str | None:
+    """What ends the search with the last mesh solved."""
+    if found.floor > FLOOR_SHARE * asked:
+        return "floor"
+    gains = [1 - b.stated / a.stated for a, b in pairwise(solved)]
+    if len(gains) >= 2 and max(gains[-2:]) < SMALL_GAIN:
+        return "singular"
+    return "meshes" if len(solved) == MOST_MESHES else None
+
+
+def indicators(scene: Scene, mesh: Parts, model: fem.Model, modes: AssemblyModes) -> Indicators:
+    """Errors of the frequencies and of the compliance that are bounded, over the elements."""
+    goal = goals(scene, modes)
+    omega, u, whole, pushed = modes.omega[goal], modes.phi[:, goal], None, None
+    D, allowed = omega**2, omega**2 * ((1 - scene.mesh.error) ** -2 - 1)
+    contact = mesh_error.contact_of_strike(scene, mesh, model)
+    if contact is not None and (factor := stages.factor(scene, model)) is not None:
+        # the static response: K u = w
+        static = factor.solve(contact.w)
+        whole = float(contact.w @ static)
+        u, D = np.column_stack([u, static]), np.append(D, 0.0)
+        allowed = np.append(allowed, scene.mesh.error * whole)
+        if (field := half_space_at(scene, model, contact)) is not None:
+            pushed = fem.Pushed(np.append(np.zeros(len(goal)), 1.0)[:, None], field)
+    energy = mesh_error.energy_in(scene, mesh, model, u, np.diag(D), pushed)
+
+    def relative(G: NDArray[np.float64]) -> NDArray[np.float64]:
+        of_modes = 1 - 1 / np.sqrt(1 + G[: len(goal)] / omega**2)
+        return of_modes if whole is None else np.append(of_modes, G[-1] / whole)
+
+    errors = relative(np.diag(energy.G))
+    worst = int(np.argmax(errors))
+    over = {body: mesh_error.factor(mesh, body) / allowed for body in mesh.meshes}
+    return Indicators(
+        float(errors[worst]),
+        float(relative(np.diag(energy.dents)).max()),
+        {body: (over[body] * e).max(axis=1) for body, e in energy.missed.of_cells.items()},
+        {
+            body: np.maximum((over[body] * e).max(axis=2), 0.0)
+            for body, e in energy.missed.of_axes.items()
+        },
+        causes(mesh, energy.missed.of_cells)[worst],
+    )
+
+
+def goals(scene: Scene, modes: AssemblyModes) -> NDArray[np.int64]:
+    """Indices of the modes whose frequencies are bounded."""
+    targets = modes.index[modes.index >= 0]
+    if len(targets):
+        return np.unique(targets)
+    elastic = np.flatnonzero(modes.omega > RIGID * modes.omega.max())
+    return elastic[: scene.mesh.modes]
+
+
+class _Layout(NamedTuple):
+    """Regions of a body's mesh, and the size of each cell along each axis of its size field."""
+
+    regions: list[Regions]
+    of_cell: list[NDArray[np.int64]]  # (cells,) region of each cell, by axis
+    sizes: NDArray[np.float64]  # (cells, m) [m]
+    axes: NDArray[np.float64]  # (m, 3) as those of `SizeField`
+
+    def growth(self, factors: list[NDArray[np.float64]]) -> float:
+        """Times the nodes of the body."""
+        return float(
+            np.prod(
+                [
+                    np.mean(f ** -float(r.dimension))
+                    for r, f in zip(self.regions, factors, strict=True)
+                ]
+            )
+        )
+
+    def growth_to(self, sizes: NDArray[np.float64]) -> float:
+        """Times the nodes of the body with these sizes (cells, m) and more."""
+        powers = [region.dimension for region in self.regions]
+        shrunk = self.sizes / sizes[: len(self.sizes)]
+        return float(np.mean(np.prod(shrunk**powers, axis=1)))
+
+
+def next_sizes(
+    mesh: Parts, found: Indicators, most_growth: float
+) -> tuple[dict[str, SizeField], float, bool]:
+    """Sizes (by body) of the next mesh, whose unknowns are `most_growth` times today's at most;
+    times how many it would take to miss no more than the energy allowed; and whether the bound made
+    them larger."""
+    singular = {body: np.zeros(m.nelements, bool) for body, m in mesh.meshes.items()}
+    for place in error_places(mesh):
+        if place.singular:
+            singular[place.body] |= place.cells
+    nodes = mesh.nodes
+    layouts = {
+        body: _layout(m, found.of_cells[body], found.of_axes.get(body), singular[body], nodes[body])
+        for body, m in mesh.meshes.items()
+    }
+    everything = [region for layout in layouts.values() for region in layout.regions]
+
+    def growth(kappa: float, finest: float = 0.0) -> float:
+        of_bodies = [
+            nodes[body]
+            * layout.growth([np.maximum(r.factors(kappa), finest) for r in layout.regions])
+            for body, layout in layouts.items()
+        ]
+        return sum(of_bodies) / sum(nodes.values())
+
+    kappa = wanted = kappa_for(everything, AIM)
+    needed = growth(wanted)
+    if growth(wanted, FINEST) > most_growth:
+        kappa = 1 / largest_kappa(lambda inverse: growth(1 / inverse, FINEST) <= most_growth)
+    elif needed < LEAST_GROWTH:
+        kappa = min(kappa, largest_kappa(lambda k: growth(k) >= LEAST_GROWTH))
+
+    # graded sizes have more elements than these: they are as much larger as the bound asks for
+    fields = _fields(mesh, layouts, kappa)
+    of_bodies = [
+        nodes[body] * layout.growth_to(fields[body].sizes) for body, layout in layouts.items()
+    ]
+    excess = sum(of_bodies) / sum(nodes.values()) / most_growth
+    larger = max(excess, 1.0) ** (1 / 3)
+    larger_fields = {
+        body: field._replace(sizes=rounded(larger * field.sizes)) for body, field in fields.items()
+    }
+    return larger_fields, needed, kappa > wanted or larger > 1.0
+
+
+def _fields(mesh: Parts, layouts: dict[str, _Layout], kappa: float) -> dict[str, SizeField]:
+    """Sizes by one kappa, levelled at ties and graded, at the cells' middles first."""
+    fields = {}
+    for body, layout in layouts.items():
+        sizes = layout.sizes.copy()
+        for axis, (region, of_cell) in enumerate(zip(layout.regions, layout.of_cell, strict=True)):
+            sizes[:, axis] *= np.maximum(region.factors(kappa), FINEST)[of_cell]
+        points = mesh.meshes[body].p[:, mesh.meshes[body].t].mean(axis=1).T
+        fields[body] = SizeField(points, sizes, layout.axes)
+    return {
+        body: field._replace(sizes=_graded(field.points, field.sizes))
+        for body, field in _levelled(mesh, fields).items()
+    }
+
+
+def _layout(
+    mesh: Mesh,
+    of_cells: NDArray[np.float64],
+    of_axes: NDArray[np.float64] | None,
+    singular: NDArray[np.bool_],
+    nodes: float,
+) -> _Layout:
+    """Regions of a mesh: its tetrahedra; layers and columns of hexahedra; layers along all axes."""
+    corners = mesh.p[:, mesh.t]  # (3, corner, cell)
+    each = nodes / mesh.nelements
+
+    def regions(energy: Any, group: NDArray[np.int64], dimension: int) -> Regions:
+        whole, sharp = np.bincount(group, energy), np.bincount(group, energy * singular)
+        order = np.where(sharp > whole / 2, SINGULAR_ORDER, SMOOTH_ORDER)
+        return Regions(whole, each * np.bincount(group), dimension, order)
+
+    if not isinstance(mesh, MeshHex):
+        n = corners.shape[1]
+        edges = [corners[:, i] - corners[:, j] for i in range(n) for j in range(i)]
+        size = np.mean([np.linalg.norm(edge, axis=0) for edge in edges], axis=0)
+        each_cell = np.arange(mesh.nelements)
+        tetrahedra = regions(of_cells, each_cell, 3)
+        sizes = OF_TETRAHEDRA * size[:, None]
+        return _Layout([tetrahedra], [each_cell], sizes, np.zeros((1, 3)))
+
+    # vectors along X, Y and Z of each cell, their directions in most cells, and which of these all
+    # cells share
+    at_1 = mesh.elem().refdom.p > 0.5
+    along = np.stack([corners[:, e].mean(axis=1) - corners[:, ~e].mean(axis=1) for e in at_1])
+    length = np.linalg.norm(along, axis=1)  # (3, cells)
+    unit = along / length[:, None]
+    axes = np.median(unit * np.sign(np.einsum("adc,ad->ac", unit, unit[:, :, 0]))[:, None], axis=2)
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    shared = np.all(np.abs(np.einsum("adc,ad->ac", unit, axes)) > 1 - STRAIGHT, axis=1)
+    middle = corners.mean(axis=1).T
+
+    def layers(axis: int) -> NDArray[np.int64]:
+        height = middle @ axes[axis] / (SAME_PLACE * length[axis].min())
+        return np.unique(np.round(height), return_inverse=True)[1].ravel()
+
+    if all(shared):
+        groups = [layers(axis) for axis in range(3)]
+        parts = [regions(of_axes[:, i], groups[i], 1) for i in range(3)]
+        return _Layout(parts, groups, length.T, axes)
+    up = int(np.argmax(shared))
+    across = [axis for axis in range(3) if axis != up]
+    axis = axes[up]
+    foot = (middle - np.outer(middle @ axis, axis)) / (SAME_PLACE * length[across].min())
+    column = np.unique(np.round(foot), axis=0, return_inverse=True)[1].ravel()
+    groups = [column, layers(up)]
+    parts = [
+        regions(of_axes[:, across].sum(axis=1), column, 2),
+        regions(of_axes[:, up], groups[1], 1),
+    ]
+    sizes = np.column_stack([OF_QUADRILATERALS * length[across].mean(axis=0), length[up]])
+    return _Layout(parts, groups, sizes, np.array([np.zeros(3), axis]))
+
+
+def _levelled(mesh: Parts, fields: dict[str, SizeField]) -> dict[str, SizeField]:
+    """The fields with the smaller of both bodies' sizes along each face that is tied: a slave that
+    is larger than its master would leave the master's nodes free."""
+    levelled = dict(fields)
+    for tie in mesh.connections.ties:
+        on_face = {}
+        for face in (tie.slave, tie.master):
+            body, _, name = face.partition(":")
+            m = mesh.meshes[body]
+            facets = np.asarray(m.boundaries[name])
+            cells = m.f2t[0, facets]
+            points = m.p[:, m.facets[:, facets]].mean(axis=1).T
+            first, second, third = (m.p[:, m.facets[i, facets[0]]] for i in range(3))
+            normal = np.cross(second - first, third - first)
+            across = np.abs(fields[body].axes @ normal / np.linalg.norm(normal)) > 1 - STRAIGHT
+            sizes = np.where(across, np.inf, fields[body].sizes[cells])
+            on_face[face] = body, points, sizes, across
+        for face, opposite in ((tie.slave, tie.master), (tie.master, tie.slave)):
+            body, points, sizes, across = on_face[face]
+            _, others, of_others, _ = on_face[opposite]
+            nearest = of_others.min(axis=1)[KDTree(others).query(points)[1]]
+            smaller = np.where(across, np.inf, np.minimum(sizes, nearest[:, None]))
+            field = levelled[body]
+            levelled[body] = field._replace(
+                points=np.concatenate([field.points, points]),
+                sizes=np.concatenate([field.sizes, smaller]),
+            )
+    return levelled
+
+
+def _graded(points: NDArray[np.float64], sizes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The sizes (n, m) that grow from point to point by `GRADING` at most; infinite ones take what
+    grows from others."""
+    k = min(N_NEIGHBOURS + 1, len(points))
+    distance, near = KDTree(points).query(points, k)
+    graded = sizes
+    for _ in range(len(points)):
+        grown = (graded[near] + GRADING * distance[..., None]).min(axis=1)
+        if np.array_equal(grown, graded):
+            break
+        graded = grown
+    finite = np.isfinite(graded)
+    return np.where(finite, graded, graded[finite].max())
